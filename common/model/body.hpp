@@ -1,0 +1,72 @@
+#pragma once
+
+#include "model/types.hpp"
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+/// Triangles of a mesh file, in the body frame.
+struct Mesh {
+  std::string file;            ///< as the scene names it
+  std::vector<Vec3> vertices;  ///< m
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+};
+
+enum class ShapeKind : std::uint8_t {
+  sphere,    ///< radius
+  box,       ///< half_extents
+  capsule,   ///< radius, half_length of the straight part, axis z
+  cylinder,  ///< radius, half_length, axis z
+  plane,     ///< the half-space z <= 0 of the body frame; fixed bodies only
+  convex,    ///< convex hull of a mesh
+  mesh,      ///< triangles as they are; fixed bodies only
+};
+
+struct Shape {
+  ShapeKind kind = ShapeKind::sphere;
+  Vec3 half_extents = Vec3::Zero();  ///< m
+  double radius = 0.0;               ///< m
+  double half_length = 0.0;          ///< m
+  std::uint32_t mesh = 0;            ///< index into `Scene::meshes`
+};
+
+/// The pair's friction is the geometric mean of both, its restitution the product.
+struct Material {
+  double friction = 0.5;     ///< Coulomb's mu, static and sliding
+  double restitution = 0.0;  ///< 0 .. 1
+};
+
+/// What does not change while a body moves.
+struct Body {
+  BodyId id{};
+  std::string name;
+  Shape shape;
+  Material material;
+  double mass = 0.0;            ///< kg; 0: fixed to the world
+  Vec3 inertia = Vec3::Zero();  ///< principal moments about the centre of mass, kg m^2; the body frame is principal
+  bool gravity = true;
+  bool rotates = true;  ///< false: translates only
+
+  [[nodiscard]] bool fixed() const noexcept { return mass == 0.0; }
+};
+
+/// What changes; all in the world frame, at the centre of mass.
+struct BodyState {
+  Vec3 position = Vec3::Zero();  ///< m
+  Quat orientation = Quat::Identity();
+  Vec3 linear_velocity = Vec3::Zero();   ///< m/s
+  Vec3 angular_velocity = Vec3::Zero();  ///< rad/s
+};
+
+struct StampedBody {
+  BodyId id{};
+  BodyState state;
+};
+
+[[nodiscard]] bool finite(const BodyState& state) noexcept;
+
+}  // namespace subworld

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace subworld {
+
+/// What a program ends with.
+enum class ExitCode : int {
+  done = 0,        ///< also after SIGINT and SIGTERM
+  failed = 1,      ///< while running
+  usage = 2,       ///< command line or scene
+  middleware = 3,  ///< DDS
+  quality = 4,     ///< a quality gate was missed
+};
+
+/// Thrown at start-up only: says where, what was wrong and what would be right. Only `main` catches it.
+class Error : public std::runtime_error {
+ public:
+  Error(ExitCode code, const std::string& message) : std::runtime_error(message), code_(code) {}
+  [[nodiscard]] ExitCode code() const noexcept { return code_; }
+
+ private:
+  ExitCode code_;
+};
+
+}  // namespace subworld

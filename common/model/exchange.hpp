@@ -1,0 +1,183 @@
+#pragma once
+
+#include "model/body.hpp"
+#include "model/contact.hpp"
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+/// What crosses between the programs, one struct per topic (design section 3). `wire/convert` maps each to its IDL type.
+namespace subworld {
+
+struct Wrench {
+  Vec3 force = Vec3::Zero();   ///< N
+  Vec3 torque = Vec3::Zero();  ///< N m
+};
+
+/// Topic `scene`: what a late joiner needs to create every body.
+struct SceneDescription {
+  std::string name;
+  std::uint64_t settings_hash = 0;  ///< programs with different scenes or settings must not work together
+  std::vector<Mesh> meshes;
+  std::vector<Body> bodies;
+  std::vector<BodyState> states;  ///< of bodies[i] when the description was written
+};
+
+/// Topic `device_state`, keyed by device.
+struct DeviceState {
+  std::uint32_t device = 0;
+  std::uint64_t sequence = 0;
+  double stamp_s = 0.0;      ///< device time
+  std::int64_t sent_ns = 0;  ///< device's clock; echoed, so that the device can measure the round trip
+  Pose pose;
+  Vec3 linear_velocity = Vec3::Zero();
+  Vec3 angular_velocity = Vec3::Zero();
+  Wrench applied;  ///< by the hand, for admittance devices
+  std::uint32_t buttons = 0;
+};
+
+/// Topic `device_command`, keyed by device.
+struct DeviceCommand {
+  std::uint32_t device = 0;
+  std::uint64_t sequence = 0;        ///< of the device state that it answers
+  double stamp_s = 0.0;              ///< simulation time
+  std::int64_t echoed_sent_ns = 0;
+  Wrench wrench;  ///< for impedance devices
+  Pose pose;      ///< for admittance devices, as the velocities
+  Vec3 linear_velocity = Vec3::Zero();
+  Vec3 angular_velocity = Vec3::Zero();
+  bool last = false;  ///< the run is over
+};
+
+/// The reduced model of what lies behind a border contact (design 5 d).
+struct GhostModel {
+  BodyId outside{};
+  double mass_kg = 0.0;
+  double force_n = 0.0;          ///< along `normal`
+  double coulomb_limit_n = 0.0;
+  Vec3 normal = Vec3::UnitZ();   ///< towards the inside body
+  double load_n_s = 0.0;         ///< the pair's impulse
+};
+
+/// A contact between a body inside the sub-world and one outside (paper 4.2). Impulses act on `inside`.
+struct BorderPair {
+  BodyId inside{};
+  BodyId outside{};
+  Vec3 point = Vec3::Zero();
+  Vec3 normal = Vec3::UnitZ();  ///< towards the inside body
+  Vec3 tangential_velocity = Vec3::Zero();
+  double normal_impulse = 0.0;             ///< over the world's whole step, N s
+  Vec3 tangential_impulse = Vec3::Zero();  ///< N s
+};
+
+struct EnteringBody {
+  Body body;
+  BodyState state;
+};
+
+/// Topic `world_frame`, keyed by user: the world at t = stamp_s for one user.
+struct WorldFrame {
+  UserId user{};
+  std::uint64_t stamp = 0;  ///< j: the state at t = j T
+  double stamp_s = 0.0;
+  double start_in_s = 0.0;   ///< real time: seconds from sending until the world's clock reaches this stamp; may be negative
+  double clock_factor = 1.0;  ///< world seconds per second
+  std::int64_t echoed_sent_ns = 0;  ///< of the newest report that the world has used
+  std::uint64_t echoed_stamp = 0;
+  bool last = false;
+  std::vector<BodyId> members;  ///< movable bodies of the sub-world from this stamp on, proxy included
+  std::vector<BodyId> fixed;    ///< fixed bodies of the sub-world
+  std::vector<EnteringBody> entering;  ///< not yet confirmed by a report
+  std::vector<StampedBody> states;     ///< the world's own result, before any blend, of members and of bodies just left
+  std::vector<BorderPair> border;
+  std::vector<GhostModel> ghosts;
+};
+
+/// What decides how two copies of a body are blended (paper 4.3); sums over one haptic cycle.
+struct Indicators {
+  double proxy_impulse_n_s = 0.0;   ///< magnitudes of all contacts on the proxy
+  double total_impulse_n_s = 0.0;   ///< magnitudes of all contacts in the sub-world
+  double device_impulse_n_s = 0.0;  ///< magnitudes returned by the device
+  std::uint32_t border_bodies = 0;
+  std::uint32_t proxy_contacts = 0;  ///< most in any step of the cycle
+};
+
+struct StepTiming {
+  double mean_s = 0.0;
+  double max_s = 0.0;
+};
+
+/// Topic `haptic_report`, keyed by user: the sub-world at t = stamp_s, and what happened in the cycle before.
+struct HapticReport {
+  UserId user{};
+  std::uint64_t stamp = 0;
+  double stamp_s = 0.0;
+  std::int64_t sent_ns = 0;
+  std::uint64_t confirmed_stamp = 0;  ///< newest frame whose bodies are in the sub-world
+  Wrench impulse;                     ///< that the user injected in the cycle, N s and N m s
+  Wrench impulse_total;               ///< since t = 0; the difference of two reports survives a lost one
+  double device_work_j = 0.0;         ///< since t = 0
+  double coupling_energy_j = 0.0;     ///< stored in the coupling's springs
+  BodyState proxy;
+  Pose device_pose;  ///< in scene coordinates
+  Vec3 device_linear_velocity = Vec3::Zero();
+  Vec3 device_angular_velocity = Vec3::Zero();
+  Wrench device_applied;  ///< admittance devices
+  std::vector<StampedBody> members;  ///< the sub-world's own result, before any blend
+  Indicators indicators;
+  StepTiming timing;
+};
+
+struct UserView {
+  UserId user{};
+  BodyId proxy{};
+  std::vector<BodyId> members;
+  std::vector<BorderPair> border;
+  Wrench wrench;  ///< mean over the last cycle, on the proxy
+};
+
+/// Topic `world_state`: for the display.
+struct WorldSnapshot {
+  std::uint64_t sequence = 0;
+  double stamp_s = 0.0;
+  double clock_factor = 1.0;
+  std::vector<StampedBody> moved;  ///< since the last snapshot; all of them once a second
+  std::vector<UserView> users;
+};
+
+enum class ControlVerb : std::uint8_t { stop, pause, resume, step, reset, set_engine, set_scheme };
+
+/// Topic `control`.
+struct Control {
+  ControlVerb verb = ControlVerb::stop;
+  std::string argument;
+};
+
+struct EventCounts {
+  std::uint64_t matched = 0;
+  std::uint64_t unmatched = 0;
+  std::uint64_t deadline_missed = 0;
+  std::uint64_t liveliness_lost = 0;
+  std::uint64_t incompatible_qos = 0;
+  std::uint64_t lost = 0;      ///< samples that the middleware says are lost
+  std::uint64_t rejected = 0;  ///< samples that did not decode or held nonsense
+};
+
+enum class ProgramKind : std::uint8_t { world_sim, haptic_sim, device_sim, gui_headless };
+
+/// Topic `status`, keyed by program and instance: once a second from everyone.
+struct Status {
+  ProgramKind program = ProgramKind::world_sim;
+  std::uint32_t instance = 0;  ///< user or device
+  std::string state;           ///< loading, settling, waiting, running, paused, stopping
+  double time_s = 0.0;
+  double rate_hz = 0.0;
+  std::uint64_t steps = 0;
+  std::uint64_t missed_deadlines = 0;
+  EventCounts events;
+  std::string text;  ///< the newest event in words
+};
+
+}  // namespace subworld

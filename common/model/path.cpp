@@ -1,0 +1,59 @@
+#include "model/scene.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace subworld {
+
+namespace {
+
+/// Two unit vectors that make a right-handed frame with `axis`; for the z axis they are x and y.
+std::pair<Vec3, Vec3> plane_of(const Vec3& axis) {
+  const Vec3 seed = std::abs(axis.x()) < 0.9 ? Vec3::UnitX() : Vec3::UnitY();
+  const Vec3 first = (seed - seed.dot(axis) * axis).normalized();
+  return {first, axis.cross(first)};
+}
+
+}  // namespace
+
+PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept {
+  PathPoint at;
+  for (const PathSegment& s : path) {
+    if (s.kind == PathSegment::Kind::wave) continue;
+    if (t_s < s.from_s) continue;
+    const double length_s = s.to_s - s.from_s;
+    const bool moving = t_s < s.to_s;
+    const double part = length_s > 0.0 ? std::clamp((t_s - s.from_s) / length_s, 0.0, 1.0) : 1.0;
+    switch (s.kind) {
+      case PathSegment::Kind::move:
+        at.offset.position += part * s.displacement;
+        if (moving) at.linear_velocity += s.displacement / length_s;
+        break;
+      case PathSegment::Kind::turn:
+        at.offset.orientation = Quat(Eigen::AngleAxisd(part * s.angle, s.axis)) * at.offset.orientation;
+        if (moving) at.angular_velocity += s.axis * (s.angle / length_s);
+        break;
+      case PathSegment::Kind::circle: {
+        const auto [first, second] = plane_of(s.axis);
+        const double rate = 2.0 * M_PI / s.period_s;
+        const double phase = rate * (std::min(t_s, s.to_s) - s.from_s);
+        at.offset.position += s.radius * ((std::cos(phase) - 1.0) * first + std::sin(phase) * second);
+        if (moving) at.linear_velocity += s.radius * rate * (-std::sin(phase) * first + std::cos(phase) * second);
+        break;
+      }
+      case PathSegment::Kind::wave: break;
+    }
+  }
+  // A wave rides on the displacement of all other segments.
+  const Vec3 base = at.offset.position;
+  const Vec3 speed = at.linear_velocity;
+  for (const PathSegment& s : path) {
+    if (s.kind != PathSegment::Kind::wave || t_s < s.from_s) continue;
+    const double argument = s.wavenumber * base.dot(s.along);
+    at.offset.position += s.amplitude * std::sin(argument) * s.across;
+    at.linear_velocity += s.amplitude * s.wavenumber * std::cos(argument) * speed.dot(s.along) * s.across;
+  }
+  return at;
+}
+
+}  // namespace subworld

@@ -1,0 +1,127 @@
+#pragma once
+
+#include "model/body.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+/// One part of a device path; the parts of a path add up. Displacements are relative to the start pose.
+struct PathSegment {
+  enum class Kind : std::uint8_t { move, turn, circle, wave };
+  Kind kind = Kind::move;
+  double from_s = 0.0;
+  double to_s = 0.0;                ///< move and turn: reached here and held; circle: infinity if not given
+  Vec3 displacement = Vec3::Zero();  ///< move: m
+  Vec3 axis = Vec3::UnitZ();        ///< turn, circle: unit
+  double angle = 0.0;               ///< turn: rad
+  double radius = 0.0;              ///< circle: m; starts at +x (or the first axis after `axis`) of its centre
+  double period_s = 0.0;            ///< circle: one turn
+  Vec3 along = Vec3::UnitX();       ///< wave: the displacement along this unit axis is the argument u,
+  Vec3 across = Vec3::UnitY();      ///< wave: amplitude sin(wavenumber u) is added along this one
+  double amplitude = 0.0;           ///< wave: m
+  double wavenumber = 0.0;          ///< wave: rad/m
+};
+
+struct PathPoint {
+  Pose offset;  ///< displacement and rotation from the start pose
+  Vec3 linear_velocity = Vec3::Zero();
+  Vec3 angular_velocity = Vec3::Zero();
+};
+
+/// Where a path is at time t >= 0, and how fast it moves there.
+[[nodiscard]] PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept;
+
+enum class DeviceKind : std::uint8_t { impedance, admittance };
+
+/// A hand that follows its intention (the path) through the impedance of an arm and feels the force.
+struct HandSpec {
+  double mass_kg = 1.0;
+  double damping_n_s_m = 10.0;
+  double stiffness_n_m = 300.0;
+  double inertia_kg_m2 = 0.005;          ///< 6 degrees of freedom
+  double rotational_damping_n_m_s = 0.1;
+  double rotational_stiffness_n_m = 3.0;  ///< per rad
+};
+
+struct DeviceSpec {
+  DeviceKind kind = DeviceKind::impedance;
+  int degrees_of_freedom = 3;  ///< 3 or 6
+  double rate_hz = 1000.0;
+  double force_limit_n = 40.0;
+  double torque_limit_n_m = 2.0;
+  double mass_kg = 0.1;
+  double damping_n_s_m = 0.5;
+  double friction_n = 0.1;             ///< Coulomb
+  double position_resolution_m = 0.0;  ///< 0: exact
+  std::vector<PathSegment> path;
+  std::optional<HandSpec> hand;  ///< none: the device follows the path whatever it feels
+};
+
+/// Virtual coupling between device and proxy (Colgate 1995).
+struct CouplingSettings {
+  double stiffness_n_m = 1000.0;
+  double damping_n_s_m = 20.0;
+  double rotational_stiffness_n_m = 5.0;  ///< per rad
+  double rotational_damping_n_m_s = 0.05;
+  double ramp_s = 0.1;  ///< the device's force rises from zero over this time
+};
+
+struct UserSpec {
+  std::string name;
+  BodyId proxy{};
+  double box_half_m = 0.2;  ///< half side of the selection box around the proxy (paper 4.1)
+  CouplingSettings coupling;
+  DeviceSpec device;
+};
+
+struct EngineSettings {
+  std::string name = "bullet";
+  std::string preset = "fast";
+  std::optional<int> iterations;  ///< instead of the preset's
+  std::optional<int> substeps;    ///< engine steps per step(), instead of the preset's
+  Vec3 gravity{0.0, 0.0, -9.81};  ///< m/s^2
+};
+
+/// Thresholds of the scheme `paper` (paper 4.3).
+struct PaperSettings {
+  bool device_force_in_world = true;          ///< the mean device force also acts on the world's proxy
+  double device_impulse_threshold_n_s = 1e-4;  ///< below: the user added no energy in this cycle
+};
+
+enum class Mode : std::uint8_t { lockstep, realtime };
+
+struct Settings {
+  double h_s = 0.001;  ///< haptic step
+  int ratio = 4;       ///< r; the world's step is T = r h
+  double duration_s = 5.0;
+  double settle_s = 0.5;        ///< the world alone, before t = 0
+  double settle_step_s = 0.004;
+  int users = 0;  ///< how many of the scene's users take part; 0: all
+  Mode mode = Mode::lockstep;
+  std::string scheme = "paper";
+  PaperSettings paper;
+  EngineSettings world;
+  EngineSettings haptic;
+
+  [[nodiscard]] double cycle_s() const noexcept { return ratio * h_s; }
+};
+
+struct Scene {
+  std::string name;
+  std::string file;
+  std::vector<Mesh> meshes;
+  std::vector<Body> bodies;         ///< bodies[i].id == i
+  std::vector<BodyState> initial;   ///< of bodies[i]
+  std::vector<UserSpec> users;
+  Settings settings;
+
+  [[nodiscard]] const Body& body(BodyId id) const { return bodies[index(id)]; }
+};
+
+/// Reads a scene file and its meshes. Throws `Error` (usage) with file:line:column, the key and the cure.
+[[nodiscard]] Scene load_scene(const std::string& file);
+
+}  // namespace subworld

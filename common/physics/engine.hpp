@@ -1,0 +1,76 @@
+#pragma once
+
+#include "model/body.hpp"
+#include "model/contact.hpp"
+#include "model/scene.hpp"
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+namespace subworld {
+
+/// How well an engine serves a part of the interface.
+enum class Fidelity : std::uint8_t { absent, estimated, exact };
+
+struct Capabilities {
+  Fidelity normal_impulse = Fidelity::absent;
+  Fidelity tangential_impulse = Fidelity::absent;
+  Fidelity gyroscopic = Fidelity::absent;
+  Fidelity checkpoint = Fidelity::absent;  ///< exact: a restored engine continues bit by bit
+  bool deterministic = false;              ///< equal calls give equal bits
+};
+
+/// An opaque saved state; only the engine that made it can read it.
+struct Checkpoint {
+  std::vector<std::byte> bytes;
+};
+
+/// One rigid-body engine (paper 3.1). Units are SI. Ids must be known unless said otherwise; not thread-safe.
+class Engine {
+ public:
+  virtual ~Engine() = default;
+
+  [[nodiscard]] virtual std::string_view name() const noexcept = 0;
+  [[nodiscard]] virtual Capabilities capabilities() const noexcept = 0;
+
+  /// Adds a body that is not there yet. Throws `Error` where the shape is not supported.
+  virtual void add(const Body& body, const BodyState& state) = 0;
+  /// Removes a body; its contacts go with it.
+  virtual void remove(BodyId id) = 0;
+  [[nodiscard]] virtual bool contains(BodyId id) const noexcept = 0;
+
+  [[nodiscard]] virtual BodyState state(BodyId id) const = 0;
+  /// Refuses (returns false, changes nothing) a state that is not finite.
+  virtual bool set_state(BodyId id, const BodyState& state) = 0;
+  /// Mass (kg) and principal moments of inertia (kg m^2) of a movable body from the next step on; its weight stays
+  /// that of the body as it was added.
+  virtual void set_inertia(BodyId id, double mass, const Vec3& inertia) = 0;
+
+  /// Changes the velocity at once. Impulse in N s, point in m, world frame. Refuses what is not finite.
+  virtual bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) = 0;
+  /// Acts during the next step() only, at the centre of mass, in every sub-step; calls add up. Refuses what is not finite.
+  virtual bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) = 0;
+
+  /// Advances by dt (s). Contacts are totals over the whole step, sub-steps included.
+  virtual void step(double dt) = 0;
+
+  /// Of the last step, ordered by bodies: equal worlds list equal contacts. Valid until the next change.
+  [[nodiscard]] virtual std::span<const Contact> contacts() const noexcept = 0;
+
+  [[nodiscard]] virtual Box bounds(BodyId id) const = 0;
+  /// Bodies whose axis-aligned bounds meet the box, ascending.
+  virtual void overlap(const Box& box, std::vector<BodyId>& out) const = 0;
+
+  [[nodiscard]] virtual Checkpoint checkpoint() const = 0;
+  /// Takes the bodies back to where they were; throws `Error` where the checkpoint is of another engine or other bodies.
+  virtual void restore(const Checkpoint& checkpoint) = 0;
+};
+
+/// Makes the engine that the settings name. `meshes` are copied. Throws `Error` (usage) for an unknown engine or preset,
+/// naming those that exist.
+[[nodiscard]] std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes);
+
+}  // namespace subworld
