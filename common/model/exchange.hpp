@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-/// What crosses between the programs, one struct per topic (design section 3). `wire/convert` maps each to its IDL type.
+/// What crosses between the programs, one struct per topic (design section 3). `wire/convert` maps each to its IDL
+/// type.
 namespace subworld {
 
 struct Wrench {
@@ -41,8 +42,8 @@ struct DeviceState {
 /// Topic `device_command`, keyed by device.
 struct DeviceCommand {
   std::uint32_t device = 0;
-  std::uint64_t sequence = 0;        ///< of the device state that it answers
-  double stamp_s = 0.0;              ///< simulation time
+  std::uint64_t sequence = 0;  ///< of the device state that it answers
+  double stamp_s = 0.0;        ///< simulation time
   std::int64_t echoed_sent_ns = 0;
   Wrench wrench;  ///< for impedance devices
   Pose pose;      ///< for admittance devices, as the velocities
@@ -55,10 +56,10 @@ struct DeviceCommand {
 struct GhostModel {
   BodyId outside{};
   double mass_kg = 0.0;
-  double force_n = 0.0;          ///< along `normal`
+  double force_n = 0.0;  ///< along `normal`
   double coulomb_limit_n = 0.0;
-  Vec3 normal = Vec3::UnitZ();   ///< towards the inside body
-  double load_n_s = 0.0;         ///< the pair's impulse
+  Vec3 normal = Vec3::UnitZ();  ///< towards the inside body
+  double load_n_s = 0.0;        ///< the pair's impulse
 };
 
 /// A contact between a body inside the sub-world and one outside (paper 4.2). Impulses act on `inside`.
@@ -82,13 +83,14 @@ struct WorldFrame {
   UserId user{};
   std::uint64_t stamp = 0;  ///< j: the state at t = j T
   double stamp_s = 0.0;
-  double start_in_s = 0.0;   ///< real time: seconds from sending until the world's clock reaches this stamp; may be negative
-  double clock_factor = 1.0;  ///< world seconds per second
+  double start_in_s =
+      0.0;  ///< real time: seconds from sending until the world's clock reaches this stamp; may be negative
+  double clock_factor = 1.0;        ///< world seconds per second
   std::int64_t echoed_sent_ns = 0;  ///< of the newest report that the world has used
   std::uint64_t echoed_stamp = 0;
   bool last = false;
-  std::vector<BodyId> members;  ///< movable bodies of the sub-world from this stamp on, proxy included
-  std::vector<BodyId> fixed;    ///< fixed bodies of the sub-world
+  std::vector<BodyId> members;         ///< movable bodies of the sub-world from this stamp on, proxy included
+  std::vector<BodyId> fixed;           ///< fixed bodies of the sub-world
   std::vector<EnteringBody> entering;  ///< not yet confirmed by a report
   std::vector<StampedBody> states;     ///< the world's own result, before any blend, of members and of bodies just left
   std::vector<BorderPair> border;
@@ -124,7 +126,7 @@ struct HapticReport {
   Pose device_pose;  ///< in scene coordinates
   Vec3 device_linear_velocity = Vec3::Zero();
   Vec3 device_angular_velocity = Vec3::Zero();
-  Wrench device_applied;  ///< admittance devices
+  Wrench device_applied;             ///< admittance devices
   std::vector<StampedBody> members;  ///< the sub-world's own result, before any blend
   Indicators indicators;
   StepTiming timing;

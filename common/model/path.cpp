@@ -41,7 +41,8 @@ PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept {
         if (moving) at.linear_velocity += s.radius * rate * (-std::sin(phase) * first + std::cos(phase) * second);
         break;
       }
-      case PathSegment::Kind::wave: break;
+      case PathSegment::Kind::wave:
+        break;
     }
   }
   // A wave rides on the displacement of all other segments.

@@ -13,16 +13,16 @@ struct PathSegment {
   enum class Kind : std::uint8_t { move, turn, circle, wave };
   Kind kind = Kind::move;
   double from_s = 0.0;
-  double to_s = 0.0;                ///< move and turn: reached here and held; circle: infinity if not given
+  double to_s = 0.0;                 ///< move and turn: reached here and held; circle: infinity if not given
   Vec3 displacement = Vec3::Zero();  ///< move: m
-  Vec3 axis = Vec3::UnitZ();        ///< turn, circle: unit
-  double angle = 0.0;               ///< turn: rad
-  double radius = 0.0;              ///< circle: m; starts at +x (or the first axis after `axis`) of its centre
-  double period_s = 0.0;            ///< circle: one turn
-  Vec3 along = Vec3::UnitX();       ///< wave: the displacement along this unit axis is the argument u,
-  Vec3 across = Vec3::UnitY();      ///< wave: amplitude sin(wavenumber u) is added along this one
-  double amplitude = 0.0;           ///< wave: m
-  double wavenumber = 0.0;          ///< wave: rad/m
+  Vec3 axis = Vec3::UnitZ();         ///< turn, circle: unit
+  double angle = 0.0;                ///< turn: rad
+  double radius = 0.0;               ///< circle: m; starts at +x (or the first axis after `axis`) of its centre
+  double period_s = 0.0;             ///< circle: one turn
+  Vec3 along = Vec3::UnitX();        ///< wave: the displacement along this unit axis is the argument u,
+  Vec3 across = Vec3::UnitY();       ///< wave: amplitude sin(wavenumber u) is added along this one
+  double amplitude = 0.0;            ///< wave: m
+  double wavenumber = 0.0;           ///< wave: rad/m
 };
 
 struct PathPoint {
@@ -41,7 +41,7 @@ struct HandSpec {
   double mass_kg = 1.0;
   double damping_n_s_m = 10.0;
   double stiffness_n_m = 300.0;
-  double inertia_kg_m2 = 0.005;          ///< 6 degrees of freedom
+  double inertia_kg_m2 = 0.005;  ///< 6 degrees of freedom
   double rotational_damping_n_m_s = 0.1;
   double rotational_stiffness_n_m = 3.0;  ///< per rad
 };
@@ -87,7 +87,7 @@ struct EngineSettings {
 
 /// Thresholds of the scheme `paper` (paper 4.3).
 struct PaperSettings {
-  bool device_force_in_world = true;          ///< the mean device force also acts on the world's proxy
+  bool device_force_in_world = true;           ///< the mean device force also acts on the world's proxy
   double device_impulse_threshold_n_s = 1e-4;  ///< below: the user added no energy in this cycle
 };
 
@@ -97,7 +97,7 @@ struct Settings {
   double h_s = 0.001;  ///< haptic step
   int ratio = 4;       ///< r; the world's step is T = r h
   double duration_s = 5.0;
-  double settle_s = 0.5;        ///< the world alone, before t = 0
+  double settle_s = 0.5;  ///< the world alone, before t = 0
   double settle_step_s = 0.004;
   int users = 0;  ///< how many of the scene's users take part; 0: all
   Mode mode = Mode::lockstep;
@@ -113,8 +113,8 @@ struct Scene {
   std::string name;
   std::string file;
   std::vector<Mesh> meshes;
-  std::vector<Body> bodies;         ///< bodies[i].id == i
-  std::vector<BodyState> initial;   ///< of bodies[i]
+  std::vector<Body> bodies;        ///< bodies[i].id == i
+  std::vector<BodyState> initial;  ///< of bodies[i]
   std::vector<UserSpec> users;
   Settings settings;
 

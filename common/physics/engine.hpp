@@ -51,7 +51,8 @@ class Engine {
 
   /// Changes the velocity at once. Impulse in N s, point in m, world frame. Refuses what is not finite.
   virtual bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) = 0;
-  /// Acts during the next step() only, at the centre of mass, in every sub-step; calls add up. Refuses what is not finite.
+  /// Acts during the next step() only, at the centre of mass, in every sub-step; calls add up. Refuses what is not
+  /// finite.
   virtual bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) = 0;
 
   /// Advances by dt (s). Contacts are totals over the whole step, sub-steps included.
@@ -65,12 +66,13 @@ class Engine {
   virtual void overlap(const Box& box, std::vector<BodyId>& out) const = 0;
 
   [[nodiscard]] virtual Checkpoint checkpoint() const = 0;
-  /// Takes the bodies back to where they were; throws `Error` where the checkpoint is of another engine or other bodies.
+  /// Takes the bodies back to where they were; throws `Error` where the checkpoint is of another engine or other
+  /// bodies.
   virtual void restore(const Checkpoint& checkpoint) = 0;
 };
 
-/// Makes the engine that the settings name. `meshes` are copied. Throws `Error` (usage) for an unknown engine or preset,
-/// naming those that exist.
+/// Makes the engine that the settings name. `meshes` are copied. Throws `Error` (usage) for an unknown engine or
+/// preset, naming those that exist.
 [[nodiscard]] std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes);
 
 }  // namespace subworld

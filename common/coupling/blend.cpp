@@ -1,0 +1,50 @@
+#include "coupling/blend.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace subworld {
+
+double blend_weight(const Indicators& in, const PaperSettings& settings) noexcept {
+  if (in.proxy_contacts == 0) return 0.0;
+  if (in.border_bodies == 0) return 1.0;
+  if (in.device_impulse_n_s < settings.device_impulse_threshold_n_s) return 0.0;
+  if (!(in.total_impulse_n_s > 0.0)) return 0.0;
+  return std::sqrt(std::clamp(in.proxy_impulse_n_s / in.total_impulse_n_s, 0.0, 1.0));
+}
+
+Shift difference(const BodyState& from, const BodyState& to) noexcept {
+  return {to.position - from.position, (to.orientation * from.orientation.conjugate()).normalized(),
+          to.linear_velocity - from.linear_velocity, to.angular_velocity - from.angular_velocity};
+}
+
+BodyState shifted(const BodyState& state, const Shift& shift) noexcept {
+  return {state.position + shift.position, (shift.rotation * state.orientation).normalized(),
+          state.linear_velocity + shift.linear_velocity, state.angular_velocity + shift.angular_velocity};
+}
+
+Shift scaled(const Shift& shift, double part) noexcept {
+  return {part * shift.position, Quat::Identity().slerp(part, shift.rotation), part * shift.linear_velocity,
+          part * shift.angular_velocity};
+}
+
+BodyState blend(const BodyState& world, const BodyState& sub, double s) noexcept {
+  if (s <= 0.0) return world;
+  if (s >= 1.0) return sub;
+  return {(1.0 - s) * world.position + s * sub.position, world.orientation.slerp(s, sub.orientation).normalized(),
+          (1.0 - s) * world.linear_velocity + s * sub.linear_velocity,
+          (1.0 - s) * world.angular_velocity + s * sub.angular_velocity};
+}
+
+BodyState advanced(const BodyState& state, double dt) noexcept {
+  BodyState later = state;
+  later.position += dt * state.linear_velocity;
+  const double angle = state.angular_velocity.norm() * dt;
+  if (angle != 0.0) {
+    later.orientation =
+        (Quat(Eigen::AngleAxisd(angle, state.angular_velocity.normalized())) * state.orientation).normalized();
+  }
+  return later;
+}
+
+}  // namespace subworld

@@ -1,0 +1,41 @@
+#include "coupling/border.hpp"
+
+#include <algorithm>
+
+namespace subworld {
+
+void extract_border(std::span<const Contact> contacts, const Membership& membership, std::vector<BorderPair>& out) {
+  out.clear();
+  const auto movable_member = [&](BodyId id) {
+    return std::binary_search(membership.members.begin(), membership.members.end(), id);
+  };
+  for (const Contact& c : contacts) {
+    const bool a_inside = movable_member(c.a);
+    const bool b_inside = movable_member(c.b);
+    if (a_inside == b_inside || membership.holds(a_inside ? c.b : c.a)) continue;
+    const double sign = a_inside ? 1.0 : -1.0;
+    out.push_back({.inside = a_inside ? c.a : c.b,
+                   .outside = a_inside ? c.b : c.a,
+                   .point = c.point,
+                   .normal = sign * c.normal,
+                   .tangential_velocity = sign * c.tangential_velocity,
+                   .normal_impulse = c.normal_impulse,
+                   .tangential_impulse = sign * c.tangential_impulse});
+  }
+}
+
+void border_bodies(std::span<const BorderPair> border, std::vector<BodyId>& out) {
+  out.clear();
+  for (const BorderPair& pair : border) out.push_back(pair.inside);
+  std::sort(out.begin(), out.end());
+  out.erase(std::unique(out.begin(), out.end()), out.end());
+}
+
+void frozen_impulses(std::span<const BorderPair> border, double fraction, std::vector<PointImpulse>& out) {
+  out.clear();
+  for (const BorderPair& pair : border) {
+    out.push_back({pair.inside, fraction * (pair.normal_impulse * pair.normal + pair.tangential_impulse), pair.point});
+  }
+}
+
+}  // namespace subworld

@@ -1,0 +1,29 @@
+#pragma once
+
+#include "coupling/selection.hpp"
+#include "model/contact.hpp"
+#include "model/exchange.hpp"
+
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// Border contacts: those of the world's last step between a member and a body that is not in the sub-world
+/// (paper 4.2). Impulses are turned to act on the inside body.
+void extract_border(std::span<const Contact> contacts, const Membership& membership, std::vector<BorderPair>& out);
+
+/// Members with at least one border contact, ascending, each once.
+void border_bodies(std::span<const BorderPair> border, std::vector<BodyId>& out);
+
+struct PointImpulse {
+  BodyId body{};
+  Vec3 impulse = Vec3::Zero();  ///< N s
+  Vec3 point = Vec3::Zero();    ///< m
+};
+
+/// The impulses that stand for the outside during one haptic step: the world's, divided by the ratio (paper 4.2).
+/// `fraction` is the part of a world step that a haptic step covers, 1 / r.
+void frozen_impulses(std::span<const BorderPair> border, double fraction, std::vector<PointImpulse>& out);
+
+}  // namespace subworld

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "coupling/virtual_coupling.hpp"
+
+namespace subworld {
+
+/// The last thing before a hand: whatever goes in, what comes out is finite, bounded by the device's limits, and rises
+/// from zero. While the source is not trusted (stale or not finite) the last good wrench fades out; once it is trusted
+/// again the wrench ramps in anew.
+class ForceGuard {
+ public:
+  ForceGuard(const ForceLimits& limits, double ramp_s) noexcept : limits_(limits), ramp_s_(ramp_s) {}
+
+  /// Call once per haptic step of `dt` seconds.
+  [[nodiscard]] Wrench pass(const Wrench& wanted, bool trusted, double dt) noexcept;
+
+  [[nodiscard]] double gain() const noexcept { return gain_; }
+
+ private:
+  ForceLimits limits_;
+  double ramp_s_;
+  double gain_ = 0.0;
+  Wrench last_;
+};
+
+}  // namespace subworld

@@ -1,0 +1,31 @@
+#pragma once
+
+#include "model/body.hpp"
+
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// Bodies of one user's sub-world; both lists ascend.
+struct Membership {
+  std::vector<BodyId> members;  ///< movable
+  std::vector<BodyId> fixed;
+
+  [[nodiscard]] bool holds(BodyId id) const noexcept;
+};
+
+/// Axis-aligned cube of half side `half_m` around the proxy (paper 4.1).
+[[nodiscard]] Box selection_box(const Vec3& proxy_position, double half_m) noexcept;
+
+/// Splits what meets the box into `out.members`; the proxy always belongs. `in_box` ascends.
+void select_members(std::span<const BodyId> in_box, std::span<const Body> bodies, BodyId proxy, Membership& out);
+
+/// Fixed bodies are wanted wherever a member can touch one: `near_members` are the bodies that meet the members'
+/// bounds.
+void select_fixed(std::span<const BodyId> near_members, std::span<const Body> bodies, Membership& out);
+
+/// Ids of `from` that `other` lacks; both ascend.
+void missing_from(std::span<const BodyId> from, std::span<const BodyId> other, std::vector<BodyId>& out);
+
+}  // namespace subworld

@@ -1,0 +1,53 @@
+#pragma once
+
+#include "model/body.hpp"
+#include "model/exchange.hpp"
+#include "model/scene.hpp"
+
+namespace subworld {
+
+struct DevicePose {
+  Pose pose;  ///< in scene coordinates
+  Vec3 linear_velocity = Vec3::Zero();
+  Vec3 angular_velocity = Vec3::Zero();
+};
+
+struct ForceLimits {
+  double force_n = 0.0;
+  double torque_n_m = 0.0;
+  bool torques = false;  ///< false: 3 degrees of freedom, no torque at all
+};
+
+/// The virtual coupling (Colgate 1995) at one instant: the wrench on the proxy,
+///   F = K (x_device - x_proxy) + B (v_device - v_proxy), torques likewise, saturated at the device's limits.
+[[nodiscard]] Wrench coupling_wrench(const CouplingSettings& coupling, const ForceLimits& limits,
+                                     const BodyState& proxy, const DevicePose& device) noexcept;
+
+/// Shortens force and torque to their limits, direction kept.
+[[nodiscard]] Wrench saturated(Wrench wrench, const ForceLimits& limits) noexcept;
+
+/// How an engine makes one linearly implicit step of length dt of the coupling, stable at any dt (design 5 a):
+/// inertia m + D with D = dt (B + dt K), velocity scaled by m / (m + D), force K (x_d - x_p) + B v_d.
+/// A saturated coupling is a constant force: D = 0.
+struct ImplicitStep {
+  double mass = 0.0;             ///< kg, of the proxy during the step
+  Vec3 inertia = Vec3::Zero();   ///< kg m^2
+  BodyState start;               ///< the proxy's state with scaled velocities
+  Wrench wrench;                 ///< constant over the step
+  bool force_implicit = false;   ///< false: saturated
+  bool torque_implicit = false;  ///< false: saturated or no torque at all
+};
+
+[[nodiscard]] ImplicitStep implicit_step(const CouplingSettings& coupling, const ForceLimits& limits,
+                                         const Body& proxy_body, const BodyState& proxy, const DevicePose& device,
+                                         double dt) noexcept;
+
+/// The mean wrench that the coupling exerted on the proxy over that step, from the proxy's velocity after it.
+[[nodiscard]] Wrench exerted(const CouplingSettings& coupling, const ImplicitStep& step, const BodyState& after,
+                             double dt) noexcept;
+
+/// Energy in the coupling's springs, J.
+[[nodiscard]] double coupling_energy(const CouplingSettings& coupling, const ForceLimits& limits,
+                                     const BodyState& proxy, const DevicePose& device) noexcept;
+
+}  // namespace subworld

@@ -1,0 +1,363 @@
+#include "physics/bullet.hpp"
+
+#include "bullet_shapes.hpp"
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+// Bullet keeps this one in a global; every engine sets its own before it steps.
+extern btScalar gContactBreakingThreshold;
+
+namespace subworld {
+
+namespace {
+
+using bullet::from_bullet;
+using bullet::to_bullet;
+
+struct Preset {
+  std::string_view name;
+  int iterations;
+  double longest_substep_s;           ///< step() divides its dt until no part is longer
+  double contact_breaking_threshold;  ///< relative to the size of the smaller body
+  double split_impulse_threshold_m;   ///< penetrations beyond it are pushed out without adding velocity
+};
+
+constexpr Preset kPresets[] = {
+    {"fast", 10, INFINITY, 0.02, -0.04},
+    {"quality", 50, 2.1e-3, 0.002, 0.0},
+};
+
+Preset find_preset(std::string_view name) {
+  for (const Preset& preset : kPresets) {
+    if (preset.name == name) return preset;
+  }
+  throw Error(ExitCode::usage, fmt::format("engine bullet has no preset \"{}\"; choose fast or quality", name));
+}
+
+struct Slot {
+  std::unique_ptr<btRigidBody> body;
+  Vec3 weight = Vec3::Zero();  ///< N
+  Vec3 force = Vec3::Zero();   ///< of the next step
+  Vec3 torque = Vec3::Zero();
+};
+
+struct Collected {
+  Contact contact;
+  int substep;
+  double reach_m;
+};
+
+/// Bodies leave a checkpoint as (id, 13 numbers).
+struct SavedBody {
+  std::uint32_t id;
+  std::array<double, 13> state;
+};
+
+class Bullet final : public Engine {
+ public:
+  Bullet(const EngineSettings& settings, std::span<const Mesh> meshes)
+      : preset_(find_preset(settings.preset)),
+        gravity_(settings.gravity),
+        fixed_substeps_(settings.substeps.value_or(0)),
+        shapes_(meshes),
+        dispatcher_(&configuration_),
+        world_(&dispatcher_, &broadphase_, &solver_, &configuration_) {
+    auto& info = world_.getSolverInfo();
+    info.m_numIterations = settings.iterations.value_or(preset_.iterations);
+    info.m_solverMode = SOLVER_SIMD | SOLVER_USE_WARMSTARTING | SOLVER_USE_2_FRICTION_DIRECTIONS |
+                        SOLVER_ENABLE_FRICTION_DIRECTION_CACHING | SOLVER_DISABLE_VELOCITY_DEPENDENT_FRICTION_DIRECTION;
+    info.m_warmstartingFactor = 1.0;
+    info.m_splitImpulse = 1;
+    info.m_splitImpulsePenetrationThreshold = preset_.split_impulse_threshold_m;
+    // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.
+    world_.setGravity(btVector3(0, 0, 0));
+  }
+
+  ~Bullet() override {
+    for (Slot& slot : slots_) {
+      if (slot.body) world_.removeRigidBody(slot.body.get());
+    }
+  }
+
+  std::string_view name() const noexcept override { return "bullet"; }
+
+  Capabilities capabilities() const noexcept override {
+    return {.normal_impulse = Fidelity::exact,
+            .tangential_impulse = Fidelity::exact,
+            .gyroscopic = Fidelity::exact,
+            .checkpoint = Fidelity::estimated,  // poses and velocities; the solver's warm start is not saved
+            .deterministic = true};
+  }
+
+  void add(const Body& body, const BodyState& state) override {
+    const std::uint32_t id = index(body.id);
+    if (id >= slots_.size()) slots_.resize(id + 1);
+    Slot& slot = slots_[id];
+    if (slot.body) throw Error(ExitCode::failed, fmt::format("body {} is in the engine already", id));
+    if (!finite(state)) throw Error(ExitCode::failed, fmt::format("body {} has a state that is not finite", id));
+
+    const btVector3 inertia = body.rotates ? to_bullet(body.inertia) : btVector3(0, 0, 0);
+    btRigidBody::btRigidBodyConstructionInfo info(body.mass, nullptr, shapes_.get(body.shape), inertia);
+    info.m_friction = std::sqrt(body.material.friction);  // Bullet multiplies the pair's: this makes the geometric mean
+    info.m_restitution = body.material.restitution;
+    slot.body = std::make_unique<btRigidBody>(info);
+    slot.body->setActivationState(DISABLE_DEACTIVATION);
+    slot.body->setUserIndex(static_cast<int>(id));
+    if (!body.rotates) slot.body->setAngularFactor(btVector3(0, 0, 0));
+    slot.weight = body.gravity && !body.fixed() ? Vec3(body.mass * gravity_) : Vec3::Zero();
+    slot.force = slot.torque = Vec3::Zero();
+    place(*slot.body, state);
+    world_.addRigidBody(slot.body.get());
+    if (!body.fixed()) movable_.push_back(id);
+    contacts_.clear();
+  }
+
+  void remove(BodyId id) override {
+    Slot& slot = at(id);
+    world_.removeRigidBody(slot.body.get());
+    slot.body.reset();
+    std::erase(movable_, index(id));
+    contacts_.clear();
+  }
+
+  bool contains(BodyId id) const noexcept override { return index(id) < slots_.size() && slots_[index(id)].body; }
+
+  BodyState state(BodyId id) const override {
+    const btRigidBody& body = *at(id).body;
+    return {from_bullet(body.getWorldTransform().getOrigin()), from_bullet(body.getWorldTransform().getRotation()),
+            from_bullet(body.getLinearVelocity()), from_bullet(body.getAngularVelocity())};
+  }
+
+  bool set_state(BodyId id, const BodyState& state) override {
+    if (!finite(state)) return false;
+    btRigidBody& body = *at(id).body;
+    place(body, state);
+    world_.updateSingleAabb(&body);
+    return true;
+  }
+
+  void set_inertia(BodyId id, double mass, const Vec3& inertia) override {
+    btRigidBody& body = *at(id).body;
+    const bool rotates = !body.getAngularFactor().isZero();
+    body.setMassProps(mass, rotates ? to_bullet(inertia) : btVector3(0, 0, 0));
+    body.updateInertiaTensor();
+  }
+
+  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
+    if (!impulse.allFinite() || !point.allFinite()) return false;
+    btRigidBody& body = *at(id).body;
+    body.applyImpulse(to_bullet(impulse), to_bullet(point) - body.getCenterOfMassPosition());
+    return true;
+  }
+
+  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override {
+    if (!force.allFinite() || !torque.allFinite()) return false;
+    Slot& slot = at(id);
+    slot.force += force;
+    slot.torque += torque;
+    return true;
+  }
+
+  void step(double dt) override {
+    const int substeps = fixed_substeps_ > 0 ? fixed_substeps_
+                                             : std::max(1, static_cast<int>(std::ceil(dt / preset_.longest_substep_s)));
+    gContactBreakingThreshold = preset_.contact_breaking_threshold;
+    contacts_.clear();
+    for (int i = 0; i < substeps; ++i) {
+      for (const std::uint32_t id : movable_) {
+        const Slot& slot = slots_[id];
+        slot.body->applyCentralForce(to_bullet(slot.weight + slot.force));
+        slot.body->applyTorque(to_bullet(slot.torque));
+      }
+      world_.stepSimulation(dt / substeps, 0);
+      collect_contacts(i);
+    }
+    for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
+    merge_contacts();
+  }
+
+  std::span<const Contact> contacts() const noexcept override { return contacts_; }
+
+  Box bounds(BodyId id) const override {
+    btVector3 lower, upper;
+    at(id).body->getAabb(lower, upper);
+    return {from_bullet(lower), from_bullet(upper)};
+  }
+
+  void overlap(const Box& box, std::vector<BodyId>& out) const override {
+    // The tree's boxes are fattened; the bodies' own bounds decide.
+    struct Collect final : btBroadphaseAabbCallback {
+      bool process(const btBroadphaseProxy* proxy) override {
+        const auto* object = static_cast<const btCollisionObject*>(proxy->m_clientObject);
+        btVector3 lower, upper;
+        object->getCollisionShape()->getAabb(object->getWorldTransform(), lower, upper);
+        if (Box{from_bullet(lower), from_bullet(upper)}.meets(*box)) {
+          out->push_back(BodyId{static_cast<std::uint32_t>(object->getUserIndex())});
+        }
+        return true;
+      }
+      const Box* box = nullptr;
+      std::vector<BodyId>* out = nullptr;
+    } collect;
+    out.clear();
+    collect.box = &box;
+    collect.out = &out;
+    const_cast<btDbvtBroadphase&>(broadphase_).aabbTest(to_bullet(box.lower), to_bullet(box.upper), collect);
+    std::sort(out.begin(), out.end());
+  }
+
+  Checkpoint checkpoint() const override {
+    Checkpoint saved;
+    for (std::uint32_t id = 0; id < slots_.size(); ++id) {
+      if (!slots_[id].body) continue;
+      const BodyState s = state(BodyId{id});
+      SavedBody entry{id, {}};
+      Eigen::Map<Eigen::Matrix<double, 13, 1>>(entry.state.data()) << s.position, s.orientation.coeffs(),
+          s.linear_velocity, s.angular_velocity;
+      const auto* begin = reinterpret_cast<const std::byte*>(&entry);
+      saved.bytes.insert(saved.bytes.end(), begin, begin + sizeof entry);
+    }
+    return saved;
+  }
+
+  void restore(const Checkpoint& saved) override {
+    const std::size_t count = saved.bytes.size() / sizeof(SavedBody);
+    const auto held = static_cast<std::size_t>(
+        std::count_if(slots_.begin(), slots_.end(), [](const Slot& s) { return s.body != nullptr; }));
+    if (saved.bytes.size() % sizeof(SavedBody) != 0 || count != held) {
+      throw Error(ExitCode::failed,
+                  "the checkpoint is of another engine or of other bodies; take one from this engine");
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      SavedBody entry;
+      std::memcpy(&entry, saved.bytes.data() + i * sizeof entry, sizeof entry);
+      const Eigen::Map<const Eigen::Matrix<double, 13, 1>> x(entry.state.data());
+      const Quat orientation(x[6], x[3], x[4], x[5]);
+      if (!contains(BodyId{entry.id}) ||
+          !set_state(BodyId{entry.id}, {x.segment<3>(0), orientation, x.segment<3>(7), x.segment<3>(10)})) {
+        throw Error(ExitCode::failed, fmt::format("the checkpoint's body {} is not in the engine", entry.id));
+      }
+    }
+    contacts_.clear();
+  }
+
+ private:
+  Slot& at(BodyId id) { return const_cast<Slot&>(std::as_const(*this).at(id)); }
+  const Slot& at(BodyId id) const {
+    if (!contains(id)) throw Error(ExitCode::failed, fmt::format("body {} is not in the engine", index(id)));
+    return slots_[index(id)];
+  }
+
+  static void place(btRigidBody& body, const BodyState& state) {
+    const btTransform pose(to_bullet(state.orientation), to_bullet(state.position));
+    body.setWorldTransform(pose);
+    body.setInterpolationWorldTransform(pose);
+    body.setLinearVelocity(to_bullet(state.linear_velocity));
+    body.setAngularVelocity(to_bullet(state.angular_velocity));
+    body.setInterpolationLinearVelocity(body.getLinearVelocity());
+    body.setInterpolationAngularVelocity(body.getAngularVelocity());
+    body.updateInertiaTensor();
+  }
+
+  void collect_contacts(int substep) {
+    for (int m = 0; m < dispatcher_.getNumManifolds(); ++m) {
+      const btPersistentManifold& manifold = *dispatcher_.getManifoldByIndexInternal(m);
+      const auto& first = *static_cast<const btRigidBody*>(manifold.getBody0());
+      const auto& second = *static_cast<const btRigidBody*>(manifold.getBody1());
+      const bool swap = first.getUserIndex() > second.getUserIndex();
+      for (int p = 0; p < manifold.getNumContacts(); ++p) {
+        const Contact contact = swap ? read(second, first, manifold.getContactPoint(p), -1.0)
+                                     : read(first, second, manifold.getContactPoint(p), 1.0);
+        if (contact.normal_impulse <= 0.0 && contact.distance > 0.0) continue;
+        collected_.push_back({contact, substep, manifold.getContactBreakingThreshold()});
+      }
+    }
+  }
+
+  static Contact read(const btRigidBody& a, const btRigidBody& b, const btManifoldPoint& point, double sign) {
+    Contact contact;
+    contact.a = BodyId{static_cast<std::uint32_t>(a.getUserIndex())};
+    contact.b = BodyId{static_cast<std::uint32_t>(b.getUserIndex())};
+    const btVector3& on_b = sign > 0.0 ? point.getPositionWorldOnB() : point.getPositionWorldOnA();
+    contact.point = from_bullet(on_b);
+    contact.normal = sign * from_bullet(point.m_normalWorldOnB);
+    contact.distance = point.getDistance();
+    contact.normal_impulse = point.m_appliedImpulse;
+    contact.tangential_impulse = sign * from_bullet(point.m_appliedImpulseLateral1 * point.m_lateralFrictionDir1 +
+                                                    point.m_appliedImpulseLateral2 * point.m_lateralFrictionDir2);
+    const Vec3 relative = from_bullet(a.getVelocityInLocalPoint(on_b - a.getCenterOfMassPosition()) -
+                                      b.getVelocityInLocalPoint(on_b - b.getCenterOfMassPosition()));
+    contact.tangential_velocity = relative - relative.dot(contact.normal) * contact.normal;
+    return contact;
+  }
+
+  /// Lists what the sub-steps collected, by bodies; a point that several of them saw is found again by its place.
+  void merge_contacts() {
+    std::stable_sort(collected_.begin(), collected_.end(), [](const Collected& x, const Collected& y) {
+      return std::pair(x.contact.a, x.contact.b) < std::pair(y.contact.a, y.contact.b);
+    });
+    std::size_t pair_begin = 0;  // of the pair in hand, in contacts_
+    last_seen_.clear();
+    for (const Collected& next : collected_) {
+      if (!contacts_.empty() && (contacts_.back().a != next.contact.a || contacts_.back().b != next.contact.b)) {
+        pair_begin = contacts_.size();
+      }
+      const std::size_t known = find(next, pair_begin);
+      if (known == contacts_.size()) {
+        contacts_.push_back(next.contact);
+        last_seen_.push_back(next.substep);
+        continue;
+      }
+      Contact& sum = contacts_[known];
+      const double normal_impulse = sum.normal_impulse + next.contact.normal_impulse;
+      const Vec3 tangential_impulse = sum.tangential_impulse + next.contact.tangential_impulse;
+      sum = next.contact;
+      sum.normal_impulse = normal_impulse;
+      sum.tangential_impulse = tangential_impulse;
+      last_seen_[known] = next.substep;
+    }
+    collected_.clear();
+  }
+
+  [[nodiscard]] std::size_t find(const Collected& wanted, std::size_t begin) const {
+    // Points move with the bodies between sub-steps: allow for that on top of Bullet's own tolerance.
+    double nearest_squared = std::pow(5.0 * wanted.reach_m, 2);
+    std::size_t nearest = contacts_.size();
+    for (std::size_t i = begin; i < contacts_.size(); ++i) {
+      const double squared = (contacts_[i].point - wanted.contact.point).squaredNorm();
+      if (last_seen_[i] == wanted.substep || squared > nearest_squared) continue;
+      nearest_squared = squared;
+      nearest = i;
+    }
+    return nearest;
+  }
+
+  Preset preset_;
+  Vec3 gravity_;
+  int fixed_substeps_;  ///< 0: as the preset says
+  bullet::ShapeStore shapes_;
+  btDefaultCollisionConfiguration configuration_;
+  btCollisionDispatcher dispatcher_;
+  btDbvtBroadphase broadphase_;
+  btSequentialImpulseConstraintSolver solver_;
+  btDiscreteDynamicsWorld world_;
+  std::vector<Slot> slots_;
+  std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
+  std::vector<Collected> collected_;
+  std::vector<Contact> contacts_;
+  std::vector<int> last_seen_;  ///< sub-step, of contacts_[i]
+};
+
+}  // namespace
+
+std::unique_ptr<Engine> make_bullet(const EngineSettings& settings, std::span<const Mesh> meshes) {
+  return std::make_unique<Bullet>(settings, meshes);
+}
+
+}  // namespace subworld

@@ -1,0 +1,37 @@
+#pragma once
+
+#include "model/body.hpp"
+
+#include <btBulletDynamicsCommon.h>
+
+#include <map>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace subworld::bullet {
+
+inline btVector3 to_bullet(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+inline btQuaternion to_bullet(const Quat& q) { return {q.x(), q.y(), q.z(), q.w()}; }
+inline Vec3 from_bullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
+inline Quat from_bullet(const btQuaternion& q) { return {q.w(), q.x(), q.y(), q.z()}; }
+
+/// Bullet's shapes by value: bodies of equal shape share one.
+class ShapeStore {
+ public:
+  explicit ShapeStore(std::span<const Mesh> meshes) : meshes_(meshes.begin(), meshes.end()) {}
+
+  /// Throws `Error` (usage) for a mesh index out of range.
+  [[nodiscard]] btCollisionShape* get(const Shape& shape);
+
+ private:
+  using Key = std::array<double, 7>;
+  [[nodiscard]] std::unique_ptr<btCollisionShape> make(const Shape& shape);
+  [[nodiscard]] const Mesh& mesh(const Shape& shape) const;
+
+  std::vector<Mesh> meshes_;
+  std::vector<std::unique_ptr<btTriangleMesh>> triangles_;
+  std::map<Key, std::unique_ptr<btCollisionShape>> shapes_;
+};
+
+}  // namespace subworld::bullet

@@ -1,0 +1,33 @@
+#include "physics/engine.hpp"
+
+#include "model/error.hpp"
+#include "physics/bullet.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <string>
+
+namespace subworld {
+
+namespace {
+
+struct Maker {
+  std::string_view name;
+  std::unique_ptr<Engine> (*make)(const EngineSettings&, std::span<const Mesh>);
+};
+
+constexpr std::array kMakers{Maker{"bullet", make_bullet}};
+
+}  // namespace
+
+std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes) {
+  std::string known;
+  for (const Maker& maker : kMakers) {
+    if (maker.name == settings.name) return maker.make(settings, meshes);
+    known += fmt::format("{}{}", known.empty() ? "" : ", ", maker.name);
+  }
+  throw Error(ExitCode::usage, fmt::format("engine \"{}\" is unknown; choose one of: {}", settings.name, known));
+}
+
+}  // namespace subworld

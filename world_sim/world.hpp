@@ -1,0 +1,94 @@
+#pragma once
+
+#include "coupling/scheme.hpp"
+#include "coupling/selection.hpp"
+#include "coupling/synchroniser.hpp"
+#include "model/exchange.hpp"
+#include "model/scene.hpp"
+#include "physics/engine.hpp"
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <vector>
+
+namespace subworld {
+
+/// The truth: every body, and for each user the membership of the sub-world, its border and the merge.
+/// A cycle is `receive` (any number of reports), `step`, then `frame` of each user.
+class World {
+ public:
+  /// Creates all bodies. Throws `Error` (usage) for an engine or scheme that does not exist.
+  explicit World(const Scene& scene);
+
+  /// Lets the world come to rest before t = 0, every proxy held by its coupling at its start pose. `progress` is called
+  /// with the part done, 0 .. 1; returns early, false, when it returns false.
+  bool settle(const std::function<bool(double)>& progress);
+
+  /// Keeps a report until the world reaches its stamp; one of the past is used late. Returns false for one that is too
+  /// old, too far ahead or of a user that does not exist.
+  bool receive(HapticReport&& report);
+
+  /// Applies the blends that are due, drives the proxies and simulates [jT, (j+1)T).
+  void step();
+
+  /// Applies the blends that are due; for the reports that arrive after the last step.
+  void synchronise();
+
+  /// The world at the present stamp as user u sees it; new after each step().
+  [[nodiscard]] WorldFrame& frame(std::size_t user) { return users_[user].newest(stamp_); }
+  [[nodiscard]] SceneDescription description(std::uint64_t settings_hash) const;
+  /// Bodies that moved since the last call; all of them if `complete`.
+  void snapshot(bool complete, WorldSnapshot& out);
+
+  [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
+  [[nodiscard]] double time_s() const noexcept { return static_cast<double>(stamp_) * scene_.settings.cycle_s(); }
+  [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
+  [[nodiscard]] std::uint64_t newest_report(std::size_t user) const noexcept { return users_[user].report.stamp; }
+  /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
+  [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
+  /// Most that the energy rose above its start plus the work of the devices, so far, J.
+  [[nodiscard]] double energy_excess_j() const noexcept { return energy_excess_j_; }
+  [[nodiscard]] double kinetic_energy_j() const noexcept { return kinetic_j_; }
+  [[nodiscard]] double potential_energy_j() const noexcept { return potential_j_; }
+  /// False once a body's state is not finite.
+  [[nodiscard]] bool finite() const noexcept { return finite_; }
+
+ private:
+  struct User {
+    const UserSpec* spec = nullptr;
+    Membership membership;
+    std::unique_ptr<Synchroniser> synchroniser;
+    std::array<WorldFrame, kRememberedCycles> frames;   ///< by stamp
+    std::array<HapticReport, kRememberedCycles> inbox;  ///< by stamp
+    std::array<bool, kRememberedCycles> waiting{};      ///< inbox holds a report that is not used yet
+    HapticReport report;                                ///< newest used
+    bool heard = false;
+
+    [[nodiscard]] WorldFrame& newest(std::uint64_t stamp) { return frames[stamp % kRememberedCycles]; }
+  };
+
+  void apply(User& user, const HapticReport& report);
+  void drive_proxies();
+  void extract(User& user);
+  void list_unconfirmed(User& user, WorldFrame& frame);
+  [[nodiscard]] int sharers(BodyId id) const;
+  void account();
+
+  const Scene& scene_;
+  std::unique_ptr<Scheme> scheme_;
+  std::unique_ptr<Engine> engine_;
+  std::vector<User> users_;
+  std::uint64_t stamp_ = 0;
+  std::uint64_t hash_;
+  double start_energy_j_ = 0.0;
+  double kinetic_j_ = 0.0;
+  double potential_j_ = 0.0;
+  double energy_excess_j_ = 0.0;
+  bool finite_ = true;
+  std::vector<BodyState> shown_;  ///< as the display last heard
+  std::vector<BodyId> scratch_;
+  std::vector<BodyId> wanted_;
+};
+
+}  // namespace subworld
