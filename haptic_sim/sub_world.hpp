@@ -25,7 +25,6 @@ class SubWorld {
  public:
   SubWorld(const Scene& scene, std::size_t user);
 
-
   /// One haptic step that covers `dt` of simulation time, dt <= h. `device_trusted`: its state is fresh.
   FeltStep step(const DeviceState& device, bool device_trusted, double dt);
   /// The force for the device at the start of the step, before the sub-world moves: so that it leaves without delay.
@@ -34,6 +33,10 @@ class SubWorld {
 
   /// True when the steps since the last boundary fill a cycle: `report` is due.
   [[nodiscard]] bool at_boundary() const noexcept;
+  /// True before the first step of a cycle.
+  [[nodiscard]] bool at_cycle_start() const noexcept { return steps_ == 0 || at_boundary(); }
+  /// Whether a frame of this stamp may be used now: not before the sub-world has reached it.
+  [[nodiscard]] bool accepts(std::uint64_t frame_stamp) const noexcept { return !engine_ || frame_stamp <= stamp_; }
   /// Closes the cycle; the reference lives for several cycles. `sent_ns` is the caller's clock.
   const HapticReport& report(std::int64_t sent_ns);
 
@@ -43,10 +46,12 @@ class SubWorld {
   /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind or is not finite.
   void adopt(const WorldFrame& frame);
 
+  [[nodiscard]] std::size_t user() const noexcept { return user_; }
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
   [[nodiscard]] double time_s() const noexcept;
   [[nodiscard]] bool finite() const noexcept { return finite_; }
   [[nodiscard]] BodyState proxy() const;
+  [[nodiscard]] const Vec3& clutch() const noexcept { return clutch_; }
   [[nodiscard]] const DevicePose& device() const noexcept { return device_; }
   [[nodiscard]] std::size_t members() const noexcept { return members_.size(); }
   [[nodiscard]] std::size_t contacts() const noexcept;

@@ -121,6 +121,9 @@ struct Scene {
   [[nodiscard]] const Body& body(BodyId id) const { return bodies[index(id)]; }
 };
 
+/// Over all that two programs must agree on.
+[[nodiscard]] std::uint64_t settings_hash(const Scene& scene);
+
 /// Reads a scene file and its meshes. Throws `Error` (usage) with file:line:column, the key and the cure.
 [[nodiscard]] Scene load_scene(const std::string& file);
 

@@ -1,0 +1,63 @@
+#include "io/history.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <iterator>
+
+namespace subworld {
+
+History::History(const std::string& path, const std::vector<std::string>& columns) : width_(columns.size()) {
+  if (path.empty()) return;
+  file_ = std::fopen(path.c_str(), "w");
+  if (file_ == nullptr) {
+    throw Error(ExitCode::failed, fmt::format("{}: {}; choose another folder with --out", path, std::strerror(errno)));
+  }
+  fmt::print(file_, "{}\n", fmt::join(columns, ","));
+  ring_.resize(kRows * width_);
+  thread_ = std::thread([this] {
+    while (!stop_.load(std::memory_order_acquire)) {
+      write_out();
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+    write_out();
+  });
+}
+
+History::~History() {
+  if (file_ == nullptr) return;
+  stop_.store(true, std::memory_order_release);
+  thread_.join();
+  std::fclose(file_);
+}
+
+void History::row(std::initializer_list<double> values) noexcept {
+  if (file_ == nullptr) return;
+  const std::size_t head = head_.load(std::memory_order_relaxed);
+  if (values.size() != width_ || head - tail_.load(std::memory_order_acquire) >= kRows) {
+    ++dropped_;
+    return;
+  }
+  std::copy(values.begin(), values.end(), ring_.begin() + static_cast<std::ptrdiff_t>((head % kRows) * width_));
+  head_.store(head + 1, std::memory_order_release);
+}
+
+void History::write_out() {
+  fmt::memory_buffer text;
+  std::size_t tail = tail_.load(std::memory_order_relaxed);
+  const std::size_t head = head_.load(std::memory_order_acquire);
+  for (; tail != head; ++tail) {
+    const double* row = ring_.data() + (tail % kRows) * width_;
+    fmt::format_to(std::back_inserter(text), "{:.9g}\n", fmt::join(row, row + width_, ","));
+    tail_.store(tail + 1, std::memory_order_release);
+  }
+  std::fwrite(text.data(), 1, text.size(), file_);
+  std::fflush(file_);
+}
+
+}  // namespace subworld

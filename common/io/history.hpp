@@ -1,0 +1,40 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace subworld {
+
+/// A CSV file of numbers that a loop can write to without waiting: rows go through a ring to a thread of their own,
+/// which writes them ten times a second. A full ring drops the row and counts it.
+class History {
+ public:
+  /// Throws `Error` (failed) where the file cannot be written. An empty path: rows go nowhere.
+  History(const std::string& path, const std::vector<std::string>& columns);
+  ~History();
+  History(const History&) = delete;
+  History& operator=(const History&) = delete;
+
+  /// One row; as many numbers as there are columns. One thread. Allocates nothing.
+  void row(std::initializer_list<double> values) noexcept;
+  [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
+
+ private:
+  void write_out();
+
+  static constexpr std::size_t kRows = 1 << 14;
+  std::size_t width_;
+  std::vector<double> ring_;
+  std::atomic<std::size_t> head_{0};  ///< rows written by the loop
+  std::atomic<std::size_t> tail_{0};  ///< rows taken by the thread
+  std::atomic<bool> stop_{false};
+  std::uint64_t dropped_ = 0;
+  std::FILE* file_ = nullptr;
+  std::thread thread_;
+};
+
+}  // namespace subworld

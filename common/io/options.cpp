@@ -1,0 +1,156 @@
+#include "io/options.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <cmath>
+
+namespace subworld {
+
+namespace {
+
+struct About {
+  const char* name;
+  const char* what;
+  const char* examples;
+};
+
+const About& about(Program program) {
+  static const About kAbout[] = {
+      {"world_sim", "Simulates the whole world at the coarse step T = r h and serves every user's sub-world.",
+       "Examples:\n"
+       "  world_sim deploy/scenes/heap.yaml --mode lockstep --duration 5\n"
+       "  world_sim deploy/scenes/heap.yaml --mode realtime --domain 7 --dds cyclonedds --peers 10.0.0.2\n"},
+      {"haptic_sim", "Simulates one user's haptic sub-world at the haptic rate and couples it to the device.",
+       "Examples:\n"
+       "  haptic_sim deploy/scenes/heap.yaml --user 0\n"
+       "  haptic_sim deploy/scenes/heap.yaml --user 1 --users 2 --domain 7 --peers 10.0.0.1\n"},
+      {"device_sim", "Emulates one user's haptic device and the hand that holds it.",
+       "Examples:\n"
+       "  device_sim deploy/scenes/heap.yaml --user 0\n"},
+      {"gui_headless", "Watches a run without a window and writes a picture of it.",
+       "Examples:\n"
+       "  gui_headless deploy/scenes/heap.yaml --out out/heap\n"}};
+  return kAbout[static_cast<std::size_t>(program)];
+}
+
+template <class T>
+void override_with(T& setting, const std::optional<T>& option) {
+  if (option) setting = *option;
+}
+
+}  // namespace
+
+void add_run_options(CLI::App& app, Options& o) {
+  app.add_option("scene", o.scene, "scene file (YAML)")->required();
+  app.add_option("--mode", o.mode, "lockstep: nobody looks at a clock; realtime: nobody waits")
+      ->check(CLI::IsMember({"lockstep", "realtime"}));
+  app.add_option("--users", o.users, "how many of the scene's users take part")->check(CLI::Range(1, 64));
+  app.add_option("--scheme", o.scheme, "coupling scheme: paper or direct");
+  app.add_option("--engine", o.engine, "the world's engine");
+  app.add_option("--haptic-engine", o.haptic_engine, "the sub-worlds' engine");
+  app.add_option("--preset", o.preset, "the world engine's preset: fast or quality");
+  app.add_option("--haptic-preset", o.haptic_preset, "the sub-world engines' preset");
+  app.add_option("--ratio", o.ratio, "simulation ratio r = T / h")->check(CLI::Range(1, 1000));
+  app.add_option("--duration", o.duration_s, "simulated time, s")->check(CLI::Range(0.001, 1e6));
+  app.add_option("--peers", o.network.peers, "hosts of the other programs, for networks without multicast")
+      ->delimiter(',');
+  app.add_option("--interface", o.network.interface_address, "address of the network interface (default: loopback)");
+  app.add_option("--qos", o.network.qos_file, "the DDS vendor's settings file");
+  app.add_option("--out", o.out, "folder for results");
+  app.add_option("--wait", o.wait_s, "how long to wait for the other programs, s")->check(CLI::Range(0.1, 3600.0));
+}
+
+Parsed parse_options(Program program, int argc, const char* const* argv) {
+  const About& me = about(program);
+  Parsed parsed;
+  Options& o = parsed.options;
+  CLI::App app{me.what, me.name};
+  app.footer(me.examples);
+  add_run_options(app, o);
+  app.add_option("--dds", o.network.dds, "DDS vendor")
+      ->check(CLI::IsMember({"fastdds", "cyclonedds"}))
+      ->envname("SUBWORLD_DDS");
+  app.add_option("--domain", o.network.domain, "DDS domain id")->check(CLI::Range(0, 232))->envname("SUBWORLD_DOMAIN");
+  if (program == Program::haptic_sim || program == Program::device_sim) {
+    app.add_option("--user", o.user, "which of the scene's users, from 0")->check(CLI::Range(0, 63));
+  }
+  if (program == Program::gui_headless) {
+    app.add_option("--picture-every", o.picture_every_s, "also a picture each so many simulated seconds")
+        ->check(CLI::NonNegativeNumber);
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& done) {
+    parsed.exit_code = app.exit(done);
+  } catch (const CLI::ParseError& wrong) {
+    throw Error(ExitCode::usage, fmt::format("{}; see {} --help", wrong.what(), me.name));
+  }
+  return parsed;
+}
+
+Scene load_scene(const Options& o) {
+  Scene scene = load_scene(o.scene);
+  Settings& s = scene.settings;
+  if (o.mode) s.mode = *o.mode == "realtime" ? Mode::realtime : Mode::lockstep;
+  override_with(s.scheme, o.scheme);
+  override_with(s.world.name, o.engine);
+  override_with(s.haptic.name, o.haptic_engine);
+  override_with(s.world.preset, o.preset);
+  override_with(s.haptic.preset, o.haptic_preset);
+  override_with(s.ratio, o.ratio);
+  override_with(s.users, o.users);
+  override_with(s.duration_s, o.duration_s);
+  const int declared = static_cast<int>(scene.users.size());
+  if (s.users == 0) s.users = declared;
+  if (s.users > declared) {
+    throw Error(ExitCode::usage,
+                fmt::format("--users {}: {} declares {} user{}; declare more under `users`, or ask for fewer", s.users,
+                            o.scene, declared, declared == 1 ? "" : "s"));
+  }
+  if (o.user >= s.users) {
+    throw Error(ExitCode::usage,
+                fmt::format("--user {}: {} user{} take part in {}; users count from 0, more take part with --users",
+                            o.user, s.users, s.users == 1 ? "" : "s", o.scene));
+  }
+  return scene;
+}
+
+std::vector<std::string> flags_of(const Options& o) {
+  std::vector<std::string> flags{o.scene};
+  const auto add = [&](const char* flag, const auto& value) {
+    if (value) flags.insert(flags.end(), {flag, fmt::format("{}", *value)});
+  };
+  add("--mode", o.mode);
+  add("--scheme", o.scheme);
+  add("--engine", o.engine);
+  add("--haptic-engine", o.haptic_engine);
+  add("--preset", o.preset);
+  add("--haptic-preset", o.haptic_preset);
+  add("--ratio", o.ratio);
+  add("--users", o.users);
+  add("--duration", o.duration_s);
+  if (!o.network.peers.empty())
+    flags.insert(flags.end(), {"--peers", fmt::format("{}", fmt::join(o.network.peers, ","))});
+  if (!o.network.interface_address.empty()) flags.insert(flags.end(), {"--interface", o.network.interface_address});
+  if (!o.network.qos_file.empty()) flags.insert(flags.end(), {"--qos", o.network.qos_file});
+  if (!o.out.empty()) flags.insert(flags.end(), {"--out", o.out});
+  flags.insert(flags.end(), {"--wait", fmt::format("{}", o.wait_s)});
+  return flags;
+}
+
+int guarded(const char* program, const std::function<int()>& body) noexcept {
+  try {
+    return body();
+  } catch (const Error& wrong) {
+    fmt::print(stderr, "{}: error: {}\n", program, wrong.what());
+    return static_cast<int>(wrong.code());
+  } catch (const std::exception& wrong) {
+    fmt::print(stderr, "{}: error: {}\n", program, wrong.what());
+    return static_cast<int>(ExitCode::failed);
+  }
+}
+
+}  // namespace subworld

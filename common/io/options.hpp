@@ -1,0 +1,63 @@
+#pragma once
+
+#include "model/network.hpp"
+#include "model/scene.hpp"
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+enum class Program : std::uint8_t { world_sim, haptic_sim, device_sim, gui_headless };
+
+/// What every program takes from its command line. Flag over environment over scene over default.
+struct Options {
+  std::string scene;
+  Network network;
+  std::optional<std::string> mode;
+  std::optional<std::string> scheme;
+  std::optional<std::string> engine;
+  std::optional<std::string> haptic_engine;
+  std::optional<std::string> preset;
+  std::optional<std::string> haptic_preset;
+  std::optional<int> ratio;
+  std::optional<int> users;
+  std::optional<double> duration_s;
+  std::string out;               ///< folder for results; empty: none are written
+  int user = 0;                  ///< haptic_sim, device_sim
+  double wait_s = 30.0;          ///< for the other programs
+  double picture_every_s = 0.0;  ///< gui_headless
+};
+
+struct Parsed {
+  Options options;
+  std::optional<int> exit_code;  ///< set where nothing is left to do (`--help`)
+};
+
+/// Reads the command line of a program. Throws `Error` (usage) with the flag and the cure.
+[[nodiscard]] Parsed parse_options(Program program, int argc, const char* const* argv);
+
+/// Loads the scene and lets the options override its settings; afterwards `settings.users` counts the users that take
+/// part. Throws `Error` (usage).
+[[nodiscard]] Scene load_scene(const Options& options);
+
+/// The flags that hand the same settings on to another program.
+[[nodiscard]] std::vector<std::string> flags_of(const Options& options);
+
+}  // namespace subworld
+
+namespace CLI {
+class App;
+}
+
+namespace subworld {
+
+/// Adds the options that the launcher and all programs share.
+void add_run_options(CLI::App& app, Options& options);
+
+/// Runs a program's body and turns what it throws into a message on stderr and an exit code.
+int guarded(const char* program, const std::function<int()>& body) noexcept;
+
+}  // namespace subworld

@@ -1,0 +1,72 @@
+#include "io/results.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+#include <sys/utsname.h>
+
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+namespace subworld {
+
+Json quantiles(const Histogram& h) {
+  return {{"p50", h.quantile_s(0.5)},
+          {"p99", h.quantile_s(0.99)},
+          {"p99_9", h.quantile_s(0.999)},
+          {"max", h.max_s()},
+          {"mean", h.mean_s()}};
+}
+
+Json mean_max(const MeanMax& values) { return {{"mean", values.mean()}, {"max", values.max}}; }
+
+void make_folder(const std::string& folder) {
+  std::error_code wrong;
+  std::filesystem::create_directories(folder, wrong);
+  if (wrong || !std::filesystem::is_directory(folder)) {
+    throw Error(ExitCode::failed, fmt::format("{}: cannot create the folder ({}); choose another one with --out",
+                                              folder, wrong.message()));
+  }
+}
+
+void write_json(const std::string& path, const Json& json) {
+  const std::string unfinished = path + ".part";
+  {
+    std::ofstream file(unfinished);
+    file << json.dump(2) << '\n';
+    if (!file.flush()) throw Error(ExitCode::failed, fmt::format("{}: cannot write; is the disk full?", path));
+  }
+  std::filesystem::rename(unfinished, path);
+}
+
+Json read_json(const std::string& path) {
+  std::ifstream file(path);
+  if (!file)
+    throw Error(ExitCode::failed, fmt::format("{}: cannot read; did the program that writes it end early?", path));
+  try {
+    return Json::parse(file);
+  } catch (const nlohmann::json::exception& wrong) {
+    throw Error(ExitCode::failed, fmt::format("{}: {}", path, wrong.what()));
+  }
+}
+
+Json machine() {
+  utsname system{};
+  uname(&system);
+  std::ifstream cpus("/proc/cpuinfo");
+  std::string line, model = "unknown";
+  while (std::getline(cpus, line)) {
+    if (line.starts_with("model name")) {
+      model = line.substr(line.find(':') + 2);
+      break;
+    }
+  }
+  return {{"cpu", model},
+          {"cores", std::thread::hardware_concurrency()},
+          {"kernel", system.release},
+          {"system", system.sysname},
+          {"compiler", __VERSION__}};
+}
+
+}  // namespace subworld

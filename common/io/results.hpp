@@ -1,0 +1,41 @@
+#pragma once
+
+#include "rt/histogram.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <string>
+
+namespace subworld {
+
+using Json = nlohmann::ordered_json;
+
+/// {"p50", "p99", "p99_9", "max", "mean"} in seconds.
+[[nodiscard]] Json quantiles(const Histogram& histogram);
+
+/// Mean and maximum of a count.
+struct MeanMax {
+  double sum = 0.0;
+  double max = 0.0;
+  std::uint64_t count = 0;
+
+  void add(double value) noexcept {
+    sum += value;
+    max = count == 0 ? value : (value > max ? value : max);
+    ++count;
+  }
+  [[nodiscard]] double mean() const noexcept { return count == 0 ? 0.0 : sum / static_cast<double>(count); }
+};
+[[nodiscard]] Json mean_max(const MeanMax& values);
+
+/// Creates the folder. Throws `Error` (failed) with the cure.
+void make_folder(const std::string& folder);
+/// Writes a file whole or not at all. Throws `Error` (failed).
+void write_json(const std::string& path, const Json& json);
+/// Throws `Error` (failed) where the file is missing or broken.
+[[nodiscard]] Json read_json(const std::string& path);
+
+/// Machine, kernel and versions, for the summary.
+[[nodiscard]] Json machine();
+
+}  // namespace subworld

@@ -1,0 +1,17 @@
+#include "rt/cyclic.hpp"
+
+#include <ctime>
+
+namespace subworld {
+
+Duration Cyclic::wait() noexcept {
+  released_ = next_;
+  next_ += slewed_;
+  const std::int64_t ns = to_ns(released_);
+  const timespec until{static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) != 0) {
+  }
+  return Clock::now() - released_;
+}
+
+}  // namespace subworld

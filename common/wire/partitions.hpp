@@ -1,0 +1,11 @@
+#pragma once
+
+#include <string>
+
+namespace subworld {
+
+/// A user's frames and reports, and a device's states and commands, meet only in their own partition.
+inline std::string user_partition(int user) { return "user_" + std::to_string(user); }
+inline std::string device_partition(int device) { return "device_" + std::to_string(device); }
+
+}  // namespace subworld

@@ -1,0 +1,35 @@
+#include "haptic_sim/run.hpp"
+#include "rt/stop.hpp"
+
+#include <fmt/format.h>
+
+int main(int argc, char** argv) {
+  using namespace subworld;
+  return guarded("haptic_sim", [&] {
+    const Parsed parsed = parse_options(Program::haptic_sim, argc, argv);
+    if (parsed.exit_code) return *parsed.exit_code;
+    const Options& options = parsed.options;
+    watch_stop_signals();
+    const Scene scene = load_scene(options);
+    if (!options.out.empty()) make_folder(options.out);
+
+    SubWorld sub(scene, static_cast<std::size_t>(options.user));
+    HapticMeasures measures(options.out, sub.user());
+    HapticPorts ports(options, scene);
+    fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
+    const auto first = join(ports, sub, scene, options);
+    if (first) {
+      if (scene.settings.mode == Mode::lockstep) {
+        run_lockstep(ports, sub, measures, scene);
+      } else {
+        run_realtime(ports, sub, measures, scene, *first);
+      }
+      ports.status.enter("stopping");
+      const double cycles = std::max(1.0, static_cast<double>(sub.stamp()));
+      const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());
+      if (!options.out.empty())
+        write_json(fmt::format("{}/haptic_{}.json", options.out, options.user), measures.json(bytes / cycles));
+    }
+    return static_cast<int>(ExitCode::done);
+  });
+}

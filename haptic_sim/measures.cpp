@@ -1,0 +1,66 @@
+#include "haptic_sim/measures.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace subworld {
+
+HapticMeasures::HapticMeasures(const std::string& folder, std::size_t user)
+    : user_(user),
+      history_(folder.empty() ? "" : fmt::format("{}/haptic_{}.csv", folder, user),
+               {"time_s",         "force_x_n",    "force_y_n",    "force_z_n",    "hand_force_x_n", "hand_force_y_n",
+                "hand_force_z_n", "torque_x_n_m", "torque_y_n_m", "torque_z_n_m", "proxy_x_m",      "proxy_y_m",
+                "proxy_z_m",      "device_x_m",   "device_y_m",   "device_z_m",   "members",        "contacts",
+                "border_pairs",   "step_s",       "lateness_s"}) {}
+
+void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step_s, double lateness_s,
+                          bool missed) noexcept {
+  ++steps_;
+  missed_ += missed;
+  step_.add(step_s);
+  lateness_.add(lateness_s);
+  const auto members = static_cast<double>(sub.members());
+  const auto contacts = static_cast<double>(sub.contacts());
+  const auto border = static_cast<double>(sub.border_pairs());
+  members_.add(members);
+  contacts_.add(contacts);
+  border_.add(border);
+  force_squares_ += felt.felt.force.squaredNorm();
+  force_max_ = std::max(force_max_, felt.felt.force.norm());
+  const Vec3& f = felt.felt.force;
+  const Vec3& hand = felt.to_hand.force;
+  const Vec3& torque = felt.felt.torque;
+  const Vec3 p = sub.proxy().position;
+  const Vec3& d = sub.device().pose.position;
+  history_.row({sub.time_s(), f.x(),      f.y(),      f.z(),    hand.x(), hand.y(), hand.z(),
+                torque.x(),   torque.y(), torque.z(), p.x(),    p.y(),    p.z(),    d.x(),
+                d.y(),        d.z(),      members,    contacts, border,   step_s,   lateness_s});
+}
+
+void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noexcept {
+  sync_.add(seconds);
+  lost_frames_ += lost_frames;
+}
+
+Json HapticMeasures::json(double bytes_per_cycle) const {
+  return {{"user", user_},
+          {"steps", steps_},
+          {"missed_deadlines", missed_},
+          {"lateness_s", quantiles(lateness_)},
+          {"step_s", quantiles(step_)},
+          {"force_rms_n", steps_ == 0 ? 0.0 : std::sqrt(force_squares_ / static_cast<double>(steps_))},
+          {"force_max_n", force_max_},
+          {"members", mean_max(members_)},
+          {"contacts", mean_max(contacts_)},
+          {"border_pairs", mean_max(border_)},
+          {"sync_s", quantiles(sync_)},
+          {"round_trip_s", quantiles(round_trip_)},
+          {"bytes_per_cycle", bytes_per_cycle},
+          {"lost_frames", lost_frames_},
+          {"resynchronisations", adoptions_},
+          {"history_rows_dropped", history_.dropped()}};
+}
+
+}  // namespace subworld

@@ -1,0 +1,20 @@
+#include "haptic_sim/ports.hpp"
+
+#include "wire/partitions.hpp"
+
+#include <fmt/format.h>
+
+namespace subworld {
+
+HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
+    : bus(open_bus(options.network, scene_file.settings, 1.0 / scene_file.users[options.user].device.rate_hz,
+                   fmt::format("haptic_sim {}", options.user))),
+      scene(bus->reader<SceneDescription>()),
+      device(bus->reader<DeviceState>(device_partition(options.user))),
+      command(bus->writer<DeviceCommand>(device_partition(options.user))),
+      frames(bus->reader<WorldFrame>(user_partition(options.user))),
+      reports(bus->writer<HapticReport>(user_partition(options.user))),
+      status(*bus, ProgramKind::haptic_sim, static_cast<std::uint32_t>(options.user),
+             fmt::format("haptic_sim {}", options.user)) {}
+
+}  // namespace subworld

@@ -1,0 +1,197 @@
+#include "haptic_sim/run.hpp"
+
+#include "model/error.hpp"
+#include "rt/scheduling.hpp"
+#include "rt/stop.hpp"
+#include "wire/await.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace subworld {
+
+namespace {
+
+constexpr int kPriority = 80;
+constexpr double kStale_s = 0.05;           ///< without a device state: the force fades out
+constexpr int kFadeSteps = 30;              ///< before the last command, so that a hand is let go gently
+constexpr double kSlewLimit_ppm = 200.0;    ///< of the haptic period
+constexpr double kPhaseFilter = 0.02;       ///< of one frame in the phase estimate
+constexpr std::uint64_t kTooFarBehind = 8;  ///< cycles; then the sub-world starts again from the world's states
+
+DeviceCommand command_for(const SubWorld& sub, const DeviceState& state, const Scene& scene, BodyId proxy,
+                          const Wrench& to_hand) {
+  DeviceCommand command;
+  command.device = state.device;
+  command.sequence = state.sequence;
+  command.stamp_s = sub.time_s();
+  command.echoed_sent_ns = state.sent_ns;
+  command.wrench = to_hand;
+  const BodyState now = sub.proxy();
+  const BodyState& start = scene.initial[index(proxy)];
+  command.pose.position = now.position - sub.clutch();
+  command.pose.orientation = now.orientation * start.orientation.conjugate();
+  command.linear_velocity = now.linear_velocity;
+  command.angular_velocity = now.angular_velocity;
+  return command;
+}
+
+void send_last(HapticPorts& ports, const DeviceState& state) {
+  DeviceCommand command;
+  command.device = state.device;
+  command.sequence = state.sequence;
+  command.pose = state.pose;
+  command.last = true;
+  ports.command.write(command);
+  ports.command.wait_for_acknowledgments(0.2);
+}
+
+/// The haptic clock against the world's.
+class Phase {
+ public:
+  /// `late_s`: by how much the haptic process reaches the frame's stamp after the world.
+  void observe(double late_s) noexcept {
+    estimate_s_ = seen_ ? estimate_s_ + kPhaseFilter * (late_s - estimate_s_) : late_s;
+    newest_s_ = late_s;
+    seen_ = true;
+  }
+  [[nodiscard]] double slew_ppm() const noexcept {
+    return std::clamp(-1e6 * estimate_s_, -kSlewLimit_ppm, kSlewLimit_ppm);
+  }
+  /// Simulated seconds per second: the world's, and less while more than a cycle ahead of it.
+  [[nodiscard]] double rate(double clock_factor, double cycle_s) const noexcept {
+    const double ahead = std::max(0.0, -newest_s_ / cycle_s - 1.0);
+    return std::clamp(clock_factor - 0.1 * ahead, 0.0, 1.0);
+  }
+
+ private:
+  double estimate_s_ = 0.0;
+  double newest_s_ = 0.0;
+  bool seen_ = false;
+};
+
+}  // namespace
+
+void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, const Scene& scene) {
+  const double h = scene.settings.h_s;
+  const bool reports_sub_world = sub.scheme().has_sub_world();
+  const BodyId proxy = scene.users[sub.user()].proxy;
+  const auto stopped = [] { return stop_signal() != 0; };
+  DeviceState device;
+  WorldFrame frame;
+  const auto send_report = [&] {
+    if (!ports.reports.write(sub.report(to_ns(Clock::now()))))
+      throw Error(ExitCode::failed, "haptic_report could not be sent; is world_sim stuck?");
+  };
+
+  if (reports_sub_world) send_report();
+  while (true) {
+    for (int i = 0; i < scene.settings.ratio; ++i) {
+      if (!await(*ports.bus, ports.device, device, stopped,
+                 "device_sim has died; the haptic loop cannot go on in lock-step"))
+        return;
+      const TimePoint begin = Clock::now();
+      const FeltStep felt = sub.feel(device, true, h);
+      if (!ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand))) {
+        throw Error(ExitCode::failed, "device_command could not be sent; is device_sim stuck?");
+      }
+      if (!reports_sub_world && i == 0) send_report();
+      sub.advance(h);
+      measures.step(sub, felt, to_seconds(Clock::now() - begin), 0.0, false);
+    }
+    if (!sub.finite())
+      throw Error(ExitCode::failed, "the sub-world is no longer finite; use a smaller h_s or the preset quality");
+    if (reports_sub_world) send_report();
+    if (!await(*ports.bus, ports.frames, frame, stopped,
+               "world_sim has died; the haptic loop cannot go on in lock-step"))
+      return;
+    const TimePoint begin = Clock::now();
+    const std::uint64_t lost = sub.apply(frame);
+    measures.synchronised(to_seconds(Clock::now() - begin), lost);
+    if (frame.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - frame.echoed_sent_ns));
+    ports.status.update(1e-9 * static_cast<double>(to_ns(begin)), sub.time_s(), measures.steps(), 0);
+    if (frame.last) break;
+  }
+  send_last(ports, device);
+  ports.reports.wait_for_acknowledgments(1.0);
+}
+
+void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, const Scene& scene,
+                  const FirstFrame& first) {
+  const double h = scene.settings.h_s;
+  const double cycle_s = scene.settings.cycle_s();
+  const bool reports_sub_world = sub.scheme().has_sub_world();
+  const BodyId proxy = scene.users[sub.user()].proxy;
+  const Scheduling scheduling = claim_realtime(kPriority);
+  fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", sub.user(), 1.0 / h, scheduling.text);
+  std::fflush(stdout);
+
+  DeviceState device;
+  device.device = static_cast<std::uint32_t>(sub.user());
+  TimePoint heard{};
+  std::array<WorldFrame, kRememberedCycles> waiting;  // frames that came before their stamp
+  std::size_t waiting_count = 0;
+  WorldFrame frame;
+  Phase phase;
+  double clock_factor = 1.0;
+  bool last = false;
+  int fading = 0;
+  const auto send_report = [&] { ports.reports.write(sub.report(to_ns(Clock::now()))); };
+
+  Cyclic loop(first.received + from_seconds(first.frame.start_in_s), from_seconds(h));
+  if (reports_sub_world) send_report();
+  while (fading < kFadeSteps) {
+    const double lateness_s = to_seconds(loop.wait());
+    const TimePoint begin = Clock::now();
+    fading += last || stop_signal() != 0;
+
+    if (ports.device.take_latest(device)) heard = begin;
+    while (waiting_count < waiting.size()) {
+      if (ports.frames.take(waiting[waiting_count]) != Take::sample) break;
+      const WorldFrame& came = waiting[waiting_count++];
+      const double world_s =
+          to_seconds(begin - loop.released()) + came.start_in_s;  // until the world reaches the stamp
+      phase.observe((came.stamp_s - sub.time_s()) - world_s);
+      clock_factor = came.clock_factor;
+      last = last || came.last;
+      if (came.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - came.echoed_sent_ns));
+    }
+    std::size_t used = 0;
+    for (; used < waiting_count; ++used) {
+      const WorldFrame& due = waiting[used];
+      const bool behind = due.stamp > sub.stamp() + kTooFarBehind;
+      if (!behind && sub.finite() && !sub.accepts(due.stamp)) break;
+      const TimePoint start = Clock::now();
+      std::uint64_t lost = 0;
+      if (behind || !sub.finite()) {
+        sub.adopt(due);
+        measures.resynchronised();
+      } else {
+        lost = sub.apply(due);
+      }
+      measures.synchronised(to_seconds(Clock::now() - start), lost);
+    }
+    std::rotate(waiting.begin(), waiting.begin() + static_cast<std::ptrdiff_t>(used), waiting.end());
+    waiting_count -= used;
+
+    const double dt = h * phase.rate(clock_factor, cycle_s);
+    const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
+    const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
+    ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand));
+    if (!reports_sub_world && sub.at_cycle_start()) send_report();
+    sub.advance(dt);
+    if (reports_sub_world && sub.at_boundary()) send_report();
+
+    loop.slew(phase.slew_ppm());
+    const TimePoint end = Clock::now();
+    measures.step(sub, felt, to_seconds(end - begin), lateness_s, end > loop.deadline());
+    ports.status.update(1e-9 * static_cast<double>(to_ns(end)), sub.time_s(), measures.steps(), measures.missed());
+  }
+  send_last(ports, device);
+}
+
+}  // namespace subworld
