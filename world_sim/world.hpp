@@ -35,6 +35,9 @@ class World {
   /// Applies the blends that are due; for the reports that arrive after the last step.
   void synchronise();
 
+  /// Adds the final states to the hash.
+  void close() { account(); }
+
   /// The world at the present stamp as user u sees it; new after each step().
   [[nodiscard]] WorldFrame& frame(std::size_t user) { return users_[user].newest(stamp_); }
   [[nodiscard]] SceneDescription description(std::uint64_t settings_hash) const;
@@ -43,8 +46,8 @@ class World {
 
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
   [[nodiscard]] double time_s() const noexcept { return static_cast<double>(stamp_) * scene_.settings.cycle_s(); }
+  [[nodiscard]] bool has_sub_worlds() const noexcept { return scheme_->has_sub_world(); }
   [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
-  [[nodiscard]] std::uint64_t newest_report(std::size_t user) const noexcept { return users_[user].report.stamp; }
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
   /// Most that the energy rose above its start plus the work of the devices, so far, J.

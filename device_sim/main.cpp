@@ -1,0 +1,33 @@
+#include "device_sim/run.hpp"
+#include "rt/stop.hpp"
+
+#include <fmt/format.h>
+
+int main(int argc, char** argv) {
+  using namespace subworld;
+  return guarded("device_sim", [&] {
+    const Parsed parsed = parse_options(Program::device_sim, argc, argv);
+    if (parsed.exit_code) return *parsed.exit_code;
+    const Options& options = parsed.options;
+    watch_stop_signals();
+    const Scene scene = load_scene(options);
+    if (!options.out.empty()) make_folder(options.out);
+
+    const UserSpec& user = scene.users[static_cast<std::size_t>(options.user)];
+    EmulatedDevice device(user.device, static_cast<std::uint32_t>(options.user));
+    DeviceMeasures measures(options.out, options.user);
+    DevicePorts ports(options, scene);
+    fmt::print("device_sim {}: {}\n", options.user, ports.bus->effective_settings());
+    if (join(ports, options)) {
+      if (scene.settings.mode == Mode::lockstep) {
+        run_lockstep(ports, device, measures, scene);
+      } else {
+        run_realtime(ports, device, measures, user);
+      }
+      ports.status.enter("stopping");
+      if (!options.out.empty())
+        write_json(fmt::format("{}/device_{}.json", options.out, options.user), measures.json());
+    }
+    return static_cast<int>(ExitCode::done);
+  });
+}

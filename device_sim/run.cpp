@@ -1,0 +1,124 @@
+#include "device_sim/run.hpp"
+
+#include "model/error.hpp"
+#include "rt/cyclic.hpp"
+#include "rt/scheduling.hpp"
+#include "rt/stop.hpp"
+#include "wire/await.hpp"
+#include "wire/partitions.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace subworld {
+
+namespace {
+
+constexpr int kPriority = 75;
+constexpr double kStale_s = 0.05;  ///< without a command: the force fades out
+constexpr double kFade_s = 0.02;
+
+}  // namespace
+
+DevicePorts::DevicePorts(const Options& options, const Scene& scene)
+    : bus(open_bus(options.network, scene.settings,
+                   1.0 / scene.users[static_cast<std::size_t>(options.user)].device.rate_hz,
+                   fmt::format("device_sim {}", options.user))),
+      states(bus->writer<DeviceState>(device_partition(options.user))),
+      commands(bus->reader<DeviceCommand>(device_partition(options.user))),
+      status(*bus, ProgramKind::device_sim, static_cast<std::uint32_t>(options.user),
+             fmt::format("device_sim {}", options.user)) {}
+
+DeviceMeasures::DeviceMeasures(const std::string& folder, int user)
+    : user_(user),
+      history_(folder.empty() ? "" : fmt::format("{}/device_{}.csv", folder, user),
+               {"time_s", "x_m", "y_m", "z_m", "velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s", "force_x_n",
+                "force_y_n", "force_z_n"}) {}
+
+void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, bool missed) noexcept {
+  ++steps_;
+  missed_ += missed;
+  const Vec3& x = state.pose.position;
+  const Vec3& v = state.linear_velocity;
+  const Vec3& f = wrench.force;
+  history_.row({state.stamp_s, x.x(), x.y(), x.z(), v.x(), v.y(), v.z(), f.x(), f.y(), f.z()});
+}
+
+Json DeviceMeasures::json() const {
+  return {{"user", user_}, {"steps", steps_}, {"round_trip_s", quantiles(round_trip_)}, {"missed_deadlines", missed_}};
+}
+
+bool join(DevicePorts& ports, const Options& options) {
+  ports.status.enter("waiting");
+  const TimePoint until = Clock::now() + from_seconds(options.wait_s);
+  while (ports.states.matched() == 0 || ports.commands.matched() == 0) {
+    if (stop_signal() != 0) return false;
+    if (Clock::now() > until) {
+      throw Error(
+          ExitCode::failed,
+          fmt::format("no haptic_sim for user {} on domain {} within {} s; start haptic_sim --user {} with the same "
+                      "--domain, or name its host with --peers",
+                      options.user, options.network.domain, options.wait_s, options.user));
+    }
+    ports.bus->wait(0.05);
+  }
+  ports.status.enter("running");
+  return true;
+}
+
+void run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const Scene& scene) {
+  DeviceCommand command;
+  const auto stopped = [] { return stop_signal() != 0; };
+  while (true) {
+    DeviceState state = device.state();
+    const TimePoint sent = Clock::now();
+    state.sent_ns = to_ns(sent);
+    if (!ports.states.write(state))
+      throw Error(ExitCode::failed, "device_state could not be sent; is haptic_sim stuck?");
+    if (!await(*ports.bus, ports.commands, command, stopped,
+               "haptic_sim has died; the device cannot go on in lock-step"))
+      return;
+    if (command.last) return;
+    measures.round_trip(1e-9 * static_cast<double>(to_ns(Clock::now()) - command.echoed_sent_ns));
+    device.step(command, scene.settings.h_s);
+    measures.step(state, command.wrench, false);
+    ports.status.update(1e-9 * static_cast<double>(to_ns(sent)), state.stamp_s, measures.steps(), 0);
+  }
+}
+
+void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user) {
+  const double period_s = 1.0 / user.device.rate_hz;
+  const Scheduling scheduling = claim_realtime(kPriority);
+  fmt::print("device_sim {}: {:.0f} Hz, {}\n", device.state().device, user.device.rate_hz, scheduling.text);
+  std::fflush(stdout);
+
+  DeviceCommand command;
+  TimePoint heard{};
+  double gain = 0.0;
+  Cyclic loop(Clock::now(), from_seconds(period_s));
+  while (stop_signal() == 0) {
+    loop.wait();
+    const TimePoint begin = Clock::now();
+    if (ports.commands.take_latest(command)) {
+      measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - command.echoed_sent_ns));
+      heard = begin;
+    }
+    if (command.last) return;
+    const bool fresh = heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
+    gain = fresh ? 1.0 : std::max(0.0, gain - period_s / kFade_s);
+    DeviceCommand felt = command;
+    felt.wrench.force *= gain;
+    felt.wrench.torque *= gain;
+    // The path starts when the haptic loop does, whatever the time since the device was switched on.
+    if (heard != TimePoint{}) device.step(felt, period_s);
+    DeviceState state = device.state();
+    state.sent_ns = to_ns(begin);
+    ports.states.write(state);
+    const TimePoint end = Clock::now();
+    measures.step(state, felt.wrench, end > loop.deadline());
+    ports.status.update(1e-9 * static_cast<double>(to_ns(end)), state.stamp_s, measures.steps(), measures.missed());
+  }
+}
+
+}  // namespace subworld

@@ -1,0 +1,50 @@
+#pragma once
+
+#include "device_sim/emulated_device.hpp"
+#include "io/history.hpp"
+#include "io/options.hpp"
+#include "io/results.hpp"
+#include "wire/bus.hpp"
+#include "wire/status.hpp"
+
+#include <memory>
+
+namespace subworld {
+
+/// Everything that enters or leaves a device process.
+struct DevicePorts {
+  DevicePorts(const Options& options, const Scene& scene);
+
+  std::unique_ptr<Bus> bus;
+  Writer<DeviceState> states;
+  Reader<DeviceCommand> commands;
+  StatusBeacon status;
+};
+
+/// What a device process says of itself at the end, and its history on the way.
+class DeviceMeasures {
+ public:
+  DeviceMeasures(const std::string& folder, int user);
+  void step(const DeviceState& state, const Wrench& wrench, bool missed) noexcept;
+  void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
+  [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
+  [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }
+  [[nodiscard]] Json json() const;
+
+ private:
+  int user_;
+  History history_;
+  Histogram round_trip_;
+  std::uint64_t steps_ = 0, missed_ = 0;
+};
+
+/// Waits until the haptic process is there. False when asked to stop. Throws `Error` (failed).
+[[nodiscard]] bool join(DevicePorts& ports, const Options& options);
+
+/// Each step waits for the command that answers the state. Throws `Error` (failed) when the haptic process dies.
+void run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const Scene& scene);
+
+/// At the device's own rate, with the newest command; an old one fades out.
+void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user);
+
+}  // namespace subworld

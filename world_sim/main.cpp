@@ -1,0 +1,62 @@
+#include "rt/cyclic.hpp"
+#include "rt/stop.hpp"
+#include "world_sim/run.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+namespace {
+
+/// Progress of the settling: on one line on a terminal, in quarters elsewhere.
+class Progress {
+ public:
+  bool operator()(double part) {
+    const int percent = static_cast<int>(100.0 * part);
+    if (percent >= shown_ + (terminal_ ? 1 : 25)) {
+      shown_ = percent;
+      fmt::print("{}world_sim: settling {:3d} %{}", terminal_ ? "\r" : "", percent,
+                 terminal_ && percent < 100 ? "" : "\n");
+      std::fflush(stdout);
+    }
+    return subworld::stop_signal() == 0;
+  }
+
+ private:
+  bool terminal_ = isatty(STDOUT_FILENO) != 0;
+  int shown_ = 0;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace subworld;
+  return guarded("world_sim", [&] {
+    const Parsed parsed = parse_options(Program::world_sim, argc, argv);
+    if (parsed.exit_code) return *parsed.exit_code;
+    const Options& options = parsed.options;
+    watch_stop_signals();
+    const Scene scene = load_scene(options);
+    if (!options.out.empty()) make_folder(options.out);
+
+    World world(scene);
+    WorldMeasures measures(options.out);
+    WorldPorts ports(options, scene);
+    fmt::print("world_sim: {}\n", ports.bus->effective_settings());
+    const TimePoint begin = Clock::now();
+    ports.status.enter("settling");
+    if (!world.settle(Progress{})) return static_cast<int>(ExitCode::done);
+    const double settle_s = to_seconds(Clock::now() - begin);
+    ports.scene.write(world.description(settings_hash(scene)));
+    if (gather(ports, options)) {
+      if (scene.settings.mode == Mode::lockstep) {
+        run_lockstep(ports, world, measures, scene);
+      } else {
+        run_realtime(ports, world, measures, scene);
+      }
+      ports.status.enter("stopping");
+      if (!options.out.empty())
+        write_json(options.out + "/world.json", measures.json(world, scene.bodies.size(), settle_s));
+    }
+    return static_cast<int>(ExitCode::done);
+  });
+}

@@ -1,0 +1,42 @@
+#include "world_sim/measures.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace subworld {
+
+WorldMeasures::WorldMeasures(const std::string& folder)
+    : history_(folder.empty() ? "" : folder + "/world.csv",
+               {"time_s", "kinetic_energy_j", "potential_energy_j", "energy_excess_j", "step_s", "lateness_s",
+                "clock_factor"}) {}
+
+void WorldMeasures::cycle(const World& world, double step_s, double lateness_s, bool late,
+                          double clock_factor) noexcept {
+  ++cycles_;
+  late_ += late;
+  step_.add(step_s);
+  lateness_.add(lateness_s);
+  clock_factor_min_ = std::min(clock_factor_min_, clock_factor);
+  history_.row({world.time_s(), world.kinetic_energy_j(), world.potential_energy_j(), world.energy_excess_j(), step_s,
+                lateness_s, clock_factor});
+}
+
+Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s) const {
+  return {{"state_hash", fmt::format("{:016x}", world.state_hash())},
+          {"simulated_s", world.time_s()},
+          {"energy_excess_j", world.energy_excess_j()},
+          {"world",
+           {{"bodies", bodies},
+            {"cycles", cycles_},
+            {"late_cycles", late_},
+            {"step_s", quantiles(step_)},
+            {"lateness_s", quantiles(lateness_)},
+            {"clock_factor_min", clock_factor_min_},
+            {"lost_reports", lost_reports_},
+            {"refused_reports", refused_reports_},
+            {"settle_wall_s", settle_s},
+            {"history_rows_dropped", history_.dropped()}}}};
+}
+
+}  // namespace subworld

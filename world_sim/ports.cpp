@@ -1,0 +1,19 @@
+#include "world_sim/ports.hpp"
+
+#include "wire/partitions.hpp"
+
+namespace subworld {
+
+WorldPorts::WorldPorts(const Options& options, const Scene& scene_file)
+    : bus(open_bus(options.network, scene_file.settings, scene_file.settings.h_s, "world_sim")),
+      scene(bus->writer<SceneDescription>()),
+      snapshots(bus->writer<WorldSnapshot>()),
+      control(bus->reader<Control>()),
+      status(*bus, ProgramKind::world_sim, 0, "world_sim") {
+  for (int u = 0; u < scene_file.settings.users; ++u) {
+    frames.push_back(bus->writer<WorldFrame>(user_partition(u)));
+    reports.push_back(bus->reader<HapticReport>(user_partition(u)));
+  }
+}
+
+}  // namespace subworld

@@ -1,0 +1,171 @@
+#include "world_sim/run.hpp"
+
+#include "model/error.hpp"
+#include "rt/cyclic.hpp"
+#include "rt/scheduling.hpp"
+#include "rt/stop.hpp"
+#include "wire/await.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace subworld {
+
+namespace {
+
+constexpr int kPriority = 60;  // below the haptic and device loops
+constexpr double kStartIn_s = 0.2;
+constexpr double kSnapshotPeriod_s = 1.0 / 30.0;
+constexpr double kCompletePeriod_s = 1.0;
+
+std::uint64_t cycles_of(const Settings& settings) {
+  return static_cast<std::uint64_t>(std::lround(settings.duration_s / settings.cycle_s()));
+}
+
+void publish_frames(WorldPorts& ports, World& world, bool last, double start_in_s, double clock_factor) {
+  for (std::size_t u = 0; u < world.user_count(); ++u) {
+    WorldFrame& frame = world.frame(u);
+    frame.last = last;
+    frame.start_in_s = start_in_s;
+    frame.clock_factor = clock_factor;
+    ports.frames[u].write(frame);
+  }
+}
+
+/// The display's decimated view; nothing is gathered while nobody looks.
+class Snapshots {
+ public:
+  void publish(WorldPorts& ports, World& world, double clock_factor, bool now) {
+    if (ports.snapshots.matched() == 0 || (!now && world.time_s() < next_s_)) return;
+    const bool complete = now || world.time_s() >= next_complete_s_;
+    world.snapshot(complete, snapshot_);
+    ++snapshot_.sequence;
+    snapshot_.clock_factor = clock_factor;
+    ports.snapshots.write(snapshot_);
+    next_s_ = world.time_s() + kSnapshotPeriod_s;
+    if (complete) next_complete_s_ = world.time_s() + kCompletePeriod_s;
+  }
+
+ private:
+  WorldSnapshot snapshot_;
+  double next_s_ = 0.0;
+  double next_complete_s_ = 0.0;
+};
+
+void check_finite(const World& world) {
+  if (world.finite()) return;
+  throw Error(ExitCode::failed,
+              fmt::format("the world is no longer finite at t = {:.3f} s; use a smaller step or the preset quality",
+                          world.time_s()));
+}
+
+void acknowledge(WorldPorts& ports) {
+  for (auto& frames : ports.frames) frames.wait_for_acknowledgments(0.5);
+}
+
+}  // namespace
+
+bool gather(WorldPorts& ports, const Options& options) {
+  ports.status.enter("waiting");
+  const TimePoint until = Clock::now() + from_seconds(options.wait_s);
+  for (std::size_t u = 0; u < ports.frames.size(); ++u) {
+    while (ports.frames[u].matched() == 0 || ports.reports[u].matched() == 0) {
+      if (stop_signal() != 0) return false;
+      if (Clock::now() > until) {
+        throw Error(
+            ExitCode::failed,
+            fmt::format("user {}: no haptic_sim on domain {} within {} s; start haptic_sim --user {} with the same "
+                        "--domain, or name its host with --peers",
+                        u, options.network.domain, options.wait_s, u));
+      }
+      ports.bus->wait(0.05);
+    }
+  }
+  ports.status.enter("running");
+  return true;
+}
+
+void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene) {
+  const std::uint64_t cycles = cycles_of(scene.settings);
+  const auto never = [] { return false; };
+  Snapshots snapshots;
+  HapticReport report;
+  const auto receive_all = [&] {
+    for (std::size_t u = 0; u < world.user_count(); ++u) {
+      await(*ports.bus, ports.reports[u], report, never,
+            fmt::format("haptic_sim {} has died; the world cannot go on in lock-step", u));
+      if (!world.receive(std::move(report))) {
+        throw Error(ExitCode::failed,
+                    fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of them on this domain?",
+                                u, world.stamp()));
+      }
+    }
+  };
+
+  publish_frames(ports, world, false, 0.0, 1.0);
+  bool last = false;
+  while (!last) {
+    receive_all();
+    const TimePoint begin = Clock::now();
+    world.step();
+    // A stop takes effect between cycles, and as a last frame: so everybody ends in order.
+    last = world.stamp() >= cycles || stop_signal() != 0;
+    publish_frames(ports, world, last, 0.0, 1.0);
+    measures.cycle(world, to_seconds(Clock::now() - begin), 0.0, false, 1.0);
+    snapshots.publish(ports, world, 1.0, last);
+    ports.status.update(1e-9 * static_cast<double>(to_ns(begin)), world.time_s(), world.stamp(), 0);
+    check_finite(world);
+  }
+  if (world.has_sub_worlds()) {
+    receive_all();
+    world.synchronise();
+  }
+  world.close();
+  acknowledge(ports);
+}
+
+void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene) {
+  const double cycle_s = scene.settings.cycle_s();
+  const std::uint64_t cycles = cycles_of(scene.settings);
+  const Scheduling scheduling = claim_realtime(kPriority);
+  fmt::print("world_sim: {:.1f} Hz, {}\n", 1.0 / cycle_s, scheduling.text);
+  std::fflush(stdout);
+
+  Snapshots snapshots;
+  HapticReport report;
+  std::vector<std::uint64_t> newest(world.user_count(), 0);
+  double clock_factor = 1.0;
+  bool last = false;
+  publish_frames(ports, world, false, kStartIn_s, clock_factor);
+  Cyclic loop(Clock::now() + from_seconds(kStartIn_s), from_seconds(cycle_s));
+  while (!last) {
+    const double lateness_s = to_seconds(loop.wait());
+    const TimePoint begin = Clock::now();
+    for (std::size_t u = 0; u < world.user_count(); ++u) {
+      while (ports.reports[u].take(report) == Take::sample) {
+        if (report.stamp > newest[u] + 1) measures.lost_report();
+        newest[u] = std::max(newest[u], report.stamp);
+        if (!world.receive(std::move(report))) measures.refused_report();
+      }
+    }
+    world.step();
+    last = world.stamp() >= cycles || stop_signal() != 0;
+    publish_frames(ports, world, last, to_seconds(loop.deadline() - Clock::now()), clock_factor);
+    const TimePoint end = Clock::now();
+    const double over_s = to_seconds(end - loop.deadline());
+    measures.cycle(world, to_seconds(end - begin), lateness_s, over_s > 0.0, clock_factor);
+    // Two cycles of arrears may be caught up; beyond that the world's clock slows for everybody.
+    const double slip_s = std::max(0.0, over_s - 2.0 * cycle_s);
+    loop.shift(from_seconds(slip_s));
+    clock_factor = cycle_s / (cycle_s + slip_s);
+    snapshots.publish(ports, world, clock_factor, last);
+    ports.status.update(1e-9 * static_cast<double>(to_ns(end)), world.time_s(), world.stamp(), measures.late());
+    check_finite(world);
+  }
+  world.close();
+  acknowledge(ports);
+}
+
+}  // namespace subworld
