@@ -101,7 +101,8 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
     loop.wait();
     const TimePoint begin = Clock::now();
     if (ports.commands.take_latest(command)) {
-      measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - command.echoed_sent_ns));
+      if (command.echoed_sent_ns != 0)
+        measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - command.echoed_sent_ns));
       heard = begin;
     }
     if (command.last) return;

@@ -1,0 +1,238 @@
+#include "launch.hpp"
+
+#include "io/results.hpp"
+#include "model/error.hpp"
+#include "rt/cyclic.hpp"
+#include "rt/stop.hpp"
+#include "summary.hpp"
+#include "supervise.hpp"
+
+#include <fcntl.h>
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+namespace subworld {
+
+namespace {
+
+constexpr int kFirstDomain = 100;  // domains that a run picks by itself
+constexpr int kLastDomain = 199;
+
+/// A domain that no other run on this machine holds; held until this object goes.
+class DomainClaim {
+ public:
+  explicit DomainClaim(int wanted) {
+    if (wanted >= 0) {
+      if (!claim(wanted)) {
+        throw Error(ExitCode::middleware,
+                    fmt::format("domain {} is in use by another run on this machine; choose another --domain, or "
+                                "leave it out and the first free one is taken",
+                                wanted));
+      }
+      return;
+    }
+    for (int domain = kFirstDomain; domain <= kLastDomain; ++domain) {
+      if (claim(domain)) return;
+    }
+    throw Error(ExitCode::middleware,
+                fmt::format("all domains from {} to {} are in use by other runs; name one with --domain", kFirstDomain,
+                            kLastDomain));
+  }
+  ~DomainClaim() {
+    if (file_ >= 0) close(file_);
+  }
+  DomainClaim(const DomainClaim&) = delete;
+  DomainClaim& operator=(const DomainClaim&) = delete;
+
+  [[nodiscard]] int domain() const noexcept { return domain_; }
+
+ private:
+  bool claim(int domain) {
+    const auto path = std::filesystem::temp_directory_path() / fmt::format("subworld-domain-{}.lock", domain);
+    const int file = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (file < 0) return false;
+    if (flock(file, LOCK_EX | LOCK_NB) != 0) {
+      close(file);
+      return false;
+    }
+    file_ = file;
+    domain_ = domain;
+    return true;
+  }
+
+  int file_ = -1;
+  int domain_ = -1;
+};
+
+std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
+
+std::string vendor_of(const std::string& dds, int position) {
+  if (dds != "mixed") return dds;
+  return position % 2 == 0 ? "fastdds" : "cyclonedds";
+}
+
+/// The world's simulated time, from the last whole line of its history.
+double simulated_s(const std::string& folder) {
+  std::ifstream file(folder + "/world.csv", std::ios::binary | std::ios::ate);
+  if (!file) return 0.0;
+  const auto size = static_cast<std::int64_t>(file.tellg());
+  const std::int64_t from = std::max<std::int64_t>(0, size - 512);
+  file.seekg(from);
+  std::string tail(static_cast<std::size_t>(size - from), '\0');
+  file.read(tail.data(), static_cast<std::streamsize>(tail.size()));
+  const auto end = tail.rfind('\n');
+  if (end == std::string::npos || end == 0) return 0.0;
+  const auto begin = tail.rfind('\n', end - 1);
+  return std::strtod(tail.c_str() + (begin == std::string::npos ? 0 : begin + 1), nullptr);
+}
+
+std::string last_line(const std::string& path) {
+  std::ifstream file(path);
+  std::string line, last;
+  while (std::getline(file, line)) {
+    if (!line.empty()) last = line.substr(line.rfind('\r') == std::string::npos ? 0 : line.rfind('\r') + 1);
+  }
+  return last;
+}
+
+/// One line that says how far the run is: rewritten on a terminal, every five seconds elsewhere.
+class Progress {
+ public:
+  Progress(std::string folder, double duration_s) : folder_(std::move(folder)), duration_s_(duration_s) {}
+  ~Progress() { finish(); }
+
+  void operator()() {
+    const double t = simulated_s(folder_);
+    const std::string text =
+        t > 0.0 ? fmt::format("t = {:.1f} of {:g} s", t, duration_s_) : last_line(folder_ + "/logs/world_sim.log");
+    if (terminal_) {
+      fmt::print("\r\033[K{}", text);
+      std::fflush(stdout);
+      shown_ = true;
+    } else if (++calls_ % 50 == 0) {
+      fmt::print("{}\n", text);
+      std::fflush(stdout);
+    }
+  }
+  void finish() {
+    if (shown_) fmt::print("\r\033[K");
+    shown_ = false;
+  }
+
+ private:
+  std::string folder_;
+  double duration_s_;
+  bool terminal_ = isatty(STDOUT_FILENO) != 0;
+  bool shown_ = false;
+  int calls_ = 0;
+};
+
+void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain) {
+  const std::string folder = program_folder();
+  int position = 0;
+  const auto start = [&](const std::string& program, int user, bool essential) {
+    std::vector<std::string> flags = flags_of(options);
+    flags.insert(flags.end(), {"--domain", std::to_string(domain), "--dds", vendor_of(request.dds, position++)});
+    std::string label = program;
+    if (user >= 0) {
+      flags.insert(flags.end(), {"--user", std::to_string(user)});
+      label += "_" + std::to_string(user);
+    }
+    programs.start(label, folder + "/" + program, flags, fmt::format("{}/logs/{}.log", options.out, label), essential);
+  };
+  start("world_sim", -1, true);
+  for (int u = 0; u < users; ++u) {
+    start("haptic_sim", u, true);
+    start("device_sim", u, true);
+    if (users > 1) ++position;  // so that mixed gives each user another pairing
+  }
+  if (request.gui) start("gui_headless", -1, true);
+}
+
+void remove_parts(const std::string& folder, int users) {
+  std::filesystem::remove(folder + "/world.json");
+  for (int u = 0; u < users; ++u) {
+    std::filesystem::remove(fmt::format("{}/haptic_{}.json", folder, u));
+    std::filesystem::remove(fmt::format("{}/device_{}.json", folder, u));
+  }
+}
+
+int report_failure(const Supervisor::Child& failed, const std::string& folder, Json& summary) {
+  const int code = exit_code_of(failed);
+  const std::string reason = fmt::format("{} {}", failed.label, end_of(failed));
+  fmt::print(stderr, "subworld: error: {}; everything else was stopped\n  {}\n  its log: {}\n", reason,
+             last_line(failed.log), failed.log);
+  summary["verdict"] = "failed: " + reason;
+  write_json(folder + "/summary.json", summary);
+  return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
+}
+
+}  // namespace
+
+int run(const RunRequest& request) {
+  Options options = request.options;
+  const Scene scene = load_scene(options);
+  if (options.out.empty()) {
+    options.out = fmt::format("out/{}-{:%Y%m%d-%H%M%S}", scene.name, fmt::localtime(std::time(nullptr)));
+  }
+  make_folder(options.out + "/logs");
+  remove_parts(options.out, scene.settings.users);
+  const DomainClaim claim(request.domain);
+  fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", scene.file,
+             scene.settings.mode == Mode::realtime ? "real time" : "lock-step", scene.settings.duration_s,
+             claim.domain(), options.out);
+
+  watch_stop_signals();
+  const TimePoint begin = Clock::now();
+  Supervisor programs;
+  start_programs(programs, request, options, scene.settings.users, claim.domain());
+  const Supervisor::Child* failed = nullptr;
+  {
+    Progress progress(options.out, scene.settings.duration_s);
+    failed = programs.watch([&] { progress(); });
+  }
+  const Supervisor::Child failure = failed != nullptr ? *failed : Supervisor::Child{};
+  programs.stop();
+
+  Json summary{{"scene", scene.name}, {"verdict", ""}};
+  if (failed != nullptr) return report_failure(failure, options.out, summary);
+  const int signal = stop_signal();
+  try {
+    summary = summarise(scene, request.dds, options.out);
+  } catch (const Error& wrong) {
+    if (signal == 0) throw;
+  }
+  remove_parts(options.out, scene.settings.users);
+  summary["wall_s"] = to_seconds(Clock::now() - begin);
+  if (signal != 0) {
+    summary["verdict"] = fmt::format("stopped by SIG{}", sigabbrev_np(signal));
+    write_json(options.out + "/summary.json", summary);
+    fmt::print("subworld: stopped by SIG{}; results so far in {}\n", sigabbrev_np(signal), options.out);
+    return static_cast<int>(ExitCode::done);
+  }
+
+  print_summary(summary);
+  bool ok = true;
+  for (const Gate& gate : gates(summary)) {
+    fmt::print("  {}\n", gate.line());
+    ok = ok && gate.ok();
+  }
+  if (!ok) summary["verdict"] = "quality gate missed";
+  write_json(options.out + "/summary.json", summary);
+  fmt::print("state hash {}\nverdict: {}\nsummary: {}/summary.json\n", summary["state_hash"].get<std::string>(),
+             summary["verdict"].get<std::string>(), options.out);
+  if (request.gui) fmt::print("picture: {}/picture.png\n", options.out);
+  return static_cast<int>(ok || !request.strict ? ExitCode::done : ExitCode::quality);
+}
+
+}  // namespace subworld

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "io/options.hpp"
+
+#include <string>
+
+namespace subworld {
+
+/// What `subworld run` was asked for.
+struct RunRequest {
+  Options options;
+  std::string dds = "fastdds";  ///< or cyclonedds, or mixed: the vendors alternate
+  int domain = -1;              ///< -1: the first that no other run holds
+  bool gui = false;             ///< also a display process, which writes a picture
+  bool strict = false;          ///< a missed quality gate ends with 4
+};
+
+/// Starts, watches and stops the programs of one run and prints its verdict. Returns the exit code.
+/// Throws `Error`: usage for the scene, middleware for a domain in use.
+int run(const RunRequest& request);
+
+/// Prints what a scene needs and what is left out, with the reasons.
+void print_plan(const Scene& scene, bool gui);
+
+}  // namespace subworld

@@ -1,0 +1,41 @@
+#include "coupling/scheme.hpp"
+#include "launch.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace subworld {
+
+void print_plan(const Scene& scene, bool gui) {
+  const Settings& s = scene.settings;
+  const auto scheme = make_scheme(s);
+  const auto fixed = std::count_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& b) { return b.fixed(); });
+  const bool realtime = s.mode == Mode::realtime;
+  fmt::print("{}: {} movable and {} fixed bodies, {} of {} users\n", scene.name,
+             static_cast<long>(scene.bodies.size()) - fixed, fixed, s.users, scene.users.size());
+  fmt::print("  processes: world_sim, {0} haptic_sim, {0} device_sim{1}\n", s.users, gui ? ", gui_headless" : "");
+  fmt::print("  clock: {}; h = {:g} ms, r = {}, T = {:g} ms\n", realtime ? "real time" : "lock-step", 1e3 * s.h_s,
+             s.ratio, 1e3 * s.cycle_s());
+  fmt::print("  engines: world {} ({}), sub-worlds {} ({})\n", s.world.name, s.world.preset, s.haptic.name,
+             s.haptic.preset);
+
+  const auto decide = [](bool in, const char* what, const std::string& why) {
+    fmt::print("  {} {}: {}\n", in ? "with   " : "without", what, why);
+  };
+  decide(scheme->has_sub_world(), "sub-worlds", fmt::format("scheme {}", scheme->name()));
+  decide(realtime, "DDS deadlines", realtime ? "armed in real time" : "in lock-step nobody is late");
+  decide(gui, "world_state", gui ? "the display reads it" : "nobody reads it, so no snapshot is gathered");
+  decide(s.users > 1, "shared bodies", s.users > 1 ? "several sub-worlds may hold the same body" : "one user");
+  for (int u = 0; u < s.users; ++u) {
+    const UserSpec& user = scene.users[static_cast<std::size_t>(u)];
+    const bool torques = user.device.degrees_of_freedom == 6;
+    decide(torques, fmt::format("torques for user {}", u).c_str(),
+           fmt::format("{} degrees of freedom", user.device.degrees_of_freedom));
+    const bool spring = user.device.kind == DeviceKind::impedance;
+    decide(spring, fmt::format("virtual coupling for user {}", u).c_str(),
+           spring ? "impedance device" : "admittance device: its force acts on the proxy");
+  }
+}
+
+}  // namespace subworld

@@ -1,0 +1,59 @@
+#include "launch.hpp"
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+namespace {
+
+using namespace subworld;
+
+int main_of(int argc, char** argv) {
+  CLI::App app{"Distributed haptic simulation: starts, watches and stops the programs of a run.", "subworld"};
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  subworld run deploy/scenes/heap.yaml --mode realtime --duration 20 --gui\n"
+      "  subworld run deploy/scenes/heap.yaml --mode lockstep --duration 5 --dds mixed\n"
+      "  subworld run deploy/scenes/heap.yaml --users 2\n"
+      "  subworld plan deploy/scenes/row.yaml\n"
+      "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
+      "            4 a quality gate was missed (--strict).");
+
+  RunRequest request;
+  CLI::App* run_command =
+      app.add_subcommand("run", "Runs a scene: one world, and a haptic and a device process per user");
+  add_run_options(*run_command, request.options);
+  run_command->add_option("--dds", request.dds, "DDS vendor; mixed: the programs alternate")
+      ->check(CLI::IsMember({"fastdds", "cyclonedds", "mixed"}))
+      ->envname("SUBWORLD_DDS");
+  run_command->add_option("--domain", request.domain, "DDS domain id (default: the first that no other run holds)")
+      ->check(CLI::Range(0, 232))
+      ->envname("SUBWORLD_DOMAIN");
+  run_command->add_flag("--gui", request.gui, "also start the display, which writes a picture");
+  run_command->add_flag("--strict", request.strict, "end with 4 when a quality gate is missed");
+
+  Options plan_options;
+  bool plan_gui = false;
+  CLI::App* plan_command =
+      app.add_subcommand("plan", "Prints what a scene needs and what is left out, with the reasons");
+  add_run_options(*plan_command, plan_options);
+  plan_command->add_flag("--gui", plan_gui, "with the display");
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& done) {
+    return app.exit(done);
+  } catch (const CLI::ParseError& wrong) {
+    throw Error(ExitCode::usage, fmt::format("{}; see subworld --help", wrong.what()));
+  }
+  if (*run_command) return run(request);
+  print_plan(load_scene(plan_options), plan_gui);
+  return static_cast<int>(ExitCode::done);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return guarded("subworld", [&] { return main_of(argc, argv); });
+}

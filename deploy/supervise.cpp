@@ -1,0 +1,129 @@
+#include "supervise.hpp"
+
+#include "model/error.hpp"
+#include "rt/stop.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <thread>
+
+namespace subworld {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kPoll{20};
+constexpr milliseconds kWorldAlone{600};  ///< the world ends the others in order
+constexpr milliseconds kAll{1500};        ///< after that by force
+
+[[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments, int log, pid_t parent) {
+  prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (getppid() != parent) _exit(1);
+  setpgid(0, 0);  // a terminal's Ctrl-C reaches the launcher alone, which stops all in order
+  dup2(log, STDOUT_FILENO);
+  dup2(log, STDERR_FILENO);
+  std::vector<char*> argv{const_cast<char*>(program.c_str())};
+  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+  argv.push_back(nullptr);
+  execv(program.c_str(), argv.data());
+  dprintf(STDERR_FILENO, "%s: %s\n", program.c_str(), std::strerror(errno));
+  _exit(127);
+}
+
+}  // namespace
+
+Supervisor::~Supervisor() { stop(); }
+
+void Supervisor::start(const std::string& label, const std::string& program, const std::vector<std::string>& arguments,
+                       const std::string& log, bool essential) {
+  const int file = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file < 0)
+    throw Error(ExitCode::failed, fmt::format("{}: {}; choose another folder with --out", log, std::strerror(errno)));
+  const pid_t parent = getpid();
+  const pid_t pid = fork();
+  if (pid == 0) become(program, arguments, file, parent);
+  close(file);
+  if (pid < 0) throw Error(ExitCode::failed, fmt::format("cannot start {}: {}", program, std::strerror(errno)));
+  children_.push_back({label, log, pid, 0, essential});
+}
+
+void Supervisor::reap() {
+  for (Child& child : children_) {
+    if (child.pid > 0 && waitpid(child.pid, &child.status, WNOHANG) == child.pid) child.pid = -1;
+  }
+}
+
+bool Supervisor::any_running(bool essential_only) const {
+  return std::any_of(children_.begin(), children_.end(),
+                     [&](const Child& c) { return c.pid > 0 && (c.essential || !essential_only); });
+}
+
+const Supervisor::Child* Supervisor::watch(const std::function<void()>& tick) {
+  auto next_tick = Clock::now();
+  while (stop_signal() == 0) {
+    reap();
+    for (const Child& child : children_) {
+      if (child.pid < 0 && exit_code_of(child) != 0) return &child;
+    }
+    if (!any_running(true)) break;
+    if (Clock::now() >= next_tick) {
+      tick();
+      next_tick += milliseconds(100);
+    }
+    std::this_thread::sleep_for(kPoll);
+  }
+  return nullptr;
+}
+
+void Supervisor::signal_all(int signal) {
+  for (const Child& child : children_) {
+    if (child.pid > 0) kill(child.pid, signal);
+  }
+}
+
+void Supervisor::stop() {
+  reap();
+  if (!any_running(false)) return;
+  const auto begin = Clock::now();
+  const auto wait_until = [&](milliseconds after) {
+    while (any_running(false) && Clock::now() - begin < after) {
+      std::this_thread::sleep_for(kPoll);
+      reap();
+    }
+  };
+  // A world that still runs tells the others with its last frame.
+  if (children_.front().pid > 0) {
+    kill(children_.front().pid, SIGTERM);
+    wait_until(kWorldAlone);
+  }
+  signal_all(SIGTERM);
+  wait_until(kAll);
+  signal_all(SIGKILL);
+  for (Child& child : children_) {
+    if (child.pid > 0) waitpid(child.pid, &child.status, 0);
+    child.pid = -1;
+  }
+}
+
+int exit_code_of(const Supervisor::Child& child) {
+  if (WIFEXITED(child.status)) return WEXITSTATUS(child.status);
+  return WIFSIGNALED(child.status) ? 1 : 0;
+}
+
+std::string end_of(const Supervisor::Child& child) {
+  if (WIFSIGNALED(child.status)) return fmt::format("killed by {}", strsignal(WTERMSIG(child.status)));
+  return fmt::format("exited with {}", exit_code_of(child));
+}
+
+}  // namespace subworld
