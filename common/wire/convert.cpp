@@ -1,0 +1,434 @@
+#include "wire/convert.hpp"
+
+#include <cmath>
+
+namespace subworld {
+namespace {
+
+/// A unit quaternion that is off by less than this keeps its bits, so that both ends of a topic hold equal numbers.
+constexpr double kQuaternionExact = 1e-6;
+/// One that is off by more than this is nonsense; between the two it is normalised.
+constexpr double kQuaternionNear = 1e-2;
+
+void put(const Vec3& in, msg::Vector& out) { out = {in.x(), in.y(), in.z()}; }
+void put(const Quat& in, msg::Quaternion& out) { out = {in.w(), in.x(), in.y(), in.z()}; }
+void put(BodyId in, std::uint32_t& out) { out = index(in); }
+
+bool get(double in, double& out) {
+  out = in;
+  return std::isfinite(in);
+}
+
+bool get_positive(double in, double& out) { return get(in, out) && in >= 0.0; }
+
+bool get(const msg::Vector& in, Vec3& out) {
+  out = Vec3{in[0], in[1], in[2]};
+  return out.allFinite();
+}
+
+bool get(const msg::Quaternion& in, Quat& out) {
+  out = Quat{in[0], in[1], in[2], in[3]};
+  const double off = std::abs(out.squaredNorm() - 1.0);
+  if (!(off <= kQuaternionNear)) return false;
+  if (off > kQuaternionExact) out.normalize();
+  return true;
+}
+
+bool get(std::uint32_t in, BodyId& out) {
+  out = BodyId{in};
+  return true;
+}
+
+// Elements of sequences; declared first for put_all and get_all.
+void put(const Vec3& in, msg::Point& out);
+bool get(const msg::Point& in, Vec3& out);
+void put(const std::array<std::uint32_t, 3>& in, msg::Triangle& out);
+bool get(const msg::Triangle& in, std::array<std::uint32_t, 3>& out);
+void put(const Mesh& in, msg::Mesh& out);
+bool get(const msg::Mesh& in, Mesh& out);
+void put(const Body& in, msg::Body& out);
+bool get(const msg::Body& in, Body& out);
+void put(const StampedBody& in, msg::State& out);
+bool get(const msg::State& in, StampedBody& out);
+void put(const EnteringBody& in, msg::EnteringBody& out);
+bool get(const msg::EnteringBody& in, EnteringBody& out);
+void put(const BorderPair& in, msg::BorderPair& out);
+bool get(const msg::BorderPair& in, BorderPair& out);
+void put(const GhostModel& in, msg::Ghost& out);
+bool get(const msg::Ghost& in, GhostModel& out);
+void put(const UserView& in, msg::UserView& out);
+bool get(const msg::UserView& in, UserView& out);
+bool get(const msg::State& in, BodyState& out);
+
+template <class In, class Out>
+void put_all(const std::vector<In>& in, std::vector<Out>& out) {
+  out.resize(in.size());
+  for (std::size_t i = 0; i < in.size(); ++i) put(in[i], out[i]);
+}
+
+template <class In, class Out>
+bool get_all(const std::vector<In>& in, std::vector<Out>& out) {
+  out.resize(in.size());
+  for (std::size_t i = 0; i < in.size(); ++i) {
+    if (!get(in[i], out[i])) return false;
+  }
+  return true;
+}
+
+void put(const Pose& in, msg::Pose& out) {
+  put(in.position, out.position());
+  put(in.orientation, out.orientation());
+}
+
+bool get(const msg::Pose& in, Pose& out) {
+  return get(in.position(), out.position) && get(in.orientation(), out.orientation);
+}
+
+void put(const Wrench& in, msg::Wrench& out) {
+  put(in.force, out.force());
+  put(in.torque, out.torque());
+}
+
+bool get(const msg::Wrench& in, Wrench& out) { return get(in.force(), out.force) && get(in.torque(), out.torque); }
+
+void put(BodyId id, const BodyState& in, msg::State& out) {
+  out.body(index(id));
+  put(in.position, out.position());
+  put(in.orientation, out.orientation());
+  put(in.linear_velocity, out.linear_velocity());
+  put(in.angular_velocity, out.angular_velocity());
+}
+
+bool get(const msg::State& in, BodyState& out) {
+  return get(in.position(), out.position) && get(in.orientation(), out.orientation) &&
+         get(in.linear_velocity(), out.linear_velocity) && get(in.angular_velocity(), out.angular_velocity);
+}
+
+void put(const StampedBody& in, msg::State& out) { put(in.id, in.state, out); }
+
+bool get(const msg::State& in, StampedBody& out) {
+  out.id = BodyId{in.body()};
+  return get(in, out.state);
+}
+
+void put(const std::array<std::uint32_t, 3>& in, msg::Triangle& out) { out.vertex() = in; }
+
+bool get(const msg::Triangle& in, std::array<std::uint32_t, 3>& out) {
+  out = in.vertex();
+  return true;
+}
+
+void put(const Vec3& in, msg::Point& out) { put(in, out.position()); }
+bool get(const msg::Point& in, Vec3& out) { return get(in.position(), out); }
+
+void put(const Mesh& in, msg::Mesh& out) {
+  out.file(in.file);
+  put_all(in.vertices, out.vertices());
+  put_all(in.triangles, out.triangles());
+}
+
+bool get(const msg::Mesh& in, Mesh& out) {
+  out.file = in.file();
+  if (!get_all(in.vertices(), out.vertices) || !get_all(in.triangles(), out.triangles)) return false;
+  for (const auto& triangle : out.triangles) {
+    for (const std::uint32_t corner : triangle) {
+      if (corner >= out.vertices.size()) return false;
+    }
+  }
+  return true;
+}
+
+void put(const Body& in, msg::Body& out) {
+  out.id(index(in.id));
+  out.name(in.name);
+  out.shape(static_cast<std::uint8_t>(in.shape.kind));
+  put(in.shape.half_extents, out.half_extents());
+  out.radius(in.shape.radius);
+  out.half_length(in.shape.half_length);
+  out.mesh(in.shape.mesh);
+  out.friction(in.material.friction);
+  out.restitution(in.material.restitution);
+  out.mass(in.mass);
+  put(in.inertia, out.inertia());
+  out.gravity(in.gravity);
+  out.rotates(in.rotates);
+}
+
+bool get(const msg::Body& in, Body& out) {
+  if (in.shape() > static_cast<std::uint8_t>(ShapeKind::mesh)) return false;
+  out.id = BodyId{in.id()};
+  out.name = in.name();
+  out.shape.kind = static_cast<ShapeKind>(in.shape());
+  out.shape.mesh = in.mesh();
+  out.gravity = in.gravity();
+  out.rotates = in.rotates();
+  return get(in.half_extents(), out.shape.half_extents) && (out.shape.half_extents.array() >= 0.0).all() &&
+         get_positive(in.radius(), out.shape.radius) && get_positive(in.half_length(), out.shape.half_length) &&
+         get_positive(in.friction(), out.material.friction) &&
+         get_positive(in.restitution(), out.material.restitution) && out.material.restitution <= 1.0 &&
+         get_positive(in.mass(), out.mass) && get(in.inertia(), out.inertia) && (out.inertia.array() >= 0.0).all();
+}
+
+void put(const EnteringBody& in, msg::EnteringBody& out) {
+  put(in.body, out.body());
+  put(in.body.id, in.state, out.state());
+}
+
+bool get(const msg::EnteringBody& in, EnteringBody& out) {
+  return in.state().body() == in.body().id() && get(in.body(), out.body) && get(in.state(), out.state);
+}
+
+void put(const BorderPair& in, msg::BorderPair& out) {
+  out.inside(index(in.inside));
+  out.outside(index(in.outside));
+  put(in.point, out.point());
+  put(in.normal, out.normal());
+  put(in.tangential_velocity, out.tangential_velocity());
+  out.normal_impulse(in.normal_impulse);
+  put(in.tangential_impulse, out.tangential_impulse());
+}
+
+bool get(const msg::BorderPair& in, BorderPair& out) {
+  out.inside = BodyId{in.inside()};
+  out.outside = BodyId{in.outside()};
+  return get(in.point(), out.point) && get(in.normal(), out.normal) &&
+         get(in.tangential_velocity(), out.tangential_velocity) && get(in.normal_impulse(), out.normal_impulse) &&
+         get(in.tangential_impulse(), out.tangential_impulse);
+}
+
+void put(const GhostModel& in, msg::Ghost& out) {
+  out.outside(index(in.outside));
+  out.mass_kg(in.mass_kg);
+  out.force_n(in.force_n);
+  out.coulomb_limit_n(in.coulomb_limit_n);
+  put(in.normal, out.normal());
+  out.load_n_s(in.load_n_s);
+}
+
+bool get(const msg::Ghost& in, GhostModel& out) {
+  out.outside = BodyId{in.outside()};
+  return get_positive(in.mass_kg(), out.mass_kg) && get(in.force_n(), out.force_n) &&
+         get_positive(in.coulomb_limit_n(), out.coulomb_limit_n) && get(in.normal(), out.normal) &&
+         get(in.load_n_s(), out.load_n_s);
+}
+
+void put(const UserView& in, msg::UserView& out) {
+  out.user(index(in.user));
+  out.proxy(index(in.proxy));
+  put_all(in.members, out.members());
+  put_all(in.border, out.border());
+  put(in.wrench, out.wrench());
+}
+
+bool get(const msg::UserView& in, UserView& out) {
+  out.user = UserId{in.user()};
+  out.proxy = BodyId{in.proxy()};
+  return get_all(in.members(), out.members) && get_all(in.border(), out.border) && get(in.wrench(), out.wrench);
+}
+
+bool meshes_exist(const SceneDescription& scene) {
+  for (const Body& body : scene.bodies) {
+    const bool needs_mesh = body.shape.kind == ShapeKind::convex || body.shape.kind == ShapeKind::mesh;
+    if (needs_mesh && body.shape.mesh >= scene.meshes.size()) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+void to_wire(const SceneDescription& in, msg::Scene& out) {
+  out.name(in.name);
+  out.settings_hash(in.settings_hash);
+  put_all(in.meshes, out.meshes());
+  put_all(in.bodies, out.bodies());
+  out.states().resize(in.states.size());
+  for (std::size_t i = 0; i < in.states.size(); ++i) {
+    const BodyId id = i < in.bodies.size() ? in.bodies[i].id : BodyId{};
+    put(id, in.states[i], out.states()[i]);
+  }
+}
+
+bool from_wire(const msg::Scene& in, SceneDescription& out) {
+  out.name = in.name();
+  out.settings_hash = in.settings_hash();
+  if (in.states().size() != in.bodies().size()) return false;
+  for (std::size_t i = 0; i < in.states().size(); ++i) {
+    if (in.states()[i].body() != in.bodies()[i].id()) return false;
+  }
+  return get_all(in.meshes(), out.meshes) && get_all(in.bodies(), out.bodies) && get_all(in.states(), out.states) &&
+         meshes_exist(out);
+}
+
+void to_wire(const DeviceState& in, msg::DeviceState& out) {
+  out.device(in.device);
+  out.sequence_number(in.sequence);
+  out.stamp_s(in.stamp_s);
+  out.sent_ns(in.sent_ns);
+  put(in.pose, out.pose());
+  put(in.linear_velocity, out.linear_velocity());
+  put(in.angular_velocity, out.angular_velocity());
+  put(in.applied, out.applied());
+  out.buttons(in.buttons);
+}
+
+bool from_wire(const msg::DeviceState& in, DeviceState& out) {
+  out.device = in.device();
+  out.sequence = in.sequence_number();
+  out.sent_ns = in.sent_ns();
+  out.buttons = in.buttons();
+  return get(in.stamp_s(), out.stamp_s) && get(in.pose(), out.pose) && get(in.linear_velocity(), out.linear_velocity) &&
+         get(in.angular_velocity(), out.angular_velocity) && get(in.applied(), out.applied);
+}
+
+void to_wire(const DeviceCommand& in, msg::DeviceCommand& out) {
+  out.device(in.device);
+  out.sequence_number(in.sequence);
+  out.stamp_s(in.stamp_s);
+  out.echoed_sent_ns(in.echoed_sent_ns);
+  put(in.wrench, out.wrench());
+  put(in.pose, out.pose());
+  put(in.linear_velocity, out.linear_velocity());
+  put(in.angular_velocity, out.angular_velocity());
+  out.last(in.last);
+}
+
+bool from_wire(const msg::DeviceCommand& in, DeviceCommand& out) {
+  out.device = in.device();
+  out.sequence = in.sequence_number();
+  out.echoed_sent_ns = in.echoed_sent_ns();
+  out.last = in.last();
+  return get(in.stamp_s(), out.stamp_s) && get(in.wrench(), out.wrench) && get(in.pose(), out.pose) &&
+         get(in.linear_velocity(), out.linear_velocity) && get(in.angular_velocity(), out.angular_velocity);
+}
+
+void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
+  out.user(index(in.user));
+  out.stamp(in.stamp);
+  out.stamp_s(in.stamp_s);
+  out.start_in_s(in.start_in_s);
+  out.clock_factor(in.clock_factor);
+  out.echoed_sent_ns(in.echoed_sent_ns);
+  out.echoed_stamp(in.echoed_stamp);
+  out.last(in.last);
+  put_all(in.members, out.members());
+  put_all(in.fixed, out.fixed_bodies());
+  put_all(in.entering, out.entering());
+  put_all(in.states, out.states());
+  put_all(in.border, out.border());
+  put_all(in.ghosts, out.ghosts());
+}
+
+bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
+  out.user = UserId{in.user()};
+  out.stamp = in.stamp();
+  out.echoed_sent_ns = in.echoed_sent_ns();
+  out.echoed_stamp = in.echoed_stamp();
+  out.last = in.last();
+  return get(in.stamp_s(), out.stamp_s) && get(in.start_in_s(), out.start_in_s) &&
+         get_positive(in.clock_factor(), out.clock_factor) && get_all(in.members(), out.members) &&
+         get_all(in.fixed_bodies(), out.fixed) && get_all(in.entering(), out.entering) &&
+         get_all(in.states(), out.states) && get_all(in.border(), out.border) && get_all(in.ghosts(), out.ghosts);
+}
+
+void to_wire(const HapticReport& in, msg::HapticReport& out) {
+  out.user(index(in.user));
+  out.stamp(in.stamp);
+  out.stamp_s(in.stamp_s);
+  out.sent_ns(in.sent_ns);
+  out.confirmed_stamp(in.confirmed_stamp);
+  put(in.impulse, out.impulse());
+  put(in.impulse_total, out.impulse_total());
+  out.device_work_j(in.device_work_j);
+  out.coupling_energy_j(in.coupling_energy_j);
+  put(BodyId{}, in.proxy, out.proxy());
+  put(in.device_pose, out.device_pose());
+  put(in.device_linear_velocity, out.device_linear_velocity());
+  put(in.device_angular_velocity, out.device_angular_velocity());
+  put(in.device_applied, out.device_applied());
+  put_all(in.members, out.members());
+  out.indicators().proxy_impulse_n_s(in.indicators.proxy_impulse_n_s);
+  out.indicators().total_impulse_n_s(in.indicators.total_impulse_n_s);
+  out.indicators().device_impulse_n_s(in.indicators.device_impulse_n_s);
+  out.indicators().border_bodies(in.indicators.border_bodies);
+  out.indicators().proxy_contacts(in.indicators.proxy_contacts);
+  out.step_mean_s(in.timing.mean_s);
+  out.step_max_s(in.timing.max_s);
+}
+
+bool from_wire(const msg::HapticReport& in, HapticReport& out) {
+  out.user = UserId{in.user()};
+  out.stamp = in.stamp();
+  out.sent_ns = in.sent_ns();
+  out.confirmed_stamp = in.confirmed_stamp();
+  out.indicators.border_bodies = in.indicators().border_bodies();
+  out.indicators.proxy_contacts = in.indicators().proxy_contacts();
+  return get(in.stamp_s(), out.stamp_s) && get(in.impulse(), out.impulse) &&
+         get(in.impulse_total(), out.impulse_total) && get(in.device_work_j(), out.device_work_j) &&
+         get(in.coupling_energy_j(), out.coupling_energy_j) && get(in.proxy(), out.proxy) &&
+         get(in.device_pose(), out.device_pose) && get(in.device_linear_velocity(), out.device_linear_velocity) &&
+         get(in.device_angular_velocity(), out.device_angular_velocity) &&
+         get(in.device_applied(), out.device_applied) && get_all(in.members(), out.members) &&
+         get(in.indicators().proxy_impulse_n_s(), out.indicators.proxy_impulse_n_s) &&
+         get(in.indicators().total_impulse_n_s(), out.indicators.total_impulse_n_s) &&
+         get(in.indicators().device_impulse_n_s(), out.indicators.device_impulse_n_s) &&
+         get(in.step_mean_s(), out.timing.mean_s) && get(in.step_max_s(), out.timing.max_s);
+}
+
+void to_wire(const WorldSnapshot& in, msg::WorldState& out) {
+  out.sequence_number(in.sequence);
+  out.stamp_s(in.stamp_s);
+  out.clock_factor(in.clock_factor);
+  put_all(in.moved, out.moved());
+  put_all(in.users, out.users());
+}
+
+bool from_wire(const msg::WorldState& in, WorldSnapshot& out) {
+  out.sequence = in.sequence_number();
+  return get(in.stamp_s(), out.stamp_s) && get_positive(in.clock_factor(), out.clock_factor) &&
+         get_all(in.moved(), out.moved) && get_all(in.users(), out.users);
+}
+
+void to_wire(const Control& in, msg::Control& out) {
+  out.verb(static_cast<std::uint8_t>(in.verb));
+  out.argument(in.argument);
+}
+
+bool from_wire(const msg::Control& in, Control& out) {
+  if (in.verb() > static_cast<std::uint8_t>(ControlVerb::set_scheme)) return false;
+  out.verb = static_cast<ControlVerb>(in.verb());
+  out.argument = in.argument();
+  return true;
+}
+
+void to_wire(const Status& in, msg::Status& out) {
+  out.program(static_cast<std::uint32_t>(in.program));
+  out.instance(in.instance);
+  out.state(in.state);
+  out.time_s(in.time_s);
+  out.rate_hz(in.rate_hz);
+  out.steps(in.steps);
+  out.missed_deadlines(in.missed_deadlines);
+  out.matched(in.events.matched);
+  out.unmatched(in.events.unmatched);
+  out.deadline_missed(in.events.deadline_missed);
+  out.liveliness_lost(in.events.liveliness_lost);
+  out.incompatible_qos(in.events.incompatible_qos);
+  out.lost(in.events.lost);
+  out.rejected(in.events.rejected);
+  out.text(in.text);
+}
+
+bool from_wire(const msg::Status& in, Status& out) {
+  if (in.program() > static_cast<std::uint32_t>(ProgramKind::gui_headless)) return false;
+  out.program = static_cast<ProgramKind>(in.program());
+  out.instance = in.instance();
+  out.state = in.state();
+  out.steps = in.steps();
+  out.missed_deadlines = in.missed_deadlines();
+  out.events = {in.matched(),          in.unmatched(), in.deadline_missed(), in.liveliness_lost(),
+                in.incompatible_qos(), in.lost(),      in.rejected()};
+  out.text = in.text();
+  return get(in.time_s(), out.time_s) && get(in.rate_hz(), out.rate_hz);
+}
+
+}  // namespace subworld

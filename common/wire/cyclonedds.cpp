@@ -1,0 +1,608 @@
+// The Cyclone DDS back end. Cyclone has no public way to send ready-made CDR bytes of a foreign type, so this file
+// defines its own "sertype" and "serdata" with the library's internal interface. That interface belongs to one version:
+#include <dds/version.h>
+static_assert(DDS_VERSION_MAJOR == 0 && DDS_VERSION_MINOR == 10 && DDS_VERSION_PATCH == 2,
+              "ddsi_sertype and ddsi_serdata are internal: compare them with 0.10.2 before another version is used");
+
+#include "model/error.hpp"
+#include "wire/backend.hpp"
+
+#include <fmt/format.h>
+
+#include <dds/dds.h>
+#include <dds/ddsi/ddsi_keyhash.h>
+#include <dds/ddsi/ddsi_serdata.h>
+#include <dds/ddsi/ddsi_sertype.h>
+#include <dds/ddsi/q_radmin.h>
+#include <dds/ddsrt/md5.h>
+#include <dds/ddsrt/mh3.h>
+
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <map>
+#include <mutex>
+#include <new>
+#include <set>
+#include <sstream>
+
+namespace subworld::wire {
+namespace {
+
+constexpr std::size_t kHeaderBytes = 4;
+constexpr std::size_t kPooledSamples = 256;
+constexpr std::size_t kPooledBytes = 1U << 16U;
+
+[[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, "Cyclone DDS: " + message); }
+
+dds_entity_t require(dds_entity_t entity, const std::string& what) {
+  if (entity < 0) fail(fmt::format("no {}: {}", what, dds_strretcode(entity)));
+  return entity;
+}
+
+// ---- Samples: bytes with a key in front
+// ---------------------------------------------------------------------------------
+
+struct Sertype : ddsi_sertype {
+  std::uint32_t key_words = 0;
+};
+
+struct Serdata : ddsi_serdata {
+  std::array<std::uint8_t, 16> key{};  // big-endian, zeros behind
+  std::vector<std::uint8_t> bytes;     // header included, a multiple of 4
+};
+
+/// Samples come and go at haptic rates on any thread: their memory is used again.
+class Pool {
+ public:
+  Serdata* get() {
+    const std::lock_guard lock(mutex_);
+    if (free_.empty()) return new Serdata;
+    Serdata* sample = free_.back();
+    free_.pop_back();
+    return sample;
+  }
+
+  void put(Serdata* sample) noexcept {
+    {
+      const std::lock_guard lock(mutex_);
+      if (free_.size() < kPooledSamples && sample->bytes.capacity() <= kPooledBytes) {
+        free_.push_back(sample);
+        return;
+      }
+    }
+    delete sample;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<Serdata*> free_ = [] {
+    std::vector<Serdata*> empty;
+    empty.reserve(kPooledSamples);
+    return empty;
+  }();
+};
+
+/// Lives as long as the process: Cyclone's threads may free samples late.
+Pool& pool() {
+  static Pool* const instance = new Pool;
+  return *instance;
+}
+
+const Serdata& self(const ddsi_serdata* data) { return *static_cast<const Serdata*>(data); }
+
+Serdata* new_sample(const ddsi_sertype* type, ddsi_serdata_kind kind, std::size_t size) {
+  Serdata* sample = pool().get();
+  ddsi_serdata_init(sample, type, kind);
+  sample->key.fill(0);
+  sample->bytes.resize((size + 3) & ~std::size_t{3});
+  std::fill(sample->bytes.begin() + static_cast<std::ptrdiff_t>(size), sample->bytes.end(), std::uint8_t{0});
+  return sample;
+}
+
+void set_hash(Serdata& sample) {
+  sample.hash = ddsrt_mh3(sample.key.data(), sample.key.size(), 0) ^ sample.type->serdata_basehash;
+}
+
+/// Reads the key from the bytes; gives the sample back to the pool and returns null if they are too short.
+ddsi_serdata* finish(Serdata* sample) {
+  const std::uint32_t key_bytes = 4 * static_cast<const Sertype*>(sample->type)->key_words;
+  if (sample->bytes.size() < kHeaderBytes + key_bytes) {
+    pool().put(sample);
+    return nullptr;
+  }
+  const bool little = (sample->bytes[1] & 1) != 0;
+  for (std::uint32_t i = 0; i < key_bytes; ++i) {
+    sample->key[i] = sample->bytes[kHeaderBytes + (little ? (i ^ 3U) : i)];
+  }
+  set_hash(*sample);
+  return sample;
+}
+
+bool equal_keys(const ddsi_serdata* a, const ddsi_serdata* b) { return self(a).key == self(b).key; }
+std::uint32_t size_of(const ddsi_serdata* data) { return static_cast<std::uint32_t>(self(data).bytes.size()); }
+
+ddsi_serdata* from_fragments(const ddsi_sertype* type, ddsi_serdata_kind kind, const nn_rdata* fragment,
+                             std::size_t size) try {
+  Serdata* sample = new_sample(type, kind, size);
+  std::size_t filled = 0;
+  for (; fragment != nullptr; fragment = fragment->nextfrag) {
+    if (fragment->maxp1 <= filled || fragment->min > filled || fragment->maxp1 > size) continue;
+    const unsigned char* payload = NN_RMSG_PAYLOADOFF(fragment->rmsg, NN_RDATA_PAYLOAD_OFF(fragment));
+    std::memcpy(sample->bytes.data() + filled, payload + (filled - fragment->min), fragment->maxp1 - filled);
+    filled = fragment->maxp1;
+  }
+  return finish(sample);
+} catch (const std::bad_alloc&) {
+  return nullptr;
+}
+
+ddsi_serdata* from_pieces(const ddsi_sertype* type, ddsi_serdata_kind kind, ddsrt_msg_iovlen_t count,
+                          const ddsrt_iovec_t* pieces, std::size_t size) try {
+  Serdata* sample = new_sample(type, kind, size);
+  std::size_t filled = 0;
+  for (ddsrt_msg_iovlen_t i = 0; i < count && filled < size; ++i) {
+    const std::size_t part = std::min<std::size_t>(pieces[i].iov_len, size - filled);
+    std::memcpy(sample->bytes.data() + filled, pieces[i].iov_base, part);
+    filled += part;
+  }
+  return finish(sample);
+} catch (const std::bad_alloc&) {
+  return nullptr;
+}
+
+ddsi_serdata* from_key_hash(const ddsi_sertype* type, const ddsi_keyhash* hash) try {
+  const std::uint32_t key_bytes = 4 * static_cast<const Sertype*>(type)->key_words;
+  Serdata* sample = new_sample(type, SDK_KEY, kHeaderBytes + key_bytes);
+  std::memset(sample->bytes.data(), 0, kHeaderBytes);  // CDR, big-endian as the hash
+  std::memcpy(sample->bytes.data() + kHeaderBytes, hash->value, key_bytes);
+  return finish(sample);
+} catch (const std::bad_alloc&) {
+  return nullptr;
+}
+
+/// What `dds_write` is given: the encoded bytes.
+ddsi_serdata* from_sample(const ddsi_sertype* type, ddsi_serdata_kind kind, const void* data) try {
+  const auto& cdr = *static_cast<const std::span<const std::uint8_t>*>(data);
+  Serdata* sample = new_sample(type, kind, cdr.size());
+  std::memcpy(sample->bytes.data(), cdr.data(), cdr.size());
+  return finish(sample);
+} catch (const std::bad_alloc&) {
+  return nullptr;
+}
+
+void to_bytes(const ddsi_serdata* data, std::size_t offset, std::size_t size, void* buffer) {
+  std::memcpy(buffer, self(data).bytes.data() + offset, size);
+}
+
+ddsi_serdata* to_reference(const ddsi_serdata* data, std::size_t offset, std::size_t size, ddsrt_iovec_t* piece) {
+  piece->iov_base = const_cast<std::uint8_t*>(self(data).bytes.data() + offset);
+  piece->iov_len = size;
+  return ddsi_serdata_ref(data);
+}
+
+void drop_reference(ddsi_serdata* data, const ddsrt_iovec_t*) { ddsi_serdata_unref(data); }
+
+/// What `dds_take` is given: room for the encoded bytes.
+bool to_sample(const ddsi_serdata* data, void* sample, void**, void*) try {
+  *static_cast<std::vector<std::uint8_t>*>(sample) = self(data).bytes;
+  return true;
+} catch (const std::bad_alloc&) {
+  return false;
+}
+
+bool key_to_sample(const ddsi_sertype*, const ddsi_serdata*, void* sample, void**, void*) {
+  static_cast<std::vector<std::uint8_t>*>(sample)->clear();
+  return true;
+}
+
+ddsi_serdata* to_untyped(const ddsi_serdata* data) {
+  Serdata* sample = new_sample(data->type, SDK_KEY, 0);
+  sample->key = self(data).key;
+  set_hash(*sample);
+  sample->type = nullptr;
+  return sample;
+}
+
+void free_sample(ddsi_serdata* data) { pool().put(static_cast<Serdata*>(data)); }
+
+std::size_t print(const ddsi_sertype*, const ddsi_serdata* data, char* buffer, std::size_t size) {
+  return static_cast<std::size_t>(std::snprintf(buffer, size, "%zu bytes", self(data).bytes.size()));
+}
+
+void key_hash(const ddsi_serdata* data, ddsi_keyhash* hash, bool force_md5) {
+  const auto& key = self(data).key;
+  if (!force_md5) {
+    std::memcpy(hash->value, key.data(), key.size());
+    return;
+  }
+  const auto* type = static_cast<const Sertype*>(data->type);
+  ddsrt_md5_state_t state;
+  ddsrt_md5_init(&state);
+  ddsrt_md5_append(&state, key.data(), type == nullptr ? 0 : 4 * type->key_words);
+  ddsrt_md5_finish(&state, hash->value);
+}
+
+const ddsi_serdata_ops kSerdataOps = [] {
+  ddsi_serdata_ops ops{};
+  ops.eqkey = equal_keys;
+  ops.get_size = size_of;
+  ops.from_ser = from_fragments;
+  ops.from_ser_iov = from_pieces;
+  ops.from_keyhash = from_key_hash;
+  ops.from_sample = from_sample;
+  ops.to_ser = to_bytes;
+  ops.to_ser_ref = to_reference;
+  ops.to_ser_unref = drop_reference;
+  ops.to_sample = to_sample;
+  ops.to_untyped = to_untyped;
+  ops.untyped_to_sample = key_to_sample;
+  ops.free = free_sample;
+  ops.print = print;
+  ops.get_keyhash = key_hash;
+  return ops;
+}();
+
+// Samples are never lent, so nothing is ever allocated or freed through the type. Without type_id, type_map and
+// derive_sertype types match by name, as Fast DDS does.
+const ddsi_sertype_ops kSertypeOps = [] {
+  ddsi_sertype_ops ops{};
+  ops.version = ddsi_sertype_v0;
+  ops.free = [](ddsi_sertype* type) {
+    ddsi_sertype_fini(type);
+    delete static_cast<Sertype*>(type);
+  };
+  ops.zero_samples = [](const ddsi_sertype*, void*, size_t) {};
+  ops.realloc_samples = [](void** out, const ddsi_sertype*, void*, size_t, size_t) { *out = nullptr; };
+  ops.free_samples = [](const ddsi_sertype*, void**, size_t, dds_free_op_t) {};
+  ops.equal = [](const ddsi_sertype* a, const ddsi_sertype* b) {
+    return static_cast<const Sertype*>(a)->key_words == static_cast<const Sertype*>(b)->key_words;
+  };
+  ops.hash = [](const ddsi_sertype* type) { return static_cast<const Sertype*>(type)->key_words; };
+  return ops;
+}();
+
+// ---- Endpoints
+// ----------------------------------------------------------------------------------------------------------
+
+struct QosDelete {
+  void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
+};
+struct ListenerDelete {
+  void operator()(dds_listener_t* listener) const { dds_delete_listener(listener); }
+};
+using QosPointer = std::unique_ptr<dds_qos_t, QosDelete>;
+using ListenerPointer = std::unique_ptr<dds_listener_t, ListenerDelete>;
+
+dds_duration_t nanoseconds(double seconds) { return static_cast<dds_duration_t>(std::llround(seconds * 1e9)); }
+
+QosPointer make_qos(const Qos& from) {
+  QosPointer qos(dds_create_qos());
+  dds_qset_reliability(qos.get(), from.reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT,
+                       nanoseconds(from.max_blocking_s));
+  dds_qset_durability(qos.get(), from.transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
+  dds_qset_history(qos.get(), from.keep_all ? DDS_HISTORY_KEEP_ALL : DDS_HISTORY_KEEP_LAST, from.depth);
+  dds_qset_resource_limits(qos.get(), DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
+  if (from.deadline_s > 0.0) dds_qset_deadline(qos.get(), nanoseconds(from.deadline_s));
+  dds_qset_liveliness(qos.get(), DDS_LIVELINESS_AUTOMATIC, nanoseconds(from.lease_s));
+  const dds_data_representation_id_t plain_cdr = DDS_DATA_REPRESENTATION_XCDR1;
+  dds_qset_data_representation(qos.get(), 1, &plain_cdr);
+  return qos;
+}
+
+/// What both kinds of endpoint have.
+struct Endpoint {
+  const char* side;
+  const char* topic;
+  EventSink& events;
+  std::atomic<int> matched = 0;
+  std::atomic<int> alive = 0;
+
+  void match(int current, int change) {
+    matched = current;
+    if (change != 0)
+      report(change > 0 ? Event::matched : Event::unmatched, static_cast<unsigned>(std::abs(change)), "");
+  }
+  void report(Event event, std::uint64_t count, const char* detail) const {
+    if (count > 0) events.report(event, count, side, topic, detail);
+  }
+};
+
+Endpoint& endpoint(void* pointer) { return *static_cast<Endpoint*>(pointer); }
+
+template <class Count>
+std::uint64_t positive(Count count) {
+  return count > 0 ? static_cast<std::uint64_t>(count) : 0U;
+}
+
+ListenerPointer writer_listener(Endpoint* of) {
+  ListenerPointer listener(dds_create_listener(of));
+  dds_lset_publication_matched(listener.get(), [](dds_entity_t, dds_publication_matched_status_t status, void* arg) {
+    endpoint(arg).match(static_cast<int>(status.current_count), status.current_count_change);
+  });
+  dds_lset_offered_deadline_missed(
+      listener.get(), [](dds_entity_t, dds_offered_deadline_missed_status_t status, void* arg) {
+        endpoint(arg).report(Event::deadline_missed, positive(status.total_count_change), "");
+      });
+  dds_lset_offered_incompatible_qos(listener.get(),
+                                    [](dds_entity_t, dds_offered_incompatible_qos_status_t status, void* arg) {
+                                      endpoint(arg).report(Event::incompatible_qos, positive(status.total_count_change),
+                                                           policy_name(status.last_policy_id));
+                                    });
+  return listener;
+}
+
+ListenerPointer reader_listener(Endpoint* of) {
+  ListenerPointer listener(dds_create_listener(of));
+  dds_lset_data_available(listener.get(), [](dds_entity_t, void* arg) { endpoint(arg).events.wake(); });
+  dds_lset_subscription_matched(listener.get(), [](dds_entity_t, dds_subscription_matched_status_t status, void* arg) {
+    endpoint(arg).match(static_cast<int>(status.current_count), status.current_count_change);
+  });
+  dds_lset_requested_deadline_missed(
+      listener.get(), [](dds_entity_t, dds_requested_deadline_missed_status_t status, void* arg) {
+        endpoint(arg).report(Event::deadline_missed, positive(status.total_count_change), "");
+      });
+  dds_lset_requested_incompatible_qos(
+      listener.get(), [](dds_entity_t, dds_requested_incompatible_qos_status_t status, void* arg) {
+        endpoint(arg).report(Event::incompatible_qos, positive(status.total_count_change),
+                             policy_name(status.last_policy_id));
+      });
+  dds_lset_liveliness_changed(listener.get(), [](dds_entity_t, dds_liveliness_changed_status_t status, void* arg) {
+    endpoint(arg).alive = static_cast<int>(status.alive_count);
+    endpoint(arg).report(Event::liveliness_lost, positive(status.not_alive_count_change), "");
+    endpoint(arg).events.wake();
+  });
+  dds_lset_sample_lost(listener.get(), [](dds_entity_t, dds_sample_lost_status_t status, void* arg) {
+    endpoint(arg).report(Event::lost, positive(status.total_count_change), "");
+  });
+  dds_lset_sample_rejected(listener.get(), [](dds_entity_t, dds_sample_rejected_status_t status, void* arg) {
+    endpoint(arg).report(Event::rejected, positive(status.total_count_change), "limits");
+  });
+  return listener;
+}
+
+class CycloneWriter final : public BackendWriter {
+ public:
+  CycloneWriter(dds_entity_t publisher, dds_entity_t topic, const EndpointSpec& spec, EventSink& events)
+      : publisher_(publisher), endpoint_{"writer", spec.topic.name, events} {
+    writer_ = require(dds_create_writer(publisher, topic, make_qos(spec.qos).get(), writer_listener(&endpoint_).get()),
+                      fmt::format("writer of {}", spec.topic.name));
+  }
+  ~CycloneWriter() override { dds_delete(publisher_); }
+
+  bool write(std::span<const std::uint8_t> cdr) noexcept override { return dds_write(writer_, &cdr) == DDS_RETCODE_OK; }
+  [[nodiscard]] int matched() const noexcept override { return endpoint_.matched; }
+  bool wait_for_acknowledgments(double timeout_s) noexcept override {
+    return dds_wait_for_acks(writer_, nanoseconds(timeout_s)) == DDS_RETCODE_OK;
+  }
+
+ private:
+  dds_entity_t publisher_;
+  Endpoint endpoint_;
+  dds_entity_t writer_ = 0;
+};
+
+class CycloneReader final : public BackendReader {
+ public:
+  CycloneReader(dds_entity_t subscriber, dds_entity_t topic, const EndpointSpec& spec, EventSink& events)
+      : subscriber_(subscriber), endpoint_{"reader", spec.topic.name, events} {
+    reader_ = require(dds_create_reader(subscriber, topic, make_qos(spec.qos).get(), reader_listener(&endpoint_).get()),
+                      fmt::format("reader of {}", spec.topic.name));
+  }
+  ~CycloneReader() override { dds_delete(subscriber_); }
+
+  bool take(std::vector<std::uint8_t>& cdr) noexcept override {
+    void* room = &cdr;
+    dds_sample_info_t info;
+    while (dds_take(reader_, &room, &info, 1, 1) == 1) {
+      if (info.valid_data) return true;
+    }
+    return false;
+  }
+  [[nodiscard]] int matched() const noexcept override { return endpoint_.matched; }
+  [[nodiscard]] int alive_writers() const noexcept override { return endpoint_.alive; }
+
+ private:
+  dds_entity_t subscriber_;
+  Endpoint endpoint_;
+  dds_entity_t reader_ = 0;
+};
+
+// ---- Participant
+// --------------------------------------------------------------------------------------------------------
+
+/// Under what the settings file says: unicast, whole-datagram messages, quick repair of losses, no throttling.
+constexpr const char* kDefaults = R"(<CycloneDDS><Domain Id="any">
+<General><AllowMulticast>false</AllowMulticast><MaxMessageSize>{0}B</MaxMessageSize><FragmentSize>65000B</FragmentSize></General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{1}</MaxAutoParticipantIndex>
+<LeaseDuration>10s</LeaseDuration><SPDPInterval>1s</SPDPInterval></Discovery>
+<Internal><HeartbeatInterval min="1ms" minsched="5ms" max="100ms">20ms</HeartbeatInterval>
+<NackDelay>1ms</NackDelay><PreEmptiveAckDelay>1ms</PreEmptiveAckDelay>
+<Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHigh>256MB</WhcHigh></Watermarks></Internal>
+</Domain></CycloneDDS>)";
+
+std::string read_file(const std::string& name) {
+  std::ifstream file(name);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+/// `text` without the parts from `begin` to `end`, both included.
+void erase_parts(std::string& text, const std::string& begin, const std::string& end) {
+  for (std::size_t from = text.find(begin); from != std::string::npos; from = text.find(begin)) {
+    const std::size_t to = text.find(end, from);
+    if (to == std::string::npos) return;
+    text.erase(from, to + end.size() - from);
+  }
+}
+
+/// The library says why it refused the settings only in its log.
+class LogCapture {
+ public:
+  LogCapture() {
+    dds_set_log_sink(
+        [](void* to, const dds_log_data_t* line) {
+          auto& text = *static_cast<std::string*>(to);
+          text += text.empty() ? "" : "; ";
+          text += std::string_view(line->message).substr(0, std::string_view(line->message).find('\n'));
+        },
+        &text_);
+  }
+  ~LogCapture() { dds_set_log_sink(nullptr, nullptr); }
+  LogCapture(const LogCapture&) = delete;
+  LogCapture& operator=(const LogCapture&) = delete;
+  [[nodiscard]] const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+class CycloneBackend final : public Backend {
+ public:
+  CycloneBackend(const Opening& opening, EventSink& events) : events_(events) {
+    const std::string settings = make_settings(opening);
+    open_domain(opening, settings);
+    try {
+      QosPointer qos(dds_create_qos());
+      dds_qset_entity_name(qos.get(), opening.participant_name.c_str());
+      participant_ = require(dds_create_participant(id_, qos.get(), nullptr), "participant");
+    } catch (...) {
+      close();
+      throw;
+    }
+  }
+
+  ~CycloneBackend() override { close(); }
+
+  std::unique_ptr<BackendWriter> create_writer(const EndpointSpec& spec) override {
+    const dds_entity_t publisher =
+        require(dds_create_publisher(participant_, partition(spec).get(), nullptr), "publisher");
+    return std::make_unique<CycloneWriter>(publisher, topic(spec.topic), spec, events_);
+  }
+
+  std::unique_ptr<BackendReader> create_reader(const EndpointSpec& spec) override {
+    const dds_entity_t subscriber =
+        require(dds_create_subscriber(participant_, partition(spec).get(), nullptr), "subscriber");
+    return std::make_unique<CycloneReader>(subscriber, topic(spec.topic), spec, events_);
+  }
+
+  [[nodiscard]] std::string describe() const override {
+    return fmt::format("{} interface={} peers={}", DDS_VERSION, interface_, peers_);
+  }
+
+ private:
+  static QosPointer partition(const EndpointSpec& spec) {
+    QosPointer qos(dds_create_qos());
+    const char* name = spec.partition.c_str();
+    if (*name != '\0') dds_qset_partition(qos.get(), 1, &name);
+    return qos;
+  }
+
+  dds_entity_t topic(const TopicSpec& spec) {
+    dds_entity_t& topic = topics_[spec.name];
+    if (topic == 0) {
+      auto* type = new Sertype;
+      std::memset(static_cast<ddsi_sertype*>(type), 0, sizeof(ddsi_sertype));
+      type->key_words = spec.key_words;
+      ddsi_sertype_init(type, spec.type, &kSertypeOps, &kSerdataOps, spec.key_words == 0);
+      ddsi_sertype* handed_over = type;
+      const dds_entity_t created =
+          dds_create_topic_sertype(participant_, spec.name, &handed_over, nullptr, nullptr, nullptr);
+      if (created < 0) ddsi_sertype_unref(type);
+      topic = require(created, fmt::format("topic {} of type {}", spec.name, spec.type));
+    }
+    return topic;
+  }
+
+  /// Later parts of the list override earlier ones, but lists of interfaces and peers add up: so they appear once.
+  std::string make_settings(const Opening& opening) {
+    std::string user = opening.settings_file;
+    if (!user.empty() && user.find('<') == std::string::npos && user.find(',') == std::string::npos) {
+      constexpr std::string_view kScheme = "file://";
+      user = read_file(user.starts_with(kScheme) ? user.substr(kScheme.size()) : user);
+      if (user.empty()) fail(fmt::format("{}: empty or not readable", opening.settings_file));
+    }
+    erase_parts(user, "<?", "?>");
+    erase_parts(user, "<!--", "-->");
+    if (!opening.interface_address.empty()) erase_parts(user, "<Interfaces", "</Interfaces>");
+    if (!opening.peers.empty()) erase_parts(user, "<Peers", "</Peers>");
+    const bool own_interface = user.find("<NetworkInterface") != std::string::npos;
+    const bool own_peers = user.find("<Peer ") != std::string::npos;
+
+    const std::string address = opening.interface_address.empty() ? kDefaultInterface : opening.interface_address;
+    std::string network;
+    if (!own_interface) {
+      network += fmt::format("<General><Interfaces><NetworkInterface address=\"{}\"/></Interfaces></General>", address);
+    }
+    auto peers = opening.peers;
+    if (!own_interface) peers.push_back(address);  // the other programs of this host
+    if (!own_peers && !peers.empty()) {
+      network += "<Discovery><Peers>";
+      for (const std::string& peer : peers) network += fmt::format("<Peer Address=\"{}\"/>", peer);
+      network += "</Peers></Discovery>";
+    }
+    interface_ = own_interface ? "(settings)" : address;
+    peers_ = own_peers ? "(settings)" : fmt::format("{}", fmt::join(peers, ","));
+    return fmt::format("{},{}{}<CycloneDDS><Domain Id=\"any\">{}</Domain></CycloneDDS>",
+                       fmt::format(fmt::runtime(kDefaults), kMessageBytes, kMostParticipants - 1), user,
+                       user.empty() ? "" : ",", network);
+  }
+
+  /// Cyclone knows one domain of a number in a process; a second bus gets another number inside and the same outside.
+  void open_domain(const Opening& opening, const std::string& settings) {
+    const std::lock_guard lock(domains_mutex());
+    id_ = static_cast<dds_domainid_t>(opening.domain);
+    while (domains().contains(id_)) id_ += 1000;
+    std::string all = settings;
+    if (id_ != static_cast<dds_domainid_t>(opening.domain)) {
+      all += fmt::format(
+          ",<CycloneDDS><Domain Id=\"any\"><Discovery><ExternalDomainId>{}</ExternalDomainId></Discovery>"
+          "</Domain></CycloneDDS>",
+          opening.domain);
+    }
+    const LogCapture log;
+    domain_ = dds_create_domain(id_, all.c_str());
+    if (domain_ < 0) {
+      fail(fmt::format(
+          "domain {} (interface={} peers={}{}{}) was refused: {}; mend the settings, or look for programs "
+          "that were left behind if no participant index is free",
+          opening.domain, interface_, peers_, opening.settings_file.empty() ? "" : " settings=", opening.settings_file,
+          log.text().empty() ? dds_strretcode(domain_) : log.text()));
+    }
+    domains().insert(id_);
+  }
+
+  void close() noexcept {
+    dds_delete(domain_);
+    const std::lock_guard lock(domains_mutex());
+    domains().erase(id_);
+  }
+
+  static std::set<dds_domainid_t>& domains() {
+    static std::set<dds_domainid_t> open;
+    return open;
+  }
+  static std::mutex& domains_mutex() {
+    static std::mutex mutex;
+    return mutex;
+  }
+
+  EventSink& events_;
+  std::string interface_;
+  std::string peers_;
+  dds_domainid_t id_ = 0;
+  dds_entity_t domain_ = 0;
+  dds_entity_t participant_ = 0;
+  std::map<std::string, dds_entity_t> topics_;
+};
+
+}  // namespace
+}  // namespace subworld::wire
+
+extern "C" subworld::wire::Backend* subworld_open_backend(const subworld::wire::Opening& opening,
+                                                          subworld::wire::EventSink& events) {
+  return new subworld::wire::CycloneBackend(opening, events);
+}

@@ -1,0 +1,422 @@
+// The Fast DDS back end, for 2.9.
+
+#include "model/error.hpp"
+#include "wire/backend.hpp"
+
+#include <fmt/format.h>
+
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastrtps/attributes/LibrarySettingsAttributes.h>
+#include <fastrtps/config.h>
+#include <fastrtps/utils/IPLocator.h>
+#include <fastrtps/xmlparser/XMLProfileManager.h>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/Topic.hpp>
+#include <fastdds/dds/topic/TopicDataType.hpp>
+
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <set>
+
+namespace subworld::wire {
+namespace {
+
+namespace dds = eprosima::fastdds::dds;
+namespace rtps = eprosima::fastrtps::rtps;
+using eprosima::fastdds::rtps::UDPv4TransportDescriptor;
+using eprosima::fastrtps::Duration_t;
+using eprosima::fastrtps::types::ReturnCode_t;
+
+constexpr const char* kProfile = "subworld";
+constexpr std::uint32_t kHeaderBytes = 4;
+constexpr std::uint32_t kFirstBytes = 512;  // of a history entry; grows with its samples
+
+[[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, "Fast DDS: " + message); }
+
+Duration_t duration(double seconds) {
+  const double whole = std::floor(seconds);
+  return {static_cast<std::int32_t>(whole), static_cast<std::uint32_t>((seconds - whole) * 1e9)};
+}
+
+/// What the data type hands to and gets from the middleware: the sender's bytes, or room for received ones.
+struct Sample {
+  std::span<const std::uint8_t> sent;
+  std::vector<std::uint8_t> received;
+};
+
+/// One for every topic: it copies bytes. The key is what stands first in them.
+class BytesType final : public dds::TopicDataType {
+ public:
+  explicit BytesType(const TopicSpec& topic) : key_words_(topic.key_words) {
+    setName(topic.type);
+    m_typeSize = kFirstBytes;
+    m_isGetKeyDefined = key_words_ > 0;
+    auto_fill_type_information(false);
+    auto_fill_type_object(false);
+  }
+
+  bool serialize(void* data, rtps::SerializedPayload_t* payload) override {
+    const auto bytes = static_cast<Sample*>(data)->sent;
+    if (bytes.size() > payload->max_size) return false;
+    std::memcpy(payload->data, bytes.data(), bytes.size());
+    payload->length = static_cast<std::uint32_t>(bytes.size());
+    payload->encapsulation = CDR_LE;
+    return true;
+  }
+
+  bool deserialize(rtps::SerializedPayload_t* payload, void* data) override {
+    static_cast<Sample*>(data)->received.assign(payload->data, payload->data + payload->length);
+    return true;
+  }
+
+  std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
+    return [data] { return static_cast<std::uint32_t>(static_cast<Sample*>(data)->sent.size()); };
+  }
+
+  void* createData() override { return new Sample; }
+  void deleteData(void* data) override { delete static_cast<Sample*>(data); }
+
+  bool getKey(void* data, rtps::InstanceHandle_t* handle, bool) override {
+    const auto* sample = static_cast<const Sample*>(data);
+    const std::span<const std::uint8_t> bytes = sample->sent.empty() ? sample->received : sample->sent;
+    if (key_words_ == 0 || bytes.size() < kHeaderBytes + 4 * key_words_) return false;
+    const bool little = (bytes[1] & 1) != 0;
+    for (std::uint32_t i = 0; i < 16; ++i) {
+      const std::uint32_t from = little ? (i ^ 3U) : i;  // a key is big-endian
+      handle->value[i] = i < 4 * key_words_ ? bytes[kHeaderBytes + from] : std::uint8_t{0};
+    }
+    return true;
+  }
+
+ private:
+  std::uint32_t key_words_;
+};
+
+void report_match(EventSink& events, const char* side, const char* topic, int change) {
+  if (change != 0)
+    events.report(change > 0 ? Event::matched : Event::unmatched, static_cast<std::uint64_t>(std::abs(change)), side,
+                  topic, "");
+}
+
+class FastWriter final : public BackendWriter, dds::DataWriterListener {
+ public:
+  FastWriter(dds::DomainParticipant* participant, dds::Publisher* publisher, dds::Topic* topic,
+             const EndpointSpec& spec, const dds::DataWriterQos& qos, EventSink& events)
+      : participant_(participant), publisher_(publisher), name_(spec.topic.name), events_(events) {
+    writer_ = publisher->create_datawriter(topic, qos, this, dds::StatusMask::all());
+    if (writer_ == nullptr) fail(fmt::format("no writer of {}; see its log lines above", name_));
+  }
+
+  ~FastWriter() override {
+    writer_->set_listener(nullptr);
+    publisher_->delete_datawriter(writer_);
+    participant_->delete_publisher(publisher_);
+  }
+
+  bool write(std::span<const std::uint8_t> cdr) noexcept override {
+    sample_.sent = cdr;
+    try {
+      return writer_->write(&sample_);
+    } catch (const std::exception&) {
+      return false;
+    }
+  }
+
+  [[nodiscard]] int matched() const noexcept override { return matched_; }
+
+  bool wait_for_acknowledgments(double timeout_s) noexcept override {
+    return writer_->wait_for_acknowledgments(duration(timeout_s)) == ReturnCode_t::RETCODE_OK;
+  }
+
+ private:
+  void on_publication_matched(dds::DataWriter*, const dds::PublicationMatchedStatus& status) override {
+    matched_ = status.current_count;
+    report_match(events_, "writer", name_, status.current_count_change);
+  }
+  void on_offered_deadline_missed(dds::DataWriter*, const dds::OfferedDeadlineMissedStatus& status) override {
+    events_.report(Event::deadline_missed, status.total_count_change, "writer", name_, "");
+  }
+  void on_offered_incompatible_qos(dds::DataWriter*, const dds::OfferedIncompatibleQosStatus& status) override {
+    events_.report(Event::incompatible_qos, status.total_count_change, "writer", name_,
+                   policy_name(status.last_policy_id));
+  }
+
+  dds::DomainParticipant* participant_;
+  dds::Publisher* publisher_;
+  const char* name_;
+  EventSink& events_;
+  std::atomic<int> matched_ = 0;
+  Sample sample_;
+  dds::DataWriter* writer_ = nullptr;
+};
+
+class FastReader final : public BackendReader, dds::DataReaderListener {
+ public:
+  FastReader(dds::DomainParticipant* participant, dds::Subscriber* subscriber, dds::Topic* topic,
+             const EndpointSpec& spec, const dds::DataReaderQos& qos, EventSink& events)
+      : participant_(participant), subscriber_(subscriber), name_(spec.topic.name), events_(events) {
+    reader_ = subscriber->create_datareader(topic, qos, this, dds::StatusMask::all());
+    if (reader_ == nullptr) fail(fmt::format("no reader of {}; see its log lines above", name_));
+  }
+
+  ~FastReader() override {
+    reader_->set_listener(nullptr);
+    subscriber_->delete_datareader(reader_);
+    participant_->delete_subscriber(subscriber_);
+  }
+
+  bool take(std::vector<std::uint8_t>& cdr) noexcept override {
+    std::swap(sample_.received, cdr);
+    bool taken = false;
+    try {
+      dds::SampleInfo info;
+      while (!taken && reader_->take_next_sample(&sample_, &info) == ReturnCode_t::RETCODE_OK) taken = info.valid_data;
+    } catch (const std::exception&) {
+      taken = false;
+    }
+    std::swap(sample_.received, cdr);
+    return taken;
+  }
+
+  [[nodiscard]] int matched() const noexcept override { return matched_; }
+  [[nodiscard]] int alive_writers() const noexcept override { return alive_; }
+
+ private:
+  void on_data_available(dds::DataReader*) override { events_.wake(); }
+  void on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) override {
+    matched_ = status.current_count;
+    report_match(events_, "reader", name_, status.current_count_change);
+  }
+  void on_requested_deadline_missed(dds::DataReader*, const dds::RequestedDeadlineMissedStatus& status) override {
+    events_.report(Event::deadline_missed, status.total_count_change, "reader", name_, "");
+  }
+  void on_liveliness_changed(dds::DataReader*, const dds::LivelinessChangedStatus& status) override {
+    alive_ = status.alive_count;
+    if (status.not_alive_count_change > 0) {
+      events_.report(Event::liveliness_lost, static_cast<std::uint64_t>(status.not_alive_count_change), "reader", name_,
+                     "");
+    } else {
+      events_.wake();
+    }
+  }
+  void on_sample_rejected(dds::DataReader*, const dds::SampleRejectedStatus& status) override {
+    events_.report(Event::rejected, status.total_count_change, "reader", name_, "limits");
+  }
+  void on_requested_incompatible_qos(dds::DataReader*, const dds::RequestedIncompatibleQosStatus& status) override {
+    events_.report(Event::incompatible_qos, status.total_count_change, "reader", name_,
+                   policy_name(status.last_policy_id));
+  }
+  void on_sample_lost(dds::DataReader*, const dds::SampleLostStatus& status) override {
+    events_.report(Event::lost, static_cast<std::uint64_t>(status.total_count_change), "reader", name_, "");
+  }
+
+  dds::DomainParticipant* participant_;
+  dds::Subscriber* subscriber_;
+  const char* name_;
+  EventSink& events_;
+  std::atomic<int> matched_ = 0;
+  std::atomic<int> alive_ = 0;
+  Sample sample_;
+  dds::DataReader* reader_ = nullptr;
+};
+
+/// The policies that readers and writers share.
+template <class EndpointQos>
+void apply(const Qos& from, EndpointQos& to) {
+  to.reliability().kind = from.reliable ? dds::RELIABLE_RELIABILITY_QOS : dds::BEST_EFFORT_RELIABILITY_QOS;
+  to.reliability().max_blocking_time = duration(from.max_blocking_s);
+  to.durability().kind = from.transient_local ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
+  to.history().kind = from.keep_all ? dds::KEEP_ALL_HISTORY_QOS : dds::KEEP_LAST_HISTORY_QOS;
+  to.history().depth = from.depth;
+  to.resource_limits().max_samples = 0;  // unlimited
+  to.resource_limits().max_instances = 0;
+  to.resource_limits().max_samples_per_instance = 0;
+  if (from.deadline_s > 0.0) to.deadline().period = duration(from.deadline_s);
+  to.liveliness().kind = dds::AUTOMATIC_LIVELINESS_QOS;
+  to.liveliness().lease_duration = duration(from.lease_s);
+  to.liveliness().announcement_period = duration(0.4 * from.lease_s);
+  to.data_sharing().off();
+  to.endpoint().history_memory_policy = rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
+}
+
+/// Lost datagrams are asked for again after milliseconds, not after the default's seconds.
+void hurry(dds::DataWriterQos& qos) {
+  auto& times = qos.reliable_writer_qos().times;
+  times.initialHeartbeatDelay = duration(0.001);
+  times.heartbeatPeriod = duration(0.020);
+  times.nackResponseDelay = duration(0.0);
+  times.nackSupressionDuration = duration(0.0);
+}
+
+void hurry(dds::DataReaderQos& qos) {
+  auto& times = qos.reliable_reader_qos().times;
+  times.initialAcknackDelay = duration(0.005);
+  times.heartbeatResponseDelay = duration(0.001);
+}
+
+/// Settings of the user, each file once in a process.
+void load_settings(dds::DomainParticipantFactory& factory, const Opening& opening, dds::DomainParticipantQos& qos) {
+  static std::set<std::string> loaded;
+  if (opening.settings_file.empty()) return;
+  if (opening.settings_from_environment) {
+    // The library has read it already, or has logged why not.
+    factory.load_profiles();
+    factory.get_default_participant_qos(qos);
+    return;
+  }
+  const std::string& file = opening.settings_file;
+  if (!loaded.contains(file)) {
+    if (factory.load_XML_profiles_file(file) != ReturnCode_t::RETCODE_OK) {
+      fail(fmt::format("{}: not a valid profile file; compare it with deploy/qos/fastdds.xml", file));
+    }
+    loaded.insert(file);
+  }
+  if (factory.get_participant_qos_from_profile(kProfile, qos) != ReturnCode_t::RETCODE_OK) {
+    fail(fmt::format("{}: has no participant profile \"{}\"; compare it with deploy/qos/fastdds.xml", file, kProfile));
+  }
+}
+
+void use_interface(dds::DomainParticipantQos& qos, const std::string& address) {
+  auto udp = std::make_shared<UDPv4TransportDescriptor>();
+  udp->interfaceWhiteList = {address};
+  udp->maxMessageSize = kMessageBytes;
+  udp->maxInitialPeersRange = kMostParticipants;
+  udp->sendBufferSize = 1U << 20U;
+  udp->receiveBufferSize = 4U << 20U;
+  qos.transport().user_transports = {udp};
+  qos.transport().use_builtin_transports = false;  // no shared memory: nothing of ours in /dev/shm
+
+  rtps::Locator_t here;
+  rtps::IPLocator::setIPv4(here, address);
+  // Unicast locators that are given keep the multicast ones away; port 0 means the well-known one.
+  qos.wire_protocol().builtin.metatrafficUnicastLocatorList.clear();
+  qos.wire_protocol().builtin.metatrafficUnicastLocatorList.push_back(here);
+  qos.wire_protocol().default_unicast_locator_list.clear();
+  qos.wire_protocol().default_unicast_locator_list.push_back(here);
+}
+
+void use_peers(dds::DomainParticipantQos& qos, const std::vector<std::string>& peers) {
+  auto& list = qos.wire_protocol().builtin.initialPeersList;
+  list.clear();
+  for (const std::string& peer : peers) {
+    rtps::Locator_t there;
+    rtps::IPLocator::setIPv4(there, peer);
+    list.push_back(there);
+  }
+}
+
+class FastBackend final : public Backend {
+ public:
+  FastBackend(const Opening& opening, EventSink& events) : events_(events) {
+    // Everything goes over the network, so that a test in one process sees what two machines would.
+    eprosima::fastrtps::LibrarySettingsAttributes library;
+    library.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
+    eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(library);
+
+    factory_ = dds::DomainParticipantFactory::get_shared_instance();
+    participant_ = factory_->create_participant(static_cast<std::uint32_t>(opening.domain), settings(opening));
+    if (participant_ == nullptr) {
+      fail(fmt::format(
+          "no participant in domain {} ({}): its ports are in use or its settings do not fit; choose another "
+          "--domain or look for programs that were left behind",
+          opening.domain, describe()));
+    }
+  }
+
+  ~FastBackend() override {
+    participant_->delete_contained_entities();
+    factory_->delete_participant(participant_);
+  }
+
+  std::unique_ptr<BackendWriter> create_writer(const EndpointSpec& spec) override {
+    dds::PublisherQos publisher_qos = dds::PUBLISHER_QOS_DEFAULT;
+    if (!spec.partition.empty()) publisher_qos.partition().push_back(spec.partition.c_str());
+    dds::Publisher* publisher = participant_->create_publisher(publisher_qos);
+    if (publisher == nullptr)
+      fail(fmt::format("no publisher of {} in partition \"{}\"", spec.topic.name, spec.partition));
+    dds::DataWriterQos qos = dds::DATAWRITER_QOS_DEFAULT;
+    apply(spec.qos, qos);
+    hurry(qos);
+    qos.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
+    return std::make_unique<FastWriter>(participant_, publisher, topic(spec.topic), spec, qos, events_);
+  }
+
+  std::unique_ptr<BackendReader> create_reader(const EndpointSpec& spec) override {
+    dds::SubscriberQos subscriber_qos = dds::SUBSCRIBER_QOS_DEFAULT;
+    if (!spec.partition.empty()) subscriber_qos.partition().push_back(spec.partition.c_str());
+    dds::Subscriber* subscriber = participant_->create_subscriber(subscriber_qos);
+    if (subscriber == nullptr) {
+      fail(fmt::format("no subscriber of {} in partition \"{}\"", spec.topic.name, spec.partition));
+    }
+    dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
+    apply(spec.qos, qos);
+    hurry(qos);
+    return std::make_unique<FastReader>(participant_, subscriber, topic(spec.topic), spec, qos, events_);
+  }
+
+  [[nodiscard]] std::string describe() const override {
+    return fmt::format("{} interface={} peers={}", FASTRTPS_VERSION_STR, interface_, peers_);
+  }
+
+ private:
+  dds::DomainParticipantQos settings(const Opening& opening) {
+    dds::DomainParticipantQos qos;
+    load_settings(*factory_, opening, qos);
+    auto& discovery = qos.wire_protocol().builtin.discovery_config;
+    if (discovery == rtps::DiscoverySettings{}) {
+      discovery.leaseDuration = duration(10.0);
+      discovery.leaseDuration_announcementperiod = duration(1.0);
+      discovery.initial_announcements.count = 10;
+      discovery.initial_announcements.period = duration(0.05);
+    }
+
+    const bool own_transport = opening.interface_address.empty() && !qos.transport().user_transports.empty();
+    const std::string address = opening.interface_address.empty() ? kDefaultInterface : opening.interface_address;
+    if (!own_transport) use_interface(qos, address);
+    const bool own_peers = opening.peers.empty() && !qos.wire_protocol().builtin.initialPeersList.empty();
+    auto peers = opening.peers;
+    if (!own_transport) peers.push_back(address);  // the other programs of this host
+    if (!own_peers) use_peers(qos, peers);
+    interface_ = own_transport ? "(settings)" : address;
+    peers_ = own_peers ? "(settings)" : fmt::format("{}", fmt::join(peers, ","));
+    qos.name(opening.participant_name.c_str());
+    return qos;
+  }
+
+  dds::Topic* topic(const TopicSpec& spec) {
+    dds::Topic*& topic = topics_[spec.name];
+    if (topic == nullptr) {
+      dds::TypeSupport type(new BytesType(spec));
+      if (type.register_type(participant_) == ReturnCode_t::RETCODE_OK) {
+        topic = participant_->create_topic(spec.name, spec.type, dds::TOPIC_QOS_DEFAULT);
+      }
+      if (topic == nullptr) fail(fmt::format("no topic {} of type {}", spec.name, spec.type));
+    }
+    return topic;
+  }
+
+  EventSink& events_;
+  std::string interface_;
+  std::string peers_;
+  std::shared_ptr<dds::DomainParticipantFactory> factory_;
+  dds::DomainParticipant* participant_ = nullptr;
+  std::map<std::string, dds::Topic*> topics_;
+};
+
+}  // namespace
+}  // namespace subworld::wire
+
+extern "C" subworld::wire::Backend* subworld_open_backend(const subworld::wire::Opening& opening,
+                                                          subworld::wire::EventSink& events) {
+  return new subworld::wire::FastBackend(opening, events);
+}

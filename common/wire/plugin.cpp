@@ -1,0 +1,151 @@
+#include "wire/plugin.hpp"
+
+#include <arpa/inet.h>
+#include <dlfcn.h>
+#include <fmt/format.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+
+namespace subworld::wire {
+namespace {
+
+constexpr int kLastDomain = 232;  // the ports of higher ones do not exist
+
+struct VendorFacts {
+  Vendor vendor;
+  const char* name;
+  const char* package;
+  const char* environment;
+};
+
+constexpr std::array kVendors{
+    VendorFacts{Vendor::fastdds, "fastdds", "libfastrtps2.9", "FASTRTPS_DEFAULT_PROFILES_FILE"},
+    VendorFacts{Vendor::cyclonedds, "cyclonedds", "libddsc0debian", "CYCLONEDDS_URI"},
+};
+
+const VendorFacts& facts(Vendor vendor) { return kVendors[static_cast<std::size_t>(vendor)]; }
+
+[[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, message); }
+
+std::filesystem::path program_folder() {
+  std::error_code ignored;
+  return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path();
+}
+
+std::string resolve(const std::string& host) {
+  addrinfo hints{};
+  hints.ai_family = AF_INET;
+  hints.ai_socktype = SOCK_DGRAM;
+  addrinfo* found = nullptr;
+  if (const int error = getaddrinfo(host.c_str(), nullptr, &hints, &found); error != 0) {
+    fail(fmt::format("host {}: {}; give an IPv4 address or a name that this machine can resolve", host,
+                     gai_strerror(error)));
+  }
+  std::array<char, INET_ADDRSTRLEN> text{};
+  sockaddr_in address{};
+  std::memcpy(&address, found->ai_addr, sizeof address);
+  freeaddrinfo(found);
+  inet_ntop(AF_INET, &address.sin_addr, text.data(), text.size());
+  return text.data();
+}
+
+/// An address is this machine's if a socket can be bound to it.
+void require_own_address(const std::string& dotted) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  inet_pton(AF_INET, dotted.c_str(), &address.sin_addr);
+  const int handle = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (handle < 0) fail(fmt::format("no UDP socket: {}", std::strerror(errno)));
+  const bool bound = bind(handle, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  const int error = errno;
+  close(handle);
+  if (!bound) {
+    fail(fmt::format("interface address {}: {}; use an address that `ip -brief address` lists", dotted,
+                     std::strerror(error)));
+  }
+}
+
+}  // namespace
+
+Opening prepare(const BusConfig& config) {
+  if (config.domain < 0 || config.domain > kLastDomain) {
+    fail(fmt::format("DDS domain {}: use 0 .. {}", config.domain, kLastDomain));
+  }
+  Opening opening;
+  opening.domain = config.domain;
+  opening.participant_name = config.participant_name;
+  if (!config.interface_address.empty()) {
+    opening.interface_address = resolve(config.interface_address);
+    require_own_address(opening.interface_address);
+  }
+  for (const std::string& peer : config.peers) opening.peers.push_back(resolve(peer));
+
+  const VendorFacts& vendor = facts(config.vendor);
+  const char* environment = std::getenv(vendor.environment);
+  const auto beside = program_folder() / "qos" / (std::string(vendor.name) + ".xml");
+  if (!config.qos_file.empty()) {
+    if (access(config.qos_file.c_str(), R_OK) != 0) {
+      fail(fmt::format("QoS file {}: {}; give a readable XML file of {}", config.qos_file, std::strerror(errno),
+                       vendor.name));
+    }
+    opening.settings_file = config.qos_file;
+  } else if (environment != nullptr && *environment != '\0') {
+    opening.settings_from_environment = true;
+    opening.settings_file = environment;
+  } else if (access(beside.c_str(), R_OK) == 0) {
+    opening.settings_file = beside.string();
+  }
+  return opening;
+}
+
+OpenBackend load_plugin(Vendor vendor) {
+  const VendorFacts& wanted = facts(vendor);
+  const char* given = std::getenv("SUBWORLD_PLUGIN_DIR");
+  const std::filesystem::path folder = given != nullptr && *given != '\0' ? given : program_folder();
+  const std::string file = (folder / fmt::format("libsubworld_{}.so", wanted.name)).string();
+  if (access(file.c_str(), R_OK) != 0) {
+    fail(
+        fmt::format("{}: not found; it is installed beside the programs, and built only where the development package "
+                    "of {} was; or set SUBWORLD_PLUGIN_DIR to the folder that has it",
+                    file, wanted.name));
+  }
+  // Never unloaded: the vendor's threads and static objects live as long as the process.
+  void* handle = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+  if (handle == nullptr) {
+    fail(fmt::format("{}: {}; install the Debian package {}, or choose the other vendor", file, dlerror(),
+                     wanted.package));
+  }
+  void* entry = dlsym(handle, kOpenBackendName);
+  if (entry == nullptr)
+    fail(fmt::format("{}: has no {}; it is of another version, install both anew", file, kOpenBackendName));
+  return reinterpret_cast<OpenBackend>(entry);
+}
+
+std::string describe_source(const BusConfig& config, const Opening& opening) {
+  if (opening.settings_from_environment) {
+    return fmt::format("{}={}", facts(config.vendor).environment, opening.settings_file);
+  }
+  return opening.settings_file.empty() ? "built-in" : opening.settings_file;
+}
+
+}  // namespace subworld::wire
+
+namespace subworld {
+
+Vendor parse_vendor(std::string_view name) {
+  for (const auto& vendor : wire::kVendors) {
+    if (name == vendor.name) return vendor.vendor;
+  }
+  throw Error(ExitCode::usage, fmt::format("DDS vendor {}: use fastdds or cyclonedds", name));
+}
+
+const char* name_of(Vendor vendor) noexcept { return wire::facts(vendor).name; }
+
+}  // namespace subworld

@@ -1,0 +1,19 @@
+#pragma once
+
+#include "wire/backend.hpp"
+#include "wire/bus.hpp"
+
+/// Start-up work of the bus that needs no vendor.
+namespace subworld::wire {
+
+/// Checks domain, interface and peers, resolves host names and finds the settings file. Throws `Error` (middleware).
+[[nodiscard]] Opening prepare(const BusConfig& config);
+
+/// Loads the vendor's plug-in from $SUBWORLD_PLUGIN_DIR or beside the program. Throws `Error` (middleware) that names
+/// what is missing and the package that has it.
+[[nodiscard]] OpenBackend load_plugin(Vendor vendor);
+
+/// For `effective_settings`: where the settings come from.
+[[nodiscard]] std::string describe_source(const BusConfig& config, const Opening& opening);
+
+}  // namespace subworld::wire

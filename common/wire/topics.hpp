@@ -1,0 +1,109 @@
+#pragma once
+
+#include "model/exchange.hpp"
+#include "model/scene.hpp"
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+namespace subworld {
+
+enum class Reliability : std::uint8_t { best_effort, reliable };
+enum class Durability : std::uint8_t { volatile_, transient_local };
+enum class DeadlineKind : std::uint8_t { none, two_device_periods, two_cycles };
+
+/// Quality of service of one topic in real time (design section 3). In lock-step see `qos_of`.
+struct TopicSpec {
+  const char* name;
+  const char* type;         ///< as the IDL names it
+  std::uint32_t key_words;  ///< unsigned longs at the start of the type that are its key; at most 4
+  Reliability reliability;
+  Durability durability;
+  int depth;  ///< keep last
+  DeadlineKind deadline;
+};
+
+inline constexpr TopicSpec kScene{
+    "scene", "subworld::msg::Scene", 0, Reliability::reliable, Durability::transient_local, 1, DeadlineKind::none};
+inline constexpr TopicSpec kDeviceState{"device_state",
+                                        "subworld::msg::DeviceState",
+                                        1,
+                                        Reliability::best_effort,
+                                        Durability::volatile_,
+                                        1,
+                                        DeadlineKind::two_device_periods};
+inline constexpr TopicSpec kDeviceCommand{"device_command",
+                                          "subworld::msg::DeviceCommand",
+                                          1,
+                                          Reliability::best_effort,
+                                          Durability::volatile_,
+                                          1,
+                                          DeadlineKind::two_device_periods};
+inline constexpr TopicSpec kWorldFrame{"world_frame",           "subworld::msg::WorldFrame", 1,
+                                       Reliability::reliable,   Durability::volatile_,       8,
+                                       DeadlineKind::two_cycles};
+inline constexpr TopicSpec kHapticReport{"haptic_report",         "subworld::msg::HapticReport", 1,
+                                         Reliability::reliable,   Durability::volatile_,         8,
+                                         DeadlineKind::two_cycles};
+inline constexpr TopicSpec kWorldState{
+    "world_state",     "subworld::msg::WorldState", 0, Reliability::best_effort, Durability::volatile_, 1,
+    DeadlineKind::none};
+inline constexpr TopicSpec kControl{
+    "control", "subworld::msg::Control", 0, Reliability::reliable, Durability::volatile_, 16, DeadlineKind::none};
+inline constexpr TopicSpec kStatus{"status", "subworld::msg::Status", 2, Reliability::reliable, Durability::volatile_,
+                                   16,       DeadlineKind::none};
+
+inline constexpr std::array kTopics{&kScene,        &kDeviceState, &kDeviceCommand, &kWorldFrame,
+                                    &kHapticReport, &kWorldState,  &kControl,       &kStatus};
+
+/// Each model struct has one topic.
+template <class M>
+inline constexpr const TopicSpec* kTopicOf = nullptr;
+template <>
+inline constexpr const TopicSpec* kTopicOf<SceneDescription> = &kScene;
+template <>
+inline constexpr const TopicSpec* kTopicOf<DeviceState> = &kDeviceState;
+template <>
+inline constexpr const TopicSpec* kTopicOf<DeviceCommand> = &kDeviceCommand;
+template <>
+inline constexpr const TopicSpec* kTopicOf<WorldFrame> = &kWorldFrame;
+template <>
+inline constexpr const TopicSpec* kTopicOf<HapticReport> = &kHapticReport;
+template <>
+inline constexpr const TopicSpec* kTopicOf<WorldSnapshot> = &kWorldState;
+template <>
+inline constexpr const TopicSpec* kTopicOf<Control> = &kControl;
+template <>
+inline constexpr const TopicSpec* kTopicOf<Status> = &kStatus;
+
+/// What a reader or writer asks the middleware for.
+struct Qos {
+  bool reliable = false;
+  bool transient_local = false;
+  bool keep_all = false;
+  int depth = 1;            ///< unless keep_all
+  double deadline_s = 0.0;  ///< 0: none
+  double lease_s = 0.1;     ///< automatic liveliness
+  double max_blocking_s = 0.0;
+};
+
+/// In lock-step a lost sample would stop everybody, so there every topic is reliable and keeps all, and no deadline is
+/// armed. In real time a writer that the network holds up drops instead of blocking the loop.
+constexpr Qos qos_of(const TopicSpec& topic, Mode mode, double device_period_s, double cycle_s) noexcept {
+  Qos qos;
+  qos.transient_local = topic.durability == Durability::transient_local;
+  if (mode == Mode::lockstep) {
+    qos.reliable = true;
+    qos.keep_all = true;
+    qos.max_blocking_s = 10.0;
+    return qos;
+  }
+  qos.reliable = topic.reliability == Reliability::reliable;
+  qos.depth = topic.depth;
+  if (topic.deadline == DeadlineKind::two_device_periods) qos.deadline_s = 2.0 * device_period_s;
+  if (topic.deadline == DeadlineKind::two_cycles) qos.deadline_s = 2.0 * cycle_s;
+  return qos;
+}
+
+}  // namespace subworld

@@ -1,0 +1,99 @@
+#include "support/wire_pairs.hpp"
+#include "wire/bus.hpp"
+
+#include <gtest/gtest.h>
+
+#include <sys/wait.h>
+#include <unistd.h>
+#include <csignal>
+#include <filesystem>
+
+namespace subworld {
+namespace {
+
+using test::config_of;
+using test::domain_of;
+using test::until;
+
+class WireEvents : public ::testing::TestWithParam<test::VendorPair> {};
+
+TEST_P(WireEvents, a_silent_writer_misses_its_deadline) {
+  const int domain = domain_of(220, GetParam());
+  const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
+  const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
+  auto writer = sender->writer<WorldFrame>();
+  auto reader = receiver->reader<WorldFrame>();
+  ASSERT_TRUE(until(*receiver, [&] { return writer.matched() > 0 && reader.matched() > 0; }));
+  EXPECT_EQ(receiver->events().deadline_missed, 0U) << "armed before the first sample";
+  WorldFrame frame;
+  ASSERT_TRUE(writer.write(frame));
+  ASSERT_TRUE(until(*receiver, [&] { return reader.take(frame) == Take::sample; }));
+  ASSERT_TRUE(until(*receiver, [&] { return receiver->events().deadline_missed > 0; }));
+  ASSERT_TRUE(until(*sender, [&] { return sender->events().deadline_missed > 0; }));
+  EXPECT_EQ(receiver->take_event_text(), "deadline missed: reader of world_frame");
+}
+
+/// The helper lies beside the test.
+pid_t start_helper(Vendor vendor, int domain) {
+  const std::string helper =
+      (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "wire_writer_helper").string();
+  const std::string number = std::to_string(domain);
+  const pid_t child = fork();
+  if (child == 0) {
+    execl(helper.c_str(), helper.c_str(), name_of(vendor), number.c_str(), static_cast<char*>(nullptr));
+    _exit(127);
+  }
+  return child;
+}
+
+TEST_P(WireEvents, a_killed_writer_is_noticed) {
+  const int domain = domain_of(224, GetParam());
+  const pid_t child = start_helper(GetParam().first, domain);
+  ASSERT_GT(child, 0);
+  const auto bus = open_bus(config_of(GetParam().second, domain));
+  auto reader = bus->reader<DeviceState>();
+  DeviceState state;
+  const bool heard = until(*bus, [&] { return reader.take(state) == Take::sample && reader.alive_writers() == 1; });
+  const auto lost_before = bus->events().liveliness_lost;
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  ASSERT_TRUE(heard);
+  EXPECT_TRUE(until(
+      *bus, [&] { return reader.alive_writers() == 0; }, 2.0));
+  EXPECT_GT(bus->events().liveliness_lost, lost_before);
+  EXPECT_EQ(bus->take_event_text(), "liveliness lost: reader of device_state");
+}
+
+TEST_P(WireEvents, modes_that_do_not_fit_name_topic_and_policy) {
+  const int domain = domain_of(216, GetParam());
+  const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
+  const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::lockstep));
+  auto writer = sender->writer<WorldSnapshot>();
+  auto reader = receiver->reader<WorldSnapshot>();
+  ASSERT_TRUE(until(*receiver, [&] { return receiver->events().incompatible_qos > 0; }));
+  EXPECT_EQ(receiver->take_event_text(), "incompatible QoS: reader of world_state, RELIABILITY");
+  ASSERT_TRUE(until(*sender, [&] { return sender->events().incompatible_qos > 0; }));
+  EXPECT_EQ(sender->take_event_text(), "incompatible QoS: writer of world_state, RELIABILITY");
+  EXPECT_EQ(writer.matched(), 0);
+  EXPECT_EQ(reader.matched(), 0);
+}
+
+TEST_P(WireEvents, a_writer_that_leaves_unmatches_and_the_wait_returns_for_it) {
+  const int domain = domain_of(208, GetParam());
+  auto sender = open_bus(config_of(GetParam().first, domain));
+  const auto receiver = open_bus(config_of(GetParam().second, domain));
+  auto reader = receiver->reader<Control>();
+  {
+    auto writer = sender->writer<Control>();
+    ASSERT_TRUE(until(*receiver, [&] { return reader.matched() == 1 && writer.matched() == 1; }));
+  }
+  ASSERT_TRUE(until(*receiver, [&] { return reader.matched() == 0; }));
+  EXPECT_EQ(receiver->events().matched, 1U);
+  EXPECT_EQ(receiver->events().unmatched, 1U);
+  EXPECT_EQ(reader.alive_writers(), 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Pairs, WireEvents, test::kAllPairs, test::name_of_pair);
+
+}  // namespace
+}  // namespace subworld

@@ -1,0 +1,142 @@
+#include "support/wire_pairs.hpp"
+#include "wire/bus.hpp"
+
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+namespace subworld {
+namespace {
+
+using test::config_of;
+using test::until;
+
+class WireOpen : public ::testing::TestWithParam<Vendor> {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() / ("subworld_wire_" + std::to_string(getpid()));
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string file(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name) << text;
+    return (folder_ / name).string();
+  }
+
+  BusConfig config() const { return config_of(GetParam(), 228 + static_cast<int>(GetParam())); }
+
+  /// Opening must throw a middleware error that names all of these.
+  static void expect_error(const BusConfig& config, const std::vector<std::string>& words) {
+    try {
+      (void)open_bus(config);
+      FAIL() << "opened";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ExitCode::middleware);
+      for (const std::string& word : words) {
+        EXPECT_NE(std::string(error.what()).find(word), std::string::npos) << word << " is not in: " << error.what();
+      }
+    }
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_P(WireOpen, a_missing_plugin_is_named) {
+  setenv("SUBWORLD_PLUGIN_DIR", folder_.c_str(), 1);
+  expect_error(config(), {std::string("libsubworld_") + name_of(GetParam()) + ".so", "SUBWORLD_PLUGIN_DIR"});
+  unsetenv("SUBWORLD_PLUGIN_DIR");
+}
+
+TEST_P(WireOpen, a_plugin_that_cannot_be_loaded_names_the_package) {
+  file(std::string("libsubworld_") + name_of(GetParam()) + ".so", "not a library");
+  setenv("SUBWORLD_PLUGIN_DIR", folder_.c_str(), 1);
+  expect_error(config(), {"install the Debian package", GetParam() == Vendor::fastdds ? "libfastrtps" : "libddsc"});
+  unsetenv("SUBWORLD_PLUGIN_DIR");
+}
+
+TEST_P(WireOpen, wrong_domains_addresses_and_hosts_are_named) {
+  auto wrong = config();
+  wrong.domain = 233;
+  expect_error(wrong, {"233", "0 .. 232"});
+  wrong = config();
+  wrong.interface_address = "192.0.2.1";  // reserved for documentation: nobody's
+  expect_error(wrong, {"192.0.2.1", "ip -brief address"});
+  wrong = config();
+  wrong.peers = {"no.such.host.invalid"};
+  expect_error(wrong, {"no.such.host.invalid"});
+}
+
+TEST_P(WireOpen, bad_qos_files_are_named) {
+  auto wrong = config();
+  wrong.qos_file = (folder_ / "absent.xml").string();
+  expect_error(wrong, {"absent.xml"});
+  wrong.qos_file = file("broken.xml", "<CycloneDDS><Domain><General></Domain>");
+  expect_error(wrong, {"broken.xml"});
+  wrong.qos_file = file("unknown.xml", "<CycloneDDS><Domain><Nonsense>1</Nonsense></Domain></CycloneDDS>");
+  expect_error(wrong, {"unknown.xml"});
+}
+
+TEST_P(WireOpen, two_buses_in_one_process_come_and_go) {
+  for (int round = 0; round < 3; ++round) {
+    const auto first = open_bus(config());
+    const auto second = open_bus(config());
+    auto writer = first->writer<Control>();
+    auto reader = second->reader<Control>();
+    ASSERT_TRUE(until(*second, [&] { return writer.matched() == 1 && reader.matched() == 1; })) << round;
+    ASSERT_TRUE(writer.write({ControlVerb::pause, "x"}));
+    Control control;
+    ASSERT_TRUE(until(*second, [&] { return reader.take(control) == Take::sample; })) << round;
+    EXPECT_EQ(control.verb, ControlVerb::pause);
+  }
+}
+
+TEST_P(WireOpen, a_wait_without_news_ends_and_a_wake_up_before_it_is_not_lost) {
+  const auto bus = open_bus(config());
+  while (bus->wait(0.05)) {
+  }
+  auto reader = bus->reader<Control>();
+  auto writer = bus->writer<Control>();
+  // The match happens while nobody waits.
+  ASSERT_TRUE(until(*bus, [&] { return reader.matched() == 1; }));
+  while (bus->wait(0.5)) {
+  }
+  ASSERT_TRUE(writer.write({}));
+  ASSERT_TRUE(writer.wait_for_acknowledgments(20.0));
+  EXPECT_TRUE(bus->wait(20.0));
+}
+
+TEST_P(WireOpen, settings_say_where_they_come_from_and_flags_win) {
+  EXPECT_NE(open_bus(config())->effective_settings().find("interface=127.0.0.1"), std::string::npos);
+  auto changed = config();
+  changed.interface_address = "127.0.0.2";
+  changed.peers = {"127.0.0.3"};
+  const std::string settings = open_bus(changed)->effective_settings();
+  EXPECT_NE(settings.find("interface=127.0.0.2"), std::string::npos) << settings;
+  EXPECT_NE(settings.find("peers=127.0.0.3"), std::string::npos) << settings;
+  EXPECT_NE(settings.find(name_of(GetParam())), std::string::npos) << settings;
+}
+
+TEST_P(WireOpen, leaves_nothing_in_shared_memory) {
+  const auto count = [] {
+    int files = 0;
+    for (const auto& entry : std::filesystem::directory_iterator("/dev/shm")) {
+      const std::string name = entry.path().filename().string();
+      files += name.starts_with("fast") || name.starts_with("sem.fast") ? 1 : 0;
+    }
+    return files;
+  };
+  const int before = count();
+  const auto bus = open_bus(config());
+  auto writer = bus->writer<Control>();
+  EXPECT_EQ(count(), before);
+}
+
+INSTANTIATE_TEST_SUITE_P(Vendors, WireOpen, ::testing::Values(Vendor::fastdds, Vendor::cyclonedds),
+                         [](const auto& test) { return std::string(name_of(test.param)); });
+
+}  // namespace
+}  // namespace subworld

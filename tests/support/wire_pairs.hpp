@@ -1,0 +1,48 @@
+#pragma once
+
+#include "wire/bus.hpp"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <string>
+#include <utility>
+
+namespace subworld::test {
+
+/// Sender and receiver.
+using VendorPair = std::pair<Vendor, Vendor>;
+
+inline std::string name_of_pair(const ::testing::TestParamInfo<VendorPair>& info) {
+  return std::string(name_of(info.param.first)) + "_to_" + name_of(info.param.second);
+}
+
+inline const auto kAllPairs = ::testing::Values(
+    VendorPair{Vendor::fastdds, Vendor::fastdds}, VendorPair{Vendor::fastdds, Vendor::cyclonedds},
+    VendorPair{Vendor::cyclonedds, Vendor::fastdds}, VendorPair{Vendor::cyclonedds, Vendor::cyclonedds});
+
+/// A domain of its own for each vendor pair of a test that has four from `first` on.
+inline int domain_of(int first, VendorPair pair) {
+  return first + 2 * static_cast<int>(pair.first) + static_cast<int>(pair.second);
+}
+
+inline BusConfig config_of(Vendor vendor, int domain, Mode mode = Mode::lockstep) {
+  BusConfig config;
+  config.vendor = vendor;
+  config.domain = domain;
+  config.mode = mode;
+  return config;
+}
+
+/// Waits on the bus until the condition holds; false if it does not within a time that only a fault exceeds.
+template <class Condition>
+bool until(Bus& bus, Condition condition, double limit_s = 20.0) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(limit_s);
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    bus.wait(0.02);
+  }
+  return true;
+}
+
+}  // namespace subworld::test

@@ -1,0 +1,265 @@
+#pragma once
+
+#include "model/exchange.hpp"
+
+#include <random>
+#include <string>
+
+/// Samples of every topic with random contents, and equality of their bits.
+namespace subworld::test {
+
+class SampleMaker {
+ public:
+  explicit SampleMaker(std::uint32_t seed) : random_(seed) {}
+
+  double number() { return std::uniform_real_distribution<double>(-10.0, 10.0)(random_); }
+  double positive() { return std::uniform_real_distribution<double>(0.0, 10.0)(random_); }
+  std::uint32_t word() { return static_cast<std::uint32_t>(random_()); }
+  std::uint64_t long_word() { return (std::uint64_t{word()} << 32U) | word(); }
+  std::size_t count() { return std::uniform_int_distribution<std::size_t>(0, 5)(random_); }
+  bool coin() { return (word() & 1U) != 0; }
+  Vec3 vector() { return {number(), number(), number()}; }
+  Quat quaternion() { return Quat{number(), number(), number(), number()}.normalized(); }
+  std::string text() { return std::string(count() * 7, static_cast<char>('a' + word() % 26)); }
+
+  void fill(Pose& to) { to = {vector(), quaternion()}; }
+  void fill(Wrench& to) { to = {vector(), vector()}; }
+  void fill(BodyState& to) { to = {vector(), quaternion(), vector(), vector()}; }
+  void fill(StampedBody& to) {
+    to.id = BodyId{word()};
+    fill(to.state);
+  }
+  void fill(BodyId& to) { to = BodyId{word()}; }
+  void fill(BorderPair& to) {
+    to = {BodyId{word()}, BodyId{word()}, vector(), vector().normalized(), vector(), number(), vector()};
+  }
+  void fill(GhostModel& to) {
+    to = {BodyId{word()}, positive(), number(), positive(), vector().normalized(), number()};
+  }
+  void fill(Body& to) {
+    to.id = BodyId{word()};
+    to.name = text();
+    to.shape = {static_cast<ShapeKind>(word() % 5), vector().cwiseAbs(), positive(), positive(), word()};
+    to.material = {positive(), 0.1 * positive()};
+    to.mass = positive();
+    to.inertia = vector().cwiseAbs();
+    to.gravity = coin();
+    to.rotates = coin();
+  }
+  void fill(EnteringBody& to) {
+    fill(to.body);
+    fill(to.state);
+  }
+  void fill(Mesh& to) {
+    to.file = text();
+    to.vertices.resize(3 + count());
+    for (Vec3& vertex : to.vertices) vertex = vector();
+    to.triangles.resize(1 + count());
+    for (auto& triangle : to.triangles) {
+      for (auto& corner : triangle) corner = word() % static_cast<std::uint32_t>(to.vertices.size());
+    }
+  }
+  void fill(UserView& to) {
+    to.user = UserId{word()};
+    to.proxy = BodyId{word()};
+    fill_all(to.members);
+    fill_all(to.border);
+    fill(to.wrench);
+  }
+  template <class T>
+  void fill_all(std::vector<T>& to) {
+    to.resize(count());
+    for (T& element : to) fill(element);
+  }
+
+  void fill(SceneDescription& to) {
+    to.name = text();
+    to.settings_hash = long_word();
+    to.meshes.resize(1 + count());
+    for (Mesh& mesh : to.meshes) fill(mesh);
+    to.bodies.resize(1 + count());
+    to.states.resize(to.bodies.size());
+    for (Body& body : to.bodies) fill(body);
+    for (BodyState& state : to.states) fill(state);
+    to.bodies[0].shape.kind = ShapeKind::mesh;
+    to.bodies[0].shape.mesh = word() % static_cast<std::uint32_t>(to.meshes.size());
+  }
+  void fill(DeviceState& to) {
+    to.device = word();
+    to.sequence = long_word();
+    to.stamp_s = number();
+    to.sent_ns = static_cast<std::int64_t>(long_word());
+    fill(to.pose);
+    to.linear_velocity = vector();
+    to.angular_velocity = vector();
+    fill(to.applied);
+    to.buttons = word();
+  }
+  void fill(DeviceCommand& to) {
+    to.device = word();
+    to.sequence = long_word();
+    to.stamp_s = number();
+    to.echoed_sent_ns = static_cast<std::int64_t>(long_word());
+    fill(to.wrench);
+    fill(to.pose);
+    to.linear_velocity = vector();
+    to.angular_velocity = vector();
+    to.last = coin();
+  }
+  void fill(WorldFrame& to) {
+    to.user = UserId{word()};
+    to.stamp = long_word();
+    to.stamp_s = number();
+    to.start_in_s = number();
+    to.clock_factor = positive();
+    to.echoed_sent_ns = static_cast<std::int64_t>(long_word());
+    to.echoed_stamp = long_word();
+    to.last = coin();
+    fill_all(to.members);
+    fill_all(to.fixed);
+    fill_all(to.entering);
+    fill_all(to.states);
+    fill_all(to.border);
+    fill_all(to.ghosts);
+  }
+  void fill(HapticReport& to) {
+    to.user = UserId{word()};
+    to.stamp = long_word();
+    to.stamp_s = number();
+    to.sent_ns = static_cast<std::int64_t>(long_word());
+    to.confirmed_stamp = long_word();
+    fill(to.impulse);
+    fill(to.impulse_total);
+    to.device_work_j = number();
+    to.coupling_energy_j = number();
+    fill(to.proxy);
+    fill(to.device_pose);
+    to.device_linear_velocity = vector();
+    to.device_angular_velocity = vector();
+    fill(to.device_applied);
+    fill_all(to.members);
+    to.indicators = {positive(), positive(), positive(), word(), word()};
+    to.timing = {positive(), positive()};
+  }
+  void fill(WorldSnapshot& to) {
+    to.sequence = long_word();
+    to.stamp_s = number();
+    to.clock_factor = positive();
+    fill_all(to.moved);
+    fill_all(to.users);
+  }
+  void fill(Control& to) { to = {static_cast<ControlVerb>(word() % 7), text()}; }
+  void fill(Status& to) {
+    to.program = static_cast<ProgramKind>(word() % 4);
+    to.instance = word();
+    to.state = text();
+    to.time_s = number();
+    to.rate_hz = number();
+    to.steps = long_word();
+    to.missed_deadlines = long_word();
+    to.events = {long_word(), long_word(), long_word(), long_word(), long_word(), long_word(), long_word()};
+    to.text = text();
+  }
+
+  template <class M>
+  M make() {
+    M sample;
+    fill(sample);
+    return sample;
+  }
+
+ private:
+  std::mt19937 random_;
+};
+
+/// Calls `visit` with every number, text and size of a sample, in order. Templates over const and non-const are not
+/// needed: it only reads.
+template <class Visit>
+struct Walk {
+  Visit& visit;
+
+  void operator()(double value) { visit(value); }
+  void operator()(const std::string& text) {
+    visit(static_cast<double>(text.size()));
+    for (const char letter : text) visit(static_cast<double>(letter));
+  }
+  void operator()(const Vec3& v) { all(v.x(), v.y(), v.z()); }
+  void operator()(const Quat& q) { all(q.w(), q.x(), q.y(), q.z()); }
+  void operator()(std::uint64_t value) {
+    visit(static_cast<double>(value >> 32U));
+    visit(static_cast<double>(value & 0xffffffffU));
+  }
+  void operator()(std::int64_t value) { (*this)(static_cast<std::uint64_t>(value)); }
+  void operator()(std::uint32_t value) { visit(static_cast<double>(value)); }
+  void operator()(bool value) { visit(value ? 1.0 : 0.0); }
+  void operator()(BodyId id) { (*this)(index(id)); }
+  void operator()(UserId id) { (*this)(index(id)); }
+  void operator()(const Pose& p) { all(p.position, p.orientation); }
+  void operator()(const Wrench& w) { all(w.force, w.torque); }
+  void operator()(const BodyState& s) { all(s.position, s.orientation, s.linear_velocity, s.angular_velocity); }
+  void operator()(const StampedBody& b) { all(b.id, b.state); }
+  void operator()(const std::array<std::uint32_t, 3>& t) { all(t[0], t[1], t[2]); }
+  void operator()(const Mesh& m) { all(m.file, m.vertices, m.triangles); }
+  void operator()(const Body& b) {
+    all(b.id, b.name, static_cast<std::uint32_t>(b.shape.kind), b.shape.half_extents, b.shape.radius,
+        b.shape.half_length, b.shape.mesh, b.material.friction, b.material.restitution, b.mass, b.inertia, b.gravity,
+        b.rotates);
+  }
+  void operator()(const EnteringBody& e) { all(e.body, e.state); }
+  void operator()(const BorderPair& b) {
+    all(b.inside, b.outside, b.point, b.normal, b.tangential_velocity, b.normal_impulse, b.tangential_impulse);
+  }
+  void operator()(const GhostModel& g) {
+    all(g.outside, g.mass_kg, g.force_n, g.coulomb_limit_n, g.normal, g.load_n_s);
+  }
+  void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
+  void operator()(const SceneDescription& s) { all(s.name, s.settings_hash, s.meshes, s.bodies, s.states); }
+  void operator()(const DeviceState& d) {
+    all(d.device, d.sequence, d.stamp_s, d.sent_ns, d.pose, d.linear_velocity, d.angular_velocity, d.applied,
+        d.buttons);
+  }
+  void operator()(const DeviceCommand& d) {
+    all(d.device, d.sequence, d.stamp_s, d.echoed_sent_ns, d.wrench, d.pose, d.linear_velocity, d.angular_velocity,
+        d.last);
+  }
+  void operator()(const WorldFrame& f) {
+    all(f.user, f.stamp, f.stamp_s, f.start_in_s, f.clock_factor, f.echoed_sent_ns, f.echoed_stamp, f.last, f.members,
+        f.fixed, f.entering, f.states, f.border, f.ghosts);
+  }
+  void operator()(const HapticReport& r) {
+    all(r.user, r.stamp, r.stamp_s, r.sent_ns, r.confirmed_stamp, r.impulse, r.impulse_total, r.device_work_j,
+        r.coupling_energy_j, r.proxy, r.device_pose, r.device_linear_velocity, r.device_angular_velocity,
+        r.device_applied, r.members, r.indicators.proxy_impulse_n_s, r.indicators.total_impulse_n_s,
+        r.indicators.device_impulse_n_s, r.indicators.border_bodies, r.indicators.proxy_contacts, r.timing.mean_s,
+        r.timing.max_s);
+  }
+  void operator()(const WorldSnapshot& s) { all(s.sequence, s.stamp_s, s.clock_factor, s.moved, s.users); }
+  void operator()(const Control& c) { all(static_cast<std::uint32_t>(c.verb), c.argument); }
+  void operator()(const Status& s) {
+    all(static_cast<std::uint32_t>(s.program), s.instance, s.state, s.time_s, s.rate_hz, s.steps, s.missed_deadlines,
+        s.events.matched, s.events.unmatched, s.events.deadline_missed, s.events.liveliness_lost,
+        s.events.incompatible_qos, s.events.lost, s.events.rejected, s.text);
+  }
+  template <class T>
+  void operator()(const std::vector<T>& elements) {
+    visit(static_cast<double>(elements.size()));
+    for (const T& element : elements) (*this)(element);
+  }
+
+ private:
+  template <class... Parts>
+  void all(const Parts&... parts) {
+    ((*this)(parts), ...);
+  }
+};
+
+/// Everything a sample holds as numbers; equal lists are equal samples, bit for bit.
+template <class M>
+std::vector<double> numbers_of(const M& sample) {
+  std::vector<double> numbers;
+  auto collect = [&numbers](double value) { numbers.push_back(value); };
+  Walk<decltype(collect)>{collect}(sample);
+  return numbers;
+}
+
+}  // namespace subworld::test

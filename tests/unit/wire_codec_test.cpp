@@ -1,0 +1,194 @@
+#include "support/wire_samples.hpp"
+#include "wire/codec.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+namespace subworld {
+namespace {
+
+using test::numbers_of;
+using test::SampleMaker;
+
+bool same_bits(const std::vector<double>& a, const std::vector<double>& b) {
+  return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), [](double x, double y) {
+           return std::bit_cast<std::uint64_t>(x) == std::bit_cast<std::uint64_t>(y);
+         });
+}
+
+template <class M>
+class WireCodec : public ::testing::Test {};
+
+using Topics = ::testing::Types<SceneDescription, DeviceState, DeviceCommand, WorldFrame, HapticReport, WorldSnapshot,
+                                Control, Status>;
+
+struct TopicName {
+  template <class M>
+  static std::string GetName(int) {
+    return kTopicOf<M>->name;
+  }
+};
+
+TYPED_TEST_SUITE(WireCodec, Topics, TopicName);
+
+TYPED_TEST(WireCodec, round_trip_keeps_every_bit) {
+  Codec<TypeParam> sender;
+  Codec<TypeParam> receiver;
+  TypeParam received;
+  SampleMaker make(7);
+  for (int round = 0; round < 200; ++round) {
+    const auto sent = make.template make<TypeParam>();
+    const auto bytes = sender.encode(sent);
+    ASSERT_GT(bytes.size(), 4U);
+    ASSERT_TRUE(receiver.decode(bytes, received)) << "round " << round;
+    ASSERT_TRUE(same_bits(numbers_of(sent), numbers_of(received))) << "round " << round;
+  }
+}
+
+TYPED_TEST(WireCodec, default_sample_travels) {
+  Codec<TypeParam> codec;
+  TypeParam received;
+  const auto bytes = codec.encode(TypeParam{});
+  EXPECT_TRUE(codec.decode(bytes, received));
+}
+
+TYPED_TEST(WireCodec, truncated_samples_are_rejected_and_leave_the_target_alone) {
+  Codec<TypeParam> codec;
+  SampleMaker make(11);
+  const auto encoded = codec.encode(make.template make<TypeParam>());
+  const std::vector<std::uint8_t> whole(encoded.begin(), encoded.end());
+  auto target = make.template make<TypeParam>();
+  const auto before = numbers_of(target);
+  for (std::size_t size = 0; size < whole.size(); ++size) {
+    const std::vector<std::uint8_t> cut(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
+    ASSERT_FALSE(codec.decode(cut, target)) << size << " of " << whole.size() << " bytes";
+  }
+  EXPECT_TRUE(same_bits(before, numbers_of(target)));
+  EXPECT_TRUE(codec.decode(whole, target));
+}
+
+TYPED_TEST(WireCodec, corrupt_bytes_never_give_numbers_that_are_not_finite) {
+  Codec<TypeParam> codec;
+  SampleMaker make(13);
+  const auto encoded = codec.encode(make.template make<TypeParam>());
+  const std::vector<std::uint8_t> whole(encoded.begin(), encoded.end());
+  TypeParam target;
+  int rejected = 0;
+  for (std::size_t at = 0; at < whole.size(); ++at) {
+    for (const int with : {0x00, 0x01, 0x7f, 0x80, 0xff}) {
+      auto bytes = whole;
+      bytes[at] = static_cast<std::uint8_t>(with);
+      if (!codec.decode(bytes, target)) ++rejected;
+      for (const double number : numbers_of(target)) ASSERT_TRUE(std::isfinite(number)) << "byte " << at;
+    }
+  }
+  EXPECT_GT(rejected, 0);
+}
+
+TYPED_TEST(WireCodec, foreign_encapsulations_are_rejected) {
+  Codec<TypeParam> codec;
+  const auto encoded = codec.encode(TypeParam{});
+  std::vector<std::uint8_t> bytes(encoded.begin(), encoded.end());
+  TypeParam target;
+  for (const int kind : {2, 3, 6, 7, 8, 9, 255}) {
+    bytes[1] = static_cast<std::uint8_t>(kind);
+    EXPECT_FALSE(codec.decode(bytes, target)) << kind;
+  }
+}
+
+TYPED_TEST(WireCodec, trailing_bytes_are_rejected_but_padding_is_not) {
+  Codec<TypeParam> codec;
+  const auto encoded = codec.encode(TypeParam{});
+  std::vector<std::uint8_t> bytes(encoded.begin(), encoded.end());
+  TypeParam target;
+  bytes.resize(bytes.size() + 3);
+  EXPECT_TRUE(codec.decode(bytes, target));
+  bytes.resize(bytes.size() + 5);
+  EXPECT_FALSE(codec.decode(bytes, target));
+}
+
+/// True if the sample survives its own encoding.
+template <class M>
+bool accepted(const M& sample) {
+  Codec<M> codec;
+  M received;
+  return codec.decode(codec.encode(sample), received);
+}
+
+TEST(WireValidation, numbers_must_be_finite) {
+  SampleMaker make(17);
+  for (const double bad : {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
+    auto state = make.make<DeviceState>();
+    state.linear_velocity.y() = bad;
+    EXPECT_FALSE(accepted(state));
+    auto frame = make.make<WorldFrame>();
+    frame.start_in_s = bad;
+    EXPECT_FALSE(accepted(frame));
+    auto status = make.make<Status>();
+    status.rate_hz = bad;
+    EXPECT_FALSE(accepted(status));
+  }
+}
+
+TEST(WireValidation, quaternions_are_unit_normalised_when_near_and_rejected_when_not) {
+  DeviceState state;
+  state.pose.orientation.coeffs() *= 1.001;
+  Codec<DeviceState> codec;
+  DeviceState received;
+  ASSERT_TRUE(codec.decode(codec.encode(state), received));
+  EXPECT_NEAR(received.pose.orientation.norm(), 1.0, 1e-12);
+  state.pose.orientation.coeffs() *= 1.1;
+  EXPECT_FALSE(accepted(state));
+  state.pose.orientation.coeffs().setZero();
+  EXPECT_FALSE(accepted(state));
+}
+
+TEST(WireValidation, kinds_out_of_range_are_rejected) {
+  Control control;
+  control.verb = static_cast<ControlVerb>(7);
+  EXPECT_FALSE(accepted(control));
+  Status status;
+  status.program = static_cast<ProgramKind>(4);
+  EXPECT_FALSE(accepted(status));
+  WorldFrame frame;
+  frame.entering.resize(1);
+  EXPECT_TRUE(accepted(frame));
+  frame.entering[0].body.shape.kind = static_cast<ShapeKind>(7);
+  EXPECT_FALSE(accepted(frame));
+}
+
+TEST(WireValidation, bodies_must_be_possible) {
+  WorldFrame frame;
+  frame.entering.resize(1);
+  Body& body = frame.entering[0].body;
+  body.mass = -1.0;
+  EXPECT_FALSE(accepted(frame));
+  body.mass = 1.0;
+  body.material.restitution = 1.5;
+  EXPECT_FALSE(accepted(frame));
+  body.material.restitution = 0.0;
+  body.inertia.x() = -1.0;
+  EXPECT_FALSE(accepted(frame));
+}
+
+TEST(WireValidation, sizes_and_indices_of_a_scene_must_agree) {
+  const auto good = SampleMaker(19).make<SceneDescription>();
+  ASSERT_TRUE(accepted(good));
+  auto scene = good;
+  scene.states.emplace_back();
+  EXPECT_FALSE(accepted(scene));
+  scene = good;
+  scene.bodies[0].shape.mesh = static_cast<std::uint32_t>(scene.meshes.size());
+  EXPECT_FALSE(accepted(scene));
+  scene = good;
+  scene.meshes[0].triangles[0][2] = static_cast<std::uint32_t>(scene.meshes[0].vertices.size());
+  EXPECT_FALSE(accepted(scene));
+}
+
+}  // namespace
+}  // namespace subworld

@@ -1,0 +1,51 @@
+#include "wire/bus.hpp"
+
+#include <gtest/gtest.h>
+
+namespace subworld {
+namespace {
+
+TEST(WireTopics, lockstep_never_loses_and_arms_no_deadline) {
+  for (const TopicSpec* topic : kTopics) {
+    const Qos qos = qos_of(*topic, Mode::lockstep, 0.001, 0.004);
+    EXPECT_TRUE(qos.reliable) << topic->name;
+    EXPECT_TRUE(qos.keep_all) << topic->name;
+    EXPECT_EQ(qos.deadline_s, 0.0) << topic->name;
+  }
+}
+
+TEST(WireTopics, realtime_follows_the_table) {
+  const auto qos = [](const TopicSpec& topic) { return qos_of(topic, Mode::realtime, 0.001, 0.004); };
+  EXPECT_FALSE(qos(kDeviceState).reliable);
+  EXPECT_EQ(qos(kDeviceState).depth, 1);
+  EXPECT_EQ(qos(kDeviceState).deadline_s, 0.002);
+  EXPECT_EQ(qos(kDeviceCommand).deadline_s, 0.002);
+  EXPECT_TRUE(qos(kWorldFrame).reliable);
+  EXPECT_EQ(qos(kWorldFrame).depth, 8);
+  EXPECT_EQ(qos(kWorldFrame).deadline_s, 0.008);
+  EXPECT_EQ(qos(kHapticReport).deadline_s, 0.008);
+  EXPECT_EQ(qos(kWorldState).deadline_s, 0.0);
+  EXPECT_TRUE(qos(kScene).transient_local);
+  EXPECT_FALSE(qos(kWorldFrame).transient_local);
+  for (const TopicSpec* topic : kTopics) {
+    EXPECT_EQ(qos(*topic).lease_s, 0.1) << topic->name;
+    EXPECT_EQ(qos(*topic).max_blocking_s, 0.0) << topic->name;
+    EXPECT_FALSE(qos(*topic).keep_all) << topic->name;
+  }
+}
+
+TEST(WireTopics, vendors_are_parsed_and_others_are_a_usage_error) {
+  EXPECT_EQ(parse_vendor("fastdds"), Vendor::fastdds);
+  EXPECT_EQ(parse_vendor("cyclonedds"), Vendor::cyclonedds);
+  EXPECT_STREQ(name_of(Vendor::cyclonedds), "cyclonedds");
+  try {
+    (void)parse_vendor("opendds");
+    FAIL() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::usage);
+    EXPECT_NE(std::string(error.what()).find("cyclonedds"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace subworld
