@@ -221,4 +221,17 @@ SUBWORLD_TOPIC(WorldSnapshot)
 SUBWORLD_TOPIC(Control)
 SUBWORLD_TOPIC(Status)
 
+std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, double device_period_s,
+                              const std::string& participant_name) {
+  return open_bus({.vendor = parse_vendor(network.dds),
+                   .domain = network.domain,
+                   .mode = settings.mode,
+                   .peers = network.peers,
+                   .interface_address = network.interface_address,
+                   .qos_file = network.qos_file,
+                   .device_period_s = device_period_s,
+                   .cycle_s = settings.cycle_s(),
+                   .participant_name = participant_name});
+}
+
 }  // namespace subworld

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "model/error.hpp"
+#include "model/network.hpp"
 #include "wire/topics.hpp"
 
 #include <cstdint>
@@ -116,5 +117,8 @@ class Bus {
 
 /// Throws `Error` (middleware) that says where, what and the cure.
 [[nodiscard]] std::unique_ptr<Bus> open_bus(const BusConfig& config);
+/// A program's bus, as its command line and scene say.
+[[nodiscard]] std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, double device_period_s,
+                                            const std::string& participant_name);
 
 }  // namespace subworld
