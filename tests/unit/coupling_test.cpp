@@ -1,0 +1,253 @@
+#include "coupling/blend.hpp"
+#include "coupling/border.hpp"
+#include "coupling/force_guard.hpp"
+#include "coupling/scheme.hpp"
+#include "coupling/selection.hpp"
+#include "coupling/synchroniser.hpp"
+#include "coupling/virtual_coupling.hpp"
+#include "model/error.hpp"
+#include "support/bodies.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace subworld {
+namespace {
+
+using test::at;
+using test::ball_proxy;
+
+TEST(Selection, MembersAreMovableAndAlwaysHoldTheProxy) {
+  const std::vector<Body> bodies{test::floor_plane(BodyId{0}), test::cube(BodyId{1}), test::cube(BodyId{2}),
+                                 ball_proxy(BodyId{3})};
+  Membership m;
+  select_members(std::vector{BodyId{0}, BodyId{2}}, bodies, BodyId{3}, m);
+  EXPECT_EQ(m.members, (std::vector{BodyId{2}, BodyId{3}}));
+  select_fixed(std::vector{BodyId{0}, BodyId{1}, BodyId{2}}, bodies, m);
+  EXPECT_EQ(m.fixed, std::vector{BodyId{0}});
+  EXPECT_TRUE(m.holds(BodyId{0}));
+  EXPECT_FALSE(m.holds(BodyId{1}));
+}
+
+Contact contact(unsigned a, unsigned b, double normal_impulse, const Vec3& tangential = Vec3::Zero()) {
+  Contact c;
+  c.a = BodyId{a};
+  c.b = BodyId{b};
+  c.normal = Vec3::UnitZ();
+  c.normal_impulse = normal_impulse;
+  c.tangential_impulse = tangential;
+  return c;
+}
+
+// Figure 9: of five contacts two cross the boundary, each with its own border body.
+TEST(Border, Figure9CountsContactsThatCrossTheBoundary) {
+  const Membership m{.members = {BodyId{1}, BodyId{2}, BodyId{3}}, .fixed = {BodyId{0}}};
+  const std::vector contacts{contact(0, 1, 1.0), contact(1, 2, 2.0), contact(2, 5, 3.0, {0.5, 0, 0}),
+                             contact(3, 4, 4.0), contact(4, 5, 5.0)};
+  std::vector<BorderPair> border;
+  extract_border(contacts, m, border);
+  ASSERT_EQ(border.size(), 2U);
+  EXPECT_EQ(border[0].inside, BodyId{2});
+  EXPECT_EQ(border[0].outside, BodyId{5});
+  EXPECT_EQ(border[0].normal, Vec3(0, 0, 1));  // b to a, and a is inside
+  EXPECT_EQ(border[0].tangential_impulse, Vec3(0.5, 0, 0));
+  std::vector<BodyId> bodies;
+  border_bodies(border, bodies);
+  EXPECT_EQ(bodies, (std::vector{BodyId{2}, BodyId{3}}));
+}
+
+TEST(Border, ImpulsesActOnTheInsideBodyWhicheverSideItIs) {
+  const Membership m{.members = {BodyId{5}}, .fixed = {}};
+  std::vector<BorderPair> border;
+  extract_border(std::vector{contact(2, 5, 3.0, {0.5, 0, 0})}, m, border);
+  ASSERT_EQ(border.size(), 1U);
+  EXPECT_EQ(border[0].normal, Vec3(0, 0, -1));
+  EXPECT_EQ(border[0].tangential_impulse, Vec3(-0.5, 0, 0));
+  std::vector<PointImpulse> impulses;
+  frozen_impulses(border, 0.25, impulses);
+  EXPECT_EQ(impulses[0].impulse, Vec3(-0.125, 0, -0.75));
+}
+
+// Figure 8 a: members that touch only one another and the floor have no border.
+TEST(Border, Figure8aClosedSubWorldHasNone) {
+  const Membership m{.members = {BodyId{1}, BodyId{2}}, .fixed = {BodyId{0}}};
+  std::vector<BorderPair> border;
+  extract_border(std::vector{contact(0, 1, 1.0), contact(1, 2, 1.0), contact(3, 4, 1.0)}, m, border);
+  EXPECT_TRUE(border.empty());
+}
+
+TEST(Blend, WeightFollowsTheFourIndicators) {
+  const PaperSettings settings;
+  Indicators i{.proxy_impulse_n_s = 1.0,
+               .total_impulse_n_s = 4.0,
+               .device_impulse_n_s = 1.0,
+               .border_bodies = 2,
+               .proxy_contacts = 3};
+  EXPECT_DOUBLE_EQ(blend_weight(i, settings), 0.5);
+  i.proxy_contacts = 0;
+  EXPECT_EQ(blend_weight(i, settings), 0.0);
+  i.border_bodies = 0;
+  EXPECT_EQ(blend_weight(i, settings), 0.0);
+  i.proxy_contacts = 1;
+  EXPECT_EQ(blend_weight(i, settings), 1.0);
+  i.border_bodies = 1;
+  i.device_impulse_n_s = 0.5 * settings.device_impulse_threshold_n_s;
+  EXPECT_EQ(blend_weight(i, settings), 0.0);
+  i.device_impulse_n_s = 1.0;
+  i.total_impulse_n_s = 0.0;
+  EXPECT_EQ(blend_weight(i, settings), 0.0);
+  i.total_impulse_n_s = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(blend_weight(i, settings), 0.0);
+}
+
+TEST(Blend, ShiftIsTheDifferenceAndStatesMeetInTheMiddle) {
+  BodyState a = at(1, 2, 3), b = at(2, 2, 2);
+  b.orientation = Quat(Eigen::AngleAxisd(0.5, Vec3::UnitZ()));
+  b.linear_velocity = Vec3(1, 0, 0);
+  const BodyState back = shifted(a, difference(a, b));
+  EXPECT_LT((back.position - b.position).norm(), 1e-15);
+  EXPECT_LT(back.orientation.angularDistance(b.orientation), 1e-7);
+  const BodyState half = blend(a, b, 0.5);
+  EXPECT_LT((half.position - Vec3(1.5, 2, 2.5)).norm(), 1e-15);
+  EXPECT_NEAR(half.orientation.angularDistance(a.orientation), 0.25, 1e-7);
+}
+
+TEST(VirtualCoupling, IsASpringAndDamperUpToTheLimit) {
+  const CouplingSettings k{.stiffness_n_m = 1000, .damping_n_s_m = 20};
+  const ForceLimits limits{.force_n = 40};
+  BodyState proxy = at(0, 0, 0);
+  proxy.linear_velocity = Vec3(0.1, 0, 0);
+  DevicePose device{{Vec3(0.01, 0, 0), Quat::Identity()}, Vec3(0.3, 0, 0), Vec3::Zero()};
+  EXPECT_NEAR(coupling_wrench(k, limits, proxy, device).force.x(), 10.0 + 4.0, 1e-12);
+  device.pose.position.x() = 1.0;
+  EXPECT_NEAR(coupling_wrench(k, limits, proxy, device).force.norm(), 40.0, 1e-12);
+  EXPECT_EQ(coupling_wrench(k, limits, proxy, device).torque, Vec3::Zero());
+}
+
+/// Free proxy of 0.1 kg under the implicit coupling to a device at rest, dt far beyond the explicit limit.
+TEST(VirtualCoupling, ImplicitStepIsStableAtAnyStep) {
+  const CouplingSettings k{.stiffness_n_m = 1e5, .damping_n_s_m = 1.0};
+  const ForceLimits limits{.force_n = 1e9};
+  const Body body = ball_proxy(BodyId{0});
+  BodyState proxy = at(0.01, 0, 0);
+  const DevicePose device{};
+  constexpr double dt = 0.02;
+  double energy = 1e9;
+  for (int i = 0; i < 200; ++i) {
+    const ImplicitStep step = implicit_step(k, limits, body, proxy, device, dt);
+    BodyState next = step.start;
+    next.linear_velocity += dt / step.mass * step.wrench.force;
+    next.position += dt * next.linear_velocity;
+    const Wrench mean = exerted(k, step, next, dt);
+    EXPECT_NEAR((body.mass * (next.linear_velocity - proxy.linear_velocity)).x(), dt * mean.force.x(), 1e-9);
+    proxy = next;
+    const double now =
+        0.5 * body.mass * proxy.linear_velocity.squaredNorm() + coupling_energy(k, limits, proxy, device);
+    EXPECT_LE(now, energy);
+    energy = now;
+  }
+  EXPECT_LT(proxy.position.norm(), 1e-4);
+}
+
+TEST(VirtualCoupling, TorqueTurnsTheProxyTowardsTheDevice) {
+  const CouplingSettings k;
+  const ForceLimits limits{.force_n = 40, .torque_n_m = 2, .torques = true};
+  DevicePose device;
+  device.pose.orientation = Quat(Eigen::AngleAxisd(0.2, Vec3::UnitY()));
+  const Wrench w = coupling_wrench(k, limits, at(0, 0, 0), device);
+  EXPECT_NEAR(w.torque.y(), 0.2 * k.rotational_stiffness_n_m, 1e-9);
+  device.pose.orientation.coeffs() = -device.pose.orientation.coeffs();  // the same rotation
+  EXPECT_NEAR(coupling_wrench(k, limits, at(0, 0, 0), device).torque.y(), 0.2 * k.rotational_stiffness_n_m, 1e-9);
+}
+
+TEST(ForceGuard, RampsBoundsAndFades) {
+  ForceGuard guard({.force_n = 10, .torque_n_m = 1, .torques = true}, 0.1);
+  double before = 0.0;
+  for (int i = 0; i < 200; ++i) {
+    const double now = guard.pass({Vec3(100, 0, 0), Vec3::Zero()}, true, 0.001).force.norm();
+    EXPECT_LE(now - before, 10.0 * 0.001 / 0.1 + 1e-12);
+    EXPECT_LE(now, 10.0 + 1e-12);
+    before = now;
+  }
+  EXPECT_NEAR(before, 10.0, 1e-12);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (int i = 0; i < 100; ++i) {
+    const Wrench out = guard.pass({Vec3(nan, 0, 0), Vec3(0, INFINITY, 0)}, true, 0.001);
+    ASSERT_TRUE(out.force.allFinite());
+    ASSERT_TRUE(out.torque.allFinite());
+    EXPECT_LE(out.force.norm(), before + 1e-12);
+    before = out.force.norm();
+  }
+  EXPECT_EQ(before, 0.0);
+}
+
+Settings paper() {
+  Settings s;
+  s.scheme = "paper";
+  return s;
+}
+
+HapticReport pushing_report(std::uint64_t stamp, std::uint64_t confirmed, const BodyState& member) {
+  HapticReport r;
+  r.stamp = stamp;
+  r.confirmed_stamp = confirmed;
+  r.members = {{BodyId{1}, member}};
+  r.indicators = {.proxy_impulse_n_s = 1,
+                  .total_impulse_n_s = 4,
+                  .device_impulse_n_s = 1,
+                  .border_bodies = 1,
+                  .proxy_contacts = 1};  // s = 0.5
+  return r;
+}
+
+WorldFrame frame_of(std::uint64_t stamp, std::uint64_t echoed, const BodyState& member) {
+  WorldFrame f;
+  f.stamp = stamp;
+  f.echoed_stamp = echoed;
+  f.states = {{BodyId{1}, member}};
+  return f;
+}
+
+TEST(Synchroniser, BothCopiesMeetAndTheProxyFollowsTheSubWorld) {
+  const auto scheme = make_scheme(paper());
+  Synchroniser s(*scheme, BodyId{9}, {});
+  const auto pairs = s.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)));
+  ASSERT_EQ(pairs.size(), 1U);
+  EXPECT_NEAR(pairs[0].world.position.x(), 0.5, 1e-15);
+  EXPECT_NEAR(pairs[0].sub.position.x(), -0.5, 1e-15);
+
+  Synchroniser proxy(*scheme, BodyId{1}, {});
+  EXPECT_NEAR(proxy.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)))[0].world.position.x(),
+              1.0, 1e-15);
+  Synchroniser peer(*scheme, BodyId{9}, {BodyId{1}});
+  EXPECT_NEAR(peer.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)))[0].sub.position.x(),
+              -1.0, 1e-15);
+}
+
+// Both sides wrote stamp 2 before they had applied the blend of stamp 1: nothing may be corrected twice.
+TEST(Synchroniser, LateBlendsAreNotAppliedTwice) {
+  const auto scheme = make_scheme(paper());
+  Synchroniser s(*scheme, BodyId{9}, {});
+  (void)s.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)));
+  const auto late = s.synchronise(frame_of(2, 0, at(0, 0, 0)), pushing_report(2, 0, at(1, 0, 0)));
+  EXPECT_NEAR(late[0].world.position.x(), 0.0, 1e-15);
+  EXPECT_NEAR(late[0].sub.position.x(), 0.0, 1e-15);
+  const auto on_time = s.synchronise(frame_of(3, 2, at(0.5, 0, 0)), pushing_report(3, 2, at(0.7, 0, 0)));
+  EXPECT_NEAR(on_time[0].world.position.x(), 0.1, 1e-15);
+}
+
+TEST(Schemes, UnknownNameIsAnErrorThatNamesTheCure) {
+  Settings s;
+  s.scheme = "papers";
+  try {
+    (void)make_scheme(s);
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_NE(std::string(e.what()).find("paper"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace subworld
