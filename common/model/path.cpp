@@ -1,4 +1,5 @@
 #include "model/scene.hpp"
+#include "model/trigonometry.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -29,16 +30,20 @@ PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept {
         at.offset.position += part * s.displacement;
         if (moving) at.linear_velocity += s.displacement / length_s;
         break;
-      case PathSegment::Kind::turn:
-        at.offset.orientation = Quat(Eigen::AngleAxisd(part * s.angle, s.axis)) * at.offset.orientation;
+      case PathSegment::Kind::turn: {
+        // The turns before this one are carried round by it, their angular velocity too.
+        const Quat turned = rotation_deg(s.axis, part * s.angle * (180.0 / M_PI));
+        at.offset.orientation = turned * at.offset.orientation;
+        at.angular_velocity = turned * at.angular_velocity;
         if (moving) at.angular_velocity += s.axis * (s.angle / length_s);
         break;
+      }
       case PathSegment::Kind::circle: {
         const auto [first, second] = plane_of(s.axis);
         const double rate = 2.0 * M_PI / s.period_s;
-        const double phase = rate * (std::min(t_s, s.to_s) - s.from_s);
-        at.offset.position += s.radius * ((std::cos(phase) - 1.0) * first + std::sin(phase) * second);
-        if (moving) at.linear_velocity += s.radius * rate * (-std::sin(phase) * first + std::cos(phase) * second);
+        const auto [sine, cosine] = sin_cos_deg(360.0 * (std::min(t_s, s.to_s) - s.from_s) / s.period_s);
+        at.offset.position += s.radius * ((cosine - 1.0) * first + sine * second);
+        if (moving) at.linear_velocity += s.radius * rate * (cosine * second - sine * first);
         break;
       }
       case PathSegment::Kind::wave:
@@ -50,9 +55,9 @@ PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept {
   const Vec3 speed = at.linear_velocity;
   for (const PathSegment& s : path) {
     if (s.kind != PathSegment::Kind::wave || t_s < s.from_s) continue;
-    const double argument = s.wavenumber * base.dot(s.along);
-    at.offset.position += s.amplitude * std::sin(argument) * s.across;
-    at.linear_velocity += s.amplitude * s.wavenumber * std::cos(argument) * speed.dot(s.along) * s.across;
+    const auto [sine, cosine] = sin_cos_deg(s.wavenumber * base.dot(s.along) * (180.0 / M_PI));
+    at.offset.position += s.amplitude * sine * s.across;
+    at.linear_velocity += s.amplitude * s.wavenumber * cosine * speed.dot(s.along) * s.across;
   }
   return at;
 }

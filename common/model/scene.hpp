@@ -2,6 +2,7 @@
 
 #include "model/body.hpp"
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -111,6 +112,7 @@ struct Settings {
 
 struct Scene {
   std::string name;
+  std::string description;
   std::string file;
   std::vector<Mesh> meshes;
   std::vector<Body> bodies;        ///< bodies[i].id == i
@@ -126,5 +128,9 @@ struct Scene {
 
 /// Reads a scene file and its meshes. Throws `Error` (usage) with file:line:column, the key and the cure.
 [[nodiscard]] Scene load_scene(const std::string& file);
+
+/// Equal for two programs that may work together: covers bodies, meshes, initial states, users and all settings but the
+/// duration. FNV-1a of 64 bits, equal on every machine.
+[[nodiscard]] std::uint64_t settings_hash(const Scene& scene);
 
 }  // namespace subworld

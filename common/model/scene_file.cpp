@@ -1,0 +1,75 @@
+#include "model/scene.hpp"
+#include "model/scene_reader.hpp"
+
+#include <fmt/format.h>
+
+namespace subworld {
+
+namespace {
+
+constexpr Limits kDuration{.least = 0.0, .most = 1e6, .above = true};  // s
+const std::initializer_list<std::string_view> kSettingsKeys = {
+    "h_s", "ratio", "duration_s", "settle", "users", "mode", "scheme", "gravity_m_s2", "paper", "world", "haptic"};
+const std::initializer_list<std::string_view> kSchemes = {"paper", "reduced", "direct"};
+const std::initializer_list<std::string_view> kPresets = {"fast", "quality"};
+
+/// The engine itself is looked up where it is made: this room knows no engines.
+void read_engine(const YamlValue& value, EngineSettings& engine) {
+  const YamlMap map(value, {"engine", "preset", "iterations", "substeps"});
+  if (const auto name = map.find("engine")) engine.name = name->name();
+  if (const auto preset = map.find("preset")) engine.preset = *(kPresets.begin() + preset->choice(kPresets));
+  if (const auto iterations = map.find("iterations")) engine.iterations = iterations->integer(1, 100'000);
+  if (const auto substeps = map.find("substeps")) engine.substeps = substeps->integer(1, 1000);
+}
+
+}  // namespace
+
+void read_settings(const YamlValue& value, Settings& settings) {
+  const YamlMap map(value, kSettingsKeys);
+  map.read("h_s", settings.h_s, {.least = 1e-6, .most = 0.1});
+  map.read("ratio", settings.ratio, 1, 1000);
+  map.read("duration_s", settings.duration_s, kDuration);
+  if (const auto settle = map.find("settle")) {
+    const YamlMap times(*settle, {"duration_s", "step_s"});
+    times.read("duration_s", settings.settle_s, {.least = 0.0, .most = 1e6});
+    times.read("step_s", settings.settle_step_s, {.least = 1e-6, .most = 0.1});
+  }
+  map.read("users", settings.users, 0, 64);
+  if (const auto mode = map.find("mode")) settings.mode = static_cast<Mode>(mode->choice({"lockstep", "realtime"}));
+  if (const auto scheme = map.find("scheme")) settings.scheme = *(kSchemes.begin() + scheme->choice(kSchemes));
+  if (const auto paper = map.find("paper")) {
+    const YamlMap own(*paper, {"device_force_in_world", "device_impulse_threshold_n_s"});
+    own.read("device_force_in_world", settings.paper.device_force_in_world);
+    own.read("device_impulse_threshold_n_s", settings.paper.device_impulse_threshold_n_s, kNotNegative);
+  }
+  if (const auto world = map.find("world")) read_engine(*world, settings.world);
+  if (const auto haptic = map.find("haptic")) read_engine(*haptic, settings.haptic);
+  if (const auto gravity = map.find("gravity_m_s2")) {
+    settings.world.gravity = gravity->vec3({.least = -1e4, .most = 1e4});
+    settings.haptic.gravity = settings.world.gravity;
+  }
+}
+
+Scene load_scene(const std::string& file) {
+  const YamlNode root = read_yaml(file);
+  const YamlMap map({file, "", root, root.mark}, {"name", "description", "settings", "materials", "bodies", "users"});
+  Scene scene;
+  scene.file = file;
+  scene.name = map.at("name").name();
+  map.read("description", scene.description);
+  if (const auto settings = map.find("settings")) read_settings(*settings, scene.settings);
+  Materials materials;
+  if (const auto value = map.find("materials")) materials = read_materials(*value);
+  BodyReader bodies(scene, std::move(materials));
+  bodies.read_bodies(map.at("bodies"));
+  read_users(map.at("users"), bodies, scene);
+  if (scene.settings.users > static_cast<int>(scene.users.size())) {
+    YamlMap(map.at("settings"), kSettingsKeys)
+        .at("users")
+        .fail(fmt::format("must be at most the {} users that the scene lists, not {}", scene.users.size(),
+                          scene.settings.users));
+  }
+  return scene;
+}
+
+}  // namespace subworld

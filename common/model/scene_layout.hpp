@@ -1,0 +1,54 @@
+#pragma once
+
+#include "model/body.hpp"
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+/// Where the bodies of a repetition group stand: pure geometry, equal bits on every machine.
+namespace subworld {
+
+/// Offsets from the group's position in world axes, and rotations that come on top of the body's own.
+using Layout = std::vector<Pose>;
+
+struct GridLayout {
+  std::array<int, 3> counts{1, 1, 1};    ///< x runs fastest, then y, then z
+  Vec3 spacing = Vec3::Zero();           ///< m, centre to centre
+  Vec3 odd_column_shift = Vec3::Zero();  ///< m, of every second column along x
+};
+[[nodiscard]] Layout lay_out(const GridLayout& grid);
+
+/// Bodies poured from above: layers of cells, one body in each, with a random place in its cell and a random rotation.
+/// Nothing overlaps. The group's position is the centre of the lowest layer's underside.
+struct HeapLayout {
+  int count = 0;
+  std::array<double, 2> area{0.0, 0.0};  ///< m, along x and y
+  double max_tilt_deg = 180.0;           ///< largest rotation, about any axis; 180: every orientation is equally likely
+  double gap = 0.001;                    ///< m, between neighbouring cells
+  std::uint64_t seed = 0;
+  Vec3 half_extents = Vec3::Zero();  ///< m, of the body
+  double bounding_radius = 0.0;      ///< m, of the body
+};
+/// Empty if not one body fits the area.
+[[nodiscard]] Layout lay_out(const HeapLayout& heap);
+
+/// A pyramid of leaning pairs: `stages` pairs at the bottom, one less in each stage above, and between two stages a
+/// floor of flat cards from ridge to ridge. The card is a box of length (x), width (y) and thickness (z). In a pair the
+/// lower edges of the inner faces stand on the floor, their upper edges meet. The group's position is the middle of the
+/// ground.
+struct CardHouseLayout {
+  int stages = 0;
+  double lean_deg = 20.0;          ///< from the vertical
+  double gap = 0.0;                ///< m, wherever two cards meet
+  Vec3 card_size = Vec3::Zero();   ///< m
+  std::vector<int> double_floors;  ///< floors (1 is the lowest) that are two cards thick
+};
+[[nodiscard]] Layout lay_out(const CardHouseLayout& house);
+/// How many cards that takes.
+[[nodiscard]] std::int64_t card_count(const CardHouseLayout& house) noexcept;
+/// Whether neighbouring pairs leave each other room.
+[[nodiscard]] bool fits(const CardHouseLayout& house) noexcept;
+
+}  // namespace subworld

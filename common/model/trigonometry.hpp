@@ -1,0 +1,19 @@
+#pragma once
+
+#include "model/types.hpp"
+
+namespace subworld {
+
+struct SinCos {
+  double sin = 0.0;
+  double cos = 1.0;
+};
+
+/// Sine and cosine of an angle in degrees by additions and multiplications only: equal bits on every machine, which the
+/// C library does not promise (it picks its code by the processor). Exact at multiples of 90; error below 1e-15.
+[[nodiscard]] SinCos sin_cos_deg(double degrees) noexcept;
+
+/// The rotation about a unit axis.
+[[nodiscard]] Quat rotation_deg(const Vec3& axis, double degrees) noexcept;
+
+}  // namespace subworld

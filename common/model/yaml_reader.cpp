@@ -1,0 +1,267 @@
+#include "model/yaml_reader.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <numeric>
+#include <set>
+
+namespace subworld {
+
+namespace {
+
+std::string_view kind_name(YamlNode::Kind kind) {
+  switch (kind) {
+    case YamlNode::Kind::null:
+      return "nothing";
+    case YamlNode::Kind::scalar:
+      return "a single value";
+    case YamlNode::Kind::list:
+      return "a list";
+    case YamlNode::Kind::map:
+      return "a map";
+  }
+  return "";
+}
+
+std::string describe(const Limits& limits) {
+  std::string text;
+  if (std::isfinite(limits.least)) text += fmt::format("{} {}", limits.above ? "above" : "at least", limits.least);
+  if (std::isfinite(limits.most)) {
+    text += fmt::format("{}{} {}", text.empty() ? "" : " and ", limits.below ? "below" : "at most", limits.most);
+  }
+  return text;
+}
+
+bool inside(const Limits& limits, double value) {
+  return (limits.above ? value > limits.least : value >= limits.least) &&
+         (limits.below ? value < limits.most : value <= limits.most);
+}
+
+/// Levenshtein's distance.
+std::size_t edits(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0]++;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t changed = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({changed, diagonal + 1, row[j] + 1});
+    }
+  }
+  return row.back();
+}
+
+std::string_view stem(std::string_view key) { return key.substr(0, key.find('_')); }
+
+constexpr std::size_t kShownWords = 80;  // characters of a wrong word that a message repeats
+
+}  // namespace
+
+std::string_view nearest(std::string_view word, const std::vector<std::string_view>& candidates) {
+  std::string_view best;
+  std::size_t least = std::max<std::size_t>(2, word.size() / 2);
+  if (word.size() > kShownWords) return best;
+  for (std::string_view candidate : candidates) {
+    std::size_t distance = edits(word, candidate);
+    // A wrong or missing unit is the commonest slip: the same word before the unit counts as near.
+    if (stem(word) == stem(candidate)) distance = std::min<std::size_t>(distance, 2);
+    if (distance < least || (distance == least && best.empty())) {
+      least = distance;
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+void YamlValue::fail(std::string_view what) const {
+  throw Error(ExitCode::usage, fmt::format("{}:{}:{}: {}{}{}", *file_, mark_.line, mark_.column, path_,
+                                           path_.empty() ? "" : ": ", what));
+}
+
+std::string YamlValue::path_of(std::string_view key) const {
+  return path_.empty() ? std::string(key) : fmt::format("{}.{}", path_, key);
+}
+
+const std::string& YamlValue::scalar(std::string_view expected) const {
+  if (node_->kind != YamlNode::Kind::scalar) fail(fmt::format("must be {}, not {}", expected, kind_name(node_->kind)));
+  return node_->text;
+}
+
+double YamlValue::number(const Limits& limits) const {
+  const std::string& text = scalar("a number");
+  if (node_->quoted)
+    fail(fmt::format("must be a number; remove the quotes around \"{}\"", text.substr(0, kShownWords)));
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  const bool special = text == ".inf" || text == "-.inf" || text == "+.inf" || text == ".nan" || text == ".NaN" ||
+                       text == ".Inf" || error == std::errc::result_out_of_range;
+  if (special || (error == std::errc{} && !std::isfinite(value))) fail("must be a finite number");
+  if (error != std::errc{} || end != text.data() + text.size()) {
+    fail(fmt::format("must be a number, such as 0.5 or 1e-4, not \"{}\"", text.substr(0, kShownWords)));
+  }
+  if (!inside(limits, value)) fail(fmt::format("must be {}, not {}", describe(limits), value));
+  return value;
+}
+
+int YamlValue::integer(int least, int most) const {
+  const double value = number({.least = double(least), .most = double(most)});
+  if (value != std::floor(value)) fail(fmt::format("must be a whole number, not {}", value));
+  return static_cast<int>(value);
+}
+
+bool YamlValue::flag() const {
+  const std::string& text = scalar("true or false");
+  if (node_->quoted || (text != "true" && text != "false")) {
+    fail(fmt::format("must be true or false, not \"{}\"", text.substr(0, kShownWords)));
+  }
+  return text == "true";
+}
+
+std::string YamlValue::text() const {
+  const std::string& text = scalar("text");
+  if (text.empty()) fail("must not be empty");
+  return text;
+}
+
+std::string YamlValue::name() const {
+  std::string word = text();
+  const auto allowed = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-' ||
+           c == '.';
+  };
+  if (word.size() > kShownWords) fail(fmt::format("a name has at most {} characters", kShownWords));
+  if (!std::all_of(word.begin(), word.end(), allowed)) {
+    fail(fmt::format("\"{}\" is not a name; use letters, digits, \"_\", \"-\" and \".\"", word));
+  }
+  return word;
+}
+
+std::size_t YamlValue::choice(std::initializer_list<std::string_view> choices) const {
+  const std::string word = text();
+  const auto* found = std::find(choices.begin(), choices.end(), word);
+  if (found == choices.end()) {
+    fail(fmt::format("unknown \"{}\"; choose one of {}", word.substr(0, kShownWords), fmt::join(choices, ", ")));
+  }
+  return static_cast<std::size_t>(found - choices.begin());
+}
+
+std::vector<double> YamlValue::numbers(std::size_t count, const Limits& limits) const {
+  if (node_->kind != YamlNode::Kind::list) {
+    fail(fmt::format("must be a list of {} numbers, not {}", count, kind_name(node_->kind)));
+  }
+  if (node_->items.size() != count) fail(fmt::format("must have {} numbers, not {}", count, node_->items.size()));
+  std::vector<double> values;
+  for (const YamlValue& item : items()) values.push_back(item.number(limits));
+  return values;
+}
+
+Vec3 YamlValue::vec3(const Limits& limits) const {
+  const std::vector<double> values = numbers(3, limits);
+  return {values[0], values[1], values[2]};
+}
+
+Vec3 YamlValue::direction() const {
+  const Vec3 value = vec3();
+  const double largest = value.cwiseAbs().maxCoeff();
+  if (largest == 0.0) fail("must not be the zero vector; give a direction such as [0, 0, 1]");
+  return (value / largest).normalized();  // scaled first: the square of a tiny or huge number is not finite
+}
+
+std::vector<YamlValue> YamlValue::items() const {
+  if (node_->kind != YamlNode::Kind::list) fail(fmt::format("must be a list, not {}", kind_name(node_->kind)));
+  std::vector<YamlValue> values;
+  values.reserve(node_->items.size());
+  for (const YamlNode& item : node_->items) {
+    values.emplace_back(*file_, fmt::format("{}[{}]", path_, values.size()), item, item.mark);
+  }
+  return values;
+}
+
+std::vector<YamlValue::Named> YamlValue::entries() const {
+  if (node_->kind != YamlNode::Kind::map) {
+    fail(fmt::format("must be a map of keys and values, not {}", kind_name(node_->kind)));
+  }
+  std::set<std::string_view> seen;
+  std::vector<Named> named;
+  named.reserve(node_->entries.size());
+  for (const YamlNode::Entry& entry : node_->entries) {
+    const std::string path = path_of(std::string_view(entry.key).substr(0, kShownWords));
+    const YamlValue at_key(*file_, path, entry.value, entry.mark);
+    if (!seen.insert(entry.key).second) at_key.fail("stands twice in this map; remove one");
+    // The parser places a missing value at whatever comes next; the key is the better place.
+    const bool missing = entry.value.kind == YamlNode::Kind::null;
+    named.push_back({entry.key, at_key, {*file_, path, entry.value, missing ? entry.mark : entry.value.mark}});
+  }
+  return named;
+}
+
+YamlMap::YamlMap(const YamlValue& value, std::initializer_list<std::string_view> keys)
+    : whole_(value), entries_(value.entries()) {
+  for (const YamlValue::Named& entry : entries_) {
+    if (std::find(keys.begin(), keys.end(), entry.key) != keys.end()) continue;
+    const std::string_view near = nearest(entry.key, keys);
+    if (near.empty()) entry.at_key.fail(fmt::format("unknown key; known here are {}", fmt::join(keys, ", ")));
+    entry.at_key.fail(fmt::format("unknown key; did you mean \"{}\"?", near));
+  }
+}
+
+std::optional<YamlValue> YamlMap::find(std::string_view key) const {
+  for (const YamlValue::Named& entry : entries_) {
+    if (entry.key == key) return entry.value;
+  }
+  return std::nullopt;
+}
+
+YamlValue YamlMap::at(std::string_view key) const {
+  auto value = find(key);
+  if (!value) whole_.fail(fmt::format("\"{}\" is missing; add it", key));
+  return *value;
+}
+
+std::size_t YamlMap::one_of(std::initializer_list<std::string_view> keys) const {
+  std::optional<std::size_t> found;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const auto* const key = keys.begin() + i;
+    if (!has(*key)) continue;
+    if (found) forbid({*key}, fmt::format("\"{}\" is already given", *(keys.begin() + *found)));
+    found = i;
+  }
+  if (!found) whole_.fail(fmt::format("one of {} is missing; add it", fmt::join(keys, ", ")));
+  return *found;
+}
+
+void YamlMap::forbid(std::initializer_list<std::string_view> keys, std::string_view why) const {
+  for (const YamlValue::Named& entry : entries_) {
+    if (std::find(keys.begin(), keys.end(), entry.key) == keys.end()) continue;
+    entry.at_key.fail(fmt::format("must not stand here, {}; remove it", why));
+  }
+}
+
+void YamlMap::read(std::string_view key, double& target, const Limits& limits) const {
+  if (const auto value = find(key)) target = value->number(limits);
+}
+
+void YamlMap::read(std::string_view key, int& target, int least, int most) const {
+  if (const auto value = find(key)) target = value->integer(least, most);
+}
+
+void YamlMap::read(std::string_view key, bool& target) const {
+  if (const auto value = find(key)) target = value->flag();
+}
+
+void YamlMap::read(std::string_view key, std::string& target) const {
+  if (const auto value = find(key)) target = value->text();
+}
+
+void YamlMap::read(std::string_view key, Vec3& target) const {
+  if (const auto value = find(key)) target = value->vec3();
+}
+
+}  // namespace subworld
