@@ -1,0 +1,144 @@
+#include "camera.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+#include <Eigen/Eigenvalues>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace subworld {
+namespace {
+
+constexpr double kMargin = 1.06;  // of the picture, around what must be visible
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+// The horizontal axis along which the balls extend, if they extend along one more than across it.
+std::optional<Vec3> long_axis(std::span<const Ball> balls) {
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  for (const auto& ball : balls) mean += ball.centre.head<2>() / static_cast<double>(balls.size());
+  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
+  double radius = 0.0;
+  for (const auto& ball : balls) {
+    const Eigen::Vector2d d = ball.centre.head<2>() - mean;
+    spread += d * d.transpose() / static_cast<double>(balls.size());
+    radius = std::max(radius, ball.radius);
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(spread);
+  const double across = std::sqrt(std::max(0.0, solver.eigenvalues()(0)));
+  const double along = std::sqrt(std::max(0.0, solver.eigenvalues()(1)));
+  if (along < 1.8 * across || along < 0.5 * radius) return std::nullopt;
+  Vec3 axis = Vec3::Zero();
+  axis.head<2>() = solver.eigenvectors().col(1);
+  return axis.x() + 0.1 * axis.y() < 0.0 ? Vec3(-axis) : axis;
+}
+
+double elevation(std::span<const Ball> balls) {
+  Box box{balls.front().centre, balls.front().centre};
+  for (const auto& ball : balls) box.extend({ball.centre.array() - ball.radius, ball.centre.array() + ball.radius});
+  const Vec3 size = box.upper - box.lower;
+  return size.z() > 2.0 * size.head<2>().maxCoeff() ? 14.0 * kDegree : 32.0 * kDegree;
+}
+
+Vec3 turned(const Vec3& v, double angle) { return Eigen::AngleAxisd(angle, Vec3::UnitZ()) * v; }
+
+// From the eye to what is looked at: `right` runs to the right of the picture.
+Vec3 look_along(const Vec3& right, double elevation) {
+  const Vec3 ahead = Vec3::UnitZ().cross(right);
+  return std::cos(elevation) * ahead - std::sin(elevation) * Vec3::UnitZ();
+}
+
+Vec3 view_direction(std::span<const Ball> balls, const Vec3& focus) {
+  const Vec3 middle = enclosing_ball(balls).centre;
+  const double down = elevation(balls);
+  const auto axis = long_axis(balls);
+  const Vec3 first = axis ? turned(*axis, 24.0 * kDegree) : turned(Vec3::UnitX(), 28.0 * kDegree);
+  Vec3 best = look_along(first, down);
+  const int turns = axis ? 2 : 4;
+  for (int k = 1; k < turns; ++k) {
+    const Vec3 other = look_along(turned(first, 2.0 * std::numbers::pi * k / turns), down);
+    // A clearly nearer focus only: a proxy in the middle must not make the camera jump.
+    if ((focus - middle).dot(other - best) < -1e-3 * (focus - middle).norm()) best = other;
+  }
+  return best;
+}
+
+// One pair of opposite rims of the picture: how far back and how far aside the eye must be.
+struct Fit {
+  double aside = 0.0;
+  double along = 0.0;
+};
+
+Fit fit_pair(std::span<const Ball> balls, const Vec3& side, const Vec3& forward, double tangent) {
+  const double reach = std::hypot(1.0, tangent);
+  double plus = -std::numeric_limits<double>::infinity();
+  double minus = plus;
+  for (const auto& ball : balls) {
+    const double s = side.dot(ball.centre);
+    const double f = tangent * forward.dot(ball.centre);
+    plus = std::max(plus, s + ball.radius * reach - f);
+    minus = std::max(minus, -s + ball.radius * reach - f);
+  }
+  return {(plus - minus) / 2.0, -(plus + minus) / (2.0 * tangent)};
+}
+
+}  // namespace
+
+CameraAxes axes_of(const Camera& camera) {
+  const Vec3 forward = camera.target - camera.eye;
+  const double angle = camera.vertical_fov_rad;
+  if (!(forward.norm() > 0.0) || !forward.allFinite() || !(angle > 0.0 && angle < std::numbers::pi)) {
+    throw Error(
+        ExitCode::usage,
+        fmt::format("camera with eye ({}, {}, {}), target ({}, {}, {}) and field of view {} rad: eye and target "
+                    "must differ and the field of view lie between 0 and pi",
+                    camera.eye.x(), camera.eye.y(), camera.eye.z(), camera.target.x(), camera.target.y(),
+                    camera.target.z(), angle));
+  }
+  CameraAxes axes{Vec3::UnitX(), Vec3::UnitY(), forward.normalized()};
+  const Vec3 right = axes.forward.cross(Vec3::UnitZ());
+  if (right.norm() > 1e-6) axes.right = right.normalized();
+  axes.up = axes.right.cross(axes.forward);
+  return axes;
+}
+
+std::optional<PicturePoint> project(const Camera& camera, int width, int height, const Vec3& point) {
+  const auto axes = axes_of(camera);
+  const Vec3 d = point - camera.eye;
+  const double depth = axes.forward.dot(d);
+  if (!(depth > 0.0)) return std::nullopt;
+  const double metres = 2.0 * depth * std::tan(camera.vertical_fov_rad / 2.0) / height;
+  return PicturePoint{width / 2.0 + axes.right.dot(d) / metres, height / 2.0 - axes.up.dot(d) / metres, metres};
+}
+
+Ball enclosing_ball(std::span<const Ball> balls) noexcept {
+  if (balls.empty()) return {Vec3::Zero(), 1.0};
+  Box box{balls.front().centre, balls.front().centre};
+  for (const auto& ball : balls) box.extend({ball.centre.array() - ball.radius, ball.centre.array() + ball.radius});
+  Ball result{(box.lower + box.upper) / 2.0, 0.0};
+  for (const auto& ball : balls)
+    result.radius = std::max(result.radius, (ball.centre - result.centre).norm() + ball.radius);
+  return result;
+}
+
+Camera fit_camera(std::span<const Ball> balls, const Vec3& focus, double aspect) {
+  Camera camera;
+  if (balls.empty()) return fit_camera({std::array{Ball{focus, 1.0}}}, focus, aspect);
+  camera.target = balls.front().centre;
+  camera.eye = camera.target - view_direction(balls, focus);
+  const auto axes = axes_of(camera);
+  const double tangent = std::tan(camera.vertical_fov_rad / 2.0) / kMargin;
+  const Fit wide = fit_pair(balls, axes.right, axes.forward, tangent * aspect);
+  const Fit high = fit_pair(balls, axes.up, axes.forward, tangent);
+  const double along = std::min(wide.along, high.along);
+  camera.eye = wide.aside * axes.right + high.aside * axes.up + along * axes.forward;
+  const double distance = axes.forward.dot(enclosing_ball(balls).centre) - along;
+  camera.target = camera.eye + std::max(distance, 1e-6) * axes.forward;
+  return camera;
+}
+
+}  // namespace subworld

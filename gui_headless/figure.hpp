@@ -1,0 +1,61 @@
+#pragma once
+
+#include "picture.hpp"
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <vector>
+
+/// What a picture consists of, decided without OpenGL: which shape is drawn where, in which colour and layer.
+namespace subworld {
+
+using Colour = std::array<float, 3>;  ///< sRGB, 0 .. 1
+
+inline constexpr Colour kProxyColour{0.86F, 0.12F, 0.10F};
+inline constexpr Colour kMemberColour{0.16F, 0.42F, 0.84F};
+inline constexpr Colour kBorderColour{0.98F, 0.77F, 0.08F};
+inline constexpr Colour kOtherColour{0.82F, 0.83F, 0.84F};
+inline constexpr Colour kFixedColour{0.66F, 0.71F, 0.76F};
+inline constexpr Colour kLineColour{0.80F, 0.02F, 0.06F};
+
+/// Which triangles: one of the unit shapes, or `file + i` for the i-th mesh of the picture.
+enum class Model : std::uint32_t { sphere, box, capsule, cylinder, cone, file };
+
+/// A model at a place; laid out as the vertex shader reads it. Positions are relative to `Figure::origin`.
+struct Instance {
+  std::array<float, 3> position{};
+  std::array<float, 4> orientation{0.0F, 0.0F, 0.0F, 1.0F};  ///< x, y, z, w
+  std::array<float, 3> scale{1.0F, 1.0F, 1.0F};
+  float half_length = 0.0F;
+  Colour colour{};
+};
+
+using Batch = std::map<Model, std::vector<Instance>>;
+
+struct Ground {
+  Vec3 origin = Vec3::Zero();  ///< point of the plane where the grid fades from, relative to `Figure::origin`
+  Quat orientation = Quat::Identity();
+  Eigen::Vector2d offset = Eigen::Vector2d::Zero();  ///< of `origin` in the plane's own grid
+};
+
+struct Figure {
+  Camera camera;
+  Vec3 origin = Vec3::Zero();  ///< all that is drawn is placed relative to this, so that floats are enough
+  Ball movable;                ///< holds what the automatic camera shows, relative to nothing
+  Batch proxies;
+  Batch members;  ///< border bodies included
+  Batch others;   ///< and fixed bodies that are not boxes
+  Batch glass;
+  Batch lines;
+  Batch halos;
+  std::vector<Ground> grounds;
+  double line_m_per_n_s = 0.0;
+  double grid_m = 1.0;
+  std::size_t left_out = 0;
+};
+
+/// Throws `Error` (usage) if the given camera looks nowhere.
+[[nodiscard]] Figure compose(const Picture& picture, PictureSize size);
+
+}  // namespace subworld

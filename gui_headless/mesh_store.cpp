@@ -1,0 +1,92 @@
+#include "mesh_store.hpp"
+
+#include "shape_mesh.hpp"
+
+#include <cstddef>
+#include <functional>
+#include <string_view>
+
+namespace subworld {
+namespace {
+
+constexpr std::size_t kManyBodies = 1000;  // from here on round bodies have fewer triangles
+
+std::uint64_t content_hash(const Mesh& mesh) {
+  const auto bytes = [](const auto& values) {
+    return std::string_view(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(values[0]));
+  };
+  const std::hash<std::string_view> hash;
+  return hash(bytes(mesh.vertices)) * 31 + hash(bytes(mesh.triangles));
+}
+
+void read_instances_from(std::size_t first) {
+  GLuint location = 4;
+  const auto attribute = [&](GLint size, std::size_t offset) {
+    glEnableVertexAttribArray(location);
+    glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE, sizeof(Instance),
+                          reinterpret_cast<const void*>(first * sizeof(Instance) + offset));
+    glVertexAttribDivisor(location, 1);
+    ++location;
+  };
+  attribute(3, offsetof(Instance, position));
+  attribute(4, offsetof(Instance, orientation));
+  attribute(3, offsetof(Instance, scale));
+  attribute(1, offsetof(Instance, half_length));
+  attribute(3, offsetof(Instance, colour));
+}
+
+}  // namespace
+
+MeshStore::MeshStore() {
+  for (const std::size_t coarse : {0U, 1U}) {
+    const int segments = coarse == 0 ? 32 : 16;
+    units_[coarse] = {upload(sphere_mesh(segments)), upload(box_mesh()), upload(capsule_mesh(segments)),
+                      upload(cylinder_mesh(segments)), upload(cone_mesh(segments))};
+  }
+  glGenBuffers(1, &buffer_);
+}
+
+void MeshStore::begin(std::span<const Mesh> meshes, std::size_t bodies) {
+  std::erase_if(files_, [](const auto& entry) {
+    if (!entry.second.used) release(entry.second.mesh);
+    return !entry.second.used;
+  });
+  for (auto& entry : files_) entry.second.used = false;
+  meshes_ = meshes;
+  fineness_ = bodies < kManyBodies ? 0 : 1;
+  instances_.clear();
+}
+
+GlMesh MeshStore::find(Model model) {
+  if (model < Model::file) return units_[fineness_][static_cast<std::size_t>(model)];
+  const Mesh& mesh = meshes_[static_cast<std::size_t>(model) - static_cast<std::size_t>(Model::file)];
+  const auto [known, is_new] = files_.try_emplace(content_hash(mesh));
+  if (is_new) known->second.mesh = upload(file_mesh(mesh));
+  known->second.used = true;
+  return known->second.mesh;
+}
+
+Groups MeshStore::add(const Batch& batch) {
+  Groups groups;
+  for (const auto& [model, instances] : batch) {
+    groups.push_back({find(model), instances_.size(), instances.size()});
+    instances_.insert(instances_.end(), instances.begin(), instances.end());
+  }
+  return groups;
+}
+
+void MeshStore::end() {
+  glBindBuffer(GL_ARRAY_BUFFER, buffer_);
+  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(instances_.size() * sizeof(Instance)), instances_.data(),
+               GL_STREAM_DRAW);
+}
+
+void draw(const Groups& groups) {
+  for (const auto& group : groups) {
+    glBindVertexArray(group.mesh.array);
+    read_instances_from(group.first);
+    glDrawArraysInstanced(GL_TRIANGLES, 0, group.mesh.vertices, static_cast<GLsizei>(group.count));
+  }
+}
+
+}  // namespace subworld
