@@ -56,6 +56,13 @@ double deepest_overlap(const Scene& scene) {
   return deepest;
 }
 
+/// From the centre of `from` to the surface of `box`, m.
+double distance_to_box(const Scene& scene, BodyId from, BodyId box) {
+  const BodyState& at = scene.initial[index(box)];
+  const Vec3 inside = at.orientation.conjugate() * (scene.initial[index(from)].position - at.position);
+  return (inside.cwiseAbs() - scene.body(box).shape.half_extents).cwiseMax(0.0).norm();
+}
+
 /// The lowest corner of any movable box, m.
 double lowest_corner(const Scene& scene) {
   double lowest = 1e9;
@@ -115,6 +122,13 @@ TEST_P(CanonicalScene, BodiesAreNumberedNamedOnceAndPlausible) {
 
 TEST_P(CanonicalScene, NothingOverlapsAtTheStart) {
   const Scene scene = load(GetParam().scene);
+  for (const UserSpec& user : scene.users) {
+    if (scene.body(user.proxy).shape.kind != ShapeKind::sphere) continue;
+    for (const Body& body : scene.bodies) {
+      if (body.shape.kind != ShapeKind::box) continue;
+      EXPECT_GT(distance_to_box(scene, user.proxy, body.id), scene.body(user.proxy).shape.radius) << body.name;
+    }
+  }
   EXPECT_LT(deepest_overlap(scene), 1e-9);
   EXPECT_GT(lowest_corner(scene), -1e-9);
 }
