@@ -16,7 +16,7 @@ namespace {
 constexpr Limits kLength{.least = 1e-6, .most = 1e6};  // m
 constexpr std::size_t kMostHullVertices = 10'000;      // the hull's time grows with their square
 const std::initializer_list<std::string_view> kShapes = {"sphere", "box",    "capsule", "cylinder",
-                                                             "plane",  "convex", "mesh",    "bin"};
+                                                         "plane",  "convex", "mesh",    "bin"};
 
 /// Which measures belong to which shape.
 constexpr std::pair<std::string_view, std::string_view> kMeasures[] = {

@@ -102,7 +102,8 @@ double YamlValue::number(const Limits& limits) const {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   const bool special = text == ".inf" || text == "-.inf" || text == "+.inf" || text == ".nan" || text == ".NaN" ||
                        text == ".Inf" || error == std::errc::result_out_of_range;
-  if (special || (error == std::errc{} && !std::isfinite(value))) fail("must be a finite number");
+  if (special || (error == std::errc{} && !std::isfinite(value)))
+    fail("must be a finite number; infinity and NaN are none");
   if (error != std::errc{} || end != text.data() + text.size()) {
     fail(fmt::format("must be a number, such as 0.5 or 1e-4, not \"{}\"", text.substr(0, kShownWords)));
   }
@@ -126,7 +127,7 @@ bool YamlValue::flag() const {
 
 std::string YamlValue::text() const {
   const std::string& text = scalar("text");
-  if (text.empty()) fail("must not be empty");
+  if (text.empty()) fail("must not be empty; write a word");
   return text;
 }
 

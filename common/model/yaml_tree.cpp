@@ -73,7 +73,8 @@ class TreeBuilder : public YAML::EventHandler {
   static Mark of(const YAML::Mark& mark) { return {mark.line + 1, mark.column + 1}; }
 
   YamlNode begin(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor, YamlNode::Kind kind) {
-    if (++count_ > kMostNodes) fail(file_, of(mark), fmt::format("more than {} values in one file", kMostNodes));
+    if (++count_ > kMostNodes)
+      fail(file_, of(mark), fmt::format("more than {} values in one file; use \"repeat\" for many bodies", kMostNodes));
     if (anchor != 0) {
       fail(file_, of(mark), "anchors (&name) are not part of the scene format; write the value out or use \"repeat\"");
     }
@@ -87,8 +88,10 @@ class TreeBuilder : public YAML::EventHandler {
   }
 
   void open(YamlNode node) {
-    if (expects_key()) fail(file_, node.mark, "a key must be a plain word, not a list or a map");
-    if (open_.size() == kDeepest) fail(file_, node.mark, fmt::format("nested more than {} levels deep", kDeepest));
+    if (expects_key())
+      fail(file_, node.mark, "a key must be a plain word, not a list or a map; check brackets and indentation");
+    if (open_.size() == kDeepest)
+      fail(file_, node.mark, fmt::format("nested more than {} levels deep; a scene is flat", kDeepest));
     open_.push_back({std::move(node), false, {}, {}});
   }
 
@@ -112,7 +115,8 @@ class TreeBuilder : public YAML::EventHandler {
     if (parent.node.kind == YamlNode::Kind::list) {
       parent.node.items.push_back(std::move(node));
     } else if (!parent.has_key) {
-      if (node.kind != YamlNode::Kind::scalar) fail(file_, node.mark, "a key must be a plain word");
+      if (node.kind != YamlNode::Kind::scalar)
+        fail(file_, node.mark, "a key must be a plain word; write one before the colon");
       parent.has_key = true;
       parent.key = std::move(node.text);
       parent.key_mark = node.mark;
