@@ -10,6 +10,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <vector>
 
 namespace subworld {
 namespace {
@@ -52,25 +53,29 @@ Vec3 look_along(const Vec3& right, double elevation) {
   return std::cos(elevation) * ahead - std::sin(elevation) * Vec3::UnitZ();
 }
 
+// Of a row the nearer end changes sides, but not its direction in the picture; a heap may be seen from four sides.
+std::vector<double> candidate_turns(bool row) {
+  if (row) return {24.0 * kDegree, -24.0 * kDegree};
+  return {28.0 * kDegree, 118.0 * kDegree, 208.0 * kDegree, 298.0 * kDegree};
+}
+
 Vec3 view_direction(std::span<const Ball> balls, const Vec3& focus) {
-  const Vec3 middle = enclosing_ball(balls).centre;
+  const Vec3 aside = focus - enclosing_ball(balls).centre;
   const double down = elevation(balls);
   const auto axis = long_axis(balls);
-  const Vec3 first = axis ? turned(*axis, 24.0 * kDegree) : turned(Vec3::UnitX(), 28.0 * kDegree);
-  Vec3 best = look_along(first, down);
-  const int turns = axis ? 2 : 4;
-  for (int k = 1; k < turns; ++k) {
-    const Vec3 other = look_along(turned(first, 2.0 * std::numbers::pi * k / turns), down);
+  Vec3 best = Vec3::Zero();
+  for (const double turn : candidate_turns(axis.has_value())) {
+    const Vec3 other = look_along(turned(axis.value_or(Vec3::UnitX()), turn), down);
     // A clearly nearer focus only: a proxy in the middle must not make the camera jump.
-    if ((focus - middle).dot(other - best) < -1e-3 * (focus - middle).norm()) best = other;
+    if (best.isZero() || aside.dot(other - best) < -1e-3 * aside.norm()) best = other;
   }
   return best;
 }
 
-// One pair of opposite rims of the picture: how far back and how far aside the eye must be.
+// One pair of opposite rims of the picture: where the eye must be, at most that far along the view and that far aside.
 struct Fit {
-  double aside = 0.0;
   double along = 0.0;
+  double aside = 0.0;
 };
 
 Fit fit_pair(std::span<const Ball> balls, const Vec3& side, const Vec3& forward, double tangent) {
@@ -83,7 +88,27 @@ Fit fit_pair(std::span<const Ball> balls, const Vec3& side, const Vec3& forward,
     plus = std::max(plus, s + ball.radius * reach - f);
     minus = std::max(minus, -s + ball.radius * reach - f);
   }
-  return {(plus - minus) / 2.0, -(plus + minus) / (2.0 * tangent)};
+  return {-(plus + minus) / (2.0 * tangent), (plus - minus) / 2.0};
+}
+
+// How far aside the eye must be so that both rims are equally far from what is seen, by bisection.
+double centred(std::span<const Ball> balls, const Vec3& side, const Vec3& forward, double along, double guess) {
+  const double span = enclosing_ball(balls).radius;
+  double low = guess - span;
+  double high = guess + span;
+  for (int k = 0; k < 40; ++k) {
+    const double aside = (low + high) / 2.0;
+    double most = -std::numeric_limits<double>::infinity();
+    double least = -most;
+    for (const auto& ball : balls) {
+      const double depth = std::max(forward.dot(ball.centre) - along, 1e-9);
+      const double s = side.dot(ball.centre) - aside;
+      most = std::max(most, (s + ball.radius) / depth);
+      least = std::min(least, (s - ball.radius) / depth);
+    }
+    (most + least > 0.0 ? low : high) = aside;
+  }
+  return (low + high) / 2.0;
 }
 
 }  // namespace
@@ -135,7 +160,8 @@ Camera fit_camera(std::span<const Ball> balls, const Vec3& focus, double aspect)
   const Fit wide = fit_pair(balls, axes.right, axes.forward, tangent * aspect);
   const Fit high = fit_pair(balls, axes.up, axes.forward, tangent);
   const double along = std::min(wide.along, high.along);
-  camera.eye = wide.aside * axes.right + high.aside * axes.up + along * axes.forward;
+  camera.eye = centred(balls, axes.right, axes.forward, along, wide.aside) * axes.right +
+               centred(balls, axes.up, axes.forward, along, high.aside) * axes.up + along * axes.forward;
   const double distance = axes.forward.dot(enclosing_ball(balls).centre) - along;
   camera.target = camera.eye + std::max(distance, 1e-6) * axes.forward;
   return camera;

@@ -15,7 +15,7 @@ using Colour = std::array<float, 3>;  ///< sRGB, 0 .. 1
 inline constexpr Colour kProxyColour{0.86F, 0.12F, 0.10F};
 inline constexpr Colour kMemberColour{0.16F, 0.42F, 0.84F};
 inline constexpr Colour kBorderColour{0.98F, 0.77F, 0.08F};
-inline constexpr Colour kOtherColour{0.82F, 0.83F, 0.84F};
+inline constexpr Colour kOtherColour{0.85F, 0.86F, 0.87F};
 inline constexpr Colour kFixedColour{0.66F, 0.71F, 0.76F};
 inline constexpr Colour kLineColour{0.80F, 0.02F, 0.06F};
 

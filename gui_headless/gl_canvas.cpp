@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <string_view>
+#include <unordered_map>
 
 namespace subworld {
 namespace {
@@ -57,6 +59,24 @@ void describe(GLuint location, GLint size, std::size_t offset) {
                         reinterpret_cast<const void*>(offset));  // NOLINT(performance-no-int-to-ptr)
 }
 
+struct Indexed {
+  ShapeMesh vertices;
+  std::vector<GLuint> indices;
+};
+
+// Equal vertices once: a software driver's time is what it spends on vertices.
+Indexed share(const ShapeMesh& mesh) {
+  Indexed result;
+  std::unordered_map<std::string_view, GLuint> known;
+  for (const auto& vertex : mesh) {
+    const std::string_view bytes(reinterpret_cast<const char*>(&vertex), sizeof(vertex));
+    const auto [place, is_new] = known.try_emplace(bytes, static_cast<GLuint>(result.vertices.size()));
+    if (is_new) result.vertices.push_back(vertex);
+    result.indices.push_back(place->second);
+  }
+  return result;
+}
+
 }  // namespace
 
 GlProgram::GlProgram(const char* vertex, const std::string& fragment) : id_(glCreateProgram()) {
@@ -87,23 +107,30 @@ void GlProgram::set(const char* name, const Eigen::Matrix4f& value) const {
 }
 
 GlMesh upload(const ShapeMesh& mesh) {
+  const Indexed indexed = share(mesh);
   GlMesh result;
   glGenVertexArrays(1, &result.array);
   glBindVertexArray(result.array);
-  glGenBuffers(1, &result.buffer);
-  glBindBuffer(GL_ARRAY_BUFFER, result.buffer);
-  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.size() * sizeof(MeshVertex)), mesh.data(), GL_STATIC_DRAW);
+  glGenBuffers(1, &result.vertices);
+  glBindBuffer(GL_ARRAY_BUFFER, result.vertices);
+  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(indexed.vertices.size() * sizeof(MeshVertex)),
+               indexed.vertices.data(), GL_STATIC_DRAW);
   describe(0, 3, offsetof(MeshVertex, position));
   describe(1, 3, offsetof(MeshVertex, normal));
   describe(2, 3, offsetof(MeshVertex, edge));
   describe(3, 1, offsetof(MeshVertex, stretch));
-  result.vertices = static_cast<GLsizei>(mesh.size());
+  glGenBuffers(1, &result.indices);
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, result.indices);
+  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(indexed.indices.size() * sizeof(GLuint)),
+               indexed.indices.data(), GL_STATIC_DRAW);
+  result.count = static_cast<GLsizei>(indexed.indices.size());
   return result;
 }
 
 void release(const GlMesh& mesh) {
   glDeleteVertexArrays(1, &mesh.array);
-  glDeleteBuffers(1, &mesh.buffer);
+  glDeleteBuffers(1, &mesh.vertices);
+  glDeleteBuffers(1, &mesh.indices);
 }
 
 GlTarget::GlTarget(PictureSize size) : size_(size) {
@@ -162,6 +189,8 @@ void GlShadowMap::bind() const {
   glBindFramebuffer(GL_FRAMEBUFFER, frame_);
   glViewport(0, 0, kShadowPixels, kShadowPixels);
 }
+
+int GlShadowMap::width() { return kShadowPixels; }
 
 void GlShadowMap::bind_texture() const {
   glActiveTexture(GL_TEXTURE0);

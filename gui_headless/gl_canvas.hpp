@@ -32,8 +32,9 @@ class GlProgram {
 /// Triangles on the card.
 struct GlMesh {
   GLuint array = 0;
-  GLuint buffer = 0;
-  GLsizei vertices = 0;
+  GLuint vertices = 0;
+  GLuint indices = 0;
+  GLsizei count = 0;  ///< of indices
 };
 [[nodiscard]] GlMesh upload(const ShapeMesh& mesh);
 void release(const GlMesh& mesh);
@@ -60,6 +61,7 @@ class GlShadowMap {
   void bind() const;
   /// For the shaders' `shadow_map`, unit 0.
   void bind_texture() const;
+  [[nodiscard]] static int width();  ///< pixels
 
  private:
   GLuint frame_ = 0;

@@ -9,9 +9,10 @@
 namespace subworld {
 namespace {
 
-constexpr double kLinePixels = 4.0;      // thickness in a picture of 720 rows
-constexpr double kHaloPixels = 2.0;      // white rim on each side
-constexpr double kSmallestShare = 0.02;  // of the largest impulse; below, there is nothing to see
+constexpr double kLinePixels = 4.5;      // thickness in a picture of 720 rows
+constexpr double kRimShare = 0.8;        // white rim on each side, of half the thickness
+constexpr double kThickestShare = 0.09;  // half the thickness, of the body's radius: many small bodies stay visible
+constexpr double kSmallestShare = 0.04;  // of the largest impulse; below, there is nothing to see
 
 struct Line {
   Vec3 from;
@@ -74,7 +75,7 @@ void add_arrow(const Vec3& from, const Vec3& impulse, double length, double radi
   // A rim of even width around the head needs a longer cone than the head itself.
   batch[Model::cone].push_back(
       rod(from + along * (shaft - rim), along, head + 3.5 * rim, head * 0.36 + 1.4 * rim, colour));
-  Instance dot = rod(from, along, 1.6 * radius + rim, 1.6 * radius + rim, colour);
+  Instance dot = rod(from, along, 1.5 * radius + rim, 1.5 * radius + rim, colour);
   batch[Model::sphere].push_back(dot);
 }
 
@@ -92,11 +93,11 @@ void add_impulse_lines(const Picture& picture, PictureSize size, Figure& figure)
     const auto seen = project(camera, size.width, size.height, line.from);
     const double length = line.impulse.norm() * scale;
     if (!seen || !(line.impulse.norm() > kSmallestShare * largest) || !(length > 0.0)) continue;
-    const double pixel = seen->metres_per_pixel * std::max(1.0, size.height / 720.0);
-    const double radius = kLinePixels / 2.0 * pixel;
+    const double thickness = kLinePixels * seen->metres_per_pixel * std::max(1.0, size.height / 720.0);
+    const double radius = std::min(thickness / 2.0, kThickestShare * line.body_radius);
     const Vec3 from = line.from - figure.origin;
     add_arrow(from, line.impulse, length, radius, 0.0, kLineColour, figure.lines);
-    add_arrow(from, line.impulse, length, radius, kHaloPixels * pixel, {1.0F, 1.0F, 1.0F}, figure.halos);
+    add_arrow(from, line.impulse, length, radius, kRimShare * radius, {1.0F, 1.0F, 1.0F}, figure.halos);
   }
   figure.line_m_per_n_s = lines.empty() ? 0.0 : scale;
 }

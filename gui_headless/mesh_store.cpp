@@ -9,7 +9,7 @@
 namespace subworld {
 namespace {
 
-constexpr std::size_t kManyBodies = 1000;  // from here on round bodies have fewer triangles
+constexpr std::size_t kManyBodies = 600;  // from here on round bodies have fewer triangles
 
 std::uint64_t content_hash(const Mesh& mesh) {
   const auto bytes = [](const auto& values) {
@@ -39,7 +39,7 @@ void read_instances_from(std::size_t first) {
 
 MeshStore::MeshStore() {
   for (const std::size_t coarse : {0U, 1U}) {
-    const int segments = coarse == 0 ? 32 : 16;
+    const int segments = coarse == 0 ? 48 : 16;
     units_[coarse] = {upload(sphere_mesh(segments)), upload(box_mesh()), upload(capsule_mesh(segments)),
                       upload(cylinder_mesh(segments)), upload(cone_mesh(segments))};
   }
@@ -85,7 +85,8 @@ void draw(const Groups& groups) {
   for (const auto& group : groups) {
     glBindVertexArray(group.mesh.array);
     read_instances_from(group.first);
-    glDrawArraysInstanced(GL_TRIANGLES, 0, group.mesh.vertices, static_cast<GLsizei>(group.count));
+    glDrawElementsInstanced(GL_TRIANGLES, group.mesh.count, GL_UNSIGNED_INT, nullptr,
+                            static_cast<GLsizei>(group.count));
   }
 }
 

@@ -7,8 +7,8 @@
 namespace subworld {
 namespace {
 
-constexpr float kMemberVeil = 0.42F;  // share of a member's colour where the proxy is behind it
-constexpr float kOtherVeil = 0.30F;   // share of another body's colour where a member or the proxy is behind it
+constexpr float kMemberVeil = 0.20F;  // share of a member's colour where the proxy is behind it
+constexpr float kOtherVeil = 0.22F;   // share of another body's colour where a member or the proxy is behind it
 
 }  // namespace
 
@@ -36,9 +36,12 @@ Image Painter::paint(const Figure& figure, std::span<const Mesh> meshes, std::si
   target_.bind();
   paint_sky();
   // From what matters most to what matters least: each layer is a veil over the ones before it.
-  paint_layer(view, proxies, 0.0F, 1.0F);
-  paint_layer(view, members, 0.0F, kMemberVeil);
-  paint_layer(view, others, 0.75F, kOtherVeil);
+  paint_layer(view, proxies, {}, 1.0F);
+  mark(view, proxies);
+  paint_layer(view, members, {}, proxies.empty() ? 1.0F : kMemberVeil);
+  mark(view, members);
+  const bool nothing_inside = proxies.empty() && members.empty();
+  paint_layer(view, others, {.shadow = 0.75F}, nothing_inside ? 1.0F : kOtherVeil);
   paint_grounds(view, figure);
   paint_glass(view, glass);
   paint_lines(view, halos, lines);
@@ -78,6 +81,7 @@ void Painter::begin_bodies(const View& view, const Look& look) const {
   bodies_.set("view_projection", view.camera);
   bodies_.set("light_projection", view.light);
   bodies_.set("shadow_map", 0);
+  bodies_.set("shadow_texel", static_cast<float>(view.light_width / GlShadowMap::width()));
   bodies_.set("eye", view.eye);
   bodies_.set("key_light", view.key_light);
   bodies_.set("fill_light", view.fill_light);
@@ -87,38 +91,50 @@ void Painter::begin_bodies(const View& view, const Look& look) const {
   bodies_.set("glass", look.glass ? 1 : 0);
 }
 
-// The stencil marks where an earlier layer is. There only the nearest surface of this layer is blended over it, which
-// needs no sorting: the depth pass finds that surface, the colour passes draw nothing else.
-void Painter::paint_layer(const View& view, const Groups& groups, float shadow, float veil) const {
-  glDisable(GL_STENCIL_TEST);
+// Where an earlier layer is marked, only the nearest surface of this layer is blended over it, which needs no sorting:
+// the depth pass finds that surface, the colour passes draw nothing else.
+void Painter::paint_layer(const View& view, const Groups& groups, const Look& look, float veil) const {
+  if (veil == 1.0F) {
+    begin_bodies(view, look);
+    draw(groups);
+    return;
+  }
   glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
   depths_.use();
   depths_.set("view_projection", view.camera);
   draw(groups);
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
-  begin_bodies(view, {.shadow = shadow});
+  begin_bodies(view, look);
   glDepthFunc(GL_EQUAL);
   glDepthMask(GL_FALSE);
   glEnable(GL_STENCIL_TEST);
+  glStencilOp(GL_KEEP, GL_KEEP, GL_KEEP);
+  glStencilFunc(GL_EQUAL, 0, 0xFF);
+  draw(groups);
+  glStencilFunc(GL_NOTEQUAL, 0, 0xFF);
   glEnable(GL_BLEND);
   glBlendColor(0.0F, 0.0F, 0.0F, veil);
   glBlendFunc(GL_CONSTANT_ALPHA, GL_ONE_MINUS_CONSTANT_ALPHA);
-  glStencilFunc(GL_NOTEQUAL, 0, 0xFF);
-  glStencilOp(GL_KEEP, GL_KEEP, GL_KEEP);
   draw(groups);
   glDisable(GL_BLEND);
-  glStencilFunc(GL_EQUAL, 0, 0xFF);
-  draw(groups);
-  // Marked only now: two faces of equal depth, as touching cubes have, must not veil each other.
-  glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
-  glStencilFunc(GL_ALWAYS, 1, 0xFF);
-  glStencilOp(GL_KEEP, GL_KEEP, GL_REPLACE);
-  depths_.use();
-  draw(groups);
-  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
   glDisable(GL_STENCIL_TEST);
   glDepthFunc(GL_LESS);
   glDepthMask(GL_TRUE);
+}
+
+// A pass of its own: two faces of equal depth in one layer, as touching cubes have, must not veil each other.
+void Painter::mark(const View& view, const Groups& groups) const {
+  glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+  glDepthFunc(GL_LEQUAL);
+  glEnable(GL_STENCIL_TEST);
+  glStencilFunc(GL_ALWAYS, 1, 0xFF);
+  glStencilOp(GL_KEEP, GL_KEEP, GL_REPLACE);
+  depths_.use();
+  depths_.set("view_projection", view.camera);
+  draw(groups);
+  glDisable(GL_STENCIL_TEST);
+  glDepthFunc(GL_LESS);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
 
 void Painter::paint_grounds(const View& view, const Figure& figure) const {
@@ -126,6 +142,7 @@ void Painter::paint_grounds(const View& view, const Figure& figure) const {
   ground_.set("view_projection", view.camera);
   ground_.set("light_projection", view.light);
   ground_.set("shadow_map", 0);
+  ground_.set("shadow_texel", static_cast<float>(view.light_width / GlShadowMap::width()));
   ground_.set("spacing", static_cast<float>(figure.grid_m));
   ground_.set("reach", static_cast<float>(view.ground_reach));
   glEnable(GL_BLEND);

@@ -25,7 +25,9 @@ class Painter {
   void begin_bodies(const View& view, const Look& look) const;
   void cast_shadows(const View& view, std::initializer_list<const Groups*> casters) const;
   void paint_sky() const;
-  void paint_layer(const View& view, const Groups& groups, float shadow, float veil) const;
+  /// `veil`: share of this layer's colour where an earlier layer is marked.
+  void paint_layer(const View& view, const Groups& groups, const Look& look, float veil) const;
+  void mark(const View& view, const Groups& groups) const;
   void paint_grounds(const View& view, const Figure& figure) const;
   void paint_glass(const View& view, const Groups& groups) const;
   void paint_lines(const View& view, const Groups& halos, const Groups& lines) const;

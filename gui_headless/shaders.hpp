@@ -37,8 +37,10 @@ void main() {}
 inline constexpr const char* kShadow = R"(#version 330 core
 uniform sampler2DShadow shadow_map;
 uniform mat4 light_projection;
-float lit(vec3 point) {
-  vec3 p = (light_projection * vec4(point, 1.0)).xyz * 0.5 + 0.5;
+uniform float shadow_texel;  // m
+float lit(vec3 point, vec3 normal) {
+  // From a little above the surface: it must not shade itself.
+  vec3 p = (light_projection * vec4(point + 1.5 * shadow_texel * normal, 1.0)).xyz * 0.5 + 0.5;
   if (any(lessThan(p, vec3(0.0))) || any(greaterThan(p, vec3(1.0)))) return 1.0;
   vec2 texel = 1.0 / vec2(textureSize(shadow_map, 0));
   float sum = 0.0;
@@ -69,8 +71,10 @@ float edge_line() {
                        length(vec2(dFdx(edge_distance.z), dFdy(edge_distance.z))));
   gradient = max(gradient, vec3(1e-6));
   vec3 pixels = max(edge_distance, 0.0) / gradient;
-  vec3 line = 1.0 - smoothstep(edge_pixels - 0.6, edge_pixels + 0.6, pixels);
-  line *= smoothstep(3.0, 18.0, 1.0 / gradient);  // small bodies would be nothing but edges
+  vec3 size = 1.0 / gradient;  // small bodies would be nothing but edges
+  vec3 width = edge_pixels * clamp(size / 45.0, 0.45, 1.0);
+  vec3 line = 1.0 - smoothstep(width - 0.6, width + 0.6, pixels);
+  line *= smoothstep(3.0, 18.0, size);
   return max(line.x, max(line.y, line.z));
 }
 void main() {
@@ -84,11 +88,11 @@ void main() {
     return;
   }
   vec3 albedo = linear(body_colour);
-  float light = mix(1.0, lit(world_position), shadow_strength);
+  float light = mix(1.0, lit(world_position, n), shadow_strength);
   float key = max(dot(n, key_light), 0.0) * light;
   float fill = max(dot(n, fill_light), 0.0);
-  vec3 sky = mix(vec3(0.25, 0.25, 0.27), vec3(0.44, 0.45, 0.47), n.z * 0.5 + 0.5);
-  vec3 shaded = albedo * (sky + 0.62 * key + 0.16 * fill);
+  vec3 sky = mix(vec3(0.40, 0.40, 0.41), vec3(0.58, 0.58, 0.58), n.z * 0.5 + 0.5);
+  vec3 shaded = albedo * (sky + 0.52 * key + 0.14 * fill);
   float shine = pow(max(dot(n, normalize(key_light + view)), 0.0), 40.0);
   shaded += 0.10 * shine * light;
   shaded *= 1.0 - 0.35 * pow(1.0 - max(dot(n, view), 0.0), 3.0);
@@ -131,7 +135,7 @@ float grid(float every, float pixels) {
 void main() {
   float fade = 1.0 - smoothstep(0.25, 1.0, length(plane) / reach);
   float line = max(0.45 * grid(spacing, 0.6), 0.8 * grid(10.0 * spacing, 0.9));
-  float shade = 0.42 * (1.0 - lit(world_position));
+  float shade = 0.42 * (1.0 - lit(world_position, vec3(0.0)));
   float alpha = 1.0 - (1.0 - 0.55 * fade) * (1.0 - line * fade) * (1.0 - shade);
   vec3 colour = mix(vec3(0.90, 0.91, 0.92), vec3(0.66, 0.69, 0.73), line);
   result = vec4(mix(colour, vec3(0.30, 0.32, 0.36), shade), alpha);

@@ -7,6 +7,7 @@ namespace subworld {
 namespace {
 
 constexpr double kNearestShare = 1e-3;  // near plane over far plane: what 24 bits of depth stand
+constexpr double kLightReach = 1.6;     // in radii of what is shown
 constexpr double kGroundReach = 3.5;    // in radii of what is shown
 
 Eigen::Matrix4d view_matrix(const CameraAxes& axes, const Vec3& eye) {
@@ -53,7 +54,8 @@ View view_of(const Figure& figure, PictureSize size) {
   const Vec3 fill = (0.35 * Vec3::UnitZ() + 0.80 * axes.right - 0.30 * axes.forward).normalized();
   View view;
   view.camera = (perspective(figure.camera.vertical_fov_rad, aspect, near, far) * view_matrix(axes, eye)).cast<float>();
-  view.light = from_light(key, 1.6 * radius).cast<float>();
+  view.light = from_light(key, kLightReach * radius).cast<float>();
+  view.light_width = 2.0 * kLightReach * radius;
   view.eye = eye.cast<float>();
   view.key_light = key.cast<float>();
   view.fill_light = fill.cast<float>();

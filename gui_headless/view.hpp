@@ -13,6 +13,7 @@ struct View {
   Eigen::Vector3f eye;
   Eigen::Vector3f key_light;  ///< unit, towards the light
   Eigen::Vector3f fill_light;
+  double light_width;   ///< of what the key light's view holds, m
   double ground_reach;  ///< m
 };
 
