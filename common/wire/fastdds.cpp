@@ -3,7 +3,11 @@
 #include "model/error.hpp"
 #include "wire/backend.hpp"
 
+#include <arpa/inet.h>
 #include <fmt/format.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/attributes/LibrarySettingsAttributes.h>
@@ -315,6 +319,36 @@ void use_peers(dds::DomainParticipantQos& qos, const std::vector<std::string>& p
   }
 }
 
+/// True if nobody has the UDP port.
+bool port_is_free(const std::string& interface_address, int port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<std::uint16_t>(port));
+  inet_pton(AF_INET, interface_address.c_str(), &address.sin_addr);
+  const int handle = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const bool free = bind(handle, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  close(handle);
+  return free;
+}
+
+/// The library numbers the participants of a process ever upwards, until their ports are outside of what peers try.
+/// This one gives the lowest number whose ports are free. If another process is quicker the library moves on by itself.
+int free_participant_index(const std::string& interface_address, int domain) {
+  const rtps::PortParameters ports;
+  const int first = ports.portBase + ports.domainIDGain * domain;
+  for (int index = 0; index < kMostParticipants; ++index) {
+    const int own = first + ports.participantIDGain * index;
+    if (port_is_free(interface_address, own + ports.offsetd1) &&
+        port_is_free(interface_address, own + ports.offsetd3)) {
+      return index;
+    }
+  }
+  fail(fmt::format(
+      "domain {}: the ports of all {} participants on {} are in use; choose another --domain or stop programs "
+      "that were left behind",
+      domain, kMostParticipants, interface_address));
+}
+
 class FastBackend final : public Backend {
  public:
   FastBackend(const Opening& opening, EventSink& events) : events_(events) {
@@ -382,7 +416,10 @@ class FastBackend final : public Backend {
 
     const bool own_transport = opening.interface_address.empty() && !qos.transport().user_transports.empty();
     const std::string address = opening.interface_address.empty() ? kDefaultInterface : opening.interface_address;
-    if (!own_transport) use_interface(qos, address);
+    if (!own_transport) {
+      use_interface(qos, address);
+      qos.wire_protocol().participant_id = free_participant_index(address, opening.domain);
+    }
     const bool own_peers = opening.peers.empty() && !qos.wire_protocol().builtin.initialPeersList.empty();
     auto peers = opening.peers;
     if (!own_transport) peers.push_back(address);  // the other programs of this host
