@@ -30,7 +30,6 @@
 #include <cmath>
 #include <cstring>
 #include <map>
-#include <set>
 
 namespace subworld::wire {
 namespace {
@@ -268,24 +267,19 @@ void hurry(dds::DataReaderQos& qos) {
   times.heartbeatResponseDelay = duration(0.001);
 }
 
-/// Settings of the user, each file once in a process.
+/// Settings of the user.
 void load_settings(dds::DomainParticipantFactory& factory, const Opening& opening, dds::DomainParticipantQos& qos) {
-  static std::set<std::string> loaded;
   if (opening.settings_file.empty()) return;
+  const std::string& file = opening.settings_file;
+  eprosima::fastrtps::xmlparser::XMLProfileManager::DeleteInstance();  // forgets the file of an earlier bus
+  if (factory.load_XML_profiles_file(file) != ReturnCode_t::RETCODE_OK) {
+    fail(fmt::format("{}: not a valid profile file; compare it with deploy/qos/fastdds.xml", file));
+  }
   if (opening.settings_from_environment) {
-    // The library has read it already, or has logged why not.
+    // As the library does it: the default profile, whatever its name.
     factory.load_profiles();
     factory.get_default_participant_qos(qos);
-    return;
-  }
-  const std::string& file = opening.settings_file;
-  if (!loaded.contains(file)) {
-    if (factory.load_XML_profiles_file(file) != ReturnCode_t::RETCODE_OK) {
-      fail(fmt::format("{}: not a valid profile file; compare it with deploy/qos/fastdds.xml", file));
-    }
-    loaded.insert(file);
-  }
-  if (factory.get_participant_qos_from_profile(kProfile, qos) != ReturnCode_t::RETCODE_OK) {
+  } else if (factory.get_participant_qos_from_profile(kProfile, qos) != ReturnCode_t::RETCODE_OK) {
     fail(fmt::format("{}: has no participant profile \"{}\"; compare it with deploy/qos/fastdds.xml", file, kProfile));
   }
 }

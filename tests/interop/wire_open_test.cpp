@@ -122,6 +122,69 @@ TEST_P(WireOpen, settings_say_where_they_come_from_and_flags_win) {
   EXPECT_NE(settings.find(name_of(GetParam())), std::string::npos) << settings;
 }
 
+/// Settings with an interface that this machine does not have.
+const char* foreign_interface(Vendor vendor) {
+  if (vendor == Vendor::cyclonedds) {
+    return R"(<?xml version="1.0"?>
+<CycloneDDS><!-- <NetworkInterface address="127.0.0.1"/> --><Domain Id="any"><General>
+<Interfaces><NetworkInterface address="192.0.2.1"/></Interfaces></General></Domain></CycloneDDS>)";
+  }
+  return R"(<?xml version="1.0"?>
+<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
+<transport_descriptors><transport_descriptor><transport_id>udp</transport_id><type>UDPv4</type>
+<interfaceWhiteList><address>192.0.2.1</address></interfaceWhiteList></transport_descriptor></transport_descriptors>
+<participant profile_name="subworld"><rtps><userTransports><transport_id>udp</transport_id></userTransports>
+<useBuiltinTransports>false</useBuiltinTransports></rtps></participant></profiles></dds>)";
+}
+
+TEST_P(WireOpen, a_flag_wins_over_the_settings_file) {
+  auto given = config();
+  given.qos_file = file("foreign.xml", foreign_interface(GetParam()));
+  if (GetParam() == Vendor::cyclonedds) {
+    expect_error(given, {"foreign.xml", "192.0.2.1"});
+  } else {
+    // Fast DDS opens, but on no interface.
+    EXPECT_NE(open_bus(given)->effective_settings().find("interface=(settings)"), std::string::npos);
+  }
+  given.interface_address = "127.0.0.1";
+  const auto bus = open_bus(given);
+  EXPECT_NE(bus->effective_settings().find("interface=127.0.0.1"), std::string::npos) << bus->effective_settings();
+  EXPECT_NE(bus->effective_settings().find("foreign.xml"), std::string::npos) << bus->effective_settings();
+}
+
+TEST_P(WireOpen, the_environment_is_between_the_flag_and_the_file_beside_the_program) {
+  const char* variable = GetParam() == Vendor::fastdds ? "FASTRTPS_DEFAULT_PROFILES_FILE" : "CYCLONEDDS_URI";
+  const std::string installed = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "qos" /
+                                (std::string(name_of(GetParam())) + ".xml");
+  EXPECT_NE(open_bus(config())->effective_settings().find("settings=" + installed), std::string::npos);
+  setenv(variable, installed.c_str(), 1);
+  EXPECT_NE(open_bus(config())->effective_settings().find(std::string("settings=") + variable), std::string::npos);
+  auto given = config();
+  given.qos_file = installed;
+  EXPECT_NE(open_bus(given)->effective_settings().find("settings=" + installed), std::string::npos);
+  const std::string broken = file("broken.xml", "<CycloneDDS><Domain><General></Domain>");
+  setenv(variable, broken.c_str(), 1);
+  expect_error(config(), {"broken.xml"});
+  unsetenv(variable);
+}
+
+TEST_P(WireOpen, closing_does_not_wait_for_readers_that_are_gone) {
+  auto other = open_bus(config());
+  const auto start_closing = [&] {
+    auto bus = open_bus(config());
+    auto writer = bus->writer<Control>();
+    auto reader = std::make_unique<Reader<Control>>(other->reader<Control>());
+    EXPECT_TRUE(until(*bus, [&] { return writer.matched() == 1 && reader->matched() == 1; }));
+    for (int i = 0; i < 100; ++i) EXPECT_TRUE(writer.write({ControlVerb::set_engine, std::string(60'000, 'x')}));
+    reader.reset();
+    other.reset();
+    return std::chrono::steady_clock::now();
+  };
+  const auto closing = start_closing();
+  // Half a second is meant; the bound is for a machine that is busy.
+  EXPECT_LT(std::chrono::steady_clock::now() - closing, std::chrono::seconds(5));
+}
+
 TEST_P(WireOpen, leaves_nothing_in_shared_memory) {
   const auto count = [] {
     int files = 0;
