@@ -43,6 +43,7 @@ class WireOpen : public ::testing::TestWithParam<Vendor> {
   }
 
   std::filesystem::path folder_;
+  const std::string own_ = std::to_string(getpid());  // partition: tests of one domain may run at once
 };
 
 TEST_P(WireOpen, a_missing_plugin_is_named) {
@@ -86,8 +87,8 @@ TEST_P(WireOpen, two_buses_in_one_process_come_and_go) {
   for (int round = 0; round < 3; ++round) {
     const auto first = open_bus(config());
     const auto second = open_bus(config());
-    auto writer = first->writer<Control>();
-    auto reader = second->reader<Control>();
+    auto writer = first->writer<Control>(own_);
+    auto reader = second->reader<Control>(own_);
     ASSERT_TRUE(until(*second, [&] { return writer.matched() == 1 && reader.matched() == 1; })) << round;
     ASSERT_TRUE(writer.write({ControlVerb::pause, "x"}));
     Control control;
@@ -100,8 +101,8 @@ TEST_P(WireOpen, a_wait_without_news_ends_and_a_wake_up_before_it_is_not_lost) {
   const auto bus = open_bus(config());
   while (bus->wait(0.05)) {
   }
-  auto reader = bus->reader<Control>();
-  auto writer = bus->writer<Control>();
+  auto reader = bus->reader<Control>(own_);
+  auto writer = bus->writer<Control>(own_);
   // The match happens while nobody waits.
   ASSERT_TRUE(until(*bus, [&] { return reader.matched() == 1; }));
   while (bus->wait(0.5)) {
@@ -172,8 +173,8 @@ TEST_P(WireOpen, closing_does_not_wait_for_readers_that_are_gone) {
   auto other = open_bus(config());
   const auto start_closing = [&] {
     auto bus = open_bus(config());
-    auto writer = bus->writer<Control>();
-    auto reader = std::make_unique<Reader<Control>>(other->reader<Control>());
+    auto writer = bus->writer<Control>(own_);
+    auto reader = std::make_unique<Reader<Control>>(other->reader<Control>(own_));
     EXPECT_TRUE(until(*bus, [&] { return writer.matched() == 1 && reader->matched() == 1; }));
     for (int i = 0; i < 100; ++i) EXPECT_TRUE(writer.write({ControlVerb::set_engine, std::string(60'000, 'x')}));
     reader.reset();
@@ -196,7 +197,7 @@ TEST_P(WireOpen, leaves_nothing_in_shared_memory) {
   };
   const int before = count();
   const auto bus = open_bus(config());
-  auto writer = bus->writer<Control>();
+  auto writer = bus->writer<Control>(own_);
   EXPECT_EQ(count(), before);
 }
 
