@@ -1,7 +1,7 @@
 find_package(GTest REQUIRED)
 include(GoogleTest)
 
-add_executable(wire_unit_test unit/wire_codec_test.cpp unit/wire_topics_test.cpp)
+add_executable(wire_unit_test unit/wire_codec_test.cpp unit/wire_topics_test.cpp unit/wire_allocation_test.cpp)
 target_include_directories(wire_unit_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
 target_link_libraries(wire_unit_test PRIVATE subworld_wire GTest::gtest_main)
 gtest_discover_tests(wire_unit_test DISCOVERY_MODE PRE_TEST)

@@ -419,7 +419,7 @@ constexpr const char* kDefaults = R"(<CycloneDDS><Domain Id="any">
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{1}</MaxAutoParticipantIndex>
 <LeaseDuration>10s</LeaseDuration><SPDPInterval>1s</SPDPInterval></Discovery>
 <Internal><HeartbeatInterval min="1ms" minsched="5ms" max="100ms">20ms</HeartbeatInterval>
-<NackDelay>1ms</NackDelay><PreEmptiveAckDelay>1ms</PreEmptiveAckDelay>
+<GenerateKeyhash>true</GenerateKeyhash><NackDelay>1ms</NackDelay><WriterLingerDuration>100ms</WriterLingerDuration>
 <Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHigh>256MB</WhcHigh></Watermarks></Internal>
 </Domain></CycloneDDS>)";
 

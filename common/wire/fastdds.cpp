@@ -3,7 +3,11 @@
 #include "model/error.hpp"
 #include "wire/backend.hpp"
 
+#include <arpa/inet.h>
 #include <fmt/format.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/attributes/LibrarySettingsAttributes.h>
@@ -26,7 +30,6 @@
 #include <cmath>
 #include <cstring>
 #include <map>
-#include <set>
 
 namespace subworld::wire {
 namespace {
@@ -264,24 +267,19 @@ void hurry(dds::DataReaderQos& qos) {
   times.heartbeatResponseDelay = duration(0.001);
 }
 
-/// Settings of the user, each file once in a process.
+/// Settings of the user.
 void load_settings(dds::DomainParticipantFactory& factory, const Opening& opening, dds::DomainParticipantQos& qos) {
-  static std::set<std::string> loaded;
   if (opening.settings_file.empty()) return;
+  const std::string& file = opening.settings_file;
+  eprosima::fastrtps::xmlparser::XMLProfileManager::DeleteInstance();  // forgets the file of an earlier bus
+  if (factory.load_XML_profiles_file(file) != ReturnCode_t::RETCODE_OK) {
+    fail(fmt::format("{}: not a valid profile file; compare it with deploy/qos/fastdds.xml", file));
+  }
   if (opening.settings_from_environment) {
-    // The library has read it already, or has logged why not.
+    // As the library does it: the default profile, whatever its name.
     factory.load_profiles();
     factory.get_default_participant_qos(qos);
-    return;
-  }
-  const std::string& file = opening.settings_file;
-  if (!loaded.contains(file)) {
-    if (factory.load_XML_profiles_file(file) != ReturnCode_t::RETCODE_OK) {
-      fail(fmt::format("{}: not a valid profile file; compare it with deploy/qos/fastdds.xml", file));
-    }
-    loaded.insert(file);
-  }
-  if (factory.get_participant_qos_from_profile(kProfile, qos) != ReturnCode_t::RETCODE_OK) {
+  } else if (factory.get_participant_qos_from_profile(kProfile, qos) != ReturnCode_t::RETCODE_OK) {
     fail(fmt::format("{}: has no participant profile \"{}\"; compare it with deploy/qos/fastdds.xml", file, kProfile));
   }
 }
@@ -313,6 +311,36 @@ void use_peers(dds::DomainParticipantQos& qos, const std::vector<std::string>& p
     rtps::IPLocator::setIPv4(there, peer);
     list.push_back(there);
   }
+}
+
+/// True if nobody has the UDP port.
+bool port_is_free(const std::string& interface_address, int port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<std::uint16_t>(port));
+  inet_pton(AF_INET, interface_address.c_str(), &address.sin_addr);
+  const int handle = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const bool free = bind(handle, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  close(handle);
+  return free;
+}
+
+/// The library numbers the participants of a process ever upwards, until their ports are outside of what peers try.
+/// This one gives the lowest number whose ports are free. If another process is quicker the library moves on by itself.
+int free_participant_index(const std::string& interface_address, int domain) {
+  const rtps::PortParameters ports;
+  const int first = ports.portBase + ports.domainIDGain * domain;
+  for (int index = 0; index < kMostParticipants; ++index) {
+    const int own = first + ports.participantIDGain * index;
+    if (port_is_free(interface_address, own + ports.offsetd1) &&
+        port_is_free(interface_address, own + ports.offsetd3)) {
+      return index;
+    }
+  }
+  fail(fmt::format(
+      "domain {}: the ports of all {} participants on {} are in use; choose another --domain or stop programs "
+      "that were left behind",
+      domain, kMostParticipants, interface_address));
 }
 
 class FastBackend final : public Backend {
@@ -382,7 +410,10 @@ class FastBackend final : public Backend {
 
     const bool own_transport = opening.interface_address.empty() && !qos.transport().user_transports.empty();
     const std::string address = opening.interface_address.empty() ? kDefaultInterface : opening.interface_address;
-    if (!own_transport) use_interface(qos, address);
+    if (!own_transport) {
+      use_interface(qos, address);
+      qos.wire_protocol().participant_id = free_participant_index(address, opening.domain);
+    }
     const bool own_peers = opening.peers.empty() && !qos.wire_protocol().builtin.initialPeersList.empty();
     auto peers = opening.peers;
     if (!own_transport) peers.push_back(address);  // the other programs of this host

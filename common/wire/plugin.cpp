@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <dlfcn.h>
 #include <fmt/format.h>
+#include <ifaddrs.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -56,19 +57,23 @@ std::string resolve(const std::string& host) {
   return text.data();
 }
 
-/// An address is this machine's if a socket can be bound to it.
+/// Both vendors want the address of an interface; Fast DDS would go on without one and reach nobody.
 void require_own_address(const std::string& dotted) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  inet_pton(AF_INET, dotted.c_str(), &address.sin_addr);
-  const int handle = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-  if (handle < 0) fail(fmt::format("no UDP socket: {}", std::strerror(errno)));
-  const bool bound = bind(handle, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-  const int error = errno;
-  close(handle);
-  if (!bound) {
-    fail(fmt::format("interface address {}: {}; use an address that `ip -brief address` lists", dotted,
-                     std::strerror(error)));
+  ifaddrs* all = nullptr;
+  if (getifaddrs(&all) != 0) fail(fmt::format("network interfaces: {}", std::strerror(errno)));
+  in_addr wanted{};
+  inet_pton(AF_INET, dotted.c_str(), &wanted);
+  bool found = false;
+  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
+    if (one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
+    sockaddr_in address{};
+    std::memcpy(&address, one->ifa_addr, sizeof address);
+    found |= address.sin_addr.s_addr == wanted.s_addr;
+  }
+  freeifaddrs(all);
+  if (!found) {
+    fail(fmt::format("interface address {}: no interface has it; use an address that `ip -brief address` lists",
+                     dotted));
   }
 }
 

@@ -139,7 +139,7 @@ TEST_P(WireExchange, a_late_joiner_gets_a_scene_of_two_megabytes) {
   for (Body& body : scene.bodies) {
     make.fill(body);
     body.shape.mesh = 0;
-    body.name = "a body with a name";
+    body.name = "a body with a rather long name";
   }
   for (BodyState& state : scene.states) make.fill(state);
   ASSERT_TRUE(writer.write(scene));

@@ -43,6 +43,7 @@ class WireOpen : public ::testing::TestWithParam<Vendor> {
   }
 
   std::filesystem::path folder_;
+  const std::string own_ = std::to_string(getpid());  // partition: tests of one domain may run at once
 };
 
 TEST_P(WireOpen, a_missing_plugin_is_named) {
@@ -65,6 +66,8 @@ TEST_P(WireOpen, wrong_domains_addresses_and_hosts_are_named) {
   wrong = config();
   wrong.interface_address = "192.0.2.1";  // reserved for documentation: nobody's
   expect_error(wrong, {"192.0.2.1", "ip -brief address"});
+  wrong.interface_address = "127.0.0.2";  // can be bound to, but no interface has it and both vendors refuse it
+  expect_error(wrong, {"127.0.0.2", "ip -brief address"});
   wrong = config();
   wrong.peers = {"no.such.host.invalid"};
   expect_error(wrong, {"no.such.host.invalid"});
@@ -84,8 +87,8 @@ TEST_P(WireOpen, two_buses_in_one_process_come_and_go) {
   for (int round = 0; round < 3; ++round) {
     const auto first = open_bus(config());
     const auto second = open_bus(config());
-    auto writer = first->writer<Control>();
-    auto reader = second->reader<Control>();
+    auto writer = first->writer<Control>(own_);
+    auto reader = second->reader<Control>(own_);
     ASSERT_TRUE(until(*second, [&] { return writer.matched() == 1 && reader.matched() == 1; })) << round;
     ASSERT_TRUE(writer.write({ControlVerb::pause, "x"}));
     Control control;
@@ -98,8 +101,8 @@ TEST_P(WireOpen, a_wait_without_news_ends_and_a_wake_up_before_it_is_not_lost) {
   const auto bus = open_bus(config());
   while (bus->wait(0.05)) {
   }
-  auto reader = bus->reader<Control>();
-  auto writer = bus->writer<Control>();
+  auto reader = bus->reader<Control>(own_);
+  auto writer = bus->writer<Control>(own_);
   // The match happens while nobody waits.
   ASSERT_TRUE(until(*bus, [&] { return reader.matched() == 1; }));
   while (bus->wait(0.5)) {
@@ -112,12 +115,75 @@ TEST_P(WireOpen, a_wait_without_news_ends_and_a_wake_up_before_it_is_not_lost) {
 TEST_P(WireOpen, settings_say_where_they_come_from_and_flags_win) {
   EXPECT_NE(open_bus(config())->effective_settings().find("interface=127.0.0.1"), std::string::npos);
   auto changed = config();
-  changed.interface_address = "127.0.0.2";
+  changed.interface_address = "localhost";
   changed.peers = {"127.0.0.3"};
   const std::string settings = open_bus(changed)->effective_settings();
-  EXPECT_NE(settings.find("interface=127.0.0.2"), std::string::npos) << settings;
+  EXPECT_NE(settings.find("interface=127.0.0.1"), std::string::npos) << settings;
   EXPECT_NE(settings.find("peers=127.0.0.3"), std::string::npos) << settings;
   EXPECT_NE(settings.find(name_of(GetParam())), std::string::npos) << settings;
+}
+
+/// Settings with an interface that this machine does not have.
+const char* foreign_interface(Vendor vendor) {
+  if (vendor == Vendor::cyclonedds) {
+    return R"(<?xml version="1.0"?>
+<CycloneDDS><!-- <NetworkInterface address="127.0.0.1"/> --><Domain Id="any"><General>
+<Interfaces><NetworkInterface address="192.0.2.1"/></Interfaces></General></Domain></CycloneDDS>)";
+  }
+  return R"(<?xml version="1.0"?>
+<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
+<transport_descriptors><transport_descriptor><transport_id>udp</transport_id><type>UDPv4</type>
+<interfaceWhiteList><address>192.0.2.1</address></interfaceWhiteList></transport_descriptor></transport_descriptors>
+<participant profile_name="subworld"><rtps><userTransports><transport_id>udp</transport_id></userTransports>
+<useBuiltinTransports>false</useBuiltinTransports></rtps></participant></profiles></dds>)";
+}
+
+TEST_P(WireOpen, a_flag_wins_over_the_settings_file) {
+  auto given = config();
+  given.qos_file = file("foreign.xml", foreign_interface(GetParam()));
+  if (GetParam() == Vendor::cyclonedds) {
+    expect_error(given, {"foreign.xml", "192.0.2.1"});
+  } else {
+    // Fast DDS opens, but on no interface.
+    EXPECT_NE(open_bus(given)->effective_settings().find("interface=(settings)"), std::string::npos);
+  }
+  given.interface_address = "127.0.0.1";
+  const auto bus = open_bus(given);
+  EXPECT_NE(bus->effective_settings().find("interface=127.0.0.1"), std::string::npos) << bus->effective_settings();
+  EXPECT_NE(bus->effective_settings().find("foreign.xml"), std::string::npos) << bus->effective_settings();
+}
+
+TEST_P(WireOpen, the_environment_is_between_the_flag_and_the_file_beside_the_program) {
+  const char* variable = GetParam() == Vendor::fastdds ? "FASTRTPS_DEFAULT_PROFILES_FILE" : "CYCLONEDDS_URI";
+  const std::string installed = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "qos" /
+                                (std::string(name_of(GetParam())) + ".xml");
+  EXPECT_NE(open_bus(config())->effective_settings().find("settings=" + installed), std::string::npos);
+  setenv(variable, installed.c_str(), 1);
+  EXPECT_NE(open_bus(config())->effective_settings().find(std::string("settings=") + variable), std::string::npos);
+  auto given = config();
+  given.qos_file = installed;
+  EXPECT_NE(open_bus(given)->effective_settings().find("settings=" + installed), std::string::npos);
+  const std::string broken = file("broken.xml", "<CycloneDDS><Domain><General></Domain>");
+  setenv(variable, broken.c_str(), 1);
+  expect_error(config(), {"broken.xml"});
+  unsetenv(variable);
+}
+
+TEST_P(WireOpen, closing_does_not_wait_for_readers_that_are_gone) {
+  auto other = open_bus(config());
+  const auto start_closing = [&] {
+    auto bus = open_bus(config());
+    auto writer = bus->writer<Control>(own_);
+    auto reader = std::make_unique<Reader<Control>>(other->reader<Control>(own_));
+    EXPECT_TRUE(until(*bus, [&] { return writer.matched() == 1 && reader->matched() == 1; }));
+    for (int i = 0; i < 100; ++i) EXPECT_TRUE(writer.write({ControlVerb::set_engine, std::string(60'000, 'x')}));
+    reader.reset();
+    other.reset();
+    return std::chrono::steady_clock::now();
+  };
+  const auto closing = start_closing();
+  // Half a second is meant; the bound is for a machine that is busy.
+  EXPECT_LT(std::chrono::steady_clock::now() - closing, std::chrono::seconds(5));
 }
 
 TEST_P(WireOpen, leaves_nothing_in_shared_memory) {
@@ -131,7 +197,7 @@ TEST_P(WireOpen, leaves_nothing_in_shared_memory) {
   };
   const int before = count();
   const auto bus = open_bus(config());
-  auto writer = bus->writer<Control>();
+  auto writer = bus->writer<Control>(own_);
   EXPECT_EQ(count(), before);
 }
 

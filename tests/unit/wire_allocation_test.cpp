@@ -1,0 +1,56 @@
+#include "support/wire_samples.hpp"
+#include "wire/codec.hpp"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+namespace {
+std::atomic<long> allocations = 0;
+}
+
+void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
+  throw std::bad_alloc();
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+
+namespace subworld {
+namespace {
+
+/// Allocations of 100 round trips after the first ones.
+template <class M>
+long allocations_of(const M& sample) {
+  Codec<M> sender;
+  Codec<M> receiver;
+  M received;
+  const auto round_trip = [&] {
+    if (!receiver.decode(sender.encode(sample), received)) throw std::runtime_error("rejected");
+  };
+  for (int warm_up = 0; warm_up < 3; ++warm_up) round_trip();
+  const long before = allocations;
+  for (int round = 0; round < 100; ++round) round_trip();
+  return allocations - before;
+}
+
+TEST(WireAllocation, the_loops_topics_do_not_allocate) {
+  test::SampleMaker make(29);
+  EXPECT_EQ(allocations_of(make.make<DeviceState>()), 0);
+  EXPECT_EQ(allocations_of(make.make<DeviceCommand>()), 0);
+  auto frame = make.make<WorldFrame>();
+  frame.entering.clear();  // names that are new to the receiver
+  frame.states.resize(20);
+  for (auto& state : frame.states) make.fill(state);
+  EXPECT_EQ(allocations_of(frame), 0);
+  auto report = make.make<HapticReport>();
+  report.members.resize(20);
+  for (auto& member : report.members) make.fill(member);
+  EXPECT_EQ(allocations_of(report), 0);
+}
+
+}  // namespace
+}  // namespace subworld
