@@ -2,6 +2,7 @@
 
 #include "shape_mesh.hpp"
 
+#include <array>
 #include <cstddef>
 #include <functional>
 #include <string_view>
@@ -9,7 +10,12 @@
 namespace subworld {
 namespace {
 
-constexpr std::size_t kManyBodies = 600;  // from here on round bodies have fewer triangles
+// Round bodies have fewer triangles the more bodies there are, for they are the smaller in the picture.
+struct Fineness {
+  std::size_t fewer_than;  // bodies
+  int segments;
+};
+constexpr std::array<Fineness, 3> kFineness{{{600, 48}, {3000, 16}, {static_cast<std::size_t>(-1), 12}}};
 
 std::uint64_t content_hash(const Mesh& mesh) {
   const auto bytes = [](const auto& values) {
@@ -38,10 +44,10 @@ void read_instances_from(std::size_t first) {
 }  // namespace
 
 MeshStore::MeshStore() {
-  for (const std::size_t coarse : {0U, 1U}) {
-    const int segments = coarse == 0 ? 48 : 16;
-    units_[coarse] = {upload(sphere_mesh(segments)), upload(box_mesh()), upload(capsule_mesh(segments)),
-                      upload(cylinder_mesh(segments)), upload(cone_mesh(segments))};
+  for (std::size_t k = 0; k < kFineness.size(); ++k) {
+    const int segments = kFineness[k].segments;
+    units_[k] = {upload(sphere_mesh(segments)), upload(box_mesh()), upload(capsule_mesh(segments)),
+                 upload(cylinder_mesh(segments)), upload(cone_mesh(segments))};
   }
   glGenBuffers(1, &buffer_);
 }
@@ -53,7 +59,8 @@ void MeshStore::begin(std::span<const Mesh> meshes, std::size_t bodies) {
   });
   for (auto& entry : files_) entry.second.used = false;
   meshes_ = meshes;
-  fineness_ = bodies < kManyBodies ? 0 : 1;
+  fineness_ = 0;
+  while (bodies >= kFineness[fineness_].fewer_than) ++fineness_;
   instances_.clear();
 }
 
@@ -69,7 +76,7 @@ GlMesh MeshStore::find(Model model) {
 Groups MeshStore::add(const Batch& batch) {
   Groups groups;
   for (const auto& [model, instances] : batch) {
-    groups.push_back({find(model), instances_.size(), instances.size()});
+    groups.push_back({find(model), instances_.size(), instances.size(), model < Model::file});
     instances_.insert(instances_.end(), instances.begin(), instances.end());
   }
   return groups;
@@ -81,13 +88,19 @@ void MeshStore::end() {
                GL_STREAM_DRAW);
 }
 
-void draw(const Groups& groups) {
+void draw(const Groups& groups, Faces faces) {
   for (const auto& group : groups) {
+    if (faces == Faces::front && group.closed) {
+      glEnable(GL_CULL_FACE);
+    } else {
+      glDisable(GL_CULL_FACE);
+    }
     glBindVertexArray(group.mesh.array);
     read_instances_from(group.first);
     glDrawElementsInstanced(GL_TRIANGLES, group.mesh.count, GL_UNSIGNED_INT, nullptr,
                             static_cast<GLsizei>(group.count));
   }
+  glDisable(GL_CULL_FACE);
 }
 
 }  // namespace subworld

@@ -16,6 +16,7 @@ struct Group {
   GlMesh mesh;
   std::size_t first = 0;
   std::size_t count = 0;
+  bool closed = false;  ///< its back faces are never seen
 };
 using Groups = std::vector<Group>;
 
@@ -39,7 +40,7 @@ class MeshStore {
   };
   [[nodiscard]] GlMesh find(Model model);
 
-  std::array<std::array<GlMesh, 5>, 2> units_{};  ///< fine and coarse
+  std::array<std::array<GlMesh, 5>, 3> units_{};  ///< from fine to coarse
   std::unordered_map<std::uint64_t, File> files_;
   std::span<const Mesh> meshes_;
   std::size_t fineness_ = 0;
@@ -47,7 +48,9 @@ class MeshStore {
   GLuint buffer_ = 0;
 };
 
-/// Draws the instances with the program in use.
-void draw(const Groups& groups);
+enum class Faces : std::uint8_t { front, both };
+
+/// Draws the instances with the program in use; of closed meshes, unless asked, the front faces only.
+void draw(const Groups& groups, Faces faces = Faces::front);
 
 }  // namespace subworld

@@ -169,7 +169,7 @@ void Painter::paint_glass(const View& view, const Groups& groups) const {
   glEnable(GL_BLEND);
   glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
   glDepthMask(GL_FALSE);
-  draw(groups);
+  draw(groups, Faces::both);
   glDepthMask(GL_TRUE);
   glDisable(GL_BLEND);
 }

@@ -12,7 +12,7 @@ namespace {
 using Triangle = std::array<std::uint32_t, 3>;
 
 // Faces that meet at less than this angle are shaded as one smooth surface and have no edge line.
-const double kCreaseCosine = std::cos(30.0 * std::numbers::pi / 180.0);
+const double kCreaseCosine = std::cos(35.0 * std::numbers::pi / 180.0);
 
 struct Surface {
   std::vector<Vec3> vertices;

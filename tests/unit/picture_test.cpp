@@ -259,7 +259,8 @@ TEST(Picture, IsTheSameForTheSameSceneAndKeepsAGivenCamera) {
 TEST(Picture, RefusesNonsense) {
   auto picture = Picture{};
   picture.camera = Camera{Vec3::Zero(), Vec3::Zero(), 0.5};
-  EXPECT_THROW((void)renderer().draw(picture), Error);
+  Renderer& ready = renderer();
+  EXPECT_THROW((void)ready.draw(picture), Error);
   EXPECT_THROW(Renderer({0, 720}), Error);
   EXPECT_THROW((void)encode_png({2, 2, {1, 2, 3}}), Error);
   EXPECT_THROW((void)read_png("no_such_picture.png"), Error);
