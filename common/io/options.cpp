@@ -110,6 +110,7 @@ Scene load_scene(const Options& o) {
                 fmt::format("--users {}: {} declares {} user{}; declare more under `users`, or ask for fewer", s.users,
                             o.scene, declared, declared == 1 ? "" : "s"));
   }
+  keep_users(scene, s.users);
   if (o.user >= s.users) {
     throw Error(ExitCode::usage,
                 fmt::format("--user {}: {} user{} take part in {}; users count from 0, more take part with --users",

@@ -73,6 +73,7 @@ struct CouplingSettings {
 struct UserSpec {
   std::string name;
   BodyId proxy{};
+  bool own_proxy = false;    ///< the proxy is there for this user alone, not a body of the scene
   double box_half_m = 0.2;  ///< half side of the selection box around the proxy (paper 4.1)
   CouplingSettings coupling;
   DeviceSpec device;
@@ -122,6 +123,9 @@ struct Scene {
 
   [[nodiscard]] const Body& body(BodyId id) const { return bodies[index(id)]; }
 };
+
+/// Leaves out the users after the first `count`, with their own proxies.
+void keep_users(Scene& scene, int count);
 
 /// Over all that two programs must agree on.
 [[nodiscard]] std::uint64_t settings_hash(const Scene& scene);

@@ -143,7 +143,9 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
       if (other.name == user.name)
         map.at("name").fail(fmt::format("there is another user \"{}\"; rename one", user.name));
     }
+    const std::size_t others = scene.bodies.size();
     user.proxy = bodies.read_proxy(proxy, user.name);
+    user.own_proxy = scene.bodies.size() > others;
     for (const UserSpec& other : scene.users) {
       if (other.proxy == user.proxy) {
         proxy.fail(fmt::format("is the proxy of \"{}\" already; give every user a body of its own", other.name));
@@ -154,6 +156,17 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
     if (const auto device = map.find("device")) read_device(*device, user.device);
     scene.users.push_back(std::move(user));
   }
+}
+
+void keep_users(Scene& scene, int count) {
+  while (static_cast<int>(scene.users.size()) > count) {
+    if (scene.users.back().own_proxy) {  // proxies come last, in the order of the users
+      scene.bodies.pop_back();
+      scene.initial.pop_back();
+    }
+    scene.users.pop_back();
+  }
+  scene.settings.users = static_cast<int>(scene.users.size());
 }
 
 }  // namespace subworld

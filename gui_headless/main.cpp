@@ -1,0 +1,76 @@
+#include "display.hpp"
+#include "io/results.hpp"
+#include "model/error.hpp"
+#include "rt/cyclic.hpp"
+#include "rt/stop.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+namespace subworld {
+namespace {
+
+/// Follows the world until it stops or a signal asks. Throws `Error` (failed) where no world comes.
+void follow(DisplayPorts& ports, Display& display, const Options& options) {
+  ports.status.enter("waiting");
+  SceneDescription description;
+  WorldSnapshot snapshot;
+  Status status;
+  TimePoint heard = Clock::now();
+  double next_picture_s = options.picture_every_s;
+  bool stopping = false;
+  while (stop_signal() == 0 && !stopping) {
+    ports.bus->wait(0.1);
+    while (ports.statuses.take(status) == Take::sample)
+      stopping |= status.program == ProgramKind::world_sim && status.state == "stopping";
+    if (ports.scene.take(description) == Take::sample) {
+      display.describe(std::move(description));
+      ports.status.enter("running");
+    }
+    while (display.described() && ports.snapshots.take(snapshot) == Take::sample) display.show(snapshot);
+    if (ports.scene.alive_writers() > 0) heard = Clock::now();
+    const double silent_s = to_seconds(Clock::now() - heard);
+    if (!display.described() && silent_s > options.wait_s) {
+      throw Error(
+          ExitCode::failed,
+          fmt::format(
+              "no world on domain {} within {} s; start world_sim on the same domain, or name its host with --peers",
+              options.network.domain, options.wait_s));
+    }
+    if (display.described() && silent_s > 1.0) return;
+    if (options.picture_every_s > 0.0 && !options.out.empty() && display.snapshots() > 0 &&
+        display.time_s() >= next_picture_s) {
+      display.write_picture(fmt::format("{}/picture_{:08.3f}.png", options.out, display.time_s()));
+      next_picture_s += options.picture_every_s;
+    }
+    ports.status.update(1e-9 * static_cast<double>(to_ns(Clock::now())), display.time_s(), display.snapshots(), 0);
+  }
+}
+
+}  // namespace
+}  // namespace subworld
+
+int main(int argc, char** argv) {
+  using namespace subworld;
+  return guarded("gui_headless", [&] {
+    const Parsed parsed = parse_options(Program::gui_headless, argc, argv);
+    if (parsed.exit_code) return *parsed.exit_code;
+    const Options& options = parsed.options;
+    watch_stop_signals();
+    const Scene scene = load_scene(options);
+    if (!options.out.empty()) make_folder(options.out);
+    [[maybe_unused]] const int niceness = nice(19);  // what a user looks at may wait for what a user feels
+
+    Display display;
+    DisplayPorts ports(options, scene);
+    fmt::print("gui_headless: {}\n", ports.bus->effective_settings());
+    follow(ports, display, options);
+    ports.status.enter("stopping");
+    if (!options.out.empty() && display.snapshots() > 0) {
+      const std::string file = options.out + "/picture.png";
+      display.write_picture(file);
+      fmt::print("gui_headless: picture at t = {:.3f} s in {}\n", display.time_s(), file);
+    }
+    return static_cast<int>(ExitCode::done);
+  });
+}
