@@ -32,6 +32,7 @@ namespace subworld::wire {
 namespace {
 
 constexpr std::size_t kHeaderBytes = 4;
+constexpr std::int32_t kKeptForLateReaders = 64;  // of each key
 constexpr std::size_t kPooledSamples = 256;
 constexpr std::size_t kPooledBytes = 1U << 16U;
 
@@ -283,6 +284,9 @@ QosPointer make_qos(const Qos& from) {
   dds_qset_reliability(qos.get(), from.reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT,
                        nanoseconds(from.max_blocking_s));
   dds_qset_durability(qos.get(), from.transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
+  const std::int32_t for_late_readers = from.forgets ? kKeptForLateReaders : 1;
+  dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, for_late_readers, DDS_LENGTH_UNLIMITED,
+                              DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
   dds_qset_history(qos.get(), from.keep_all ? DDS_HISTORY_KEEP_ALL : DDS_HISTORY_KEEP_LAST, from.depth);
   dds_qset_resource_limits(qos.get(), DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
   if (from.deadline_s > 0.0) dds_qset_deadline(qos.get(), nanoseconds(from.deadline_s));

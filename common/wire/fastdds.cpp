@@ -44,6 +44,9 @@ constexpr const char* kProfile = "subworld";
 constexpr std::uint32_t kHeaderBytes = 4;
 constexpr std::uint32_t kFirstBytes = 512;  // of a history entry; grows with its samples
 
+constexpr int kMostKeys = 256;
+constexpr int kMostKept = 1024;  // acknowledged samples of a writer that forgets
+
 [[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, "Fast DDS: " + message); }
 
 Duration_t duration(double seconds) {
@@ -115,7 +118,11 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
  public:
   FastWriter(dds::DomainParticipant* participant, dds::Publisher* publisher, dds::Topic* topic,
              const EndpointSpec& spec, const dds::DataWriterQos& qos, EventSink& events)
-      : participant_(participant), publisher_(publisher), name_(spec.topic.name), events_(events) {
+      : participant_(participant),
+        publisher_(publisher),
+        name_(spec.topic.name),
+        events_(events),
+        forgets_(spec.qos.forgets) {
     writer_ = publisher->create_datawriter(topic, qos, this, dds::StatusMask::all());
     if (writer_ == nullptr) fail(fmt::format("no writer of {}; see its log lines above", name_));
   }
@@ -129,6 +136,7 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   bool write(std::span<const std::uint8_t> cdr) noexcept override {
     sample_.sent = cdr;
     try {
+      if (forgets_ && ++kept_ >= kMostKept) forget();
       return writer_->write(&sample_);
     } catch (const std::exception&) {
       return false;
@@ -142,6 +150,14 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   }
 
  private:
+  /// A history that keeps all for late readers would grow for ever.
+  void forget() {
+    std::size_t removed = 0;
+    if (writer_->wait_for_acknowledgments(duration(0.0)) != ReturnCode_t::RETCODE_OK) return;
+    writer_->clear_history(&removed);
+    kept_ = 0;
+  }
+
   void on_publication_matched(dds::DataWriter*, const dds::PublicationMatchedStatus& status) override {
     matched_ = status.current_count;
     report_match(events_, "writer", name_, status.current_count_change);
@@ -158,6 +174,8 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   dds::Publisher* publisher_;
   const char* name_;
   EventSink& events_;
+  bool forgets_;
+  int kept_ = 0;
   std::atomic<int> matched_ = 0;
   Sample sample_;
   dds::DataWriter* writer_ = nullptr;
@@ -242,7 +260,8 @@ void apply(const Qos& from, EndpointQos& to) {
   to.history().kind = from.keep_all ? dds::KEEP_ALL_HISTORY_QOS : dds::KEEP_LAST_HISTORY_QOS;
   to.history().depth = from.depth;
   to.resource_limits().max_samples = 0;  // unlimited
-  to.resource_limits().max_instances = 0;
+  // With an unlimited number of instances the library keeps `depth` samples of all keys together, not of each.
+  to.resource_limits().max_instances = from.keep_all ? 0 : kMostKeys;
   to.resource_limits().max_samples_per_instance = 0;
   if (from.deadline_s > 0.0) to.deadline().period = duration(from.deadline_s);
   to.liveliness().kind = dds::AUTOMATIC_LIVELINESS_QOS;

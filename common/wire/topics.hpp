@@ -82,6 +82,7 @@ struct Qos {
   bool reliable = false;
   bool transient_local = false;
   bool keep_all = false;
+  bool forgets = false;     ///< transient local only for the moments in which two programs find each other
   int depth = 1;            ///< unless keep_all
   double deadline_s = 0.0;  ///< 0: none
   double lease_s = 0.1;     ///< automatic liveliness
@@ -89,13 +90,16 @@ struct Qos {
 };
 
 /// In lock-step a lost sample would stop everybody, so there every topic is reliable and keeps all, and no deadline is
-/// armed. In real time a writer that the network holds up drops instead of blocking the loop.
+/// armed. It is transient local too: a volatile reader may miss what is written in the milliseconds after both sides
+/// have matched. In real time a writer that the network holds up drops instead of blocking the loop.
 constexpr Qos qos_of(const TopicSpec& topic, Mode mode, double device_period_s, double cycle_s) noexcept {
   Qos qos;
   qos.transient_local = topic.durability == Durability::transient_local;
   if (mode == Mode::lockstep) {
     qos.reliable = true;
     qos.keep_all = true;
+    qos.forgets = !qos.transient_local;
+    qos.transient_local = true;
     qos.max_blocking_s = 10.0;
     return qos;
   }

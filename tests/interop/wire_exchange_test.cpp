@@ -182,6 +182,20 @@ TEST_P(WireExchange, ten_thousand_frames_in_lockstep_are_neither_lost_nor_double
   EXPECT_EQ(reader.take(frame), Take::none);
 }
 
+TEST_P(WireExchange, in_lockstep_the_first_frame_arrives_whenever_it_is_written) {
+  const int domain = domain_of(212, GetParam());
+  sender = open_bus(config_of(GetParam().first, domain));
+  receiver = open_bus(config_of(GetParam().second, domain));
+  auto writer = sender->writer<WorldFrame>();
+  auto reader = receiver->reader<WorldFrame>();
+  WorldFrame frame;
+  for (frame.stamp = 0; frame.stamp < 10; ++frame.stamp) ASSERT_TRUE(writer.write(frame));
+  for (std::uint64_t expected = 0; expected < 10; ++expected) {
+    ASSERT_TRUE(until(*receiver, [&] { return reader.take(frame) == Take::sample; })) << expected;
+    ASSERT_EQ(frame.stamp, expected);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Pairs, WireExchange, test::kAllPairs, test::name_of_pair);
 
 }  // namespace

@@ -10,6 +10,8 @@ TEST(WireTopics, lockstep_never_loses_and_arms_no_deadline) {
     const Qos qos = qos_of(*topic, Mode::lockstep, 0.001, 0.004);
     EXPECT_TRUE(qos.reliable) << topic->name;
     EXPECT_TRUE(qos.keep_all) << topic->name;
+    EXPECT_TRUE(qos.transient_local) << topic->name;
+    EXPECT_EQ(qos.forgets, topic != &kScene) << topic->name;
     EXPECT_EQ(qos.deadline_s, 0.0) << topic->name;
   }
 }
