@@ -27,6 +27,7 @@ namespace {
 
 constexpr int kFirstDomain = 100;  // domains that a run picks by itself
 constexpr int kLastDomain = 199;
+constexpr std::string_view kRunning = "world_sim: running";
 
 /// A domain that no other run on this machine holds; held until this object goes.
 class DomainClaim {
@@ -108,7 +109,8 @@ std::string last_line(const std::string& path) {
 /// One line that says how far the run is: rewritten on a terminal, every five seconds elsewhere.
 class Progress {
  public:
-  Progress(std::string folder, double duration_s) : folder_(std::move(folder)), duration_s_(duration_s) {}
+  Progress(std::string folder, const Settings& settings)
+      : folder_(std::move(folder)), duration_s_(settings.duration_s), realtime_(settings.mode == Mode::realtime) {}
   ~Progress() { finish(); }
 
   void operator()() {
@@ -130,8 +132,19 @@ class Progress {
   }
 
  private:
+  /// What the world says, and once it runs how far it is: by the clock, or in lock-step by its history.
+  std::string now() {
+    const std::string said = last_line(folder_ + "/logs/world_sim.log");
+    const bool runs = said.starts_with(kRunning);
+    if (runs && started_ == TimePoint{}) started_ = Clock::now();
+    const double t = realtime_ && runs ? to_seconds(Clock::now() - started_) : realtime_ ? 0.0 : simulated_s(folder_);
+    return t > 0.0 ? fmt::format("t = {:.1f} of {:g} s", std::min(t, duration_s_), duration_s_) : said;
+  }
+
   std::string folder_;
   double duration_s_;
+  bool realtime_;
+  TimePoint started_{};
   bool terminal_ = isatty(STDOUT_FILENO) != 0;
   bool shown_ = false;
   int calls_ = 0;
@@ -198,7 +211,7 @@ int run(const RunRequest& request) {
   start_programs(programs, request, options, scene.settings.users, claim.domain());
   const Supervisor::Child* failed = nullptr;
   {
-    Progress progress(options.out, scene.settings.duration_s);
+    Progress progress(options.out, scene.settings);
     failed = programs.watch([&] { progress(); });
   }
   const Supervisor::Child failure = failed != nullptr ? *failed : Supervisor::Child{};

@@ -1,4 +1,5 @@
 #include "device_sim/run.hpp"
+#include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/format.h>
@@ -12,14 +13,18 @@ int main(int argc, char** argv) {
     watch_stop_signals();
     const Scene scene = load_scene(options);
     if (!options.out.empty()) make_folder(options.out);
+    const bool realtime = scene.settings.mode == Mode::realtime;
+    const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
     const UserSpec& user = scene.users[static_cast<std::size_t>(options.user)];
     EmulatedDevice device(user.device, static_cast<std::uint32_t>(options.user));
-    DeviceMeasures measures(options.out, options.user);
+    DeviceMeasures measures(options.out, options.user, flush);
+    if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     DevicePorts ports(options, scene);
+    if (realtime) leave_realtime();
     fmt::print("device_sim {}: {}\n", options.user, ports.bus->effective_settings());
     if (join(ports, options)) {
-      if (scene.settings.mode == Mode::lockstep) {
+      if (!realtime) {
         run_lockstep(ports, device, measures, scene);
       } else {
         run_realtime(ports, device, measures, user);

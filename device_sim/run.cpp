@@ -15,7 +15,6 @@ namespace subworld {
 
 namespace {
 
-constexpr int kPriority = 75;
 constexpr double kStale_s = 0.05;  ///< without a command: the force fades out
 constexpr double kFade_s = 0.02;
 
@@ -30,11 +29,12 @@ DevicePorts::DevicePorts(const Options& options, const Scene& scene)
       status(*bus, ProgramKind::device_sim, static_cast<std::uint32_t>(options.user),
              fmt::format("device_sim {}", options.user)) {}
 
-DeviceMeasures::DeviceMeasures(const std::string& folder, int user)
+DeviceMeasures::DeviceMeasures(const std::string& folder, int user, History::Flush flush)
     : user_(user),
       history_(folder.empty() ? "" : fmt::format("{}/device_{}.csv", folder, user),
                {"time_s", "x_m", "y_m", "z_m", "velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s", "force_x_n",
-                "force_y_n", "force_z_n"}) {}
+                "force_y_n", "force_z_n"},
+               flush) {}
 
 void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, bool missed) noexcept {
   ++steps_;
@@ -83,13 +83,13 @@ void run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
     measures.round_trip(1e-9 * static_cast<double>(to_ns(Clock::now()) - command.echoed_sent_ns));
     device.step(command, scene.settings.h_s);
     measures.step(state, command.wrench, false);
-    ports.status.update(1e-9 * static_cast<double>(to_ns(sent)), state.stamp_s, measures.steps(), 0);
+    ports.status.update(state.stamp_s, measures.steps(), 0);
   }
 }
 
 void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user) {
   const double period_s = 1.0 / user.device.rate_hz;
-  const Scheduling scheduling = claim_realtime(kPriority);
+  const Scheduling scheduling = claim_realtime(priority::kDevice);
   fmt::print("device_sim {}: {:.0f} Hz, {}\n", device.state().device, user.device.rate_hz, scheduling.text);
   std::fflush(stdout);
 
@@ -118,7 +118,7 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
     ports.states.write(state);
     const TimePoint end = Clock::now();
     measures.step(state, felt.wrench, end > loop.deadline());
-    ports.status.update(1e-9 * static_cast<double>(to_ns(end)), state.stamp_s, measures.steps(), measures.missed());
+    ports.status.update(state.stamp_s, measures.steps(), measures.missed());
   }
 }
 

@@ -24,7 +24,7 @@ struct DevicePorts {
 /// What a device process says of itself at the end, and its history on the way.
 class DeviceMeasures {
  public:
-  DeviceMeasures(const std::string& folder, int user);
+  DeviceMeasures(const std::string& folder, int user, History::Flush flush);
   void step(const DeviceState& state, const Wrench& wrench, bool missed) noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }

@@ -1,4 +1,5 @@
 #include "haptic_sim/run.hpp"
+#include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/format.h>
@@ -12,14 +13,18 @@ int main(int argc, char** argv) {
     watch_stop_signals();
     const Scene scene = load_scene(options);
     if (!options.out.empty()) make_folder(options.out);
+    const bool realtime = scene.settings.mode == Mode::realtime;
+    const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
     SubWorld sub(scene, static_cast<std::size_t>(options.user));
-    HapticMeasures measures(options.out, sub.user());
+    HapticMeasures measures(options.out, sub.user(), flush);
+    if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     HapticPorts ports(options, scene);
+    if (realtime) leave_realtime();
     fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
     const auto first = join(ports, sub, scene, options);
     if (first) {
-      if (scene.settings.mode == Mode::lockstep) {
+      if (!realtime) {
         run_lockstep(ports, sub, measures, scene);
       } else {
         run_realtime(ports, sub, measures, scene, *first);

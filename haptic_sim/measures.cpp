@@ -7,13 +7,14 @@
 
 namespace subworld {
 
-HapticMeasures::HapticMeasures(const std::string& folder, std::size_t user)
+HapticMeasures::HapticMeasures(const std::string& folder, std::size_t user, History::Flush flush)
     : user_(user),
       history_(folder.empty() ? "" : fmt::format("{}/haptic_{}.csv", folder, user),
                {"time_s",         "force_x_n",    "force_y_n",    "force_z_n",    "hand_force_x_n", "hand_force_y_n",
                 "hand_force_z_n", "torque_x_n_m", "torque_y_n_m", "torque_z_n_m", "proxy_x_m",      "proxy_y_m",
                 "proxy_z_m",      "device_x_m",   "device_y_m",   "device_z_m",   "members",        "contacts",
-                "border_pairs",   "step_s",       "lateness_s"}) {}
+                "border_pairs",   "step_s",       "lateness_s"},
+               flush) {}
 
 void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step_s, double lateness_s,
                           bool missed) noexcept {

@@ -13,9 +13,10 @@ namespace subworld {
 class HapticMeasures {
  public:
   /// `folder` may be empty: nothing is written.
-  HapticMeasures(const std::string& folder, std::size_t user);
+  HapticMeasures(const std::string& folder, std::size_t user, History::Flush flush);
 
-  /// After every step. `lateness_s` and `missed` are zero in lock-step.
+  /// After every step. `lateness_s`: of the wake-up; `missed`: the force left after its period ended. Zero in
+  /// lock-step.
   void step(const SubWorld& sub, const FeltStep& felt, double step_s, double lateness_s, bool missed) noexcept;
   void synchronised(double seconds, std::uint64_t lost_frames) noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }

@@ -16,7 +16,6 @@ namespace subworld {
 
 namespace {
 
-constexpr int kPriority = 80;
 constexpr double kStale_s = 0.05;           ///< without a device state: the force fades out
 constexpr int kFadeSteps = 30;              ///< before the last command, so that a hand is let go gently
 constexpr double kSlewLimit_ppm = 200.0;    ///< of the haptic period
@@ -113,7 +112,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
     const std::uint64_t lost = sub.apply(frame);
     measures.synchronised(to_seconds(Clock::now() - begin), lost);
     if (frame.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - frame.echoed_sent_ns));
-    ports.status.update(1e-9 * static_cast<double>(to_ns(begin)), sub.time_s(), measures.steps(), 0);
+    ports.status.update(sub.time_s(), measures.steps(), 0);
     if (frame.last) break;
   }
   send_last(ports, device);
@@ -126,7 +125,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
   const double cycle_s = scene.settings.cycle_s();
   const bool reports_sub_world = sub.scheme().has_sub_world();
   const BodyId proxy = scene.users[sub.user()].proxy;
-  const Scheduling scheduling = claim_realtime(kPriority);
+  const Scheduling scheduling = claim_realtime(priority::kHaptic);
   fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", sub.user(), 1.0 / h, scheduling.text);
   std::fflush(stdout);
 
@@ -182,14 +181,14 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
     const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand));
+    const bool missed = Clock::now() > loop.deadline();  // the force left after its period
     if (!reports_sub_world && sub.at_cycle_start()) send_report();
     sub.advance(dt);
     if (reports_sub_world && sub.at_boundary()) send_report();
 
     loop.slew(phase.slew_ppm());
-    const TimePoint end = Clock::now();
-    measures.step(sub, felt, to_seconds(end - begin), lateness_s, end > loop.deadline());
-    ports.status.update(1e-9 * static_cast<double>(to_ns(end)), sub.time_s(), measures.steps(), measures.missed());
+    measures.step(sub, felt, to_seconds(Clock::now() - begin), lateness_s, missed);
+    ports.status.update(sub.time_s(), measures.steps(), measures.missed());
   }
   send_last(ports, device);
 }

@@ -1,4 +1,5 @@
 #include "rt/cyclic.hpp"
+#include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "world_sim/run.hpp"
 
@@ -37,10 +38,14 @@ int main(int argc, char** argv) {
     watch_stop_signals();
     const Scene scene = load_scene(options);
     if (!options.out.empty()) make_folder(options.out);
+    const bool realtime = scene.settings.mode == Mode::realtime;
+    const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
     World world(scene);
-    WorldMeasures measures(options.out);
+    WorldMeasures measures(options.out, flush);
+    if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     WorldPorts ports(options, scene);
+    if (realtime) leave_realtime();
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
     const TimePoint begin = Clock::now();
     ports.status.enter("settling");
@@ -48,7 +53,7 @@ int main(int argc, char** argv) {
     const double settle_s = to_seconds(Clock::now() - begin);
     ports.scene.write(world.description(settings_hash(scene)));
     if (gather(ports, options)) {
-      if (scene.settings.mode == Mode::lockstep) {
+      if (!realtime) {
         run_lockstep(ports, world, measures, scene);
       } else {
         run_realtime(ports, world, measures, scene);

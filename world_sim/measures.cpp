@@ -6,10 +6,11 @@
 
 namespace subworld {
 
-WorldMeasures::WorldMeasures(const std::string& folder)
+WorldMeasures::WorldMeasures(const std::string& folder, History::Flush flush)
     : history_(folder.empty() ? "" : folder + "/world.csv",
                {"time_s", "kinetic_energy_j", "potential_energy_j", "energy_excess_j", "step_s", "lateness_s",
-                "clock_factor"}) {}
+                "clock_factor"},
+               flush) {}
 
 void WorldMeasures::cycle(const World& world, double step_s, double lateness_s, bool late,
                           double clock_factor) noexcept {

@@ -13,7 +13,7 @@ namespace subworld {
 class WorldMeasures {
  public:
   /// `folder` may be empty: nothing is written.
-  explicit WorldMeasures(const std::string& folder);
+  WorldMeasures(const std::string& folder, History::Flush flush);
 
   void cycle(const World& world, double step_s, double lateness_s, bool late, double clock_factor) noexcept;
   void lost_report() noexcept { ++lost_reports_; }

@@ -15,7 +15,6 @@ namespace subworld {
 
 namespace {
 
-constexpr int kPriority = 60;  // below the haptic and device loops
 constexpr double kStartIn_s = 0.2;
 constexpr double kSnapshotPeriod_s = 1.0 / 30.0;
 constexpr double kCompletePeriod_s = 1.0;
@@ -115,7 +114,7 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, cons
     publish_frames(ports, world, last, 0.0, 1.0);
     measures.cycle(world, to_seconds(Clock::now() - begin), 0.0, false, 1.0);
     snapshots.publish(ports, world, 1.0, last);
-    ports.status.update(1e-9 * static_cast<double>(to_ns(begin)), world.time_s(), world.stamp(), 0);
+    ports.status.update(world.time_s(), world.stamp(), 0);
     check_finite(world);
   }
   if (world.has_sub_worlds()) {
@@ -129,8 +128,8 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, cons
 void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene) {
   const double cycle_s = scene.settings.cycle_s();
   const std::uint64_t cycles = cycles_of(scene.settings);
-  const Scheduling scheduling = claim_realtime(kPriority);
-  fmt::print("world_sim: {:.1f} Hz, {}\n", 1.0 / cycle_s, scheduling.text);
+  const Scheduling scheduling = claim_realtime(priority::kWorld);
+  fmt::print("world_sim: running at {:.1f} Hz, {}\n", 1.0 / cycle_s, scheduling.text);
   std::fflush(stdout);
 
   Snapshots snapshots;
@@ -161,7 +160,7 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, cons
     loop.shift(from_seconds(slip_s));
     clock_factor = cycle_s / (cycle_s + slip_s);
     snapshots.publish(ports, world, clock_factor, last);
-    ports.status.update(1e-9 * static_cast<double>(to_ns(end)), world.time_s(), world.stamp(), measures.late());
+    ports.status.update(world.time_s(), world.stamp(), measures.late());
     check_finite(world);
   }
   world.close();

@@ -12,7 +12,8 @@
 
 namespace subworld {
 
-History::History(const std::string& path, const std::vector<std::string>& columns) : width_(columns.size()) {
+History::History(const std::string& path, const std::vector<std::string>& columns, Flush flush)
+    : width_(columns.size()), flush_(flush) {
   if (path.empty()) return;
   file_ = std::fopen(path.c_str(), "w");
   if (file_ == nullptr) {
@@ -22,7 +23,8 @@ History::History(const std::string& path, const std::vector<std::string>& column
   ring_.resize(kRows * width_);
   thread_ = std::thread([this] {
     while (!stop_.load(std::memory_order_acquire)) {
-      write_out();
+      const std::size_t waiting = head_.load(std::memory_order_acquire) - tail_.load(std::memory_order_relaxed);
+      if (flush_ == Flush::often || waiting >= kRows / 2) write_out();
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
     write_out();

@@ -9,12 +9,17 @@
 
 namespace subworld {
 
-/// A CSV file of numbers that a loop can write to without waiting: rows go through a ring to a thread of their own,
-/// which writes them ten times a second. A full ring drops the row and counts it.
+/// A CSV file of numbers that a loop can write to without waiting: rows go through a ring to a thread of their own. A full
+/// ring drops the row and counts it.
 class History {
  public:
+  enum class Flush : std::uint8_t {
+    often,   ///< ten times a second
+    rarely,  ///< when the ring is half full: a kernel that writes to a disk may not be preempted by a real-time loop
+  };
+
   /// Throws `Error` (failed) where the file cannot be written. An empty path: rows go nowhere.
-  History(const std::string& path, const std::vector<std::string>& columns);
+  History(const std::string& path, const std::vector<std::string>& columns, Flush flush);
   ~History();
   History(const History&) = delete;
   History& operator=(const History&) = delete;
@@ -26,8 +31,9 @@ class History {
  private:
   void write_out();
 
-  static constexpr std::size_t kRows = 1 << 14;
+  static constexpr std::size_t kRows = 1 << 16;
   std::size_t width_;
+  Flush flush_;
   std::vector<double> ring_;
   std::atomic<std::size_t> head_{0};  ///< rows written by the loop
   std::atomic<std::size_t> tail_{0};  ///< rows taken by the thread

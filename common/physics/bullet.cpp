@@ -10,8 +10,9 @@
 #include <cstring>
 #include <utility>
 
-// Bullet keeps this one in a global; every engine sets its own before it steps.
+// Bullet keeps these in globals; every engine sets its own before it steps.
 extern btScalar gContactBreakingThreshold;
+extern btScalar gDbvtMargin;
 
 namespace subworld {
 
@@ -29,7 +30,7 @@ struct Preset {
 };
 
 constexpr Preset kPresets[] = {
-    {"fast", 10, INFINITY, 0.02, -0.04},
+    {"fast", 10, INFINITY, 0.005, -0.04},
     {"quality", 50, 2.1e-3, 0.002, 0.0},
 };
 
@@ -39,6 +40,10 @@ Preset find_preset(std::string_view name) {
   }
   throw Error(ExitCode::usage, fmt::format("engine bullet has no preset \"{}\"; choose fast or quality", name));
 }
+
+/// The tree of bounds is left alone while a body moves within this part of its size. Bullet's own 5 cm would make every
+/// cube of a heap a candidate for its neighbours' neighbours.
+constexpr double kTreeMarginRatio = 0.05;
 
 struct Slot {
   std::unique_ptr<btRigidBody> body;
@@ -114,8 +119,11 @@ class Bullet final : public Engine {
     slot.force = slot.torque = Vec3::Zero();
     place(*slot.body, state);
     world_.addRigidBody(slot.body.get());
-    if (!body.fixed()) movable_.push_back(id);
     contacts_.clear();
+    if (body.fixed()) return;
+    movable_.push_back(id);
+    const Box size = bounds(body.id);
+    tree_margin_ = std::min(tree_margin_, kTreeMarginRatio * (size.upper - size.lower).minCoeff());
   }
 
   void remove(BodyId id) override {
@@ -168,6 +176,7 @@ class Bullet final : public Engine {
     const int substeps = fixed_substeps_ > 0 ? fixed_substeps_
                                              : std::max(1, static_cast<int>(std::ceil(dt / preset_.longest_substep_s)));
     gContactBreakingThreshold = preset_.contact_breaking_threshold;
+    gDbvtMargin = tree_margin_;
     contacts_.clear();
     for (int i = 0; i < substeps; ++i) {
       for (const std::uint32_t id : movable_) {
@@ -340,7 +349,8 @@ class Bullet final : public Engine {
 
   Preset preset_;
   Vec3 gravity_;
-  int fixed_substeps_;  ///< 0: as the preset says
+  double tree_margin_ = 0.05;  ///< m
+  int fixed_substeps_;         ///< 0: as the preset says
   bullet::ShapeStore shapes_;
   btDefaultCollisionConfiguration configuration_;
   btCollisionDispatcher dispatcher_;

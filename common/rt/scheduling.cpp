@@ -16,7 +16,7 @@ Scheduling claim_realtime(int priority) {
   Scheduling got;
   sched_param parameter{};
   parameter.sched_priority = priority;
-  got.fifo = sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameter) == 0;
+  got.fifo = sched_setscheduler(0, SCHED_FIFO, &parameter) == 0;
   const int fifo_error = errno;
   // Under a limit, locking what is still to come would turn a later allocation into a failure.
   rlimit limit{};
@@ -33,6 +33,11 @@ Scheduling claim_realtime(int priority) {
                                 : fmt::format(", memory not locked ({}; cure: raise memlock in limits.conf)",
                                               std::strerror(lock_error));
   return got;
+}
+
+void leave_realtime() noexcept {
+  const sched_param parameter{};
+  sched_setscheduler(0, SCHED_OTHER, &parameter);
 }
 
 }  // namespace subworld

@@ -11,8 +11,20 @@ struct Scheduling {
   std::string text;  ///< in words, with the cure where something was refused
 };
 
-/// Asks for SCHED_FIFO at `priority` for the calling thread and for locked memory. Threads that exist already keep
-/// theirs.
-[[nodiscard]] Scheduling claim_realtime(int priority);
+/// SCHED_FIFO priorities, highest first. The middleware's threads rank above the world's loop: one that the world held
+/// up while it has a reader's lock would hold up a haptic loop.
+namespace priority {
+inline constexpr int kHaptic = 80;
+inline constexpr int kDevice = 75;
+inline constexpr int kMiddleware = 70;
+inline constexpr int kWorld = 60;
+}  // namespace priority
+
+/// Asks for SCHED_FIFO at `priority` for the calling thread and the threads that it makes from now on, and for locked
+/// memory.
+Scheduling claim_realtime(int priority);
+
+/// Takes the calling thread back to the default scheduling: for what may wait.
+void leave_realtime() noexcept;
 
 }  // namespace subworld

@@ -1,5 +1,8 @@
 #include "wire/status.hpp"
 
+#include <sched.h>
+
+#include <chrono>
 #include <cstdio>
 #include <utility>
 
@@ -9,27 +12,41 @@ StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance
     : bus_(&bus), writer_(bus.writer<Status>()), label_(std::move(label)) {
   status_.program = program;
   status_.instance = instance;
+  thread_ = std::thread([this] {
+    const sched_param whenever{};
+    sched_setscheduler(0, SCHED_OTHER, &whenever);
+    std::unique_lock lock(mutex_);
+    while (!wake_.wait_for(lock, std::chrono::seconds(1), [this] { return stop_; })) publish(1.0);
+  });
 }
 
-void StatusBeacon::update(double now_s, double time_s, std::uint64_t steps, std::uint64_t missed_deadlines) noexcept {
-  if (published_s_ == 0.0) published_s_ = now_s;
-  const double passed_s = now_s - published_s_;
-  if (passed_s < 1.0) return;
-  status_.time_s = time_s;
-  status_.rate_hz = static_cast<double>(steps - published_steps_) / passed_s;
-  status_.steps = steps;
-  status_.missed_deadlines = missed_deadlines;
-  published_s_ = now_s;
-  published_steps_ = steps;
-  publish();
+StatusBeacon::~StatusBeacon() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_one();
+  thread_.join();
+}
+
+void StatusBeacon::update(double time_s, std::uint64_t steps, std::uint64_t missed_deadlines) noexcept {
+  time_s_.store(time_s, std::memory_order_relaxed);
+  steps_.store(steps, std::memory_order_relaxed);
+  missed_.store(missed_deadlines, std::memory_order_relaxed);
 }
 
 void StatusBeacon::enter(const std::string& state) {
+  const std::lock_guard lock(mutex_);
   status_.state = state;
-  publish();
+  publish(0.0);
 }
 
-void StatusBeacon::publish() noexcept {
+void StatusBeacon::publish(double passed_s) {
+  const std::uint64_t steps = steps_.load(std::memory_order_relaxed);
+  if (passed_s > 0.0) status_.rate_hz = static_cast<double>(steps - status_.steps) / passed_s;
+  status_.time_s = time_s_.load(std::memory_order_relaxed);
+  status_.steps = steps;
+  status_.missed_deadlines = missed_.load(std::memory_order_relaxed);
   status_.events = bus_->events();
   status_.text = bus_->take_event_text();
   if (!status_.text.empty()) std::fprintf(stderr, "%s: %s\n", label_.c_str(), status_.text.c_str());

@@ -3,29 +3,42 @@
 #include "model/exchange.hpp"
 #include "wire/bus.hpp"
 
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
 #include <string>
+#include <thread>
 
 namespace subworld {
 
-/// Publishes a program's `status` once a second and prints what the middleware reports in between.
+/// Publishes a program's `status` once a second and prints what the middleware reports in between, from a thread of its
+/// own, so that a loop only stores numbers.
 class StatusBeacon {
  public:
   StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance, std::string label);
+  ~StatusBeacon();
+  StatusBeacon(const StatusBeacon&) = delete;
+  StatusBeacon& operator=(const StatusBeacon&) = delete;
 
-  /// Counts that the status shows; call at any rate with the program's clock (s). Publishes when a second has passed.
-  void update(double now_s, double time_s, std::uint64_t steps, std::uint64_t missed_deadlines) noexcept;
+  /// What the next status shows; at any rate, from the loop.
+  void update(double time_s, std::uint64_t steps, std::uint64_t missed_deadlines) noexcept;
   /// Names what the program does now and publishes at once.
   void enter(const std::string& state);
 
  private:
-  void publish() noexcept;
+  void publish(double passed_s);
 
   Bus* bus_;
   Writer<Status> writer_;
   std::string label_;
+  std::atomic<double> time_s_{0.0};
+  std::atomic<std::uint64_t> steps_{0};
+  std::atomic<std::uint64_t> missed_{0};
+  std::mutex mutex_;  ///< guards what follows; the loop never takes it
+  std::condition_variable wake_;
   Status status_;
-  double published_s_ = 0.0;
-  std::uint64_t published_steps_ = 0;
+  bool stop_ = false;
+  std::thread thread_;
 };
 
 }  // namespace subworld
