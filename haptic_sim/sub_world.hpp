@@ -57,6 +57,7 @@ class SubWorld {
   [[nodiscard]] std::size_t contacts() const noexcept;
   [[nodiscard]] std::size_t border_pairs() const noexcept { return frame_.border.size(); }
   [[nodiscard]] double device_work_j() const noexcept { return device_work_j_; }
+  [[nodiscard]] const Engine& engine() const noexcept { return *engine_; }
   [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
 
  private:

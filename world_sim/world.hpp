@@ -46,6 +46,7 @@ class World {
 
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
   [[nodiscard]] double time_s() const noexcept { return static_cast<double>(stamp_) * scene_.settings.cycle_s(); }
+  [[nodiscard]] const Engine& engine() const noexcept { return *engine_; }
   [[nodiscard]] bool has_sub_worlds() const noexcept { return scheme_->has_sub_world(); }
   [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.

@@ -1,5 +1,6 @@
 #include "physics/bullet.hpp"
 
+#include "bullet_plane.hpp"
 #include "bullet_shapes.hpp"
 #include "model/error.hpp"
 
@@ -41,6 +42,8 @@ Preset find_preset(std::string_view name) {
   throw Error(ExitCode::usage, fmt::format("engine bullet has no preset \"{}\"; choose fast or quality", name));
 }
 
+constexpr int kManifoldPoints = 4;  ///< most that Bullet keeps for a pair
+
 /// The tree of bounds is left alone while a body moves within this part of its size. Bullet's own 5 cm would make every
 /// cube of a heap a candidate for its neighbours' neighbours.
 constexpr double kTreeMarginRatio = 0.05;
@@ -73,6 +76,8 @@ class Bullet final : public Engine {
         shapes_(meshes),
         dispatcher_(&configuration_),
         world_(&dispatcher_, &broadphase_, &solver_, &configuration_) {
+    bullet::register_box_plane(dispatcher_);
+    configuration_.setPlaneConvexMultipointIterations(kManifoldPoints, kManifoldPoints + 1);  // other shapes: likewise
     auto& info = world_.getSolverInfo();
     info.m_numIterations = settings.iterations.value_or(preset_.iterations);
     info.m_solverMode = SOLVER_SIMD | SOLVER_USE_WARMSTARTING | SOLVER_USE_2_FRICTION_DIRECTIONS |

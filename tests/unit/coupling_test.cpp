@@ -89,7 +89,7 @@ TEST(Blend, WeightFollowsTheFourIndicators) {
   i.proxy_contacts = 0;
   EXPECT_EQ(blend_weight(i, settings), 0.0);
   i.border_bodies = 0;
-  EXPECT_EQ(blend_weight(i, settings), 0.0);
+  EXPECT_EQ(blend_weight(i, settings), 1.0);
   i.proxy_contacts = 1;
   EXPECT_EQ(blend_weight(i, settings), 1.0);
   i.border_bodies = 1;
