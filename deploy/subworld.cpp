@@ -14,7 +14,7 @@ void check_command(const CLI::App& app, int argc, const char* const* argv) {
   std::string known;
   for (const CLI::App* command : app.get_subcommands(nullptr)) {
     if (command->get_name() == argv[1]) return;
-    known += (known.empty() ? "" : ", ") + command->get_name();
+    known += fmt::format("{}{}", known.empty() ? "" : ", ", command->get_name());
   }
   throw Error(ExitCode::usage, fmt::format("\"{}\" is no command; choose one of: {}", argv[1], known));
 }

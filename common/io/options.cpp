@@ -85,6 +85,8 @@ Parsed parse_options(Program program, int argc, const char* const* argv) {
   if (program == Program::haptic_sim || program == Program::device_sim) {
     app.add_option("--user", o.user, "which of the scene's users, from 0")->check(CLI::Range(0, 63));
   }
+  if (program == Program::world_sim)
+    app.add_flag("--await-display", o.await_display, "start only when a display looks, so that it misses nothing");
   if (program == Program::gui_headless) {
     app.add_option("--picture-every", o.picture_every_s, "also a picture each so many simulated seconds")
         ->check(CLI::NonNegativeNumber)
