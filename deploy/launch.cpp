@@ -161,6 +161,7 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
       flags.insert(flags.end(), {"--user", std::to_string(user)});
       label += "_" + std::to_string(user);
     }
+    if (request.gui && program == "world_sim") flags.emplace_back("--await-display");
     programs.start(label, folder + "/" + program, flags, fmt::format("{}/logs/{}.log", options.out, label), essential);
   };
   start("world_sim", -1, true);

@@ -8,6 +8,17 @@ namespace {
 
 using namespace subworld;
 
+/// Throws `Error` (usage) where the first word is meant as a command and is none: CLI11 would not name it.
+void check_command(const CLI::App& app, int argc, const char* const* argv) {
+  if (argc < 2 || *argv[1] == '-') return;
+  std::string known;
+  for (const CLI::App* command : app.get_subcommands(nullptr)) {
+    if (command->get_name() == argv[1]) return;
+    known += fmt::format("{}{}", known.empty() ? "" : ", ", command->get_name());
+  }
+  throw Error(ExitCode::usage, fmt::format("\"{}\" is no command; choose one of: {}", argv[1], known));
+}
+
 int main_of(int argc, char** argv) {
   CLI::App app{"Distributed haptic simulation: starts, watches and stops the programs of a run.", "subworld"};
   app.require_subcommand(1);
@@ -61,6 +72,7 @@ int main_of(int argc, char** argv) {
   control_command->add_option("--wait", control_wait_s, "how long to look for the world, s")
       ->check(CLI::Range(0.1, 3600.0));
 
+  check_command(app, argc, argv);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& done) {

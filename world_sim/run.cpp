@@ -75,18 +75,28 @@ void acknowledge(WorldPorts& ports) {
 bool gather(WorldPorts& ports, const Options& options) {
   ports.status.enter("waiting");
   const TimePoint until = Clock::now() + from_seconds(options.wait_s);
-  for (std::size_t u = 0; u < ports.frames.size(); ++u) {
-    while (ports.frames[u].matched() == 0 || ports.reports[u].matched() == 0) {
+  const auto wait_for = [&](const auto& there, const std::string& missing, const std::string& cure) {
+    while (!there()) {
       if (stop_signal() != 0) return false;
       if (Clock::now() > until) {
-        throw Error(
-            ExitCode::failed,
-            fmt::format("user {}: no haptic_sim on domain {} within {} s; start haptic_sim --user {} with the same "
-                        "--domain, or name its host with --peers",
-                        u, options.network.domain, options.wait_s, u));
+        throw Error(ExitCode::failed,
+                    fmt::format("{} on domain {} within {} s; start {} with the same --domain, or name its host with "
+                                "--peers",
+                                missing, options.network.domain, options.wait_s, cure));
       }
       ports.bus->wait(0.05);
     }
+    return true;
+  };
+  for (std::size_t u = 0; u < ports.frames.size(); ++u) {
+    const auto there = [&] { return ports.frames[u].matched() > 0 && ports.reports[u].matched() > 0; };
+    if (!wait_for(there, fmt::format("user {}: no haptic_sim", u), fmt::format("haptic_sim --user {}", u)))
+      return false;
+  }
+  if (options.await_display) {
+    if (!wait_for([&] { return ports.snapshots.matched() > 0; }, "no display", "gui_headless")) return false;
+    // A display that holds the scene has found this world's other topics too.
+    ports.scene.wait_for_acknowledgments(options.wait_s);
   }
   ports.status.enter("running");
   return true;

@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include <cmath>
+#include <cstdlib>
 
 namespace subworld {
 
@@ -41,6 +42,11 @@ void override_with(T& setting, const std::optional<T>& option) {
   if (option) setting = *option;
 }
 
+/// CLI::Range compares, and so lets "nan" pass.
+std::string not_finite(const std::string& text) {
+  return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : fmt::format("{} is not a finite number", text);
+}
+
 }  // namespace
 
 void add_run_options(CLI::App& app, Options& o) {
@@ -54,13 +60,15 @@ void add_run_options(CLI::App& app, Options& o) {
   app.add_option("--preset", o.preset, "the world engine's preset: fast or quality");
   app.add_option("--haptic-preset", o.haptic_preset, "the sub-world engines' preset");
   app.add_option("--ratio", o.ratio, "simulation ratio r = T / h")->check(CLI::Range(1, 1000));
-  app.add_option("--duration", o.duration_s, "simulated time, s")->check(CLI::Range(0.001, 1e6));
+  app.add_option("--duration", o.duration_s, "simulated time, s")->check(CLI::Range(0.001, 1e6))->check(not_finite);
   app.add_option("--peers", o.network.peers, "hosts of the other programs, for networks without multicast")
       ->delimiter(',');
   app.add_option("--interface", o.network.interface_address, "address of the network interface (default: loopback)");
   app.add_option("--qos", o.network.qos_file, "the DDS vendor's settings file");
   app.add_option("--out", o.out, "folder for results");
-  app.add_option("--wait", o.wait_s, "how long to wait for the other programs, s")->check(CLI::Range(0.1, 3600.0));
+  app.add_option("--wait", o.wait_s, "how long to wait for the other programs, s")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->check(not_finite);
 }
 
 Parsed parse_options(Program program, int argc, const char* const* argv) {
@@ -77,9 +85,12 @@ Parsed parse_options(Program program, int argc, const char* const* argv) {
   if (program == Program::haptic_sim || program == Program::device_sim) {
     app.add_option("--user", o.user, "which of the scene's users, from 0")->check(CLI::Range(0, 63));
   }
+  if (program == Program::world_sim)
+    app.add_flag("--await-display", o.await_display, "start only when a display looks, so that it misses nothing");
   if (program == Program::gui_headless) {
     app.add_option("--picture-every", o.picture_every_s, "also a picture each so many simulated seconds")
-        ->check(CLI::NonNegativeNumber);
+        ->check(CLI::NonNegativeNumber)
+        ->check(not_finite);
   }
   try {
     app.parse(argc, argv);

@@ -29,6 +29,7 @@ struct Options {
   int user = 0;                  ///< haptic_sim, device_sim
   double wait_s = 30.0;          ///< for the other programs
   double picture_every_s = 0.0;  ///< gui_headless
+  bool await_display = false;    ///< world_sim: not before a display looks
 };
 
 struct Parsed {

@@ -1,0 +1,140 @@
+#include "process/process_test.hpp"
+
+namespace subworld::test {
+namespace {
+
+void expect_says(const Ended& ended, const Words& fragments) {
+  for (const std::string& fragment : fragments)
+    EXPECT_NE(ended.err.find(fragment), std::string::npos) << "\"" << fragment << "\" is not in: " << ended.err;
+}
+
+class CommandLine : public ProcessTest {};
+
+TEST_F(CommandLine, WrongFlagsAreNamedWithTheirChoices) {
+  const std::vector<std::pair<Words, Words>> wrong{
+      {{"--ratio", "0"}, {"--ratio", "1", "1000"}},
+      {{"--ratio", "2.5"}, {"--ratio"}},
+      {{"--mode", "foo"}, {"--mode", "foo", "lockstep", "realtime"}},
+      {{"--users", "9"}, {"--users 9", "declares 1 user"}},
+      {{"--users", "0"}, {"--users"}},
+      {{"--users", "many"}, {"--users"}},
+      {{"--scheme", "papers"}, {"papers", "direct, paper"}},
+      {{"--engine", "havoc"}, {"havoc", "bullet"}},
+      {{"--haptic-engine", "havoc"}, {"havoc", "bullet"}},
+      {{"--preset", "best"}, {"best", "fast", "quality"}},
+      {{"--haptic-preset", "best"}, {"best", "fast", "quality"}},
+      {{"--dds", "opendds"}, {"--dds", "opendds", "fastdds", "cyclonedds", "mixed"}},
+      {{"--domain", "233"}, {"--domain", "232"}},
+      {{"--duration", "-1"}, {"--duration"}},
+      {{"--duration", "nan"}, {"--duration"}},
+      {{"--duration", "inf"}, {"--duration"}},
+      {{"--wait", "nan"}, {"--wait"}},
+      {{"--duration"}, {"--duration"}},
+      {{"--colour", "red"}, {"--colour"}}};
+  for (const auto& [flags, fragments] : wrong) {
+    SCOPED_TRACE(flags.front() + " " + flags.back());
+    const Ended ended = run(scene("press"), flags);
+    EXPECT_EQ(ended.code, 2) << ended.err;
+    expect_says(ended, fragments);
+  }
+}
+
+TEST_F(CommandLine, WrongCommandsAreNamed) {
+  const auto subworld = [&](const Words& rest) {
+    Words words{program("subworld")};
+    words.insert(words.end(), rest.begin(), rest.end());
+    const Ended ended = finish(words);
+    EXPECT_EQ(ended.code, 2);
+    return ended;
+  };
+  expect_says(subworld({}), {"subcommand", "--help"});
+  expect_says(subworld({"fly"}), {"fly", "run", "plan"});
+  expect_says(subworld({"run"}), {"scene"});
+  expect_says(subworld({"plan"}), {"scene"});
+  expect_says(subworld({"plan", scene("row"), "--scheme", "papers"}), {"papers", "direct, paper"});
+}
+
+TEST_F(CommandLine, EveryProgramHelps) {
+  for (const char* name : {"world_sim", "haptic_sim", "device_sim", "gui_headless"}) {
+    const Ended ended = finish({program(name), "--help"});
+    EXPECT_EQ(ended.code, 0);
+    EXPECT_NE(ended.out.find(std::string("Usage: ") + name), std::string::npos) << ended.out;
+    EXPECT_NE(ended.out.find("--domain"), std::string::npos);
+    EXPECT_NE(ended.out.find(std::string("\n  ") + name + " deploy/scenes/"), std::string::npos) << ended.out;
+  }
+  for (const Words& command : {Words{}, Words{"run"}, Words{"plan"}}) {
+    Words words{program("subworld")};
+    words.insert(words.end(), command.begin(), command.end());
+    words.emplace_back("--help");
+    const Ended ended = finish(words);
+    EXPECT_EQ(ended.code, 0);
+    EXPECT_NE(ended.out.find("Usage: subworld"), std::string::npos) << ended.out;
+    EXPECT_NE(ended.out.find("\n  subworld run deploy/scenes/"), std::string::npos) << ended.out;
+  }
+}
+
+TEST_F(CommandLine, APlanNamesItsReasons) {
+  const Ended ended = finish({program("subworld"), "plan", scene("row")});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("scheme paper"), std::string::npos) << ended.out;
+  EXPECT_TRUE(running(folder_.path()).empty());
+}
+
+TEST_F(CommandLine, AMissingVendorIsAMiddlewareErrorWithTheCure) {
+  const std::string empty = folder_.path() + "/empty";
+  std::filesystem::create_directory(empty);
+  for (const char* dds : {"fastdds", "cyclonedds"}) {
+    const Ended ended = run(scene("press"), {"--dds", dds}, {{"SUBWORLD_PLUGIN_DIR", empty}});
+    EXPECT_EQ(ended.code, 3);
+    expect_says(ended, {std::string("libsubworld_") + dds + ".so", "not found", "SUBWORLD_PLUGIN_DIR"});
+  }
+}
+
+TEST_F(CommandLine, ADomainIsForOneRun) {
+  Process first(run_words(scene("press"), {"--duration", "1000"}), folder_.path());
+  ASSERT_TRUE(eventually([&] { return running(out()).size() >= 4; }));
+  const std::string elsewhere = folder_.path() + "/second";
+  std::filesystem::create_directory(elsewhere);
+  Process second({program("subworld"), "run", scene("press"), "--domain", domain_.text(), "--out", elsewhere + "/out"},
+                 elsewhere);
+  EXPECT_EQ(second.wait(), 3);
+  expect_says({3, "", second.err()}, {"domain " + domain_.text(), "in use", "--domain"});
+  EXPECT_GE(running(out()).size(), 4U) << "the first run was disturbed";
+  first.signal(SIGTERM);
+  EXPECT_EQ(first.wait(), 0);
+}
+
+TEST_F(CommandLine, AFolderThatCannotBeMadeIsNamedWithTheCure) {
+  const std::string file = folder_.write("file", "");
+  for (const std::string& where : {file, file + "/sub", std::string("/proc/none")}) {
+    const Ended ended = finish(
+        {program("subworld"), "run", scene("press"), "--domain", domain_.text(), "--duration", "0.1", "--out", where});
+    EXPECT_EQ(ended.code, 1);
+    expect_says(ended, {where, "--out"});
+  }
+}
+
+TEST_F(CommandLine, ALoneProgramNamesWhatIsMissing) {
+  const std::vector<std::pair<std::string, std::string>> lone{{"haptic_sim", "start world_sim"},
+                                                              {"device_sim", "start haptic_sim --user 0"},
+                                                              {"world_sim", "start haptic_sim --user 0"},
+                                                              {"gui_headless", "start world_sim"}};
+  for (const auto& [name, cure] : lone) {
+    const Ended ended =
+        finish({program(name), scene("press"), "--wait", "1", "--domain", domain_.text(), "--out", out()});
+    EXPECT_EQ(ended.code, 1) << name;
+    expect_says(ended, {name + ": error:", cure, "domain " + domain_.text(), "within 1 s"});
+  }
+}
+
+TEST_F(CommandLine, AReaderThatLeavesStopsNoRun) {
+  const Words words = run_words(scene("press"), {"--duration", "0.2"});
+  std::string line;
+  for (const std::string& word : words) line += "'" + word + "' ";
+  const Ended ended = finish({"/bin/sh", "-c", line + "| true; exit 0"});
+  EXPECT_TRUE(eventually([&] { return running(out()).empty(); }));
+  EXPECT_EQ(summary()["verdict"], "ok") << ended.err;
+}
+
+}  // namespace
+}  // namespace subworld::test

@@ -1,0 +1,101 @@
+#include "process/process_test.hpp"
+
+#include <optional>
+
+namespace subworld::test {
+namespace {
+
+/// The command lines of the ```sh blocks of a page: continued lines joined, comments cut off.
+std::vector<Words> commands_of(const std::string& text) {
+  std::vector<Words> commands;
+  std::istringstream lines(text);
+  std::string line, joined;
+  bool inside = false;
+  while (std::getline(lines, line)) {
+    if (line.starts_with("```")) {
+      inside = line == "```sh";
+      continue;
+    }
+    if (!inside) continue;
+    if (line.ends_with('\\')) {
+      joined += line.substr(0, line.size() - 1) + " ";
+      continue;
+    }
+    std::istringstream words(joined + line.substr(0, line.find(" #")));
+    joined.clear();
+    Words command;
+    for (std::string word; words >> word;) command.push_back(word);
+    if (!command.empty() && !command.front().starts_with('#')) commands.push_back(command);
+  }
+  return commands;
+}
+
+void set_flag(Words& words, const std::string& flag, const std::string& value) {
+  const auto found = std::find(words.begin(), words.end(), flag);
+  if (found != words.end()) words.erase(found, std::min(found + 2, words.end()));
+  words.insert(words.end(), {flag, value});
+}
+
+bool is_launcher(const std::string& word) { return word == "subworld" || word == "deploy/subworld"; }
+
+std::string joined(const Words& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : " ") + word;
+  return text;
+}
+
+/// What a reader copies out of the pages must work.
+class Docs : public ProcessTest, public ::testing::WithParamInterface<std::string> {
+ protected:
+  /// Runs, shortened, in a folder of the test; anything else is asked for its help.
+  void expect_command(Words words) const {
+    words.front() = program("subworld");
+    const std::string command = words.size() > 1 ? words[1] : "";
+    for (std::string& word : words) {
+      if (word.starts_with("deploy/")) word = std::string(SOURCE_FOLDER) + "/" + word;
+    }
+    if (command == "run") {
+      set_flag(words, "--duration", "0.2");
+      set_flag(words, "--out", out());
+      set_flag(words, "--domain", domain_.text());
+    } else if (command != "plan") {
+      words.emplace_back("--help");
+    }
+    const Ended ended = finish(words);
+    EXPECT_EQ(ended.code, 0) << ended.err;
+  }
+  void expect_script(const std::string& name) const {
+    const std::string file = std::string(SOURCE_FOLDER) + "/" + name;
+    EXPECT_EQ(access(file.c_str(), X_OK), 0) << file << " is no program";
+    EXPECT_EQ(finish({"/bin/bash", "-n", file}).code, 0);
+  }
+};
+
+TEST_P(Docs, EveryCommandWorks) {
+  const std::string page = std::string(SOURCE_FOLDER) + "/" + GetParam();
+  int found = 0;
+  for (const Words& words : commands_of(read_text(page))) {
+    SCOPED_TRACE(joined(words));
+    if (is_launcher(words.front())) {
+      expect_command(words);
+    } else if (words.front().starts_with("deploy/") || words.front().starts_with("tests/")) {
+      expect_script(words.front());
+    } else {
+      continue;
+    }
+    ++found;
+  }
+  EXPECT_GT(found, 0) << page << " has no command";
+}
+
+INSTANTIATE_TEST_SUITE_P(Pages, Docs, ::testing::Values("README.md", "deploy/scenes/README.md"),
+                         [](const auto& one) { return one.param == "README.md" ? "first_page" : "scenes"; });
+
+TEST(DocsReader, JoinsLinesAndSkipsWhatIsNoCommand) {
+  const auto found =
+      commands_of("subworld no\n```sh\n# no\nsubworld run \\\n  a.yaml  # why\n\nx\n```\nno\n```yaml\nno\n```\n");
+  EXPECT_EQ(found, (std::vector<Words>{{"subworld", "run", "a.yaml"}, {"x"}}));
+}
+
+}  // namespace
+}  // namespace subworld::test

@@ -1,0 +1,121 @@
+#include "process/process_test.hpp"
+
+#include <cmath>
+
+namespace subworld::test {
+namespace {
+
+struct Case {
+  std::string name;
+  std::string scene;
+  Words flags;
+  int users = 1;
+  bool sub_worlds = true;
+};
+
+void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
+
+const Words kRunKeys{"scene", "mode",       "scheme",     "engine",  "haptic_engine", "dds",    "h_s",   "ratio",
+                     "users", "duration_s", "state_hash", "verdict", "world",         "haptic", "device"};
+const Words kWorldKeys{"bodies", "cycles", "late_cycles", "step_s", "clock_factor_min"};
+const Words kHapticKeys{"user",        "steps",        "missed_deadlines", "lateness_s",  "step_s",
+                        "force_rms_n", "force_max_n",  "members",          "contacts",    "border_pairs",
+                        "sync_s",      "round_trip_s", "bytes_per_cycle",  "lost_frames", "energy_excess_j"};
+const Words kDeviceKeys{"user", "round_trip_s", "missed_deadlines"};
+const Words kQuantiles{"p50", "p99", "p99_9", "max", "mean"};
+
+void expect_keys(const Json& json, const Words& keys, const std::string& what) {
+  for (const std::string& key : keys) EXPECT_TRUE(json.contains(key)) << what << " has no " << key;
+}
+
+/// Everything that design section 9 lists for a run.
+void expect_complete(const Json& summary) {
+  expect_keys(summary, kRunKeys, "summary.json");
+  expect_keys(summary["world"], kWorldKeys, "world");
+  expect_keys(summary["world"]["step_s"], kQuantiles, "world.step_s");
+  for (const Json& haptic : summary["haptic"]) {
+    expect_keys(haptic, kHapticKeys, "haptic");
+    for (const char* times : {"lateness_s", "step_s", "sync_s", "round_trip_s"})
+      expect_keys(haptic[times], kQuantiles, times);
+    for (const char* counts : {"members", "contacts", "border_pairs"})
+      expect_keys(haptic[counts], {"mean", "max"}, counts);
+  }
+  for (const Json& device : summary["device"]) expect_keys(device, kDeviceKeys, "device");
+}
+
+class LockStep : public ProcessTest, public ::testing::WithParamInterface<Case> {
+ protected:
+  /// Runs the case and holds its results against what any such run must have.
+  Json results(const std::string& dds) {
+    Words flags = GetParam().flags;
+    flags.insert(flags.end(), {"--mode", "lockstep", "--duration", "0.4", "--dds", dds});
+    const Ended ended = run(scene(GetParam().scene), flags);
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    const Json json = summary();
+    if (json.is_discarded()) return {};
+    expect_complete(json);
+    EXPECT_EQ(json["dds"], dds);
+    EXPECT_EQ(json["verdict"], "ok");
+    EXPECT_NE(ended.out.find(json["state_hash"].get<std::string>()), std::string::npos);
+    expect_histories(json);
+    return json;
+  }
+
+  void expect_histories(const Json& json) const {
+    const auto steps = static_cast<std::size_t>(std::lround(0.4 / json["h_s"].get<double>()));
+    const Table world = read_table(out() + "/world.csv");
+    EXPECT_EQ(world.columns.front(), "time_s");
+    EXPECT_EQ(world.rows.size(), steps / json["ratio"].get<std::size_t>());
+    EXPECT_EQ(world.rows.size(), json["world"]["cycles"]);
+    for (std::size_t user = 0; user < json["haptic"].size(); ++user) {
+      EXPECT_EQ(json["haptic"][user]["steps"], steps);
+      for (const char* kind : {"haptic", "device"}) {
+        const Table table = read_table(out() + "/" + kind + "_" + std::to_string(user) + ".csv");
+        EXPECT_EQ(table.columns.front(), "time_s");
+        EXPECT_EQ(table.rows.size(), steps) << kind << " " << user;
+      }
+    }
+  }
+};
+
+TEST_P(LockStep, GivesOneResultWhateverTheVendor) {
+  const Json first = results("fastdds");
+  ASSERT_FALSE(first.empty());
+  ASSERT_EQ(first["haptic"].size(), static_cast<std::size_t>(GetParam().users));
+  for (const Json& haptic : first["haptic"]) {
+    EXPECT_EQ(haptic["lost_frames"], 0);
+    EXPECT_EQ(haptic["members"]["mean"] > 0.0, GetParam().sub_worlds);
+    EXPECT_EQ(haptic["border_pairs"]["mean"] > 0.0, GetParam().sub_worlds);
+  }
+  for (const char* dds : {"cyclonedds", "mixed", "fastdds"}) {
+    const Json again = results(dds);
+    ASSERT_FALSE(again.empty());
+    EXPECT_EQ(again["state_hash"], first["state_hash"]) << dds;
+    for (std::size_t user = 0; user < first["haptic"].size(); ++user) {
+      EXPECT_EQ(again["haptic"][user]["force_rms_n"], first["haptic"][user]["force_rms_n"]) << dds;
+      EXPECT_EQ(again["haptic"][user]["lost_frames"], 0) << dds;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, LockStep,
+                         ::testing::Values(Case{"heap", "heap", {}},
+                                           Case{"heap_two_users", "heap", {"--users", "2"}, 2},
+                                           Case{"row_direct", "row", {"--scheme", "direct"}, 1, false},
+                                           Case{"press_direct", "press", {"--scheme", "direct"}, 1, false}),
+                         [](const auto& one) { return one.param.name; });
+
+/// What is the same whatever the vendor must not be the same whatever the run.
+class LockStepHash : public ProcessTest {};
+
+TEST_F(LockStepHash, DiffersBetweenRunsThatDiffer) {
+  std::set<std::string> hashes;
+  for (const char* duration : {"0.4", "0.404"}) {
+    ASSERT_EQ(run(scene("row"), {"--duration", duration}).code, 0);
+    hashes.insert(summary()["state_hash"].get<std::string>());
+  }
+  EXPECT_EQ(hashes.size(), 2U);
+}
+
+}  // namespace
+}  // namespace subworld::test

@@ -1,0 +1,100 @@
+#pragma once
+
+#include "support/process.hpp"
+#include "support/temporary_folder.hpp"
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace subworld::test {
+
+using Json = nlohmann::json;
+
+inline std::string program(const std::string& name) { return std::string(PROGRAMS_FOLDER) + "/" + name; }
+inline std::string scene(const std::string& name) { return std::string(SCENES_FOLDER) + "/" + name + ".yaml"; }
+
+struct Ended {
+  int code = -1;
+  std::string out;
+  std::string err;
+};
+
+/// The real programs, each test on a domain and in a folder of its own. Whatever a test does, nothing of it may be
+/// left.
+class ProcessTest : public ::testing::Test {
+ protected:
+  void TearDown() override {
+    const auto left = running(folder_.path());
+    EXPECT_TRUE(left.empty()) << left.size() << " programs left, the first is " << left.front().words.front();
+    for (const Running& one : left) kill(one.pid, SIGKILL);
+    for (const std::string& name : shared_memory_files()) {
+      EXPECT_TRUE(shared_memory_before_.contains(name)) << "left in /dev/shm: " << name;
+    }
+  }
+
+  /// `subworld run`; its results are in `out()`.
+  [[nodiscard]] Words run_words(const std::string& scene_file, const Words& flags) const {
+    Words words{program("subworld"), "run", scene_file, "--out", out()};
+    if (std::find(flags.begin(), flags.end(), "--domain") == flags.end())
+      words.insert(words.end(), {"--domain", domain_.text()});
+    words.insert(words.end(), flags.begin(), flags.end());
+    return words;
+  }
+  Ended finish(const Words& words, const Environment& environment = {}) const {
+    Process process(words, folder_.path(), environment);
+    const auto code = process.wait();
+    EXPECT_TRUE(code) << "still runs: " << words.front();
+    return {code.value_or(-1), process.out(), process.err()};
+  }
+  Ended run(const std::string& scene_file, const Words& flags, const Environment& environment = {}) const {
+    return finish(run_words(scene_file, flags), environment);
+  }
+
+  [[nodiscard]] std::string out() const { return folder_.path() + "/out"; }
+  [[nodiscard]] Json summary() const { return Json::parse(read_text(out() + "/summary.json"), nullptr, false); }
+
+  const TemporaryFolder folder_;
+  const TestDomain domain_;
+
+ private:
+  std::set<std::string> shared_memory_before_ = shared_memory_files();
+};
+
+/// A history: names of the columns, and rows of numbers.
+struct Table {
+  std::vector<std::string> columns;
+  std::vector<std::vector<double>> rows;
+
+  [[nodiscard]] std::size_t column(const std::string& name) const {
+    const auto found = std::find(columns.begin(), columns.end(), name);
+    EXPECT_NE(found, columns.end()) << "no column " << name;
+    return static_cast<std::size_t>(found - columns.begin());
+  }
+};
+
+inline Table read_table(const std::string& file) {
+  Table table;
+  std::ifstream stream(file);
+  std::string line, cell;
+  if (std::getline(stream, line)) {
+    std::istringstream cells(line);
+    while (std::getline(cells, cell, ',')) table.columns.push_back(cell);
+  }
+  while (std::getline(stream, line)) {
+    std::istringstream cells(line);
+    auto& row = table.rows.emplace_back();
+    while (std::getline(cells, cell, ',')) row.push_back(std::strtod(cell.c_str(), nullptr));
+    EXPECT_EQ(row.size(), table.columns.size()) << file << ": " << line;
+  }
+  return table;
+}
+
+}  // namespace subworld::test

@@ -1,0 +1,45 @@
+#include "process/process_test.hpp"
+
+#include <cmath>
+
+namespace subworld::test {
+namespace {
+
+constexpr double kForceLimit_n = 40.0;  // of scene press
+
+class RealTime : public ProcessTest, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(RealTime, RunsForItsTimeAndEnds) {
+  const Ended ended = run(scene("press"), {"--mode", "realtime", "--duration", "1", "--dds", GetParam()});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const Json json = summary();
+  const Json& haptic = json["haptic"][0];
+  EXPECT_EQ(json["mode"], "realtime");
+  EXPECT_NEAR(json["simulated_s"].get<double>(), 1.0, 1e-6);
+  EXPECT_GE(haptic["steps"], 900);
+  EXPECT_EQ(haptic["lost_frames"], 0);
+  EXPECT_GT(haptic["force_max_n"], 1.0);  // the cube was pressed
+
+  const Table table = read_table(out() + "/haptic_0.csv");
+  ASSERT_EQ(table.rows.size(), haptic["steps"].get<std::size_t>());
+  const std::size_t felt = table.column("force_x_n"), hand = table.column("hand_force_x_n");
+  const auto norm = [](const std::vector<double>& row, std::size_t at) {
+    return std::hypot(row[at], row[at + 1], row[at + 2]);
+  };
+  for (const auto& row : table.rows) {
+    for (const double value : row) ASSERT_TRUE(std::isfinite(value));
+    ASSERT_LE(norm(row, felt), kForceLimit_n * (1.0 + 1e-9));
+    ASSERT_LE(norm(row, hand), kForceLimit_n * (1.0 + 1e-9));
+  }
+  // The hand feels nothing at first, and nothing when it is let go.
+  EXPECT_NEAR(norm(table.rows.front(), hand), 0.0, 0.01 * kForceLimit_n);
+  const Table device = read_table(out() + "/device_0.csv");
+  EXPECT_EQ(norm(device.rows.front(), device.column("force_x_n")), 0.0);
+  EXPECT_NEAR(norm(device.rows.back(), device.column("force_x_n")), 0.0, 0.05 * kForceLimit_n);
+}
+
+INSTANTIATE_TEST_SUITE_P(Vendors, RealTime, ::testing::Values("fastdds", "cyclonedds", "mixed"),
+                         [](const auto& one) { return one.param; });
+
+}  // namespace
+}  // namespace subworld::test

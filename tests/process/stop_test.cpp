@@ -1,0 +1,135 @@
+#include "process/process_test.hpp"
+
+#include <optional>
+#include <tuple>
+
+namespace subworld::test {
+namespace {
+
+constexpr double kStopBound_s = 3.0;  // two seconds and slack for a busy machine
+
+double seconds_since(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+class Stop : public ProcessTest {
+ protected:
+  /// A run that would go on for a quarter of an hour, started and in the middle of its loops.
+  void start(const std::string& mode, Process::Output output = Process::Output::files) {
+    process_.emplace(run_words(scene("press"), {"--mode", mode, "--duration", "1000", "--dds", "mixed"}),
+                     folder_.path(), Environment{}, output);
+    const bool loops = eventually([&] {
+      if (output == Process::Output::terminal) process_->drain_terminal();
+      return mode == "realtime" ? read_text(out() + "/logs/haptic_sim_0.log").find(" Hz") != std::string::npos
+                                : read_text(out() + "/haptic_0.csv").size() > 10000;
+    });
+    ASSERT_TRUE(loops) << process_->err();
+    if (mode == "realtime") std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  }
+  /// All must be gone within the bound from `begin`. Returns the launcher's exit code.
+  int expect_end(std::chrono::steady_clock::time_point begin) {
+    const auto code = process_->wait(10.0);
+    EXPECT_TRUE(code) << "the launcher still runs";
+    EXPECT_TRUE(eventually([&] { return running(out()).empty(); }, 10.0));
+    EXPECT_LT(seconds_since(begin), kStopBound_s);
+    return code.value_or(-1);
+  }
+  void expect_stopped_by(const std::string& name) const {
+    const Json json = summary();
+    ASSERT_FALSE(json.is_discarded());
+    EXPECT_EQ(json["verdict"], "stopped by " + name);
+    EXPECT_GT(json["simulated_s"], 0.0);  // results so far
+    EXPECT_GT(json["haptic"][0]["steps"], 0);
+    EXPECT_GT(json["device"][0]["steps"], 0);
+  }
+  [[nodiscard]] pid_t find(const std::string& name) const {
+    for (const Running& one : running(out())) {
+      if (one.words.front().ends_with("/" + name)) return one.pid;
+    }
+    return -1;
+  }
+
+  std::optional<Process> process_;
+};
+
+class StopSignal : public Stop,
+                   public ::testing::WithParamInterface<std::tuple<std::pair<int, std::string>, std::string>> {};
+
+TEST_P(StopSignal, EndsEverythingInOrder) {
+  const auto& [signal, mode] = GetParam();
+  start(mode);
+  if (HasFatalFailure()) return;
+  const auto begin = std::chrono::steady_clock::now();
+  process_->signal(signal.first);
+  EXPECT_EQ(expect_end(begin), 0) << process_->err();
+  expect_stopped_by(signal.second);
+  EXPECT_NE(process_->out().find("stopped by " + signal.second), std::string::npos);
+}
+
+INSTANTIATE_TEST_SUITE_P(Runs, StopSignal,
+                         ::testing::Combine(::testing::Values(std::pair{SIGINT, "SIGINT"},
+                                                              std::pair{SIGTERM, "SIGTERM"},
+                                                              std::pair{SIGHUP, "SIGHUP"}),
+                                            ::testing::Values("lockstep", "realtime")),
+                         [](const auto& one) { return std::get<0>(one.param).second + "_" + std::get<1>(one.param); });
+
+class StopMode : public Stop, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(StopMode, AClosedTerminalEndsEverythingInOrder) {
+  start(GetParam(), Process::Output::terminal);
+  if (HasFatalFailure()) return;
+  const auto begin = std::chrono::steady_clock::now();
+  process_->close_terminal();
+  EXPECT_EQ(expect_end(begin), 0);
+  expect_stopped_by("SIGHUP");
+}
+
+TEST_P(StopMode, AKilledLauncherTakesEverythingAlong) {
+  start(GetParam());
+  if (HasFatalFailure()) return;
+  ASSERT_GE(running(out()).size(), 4U);
+  const auto begin = std::chrono::steady_clock::now();
+  process_->signal(SIGKILL);
+  EXPECT_EQ(expect_end(begin), 128 + SIGKILL);
+}
+
+INSTANTIATE_TEST_SUITE_P(Runs, StopMode, ::testing::Values("lockstep", "realtime"),
+                         [](const auto& one) { return one.param; });
+
+class KilledProgram : public Stop, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
+
+TEST_P(KilledProgram, IsNamedAndEverythingElseEnds) {
+  const auto& [name, mode] = GetParam();
+  start(mode);
+  if (HasFatalFailure()) return;
+  const pid_t victim = find(name);
+  ASSERT_GT(victim, 0);
+  const auto begin = std::chrono::steady_clock::now();
+  kill(victim, SIGKILL);
+  EXPECT_EQ(expect_end(begin), 1);
+  const std::string label = name == "world_sim" ? name : name + "_0";
+  EXPECT_NE(process_->err().find(label + " killed by"), std::string::npos) << process_->err();
+  EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("failed: " + label)) << summary();
+}
+
+INSTANTIATE_TEST_SUITE_P(Runs, KilledProgram,
+                         ::testing::Combine(::testing::Values("world_sim", "haptic_sim", "device_sim"),
+                                            ::testing::Values("lockstep", "realtime")),
+                         [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
+
+TEST_F(Stop, WhileTheWorldSettles) {
+  std::string text = read_text(scene("heap"));
+  const std::string settle = "settle: {duration_s: 3,";
+  ASSERT_NE(text.find(settle), std::string::npos);
+  text.replace(text.find(settle), settle.size(), "settle: {duration_s: 1000,");
+  process_.emplace(run_words(folder_.write("heap.yaml", text), {}), folder_.path());
+  // The world says what it uses just before it settles.
+  ASSERT_TRUE(eventually([&] { return !read_text(out() + "/logs/world_sim.log").empty() && find("device_sim") > 0; }));
+  const auto begin = std::chrono::steady_clock::now();
+  process_->signal(SIGTERM);
+  EXPECT_EQ(expect_end(begin), 0) << process_->err();
+  EXPECT_EQ(summary()["verdict"], "stopped by SIGTERM");
+}
+
+}  // namespace
+}  // namespace subworld::test

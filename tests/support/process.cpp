@@ -1,0 +1,145 @@
+#include "support/process.hpp"
+
+#include <fcntl.h>
+#include <pty.h>
+#include <sys/file.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+namespace subworld::test {
+
+namespace {
+
+constexpr int kFirstDomain = 150;
+constexpr int kLastDomain = 198;
+
+[[noreturn]] void become(std::vector<char*>& argv, const Environment& environment) {
+  for (const auto& [name, value] : environment) setenv(name.c_str(), value.c_str(), 1);
+  execv(argv.front(), argv.data());
+  _exit(126);
+}
+
+void redirect(const std::string& file, int to) {
+  const int opened = open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+  dup2(opened, to);
+  close(opened);
+}
+
+/// The lock file, held; -1 if somebody else does.
+int lock(const std::string& name) {
+  const auto path = std::filesystem::temp_directory_path() / name;
+  const int file = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  if (file >= 0 && flock(file, LOCK_EX | LOCK_NB) == 0) return file;
+  if (file >= 0) close(file);
+  return -1;
+}
+
+}  // namespace
+
+std::string read_text(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+Process::Process(const Words& words, const std::string& folder, const Environment& environment, Output output)
+    : folder_(folder) {
+  std::vector<char*> argv;
+  for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
+  argv.push_back(nullptr);
+  pid_ = output == Output::terminal ? forkpty(&terminal_, nullptr, nullptr, nullptr) : fork();
+  if (pid_ < 0) throw std::runtime_error("cannot fork");
+  if (pid_ > 0) {
+    if (terminal_ >= 0) fcntl(terminal_, F_SETFL, O_NONBLOCK);
+    return;
+  }
+  if (output == Output::files) {
+    redirect(folder + "/stdout.txt", STDOUT_FILENO);
+    redirect(folder + "/stderr.txt", STDERR_FILENO);
+  }
+  become(argv, environment);
+}
+
+Process::~Process() {
+  if (pid_ > 0) {
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  close_terminal();
+}
+
+void Process::signal(int number) const {
+  if (pid_ > 0) kill(pid_, number);
+}
+
+void Process::drain_terminal() const {
+  char buffer[4096];
+  while (read(terminal_, buffer, sizeof buffer) > 0) {
+  }
+}
+
+void Process::close_terminal() {
+  if (terminal_ >= 0) close(terminal_);
+  terminal_ = -1;
+}
+
+std::optional<int> Process::wait(double limit_s) {
+  int status = 0;
+  if (!eventually([&] { return waitpid(pid_, &status, WNOHANG) == pid_; }, limit_s)) return std::nullopt;
+  pid_ = -1;
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+std::vector<Running> running(const std::string& mark) {
+  std::vector<Running> found;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc", ignored)) {
+    const std::string name = entry.path().filename().string();
+    if (!std::all_of(name.begin(), name.end(), [](char c) { return c >= '0' && c <= '9'; })) continue;
+    const std::string line = read_text(entry.path().string() + "/cmdline");
+    if (line.find(mark) == std::string::npos) continue;
+    Running one{.pid = static_cast<pid_t>(std::stol(name)), .words = {}};
+    for (std::size_t at = 0; at < line.size(); at = line.find('\0', at) + 1) one.words.emplace_back(line.c_str() + at);
+    if (one.pid != getpid()) found.push_back(std::move(one));
+  }
+  return found;
+}
+
+std::set<std::string> shared_memory_files() {
+  std::set<std::string> names;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator("/dev/shm", ignored)) {
+    const std::string name = entry.path().filename().string();
+    for (const char* start : {"fastrtps", "fast_datasharing", "sem.fastrtps", "iox"}) {
+      if (name.starts_with(start)) names.insert(name);
+    }
+  }
+  return names;
+}
+
+TestDomain::TestDomain() {
+  for (int domain = kFirstDomain; domain <= kLastDomain; ++domain) {
+    file_ = lock("subworld-test-domain-" + std::to_string(domain) + ".lock");
+    if (file_ < 0) continue;
+    // A run by hand may hold it too.
+    const int launcher = lock("subworld-domain-" + std::to_string(domain) + ".lock");
+    if (launcher >= 0) {
+      close(launcher);
+      domain_ = domain;
+      return;
+    }
+    close(file_);
+  }
+  throw std::runtime_error("every test domain is in use");
+}
+
+TestDomain::~TestDomain() { close(file_); }
+
+}  // namespace subworld::test

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace subworld::test {
+
+using Words = std::vector<std::string>;
+using Environment = std::map<std::string, std::string>;
+
+/// Asks until `condition` holds; false if it does not within a time that only a fault exceeds.
+template <class Condition>
+bool eventually(Condition condition, double limit_s = 40.0) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(limit_s);
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return true;
+}
+
+std::string read_text(const std::string& file);
+
+/// One program that a test has started. When this object goes, so does the program.
+class Process {
+ public:
+  enum class Output {
+    files,     ///< `stdout.txt` and `stderr.txt` in the folder
+    terminal,  ///< a terminal of its own, of which the program's session is
+  };
+
+  Process(const Words& words, const std::string& folder, const Environment& environment = {},
+          Output output = Output::files);
+  ~Process();
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  void signal(int number) const;
+  /// Reads what the terminal has, so that the program does not wait for it.
+  void drain_terminal() const;
+  void close_terminal();
+  /// Its exit code, 128 + signal if one killed it; empty if it still runs after `limit_s`.
+  std::optional<int> wait(double limit_s = 60.0);
+  [[nodiscard]] std::string out() const { return read_text(folder_ + "/stdout.txt"); }
+  [[nodiscard]] std::string err() const { return read_text(folder_ + "/stderr.txt"); }
+
+ private:
+  std::string folder_;
+  pid_t pid_ = -1;
+  int terminal_ = -1;
+};
+
+/// A running program of which one word of the command line holds `mark`.
+struct Running {
+  pid_t pid = -1;
+  Words words;
+};
+[[nodiscard]] std::vector<Running> running(const std::string& mark);
+
+/// The DDS vendors' files in /dev/shm.
+[[nodiscard]] std::set<std::string> shared_memory_files();
+
+/// A DDS domain of 150 .. 198 that no other test holds, whatever runs beside this one; held until this object goes.
+class TestDomain {
+ public:
+  TestDomain();
+  ~TestDomain();
+  TestDomain(const TestDomain&) = delete;
+  TestDomain& operator=(const TestDomain&) = delete;
+  [[nodiscard]] std::string text() const { return std::to_string(domain_); }
+
+ private:
+  int file_ = -1;
+  int domain_ = -1;
+};
+
+}  // namespace subworld::test

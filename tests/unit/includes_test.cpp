@@ -1,0 +1,161 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace {
+
+using Names = std::set<std::string>;
+
+/// Of which of our rooms each room may include files.
+const std::map<std::string, Names> kMayInclude{
+    {"model", {"model"}},
+    {"physics", {"model", "physics"}},
+    {"coupling", {"model", "coupling"}},
+    {"wire", {"model", "wire"}},
+    {"rt", {"rt"}},
+    {"io", {"model", "rt", "io"}},
+    {"world_sim", {"model", "physics", "coupling", "wire", "rt", "io", "world_sim"}},
+    {"haptic_sim", {"model", "physics", "coupling", "wire", "rt", "io", "haptic_sim"}},
+    {"device_sim", {"model", "physics", "coupling", "wire", "rt", "io", "device_sim"}},
+    {"gui_headless", {"model", "physics", "coupling", "wire", "rt", "io", "gui_headless"}},
+    {"deploy", {"model", "physics", "coupling", "wire", "rt", "io", "deploy"}},
+};
+
+/// Of a library of others: how its includes begin, and which of our files may have them.
+struct Foreign {
+  const char* name;
+  std::regex includes;
+  std::regex files;
+};
+
+const std::vector<Foreign>& foreign() {
+  static const std::vector<Foreign> kAll{
+      {"Fast DDS", std::regex("(fastdds|fastrtps)/.*"), std::regex("common/wire/fastdds\\.cpp")},
+      {"Cyclone DDS", std::regex("dds/.*"), std::regex("common/wire/cyclonedds\\.cpp")},
+      {"the CDR code", std::regex("fastcdr/.*"), std::regex("common/wire/(fastdds|codec)\\.cpp")},
+      {"generated wire types", std::regex("subworld\\.h"), std::regex("common/wire/convert\\.hpp")},
+      {"Bullet", std::regex("(bullet/|BulletCollision|BulletDynamics|LinearMath|bt[A-Z]).*"),
+       std::regex("common/physics/bullet[a-z_]*\\.[ch]pp")},
+      {"yaml-cpp", std::regex("yaml-cpp/.*"), std::regex("common/model/yaml_tree\\.cpp")},
+      {"Assimp", std::regex("assimp/.*"), std::regex("common/model/mesh_file\\.cpp")},
+      {"Eigen", std::regex("Eigen/.*"), std::regex("(common/(model|physics|coupling|wire)|[a-z]+_[a-z]+)/.*")},
+      {"JSON", std::regex("nlohmann/.*"), std::regex("(common/io|deploy)/.*")},
+      {"command lines", std::regex("CLI/.*"), std::regex("(common/io/options|deploy/subworld)\\.cpp")},
+      {"OpenGL", std::regex("(epoxy|GL|EGL)/.*"), std::regex("gui_headless/.*")},
+      {"PNG", std::regex("png\\.h"), std::regex("gui_headless/png_file\\.cpp")},
+  };
+  return kAll;
+}
+
+std::string room_of(const std::string& file) {
+  const std::string rest = file.starts_with("common/") ? file.substr(7) : file;
+  return rest.substr(0, rest.find('/'));
+}
+
+/// What a source includes against the rules, a line each. `file` is relative to the sources.
+std::vector<std::string> offences(const std::string& file, const std::string& text) {
+  static const std::regex kInclude(R"(^\s*#\s*include\s*([<"])([^>"]+)[>"])");
+  std::vector<std::string> found;
+  const std::string room = room_of(file);
+  std::istringstream lines(text);
+  std::string line;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    std::smatch match;
+    if (!std::regex_search(line, match, kInclude)) continue;
+    const std::string included = match[2];
+    const auto report = [&](const std::string& why) {
+      found.push_back(file + ":" + std::to_string(number) + ": " + included + ": " + why);
+    };
+    if (included.find("..") != std::string::npos) report("leaves its room by a path");
+    const std::string path = included.starts_with("common/") ? included.substr(7) : included;
+    const std::string other = path.find('/') == std::string::npos ? room : path.substr(0, path.find('/'));
+    const bool ours = kMayInclude.contains(other) || other == "tests" || other == "support";
+    if (ours && match[1] == "\"" && !kMayInclude.at(room).contains(other)) report(room + " may not know " + other);
+    for (const Foreign& library : foreign()) {
+      if (std::regex_match(included, library.includes) && !std::regex_match(file, library.files))
+        report(std::string(library.name) + " may not be known here");
+    }
+  }
+  return found;
+}
+
+std::vector<std::filesystem::path> sources() {
+  std::vector<std::filesystem::path> files;
+  const std::filesystem::path root = SOURCE_FOLDER;
+  for (const char* folder : {"common", "world_sim", "haptic_sim", "device_sim", "gui_headless", "deploy"}) {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(root / folder)) {
+      const auto extension = entry.path().extension();
+      if (extension == ".cpp" || extension == ".hpp") files.push_back(entry.path().lexically_relative(root));
+    }
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+TEST(Includes, KeepToTheRooms) {
+  Names rooms;
+  for (const auto& file : sources()) {
+    rooms.insert(room_of(file.string()));
+    std::ifstream stream(std::filesystem::path(SOURCE_FOLDER) / file);
+    const std::string text(std::istreambuf_iterator<char>(stream), {});
+    ASSERT_TRUE(kMayInclude.contains(room_of(file.string()))) << file << " is in a room without a rule";
+    for (const std::string& offence : offences(file.string(), text)) ADD_FAILURE() << offence;
+  }
+  Names ruled;
+  for (const auto& [room, others] : kMayInclude) ruled.insert(room);
+  EXPECT_EQ(rooms, ruled);
+}
+
+struct MadeUp {
+  const char* file;
+  const char* line;
+  bool allowed;
+};
+
+/// The rules can fail, and do so for the right lines.
+TEST(Includes, MadeUpSourcesAreJudged) {
+  const std::vector<MadeUp> cases{
+      {"common/model/a.hpp", "#include \"model/body.hpp\"", true},
+      {"common/model/a.hpp", "#include <Eigen/Core>", true},
+      {"common/model/a.hpp", "#include <vector>", true},
+      {"common/model/a.hpp", "#include \"wire/bus.hpp\"", false},
+      {"common/model/a.hpp", "#include \"../wire/bus.hpp\"", false},
+      {"common/model/a.hpp", "#include \"common/wire/bus.hpp\"", false},
+      {"common/model/a.cpp", "  #  include <yaml-cpp/yaml.h>", false},
+      {"common/model/yaml_tree.cpp", "#include <yaml-cpp/yaml.h>", true},
+      {"common/model/a.cpp", "#include <assimp/scene.h>", false},
+      {"common/physics/a.cpp", "#include \"coupling/scheme.hpp\"", false},
+      {"common/physics/engine.cpp", "#include <btBulletDynamicsCommon.h>", false},
+      {"common/physics/bullet_shapes.cpp", "#include <btBulletDynamicsCommon.h>", true},
+      {"common/coupling/a.cpp", "#include \"physics/engine.hpp\"", false},
+      {"common/coupling/a.cpp", "#include \"rt/cyclic.hpp\"", false},
+      {"common/wire/bus.cpp", "#include <fastdds/dds/topic/Topic.hpp>", false},
+      {"common/wire/fastdds.cpp", "#include <fastdds/dds/topic/Topic.hpp>", true},
+      {"common/wire/fastdds.cpp", "#include <dds/dds.h>", false},
+      {"common/wire/codec.cpp", "#include \"rt/cyclic.hpp\"", false},
+      {"common/rt/a.cpp", "#include \"model/error.hpp\"", false},
+      {"common/io/a.cpp", "#include \"wire/bus.hpp\"", false},
+      {"common/io/a.cpp", "#include <subworld.h>", false},
+      {"world_sim/a.cpp", "#include \"wire/bus.hpp\"", true},
+      {"world_sim/a.cpp", "#include \"haptic_sim/run.hpp\"", false},
+      {"device_sim/a.cpp", "#include \"gui_headless/picture.hpp\"", false},
+      {"gui_headless/a.cpp", "#include \"picture.hpp\"", true},
+      {"deploy/a.cpp", "#include \"world_sim/world.hpp\"", false},
+      {"world_sim/a.cpp", "#include \"tests/support/bodies.hpp\"", false},
+      {"world_sim/a.cpp", "// #include \"haptic_sim/run.hpp\"", true},
+  };
+  for (const MadeUp& one : cases) {
+    EXPECT_EQ(offences(one.file, std::string(one.line) + "\n").empty(), one.allowed) << one.file << ": " << one.line;
+  }
+}
+
+}  // namespace
