@@ -52,13 +52,7 @@ void follow(DisplayPorts& ports, Display& display, const Options& options) {
 
 int main(int argc, char** argv) {
   using namespace subworld;
-  return guarded("gui_headless", [&] {
-    const Parsed parsed = parse_options(Program::gui_headless, argc, argv);
-    if (parsed.exit_code) return *parsed.exit_code;
-    const Options& options = parsed.options;
-    watch_stop_signals();
-    const Scene scene = load_scene(options);
-    if (!options.out.empty()) make_folder(options.out);
+  return run_program(Program::gui_headless, argc, argv, [](const Options& options, const Scene& scene) {
     [[maybe_unused]] const int niceness = nice(19);  // what a user looks at may wait for what a user feels
 
     Display display;
@@ -71,6 +65,5 @@ int main(int argc, char** argv) {
       display.write_picture(file);
       fmt::print("gui_headless: picture at t = {:.3f} s in {}\n", display.time_s(), file);
     }
-    return static_cast<int>(ExitCode::done);
   });
 }

@@ -1,18 +1,11 @@
 #include "haptic_sim/run.hpp"
 #include "rt/scheduling.hpp"
-#include "rt/stop.hpp"
 
 #include <fmt/format.h>
 
 int main(int argc, char** argv) {
   using namespace subworld;
-  return guarded("haptic_sim", [&] {
-    const Parsed parsed = parse_options(Program::haptic_sim, argc, argv);
-    if (parsed.exit_code) return *parsed.exit_code;
-    const Options& options = parsed.options;
-    watch_stop_signals();
-    const Scene scene = load_scene(options);
-    if (!options.out.empty()) make_folder(options.out);
+  return run_program(Program::haptic_sim, argc, argv, [](const Options& options, const Scene& scene) {
     const bool realtime = scene.settings.mode == Mode::realtime;
     const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
@@ -35,6 +28,5 @@ int main(int argc, char** argv) {
       if (!options.out.empty())
         write_json(fmt::format("{}/haptic_{}.json", options.out, options.user), measures.json(bytes / cycles));
     }
-    return static_cast<int>(ExitCode::done);
   });
 }

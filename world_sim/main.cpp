@@ -31,13 +31,7 @@ class Progress {
 
 int main(int argc, char** argv) {
   using namespace subworld;
-  return guarded("world_sim", [&] {
-    const Parsed parsed = parse_options(Program::world_sim, argc, argv);
-    if (parsed.exit_code) return *parsed.exit_code;
-    const Options& options = parsed.options;
-    watch_stop_signals();
-    const Scene scene = load_scene(options);
-    if (!options.out.empty()) make_folder(options.out);
+  return run_program(Program::world_sim, argc, argv, [](const Options& options, const Scene& scene) {
     const bool realtime = scene.settings.mode == Mode::realtime;
     const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
@@ -50,7 +44,7 @@ int main(int argc, char** argv) {
     const TimePoint begin = Clock::now();
     ports.scene.write(world.description(settings_hash(scene)));
     ports.status.enter("settling");
-    if (!world.settle(Progress{})) return static_cast<int>(ExitCode::done);
+    if (!world.settle(Progress{})) return;
     const double settle_s = to_seconds(Clock::now() - begin);
     if (gather(ports, options)) {
       if (!realtime) {
@@ -62,6 +56,5 @@ int main(int argc, char** argv) {
       if (!options.out.empty())
         write_json(options.out + "/world.json", measures.json(world, scene.bodies.size(), settle_s));
     }
-    return static_cast<int>(ExitCode::done);
   });
 }

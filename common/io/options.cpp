@@ -1,6 +1,8 @@
 #include "io/options.hpp"
 
+#include "io/results.hpp"
 #include "model/error.hpp"
+#include "rt/stop.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
@@ -163,6 +165,19 @@ int guarded(const char* program, const std::function<int()>& body) noexcept {
     fmt::print(stderr, "{}: error: {}\n", program, wrong.what());
     return static_cast<int>(ExitCode::failed);
   }
+}
+
+int run_program(Program program, int argc, const char* const* argv,
+                const std::function<void(const Options&, const Scene&)>& body) noexcept {
+  return guarded(about(program).name, [&] {
+    const Parsed parsed = parse_options(program, argc, argv);
+    if (parsed.exit_code) return *parsed.exit_code;
+    watch_stop_signals();
+    const Scene scene = load_scene(parsed.options);
+    if (!parsed.options.out.empty()) make_folder(parsed.options.out);
+    body(parsed.options, scene);
+    return static_cast<int>(ExitCode::done);
+  });
 }
 
 }  // namespace subworld

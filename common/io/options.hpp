@@ -61,4 +61,8 @@ void add_run_options(CLI::App& app, Options& options);
 /// Runs a program's body and turns what it throws into a message on stderr and an exit code.
 int guarded(const char* program, const std::function<int()>& body) noexcept;
 
+/// A program from its command line to its exit code: options, stop signals, scene, folder for results, body.
+int run_program(Program program, int argc, const char* const* argv,
+                const std::function<void(const Options&, const Scene&)>& body) noexcept;
+
 }  // namespace subworld
