@@ -97,11 +97,11 @@ double simulated_s(const std::string& folder) {
   return std::strtod(tail.c_str() + (begin == std::string::npos ? 0 : begin + 1), nullptr);
 }
 
-std::string last_line(const std::string& path) {
+std::string last_line(const std::string& path, std::string_view holding = {}) {
   std::ifstream file(path);
   std::string line, last;
   while (std::getline(file, line)) {
-    if (!line.empty()) last = line.substr(line.rfind('\r') == std::string::npos ? 0 : line.rfind('\r') + 1);
+    if (!line.empty() && line.find(holding) != std::string::npos) last = line.substr(line.rfind('\r') + 1);
   }
   return last;
 }
@@ -184,8 +184,9 @@ void remove_parts(const std::string& folder, int users) {
 int report_failure(const Supervisor::Child& failed, const std::string& folder, Json& summary) {
   const int code = exit_code_of(failed);
   const std::string reason = fmt::format("{} {}", failed.label, end_of(failed));
+  const std::string error = last_line(failed.log, "error:");
   fmt::print(stderr, "subworld: error: {}; everything else was stopped\n  {}\n  its log: {}\n", reason,
-             last_line(failed.log), failed.log);
+             error.empty() ? last_line(failed.log) : error, failed.log);
   summary["verdict"] = "failed: " + reason;
   write_json(folder + "/summary.json", summary);
   return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
