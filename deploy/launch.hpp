@@ -19,6 +19,9 @@ struct RunRequest {
 /// Throws `Error`: usage for the scene, middleware for a domain in use.
 int run(const RunRequest& request);
 
+/// Sends one order to the world on a domain. Throws `Error`: middleware where no world hears it.
+void send_control(const Network& network, const std::string& verb, double wait_s);
+
 /// Prints what a scene needs and what is left out, with the reasons.
 void print_plan(const Scene& scene, bool gui);
 

@@ -27,6 +27,7 @@ int main_of(int argc, char** argv) {
       "  subworld run deploy/scenes/heap.yaml --mode realtime --duration 20 --gui\n"
       "  subworld run deploy/scenes/heap.yaml --mode lockstep --duration 5 --dds mixed\n"
       "  subworld run deploy/scenes/heap.yaml --users 2\n"
+      "  subworld control pause --domain 100\n"
       "  subworld plan deploy/scenes/row.yaml\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
       "            4 a quality gate was missed (--strict).");
@@ -51,6 +52,26 @@ int main_of(int argc, char** argv) {
   add_run_options(*plan_command, plan_options);
   plan_command->add_flag("--gui", plan_gui, "with the display");
 
+  Network control_network;
+  std::string control_verb;
+  double control_wait_s = 5.0;
+  CLI::App* control_command =
+      app.add_subcommand("control", "Tells a running world to stop, pause, resume or make one step");
+  control_command->add_option("verb", control_verb, "what to do")
+      ->required()
+      ->check(CLI::IsMember({"stop", "pause", "resume", "step"}));
+  control_command->add_option("--domain", control_network.domain, "DDS domain id of the run")
+      ->required()
+      ->check(CLI::Range(0, 232))
+      ->envname("SUBWORLD_DOMAIN");
+  control_command->add_option("--dds", control_network.dds, "DDS vendor")
+      ->check(CLI::IsMember({"fastdds", "cyclonedds"}))
+      ->envname("SUBWORLD_DDS");
+  control_command->add_option("--peers", control_network.peers, "the world's host")->delimiter(',');
+  control_command->add_option("--interface", control_network.interface_address, "address of the network interface");
+  control_command->add_option("--wait", control_wait_s, "how long to look for the world, s")
+      ->check(CLI::Range(0.1, 3600.0));
+
   check_command(app, argc, argv);
   try {
     app.parse(argc, argv);
@@ -60,6 +81,10 @@ int main_of(int argc, char** argv) {
     throw Error(ExitCode::usage, fmt::format("{}; see subworld --help", wrong.what()));
   }
   if (*run_command) return run(request);
+  if (*control_command) {
+    send_control(control_network, control_verb, control_wait_s);
+    return static_cast<int>(ExitCode::done);
+  }
   print_plan(load_scene(plan_options), plan_gui);
   return static_cast<int>(ExitCode::done);
 }

@@ -30,6 +30,12 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       limits_{spec_.device.force_limit_n, spec_.device.torque_limit_n_m, spec_.device.degrees_of_freedom == 6},
       guard_(limits_, spec_.coupling.ramp_s),
       world_proxy_(scene.initial[index(spec_.proxy)]) {
+  reserve(frame_, kUsualMembers);
+  for (HapticReport& report : reports_) reserve(report, kUsualMembers);
+  members_.reserve(kUsualMembers);
+  fixed_.reserve(kUsualMembers);
+  scratch_.reserve(kUsualMembers);
+  border_impulses_.reserve(4 * kUsualMembers);
   device_.pose = {world_proxy_.position, world_proxy_.orientation};
   if (scheme_->has_sub_world()) engine_ = make_engine(scene.settings.haptic, scene.meshes);
 }

@@ -5,6 +5,7 @@
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
+#include "world_sim/conductor.hpp"
 
 #include <fmt/format.h>
 
@@ -60,6 +61,11 @@ void check_finite(const World& world) {
                           world.time_s()));
 }
 
+void take_orders(WorldPorts& ports, Conductor& conductor) {
+  Control order;
+  while (ports.control.take(order) == Take::sample) ports.status.note("control: " + conductor.follow(order));
+}
+
 void acknowledge(WorldPorts& ports) {
   for (auto& frames : ports.frames) frames.wait_for_acknowledgments(0.5);
 }
@@ -113,14 +119,20 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, cons
     }
   };
 
+  Conductor conductor;
   publish_frames(ports, world, false, 0.0, 1.0);
   bool last = false;
   while (!last) {
     receive_all();
+    take_orders(ports, conductor);
+    while (!conductor.may_step() && !conductor.stopped() && stop_signal() == 0) {
+      ports.bus->wait(0.05);
+      take_orders(ports, conductor);
+    }
     const TimePoint begin = Clock::now();
     world.step();
     // A stop takes effect between cycles, and as a last frame: so everybody ends in order.
-    last = world.stamp() >= cycles || stop_signal() != 0;
+    last = world.stamp() >= cycles || stop_signal() != 0 || conductor.stopped();
     publish_frames(ports, world, last, 0.0, 1.0);
     measures.cycle(world, to_seconds(Clock::now() - begin), 0.0, false, 1.0);
     snapshots.publish(ports, world, 1.0, last);
@@ -143,6 +155,7 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, cons
   std::fflush(stdout);
 
   Snapshots snapshots;
+  Conductor conductor;
   HapticReport report;
   std::vector<std::uint64_t> newest(world.user_count(), 0);
   double clock_factor = 1.0;
@@ -159,8 +172,15 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, cons
         if (!world.receive(std::move(report))) measures.refused_report();
       }
     }
+    take_orders(ports, conductor);
+    last = stop_signal() != 0 || conductor.stopped();
+    if (!conductor.may_step() && !last) {
+      // The haptic processes hold their sub-worlds still while the world's clock stands.
+      publish_frames(ports, world, false, cycle_s, 0.0);
+      continue;
+    }
     world.step();
-    last = world.stamp() >= cycles || stop_signal() != 0;
+    last = last || world.stamp() >= cycles;
     publish_frames(ports, world, last, to_seconds(loop.deadline() - Clock::now()), clock_factor);
     const TimePoint end = Clock::now();
     const double over_s = to_seconds(end - loop.deadline());

@@ -58,6 +58,9 @@ World::World(const Scene& scene)
       if (p != u) peers.push_back(scene.users[p].proxy);
     }
     users_[u].synchroniser = std::make_unique<Synchroniser>(*scheme_, scene.users[u].proxy, std::move(peers));
+    for (WorldFrame& frame : users_[u].frames) reserve(frame, kUsualMembers);
+    for (HapticReport& report : users_[u].inbox) reserve(report, kUsualMembers);
+    reserve(users_[u].report, kUsualMembers);
     extract(users_[u]);
   }
 }

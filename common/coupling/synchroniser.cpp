@@ -5,7 +5,9 @@
 namespace subworld {
 
 Synchroniser::Synchroniser(const Scheme& scheme, BodyId proxy, std::vector<BodyId> peers)
-    : scheme_(&scheme), proxy_(proxy), peers_(std::move(peers)) {}
+    : scheme_(&scheme), proxy_(proxy), peers_(std::move(peers)) {
+  for (Blend& blend : blends_) blend.pairs.reserve(kUsualMembers);
+}
 
 template <class Side>
 BodyState Synchroniser::caught_up(BodyId id, BodyState state, std::uint64_t applied, std::uint64_t stamp,

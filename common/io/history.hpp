@@ -9,8 +9,8 @@
 
 namespace subworld {
 
-/// A CSV file of numbers that a loop can write to without waiting: rows go through a ring to a thread of their own. A full
-/// ring drops the row and counts it.
+/// A CSV file of numbers that a loop can write to without waiting: rows go through a ring to a thread of their own. A
+/// full ring drops the row and counts it.
 class History {
  public:
   enum class Flush : std::uint8_t {

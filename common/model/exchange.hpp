@@ -4,6 +4,7 @@
 #include "model/contact.hpp"
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -97,6 +98,15 @@ struct WorldFrame {
   std::vector<GhostModel> ghosts;
 };
 
+/// Room for a usual sub-world, so that a loop need not find it.
+inline void reserve(WorldFrame& frame, std::size_t bodies) {
+  frame.members.reserve(bodies);
+  frame.fixed.reserve(bodies);
+  frame.entering.reserve(bodies);
+  frame.states.reserve(bodies);
+  frame.border.reserve(4 * bodies);
+}
+
 /// What decides how two copies of a body are blended (paper 4.3); sums over one haptic cycle.
 struct Indicators {
   double proxy_impulse_n_s = 0.0;   ///< magnitudes of all contacts on the proxy
@@ -131,6 +141,11 @@ struct HapticReport {
   Indicators indicators;
   StepTiming timing;
 };
+
+inline void reserve(HapticReport& report, std::size_t bodies) { report.members.reserve(bodies); }
+
+/// A sub-world of more bodies costs an allocation now and then until every buffer has grown to it.
+inline constexpr std::size_t kUsualMembers = 128;
 
 struct UserView {
   UserId user{};

@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
+#include <tuple>
 #include <utility>
 
 // Bullet keeps these in globals; every engine sets its own before it steps.
@@ -42,6 +44,7 @@ Preset find_preset(std::string_view name) {
   throw Error(ExitCode::usage, fmt::format("engine bullet has no preset \"{}\"; choose fast or quality", name));
 }
 
+constexpr std::size_t kUsualContacts = 4096;
 constexpr int kManifoldPoints = 4;  ///< most that Bullet keeps for a pair
 
 /// The tree of bounds is left alone while a body moves within this part of its size. Bullet's own 5 cm would make every
@@ -76,6 +79,10 @@ class Bullet final : public Engine {
         shapes_(meshes),
         dispatcher_(&configuration_),
         world_(&dispatcher_, &broadphase_, &solver_, &configuration_) {
+    collected_.reserve(kUsualContacts);
+    by_pair_.reserve(kUsualContacts);
+    contacts_.reserve(kUsualContacts);
+    last_seen_.reserve(kUsualContacts);
     bullet::register_box_plane(dispatcher_);
     configuration_.setPlaneConvexMultipointIterations(kManifoldPoints, kManifoldPoints + 1);  // other shapes: likewise
     auto& info = world_.getSolverInfo();
@@ -313,12 +320,17 @@ class Bullet final : public Engine {
 
   /// Lists what the sub-steps collected, by bodies; a point that several of them saw is found again by its place.
   void merge_contacts() {
-    std::stable_sort(collected_.begin(), collected_.end(), [](const Collected& x, const Collected& y) {
-      return std::pair(x.contact.a, x.contact.b) < std::pair(y.contact.a, y.contact.b);
+    by_pair_.resize(collected_.size());
+    std::iota(by_pair_.begin(), by_pair_.end(), 0U);
+    std::sort(by_pair_.begin(), by_pair_.end(), [this](std::uint32_t x, std::uint32_t y) {
+      const Contact& first = collected_[x].contact;
+      const Contact& second = collected_[y].contact;
+      return std::tuple(first.a, first.b, x) < std::tuple(second.a, second.b, y);
     });
     std::size_t pair_begin = 0;  // of the pair in hand, in contacts_
     last_seen_.clear();
-    for (const Collected& next : collected_) {
+    for (const std::uint32_t i : by_pair_) {
+      const Collected& next = collected_[i];
       if (!contacts_.empty() && (contacts_.back().a != next.contact.a || contacts_.back().b != next.contact.b)) {
         pair_begin = contacts_.size();
       }
@@ -365,6 +377,7 @@ class Bullet final : public Engine {
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
   std::vector<Collected> collected_;
+  std::vector<std::uint32_t> by_pair_;  ///< indices into collected_, by bodies
   std::vector<Contact> contacts_;
   std::vector<int> last_seen_;  ///< sub-step, of contacts_[i]
 };

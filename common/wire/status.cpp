@@ -41,6 +41,11 @@ void StatusBeacon::enter(const std::string& state) {
   publish(0.0);
 }
 
+void StatusBeacon::note(const std::string& text) {
+  const std::lock_guard lock(mutex_);
+  note_ = text;
+}
+
 void StatusBeacon::publish(double passed_s) {
   const std::uint64_t steps = steps_.load(std::memory_order_relaxed);
   if (passed_s > 0.0) status_.rate_hz = static_cast<double>(steps - status_.steps) / passed_s;
@@ -49,6 +54,8 @@ void StatusBeacon::publish(double passed_s) {
   status_.missed_deadlines = missed_.load(std::memory_order_relaxed);
   status_.events = bus_->events();
   status_.text = bus_->take_event_text();
+  if (!note_.empty()) status_.text += (status_.text.empty() ? "" : "; ") + note_;
+  note_.clear();
   if (!status_.text.empty()) std::fprintf(stderr, "%s: %s\n", label_.c_str(), status_.text.c_str());
   writer_.write(status_);
 }

@@ -24,6 +24,8 @@ class StatusBeacon {
   void update(double time_s, std::uint64_t steps, std::uint64_t missed_deadlines) noexcept;
   /// Names what the program does now and publishes at once.
   void enter(const std::string& state);
+  /// Says something in the next status and prints it then. Rare; it may wait for the thread.
+  void note(const std::string& text);
 
  private:
   void publish(double passed_s);
@@ -37,6 +39,7 @@ class StatusBeacon {
   std::mutex mutex_;  ///< guards what follows; the loop never takes it
   std::condition_variable wake_;
   Status status_;
+  std::string note_;
   bool stop_ = false;
   std::thread thread_;
 };

@@ -1,0 +1,36 @@
+#include "world_sim/conductor.hpp"
+
+namespace subworld {
+
+std::string Conductor::follow(const Control& order) {
+  switch (order.verb) {
+    case ControlVerb::stop:
+      stopped_ = true;
+      return "stop: the next frame is the last";
+    case ControlVerb::pause:
+      paused_ = true;
+      return "paused";
+    case ControlVerb::resume:
+      paused_ = false;
+      granted_ = 0;
+      return "resumed";
+    case ControlVerb::step:
+      paused_ = true;
+      ++granted_;
+      return "one cycle";
+    case ControlVerb::reset:
+    case ControlVerb::set_engine:
+    case ControlVerb::set_scheme:
+      break;
+  }
+  return "refused: this world follows stop, pause, resume and step; start a new run for anything else";
+}
+
+bool Conductor::may_step() noexcept {
+  if (!paused_) return true;
+  if (granted_ == 0) return false;
+  --granted_;
+  return true;
+}
+
+}  // namespace subworld

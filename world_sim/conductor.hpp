@@ -1,0 +1,25 @@
+#pragma once
+
+#include "model/exchange.hpp"
+
+#include <string>
+
+namespace subworld {
+
+/// What `control` asked of the world's clock.
+class Conductor {
+ public:
+  /// Follows one order. Returns what it did, or why not, in words.
+  std::string follow(const Control& order);
+
+  /// Whether the world may make its next cycle; a granted single step is used up.
+  [[nodiscard]] bool may_step() noexcept;
+  [[nodiscard]] bool stopped() const noexcept { return stopped_; }
+
+ private:
+  bool paused_ = false;
+  bool stopped_ = false;
+  int granted_ = 0;  ///< cycles, while paused
+};
+
+}  // namespace subworld
