@@ -5,6 +5,7 @@
 #include "wire/status.hpp"
 
 #include <memory>
+#include <optional>
 
 namespace subworld {
 
@@ -16,9 +17,13 @@ struct HapticPorts {
   Reader<SceneDescription> scene;
   Reader<DeviceState> device;
   Writer<DeviceCommand> command;
-  Reader<WorldFrame> frames;
-  Writer<HapticReport> reports;
+  std::optional<Reader<WorldFrame>> frames;     ///< by `open_world`
+  std::optional<Writer<HapticReport>> reports;  ///< by `open_world`
   StatusBeacon status;
+
+  /// Opens what the world looks for before it starts. To be called when all else is in place: a world that starts
+  /// earlier runs without this user.
+  void open_world(int user);
 };
 
 }  // namespace subworld
