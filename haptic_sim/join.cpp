@@ -44,11 +44,10 @@ std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& s
       *ports.bus, options.wait_s, [&] { return ports.device.matched() > 0 && ports.command.matched() > 0; },
       missing("device", fmt::format("device_sim --user {}", options.user).c_str()));
   if (!held) return std::nullopt;
-  ports.open_world(options.user);
 
   FirstFrame first;
   const bool framed = wait_for(
-      *ports.bus, options.wait_s, [&] { return ports.frames->take(first.frame) == Take::sample; },
+      *ports.bus, options.wait_s, [&] { return ports.frames.take(first.frame) == Take::sample; },
       missing("frame of the world", "every user's haptic_sim and device_sim"));
   if (!framed) return std::nullopt;
   first.received = Clock::now();

@@ -31,7 +31,7 @@ int main(int argc, char** argv) {
       }
       ports.status.enter("stopping");
       const double cycles = std::max(1.0, static_cast<double>(sub.stamp()));
-      const auto bytes = static_cast<double>(ports.frames->received_bytes() + ports.reports->sent_bytes());
+      const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());
       if (!options.out.empty())
         write_json(fmt::format("{}/haptic_{}.json", options.out, options.user), measures.json(bytes / cycles));
     }

@@ -12,12 +12,9 @@ HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
       scene(bus->reader<SceneDescription>()),
       device(bus->reader<DeviceState>(device_partition(options.user))),
       command(bus->writer<DeviceCommand>(device_partition(options.user))),
+      frames(bus->reader<WorldFrame>(user_partition(options.user))),
+      reports(bus->writer<HapticReport>(user_partition(options.user))),
       status(*bus, ProgramKind::haptic_sim, static_cast<std::uint32_t>(options.user),
              fmt::format("haptic_sim {}", options.user)) {}
-
-void HapticPorts::open_world(int user) {
-  frames.emplace(bus->reader<WorldFrame>(user_partition(user)));
-  reports.emplace(bus->writer<HapticReport>(user_partition(user)));
-}
 
 }  // namespace subworld

@@ -5,7 +5,6 @@
 #include "wire/status.hpp"
 
 #include <memory>
-#include <optional>
 
 namespace subworld {
 
@@ -17,13 +16,9 @@ struct HapticPorts {
   Reader<SceneDescription> scene;
   Reader<DeviceState> device;
   Writer<DeviceCommand> command;
-  std::optional<Reader<WorldFrame>> frames;     ///< by `open_world`
-  std::optional<Writer<HapticReport>> reports;  ///< by `open_world`
+  Reader<WorldFrame> frames;
+  Writer<HapticReport> reports;
   StatusBeacon status;
-
-  /// Opens what the world looks for before it starts. To be called when all else is in place: a world that starts
-  /// earlier runs without this user.
-  void open_world(int user);
 };
 
 }  // namespace subworld

@@ -83,7 +83,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
   DeviceState device;
   WorldFrame frame;
   const auto send_report = [&] {
-    if (!ports.reports->write(sub.report(to_ns(Clock::now()))))
+    if (!ports.reports.write(sub.report(to_ns(Clock::now()))))
       throw Error(ExitCode::failed, "haptic_report could not be sent; is world_sim stuck?");
   };
 
@@ -105,7 +105,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
     if (!sub.finite())
       throw Error(ExitCode::failed, "the sub-world is no longer finite; use a smaller h_s or the preset quality");
     if (reports_sub_world) send_report();
-    if (!await(*ports.bus, *ports.frames, frame, stopped,
+    if (!await(*ports.bus, ports.frames, frame, stopped,
                "world_sim has died; the haptic loop cannot go on in lock-step"))
       return;
     const TimePoint begin = Clock::now();
@@ -116,7 +116,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
     if (frame.last) break;
   }
   send_last(ports, device);
-  ports.reports->wait_for_acknowledgments(1.0);
+  ports.reports.wait_for_acknowledgments(1.0);
 }
 
 void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, const Scene& scene,
@@ -139,7 +139,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
   double clock_factor = 1.0;
   bool last = false;
   int fading = 0;
-  const auto send_report = [&] { ports.reports->write(sub.report(to_ns(Clock::now()))); };
+  const auto send_report = [&] { ports.reports.write(sub.report(to_ns(Clock::now()))); };
 
   Cyclic loop(first.received + from_seconds(first.frame.start_in_s), from_seconds(h));
   if (reports_sub_world) send_report();
@@ -150,7 +150,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
 
     if (ports.device.take_latest(device)) heard = begin;
     while (waiting_count < waiting.size()) {
-      if (ports.frames->take(waiting[waiting_count]) != Take::sample) break;
+      if (ports.frames.take(waiting[waiting_count]) != Take::sample) break;
       const WorldFrame& came = waiting[waiting_count++];
       const double world_s =
           to_seconds(begin - loop.released()) + came.start_in_s;  // until the world reaches the stamp
