@@ -8,17 +8,20 @@ namespace subworld {
 
 namespace {
 
-/// Waits until `there` is true; false when asked to stop.
-template <class Condition>
-bool wait_for(Bus& bus, double timeout_s, Condition there, const std::string& missing) {
-  const TimePoint until = Clock::now() + from_seconds(timeout_s);
+/// Waits until `there` is true, for `timeout_s` since `coming` last held; false when asked to stop.
+template <class There, class Coming>
+bool wait_for(Bus& bus, double timeout_s, There there, Coming coming, const std::string& missing) {
+  TimePoint hope = Clock::now();
   while (!there()) {
     if (stop_signal() != 0) return false;
-    if (Clock::now() > until) throw Error(ExitCode::failed, missing);
+    if (coming()) hope = Clock::now();
+    if (to_seconds(Clock::now() - hope) > timeout_s) throw Error(ExitCode::failed, missing);
     bus.wait(0.05);
   }
   return true;
 }
+
+constexpr auto kNothingComing = [] { return false; };
 
 }  // namespace
 
@@ -31,7 +34,7 @@ std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& s
 
   SceneDescription description;
   const bool described = wait_for(
-      *ports.bus, options.wait_s, [&] { return ports.scene.take(description) == Take::sample; },
+      *ports.bus, options.wait_s, [&] { return ports.scene.take(description) == Take::sample; }, kNothingComing,
       missing("world", "world_sim"));
   if (!described) return std::nullopt;
   if (description.settings_hash != settings_hash(scene)) {
@@ -42,16 +45,27 @@ std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& s
   }
   const bool held = wait_for(
       *ports.bus, options.wait_s, [&] { return ports.device.matched() > 0 && ports.command.matched() > 0; },
-      missing("device", fmt::format("device_sim --user {}", options.user).c_str()));
+      kNothingComing, missing("device", fmt::format("device_sim --user {}", options.user).c_str()));
   if (!held) return std::nullopt;
 
   FirstFrame first;
+  bool joined = false;
+  // The world stands until it has heard everybody; a standing frame is answered, each time, for the answer may be lost.
+  const auto started = [&] {
+    while (ports.frames.take(first.frame) == Take::sample) {
+      first.received = Clock::now();
+      if (!joined) sub.adopt(first.frame);
+      joined = true;
+      if (first.frame.clock_factor > 0.0) return true;
+      ports.reports.write(sub.report(to_ns(first.received)));
+    }
+    return false;
+  };
   const bool framed = wait_for(
-      *ports.bus, options.wait_s, [&] { return ports.frames.take(first.frame) == Take::sample; },
+      *ports.bus, options.wait_s, started,
+      [&] { return ports.scene.alive_writers() > 0; },  // a living world may take its time to settle
       missing("frame of the world", "every user's haptic_sim and device_sim"));
   if (!framed) return std::nullopt;
-  first.received = Clock::now();
-  sub.apply(first.frame);
   ports.status.enter("running");
   return first;
 }

@@ -142,7 +142,6 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
   const auto send_report = [&] { ports.reports.write(sub.report(to_ns(Clock::now()))); };
 
   Cyclic loop(first.received + from_seconds(first.frame.start_in_s), from_seconds(h));
-  if (reports_sub_world) send_report();
   while (fading < kFadeSteps) {
     const double lateness_s = to_seconds(loop.wait());
     const TimePoint begin = Clock::now();

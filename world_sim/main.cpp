@@ -48,15 +48,15 @@ int main(int argc, char** argv) {
     if (realtime) leave_realtime();
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
     const TimePoint begin = Clock::now();
+    ports.scene.write(world.description(settings_hash(scene)));
     ports.status.enter("settling");
     if (!world.settle(Progress{})) return static_cast<int>(ExitCode::done);
     const double settle_s = to_seconds(Clock::now() - begin);
-    ports.scene.write(world.description(settings_hash(scene)));
     if (gather(ports, options)) {
       if (!realtime) {
         run_lockstep(ports, world, measures, scene);
       } else {
-        run_realtime(ports, world, measures, scene);
+        run_realtime(ports, world, measures, scene, options.wait_s);
       }
       ports.status.enter("stopping");
       if (!options.out.empty())

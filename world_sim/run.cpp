@@ -66,6 +66,32 @@ void take_orders(WorldPorts& ports, Conductor& conductor) {
   while (ports.control.take(order) == Take::sample) ports.status.note("control: " + conductor.follow(order));
 }
 
+/// Publishes standing frames until every haptic process has answered one: a reader that has only just been matched may
+/// miss what comes first. False when asked to stop.
+bool rouse(WorldPorts& ports, World& world, double wait_s) {
+  HapticReport report;
+  std::vector<bool> answered(world.user_count(), false);
+  const TimePoint until = Clock::now() + from_seconds(wait_s);
+  TimePoint next = Clock::now();
+  while (true) {
+    for (std::size_t u = 0; u < world.user_count(); ++u) {
+      while (ports.reports[u].take(report) == Take::sample) answered[u] = true;
+    }
+    const auto silent = std::find(answered.begin(), answered.end(), false);
+    if (silent == answered.end()) return true;
+    if (stop_signal() != 0) return false;
+    if (Clock::now() > until) {
+      throw Error(ExitCode::failed, fmt::format("haptic_sim {} does not answer; is it stuck, or another network's?",
+                                                silent - answered.begin()));
+    }
+    if (Clock::now() >= next) {
+      publish_frames(ports, world, false, 0.0, 0.0);
+      next = Clock::now() + from_seconds(0.05);
+    }
+    ports.bus->wait(0.01);
+  }
+}
+
 void acknowledge(WorldPorts& ports) {
   for (auto& frames : ports.frames) frames.wait_for_acknowledgments(0.5);
 }
@@ -147,7 +173,7 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, cons
   acknowledge(ports);
 }
 
-void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene) {
+void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene, double wait_s) {
   const double cycle_s = scene.settings.cycle_s();
   const std::uint64_t cycles = cycles_of(scene.settings);
   const Scheduling scheduling = claim_realtime(priority::kWorld);
@@ -160,6 +186,7 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, cons
   std::vector<std::uint64_t> newest(world.user_count(), 0);
   double clock_factor = 1.0;
   bool last = false;
+  if (!rouse(ports, world, wait_s)) return;
   publish_frames(ports, world, false, kStartIn_s, clock_factor);
   Cyclic loop(Clock::now() + from_seconds(kStartIn_s), from_seconds(cycle_s));
   while (!last) {

@@ -14,7 +14,8 @@ namespace subworld {
 /// longer finite.
 void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene);
 
-/// Absolute deadlines; reports are used as they come. A world that cannot keep up slows its clock, not its step.
-void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene);
+/// The clock starts when every haptic process has answered, or throws `Error` (failed) after `wait_s` seconds. Absolute
+/// deadlines; reports are used as they come. A world that cannot keep up slows its clock, not its step.
+void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene, double wait_s);
 
 }  // namespace subworld

@@ -13,7 +13,7 @@
 #include <tuple>
 #include <utility>
 
-// Bullet keeps these in globals; every engine sets its own before it steps.
+// Bullet keeps these in globals; every engine sets its own before Bullet reads them.
 extern btScalar gContactBreakingThreshold;
 extern btScalar gDbvtMargin;
 
@@ -113,6 +113,7 @@ class Bullet final : public Engine {
   }
 
   void add(const Body& body, const BodyState& state) override {
+    claim_globals();
     const std::uint32_t id = index(body.id);
     if (id >= slots_.size()) slots_.resize(id + 1);
     Slot& slot = slots_[id];
@@ -156,6 +157,7 @@ class Bullet final : public Engine {
 
   bool set_state(BodyId id, const BodyState& state) override {
     if (!finite(state)) return false;
+    claim_globals();
     btRigidBody& body = *at(id).body;
     place(body, state);
     world_.updateSingleAabb(&body);
@@ -187,8 +189,7 @@ class Bullet final : public Engine {
   void step(double dt) override {
     const int substeps = fixed_substeps_ > 0 ? fixed_substeps_
                                              : std::max(1, static_cast<int>(std::ceil(dt / preset_.longest_substep_s)));
-    gContactBreakingThreshold = preset_.contact_breaking_threshold;
-    gDbvtMargin = tree_margin_;
+    claim_globals();
     contacts_.clear();
     for (int i = 0; i < substeps; ++i) {
       for (const std::uint32_t id : movable_) {
@@ -273,6 +274,11 @@ class Bullet final : public Engine {
   const Slot& at(BodyId id) const {
     if (!contains(id)) throw Error(ExitCode::failed, fmt::format("body {} is not in the engine", index(id)));
     return slots_[index(id)];
+  }
+
+  void claim_globals() const {
+    gContactBreakingThreshold = preset_.contact_breaking_threshold;
+    gDbvtMargin = tree_margin_;
   }
 
   static void place(btRigidBody& body, const BodyState& state) {

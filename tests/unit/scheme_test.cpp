@@ -86,8 +86,9 @@ TEST(Figure8b, BorderImpulsesCarryTheStackOutside) {
   }
   ASSERT_GT(below, 0U);
   ASSERT_GT(above, 0U);
-  EXPECT_NEAR(-down.z() / cycle_s, above * 0.2 * 9.81, 0.1 * above * 0.2 * 9.81);  // the weight above presses down
-  EXPECT_GT(up.z(), -down.z());                                                    // what stands below holds up more
+  EXPECT_NEAR(-down.z() / cycle_s, static_cast<double>(above) * 0.2 * 9.81,
+              0.1 * static_cast<double>(above) * 0.2 * 9.81);  // the weight above presses down
+  EXPECT_GT(up.z(), -down.z());                                // what stands below holds up more
 }
 
 // Figure 9: every border contact has exactly one of its bodies inside.
