@@ -114,9 +114,7 @@ class Progress {
   ~Progress() { finish(); }
 
   void operator()() {
-    const double t = simulated_s(folder_);
-    const std::string text =
-        t > 0.0 ? fmt::format("t = {:.1f} of {:g} s", t, duration_s_) : last_line(folder_ + "/logs/world_sim.log");
+    const std::string text = now();
     if (terminal_) {
       fmt::print("\r\033[K{}", text);
       std::fflush(stdout);

@@ -19,7 +19,7 @@ class Stop : public ProcessTest {
     process_.emplace(run_words(scene("press"), {"--mode", mode, "--duration", "1000", "--dds", "mixed"}),
                      folder_.path(), Environment{}, output);
     const bool loops = eventually([&] {
-      if (output == Process::Output::terminal) process_->drain_terminal();
+      if (output == Process::Output::terminal) process_->read_terminal();
       return mode == "realtime" ? read_text(out() + "/logs/haptic_sim_0.log").find(" Hz") != std::string::npos
                                 : read_text(out() + "/haptic_0.csv").size() > 10000;
     });
@@ -78,6 +78,8 @@ class StopMode : public Stop, public ::testing::WithParamInterface<std::string> 
 TEST_P(StopMode, AClosedTerminalEndsEverythingInOrder) {
   start(GetParam(), Process::Output::terminal);
   if (HasFatalFailure()) return;
+  EXPECT_TRUE(eventually([&] { return process_->read_terminal().find(" of 1000 s") != std::string::npos; }, 10.0))
+      << "shows no progress: " << process_->read_terminal();
   const auto begin = std::chrono::steady_clock::now();
   process_->close_terminal();
   EXPECT_EQ(expect_end(begin), 0);

@@ -79,10 +79,12 @@ void Process::signal(int number) const {
   if (pid_ > 0) kill(pid_, number);
 }
 
-void Process::drain_terminal() const {
+const std::string& Process::read_terminal() {
   char buffer[4096];
-  while (read(terminal_, buffer, sizeof buffer) > 0) {
+  for (ssize_t size = 0; (size = read(terminal_, buffer, sizeof buffer)) > 0;) {
+    shown_.append(buffer, static_cast<std::size_t>(size));
   }
+  return shown_;
 }
 
 void Process::close_terminal() {

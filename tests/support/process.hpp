@@ -43,8 +43,8 @@ class Process {
   Process& operator=(const Process&) = delete;
 
   void signal(int number) const;
-  /// Reads what the terminal has, so that the program does not wait for it.
-  void drain_terminal() const;
+  /// What the program has written to its terminal so far; a program waits for a terminal that nobody reads.
+  const std::string& read_terminal();
   void close_terminal();
   /// Its exit code, 128 + signal if one killed it; empty if it still runs after `limit_s`.
   std::optional<int> wait(double limit_s = 60.0);
@@ -55,6 +55,7 @@ class Process {
   std::string folder_;
   pid_t pid_ = -1;
   int terminal_ = -1;
+  std::string shown_;
 };
 
 /// A running program of which one word of the command line holds `mark`.
