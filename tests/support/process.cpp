@@ -126,14 +126,30 @@ std::set<std::string> shared_memory_files() {
   return names;
 }
 
+namespace {
+
+bool in_use(const std::string& domain) {
+  for (const Running& one : running("--domain")) {
+    const auto flag = std::find(one.words.begin(), one.words.end(), "--domain");
+    if (flag != one.words.end() && flag + 1 != one.words.end() && *(flag + 1) == domain) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
 TestDomain::TestDomain() {
-  for (int domain = kFirstDomain; domain <= kLastDomain; ++domain) {
+  static int tests = 0;
+  const int count = kLastDomain - kFirstDomain + 1;
+  const int first = (getpid() + tests++) % count;
+  for (int i = 0; i < count; ++i) {
+    const int domain = kFirstDomain + (first + i) % count;
     file_ = lock("subworld-test-domain-" + std::to_string(domain) + ".lock");
     if (file_ < 0) continue;
-    // A run by hand may hold it too.
+    // A run by hand may hold it too, or a program that somebody left behind.
     const int launcher = lock("subworld-domain-" + std::to_string(domain) + ".lock");
-    if (launcher >= 0) {
-      close(launcher);
+    if (launcher >= 0) close(launcher);
+    if (launcher >= 0 && !in_use(std::to_string(domain))) {
       domain_ = domain;
       return;
     }
