@@ -154,11 +154,8 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
   const auto start = [&](const std::string& program, int user, bool essential) {
     std::vector<std::string> flags = flags_of(options);
     flags.insert(flags.end(), {"--domain", std::to_string(domain), "--dds", vendor_of(request.dds, position++)});
-    std::string label = program;
-    if (user >= 0) {
-      flags.insert(flags.end(), {"--user", std::to_string(user)});
-      label += "_" + std::to_string(user);
-    }
+    const std::string label = user < 0 ? program : fmt::format("{}_{}", program, user);
+    if (user >= 0) flags.insert(flags.end(), {"--user", std::to_string(user)});
     if (request.gui && program == "world_sim") flags.emplace_back("--await-display");
     programs.start(label, folder + "/" + program, flags, fmt::format("{}/logs/{}.log", options.out, label), essential);
   };
