@@ -1,7 +1,9 @@
 #include "launch.hpp"
 
+#include "coupling/scheme.hpp"
 #include "io/results.hpp"
 #include "model/error.hpp"
+#include "physics/engine.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
 #include "summary.hpp"
@@ -27,6 +29,7 @@ namespace {
 
 constexpr int kFirstDomain = 100;  // domains that a run picks by itself
 constexpr int kLastDomain = 199;
+constexpr int kMostParticipants = 32;  // of one domain on one host, as the back ends number them
 constexpr std::string_view kRunning = "world_sim: running";
 
 /// A domain that no other run on this machine holds; held until this object goes.
@@ -187,11 +190,32 @@ int report_failure(const Supervisor::Child& failed, const std::string& folder, J
   return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
 }
 
+/// Throws for what no program could follow, before any is started.
+void check_choices(const Scene& scene, const RunRequest& request) {
+  const int participants = 1 + 2 * scene.settings.users + (request.gui ? 1 : 0);
+  if (participants > kMostParticipants) {
+    throw Error(
+        ExitCode::usage,
+        fmt::format(
+            "--users {}: that needs {} processes, and a DDS domain holds {} on one machine; take fewer users, or start "
+            "some programs by hand on other machines",
+            scene.settings.users, participants, kMostParticipants));
+  }
+  for (const std::string& peer : request.options.network.peers) {
+    if (peer.starts_with("-"))
+      throw Error(ExitCode::usage, fmt::format("--peers: \"{}\" is no host; give hosts, separated by commas", peer));
+  }
+  (void)make_scheme(scene.settings);
+  (void)make_engine(scene.settings.world, {});
+  (void)make_engine(scene.settings.haptic, {});
+}
+
 }  // namespace
 
 int run(const RunRequest& request) {
   Options options = request.options;
   const Scene scene = load_scene(options);
+  check_choices(scene, request);
   if (options.out.empty()) {
     options.out = fmt::format("out/{}-{:%Y%m%d-%H%M%S}", scene.name, fmt::localtime(std::time(nullptr)));
   }
@@ -238,6 +262,9 @@ int run(const RunRequest& request) {
     ok = ok && gate.ok();
   }
   if (!ok) summary["verdict"] = "quality gate missed";
+  if (summary["simulated_s"].get<double>() < scene.settings.duration_s - scene.settings.cycle_s()) {
+    summary["verdict"] = fmt::format("stopped by control at t = {:.3f} s", summary["simulated_s"].get<double>());
+  }
   write_json(options.out + "/summary.json", summary);
   fmt::print("state hash {}\nverdict: {}\nsummary: {}/summary.json\n", summary["state_hash"].get<std::string>(),
              summary["verdict"].get<std::string>(), options.out);

@@ -25,6 +25,7 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kPoll{20};
 constexpr milliseconds kWorldAlone{600};  ///< the world ends the others in order
+constexpr milliseconds kGoodbye{8000};    ///< for the others, once the world has ended
 constexpr milliseconds kAll{1500};        ///< after that by force
 
 [[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments, int log, pid_t parent) {
@@ -71,12 +72,16 @@ bool Supervisor::any_running(bool essential_only) const {
 
 const Supervisor::Child* Supervisor::watch(const std::function<void()>& tick) {
   auto next_tick = Clock::now();
+  auto world_seen = Clock::now();
   while (stop_signal() == 0) {
     reap();
     for (const Child& child : children_) {
       if (child.pid < 0 && exit_code_of(child) != 0) return &child;
     }
     if (!any_running(true)) break;
+    // The world ends last but for goodbyes: what does not end soon after it hangs, and has nothing left to say.
+    if (children_.front().pid > 0) world_seen = Clock::now();
+    if (Clock::now() - world_seen > kGoodbye) break;
     if (Clock::now() >= next_tick) {
       tick();
       next_tick += milliseconds(100);

@@ -97,7 +97,7 @@ void SubWorld::advance(double dt) {
       engine_->set_state(spec_.proxy, coupling.start);
       engine_->apply_force(spec_.proxy, coupling.wrench.force, coupling.wrench.torque);
       engine_->step(dt);
-      mean = exerted(spec_.coupling, coupling, engine_->state(spec_.proxy), dt);
+      mean = exerted(spec_.coupling, limits_, coupling, engine_->state(spec_.proxy), dt);
     }
     observe_contacts();
     finite_ = finite_ && subworld::finite(engine_->state(spec_.proxy));
@@ -105,7 +105,11 @@ void SubWorld::advance(double dt) {
   impulse_.force += dt * mean.force;
   impulse_.torque += dt * mean.torque;
   indicators_.device_impulse_n_s += dt * mean.force.norm();
-  device_work_j_ += dt * (mean.force.dot(device_.linear_velocity) + mean.torque.dot(device_.angular_velocity));
+  // A spring's other end moves with the device; an admittance device presses the proxy itself.
+  const bool spring = spec_.device.kind == DeviceKind::impedance;
+  const BodyState moved = proxy();
+  device_work_j_ += dt * (mean.force.dot(spring ? device_.linear_velocity : moved.linear_velocity) +
+                          mean.torque.dot(spring ? device_.angular_velocity : moved.angular_velocity));
   device_.pose.position += dt * device_.linear_velocity;  // where the hand is when the step ends, as far as is known
   in_cycle_s_ += dt;
   ++steps_;
@@ -144,7 +148,8 @@ const HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.impulse_total = impulse_total_;
   report.device_work_j = device_work_j_;
   report.proxy = proxy();
-  report.coupling_energy_j = coupling_energy(spec_.coupling, limits_, report.proxy, device_);
+  const bool spring = spec_.device.kind == DeviceKind::impedance;
+  report.coupling_energy_j = spring ? coupling_energy(spec_.coupling, limits_, report.proxy, device_) : 0.0;
   report.device_pose = device_.pose;
   report.device_linear_velocity = device_.linear_velocity;
   report.device_angular_velocity = device_.angular_velocity;

@@ -18,7 +18,7 @@ struct ProxyDrive {
   std::optional<DevicePose> device;  ///< if set: the virtual coupling to it, implicit, on top
 };
 
-/// A coupling scheme (design 5): pure functions over model data. The processes ask, they do not know which one runs.
+/// A coupling scheme: pure functions over model data. The processes ask, they do not know which one runs.
 class Scheme {
  public:
   virtual ~Scheme() = default;

@@ -26,7 +26,7 @@ struct ForceLimits {
 /// Shortens force and torque to their limits, direction kept.
 [[nodiscard]] Wrench saturated(Wrench wrench, const ForceLimits& limits) noexcept;
 
-/// How an engine makes one linearly implicit step of length dt of the coupling, stable at any dt (design 5 a):
+/// How an engine makes one linearly implicit step of length dt of the coupling, stable at any dt:
 /// inertia m + D with D = dt (B + dt K), velocity scaled by m / (m + D), force K (x_d - x_p) + B v_d.
 /// A saturated coupling is a constant force: D = 0.
 struct ImplicitStep {
@@ -42,11 +42,12 @@ struct ImplicitStep {
                                          const Body& proxy_body, const BodyState& proxy, const DevicePose& device,
                                          double dt) noexcept;
 
-/// The mean wrench that the coupling exerted on the proxy over that step, from the proxy's velocity after it.
-[[nodiscard]] Wrench exerted(const CouplingSettings& coupling, const ImplicitStep& step, const BodyState& after,
-                             double dt) noexcept;
+/// The mean wrench that the coupling exerted on the proxy over that step, from the proxy's velocity after it; within
+/// the limits, also where a contact stopped the proxy in the middle of the step.
+[[nodiscard]] Wrench exerted(const CouplingSettings& coupling, const ForceLimits& limits, const ImplicitStep& step,
+                             const BodyState& after, double dt) noexcept;
 
-/// Energy in the coupling's springs, J.
+/// Energy in the coupling's springs, J; a spring at its limit stores force times the rest of its stretch.
 [[nodiscard]] double coupling_energy(const CouplingSettings& coupling, const ForceLimits& limits,
                                      const BodyState& proxy, const DevicePose& device) noexcept;
 

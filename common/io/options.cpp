@@ -52,6 +52,7 @@ std::string not_finite(const std::string& text) {
 }  // namespace
 
 void add_run_options(CLI::App& app, Options& o) {
+  app.option_defaults()->take_last();  // a script's defaults come first, what its caller adds wins
   app.add_option("scene", o.scene, "scene file (YAML)")->required();
   app.add_option("--mode", o.mode, "lockstep: nobody looks at a clock; realtime: nobody waits")
       ->check(CLI::IsMember({"lockstep", "realtime"}));
@@ -64,7 +65,8 @@ void add_run_options(CLI::App& app, Options& o) {
   app.add_option("--ratio", o.ratio, "simulation ratio r = T / h")->check(CLI::Range(1, 1000));
   app.add_option("--duration", o.duration_s, "simulated time, s")->check(CLI::Range(0.001, 1e6))->check(not_finite);
   app.add_option("--peers", o.network.peers, "hosts of the other programs, for networks without multicast")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->take_all();
   app.add_option("--interface", o.network.interface_address, "address of the network interface (default: loopback)");
   app.add_option("--qos", o.network.qos_file, "the DDS vendor's settings file");
   app.add_option("--out", o.out, "folder for results");

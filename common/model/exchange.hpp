@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-/// What crosses between the programs, one struct per topic (design section 3). `wire/convert` maps each to its IDL
+/// What crosses between the programs, one struct per topic. `wire/convert` maps each to its IDL
 /// type.
 namespace subworld {
 
@@ -53,7 +53,7 @@ struct DeviceCommand {
   bool last = false;  ///< the run is over
 };
 
-/// The reduced model of what lies behind a border contact (design 5 d).
+/// The reduced model of what lies behind a border contact.
 struct GhostModel {
   BodyId outside{};
   double mass_kg = 0.0;

@@ -10,7 +10,7 @@ namespace {
 constexpr Limits kDuration{.least = 0.0, .most = 1e6, .above = true};  // s
 const std::initializer_list<std::string_view> kSettingsKeys = {
     "h_s", "ratio", "duration_s", "settle", "users", "mode", "scheme", "gravity_m_s2", "paper", "world", "haptic"};
-const std::initializer_list<std::string_view> kSchemes = {"paper", "reduced", "direct"};
+const std::initializer_list<std::string_view> kSchemes = {"paper", "direct"};
 const std::initializer_list<std::string_view> kPresets = {"fast", "quality"};
 
 /// The engine itself is looked up where it is made: this room knows no engines.

@@ -13,7 +13,7 @@ enum class Reliability : std::uint8_t { best_effort, reliable };
 enum class Durability : std::uint8_t { volatile_, transient_local };
 enum class DeadlineKind : std::uint8_t { none, two_device_periods, two_cycles };
 
-/// Quality of service of one topic in real time (design section 3). In lock-step see `qos_of`.
+/// Quality of service of one topic in real time. In lock-step see `qos_of`.
 struct TopicSpec {
   const char* name;
   const char* type;         ///< as the IDL names it

@@ -28,7 +28,7 @@ void expect_keys(const Json& json, const Words& keys, const std::string& what) {
   for (const std::string& key : keys) EXPECT_TRUE(json.contains(key)) << what << " has no " << key;
 }
 
-/// Everything that design section 9 lists for a run.
+/// Everything that a summary must hold.
 void expect_complete(const Json& summary) {
   expect_keys(summary, kRunKeys, "summary.json");
   expect_keys(summary["world"], kWorldKeys, "world");

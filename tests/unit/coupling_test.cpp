@@ -140,7 +140,7 @@ TEST(VirtualCoupling, ImplicitStepIsStableAtAnyStep) {
     BodyState next = step.start;
     next.linear_velocity += dt / step.mass * step.wrench.force;
     next.position += dt * next.linear_velocity;
-    const Wrench mean = exerted(k, step, next, dt);
+    const Wrench mean = exerted(k, limits, step, next, dt);
     EXPECT_NEAR((body.mass * (next.linear_velocity - proxy.linear_velocity)).x(), dt * mean.force.x(), 1e-9);
     proxy = next;
     const double now =
@@ -149,6 +149,28 @@ TEST(VirtualCoupling, ImplicitStepIsStableAtAnyStep) {
     energy = now;
   }
   EXPECT_LT(proxy.position.norm(), 1e-4);
+}
+
+/// A coupling far too stiff for its limit switches between spring and limit at every step; the limit bounds its power.
+TEST(VirtualCoupling, SaturationBoundsTheEnergy) {
+  const CouplingSettings k{.stiffness_n_m = 1e6, .damping_n_s_m = 20.0};
+  const ForceLimits limits{.force_n = 40.0};
+  const Body body = ball_proxy(BodyId{0});
+  BodyState proxy = at(0.01, 0.003, -0.002);
+  DevicePose device;
+  constexpr double dt = 0.001;
+  for (int i = 0; i < 20000; ++i) {
+    device.pose.position.x() = 0.05 * std::sin(0.002 * i);
+    device.linear_velocity.x() = 0.1 * std::cos(0.002 * i);
+    const ImplicitStep step = implicit_step(k, limits, body, proxy, device, dt);
+    const Vec3 before = proxy.linear_velocity;
+    proxy = step.start;
+    proxy.linear_velocity += dt / step.mass * step.wrench.force;
+    proxy.position += dt * proxy.linear_velocity;
+    ASSERT_LE(exerted(k, limits, step, proxy, dt).force.norm(), limits.force_n * (1.0 + 1e-9));
+    ASSERT_LE(body.mass * (proxy.linear_velocity - before).norm(), dt * limits.force_n * (1.0 + 1e-9));
+    ASSERT_LE((proxy.position - device.pose.position).norm(), 0.02);
+  }
 }
 
 TEST(VirtualCoupling, TorqueTurnsTheProxyTowardsTheDevice) {
