@@ -268,7 +268,11 @@ int run(const RunRequest& request) {
   write_json(options.out + "/summary.json", summary);
   fmt::print("state hash {}\nverdict: {}\nsummary: {}/summary.json\n", summary["state_hash"].get<std::string>(),
              summary["verdict"].get<std::string>(), options.out);
-  if (request.gui) fmt::print("picture: {}/picture.png\n", options.out);
+  if (request.gui) {
+    const std::string picture = options.out + "/picture.png";
+    fmt::print("{}\n", std::filesystem::exists(picture) ? "picture: " + picture
+                                                        : "no picture: see " + options.out + "/logs/gui_headless.log");
+  }
   return static_cast<int>(ok || !request.strict ? ExitCode::done : ExitCode::quality);
 }
 

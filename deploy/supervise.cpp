@@ -25,7 +25,7 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kPoll{20};
 constexpr milliseconds kWorldAlone{600};  ///< the world ends the others in order
-constexpr milliseconds kGoodbye{8000};    ///< for the others, once the world has ended
+constexpr milliseconds kGoodbye{30000};   ///< for the others, once the world has ended
 constexpr milliseconds kAll{1500};        ///< after that by force
 
 [[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments, int log, pid_t parent) {

@@ -53,7 +53,7 @@ void follow(DisplayPorts& ports, Display& display, const Options& options) {
 int main(int argc, char** argv) {
   using namespace subworld;
   return run_program(Program::gui_headless, argc, argv, [](const Options& options, const Scene& scene) {
-    [[maybe_unused]] const int niceness = nice(19);  // what a user looks at may wait for what a user feels
+    [[maybe_unused]] const int niceness = nice(5);  // what a user looks at may wait for what a user feels
 
     Display display;
     DisplayPorts ports(options, scene);
