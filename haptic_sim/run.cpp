@@ -1,5 +1,6 @@
 #include "haptic_sim/run.hpp"
 
+#include "coupling/delay.hpp"
 #include "model/error.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
@@ -20,6 +21,7 @@ constexpr double kStale_s = 0.05;           ///< without a device state: the for
 constexpr int kFadeSteps = 30;              ///< before the last command, so that a hand is let go gently
 constexpr double kSlewLimit_ppm = 200.0;    ///< of the haptic period
 constexpr double kPhaseFilter = 0.02;       ///< of one frame in the phase estimate
+constexpr std::size_t kMostWaiting = 16;    ///< frames ahead of the sub-world
 constexpr std::uint64_t kTooFarBehind = 8;  ///< cycles; then the sub-world starts again from the world's states
 
 DeviceCommand command_for(const SubWorld& sub, const DeviceState& state, const Scene& scene, BodyId proxy,
@@ -87,34 +89,45 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
       throw Error(ExitCode::failed, "haptic_report could not be sent; is world_sim stuck?");
   };
 
-  if (reports_sub_world) send_report();
-  while (true) {
-    for (int i = 0; i < scene.settings.ratio; ++i) {
-      if (!await(*ports.bus, ports.device, device, stopped,
-                 "device_sim has died; the haptic loop cannot go on in lock-step"))
-        return;
+  const Delay delay(scene.settings, sub.scheme().lead_cycles(), static_cast<std::uint32_t>(sub.user()));
+  std::uint64_t step = 0;
+  std::uint64_t next_frame = 1;
+  /// Takes the frames that are due now. False after the last one, or when asked to stop.
+  const auto follow_world = [&] {
+    for (; delay.frame_due(next_frame) <= step; ++next_frame) {
+      if (!await(*ports.bus, ports.frames, frame, stopped,
+                 "world_sim has died; the haptic loop cannot go on in lock-step"))
+        return false;
       const TimePoint begin = Clock::now();
-      const FeltStep felt = sub.feel(device, true, h);
-      if (!ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand))) {
-        throw Error(ExitCode::failed, "device_command could not be sent; is device_sim stuck?");
-      }
-      if (!reports_sub_world && i == 0) send_report();
-      sub.advance(h);
-      measures.step(sub, felt, to_seconds(Clock::now() - begin), 0.0, false);
+      const std::uint64_t lost = sub.apply(frame);
+      measures.synchronised(to_seconds(Clock::now() - begin), lost);
+      if (frame.echoed_sent_ns != 0)
+        measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - frame.echoed_sent_ns));
+      if (frame.last) return false;
     }
-    if (!sub.finite())
-      throw Error(ExitCode::failed, "the sub-world is no longer finite; use a smaller h_s or the preset quality");
-    if (reports_sub_world) send_report();
-    if (!await(*ports.bus, ports.frames, frame, stopped,
-               "world_sim has died; the haptic loop cannot go on in lock-step"))
+    return true;
+  };
+
+  if (reports_sub_world) send_report();
+  while (follow_world()) {
+    if (!await(*ports.bus, ports.device, device, stopped,
+               "device_sim has died; the haptic loop cannot go on in lock-step"))
       return;
     const TimePoint begin = Clock::now();
-    const std::uint64_t lost = sub.apply(frame);
-    measures.synchronised(to_seconds(Clock::now() - begin), lost);
-    if (frame.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - frame.echoed_sent_ns));
+    const FeltStep felt = sub.feel(device, true, h);
+    if (!ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand))) {
+      throw Error(ExitCode::failed, "device_command could not be sent; is device_sim stuck?");
+    }
+    if (!reports_sub_world && sub.at_cycle_start()) send_report();
+    sub.advance(h);
+    measures.step(sub, felt, to_seconds(Clock::now() - begin), 0.0, false);
+    ++step;
+    if (!sub.finite())
+      throw Error(ExitCode::failed, "the sub-world is no longer finite; use a smaller h_s or the preset quality");
+    if (reports_sub_world && sub.at_boundary()) send_report();
     ports.status.update(sub.time_s(), measures.steps(), 0);
-    if (frame.last) break;
   }
+  if (stop_signal() != 0 && !frame.last) return;
   send_last(ports, device);
   ports.reports.wait_for_acknowledgments(1.0);
 }
@@ -132,7 +145,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
   DeviceState device;
   device.device = static_cast<std::uint32_t>(sub.user());
   TimePoint heard{};
-  std::array<WorldFrame, kRememberedCycles> waiting;  // frames that came before their stamp
+  std::array<WorldFrame, kMostWaiting> waiting;  // frames that came before their stamp
   std::size_t waiting_count = 0;
   WorldFrame frame;
   Phase phase;
@@ -141,7 +154,10 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
   int fading = 0;
   const auto send_report = [&] { ports.reports.write(sub.report(to_ns(Clock::now()))); };
 
-  Cyclic loop(first.received + from_seconds(first.frame.start_in_s), from_seconds(h));
+  // A world that trails the sub-world by a cycle has the cycle's report a haptic step before it needs it.
+  const int lead_cycles = sub.scheme().lead_cycles();
+  const double ahead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
+  Cyclic loop(first.received + from_seconds(first.frame.start_in_s - ahead_s), from_seconds(h));
   while (fading < kFadeSteps) {
     const double lateness_s = to_seconds(loop.wait());
     const TimePoint begin = Clock::now();
@@ -153,7 +169,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
       const WorldFrame& came = waiting[waiting_count++];
       const double world_s =
           to_seconds(begin - loop.released()) + came.start_in_s;  // until the world reaches the stamp
-      phase.observe((came.stamp_s - sub.time_s()) - world_s);
+      phase.observe((came.stamp_s - sub.time_s()) - world_s + ahead_s);
       clock_factor = came.clock_factor;
       last = last || came.last;
       if (came.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - came.echoed_sent_ns));

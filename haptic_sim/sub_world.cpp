@@ -26,10 +26,12 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       user_(user),
       spec_(scene.users[user]),
       scheme_(make_scheme(scene.settings)),
-      synchroniser_(*scheme_, spec_.proxy, peers_of(scene, user)),
-      limits_{spec_.device.force_limit_n, spec_.device.torque_limit_n_m, spec_.device.degrees_of_freedom == 6},
+      synchroniser_(*scheme_, remembered_cycles(scene.settings, *scheme_), spec_.proxy, peers_of(scene, user)),
+      limits_(limits_of(spec_.device)),
       guard_(limits_, spec_.coupling.ramp_s),
-      world_proxy_(scene.initial[index(spec_.proxy)]) {
+      world_proxy_(scene.initial[index(spec_.proxy)]),
+      ghosts_(scene, remembered_cycles(scene.settings, *scheme_)),
+      reports_(remembered_cycles(scene.settings, *scheme_)) {
   reserve(frame_, kUsualMembers);
   for (HapticReport& report : reports_) reserve(report, kUsualMembers);
   members_.reserve(kUsualMembers);
@@ -86,6 +88,7 @@ void SubWorld::advance(double dt) {
     for (const PointImpulse& i : border_impulses_) {
       if (engine_->contains(i.body)) engine_->apply_impulse(i.body, i.impulse, i.point);
     }
+    ghosts_.begin(*engine_, dt);
     const Body& body = scene_.body(spec_.proxy);
     if (spec_.device.kind == DeviceKind::admittance) {
       engine_->apply_force(spec_.proxy, applied_.force, applied_.torque);
@@ -99,6 +102,7 @@ void SubWorld::advance(double dt) {
       engine_->step(dt);
       mean = exerted(spec_.coupling, limits_, coupling, engine_->state(spec_.proxy), dt);
     }
+    ghosts_.end(*engine_, dt);
     observe_contacts();
     finite_ = finite_ && subworld::finite(engine_->state(spec_.proxy));
   }
@@ -136,7 +140,7 @@ void SubWorld::observe_contacts() {
 const HapticReport& SubWorld::report(std::int64_t sent_ns) {
   if (steps_ > 0) ++stamp_;
   in_cycle_s_ = 0.0;
-  HapticReport& report = reports_[stamp_ % kRememberedCycles];
+  HapticReport& report = reports_[stamp_ % reports_.size()];
   report.user = UserId{static_cast<std::uint32_t>(user_)};
   report.stamp = stamp_;
   report.stamp_s = time_s();
@@ -157,6 +161,8 @@ const HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.members.clear();
   if (engine_) {
     for (const BodyId id : members_) report.members.push_back({id, engine_->state(id)});
+    if (scheme_->has_ghosts()) describe_islands(report.islands);
+    ghosts_.log(stamp_, *engine_);
   }
   report.indicators = indicators_;
   report.indicators.border_bodies = static_cast<std::uint32_t>(border_bodies_);
@@ -172,14 +178,17 @@ std::uint64_t SubWorld::apply(const WorldFrame& frame) {
   const std::uint64_t missing = first ? 0 : frame.stamp - frame_.stamp - 1;
 
   if (engine_) {
-    const HapticReport& mine = reports_[frame.stamp % kRememberedCycles];
+    const double lag_s = time_s() - frame.stamp_s;
+    const double lag_cycles = lag_s / scene_.settings.cycle_s();
+    const HapticReport& mine = reports_[frame.stamp % reports_.size()];
     if (!first && mine.stamp == frame.stamp) {
-      for (const PairShift& pair : synchroniser_.synchronise(frame, mine)) {
+      for (const PairShift& pair : synchroniser_.synchronise(frame, mine, lag_cycles)) {
         if (!engine_->contains(pair.id)) continue;
         engine_->set_state(pair.id, shifted(engine_->state(pair.id), pair.sub));
       }
     }
-    follow_membership(frame, time_s() - frame.stamp_s);
+    follow_membership(frame, lag_s);
+    follow_ghosts(frame, lag_s);
     border_impulses_for_s_ = 0.0;
     border_bodies(frame.border, scratch_);
     border_bodies_ = scratch_.size();
@@ -199,6 +208,12 @@ void SubWorld::follow_membership(const WorldFrame& frame, double lag_s) {
   };
   remove(members_, frame.members);
   remove(fixed_, frame.fixed);
+  for (const BodyId id : frame.members) {
+    const std::optional<BodyState> handed_over = ghosts_.release(id, *engine_);
+    if (!handed_over) continue;
+    engine_->add(scene_.body(id), *handed_over);
+    members_.insert(std::ranges::lower_bound(members_, id), id);
+  }
   for (const EnteringBody& entering : frame.entering) {
     const BodyId id = entering.body.id;
     std::vector<BodyId>& have = entering.body.fixed() ? fixed_ : members_;
@@ -209,12 +224,28 @@ void SubWorld::follow_membership(const WorldFrame& frame, double lag_s) {
   }
 }
 
+void SubWorld::follow_ghosts(const WorldFrame& frame, double lag_s) {
+  const double lag_cycles = lag_s / scene_.settings.cycle_s();
+  const Correction part = scheme_->correction({.lag_cycles = lag_cycles}, {});
+  ghosts_.follow(frame, *engine_, lag_s, part.sub);
+}
+
+void SubWorld::describe_islands(std::vector<std::uint32_t>& labels) {
+  islands_.begin(members_);
+  for (const Contact& c : engine_->contacts()) {
+    if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) islands_.join(c.a, c.b);
+  }
+  islands_.labels(labels);
+}
+
 void SubWorld::adopt(const WorldFrame& frame) {
   if (engine_) {
     for (const StampedBody& s : frame.states) {
       if (engine_->contains(s.id)) engine_->set_state(s.id, s.state);
     }
+    ghosts_.clear(*engine_);
     follow_membership(frame, 0.0);
+    follow_ghosts(frame, 0.0);
     finite_ = true;
   }
   for (const StampedBody& s : frame.states) {

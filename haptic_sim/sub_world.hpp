@@ -1,13 +1,14 @@
 #pragma once
 
+#include "coupling/contact_graph.hpp"
 #include "coupling/force_guard.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/synchroniser.hpp"
+#include "haptic_sim/ghosts.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/engine.hpp"
 
-#include <array>
 #include <memory>
 #include <vector>
 
@@ -63,6 +64,8 @@ class SubWorld {
  private:
   void place_device(const DeviceState& device);
   void follow_membership(const WorldFrame& frame, double lag_s);
+  void follow_ghosts(const WorldFrame& frame, double lag_s);
+  void describe_islands(std::vector<std::uint32_t>& labels);
   void observe_contacts();
 
   const Scene& scene_;
@@ -81,6 +84,8 @@ class SubWorld {
   std::vector<PointImpulse> border_impulses_;
   double border_impulses_for_s_ = 0.0;
   std::size_t border_bodies_ = 0;
+  Ghosts ghosts_;
+  Islands islands_;
 
   std::uint64_t stamp_ = 0;
   double in_cycle_s_ = 0.0;
@@ -95,7 +100,7 @@ class SubWorld {
   Vec3 clutch_ = Vec3::Zero();  ///< device position + clutch = position in the scene
   bool clutched_ = false;
   bool finite_ = true;
-  std::array<HapticReport, kRememberedCycles> reports_;  ///< by stamp
+  std::vector<HapticReport> reports_;  ///< by stamp
   std::vector<BodyId> scratch_;
 };
 

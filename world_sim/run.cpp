@@ -1,5 +1,6 @@
 #include "world_sim/run.hpp"
 
+#include "coupling/delay.hpp"
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/scheduling.hpp"
@@ -133,14 +134,18 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, cons
   const auto never = [] { return false; };
   Snapshots snapshots;
   HapticReport report;
-  const auto receive_all = [&] {
+  std::vector<std::uint64_t> next(world.user_count(), 0);
+  const auto receive_due = [&] {
     for (std::size_t u = 0; u < world.user_count(); ++u) {
-      await(*ports.bus, ports.reports[u], report, never,
-            fmt::format("haptic_sim {} has died; the world cannot go on in lock-step", u));
-      if (!world.receive(std::move(report))) {
-        throw Error(ExitCode::failed,
-                    fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of them on this domain?",
-                                u, world.stamp()));
+      const Delay delay(scene.settings, world.scheme().lead_cycles(), static_cast<std::uint32_t>(u));
+      for (; delay.report_due(next[u]) <= world.stamp(); ++next[u]) {
+        await(*ports.bus, ports.reports[u], report, never,
+              fmt::format("haptic_sim {} has died; the world cannot go on in lock-step", u));
+        if (!world.receive(std::move(report))) {
+          throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of "
+                                                    "them on this domain?",
+                                                    u, world.stamp()));
+        }
       }
     }
   };
@@ -149,7 +154,7 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, cons
   publish_frames(ports, world, false, 0.0, 1.0);
   bool last = false;
   while (!last) {
-    receive_all();
+    receive_due();
     take_orders(ports, conductor);
     while (!conductor.may_step() && !conductor.stopped() && stop_signal() == 0) {
       ports.bus->wait(0.05);
@@ -165,8 +170,8 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, cons
     ports.status.update(world.time_s(), world.stamp(), 0);
     check_finite(world);
   }
-  if (world.has_sub_worlds()) {
-    receive_all();
+  if (world.scheme().has_sub_world()) {
+    receive_due();
     world.synchronise();
   }
   world.close();
@@ -187,8 +192,9 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, cons
   double clock_factor = 1.0;
   bool last = false;
   if (!rouse(ports, world, wait_s)) return;
-  publish_frames(ports, world, false, kStartIn_s, clock_factor);
-  Cyclic loop(Clock::now() + from_seconds(kStartIn_s), from_seconds(cycle_s));
+  const double start_in_s = kStartIn_s + world.scheme().lead_cycles() * cycle_s;
+  publish_frames(ports, world, false, start_in_s, clock_factor);
+  Cyclic loop(Clock::now() + from_seconds(start_in_s), from_seconds(cycle_s));
   while (!last) {
     const double lateness_s = to_seconds(loop.wait());
     const TimePoint begin = Clock::now();

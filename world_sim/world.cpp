@@ -33,8 +33,19 @@ double kinetic_energy(const Body& body, const BodyState& s) noexcept {
   return 0.5 * (body.mass * s.linear_velocity.squaredNorm() + spin.cwiseProduct(body.inertia).dot(spin));
 }
 
-ForceLimits limits_of(const DeviceSpec& device) noexcept {
-  return {device.force_limit_n, device.torque_limit_n_m, device.degrees_of_freedom == 6};
+/// The world divides its step itself, to drive the proxies in each part.
+EngineSettings without_substeps(EngineSettings settings) {
+  settings.substeps.reset();
+  return settings;
+}
+
+/// How far a contact point may move in a sub-step, of the smaller body's size.
+constexpr double kContactReachRatio = 0.025;
+
+/// Whether a sub-world that has taken the frame holds the body, in whatever role.
+bool names(const WorldFrame& frame, BodyId id) {
+  return std::ranges::binary_search(frame.members, id) || std::ranges::binary_search(frame.fixed, id) ||
+         std::ranges::binary_search(frame.ghosts, id, {}, &GhostModel::outside);
 }
 
 void sort_unique(std::vector<BodyId>& ids) {
@@ -47,9 +58,15 @@ void sort_unique(std::vector<BodyId>& ids) {
 World::World(const Scene& scene)
     : scene_(scene),
       scheme_(make_scheme(scene.settings)),
-      engine_(make_engine(scene.settings.world, scene.meshes)),
+      engine_(make_engine(without_substeps(scene.settings.world), scene.meshes)),
       users_(static_cast<std::size_t>(scene.settings.users)),
-      hash_(kHashSeed) {
+      hash_(kHashSeed),
+      remembered_(remembered_cycles(scene.settings, *scheme_)),
+      modeller_(scene),
+      energy_j_(remembered_, 0.0) {
+  const double cycle_s = scene.settings.cycle_s();
+  substeps_ = scene.settings.world.substeps.value_or(
+      std::max(1, static_cast<int>(std::ceil(cycle_s / scheme_->longest_world_step_s() - 1e-9))));
   for (const Body& body : scene.bodies) engine_->add(body, scene.initial[index(body.id)]);
   for (std::size_t u = 0; u < users_.size(); ++u) {
     users_[u].spec = &scene.users[u];
@@ -57,12 +74,17 @@ World::World(const Scene& scene)
     for (std::size_t p = 0; p < users_.size(); ++p) {
       if (p != u) peers.push_back(scene.users[p].proxy);
     }
-    users_[u].synchroniser = std::make_unique<Synchroniser>(*scheme_, scene.users[u].proxy, std::move(peers));
+    users_[u].synchroniser =
+        std::make_unique<Synchroniser>(*scheme_, remembered_, scene.users[u].proxy, std::move(peers));
+    users_[u].frames.resize(remembered_);
+    users_[u].inbox.resize(remembered_);
+    users_[u].waiting.resize(remembered_);
     for (WorldFrame& frame : users_[u].frames) reserve(frame, kUsualMembers);
     for (HapticReport& report : users_[u].inbox) reserve(report, kUsualMembers);
     reserve(users_[u].report, kUsualMembers);
-    extract(users_[u]);
+    reserve(users_[u].before, kUsualMembers);
   }
+  extract();
 }
 
 bool World::settle(const std::function<bool(double)>& progress) {
@@ -70,14 +92,9 @@ bool World::settle(const std::function<bool(double)>& progress) {
   const auto steps = static_cast<int>(std::lround(scene_.settings.settle_s / dt));
   for (int i = 0; i < steps; ++i) {
     for (const User& user : users_) {
-      const BodyId proxy = user.spec->proxy;
-      const BodyState& start = scene_.initial[index(proxy)];
+      const BodyState& start = scene_.initial[index(user.spec->proxy)];
       const DevicePose device{{start.position, start.orientation}, Vec3::Zero(), Vec3::Zero()};
-      const ImplicitStep coupling = implicit_step(user.spec->coupling, limits_of(user.spec->device), scene_.body(proxy),
-                                                  engine_->state(proxy), device, dt);
-      engine_->set_inertia(proxy, coupling.mass, coupling.inertia);
-      engine_->set_state(proxy, coupling.start);
-      engine_->apply_force(proxy, coupling.wrench.force, coupling.wrench.torque);
+      hold(*user.spec, device, limits_of(user.spec->device), dt);
     }
     engine_->step(dt);
     if (!progress(static_cast<double>(i + 1) / steps)) return false;
@@ -85,11 +102,16 @@ bool World::settle(const std::function<bool(double)>& progress) {
   for (User& user : users_) {
     const Body& proxy = scene_.body(user.spec->proxy);
     engine_->set_inertia(proxy.id, proxy.mass, proxy.inertia);
-    extract(user);
   }
+  settled_.assign(engine_->contacts().begin(), engine_->contacts().end());
+  for (Contact& c : settled_) {
+    c.normal_impulse *= scene_.settings.cycle_s() / dt;
+    c.tangential_impulse *= scene_.settings.cycle_s() / dt;
+  }
+  contacts_ = settled_;
+  extract();
   account();
   start_energy_j_ = kinetic_j_ + potential_j_;
-  energy_excess_j_ = 0.0;
   return true;
 }
 
@@ -97,32 +119,35 @@ bool World::receive(HapticReport&& report) {
   if (index(report.user) >= users_.size()) return false;
   User& user = users_[index(report.user)];
   if (user.heard && report.stamp <= user.report.stamp) return false;
-  if (report.stamp > stamp_ + kRememberedCycles / 2 || report.stamp + kRememberedCycles <= stamp_) return false;
-  const std::size_t slot = report.stamp % kRememberedCycles;
+  if (report.stamp > stamp_ + remembered_ / 2 || report.stamp + remembered_ <= stamp_) return false;
+  const std::size_t slot = report.stamp % remembered_;
   user.inbox[slot] = std::move(report);
   user.waiting[slot] = true;
   return true;
 }
 
 void World::synchronise() {
-  const std::uint64_t oldest = stamp_ >= kRememberedCycles ? stamp_ - kRememberedCycles + 1 : 0;
+  const std::uint64_t oldest = stamp_ >= remembered_ ? stamp_ - remembered_ + 1 : 0;
   for (User& user : users_) {
     for (std::uint64_t j = oldest; j <= stamp_; ++j) {
-      const std::size_t slot = j % kRememberedCycles;
+      const std::size_t slot = j % remembered_;
       if (!user.waiting[slot] || user.inbox[slot].stamp != j) continue;
       user.waiting[slot] = false;
       if (user.heard && j <= user.report.stamp) continue;
       if (scheme_->has_sub_world() && j > 0) apply(user, user.inbox[slot]);
+      std::swap(user.before, user.report);
       std::swap(user.report, user.inbox[slot]);
       user.heard = true;
     }
   }
+  balance();
 }
 
 void World::apply(User& user, const HapticReport& report) {
-  const WorldFrame& said = user.frames[report.stamp % kRememberedCycles];
+  const WorldFrame& said = user.frames[report.stamp % remembered_];
   if (said.stamp != report.stamp) return;
-  for (const PairShift& pair : user.synchroniser->synchronise(said, report)) {
+  // What the sub-world makes of this frame is not known here: as if it were too old to correct anything.
+  for (const PairShift& pair : user.synchroniser->synchronise(said, report, INFINITY)) {
     const int n = sharers(pair.id);
     const Shift shift = n > 1 ? scaled(pair.world, 1.0 / n) : pair.world;
     engine_->set_state(pair.id, shifted(engine_->state(pair.id), shift));
@@ -135,29 +160,67 @@ int World::sharers(BodyId id) const {
   }));
 }
 
-void World::drive_proxies() {
-  const double cycle_s = scene_.settings.cycle_s();
+void World::hold(const UserSpec& user, const DevicePose& target, const ForceLimits& limits, double dt) {
+  const ImplicitStep coupling =
+      implicit_step(user.coupling, limits, scene_.body(user.proxy), engine_->state(user.proxy), target, dt);
+  engine_->set_inertia(user.proxy, coupling.mass, coupling.inertia);
+  engine_->set_state(user.proxy, coupling.start);
+  engine_->apply_force(user.proxy, coupling.wrench.force, coupling.wrench.torque);
+}
+
+void World::drive_proxies(double until_s, double dt) {
   for (const User& user : users_) {
-    if (!user.heard) continue;
-    const BodyId proxy = user.spec->proxy;
-    const ProxyDrive drive = scheme_->drive(*user.spec, user.report, cycle_s);
-    if (drive.device) {
-      const ImplicitStep coupling = implicit_step(user.spec->coupling, limits_of(user.spec->device), scene_.body(proxy),
-                                                  engine_->state(proxy), *drive.device, cycle_s);
-      engine_->set_inertia(proxy, coupling.mass, coupling.inertia);
-      engine_->set_state(proxy, coupling.start);
-      engine_->apply_force(proxy, coupling.wrench.force, coupling.wrench.torque);
-    }
-    engine_->apply_force(proxy, drive.wrench.force, drive.wrench.torque);
+    // A report that is ahead of the world tells what the user does in this very cycle.
+    const std::size_t ahead = wants() % remembered_;
+    const bool known = wants() > stamp_ && user.waiting[ahead] && user.inbox[ahead].stamp == wants();
+    if (!known && !user.heard) continue;
+    const HapticReport& now = known ? user.inbox[ahead] : user.report;
+    const HapticReport& before = known ? user.report : user.before;
+    const ProxyDrive drive = scheme_->drive(*user.spec, before, now, until_s);
+    if (drive.target) hold(*user.spec, *drive.target, drive.limits, dt);
+    engine_->apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
   }
+}
+
+void World::remember_velocities() {
+  begun_with_.resize(scene_.bodies.size());
+  for (const Body& body : scene_.bodies) begun_with_[index(body.id)] = engine_->state(body.id).linear_velocity;
+}
+
+void World::simulate_cycle() {
+  if (scheme_->has_ghosts()) remember_velocities();
+  const double dt = scene_.settings.cycle_s() / substeps_;
+  totals_.clear();
+  for (int i = 0; i < substeps_; ++i) {
+    drive_proxies(time_s() + (i + 1) * dt, dt);
+    engine_->step(dt);
+    if (substeps_ == 1) {
+      contacts_ = engine_->contacts();
+      return;
+    }
+    for (const Contact& c : engine_->contacts()) {
+      const auto size = [&](BodyId id) {
+        const Box box = engine_->bounds(id);
+        return (box.upper - box.lower).minCoeff();
+      };
+      totals_.add(c, i, kContactReachRatio * std::min(size(c.a), size(c.b)));
+    }
+  }
+  totals_.merge();
+  contacts_ = totals_.contacts();
 }
 
 void World::step() {
   synchronise();
-  drive_proxies();
-  engine_->step(scene_.settings.cycle_s());
+  simulate_cycle();
   ++stamp_;
   account();
+  extract();
+}
+
+void World::extract() {
+  if (begun_with_.empty()) remember_velocities();
+  if (scheme_->has_ghosts()) graph_.build(contacts_, scene_.bodies.size());
   for (User& user : users_) extract(user);
 }
 
@@ -184,34 +247,50 @@ void World::extract(User& user) {
   frame.echoed_stamp = user.report.stamp;
   frame.members = now.members;
   frame.fixed = now.fixed;
-  extract_border(engine_->contacts(), now, frame.border);
+  extract_border(contacts_, now, frame.border);
+  if (scheme_->has_ghosts()) describe_outside(user, frame);
   list_unconfirmed(user, frame);
 }
 
-void World::list_unconfirmed(User& user, WorldFrame& frame) {
+void World::describe_outside(const User& user, WorldFrame& frame) {
+  const Membership& now = user.membership;
+  const double cycle_s = scene_.settings.cycle_s();
+  const auto motion_of = [&](BodyId id) -> GhostModeller::Motion {
+    const Vec3 velocity = engine_->state(id).linear_velocity;
+    return {velocity, (velocity - begun_with_[index(id)]) / cycle_s};
+  };
+  modeller_.model(frame.border, now, graph_, motion_of, cycle_s, frame.ghosts);
+  islands_.begin(now.members);
+  for (const Contact& c : contacts_) {
+    if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) islands_.join(c.a, c.b);
+  }
+  for (const BodyId id : now.members) {
+    if (sharers(id) > 1) islands_.open(id);
+  }
+  islands_.labels(frame.islands);
+}
+
+void World::list_unconfirmed(const User& user, WorldFrame& frame) {
   // A body may have left and come back since the last frame that the haptic process confirmed: what counts as there is
   // what every frame since then lists. States go out for all that any of them lists.
   wanted_ = frame.members;
   const std::uint64_t confirmed = user.report.confirmed_stamp;
-  const std::uint64_t oldest = std::max(confirmed, stamp_ >= kRememberedCycles ? stamp_ - kRememberedCycles + 1 : 0);
+  const std::uint64_t oldest = std::max(confirmed, stamp_ >= remembered_ ? stamp_ - remembered_ + 1 : 0);
   const bool any_confirmed = user.heard && oldest < stamp_;
   frame.entering.clear();
-  const auto list = [&](const std::vector<BodyId>& ids, auto member) {
-    for (const BodyId id : ids) {
-      bool there = any_confirmed;
-      for (std::uint64_t j = oldest; j < stamp_ && there; ++j) {
-        const std::vector<BodyId>& past = user.frames[j % kRememberedCycles].*member;
-        there = std::binary_search(past.begin(), past.end(), id);
-      }
-      if (!there) frame.entering.push_back({scene_.body(id), engine_->state(id)});
-    }
+  const auto list = [&](BodyId id) {
+    bool there = any_confirmed;
+    for (std::uint64_t j = oldest; j < stamp_ && there; ++j) there = names(user.frames[j % remembered_], id);
+    if (!there) frame.entering.push_back({scene_.body(id), engine_->state(id)});
   };
   if (scheme_->has_sub_world()) {
-    list(frame.members, &WorldFrame::members);
-    list(frame.fixed, &WorldFrame::fixed);
+    std::ranges::for_each(frame.members, list);
+    std::ranges::for_each(frame.fixed, list);
+    for (const GhostModel& ghost : frame.ghosts) list(ghost.outside);
   }
+  for (const GhostModel& ghost : frame.ghosts) wanted_.push_back(ghost.outside);
   for (std::uint64_t j = oldest; j < stamp_; ++j) {
-    const auto& past = user.frames[j % kRememberedCycles].members;
+    const auto& past = user.frames[j % remembered_].members;
     wanted_.insert(wanted_.end(), past.begin(), past.end());
   }
   sort_unique(wanted_);
@@ -230,9 +309,19 @@ void World::account() {
     kinetic_j_ += kinetic_energy(body, s);
     if (body.gravity) potential_j_ -= body.mass * gravity.dot(s.position);
   }
+  energy_j_[stamp_ % remembered_] = kinetic_j_ + potential_j_;
+}
+
+void World::balance() {
+  // Energy and work of one stamp: the newest that all users have reported.
   double given_j = 0.0;
-  for (const User& user : users_) given_j += user.report.device_work_j - user.report.coupling_energy_j;
-  energy_excess_j_ = std::max(energy_excess_j_, kinetic_j_ + potential_j_ - start_energy_j_ - given_j);
+  for (const User& user : users_) {
+    if (!user.heard || user.report.stamp != users_.front().report.stamp) return;
+    given_j += user.report.device_work_j - user.report.coupling_energy_j;
+  }
+  if (users_.empty() || users_.front().report.stamp + remembered_ <= stamp_) return;
+  const double energy_j = energy_j_[users_.front().report.stamp % remembered_];
+  energy_excess_j_ = std::max(energy_excess_j_, energy_j - start_energy_j_ - given_j);
 }
 
 SceneDescription World::description(std::uint64_t settings_hash) const {

@@ -1,13 +1,15 @@
 #pragma once
 
+#include "coupling/contact_graph.hpp"
+#include "coupling/ghost.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/selection.hpp"
 #include "coupling/synchroniser.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
+#include "physics/contact_totals.hpp"
 #include "physics/engine.hpp"
 
-#include <array>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -32,6 +34,9 @@ class World {
   /// Applies the blends that are due, drives the proxies and simulates [jT, (j+1)T).
   void step();
 
+  /// The stamp of the newest report that the next step uses if it is there.
+  [[nodiscard]] std::uint64_t wants() const noexcept { return stamp_ + scheme_->lead_cycles(); }
+
   /// Applies the blends that are due; for the reports that arrive after the last step.
   void synchronise();
 
@@ -47,7 +52,7 @@ class World {
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
   [[nodiscard]] double time_s() const noexcept { return static_cast<double>(stamp_) * scene_.settings.cycle_s(); }
   [[nodiscard]] const Engine& engine() const noexcept { return *engine_; }
-  [[nodiscard]] bool has_sub_worlds() const noexcept { return scheme_->has_sub_world(); }
+  [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
   [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
@@ -63,21 +68,28 @@ class World {
     const UserSpec* spec = nullptr;
     Membership membership;
     std::unique_ptr<Synchroniser> synchroniser;
-    std::array<WorldFrame, kRememberedCycles> frames;   ///< by stamp
-    std::array<HapticReport, kRememberedCycles> inbox;  ///< by stamp
-    std::array<bool, kRememberedCycles> waiting{};      ///< inbox holds a report that is not used yet
-    HapticReport report;                                ///< newest used
+    std::vector<WorldFrame> frames;   ///< by stamp
+    std::vector<HapticReport> inbox;  ///< by stamp
+    std::vector<bool> waiting;        ///< inbox holds a report that is not used yet
+    HapticReport report;              ///< newest used
+    HapticReport before;              ///< the one used before it
     bool heard = false;
 
-    [[nodiscard]] WorldFrame& newest(std::uint64_t stamp) { return frames[stamp % kRememberedCycles]; }
+    [[nodiscard]] WorldFrame& newest(std::uint64_t stamp) { return frames[stamp % frames.size()]; }
   };
 
   void apply(User& user, const HapticReport& report);
-  void drive_proxies();
+  void drive_proxies(double until_s, double dt);
+  void hold(const UserSpec& user, const DevicePose& target, const ForceLimits& limits, double dt);
+  void simulate_cycle();
+  void remember_velocities();
+  void extract();
   void extract(User& user);
-  void list_unconfirmed(User& user, WorldFrame& frame);
+  void describe_outside(const User& user, WorldFrame& frame);
+  void list_unconfirmed(const User& user, WorldFrame& frame);
   [[nodiscard]] int sharers(BodyId id) const;
   void account();
+  void balance();
 
   const Scene& scene_;
   std::unique_ptr<Scheme> scheme_;
@@ -85,6 +97,16 @@ class World {
   std::vector<User> users_;
   std::uint64_t stamp_ = 0;
   std::uint64_t hash_;
+  std::uint64_t remembered_;
+  int substeps_ = 1;
+  ContactTotals totals_;               ///< of the sub-steps
+  std::vector<Contact> settled_;       ///< as if the last step of settling had been a cycle
+  std::span<const Contact> contacts_;  ///< of the last cycle
+  ContactGraph graph_;
+  GhostModeller modeller_;
+  Islands islands_;
+  std::vector<Vec3> begun_with_;  ///< velocities at the start of the last cycle, m/s
+  std::vector<double> energy_j_;  ///< kinetic and potential, by stamp
   double start_energy_j_ = 0.0;
   double kinetic_j_ = 0.0;
   double potential_j_ = 0.0;

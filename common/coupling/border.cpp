@@ -18,6 +18,7 @@ void extract_border(std::span<const Contact> contacts, const Membership& members
                    .outside = a_inside ? c.b : c.a,
                    .point = c.point,
                    .normal = sign * c.normal,
+                   .distance = c.distance,
                    .tangential_velocity = sign * c.tangential_velocity,
                    .normal_impulse = c.normal_impulse,
                    .tangential_impulse = sign * c.tangential_impulse});

@@ -12,10 +12,25 @@
 
 namespace subworld {
 
-/// How the user acts on the world's copy of the proxy during the next cycle.
+/// How the user acts on the world's copy of the proxy during one step of the world's engine.
 struct ProxyDrive {
   Wrench wrench;                     ///< constant
-  std::optional<DevicePose> device;  ///< if set: the virtual coupling to it, implicit, on top
+  std::optional<DevicePose> target;  ///< if set: a spring of the coupling's stiffness to it, implicit, on top
+  ForceLimits limits;                ///< of that spring
+};
+
+/// The two copies of one body when they are made one.
+struct CopyPair {
+  bool proxy = false;       ///< the user's own
+  bool peer = false;        ///< another user's proxy
+  bool closed = false;      ///< its island lies wholly inside this sub-world, and in no other
+  double lag_cycles = 0.0;  ///< age of the world's state when the sub-world uses it
+};
+
+/// Which part of the difference each copy is moved, 0 .. 1.
+struct Correction {
+  double world = 0.0;
+  double sub = 0.0;
 };
 
 /// A coupling scheme: pure functions over model data. The processes ask, they do not know which one runs.
@@ -25,17 +40,25 @@ class Scheme {
 
   [[nodiscard]] virtual std::string_view name() const noexcept = 0;
 
-  /// False: the proxy lives in the world alone; nothing is selected, extracted or blended.
+  /// False: the proxy lives in the world alone; nothing is selected, extracted or corrected.
   [[nodiscard]] virtual bool has_sub_world() const noexcept = 0;
+  /// Whether the border is made of ghosts (coupling/ghost), and islands decide who is right.
+  [[nodiscard]] virtual bool has_ghosts() const noexcept = 0;
+  /// How many cycles the sub-world runs ahead: 0, both simulate the same cycle at the same time; 1, the world simulates
+  /// a cycle when it knows what the user did in it.
+  [[nodiscard]] virtual int lead_cycles() const noexcept = 0;
+  /// Longest step of the world's engine, s, where the scene does not say how many sub-steps it makes.
+  [[nodiscard]] virtual double longest_world_step_s() const noexcept = 0;
 
-  /// What the user does to the world's proxy over a cycle of `cycle_s`, given the newest report.
-  [[nodiscard]] virtual ProxyDrive drive(const UserSpec& user, const HapticReport& report, double cycle_s) const = 0;
+  /// What the user does to the world's proxy in the step that ends at `until_s`. `now` is the report of the cycle's end
+  /// or the newest there is, `before` the one before it.
+  [[nodiscard]] virtual ProxyDrive drive(const UserSpec& user, const HapticReport& before, const HapticReport& now,
+                                         double until_s) const = 0;
 
   /// The outside's impulses on the sub-world in one haptic step, which is `fraction` of a world step.
   virtual void border_impulses(const WorldFrame& frame, double fraction, std::vector<PointImpulse>& out) const = 0;
 
-  /// Weight of the sub-world's copy when the two copies of a body are made one, 0 .. 1.
-  [[nodiscard]] virtual double sub_weight(bool is_proxy, const Indicators& indicators) const noexcept = 0;
+  [[nodiscard]] virtual Correction correction(const CopyPair& pair, const Indicators& indicators) const noexcept = 0;
 };
 
 /// Throws `Error` (usage) for an unknown name, naming those that exist.

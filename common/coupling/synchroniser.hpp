@@ -1,16 +1,16 @@
 #pragma once
 
 #include "coupling/blend.hpp"
+#include "coupling/contact_graph.hpp"
 #include "coupling/scheme.hpp"
 
-#include <array>
 #include <span>
 #include <vector>
 
 namespace subworld {
 
 /// How far back either side keeps what it said, in cycles.
-inline constexpr std::uint64_t kRememberedCycles = 16;
+[[nodiscard]] std::uint64_t remembered_cycles(const Settings& settings, const Scheme& scheme) noexcept;
 
 struct PairShift {
   BodyId id{};
@@ -18,18 +18,19 @@ struct PairShift {
   Shift sub;    ///< of the sub-world's copy
 };
 
-/// Makes the two copies of every body one (paper 4.3). World and haptic process each feed it what both said of one
-/// stamp and so compute the same blend without a second round trip. It also works late: a side that had not yet applied
-/// an earlier blend when it wrote down its states says so (`echoed_stamp`, `confirmed_stamp`), and those states are
-/// first corrected by the shifts that were still to come.
+/// Makes the two copies of every body one (paper 4.3), by the scheme's rule. World and haptic process each feed it what
+/// both said of one stamp and so compute the same blend without a second round trip. It also works late: a side that
+/// had not yet applied an earlier blend when it wrote down its states says so (`echoed_stamp`, `confirmed_stamp`), and
+/// those states are first corrected by the shifts that were still to come.
 class Synchroniser {
  public:
-  /// `peers` are the proxies of the other users: their world copies stand.
-  Synchroniser(const Scheme& scheme, BodyId proxy, std::vector<BodyId> peers);
+  /// `peers` are the proxies of the other users.
+  Synchroniser(const Scheme& scheme, std::uint64_t remembered_cycles, BodyId proxy, std::vector<BodyId> peers);
 
-  /// Both of one stamp; stamps ascend. Bodies that only one side names are left out. The span lives until the next
-  /// call.
-  [[nodiscard]] std::span<const PairShift> synchronise(const WorldFrame& frame, const HapticReport& report);
+  /// Both of one stamp; stamps ascend. Bodies that only one side names are left out. `lag_cycles`: age of the frame
+  /// when the sub-world uses it. The span lives until the next call.
+  [[nodiscard]] std::span<const PairShift> synchronise(const WorldFrame& frame, const HapticReport& report,
+                                                       double lag_cycles);
 
  private:
   struct Blend {
@@ -44,7 +45,9 @@ class Synchroniser {
   const Scheme* scheme_;
   BodyId proxy_;
   std::vector<BodyId> peers_;
-  std::array<Blend, kRememberedCycles> blends_;
+  std::vector<Blend> blends_;  ///< by stamp
+  Islands islands_;
+  std::vector<BodyId> reported_;
 };
 
 }  // namespace subworld

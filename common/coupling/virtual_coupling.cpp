@@ -28,6 +28,10 @@ void shorten(Vec3& v, double limit) noexcept {
 
 }  // namespace
 
+ForceLimits limits_of(const DeviceSpec& device) noexcept {
+  return {device.force_limit_n, device.torque_limit_n_m, device.degrees_of_freedom == 6};
+}
+
 Wrench saturated(Wrench wrench, const ForceLimits& limits) noexcept {
   shorten(wrench.force, limits.force_n);
   if (limits.torques) {

@@ -18,6 +18,8 @@ struct ForceLimits {
   bool torques = false;  ///< false: 3 degrees of freedom, no torque at all
 };
 
+[[nodiscard]] ForceLimits limits_of(const DeviceSpec& device) noexcept;
+
 /// The virtual coupling (Colgate 1995) at one instant: the wrench on the proxy,
 ///   F = K (x_device - x_proxy) + B (v_device - v_proxy), torques likewise, saturated at the device's limits.
 [[nodiscard]] Wrench coupling_wrench(const CouplingSettings& coupling, const ForceLimits& limits,

@@ -53,14 +53,22 @@ struct DeviceCommand {
   bool last = false;  ///< the run is over
 };
 
-/// The reduced model of what lies behind a border contact.
+/// What pushing an outside body along one direction meets.
+struct GhostAxis {
+  Vec3 normal = Vec3::UnitZ();  ///< towards the inside bodies; the axes of a ghost are orthogonal
+  double force_n = 0.0;         ///< along `normal`
+  double coulomb_limit_n = 0.0;
+  double load_n = 0.0;  ///< with which the outside pressed on the inside along `normal`, mean over the world's step
+};
+
+inline constexpr std::size_t kMostGhostAxes = 3;
+
+/// The reduced model of an outside body that touches inside ones (coupling/ghost).
 struct GhostModel {
   BodyId outside{};
   double mass_kg = 0.0;
-  double force_n = 0.0;  ///< along `normal`
-  double coulomb_limit_n = 0.0;
-  Vec3 normal = Vec3::UnitZ();  ///< towards the inside body
-  double load_n_s = 0.0;        ///< the pair's impulse
+  std::size_t axis_count = 0;
+  std::array<GhostAxis, kMostGhostAxes> axes;  ///< the heaviest loaded first
 };
 
 /// A contact between a body inside the sub-world and one outside (paper 4.2). Impulses act on `inside`.
@@ -69,6 +77,7 @@ struct BorderPair {
   BodyId outside{};
   Vec3 point = Vec3::Zero();
   Vec3 normal = Vec3::UnitZ();  ///< towards the inside body
+  double distance = 0.0;        ///< m, negative: penetration
   Vec3 tangential_velocity = Vec3::Zero();
   double normal_impulse = 0.0;             ///< over the world's whole step, N s
   Vec3 tangential_impulse = Vec3::Zero();  ///< N s
@@ -92,8 +101,9 @@ struct WorldFrame {
   bool last = false;
   std::vector<BodyId> members;         ///< movable bodies of the sub-world from this stamp on, proxy included
   std::vector<BodyId> fixed;           ///< fixed bodies of the sub-world
+  std::vector<std::uint32_t> islands;  ///< of members, as the world's contacts make them (coupling/contact_graph)
   std::vector<EnteringBody> entering;  ///< not yet confirmed by a report
-  std::vector<StampedBody> states;     ///< the world's own result, before any blend, of members and of bodies just left
+  std::vector<StampedBody> states;     ///< the world's own result, before any blend: members, bodies just left, ghosts
   std::vector<BorderPair> border;
   std::vector<GhostModel> ghosts;
 };
@@ -104,7 +114,9 @@ inline void reserve(WorldFrame& frame, std::size_t bodies) {
   frame.fixed.reserve(bodies);
   frame.entering.reserve(bodies);
   frame.states.reserve(bodies);
+  frame.islands.reserve(bodies);
   frame.border.reserve(4 * bodies);
+  frame.ghosts.reserve(bodies);
 }
 
 /// What decides how two copies of a body are blended (paper 4.3); sums over one haptic cycle.
@@ -136,13 +148,17 @@ struct HapticReport {
   Pose device_pose;  ///< in scene coordinates
   Vec3 device_linear_velocity = Vec3::Zero();
   Vec3 device_angular_velocity = Vec3::Zero();
-  Wrench device_applied;             ///< admittance devices
-  std::vector<StampedBody> members;  ///< the sub-world's own result, before any blend
+  Wrench device_applied;               ///< admittance devices
+  std::vector<StampedBody> members;    ///< the sub-world's own result, before any blend
+  std::vector<std::uint32_t> islands;  ///< of members, as the sub-world's contacts make them
   Indicators indicators;
   StepTiming timing;
 };
 
-inline void reserve(HapticReport& report, std::size_t bodies) { report.members.reserve(bodies); }
+inline void reserve(HapticReport& report, std::size_t bodies) {
+  report.members.reserve(bodies);
+  report.islands.reserve(bodies);
+}
 
 /// A sub-world of more bodies costs an allocation now and then until every buffer has grown to it.
 inline constexpr std::size_t kUsualMembers = 128;

@@ -83,7 +83,7 @@ struct EngineSettings {
   std::string name = "bullet";
   std::string preset = "fast";
   std::optional<int> iterations;  ///< instead of the preset's
-  std::optional<int> substeps;    ///< engine steps per step(), instead of the preset's
+  std::optional<int> substeps;    ///< parts of a step; world: each with a force of its own on the proxies
   Vec3 gravity{0.0, 0.0, -9.81};  ///< m/s^2
 };
 
@@ -91,6 +91,14 @@ struct EngineSettings {
 struct PaperSettings {
   bool device_force_in_world = true;           ///< the mean device force also acts on the world's proxy
   double device_impulse_threshold_n_s = 1e-4;  ///< below: the user added no energy in this cycle
+};
+
+/// Artificial delay of the messages between world and sub-world, in lock-step.
+struct DelaySettings {
+  double up_s = 0.0;      ///< of reports
+  double down_s = 0.0;    ///< of frames
+  double jitter_s = 0.0;  ///< most that a single message takes longer, uniform
+  std::uint64_t seed = 1;
 };
 
 enum class Mode : std::uint8_t { lockstep, realtime };
@@ -105,6 +113,7 @@ struct Settings {
   Mode mode = Mode::lockstep;
   std::string scheme = "paper";
   PaperSettings paper;
+  DelaySettings delay;
   EngineSettings world;
   EngineSettings haptic;
 

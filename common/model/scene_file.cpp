@@ -8,9 +8,11 @@ namespace subworld {
 namespace {
 
 constexpr Limits kDuration{.least = 0.0, .most = 1e6, .above = true};  // s
-const std::initializer_list<std::string_view> kSettingsKeys = {
-    "h_s", "ratio", "duration_s", "settle", "users", "mode", "scheme", "gravity_m_s2", "paper", "world", "haptic"};
-const std::initializer_list<std::string_view> kSchemes = {"paper", "direct"};
+constexpr Limits kDelay{.least = 0.0, .most = 1.0};                    // s
+const std::initializer_list<std::string_view> kSettingsKeys = {"h_s",   "ratio", "duration_s", "settle",
+                                                               "users", "mode",  "scheme",     "gravity_m_s2",
+                                                               "paper", "delay", "world",      "haptic"};
+const std::initializer_list<std::string_view> kSchemes = {"paper", "reduced", "direct"};
 const std::initializer_list<std::string_view> kPresets = {"fast", "quality"};
 
 /// The engine itself is looked up where it is made: this room knows no engines.
@@ -41,6 +43,15 @@ void read_settings(const YamlValue& value, Settings& settings) {
     const YamlMap own(*paper, {"device_force_in_world", "device_impulse_threshold_n_s"});
     own.read("device_force_in_world", settings.paper.device_force_in_world);
     own.read("device_impulse_threshold_n_s", settings.paper.device_impulse_threshold_n_s, kNotNegative);
+  }
+  if (const auto delay = map.find("delay")) {
+    const YamlMap own(*delay, {"up_s", "down_s", "jitter_s", "seed"});
+    own.read("up_s", settings.delay.up_s, kDelay);
+    own.read("down_s", settings.delay.down_s, kDelay);
+    own.read("jitter_s", settings.delay.jitter_s, kDelay);
+    int seed = 1;
+    own.read("seed", seed, 0, 1'000'000'000);
+    settings.delay.seed = static_cast<std::uint64_t>(seed);
   }
   if (const auto world = map.find("world")) read_engine(*world, settings.world);
   if (const auto haptic = map.find("haptic")) read_engine(*haptic, settings.haptic);

@@ -68,9 +68,10 @@ class Hasher {
   }
   void put(const UserSpec& u) { add(u.name, u.proxy, u.box_half_m, u.coupling, u.device); }
   void put(const EngineSettings& e) { add(e.name, e.preset, e.iterations, e.substeps, e.gravity); }
+  void put(const DelaySettings& d) { add(d.up_s, d.down_s, d.jitter_s, d.seed); }
   void put(const Settings& s) {
     add(s.h_s, s.ratio, s.settle_s, s.settle_step_s, s.users, s.mode, s.scheme);
-    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.world, s.haptic);
+    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.world, s.haptic);
   }
 
   void byte(unsigned char b) { value_ = (value_ ^ b) * 0x100000001b3U; }

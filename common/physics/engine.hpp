@@ -23,6 +23,11 @@ struct Capabilities {
   bool deterministic = false;              ///< equal calls give equal bits
 };
 
+enum class Role : std::uint8_t {
+  body,
+  ghost,  ///< meets movable bodies only, and no other ghost
+};
+
 /// An opaque saved state; only the engine that made it can read it.
 struct Checkpoint {
   std::vector<std::byte> bytes;
@@ -37,7 +42,8 @@ class Engine {
   [[nodiscard]] virtual Capabilities capabilities() const noexcept = 0;
 
   /// Adds a body that is not there yet. Throws `Error` where the shape is not supported.
-  virtual void add(const Body& body, const BodyState& state) = 0;
+  virtual void add(const Body& body, const BodyState& state, Role role) = 0;
+  void add(const Body& body, const BodyState& state) { add(body, state, Role::body); }
   /// Removes a body; its contacts go with it.
   virtual void remove(BodyId id) = 0;
   [[nodiscard]] virtual bool contains(BodyId id) const noexcept = 0;

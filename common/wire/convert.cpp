@@ -183,6 +183,7 @@ void put(const BorderPair& in, msg::BorderPair& out) {
   out.outside(index(in.outside));
   put(in.point, out.point());
   put(in.normal, out.normal());
+  out.distance(in.distance);
   put(in.tangential_velocity, out.tangential_velocity());
   out.normal_impulse(in.normal_impulse);
   put(in.tangential_impulse, out.tangential_impulse());
@@ -191,7 +192,7 @@ void put(const BorderPair& in, msg::BorderPair& out) {
 bool get(const msg::BorderPair& in, BorderPair& out) {
   out.inside = BodyId{in.inside()};
   out.outside = BodyId{in.outside()};
-  return get(in.point(), out.point) && get(in.normal(), out.normal) &&
+  return get(in.point(), out.point) && get(in.normal(), out.normal) && get(in.distance(), out.distance) &&
          get(in.tangential_velocity(), out.tangential_velocity) && get(in.normal_impulse(), out.normal_impulse) &&
          get(in.tangential_impulse(), out.tangential_impulse);
 }
@@ -199,17 +200,26 @@ bool get(const msg::BorderPair& in, BorderPair& out) {
 void put(const GhostModel& in, msg::Ghost& out) {
   out.outside(index(in.outside));
   out.mass_kg(in.mass_kg);
-  out.force_n(in.force_n);
-  out.coulomb_limit_n(in.coulomb_limit_n);
-  put(in.normal, out.normal());
-  out.load_n_s(in.load_n_s);
+  out.axes().resize(in.axis_count);
+  for (std::size_t i = 0; i < in.axis_count; ++i) {
+    put(in.axes[i].normal, out.axes()[i].normal());
+    out.axes()[i].force_n(in.axes[i].force_n);
+    out.axes()[i].coulomb_limit_n(in.axes[i].coulomb_limit_n);
+    out.axes()[i].load_n(in.axes[i].load_n);
+  }
 }
 
 bool get(const msg::Ghost& in, GhostModel& out) {
   out.outside = BodyId{in.outside()};
-  return get_positive(in.mass_kg(), out.mass_kg) && get(in.force_n(), out.force_n) &&
-         get_positive(in.coulomb_limit_n(), out.coulomb_limit_n) && get(in.normal(), out.normal) &&
-         get(in.load_n_s(), out.load_n_s);
+  out.axis_count = in.axes().size();
+  if (out.axis_count > kMostGhostAxes || !get_positive(in.mass_kg(), out.mass_kg) || out.mass_kg == 0.0) return false;
+  for (std::size_t i = 0; i < out.axis_count; ++i) {
+    GhostAxis& axis = out.axes[i];
+    if (!get(in.axes()[i].normal(), axis.normal) || !get(in.axes()[i].force_n(), axis.force_n) ||
+        !get_positive(in.axes()[i].coulomb_limit_n(), axis.coulomb_limit_n) || !get(in.axes()[i].load_n(), axis.load_n))
+      return false;
+  }
+  return true;
 }
 
 void put(const UserView& in, msg::UserView& out) {
@@ -312,6 +322,7 @@ void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
   out.last(in.last);
   put_all(in.members, out.members());
   put_all(in.fixed, out.fixed_bodies());
+  out.islands() = in.islands;
   put_all(in.entering, out.entering());
   put_all(in.states, out.states());
   put_all(in.border, out.border());
@@ -321,6 +332,7 @@ void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
 bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
   out.user = UserId{in.user()};
   out.stamp = in.stamp();
+  out.islands = in.islands();
   out.echoed_sent_ns = in.echoed_sent_ns();
   out.echoed_stamp = in.echoed_stamp();
   out.last = in.last();
@@ -346,6 +358,7 @@ void to_wire(const HapticReport& in, msg::HapticReport& out) {
   put(in.device_angular_velocity, out.device_angular_velocity());
   put(in.device_applied, out.device_applied());
   put_all(in.members, out.members());
+  out.islands() = in.islands;
   out.indicators().proxy_impulse_n_s(in.indicators.proxy_impulse_n_s);
   out.indicators().total_impulse_n_s(in.indicators.total_impulse_n_s);
   out.indicators().device_impulse_n_s(in.indicators.device_impulse_n_s);
@@ -360,6 +373,7 @@ bool from_wire(const msg::HapticReport& in, HapticReport& out) {
   out.stamp = in.stamp();
   out.sent_ns = in.sent_ns();
   out.confirmed_stamp = in.confirmed_stamp();
+  out.islands = in.islands();
   out.indicators.border_bodies = in.indicators().border_bodies();
   out.indicators.proxy_contacts = in.indicators().proxy_contacts();
   return get(in.stamp_s(), out.stamp_s) && get(in.impulse(), out.impulse) &&

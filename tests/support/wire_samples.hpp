@@ -29,12 +29,15 @@ class SampleMaker {
     to.id = BodyId{word()};
     fill(to.state);
   }
+  void fill(std::uint32_t& to) { to = word(); }
   void fill(BodyId& to) { to = BodyId{word()}; }
   void fill(BorderPair& to) {
-    to = {BodyId{word()}, BodyId{word()}, vector(), vector().normalized(), vector(), number(), vector()};
+    to = {BodyId{word()}, BodyId{word()}, vector(), vector().normalized(), number(), vector(), number(), vector()};
   }
   void fill(GhostModel& to) {
-    to = {BodyId{word()}, positive(), number(), positive(), vector().normalized(), number()};
+    to = {.outside = BodyId{word()}, .mass_kg = 0.1 + positive(), .axis_count = word() % 4, .axes = {}};
+    for (std::size_t i = 0; i < to.axis_count; ++i)
+      to.axes[i] = {vector().normalized(), number(), positive(), number()};
   }
   void fill(Body& to) {
     to.id = BodyId{word()};
@@ -117,6 +120,7 @@ class SampleMaker {
     to.last = coin();
     fill_all(to.members);
     fill_all(to.fixed);
+    fill_all(to.islands);
     fill_all(to.entering);
     fill_all(to.states);
     fill_all(to.border);
@@ -138,6 +142,7 @@ class SampleMaker {
     to.device_angular_velocity = vector();
     fill(to.device_applied);
     fill_all(to.members);
+    fill_all(to.islands);
     to.indicators = {positive(), positive(), positive(), word(), word()};
     to.timing = {positive(), positive()};
   }
@@ -207,10 +212,14 @@ struct Walk {
   }
   void operator()(const EnteringBody& e) { all(e.body, e.state); }
   void operator()(const BorderPair& b) {
-    all(b.inside, b.outside, b.point, b.normal, b.tangential_velocity, b.normal_impulse, b.tangential_impulse);
+    all(b.inside, b.outside, b.point, b.normal, b.distance, b.tangential_velocity, b.normal_impulse,
+        b.tangential_impulse);
   }
   void operator()(const GhostModel& g) {
-    all(g.outside, g.mass_kg, g.force_n, g.coulomb_limit_n, g.normal, g.load_n_s);
+    all(g.outside, g.mass_kg);
+    for (std::size_t i = 0; i < g.axis_count; ++i) {
+      all(g.axes[i].normal, g.axes[i].force_n, g.axes[i].coulomb_limit_n, g.axes[i].load_n);
+    }
   }
   void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
   void operator()(const SceneDescription& s) { all(s.name, s.settings_hash, s.meshes, s.bodies, s.states); }
@@ -224,12 +233,12 @@ struct Walk {
   }
   void operator()(const WorldFrame& f) {
     all(f.user, f.stamp, f.stamp_s, f.start_in_s, f.clock_factor, f.echoed_sent_ns, f.echoed_stamp, f.last, f.members,
-        f.fixed, f.entering, f.states, f.border, f.ghosts);
+        f.fixed, f.islands, f.entering, f.states, f.border, f.ghosts);
   }
   void operator()(const HapticReport& r) {
     all(r.user, r.stamp, r.stamp_s, r.sent_ns, r.confirmed_stamp, r.impulse, r.impulse_total, r.device_work_j,
         r.coupling_energy_j, r.proxy, r.device_pose, r.device_linear_velocity, r.device_angular_velocity,
-        r.device_applied, r.members, r.indicators.proxy_impulse_n_s, r.indicators.total_impulse_n_s,
+        r.device_applied, r.members, r.islands, r.indicators.proxy_impulse_n_s, r.indicators.total_impulse_n_s,
         r.indicators.device_impulse_n_s, r.indicators.border_bodies, r.indicators.proxy_contacts, r.timing.mean_s,
         r.timing.max_s);
   }

@@ -234,29 +234,30 @@ WorldFrame frame_of(std::uint64_t stamp, std::uint64_t echoed, const BodyState& 
 
 TEST(Synchroniser, BothCopiesMeetAndTheProxyFollowsTheSubWorld) {
   const auto scheme = make_scheme(paper());
-  Synchroniser s(*scheme, BodyId{9}, {});
-  const auto pairs = s.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)));
+  Synchroniser s(*scheme, 16, BodyId{9}, {});
+  const auto pairs = s.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0);
   ASSERT_EQ(pairs.size(), 1U);
   EXPECT_NEAR(pairs[0].world.position.x(), 0.5, 1e-15);
   EXPECT_NEAR(pairs[0].sub.position.x(), -0.5, 1e-15);
 
-  Synchroniser proxy(*scheme, BodyId{1}, {});
-  EXPECT_NEAR(proxy.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)))[0].world.position.x(),
-              1.0, 1e-15);
-  Synchroniser peer(*scheme, BodyId{9}, {BodyId{1}});
-  EXPECT_NEAR(peer.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)))[0].sub.position.x(),
+  Synchroniser proxy(*scheme, 16, BodyId{1}, {});
+  EXPECT_NEAR(
+      proxy.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0)[0].world.position.x(), 1.0,
+      1e-15);
+  Synchroniser peer(*scheme, 16, BodyId{9}, {BodyId{1}});
+  EXPECT_NEAR(peer.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0)[0].sub.position.x(),
               -1.0, 1e-15);
 }
 
 // Both sides wrote stamp 2 before they had applied the blend of stamp 1: nothing may be corrected twice.
 TEST(Synchroniser, LateBlendsAreNotAppliedTwice) {
   const auto scheme = make_scheme(paper());
-  Synchroniser s(*scheme, BodyId{9}, {});
-  (void)s.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)));
-  const auto late = s.synchronise(frame_of(2, 0, at(0, 0, 0)), pushing_report(2, 0, at(1, 0, 0)));
+  Synchroniser s(*scheme, 16, BodyId{9}, {});
+  (void)s.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0);
+  const auto late = s.synchronise(frame_of(2, 0, at(0, 0, 0)), pushing_report(2, 0, at(1, 0, 0)), 1.0);
   EXPECT_NEAR(late[0].world.position.x(), 0.0, 1e-15);
   EXPECT_NEAR(late[0].sub.position.x(), 0.0, 1e-15);
-  const auto on_time = s.synchronise(frame_of(3, 2, at(0.5, 0, 0)), pushing_report(3, 2, at(0.7, 0, 0)));
+  const auto on_time = s.synchronise(frame_of(3, 2, at(0.5, 0, 0)), pushing_report(3, 2, at(0.7, 0, 0)), 1.0);
   EXPECT_NEAR(on_time[0].world.position.x(), 0.1, 1e-15);
 }
 

@@ -1,0 +1,79 @@
+#include "coupling/contact_graph.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+namespace subworld {
+
+void ContactGraph::build(std::span<const Contact> contacts, std::size_t bodies) {
+  contacts_ = contacts;
+  begin_.assign(bodies + 1, 0);
+  for (const Contact& c : contacts) {
+    ++begin_[index(c.a)];
+    ++begin_[index(c.b)];
+  }
+  std::exclusive_scan(begin_.begin(), begin_.end(), begin_.begin(), 0U);
+  entries_.resize(2 * contacts.size());
+  // Filling moves each body's begin to its end, which is the next body's begin: shifted back afterwards.
+  for (std::uint32_t i = 0; i < contacts.size(); ++i) {
+    entries_[begin_[index(contacts[i].a)]++] = i;
+    entries_[begin_[index(contacts[i].b)]++] = i;
+  }
+  std::shift_right(begin_.begin(), begin_.end(), 1);
+  begin_.front() = 0;
+}
+
+void Islands::begin(std::span<const BodyId> ids) {
+  ids_.assign(ids.begin(), ids.end());
+  parent_.resize(ids.size());
+  std::iota(parent_.begin(), parent_.end(), 0U);
+  open_.assign(ids.size(), false);
+}
+
+std::size_t Islands::place(BodyId id) const noexcept {
+  const auto at = std::lower_bound(ids_.begin(), ids_.end(), id);
+  return at != ids_.end() && *at == id ? static_cast<std::size_t>(at - ids_.begin()) : ids_.size();
+}
+
+std::uint32_t Islands::root(std::uint32_t i) noexcept {
+  while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+  return i;
+}
+
+void Islands::join(BodyId a, BodyId b) noexcept {
+  const std::size_t at_a = place(a);
+  const std::size_t at_b = place(b);
+  if (at_a == ids_.size()) return open(b);
+  if (at_b == ids_.size()) return open(a);
+  const std::uint32_t root_a = root(static_cast<std::uint32_t>(at_a));
+  const std::uint32_t root_b = root(static_cast<std::uint32_t>(at_b));
+  open_[std::min(root_a, root_b)] = open_[root_a] || open_[root_b];
+  parent_[std::max(root_a, root_b)] = std::min(root_a, root_b);
+}
+
+void Islands::open(BodyId id) noexcept {
+  const std::size_t at = place(id);
+  if (at != ids_.size()) open_[root(static_cast<std::uint32_t>(at))] = true;
+}
+
+void Islands::join(std::span<const BodyId> ids, std::span<const std::uint32_t> labels) noexcept {
+  for (std::size_t i = 0; i < std::min(ids.size(), labels.size()); ++i) {
+    if (labels[i] == kOpenIsland) {
+      open(ids[i]);
+    } else if (labels[i] < ids.size() && labels[i] != i) {
+      join(ids[i], ids[labels[i]]);
+    }
+  }
+}
+
+bool Islands::is_open(BodyId id) noexcept {
+  const std::size_t at = place(id);
+  return at == ids_.size() || open_[root(static_cast<std::uint32_t>(at))];
+}
+
+void Islands::labels(std::vector<std::uint32_t>& out) {
+  out.resize(ids_.size());
+  for (std::uint32_t i = 0; i < ids_.size(); ++i) out[i] = open_[root(i)] ? kOpenIsland : root(i);
+}
+
+}  // namespace subworld

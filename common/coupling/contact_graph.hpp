@@ -1,0 +1,57 @@
+#pragma once
+
+#include "model/body.hpp"
+#include "model/contact.hpp"
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// Which contacts a body has. Refers to the contacts it was made from.
+class ContactGraph {
+ public:
+  /// Ids of both bodies of every contact must be below `bodies`.
+  void build(std::span<const Contact> contacts, std::size_t bodies);
+
+  /// Indices into the contacts.
+  [[nodiscard]] std::span<const std::uint32_t> of(BodyId id) const noexcept {
+    return std::span(entries_).subspan(begin_[index(id)], begin_[index(id) + 1] - begin_[index(id)]);
+  }
+  [[nodiscard]] const Contact& contact(std::uint32_t i) const noexcept { return contacts_[i]; }
+
+ private:
+  std::span<const Contact> contacts_;
+  std::vector<std::uint32_t> begin_;  ///< by body, into entries_; one more than bodies
+  std::vector<std::uint32_t> entries_;
+};
+
+/// Label of an island that reaches out of the sub-world.
+inline constexpr std::uint32_t kOpenIsland = 0xFFFFFFFF;
+
+/// Islands of bodies that hang together by contacts.
+class Islands {
+ public:
+  /// Each id is an island of its own. `ids` ascend.
+  void begin(std::span<const BodyId> ids);
+  /// Joins two bodies; one that is not among the ids makes the other's island open.
+  void join(BodyId a, BodyId b) noexcept;
+  void open(BodyId id) noexcept;
+  /// Joins what `labels` of an earlier result, one for each of `ids`, say belongs together or is open.
+  void join(std::span<const BodyId> ids, std::span<const std::uint32_t> labels) noexcept;
+
+  [[nodiscard]] bool is_open(BodyId id) noexcept;
+  /// For each of the ids: kOpenIsland, or a number that its island alone has.
+  void labels(std::vector<std::uint32_t>& out);
+
+ private:
+  [[nodiscard]] std::size_t place(BodyId id) const noexcept;  ///< ids_.size() if it is not there
+  [[nodiscard]] std::uint32_t root(std::uint32_t i) noexcept;
+
+  std::vector<BodyId> ids_;
+  std::vector<std::uint32_t> parent_;
+  std::vector<bool> open_;  ///< of roots
+};
+
+}  // namespace subworld

@@ -1,0 +1,210 @@
+#include "coupling/ghost.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace subworld {
+
+namespace {
+
+constexpr double kPushing = 0.5;  ///< cosine; a contact that is steeper to the way than this is a side contact
+constexpr double kSameWay = 0.7;  ///< cosine; border contacts of one axis
+constexpr double kWallMass_kg = 1e5;
+constexpr double kWallLimit_n = 1e9;
+constexpr double kCreep_m_s = 1e-3;      ///< of a wall towards what it ought to carry
+constexpr double kSliding_m_s = -0.002;  ///< faster away from the inside than this: the outside slides
+
+/// From body `id` towards the other body of its contact.
+Vec3 outwards(const Contact& c, BodyId id) noexcept { return c.a == id ? Vec3(-c.normal) : c.normal; }
+BodyId other(const Contact& c, BodyId id) noexcept { return c.a == id ? c.b : c.a; }
+
+}  // namespace
+
+GhostModeller::GhostModeller(const Scene& scene) : scene_(scene) {
+  way_.reserve(scene.bodies.size());
+  counted_.reserve(scene.bodies.size());
+}
+
+bool GhostModeller::grounded(BodyId id, const ContactGraph& graph) const {
+  return std::ranges::any_of(graph.of(id),
+                             [&](std::uint32_t i) { return scene_.body(other(graph.contact(i), id)).fixed(); });
+}
+
+bool GhostModeller::push(BodyId from, const Vec3& along, const Membership& membership, const ContactGraph& graph) {
+  bool gives = true;
+  way_.assign(1, from);
+  for (std::size_t k = 0; k < way_.size(); ++k) {
+    const BodyId id = way_[k];
+    for (const std::uint32_t i : graph.of(id)) {
+      const Contact& c = graph.contact(i);
+      const BodyId next = other(c, id);
+      if (along.dot(outwards(c, id)) <= kPushing || std::ranges::binary_search(membership.members, next)) continue;
+      if (scene_.body(next).fixed()) {
+        gives = false;
+      } else if (std::ranges::find(way_, next) == way_.end()) {
+        way_.push_back(next);
+      }
+    }
+  }
+  return gives;
+}
+
+bool GhostModeller::pushed_by_another(BodyId body, BodyId from, const Vec3& along) const {
+  const auto same = std::ranges::equal_range(pushed_, body, {}, &Pushed::body);
+  return std::ranges::any_of(same, [&](const Pushed& p) { return p.from != from && p.along.dot(along) > kSameWay; });
+}
+
+GhostModeller::Walk GhostModeller::walk(BodyId from, const Vec3& along, const Membership& membership,
+                                        const ContactGraph& graph, double step_s) {
+  if (!push(from, along, membership, graph)) return {.mass_kg = kWallMass_kg, .wall = true};
+  Walk found;
+  const auto count = [&](BodyId id) {
+    if (std::ranges::find(counted_, id) != counted_.end()) return;
+    counted_.push_back(id);
+    found.mass_kg += scene_.body(id).mass;
+    if (scene_.body(id).gravity) found.heavy_kg += scene_.body(id).mass;
+  };
+  counted_.clear();
+  std::ranges::for_each(way_, count);
+  for (const BodyId id : way_) {
+    for (const std::uint32_t i : graph.of(id)) {
+      const Contact& c = graph.contact(i);
+      const BodyId beside = other(c, id);
+      if (std::abs(along.dot(outwards(c, id))) > kPushing) continue;
+      if (std::ranges::binary_search(membership.members, beside) || pushed_by_another(beside, from, along)) continue;
+      if (scene_.body(beside).fixed() || grounded(beside, graph)) {
+        const double mu = std::sqrt(scene_.body(id).material.friction * scene_.body(beside).material.friction);
+        found.limit_n += mu * c.normal_impulse / step_s;
+      } else {
+        count(beside);
+      }
+    }
+  }
+  return found;
+}
+
+void GhostModeller::find_axes(std::span<const BorderPair> border, double step_s, GhostModel& ghost) {
+  // The contact with the largest impulse that no axis serves yet begins the next one.
+  ghost.axis_count = 0;
+  const auto across = [&](Vec3 v) {
+    for (std::size_t i = 0; i < ghost.axis_count; ++i) v -= v.dot(ghost.axes[i].normal) * ghost.axes[i].normal;
+    return v;
+  };
+  while (ghost.axis_count < kMostGhostAxes) {
+    const BorderPair* first = nullptr;
+    for (const BorderPair& pair : border) {
+      if (pair.outside != ghost.outside || across(pair.normal).norm() < kSameWay) continue;
+      if (first == nullptr || pair.normal_impulse > first->normal_impulse) first = &pair;
+    }
+    if (first == nullptr) return;
+    Vec3 load = Vec3::Zero();
+    Vec3 touch = Vec3::Zero();
+    for (const BorderPair& pair : border) {
+      const double way = pair.outside == ghost.outside ? pair.normal.dot(first->normal) : 0.0;
+      if (std::abs(way) < kSameWay) continue;
+      load += pair.normal_impulse * pair.normal;
+      if (way > 0.0) touch += pair.normal;
+    }
+    const Vec3 mean = across(load.norm() > 0.0 ? load : touch);
+    GhostAxis& axis = ghost.axes[ghost.axis_count];
+    axis = {.normal = (mean.norm() > 0.0 ? mean : across(first->normal)).normalized()};
+    axis.load_n = load.dot(axis.normal) / step_s;
+    ++ghost.axis_count;
+  }
+}
+
+void GhostModeller::model(std::span<const BorderPair> border, const Membership& membership, const ContactGraph& graph,
+                          const std::function<Motion(BodyId)>& motion_of, double step_s, std::vector<GhostModel>& out) {
+  out.clear();
+  for (const BorderPair& pair : border) {
+    const auto at = std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside);
+    if (at == out.end() || at->outside != pair.outside) out.insert(at, GhostModel{.outside = pair.outside, .axes = {}});
+  }
+  pushed_.clear();
+  for (GhostModel& ghost : out) {
+    find_axes(border, step_s, ghost);
+    for (std::size_t i = 0; i < ghost.axis_count; ++i) {
+      const Vec3 along = -ghost.axes[i].normal;
+      if (!push(ghost.outside, along, membership, graph)) continue;
+      for (const BodyId id : way_) pushed_.push_back({id, ghost.outside, along});
+    }
+  }
+  std::ranges::stable_sort(pushed_, {}, &Pushed::body);
+  for (GhostModel& ghost : out) {
+    const Motion motion = motion_of(ghost.outside);
+    for (std::size_t i = 0; i < ghost.axis_count; ++i) {
+      GhostAxis& axis = ghost.axes[i];
+      const Walk found = walk(ghost.outside, -axis.normal, membership, graph, step_s);
+      if (found.wall) {
+        axis.force_n = std::max(0.0, axis.load_n);
+        axis.coulomb_limit_n = kWallLimit_n;
+        continue;
+      }
+      const double p = axis.load_n;
+      double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
+      double c = found.limit_n;
+      const bool slides = motion.velocity.dot(axis.normal) < kSliding_m_s && p > 0.0;
+      c = slides ? std::max(0.0, p - f) : std::max(c, p - f);
+      f = std::clamp(f, p - c, p + c);
+      axis.force_n = f;
+      axis.coulomb_limit_n = c;
+      if (ghost.mass_kg == 0.0) ghost.mass_kg = found.mass_kg;  // the heaviest loaded way that gives
+    }
+    if (ghost.mass_kg == 0.0) ghost.mass_kg = kWallMass_kg;
+  }
+}
+
+Vec3 clearance(const GhostModel& ghost, std::span<const BorderPair> border,
+               const std::function<Vec3(BodyId)>& offset_of) {
+  Vec3 move = Vec3::Zero();
+  for (std::size_t i = 0; i < ghost.axis_count; ++i) {
+    double deepest = 0.0;
+    for (const BorderPair& pair : border) {
+      if (pair.outside != ghost.outside || pair.normal.dot(ghost.axes[i].normal) < kSameWay) continue;
+      deepest = std::min(deepest, pair.distance + pair.normal.dot(offset_of(pair.inside)));
+    }
+    move += deepest * ghost.axes[i].normal;
+  }
+  return move;
+}
+
+void GhostMotion::renew(const GhostModel& newer) noexcept {
+  Vec3 felt = Vec3::Zero();
+  for (std::size_t i = 0; i < model.axis_count; ++i) felt += contact_n_s[i] * model.axes[i].normal;
+  model = newer;
+  for (std::size_t i = 0; i < model.axis_count; ++i) contact_n_s[i] = std::max(0.0, felt.dot(model.axes[i].normal));
+}
+
+Vec3 GhostMotion::along(const Vec3& v) const noexcept {
+  Vec3 part = Vec3::Zero();
+  for (std::size_t i = 0; i < model.axis_count; ++i) part += v.dot(model.axes[i].normal) * model.axes[i].normal;
+  return part;
+}
+
+Vec3 GhostMotion::force() const noexcept {
+  Vec3 sum = Vec3::Zero();
+  for (std::size_t i = 0; i < model.axis_count; ++i) sum += model.axes[i].force_n * model.axes[i].normal;
+  return sum;
+}
+
+Vec3 GhostMotion::begin(const Vec3& velocity, double dt) const noexcept {
+  Vec3 start = world_velocity - along(world_velocity) + along(velocity);
+  for (std::size_t i = 0; i < model.axis_count; ++i) {
+    const GhostAxis& axis = model.axes[i];
+    // Where the step would end, the load being that of the last one.
+    const double end = velocity.dot(axis.normal) + (axis.force_n * dt - contact_n_s[i]) / model.mass_kg;
+    const double limit = axis.coulomb_limit_n / model.mass_kg * dt;
+    const bool wall = axis.coulomb_limit_n >= kWallLimit_n;
+    start -= (wall ? end - std::clamp(end, 0.0, kCreep_m_s) : std::clamp(end, -limit, limit)) * axis.normal;
+  }
+  return start;
+}
+
+void GhostMotion::end(const Vec3& before, const Vec3& after, double dt) noexcept {
+  for (std::size_t i = 0; i < model.axis_count; ++i) {
+    const GhostAxis& axis = model.axes[i];
+    contact_n_s[i] = std::max(0.0, model.mass_kg * axis.normal.dot(before - after) + axis.force_n * dt);
+  }
+}
+
+}  // namespace subworld

@@ -1,0 +1,91 @@
+#pragma once
+
+#include "coupling/border.hpp"
+#include "coupling/contact_graph.hpp"
+#include "coupling/selection.hpp"
+#include "model/exchange.hpp"
+#include "model/scene.hpp"
+
+#include <array>
+#include <functional>
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// Finds the reduced model of every outside body that touches inside ones: how heavy it is to push along the border's
+/// normals, which force drives it and how much friction holds it. An axis of a model is the impulse-weighted mean of
+/// the border contacts that point one way; others become further axes, as far as they are across the first ones.
+///
+/// For each axis n the outside is walked from the body along d = -n. What it pushes adds its mass; something fixed
+/// makes a wall. A side contact with the ground, or with a body that stands on the ground, adds mu lambda / T to the
+/// Coulomb limit; with any other body it adds that body's mass. What another ghost pushes the same way is no hold.
+/// Force f = M g.n. Where the load p and the outside's motion say more than the walk can see, limit and force give way:
+/// sliding, c = p - f + M a, a its acceleration along n; at rest, c >= p - f; and always |p - f| <= c.
+class GhostModeller {
+ public:
+  struct Motion {
+    Vec3 velocity = Vec3::Zero();      ///< m/s
+    Vec3 acceleration = Vec3::Zero();  ///< mean over the step, m/s^2
+  };
+
+  explicit GhostModeller(const Scene& scene);
+
+  /// `border` is that of `membership`; `graph` that of the world's contacts, totals over `step_s`. Ascending by
+  /// `outside`.
+  void model(std::span<const BorderPair> border, const Membership& membership, const ContactGraph& graph,
+             const std::function<Motion(BodyId)>& motion_of, double step_s, std::vector<GhostModel>& out);
+
+ private:
+  struct Walk {
+    double mass_kg = 0.0;
+    double heavy_kg = 0.0;  ///< of it, what gravity acts on
+    double limit_n = 0.0;
+    bool wall = false;
+  };
+  /// Fills the normals and loads.
+  static void find_axes(std::span<const BorderPair> border, double step_s, GhostModel& ghost);
+  /// A body that is pushed along, when the ghost `from` is.
+  struct Pushed {
+    BodyId body{};
+    BodyId from{};
+    Vec3 along = Vec3::Zero();
+  };
+  /// Lists what `from` pushes, itself first. False where something fixed is among it.
+  bool push(BodyId from, const Vec3& along, const Membership& membership, const ContactGraph& graph);
+  [[nodiscard]] Walk walk(BodyId from, const Vec3& along, const Membership& membership, const ContactGraph& graph,
+                          double step_s);
+  [[nodiscard]] bool pushed_by_another(BodyId body, BodyId from, const Vec3& along) const;
+  [[nodiscard]] bool grounded(BodyId id, const ContactGraph& graph) const;
+
+  const Scene& scene_;
+  std::vector<BodyId> way_;      ///< what a push moves, in the order of its discovery
+  std::vector<BodyId> counted_;  ///< of the walk in hand
+  std::vector<Pushed> pushed_;   ///< by all ghosts' axes, by body
+};
+
+/// The displacement, m, that takes a new ghost out of what it would penetrate: the world's gaps at the outside body,
+/// corrected for how the inside bodies differ from the world's. `offset_of` is that difference.
+[[nodiscard]] Vec3 clearance(const GhostModel& ghost, std::span<const BorderPair> border,
+                             const std::function<Vec3(BodyId)>& offset_of);
+
+/// A ghost while it runs: a point mass with friction along its axes, the world's body across them. What it feels is a
+/// contraction, so an outside that sticks stays where it is.
+struct GhostMotion {
+  GhostModel model;
+  Vec3 world_velocity = Vec3::Zero();                ///< m/s, of the world's body
+  std::array<double, kMostGhostAxes> contact_n_s{};  ///< lambda, along each normal, on the inside, of the last step
+
+  /// Takes a new model; what was felt along the old axes is felt along the nearest new ones.
+  void renew(const GhostModel& newer) noexcept;
+  /// The part of a vector along the axes.
+  [[nodiscard]] Vec3 along(const Vec3& v) const noexcept;
+  /// The force that drives it, N.
+  [[nodiscard]] Vec3 force() const noexcept;
+  /// The velocity with which the step begins: friction works against what the last step's load would do.
+  [[nodiscard]] Vec3 begin(const Vec3& velocity, double dt) const noexcept;
+  /// After the step, with the velocity it began and ended with.
+  void end(const Vec3& before, const Vec3& after, double dt) noexcept;
+};
+
+}  // namespace subworld

@@ -1,0 +1,37 @@
+#pragma once
+
+#include "model/contact.hpp"
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// Adds up the contacts of several sub-steps. A point that more than one of them saw is found again by its place.
+class ContactTotals {
+ public:
+  ContactTotals();
+
+  void clear() noexcept;
+  /// `reach_m`: how far a point may lie from where the sub-step before saw it. Call with ascending `substep`.
+  void add(const Contact& contact, int substep, double reach_m);
+  /// Closes the step: contacts by bodies, place and velocity as last seen, impulses summed.
+  void merge();
+  [[nodiscard]] std::span<const Contact> contacts() const noexcept { return contacts_; }
+
+ private:
+  struct Collected {
+    Contact contact;
+    int substep;
+    double reach_m;
+  };
+  [[nodiscard]] std::size_t find(const Collected& wanted, std::size_t begin) const;
+
+  std::vector<Collected> collected_;
+  std::vector<std::uint32_t> by_pair_;  ///< indices into collected_, by bodies
+  std::vector<Contact> contacts_;
+  std::vector<int> last_seen_;  ///< sub-step, of contacts_[i]
+};
+
+}  // namespace subworld

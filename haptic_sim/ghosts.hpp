@@ -1,0 +1,58 @@
+#pragma once
+
+#include "coupling/ghost.hpp"
+#include "model/exchange.hpp"
+#include "model/scene.hpp"
+#include "physics/engine.hpp"
+
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// The outside bodies that touch a sub-world, as its engine sees them: their real shapes, which meet members only and
+/// move by their reduced models along the border's normal, by the world's states across it.
+class Ghosts {
+ public:
+  Ghosts(const Scene& scene, std::uint64_t remembered_cycles);
+
+  /// Follows a frame that is `lag_s` old: ghosts that come and go, models, and `gain` of the error along the normal.
+  /// Corrections of the members must be done.
+  void follow(const WorldFrame& frame, Engine& engine, double lag_s, double gain);
+  /// Takes a ghost out of the engine; what it was doing, if it is one.
+  [[nodiscard]] std::optional<BodyState> release(BodyId id, Engine& engine);
+  void clear(Engine& engine);
+
+  /// Before and after each step of `dt`.
+  void begin(Engine& engine, double dt);
+  void end(const Engine& engine, double dt);
+  /// Writes down where they are at a stamp.
+  void log(std::uint64_t stamp, const Engine& engine);
+
+  [[nodiscard]] std::size_t size() const noexcept { return ghosts_.size(); }
+
+ private:
+  struct Logged {
+    std::uint64_t stamp = 0;
+    bool written = false;
+    Vec3 position = Vec3::Zero();
+    Vec3 velocity = Vec3::Zero();
+  };
+  struct Ghost {
+    BodyId id{};
+    GhostMotion motion;
+    Vec3 start = Vec3::Zero();  ///< velocity with which the step under way began, m/s
+    std::vector<Logged> log;
+  };
+
+  void create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s);
+  void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s,
+               double gain);
+
+  const Scene& scene_;
+  std::uint64_t remembered_;
+  std::vector<Ghost> ghosts_;  ///< by id
+};
+
+}  // namespace subworld

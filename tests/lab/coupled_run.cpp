@@ -1,0 +1,120 @@
+#include "lab/coupled_run.hpp"
+
+#include <algorithm>
+#include <ctime>
+
+namespace subworld {
+
+namespace {
+
+/// Adds the calling thread's CPU time while it lives.
+class CpuTimer {
+ public:
+  explicit CpuTimer(Histogram& into) noexcept : into_(into), begin_(now()) {}
+  ~CpuTimer() { into_.add(now() - begin_); }
+  CpuTimer(const CpuTimer&) = delete;
+  CpuTimer& operator=(const CpuTimer&) = delete;
+
+ private:
+  static double now() noexcept {
+    timespec t{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+  }
+  Histogram& into_;
+  double begin_;
+};
+
+}  // namespace
+
+CoupledRun::CoupledRun(const Scene& scene)
+    : scene_(scene), world(scene_), felt(static_cast<std::size_t>(scene_.settings.users)) {
+  world.settle([](double) { return true; });
+  const Scheme& scheme = world.scheme();
+  for (std::size_t u = 0; u < felt.size(); ++u) {
+    subs.push_back(std::make_unique<SubWorld>(scene_, u));
+    devices.push_back(std::make_unique<EmulatedDevice>(scene_.users[u].device, static_cast<std::uint32_t>(u)));
+    Link link{.delay = Delay(scene_.settings, scheme.lead_cycles(), static_cast<std::uint32_t>(u)),
+              .reports = {},
+              .frames = {}};
+    link.reports.resize(remembered_cycles(scene_.settings, scheme));
+    link.frames.resize(link.reports.size());
+    links_.push_back(std::move(link));
+    subs[u]->apply(world.frame(u));
+    if (scheme.has_sub_world()) send_report(u);
+  }
+}
+
+void CoupledRun::send_report(std::size_t user) {
+  Link& link = links_[user];
+  const HapticReport& report = subs[user]->report(1);
+  link.newest_report = report.stamp;
+  link.reports[report.stamp % link.reports.size()] = report;
+}
+
+void CoupledRun::deliver_frames(std::size_t user, std::uint64_t step) {
+  Link& link = links_[user];
+  for (; link.next_frame <= world.stamp() && link.delay.frame_due(link.next_frame) <= step; ++link.next_frame) {
+    const CpuTimer timer(cpu.synchronise);
+    subs[user]->apply(link.frames[link.next_frame % link.frames.size()]);
+  }
+}
+
+void CoupledRun::haptic_cycle(std::size_t user) {
+  const double h = scene_.settings.h_s;
+  SubWorld& sub = *subs[user];
+  EmulatedDevice& device = *devices[user];
+  for (int i = 0; i < scene_.settings.ratio; ++i) {
+    if (i > 0) deliver_frames(user, cycle_ * scene_.settings.ratio + i);
+    const DeviceState state = device.state();
+    FeltStep step;
+    {
+      const CpuTimer timer(cpu.haptic);
+      step = sub.feel(state, true, h);
+      if (!sub.scheme().has_sub_world() && i == 0) send_report(user);
+      sub.advance(h);
+    }
+    felt[user].force.push_back(step.felt.force);
+    DeviceCommand command;
+    command.wrench = step.to_hand;
+    command.pose.position = sub.proxy().position - sub.clutch();
+    command.linear_velocity = sub.proxy().linear_velocity;
+    device.step(command, h);
+    felt[user].proxy.push_back(sub.proxy());
+  }
+  if (sub.scheme().has_sub_world()) send_report(user);
+}
+
+void CoupledRun::cycle() {
+  for (std::size_t u = 0; u < subs.size(); ++u) haptic_cycle(u);
+  const auto lead = static_cast<std::uint64_t>(world.scheme().lead_cycles());
+  ++cycle_;
+  if (cycle_ > lead) {
+    for (Link& link : links_) {
+      while (link.next_report <= link.newest_report && link.delay.report_due(link.next_report) <= world.stamp()) {
+        world.receive(HapticReport(link.reports[link.next_report++ % link.reports.size()]));
+      }
+    }
+    {
+      const CpuTimer timer(cpu.world);
+      world.step();
+    }
+    for (std::size_t u = 0; u < subs.size(); ++u) {
+      links_[u].frames[world.stamp() % links_[u].frames.size()] = world.frame(u);
+    }
+  }
+  for (std::size_t u = 0; u < subs.size(); ++u) {
+    deliver_frames(u, cycle_ * static_cast<std::uint64_t>(scene_.settings.ratio));
+  }
+}
+
+bool CoupledRun::finite() const noexcept {
+  return world.finite() && std::ranges::all_of(subs, [](const auto& sub) { return sub->finite(); });
+}
+
+bool CoupledRun::run() {
+  while (finite() && world.time_s() < scene_.settings.duration_s - 1e-9) cycle();
+  return finite();
+}
+
+}  // namespace subworld

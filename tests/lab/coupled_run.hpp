@@ -1,0 +1,67 @@
+#pragma once
+
+#include "coupling/delay.hpp"
+#include "device_sim/emulated_device.hpp"
+#include "haptic_sim/sub_world.hpp"
+#include "model/scene.hpp"
+#include "rt/histogram.hpp"
+#include "world_sim/world.hpp"
+
+#include <memory>
+#include <vector>
+
+namespace subworld {
+
+/// What one user felt, one entry per haptic step, on the proxy.
+struct FeltHistory {
+  std::vector<Vec3> force;  ///< N, by the coupling, before the ramp
+  std::vector<BodyState> proxy;
+};
+
+/// CPU time of each part, s per call.
+struct CpuTimes {
+  Histogram world;        ///< a cycle of the world
+  Histogram haptic;       ///< a haptic step
+  Histogram synchronise;  ///< a frame taken into the sub-world
+};
+
+/// The whole system in lock-step in one process, without a bus: the same ticks in the same order, with the artificial
+/// delays of the settings.
+class CoupledRun {
+ public:
+  explicit CoupledRun(const Scene& scene);
+
+  /// r steps of every user, and the cycle of the world that is due.
+  void cycle();
+  /// Until the world has come to the scene's duration, or something is no longer finite. False then.
+  bool run();
+  [[nodiscard]] bool finite() const noexcept;
+
+  [[nodiscard]] WorldFrame& frame(std::size_t user = 0) { return world.frame(user); }
+
+ private:
+  struct Link {
+    Delay delay;
+    std::vector<HapticReport> reports;  ///< by stamp
+    std::vector<WorldFrame> frames;     ///< by stamp
+    std::uint64_t next_report = 0;      ///< for the world
+    std::uint64_t newest_report = 0;
+    std::uint64_t next_frame = 1;  ///< for the sub-world
+  };
+  void haptic_cycle(std::size_t user);
+  void send_report(std::size_t user);
+  void deliver_frames(std::size_t user, std::uint64_t step);
+
+  Scene scene_;
+  std::uint64_t cycle_ = 0;
+  std::vector<Link> links_;
+
+ public:
+  World world;
+  std::vector<std::unique_ptr<SubWorld>> subs;
+  std::vector<std::unique_ptr<EmulatedDevice>> devices;
+  std::vector<FeltHistory> felt;  ///< by user
+  CpuTimes cpu;
+};
+
+}  // namespace subworld
