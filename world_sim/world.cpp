@@ -67,7 +67,12 @@ World::World(const Scene& scene)
   const double cycle_s = scene.settings.cycle_s();
   substeps_ = scene.settings.world.substeps.value_or(
       std::max(1, static_cast<int>(std::ceil(cycle_s / scheme_->longest_world_step_s() - 1e-9))));
-  for (const Body& body : scene.bodies) engine_->add(body, scene.initial[index(body.id)]);
+  const auto later = [&](BodyId id) {
+    return std::ranges::any_of(scene.users, [&](const UserSpec& user) { return user.joins_late && user.proxy == id; });
+  };
+  for (const Body& body : scene.bodies) {
+    if (!later(body.id)) engine_->add(body, scene.initial[index(body.id)]);
+  }
   for (std::size_t u = 0; u < users_.size(); ++u) {
     users_[u].spec = &scene.users[u];
     std::vector<BodyId> peers;
@@ -84,7 +89,6 @@ World::World(const Scene& scene)
     reserve(users_[u].report, kUsualMembers);
     reserve(users_[u].before, kUsualMembers);
   }
-  extract();
 }
 
 bool World::settle(const std::function<bool(double)>& progress) {
@@ -92,6 +96,7 @@ bool World::settle(const std::function<bool(double)>& progress) {
   const auto steps = static_cast<int>(std::lround(scene_.settings.settle_s / dt));
   for (int i = 0; i < steps; ++i) {
     for (const User& user : users_) {
+      if (user.spec->joins_late) continue;
       const BodyState& start = scene_.initial[index(user.spec->proxy)];
       const DevicePose device{{start.position, start.orientation}, Vec3::Zero(), Vec3::Zero()};
       hold(*user.spec, device, limits_of(user.spec->device), dt);
@@ -99,9 +104,9 @@ bool World::settle(const std::function<bool(double)>& progress) {
     engine_->step(dt);
     if (!progress(static_cast<double>(i + 1) / steps)) return false;
   }
-  for (User& user : users_) {
+  for (const User& user : users_) {
     const Body& proxy = scene_.body(user.spec->proxy);
-    engine_->set_inertia(proxy.id, proxy.mass, proxy.inertia);
+    if (!user.spec->joins_late) engine_->set_inertia(proxy.id, proxy.mass, proxy.inertia);
   }
   settled_.assign(engine_->contacts().begin(), engine_->contacts().end());
   for (Contact& c : settled_) {
@@ -109,6 +114,9 @@ bool World::settle(const std::function<bool(double)>& progress) {
     c.tangential_impulse *= scene_.settings.cycle_s() / dt;
   }
   contacts_ = settled_;
+  for (const UserSpec& user : scene_.users) {
+    if (user.joins_late) engine_->add(scene_.body(user.proxy), scene_.initial[index(user.proxy)]);
+  }
   extract();
   account();
   start_energy_j_ = kinetic_j_ + potential_j_;
@@ -182,13 +190,7 @@ void World::drive_proxies(double until_s, double dt) {
   }
 }
 
-void World::remember_velocities() {
-  begun_with_.resize(scene_.bodies.size());
-  for (const Body& body : scene_.bodies) begun_with_[index(body.id)] = engine_->state(body.id).linear_velocity;
-}
-
 void World::simulate_cycle() {
-  if (scheme_->has_ghosts()) remember_velocities();
   const double dt = scene_.settings.cycle_s() / substeps_;
   totals_.clear();
   for (int i = 0; i < substeps_; ++i) {
@@ -219,7 +221,6 @@ void World::step() {
 }
 
 void World::extract() {
-  if (begun_with_.empty()) remember_velocities();
   if (scheme_->has_ghosts()) graph_.build(contacts_, scene_.bodies.size());
   for (User& user : users_) extract(user);
 }
@@ -255,11 +256,8 @@ void World::extract(User& user) {
 void World::describe_outside(const User& user, WorldFrame& frame) {
   const Membership& now = user.membership;
   const double cycle_s = scene_.settings.cycle_s();
-  const auto motion_of = [&](BodyId id) -> GhostModeller::Motion {
-    const Vec3 velocity = engine_->state(id).linear_velocity;
-    return {velocity, (velocity - begun_with_[index(id)]) / cycle_s};
-  };
-  modeller_.model(frame.border, now, graph_, motion_of, cycle_s, frame.ghosts);
+  const auto velocity_of = [&](BodyId id) { return engine_->state(id).linear_velocity; };
+  modeller_.model(frame.border, now, graph_, velocity_of, cycle_s, frame.ghosts);
   islands_.begin(now.members);
   for (const Contact& c : contacts_) {
     if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) islands_.join(c.a, c.b);
@@ -330,7 +328,9 @@ SceneDescription World::description(std::uint64_t settings_hash) const {
   description.settings_hash = settings_hash;
   description.meshes = scene_.meshes;
   description.bodies = scene_.bodies;
-  for (const Body& body : scene_.bodies) description.states.push_back(engine_->state(body.id));
+  for (const Body& body : scene_.bodies) {
+    description.states.push_back(engine_->contains(body.id) ? engine_->state(body.id) : scene_.initial[index(body.id)]);
+  }
   return description;
 }
 

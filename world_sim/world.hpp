@@ -82,7 +82,6 @@ class World {
   void drive_proxies(double until_s, double dt);
   void hold(const UserSpec& user, const DevicePose& target, const ForceLimits& limits, double dt);
   void simulate_cycle();
-  void remember_velocities();
   void extract();
   void extract(User& user);
   void describe_outside(const User& user, WorldFrame& frame);
@@ -105,7 +104,6 @@ class World {
   ContactGraph graph_;
   GhostModeller modeller_;
   Islands islands_;
-  std::vector<Vec3> begun_with_;  ///< velocities at the start of the last cycle, m/s
   std::vector<double> energy_j_;  ///< kinetic and potential, by stamp
   double start_energy_j_ = 0.0;
   double kinetic_j_ = 0.0;

@@ -114,7 +114,7 @@ void GhostModeller::find_axes(std::span<const BorderPair> border, double step_s,
 }
 
 void GhostModeller::model(std::span<const BorderPair> border, const Membership& membership, const ContactGraph& graph,
-                          const std::function<Motion(BodyId)>& motion_of, double step_s, std::vector<GhostModel>& out) {
+                          const std::function<Vec3(BodyId)>& velocity_of, double step_s, std::vector<GhostModel>& out) {
   out.clear();
   for (const BorderPair& pair : border) {
     const auto at = std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside);
@@ -131,7 +131,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
   }
   std::ranges::stable_sort(pushed_, {}, &Pushed::body);
   for (GhostModel& ghost : out) {
-    const Motion motion = motion_of(ghost.outside);
+    const Vec3 velocity = velocity_of(ghost.outside);
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       GhostAxis& axis = ghost.axes[i];
       const Walk found = walk(ghost.outside, -axis.normal, membership, graph, step_s);
@@ -143,7 +143,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
       const double p = axis.load_n;
       double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
       double c = found.limit_n;
-      const bool slides = motion.velocity.dot(axis.normal) < kSliding_m_s && p > 0.0;
+      const bool slides = velocity.dot(axis.normal) < kSliding_m_s && p > 0.0;
       c = slides ? std::max(0.0, p - f) : std::max(c, p - f);
       f = std::clamp(f, p - c, p + c);
       axis.force_n = f;

@@ -21,20 +21,15 @@ namespace subworld {
 /// makes a wall. A side contact with the ground, or with a body that stands on the ground, adds mu lambda / T to the
 /// Coulomb limit; with any other body it adds that body's mass. What another ghost pushes the same way is no hold.
 /// Force f = M g.n. Where the load p and the outside's motion say more than the walk can see, limit and force give way:
-/// sliding, c = p - f + M a, a its acceleration along n; at rest, c >= p - f; and always |p - f| <= c.
+/// sliding, c = p - f; at rest, c >= p - f; and always |p - f| <= c.
 class GhostModeller {
  public:
-  struct Motion {
-    Vec3 velocity = Vec3::Zero();      ///< m/s
-    Vec3 acceleration = Vec3::Zero();  ///< mean over the step, m/s^2
-  };
-
   explicit GhostModeller(const Scene& scene);
 
   /// `border` is that of `membership`; `graph` that of the world's contacts, totals over `step_s`. Ascending by
   /// `outside`.
   void model(std::span<const BorderPair> border, const Membership& membership, const ContactGraph& graph,
-             const std::function<Motion(BodyId)>& motion_of, double step_s, std::vector<GhostModel>& out);
+             const std::function<Vec3(BodyId)>& velocity_of, double step_s, std::vector<GhostModel>& out);
 
  private:
   struct Walk {

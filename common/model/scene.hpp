@@ -74,6 +74,7 @@ struct UserSpec {
   std::string name;
   BodyId proxy{};
   bool own_proxy = false;   ///< the proxy is there for this user alone, not a body of the scene
+  bool joins_late = false;  ///< the proxy comes into the world when that has settled
   double box_half_m = 0.2;  ///< half side of the selection box around the proxy (paper 4.1)
   CouplingSettings coupling;
   DeviceSpec device;

@@ -53,7 +53,7 @@ Layout lay_out(const GridLayout& grid) {
   for (int z = 0; z < grid.counts[2]; ++z) {
     for (int y = 0; y < grid.counts[1]; ++y) {
       for (int x = 0; x < grid.counts[0]; ++x) {
-        Vec3 offset = grid.spacing.cwiseProduct(Vec3(x, y, z));
+        Vec3 offset = grid.steps * Vec3(x, y, z);
         if (x % 2 == 1) offset += grid.odd_column_shift;
         layout.push_back({offset, Quat::Identity()});
       }

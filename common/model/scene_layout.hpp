@@ -14,9 +14,9 @@ namespace subworld {
 using Layout = std::vector<Pose>;
 
 struct GridLayout {
-  std::array<int, 3> counts{1, 1, 1};    ///< x runs fastest, then y, then z
-  Vec3 spacing = Vec3::Zero();           ///< m, centre to centre
-  Vec3 odd_column_shift = Vec3::Zero();  ///< m, of every second column along x
+  std::array<int, 3> counts{1, 1, 1};               ///< x runs fastest, then y, then z
+  Eigen::Matrix3d steps = Eigen::Matrix3d::Zero();  ///< m, centre to centre, a column for each count
+  Vec3 odd_column_shift = Vec3::Zero();             ///< m, of every second column along x
 };
 [[nodiscard]] Layout lay_out(const GridLayout& grid);
 

@@ -14,7 +14,7 @@ GridLayout read_row(const YamlValue& value) {
   const YamlMap map(value, {"count", "step_m"});
   GridLayout grid;
   grid.counts[0] = map.at("count").integer(1, kMostBodies);
-  grid.spacing = map.at("step_m").vec3(kOffset);
+  grid.steps.col(0) = map.at("step_m").vec3(kOffset);
   return grid;
 }
 
@@ -24,7 +24,7 @@ GridLayout read_grid(const YamlValue& value) {
   const YamlValue counts = map.at("counts");
   (void)counts.numbers(3);
   for (std::size_t i = 0; i < 3; ++i) grid.counts[i] = counts.items()[i].integer(1, kMostBodies);
-  grid.spacing = map.at("spacing_m").vec3(kOffset);
+  grid.steps = map.at("spacing_m").vec3(kOffset).asDiagonal();
   if (const auto shift = map.find("odd_column_shift_m")) grid.odd_column_shift = shift->vec3(kOffset);
   return grid;
 }
@@ -38,7 +38,7 @@ GridLayout read_stack(const YamlValue& value, const SolidShape& solid) {
   grid.counts[2] = map.at("count").integer(1, kMostBodies);
   double gap = 0.0;
   map.read("gap_m", gap, kGap);
-  grid.spacing.z() = 2.0 * solid.half_extents.z() + gap;
+  grid.steps(2, 2) = 2.0 * solid.half_extents.z() + gap;
   return grid;
 }
 

@@ -135,7 +135,7 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
   if (items.empty()) list.fail("a scene needs at least one user; add one");
   if (items.size() > kMostUsers) list.fail(fmt::format("{} users; a scene has at most {}", items.size(), kMostUsers));
   for (const YamlValue& item : items) {
-    const YamlMap map(item, {"name", "proxy", "coupling", "box_half_m", "device"});
+    const YamlMap map(item, {"name", "proxy", "joins", "coupling", "box_half_m", "device"});
     UserSpec user;
     user.name = map.at("name").name();
     const YamlValue proxy = map.at("proxy");
@@ -146,6 +146,13 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
     const std::size_t others = scene.bodies.size();
     user.proxy = bodies.read_proxy(proxy, user.name);
     user.own_proxy = scene.bodies.size() > others;
+    if (const auto joins = map.find("joins")) {
+      user.joins_late = joins->choice({"start", "after_settling"}) == 1;
+      if (user.joins_late && !user.own_proxy) {
+        joins->fail(
+            "a body of the scene is there from the start; describe a proxy of the user's own or remove the key");
+      }
+    }
     for (const UserSpec& other : scene.users) {
       if (other.proxy == user.proxy) {
         proxy.fail(fmt::format("is the proxy of \"{}\" already; give every user a body of its own", other.name));

@@ -1,0 +1,207 @@
+#include "coupling/ghost.hpp"
+#include "coupling/delay.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace subworld {
+namespace {
+
+constexpr double kStep_s = 0.004;
+constexpr double kCube_kg = 0.2;
+constexpr double kWeight_n = kCube_kg * 9.81;
+constexpr BodyId kFloor{0};
+
+/// A floor and cubes; contacts are listed as forces.
+struct Outside {
+  explicit Outside(std::uint32_t cubes) {
+    Body floor;
+    floor.id = kFloor;
+    floor.shape.kind = ShapeKind::plane;
+    scene.bodies.push_back(floor);
+    for (std::uint32_t i = 1; i <= cubes; ++i) {
+      Body cube;
+      cube.id = BodyId{i};
+      cube.shape.kind = ShapeKind::box;
+      cube.mass = kCube_kg;
+      scene.bodies.push_back(cube);
+    }
+  }
+  /// `towards`: from b to a.
+  void touch(std::uint32_t a, std::uint32_t b, const Vec3& towards, double force_n) {
+    contacts.push_back({.a = BodyId{a}, .b = BodyId{b}, .normal = towards, .normal_impulse = force_n * kStep_s});
+  }
+  std::vector<GhostModel> models(std::vector<BodyId> members, const Vec3& velocity = Vec3::Zero()) {
+    const Membership membership{std::move(members), {kFloor}};
+    std::vector<BorderPair> border;
+    extract_border(contacts, membership, border);
+    ContactGraph graph;
+    graph.build(contacts, scene.bodies.size());
+    std::vector<GhostModel> out;
+    GhostModeller(scene).model(
+        border, membership, graph, [&](BodyId) { return velocity; }, kStep_s, out);
+    return out;
+  }
+
+  Scene scene;
+  std::vector<Contact> contacts;
+};
+
+// Cube 1 is inside; 2 and 3 stand behind it on the floor.
+Outside row(double load_n) {
+  Outside o(3);
+  for (std::uint32_t i = 1; i <= 3; ++i) o.touch(i, 0, Vec3::UnitZ(), kWeight_n);
+  o.touch(1, 2, -Vec3::UnitX(), load_n);
+  o.touch(2, 3, -Vec3::UnitX(), load_n / 2);
+  return o;
+}
+
+TEST(GhostModel, ARowBehindTheBorderIsItsMassAndItsFriction) {
+  const auto models = row(0.5).models({BodyId{1}});
+  ASSERT_EQ(models.size(), 1U);
+  EXPECT_EQ(models[0].outside, BodyId{2});
+  ASSERT_EQ(models[0].axis_count, 1U);
+  EXPECT_NEAR(models[0].mass_kg, 2 * kCube_kg, 1e-12);
+  EXPECT_LT((models[0].axes[0].normal + Vec3::UnitX()).norm(), 1e-12);
+  EXPECT_NEAR(models[0].axes[0].coulomb_limit_n, 0.5 * 2 * kWeight_n, 1e-9);  // mu N of both
+  EXPECT_NEAR(models[0].axes[0].force_n, 0.0, 1e-12);
+  EXPECT_NEAR(models[0].axes[0].load_n, 0.5, 1e-12);
+}
+
+TEST(GhostModel, WhatSlidesIsHeldByWhatItIsPushedWith) {
+  const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0));
+  EXPECT_NEAR(models.at(0).axes[0].coulomb_limit_n, 3.0, 1e-9);
+}
+
+TEST(GhostModel, AWallBehindTheOutsideGivesNothing) {
+  Outside o = row(2.0);
+  Body wall;
+  wall.id = BodyId{4};
+  o.scene.bodies.push_back(wall);
+  o.touch(3, 4, -Vec3::UnitX(), 1.0);
+  const auto models = o.models({BodyId{1}});
+  EXPECT_GE(models.at(0).axes[0].coulomb_limit_n, 1e8);
+  EXPECT_NEAR(models[0].axes[0].force_n, 2.0, 1e-9);  // it goes on carrying what it carries
+}
+
+TEST(GhostModel, ALoadOnTopWeighsAndASupportBelowIsAWall) {
+  Outside o(3);
+  o.touch(1, 0, Vec3::UnitZ(), kWeight_n);
+  o.touch(2, 1, Vec3::UnitZ(), 2 * kWeight_n);
+  o.touch(3, 2, Vec3::UnitZ(), kWeight_n);
+  const auto on_top = o.models({BodyId{1}});
+  EXPECT_NEAR(on_top.at(0).mass_kg, 2 * kCube_kg, 1e-12);
+  EXPECT_NEAR(on_top[0].axes[0].force_n, 2 * kWeight_n, 1e-9);
+  const auto below = o.models({BodyId{3}});
+  EXPECT_EQ(below.at(0).outside, BodyId{2});
+  EXPECT_NEAR(below[0].axes[0].force_n, kWeight_n, 1e-9);
+  EXPECT_GT(below[0].mass_kg, 100.0);
+}
+
+// Cube 3 rests on 2, which is outside, and 1 pushes 2: one axis along the row, one up.
+TEST(GhostModel, AnOutsideThatIsPushedAndCarriesHasTwoAxes) {
+  Outside o(3);
+  o.touch(1, 0, Vec3::UnitZ(), kWeight_n);
+  o.touch(2, 0, Vec3::UnitZ(), 2 * kWeight_n);
+  o.touch(1, 2, -Vec3::UnitX(), 3.0);
+  o.touch(3, 2, Vec3::UnitZ(), kWeight_n);
+  const auto models = o.models({BodyId{1}, BodyId{3}});
+  ASSERT_EQ(models.size(), 1U);
+  ASSERT_EQ(models[0].axis_count, 2U);
+  EXPECT_NEAR(models[0].axes[0].normal.dot(models[0].axes[1].normal), 0.0, 1e-12);
+  EXPECT_NEAR(models[0].mass_kg, kCube_kg, 1e-12) << "the way that gives decides";
+}
+
+GhostMotion sticking(double limit_n) {
+  GhostMotion ghost;
+  ghost.model.mass_kg = 0.4;
+  ghost.model.axis_count = 1;
+  ghost.model.axes[0] = {.normal = -Vec3::UnitX(), .coulomb_limit_n = limit_n};
+  return ghost;
+}
+
+/// A mass m, pushed with a force against a ghost and moving with it; returns the velocity after `steps`.
+double pushed(GhostMotion& ghost, double m, double force_n, int steps) {
+  const double h = 0.001;
+  const double total = m + ghost.model.mass_kg;
+  Vec3 v = Vec3::Zero();
+  for (int i = 0; i < steps; ++i) {
+    const Vec3 before = ghost.begin(v, h);
+    // An inelastic contact of both, as an engine solves it.
+    const double together = (m * v.x() + force_n * h + ghost.model.mass_kg * before.x()) / total;
+    v = Vec3(std::max(together, before.x()), 0, 0);
+    ghost.end(before, v, h);
+  }
+  return v.x();
+}
+
+TEST(GhostMotion, SticksUnderItsLimitAndSlidesAboveIt) {
+  GhostMotion held = sticking(5.0);
+  EXPECT_LT(pushed(held, 0.2, 4.0, 200), 1e-6);
+  EXPECT_NEAR(held.contact_n_s[0], 4.0 * 0.001, 1e-8);  // the load is the push
+  GhostMotion slides = sticking(5.0);
+  const double speed = pushed(slides, 0.2, 8.0, 200);
+  EXPECT_NEAR(speed, (8.0 - 5.0) / 0.6 * 0.2, 0.02);  // (F - c) / (m + M) t
+}
+
+TEST(GhostMotion, MovesAcrossItsAxisAsTheWorldsBody) {
+  GhostMotion ghost = sticking(5.0);
+  ghost.world_velocity = Vec3(0.3, 0.1, -0.2);
+  EXPECT_LT((ghost.begin(Vec3::Zero(), 0.001) - Vec3(0, 0.1, -0.2)).norm(), 1e-12);
+}
+
+TEST(Islands, AreOpenWhereTheyReachOut) {
+  Islands islands;
+  const std::vector<BodyId> ids{BodyId{1}, BodyId{2}, BodyId{3}, BodyId{5}};
+  islands.begin(ids);
+  islands.join(BodyId{1}, BodyId{2});
+  islands.join(BodyId{3}, BodyId{9});
+  EXPECT_FALSE(islands.is_open(BodyId{1}));
+  EXPECT_TRUE(islands.is_open(BodyId{3}));
+  EXPECT_TRUE(islands.is_open(BodyId{9}));
+  std::vector<std::uint32_t> labels;
+  islands.labels(labels);
+  EXPECT_EQ(labels[0], labels[1]);
+  EXPECT_EQ(labels[2], kOpenIsland);
+  EXPECT_NE(labels[3], labels[0]);
+  // The other side sees 2 touch 3: now all of it is open.
+  Islands both;
+  both.begin(ids);
+  both.join(ids, labels);
+  both.join(BodyId{2}, BodyId{3});
+  EXPECT_TRUE(both.is_open(BodyId{1}));
+  EXPECT_FALSE(both.is_open(BodyId{5}));
+}
+
+TEST(Delay, AFrameIsLateByBothDirectionsWhereTheWorldTrails) {
+  Settings settings;
+  settings.ratio = 5;
+  settings.delay = {.up_s = 0.004, .down_s = 0.006};
+  const Delay parallel(settings, 0, 0);
+  EXPECT_EQ(parallel.frame_due(3), 3U * 5 + 6);
+  EXPECT_EQ(parallel.report_due(3), 4U);
+  const Delay trailing(settings, 1, 0);
+  EXPECT_EQ(trailing.frame_due(3), 3U * 5 + 5 + 10);
+  EXPECT_EQ(trailing.report_due(3), 2U);
+}
+
+TEST(Delay, JitterRepeatsAndStaysInItsBounds) {
+  Settings settings;
+  settings.ratio = 5;
+  settings.delay = {.up_s = 0.004, .down_s = 0.006, .jitter_s = 0.01};
+  const Delay delay(settings, 1, 0);
+  std::uint64_t least = 1000, most = 0;
+  for (std::uint64_t j = 1; j < 1000; ++j) {
+    const std::uint64_t late = delay.frame_due(j) - 5 * j - 5;
+    EXPECT_EQ(delay.frame_due(j), Delay(settings, 1, 0).frame_due(j));
+    least = std::min(least, late);
+    most = std::max(most, late);
+  }
+  EXPECT_GE(least, 10U);
+  EXPECT_LE(most, 30U);
+  EXPECT_GT(most, least + 10);
+}
+
+}  // namespace
+}  // namespace subworld
