@@ -57,12 +57,18 @@ void add_run_options(CLI::App& app, Options& o) {
   app.add_option("--mode", o.mode, "lockstep: nobody looks at a clock; realtime: nobody waits")
       ->check(CLI::IsMember({"lockstep", "realtime"}));
   app.add_option("--users", o.users, "how many of the scene's users take part")->check(CLI::Range(1, 64));
-  app.add_option("--scheme", o.scheme, "coupling scheme: paper or direct");
+  app.add_option("--scheme", o.scheme, "coupling scheme: paper, reduced or direct");
   app.add_option("--engine", o.engine, "the world's engine");
   app.add_option("--haptic-engine", o.haptic_engine, "the sub-worlds' engine");
   app.add_option("--preset", o.preset, "the world engine's preset: fast or quality");
   app.add_option("--haptic-preset", o.haptic_preset, "the sub-world engines' preset");
   app.add_option("--ratio", o.ratio, "simulation ratio r = T / h")->check(CLI::Range(1, 1000));
+  app.add_option("--latency", o.latency_s, "lock-step: artificial delay, added to the round trip, s")
+      ->check(CLI::Range(0.0, 2.0))
+      ->check(not_finite);
+  app.add_option("--jitter", o.jitter_s, "lock-step: most that a single message takes longer, s")
+      ->check(CLI::Range(0.0, 1.0))
+      ->check(not_finite);
   app.add_option("--duration", o.duration_s, "simulated time, s")->check(CLI::Range(0.001, 1e6))->check(not_finite);
   app.add_option("--peers", o.network.peers, "hosts of the other programs, for networks without multicast")
       ->delimiter(',')
@@ -117,6 +123,14 @@ Scene load_scene(const Options& o) {
   override_with(s.haptic.preset, o.haptic_preset);
   override_with(s.ratio, o.ratio);
   override_with(s.users, o.users);
+  override_with(s.delay.jitter_s, o.jitter_s);
+  if (o.latency_s) s.delay.up_s = s.delay.down_s = 0.5 * *o.latency_s;
+  if (s.mode == Mode::realtime && (s.delay.up_s > 0.0 || s.delay.down_s > 0.0 || s.delay.jitter_s > 0.0)) {
+    throw Error(ExitCode::usage,
+                fmt::format("{}: artificial delay is for lock-step; remove settings.delay, --latency and --jitter, or "
+                            "run with --mode lockstep",
+                            o.scene));
+  }
   override_with(s.duration_s, o.duration_s);
   const int declared = static_cast<int>(scene.users.size());
   if (s.users == 0) s.users = declared;
@@ -141,6 +155,8 @@ std::vector<std::string> flags_of(const Options& o) {
   };
   add("--mode", o.mode);
   add("--scheme", o.scheme);
+  add("--latency", o.latency_s);
+  add("--jitter", o.jitter_s);
   add("--engine", o.engine);
   add("--haptic-engine", o.haptic_engine);
   add("--preset", o.preset);

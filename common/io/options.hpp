@@ -18,6 +18,8 @@ struct Options {
   Network network;
   std::optional<std::string> mode;
   std::optional<std::string> scheme;
+  std::optional<double> latency_s;
+  std::optional<double> jitter_s;
   std::optional<std::string> engine;
   std::optional<std::string> haptic_engine;
   std::optional<std::string> preset;

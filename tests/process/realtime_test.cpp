@@ -7,10 +7,11 @@ namespace {
 
 constexpr double kForceLimit_n = 40.0;  // of scene press
 
-class RealTime : public ProcessTest, public ::testing::WithParamInterface<std::string> {};
+class RealTime : public ProcessTest, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
 
 TEST_P(RealTime, RunsForItsTimeAndEnds) {
-  const Ended ended = run(scene("press"), {"--mode", "realtime", "--duration", "1", "--dds", GetParam()});
+  const auto& [scheme, dds] = GetParam();
+  const Ended ended = run(scene("press"), {"--mode", "realtime", "--duration", "1", "--dds", dds, "--scheme", scheme});
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json json = summary();
   const Json& haptic = json["haptic"][0];
@@ -40,8 +41,10 @@ TEST_P(RealTime, RunsForItsTimeAndEnds) {
   EXPECT_NEAR(norm(device.rows.back(), device.column("force_x_n")), 0.0, 0.05 * kForceLimit_n);
 }
 
-INSTANTIATE_TEST_SUITE_P(Vendors, RealTime, ::testing::Values("fastdds", "cyclonedds", "mixed"),
-                         [](const auto& one) { return one.param; });
+INSTANTIATE_TEST_SUITE_P(Vendors, RealTime,
+                         ::testing::Combine(::testing::Values("paper", "reduced"),
+                                            ::testing::Values("fastdds", "cyclonedds", "mixed")),
+                         [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
 
 }  // namespace
 }  // namespace subworld::test
