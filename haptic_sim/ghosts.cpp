@@ -111,11 +111,8 @@ void Ghosts::clear(Engine& engine) {
 
 void Ghosts::begin(Engine& engine, double dt) {
   for (Ghost& ghost : ghosts_) {
-    BodyState state = engine.state(ghost.id);
-    ghost.start = ghost.motion.begin(state.linear_velocity, dt);
-    state.linear_velocity = ghost.start;
-    state.angular_velocity.setZero();
-    engine.set_state(ghost.id, state);
+    ghost.start = ghost.motion.begin(engine.state(ghost.id).linear_velocity, dt);
+    engine.set_velocity(ghost.id, ghost.start, Vec3::Zero());
     engine.apply_force(ghost.id, ghost.motion.force(), Vec3::Zero());
   }
 }

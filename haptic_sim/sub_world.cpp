@@ -89,6 +89,7 @@ void SubWorld::advance(double dt) {
       if (engine_->contains(i.body)) engine_->apply_impulse(i.body, i.impulse, i.point);
     }
     ghosts_.begin(*engine_, dt);
+    move_peers(dt);
     const Body& body = scene_.body(spec_.proxy);
     if (spec_.device.kind == DeviceKind::admittance) {
       engine_->apply_force(spec_.proxy, applied_.force, applied_.torque);
@@ -96,9 +97,7 @@ void SubWorld::advance(double dt) {
     } else {
       const ImplicitStep coupling =
           implicit_step(spec_.coupling, limits_, body, engine_->state(spec_.proxy), device_, dt);
-      engine_->set_inertia(spec_.proxy, coupling.mass, coupling.inertia);
-      engine_->set_state(spec_.proxy, coupling.start);
-      engine_->apply_force(spec_.proxy, coupling.wrench.force, coupling.wrench.torque);
+      hold(spec_.proxy, coupling);
       engine_->step(dt);
       mean = exerted(spec_.coupling, limits_, coupling, engine_->state(spec_.proxy), dt);
     }
@@ -117,6 +116,24 @@ void SubWorld::advance(double dt) {
   device_.pose.position += dt * device_.linear_velocity;  // where the hand is when the step ends, as far as is known
   in_cycle_s_ += dt;
   ++steps_;
+}
+
+void SubWorld::hold(BodyId proxy, const ImplicitStep& coupling) {
+  engine_->set_inertia(proxy, coupling.mass, coupling.inertia);
+  engine_->set_velocity(proxy, coupling.start.linear_velocity, coupling.start.angular_velocity);
+  engine_->apply_force(proxy, coupling.wrench.force, coupling.wrench.torque);
+}
+
+void SubWorld::move_peers(double dt) {
+  // By their devices, not by their forces: a force that is late drops what it holds.
+  for (const PeerDevice& peer : frame_.peers) {
+    const auto user = std::ranges::find(scene_.users, peer.proxy, &UserSpec::proxy);
+    if (user == scene_.users.end() || !engine_->contains(peer.proxy)) continue;
+    DevicePose device{peer.pose, peer.linear_velocity, peer.angular_velocity};
+    device.pose.position += (time_s() - frame_.stamp_s) * device.linear_velocity;
+    hold(peer.proxy, implicit_step(user->coupling, limits_of(user->device), scene_.body(peer.proxy),
+                                   engine_->state(peer.proxy), device, dt));
+  }
 }
 
 FeltStep SubWorld::step(const DeviceState& device, bool trusted, double dt) {
@@ -195,6 +212,10 @@ std::uint64_t SubWorld::apply(const WorldFrame& frame) {
   }
   for (const StampedBody& s : frame.states) {
     if (s.id == spec_.proxy) world_proxy_ = s.state;
+  }
+  for (const PeerDevice& peer : frame_.peers) {
+    const Body& body = scene_.body(peer.proxy);
+    if (engine_->contains(body.id)) engine_->set_inertia(body.id, body.mass, body.inertia);
   }
   frame_ = frame;
   return missing;

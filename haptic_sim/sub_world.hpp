@@ -66,6 +66,8 @@ class SubWorld {
   void follow_membership(const WorldFrame& frame, double lag_s);
   void follow_ghosts(const WorldFrame& frame, double lag_s);
   void describe_islands(std::vector<std::uint32_t>& labels);
+  void hold(BodyId proxy, const ImplicitStep& coupling);
+  void move_peers(double dt);
   void observe_contacts();
 
   const Scene& scene_;

@@ -172,18 +172,16 @@ void World::hold(const UserSpec& user, const DevicePose& target, const ForceLimi
   const ImplicitStep coupling =
       implicit_step(user.coupling, limits, scene_.body(user.proxy), engine_->state(user.proxy), target, dt);
   engine_->set_inertia(user.proxy, coupling.mass, coupling.inertia);
-  engine_->set_state(user.proxy, coupling.start);
+  engine_->set_velocity(user.proxy, coupling.start.linear_velocity, coupling.start.angular_velocity);
   engine_->apply_force(user.proxy, coupling.wrench.force, coupling.wrench.torque);
 }
 
 void World::drive_proxies(double until_s, double dt) {
   for (const User& user : users_) {
+    if (!user.heard) continue;
     // A report that is ahead of the world tells what the user does in this very cycle.
-    const std::size_t ahead = wants() % remembered_;
-    const bool known = wants() > stamp_ && user.waiting[ahead] && user.inbox[ahead].stamp == wants();
-    if (!known && !user.heard) continue;
-    const HapticReport& now = known ? user.inbox[ahead] : user.report;
-    const HapticReport& before = known ? user.report : user.before;
+    const HapticReport& now = user.at(wants());
+    const HapticReport& before = &now == &user.report ? user.before : user.report;
     const ProxyDrive drive = scheme_->drive(*user.spec, before, now, until_s);
     if (drive.target) hold(*user.spec, *drive.target, drive.limits, dt);
     engine_->apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
@@ -250,6 +248,7 @@ void World::extract(User& user) {
   frame.fixed = now.fixed;
   extract_border(contacts_, now, frame.border);
   if (scheme_->has_ghosts()) describe_outside(user, frame);
+  if (scheme_->replicates_peers()) list_peers(user, frame);
   list_unconfirmed(user, frame);
 }
 
@@ -266,6 +265,19 @@ void World::describe_outside(const User& user, WorldFrame& frame) {
     if (sharers(id) > 1) islands_.open(id);
   }
   islands_.labels(frame.islands);
+}
+
+void World::list_peers(const User& user, WorldFrame& frame) {
+  frame.peers.clear();
+  for (const User& peer : users_) {
+    const UserSpec& spec = *peer.spec;
+    if (&peer == &user || spec.device.kind != DeviceKind::impedance) continue;
+    const HapticReport& report = peer.at(stamp_);
+    if (!peer.heard || !std::ranges::binary_search(frame.members, spec.proxy)) continue;
+    PeerDevice device{spec.proxy, report.device_pose, report.device_linear_velocity, report.device_angular_velocity};
+    device.pose.position += (frame.stamp_s - report.stamp_s) * device.linear_velocity;
+    frame.peers.push_back(device);
+  }
 }
 
 void World::list_unconfirmed(const User& user, WorldFrame& frame) {

@@ -75,6 +75,11 @@ class World {
     HapticReport before;              ///< the one used before it
     bool heard = false;
 
+    /// The report of a stamp, or the newest used.
+    [[nodiscard]] const HapticReport& at(std::uint64_t stamp) const {
+      const std::size_t slot = stamp % inbox.size();
+      return waiting[slot] && inbox[slot].stamp == stamp ? inbox[slot] : report;
+    }
     [[nodiscard]] WorldFrame& newest(std::uint64_t stamp) { return frames[stamp % frames.size()]; }
   };
 
@@ -84,6 +89,7 @@ class World {
   void simulate_cycle();
   void extract();
   void extract(User& user);
+  void list_peers(const User& user, WorldFrame& frame);
   void describe_outside(const User& user, WorldFrame& frame);
   void list_unconfirmed(const User& user, WorldFrame& frame);
   [[nodiscard]] int sharers(BodyId id) const;

@@ -33,6 +33,7 @@ class Direct final : public Scheme {
   std::string_view name() const noexcept override { return "direct"; }
   bool has_sub_world() const noexcept override { return false; }
   bool has_ghosts() const noexcept override { return false; }
+  bool replicates_peers() const noexcept override { return false; }
   int lead_cycles() const noexcept override { return 0; }
   double longest_world_step_s() const noexcept override { return INFINITY; }
   ProxyDrive drive(const UserSpec& user, const HapticReport&, const HapticReport& now, double) const override {
@@ -50,6 +51,7 @@ class Paper final : public Scheme {
   std::string_view name() const noexcept override { return "paper"; }
   bool has_sub_world() const noexcept override { return true; }
   bool has_ghosts() const noexcept override { return false; }
+  bool replicates_peers() const noexcept override { return false; }
   int lead_cycles() const noexcept override { return 0; }
   double longest_world_step_s() const noexcept override { return INFINITY; }
   ProxyDrive drive(const UserSpec&, const HapticReport& before, const HapticReport& now, double) const override {
@@ -80,6 +82,7 @@ class Reduced final : public Scheme {
   std::string_view name() const noexcept override { return "reduced"; }
   bool has_sub_world() const noexcept override { return true; }
   bool has_ghosts() const noexcept override { return true; }
+  bool replicates_peers() const noexcept override { return true; }
   int lead_cycles() const noexcept override { return 1; }
   double longest_world_step_s() const noexcept override { return 0.005; }
   ProxyDrive drive(const UserSpec& user, const HapticReport& before, const HapticReport& now,

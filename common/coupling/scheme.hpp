@@ -44,6 +44,8 @@ class Scheme {
   [[nodiscard]] virtual bool has_sub_world() const noexcept = 0;
   /// Whether the border is made of ghosts (coupling/ghost), and islands decide who is right.
   [[nodiscard]] virtual bool has_ghosts() const noexcept = 0;
+  /// Whether a sub-world moves the proxies of other users by their devices; else they are bodies as any.
+  [[nodiscard]] virtual bool replicates_peers() const noexcept = 0;
   /// How many cycles the sub-world runs ahead: 0, both simulate the same cycle at the same time; 1, the world simulates
   /// a cycle when it knows what the user did in it.
   [[nodiscard]] virtual int lead_cycles() const noexcept = 0;

@@ -88,6 +88,14 @@ struct EnteringBody {
   BodyState state;
 };
 
+/// The device of another user whose proxy is in the sub-world.
+struct PeerDevice {
+  BodyId proxy{};
+  Pose pose;  ///< in scene coordinates
+  Vec3 linear_velocity = Vec3::Zero();
+  Vec3 angular_velocity = Vec3::Zero();
+};
+
 /// Topic `world_frame`, keyed by user: the world at t = stamp_s for one user.
 struct WorldFrame {
   UserId user{};
@@ -106,6 +114,7 @@ struct WorldFrame {
   std::vector<StampedBody> states;     ///< the world's own result, before any blend: members, bodies just left, ghosts
   std::vector<BorderPair> border;
   std::vector<GhostModel> ghosts;
+  std::vector<PeerDevice> peers;
 };
 
 /// Room for a usual sub-world, so that a loop need not find it.

@@ -163,6 +163,16 @@ class Bullet final : public Engine {
     return true;
   }
 
+  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
+    if (!linear.allFinite() || !angular.allFinite()) return false;
+    btRigidBody& body = *at(id).body;
+    body.setLinearVelocity(to_bullet(linear));
+    body.setAngularVelocity(to_bullet(angular));
+    body.setInterpolationLinearVelocity(body.getLinearVelocity());
+    body.setInterpolationAngularVelocity(body.getAngularVelocity());
+    return true;
+  }
+
   void set_inertia(BodyId id, double mass, const Vec3& inertia) override {
     btRigidBody& body = *at(id).body;
     const bool rotates = !body.getAngularFactor().isZero();

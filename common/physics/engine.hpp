@@ -51,6 +51,8 @@ class Engine {
   [[nodiscard]] virtual BodyState state(BodyId id) const = 0;
   /// Refuses (returns false, changes nothing) a state that is not finite.
   virtual bool set_state(BodyId id, const BodyState& state) = 0;
+  /// Of a movable body, m/s and rad/s; the pose stays. Refuses what is not finite.
+  virtual bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) = 0;
   /// Mass (kg) and principal moments of inertia (kg m^2) of a movable body from the next step on; its weight stays
   /// that of the body as it was added.
   virtual void set_inertia(BodyId id, double mass, const Vec3& inertia) = 0;

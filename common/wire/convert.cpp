@@ -56,6 +56,8 @@ void put(const BorderPair& in, msg::BorderPair& out);
 bool get(const msg::BorderPair& in, BorderPair& out);
 void put(const GhostModel& in, msg::Ghost& out);
 bool get(const msg::Ghost& in, GhostModel& out);
+void put(const PeerDevice& in, msg::PeerDevice& out);
+bool get(const msg::PeerDevice& in, PeerDevice& out);
 void put(const UserView& in, msg::UserView& out);
 bool get(const msg::UserView& in, UserView& out);
 bool get(const msg::State& in, BodyState& out);
@@ -222,6 +224,19 @@ bool get(const msg::Ghost& in, GhostModel& out) {
   return true;
 }
 
+void put(const PeerDevice& in, msg::PeerDevice& out) {
+  out.proxy(index(in.proxy));
+  put(in.pose, out.pose());
+  put(in.linear_velocity, out.linear_velocity());
+  put(in.angular_velocity, out.angular_velocity());
+}
+
+bool get(const msg::PeerDevice& in, PeerDevice& out) {
+  out.proxy = BodyId{in.proxy()};
+  return get(in.pose(), out.pose) && get(in.linear_velocity(), out.linear_velocity) &&
+         get(in.angular_velocity(), out.angular_velocity);
+}
+
 void put(const UserView& in, msg::UserView& out) {
   out.user(index(in.user));
   out.proxy(index(in.proxy));
@@ -327,6 +342,7 @@ void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
   put_all(in.states, out.states());
   put_all(in.border, out.border());
   put_all(in.ghosts, out.ghosts());
+  put_all(in.peers, out.peers());
 }
 
 bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
@@ -339,7 +355,8 @@ bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
   return get(in.stamp_s(), out.stamp_s) && get(in.start_in_s(), out.start_in_s) &&
          get_positive(in.clock_factor(), out.clock_factor) && get_all(in.members(), out.members) &&
          get_all(in.fixed_bodies(), out.fixed) && get_all(in.entering(), out.entering) &&
-         get_all(in.states(), out.states) && get_all(in.border(), out.border) && get_all(in.ghosts(), out.ghosts);
+         get_all(in.states(), out.states) && get_all(in.border(), out.border) && get_all(in.ghosts(), out.ghosts) &&
+         get_all(in.peers(), out.peers);
 }
 
 void to_wire(const HapticReport& in, msg::HapticReport& out) {

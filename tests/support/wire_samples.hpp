@@ -39,6 +39,12 @@ class SampleMaker {
     for (std::size_t i = 0; i < to.axis_count; ++i)
       to.axes[i] = {vector().normalized(), number(), positive(), number()};
   }
+  void fill(PeerDevice& to) {
+    to.proxy = BodyId{word()};
+    fill(to.pose);
+    to.linear_velocity = vector();
+    to.angular_velocity = vector();
+  }
   void fill(Body& to) {
     to.id = BodyId{word()};
     to.name = text();
@@ -125,6 +131,7 @@ class SampleMaker {
     fill_all(to.states);
     fill_all(to.border);
     fill_all(to.ghosts);
+    fill_all(to.peers);
   }
   void fill(HapticReport& to) {
     to.user = UserId{word()};
@@ -221,6 +228,7 @@ struct Walk {
       all(g.axes[i].normal, g.axes[i].force_n, g.axes[i].coulomb_limit_n, g.axes[i].load_n);
     }
   }
+  void operator()(const PeerDevice& p) { all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity); }
   void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
   void operator()(const SceneDescription& s) { all(s.name, s.settings_hash, s.meshes, s.bodies, s.states); }
   void operator()(const DeviceState& d) {
@@ -233,7 +241,7 @@ struct Walk {
   }
   void operator()(const WorldFrame& f) {
     all(f.user, f.stamp, f.stamp_s, f.start_in_s, f.clock_factor, f.echoed_sent_ns, f.echoed_stamp, f.last, f.members,
-        f.fixed, f.islands, f.entering, f.states, f.border, f.ghosts);
+        f.fixed, f.islands, f.entering, f.states, f.border, f.ghosts, f.peers);
   }
   void operator()(const HapticReport& r) {
     all(r.user, r.stamp, r.stamp_s, r.sent_ns, r.confirmed_stamp, r.impulse, r.impulse_total, r.device_work_j,
