@@ -9,9 +9,14 @@
 
 namespace subworld {
 
+/// More of them cost an allocation until the buffer has grown.
+inline constexpr std::size_t kUsualContacts = 8192;
+
 /// Which contacts a body has. Refers to the contacts it was made from.
 class ContactGraph {
  public:
+  ContactGraph() { entries_.reserve(kUsualContacts); }
+
   /// Ids of both bodies of every contact must be below `bodies`.
   void build(std::span<const Contact> contacts, std::size_t bodies);
 

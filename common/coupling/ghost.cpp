@@ -23,6 +23,7 @@ BodyId other(const Contact& c, BodyId id) noexcept { return c.a == id ? c.b : c.
 GhostModeller::GhostModeller(const Scene& scene) : scene_(scene) {
   way_.reserve(scene.bodies.size());
   counted_.reserve(scene.bodies.size());
+  pushed_.reserve(4 * scene.bodies.size());
 }
 
 bool GhostModeller::grounded(BodyId id, const ContactGraph& graph) const {
@@ -129,7 +130,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
       for (const BodyId id : way_) pushed_.push_back({id, ghost.outside, along});
     }
   }
-  std::ranges::stable_sort(pushed_, {}, &Pushed::body);
+  std::ranges::sort(pushed_, {}, &Pushed::body);
   for (GhostModel& ghost : out) {
     const Vec3 velocity = velocity_of(ghost.outside);
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {

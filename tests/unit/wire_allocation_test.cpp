@@ -1,23 +1,10 @@
+#include "support/allocations.hpp"
 #include "support/wire_samples.hpp"
 #include "wire/codec.hpp"
 
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
-namespace {
-std::atomic<long> allocations = 0;
-}
-
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
-  throw std::bad_alloc();
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+#include <stdexcept>
 
 namespace subworld {
 namespace {
@@ -32,9 +19,9 @@ long allocations_of(const M& sample) {
     if (!receiver.decode(sender.encode(sample), received)) throw std::runtime_error("rejected");
   };
   for (int warm_up = 0; warm_up < 3; ++warm_up) round_trip();
-  const long before = allocations;
+  const long before = test::allocations();
   for (int round = 0; round < 100; ++round) round_trip();
-  return allocations - before;
+  return test::allocations() - before;
 }
 
 TEST(WireAllocation, the_loops_topics_do_not_allocate) {
