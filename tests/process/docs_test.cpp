@@ -1,5 +1,7 @@
 #include "process/process_test.hpp"
 
+#include <algorithm>
+#include <cctype>
 #include <optional>
 
 namespace subworld::test {
@@ -88,8 +90,14 @@ TEST_P(Docs, EveryCommandWorks) {
   EXPECT_GT(found, 0) << page << " has no command";
 }
 
-INSTANTIATE_TEST_SUITE_P(Pages, Docs, ::testing::Values("README.md", "deploy/scenes/README.md"),
-                         [](const auto& one) { return one.param == "README.md" ? "first_page" : "scenes"; });
+INSTANTIATE_TEST_SUITE_P(Pages, Docs,
+                         ::testing::Values("README.md", "deploy/scenes/README.md", "common/coupling/README.md"),
+                         [](const auto& one) {
+                           std::string name = one.param;
+                           std::ranges::replace_if(
+                               name, [](char c) { return !std::isalnum(c); }, '_');
+                           return name;
+                         });
 
 TEST(DocsReader, JoinsLinesAndSkipsWhatIsNoCommand) {
   const auto found =
