@@ -219,7 +219,8 @@ void World::step() {
 }
 
 void World::extract() {
-  if (scheme_->has_ghosts()) graph_.build(contacts_, scene_.bodies.size());
+  const bool by_contacts = std::ranges::any_of(users_, [](const User& user) { return user.spec->contact_depth > 0; });
+  if (scheme_->has_ghosts() || by_contacts) graph_.build(contacts_, scene_.bodies.size());
   for (User& user : users_) extract(user);
 }
 
@@ -229,11 +230,14 @@ void World::extract(User& user) {
   if (scheme_->has_sub_world()) {
     const Box box = selection_box(engine_->state(proxy).position, user.spec->box_half_m);
     engine_->overlap(box, scratch_);
+    if (user.spec->contact_depth > 0) {
+      add_neighbours(graph_, scene_.bodies, proxy, user.spec->contact_depth, scratch_);
+    }
     select_members(scratch_, scene_.bodies, proxy, now);
     Box reach = box;
     for (const BodyId id : now.members) reach.extend(engine_->bounds(id));
     engine_->overlap(reach, scratch_);
-    select_fixed(scratch_, scene_.bodies, now);
+    select_fixed(scratch_, contacts_, scene_.bodies, now);
   } else {
     now.members.assign(1, proxy);
   }

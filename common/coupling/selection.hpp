@@ -1,5 +1,6 @@
 #pragma once
 
+#include "coupling/contact_graph.hpp"
 #include "model/body.hpp"
 
 #include <span>
@@ -21,9 +22,14 @@ struct Membership {
 /// Splits what meets the box into `out.members`; the proxy always belongs. `in_box` ascends.
 void select_members(std::span<const BodyId> in_box, std::span<const Body> bodies, BodyId proxy, Membership& out);
 
+/// Adds the movable bodies that hang on the proxy by at most `depth` contacts to `in_box`, which stays ascending.
+void add_neighbours(const ContactGraph& graph, std::span<const Body> bodies, BodyId proxy, int depth,
+                    std::vector<BodyId>& in_box);
+
 /// Fixed bodies are wanted wherever a member can touch one: `near_members` are the bodies that meet the members'
-/// bounds.
-void select_fixed(std::span<const BodyId> near_members, std::span<const Body> bodies, Membership& out);
+/// bounds. What a member touches already belongs, whatever the bounds say.
+void select_fixed(std::span<const BodyId> near_members, std::span<const Contact> contacts, std::span<const Body> bodies,
+                  Membership& out);
 
 /// Ids of `from` that `other` lacks; both ascend.
 void missing_from(std::span<const BodyId> from, std::span<const BodyId> other, std::vector<BodyId>& out);

@@ -76,6 +76,7 @@ struct UserSpec {
   bool own_proxy = false;   ///< the proxy is there for this user alone, not a body of the scene
   bool joins_late = false;  ///< the proxy comes into the world when that has settled
   double box_half_m = 0.2;  ///< half side of the selection box around the proxy (paper 4.1)
+  int contact_depth = 0;    ///< bodies that hang on the proxy by so many contacts belong to the sub-world too
   CouplingSettings coupling;
   DeviceSpec device;
 };

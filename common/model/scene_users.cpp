@@ -135,7 +135,7 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
   if (items.empty()) list.fail("a scene needs at least one user; add one");
   if (items.size() > kMostUsers) list.fail(fmt::format("{} users; a scene has at most {}", items.size(), kMostUsers));
   for (const YamlValue& item : items) {
-    const YamlMap map(item, {"name", "proxy", "joins", "coupling", "box_half_m", "device"});
+    const YamlMap map(item, {"name", "proxy", "joins", "coupling", "box_half_m", "contact_depth", "device"});
     UserSpec user;
     user.name = map.at("name").name();
     const YamlValue proxy = map.at("proxy");
@@ -159,6 +159,7 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
       }
     }
     map.read("box_half_m", user.box_half_m, kLongerThanZero);
+    map.read("contact_depth", user.contact_depth, 0, 1000);
     if (const auto coupling = map.find("coupling")) read_coupling(*coupling, user.coupling);
     if (const auto device = map.find("device")) read_device(*device, user.device);
     scene.users.push_back(std::move(user));

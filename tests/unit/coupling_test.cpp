@@ -25,10 +25,14 @@ TEST(Selection, MembersAreMovableAndAlwaysHoldTheProxy) {
   Membership m;
   select_members(std::vector{BodyId{0}, BodyId{2}}, bodies, BodyId{3}, m);
   EXPECT_EQ(m.members, (std::vector{BodyId{2}, BodyId{3}}));
-  select_fixed(std::vector{BodyId{0}, BodyId{1}, BodyId{2}}, bodies, m);
+  select_fixed(std::vector{BodyId{0}, BodyId{1}, BodyId{2}}, {}, bodies, m);
   EXPECT_EQ(m.fixed, std::vector{BodyId{0}});
   EXPECT_TRUE(m.holds(BodyId{0}));
   EXPECT_FALSE(m.holds(BodyId{1}));
+  // A fixed body that is touched is inside, even where the bounds miss it.
+  select_fixed({}, std::vector{Contact{.a = BodyId{0}, .b = BodyId{2}}, Contact{.a = BodyId{0}, .b = BodyId{1}}},
+               bodies, m);
+  EXPECT_EQ(m.fixed, (std::vector{BodyId{0}}));
 }
 
 Contact contact(unsigned a, unsigned b, double normal_impulse, const Vec3& tangential = Vec3::Zero()) {
