@@ -123,14 +123,16 @@ void write_csv(const std::string& path, const Rows& rows) {
   };
   if (!rows.empty()) {
     std::string line;
-    each_cell(rows.front(), [&](const std::string& name, const Json&) { line += (line.empty() ? "" : ",") + name; });
+    each_cell(rows.front(), [&](const std::string& name, const Json&) {
+      line += fmt::format("{}{}", line.empty() ? "" : ",", name);
+    });
     file << line << '\n';
   }
   for (const Json& row : rows) {
     std::string line;
     bool first = true;
     each_cell(row, [&](const std::string&, const Json& value) {
-      line += (first ? "" : ",") + cell(value);
+      line += fmt::format("{}{}", first ? "" : ",", cell(value));
       first = false;
     });
     file << line << '\n';

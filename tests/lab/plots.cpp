@@ -19,6 +19,9 @@ namespace subworld {
 namespace {
 
 constexpr double kDecadesOfFineTicks = 1.6;
+constexpr std::size_t kHeight = 450;     ///< pixels, with a legend of few lines
+constexpr std::size_t kLegendLine = 18;  ///< pixels
+constexpr std::size_t kFreeLines = 4;
 
 class WorkFolder {
  public:
@@ -78,10 +81,12 @@ std::string log_axis(char axis, const Range& range, const std::vector<double>& t
 
 std::string script_of(const Plot& plot, std::size_t number) {
   std::string text = fmt::format(
-      "reset\nset output 'plot{}.svg'\nset title \"{}\"\nset xlabel \"{}\"\nset ylabel \"{}\"\n"
+      "reset\nset term svg size 720,{} dynamic noenhanced background 'white' font 'sans-serif,13'\nset output "
+      "'plot{}.svg'\nset title \"{}\"\nset xlabel \"{}\"\nset ylabel \"{}\"\n"
       "set grid back lc rgb '#dddddd' lw 0.6 dt 1\nset border 3 lc rgb '#888888'\nset tics nomirror\n"
-      "set key outside below center horizontal\nset datafile missing 'x'\n",
-      number, plot.title, plot.x_label, plot.y_label);
+      "set key tmargin center horizontal samplen 2\nset datafile missing 'x'\n",
+      kHeight + kLegendLine * std::max<std::size_t>(plot.series.size(), kFreeLines) - kLegendLine * kFreeLines, number,
+      plot.title, plot.x_label, plot.y_label);
   Range x, y;
   std::string data, curves;
   for (std::size_t s = 0; s < plot.series.size(); ++s) {
@@ -130,7 +135,6 @@ std::vector<std::string> svg_of(const std::vector<Plot>& plots) {
   const WorkFolder folder;
   {
     std::ofstream script(folder.file("plots.gp"));
-    script << "set term svg size 720,450 dynamic noenhanced background 'white' font 'sans-serif,13'\n";
     for (std::size_t i = 0; i < plots.size(); ++i) script << script_of(plots[i], i);
     script << "set output\n";
   }

@@ -109,7 +109,7 @@ std::string shown(const Column& column, const Json& row) {
 std::string marks_of(const Json& row, bool is_dominated) {
   std::string marks;
   const auto add = [&](bool holds, const char* text) {
-    if (holds) marks += (marks.empty() ? "" : ", ") + std::string(text);
+    if (holds) marks += fmt::format("{}{}", marks.empty() ? "" : ", ", text);
   };
   add(!row.at("survived").get<bool>(), "did not survive");
   add(row.at("at_floor").get<bool>(), "<span class=good>at the floor</span>");
@@ -180,7 +180,7 @@ std::string orders_of(const Json& fits, const std::string& scene) {
 std::string intro_of(const Json& summary) {
   std::string scenes;
   for (const Json& scene : summary.at("scenes"))
-    scenes += (scenes.empty() ? "" : ", ") + scene.at("scene").get<std::string>();
+    scenes += fmt::format("{}{}", scenes.empty() ? "" : ", ", scene.at("scene").get<std::string>());
   const Json& machine = summary.at("machine");
   return fmt::format(
       "<h1>Felt-force error against run time</h1>\n<p class=facts>Scenes: {}<br>{} &middot; {}, {} cores, {} {}, "

@@ -18,6 +18,7 @@ struct Findings {
 
 /// The columns of which the rows have more than one value.
 [[nodiscard]] std::vector<std::string> swept(const Rows& rows);
+[[nodiscard]] std::vector<std::string> swept(const std::vector<const Json*>& rows);
 /// The swept columns of a row in words: "r 4, box 0.2 m"; without the column `x`.
 [[nodiscard]] std::string swept_text(const Json& row, const std::vector<std::string>& columns, const std::string& x);
 

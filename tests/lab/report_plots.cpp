@@ -14,21 +14,23 @@ namespace {
 /// An axis of the sweep that a plot may have as its x.
 struct Swept {
   const char* column;
-  const char* name;  ///< in a legend
+  const char* name;   ///< in a legend
+  const char* words;  ///< in a title
   const char* label;
   double scale;
   const char* unit;
 };
-constexpr std::array kSwept{Swept{"scheme", "", "", 1.0, ""},
-                            Swept{"engine", "", "", 1.0, ""},
-                            Swept{"haptic_engine", "haptic", "", 1.0, ""},
-                            Swept{"h_s", "h", "haptic step h, ms", 1e3, " ms"},
-                            Swept{"ratio", "r", "simulation ratio r = T / h", 1.0, ""},
-                            Swept{"box_m", "box", "half side of the box, m", 1.0, " m"},
-                            Swept{"world_substeps", "sub-steps", "world sub-steps per cycle", 1.0, ""},
-                            Swept{"latency_s", "latency", "latency added to the round trip, ms", 1e3, " ms"},
-                            Swept{"jitter_s", "jitter", "jitter, ms", 1e3, " ms"},
-                            Swept{"coupling_stiffness_n_m", "K", "coupling stiffness, N/m", 1.0, " N/m"}};
+constexpr std::array kSwept{
+    Swept{"scheme", "", "", "", 1.0, ""},
+    Swept{"engine", "", "", "", 1.0, ""},
+    Swept{"haptic_engine", "haptic", "", "", 1.0, ""},
+    Swept{"h_s", "h", "the haptic step", "haptic step h, ms", 1e3, " ms"},
+    Swept{"ratio", "r", "the ratio", "simulation ratio r = T / h", 1.0, ""},
+    Swept{"box_m", "box", "the box", "half side of the box, m", 1.0, " m"},
+    Swept{"world_substeps", "sub-steps", "sub-steps", "world sub-steps per cycle", 1.0, ""},
+    Swept{"latency_s", "latency", "latency", "latency added to the round trip, ms", 1e3, " ms"},
+    Swept{"jitter_s", "jitter", "jitter", "jitter, ms", 1e3, " ms"},
+    Swept{"coupling_stiffness_n_m", "K", "coupling stiffness", "coupling stiffness, N/m", 1.0, " N/m"}};
 
 struct Look {
   const char* scheme;
@@ -64,6 +66,7 @@ std::vector<Series> lines_of(const std::vector<const Json*>& rows, const std::ve
                              const std::string& x, const auto& point_of) {
   std::vector<std::string> others = columns;
   std::erase(others, x);
+  const std::vector<std::string> named = swept(rows);
   std::vector<Series> lines;
   std::vector<const Json*> firsts;
   for (const Json* row : rows) {
@@ -74,7 +77,7 @@ std::vector<Series> lines_of(const std::vector<const Json*>& rows, const std::ve
       const std::string scheme = row->at("scheme");
       const auto same =
           static_cast<std::size_t>(std::ranges::count_if(firsts, [&](auto* f) { return f->at("scheme") == scheme; }));
-      const std::string text = swept_text(*row, others, x);
+      const std::string text = swept_text(*row, named, x);
       lines.push_back({.title = text.empty() ? scheme : text,
                        .colour = colour_of(scheme),
                        .width = 2.0,
@@ -106,16 +109,26 @@ std::vector<const Json*> slice(const Rows& rows, const std::vector<std::string>&
 
 std::set<std::string> kinds() { return {"scheme", "engine", "haptic_engine"}; }
 
+/// "Error against X", and what all these rows have in common of what was swept.
+std::string title_of(const std::string& against, const std::vector<const Json*>& rows,
+                     std::vector<std::string> columns) {
+  const std::vector<std::string> varying = swept(rows);
+  std::erase_if(columns, [&](const std::string& c) { return std::ranges::find(varying, c) != varying.end(); });
+  const std::string common = swept_text(*rows.front(), columns, "");
+  return fmt::format("Error against {}{}", against, common.empty() ? "" : fmt::format(" ({})", common));
+}
+
 Plot work_precision(const Rows& rows, const std::vector<std::string>& columns) {
   std::set<std::string> free = kinds();
   free.insert({"ratio", "box_m", "world_substeps"});
-  return {.title = "Error against run time",
+  const auto chosen = slice(rows, columns, free);
+  return {.title = title_of("run time", chosen, columns),
           .x_label = "CPU s per simulated s",
           .y_label = "felt-force error, RMS, %",
           .log_x = true,
           .log_y = true,
           .x_ticks = {},
-          .series = lines_of(slice(rows, columns, free), columns, "ratio",
+          .series = lines_of(chosen, columns, "ratio",
                              [](const Json& row) {
                                return std::pair{total_cpu(row), error_percent(row)};
                              }),
@@ -130,7 +143,7 @@ Plot error_against(const std::string& x, const Rows& rows, const std::vector<std
   std::set<double> values;
   for (const Json* row : chosen) values.insert(axis.scale * row->at(x).get<double>());
   const bool log_x = *values.begin() > 0.0;
-  return {.title = x == "ratio" ? "Error against the ratio" : fmt::format("Error against {}", axis.label),
+  return {.title = title_of(axis.words, chosen, columns),
           .x_label = axis.label,
           .y_label = "felt-force error, RMS, %",
           .log_x = log_x,
@@ -181,14 +194,19 @@ Plot felt_force(const std::vector<const Trace*>& traces) {
 
 }  // namespace
 
-std::vector<std::string> swept(const Rows& rows) {
+std::vector<std::string> swept(const std::vector<const Json*>& rows) {
   std::vector<std::string> columns;
   for (const Swept& s : kSwept) {
-    const bool varies =
-        std::ranges::any_of(rows, [&](const Json& row) { return row.at(s.column) != rows.front().at(s.column); });
-    if (varies) columns.emplace_back(s.column);
+    if (!std::ranges::all_of(rows, [&](const Json* row) { return row->at(s.column) == rows.front()->at(s.column); }))
+      columns.emplace_back(s.column);
   }
   return columns;
+}
+
+std::vector<std::string> swept(const Rows& rows) {
+  std::vector<const Json*> all;
+  for (const Json& row : rows) all.push_back(&row);
+  return swept(all);
 }
 
 std::string swept_text(const Json& row, const std::vector<std::string>& columns, const std::string& x) {
