@@ -268,15 +268,10 @@ Json summary_of(const Request& request, const Findings& found, std::size_t plann
   return summary;
 }
 
-void print_orders(const Json& fits) {
-  for (const Json& fit : fits) {
-    if (fit.at("order").is_null()) continue;
-    const bool in_ratio = fit.at("in") == "ratio";
-    fmt::print("order {}  {:<13} {:<13} box {:g} m, {} world sub-steps{}: {:.2f} over {} points\n",
-               in_ratio ? "in r" : "in h", fit.at("scene").get<std::string>(), fit.at("scheme").get<std::string>(),
-               fit.at("box_m").get<double>(), fit.at("world_substeps").get<int>(),
-               in_ratio ? "" : fmt::format(", r {}", fit.at("ratio").get<int>()), fit.at("order").get<double>(),
-               fit.at("points").get<int>());
+void print_orders(const Findings& found) {
+  for (const Rows& rows : by_scene(found.rows)) {
+    for (const std::string& line : orders_of(found.summary.at("convergence"), rows))
+      fmt::print("order, {}: {}\n", rows.front().at("scene").get<std::string>(), line);
   }
 }
 
@@ -298,7 +293,7 @@ int run_lab(int argc, char** argv) {
   write_json(out + "/results.json", found.rows);
   write_csv(out + "/results.csv", found.rows);
   write_json(out + "/summary.json", found.summary);
-  print_orders(found.summary.at("convergence"));
+  print_orders(found);
   fmt::print("{}{}\nresults: {}/results.csv\n",
              stop_signal() != 0 ? fmt::format("stopped by SIG{}: ", sigabbrev_np(stop_signal())) : "",
              found.summary.at("verdict").get<std::string>(), out);

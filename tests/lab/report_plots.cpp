@@ -41,6 +41,7 @@ constexpr std::array kLooks{Look{"direct", "#777777"}, Look{"paper_literal", "#d
 constexpr const char* kFloorColour = "#aa3377";
 constexpr const char* kThresholdColour = "#b8860b";
 constexpr std::array kMarks{7, 5, 9, 13, 11, 6, 4, 8, 12, 10};
+constexpr double kLeastShown_percent = 0.01;
 constexpr std::size_t kMostTracePoints = 1500;
 
 std::string colour_of(const std::string& scheme) {
@@ -90,7 +91,9 @@ std::vector<Series> lines_of(const std::vector<const Json*>& rows, const std::ve
   return lines;
 }
 
-double error_percent(const Json& row) { return 100.0 * row.at("force_error_rms").get<double>(); }
+double error_percent(const Json& row) {
+  return std::max(kLeastShown_percent, 100.0 * row.at("force_error_rms").get<double>());
+}
 
 /// The rows that have their first value in each swept column but the free ones; of the ratio the shown one.
 std::vector<const Json*> slice(const Rows& rows, const std::vector<std::string>& columns, std::set<std::string> free) {
