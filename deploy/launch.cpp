@@ -78,8 +78,6 @@ class DomainClaim {
   int domain_ = -1;
 };
 
-std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
-
 std::string vendor_of(const std::string& dds, int position) {
   if (dds != "mixed") return dds;
   return position % 2 == 0 ? "fastdds" : "cyclonedds";
@@ -211,6 +209,8 @@ void check_choices(const Scene& scene, const RunRequest& request) {
 }
 
 }  // namespace
+
+std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
 
 int run(const RunRequest& request) {
   Options options = request.options;

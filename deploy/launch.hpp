@@ -22,6 +22,13 @@ int run(const RunRequest& request);
 /// Sends one order to the world on a domain. Throws `Error`: middleware where no world hears it.
 void send_control(const Network& network, const std::string& verb, double wait_s);
 
+/// The folder of this program and of those that it starts.
+[[nodiscard]] std::string program_folder();
+
+/// Becomes the evaluation program `lab_NAME`. `arguments` end with a null, the first is the program's own name.
+/// Throws `Error` (failed) where that program is missing.
+void become_lab(const std::string& name, char** arguments);
+
 /// Prints what a scene needs and what is left out, with the reasons.
 void print_plan(const Scene& scene, bool gui);
 

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include <string_view>
+
 namespace {
 
 using namespace subworld;
@@ -29,6 +31,7 @@ int main_of(int argc, char** argv) {
       "  subworld run deploy/scenes/heap.yaml --users 2\n"
       "  subworld control pause --domain 100\n"
       "  subworld plan deploy/scenes/row.yaml\n"
+      "  subworld lab coupling --quick\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
       "            4 a quality gate was missed (--strict).");
 
@@ -72,7 +75,22 @@ int main_of(int argc, char** argv) {
   control_command->add_option("--wait", control_wait_s, "how long to look for the world, s")
       ->check(CLI::Range(0.1, 3600.0));
 
+  CLI::App* lab_command = app.add_subcommand("lab", "Evaluations: runs a sweep and writes tables and a report");
+  lab_command->require_subcommand(1);
+  lab_command->footer(
+      "Examples:\n"
+      "  subworld lab coupling --quick --out out/quick\n"
+      "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
+      "  subworld lab coupling --help");
+  lab_command->add_subcommand("coupling", "The error of the felt force against the run time of each coupling scheme")
+      ->prefix_command()
+      ->set_help_flag();
+
   check_command(app, argc, argv);
+  if (argc > 2 && std::string_view(argv[1]) == "lab") {
+    check_command(*lab_command, argc - 1, argv + 1);
+    if (*argv[2] != '-') become_lab(argv[2], argv + 2);
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& done) {

@@ -53,6 +53,8 @@ class World {
   [[nodiscard]] double time_s() const noexcept { return static_cast<double>(stamp_) * scene_.settings.cycle_s(); }
   [[nodiscard]] const Engine& engine() const noexcept { return *engine_; }
   [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
+  /// Steps of the engine in a cycle.
+  [[nodiscard]] int substeps() const noexcept { return substeps_; }
   [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }

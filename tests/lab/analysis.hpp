@@ -1,0 +1,38 @@
+#pragma once
+
+#include "io/results.hpp"
+
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+using Rows = std::vector<Json>;  ///< one flat row per measured point
+
+/// CPU s per simulated s among which a user may have to choose.
+inline constexpr double kBudgets[] = {0.05, 0.1, 0.25, 0.5, 1.0};
+inline constexpr double kImperceptibleRms = 0.035;       ///< half the force JND
+inline constexpr double kImperceptibleP99 = 0.07;        ///< the force JND
+inline constexpr double kImperceptibleOffset_s = 0.005;  ///< a third of the delay that was detected
+
+[[nodiscard]] bool imperceptible(const Json& row);
+/// Equal in every one of the columns.
+[[nodiscard]] bool alike(const Json& a, const Json& b, const std::vector<std::string>& columns);
+
+/// Whether another point under the same conditions is better in error or CPU and not worse in the other; errors under
+/// the floor are equal.
+[[nodiscard]] bool dominated(const Json& row, const Rows& rows);
+/// The survivor with the least error, then the least CPU, of those within `budget` CPU s per s, or nullptr. Errors
+/// under the floor are equal.
+[[nodiscard]] const Json* choice(const std::vector<const Json*>& rows, double budget);
+
+/// Observed order p of force_error_rms ~ C x^p by least squares in the logarithms, one entry for each set of points
+/// that differ in the column `x` alone: survivors above the floor, without delay. Fewer than two such points: p is
+/// null.
+[[nodiscard]] Json convergence(const Rows& rows, const std::string& x);
+
+/// As a table: an object in a row becomes a column for each of its entries, `null` an empty cell.
+/// Throws `Error` (failed).
+void write_csv(const std::string& path, const Rows& rows);
+
+}  // namespace subworld

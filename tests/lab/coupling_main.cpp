@@ -1,0 +1,309 @@
+#include "coupling/scheme.hpp"
+#include "io/options.hpp"
+#include "lab/analysis.hpp"
+#include "lab/measure.hpp"
+#include "lab/report.hpp"
+#include "lab/sweep.hpp"
+#include "model/error.hpp"
+#include "rt/stop.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+#include <filesystem>
+#include <set>
+
+namespace {
+
+using namespace subworld;
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMostTraces = 64;
+constexpr double kQuickDuration_s = 1.0;
+const std::vector<std::string> kScenes{"row",           "press", "scatter", "raft",       "hidden_load",
+                                       "heavy_outside", "slope", "pyramid", "tower_press"};
+const std::vector<std::string> kQuickScenes{"row", "press"};
+const std::vector<int> kQuickRatios{4, 20};
+
+struct Request {
+  Sweep sweep;
+  bool quick = false;
+  std::string out;
+};
+
+/// deploy/scenes of the checkout that this program was built in; empty where there is none.
+fs::path scenes_folder() {
+  for (fs::path folder = fs::read_symlink("/proc/self/exe").parent_path(); folder.has_relative_path();
+       folder = folder.parent_path()) {
+    if (fs::is_directory(folder / "deploy/scenes")) return folder / "deploy/scenes";
+  }
+  return {};
+}
+
+/// A file, or the name of one in the scenes folder.
+std::string scene_file(const std::string& scene) {
+  if (fs::exists(scene)) return scene;
+  const fs::path file = scenes_folder() / (scene + ".yaml");
+  return scene.find('/') == std::string::npos && fs::exists(file) ? file.string() : scene;
+}
+
+std::vector<std::string> default_scenes(bool quick) {
+  if (scenes_folder().empty()) {
+    throw Error(ExitCode::usage,
+                "the folder deploy/scenes is not above this program; name the scene files on the command line");
+  }
+  return quick ? kQuickScenes : kScenes;
+}
+
+std::string not_finite(const std::string& text) {
+  return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : fmt::format("{} is not a finite number", text);
+}
+
+/// Throws `Error` (usage). An exit code where nothing is left to do.
+std::optional<int> parse(int argc, char** argv, Request& request) {
+  Sweep& sweep = request.sweep;
+  CLI::App app{
+      "Measures what each coupling scheme makes the hand feel, against a reference without coupling, and what it "
+      "costs. "
+      "Every combination of the options is run; each option is a list, separated by commas.",
+      "subworld lab coupling"};
+  app.footer(
+      "Examples:\n"
+      "  subworld lab coupling --quick --out out/quick\n"
+      "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
+      "  subworld lab coupling row heavy_outside --scheme reduced --box 0.15,0.2,0.3 --substeps 1,4\n"
+      "  subworld lab coupling deploy/scenes/row.yaml --latency 0,0.02,0.1 --jitter 0,0.01\n"
+      "DIR/report.html shows the results, DIR/results.csv and results.json hold them, DIR/traces the felt forces.\n"
+      "Ctrl-C writes what has been measured so far.\n"
+      "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
+  app.add_option("scene", sweep.scenes,
+                 fmt::format("scene files, or names in deploy/scenes (default: {})", fmt::join(kScenes, " ")));
+  const auto list = [&](const char* flag, auto& values, const std::string& what) {
+    return app.add_option(flag, values, what)->delimiter(',')->allow_extra_args(false);
+  };
+  const auto numbers = [&](const char* flag, std::vector<double>& values, const std::string& what, double low,
+                           double high) { list(flag, values, what)->check(CLI::Range(low, high))->check(not_finite); };
+  list("--scheme", sweep.schemes,
+       "direct, paper, paper_literal (the device's force acts in the sub-world alone), reduced "
+       "(default: paper_literal,paper,reduced)")
+      ->check(CLI::IsMember({"direct", "paper", "paper_literal", "reduced"}));
+  CLI::Option* ratio = list("--ratio", sweep.ratios, "simulation ratios r = T / h (default: 1,4,10,20)");
+  ratio->check(CLI::Range(1, 1000));
+  numbers("--box", sweep.boxes_m, "half sides of the box around the proxy, m (default: the scene's)", 1e-3, 1e3);
+  list("--substeps", sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme wants (default: 1)")
+      ->check(CLI::Range(0, 1000));
+  numbers("--latency", sweep.latencies_s, "added to the round trip, half each way, s (default: 0)", 0.0, 10.0);
+  numbers("--jitter", sweep.jitters_s, "most that a single message takes longer, s (default: 0)", 0.0, 10.0);
+  numbers("--stiffness", sweep.stiffness_factors, "factors on the coupling's stiffness (default: 1)", 1e-3, 1e3);
+  numbers("--h", sweep.h_s, "haptic steps, s (default: the scene's)", 1e-5, 0.1);
+  list("--engine", sweep.engines, "the world's engines (default: the scene's)");
+  list("--haptic-engine", sweep.haptic_engines, "the sub-worlds' engines (default: the scene's)");
+  app.add_option("--duration", sweep.duration_s, "simulated time, s (default: the scene's)")
+      ->check(CLI::Range(0.05, 1e4))
+      ->check(not_finite);
+  app.add_flag("--quick", request.quick,
+               fmt::format("a first look: scenes {}, ratios {}, {:g} s, where nothing else is asked",
+                           fmt::join(kQuickScenes, " "), fmt::join(kQuickRatios, ","), kQuickDuration_s));
+  app.add_option("--out", request.out, "folder for the results (default: out/lab_coupling-TIME)");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& done) {
+    return app.exit(done);
+  } catch (const CLI::ParseError& wrong) {
+    throw Error(ExitCode::usage, fmt::format("{}; see subworld lab coupling --help", wrong.what()));
+  }
+  if (request.quick && ratio->count() == 0) sweep.ratios = kQuickRatios;
+  if (request.quick && !sweep.duration_s) sweep.duration_s = kQuickDuration_s;
+  if (sweep.scenes.empty()) sweep.scenes = default_scenes(request.quick);
+  for (std::string& scene : sweep.scenes) scene = scene_file(scene);
+  if (request.out.empty())
+    request.out = fmt::format("out/lab_coupling-{:%Y%m%d-%H%M%S}", fmt::localtime(std::time(nullptr)));
+  return std::nullopt;
+}
+
+void write_trace(const std::string& folder, const Trace& trace) {
+  Rows rows;
+  for (std::size_t i = 0; i < trace.force.size(); ++i) {
+    const Vec3& f = trace.force[i];
+    const Vec3& r = trace.reference[i];
+    rows.push_back({{"time_s", static_cast<double>(i) * trace.h_s},
+                    {"force_x_n", f.x()},
+                    {"force_y_n", f.y()},
+                    {"force_z_n", f.z()},
+                    {"reference_x_n", r.x()},
+                    {"reference_y_n", r.y()},
+                    {"reference_z_n", r.z()}});
+  }
+  write_csv(fmt::format("{}/traces/{}.csv", folder, trace.name), rows);
+}
+
+Json engine_settings(const EngineSettings& e) {
+  return {{"engine", e.name}, {"preset", e.preset}, {"iterations", e.iterations ? Json(*e.iterations) : Json(nullptr)}};
+}
+
+Json effective(const Scene& scene) {
+  const Settings& s = scene.settings;
+  const UserSpec& user = scene.users.front();
+  return {{"scene", scene.name},
+          {"file", scene.file},
+          {"h_s", s.h_s},
+          {"duration_s", s.duration_s},
+          {"settle_s", s.settle_s},
+          {"bodies", scene.bodies.size()},
+          {"users", s.users},
+          {"box_m", user.box_half_m},
+          {"coupling_stiffness_n_m", user.coupling.stiffness_n_m},
+          {"coupling_damping_n_s_m", user.coupling.damping_n_s_m},
+          {"world", engine_settings(s.world)},
+          {"haptic", engine_settings(s.haptic)}};
+}
+
+Json asked(const Sweep& s) {
+  return {{"scheme", s.schemes},
+          {"engine", s.engines},
+          {"haptic_engine", s.haptic_engines},
+          {"ratio", s.ratios},
+          {"box_m", s.boxes_m},
+          {"world_substeps", s.substeps},
+          {"latency_s", s.latencies_s},
+          {"jitter_s", s.jitters_s},
+          {"stiffness_factor", s.stiffness_factors},
+          {"h_s", s.h_s}};
+}
+
+std::string verdict_of(const Rows& rows, std::size_t planned) {
+  const auto count = [&](const auto& holds) { return std::ranges::count_if(rows, holds); };
+  std::string verdict =
+      fmt::format("{} points: {} imperceptible, {} at the floor of their reference, {} did not survive", rows.size(),
+                  count(imperceptible), count([](const Json& row) { return row.at("at_floor").get<bool>(); }),
+                  count([](const Json& row) { return !row.at("survived").get<bool>(); }));
+  if (rows.size() < planned) verdict += fmt::format("; stopped after {} of {} points", rows.size(), planned);
+  return verdict;
+}
+
+std::string duration_text(double seconds) {
+  return seconds < 90.0 ? fmt::format("{:.0f} s", seconds) : fmt::format("{:.0f} min", seconds / 60.0);
+}
+
+/// One line for each point, with the time that the rest may take.
+class Progress {
+ public:
+  explicit Progress(std::size_t points) : points_(points) {}
+  void operator()(const Rows& rows) {
+    const Json& row = rows.back();
+    const double passed_s = std::chrono::duration<double>(Clock::now() - begin_).count();
+    const double left_s = passed_s / static_cast<double>(rows.size()) * static_cast<double>(points_ - rows.size());
+    const double rms = row.at("force_error_rms").get<double>();
+    fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (floor {:.2f} %){}  {:.3g} CPU s/s{}\n", rows.size(),
+               points_, row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(),
+               row.at("ratio").get<int>(), details(row),
+               std::isfinite(rms) ? fmt::format("{:6.2f} %", 100.0 * rms) : "did not survive",
+               100.0 * row.at("reference_floor").get<double>(), row.at("at_floor").get<bool>() ? " at the floor" : "",
+               total_cpu(row), left_s > 0.0 ? fmt::format("  about {} left", duration_text(left_s)) : "");
+    std::fflush(stdout);
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static std::string details(const Json& row) {
+    std::string text = fmt::format("box {:g} m", row.at("box_m").get<double>());
+    if (row.at("world_substeps") != 1) text += fmt::format(", {} sub-steps", row.at("world_substeps").get<int>());
+    for (const char* delay : {"latency_s", "jitter_s"}) {
+      if (const double s = row.at(delay).get<double>(); s > 0.0)
+        text += fmt::format(", {} {:g} ms", std::string(delay).substr(0, std::strlen(delay) - 2), 1e3 * s);
+    }
+    return text;
+  }
+
+  std::size_t points_;
+  Clock::time_point begin_ = Clock::now();
+};
+
+Findings sweep_all(const Sweep& sweep, const std::vector<Point>& points, const std::string& out) {
+  Findings found;
+  References references;
+  Progress progress(points.size());
+  for (const Point& point : points) {
+    std::optional<Measured> measured = measure(point, references);
+    if (!measured) break;
+    found.rows.push_back(std::move(measured->row));
+    if (shown(point, sweep) && found.traces.size() < kMostTraces) {
+      write_trace(out, measured->trace);
+      found.traces.push_back(std::move(measured->trace));
+    }
+    write_json(out + "/results.json", found.rows);
+    progress(found.rows);
+  }
+  return found;
+}
+
+Json summary_of(const Request& request, const Findings& found, std::size_t planned) {
+  Json summary{{"lab", "coupling"}, {"date", fmt::format("{:%Y-%m-%d %H:%M}", fmt::localtime(std::time(nullptr)))}};
+  summary["points"] = found.rows.size();
+  summary["planned"] = planned;
+  summary["sweep"] = asked(request.sweep);
+  summary["scenes"] = Json::array();
+  for (const std::string& scene : request.sweep.scenes) {
+    Point point;
+    point.scene = scene;
+    point.duration_s = request.sweep.duration_s;
+    summary["scenes"].push_back(effective(reference_scene_of(point)));
+  }
+  summary["machine"] = machine();
+  summary["traces"] = Json::array();
+  for (const Trace& t : found.traces) summary["traces"].push_back("traces/" + t.name + ".csv");
+  Json fits = convergence(found.rows, "ratio");
+  if (request.sweep.h_s.size() > 1) {
+    for (Json& fit : convergence(found.rows, "h_s")) fits.push_back(std::move(fit));
+  }
+  summary["convergence"] = fits;
+  summary["verdict"] = verdict_of(found.rows, planned);
+  return summary;
+}
+
+void print_orders(const Findings& found) {
+  for (const Rows& rows : by_scene(found.rows)) {
+    for (const std::string& line : orders_of(found.summary.at("convergence"), rows))
+      fmt::print("order, {}: {}\n", rows.front().at("scene").get<std::string>(), line);
+  }
+}
+
+int run_lab(int argc, char** argv) {
+  Request request;
+  if (const auto code = parse(argc, argv, request)) return *code;
+  const std::vector<Point> points = points_of(request.sweep);
+  for (const Point& point : points) {
+    if (point.ratio == request.sweep.ratios.front()) (void)scene_of(point);
+  }
+  const std::string& out = request.out;
+  make_folder(out + "/traces");
+  watch_stop_signals();
+  fmt::print("subworld lab coupling: {} points, results in {}\n", points.size(), out);
+  std::fflush(stdout);
+
+  Findings found = sweep_all(request.sweep, points, out);
+  found.summary = summary_of(request, found, points.size());
+  write_json(out + "/results.json", found.rows);
+  write_csv(out + "/results.csv", found.rows);
+  write_json(out + "/summary.json", found.summary);
+  print_orders(found);
+  fmt::print("{}{}\nresults: {}/results.csv\n",
+             stop_signal() != 0 ? fmt::format("stopped by SIG{}: ", sigabbrev_np(stop_signal())) : "",
+             found.summary.at("verdict").get<std::string>(), out);
+  write_report(out + "/report.html", found);
+  fmt::print("report: {}/report.html\n", out);
+  return static_cast<int>(ExitCode::done);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return guarded("subworld lab coupling", [&] { return run_lab(argc, argv); });
+}

@@ -1,0 +1,70 @@
+#pragma once
+
+#include "io/results.hpp"
+#include "lab/coupled_run.hpp"
+#include "lab/sweep.hpp"
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+/// What a run left.
+struct Outcome {
+  bool finite = true;
+  std::vector<FeltHistory> felt;  ///< by user
+  std::vector<BodyState> end;     ///< of the scene's bodies, in the world
+  double energy_excess_j = 0.0;
+  double device_work_j = 0.0;  ///< of all users
+  int substeps = 1;
+  CpuTimes cpu;
+  double simulated_s = 0.0;
+  MeanMax members;  ///< per user and cycle, as the next two
+  MeanMax ghosts;
+  MeanMax border_pairs;
+};
+
+/// Empty where a signal asked to stop.
+[[nodiscard]] std::optional<Outcome> run_out(const Scene& scene);
+
+struct Reference {
+  Outcome run;
+  double floor = 0.0;  ///< RMS force error of the reference against itself at h / 4
+};
+
+/// Each reference is computed once.
+class References {
+ public:
+  /// Empty where a signal asked to stop.
+  [[nodiscard]] const Reference* of(const Point& point);
+
+ private:
+  std::map<std::string, Reference> known_;
+};
+
+/// What user 0 felt, and should have.
+struct Trace {
+  std::string scene;
+  std::string scheme;
+  int ratio = 1;
+  std::string name;  ///< of the file, without its end
+  double h_s = 0.0;
+  std::vector<Vec3> force;  ///< N
+  std::vector<Vec3> reference;
+};
+
+struct Measured {
+  Json row;
+  Trace trace;
+};
+
+/// One flat row. Empty where a signal asked to stop.
+[[nodiscard]] std::optional<Measured> measure(const Point& point, References& references);
+
+/// CPU seconds per simulated second, of all parts of a row.
+[[nodiscard]] double total_cpu(const Json& row);
+
+}  // namespace subworld

@@ -1,0 +1,253 @@
+#include "lab/report.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+
+namespace subworld {
+
+namespace {
+
+constexpr const char* kHead = R"(<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>Felt-force error against run time</title>
+<style>
+body { font: 15px/1.5 sans-serif; color: #222; background: #fff; max-width: 1500px; margin: 2em auto; padding: 0 1.5em; }
+h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { margin-top: 2.2em; border-bottom: 2px solid #0072b2; }
+p { max-width: 70em; } .facts { color: #555; }
+.plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(520px, 1fr)); gap: 1em; }
+.plots svg { width: 100%; height: auto; border: 1px solid #ddd; border-radius: 4px; }
+.wide { overflow-x: auto; } table { border-collapse: collapse; font-size: 0.85em; font-variant-numeric: tabular-nums; }
+th, td { padding: 0.2em 0.6em; border-bottom: 1px solid #e4e4e4; text-align: right; white-space: nowrap; }
+th { background: #f2f5f8; vertical-align: bottom; white-space: normal; } .text { text-align: left; }
+.dominated td { color: #767676; background: #fafafa; } .good { color: #00704f; font-weight: bold; }
+.doubt { background: #fdf6e3; padding: 0.5em 1em; border-left: 4px solid #b8860b; }
+.choice { background: #eef7f3; padding: 0.5em 1em; border-left: 4px solid #009e73; }
+</style></head><body>
+)";
+
+constexpr const char* kHowToRead = R"(<p>Each point is the whole system (world, sub-worlds, emulated devices) run in
+lock-step in one process. The <b>felt force</b> is compared with that of a <b>reference</b>: the same scene and engine in
+one world at the haptic step, without any coupling. The <b>error</b> is the root mean square of the difference over that
+of the reference, over all users. The reference is itself not exact: its difference to the same world at a quarter of the
+step is the <b>floor</b>, and an error under the floor means &ldquo;as good as can be told&rdquo;, not &ldquo;better&rdquo;. A
+setting is called <b>imperceptible</b> when the RMS error is at most 3.5 %, its 99th percentile at most 7 % of the largest
+force, and the force at most 5 ms early or late. The best settings are low and to the left: little error for little
+<b>CPU time</b>, which is that of world, sub-worlds and synchronisation in seconds per simulated second, without the
+network. Errors under 0.01 % are drawn at 0.01 %.</p>
+)";
+
+std::string escaped(const std::string& text) {
+  std::string safe;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        safe += "&amp;";
+        break;
+      case '<':
+        safe += "&lt;";
+        break;
+      case '>':
+        safe += "&gt;";
+        break;
+      default:
+        safe += c;
+    }
+  }
+  return safe;
+}
+
+/// A column of the table of numbers.
+struct Column {
+  const char* title;
+  const char* key;
+  double scale;
+  int digits;                   ///< significant
+  const char* inner = nullptr;  ///< of an object
+  bool only_swept = false;      ///< left out where all rows are alike
+};
+constexpr Column kColumns[] = {{"engine", "engine", 1, 0, nullptr, true},
+                               {"haptic engine", "haptic_engine", 1, 0, nullptr, true},
+                               {"r", "ratio", 1, 4},
+                               {"h ms", "h_s", 1e3, 4, nullptr, true},
+                               {"box m", "box_m", 1, 4, nullptr, true},
+                               {"world sub-steps", "world_substeps", 1, 4, nullptr, true},
+                               {"latency ms", "latency_s", 1e3, 4, nullptr, true},
+                               {"jitter ms", "jitter_s", 1e3, 4, nullptr, true},
+                               {"K N/m", "coupling_stiffness_n_m", 1, 5, nullptr, true},
+                               {"error RMS %", "force_error_rms", 1e2, 3},
+                               {"p99 %", "force_error_p99", 1e2, 3},
+                               {"max %", "force_error_max", 1e2, 3},
+                               {"offset ms", "time_offset_s", 1e3, 3},
+                               {"RMS without offset %", "value_offset", 1e2, 3},
+                               {"jitter ratio", "jitter_ratio", 1, 3},
+                               {"smoothed RMS %", "smoothed_force_error_rms", 1e2, 3},
+                               {"proxy error RMS mm", "position_error_rms_m", 1e3, 3},
+                               {"drift max mm", "drift_max_m", 1e3, 3},
+                               {"energy excess J", "energy_excess_j", 1, 3},
+                               {"device work J", "device_work_j", 1, 3},
+                               {"members", "members_mean", 1, 3},
+                               {"ghosts", "ghosts_mean", 1, 3},
+                               {"border pairs", "border_pairs_mean", 1, 3},
+                               {"world CPU s/s", "world_cpu_s_per_s", 1, 3},
+                               {"haptic CPU s/s", "haptic_cpu_s_per_s", 1, 3},
+                               {"synchronise CPU s/s", "synchronise_cpu_s_per_s", 1, 3},
+                               {"world step p99 ms", "world_step_s", 1e3, 3, "p99"},
+                               {"haptic step p99 ms", "haptic_step_s", 1e3, 3, "p99"}};
+
+std::string shown(const Column& column, const Json& row) {
+  const Json* value = &row.at(column.key);
+  if (column.inner != nullptr) value = &value->at(column.inner);
+  if (value->is_string()) return escaped(*value);
+  const double number = column.scale * value->get<double>();
+  return std::isfinite(number) ? fmt::format("{:.{}g}", number, column.digits) : "&ndash;";
+}
+
+std::string marks_of(const Json& row, bool is_dominated) {
+  std::string marks;
+  const auto add = [&](bool holds, const char* text) {
+    if (holds) marks += fmt::format("{}{}", marks.empty() ? "" : ", ", text);
+  };
+  add(!row.at("survived").get<bool>(), "did not survive");
+  add(row.at("at_floor").get<bool>(), "<span class=good>at the floor</span>");
+  add(imperceptible(row), "<span class=good>imperceptible</span>");
+  add(row.at("survived").get<bool>() && is_dominated, "dominated");
+  return marks;
+}
+
+std::string table_of(const Rows& rows) {
+  const std::vector<std::string> columns = swept(rows);
+  std::vector<Column> kept;
+  for (const Column& column : kColumns) {
+    if (!column.only_swept || std::ranges::find(columns, column.key) != columns.end()) kept.push_back(column);
+  }
+  std::string text = "<div class=wide><table><tr><th class=text>scheme</th>";
+  for (const Column& column : kept) text += fmt::format("<th>{}</th>", column.title);
+  text += "<th>CPU s/s</th><th class=text>remarks</th></tr>\n";
+  for (const Json& row : rows) {
+    const bool grey = dominated(row, rows);
+    text += fmt::format("<tr{}><td class=text>{}</td>", grey ? " class=dominated" : "",
+                        escaped(row.at("scheme").get<std::string>()));
+    for (const Column& column : kept) text += fmt::format("<td>{}</td>", shown(column, row));
+    text += fmt::format("<td>{:.3g}</td><td class=text>{}</td></tr>\n", total_cpu(row), marks_of(row, grey));
+  }
+  return text +
+         "</table></div>\n<p class=facts>Grey, &ldquo;dominated&rdquo;: another point under the same conditions is "
+         "better in error or CPU time and not worse in the other; errors under the floor are equal.</p>\n";
+}
+
+/// Which setting each budget affords, for the first latency, jitter and stiffness.
+std::string choices_of(const Rows& rows) {
+  std::vector<const Json*> open;
+  for (const Json& row : rows) {
+    if (alike(row, rows.front(), {"latency_s", "jitter_s", "coupling_stiffness_n_m", "h_s"})) open.push_back(&row);
+  }
+  const std::vector<std::string> columns = swept(rows);
+  std::string text;
+  for (const double budget : kBudgets) {
+    const Json* best = choice(open, budget);
+    if (best == nullptr) {
+      text += fmt::format("<br>{:g} CPU s per simulated s: nothing is that cheap", budget);
+      continue;
+    }
+    text += fmt::format("<br>{:g} CPU s per simulated s: <b>{}</b>, {:.2g} % for {:.2g} CPU s{}", budget,
+                        escaped(swept_text(*best, columns, "")), 100.0 * best->at("force_error_rms").get<double>(),
+                        total_cpu(*best), imperceptible(*best) ? ", imperceptible" : "");
+  }
+  return "<p class=choice>With a budget of" + text + "</p>\n";
+}
+
+/// Where the reference itself depends on the step.
+std::string doubt_of(const Rows& rows) {
+  const double floor = rows.front().at("reference_floor").get<double>();
+  if (!(floor > kImperceptibleRms)) return "";
+  return fmt::format(
+      "<p class=doubt>The floor is {:.2g} %: in this scene a shorter step leads to another course of events, so the "
+      "reference is one of many that are right. An error says only how well a scheme keeps to this one.</p>\n",
+      100.0 * floor);
+}
+
+std::string orders_page(const std::vector<std::string>& lines) {
+  if (lines.empty()) return "";
+  std::string text =
+      "<p>Observed order p of error ~ C r<sup>p</sup> (or C h<sup>p</sup>), points above the floor and without "
+      "latency:</p>\n<ul>";
+  for (const std::string& line : lines) text += fmt::format("<li>{}</li>\n", escaped(line));
+  return text + "</ul>\n";
+}
+
+std::string intro_of(const Json& summary) {
+  std::string scenes;
+  for (const Json& scene : summary.at("scenes"))
+    scenes += fmt::format("{}{}", scenes.empty() ? "" : ", ", scene.at("scene").get<std::string>());
+  const Json& machine = summary.at("machine");
+  return fmt::format(
+      "<h1>Felt-force error against run time</h1>\n<p class=facts>Scenes: {}<br>{} &middot; {}, {} cores, {} {}, "
+      "compiler {}<br>Verdict: {}</p>\n",
+      escaped(scenes), summary.at("date").get<std::string>(), escaped(machine.at("cpu").get<std::string>()),
+      machine.at("cores").get<int>(), machine.at("system").get<std::string>(), machine.at("kernel").get<std::string>(),
+      escaped(machine.at("compiler").get<std::string>()), escaped(summary.at("verdict").get<std::string>()));
+}
+
+}  // namespace
+
+std::vector<Rows> by_scene(const Rows& rows) {
+  std::vector<Rows> scenes;
+  for (const Json& row : rows) {
+    if (scenes.empty() || scenes.back().front().at("scene") != row.at("scene")) scenes.emplace_back();
+    scenes.back().push_back(row);
+  }
+  return scenes;
+}
+
+std::vector<std::string> orders_of(const Json& fits, const Rows& rows) {
+  std::vector<std::string> columns = swept(rows);
+  for (const char* other : {"scheme", "latency_s", "jitter_s"}) std::erase(columns, other);
+  std::vector<std::string> lines;
+  for (const Json& fit : fits) {
+    if (fit.at("scene") != rows.front().at("scene") || fit.at("order").is_null()) continue;
+    const std::string x = fit.at("in");
+    const std::string what = swept_text(fit, columns, x);
+    lines.push_back(fmt::format("{}{}{}: p = {:.2f} in {} over {} points", fit.at("scheme").get<std::string>(),
+                                what.empty() ? "" : ", ", what, fit.at("order").get<double>(), x == "ratio" ? "r" : "h",
+                                fit.at("points").get<int>()));
+  }
+  return lines;
+}
+
+void write_report(const std::string& path, const Findings& found) {
+  struct Section {
+    Rows rows;
+    std::size_t first_plot;
+    std::size_t plots;
+  };
+  std::vector<Section> sections;
+  std::vector<Plot> plots;
+  for (Rows& rows : by_scene(found.rows)) sections.push_back({std::move(rows), 0, 0});
+  for (Section& section : sections) {
+    const std::vector<Plot> mine = plots_of(section.rows, found.traces);
+    section.first_plot = plots.size();
+    section.plots = mine.size();
+    plots.insert(plots.end(), mine.begin(), mine.end());
+  }
+  const std::vector<std::string> pictures = svg_of(plots);
+
+  std::ofstream page(path);
+  page << kHead << intro_of(found.summary) << kHowToRead;
+  for (const Section& section : sections) {
+    const std::string scene = section.rows.front().at("scene");
+    page << "<h2>" << escaped(scene) << "</h2>\n"
+         << doubt_of(section.rows) << choices_of(section.rows) << "<div class=plots>\n";
+    for (std::size_t i = 0; i < section.plots; ++i) page << "<div>" << pictures[section.first_plot + i] << "</div>\n";
+    page << "</div>\n"
+         << orders_page(orders_of(found.summary.at("convergence"), section.rows)) << table_of(section.rows);
+  }
+  page << "</body></html>\n";
+  if (!page.flush()) throw Error(ExitCode::failed, fmt::format("{}: cannot write; is the disk full?", path));
+}
+
+}  // namespace subworld

@@ -1,0 +1,60 @@
+#pragma once
+
+#include "model/scene.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+/// What is asked of each axis of the sweep. An empty name, a box of 0 and an h of 0 mean the scene's own.
+struct Sweep {
+  std::vector<std::string> scenes;  ///< files
+  std::vector<std::string> schemes{"paper_literal", "paper", "reduced"};
+  std::vector<std::string> engines{""};
+  std::vector<std::string> haptic_engines{""};
+  std::vector<int> ratios{1, 4, 10, 20};
+  std::vector<double> boxes_m{0.0};  ///< half sides
+  std::vector<int> substeps{1};      ///< of the world, per cycle; 0: as many as the scheme wants
+  std::vector<double> latencies_s{0.0};
+  std::vector<double> jitters_s{0.0};
+  std::vector<double> stiffness_factors{1.0};
+  std::vector<double> h_s{0.0};
+  std::optional<double> duration_s;
+};
+
+/// One run.
+struct Point {
+  std::string scene;
+  std::string scheme;
+  std::string engine;
+  std::string haptic_engine;
+  int ratio = 1;
+  double box_m = 0.0;
+  int substeps = 1;
+  double latency_s = 0.0;  ///< added to the round trip, half each way
+  double jitter_s = 0.0;
+  double stiffness_factor = 1.0;
+  double h_s = 0.0;
+  std::optional<double> duration_s;
+};
+
+/// Every combination; those that share a reference follow each other, the ratio changes fastest.
+[[nodiscard]] std::vector<Point> points_of(const Sweep& sweep);
+
+/// The scene of a point. Throws `Error` (usage) for a scene, scheme or engine that does not exist.
+[[nodiscard]] Scene scene_of(const Point& point);
+/// What the point is compared with: the whole scene in one world of the same engine at step h, without delay.
+[[nodiscard]] Scene reference_scene_of(const Point& point);
+/// The same at h / `parts`.
+[[nodiscard]] Scene refined(Scene scene, int parts);
+/// Equal for points with the same reference.
+[[nodiscard]] std::string reference_key(const Point& point);
+
+/// The ratio of which traces are written and drawn: the nearest to 10.
+[[nodiscard]] int shown_ratio(const std::vector<int>& ratios);
+/// Whether the trace of this point is kept: at the shown ratio, every other axis at its first value.
+[[nodiscard]] bool shown(const Point& point, const Sweep& sweep);
+
+}  // namespace subworld

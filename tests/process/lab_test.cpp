@@ -1,0 +1,143 @@
+#include "process/process_test.hpp"
+
+#include <regex>
+
+namespace subworld::test {
+namespace {
+
+class Lab : public ProcessTest {
+ protected:
+  [[nodiscard]] Words lab_words(const Words& rest) const {
+    Words words{program("subworld"), "lab", "coupling"};
+    words.insert(words.end(), rest.begin(), rest.end());
+    return words;
+  }
+};
+
+const std::vector<std::string> kFlatColumns{"scene",
+                                            "scheme",
+                                            "engine",
+                                            "haptic_engine",
+                                            "ratio",
+                                            "box_m",
+                                            "world_substeps",
+                                            "latency_s",
+                                            "jitter_s",
+                                            "coupling_stiffness_n_m",
+                                            "survived",
+                                            "force_error_rms",
+                                            "force_error_p99",
+                                            "force_error_max",
+                                            "time_offset_s",
+                                            "value_offset",
+                                            "jitter_ratio",
+                                            "smoothed_force_error_rms",
+                                            "position_error_rms_m",
+                                            "drift_max_m",
+                                            "energy_excess_j",
+                                            "device_work_j",
+                                            "reference_floor",
+                                            "at_floor",
+                                            "members_mean",
+                                            "ghosts_mean",
+                                            "border_pairs_mean",
+                                            "world_cpu_s_per_s",
+                                            "haptic_cpu_s_per_s",
+                                            "synchronise_cpu_s_per_s",
+                                            "transport_cpu_s_per_s"};
+
+TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
+  const Ended ended =
+      finish(lab_words({"press", "--quick", "--scheme", "direct,paper", "--latency", "0,0.01", "--out", out()}));
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("[  8/8] press"), std::string::npos) << ended.out;
+
+  const Json rows = Json::parse(read_text(out() + "/results.json"), nullptr, false);
+  ASSERT_EQ(rows.size(), 8U);
+  std::set<std::string> points;
+  for (const Json& row : rows) {
+    for (const std::string& column : kFlatColumns) EXPECT_TRUE(row.contains(column)) << column;
+    for (const char* part : {"world_step_s", "haptic_step_s", "synchronise_step_s"}) {
+      for (const char* q : {"p50", "p99", "p99_9", "max", "mean"}) EXPECT_TRUE(row.at(part).contains(q)) << part << q;
+    }
+    EXPECT_EQ(row["survived"], true);
+    EXPECT_GT(row["reference_floor"], 0.0);
+    EXPECT_EQ(row["at_floor"], row["force_error_rms"] <= row["reference_floor"]);
+    EXPECT_GT(row["world_cpu_s_per_s"], 0.0);
+    points.insert(row["scheme"].dump() + row["ratio"].dump() + row["latency_s"].dump());
+  }
+  EXPECT_EQ(points.size(), 8U);
+
+  std::istringstream csv(read_text(out() + "/results.csv"));
+  std::string header;
+  std::getline(csv, header);
+  for (const std::string& column : kFlatColumns)
+    EXPECT_NE(("," + header + ",").find("," + column + ","), std::string::npos) << column;
+  EXPECT_NE(header.find("world_step_s_p99_9"), std::string::npos);
+
+  EXPECT_EQ(summary()["points"], 8);
+  EXPECT_EQ(summary()["scenes"][0]["duration_s"], 1.0);
+  EXPECT_TRUE(summary()["machine"].contains("cpu"));
+  const Table trace = read_table(out() + "/traces/press_paper_r4.csv");
+  EXPECT_EQ(trace.columns.size(), 7U);
+  EXPECT_EQ(trace.rows.size(), 1000U);
+
+  const std::string page = read_text(out() + "/report.html");
+  static const std::regex kElsewhere("(src|href)\\s*=\\s*[\"']?\\s*(https?:)?//|<script|@import|url\\(\\s*[\"']?http");
+  EXPECT_FALSE(std::regex_search(page, kElsewhere));
+  EXPECT_NE(page.find("<svg"), std::string::npos);
+  EXPECT_NE(page.find("imperceptible"), std::string::npos);
+  EXPECT_NE(page.rfind("</html>"), std::string::npos);
+}
+
+TEST_F(Lab, WrongOptionsAreNamedWithTheCure) {
+  const std::vector<std::pair<Words, Words>> wrong{{{"press", "--scheme", "papers"}, {"--scheme", "papers", "reduced"}},
+                                                   {{"press", "--ratio", "4,0"}, {"--ratio", "0"}},
+                                                   {{"press", "--latency", "0,nan"}, {"--latency", "nan"}},
+                                                   {{"press", "--engine", "havoc"}, {"havoc", "bullet"}},
+                                                   {{"no_such_scene"}, {"no_such_scene"}},
+                                                   {{"press", "--colour", "red"}, {"--colour", "--help"}}};
+  for (const auto& [flags, fragments] : wrong) {
+    Words words = lab_words(flags);
+    words.insert(words.end(), {"--out", out()});
+    const Ended ended = finish(words);
+    EXPECT_EQ(ended.code, 2) << ended.err;
+    for (const std::string& fragment : fragments) EXPECT_NE(ended.err.find(fragment), std::string::npos) << ended.err;
+  }
+}
+
+TEST_F(Lab, HelpsWithExamples) {
+  const Ended lab = finish({program("subworld"), "lab", "--help"});
+  const Ended coupling = finish(lab_words({"--help"}));
+  for (const Ended& ended : {lab, coupling}) {
+    EXPECT_EQ(ended.code, 0);
+    EXPECT_NE(ended.out.find("\n  subworld lab coupling --quick"), std::string::npos) << ended.out;
+  }
+  EXPECT_NE(coupling.out.find("--latency"), std::string::npos);
+}
+
+TEST_F(Lab, WhatWasMeasuredSurvivesAnInterrupt) {
+  Process lab(lab_words({"row", "--ratio", "4,5,6,7,8,9,10,11,12,13,14,15,16", "--substeps", "1,2,3,4,5,6,7,8", "--out",
+                         out()}),
+              folder_.path());
+  ASSERT_TRUE(eventually([&] { return lab.out().find("[  2/") != std::string::npos; }));
+  lab.signal(SIGINT);
+  EXPECT_EQ(lab.wait(), 0);
+  EXPECT_NE(lab.out().find("stopped by SIGINT"), std::string::npos) << lab.out();
+  EXPECT_GE(summary()["points"], 2);
+  EXPECT_EQ(summary()["planned"], 312);
+  EXPECT_TRUE(std::filesystem::exists(out() + "/results.csv"));
+  EXPECT_TRUE(std::filesystem::exists(out() + "/report.html"));
+}
+
+TEST_F(Lab, WithoutGnuplotTheTablesAreThereAndTheCureIsNamed) {
+  const Ended ended = finish(lab_words({"press", "--quick", "--ratio", "20", "--scheme", "paper", "--out", out()}),
+                             {{"PATH", folder_.path()}});
+  EXPECT_EQ(ended.code, 1);
+  EXPECT_NE(ended.err.find("gnuplot-nox"), std::string::npos) << ended.err;
+  EXPECT_TRUE(std::filesystem::exists(out() + "/results.csv"));
+  EXPECT_TRUE(std::filesystem::exists(out() + "/summary.json"));
+}
+
+}  // namespace
+}  // namespace subworld::test
