@@ -16,8 +16,8 @@ namespace {
 /// What is asked of a scheme, whatever it does about it.
 const std::vector<std::string> kConditions{"scene", "engine", "h_s", "latency_s", "jitter_s", "coupling_stiffness_n_m"};
 /// What is run, but for how long and how late.
-const std::vector<std::string> kSetting{"scene", "scheme", "engine",         "haptic_engine",         "h_s",
-                                        "ratio", "box_m",  "world_substeps", "coupling_stiffness_n_m"};
+const std::vector<std::string> kSetting{"scene", "scheme", "engine",        "haptic_engine",  "h_s",
+                                        "ratio", "box_m",  "contact_depth", "world_substeps", "coupling_stiffness_n_m"};
 
 double number(const Json& row, const char* key) { return row.at(key).get<double>(); }
 

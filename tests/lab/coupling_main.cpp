@@ -97,6 +97,9 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   CLI::Option* ratio = list("--ratio", sweep.ratios, "simulation ratios r = T / h (default: 1,4,10,20)");
   ratio->check(CLI::Range(1, 1000));
   numbers("--box", sweep.boxes_m, "half sides of the box around the proxy, m (default: the scene's)", 1e-3, 1e3);
+  list("--depth", sweep.contact_depths,
+       "bodies that hang on the proxy by so many contacts belong to the sub-world too (default: the scene's)")
+      ->check(CLI::Range(0, 1000));
   list("--substeps", sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme wants (default: 1)")
       ->check(CLI::Range(0, 1000));
   numbers("--latency", sweep.latencies_s, "added to the round trip, half each way, s (default: 0)", 0.0, 10.0);
@@ -159,6 +162,7 @@ Json effective(const Scene& scene) {
           {"bodies", scene.bodies.size()},
           {"users", s.users},
           {"box_m", user.box_half_m},
+          {"contact_depth", user.contact_depth},
           {"coupling_stiffness_n_m", user.coupling.stiffness_n_m},
           {"coupling_damping_n_s_m", user.coupling.damping_n_s_m},
           {"world", engine_settings(s.world)},
@@ -171,6 +175,7 @@ Json asked(const Sweep& s) {
           {"haptic_engine", s.haptic_engines},
           {"ratio", s.ratios},
           {"box_m", s.boxes_m},
+          {"contact_depth", s.contact_depths},
           {"world_substeps", s.substeps},
           {"latency_s", s.latencies_s},
           {"jitter_s", s.jitters_s},
@@ -214,6 +219,7 @@ class Progress {
   using Clock = std::chrono::steady_clock;
   static std::string details(const Json& row) {
     std::string text = fmt::format("box {:g} m", row.at("box_m").get<double>());
+    if (row.at("contact_depth") != 0) text += fmt::format(", depth {}", row.at("contact_depth").get<int>());
     if (row.at("world_substeps") != 1) text += fmt::format(", {} sub-steps", row.at("world_substeps").get<int>());
     for (const char* delay : {"latency_s", "jitter_s"}) {
       if (const double s = row.at(delay).get<double>(); s > 0.0)

@@ -74,6 +74,7 @@ Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
           {"h_s", s.h_s},
           {"ratio", s.ratio},
           {"box_m", scene.users.front().box_half_m},
+          {"contact_depth", scene.users.front().contact_depth},
           {"world_substeps", run.substeps},
           {"latency_s", point.latency_s},
           {"jitter_s", point.jitter_s},

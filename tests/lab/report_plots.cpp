@@ -27,6 +27,7 @@ constexpr std::array kSwept{
     Swept{"h_s", "h", "the haptic step", "haptic step h, ms", 1e3, " ms"},
     Swept{"ratio", "r", "the ratio", "simulation ratio r = T / h", 1.0, ""},
     Swept{"box_m", "box", "the box", "half side of the box, m", 1.0, " m"},
+    Swept{"contact_depth", "depth", "the depth of contact", "contacts from the proxy to a member", 1.0, ""},
     Swept{"world_substeps", "sub-steps", "sub-steps", "world sub-steps per cycle", 1.0, ""},
     Swept{"latency_s", "latency", "latency", "latency added to the round trip, ms", 1e3, " ms"},
     Swept{"jitter_s", "jitter", "jitter", "jitter, ms", 1e3, " ms"},
@@ -123,7 +124,7 @@ std::string title_of(const std::string& against, const std::vector<const Json*>&
 
 Plot work_precision(const Rows& rows, const std::vector<std::string>& columns) {
   std::set<std::string> free = kinds();
-  free.insert({"ratio", "box_m", "world_substeps"});
+  free.insert({"ratio", "box_m", "contact_depth", "world_substeps"});
   const auto chosen = slice(rows, columns, free);
   return {.title = title_of("run time", chosen, columns),
           .x_label = "CPU s per simulated s",
@@ -227,7 +228,8 @@ std::string swept_text(const Json& row, const std::vector<std::string>& columns,
 std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
   const std::vector<std::string> columns = swept(rows);
   std::vector<Plot> plots{work_precision(rows, columns)};
-  for (const char* x : {"ratio", "box_m", "latency_s", "jitter_s", "world_substeps", "coupling_stiffness_n_m", "h_s"}) {
+  for (const char* x : {"ratio", "box_m", "contact_depth", "latency_s", "jitter_s", "world_substeps",
+                        "coupling_stiffness_n_m", "h_s"}) {
     if (std::ranges::find(columns, x) != columns.end()) plots.push_back(error_against(x, rows, columns));
   }
   std::vector<const Trace*> mine;

@@ -59,6 +59,7 @@ std::vector<Point> points_of(const Sweep& sweep) {
                                axis(sweep.haptic_engines, &Point::haptic_engine),
                                axis(sweep.schemes, &Point::scheme),
                                axis(sweep.boxes_m, &Point::box_m),
+                               axis(sweep.contact_depths, &Point::contact_depth),
                                axis(sweep.substeps, &Point::substeps),
                                axis(sweep.latencies_s, &Point::latency_s),
                                axis(sweep.jitters_s, &Point::jitter_s),
@@ -87,8 +88,9 @@ Scene scene_of(const Point& point) {
   s.world.substeps.reset();
   if (point.substeps > 0) s.world.substeps = point.substeps;
   s.delay = {.up_s = 0.5 * point.latency_s, .down_s = 0.5 * point.latency_s, .jitter_s = point.jitter_s};
-  if (point.box_m > 0.0) {
-    for (UserSpec& user : scene.users) user.box_half_m = point.box_m;
+  for (UserSpec& user : scene.users) {
+    if (point.box_m > 0.0) user.box_half_m = point.box_m;
+    if (point.contact_depth >= 0) user.contact_depth = point.contact_depth;
   }
   (void)make_scheme(s);
   (void)make_engine(s.world, {});
@@ -122,9 +124,9 @@ int shown_ratio(const std::vector<int>& ratios) {
 bool shown(const Point& p, const Sweep& s) {
   return p.ratio == shown_ratio(s.ratios) && p.engine == s.engines.front() &&
          p.haptic_engine == s.haptic_engines.front() && p.box_m == s.boxes_m.front() &&
-         p.substeps == s.substeps.front() && p.latency_s == s.latencies_s.front() &&
-         p.jitter_s == s.jitters_s.front() && p.stiffness_factor == s.stiffness_factors.front() &&
-         p.h_s == s.h_s.front();
+         p.contact_depth == s.contact_depths.front() && p.substeps == s.substeps.front() &&
+         p.latency_s == s.latencies_s.front() && p.jitter_s == s.jitters_s.front() &&
+         p.stiffness_factor == s.stiffness_factors.front() && p.h_s == s.h_s.front();
 }
 
 }  // namespace subworld

@@ -8,7 +8,8 @@
 
 namespace subworld {
 
-/// What is asked of each axis of the sweep. An empty name, a box of 0 and an h of 0 mean the scene's own.
+/// What is asked of each axis of the sweep. An empty name, a box of 0, an h of 0 and a depth of -1 mean the
+/// scene's own.
 struct Sweep {
   std::vector<std::string> scenes;  ///< files
   std::vector<std::string> schemes{"paper_literal", "paper", "reduced"};
@@ -16,7 +17,8 @@ struct Sweep {
   std::vector<std::string> haptic_engines{""};
   std::vector<int> ratios{1, 4, 10, 20};
   std::vector<double> boxes_m{0.0};  ///< half sides
-  std::vector<int> substeps{1};      ///< of the world, per cycle; 0: as many as the scheme wants
+  std::vector<int> contact_depths{-1};
+  std::vector<int> substeps{1};  ///< of the world, per cycle; 0: as many as the scheme wants
   std::vector<double> latencies_s{0.0};
   std::vector<double> jitters_s{0.0};
   std::vector<double> stiffness_factors{1.0};
@@ -32,6 +34,7 @@ struct Point {
   std::string haptic_engine;
   int ratio = 1;
   double box_m = 0.0;
+  int contact_depth = -1;
   int substeps = 1;
   double latency_s = 0.0;  ///< added to the round trip, half each way
   double jitter_s = 0.0;
