@@ -21,11 +21,17 @@ const std::vector<std::string> kSetting{"scene", "scheme", "engine",        "hap
 
 double number(const Json& row, const char* key) { return row.at(key).get<double>(); }
 
-/// Under the floor nothing can be told apart.
-double told_error(const Json& row) { return std::max(number(row, "force_error_rms"), number(row, "reference_floor")); }
+/// Under a telling floor nothing can be told apart.
+double told_error(const Json& row) {
+  const double floor = number(row, "reference_floor");
+  const double rms = number(row, "force_error_rms");
+  return telling(floor) ? std::max(rms, floor) : rms;
+}
+
+bool ranked(const Json& row) { return row.at("survived").get<bool>() && comparable(row); }
 
 bool fits(const Json& row) {
-  return row.at("survived").get<bool>() && !row.at("at_floor").get<bool>() && number(row, "latency_s") == 0.0 &&
+  return ranked(row) && !row.at("at_floor").get<bool>() && number(row, "latency_s") == 0.0 &&
          number(row, "jitter_s") == 0.0 && number(row, "force_error_rms") > 0.0;
 }
 
@@ -57,8 +63,12 @@ std::string cell(const Json& value) {
 
 }  // namespace
 
+bool comparable(const Json& row) {
+  return std::isfinite(number(row, "force_error_rms")) && std::isfinite(number(row, "reference_floor"));
+}
+
 bool imperceptible(const Json& row) {
-  return row.at("survived").get<bool>() && number(row, "force_error_rms") <= kImperceptibleRms &&
+  return ranked(row) && number(row, "force_error_rms") <= kImperceptibleRms &&
          number(row, "force_error_p99") <= kImperceptibleP99 &&
          std::abs(number(row, "time_offset_s")) <= kImperceptibleOffset_s;
 }
@@ -68,9 +78,9 @@ bool alike(const Json& a, const Json& b, const std::vector<std::string>& columns
 }
 
 bool dominated(const Json& row, const Rows& rows) {
-  if (!row.at("survived").get<bool>()) return true;
+  if (!ranked(row)) return !row.at("survived").get<bool>();
   return std::ranges::any_of(rows, [&](const Json& other) {
-    if (!alike(row, other, kConditions) || !other.at("survived").get<bool>()) return false;
+    if (!alike(row, other, kConditions) || !ranked(other)) return false;
     const double less_error = told_error(row) - told_error(other);
     const double less_cpu = total_cpu(row) - total_cpu(other);
     return less_error >= 0.0 && less_cpu >= 0.0 && less_error + less_cpu > 0.0;
@@ -80,7 +90,7 @@ bool dominated(const Json& row, const Rows& rows) {
 const Json* choice(const std::vector<const Json*>& rows, double budget) {
   const Json* best = nullptr;
   for (const Json* row : rows) {
-    if (!row->at("survived").get<bool>() || total_cpu(*row) > budget) continue;
+    if (!ranked(*row) || total_cpu(*row) > budget) continue;
     const auto rank = [](const Json& of) { return std::pair{told_error(of), total_cpu(of)}; };
     if (best == nullptr || rank(*row) < rank(*best)) best = row;
   }

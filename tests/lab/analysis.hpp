@@ -15,15 +15,20 @@ inline constexpr double kImperceptibleRms = 0.035;       ///< half the force JND
 inline constexpr double kImperceptibleP99 = 0.07;        ///< the force JND
 inline constexpr double kImperceptibleOffset_s = 0.005;  ///< a third of the delay that was detected
 
+/// False where the reference felt no force: then there is no relative error.
+[[nodiscard]] bool comparable(const Json& row);
+/// Whether a reference's floor tells errors apart at all: a floor that could be felt says only that the reference is
+/// one of many.
+[[nodiscard]] inline bool telling(double floor) { return floor <= kImperceptibleRms; }
 [[nodiscard]] bool imperceptible(const Json& row);
 /// Equal in every one of the columns.
 [[nodiscard]] bool alike(const Json& a, const Json& b, const std::vector<std::string>& columns);
 
 /// Whether another point under the same conditions is better in error or CPU and not worse in the other; errors under
-/// the floor are equal.
+/// a telling floor are equal.
 [[nodiscard]] bool dominated(const Json& row, const Rows& rows);
 /// The survivor with the least error, then the least CPU, of those within `budget` CPU s per s, or nullptr. Errors
-/// under the floor are equal.
+/// under a telling floor are equal.
 [[nodiscard]] const Json* choice(const std::vector<const Json*>& rows, double budget);
 
 /// Observed order p of force_error_rms ~ C x^p by least squares in the logarithms, one entry for each set of points

@@ -200,7 +200,7 @@ std::string duration_text(double seconds) {
 /// One line for each point, with the time that the rest may take.
 class Progress {
  public:
-  explicit Progress(std::size_t points) : points_(points) {}
+  Progress(std::size_t points, const Sweep& sweep) : points_(points), sweep_(sweep) {}
   void operator()(const Rows& rows) {
     const Json& row = rows.back();
     const double passed_s = std::chrono::duration<double>(Clock::now() - begin_).count();
@@ -209,7 +209,9 @@ class Progress {
     fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (floor {:.2f} %){}  {:.3g} CPU s/s{}\n", rows.size(),
                points_, row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(),
                row.at("ratio").get<int>(), details(row),
-               std::isfinite(rms) ? fmt::format("{:6.2f} %", 100.0 * rms) : "did not survive",
+               !row.at("survived").get<bool>() ? "did not survive"
+               : comparable(row)               ? fmt::format("{:6.2f} %", 100.0 * rms)
+                                               : "unknown, the reference felt no force",
                100.0 * row.at("reference_floor").get<double>(), row.at("at_floor").get<bool>() ? " at the floor" : "",
                total_cpu(row), left_s > 0.0 ? fmt::format("  about {} left", duration_text(left_s)) : "");
     std::fflush(stdout);
@@ -217,8 +219,14 @@ class Progress {
 
  private:
   using Clock = std::chrono::steady_clock;
-  static std::string details(const Json& row) {
+  std::string details(const Json& row) const {
     std::string text = fmt::format("box {:g} m", row.at("box_m").get<double>());
+    if (sweep_.h_s.size() > 1) text += fmt::format(", h {:g} ms", 1e3 * row.at("h_s").get<double>());
+    if (sweep_.stiffness_factors.size() > 1)
+      text += fmt::format(", K {:g} N/m", row.at("coupling_stiffness_n_m").get<double>());
+    if (sweep_.engines.size() > 1 || sweep_.haptic_engines.size() > 1)
+      text +=
+          fmt::format(", {} with {}", row.at("engine").get<std::string>(), row.at("haptic_engine").get<std::string>());
     if (row.at("contact_depth") != 0) text += fmt::format(", depth {}", row.at("contact_depth").get<int>());
     if (row.at("world_substeps") != 1) text += fmt::format(", {} sub-steps", row.at("world_substeps").get<int>());
     for (const char* delay : {"latency_s", "jitter_s"}) {
@@ -229,13 +237,14 @@ class Progress {
   }
 
   std::size_t points_;
+  const Sweep& sweep_;
   Clock::time_point begin_ = Clock::now();
 };
 
 Findings sweep_all(const Sweep& sweep, const std::vector<Point>& points, const std::string& out) {
   Findings found;
   References references;
-  Progress progress(points.size());
+  Progress progress(points.size(), sweep);
   for (const Point& point : points) {
     std::optional<Measured> measured = measure(point, references);
     if (!measured) break;

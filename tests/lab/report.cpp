@@ -39,6 +39,11 @@ setting is called <b>imperceptible</b> when the RMS error is at most 3.5 %, its 
 force, and the force at most 5 ms early or late. The best settings are low and to the left: little error for little
 <b>CPU time</b>, which is that of world, sub-worlds and synchronisation in seconds per simulated second, without the
 network. Errors under 0.01 % are drawn at 0.01 %.</p>
+<p class=facts>In the tables: <b>p99</b> and <b>max</b> are of the difference, over the reference's largest force;
+<b>offset</b> is the lag that makes the error least, and <b>RMS without offset</b> what is left then; <b>jitter</b> is the
+force without its 41-step mean, over the same of the reference; <b>smoothed</b> the error of those means; <b>drift</b> the
+most that a body ends away from where the reference has it; <b>energy excess</b> what the world gained beyond the work of the
+devices; <b>ghosts</b> the outside bodies that the scheme <i>reduced</i> models.</p>
 )";
 
 std::string escaped(const std::string& text) {
@@ -143,6 +148,7 @@ std::string table_of(const Rows& rows) {
 
 /// Which setting each budget affords, for the first latency, jitter and stiffness.
 std::string choices_of(const Rows& rows) {
+  if (!comparable(rows.front())) return "";
   std::vector<const Json*> open;
   for (const Json& row : rows) {
     if (alike(row, rows.front(), {"latency_s", "jitter_s", "coupling_stiffness_n_m", "h_s"})) open.push_back(&row);
@@ -162,13 +168,32 @@ std::string choices_of(const Rows& rows) {
   return "<p class=choice>With a budget of" + text + "</p>\n";
 }
 
+/// What was simulated.
+std::string facts_of(const Json& scene) {
+  const auto engine = [](const Json& e) {
+    return fmt::format("{} ({}{})", e.at("engine").get<std::string>(), e.at("preset").get<std::string>(),
+                       e.at("iterations").is_null() ? "" : fmt::format(", {} iterations", e.at("iterations").dump()));
+  };
+  return fmt::format(
+      "<p class=facts>{}: {:g} s in steps of {:g} ms after {:g} s of settling; {} bodies, {} user(s), box {:g} m; "
+      "coupling {:g} N/m, {:g} N s/m; world {}, sub-worlds {}; where nothing else is swept.</p>\n",
+      escaped(scene.at("file").get<std::string>()), scene.at("duration_s").get<double>(),
+      1e3 * scene.at("h_s").get<double>(), scene.at("settle_s").get<double>(), scene.at("bodies").get<int>(),
+      scene.at("users").get<int>(), scene.at("box_m").get<double>(), scene.at("coupling_stiffness_n_m").get<double>(),
+      scene.at("coupling_damping_n_s_m").get<double>(), engine(scene.at("world")), engine(scene.at("haptic")));
+}
+
 /// Where the reference itself depends on the step.
 std::string doubt_of(const Rows& rows) {
+  if (!comparable(rows.front())) {
+    return "<p class=doubt>The reference felt no force in this time, so there is no relative error. Run longer.</p>\n";
+  }
   const double floor = rows.front().at("reference_floor").get<double>();
-  if (!(floor > kImperceptibleRms)) return "";
+  if (telling(floor)) return "";
   return fmt::format(
-      "<p class=doubt>The floor is {:.2g} %: in this scene a shorter step leads to another course of events, so the "
-      "reference is one of many that are right. An error says only how well a scheme keeps to this one.</p>\n",
+      "<p class=doubt>The floor is {:.2g} %: the reference itself changes with its step, because contacts then follow "
+      "another course or because the path's speed jumps. It is one of many that are right, and an error says only how "
+      "well a scheme keeps to this one; no point is called at the floor.</p>\n",
       100.0 * floor);
 }
 
@@ -213,9 +238,10 @@ std::vector<std::string> orders_of(const Json& fits, const Rows& rows) {
     if (fit.at("scene") != rows.front().at("scene") || fit.at("order").is_null()) continue;
     const std::string x = fit.at("in");
     const std::string what = swept_text(fit, columns, x);
-    lines.push_back(fmt::format("{}{}{}: p = {:.2f} in {} over {} points", fit.at("scheme").get<std::string>(),
+    lines.push_back(fmt::format("{}{}{}: p = {:.2f} in {} over {} points{}", fit.at("scheme").get<std::string>(),
                                 what.empty() ? "" : ", ", what, fit.at("order").get<double>(), x == "ratio" ? "r" : "h",
-                                fit.at("points").get<int>()));
+                                fit.at("points").get<int>(),
+                                fit.at("points").get<int>() < 3 ? ", a hint and no fit" : ""));
   }
   return lines;
 }
@@ -242,6 +268,8 @@ void write_report(const std::string& path, const Findings& found) {
   for (const Section& section : sections) {
     const std::string scene = section.rows.front().at("scene");
     page << "<h2>" << escaped(scene) << "</h2>\n"
+         << facts_of(*std::ranges::find_if(found.summary.at("scenes"),
+                                           [&](const Json& s) { return s.at("scene") == scene; }))
          << doubt_of(section.rows) << choices_of(section.rows) << "<div class=plots>\n";
     for (std::size_t i = 0; i < section.plots; ++i) page << "<div>" << pictures[section.first_plot + i] << "</div>\n";
     page << "</div>\n"

@@ -62,7 +62,7 @@ TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
     }
     EXPECT_EQ(row["survived"], true);
     EXPECT_GT(row["reference_floor"], 0.0);
-    EXPECT_EQ(row["at_floor"], row["force_error_rms"] <= row["reference_floor"]);
+    EXPECT_EQ(row["at_floor"], row["force_error_rms"] <= row["reference_floor"] && row["reference_floor"] <= 0.035);
     EXPECT_GT(row["world_cpu_s_per_s"], 0.0);
     points.insert(row["scheme"].dump() + row["ratio"].dump() + row["latency_s"].dump());
   }
