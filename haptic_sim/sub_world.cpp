@@ -189,7 +189,23 @@ const HapticReport& SubWorld::report(std::int64_t sent_ns) {
   return report;
 }
 
+bool SubWorld::knows(const WorldFrame& frame) const noexcept {
+  const auto in_scene = [&](BodyId id) { return index(id) < scene_.bodies.size(); };
+  return std::ranges::all_of(frame.members, in_scene) && std::ranges::all_of(frame.fixed, in_scene) &&
+         std::ranges::all_of(frame.ghosts, in_scene, &GhostModel::outside) &&
+         std::ranges::all_of(frame.peers, in_scene, &PeerDevice::proxy) &&
+         std::ranges::all_of(frame.entering, in_scene, [](const EnteringBody& e) { return e.body.id; });
+}
+
+void SubWorld::let_peers_go() {
+  for (const PeerDevice& peer : frame_.peers) {
+    const Body& body = scene_.body(peer.proxy);
+    if (engine_->contains(body.id)) engine_->set_inertia(body.id, body.mass, body.inertia);
+  }
+}
+
 std::uint64_t SubWorld::apply(const WorldFrame& frame) {
+  if (!knows(frame)) return 0;
   const bool first = frame_.members.empty();
   if (!first && frame.stamp <= frame_.stamp) return 0;
   const std::uint64_t missing = first ? 0 : frame.stamp - frame_.stamp - 1;
@@ -204,6 +220,7 @@ std::uint64_t SubWorld::apply(const WorldFrame& frame) {
         engine_->set_state(pair.id, shifted(engine_->state(pair.id), pair.sub));
       }
     }
+    let_peers_go();
     follow_membership(frame, lag_s);
     follow_ghosts(frame, lag_s);
     border_impulses_for_s_ = 0.0;
@@ -212,10 +229,6 @@ std::uint64_t SubWorld::apply(const WorldFrame& frame) {
   }
   for (const StampedBody& s : frame.states) {
     if (s.id == spec_.proxy) world_proxy_ = s.state;
-  }
-  for (const PeerDevice& peer : frame_.peers) {
-    const Body& body = scene_.body(peer.proxy);
-    if (engine_->contains(body.id)) engine_->set_inertia(body.id, body.mass, body.inertia);
   }
   frame_ = frame;
   return missing;
@@ -260,7 +273,9 @@ void SubWorld::describe_islands(std::vector<std::uint32_t>& labels) {
 }
 
 void SubWorld::adopt(const WorldFrame& frame) {
+  if (!knows(frame)) return;
   if (engine_) {
+    let_peers_go();
     for (const StampedBody& s : frame.states) {
       if (engine_->contains(s.id)) engine_->set_state(s.id, s.state);
     }

@@ -42,7 +42,8 @@ class SubWorld {
   const HapticReport& report(std::int64_t sent_ns);
 
   /// Uses a frame whose stamp is not ahead of stamp(): blends, bodies that enter and leave, border.
-  /// Returns the number of frames that are missing before it; a frame that is older than the newest one does nothing.
+  /// Returns the number of frames that are missing before it; a frame that is older than the newest one, or names
+  /// bodies that the scene does not have, does nothing.
   std::uint64_t apply(const WorldFrame& frame);
   /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind or is not finite.
   void adopt(const WorldFrame& frame);
@@ -66,6 +67,8 @@ class SubWorld {
   void follow_membership(const WorldFrame& frame, double lag_s);
   void follow_ghosts(const WorldFrame& frame, double lag_s);
   void describe_islands(std::vector<std::uint32_t>& labels);
+  [[nodiscard]] bool knows(const WorldFrame& frame) const noexcept;
+  void let_peers_go();
   void hold(BodyId proxy, const ImplicitStep& coupling);
   void move_peers(double dt);
   void observe_contacts();

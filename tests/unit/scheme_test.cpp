@@ -195,6 +195,40 @@ TEST(Membership, BodiesEnterAndLeaveWhileRunning) {
   EXPECT_EQ(run.subs[0]->members(), run.frame().members.size());
 }
 
+class PeersNonsense : public testing::TestWithParam<const char*> {};
+
+// A frame with bodies that are in no scene is as one that never came.
+TEST_P(PeersNonsense, IsRefusedAndTheNextFrameCountsIt) {
+  CoupledRun run(scene_of("row", GetParam(), 4));
+  for (int i = 0; i < 200; ++i) run.cycle();
+  SubWorld& sub = *run.subs[0];
+  const BodyId nobody{4'000'000'000};
+  const auto broken = [&](auto spoil) {
+    WorldFrame frame = run.frame();
+    ++frame.stamp;
+    spoil(frame);
+    return frame;
+  };
+  const GhostModel ghost{.outside = nobody, .mass_kg = 1.0, .axis_count = 1, .axes = {}};
+  for (const WorldFrame& frame :
+       {broken([&](WorldFrame& f) { f.members.push_back(nobody); }),
+        broken([&](WorldFrame& f) { f.fixed.push_back(nobody); }),
+        broken([&](WorldFrame& f) { f.peers.push_back({.proxy = nobody, .pose = {}}); }), broken([&](WorldFrame& f) {
+          f.ghosts.push_back(ghost), f.states.push_back({nobody, {}});
+        }),
+        broken([&](WorldFrame& f) { f.entering.push_back({}), f.entering.back().body.id = nobody; })}) {
+    EXPECT_EQ(sub.apply(frame), 0U);
+  }
+  WorldFrame good = run.frame();
+  good.stamp += 2;
+  EXPECT_EQ(sub.apply(good), 1U);
+  sub.advance(0.001);
+  EXPECT_TRUE(sub.finite());
+}
+
+INSTANTIATE_TEST_SUITE_P(Schemes, PeersNonsense, testing::Values("direct", "paper", "reduced"),
+                         [](const auto& one) { return std::string(one.param); });
+
 TEST(Lockstep, EqualRunsHaveEqualHashes) {
   const auto hash = [] {
     CoupledRun run(scene_of("row", "paper", 4));
