@@ -1,33 +1,130 @@
 #include "physics/engine.hpp"
 
 #include "model/error.hpp"
-#include "physics/bullet.hpp"
+#include "physics/plugin.hpp"
 
+#include <dlfcn.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <array>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <mutex>
 #include <string>
 
 namespace subworld {
 
 namespace {
 
-struct Maker {
+namespace fs = std::filesystem;
+
+constexpr const char* kFoldersVariable = "SUBWORLD_ENGINES";
+constexpr std::string_view kPrefix = "libsubworld_engine_";
+constexpr std::string_view kSuffix = ".so";
+
+/// Engines that a default build leaves out, and how to get them.
+struct Optional {
   std::string_view name;
-  std::unique_ptr<Engine> (*make)(const EngineSettings&, std::span<const Mesh>);
+  std::string_view cure;
+};
+constexpr std::array kOptional{
+    Optional{"havok", "build with -DSUBWORLD_HAVOK=ON (SUBWORLD_ENGINES_ALL=1 deploy/build does it)"},
+    Optional{"physx", "build with -DSUBWORLD_PHYSX=ON (SUBWORLD_ENGINES_ALL=1 deploy/build does it)"},
 };
 
-constexpr std::array kMakers{Maker{"bullet", make_bullet}};
+/// Where engines' libraries may lie: the folders of the environment variable, then beside the program.
+std::vector<fs::path> engine_folders() {
+  std::vector<fs::path> folders;
+  if (const char* listed = std::getenv(kFoldersVariable)) {
+    std::string_view rest = listed;
+    while (!rest.empty()) {
+      const std::size_t end = std::min(rest.find(':'), rest.size());
+      if (end > 0) folders.emplace_back(rest.substr(0, end));
+      rest.remove_prefix(std::min(end + 1, rest.size()));
+    }
+  }
+  std::error_code ignored;
+  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
+  if (!program.empty()) folders.push_back(program.parent_path());
+  return folders;
+}
+
+/// Name -> library; the first folder that has one wins.
+std::map<std::string, fs::path, std::less<>> engine_files() {
+  std::map<std::string, fs::path, std::less<>> files;
+  for (const fs::path& folder : engine_folders()) {
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(folder, error)) {
+      const std::string file = entry.path().filename().string();
+      if (!file.starts_with(kPrefix) || !file.ends_with(kSuffix)) continue;
+      files.emplace(file.substr(kPrefix.size(), file.size() - kPrefix.size() - kSuffix.size()), entry.path());
+    }
+  }
+  return files;
+}
+
+template <typename Function>
+Function* exported(void* library, const char* symbol) {
+  return reinterpret_cast<Function*>(dlsym(library, symbol));
+}
+
+/// A library stays loaded for good: its code is behind every engine that it made.
+const EnginePlugin& load(const std::string& name, const fs::path& file) {
+  // Local: two engines may define the same symbols, as Bullet's two precisions do.
+  void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (library == nullptr) {
+    throw Error(ExitCode::usage, fmt::format("engine \"{}\" cannot be loaded: {}; install what is missing or build it "
+                                             "again with deploy/build",
+                                             name, dlerror()));
+  }
+  auto* plugin = exported<const EnginePlugin*()>(library, "subworld_engine_plugin");
+  auto* interface = exported<int()>(library, "subworld_engine_plugin_interface");
+  auto* compiler = exported<const char*()>(library, "subworld_engine_plugin_compiler");
+  if (plugin == nullptr || interface == nullptr || compiler == nullptr) {
+    throw Error(ExitCode::usage, fmt::format("{} is no engine of ours: it exports no subworld_engine_plugin; take it "
+                                             "away or build it as common/physics/README.md shows",
+                                             file.string()));
+  }
+  if (interface() != kEnginePluginInterface || std::string_view(compiler()) != __VERSION__) {
+    throw Error(ExitCode::usage,
+                fmt::format("{} is of another build (interface {}, compiler {}; this program: {}, {}); build both "
+                            "together",
+                            file.string(), interface(), compiler(), kEnginePluginInterface, __VERSION__));
+  }
+  return *plugin();
+}
 
 }  // namespace
 
-std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes) {
-  std::string known;
-  for (const Maker& maker : kMakers) {
-    if (maker.name == settings.name) return maker.make(settings, meshes);
-    known += fmt::format("{}{}", known.empty() ? "" : ", ", maker.name);
+std::vector<std::string> engine_names() {
+  std::vector<std::string> names;
+  for (const auto& [name, file] : engine_files()) names.push_back(name);
+  return names;
+}
+
+const EnginePlugin& engine_plugin(std::string_view name) {
+  static std::mutex mutex;
+  static std::map<std::string, const EnginePlugin*, std::less<>> loaded;
+  const std::lock_guard lock(mutex);
+  if (const auto known = loaded.find(name); known != loaded.end()) return *known->second;
+
+  const auto files = engine_files();
+  if (const auto file = files.find(name); file != files.end()) {
+    return *(loaded[file->first] = &load(file->first, file->second));
   }
-  throw Error(ExitCode::usage, fmt::format("engine \"{}\" is unknown; choose one of: {}", settings.name, known));
+  for (const Optional& engine : kOptional) {
+    if (engine.name == name) {
+      throw Error(ExitCode::usage, fmt::format("engine \"{}\" is not in this build; {}", name, engine.cure));
+    }
+  }
+  throw Error(ExitCode::usage,
+              fmt::format("engine \"{}\" is unknown; choose one of: {}", name, fmt::join(engine_names(), ", ")));
+}
+
+std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes) {
+  return engine_plugin(settings.name).make(settings, meshes);
 }
 
 }  // namespace subworld

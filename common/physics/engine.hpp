@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -81,6 +82,16 @@ class Engine {
 
 /// Makes the engine that the settings name. `meshes` are copied. Throws `Error` (usage) for an unknown engine or
 /// preset, naming those that exist.
+///
+/// Each engine is a library of its own, `libsubworld_engine_NAME.so`, which is loaded when it is first asked for: from
+/// the folders of the environment variable SUBWORLD_ENGINES, else from beside the program. Thread-safe.
 [[nodiscard]] std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes);
+
+/// The engines that can be asked for here, by name.
+[[nodiscard]] std::vector<std::string> engine_names();
+
+struct EnginePlugin;
+/// What an engine's library says of itself (plugin.hpp). Throws `Error` (usage) where there is none of that name.
+[[nodiscard]] const EnginePlugin& engine_plugin(std::string_view name);
 
 }  // namespace subworld

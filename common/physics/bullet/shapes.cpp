@@ -1,4 +1,4 @@
-#include "bullet_shapes.hpp"
+#include "shapes.hpp"
 
 #include "model/error.hpp"
 
@@ -14,7 +14,7 @@ namespace {
 /// EPA.
 constexpr double kMarginRatio = 0.04;
 
-double margin_of(double smallest_half_size) { return kMarginRatio * smallest_half_size; }
+btScalar margin_of(double smallest_half_size) { return scalar(kMarginRatio * smallest_half_size); }
 
 }  // namespace
 
@@ -29,16 +29,17 @@ const Mesh& ShapeStore::mesh(const Shape& shape) const {
 std::unique_ptr<btCollisionShape> ShapeStore::make(const Shape& shape) {
   switch (shape.kind) {
     case ShapeKind::sphere:
-      return std::make_unique<btSphereShape>(shape.radius);
+      return std::make_unique<btSphereShape>(scalar(shape.radius));
     case ShapeKind::box: {
       auto box = std::make_unique<btBoxShape>(to_bullet(shape.half_extents));
       box->setMargin(margin_of(shape.half_extents.minCoeff()));
       return box;
     }
     case ShapeKind::capsule:
-      return std::make_unique<btCapsuleShapeZ>(shape.radius, 2.0 * shape.half_length);
+      return std::make_unique<btCapsuleShapeZ>(scalar(shape.radius), scalar(2.0 * shape.half_length));
     case ShapeKind::cylinder: {
-      auto cylinder = std::make_unique<btCylinderShapeZ>(btVector3(shape.radius, shape.radius, shape.half_length));
+      auto cylinder =
+          std::make_unique<btCylinderShapeZ>(to_bullet(Vec3(shape.radius, shape.radius, shape.half_length)));
       cylinder->setMargin(margin_of(std::min(shape.radius, shape.half_length)));
       return cylinder;
     }
@@ -48,10 +49,10 @@ std::unique_ptr<btCollisionShape> ShapeStore::make(const Shape& shape) {
       auto hull = std::make_unique<btConvexHullShape>();
       Box bounds{Vec3::Constant(1e30), Vec3::Constant(-1e30)};
       for (const Vec3& v : mesh(shape).vertices) bounds.extend({v, v});
-      const double margin = margin_of(0.5 * (bounds.upper - bounds.lower).minCoeff());
+      const btScalar margin = margin_of(0.5 * (bounds.upper - bounds.lower).minCoeff());
       // Bullet adds the margin outside a hull: draw the vertices in by as much.
-      const Vec3 half = (0.5 * (bounds.upper - bounds.lower)).cwiseMax(2.0 * margin);
-      const Vec3 scale = (half.array() - margin) / half.array();
+      const Vec3 half = (0.5 * (bounds.upper - bounds.lower)).cwiseMax(2.0 * double{margin});
+      const Vec3 scale = (half.array() - double{margin}) / half.array();
       const Vec3 centre = 0.5 * (bounds.upper + bounds.lower);
       for (const Vec3& v : mesh(shape).vertices) {
         hull->addPoint(to_bullet(centre + scale.cwiseProduct(v - centre)), false);

@@ -1,9 +1,8 @@
-#include "physics/bullet.hpp"
-
-#include "bullet_plane.hpp"
-#include "bullet_shapes.hpp"
+#include "box_plane.hpp"
 #include "model/error.hpp"
 #include "physics/contact_totals.hpp"
+#include "physics/plugin.hpp"
+#include "shapes.hpp"
 
 #include <fmt/format.h>
 
@@ -21,26 +20,28 @@ namespace subworld {
 namespace {
 
 using bullet::from_bullet;
+using bullet::scalar;
 using bullet::to_bullet;
 
 struct Preset {
-  std::string_view name;
   int iterations;
   double longest_substep_s;           ///< step() divides its dt until no part is longer
   double contact_breaking_threshold;  ///< relative to the size of the smaller body
 };
 
-constexpr Preset kPresets[] = {
-    {"fast", 10, INFINITY, 0.005},
-    {"quality", 50, 2.1e-3, 0.002},
+constexpr EnginePreset kPresets[] = {
+    {"fast", "10 iterations, no sub-steps: what a haptic step of 1 ms needs"},
+    {"quality", "50 iterations, sub-steps of at most 2.1 ms, contacts that break early: holds stacks and card houses"},
+};
+constexpr Preset kPresetValues[] = {
+    {10, INFINITY, 0.005},
+    {50, 2.1e-3, 0.002},
 };
 
-Preset find_preset(std::string_view name) {
-  for (const Preset& preset : kPresets) {
-    if (preset.name == name) return preset;
-  }
-  throw Error(ExitCode::usage, fmt::format("engine bullet has no preset \"{}\"; choose fast or quality", name));
-}
+extern const EnginePlugin kPlugin;
+
+/// Makes the compiler emit this library's own copies of Bullet's shared static objects (see CMakeLists.txt).
+[[gnu::used]] const void* const kOwnStatics[] = {&btTransform::getIdentity(), &btMatrix3x3::getIdentity()};
 
 constexpr int kManifoldPoints = 4;  ///< most that Bullet keeps for a pair
 
@@ -73,7 +74,7 @@ struct SavedBody {
 class Bullet final : public Engine {
  public:
   Bullet(const EngineSettings& settings, std::span<const Mesh> meshes)
-      : preset_(find_preset(settings.preset)),
+      : preset_(kPresetValues[find_preset(kPlugin, settings.preset)]),
         gravity_(settings.gravity),
         fixed_substeps_(settings.substeps.value_or(0)),
         shapes_(meshes),
@@ -85,11 +86,11 @@ class Bullet final : public Engine {
     info.m_numIterations = settings.iterations.value_or(preset_.iterations);
     info.m_solverMode = SOLVER_SIMD | SOLVER_USE_WARMSTARTING | SOLVER_USE_2_FRICTION_DIRECTIONS |
                         SOLVER_ENABLE_FRICTION_DIRECTION_CACHING | SOLVER_DISABLE_VELOCITY_DEPENDENT_FRICTION_DIRECTION;
-    info.m_warmstartingFactor = 1.0;
+    info.m_warmstartingFactor = 1;
     // Penetration is pushed out without adding velocity: with Bullet's threshold of 4 cm resting bodies hop, and the
     // felt friction of a sliding row wanders by 3 %.
     info.m_splitImpulse = 1;
-    info.m_splitImpulsePenetrationThreshold = 0.0;
+    info.m_splitImpulsePenetrationThreshold = 0;
     // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.
     world_.setGravity(btVector3(0, 0, 0));
   }
@@ -100,7 +101,7 @@ class Bullet final : public Engine {
     }
   }
 
-  std::string_view name() const noexcept override { return "bullet"; }
+  std::string_view name() const noexcept override { return kPlugin.name; }
 
   Capabilities capabilities() const noexcept override {
     return {.normal_impulse = Fidelity::exact,
@@ -119,9 +120,10 @@ class Bullet final : public Engine {
     if (!finite(state)) throw Error(ExitCode::failed, fmt::format("body {} has a state that is not finite", id));
 
     const btVector3 inertia = body.rotates ? to_bullet(body.inertia) : btVector3(0, 0, 0);
-    btRigidBody::btRigidBodyConstructionInfo info(body.mass, nullptr, shapes_.get(body.shape), inertia);
-    info.m_friction = std::sqrt(body.material.friction);  // Bullet multiplies the pair's: this makes the geometric mean
-    info.m_restitution = body.material.restitution;
+    btRigidBody::btRigidBodyConstructionInfo info(scalar(body.mass), nullptr, shapes_.get(body.shape), inertia);
+    info.m_friction =
+        scalar(std::sqrt(body.material.friction));  // Bullet multiplies the pair's: this makes the geometric mean
+    info.m_restitution = scalar(body.material.restitution);
     slot.body = std::make_unique<btRigidBody>(info);
     slot.body->setActivationState(DISABLE_DEACTIVATION);
     slot.body->setUserIndex(static_cast<int>(id));
@@ -176,7 +178,7 @@ class Bullet final : public Engine {
   void set_inertia(BodyId id, double mass, const Vec3& inertia) override {
     btRigidBody& body = *at(id).body;
     const bool rotates = !body.getAngularFactor().isZero();
-    body.setMassProps(mass, rotates ? to_bullet(inertia) : btVector3(0, 0, 0));
+    body.setMassProps(scalar(mass), rotates ? to_bullet(inertia) : btVector3(0, 0, 0));
     body.updateInertiaTensor();
   }
 
@@ -206,7 +208,7 @@ class Bullet final : public Engine {
         slot.body->applyCentralForce(to_bullet(slot.weight + slot.force));
         slot.body->applyTorque(to_bullet(slot.torque));
       }
-      world_.stepSimulation(dt / substeps, 0);
+      world_.stepSimulation(scalar(dt / substeps), 0);
       collect_contacts(i);
     }
     for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
@@ -286,8 +288,8 @@ class Bullet final : public Engine {
   }
 
   void claim_globals() const {
-    gContactBreakingThreshold = preset_.contact_breaking_threshold;
-    gDbvtMargin = tree_margin_;
+    gContactBreakingThreshold = scalar(preset_.contact_breaking_threshold);
+    gDbvtMargin = scalar(tree_margin_);
   }
 
   static void place(btRigidBody& body, const BodyState& state) {
@@ -349,10 +351,22 @@ class Bullet final : public Engine {
   ContactTotals contacts_;
 };
 
+const EnginePlugin kPlugin{
+#ifdef BT_USE_DOUBLE_PRECISION
+    .name = "bullet",
+    .version = "Bullet 3.24, double precision",
+#else
+    .name = "bullet_float",
+    .version = "Bullet 3.24, single precision",
+#endif
+    .licence = "zlib",
+    .presets = kPresets,
+    .make = [](const EngineSettings& settings, std::span<const Mesh> meshes) -> std::unique_ptr<Engine> {
+      return std::make_unique<Bullet>(settings, meshes);
+    }};
+
 }  // namespace
 
-std::unique_ptr<Engine> make_bullet(const EngineSettings& settings, std::span<const Mesh> meshes) {
-  return std::make_unique<Bullet>(settings, meshes);
-}
-
 }  // namespace subworld
+
+SUBWORLD_ENGINE_PLUGIN(subworld::kPlugin)

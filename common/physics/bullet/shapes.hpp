@@ -11,8 +11,10 @@
 
 namespace subworld::bullet {
 
-inline btVector3 to_bullet(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
-inline btQuaternion to_bullet(const Quat& q) { return {q.x(), q.y(), q.z(), q.w()}; }
+/// Bullet is compiled for one precision; this folder is compiled for both.
+inline btScalar scalar(double x) { return static_cast<btScalar>(x); }
+inline btVector3 to_bullet(const Vec3& v) { return {scalar(v.x()), scalar(v.y()), scalar(v.z())}; }
+inline btQuaternion to_bullet(const Quat& q) { return {scalar(q.x()), scalar(q.y()), scalar(q.z()), scalar(q.w())}; }
 inline Vec3 from_bullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 inline Quat from_bullet(const btQuaternion& q) { return {q.w(), q.x(), q.y(), q.z()}; }
 

@@ -1,4 +1,4 @@
-#include "bullet_plane.hpp"
+#include "box_plane.hpp"
 
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 
@@ -36,7 +36,7 @@ class BoxPlane final : public btCollisionAlgorithm {
     std::array<Corner, 8> corners;
     const btVector3 half = box.getHalfExtentsWithMargin();
     for (unsigned i = 0; i < corners.size(); ++i) {
-      const btVector3 sign(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1);
+      const btVector3 sign(btScalar(i & 1 ? 1 : -1), btScalar(i & 2 ? 1 : -1), btScalar(i & 4 ? 1 : -1));
       corners[i].point = box_object.getWorldTransform() * (half * sign);
       corners[i].distance = normal.dot(corners[i].point) - offset;
     }
@@ -55,7 +55,7 @@ class BoxPlane final : public btCollisionAlgorithm {
 
   btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
                                  btManifoldResult*) override {
-    return 1.0;
+    return btScalar(1);
   }
   void getAllContactManifolds(btManifoldArray& all) override { all.push_back(manifold_); }
 

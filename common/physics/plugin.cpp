@@ -1,0 +1,22 @@
+#include "physics/plugin.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <vector>
+
+namespace subworld {
+
+std::size_t find_preset(const EnginePlugin& plugin, std::string_view name) {
+  std::vector<std::string_view> known;
+  for (std::size_t i = 0; i < plugin.presets.size(); ++i) {
+    if (plugin.presets[i].name == name) return i;
+    known.push_back(plugin.presets[i].name);
+  }
+  throw Error(ExitCode::usage, fmt::format("engine {} has no preset \"{}\"; choose one of: {}", plugin.name, name,
+                                           fmt::join(known, ", ")));
+}
+
+}  // namespace subworld

@@ -1,0 +1,45 @@
+#pragma once
+
+#include "physics/engine.hpp"
+
+#include <memory>
+#include <span>
+#include <string_view>
+
+namespace subworld {
+
+/// A named choice of an engine's own settings.
+struct EnginePreset {
+  std::string_view name;
+  std::string_view what;  ///< what it sets and why, one line
+};
+
+/// What an engine's library tells of itself and how it is made.
+struct EnginePlugin {
+  std::string_view name;     ///< as in scenes and on the command line
+  std::string_view version;  ///< of the engine and its precision
+  std::string_view licence;  ///< of the engine
+  std::span<const EnginePreset> presets;
+  std::unique_ptr<Engine> (*make)(const EngineSettings& settings, std::span<const Mesh> meshes);
+};
+
+/// The preset that the settings name, as an index into `presets`. Throws `Error` (usage) that names those there are.
+[[nodiscard]] std::size_t find_preset(const EnginePlugin& plugin, std::string_view name);
+
+/// Changes whenever a type that crosses between a program and an engine's library changes.
+inline constexpr int kEnginePluginInterface = 1;
+
+}  // namespace subworld
+
+/// Exports the engine of a library; once in each. The interface number and the compiler stand in the symbol's answer,
+/// so that a library of another build is refused and not called.
+#define SUBWORLD_ENGINE_PLUGIN(plugin)                                                                         \
+  extern "C" __attribute__((visibility("default"))) const ::subworld::EnginePlugin* subworld_engine_plugin() { \
+    return &(plugin);                                                                                          \
+  }                                                                                                            \
+  extern "C" __attribute__((visibility("default"))) int subworld_engine_plugin_interface() {                   \
+    return ::subworld::kEnginePluginInterface;                                                                 \
+  }                                                                                                            \
+  extern "C" __attribute__((visibility("default"))) const char* subworld_engine_plugin_compiler() {            \
+    return __VERSION__;                                                                                        \
+  }
