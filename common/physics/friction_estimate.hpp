@@ -1,0 +1,53 @@
+#pragma once
+
+#include "model/contact.hpp"
+
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// What one engine step did to a body, for engines that do not tell their friction impulses.
+struct VelocityChange {
+  double inverse_mass = 0.0;                                  ///< 1/kg; 0: fixed, nothing is learnt from it
+  Eigen::Matrix3d inverse_inertia = Eigen::Matrix3d::Zero();  ///< world frame, 1/(kg m^2); zero: does not turn
+  Vec3 centre = Vec3::Zero();                                 ///< m
+  Vec3 linear = Vec3::Zero();                                 ///< change less what forces gave it, m/s
+  Vec3 angular = Vec3::Zero();                                ///< likewise, rad/s
+};
+
+/// Friction impulses from the balance of momentum: what neither forces nor normal impulses explain of the bodies'
+/// change of velocity is friction. Where many contacts share it the split is not unique; this is the least-squares
+/// solution inside the cones (|t| <= mu n) that projected Gauss-Seidel reaches from zero, so the sums over a body are
+/// exact and the parts of single contacts an estimate.
+class FrictionEstimate {
+ public:
+  FrictionEstimate();
+
+  /// Writes `tangential_impulse` of each contact, N s. `changes` is indexed by body id; `friction` holds mu of each
+  /// contact. Keeps nothing from one call to the next.
+  void estimate(std::span<const VelocityChange> changes, std::span<const double> friction, std::span<Contact> contacts);
+
+ private:
+  struct Point {
+    const VelocityChange* a;
+    const VelocityChange* b;
+    Vec3 arm_a;
+    Vec3 arm_b;
+    Eigen::Matrix<double, 3, 2> tangents;
+    Eigen::Matrix2d inverse_mobility;
+    double limit;
+    Eigen::Vector2d impulse;
+  };
+  struct Unexplained {
+    Vec3 linear;
+    Vec3 angular;
+  };
+
+  void take(const Point& point, const Contact& contact, const Vec3& impulse);
+
+  std::vector<Point> points_;
+  std::vector<Unexplained> unexplained_;  ///< by body id
+};
+
+}  // namespace subworld
