@@ -1,6 +1,7 @@
 #pragma once
 
 #include "io/options.hpp"
+#include "physics/engine_exchange.hpp"
 
 #include <string>
 
@@ -19,8 +20,9 @@ struct RunRequest {
 /// Throws `Error`: usage for the scene, middleware for a domain in use.
 int run(const RunRequest& request);
 
-/// Sends one order to the world on a domain. Throws `Error`: middleware where no world hears it.
-void send_control(const Network& network, const std::string& verb, double wait_s);
+/// Sends one order to the programs on a domain and prints their answers. `engine` belongs to the verb "engine".
+/// Throws `Error`: middleware where no world hears it, failed where one refuses.
+void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, double wait_s);
 
 /// The folder of this program and of those that it starts.
 [[nodiscard]] std::string program_folder();

@@ -30,6 +30,7 @@ int main_of(int argc, char** argv) {
       "  subworld run deploy/scenes/heap.yaml --mode lockstep --duration 5 --dds mixed\n"
       "  subworld run deploy/scenes/heap.yaml --users 2\n"
       "  subworld control pause --domain 100\n"
+      "  subworld control engine havok --haptic --domain 100\n"
       "  subworld plan deploy/scenes/row.yaml\n"
       "  subworld lab coupling --quick\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
@@ -59,10 +60,15 @@ int main_of(int argc, char** argv) {
   std::string control_verb;
   double control_wait_s = 5.0;
   CLI::App* control_command =
-      app.add_subcommand("control", "Tells a running world to stop, pause, resume or make one step");
+      app.add_subcommand("control", "Tells a running world to stop, pause, resume, make one step or change its engine");
   control_command->add_option("verb", control_verb, "what to do")
       ->required()
-      ->check(CLI::IsMember({"stop", "pause", "resume", "step"}));
+      ->check(CLI::IsMember({"stop", "pause", "resume", "step", "engine"}));
+  EngineOrder control_engine;
+  bool control_haptic = false;
+  control_command->add_option("engine", control_engine.engine, "with the verb engine: the one to change to");
+  control_command->add_option("--preset", control_engine.preset, "of that engine")->capture_default_str();
+  control_command->add_flag("--haptic", control_haptic, "change the sub-worlds' engine, not the world's");
   control_command->add_option("--domain", control_network.domain, "DDS domain id of the run")
       ->required()
       ->check(CLI::Range(0, 232))
@@ -100,7 +106,14 @@ int main_of(int argc, char** argv) {
   }
   if (*run_command) return run(request);
   if (*control_command) {
-    send_control(control_network, control_verb, control_wait_s);
+    if ((control_verb == "engine") == control_engine.engine.empty()) {
+      throw Error(ExitCode::usage,
+                  control_verb == "engine"
+                      ? "control engine needs a name, for example: subworld control engine bullet_float"
+                      : fmt::format("control {} takes no \"{}\"", control_verb, control_engine.engine));
+    }
+    if (control_haptic) control_engine.target = EngineOrder::Target::haptic;
+    send_control(control_network, control_verb, control_engine, control_wait_s);
     return static_cast<int>(ExitCode::done);
   }
   print_plan(load_scene(plan_options), plan_gui);

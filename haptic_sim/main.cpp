@@ -10,6 +10,8 @@ int main(int argc, char** argv) {
     const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
     SubWorld sub(scene, static_cast<std::size_t>(options.user));
+    EngineExchange exchange(
+        realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
     HapticMeasures measures(options.out, sub.user(), flush);
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     HapticPorts ports(options, scene);
@@ -18,9 +20,9 @@ int main(int argc, char** argv) {
     const auto first = join(ports, sub, scene, options);
     if (first) {
       if (!realtime) {
-        run_lockstep(ports, sub, measures, scene);
+        run_lockstep(ports, sub, measures, exchange, scene);
       } else {
-        run_realtime(ports, sub, measures, scene, *first);
+        run_realtime(ports, sub, measures, exchange, scene, *first);
       }
       ports.status.enter("stopping");
       const double cycles = std::max(1.0, static_cast<double>(sub.stamp()));

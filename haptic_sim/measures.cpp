@@ -30,6 +30,7 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step
   border_.add(border);
   force_squares_ += felt.felt.force.squaredNorm();
   force_max_ = std::max(force_max_, felt.felt.force.norm());
+  watch_force(felt.felt.force);
   const Vec3& f = felt.felt.force;
   const Vec3& hand = felt.to_hand.force;
   const Vec3& torque = felt.felt.torque;
@@ -38,6 +39,21 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step
   history_.row({sub.time_s(), f.x(),      f.y(),      f.z(),    hand.x(), hand.y(), hand.z(),
                 torque.x(),   torque.y(), torque.z(), p.x(),    p.y(),    p.z(),    d.x(),
                 d.y(),        d.z(),      members,    contacts, border,   step_s,   lateness_s});
+}
+
+void HapticMeasures::watch_force(const Vec3& force) noexcept {
+  force_steps_[steps_ % kForceStepWindow] = (force - last_force_).norm();
+  last_force_ = force;
+  if (!open_change_ || steps_ < change_settles_at_) return;
+  open_change_->force_step_n = *std::ranges::max_element(force_steps_);
+  engine_changes_.push_back(to_json(*open_change_));
+  settled_change_ = std::exchange(open_change_, std::nullopt);
+}
+
+void HapticMeasures::engine_changed(const EngineChange& change) {
+  open_change_ = change;
+  open_change_->force_step_before_n = *std::ranges::max_element(force_steps_);
+  change_settles_at_ = steps_ + kForceStepWindow;
 }
 
 void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noexcept {
@@ -61,6 +77,7 @@ Json HapticMeasures::json(double bytes_per_cycle) const {
           {"bytes_per_cycle", bytes_per_cycle},
           {"lost_frames", lost_frames_},
           {"resynchronisations", adoptions_},
+          {"engine_changes", engine_changes_},
           {"history_rows_dropped", history_.dropped()}};
 }
 

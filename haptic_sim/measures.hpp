@@ -5,7 +5,10 @@
 #include "io/results.hpp"
 #include "rt/histogram.hpp"
 
+#include <array>
+#include <optional>
 #include <string>
+#include <utility>
 
 namespace subworld {
 
@@ -21,6 +24,12 @@ class HapticMeasures {
   void synchronised(double seconds, std::uint64_t lost_frames) noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   void resynchronised() noexcept { ++adoptions_; }
+  /// The engine has just been exchanged; what the force does in the next steps is added to it.
+  void engine_changed(const EngineChange& change);
+  /// A change whose effect on the force is known by now, once.
+  [[nodiscard]] std::optional<EngineChange> take_settled_change() {
+    return std::exchange(settled_change_, std::nullopt);
+  }
 
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
   [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }
@@ -34,6 +43,14 @@ class HapticMeasures {
   MeanMax members_, contacts_, border_;
   std::uint64_t steps_ = 0, missed_ = 0, lost_frames_ = 0, adoptions_ = 0;
   double force_squares_ = 0.0, force_max_ = 0.0;
+
+  static constexpr std::size_t kForceStepWindow = 20;  ///< haptic steps before and after a change of engine
+  void watch_force(const Vec3& force) noexcept;
+  Vec3 last_force_ = Vec3::Zero();
+  std::array<double, kForceStepWindow> force_steps_{};  ///< N, the newest ones
+  std::optional<EngineChange> open_change_, settled_change_;
+  std::uint64_t change_settles_at_ = 0;  ///< step
+  Json engine_changes_ = Json::array();
 };
 
 }  // namespace subworld

@@ -12,6 +12,7 @@ HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
       scene(bus->reader<SceneDescription>()),
       device(bus->reader<DeviceState>(device_partition(options.user))),
       command(bus->writer<DeviceCommand>(device_partition(options.user))),
+      control(bus->reader<Control>()),
       frames(bus->reader<WorldFrame>(user_partition(options.user))),
       reports(bus->writer<HapticReport>(user_partition(options.user))),
       status(*bus, ProgramKind::haptic_sim, static_cast<std::uint32_t>(options.user),

@@ -16,6 +16,7 @@ struct HapticPorts {
   Reader<SceneDescription> scene;
   Reader<DeviceState> device;
   Writer<DeviceCommand> command;
+  Reader<Control> control;
   Reader<WorldFrame> frames;
   Writer<HapticReport> reports;
   StatusBeacon status;

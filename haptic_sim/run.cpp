@@ -51,6 +51,45 @@ void send_last(HapticPorts& ports, const DeviceState& state) {
   ports.command.wait_for_acknowledgments(0.2);
 }
 
+/// Follows the order to change the sub-world's engine, between two steps and without waiting.
+class EngineOrders {
+ public:
+  EngineOrders(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange)
+      : ports_(ports), sub_(sub), measures_(measures), exchange_(exchange) {}
+
+  void follow() {
+    while (ports_.control.take(order_) == Take::sample) {
+      if (order_.verb != ControlVerb::set_engine) continue;
+      const auto wanted = parse_engine_order(order_.argument);
+      if (wanted && wanted->target == EngineOrder::Target::haptic) say(sub_.change_engine(exchange_, *wanted));
+    }
+    if (LiveEngine* engine = sub_.live_engine()) {
+      const std::string_view before = engine->name();
+      const TimePoint begin = Clock::now();
+      if (exchange_.poll(*engine)) {
+        measures_.engine_changed(
+            {sub_.time_s(), std::string(before), std::string(engine->name()), to_seconds(Clock::now() - begin)});
+      }
+    }
+    if (const std::string failure = exchange_.take_failure(); !failure.empty()) say("refused: " + failure);
+    if (const auto change = measures_.take_settled_change()) {
+      say(fmt::format("{}; force steps {:.3f} N, before {:.3f} N", to_text(*change), change->force_step_n,
+                      change->force_step_before_n));
+    }
+    if (!unsaid_.empty() && ports_.status.try_note(unsaid_)) unsaid_.clear();
+  }
+
+ private:
+  void say(const std::string& text) { unsaid_ += (unsaid_.empty() ? "control: " : "; ") + text; }
+
+  HapticPorts& ports_;
+  SubWorld& sub_;
+  HapticMeasures& measures_;
+  EngineExchange& exchange_;
+  Control order_;
+  std::string unsaid_;
+};
+
 /// The haptic clock against the world's.
 class Phase {
  public:
@@ -77,7 +116,9 @@ class Phase {
 
 }  // namespace
 
-void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, const Scene& scene) {
+void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
+                  const Scene& scene) {
+  EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
   const bool reports_sub_world = sub.scheme().has_sub_world();
   const BodyId proxy = scene.users[sub.user()].proxy;
@@ -113,6 +154,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
     if (!await(*ports.bus, ports.device, device, stopped,
                "device_sim has died; the haptic loop cannot go on in lock-step"))
       return;
+    orders.follow();
     const TimePoint begin = Clock::now();
     const FeltStep felt = sub.feel(device, true, h);
     if (!ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand))) {
@@ -132,8 +174,9 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
   ports.reports.wait_for_acknowledgments(1.0);
 }
 
-void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, const Scene& scene,
-                  const FirstFrame& first) {
+void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
+                  const Scene& scene, const FirstFrame& first) {
+  EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
   const double cycle_s = scene.settings.cycle_s();
   const bool reports_sub_world = sub.scheme().has_sub_world();
@@ -191,6 +234,8 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, c
     }
     std::rotate(waiting.begin(), waiting.begin() + static_cast<std::ptrdiff_t>(used), waiting.end());
     waiting_count -= used;
+
+    orders.follow();
 
     const double dt = h * phase.rate(clock_factor, cycle_s);
     const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;

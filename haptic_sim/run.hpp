@@ -22,10 +22,11 @@ struct FirstFrame {
 
 /// Nobody looks at a clock: each step waits for its device state, each cycle for its frame. Ends with the frame that is
 /// the last, or when asked to stop. Throws `Error` (failed) when a peer dies.
-void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, const Scene& scene);
+void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
+                  const Scene& scene);
 
 /// Nobody waits: absolute deadlines, the newest data, what comes late is counted and used late.
-void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, const Scene& scene,
-                  const FirstFrame& first);
+void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
+                  const Scene& scene, const FirstFrame& first);
 
 }  // namespace subworld

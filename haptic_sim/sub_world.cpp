@@ -39,7 +39,18 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
   scratch_.reserve(kUsualMembers);
   border_impulses_.reserve(4 * kUsualMembers);
   device_.pose = {world_proxy_.position, world_proxy_.orientation};
-  if (scheme_->has_sub_world()) engine_ = make_engine(scene.settings.haptic, scene.meshes);
+  if (scheme_->has_sub_world()) {
+    engine_ = std::make_unique<LiveEngine>(make_engine(scene.settings.haptic, scene.meshes));
+  }
+}
+
+std::string SubWorld::change_engine(EngineExchange& exchange, const EngineOrder& order) {
+  if (!engine_) return "refused: this scheme has no sub-world and so no engine in it";
+  EngineSettings settings = scene_.settings.haptic;
+  settings.name = order.engine;
+  settings.preset = order.preset;
+  const bool begun = exchange.begin(settings, *engine_, scene_.settings.h_s);
+  return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
 }
 
 void SubWorld::place_device(const DeviceState& d) {

@@ -7,7 +7,7 @@
 #include "haptic_sim/ghosts.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
-#include "physics/engine.hpp"
+#include "physics/engine_exchange.hpp"
 
 #include <memory>
 #include <vector>
@@ -48,6 +48,11 @@ class SubWorld {
   /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind or is not finite.
   void adopt(const WorldFrame& frame);
 
+  /// Asks for another engine. Returns what came of it, in words; poll() of the exchange hands over between two steps.
+  std::string change_engine(EngineExchange& exchange, const EngineOrder& order);
+  /// None where the proxy lives in the world alone.
+  [[nodiscard]] LiveEngine* live_engine() noexcept { return engine_.get(); }
+
   [[nodiscard]] std::size_t user() const noexcept { return user_; }
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
   [[nodiscard]] double time_s() const noexcept;
@@ -77,7 +82,7 @@ class SubWorld {
   std::size_t user_;
   const UserSpec& spec_;
   std::unique_ptr<Scheme> scheme_;
-  std::unique_ptr<Engine> engine_;  ///< none: the proxy lives in the world alone
+  std::unique_ptr<LiveEngine> engine_;  ///< none: the proxy lives in the world alone
   Synchroniser synchroniser_;
   ForceLimits limits_;
   ForceGuard guard_;

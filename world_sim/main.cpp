@@ -36,6 +36,8 @@ int main(int argc, char** argv) {
     const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
     World world(scene);
+    EngineExchange exchange(
+        realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
     WorldMeasures measures(options.out, flush);
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     WorldPorts ports(options, scene);
@@ -48,9 +50,9 @@ int main(int argc, char** argv) {
     const double settle_s = to_seconds(Clock::now() - begin);
     if (gather(ports, options)) {
       if (!realtime) {
-        run_lockstep(ports, world, measures, scene);
+        run_lockstep(ports, world, measures, exchange, scene);
       } else {
-        run_realtime(ports, world, measures, scene, options.wait_s);
+        run_realtime(ports, world, measures, exchange, scene, options.wait_s);
       }
       ports.status.enter("stopping");
       if (!options.out.empty())

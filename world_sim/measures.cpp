@@ -36,6 +36,7 @@ Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s
             {"clock_factor_min", clock_factor_min_},
             {"lost_reports", lost_reports_},
             {"refused_reports", refused_reports_},
+            {"engine_changes", engine_changes_},
             {"settle_wall_s", settle_s},
             {"history_rows_dropped", history_.dropped()}}}};
 }

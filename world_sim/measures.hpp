@@ -16,6 +16,7 @@ class WorldMeasures {
   WorldMeasures(const std::string& folder, History::Flush flush);
 
   void cycle(const World& world, double step_s, double lateness_s, bool late, double clock_factor) noexcept;
+  void engine_changed(const EngineChange& change) { engine_changes_.push_back(to_json(change)); }
   void lost_report() noexcept { ++lost_reports_; }
   void refused_report() noexcept { ++refused_reports_; }
 
@@ -28,6 +29,7 @@ class WorldMeasures {
   Histogram step_, lateness_;
   std::uint64_t cycles_ = 0, late_ = 0, lost_reports_ = 0, refused_reports_ = 0;
   double clock_factor_min_ = 1.0;
+  Json engine_changes_ = Json::array();
 };
 
 }  // namespace subworld

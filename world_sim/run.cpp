@@ -62,9 +62,33 @@ void check_finite(const World& world) {
                           world.time_s()));
 }
 
-void take_orders(WorldPorts& ports, Conductor& conductor) {
+void take_orders(WorldPorts& ports, Conductor& conductor, World& world, EngineExchange& exchange) {
   Control order;
-  while (ports.control.take(order) == Take::sample) ports.status.note("control: " + conductor.follow(order));
+  while (ports.control.take(order) == Take::sample) {
+    if (order.verb != ControlVerb::set_engine) {
+      ports.status.note("control: " + conductor.follow(order));
+      continue;
+    }
+    const auto wanted = parse_engine_order(order.argument);
+    if (wanted && wanted->target != EngineOrder::Target::world) continue;
+    ports.status.note("control: " + (wanted ? world.change_engine(exchange, *wanted)
+                                            : "refused: unknown engine order \"" + order.argument + "\""));
+  }
+}
+
+/// Hands over to the engine that was asked for, once it is ready.
+void exchange_engine(WorldPorts& ports, World& world, EngineExchange& exchange, WorldMeasures& measures) {
+  const std::string before(world.engine().name());
+  const TimePoint begin = Clock::now();
+  if (exchange.poll(world.live_engine())) {
+    const EngineChange change{world.time_s(), before, std::string(world.engine().name()),
+                              to_seconds(Clock::now() - begin)};
+    measures.engine_changed(change);
+    ports.status.note("control: " + to_text(change));
+  }
+  if (const std::string failure = exchange.take_failure(); !failure.empty()) {
+    ports.status.note("control: refused: " + failure);
+  }
 }
 
 /// Publishes standing frames until every haptic process has answered one: a reader that has only just been matched may
@@ -129,7 +153,8 @@ bool gather(WorldPorts& ports, const Options& options) {
   return true;
 }
 
-void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene) {
+void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
+                  const Scene& scene) {
   const std::uint64_t cycles = cycles_of(scene.settings);
   const auto never = [] { return false; };
   Snapshots snapshots;
@@ -155,11 +180,12 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, cons
   bool last = false;
   while (!last) {
     receive_due();
-    take_orders(ports, conductor);
+    take_orders(ports, conductor, world, exchange);
     while (!conductor.may_step() && !conductor.stopped() && stop_signal() == 0) {
       ports.bus->wait(0.05);
-      take_orders(ports, conductor);
+      take_orders(ports, conductor, world, exchange);
     }
+    exchange_engine(ports, world, exchange, measures);
     const TimePoint begin = Clock::now();
     world.step();
     // A stop takes effect between cycles, and as a last frame: so everybody ends in order.
@@ -178,7 +204,8 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, cons
   acknowledge(ports);
 }
 
-void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene, double wait_s) {
+void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
+                  const Scene& scene, double wait_s) {
   const double cycle_s = scene.settings.cycle_s();
   const std::uint64_t cycles = cycles_of(scene.settings);
   const Scheduling scheduling = claim_realtime(priority::kWorld);
@@ -205,7 +232,8 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, cons
         if (!world.receive(std::move(report))) measures.refused_report();
       }
     }
-    take_orders(ports, conductor);
+    take_orders(ports, conductor, world, exchange);
+    exchange_engine(ports, world, exchange, measures);
     last = stop_signal() != 0 || conductor.stopped();
     if (!conductor.may_step() && !last) {
       // The haptic processes hold their sub-worlds still while the world's clock stands.

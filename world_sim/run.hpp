@@ -12,10 +12,12 @@ namespace subworld {
 
 /// Each cycle waits for every user's report. Throws `Error` (failed) when a haptic process dies or the world is no
 /// longer finite.
-void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene);
+void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
+                  const Scene& scene);
 
 /// The clock starts when every haptic process has answered, or throws `Error` (failed) after `wait_s` seconds. Absolute
 /// deadlines; reports are used as they come. A world that cannot keep up slows its clock, not its step.
-void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, const Scene& scene, double wait_s);
+void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
+                  const Scene& scene, double wait_s);
 
 }  // namespace subworld

@@ -58,7 +58,7 @@ void sort_unique(std::vector<BodyId>& ids) {
 World::World(const Scene& scene)
     : scene_(scene),
       scheme_(make_scheme(scene.settings)),
-      engine_(make_engine(without_substeps(scene.settings.world), scene.meshes)),
+      engine_(std::make_unique<LiveEngine>(make_engine(without_substeps(scene.settings.world), scene.meshes))),
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
       remembered_(remembered_cycles(scene.settings, *scheme_)),
@@ -121,6 +121,14 @@ bool World::settle(const std::function<bool(double)>& progress) {
   account();
   start_energy_j_ = kinetic_j_ + potential_j_;
   return true;
+}
+
+std::string World::change_engine(EngineExchange& exchange, const EngineOrder& order) {
+  EngineSettings settings = without_substeps(scene_.settings.world);
+  settings.name = order.engine;
+  settings.preset = order.preset;
+  const bool begun = exchange.begin(settings, *engine_, scene_.settings.cycle_s() / substeps_);
+  return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
 }
 
 bool World::receive(HapticReport&& report) {

@@ -8,7 +8,7 @@
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/contact_totals.hpp"
-#include "physics/engine.hpp"
+#include "physics/engine_exchange.hpp"
 
 #include <functional>
 #include <memory>
@@ -42,6 +42,10 @@ class World {
 
   /// Adds the final states to the hash.
   void close() { account(); }
+
+  /// Asks for another engine. Returns what came of it, in words; poll() of the exchange hands over between two steps.
+  std::string change_engine(EngineExchange& exchange, const EngineOrder& order);
+  [[nodiscard]] LiveEngine& live_engine() noexcept { return *engine_; }
 
   /// The world at the present stamp as user u sees it; new after each step().
   [[nodiscard]] WorldFrame& frame(std::size_t user) { return users_[user].newest(stamp_); }
@@ -100,7 +104,7 @@ class World {
 
   const Scene& scene_;
   std::unique_ptr<Scheme> scheme_;
-  std::unique_ptr<Engine> engine_;
+  std::unique_ptr<LiveEngine> engine_;
   std::vector<User> users_;
   std::uint64_t stamp_ = 0;
   std::uint64_t hash_;

@@ -21,6 +21,20 @@ Json quantiles(const Histogram& h) {
 
 Json mean_max(const MeanMax& values) { return {{"mean", values.mean()}, {"max", values.max}}; }
 
+std::string to_text(const EngineChange& change) {
+  return fmt::format("engine {} -> {} at {:.3f} s, in {:.2f} ms", change.from, change.to, change.at_s,
+                     1e3 * change.exchange_s);
+}
+
+Json to_json(const EngineChange& change) {
+  return {{"at_s", change.at_s},
+          {"from", change.from},
+          {"to", change.to},
+          {"exchange_s", change.exchange_s},
+          {"force_step_n", change.force_step_n},
+          {"force_step_before_n", change.force_step_before_n}};
+}
+
 void make_folder(const std::string& folder) {
   std::error_code wrong;
   std::filesystem::create_directories(folder, wrong);

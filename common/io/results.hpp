@@ -28,6 +28,18 @@ struct MeanMax {
 };
 [[nodiscard]] Json mean_max(const MeanMax& values);
 
+/// An exchange of engines while running.
+struct EngineChange {
+  double at_s = 0.0;  ///< simulated time
+  std::string from;
+  std::string to;
+  double exchange_s = 0.0;           ///< that the loop spent on it
+  double force_step_n = 0.0;         ///< largest change of the felt force from step to step just after; haptic only
+  double force_step_before_n = 0.0;  ///< likewise just before
+};
+[[nodiscard]] std::string to_text(const EngineChange& change);
+[[nodiscard]] Json to_json(const EngineChange& change);
+
 /// Creates the folder. Throws `Error` (failed) with the cure.
 void make_folder(const std::string& folder);
 /// Writes a file whole or not at all. Throws `Error` (failed).

@@ -16,7 +16,10 @@ StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance
     const sched_param whenever{};
     sched_setscheduler(0, SCHED_OTHER, &whenever);
     std::unique_lock lock(mutex_);
-    while (!wake_.wait_for(lock, std::chrono::seconds(1), [this] { return stop_; })) publish(1.0);
+    while (!stop_) {
+      const bool woken = wake_.wait_for(lock, std::chrono::seconds(1), [this] { return stop_ || !note_.empty(); });
+      if (!stop_ || !note_.empty()) publish(woken ? 0.0 : 1.0);
+    }
   });
 }
 
@@ -43,12 +46,24 @@ void StatusBeacon::enter(const std::string& state) {
 
 void StatusBeacon::note(const std::string& text) {
   const std::lock_guard lock(mutex_);
-  note_ = text;
+  say(text);
+}
+
+bool StatusBeacon::try_note(const std::string& text) {
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  if (lock.owns_lock()) say(text);
+  return lock.owns_lock();
+}
+
+void StatusBeacon::say(const std::string& text) {
+  note_ += (note_.empty() ? "" : "; ") + text;
+  wake_.notify_one();
 }
 
 void StatusBeacon::publish(double passed_s) {
   const std::uint64_t steps = steps_.load(std::memory_order_relaxed);
-  if (passed_s > 0.0) status_.rate_hz = static_cast<double>(steps - status_.steps) / passed_s;
+  if (passed_s > 0.0) status_.rate_hz = static_cast<double>(steps - counted_steps_) / passed_s;
+  counted_steps_ = steps;
   status_.time_s = time_s_.load(std::memory_order_relaxed);
   status_.steps = steps;
   status_.missed_deadlines = missed_.load(std::memory_order_relaxed);

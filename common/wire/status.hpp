@@ -24,11 +24,14 @@ class StatusBeacon {
   void update(double time_s, std::uint64_t steps, std::uint64_t missed_deadlines) noexcept;
   /// Names what the program does now and publishes at once.
   void enter(const std::string& state);
-  /// Says something in the next status and prints it then. Rare; it may wait for the thread.
+  /// Says something: it is published and printed at once, by the thread. May wait for the thread.
   void note(const std::string& text);
+  /// Likewise, from a loop that may not wait: false where the thread was busy; try again.
+  bool try_note(const std::string& text);
 
  private:
   void publish(double passed_s);
+  void say(const std::string& text);
 
   Bus* bus_;
   Writer<Status> writer_;
@@ -39,6 +42,7 @@ class StatusBeacon {
   std::mutex mutex_;  ///< guards what follows; the loop never takes it
   std::condition_variable wake_;
   Status status_;
+  std::uint64_t counted_steps_ = 0;  ///< when the rate was last taken
   std::string note_;
   bool stop_ = false;
   std::thread thread_;

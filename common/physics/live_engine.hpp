@@ -1,0 +1,76 @@
+#pragma once
+
+#include "physics/engine.hpp"
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+namespace subworld {
+
+/// A body as an engine holds it, in the format that all engines share (paper 3.1).
+struct HeldBody {
+  Body body;  ///< as it was added, without its name
+  Role role = Role::body;
+  double mass = 0.0;            ///< kg, as set_inertia() left it
+  Vec3 inertia = Vec3::Zero();  ///< kg m^2, likewise
+  BodyState state;
+  std::uint64_t added = 0;  ///< counts the bodies added; a body that left and came back has another number
+};
+
+/// An engine that has been filled with what another one held at some time.
+struct PreparedEngine {
+  std::unique_ptr<Engine> engine;
+  std::vector<HeldBody> holds;  ///< by id
+};
+
+/// Makes an engine and fills it. `warm_up_s` > 0: a few steps of that length follow, so that pairs, memory and the
+/// solver's first guess are there before the first step that counts; exchange() puts the bodies back.
+[[nodiscard]] PreparedEngine prepare_engine(const EngineSettings& settings, std::span<const Mesh> meshes,
+                                            std::vector<HeldBody> content, double warm_up_s);
+
+/// An engine that can give its place to another one between two steps.
+class LiveEngine final : public Engine {
+ public:
+  explicit LiveEngine(std::unique_ptr<Engine> engine) : engine_(std::move(engine)) {}
+
+  /// Every body as it is now, by id.
+  [[nodiscard]] std::vector<HeldBody> content() const;
+
+  /// Hands every body over with its pose and velocity, whatever has come, gone or changed since the other engine was
+  /// prepared, and returns the engine that went. Forces that wait for the next step are lost: call it before they are
+  /// applied. Throws `Error` where the other engine cannot hold a body that came since.
+  std::unique_ptr<Engine> exchange(PreparedEngine prepared);
+
+  std::string_view name() const noexcept override { return engine_->name(); }
+  Capabilities capabilities() const noexcept override { return engine_->capabilities(); }
+  using Engine::add;
+  void add(const Body& body, const BodyState& state, Role role) override;
+  void remove(BodyId id) override;
+  bool contains(BodyId id) const noexcept override { return engine_->contains(id); }
+  BodyState state(BodyId id) const override { return engine_->state(id); }
+  bool set_state(BodyId id, const BodyState& state) override { return engine_->set_state(id, state); }
+  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
+    return engine_->set_velocity(id, linear, angular);
+  }
+  void set_inertia(BodyId id, double mass, const Vec3& inertia) override;
+  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
+    return engine_->apply_impulse(id, impulse, point);
+  }
+  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override {
+    return engine_->apply_force(id, force, torque);
+  }
+  void step(double dt) override { engine_->step(dt); }
+  std::span<const Contact> contacts() const noexcept override { return engine_->contacts(); }
+  Box bounds(BodyId id) const override { return engine_->bounds(id); }
+  void overlap(const Box& box, std::vector<BodyId>& out) const override { engine_->overlap(box, out); }
+  Checkpoint checkpoint() const override { return engine_->checkpoint(); }
+  void restore(const Checkpoint& checkpoint) override { engine_->restore(checkpoint); }
+
+ private:
+  std::unique_ptr<Engine> engine_;
+  std::vector<std::optional<HeldBody>> held_;  ///< by id; states are the engine's
+  std::uint64_t added_ = 0;
+};
+
+}  // namespace subworld
