@@ -1,0 +1,69 @@
+#include "process/process_test.hpp"
+
+namespace subworld::test {
+namespace {
+
+class Control : public ProcessTest {
+ protected:
+  Ended control(Words words, const std::string& dds = "fastdds") const {
+    words.insert(words.begin(), {program("subworld"), "control"});
+    words.insert(words.end(), {"--domain", domain_.text(), "--dds", dds, "--wait", "20"});
+    return finish(words);
+  }
+};
+
+class LiveChange : public Control, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
+
+TEST_P(LiveChange, OfBothEnginesIsAnsweredAndWrittenDown) {
+  const auto& [mode, dds] = GetParam();
+  // Lock-step runs as fast as it can: long enough to be caught, and ended by an order.
+  Process process(run_words(scene("press"), {"--mode", mode, "--duration", "600", "--dds", dds}), folder_.path());
+  const Ended haptic = control({"engine", "bullet_float", "--haptic"}, dds);
+  EXPECT_EQ(haptic.code, 0) << haptic.err;
+  EXPECT_NE(haptic.out.find("haptic_sim 0: engine bullet -> bullet_float"), std::string::npos) << haptic.out;
+  EXPECT_NE(haptic.out.find("force steps"), std::string::npos) << haptic.out;
+  const Ended world = control({"engine", "bullet_float", "--preset", "quality"}, dds);
+  EXPECT_EQ(world.code, 0) << world.err;
+  EXPECT_NE(world.out.find("world_sim: engine bullet -> bullet_float"), std::string::npos) << world.out;
+
+  const Ended unknown = control({"engine", "havoc"}, dds);
+  EXPECT_EQ(unknown.code, 1);
+  EXPECT_NE(unknown.err.find("bullet_float"), std::string::npos) << "names those there are: " << unknown.err;
+  const Ended preset = control({"engine", "bullet", "--haptic", "--preset", "best"}, dds);
+  EXPECT_EQ(preset.code, 1);
+  EXPECT_NE(preset.err.find("quality"), std::string::npos) << preset.err;
+
+  EXPECT_EQ(control({"stop"}, dds).code, 0);
+  ASSERT_EQ(process.wait(), 0) << process.err();
+  const Json json = summary();
+  ASSERT_EQ(json["world"]["engine_changes"].size(), 1U);
+  EXPECT_EQ(json["world"]["engine_changes"][0]["to"], "bullet_float");
+  ASSERT_EQ(json["haptic"][0]["engine_changes"].size(), 1U);
+  EXPECT_EQ(json["haptic"][0]["engine_changes"][0]["from"], "bullet");
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, LiveChange,
+                         ::testing::Values(std::tuple{"realtime", "fastdds"}, std::tuple{"realtime", "cyclonedds"},
+                                           std::tuple{"lockstep", "cyclonedds"}),
+                         [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
+
+TEST_F(Control, PausesStepsResumesAndStops) {
+  Process process(run_words(scene("press"), {"--mode", "realtime", "--duration", "600"}), folder_.path());
+  for (const char* verb : {"pause", "step", "resume", "stop"}) {
+    const Ended ended = control({verb});
+    EXPECT_EQ(ended.code, 0) << verb << ": " << ended.err;
+    EXPECT_NE(ended.out.find("world_sim: "), std::string::npos) << verb << " was not answered: " << ended.out;
+  }
+  EXPECT_EQ(process.wait(), 0) << process.err();
+}
+
+TEST_F(Control, WrongWordsAreUsageErrorsThatNameTheCure) {
+  const Ended nameless = control({"engine"});
+  EXPECT_EQ(nameless.code, 2);
+  EXPECT_NE(nameless.err.find("subworld control engine"), std::string::npos) << nameless.err;
+  EXPECT_EQ(control({"pause", "bullet"}).code, 2);
+  EXPECT_EQ(control({"explode"}).code, 2);
+}
+
+}  // namespace
+}  // namespace subworld::test
