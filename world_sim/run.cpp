@@ -7,6 +7,7 @@
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
 #include "world_sim/conductor.hpp"
+#include "world_sim/snapshots.hpp"
 
 #include <fmt/format.h>
 
@@ -18,8 +19,6 @@ namespace subworld {
 namespace {
 
 constexpr double kStartIn_s = 0.2;
-constexpr double kSnapshotPeriod_s = 1.0 / 30.0;
-constexpr double kCompletePeriod_s = 1.0;
 
 std::uint64_t cycles_of(const Settings& settings) {
   return static_cast<std::uint64_t>(std::lround(settings.duration_s / settings.cycle_s()));
@@ -34,26 +33,6 @@ void publish_frames(WorldPorts& ports, World& world, bool last, double start_in_
     ports.frames[u].write(frame);
   }
 }
-
-/// The display's decimated view; nothing is gathered while nobody looks.
-class Snapshots {
- public:
-  void publish(WorldPorts& ports, World& world, double clock_factor, bool now) {
-    if (ports.snapshots.matched() == 0 || (!now && world.time_s() < next_s_)) return;
-    const bool complete = now || world.time_s() >= next_complete_s_;
-    world.snapshot(complete, snapshot_);
-    ++snapshot_.sequence;
-    snapshot_.clock_factor = clock_factor;
-    ports.snapshots.write(snapshot_);
-    next_s_ = world.time_s() + kSnapshotPeriod_s;
-    if (complete) next_complete_s_ = world.time_s() + kCompletePeriod_s;
-  }
-
- private:
-  WorldSnapshot snapshot_;
-  double next_s_ = 0.0;
-  double next_complete_s_ = 0.0;
-};
 
 void check_finite(const World& world) {
   if (world.finite()) return;
@@ -157,7 +136,8 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
                   const Scene& scene) {
   const std::uint64_t cycles = cycles_of(scene.settings);
   const auto never = [] { return false; };
-  Snapshots snapshots;
+  Snapshots snapshots(ports.snapshots);
+  WorldView view;
   HapticReport report;
   std::vector<std::uint64_t> next(world.user_count(), 0);
   const auto receive_due = [&] {
@@ -192,7 +172,10 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     last = world.stamp() >= cycles || stop_signal() != 0 || conductor.stopped();
     publish_frames(ports, world, last, 0.0, 1.0);
     measures.cycle(world, to_seconds(Clock::now() - begin), 0.0, false, 1.0);
-    snapshots.publish(ports, world, 1.0, last);
+    if (snapshots.wanted(world.time_s()) || last) {
+      world.look(view);
+      snapshots.publish(view, last);
+    }
     ports.status.update(world.time_s(), world.stamp(), 0);
     check_finite(world);
   }
@@ -212,7 +195,7 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   fmt::print("world_sim: running at {:.1f} Hz, {}\n", 1.0 / cycle_s, scheduling.text);
   std::fflush(stdout);
 
-  Snapshots snapshots;
+  BackgroundSnapshots snapshots(ports.snapshots, world);
   Conductor conductor;
   HapticReport report;
   std::vector<std::uint64_t> newest(world.user_count(), 0);
@@ -250,10 +233,11 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     const double slip_s = std::max(0.0, over_s - 2.0 * cycle_s);
     loop.shift(from_seconds(slip_s));
     clock_factor = cycle_s / (cycle_s + slip_s);
-    snapshots.publish(ports, world, clock_factor, last);
+    snapshots.renew(world, clock_factor);
     ports.status.update(world.time_s(), world.stamp(), measures.late());
     check_finite(world);
   }
+  snapshots.finish();
   world.close();
   acknowledge(ports);
 }

@@ -358,26 +358,19 @@ SceneDescription World::description(std::uint64_t settings_hash) const {
   return description;
 }
 
-void World::snapshot(bool complete, WorldSnapshot& out) {
-  shown_.resize(scene_.bodies.size());
-  out.stamp_s = time_s();
-  out.moved.clear();
-  for (const Body& body : scene_.bodies) {
-    const BodyState s = engine_->state(body.id);
-    BodyState& shown = shown_[index(body.id)];
-    if (!complete && s.position == shown.position && s.orientation.coeffs() == shown.orientation.coeffs()) continue;
-    shown = s;
-    out.moved.push_back({body.id, s});
-  }
-  out.users.resize(users_.size());
+void World::look(WorldView& view) const {
+  view.stamp_s = time_s();
+  view.states.resize(scene_.bodies.size());
+  for (const Body& body : scene_.bodies) view.states[index(body.id)] = engine_->state(body.id);
+  view.users.resize(users_.size());
   for (std::size_t u = 0; u < users_.size(); ++u) {
-    User& user = users_[u];
-    UserView& view = out.users[u];
-    view.user = UserId{static_cast<std::uint32_t>(u)};
-    view.proxy = user.spec->proxy;
-    view.members = user.membership.members;
-    view.border = user.newest(stamp_).border;
-    view.wrench = {user.report.impulse.force / scene_.settings.cycle_s(),
+    const User& user = users_[u];
+    UserView& seen = view.users[u];
+    seen.user = UserId{static_cast<std::uint32_t>(u)};
+    seen.proxy = user.spec->proxy;
+    seen.members = user.membership.members;
+    seen.border = user.newest(stamp_).border;
+    seen.wrench = {user.report.impulse.force / scene_.settings.cycle_s(),
                    user.report.impulse.torque / scene_.settings.cycle_s()};
   }
 }

@@ -16,6 +16,14 @@
 
 namespace subworld {
 
+/// What can be seen of the world at one stamp.
+struct WorldView {
+  double stamp_s = 0.0;
+  double clock_factor = 1.0;
+  std::vector<BodyState> states;  ///< by body id
+  std::vector<UserView> users;
+};
+
 /// The truth: every body, and for each user the membership of the sub-world, its border and the merge.
 /// A cycle is `receive` (any number of reports), `step`, then `frame` of each user.
 class World {
@@ -50,8 +58,8 @@ class World {
   /// The world at the present stamp as user u sees it; new after each step().
   [[nodiscard]] WorldFrame& frame(std::size_t user) { return users_[user].newest(stamp_); }
   [[nodiscard]] SceneDescription description(std::uint64_t settings_hash) const;
-  /// Bodies that moved since the last call; all of them if `complete`.
-  void snapshot(bool complete, WorldSnapshot& out);
+  /// Allocates only until the view has grown to the world.
+  void look(WorldView& view) const;
 
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
   [[nodiscard]] double time_s() const noexcept { return static_cast<double>(stamp_) * scene_.settings.cycle_s(); }
@@ -87,6 +95,7 @@ class World {
       return waiting[slot] && inbox[slot].stamp == stamp ? inbox[slot] : report;
     }
     [[nodiscard]] WorldFrame& newest(std::uint64_t stamp) { return frames[stamp % frames.size()]; }
+    [[nodiscard]] const WorldFrame& newest(std::uint64_t stamp) const { return frames[stamp % frames.size()]; }
   };
 
   void apply(User& user, const HapticReport& report);
@@ -122,7 +131,6 @@ class World {
   double potential_j_ = 0.0;
   double energy_excess_j_ = 0.0;
   bool finite_ = true;
-  std::vector<BodyState> shown_;  ///< as the display last heard
   std::vector<BodyId> scratch_;
   std::vector<BodyId> wanted_;
 };

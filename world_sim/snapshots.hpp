@@ -1,0 +1,56 @@
+#pragma once
+
+#include "rt/newest.hpp"
+#include "wire/bus.hpp"
+#include "world_sim/world.hpp"
+
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+
+namespace subworld {
+
+/// The display's decimated view of the world: what moved, and everything once a second.
+class Snapshots {
+ public:
+  explicit Snapshots(Writer<WorldSnapshot>& writer) : writer_(writer) {}
+
+  /// Whether the next one is due; never while nobody looks.
+  [[nodiscard]] bool wanted(double time_s) const { return writer_.matched() > 0 && time_s >= next_s_; }
+  void publish(const WorldView& view, bool complete);
+
+ private:
+  Writer<WorldSnapshot>& writer_;
+  WorldSnapshot snapshot_;
+  std::vector<BodyState> shown_;
+  double next_s_ = 0.0;
+  double next_complete_s_ = 0.0;
+};
+
+/// Snapshots from a thread of its own, which looks at the world while it steps: the loop only writes down where the
+/// bodies are (paper 3.1).
+class BackgroundSnapshots {
+ public:
+  BackgroundSnapshots(Writer<WorldSnapshot>& writer, const World& world);
+  ~BackgroundSnapshots();
+  BackgroundSnapshots(const BackgroundSnapshots&) = delete;
+  BackgroundSnapshots& operator=(const BackgroundSnapshots&) = delete;
+
+  /// After each step, from the loop. Does not wait.
+  void renew(const World& world, double clock_factor);
+  /// Publishes how it ended, whole.
+  void finish();
+
+ private:
+  void work();
+
+  Writer<WorldSnapshot>& writer_;
+  Snapshots snapshots_;
+  Newest<WorldView> newest_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool stop_ = false;
+  std::thread thread_;
+};
+
+}  // namespace subworld
