@@ -2,6 +2,7 @@
 
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
+#include "physics/scaled_engine.hpp"
 
 #include <dlfcn.h>
 #include <fmt/format.h>
@@ -124,7 +125,10 @@ const EnginePlugin& engine_plugin(std::string_view name) {
 }
 
 std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes) {
-  return engine_plugin(settings.name).make(settings, meshes);
+  const EnginePlugin& plugin = engine_plugin(settings.name);
+  const double unit_m = settings.length_unit_m;
+  if (unit_m == 1.0) return plugin.make(settings, meshes);
+  return std::make_unique<ScaledEngine>(plugin.make(scaled(settings, unit_m), scaled(meshes, unit_m)), unit_m);
 }
 
 }  // namespace subworld

@@ -1,0 +1,50 @@
+#pragma once
+
+#include "physics/engine.hpp"
+
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// Any engine, in another unit of length: it is shown a world that is 1 / unit_m times as large and falls as fast,
+/// while who calls stays in metres. Engines hold tolerances, margins and velocity thresholds that suit bodies of about
+/// a metre, and a millimetre scene falls below them. Mass and time keep their units.
+class ScaledEngine final : public Engine {
+ public:
+  /// `inner` was made with scaled() settings and meshes.
+  ScaledEngine(std::unique_ptr<Engine> inner, double unit_m) : inner_(std::move(inner)), unit_m_(unit_m) {}
+
+  std::string_view name() const noexcept override { return inner_->name(); }
+  Capabilities capabilities() const noexcept override { return inner_->capabilities(); }
+  using Engine::add;
+  void add(const Body& body, const BodyState& state, Role role) override;
+  void remove(BodyId id) override;
+  bool contains(BodyId id) const noexcept override { return inner_->contains(id); }
+  BodyState state(BodyId id) const override;
+  bool set_state(BodyId id, const BodyState& state) override;
+  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override;
+  void set_inertia(BodyId id, double mass, const Vec3& inertia) override;
+  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override;
+  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
+  void step(double dt) override;
+  std::span<const Contact> contacts() const noexcept override { return contacts_; }
+  Box bounds(BodyId id) const override;
+  void overlap(const Box& box, std::vector<BodyId>& out) const override;
+  Checkpoint checkpoint() const override { return inner_->checkpoint(); }
+  void restore(const Checkpoint& checkpoint) override;
+
+ private:
+  [[nodiscard]] BodyState shown(const BodyState& state) const;
+
+  std::unique_ptr<Engine> inner_;
+  double unit_m_;
+  std::vector<Contact> contacts_;
+};
+
+/// In units of `unit_m` instead of metres.
+[[nodiscard]] EngineSettings scaled(EngineSettings settings, double unit_m);
+[[nodiscard]] std::vector<Mesh> scaled(std::span<const Mesh> meshes, double unit_m);
+
+}  // namespace subworld
