@@ -2,6 +2,7 @@
 
 #include "model/error.hpp"
 #include "physics/bullet.hpp"
+#include "physics/ode/ode.hpp"
 
 #include <fmt/format.h>
 
@@ -17,7 +18,7 @@ struct Maker {
   std::unique_ptr<Engine> (*make)(const EngineSettings&, std::span<const Mesh>);
 };
 
-constexpr std::array kMakers{Maker{"bullet", make_bullet}};
+constexpr std::array kMakers{Maker{"bullet", make_bullet}, Maker{"ode", make_ode}};
 
 }  // namespace
 

@@ -1,0 +1,631 @@
+#include "physics/ode/ode.hpp"
+
+#include "model/error.hpp"
+#include "ode_position.hpp"
+#include "ode_shapes.hpp"
+#include "physics/contact_totals.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <mutex>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+namespace subworld {
+
+namespace {
+
+struct Preset {
+  std::string_view name;
+  int iterations;
+  double longest_substep_s;  ///< step() divides its dt until no part is longer
+};
+
+constexpr Preset kPresets[] = {
+    {"fast", 20, INFINITY},
+    {"quality", 60, 1.05e-3},
+};
+
+Preset find_preset(std::string_view name) {
+  for (const Preset& preset : kPresets) {
+    if (preset.name == name) return preset;
+  }
+  throw Error(ExitCode::usage, fmt::format("engine ode has no preset \"{}\"; choose fast or quality", name));
+}
+
+constexpr int kMostPoints = 16;       ///< of a pair
+constexpr int kCorrectionRounds = 8;  ///< of the position correction
+constexpr unsigned long kSeed = 1;
+constexpr double kSliding = 1e-4;        ///< m/s; slower contacts count as sticking
+constexpr double kSamePlace = 0.01;      ///< m, between two steps of one contact point
+constexpr double kNoRotation = 1e20;     ///< kg m^2
+constexpr double kEverywhere = 1e18;     ///< m, reach of a plane's bounds
+constexpr double kQuietImpact = 1.0e-3;  ///< m/s; with twice the step's gravity, what does not bounce
+
+/// Who meets whom, in ODE's bits: a pair meets if one of both is ready to.
+struct CollisionClass {
+  unsigned long category;
+  unsigned long meets;
+};
+constexpr CollisionClass kMovable{1, 1 | 2 | 4};
+constexpr CollisionClass kFixed{2, 0};
+constexpr CollisionClass kGhosts{4, 0};
+
+/// ODE keeps data for each thread; called wherever an engine may meet a new one.
+void enter_thread() {
+  static const int ready = dInitODE2(dInitFlagManualThreadCleanup);
+  struct ThreadData {
+    ThreadData() { dAllocateODEDataForThread(dAllocateMaskAll); }
+    ~ThreadData() { dCleanupODEAllDataForThread(); }
+  };
+  (void)ready;
+  thread_local const ThreadData data;
+  (void)data;
+}
+
+Vec3 from_ode(const dReal* v) { return {v[0], v[1], v[2]}; }
+
+struct Slot {
+  bool used = false;
+  Body spec;
+  CollisionClass kind = kMovable;
+  dGeomID geom = nullptr;
+  dBodyID body = nullptr;  ///< none: fixed
+  BodyState fixed_state;   ///< of a fixed body
+  double mass = 0.0;
+  Vec3 inertia = Vec3::Zero();
+  Vec3 weight = Vec3::Zero();  ///< N
+  Vec3 force = Vec3::Zero();   ///< of the next step
+  Vec3 torque = Vec3::Zero();
+};
+
+/// A contact of the sub-step in hand.
+struct Point {
+  std::uint32_t a, b;
+  Vec3 point, normal;
+  double distance;
+};
+
+/// What friction did at a place in the sub-step before: where nothing slides, its direction tells where the load pulls.
+struct Friction {
+  std::uint32_t a, b;
+  std::array<double, 3> point;
+  std::array<double, 3> impulse;  ///< on a
+};
+
+struct SavedHeader {
+  std::array<char, 8> engine;
+  std::uint64_t bodies, frictions;
+};
+constexpr std::array<char, 8> kEngineMark{'o', 'd', 'e', '0', '.', '1', '6', 0};
+
+struct SavedBody {
+  std::uint64_t id;
+  std::array<double, 13> state;
+  std::array<double, 10> load;  ///< mass, inertia, force and torque of the next step
+};
+
+template <class T>
+void append(std::vector<std::byte>& bytes, const T& value) {
+  const auto* begin = reinterpret_cast<const std::byte*>(&value);
+  bytes.insert(bytes.end(), begin, begin + sizeof value);
+}
+
+template <class T>
+T read_at(const std::vector<std::byte>& bytes, std::size_t offset) {
+  T value;
+  std::memcpy(&value, bytes.data() + offset, sizeof value);
+  return value;
+}
+
+class Ode final : public Engine {
+ public:
+  Ode(const EngineSettings& settings, std::span<const Mesh> meshes)
+      : preset_(find_preset(settings.preset)),
+        gravity_(settings.gravity),
+        fixed_substeps_(settings.substeps.value_or(0)),
+        shapes_(meshes) {
+    enter_thread();
+    world_ = dWorldCreate();
+    space_ = dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ);
+    dSpaceSetCleanup(space_, 0);
+    joints_ = dJointGroupCreate(0);
+    dWorldSetQuickStepNumIterations(world_, settings.iterations.value_or(preset_.iterations));
+    dWorldSetAutoDisableFlag(world_, 0);
+    // Contacts are rigid, and penetration is not ODE's business here: PositionCorrection sees to it.
+    dWorldSetERP(world_, 0.0);
+    dWorldSetCFM(world_, 0.0);
+    // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.
+    dWorldSetGravity(world_, 0, 0, 0);
+  }
+
+  ~Ode() override {
+    enter_thread();
+    for (Slot& slot : slots_) {
+      if (slot.used) destroy(slot);
+    }
+    dJointGroupDestroy(joints_);
+    dSpaceDestroy(space_);
+    dWorldDestroy(world_);
+  }
+  Ode(const Ode&) = delete;
+  Ode& operator=(const Ode&) = delete;
+
+  std::string_view name() const noexcept override { return "ode"; }
+
+  Capabilities capabilities() const noexcept override {
+    return {.normal_impulse = Fidelity::exact,
+            .tangential_impulse = Fidelity::exact,
+            .gyroscopic = Fidelity::exact,
+            .checkpoint = Fidelity::exact,
+            .deterministic = true};
+  }
+
+  void add(const Body& body, const BodyState& state, Role role) override {
+    enter_thread();
+    const std::uint32_t id = index(body.id);
+    if (contains(body.id)) throw Error(ExitCode::failed, fmt::format("body {} is in the engine already", id));
+    if (!finite(state)) throw Error(ExitCode::failed, fmt::format("body {} has a state that is not finite", id));
+    if (!body.fixed() && ode::skin(body.shape.kind) == 0.0) {
+      throw Error(ExitCode::usage, fmt::format("body {}: a plane or mesh cannot move; give it mass 0", id));
+    }
+    const dGeomID geom = shapes_.make(body.shape);
+    if (id >= slots_.size()) slots_.resize(id + 1);
+    Slot& slot = slots_[id];
+    slot = {};
+    slot.used = true;
+    slot.spec = body;
+    slot.kind = role == Role::ghost ? kGhosts : body.fixed() ? kFixed : kMovable;
+    slot.geom = geom;
+    slot.mass = body.mass;
+    slot.inertia = body.inertia;
+    if (body.gravity && !body.fixed()) slot.weight = body.mass * gravity_;
+    dGeomSetData(geom, reinterpret_cast<void*>(static_cast<std::uintptr_t>(id)));
+    dGeomSetCategoryBits(geom, slot.kind.category);
+    dGeomSetCollideBits(geom, slot.kind.meets);
+    dSpaceAdd(space_, geom);
+    if (!body.fixed()) {
+      make_body(slot);
+      movable_.push_back(id);
+    }
+    place(slot, state);
+    contacts_.clear();
+  }
+
+  void remove(BodyId id) override {
+    enter_thread();
+    Slot& slot = at(id);
+    destroy(slot);
+    slot = {};
+    std::erase(movable_, index(id));
+    std::erase_if(frictions_, [&](const Friction& f) { return f.a == index(id) || f.b == index(id); });
+    contacts_.clear();
+  }
+
+  bool contains(BodyId id) const noexcept override { return index(id) < slots_.size() && slots_[index(id)].used; }
+
+  BodyState state(BodyId id) const override { return state_of(at(id)); }
+
+  bool set_state(BodyId id, const BodyState& state) override {
+    if (!finite(state)) return false;
+    place(at(id), state);
+    return true;
+  }
+
+  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
+    if (!linear.allFinite() || !angular.allFinite()) return false;
+    set_velocity(at(id), linear, angular);
+    return true;
+  }
+
+  void set_inertia(BodyId id, double mass, const Vec3& inertia) override {
+    Slot& slot = at(id);
+    if (!slot.body) return;
+    slot.mass = mass;
+    slot.inertia = inertia;
+    set_mass(slot);
+  }
+
+  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
+    if (!impulse.allFinite() || !point.allFinite()) return false;
+    Slot& slot = at(id);
+    if (!slot.body) return true;
+    const BodyState s = state_of(slot);
+    const Vec3 turn = inverse_inertia(slot) * (point - s.position).cross(impulse);
+    set_velocity(slot, s.linear_velocity + impulse / slot.mass, s.angular_velocity + turn);
+    return true;
+  }
+
+  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override {
+    if (!force.allFinite() || !torque.allFinite()) return false;
+    Slot& slot = at(id);
+    slot.force += force;
+    slot.torque += torque;
+    return true;
+  }
+
+  void step(double dt) override {
+    enter_thread();
+    const int substeps = fixed_substeps_ > 0 ? fixed_substeps_
+                                             : std::max(1, static_cast<int>(std::ceil(dt / preset_.longest_substep_s)));
+    contacts_.clear();
+    for (int i = 0; i < substeps; ++i) substep(dt / substeps, i);
+    for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
+    contacts_.merge();
+  }
+
+  std::span<const Contact> contacts() const noexcept override { return contacts_.contacts(); }
+
+  Box bounds(BodyId id) const override {
+    const Slot& slot = at(id);
+    if (slot.spec.shape.kind == ShapeKind::plane) return {Vec3::Constant(-kEverywhere), Vec3::Constant(kEverywhere)};
+    std::array<dReal, 6> box;
+    dGeomGetAABB(slot.geom, box.data());
+    const double skin = ode::skin(slot.spec.shape.kind);
+    return {Vec3(box[0], box[2], box[4]).array() + skin, Vec3(box[1], box[3], box[5]).array() - skin};
+  }
+
+  void overlap(const Box& box, std::vector<BodyId>& out) const override {
+    out.clear();
+    for (std::uint32_t id = 0; id < slots_.size(); ++id) {
+      if (slots_[id].used && bounds(BodyId{id}).meets(box)) out.push_back(BodyId{id});
+    }
+  }
+
+  Checkpoint checkpoint() const override {
+    // The order of adding is ODE's order of solving: it belongs to the state.
+    std::vector<std::uint32_t> ids = movable_;
+    for (std::uint32_t id = 0; id < slots_.size(); ++id) {
+      if (slots_[id].used && !slots_[id].body) ids.push_back(id);
+    }
+    Checkpoint saved;
+    append(saved.bytes, SavedHeader{kEngineMark, ids.size(), frictions_.size()});
+    for (const std::uint32_t id : ids) {
+      const Slot& slot = slots_[id];
+      const BodyState s = state_of(slot);
+      SavedBody entry{id, {}, {}};
+      Eigen::Map<Eigen::Matrix<double, 13, 1>>(entry.state.data()) << s.position, s.orientation.coeffs(),
+          s.linear_velocity, s.angular_velocity;
+      Eigen::Map<Eigen::Matrix<double, 10, 1>>(entry.load.data()) << slot.mass, slot.inertia, slot.force, slot.torque;
+      append(saved.bytes, entry);
+    }
+    for (const Friction& friction : frictions_) append(saved.bytes, friction);
+    return saved;
+  }
+
+  void restore(const Checkpoint& saved) override {
+    enter_thread();
+    const std::vector<SavedBody> bodies = saved_bodies(saved);
+    std::vector<std::uint32_t> order;
+    for (const SavedBody& entry : bodies) {
+      if (slots_[entry.id].body) order.push_back(static_cast<std::uint32_t>(entry.id));
+    }
+    if (order != movable_) {
+      for (const std::uint32_t id : order) {
+        dGeomSetBody(slots_[id].geom, nullptr);
+        dBodyDestroy(slots_[id].body);
+        make_body(slots_[id]);
+      }
+      movable_ = order;
+    }
+    for (const SavedBody& entry : bodies) {
+      Slot& slot = slots_[entry.id];
+      const Eigen::Map<const Eigen::Matrix<double, 13, 1>> x(entry.state.data());
+      const Eigen::Map<const Eigen::Matrix<double, 10, 1>> load(entry.load.data());
+      slot.mass = load[0];
+      slot.inertia = load.segment<3>(1);
+      slot.force = load.segment<3>(4);
+      slot.torque = load.segment<3>(7);
+      if (slot.body) set_mass(slot);
+      place(slot, {x.segment<3>(0), Quat(x[6], x[3], x[4], x[5]), x.segment<3>(7), x.segment<3>(10)});
+    }
+    const std::size_t begin = sizeof(SavedHeader) + bodies.size() * sizeof(SavedBody);
+    frictions_.resize((saved.bytes.size() - begin) / sizeof(Friction));
+    for (std::size_t i = 0; i < frictions_.size(); ++i) {
+      frictions_[i] = read_at<Friction>(saved.bytes, begin + i * sizeof(Friction));
+    }
+    contacts_.clear();
+  }
+
+ private:
+  Slot& at(BodyId id) { return const_cast<Slot&>(std::as_const(*this).at(id)); }
+  const Slot& at(BodyId id) const {
+    if (!contains(id)) throw Error(ExitCode::failed, fmt::format("body {} is not in the engine", index(id)));
+    return slots_[index(id)];
+  }
+
+  void make_body(Slot& slot) {
+    slot.body = dBodyCreate(world_);
+    dBodySetFiniteRotationMode(slot.body, 1);
+    dBodySetGyroscopicMode(slot.body, slot.spec.rotates);
+    set_mass(slot);
+    dGeomSetBody(slot.geom, slot.body);
+  }
+
+  static void destroy(Slot& slot) {
+    dGeomDestroy(slot.geom);
+    if (slot.body) dBodyDestroy(slot.body);
+  }
+
+  static void set_mass(Slot& slot) {
+    // ODE has no infinite inertia. This one leaves 1e-20 of a torque; substep() takes that away too.
+    const Vec3 inertia = slot.spec.rotates ? slot.inertia : Vec3::Constant(kNoRotation);
+    dMass mass;
+    dMassSetParameters(&mass, slot.mass, 0, 0, 0, inertia.x(), inertia.y(), inertia.z(), 0, 0, 0);
+    dBodySetMass(slot.body, &mass);
+  }
+
+  static Eigen::Matrix3d inverse_inertia(const Slot& slot) {
+    if (!slot.spec.rotates || !slot.body) return Eigen::Matrix3d::Zero();
+    const Eigen::Matrix3d rotation = state_of(slot).orientation.toRotationMatrix();
+    return rotation * slot.inertia.cwiseInverse().asDiagonal() * rotation.transpose();
+  }
+
+  static BodyState state_of(const Slot& slot) {
+    if (!slot.body) return slot.fixed_state;
+    const dReal* q = dBodyGetQuaternion(slot.body);
+    return {from_ode(dBodyGetPosition(slot.body)), Quat(q[0], q[1], q[2], q[3]), from_ode(dBodyGetLinearVel(slot.body)),
+            from_ode(dBodyGetAngularVel(slot.body))};
+  }
+
+  static void set_velocity(Slot& slot, const Vec3& linear, const Vec3& angular) {
+    if (slot.body) {
+      dBodySetLinearVel(slot.body, linear.x(), linear.y(), linear.z());
+      dBodySetAngularVel(slot.body, angular.x(), angular.y(), angular.z());
+    } else {
+      slot.fixed_state.linear_velocity = linear;
+      slot.fixed_state.angular_velocity = angular;
+    }
+  }
+
+  static void place(Slot& slot, const BodyState& state) {
+    const Vec3& p = state.position;
+    const Quat& q = state.orientation;
+    const dQuaternion wxyz{q.w(), q.x(), q.y(), q.z()};
+    if (slot.body) {
+      // dBodySetQuaternion() scales to unit length and so changes the last bit: what was set would not be what is
+      // read, and a restored body not quite the one that was saved. dBodySetPosition() tells the geometry.
+      std::copy_n(wxyz, 4, const_cast<dReal*>(dBodyGetQuaternion(slot.body)));
+      dRfromQ(const_cast<dReal*>(dBodyGetRotation(slot.body)), wxyz);
+      dBodySetPosition(slot.body, p.x(), p.y(), p.z());
+    } else if (slot.spec.shape.kind == ShapeKind::plane) {
+      const Vec3 normal = q * Vec3::UnitZ();
+      dGeomPlaneSetParams(slot.geom, normal.x(), normal.y(), normal.z(), normal.dot(p));
+    } else {
+      dGeomSetPosition(slot.geom, p.x(), p.y(), p.z());
+      dGeomSetQuaternion(slot.geom, wxyz);
+    }
+    slot.fixed_state = state;
+    set_velocity(slot, state.linear_velocity, state.angular_velocity);
+  }
+
+  void substep(double h, int number) {
+    for (const std::uint32_t id : movable_) {
+      const Slot& slot = slots_[id];
+      if (!slot.spec.rotates) dBodySetAngularVel(slot.body, 0, 0, 0);
+      const Vec3 force = slot.weight + slot.force;
+      dBodyAddForce(slot.body, force.x(), force.y(), force.z());
+      if (slot.spec.rotates) dBodyAddTorque(slot.body, slot.torque.x(), slot.torque.y(), slot.torque.z());
+    }
+    find_points();
+    make_joints(h);
+    prepare_correction();
+    for (const std::uint32_t id : movable_) {
+      if (!slots_[id].spec.rotates) slots_[id].fixed_state = state_of(slots_[id]);
+    }
+    {
+      // QuickStep shuffles its rows with random numbers that all worlds of the process share.
+      static std::mutex shared_random;
+      const std::lock_guard lock(shared_random);
+      dRandSetSeed(kSeed);
+      dWorldQuickStep(world_, h);
+    }
+    dJointGroupEmpty(joints_);
+    move_apart();
+    collect_contacts(h, number);
+  }
+
+  /// Fills points_, ordered by bodies, whatever the order in which ODE's space finds the pairs.
+  void find_points() {
+    pairs_.clear();
+    dSpaceCollide(space_, this, [](void* self, dGeomID first, dGeomID second) {
+      const auto id = [](dGeomID geom) {
+        return static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(dGeomGetData(geom)));
+      };
+      static_cast<Ode*>(self)->pairs_.push_back(std::minmax({id(first), id(second)}));
+    });
+    std::sort(pairs_.begin(), pairs_.end());
+    points_.clear();
+    std::array<dContactGeom, kMostPoints> found;
+    for (const auto& [a, b] : pairs_) {
+      const ShapeKind kind_a = slots_[a].spec.shape.kind;
+      const ShapeKind kind_b = slots_[b].spec.shape.kind;
+      const double skins = ode::skin(kind_a) + ode::skin(kind_b);
+      const int count = dCollide(slots_[a].geom, slots_[b].geom, ode::most_points(kind_a, kind_b), found.data(),
+                                 sizeof(dContactGeom));
+      for (int i = 0; i < count; ++i) {
+        points_.push_back({a, b, from_ode(found[i].pos), from_ode(found[i].normal), skins - found[i].depth});
+      }
+    }
+  }
+
+  void make_joints(double h) {
+    feedback_.resize(points_.size());
+    const double quiet = kQuietImpact + 2.0 * gravity_.norm() * h;
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      const Point& point = points_[i];
+      const Material& ma = slots_[point.a].spec.material;
+      const Material& mb = slots_[point.b].spec.material;
+      const Vec3 velocity = relative_velocity(point);
+      const double approach = -velocity.dot(point.normal);
+      dContact contact{};
+      std::copy_n(point.point.data(), 3, contact.geom.pos);
+      std::copy_n(point.normal.data(), 3, contact.geom.normal);
+      // The pyramid of friction has an edge-free side towards fdir1: along the sliding, friction is mu N.
+      contact.surface.mode = dContactApprox1 | dContactMotionN | dContactFDir1;
+      contact.surface.mu = std::sqrt(ma.friction * mb.friction);
+      const Vec3 along = friction_direction(point, velocity, h);
+      std::copy_n(along.data(), 3, contact.fdir1);
+      // The least velocity apart after the step: that of the rebound, or what closes a gap within the skin.
+      const double restitution = ma.restitution * mb.restitution;
+      if (restitution > 0.0 && approach > quiet) {
+        contact.surface.motionN = restitution * approach;
+      } else {
+        contact.surface.motionN = -std::max(0.0, point.distance) / h;
+      }
+      const dJointID joint = dJointCreateContact(world_, joints_, &contact);
+      dJointAttach(joint, slots_[point.a].body, slots_[point.b].body);
+      feedback_[i] = {};
+      dJointSetFeedback(joint, &feedback_[i]);
+    }
+  }
+
+  static Vec3 velocity_at(const Slot& slot, const Vec3& point) {
+    if (!slot.body) return Vec3::Zero();
+    const BodyState s = state_of(slot);
+    return s.linear_velocity + s.angular_velocity.cross(point - s.position);
+  }
+
+  Vec3 relative_velocity(const Point& at) const {
+    return velocity_at(slots_[at.a], at.point) - velocity_at(slots_[at.b], at.point);
+  }
+
+  /// Unit, across the normal: along the sliding; where nothing slides, along the load.
+  Vec3 friction_direction(const Point& at, const Vec3& velocity, double h) const {
+    const auto across = [&](const Vec3& v) { return Vec3(v - v.dot(at.normal) * at.normal); };
+    const Vec3 sliding = across(velocity);
+    if (sliding.norm() > kSliding) return sliding.normalized();
+    const Vec3 load = across(last_friction(at));
+    if (load.norm() > 0.0) return load.normalized();
+    const auto pull = [](const Slot& slot) {
+      return slot.body ? Vec3((slot.weight + slot.force) / slot.mass) : Vec3::Zero();
+    };
+    const Vec3 coming = across(h * (pull(slots_[at.a]) - pull(slots_[at.b])));
+    if (coming.norm() > 1e-12) return coming.normalized();
+    return at.normal.unitOrthogonal();
+  }
+
+  Vec3 last_friction(const Point& at) const {
+    const auto by_pair = [](const Friction& f, const Point& p) { return std::tie(f.a, f.b) < std::tie(p.a, p.b); };
+    double nearest = kSamePlace * kSamePlace;
+    Vec3 impulse = Vec3::Zero();
+    for (auto f = std::lower_bound(frictions_.begin(), frictions_.end(), at, by_pair);
+         f != frictions_.end() && f->a == at.a && f->b == at.b; ++f) {
+      const double squared = (from_ode(f->point.data()) - at.point).squaredNorm();
+      if (squared >= nearest) continue;
+      nearest = squared;
+      impulse = from_ode(f->impulse.data());
+    }
+    return impulse;
+  }
+
+  void prepare_correction() {
+    correction_.clear(slots_.size());
+    for (const std::uint32_t id : movable_) {
+      correction_.mover(id).inverse_mass = 1.0 / slots_[id].mass;
+      correction_.mover(id).inverse_inertia = inverse_inertia(slots_[id]);
+    }
+    const auto centre = [this](std::uint32_t id) { return state_of(slots_[id]).position; };
+    for (const Point& p : points_) {
+      correction_.add(p.a, p.b, p.point - centre(p.a), p.point - centre(p.b), p.normal, p.distance);
+    }
+  }
+
+  /// After ODE's step: bodies that do not rotate get their orientation back, and penetration shrinks.
+  void move_apart() {
+    const bool apart = correction_.solve(kCorrectionRounds);
+    for (const std::uint32_t id : movable_) {
+      Slot& slot = slots_[id];
+      if (!apart && slot.spec.rotates) continue;
+      const auto& [mass, inertia, shift, turn] = correction_.mover(id);
+      BodyState s = state_of(slot);
+      if (!slot.spec.rotates) {
+        s.orientation = slot.fixed_state.orientation;
+        s.angular_velocity = Vec3::Zero();
+      }
+      s.position += shift;
+      if (turn.squaredNorm() > 0.0) {
+        s.orientation.coeffs() += 0.5 * (Quat(0.0, turn.x(), turn.y(), turn.z()) * s.orientation).coeffs();
+        s.orientation.normalize();
+      }
+      place(slot, s);
+    }
+  }
+
+  void collect_contacts(double h, int substep) {
+    frictions_.clear();
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      const Point& point = points_[i];
+      // ODE reports the force on the joint's first body that is not fixed.
+      const double sign = slots_[point.a].body ? 1.0 : -1.0;
+      const Vec3 impulse = sign * h * from_ode(feedback_[i].f1);
+      Contact contact;
+      contact.a = BodyId{point.a};
+      contact.b = BodyId{point.b};
+      contact.point = point.point;
+      contact.normal = point.normal;
+      contact.distance = point.distance;
+      contact.normal_impulse = std::max(0.0, impulse.dot(point.normal));
+      contact.tangential_impulse = impulse - impulse.dot(point.normal) * point.normal;
+      if (contact.normal_impulse <= 0.0 && contact.distance > 0.0) continue;
+      const Vec3 relative = relative_velocity(point);
+      contact.tangential_velocity = relative - relative.dot(point.normal) * point.normal;
+      contacts_.add(contact, substep, kSamePlace);
+      const Vec3& t = contact.tangential_impulse;
+      frictions_.push_back(
+          {point.a, point.b, {point.point.x(), point.point.y(), point.point.z()}, {t.x(), t.y(), t.z()}});
+    }
+  }
+
+  /// Throws `Error` unless the checkpoint is of this engine's bodies.
+  std::vector<SavedBody> saved_bodies(const Checkpoint& saved) const {
+    const auto refuse = [] {
+      throw Error(ExitCode::failed,
+                  "the checkpoint is of another engine or of other bodies; take one from this engine");
+    };
+    if (saved.bytes.size() < sizeof(SavedHeader)) refuse();
+    const auto header = read_at<SavedHeader>(saved.bytes, 0);
+    const auto held = static_cast<std::size_t>(
+        std::count_if(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.used; }));
+    if (header.engine != kEngineMark || header.bodies != held ||
+        saved.bytes.size() != sizeof(SavedHeader) + held * sizeof(SavedBody) + header.frictions * sizeof(Friction)) {
+      refuse();
+    }
+    std::vector<SavedBody> bodies;
+    for (std::size_t i = 0; i < held; ++i) {
+      bodies.push_back(read_at<SavedBody>(saved.bytes, sizeof(SavedHeader) + i * sizeof(SavedBody)));
+      const auto id = static_cast<std::uint32_t>(bodies.back().id);
+      if (!contains(BodyId{id}) || (slots_[id].body != nullptr) != (bodies.back().load[0] > 0.0)) refuse();
+    }
+    return bodies;
+  }
+
+  Preset preset_;
+  Vec3 gravity_;
+  int fixed_substeps_;  ///< 0: as the preset says
+  ode::ShapeStore shapes_;
+  dWorldID world_ = nullptr;
+  dSpaceID space_ = nullptr;
+  dJointGroupID joints_ = nullptr;
+  std::vector<Slot> slots_;
+  std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
+  std::vector<Point> points_;
+  std::vector<dJointFeedback> feedback_;  ///< of points_
+  std::vector<Friction> frictions_;       ///< of the sub-step before, ordered by bodies
+  ode::PositionCorrection correction_;
+  ContactTotals contacts_;
+};
+
+}  // namespace
+
+std::unique_ptr<Engine> make_ode(const EngineSettings& settings, std::span<const Mesh> meshes) {
+  return std::make_unique<Ode>(settings, meshes);
+}
+
+}  // namespace subworld
