@@ -112,8 +112,9 @@ struct SavedBody {
 
 template <class T>
 void append(std::vector<std::byte>& bytes, const T& value) {
-  const auto* begin = reinterpret_cast<const std::byte*>(&value);
-  bytes.insert(bytes.end(), begin, begin + sizeof value);
+  const std::size_t begin = bytes.size();
+  bytes.resize(begin + sizeof value);
+  std::memcpy(bytes.data() + begin, &value, sizeof value);
 }
 
 template <class T>
