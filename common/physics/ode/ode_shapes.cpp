@@ -54,6 +54,8 @@ ShapeStore::Triangles& ShapeStore::triangles(const Shape& shape) {
   dGeomTriMeshDataBuildDouble(held.data, held.vertices.data(), 3 * sizeof(dReal),
                               static_cast<int>(source.vertices.size()), held.indices.data(),
                               static_cast<int>(held.indices.size()), 3 * sizeof(dTriIndex));
+  // Hulls are turned away from triangles whose edge they meet from behind: that takes the angles between triangles.
+  dGeomTriMeshDataPreprocess2(held.data, 1U << dTRIDATAPREPROCESS_BUILD_FACE_ANGLES, nullptr);
   return held;
 }
 
