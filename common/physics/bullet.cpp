@@ -1,5 +1,6 @@
 #include "physics/bullet.hpp"
 
+#include "bullet_friction.hpp"
 #include "bullet_plane.hpp"
 #include "bullet_shapes.hpp"
 #include "model/error.hpp"
@@ -200,6 +201,7 @@ class Bullet final : public Engine {
                                              : std::max(1, static_cast<int>(std::ceil(dt / preset_.longest_substep_s)));
     claim_globals();
     contacts_.clear();
+    solver_.set_slow(1e-3 + 0.5 * gravity_.norm() * dt / substeps);
     for (int i = 0; i < substeps; ++i) {
       for (const std::uint32_t id : movable_) {
         const Slot& slot = slots_[id];
@@ -342,7 +344,7 @@ class Bullet final : public Engine {
   btDefaultCollisionConfiguration configuration_;
   btCollisionDispatcher dispatcher_;
   btDbvtBroadphase broadphase_;
-  btSequentialImpulseConstraintSolver solver_;
+  bullet::AlignedFrictionSolver solver_;
   btDiscreteDynamicsWorld world_;
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding

@@ -91,11 +91,13 @@ struct Point {
   double distance;
 };
 
-/// What friction did at a place in the sub-step before: where nothing slides, its direction tells where the load pulls.
+/// What friction did between two bodies in the sub-step before, as a field over their points: where nothing slides,
+/// its direction tells where the load pulls. Point by point it would not: corners share a load as they like.
 struct Friction {
   std::uint32_t a, b;
-  std::array<double, 3> point;
-  std::array<double, 3> impulse;  ///< on a
+  std::array<double, 3> centre;
+  std::array<double, 3> mean;  ///< impulse on a at each point
+  std::array<double, 3> spin;  ///< about the centre, per metre of arm
 };
 
 struct SavedHeader {
@@ -458,6 +460,7 @@ class Ode final : public Engine {
   void make_joints(double h) {
     feedback_.resize(points_.size());
     const double quiet = kQuietImpact + 2.0 * gravity_.norm() * h;
+    const double slow = kSliding + 0.5 * gravity_.norm() * h;  // what may well stop within the step
     for (std::size_t i = 0; i < points_.size(); ++i) {
       const Point& point = points_[i];
       const Material& ma = slots_[point.a].spec.material;
@@ -468,10 +471,13 @@ class Ode final : public Engine {
       std::copy_n(point.point.data(), 3, contact.geom.pos);
       std::copy_n(point.normal.data(), 3, contact.geom.normal);
       // The pyramid of friction has an edge-free side towards fdir1: along the sliding, friction is mu N.
-      contact.surface.mode = dContactApprox1 | dContactMotionN | dContactFDir1;
+      contact.surface.mode = dContactApprox1 | dContactMotionN | dContactFDir1 | dContactMu2;
       contact.surface.mu = std::sqrt(ma.friction * mb.friction);
       const Vec3 along = friction_direction(point, velocity, h);
       std::copy_n(along.data(), 3, contact.fdir1);
+      // Coulomb's friction has no part across the sliding: a pyramid's full one would keep a body from turning aside.
+      const double sliding = (velocity + approach * point.normal).norm();
+      contact.surface.mu2 = contact.surface.mu * std::min(1.0, slow / sliding);
       // The least velocity apart after the step: that of the rebound, or what closes a gap within the skin.
       const double restitution = ma.restitution * mb.restitution;
       if (restitution > 0.0 && approach > quiet) {
@@ -513,16 +519,9 @@ class Ode final : public Engine {
 
   Vec3 last_friction(const Point& at) const {
     const auto by_pair = [](const Friction& f, const Point& p) { return std::tie(f.a, f.b) < std::tie(p.a, p.b); };
-    double nearest = kSamePlace * kSamePlace;
-    Vec3 impulse = Vec3::Zero();
-    for (auto f = std::lower_bound(frictions_.begin(), frictions_.end(), at, by_pair);
-         f != frictions_.end() && f->a == at.a && f->b == at.b; ++f) {
-      const double squared = (from_ode(f->point.data()) - at.point).squaredNorm();
-      if (squared >= nearest) continue;
-      nearest = squared;
-      impulse = from_ode(f->impulse.data());
-    }
-    return impulse;
+    const auto f = std::lower_bound(frictions_.begin(), frictions_.end(), at, by_pair);
+    if (f == frictions_.end() || f->a != at.a || f->b != at.b) return Vec3::Zero();
+    return from_ode(f->mean.data()) + from_ode(f->spin.data()).cross(at.point - from_ode(f->centre.data()));
   }
 
   void prepare_correction() {
@@ -560,11 +559,13 @@ class Ode final : public Engine {
 
   void collect_contacts(double h, int substep) {
     frictions_.clear();
+    for (std::size_t begin = 0, end = 0; begin < points_.size(); begin = end) {
+      while (end < points_.size() && points_[end].a == points_[begin].a && points_[end].b == points_[begin].b) ++end;
+      remember_friction(begin, end, h);
+    }
     for (std::size_t i = 0; i < points_.size(); ++i) {
       const Point& point = points_[i];
-      // ODE reports the force on the joint's first body that is not fixed.
-      const double sign = slots_[point.a].body ? 1.0 : -1.0;
-      const Vec3 impulse = sign * h * from_ode(feedback_[i].f1);
+      const Vec3 impulse = impulse_of(i, h);
       Contact contact;
       contact.a = BodyId{point.a};
       contact.b = BodyId{point.b};
@@ -577,10 +578,36 @@ class Ode final : public Engine {
       const Vec3 relative = relative_velocity(point);
       contact.tangential_velocity = relative - relative.dot(point.normal) * point.normal;
       contacts_.add(contact, substep, kSamePlace);
-      const Vec3& t = contact.tangential_impulse;
-      frictions_.push_back(
-          {point.a, point.b, {point.point.x(), point.point.y(), point.point.z()}, {t.x(), t.y(), t.z()}});
     }
+  }
+
+  /// On body a, N s.
+  Vec3 impulse_of(std::size_t i, double h) const {
+    // ODE reports the force on the joint's first body that is not fixed.
+    const double sign = slots_[points_[i].a].body ? 1.0 : -1.0;
+    return sign * h * from_ode(feedback_[i].f1);
+  }
+
+  /// Of one pair's points: the rigid field nearest to their friction (least squares).
+  void remember_friction(std::size_t begin, std::size_t end, double h) {
+    const auto count = static_cast<double>(end - begin);
+    Vec3 centre = Vec3::Zero(), mean = Vec3::Zero(), turn = Vec3::Zero();
+    for (std::size_t i = begin; i < end; ++i) centre += points_[i].point / count;
+    double arms = 0.0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Vec3 impulse = impulse_of(i, h);
+      const Vec3 friction = impulse - impulse.dot(points_[i].normal) * points_[i].normal;
+      const Vec3 arm = points_[i].point - centre;
+      mean += friction / count;
+      turn += arm.cross(friction);
+      arms += arm.squaredNorm();
+    }
+    const Vec3 spin = arms > 0.0 ? Vec3(turn / arms) : Vec3::Zero();
+    Friction friction{points_[begin].a, points_[begin].b, {}, {}, {}};
+    std::copy_n(centre.data(), 3, friction.centre.begin());
+    std::copy_n(mean.data(), 3, friction.mean.begin());
+    std::copy_n(spin.data(), 3, friction.spin.begin());
+    frictions_.push_back(friction);
   }
 
   /// Throws `Error` unless the checkpoint is of this engine's bodies.
