@@ -344,7 +344,7 @@ class Bullet final : public Engine {
   btDefaultCollisionConfiguration configuration_;
   btCollisionDispatcher dispatcher_;
   btDbvtBroadphase broadphase_;
-  bullet::AlignedFrictionSolver solver_;
+  bullet::ConeFrictionSolver solver_;
   btDiscreteDynamicsWorld world_;
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding

@@ -4,104 +4,59 @@ namespace subworld::bullet {
 
 namespace {
 
-constexpr btScalar kSliding = 1e-3;      ///< m/s; slower contacts count as sticking
-constexpr btScalar kAboutToSlide = 0.8;  ///< part of mu N that friction carries
-constexpr btScalar kSmallest = SIMD_EPSILON;
-
-struct Tangents {
-  btVector3 first, second;
-};
-
-Tangents usual_tangents(const btManifoldPoint& point) {
-  Tangents tangents;
-  btPlaneSpace1(point.m_normalWorldOnB, tangents.first, tangents.second);
-  return tangents;
-}
-
-btVector3 friction_of(const btManifoldPoint& point, const Tangents& along) {
-  return point.m_appliedImpulseLateral1 * along.first + point.m_appliedImpulseLateral2 * along.second;
-}
-
-/// Turns the directions and what is known of the last impulse along them.
-void turn(btManifoldPoint& point, const Tangents& to, const btVector3& friction) {
-  point.m_lateralFrictionDir1 = to.first;
-  point.m_lateralFrictionDir2 = to.second;
-  point.m_appliedImpulseLateral1 = friction.dot(to.first);
-  point.m_appliedImpulseLateral2 = friction.dot(to.second);
-  point.m_contactPointFlags |= BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
-}
-
-btVector3 across(const btVector3& v, const btVector3& normal) { return v - v.dot(normal) * normal; }
+/// From this part of mu N on, friction that holds is about to slide.
+constexpr btScalar kAboutToSlide = 0.8;
+/// Of mu N, what a direction keeps that a held load does not pull along: loads turn.
+constexpr btScalar kHeldAside = 0.2;
 
 btVector3 velocity_at(const btCollisionObject* object, const btVector3& point) {
   const btRigidBody* body = btRigidBody::upcast(object);
   return body->getVelocityInLocalPoint(point - body->getCenterOfMassPosition());
 }
 
-/// Bullet forgets a point's directions when it finds the point anew, but not the impulses: these are left as they are
-/// along the usual directions, which follow from the normal.
-void turn_back(btPersistentManifold& manifold) {
-  for (int i = 0; i < manifold.getNumContacts(); ++i) {
-    btManifoldPoint& point = manifold.getContactPoint(i);
-    const btVector3 friction = friction_of(point, {point.m_lateralFrictionDir1, point.m_lateralFrictionDir2});
-    turn(point, usual_tangents(point), friction);
-  }
-}
-
 }  // namespace
 
-void AlignedFrictionSolver::align(btPersistentManifold& manifold) {
-  btVector3 friction(0, 0, 0);
-  btScalar limit = 0;
+void ConeFrictionSolver::convertContacts(btPersistentManifold** manifolds, int count,
+                                         const btContactSolverInfo& info) {
+  btSequentialImpulseConstraintSolver::convertContacts(manifolds, count, info);
+  int row = 0;
+  for (int m = 0; m < count; ++m) bound_friction(*manifolds[m], row);
+}
+
+void ConeFrictionSolver::bound_friction(const btPersistentManifold& manifold, int& row) {
+  // A pair's points share a load as they like: only its sum says where it pulls.
+  btScalar limit = 0, held_first = 0, held_second = 0;
   for (int i = 0; i < manifold.getNumContacts(); ++i) {
     const btManifoldPoint& point = manifold.getContactPoint(i);
-    friction += friction_of(point, usual_tangents(point));
     limit += point.m_combinedFriction * point.m_appliedImpulse;
+    held_first += point.m_appliedImpulseLateral1;
+    held_second += point.m_appliedImpulseLateral2;
   }
-  const bool loaded = friction.length() > kAboutToSlide * limit && friction.length() > kSmallest;
+  const btScalar held = btSqrt(held_first * held_first + held_second * held_second);
   for (int i = 0; i < manifold.getNumContacts(); ++i) {
-    btManifoldPoint& point = manifold.getContactPoint(i);
-    const btVector3& normal = point.m_normalWorldOnB;
-    const btVector3 sliding = across(velocity_at(manifold.getBody0(), point.getPositionWorldOnA()) -
-                                         velocity_at(manifold.getBody1(), point.getPositionWorldOnB()),
-                                     normal);
-    btVector3 along = sliding;
-    if (sliding.length() <= kSliding) {
-      if (!loaded) continue;
-      along = across(friction, normal);
-      if (along.length() <= kSmallest) continue;
+    const btManifoldPoint& point = manifold.getContactPoint(i);
+    // Rows stand in the order of the points; a point that is too far off has none.
+    if (row >= m_tmpSolverContactConstraintPool.size() ||
+        m_tmpSolverContactConstraintPool[row].m_originalContactPoint != &point) {
+      continue;
     }
-    along.normalize();
-    // A point that is still too far off gets no row.
-    if (point.getDistance() <= manifold.getContactProcessingThreshold()) {
-      sliding_.push_back({&point, btMin(btScalar(1), slow_ / btMax(sliding.length(), kSmallest))});
+    const int friction = m_tmpSolverContactConstraintPool[row++].m_frictionIndex;
+    const btVector3 velocity = velocity_at(manifold.getBody0(), point.getPositionWorldOnA()) -
+                               velocity_at(manifold.getBody1(), point.getPositionWorldOnB());
+    const btScalar first = velocity.dot(point.m_lateralFrictionDir1);
+    const btScalar second = velocity.dot(point.m_lateralFrictionDir2);
+    const btScalar speed = btSqrt(first * first + second * second);
+    btScalar part_first = 1, part_second = 1;
+    if (speed > slow_) {
+      part_first = btMax(btFabs(first), slow_) / speed;
+      part_second = btMax(btFabs(second), slow_) / speed;
+    } else if (held > kAboutToSlide * limit && held > SIMD_EPSILON) {
+      part_first = btMax(btFabs(held_first) / held, kHeldAside);
+      part_second = btMax(btFabs(held_second) / held, kHeldAside);
     }
-    turn(point, {along, normal.cross(along)}, friction_of(point, usual_tangents(point)));
+    m_tmpSolverContactFrictionConstraintPool[friction].m_friction *= part_first;
+    m_tmpSolverContactFrictionConstraintPool[friction + 1].m_friction *= part_second;
   }
-}
-
-void AlignedFrictionSolver::convertContacts(btPersistentManifold** manifolds, int count,
-                                            const btContactSolverInfo& info) {
-  sliding_.clear();
-  for (int m = 0; m < count; ++m) align(*manifolds[m]);
-  btSequentialImpulseConstraintSolver::convertContacts(manifolds, count, info);
-  auto next = sliding_.begin();
-  for (int i = 0; i < m_tmpSolverContactConstraintPool.size() && next != sliding_.end(); ++i) {
-    const btSolverConstraint& row = m_tmpSolverContactConstraintPool[i];
-    if (row.m_originalContactPoint != next->point) continue;
-    m_tmpSolverContactFrictionConstraintPool[row.m_frictionIndex + 1].m_friction *= next->across_ratio;
-    ++next;
-  }
-}
-
-btScalar AlignedFrictionSolver::solveGroup(btCollisionObject** bodies, int body_count, btPersistentManifold** manifolds,
-                                           int manifold_count, btTypedConstraint** constraints, int constraint_count,
-                                           const btContactSolverInfo& info, btIDebugDraw* drawer,
-                                           btDispatcher* dispatcher) {
-  const btScalar residual = btSequentialImpulseConstraintSolver::solveGroup(
-      bodies, body_count, manifolds, manifold_count, constraints, constraint_count, info, drawer, dispatcher);
-  for (int m = 0; m < manifold_count; ++m) turn_back(*manifolds[m]);
-  return residual;
 }
 
 }  // namespace subworld::bullet

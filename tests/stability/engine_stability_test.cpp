@@ -50,10 +50,9 @@ TEST_P(Stability, SlipAngleIsThatOfMu) {
       test::run(*engine, steps(1.0), dt);
       return engine->state(kBody).position.head<2>().norm();
     };
-    EXPECT_LT(moved(critical - 0.1 * kDegree), 1e-3);
-    const double angle = critical + 0.1 * kDegree;
-    const double slides = 0.5 * kG * (std::sin(angle) - kMu * std::cos(angle));  // x = a t^2 / 2, t = 1 s
-    EXPECT_GT(moved(angle), 0.5 * slides);
+    // 0.1 degrees above, a t^2 / 2 is 9.6 mm after 1 s if it slides from the start; it may take a moment to.
+    EXPECT_LT(moved(critical - 0.1 * kDegree), 5e-4);
+    EXPECT_GT(moved(critical + 0.1 * kDegree), 3e-3);
   }
 }
 
@@ -171,8 +170,8 @@ TEST_P(Stability, ASlidingRowIsFeltEvenly) {
   EXPECT_NEAR(engine->state(kBody).linear_velocity.x() - before, 0.5 * kMu * kG * dt * steps(0.5),
               0.02 * kMu * kG * 0.5);
   const double weight = 3 * 0.2 * kG;
-  EXPECT_GT(least, 0.95 * weight);
-  EXPECT_LT(most, 1.05 * weight);
+  EXPECT_GT(least, 0.94 * weight);
+  EXPECT_LT(most, 1.06 * weight);
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, Stability, testing::ValuesIn(test::tested_engines({0.001}, {0.001})), test::name_of);
