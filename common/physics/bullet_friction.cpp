@@ -16,8 +16,7 @@ btVector3 velocity_at(const btCollisionObject* object, const btVector3& point) {
 
 }  // namespace
 
-void ConeFrictionSolver::convertContacts(btPersistentManifold** manifolds, int count,
-                                         const btContactSolverInfo& info) {
+void ConeFrictionSolver::convertContacts(btPersistentManifold** manifolds, int count, const btContactSolverInfo& info) {
   btSequentialImpulseConstraintSolver::convertContacts(manifolds, count, info);
   int row = 0;
   for (int m = 0; m < count; ++m) bound_friction(*manifolds[m], row);

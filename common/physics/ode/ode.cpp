@@ -1,6 +1,7 @@
 #include "physics/ode/ode.hpp"
 
 #include "model/error.hpp"
+#include "ode_patch.hpp"
 #include "ode_position.hpp"
 #include "ode_shapes.hpp"
 #include "physics/contact_totals.hpp"
@@ -451,10 +452,21 @@ class Ode final : public Engine {
       const double skins = ode::skin(kind_a) + ode::skin(kind_b);
       const int count = dCollide(slots_[a].geom, slots_[b].geom, ode::most_points(kind_a, kind_b), found.data(),
                                  sizeof(dContactGeom));
+      if (count > 0 && ode::needs_patch(kind_a, kind_b)) {
+        Vec3 normal = from_ode(found[0].normal);
+        const auto patch = ode::patch(solid(slots_[a]), solid(slots_[b]), normal);
+        for (const auto& [point, depth] : patch) points_.push_back({a, b, point, normal, skins - depth});
+        if (!patch.empty()) continue;
+      }
       for (int i = 0; i < count; ++i) {
         points_.push_back({a, b, from_ode(found[i].pos), from_ode(found[i].normal), skins - found[i].depth});
       }
     }
+  }
+
+  ode::Solid solid(const Slot& slot) const {
+    const BodyState s = state_of(slot);
+    return {&slot.spec.shape, {s.position, s.orientation}, shapes_.hull_points(slot.spec.shape)};
   }
 
   void make_joints(double h) {

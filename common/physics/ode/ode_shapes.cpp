@@ -59,6 +59,11 @@ ShapeStore::Triangles& ShapeStore::triangles(const Shape& shape) {
   return held;
 }
 
+std::span<const double> ShapeStore::hull_points(const Shape& shape) const {
+  if (shape.kind != ShapeKind::convex) return {};
+  return hulls_.at(shape.mesh).points;
+}
+
 dGeomID ShapeStore::make(const Shape& shape) {
   switch (shape.kind) {
     case ShapeKind::sphere:
@@ -70,13 +75,12 @@ dGeomID ShapeStore::make(const Shape& shape) {
     case ShapeKind::capsule:
       return dCreateCapsule(nullptr, shape.radius + kSkin, 2.0 * shape.half_length);
     case ShapeKind::cylinder:
-      // Against boxes, hulls and its like, ODE finds a cylinder's contacts through libccd: one deepest point, and a
-      // few more by tilting one of both a little. Flat on a plane or a mesh it has its own, exact ones.
       return dCreateCylinder(nullptr, shape.radius + kSkin, 2.0 * (shape.half_length + kSkin));
     case ShapeKind::plane:
       return dCreatePlane(nullptr, 0, 0, 1, 0);
     case ShapeKind::convex: {
-      // The same holds for hulls against anything but planes: a hull on a hull rests less quietly than a box on a box.
+      // ODE finds a hull's contacts through libccd: one deepest point, and a few by tilting one of both a little. For
+      // solids ode_patch.hpp finds the others; on a mesh a hull rests less quietly than a box.
       const Mesh& source = mesh(shape);
       const auto [entry, is_new] = hulls_.try_emplace(shape.mesh);
       if (is_new) entry->second = grown_hull(source);

@@ -25,6 +25,8 @@ class ShapeStore {
   /// A geometry outside any space; the caller destroys it before the store. Throws `Error` (usage) for a mesh index
   /// out of range.
   [[nodiscard]] dGeomID make(const Shape& shape);
+  /// Corners of the hull of a `convex` that was made, skin included; none for another kind.
+  [[nodiscard]] std::span<const double> hull_points(const Shape& shape) const;
 
  private:
   /// As ODE wants it; it keeps pointers to all three.
