@@ -1,6 +1,8 @@
 #include "physics/ode/ode.hpp"
 
 #include "model/error.hpp"
+#include "ode_checkpoint.hpp"
+#include "ode_friction.hpp"
 #include "ode_patch.hpp"
 #include "ode_position.hpp"
 #include "ode_shapes.hpp"
@@ -11,10 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <mutex>
-#include <optional>
-#include <tuple>
 #include <utility>
 
 namespace subworld {
@@ -91,41 +90,6 @@ struct Point {
   Vec3 point, normal;
   double distance;
 };
-
-/// What friction did between two bodies in the sub-step before, as a field over their points: where nothing slides,
-/// its direction tells where the load pulls. Point by point it would not: corners share a load as they like.
-struct Friction {
-  std::uint32_t a, b;
-  std::array<double, 3> centre;
-  std::array<double, 3> mean;  ///< impulse on a at each point
-  std::array<double, 3> spin;  ///< about the centre, per metre of arm
-};
-
-struct SavedHeader {
-  std::array<char, 8> engine;
-  std::uint64_t bodies, frictions;
-};
-constexpr std::array<char, 8> kEngineMark{'o', 'd', 'e', '0', '.', '1', '6', 0};
-
-struct SavedBody {
-  std::uint64_t id;
-  std::array<double, 13> state;
-  std::array<double, 10> load;  ///< mass, inertia, force and torque of the next step
-};
-
-template <class T>
-void append(std::vector<std::byte>& bytes, const T& value) {
-  const std::size_t begin = bytes.size();
-  bytes.resize(begin + sizeof value);
-  std::memcpy(bytes.data() + begin, &value, sizeof value);
-}
-
-template <class T>
-T read_at(const std::vector<std::byte>& bytes, std::size_t offset) {
-  T value;
-  std::memcpy(&value, bytes.data() + offset, sizeof value);
-  return value;
-}
 
 class Ode final : public Engine {
  public:
@@ -207,7 +171,7 @@ class Ode final : public Engine {
     destroy(slot);
     slot = {};
     std::erase(movable_, index(id));
-    std::erase_if(frictions_, [&](const Friction& f) { return f.a == index(id) || f.b == index(id); });
+    frictions_.forget(index(id));
     contacts_.clear();
   }
 
@@ -287,26 +251,25 @@ class Ode final : public Engine {
     for (std::uint32_t id = 0; id < slots_.size(); ++id) {
       if (slots_[id].used && !slots_[id].body) ids.push_back(id);
     }
-    Checkpoint saved;
-    append(saved.bytes, SavedHeader{kEngineMark, ids.size(), frictions_.size()});
+    ode::Saved saved;
     for (const std::uint32_t id : ids) {
       const Slot& slot = slots_[id];
       const BodyState s = state_of(slot);
-      SavedBody entry{id, {}, {}};
+      ode::SavedBody& entry = saved.bodies.emplace_back(ode::SavedBody{id, {}, {}});
       Eigen::Map<Eigen::Matrix<double, 13, 1>>(entry.state.data()) << s.position, s.orientation.coeffs(),
           s.linear_velocity, s.angular_velocity;
       Eigen::Map<Eigen::Matrix<double, 10, 1>>(entry.load.data()) << slot.mass, slot.inertia, slot.force, slot.torque;
-      append(saved.bytes, entry);
     }
-    for (const Friction& friction : frictions_) append(saved.bytes, friction);
-    return saved;
+    saved.frictions = frictions_.held();
+    return ode::pack(saved);
   }
 
-  void restore(const Checkpoint& saved) override {
+  void restore(const Checkpoint& checkpoint) override {
     enter_thread();
-    const std::vector<SavedBody> bodies = saved_bodies(saved);
+    ode::Saved saved = ode::unpack(checkpoint);
+    if (!fits(saved.bodies)) ode::refuse_checkpoint();
     std::vector<std::uint32_t> order;
-    for (const SavedBody& entry : bodies) {
+    for (const ode::SavedBody& entry : saved.bodies) {
       if (slots_[entry.id].body) order.push_back(static_cast<std::uint32_t>(entry.id));
     }
     if (order != movable_) {
@@ -317,7 +280,7 @@ class Ode final : public Engine {
       }
       movable_ = order;
     }
-    for (const SavedBody& entry : bodies) {
+    for (const ode::SavedBody& entry : saved.bodies) {
       Slot& slot = slots_[entry.id];
       const Eigen::Map<const Eigen::Matrix<double, 13, 1>> x(entry.state.data());
       const Eigen::Map<const Eigen::Matrix<double, 10, 1>> load(entry.load.data());
@@ -328,11 +291,7 @@ class Ode final : public Engine {
       if (slot.body) set_mass(slot);
       place(slot, {x.segment<3>(0), Quat(x[6], x[3], x[4], x[5]), x.segment<3>(7), x.segment<3>(10)});
     }
-    const std::size_t begin = sizeof(SavedHeader) + bodies.size() * sizeof(SavedBody);
-    frictions_.resize((saved.bytes.size() - begin) / sizeof(Friction));
-    for (std::size_t i = 0; i < frictions_.size(); ++i) {
-      frictions_[i] = read_at<Friction>(saved.bytes, begin + i * sizeof(Friction));
-    }
+    frictions_.restore(std::move(saved.frictions));
     contacts_.clear();
   }
 
@@ -519,7 +478,7 @@ class Ode final : public Engine {
     const auto across = [&](const Vec3& v) { return Vec3(v - v.dot(at.normal) * at.normal); };
     const Vec3 sliding = across(velocity);
     if (sliding.norm() > kSliding) return sliding.normalized();
-    const Vec3 load = across(last_friction(at));
+    const Vec3 load = across(frictions_.recall(at.a, at.b, at.point));
     if (load.norm() > 0.0) return load.normalized();
     const auto pull = [](const Slot& slot) {
       return slot.body ? Vec3((slot.weight + slot.force) / slot.mass) : Vec3::Zero();
@@ -527,13 +486,6 @@ class Ode final : public Engine {
     const Vec3 coming = across(h * (pull(slots_[at.a]) - pull(slots_[at.b])));
     if (coming.norm() > 1e-12) return coming.normalized();
     return at.normal.unitOrthogonal();
-  }
-
-  Vec3 last_friction(const Point& at) const {
-    const auto by_pair = [](const Friction& f, const Point& p) { return std::tie(f.a, f.b) < std::tie(p.a, p.b); };
-    const auto f = std::lower_bound(frictions_.begin(), frictions_.end(), at, by_pair);
-    if (f == frictions_.end() || f->a != at.a || f->b != at.b) return Vec3::Zero();
-    return from_ode(f->mean.data()) + from_ode(f->spin.data()).cross(at.point - from_ode(f->centre.data()));
   }
 
   void prepare_correction() {
@@ -570,11 +522,7 @@ class Ode final : public Engine {
   }
 
   void collect_contacts(double h, int substep) {
-    frictions_.clear();
-    for (std::size_t begin = 0, end = 0; begin < points_.size(); begin = end) {
-      while (end < points_.size() && points_[end].a == points_[begin].a && points_[end].b == points_[begin].b) ++end;
-      remember_friction(begin, end, h);
-    }
+    remember_friction(h);
     for (std::size_t i = 0; i < points_.size(); ++i) {
       const Point& point = points_[i];
       const Vec3 impulse = impulse_of(i, h);
@@ -600,49 +548,26 @@ class Ode final : public Engine {
     return sign * h * from_ode(feedback_[i].f1);
   }
 
-  /// Of one pair's points: the rigid field nearest to their friction (least squares).
-  void remember_friction(std::size_t begin, std::size_t end, double h) {
-    const auto count = static_cast<double>(end - begin);
-    Vec3 centre = Vec3::Zero(), mean = Vec3::Zero(), turn = Vec3::Zero();
-    for (std::size_t i = begin; i < end; ++i) centre += points_[i].point / count;
-    double arms = 0.0;
-    for (std::size_t i = begin; i < end; ++i) {
-      const Vec3 impulse = impulse_of(i, h);
-      const Vec3 friction = impulse - impulse.dot(points_[i].normal) * points_[i].normal;
-      const Vec3 arm = points_[i].point - centre;
-      mean += friction / count;
-      turn += arm.cross(friction);
-      arms += arm.squaredNorm();
+  void remember_friction(double h) {
+    frictions_.clear();
+    for (std::size_t i = 0; i < points_.size();) {
+      const auto [a, b] = std::pair(points_[i].a, points_[i].b);
+      pair_.clear();
+      for (; i < points_.size() && points_[i].a == a && points_[i].b == b; ++i) {
+        pair_.push_back({points_[i].point, points_[i].normal, impulse_of(i, h)});
+      }
+      frictions_.remember(a, b, pair_);
     }
-    const Vec3 spin = arms > 0.0 ? Vec3(turn / arms) : Vec3::Zero();
-    Friction friction{points_[begin].a, points_[begin].b, {}, {}, {}};
-    std::copy_n(centre.data(), 3, friction.centre.begin());
-    std::copy_n(mean.data(), 3, friction.mean.begin());
-    std::copy_n(spin.data(), 3, friction.spin.begin());
-    frictions_.push_back(friction);
   }
 
-  /// Throws `Error` unless the checkpoint is of this engine's bodies.
-  std::vector<SavedBody> saved_bodies(const Checkpoint& saved) const {
-    const auto refuse = [] {
-      throw Error(ExitCode::failed,
-                  "the checkpoint is of another engine or of other bodies; take one from this engine");
-    };
-    if (saved.bytes.size() < sizeof(SavedHeader)) refuse();
-    const auto header = read_at<SavedHeader>(saved.bytes, 0);
-    const auto held = static_cast<std::size_t>(
-        std::count_if(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.used; }));
-    if (header.engine != kEngineMark || header.bodies != held ||
-        saved.bytes.size() != sizeof(SavedHeader) + held * sizeof(SavedBody) + header.frictions * sizeof(Friction)) {
-      refuse();
-    }
-    std::vector<SavedBody> bodies;
-    for (std::size_t i = 0; i < held; ++i) {
-      bodies.push_back(read_at<SavedBody>(saved.bytes, sizeof(SavedHeader) + i * sizeof(SavedBody)));
-      const auto id = static_cast<std::uint32_t>(bodies.back().id);
-      if (!contains(BodyId{id}) || (slots_[id].body != nullptr) != (bodies.back().load[0] > 0.0)) refuse();
-    }
-    return bodies;
+  /// Whether the saved bodies are those of the engine.
+  bool fits(const std::vector<ode::SavedBody>& bodies) const {
+    const auto held = std::count_if(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.used; });
+    return static_cast<std::ptrdiff_t>(bodies.size()) == held &&
+           std::all_of(bodies.begin(), bodies.end(), [this](const ode::SavedBody& entry) {
+             const auto id = static_cast<std::uint32_t>(entry.id);
+             return contains(BodyId{id}) && (slots_[id].body != nullptr) == (entry.load[0] > 0.0);
+           });
   }
 
   Preset preset_;
@@ -656,8 +581,9 @@ class Ode final : public Engine {
   std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
   std::vector<Point> points_;
-  std::vector<dJointFeedback> feedback_;  ///< of points_
-  std::vector<Friction> frictions_;       ///< of the sub-step before, ordered by bodies
+  std::vector<dJointFeedback> feedback_;       ///< of points_
+  std::vector<ode::FrictionMemory::At> pair_;  ///< the points of one pair
+  ode::FrictionMemory frictions_;
   ode::PositionCorrection correction_;
   ContactTotals contacts_;
 };
