@@ -1,6 +1,7 @@
 #include "physics/ode/ode.hpp"
 
 #include "model/error.hpp"
+#include "ode_body.hpp"
 #include "ode_checkpoint.hpp"
 #include "ode_friction.hpp"
 #include "ode_patch.hpp"
@@ -19,6 +20,13 @@
 namespace subworld {
 
 namespace {
+
+using ode::from_ode;
+using ode::inverse_inertia;
+using ode::place;
+using ode::Slot;
+using ode::state_of;
+using ode::velocity_at;
 
 struct Preset {
   std::string_view name;
@@ -41,20 +49,10 @@ Preset find_preset(std::string_view name) {
 constexpr int kMostPoints = 16;       ///< of a pair
 constexpr int kCorrectionRounds = 8;  ///< of the position correction
 constexpr unsigned long kSeed = 1;
-constexpr double kSliding = 1e-4;        ///< m/s; slower contacts count as sticking
-constexpr double kSamePlace = 0.01;      ///< m, between two steps of one contact point
-constexpr double kNoRotation = 1e20;     ///< kg m^2
-constexpr double kEverywhere = 1e18;     ///< m, reach of a plane's bounds
-constexpr double kQuietImpact = 1.0e-3;  ///< m/s; with twice the step's gravity, what does not bounce
-
-/// Who meets whom, in ODE's bits: a pair meets if one of both is ready to.
-struct CollisionClass {
-  unsigned long category;
-  unsigned long meets;
-};
-constexpr CollisionClass kMovable{1, 1 | 2 | 4};
-constexpr CollisionClass kFixed{2, 0};
-constexpr CollisionClass kGhosts{4, 0};
+constexpr double kSliding = 1e-4;      ///< m/s; slower contacts count as sticking
+constexpr double kSamePlace = 0.01;    ///< m, between two steps of one contact point
+constexpr double kEverywhere = 1e18;   ///< m, reach of a plane's bounds
+constexpr double kQuietImpact = 1e-3;  ///< m/s; with twice the step's gravity, what does not bounce
 
 /// ODE keeps data for each thread; called wherever an engine may meet a new one.
 void enter_thread() {
@@ -67,22 +65,6 @@ void enter_thread() {
   thread_local const ThreadData data;
   (void)data;
 }
-
-Vec3 from_ode(const dReal* v) { return {v[0], v[1], v[2]}; }
-
-struct Slot {
-  bool used = false;
-  Body spec;
-  CollisionClass kind = kMovable;
-  dGeomID geom = nullptr;
-  dBodyID body = nullptr;  ///< none: fixed
-  BodyState fixed_state;   ///< of a fixed body
-  double mass = 0.0;
-  Vec3 inertia = Vec3::Zero();
-  Vec3 weight = Vec3::Zero();  ///< N
-  Vec3 force = Vec3::Zero();   ///< of the next step
-  Vec3 torque = Vec3::Zero();
-};
 
 /// A contact of the sub-step in hand.
 struct Point {
@@ -115,7 +97,7 @@ class Ode final : public Engine {
   ~Ode() override {
     enter_thread();
     for (Slot& slot : slots_) {
-      if (slot.used) destroy(slot);
+      if (slot.used) ode::destroy(slot);
     }
     dJointGroupDestroy(joints_);
     dSpaceDestroy(space_);
@@ -148,7 +130,7 @@ class Ode final : public Engine {
     slot = {};
     slot.used = true;
     slot.spec = body;
-    slot.kind = role == Role::ghost ? kGhosts : body.fixed() ? kFixed : kMovable;
+    slot.kind = role == Role::ghost ? ode::kGhosts : body.fixed() ? ode::kFixed : ode::kMovable;
     slot.geom = geom;
     slot.mass = body.mass;
     slot.inertia = body.inertia;
@@ -158,7 +140,7 @@ class Ode final : public Engine {
     dGeomSetCollideBits(geom, slot.kind.meets);
     dSpaceAdd(space_, geom);
     if (!body.fixed()) {
-      make_body(slot);
+      ode::make_body(slot, world_);
       movable_.push_back(id);
     }
     place(slot, state);
@@ -168,7 +150,7 @@ class Ode final : public Engine {
   void remove(BodyId id) override {
     enter_thread();
     Slot& slot = at(id);
-    destroy(slot);
+    ode::destroy(slot);
     slot = {};
     std::erase(movable_, index(id));
     frictions_.forget(index(id));
@@ -187,7 +169,7 @@ class Ode final : public Engine {
 
   bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
     if (!linear.allFinite() || !angular.allFinite()) return false;
-    set_velocity(at(id), linear, angular);
+    ode::set_velocity(at(id), linear, angular);
     return true;
   }
 
@@ -196,7 +178,7 @@ class Ode final : public Engine {
     if (!slot.body) return;
     slot.mass = mass;
     slot.inertia = inertia;
-    set_mass(slot);
+    ode::set_mass(slot);
   }
 
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
@@ -205,7 +187,7 @@ class Ode final : public Engine {
     if (!slot.body) return true;
     const BodyState s = state_of(slot);
     const Vec3 turn = inverse_inertia(slot) * (point - s.position).cross(impulse);
-    set_velocity(slot, s.linear_velocity + impulse / slot.mass, s.angular_velocity + turn);
+    ode::set_velocity(slot, s.linear_velocity + impulse / slot.mass, s.angular_velocity + turn);
     return true;
   }
 
@@ -276,7 +258,7 @@ class Ode final : public Engine {
       for (const std::uint32_t id : order) {
         dGeomSetBody(slots_[id].geom, nullptr);
         dBodyDestroy(slots_[id].body);
-        make_body(slots_[id]);
+        ode::make_body(slots_[id], world_);
       }
       movable_ = order;
     }
@@ -288,7 +270,7 @@ class Ode final : public Engine {
       slot.inertia = load.segment<3>(1);
       slot.force = load.segment<3>(4);
       slot.torque = load.segment<3>(7);
-      if (slot.body) set_mass(slot);
+      if (slot.body) ode::set_mass(slot);
       place(slot, {x.segment<3>(0), Quat(x[6], x[3], x[4], x[5]), x.segment<3>(7), x.segment<3>(10)});
     }
     frictions_.restore(std::move(saved.frictions));
@@ -300,71 +282,6 @@ class Ode final : public Engine {
   const Slot& at(BodyId id) const {
     if (!contains(id)) throw Error(ExitCode::failed, fmt::format("body {} is not in the engine", index(id)));
     return slots_[index(id)];
-  }
-
-  void make_body(Slot& slot) {
-    slot.body = dBodyCreate(world_);
-    dBodySetFiniteRotationMode(slot.body, 1);
-    dBodySetGyroscopicMode(slot.body, slot.spec.rotates);
-    set_mass(slot);
-    dGeomSetBody(slot.geom, slot.body);
-  }
-
-  static void destroy(Slot& slot) {
-    dGeomDestroy(slot.geom);
-    if (slot.body) dBodyDestroy(slot.body);
-  }
-
-  static void set_mass(Slot& slot) {
-    // ODE has no infinite inertia. This one leaves 1e-20 of a torque; substep() takes that away too.
-    const Vec3 inertia = slot.spec.rotates ? slot.inertia : Vec3::Constant(kNoRotation);
-    dMass mass;
-    dMassSetParameters(&mass, slot.mass, 0, 0, 0, inertia.x(), inertia.y(), inertia.z(), 0, 0, 0);
-    dBodySetMass(slot.body, &mass);
-  }
-
-  static Eigen::Matrix3d inverse_inertia(const Slot& slot) {
-    if (!slot.spec.rotates || !slot.body) return Eigen::Matrix3d::Zero();
-    const Eigen::Matrix3d rotation = state_of(slot).orientation.toRotationMatrix();
-    return rotation * slot.inertia.cwiseInverse().asDiagonal() * rotation.transpose();
-  }
-
-  static BodyState state_of(const Slot& slot) {
-    if (!slot.body) return slot.fixed_state;
-    const dReal* q = dBodyGetQuaternion(slot.body);
-    return {from_ode(dBodyGetPosition(slot.body)), Quat(q[0], q[1], q[2], q[3]), from_ode(dBodyGetLinearVel(slot.body)),
-            from_ode(dBodyGetAngularVel(slot.body))};
-  }
-
-  static void set_velocity(Slot& slot, const Vec3& linear, const Vec3& angular) {
-    if (slot.body) {
-      dBodySetLinearVel(slot.body, linear.x(), linear.y(), linear.z());
-      dBodySetAngularVel(slot.body, angular.x(), angular.y(), angular.z());
-    } else {
-      slot.fixed_state.linear_velocity = linear;
-      slot.fixed_state.angular_velocity = angular;
-    }
-  }
-
-  static void place(Slot& slot, const BodyState& state) {
-    const Vec3& p = state.position;
-    const Quat& q = state.orientation;
-    const dQuaternion wxyz{q.w(), q.x(), q.y(), q.z()};
-    if (slot.body) {
-      // dBodySetQuaternion() scales to unit length and so changes the last bit: what was set would not be what is
-      // read, and a restored body not quite the one that was saved. dBodySetPosition() tells the geometry.
-      std::copy_n(wxyz, 4, const_cast<dReal*>(dBodyGetQuaternion(slot.body)));
-      dRfromQ(const_cast<dReal*>(dBodyGetRotation(slot.body)), wxyz);
-      dBodySetPosition(slot.body, p.x(), p.y(), p.z());
-    } else if (slot.spec.shape.kind == ShapeKind::plane) {
-      const Vec3 normal = q * Vec3::UnitZ();
-      dGeomPlaneSetParams(slot.geom, normal.x(), normal.y(), normal.z(), normal.dot(p));
-    } else {
-      dGeomSetPosition(slot.geom, p.x(), p.y(), p.z());
-      dGeomSetQuaternion(slot.geom, wxyz);
-    }
-    slot.fixed_state = state;
-    set_velocity(slot, state.linear_velocity, state.angular_velocity);
   }
 
   void substep(double h, int number) {
@@ -379,7 +296,7 @@ class Ode final : public Engine {
     make_joints(h);
     prepare_correction();
     for (const std::uint32_t id : movable_) {
-      if (!slots_[id].spec.rotates) slots_[id].fixed_state = state_of(slots_[id]);
+      if (!slots_[id].spec.rotates) slots_[id].kept = state_of(slots_[id]);
     }
     {
       // QuickStep shuffles its rows with random numbers that all worlds of the process share.
@@ -463,12 +380,6 @@ class Ode final : public Engine {
     }
   }
 
-  static Vec3 velocity_at(const Slot& slot, const Vec3& point) {
-    if (!slot.body) return Vec3::Zero();
-    const BodyState s = state_of(slot);
-    return s.linear_velocity + s.angular_velocity.cross(point - s.position);
-  }
-
   Vec3 relative_velocity(const Point& at) const {
     return velocity_at(slots_[at.a], at.point) - velocity_at(slots_[at.b], at.point);
   }
@@ -509,7 +420,7 @@ class Ode final : public Engine {
       const auto& [mass, inertia, shift, turn] = correction_.mover(id);
       BodyState s = state_of(slot);
       if (!slot.spec.rotates) {
-        s.orientation = slot.fixed_state.orientation;
+        s.orientation = slot.kept.orientation;
         s.angular_velocity = Vec3::Zero();
       }
       s.position += shift;
