@@ -353,8 +353,9 @@ TEST_P(Conformance, ARestoredEngineContinues) {
   if (engine->capabilities().checkpoint == Fidelity::exact) {
     EXPECT_EQ(first, again);
   } else {
-    for (std::size_t i = 0; i < first.size(); i += 13) {  // heights and the like, not velocities in mid-impact
-      EXPECT_NEAR(first[i], again[i], 5e-3);
+    // Places, to a twentieth of a cube: velocities in the middle of an impact may differ.
+    for (std::size_t i = 0; i < first.size(); i += 13) {
+      for (std::size_t axis = 0; axis < 9; axis += 3) EXPECT_NEAR(first[i + axis], again[i + axis], 5e-3);
     }
   }
 }

@@ -3,8 +3,7 @@
 #include "model/error.hpp"
 #include "ode_body.hpp"
 #include "ode_checkpoint.hpp"
-#include "ode_friction.hpp"
-#include "ode_patch.hpp"
+#include "ode_contacts.hpp"
 #include "ode_position.hpp"
 #include "ode_shapes.hpp"
 #include "physics/contact_totals.hpp"
@@ -21,12 +20,10 @@ namespace subworld {
 
 namespace {
 
-using ode::from_ode;
 using ode::inverse_inertia;
 using ode::place;
 using ode::Slot;
 using ode::state_of;
-using ode::velocity_at;
 
 struct Preset {
   std::string_view name;
@@ -46,13 +43,9 @@ Preset find_preset(std::string_view name) {
   throw Error(ExitCode::usage, fmt::format("engine ode has no preset \"{}\"; choose fast or quality", name));
 }
 
-constexpr int kMostPoints = 16;       ///< of a pair
 constexpr int kCorrectionRounds = 8;  ///< of the position correction
 constexpr unsigned long kSeed = 1;
-constexpr double kSliding = 1e-4;      ///< m/s; slower contacts count as sticking
-constexpr double kSamePlace = 0.01;    ///< m, between two steps of one contact point
-constexpr double kEverywhere = 1e18;   ///< m, reach of a plane's bounds
-constexpr double kQuietImpact = 1e-3;  ///< m/s; with twice the step's gravity, what does not bounce
+constexpr double kEverywhere = 1e18;  ///< m, reach of a plane's bounds
 
 /// ODE keeps data for each thread; called wherever an engine may meet a new one.
 void enter_thread() {
@@ -66,25 +59,17 @@ void enter_thread() {
   (void)data;
 }
 
-/// A contact of the sub-step in hand.
-struct Point {
-  std::uint32_t a, b;
-  Vec3 point, normal;
-  double distance;
-};
-
 class Ode final : public Engine {
  public:
   Ode(const EngineSettings& settings, std::span<const Mesh> meshes)
       : preset_(find_preset(settings.preset)),
         gravity_(settings.gravity),
         fixed_substeps_(settings.substeps.value_or(0)),
-        shapes_(meshes) {
-    enter_thread();
-    world_ = dWorldCreate();
-    space_ = dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ);
+        shapes_(meshes),
+        world_((enter_thread(), dWorldCreate())),
+        space_(dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ)),
+        points_(world_, space_, slots_, shapes_, settings.gravity.norm()) {
     dSpaceSetCleanup(space_, 0);
-    joints_ = dJointGroupCreate(0);
     dWorldSetQuickStepNumIterations(world_, settings.iterations.value_or(preset_.iterations));
     dWorldSetAutoDisableFlag(world_, 0);
     // Contacts are rigid, and penetration is not ODE's business here: PositionCorrection sees to it.
@@ -99,7 +84,7 @@ class Ode final : public Engine {
     for (Slot& slot : slots_) {
       if (slot.used) ode::destroy(slot);
     }
-    dJointGroupDestroy(joints_);
+    points_.remove_joints();
     dSpaceDestroy(space_);
     dWorldDestroy(world_);
   }
@@ -153,7 +138,7 @@ class Ode final : public Engine {
     ode::destroy(slot);
     slot = {};
     std::erase(movable_, index(id));
-    frictions_.forget(index(id));
+    points_.frictions().forget(index(id));
     contacts_.clear();
   }
 
@@ -242,7 +227,7 @@ class Ode final : public Engine {
           s.linear_velocity, s.angular_velocity;
       Eigen::Map<Eigen::Matrix<double, 10, 1>>(entry.load.data()) << slot.mass, slot.inertia, slot.force, slot.torque;
     }
-    saved.frictions = frictions_.held();
+    saved.frictions = points_.frictions().held();
     return ode::pack(saved);
   }
 
@@ -273,7 +258,7 @@ class Ode final : public Engine {
       if (slot.body) ode::set_mass(slot);
       place(slot, {x.segment<3>(0), Quat(x[6], x[3], x[4], x[5]), x.segment<3>(7), x.segment<3>(10)});
     }
-    frictions_.restore(std::move(saved.frictions));
+    points_.frictions().restore(std::move(saved.frictions));
     contacts_.clear();
   }
 
@@ -292,8 +277,8 @@ class Ode final : public Engine {
       dBodyAddForce(slot.body, force.x(), force.y(), force.z());
       if (slot.spec.rotates) dBodyAddTorque(slot.body, slot.torque.x(), slot.torque.y(), slot.torque.z());
     }
-    find_points();
-    make_joints(h);
+    points_.find();
+    points_.make_joints(h);
     prepare_correction();
     for (const std::uint32_t id : movable_) {
       if (!slots_[id].spec.rotates) slots_[id].kept = state_of(slots_[id]);
@@ -305,98 +290,9 @@ class Ode final : public Engine {
       dRandSetSeed(kSeed);
       dWorldQuickStep(world_, h);
     }
-    dJointGroupEmpty(joints_);
+    points_.remove_joints();
     move_apart();
-    collect_contacts(h, number);
-  }
-
-  /// Fills points_, ordered by bodies, whatever the order in which ODE's space finds the pairs.
-  void find_points() {
-    pairs_.clear();
-    dSpaceCollide(space_, this, [](void* self, dGeomID first, dGeomID second) {
-      const auto id = [](dGeomID geom) {
-        return static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(dGeomGetData(geom)));
-      };
-      static_cast<Ode*>(self)->pairs_.push_back(std::minmax({id(first), id(second)}));
-    });
-    std::sort(pairs_.begin(), pairs_.end());
-    points_.clear();
-    std::array<dContactGeom, kMostPoints> found;
-    for (const auto& [a, b] : pairs_) {
-      const ShapeKind kind_a = slots_[a].spec.shape.kind;
-      const ShapeKind kind_b = slots_[b].spec.shape.kind;
-      const double skins = ode::skin(kind_a) + ode::skin(kind_b);
-      const int count = dCollide(slots_[a].geom, slots_[b].geom, ode::most_points(kind_a, kind_b), found.data(),
-                                 sizeof(dContactGeom));
-      if (count > 0 && ode::needs_patch(kind_a, kind_b)) {
-        Vec3 normal = from_ode(found[0].normal);
-        const auto patch = ode::patch(solid(slots_[a]), solid(slots_[b]), normal);
-        for (const auto& [point, depth] : patch) points_.push_back({a, b, point, normal, skins - depth});
-        if (!patch.empty()) continue;
-      }
-      for (int i = 0; i < count; ++i) {
-        points_.push_back({a, b, from_ode(found[i].pos), from_ode(found[i].normal), skins - found[i].depth});
-      }
-    }
-  }
-
-  ode::Solid solid(const Slot& slot) const {
-    const BodyState s = state_of(slot);
-    return {&slot.spec.shape, {s.position, s.orientation}, shapes_.hull_points(slot.spec.shape)};
-  }
-
-  void make_joints(double h) {
-    feedback_.resize(points_.size());
-    const double quiet = kQuietImpact + 2.0 * gravity_.norm() * h;
-    const double slow = kSliding + 0.5 * gravity_.norm() * h;  // what may well stop within the step
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      const Point& point = points_[i];
-      const Material& ma = slots_[point.a].spec.material;
-      const Material& mb = slots_[point.b].spec.material;
-      const Vec3 velocity = relative_velocity(point);
-      const double approach = -velocity.dot(point.normal);
-      dContact contact{};
-      std::copy_n(point.point.data(), 3, contact.geom.pos);
-      std::copy_n(point.normal.data(), 3, contact.geom.normal);
-      // The pyramid of friction has an edge-free side towards fdir1: along the sliding, friction is mu N.
-      contact.surface.mode = dContactApprox1 | dContactMotionN | dContactFDir1 | dContactMu2;
-      contact.surface.mu = std::sqrt(ma.friction * mb.friction);
-      const Vec3 along = friction_direction(point, velocity, h);
-      std::copy_n(along.data(), 3, contact.fdir1);
-      // Coulomb's friction has no part across the sliding: a pyramid's full one would keep a body from turning aside.
-      const double sliding = (velocity + approach * point.normal).norm();
-      contact.surface.mu2 = contact.surface.mu * std::min(1.0, slow / sliding);
-      // The least velocity apart after the step: that of the rebound, or what closes a gap within the skin.
-      const double restitution = ma.restitution * mb.restitution;
-      if (restitution > 0.0 && approach > quiet) {
-        contact.surface.motionN = restitution * approach;
-      } else {
-        contact.surface.motionN = -std::max(0.0, point.distance) / h;
-      }
-      const dJointID joint = dJointCreateContact(world_, joints_, &contact);
-      dJointAttach(joint, slots_[point.a].body, slots_[point.b].body);
-      feedback_[i] = {};
-      dJointSetFeedback(joint, &feedback_[i]);
-    }
-  }
-
-  Vec3 relative_velocity(const Point& at) const {
-    return velocity_at(slots_[at.a], at.point) - velocity_at(slots_[at.b], at.point);
-  }
-
-  /// Unit, across the normal: along the sliding; where nothing slides, along the load.
-  Vec3 friction_direction(const Point& at, const Vec3& velocity, double h) const {
-    const auto across = [&](const Vec3& v) { return Vec3(v - v.dot(at.normal) * at.normal); };
-    const Vec3 sliding = across(velocity);
-    if (sliding.norm() > kSliding) return sliding.normalized();
-    const Vec3 load = across(frictions_.recall(at.a, at.b, at.point));
-    if (load.norm() > 0.0) return load.normalized();
-    const auto pull = [](const Slot& slot) {
-      return slot.body ? Vec3((slot.weight + slot.force) / slot.mass) : Vec3::Zero();
-    };
-    const Vec3 coming = across(h * (pull(slots_[at.a]) - pull(slots_[at.b])));
-    if (coming.norm() > 1e-12) return coming.normalized();
-    return at.normal.unitOrthogonal();
+    points_.collect(h, number, contacts_);
   }
 
   void prepare_correction() {
@@ -405,9 +301,9 @@ class Ode final : public Engine {
       correction_.mover(id).inverse_mass = 1.0 / slots_[id].mass;
       correction_.mover(id).inverse_inertia = inverse_inertia(slots_[id]);
     }
-    const auto centre = [this](std::uint32_t id) { return state_of(slots_[id]).position; };
-    for (const Point& p : points_) {
-      correction_.add(p.a, p.b, p.point - centre(p.a), p.point - centre(p.b), p.normal, p.distance);
+    for (const ode::ContactPoint& p : points_.found()) {
+      correction_.add(p.a, p.b, p.point - state_of(slots_[p.a]).position, p.point - state_of(slots_[p.b]).position,
+                      p.normal, p.distance);
     }
   }
 
@@ -432,45 +328,6 @@ class Ode final : public Engine {
     }
   }
 
-  void collect_contacts(double h, int substep) {
-    remember_friction(h);
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      const Point& point = points_[i];
-      const Vec3 impulse = impulse_of(i, h);
-      Contact contact;
-      contact.a = BodyId{point.a};
-      contact.b = BodyId{point.b};
-      contact.point = point.point;
-      contact.normal = point.normal;
-      contact.distance = point.distance;
-      contact.normal_impulse = std::max(0.0, impulse.dot(point.normal));
-      contact.tangential_impulse = impulse - impulse.dot(point.normal) * point.normal;
-      if (contact.normal_impulse <= 0.0 && contact.distance > 0.0) continue;
-      const Vec3 relative = relative_velocity(point);
-      contact.tangential_velocity = relative - relative.dot(point.normal) * point.normal;
-      contacts_.add(contact, substep, kSamePlace);
-    }
-  }
-
-  /// On body a, N s.
-  Vec3 impulse_of(std::size_t i, double h) const {
-    // ODE reports the force on the joint's first body that is not fixed.
-    const double sign = slots_[points_[i].a].body ? 1.0 : -1.0;
-    return sign * h * from_ode(feedback_[i].f1);
-  }
-
-  void remember_friction(double h) {
-    frictions_.clear();
-    for (std::size_t i = 0; i < points_.size();) {
-      const auto [a, b] = std::pair(points_[i].a, points_[i].b);
-      pair_.clear();
-      for (; i < points_.size() && points_[i].a == a && points_[i].b == b; ++i) {
-        pair_.push_back({points_[i].point, points_[i].normal, impulse_of(i, h)});
-      }
-      frictions_.remember(a, b, pair_);
-    }
-  }
-
   /// Whether the saved bodies are those of the engine.
   bool fits(const std::vector<ode::SavedBody>& bodies) const {
     const auto held = std::count_if(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.used; });
@@ -485,16 +342,11 @@ class Ode final : public Engine {
   Vec3 gravity_;
   int fixed_substeps_;  ///< 0: as the preset says
   ode::ShapeStore shapes_;
-  dWorldID world_ = nullptr;
-  dSpaceID space_ = nullptr;
-  dJointGroupID joints_ = nullptr;
+  dWorldID world_;
+  dSpaceID space_;
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
-  std::vector<Point> points_;
-  std::vector<dJointFeedback> feedback_;       ///< of points_
-  std::vector<ode::FrictionMemory::At> pair_;  ///< the points of one pair
-  ode::FrictionMemory frictions_;
+  ode::ContactPoints points_;
   ode::PositionCorrection correction_;
   ContactTotals contacts_;
 };
