@@ -22,6 +22,7 @@ struct Capabilities {
   Fidelity gyroscopic = Fidelity::absent;
   Fidelity checkpoint = Fidelity::absent;  ///< exact: a restored engine continues bit by bit
   bool deterministic = false;              ///< equal calls give equal bits
+  double precision = 1e-15;                ///< relative, of the numbers that it holds
 };
 
 enum class Role : std::uint8_t {

@@ -1,4 +1,5 @@
 #include "box_plane.hpp"
+#include "cone_friction.hpp"
 #include "model/error.hpp"
 #include "physics/contact_totals.hpp"
 #include "physics/plugin.hpp"
@@ -9,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 // Bullet keeps these in globals; every engine sets its own before Bullet reads them.
@@ -108,7 +110,8 @@ class Bullet final : public Engine {
             .tangential_impulse = Fidelity::exact,
             .gyroscopic = Fidelity::exact,
             .checkpoint = Fidelity::estimated,  // poses and velocities; the solver's warm start is not saved
-            .deterministic = true};
+            .deterministic = true,
+            .precision = std::numeric_limits<btScalar>::epsilon()};
   }
 
   void add(const Body& body, const BodyState& state, Role role) override {
@@ -202,6 +205,7 @@ class Bullet final : public Engine {
                                              : std::max(1, static_cast<int>(std::ceil(dt / preset_.longest_substep_s)));
     claim_globals();
     contacts_.clear();
+    solver_.set_slow(scalar(1e-3 + 0.5 * gravity_.norm() * dt / substeps));
     for (int i = 0; i < substeps; ++i) {
       for (const std::uint32_t id : movable_) {
         const Slot& slot = slots_[id];
@@ -344,7 +348,7 @@ class Bullet final : public Engine {
   btDefaultCollisionConfiguration configuration_;
   btCollisionDispatcher dispatcher_;
   btDbvtBroadphase broadphase_;
-  btSequentialImpulseConstraintSolver solver_;
+  bullet::ConeFrictionSolver solver_;
   btDiscreteDynamicsWorld world_;
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding

@@ -1,0 +1,84 @@
+#include "body.hpp"
+
+#include <algorithm>
+
+namespace subworld::ode {
+
+namespace {
+
+constexpr double kNoRotation = 1e20;  ///< kg m^2
+
+}  // namespace
+
+void make_body(Slot& slot, dWorldID world) {
+  slot.body = dBodyCreate(world);
+  dBodySetFiniteRotationMode(slot.body, 1);
+  dBodySetGyroscopicMode(slot.body, slot.spec.rotates);
+  set_mass(slot);
+  dGeomSetBody(slot.geom, slot.body);
+}
+
+void destroy(Slot& slot) {
+  dGeomDestroy(slot.geom);
+  if (slot.body) dBodyDestroy(slot.body);
+}
+
+void set_mass(Slot& slot) {
+  // ODE has no infinite inertia. This one leaves 1e-20 of a torque; the step takes that away too.
+  const Vec3 inertia = slot.spec.rotates ? slot.inertia : Vec3::Constant(kNoRotation);
+  dMass mass;
+  dMassSetParameters(&mass, slot.mass, 0, 0, 0, inertia.x(), inertia.y(), inertia.z(), 0, 0, 0);
+  dBodySetMass(slot.body, &mass);
+}
+
+Eigen::Matrix3d inverse_inertia(const Slot& slot) {
+  if (!slot.spec.rotates || !slot.body) return Eigen::Matrix3d::Zero();
+  const Eigen::Matrix3d rotation = state_of(slot).orientation.toRotationMatrix();
+  return rotation * slot.inertia.cwiseInverse().asDiagonal() * rotation.transpose();
+}
+
+BodyState state_of(const Slot& slot) {
+  if (!slot.body) return slot.kept;
+  const dReal* q = dBodyGetQuaternion(slot.body);
+  return {from_ode(dBodyGetPosition(slot.body)), Quat(q[0], q[1], q[2], q[3]), from_ode(dBodyGetLinearVel(slot.body)),
+          from_ode(dBodyGetAngularVel(slot.body))};
+}
+
+void set_velocity(Slot& slot, const Vec3& linear, const Vec3& angular) {
+  if (slot.body) {
+    dBodySetLinearVel(slot.body, linear.x(), linear.y(), linear.z());
+    dBodySetAngularVel(slot.body, angular.x(), angular.y(), angular.z());
+  } else {
+    slot.kept.linear_velocity = linear;
+    slot.kept.angular_velocity = angular;
+  }
+}
+
+void place(Slot& slot, const BodyState& state) {
+  const Vec3& p = state.position;
+  const Quat& q = state.orientation;
+  const dQuaternion wxyz{q.w(), q.x(), q.y(), q.z()};
+  if (slot.body) {
+    // dBodySetQuaternion() scales to unit length and so changes the last bit: what was set would not be what is
+    // read, and a restored body not quite the one that was saved. dBodySetPosition() tells the geometry.
+    std::copy_n(wxyz, 4, const_cast<dReal*>(dBodyGetQuaternion(slot.body)));
+    dRfromQ(const_cast<dReal*>(dBodyGetRotation(slot.body)), wxyz);
+    dBodySetPosition(slot.body, p.x(), p.y(), p.z());
+  } else if (slot.spec.shape.kind == ShapeKind::plane) {
+    const Vec3 normal = q * Vec3::UnitZ();
+    dGeomPlaneSetParams(slot.geom, normal.x(), normal.y(), normal.z(), normal.dot(p));
+  } else {
+    dGeomSetPosition(slot.geom, p.x(), p.y(), p.z());
+    dGeomSetQuaternion(slot.geom, wxyz);
+  }
+  slot.kept = state;
+  set_velocity(slot, state.linear_velocity, state.angular_velocity);
+}
+
+Vec3 velocity_at(const Slot& slot, const Vec3& point) {
+  if (!slot.body) return Vec3::Zero();
+  const BodyState s = state_of(slot);
+  return s.linear_velocity + s.angular_velocity.cross(point - s.position);
+}
+
+}  // namespace subworld::ode

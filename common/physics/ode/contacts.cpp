@@ -1,0 +1,153 @@
+#include "contacts.hpp"
+
+#include "patch.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace subworld::ode {
+
+namespace {
+
+constexpr int kMostPoints = 16;        ///< of a pair
+constexpr double kSliding = 1e-4;      ///< m/s; slower contacts count as sticking
+constexpr double kSamePlace = 0.01;    ///< m, between two steps of one contact point
+constexpr double kQuietImpact = 1e-3;  ///< m/s; with twice the step's gravity, what does not bounce
+
+using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
+
+Solid solid(const Slot& slot, const ShapeStore& shapes) {
+  const BodyState s = state_of(slot);
+  return {&slot.spec.shape, {s.position, s.orientation}, shapes.hull_points(slot.spec.shape)};
+}
+
+}  // namespace
+
+ContactPoints::ContactPoints(dWorldID world, dSpaceID space, const std::vector<Slot>& slots, const ShapeStore& shapes,
+                             double gravity)
+    : world_(world), space_(space), slots_(slots), shapes_(shapes), gravity_(gravity), joints_(dJointGroupCreate(0)) {}
+
+void ContactPoints::find() {
+  pairs_.clear();
+  dSpaceCollide(space_, &pairs_, [](void* self, dGeomID first, dGeomID second) {
+    const auto id = [](dGeomID geom) {
+      return static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(dGeomGetData(geom)));
+    };
+    static_cast<Pairs*>(self)->push_back(std::minmax({id(first), id(second)}));
+  });
+  std::sort(pairs_.begin(), pairs_.end());
+  points_.clear();
+  std::array<dContactGeom, kMostPoints> found;
+  for (const auto& [a, b] : pairs_) {
+    const ShapeKind kind_a = slots_[a].spec.shape.kind;
+    const ShapeKind kind_b = slots_[b].spec.shape.kind;
+    const double skins = skin(kind_a) + skin(kind_b);
+    const int count =
+        dCollide(slots_[a].geom, slots_[b].geom, most_points(kind_a, kind_b), found.data(), sizeof(dContactGeom));
+    if (count > 0 && needs_patch(kind_a, kind_b)) {
+      Vec3 normal = from_ode(found[0].normal);
+      const auto touching = patch(solid(slots_[a], shapes_), solid(slots_[b], shapes_), normal);
+      for (const auto& [point, depth] : touching) points_.push_back({a, b, point, normal, skins - depth});
+      if (!touching.empty()) continue;
+    }
+    for (int i = 0; i < count; ++i) {
+      points_.push_back({a, b, from_ode(found[i].pos), from_ode(found[i].normal), skins - found[i].depth});
+    }
+  }
+}
+
+void ContactPoints::make_joints(double h) {
+  feedback_.resize(points_.size());
+  const double quiet = kQuietImpact + 2.0 * gravity_ * h;
+  const double slow = kSliding + 0.5 * gravity_ * h;  // what may well stop within the step
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const ContactPoint& point = points_[i];
+    const Material& ma = slots_[point.a].spec.material;
+    const Material& mb = slots_[point.b].spec.material;
+    const Vec3 velocity = relative_velocity(point);
+    const double approach = -velocity.dot(point.normal);
+    dContact contact{};
+    std::copy_n(point.point.data(), 3, contact.geom.pos);
+    std::copy_n(point.normal.data(), 3, contact.geom.normal);
+    // The pyramid of friction has an edge-free side towards fdir1: along the sliding, friction is mu N.
+    contact.surface.mode = dContactApprox1 | dContactMotionN | dContactFDir1 | dContactMu2;
+    contact.surface.mu = std::sqrt(ma.friction * mb.friction);
+    const Vec3 along = friction_direction(point, velocity, h);
+    std::copy_n(along.data(), 3, contact.fdir1);
+    // Coulomb's friction has no part across the sliding: a pyramid's full one would keep a body from turning aside.
+    const double sliding = (velocity + approach * point.normal).norm();
+    contact.surface.mu2 = contact.surface.mu * std::min(1.0, slow / sliding);
+    // The least velocity apart after the step: that of the rebound, or what closes a gap within the skin.
+    const double restitution = ma.restitution * mb.restitution;
+    if (restitution > 0.0 && approach > quiet) {
+      contact.surface.motionN = restitution * approach;
+    } else {
+      contact.surface.motionN = -std::max(0.0, point.distance) / h;
+    }
+    const dJointID joint = dJointCreateContact(world_, joints_, &contact);
+    dJointAttach(joint, slots_[point.a].body, slots_[point.b].body);
+    feedback_[i] = {};
+    dJointSetFeedback(joint, &feedback_[i]);
+  }
+}
+
+Vec3 ContactPoints::relative_velocity(const ContactPoint& at) const {
+  return velocity_at(slots_[at.a], at.point) - velocity_at(slots_[at.b], at.point);
+}
+
+/// Unit, across the normal: along the sliding; where nothing slides, along the load.
+Vec3 ContactPoints::friction_direction(const ContactPoint& at, const Vec3& velocity, double h) const {
+  const auto across = [&](const Vec3& v) { return Vec3(v - v.dot(at.normal) * at.normal); };
+  const Vec3 sliding = across(velocity);
+  if (sliding.norm() > kSliding) return sliding.normalized();
+  const Vec3 load = across(frictions_.recall(at.a, at.b, at.point));
+  if (load.norm() > 0.0) return load.normalized();
+  const auto pull = [](const Slot& slot) {
+    return slot.body ? Vec3((slot.weight + slot.force) / slot.mass) : Vec3::Zero();
+  };
+  const Vec3 coming = across(h * (pull(slots_[at.a]) - pull(slots_[at.b])));
+  if (coming.norm() > 1e-12) return coming.normalized();
+  return at.normal.unitOrthogonal();
+}
+
+void ContactPoints::collect(double h, int substep, ContactTotals& totals) {
+  remember_friction(h);
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const ContactPoint& point = points_[i];
+    const Vec3 impulse = impulse_of(i, h);
+    Contact contact;
+    contact.a = BodyId{point.a};
+    contact.b = BodyId{point.b};
+    contact.point = point.point;
+    contact.normal = point.normal;
+    contact.distance = point.distance;
+    contact.normal_impulse = std::max(0.0, impulse.dot(point.normal));
+    contact.tangential_impulse = impulse - impulse.dot(point.normal) * point.normal;
+    if (contact.normal_impulse <= 0.0 && contact.distance > 0.0) continue;
+    const Vec3 relative = relative_velocity(point);
+    contact.tangential_velocity = relative - relative.dot(point.normal) * point.normal;
+    totals.add(contact, substep, kSamePlace);
+  }
+}
+
+/// On body a, N s.
+Vec3 ContactPoints::impulse_of(std::size_t i, double h) const {
+  // ODE reports the force on the joint's first body that is not fixed.
+  const double sign = slots_[points_[i].a].body ? 1.0 : -1.0;
+  return sign * h * from_ode(feedback_[i].f1);
+}
+
+void ContactPoints::remember_friction(double h) {
+  frictions_.clear();
+  for (std::size_t i = 0; i < points_.size();) {
+    const auto [a, b] = std::pair(points_[i].a, points_[i].b);
+    pair_.clear();
+    for (; i < points_.size() && points_[i].a == a && points_[i].b == b; ++i) {
+      pair_.push_back({points_[i].point, points_[i].normal, impulse_of(i, h)});
+    }
+    frictions_.remember(a, b, pair_);
+  }
+}
+
+}  // namespace subworld::ode

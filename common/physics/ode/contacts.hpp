@@ -1,0 +1,60 @@
+#pragma once
+
+#include "body.hpp"
+#include "friction.hpp"
+#include "physics/contact_totals.hpp"
+#include "shapes.hpp"
+
+#include <span>
+#include <utility>
+#include <vector>
+
+namespace subworld::ode {
+
+/// Where two bodies touch, or would with 10 micron more each.
+struct ContactPoint {
+  std::uint32_t a, b;
+  Vec3 point, normal;  ///< normal from b to a
+  double distance;     ///< m, of the true shapes
+};
+
+/// The contacts of one sub-step: find(), make_joints(), ODE's step, remove_joints(), collect().
+class ContactPoints {
+ public:
+  /// `gravity`: m/s^2, the scale of speeds that a step takes away.
+  ContactPoints(dWorldID world, dSpaceID space, const std::vector<Slot>& slots, const ShapeStore& shapes,
+                double gravity);
+  ~ContactPoints() { dJointGroupDestroy(joints_); }
+  ContactPoints(const ContactPoints&) = delete;
+  ContactPoints& operator=(const ContactPoints&) = delete;
+
+  /// Ordered by bodies, whatever the order in which ODE's space finds the pairs.
+  void find();
+  [[nodiscard]] std::span<const ContactPoint> found() const noexcept { return points_; }
+  void make_joints(double h);
+  void remove_joints() { dJointGroupEmpty(joints_); }
+  /// What the joints did in a sub-step of h (s).
+  void collect(double h, int substep, ContactTotals& totals);
+  [[nodiscard]] FrictionMemory& frictions() noexcept { return frictions_; }
+  [[nodiscard]] const FrictionMemory& frictions() const noexcept { return frictions_; }
+
+ private:
+  [[nodiscard]] Vec3 relative_velocity(const ContactPoint& at) const;
+  [[nodiscard]] Vec3 friction_direction(const ContactPoint& at, const Vec3& velocity, double h) const;
+  [[nodiscard]] Vec3 impulse_of(std::size_t i, double h) const;
+  void remember_friction(double h);
+
+  dWorldID world_;
+  dSpaceID space_;
+  const std::vector<Slot>& slots_;
+  const ShapeStore& shapes_;
+  double gravity_;
+  dJointGroupID joints_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
+  std::vector<ContactPoint> points_;
+  std::vector<dJointFeedback> feedback_;  ///< of points_
+  std::vector<FrictionMemory::At> pair_;  ///< the points of one pair
+  FrictionMemory frictions_;
+};
+
+}  // namespace subworld::ode

@@ -1,0 +1,98 @@
+#include "shapes.hpp"
+
+#include "model/error.hpp"
+#include "model/mass_properties.hpp"
+
+#include <fmt/format.h>
+#include <Eigen/QR>
+
+namespace subworld::ode {
+
+ShapeStore::~ShapeStore() {
+  for (auto& [mesh, held] : triangles_) dGeomTriMeshDataDestroy(held.data);
+}
+
+const Mesh& ShapeStore::mesh(const Shape& shape) const {
+  if (shape.mesh >= meshes_.size()) {
+    throw Error(ExitCode::usage,
+                fmt::format("shape names mesh {} of {}; load the mesh with the scene", shape.mesh, meshes_.size()));
+  }
+  return meshes_[shape.mesh];
+}
+
+ShapeStore::Hull ShapeStore::grown_hull(const Mesh& source) {
+  const Mesh hull = convex_hull(source);
+  Hull grown;
+  std::vector<std::vector<Vec3>> normals(hull.vertices.size());  // of the faces at each vertex
+  for (const auto& corners : hull.triangles) {
+    const Vec3& p = hull.vertices[corners[0]];
+    const Vec3 normal = (hull.vertices[corners[1]] - p).cross(hull.vertices[corners[2]] - p).normalized();
+    grown.planes.insert(grown.planes.end(), {normal.x(), normal.y(), normal.z(), normal.dot(p) + kSkin});
+    grown.polygons.insert(grown.polygons.end(), {3U, corners[0], corners[1], corners[2]});
+    for (const std::uint32_t corner : corners) normals[corner].push_back(normal);
+  }
+  // Each vertex moves to where the grown faces meet, in the sense of least squares if there are more than three.
+  for (std::size_t i = 0; i < hull.vertices.size(); ++i) {
+    Eigen::Matrix<double, Eigen::Dynamic, 3> faces(static_cast<Eigen::Index>(normals[i].size()), 3);
+    for (std::size_t f = 0; f < normals[i].size(); ++f) faces.row(static_cast<Eigen::Index>(f)) = normals[i][f];
+    Vec3 shift = faces.completeOrthogonalDecomposition().solve(Eigen::VectorXd::Constant(faces.rows(), kSkin));
+    if (shift.norm() > 3.0 * kSkin) shift *= 3.0 * kSkin / shift.norm();  // a needle's tip
+    const Vec3 vertex = hull.vertices[i] + shift;
+    grown.points.insert(grown.points.end(), {vertex.x(), vertex.y(), vertex.z()});
+  }
+  return grown;
+}
+
+ShapeStore::Triangles& ShapeStore::triangles(const Shape& shape) {
+  const auto [entry, is_new] = triangles_.try_emplace(shape.mesh);
+  Triangles& held = entry->second;
+  if (!is_new) return held;
+  const Mesh& source = meshes_[shape.mesh];
+  for (const Vec3& v : source.vertices) held.vertices.insert(held.vertices.end(), {v.x(), v.y(), v.z()});
+  for (const auto& t : source.triangles) held.indices.insert(held.indices.end(), {t[0], t[1], t[2]});
+  held.data = dGeomTriMeshDataCreate();
+  dGeomTriMeshDataBuildDouble(held.data, held.vertices.data(), 3 * sizeof(dReal),
+                              static_cast<int>(source.vertices.size()), held.indices.data(),
+                              static_cast<int>(held.indices.size()), 3 * sizeof(dTriIndex));
+  // Hulls are turned away from triangles whose edge they meet from behind: that takes the angles between triangles.
+  dGeomTriMeshDataPreprocess2(held.data, 1U << dTRIDATAPREPROCESS_BUILD_FACE_ANGLES, nullptr);
+  return held;
+}
+
+std::span<const double> ShapeStore::hull_points(const Shape& shape) const {
+  if (shape.kind != ShapeKind::convex) return {};
+  return hulls_.at(shape.mesh).points;
+}
+
+dGeomID ShapeStore::make(const Shape& shape) {
+  switch (shape.kind) {
+    case ShapeKind::sphere:
+      return dCreateSphere(nullptr, shape.radius + kSkin);
+    case ShapeKind::box: {
+      const Vec3 size = 2.0 * (shape.half_extents.array() + kSkin);
+      return dCreateBox(nullptr, size.x(), size.y(), size.z());
+    }
+    case ShapeKind::capsule:
+      return dCreateCapsule(nullptr, shape.radius + kSkin, 2.0 * shape.half_length);
+    case ShapeKind::cylinder:
+      return dCreateCylinder(nullptr, shape.radius + kSkin, 2.0 * (shape.half_length + kSkin));
+    case ShapeKind::plane:
+      return dCreatePlane(nullptr, 0, 0, 1, 0);
+    case ShapeKind::convex: {
+      // ODE finds a hull's contacts through libccd: one deepest point, and a few by tilting one of both a little. For
+      // solids ode_patch.hpp finds the others; on a mesh a hull rests less quietly than a box.
+      const Mesh& source = mesh(shape);
+      const auto [entry, is_new] = hulls_.try_emplace(shape.mesh);
+      if (is_new) entry->second = grown_hull(source);
+      const Hull& hull = entry->second;
+      return dCreateConvex(nullptr, hull.planes.data(), static_cast<unsigned>(hull.planes.size() / 4),
+                           hull.points.data(), static_cast<unsigned>(hull.points.size() / 3), hull.polygons.data());
+    }
+    case ShapeKind::mesh:
+      (void)mesh(shape);
+      return dCreateTriMesh(nullptr, triangles(shape).data, nullptr, nullptr, nullptr);
+  }
+  throw Error(ExitCode::usage, "ODE does not know this kind of shape");
+}
+
+}  // namespace subworld::ode

@@ -1,0 +1,131 @@
+// Each kind of shape rests where its geometry says, in every engine.
+
+#include "model/error.hpp"
+#include "support/engines.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <iterator>
+#include <numbers>
+#include <string_view>
+
+namespace subworld {
+namespace {
+
+using test::at;
+using test::cube;
+using test::floor_plane;
+
+constexpr BodyId kFloor{0}, kBody{1};
+
+/// Pairs that an engine does not hold quite still, and why; they get ten times the room.
+struct Restless {
+  std::string_view engine;
+  ShapeKind shape, floor;
+  std::string_view why;
+};
+constexpr Restless kRestless[] = {
+    {"ode", ShapeKind::convex, ShapeKind::mesh, "ODE makes a hull's points on triangles by tilting it a little"},
+    {"bullet", ShapeKind::cylinder, ShapeKind::mesh, "Bullet finds a lying cylinder's points one by one, step by step"},
+};
+
+double room(std::string_view engine, ShapeKind shape, ShapeKind floor) {
+  return std::any_of(std::begin(kRestless), std::end(kRestless),
+                     [&](const Restless& r) { return r.engine == engine && r.shape == shape && r.floor == floor; })
+             ? 10.0
+             : 1.0;
+}
+
+/// A box as triangles, corners at +-half.
+Mesh box_mesh(const Vec3& half) {
+  Mesh mesh;
+  mesh.file = "box";
+  for (int i = 0; i < 8; ++i) {
+    mesh.vertices.push_back(Vec3(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1).cwiseProduct(half));
+  }
+  mesh.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                    {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+  return mesh;
+}
+
+struct Resting {
+  std::string name;
+  Shape shape;
+  double height;  ///< m, of the centre above the floor
+  Quat orientation = Quat::Identity();
+};
+
+std::vector<Resting> resting_shapes() {
+  const Quat lying(Eigen::AngleAxisd(0.5 * std::numbers::pi, Vec3::UnitX()));
+  Shape sphere{.kind = ShapeKind::sphere, .radius = 0.06};
+  Shape box{.kind = ShapeKind::box, .half_extents = Vec3(0.05, 0.07, 0.03)};
+  Shape capsule{.kind = ShapeKind::capsule, .radius = 0.04, .half_length = 0.06};
+  Shape cylinder{.kind = ShapeKind::cylinder, .radius = 0.05, .half_length = 0.04};
+  Shape convex{.kind = ShapeKind::convex, .mesh = 0};
+  return {{"sphere", sphere, 0.06},     {"box", box, 0.03},       {"capsule", capsule, 0.04, lying},
+          {"cylinder", cylinder, 0.04}, {"convex", convex, 0.05}, {"rolling cylinder", cylinder, 0.05, lying}};
+}
+
+const std::vector<Mesh>& meshes() {
+  static const std::vector<Mesh> kAll{box_mesh(Vec3(0.06, 0.04, 0.05)), box_mesh(Vec3(1, 1, 0.2))};
+  return kAll;
+}
+
+class Shapes : public testing::TestWithParam<test::Tested> {
+ protected:
+  static void expect_rest(const Body& floor, const BodyState& floor_at) {
+    for (const Resting& rests : resting_shapes()) {
+      SCOPED_TRACE(rests.name);
+      auto engine = GetParam().make(meshes());
+      engine->add(floor, floor_at);
+      Body body = cube(kBody);
+      body.shape = rests.shape;
+      BodyState start = at(0.1, 0.15, rests.height);
+      start.orientation = rests.orientation;
+      engine->add(body, start);
+      const double dt = GetParam().dt;
+      test::run(*engine, GetParam().steps(1.0), dt);
+      const BodyState end = engine->state(kBody);
+      const double room_for = room(GetParam().engine, rests.shape.kind, floor.shape.kind);
+      EXPECT_NEAR(end.position.z(), rests.height, room_for * 1e-4);
+      EXPECT_LT((end.position - start.position).norm(), room_for * 1e-3);
+      EXPECT_LT(end.linear_velocity.norm(), room_for * 2e-3);
+      EXPECT_LT(end.angular_velocity.norm(), room_for * 2e-2);
+      EXPECT_LT(end.orientation.angularDistance(start.orientation), room_for * 2e-2);
+      double normal = 0.0;
+      for (int i = 0; i < 50; ++i) {
+        engine->step(dt);
+        normal += test::totals(*engine, kBody).normal;
+      }
+      EXPECT_NEAR(normal / (50 * dt), 0.2 * test::kG, 0.02 * 0.2 * test::kG);
+    }
+  }
+};
+
+TEST_P(Shapes, RestOnAPlane) { expect_rest(floor_plane(kFloor), BodyState{}); }
+
+TEST_P(Shapes, RestOnAFixedBox) {
+  Body floor = floor_plane(kFloor);
+  floor.shape = {.kind = ShapeKind::box, .half_extents = Vec3(1, 1, 0.2)};
+  expect_rest(floor, at(0, 0, -0.2));
+}
+
+TEST_P(Shapes, RestOnAMesh) {
+  Body floor = floor_plane(kFloor);
+  floor.shape = {.kind = ShapeKind::mesh, .mesh = 1};
+  expect_rest(floor, at(0, 0, -0.2));
+}
+
+TEST_P(Shapes, AMeshThatIsNotThereIsAnError) {
+  auto engine = GetParam().make(meshes());
+  Body body = floor_plane(kFloor);
+  body.shape = {.kind = ShapeKind::mesh, .mesh = 7};
+  EXPECT_THROW(engine->add(body, BodyState{}), Error);
+}
+
+INSTANTIATE_TEST_SUITE_P(Engines, Shapes, testing::ValuesIn(test::tested_engines({0.001, 0.004}, {0.001})),
+                         test::name_of);
+
+}  // namespace
+}  // namespace subworld
