@@ -7,7 +7,8 @@ namespace subworld {
 
 namespace {
 
-constexpr int kWarmUpSteps = 3;
+/// Of a warm-up: bodies that move find all their contacts, and where they stand still the solver finds its guess.
+constexpr int kFreeSteps = 10, kStandingSteps = 10;
 
 /// Engines do not look at names; leaving them out spares an allocation.
 Body nameless(const Body& body) {
@@ -27,23 +28,32 @@ void put(Engine& engine, const HeldBody& held) {
   if (!held.body.fixed()) engine.set_inertia(held.body.id, held.mass, held.inertia);
 }
 
+void warm_up(PreparedEngine& prepared, double dt) {
+  Engine& engine = *prepared.engine;
+  for (int i = 0; i < kFreeSteps + kStandingSteps; ++i) {
+    for (const HeldBody& held : prepared.holds) {
+      if (!held.body.fixed()) engine.apply_force(held.body.id, held.load.force, held.load.torque);
+    }
+    engine.step(dt);
+    if (i + 1 < kFreeSteps) continue;
+    for (const HeldBody& held : prepared.holds) engine.set_state(held.body.id, held.state);
+  }
+}
+
 }  // namespace
 
 PreparedEngine prepare_engine(const EngineSettings& settings, std::span<const Mesh> meshes,
                               std::vector<HeldBody> content, double warm_up_s) {
   PreparedEngine prepared{make_engine(settings, meshes), std::move(content)};
   for (const HeldBody& held : prepared.holds) put(*prepared.engine, held);
-  for (int i = 0; warm_up_s > 0.0 && i < kWarmUpSteps; ++i) {
-    prepared.engine->step(warm_up_s);
-    for (const HeldBody& held : prepared.holds) prepared.engine->set_state(held.body.id, held.state);
-  }
+  if (warm_up_s > 0.0) warm_up(prepared, warm_up_s);
   return prepared;
 }
 
 void LiveEngine::add(const Body& body, const BodyState& state, Role role) {
   engine_->add(body, state, role);
   if (index(body.id) >= held_.size()) held_.resize(index(body.id) + 1);
-  held_[index(body.id)] = {nameless(body), role, body.mass, body.inertia, {}, ++added_};
+  held_[index(body.id)] = {nameless(body), role, body.mass, body.inertia, {}, {}, 0, ++added_};
 }
 
 void LiveEngine::remove(BodyId id) {
@@ -57,12 +67,23 @@ void LiveEngine::set_inertia(BodyId id, double mass, const Vec3& inertia) {
   held_[index(id)]->inertia = inertia;
 }
 
+bool LiveEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque) {
+  if (!engine_->apply_force(id, force, torque)) return false;
+  HeldBody& held = *held_[index(id)];
+  if (held.loaded != steps_) held.load = {};
+  held.loaded = steps_;
+  held.load.force += force;
+  held.load.torque += torque;
+  return true;
+}
+
 std::vector<HeldBody> LiveEngine::content() const {
   std::vector<HeldBody> content;
   for (const auto& held : held_) {
     if (!held) continue;
     content.push_back(*held);
     content.back().state = engine_->state(held->body.id);
+    if (held->loaded + 1 != steps_) content.back().load = {};
   }
   return content;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/exchange.hpp"
 #include "physics/engine.hpp"
 
 #include <memory>
@@ -15,7 +16,9 @@ struct HeldBody {
   double mass = 0.0;            ///< kg, as set_inertia() left it
   Vec3 inertia = Vec3::Zero();  ///< kg m^2, likewise
   BodyState state;
-  std::uint64_t added = 0;  ///< counts the bodies added; a body that left and came back has another number
+  Wrench load;               ///< that acted on it in the last step, by apply_force()
+  std::uint64_t loaded = 0;  ///< step in which it did
+  std::uint64_t added = 0;   ///< counts the bodies added; a body that left and came back has another number
 };
 
 /// An engine that has been filled with what another one held at some time.
@@ -24,8 +27,8 @@ struct PreparedEngine {
   std::vector<HeldBody> holds;  ///< by id
 };
 
-/// Makes an engine and fills it. `warm_up_s` > 0: a few steps of that length follow, so that pairs, memory and the
-/// solver's first guess are there before the first step that counts; exchange() puts the bodies back.
+/// Makes an engine and fills it. `warm_up_s` > 0: some steps of that length follow, under the loads of the last one,
+/// so that pairs, memory and the solver's first guess are there before the first step that counts.
 [[nodiscard]] PreparedEngine prepare_engine(const EngineSettings& settings, std::span<const Mesh> meshes,
                                             std::vector<HeldBody> content, double warm_up_s);
 
@@ -57,10 +60,11 @@ class LiveEngine final : public Engine {
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
     return engine_->apply_impulse(id, impulse, point);
   }
-  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override {
-    return engine_->apply_force(id, force, torque);
+  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
+  void step(double dt) override {
+    engine_->step(dt);
+    ++steps_;
   }
-  void step(double dt) override { engine_->step(dt); }
   std::span<const Contact> contacts() const noexcept override { return engine_->contacts(); }
   Box bounds(BodyId id) const override { return engine_->bounds(id); }
   void overlap(const Box& box, std::vector<BodyId>& out) const override { engine_->overlap(box, out); }
@@ -71,6 +75,7 @@ class LiveEngine final : public Engine {
   std::unique_ptr<Engine> engine_;
   std::vector<std::optional<HeldBody>> held_;  ///< by id; states are the engine's
   std::uint64_t added_ = 0;
+  std::uint64_t steps_ = 1;
 };
 
 }  // namespace subworld

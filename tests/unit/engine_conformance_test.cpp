@@ -336,7 +336,8 @@ TEST_P(Conformance, ACheckpointOfOtherBodiesIsRefused) {
 TEST_P(Conformance, ARestoredEngineContinues) {
   if (engine->capabilities().checkpoint == Fidelity::absent) GTEST_SKIP();
   const std::vector<BodyId> ids = pile(*engine);
-  run(0.4);
+  // Where the solver's guess is not saved, an impact would go on differently: let it come to rest.
+  run(engine->capabilities().checkpoint == Fidelity::exact ? 0.4 : 1.5);
   engine->apply_force(ids[0], {1, 0, 0}, Vec3::Zero());
   if (engine->capabilities().checkpoint != Fidelity::exact) engine->step(dt);
   const Checkpoint saved = engine->checkpoint();

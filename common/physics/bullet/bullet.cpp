@@ -2,6 +2,7 @@
 #include "cone_friction.hpp"
 #include "model/error.hpp"
 #include "physics/contact_totals.hpp"
+#include "physics/gyroscope.hpp"
 #include "physics/plugin.hpp"
 #include "shapes.hpp"
 
@@ -65,6 +66,8 @@ struct Slot {
   Vec3 weight = Vec3::Zero();  ///< N
   Vec3 force = Vec3::Zero();   ///< of the next step
   Vec3 torque = Vec3::Zero();
+  Vec3 inertia = Vec3::Zero();  ///< kg m^2
+  bool gyroscopic = false;
 };
 
 /// Bodies leave a checkpoint as (id, 13 numbers).
@@ -129,10 +132,13 @@ class Bullet final : public Engine {
     info.m_restitution = scalar(body.material.restitution);
     slot.body = std::make_unique<btRigidBody>(info);
     slot.body->setActivationState(DISABLE_DEACTIVATION);
+    slot.body->setFlags(0);  // no gyroscopic term of Bullet's: it loses energy, and in single precision goes wrong
     slot.body->setUserIndex(static_cast<int>(id));
     if (!body.rotates) slot.body->setAngularFactor(btVector3(0, 0, 0));
     slot.weight = body.gravity && !body.fixed() ? Vec3(body.mass * gravity_) : Vec3::Zero();
     slot.force = slot.torque = Vec3::Zero();
+    slot.inertia = body.inertia;
+    slot.gyroscopic = body.rotates && !body.fixed() && feels_gyroscopic_torque(body.inertia);
     place(*slot.body, state);
     const CollisionClass& kind = role == Role::ghost ? kGhosts : body.fixed() ? kFixed : kMovable;
     world_.addRigidBody(slot.body.get(), kind.group, kind.meets);
@@ -181,6 +187,9 @@ class Bullet final : public Engine {
   void set_inertia(BodyId id, double mass, const Vec3& inertia) override {
     btRigidBody& body = *at(id).body;
     const bool rotates = !body.getAngularFactor().isZero();
+    Slot& slot = at(id);
+    slot.inertia = inertia;
+    slot.gyroscopic = rotates && feels_gyroscopic_torque(inertia);
     body.setMassProps(scalar(mass), rotates ? to_bullet(inertia) : btVector3(0, 0, 0));
     body.updateInertiaTensor();
   }
@@ -208,9 +217,10 @@ class Bullet final : public Engine {
     solver_.set_slow(scalar(1e-3 + 0.5 * gravity_.norm() * dt / substeps));
     for (int i = 0; i < substeps; ++i) {
       for (const std::uint32_t id : movable_) {
-        const Slot& slot = slots_[id];
+        Slot& slot = slots_[id];
         slot.body->applyCentralForce(to_bullet(slot.weight + slot.force));
         slot.body->applyTorque(to_bullet(slot.torque));
+        if (slot.gyroscopic) turn_freely(slot, dt / substeps);
       }
       world_.stepSimulation(scalar(dt / substeps), 0);
       collect_contacts(i);
@@ -294,6 +304,12 @@ class Bullet final : public Engine {
   void claim_globals() const {
     gContactBreakingThreshold = scalar(preset_.contact_breaking_threshold);
     gDbvtMargin = scalar(tree_margin_);
+  }
+
+  static void turn_freely(Slot& slot, double dt) {
+    const Quat orientation = from_bullet(slot.body->getWorldTransform().getRotation());
+    const Vec3 spin = from_bullet(slot.body->getAngularVelocity());
+    slot.body->setAngularVelocity(to_bullet(turned_freely(orientation, slot.inertia, spin, dt)));
   }
 
   static void place(btRigidBody& body, const BodyState& state) {

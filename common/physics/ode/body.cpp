@@ -13,7 +13,7 @@ constexpr double kNoRotation = 1e20;  ///< kg m^2
 void make_body(Slot& slot, dWorldID world) {
   slot.body = dBodyCreate(world);
   dBodySetFiniteRotationMode(slot.body, 1);
-  dBodySetGyroscopicMode(slot.body, slot.spec.rotates);
+  dBodySetGyroscopicMode(slot.body, 0);  // the adapter's own term keeps the energy
   set_mass(slot);
   dGeomSetBody(slot.geom, slot.body);
 }

@@ -3,6 +3,7 @@
 #include "contacts.hpp"
 #include "model/error.hpp"
 #include "physics/contact_totals.hpp"
+#include "physics/gyroscope.hpp"
 #include "physics/plugin.hpp"
 #include "position.hpp"
 #include "shapes.hpp"
@@ -269,8 +270,14 @@ class Ode final : public Engine {
 
   void substep(double h, int number) {
     for (const std::uint32_t id : movable_) {
-      const Slot& slot = slots_[id];
-      if (!slot.spec.rotates) dBodySetAngularVel(slot.body, 0, 0, 0);
+      Slot& slot = slots_[id];
+      if (!slot.spec.rotates) {
+        dBodySetAngularVel(slot.body, 0, 0, 0);
+      } else if (feels_gyroscopic_torque(slot.inertia)) {
+        const BodyState s = state_of(slot);
+        const Vec3 spin = turned_freely(s.orientation, slot.inertia, s.angular_velocity, h);
+        dBodySetAngularVel(slot.body, spin.x(), spin.y(), spin.z());
+      }
       const Vec3 force = slot.weight + slot.force;
       dBodyAddForce(slot.body, force.x(), force.y(), force.z());
       if (slot.spec.rotates) dBodyAddTorque(slot.body, slot.torque.x(), slot.torque.y(), slot.torque.z());
