@@ -15,14 +15,6 @@ namespace subworld {
 
 namespace fs = std::filesystem;
 
-namespace {
-
-std::string duration_text(double seconds) {
-  return seconds < 90.0 ? fmt::format("{:.0f} s", seconds) : fmt::format("{:.0f} min", seconds / 60.0);
-}
-
-}  // namespace
-
 fs::path scenes_folder() {
   for (fs::path folder = fs::read_symlink("/proc/self/exe").parent_path(); folder.has_relative_path();
        folder = folder.parent_path()) {
@@ -82,16 +74,24 @@ std::string stopped_text(std::size_t points, std::size_t planned) {
   return points < planned ? fmt::format("; stopped after {} of {} points", points, planned) : "";
 }
 
-void print_end(const Json& summary, const std::string& out) {
+void write_results(const std::string& out, const Rows& rows, const Json& summary) {
+  write_json(out + "/results.json", rows);
+  write_csv(out + "/results.csv", rows);
+  write_json(out + "/summary.json", summary);
   fmt::print("{}{}\nresults: {}/results.csv\n",
              stop_signal() != 0 ? fmt::format("stopped by SIG{}: ", sigabbrev_np(stop_signal())) : "",
              summary.at("verdict").get<std::string>(), out);
 }
 
+std::string left_text(double left_s) {
+  if (!(left_s > 0.0)) return "";
+  return left_s < 90.0 ? fmt::format("  about {:.0f} s left", left_s)
+                       : fmt::format("  about {:.0f} min left", left_s / 60.0);
+}
+
 std::string TimeLeft::text(double done) const {
   const double passed_s = std::chrono::duration<double>(Clock::now() - begin_).count();
-  const double left_s = passed_s / done * (work_ - done);
-  return left_s > 0.0 ? fmt::format("  about {} left", duration_text(left_s)) : "";
+  return left_text(passed_s / done * (work_ - done));
 }
 
 }  // namespace subworld

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/results.hpp"
+#include "lab/tables.hpp"
 
 #include <CLI/CLI.hpp>
 
@@ -42,14 +42,17 @@ void add_out(CLI::App& app, const std::string& lab, std::string& out);
 [[nodiscard]] Json begin_summary(const std::string& lab, std::size_t points, std::size_t planned);
 /// "; stopped after 3 of 9 points", or nothing.
 [[nodiscard]] std::string stopped_text(std::size_t points, std::size_t planned);
-/// Prints the verdict and where the tables are.
-void print_end(const Json& summary, const std::string& out);
+/// results.json, results.csv and summary.json; prints the verdict and where they are. Throws `Error` (failed).
+void write_results(const std::string& out, const Rows& rows, const Json& summary);
+
+/// "  about 12 s left", or nothing where none is left.
+[[nodiscard]] std::string left_text(double left_s);
 
 /// How long the rest may take.
 class TimeLeft {
  public:
   explicit TimeLeft(double work) : work_(work) {}
-  /// "  about 12 s left", or nothing, when so much of the work is done.
+  /// In words, when so much of the work is done.
   [[nodiscard]] std::string text(double done) const;
 
  private:

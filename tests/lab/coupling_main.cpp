@@ -249,11 +249,8 @@ int run_lab(int argc, char** argv) {
 
   Findings found = sweep_all(request.sweep, points, out);
   found.summary = summary_of(request, found, points.size());
-  write_json(out + "/results.json", found.rows);
-  write_csv(out + "/results.csv", found.rows);
-  write_json(out + "/summary.json", found.summary);
   print_orders(found);
-  print_end(found.summary, out);
+  write_results(out, found.rows, found.summary);
   write_report(out + "/report.html", found);
   fmt::print("report: {}/report.html\n", out);
   return static_cast<int>(ExitCode::done);

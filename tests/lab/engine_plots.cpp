@@ -43,16 +43,20 @@ Series line_of(const std::string& engine, const std::string& preset, const std::
           .points = {}};
 }
 
+Plot plot_of(const std::string& title, const std::string& x_label, const std::string& y_label) {
+  Plot plot;
+  plot.title = title;
+  plot.x_label = x_label;
+  plot.y_label = y_label;
+  plot.log_y = true;
+  return plot;
+}
+
 /// Mean and maximum step time over the combinations.
 Plot step_times(const Rows& rows, const std::vector<Variant>& variants) {
   const std::vector<const Json*> combinations = combinations_of(rows);
-  Plot plot{.title = "Step time: mean (solid) and maximum (dashed)",
-            .x_label = "friction, restitution, time step in s",
-            .y_label = "time of a step, ms",
-            .log_y = true,
-            .x_ticks = {},
-            .series = {},
-            .levels = {}};
+  Plot plot = plot_of("Step time: mean (solid) and maximum (dashed)", "friction, restitution, time step in s",
+                      "time of a step, ms");
   for (const Json* c : combinations) {
     plot.x_names.push_back(fmt::format("{:g}, {:g}\\n{}", number(*c, "friction"), number(*c, "restitution"),
                                        step_text(number(*c, "dt_s"))));
@@ -76,13 +80,8 @@ Plot step_times(const Rows& rows, const std::vector<Variant>& variants) {
 }
 
 Plot kinetic_energy_plot(const std::vector<const Course*>& courses, const std::vector<Variant>& variants) {
-  Plot plot{.title = fmt::format("Kinetic energy ({})", combination_text(courses.front()->row)),
-            .x_label = "time, s",
-            .y_label = "kinetic energy of all bodies, J",
-            .log_y = true,
-            .x_ticks = {},
-            .series = {},
-            .levels = {}};
+  Plot plot = plot_of(fmt::format("Kinetic energy ({})", combination_text(courses.front()->row)), "time, s",
+                      "kinetic energy of all bodies, J");
   for (const Course* course : courses) {
     Series line = line_of(course->row.at("engine"), course->row.at("preset"), variants);
     line.mark = 0;
@@ -96,15 +95,10 @@ Plot kinetic_energy_plot(const std::vector<const Course*>& courses, const std::v
 
 Plot error_against_run_time(const Rows& rows, const std::vector<Variant>& variants) {
   const ErrorMeasure error = error_measure(rows.front());
-  Plot plot{.title = fmt::format("Error against run time (friction {:g}, restitution {:g})",
-                                 number(rows.front(), "friction"), number(rows.front(), "restitution")),
-            .x_label = "CPU ms per frame of 1/60 s",
-            .y_label = fmt::format("{}, mm", error.words),
-            .log_x = true,
-            .log_y = true,
-            .x_ticks = {},
-            .series = {},
-            .levels = {}};
+  Plot plot = plot_of(fmt::format("Error against run time (friction {:g}, restitution {:g})",
+                                  number(rows.front(), "friction"), number(rows.front(), "restitution")),
+                      "CPU ms per frame of 1/60 s", fmt::format("{}, mm", error.words));
+  plot.log_x = true;
   Rows finest_last = rows;
   std::ranges::stable_sort(finest_last, std::greater{}, [](const Json& row) { return number(row, "dt_s"); });
   for (const Variant& variant : variants_of(finest_last)) {
@@ -133,14 +127,8 @@ Series paper_line(double per_body_ms, const std::vector<CostCurve>& curves) {
 
 Plot cost_plot(const std::vector<CostCurve>& curves, const std::vector<Variant>& variants, const std::string& title,
                const char* x, const char* x_label) {
-  Plot plot{.title = title,
-            .x_label = x_label,
-            .y_label = "mean CPU time of a step, ms",
-            .log_x = true,
-            .log_y = true,
-            .x_ticks = {},
-            .series = {},
-            .levels = {}};
+  Plot plot = plot_of(title, x_label, "mean CPU time of a step, ms");
+  plot.log_x = true;
   for (const CostCurve& curve : curves) {
     Series line = line_of(curve.engine, curve.preset, variants);
     for (const Json& row : curve.rows)

@@ -27,6 +27,8 @@ th { background: #f2f5f8; vertical-align: bottom; white-space: normal; } .text {
 </style>
 )";
 
+constexpr double kLongestWhole = 1e7;
+
 }  // namespace
 
 std::string escaped(const std::string& text) {
@@ -54,20 +56,27 @@ std::string cell_of(const Column& column, const Json& row) {
   if (column.inner != nullptr) value = &value->at(column.inner);
   if (value->is_string()) return escaped(*value);
   if (value->is_null()) return "&ndash;";
-  const double number = column.scale * value->get<double>();
-  return std::isfinite(number) ? fmt::format("{:.{}g}", number, column.digits) : "&ndash;";
+  return digits_of(column.scale * value->get<double>(), column.digits);
 }
 
 std::string html_of(const TextTable& table) {
-  const auto line = [](const char* tag, const std::vector<std::string>& cells) {
+  const auto line = [&](const char* tag, const std::vector<std::string>& cells) {
     std::string text = "<tr>";
-    for (std::size_t i = 0; i < cells.size(); ++i)
-      text += fmt::format("<{}{}>{}</{}>", tag, i == 0 ? " class=text" : "", cells[i], tag);
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      const bool left = i < table.texts || (table.remarks && i + 1 == table.head.size());
+      text += fmt::format("<{}{}>{}</{}>", tag, left ? " class=text" : "", cells[i], tag);
+    }
     return text + "</tr>\n";
   };
   std::string text = "<div class=wide><table>" + line("th", table.head);
   for (const auto& row : table.rows) text += line("td", row);
   return text + "</table></div>\n";
+}
+
+std::string digits_of(double number, int digits) {
+  if (!std::isfinite(number)) return "&ndash;";
+  const bool whole = std::abs(number) >= std::pow(10.0, digits) && std::abs(number) < kLongestWhole;
+  return whole ? fmt::format("{:.0f}", number) : fmt::format("{:.{}g}", number, digits);
 }
 
 Page::Page(const std::string& path, const std::string& title) : path_(path), title_(title), file_(path) {

@@ -12,6 +12,9 @@ namespace subworld {
 
 [[nodiscard]] std::string escaped(const std::string& text);
 
+/// So many significant digits, whole numbers whole; or a dash where it is no number.
+[[nodiscard]] std::string digits_of(double number, int digits);
+
 /// A column of a table of numbers.
 struct Column {
   const char* title;
@@ -24,10 +27,12 @@ struct Column {
 /// The cell of a row, or a dash where it is no number.
 [[nodiscard]] std::string cell_of(const Column& column, const Json& row);
 
-/// A table of texts (already escaped); the first column stands left.
+/// A table of texts (already escaped).
 struct TextTable {
   std::vector<std::string> head;
-  std::vector<std::vector<std::string>> rows;
+  std::vector<std::vector<std::string>> rows = {};
+  std::size_t texts = 1;  ///< so many first columns stand left
+  bool remarks = false;   ///< the last one too
 };
 [[nodiscard]] std::string html_of(const TextTable& table);
 

@@ -84,7 +84,8 @@ std::string named_axis(const std::vector<std::string>& names) {
   std::string list;
   for (std::size_t i = 0; i < names.size(); ++i)
     list += fmt::format("{}\"{}\" {}", list.empty() ? "" : ", ", names[i], i + 1);
-  return fmt::format("set xrange [0.7:{}.3]\nset xtics ({})\n", names.size(), list);
+  return fmt::format("set xrange [0.7:{}.3]\nset xtics ({})\nset xlabel offset 0,-1\nset bmargin 5\n", names.size(),
+                     list);
 }
 
 std::string script_of(const Plot& plot, std::size_t number) {
