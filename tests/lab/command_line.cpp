@@ -74,13 +74,18 @@ std::string stopped_text(std::size_t points, std::size_t planned) {
   return points < planned ? fmt::format("; stopped after {} of {} points", points, planned) : "";
 }
 
-void write_results(const std::string& out, const Rows& rows, const Json& summary) {
+int end_lab(const std::string& out, const Rows& rows, const Json& summary,
+            const std::function<void(const std::string&)>& report) {
   write_json(out + "/results.json", rows);
   write_csv(out + "/results.csv", rows);
   write_json(out + "/summary.json", summary);
   fmt::print("{}{}\nresults: {}/results.csv\n",
              stop_signal() != 0 ? fmt::format("stopped by SIG{}: ", sigabbrev_np(stop_signal())) : "",
              summary.at("verdict").get<std::string>(), out);
+  const std::string page = out + "/report.html";
+  report(page);
+  fmt::print("report: {}\n", page);
+  return static_cast<int>(ExitCode::done);
 }
 
 std::string left_text(double left_s) {

@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,8 +43,10 @@ void add_out(CLI::App& app, const std::string& lab, std::string& out);
 [[nodiscard]] Json begin_summary(const std::string& lab, std::size_t points, std::size_t planned);
 /// "; stopped after 3 of 9 points", or nothing.
 [[nodiscard]] std::string stopped_text(std::size_t points, std::size_t planned);
-/// results.json, results.csv and summary.json; prints the verdict and where they are. Throws `Error` (failed).
-void write_results(const std::string& out, const Rows& rows, const Json& summary);
+/// Writes results.json, results.csv, summary.json and the report, which gets its file; prints the verdict and where
+/// they are. Returns the exit code. Throws `Error` (failed).
+int end_lab(const std::string& out, const Rows& rows, const Json& summary,
+            const std::function<void(const std::string&)>& report);
 
 /// "  about 12 s left", or nothing where none is left.
 [[nodiscard]] std::string left_text(double left_s);

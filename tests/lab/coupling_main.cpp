@@ -250,10 +250,7 @@ int run_lab(int argc, char** argv) {
   Findings found = sweep_all(request.sweep, points, out);
   found.summary = summary_of(request, found, points.size());
   print_orders(found);
-  write_results(out, found.rows, found.summary);
-  write_report(out + "/report.html", found);
-  fmt::print("report: {}/report.html\n", out);
-  return static_cast<int>(ExitCode::done);
+  return end_lab(out, found.rows, found.summary, [&](const std::string& page) { write_report(page, found); });
 }
 
 }  // namespace

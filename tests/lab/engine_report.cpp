@@ -91,7 +91,11 @@ std::string grades_matrix(const Rows& rows) {
       cells.push_back(at == known.end() ? "&ndash;" : fmt::format("<i>{}</i>", at->grade));
     }
   }
-  return table.rows.empty() ? "" : html_of(table) + paragraph("facts", escaped(kGradesInWords));
+  if (table.rows.empty()) return "";
+  return html_of(table) +
+         paragraph("facts", escaped(kGradesInWords) + fmt::format(" Here after {:g} s, in the paper after "
+                                                                  "10 s.",
+                                                                  number(rows.front(), "duration_s")));
 }
 
 /// What the grades rest on, and what the paper says of its engines.

@@ -147,10 +147,7 @@ int run_lab(int argc, char** argv) {
   found.summary = engine_summary(plan, request.sweep, found);
   if (!found.costs.empty()) write_csv(out + "/bodies.csv", found.costs);
   for (const Json& line : found.summary.at("advice")) fmt::print("{}\n", line.get<std::string>());
-  write_results(out, found.rows, found.summary);
-  write_report(out + "/report.html", found);
-  fmt::print("report: {}/report.html\n", out);
-  return static_cast<int>(ExitCode::done);
+  return end_lab(out, found.rows, found.summary, [&](const std::string& page) { write_report(page, found); });
 }
 
 }  // namespace
