@@ -130,15 +130,15 @@ LineFit fit(const CostCurve& curve, const char* x) {
 
 }  // namespace
 
-std::optional<Rows> body_costs(const std::string& engine, const std::string& preset,
-                               const std::function<void(const Json&)>& progress) {
+Rows body_costs(const std::string& engine, const std::string& preset,
+                const std::function<void(const Json&)>& progress) {
   Rows rows;
   for (const char* arrangement : {kSpaced, kDense}) {
     for (const int count : kCounts) {
       const bool heap = arrangement == kDense;
       try {
         const auto world = heap ? dense({engine, preset}, count) : spaced({engine, preset}, count);
-        if (heap && !let_settle(*world)) return std::nullopt;
+        if (heap && !let_settle(*world)) return rows;
         Json row{{"arrangement", arrangement}, {"engine", engine}, {"preset", preset}, {"bodies", count}};
         row.update(measured(*world));
         rows.push_back(row);
@@ -146,7 +146,7 @@ std::optional<Rows> body_costs(const std::string& engine, const std::string& pre
         fmt::print(stderr, "figure 12: {} ({}), {} {} bodies: {}\n", engine, preset, count, arrangement, wrong.what());
         continue;
       }
-      if (stop_signal() != 0) return std::nullopt;
+      if (stop_signal() != 0) return rows;
       progress(rows.back());
     }
   }

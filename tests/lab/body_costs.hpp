@@ -3,7 +3,6 @@
 #include "lab/tables.hpp"
 
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,10 +17,10 @@ inline constexpr double kPaperDense_ms = 0.011;
 /// Haptic periods into which a sub-world may have to fit.
 inline constexpr double kPeriods_s[] = {1e-3, 0.5e-3, 0.25e-3};
 
-/// One row for each arrangement and number of bodies. `progress` is called with each row. Empty where a signal asked to
-/// stop; an engine that fails leaves no row.
-[[nodiscard]] std::optional<Rows> body_costs(const std::string& engine, const std::string& preset,
-                                             const std::function<void(const Json&)>& progress);
+/// One row for each arrangement and number of bodies. `progress` is called with each row. What was
+/// measured before a signal asked to stop; an engine that fails leaves no row.
+[[nodiscard]] Rows body_costs(const std::string& engine, const std::string& preset,
+                              const std::function<void(const Json&)>& progress);
 
 /// The rows of one engine, preset and arrangement, bodies ascending.
 struct CostCurve {

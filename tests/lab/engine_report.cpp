@@ -170,8 +170,9 @@ std::string error_table(const Rows& rows) {
 }
 
 std::string cost_rows_table(const Rows& costs) {
-  TextTable table{
-      {"arrangement", "engine", "preset", "bodies", "contacts", "CPU mean ms", "step mean ms", "p99 ms", "max ms"}, {}};
+  TextTable table{.head = {"arrangement", "engine", "preset", "bodies", "contacts", "CPU mean ms", "step mean ms",
+                           "p99 ms", "max ms"},
+                  .texts = 3};
   const auto ms = [](const Json& times, const char* key) { return fmt::format("{:.3g}", 1e3 * number(times, key)); };
   for (const Json& row : costs) {
     const Json& step = row.at("step_s");
@@ -180,14 +181,14 @@ std::string cost_rows_table(const Rows& costs) {
                           fmt::format("{:.4g}", number(row, "contacts_mean")), ms(row.at("cpu_step_s"), "mean"),
                           ms(step, "mean"), ms(step, "p99"), ms(step, "max")});
   }
-  return html_of(table);
+  return paragraph("facts", "What was measured:") + html_of(table);
 }
 
 std::string fits_table(const std::vector<CostCurve>& curves) {
   TextTable table{.head = {"arrangement", "engine", "preset", "ms per body", "R&sup2;", "ms per contact", "R&sup2;"},
                   .texts = 3};
   const auto slope = [](const LineFit& fit) {
-    return fmt::format("{:.4f} &plusmn; {:.4f}", 1e3 * fit.slope(), 1e3 * fit.standard_error());
+    return fmt::format("{:.3g} &plusmn; {:.1g}", 1e3 * fit.slope(), 1e3 * fit.standard_error());
   };
   for (const CostCurve& curve : curves) {
     const LineFit bodies = per_body(curve), contacts = per_contact(curve);

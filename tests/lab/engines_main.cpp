@@ -11,12 +11,14 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <sstream>
 
 namespace {
 
 using namespace subworld;
 
 constexpr double kQuickDuration_s = 1.0;
+constexpr std::size_t kHelpWidth = 112;
 const std::vector<std::string> kScenes{"stack", "card_house", "basin"};
 const std::vector<std::string> kQuickScenes{"stack", "card_house"};
 
@@ -28,6 +30,19 @@ struct Request {
   std::string out;
 };
 
+/// In lines of at most kHelpWidth characters.
+std::string folded(const std::string& text) {
+  std::istringstream words(text);
+  std::string lines;
+  std::size_t width = 0;
+  for (std::string word; words >> word; width += word.size() + 1) {
+    const bool next_line = width + word.size() > kHelpWidth;
+    if (next_line) width = 0;
+    lines += (lines.empty() ? "" : next_line ? "\n" : " ") + word;
+  }
+  return lines;
+}
+
 /// Throws `Error` (usage). An exit code where nothing is left to do.
 std::optional<int> parse(int argc, char** argv, Request& request) {
   EngineSweep& sweep = request.sweep;
@@ -38,7 +53,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   app.footer(fmt::format(
       "Without --friction, --restitution and --dt the five combinations of the paper's Table 1 are run (friction 0.5,\n"
       "0.5, 0.5, 1, 0; restitution 0.4, 0, 0.4, 0.4, 0.4; dt 1/60, 1/60, 1/100, 1/60, 1/60), and structures at finer\n"
-      "steps too. {}\n\n"
+      "steps too.\n\n{}\n\n"
       "Examples:\n"
       "  subworld lab engines --quick --out out/quick\n"
       "  subworld lab engines stack card_house --out out/structures\n"
@@ -49,7 +64,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "each\n"
       "run, DIR/bodies.csv the step times of figure 12. Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.",
-      kHeldInWords, fmt::join(in_display_order(engine_names()), ",")));
+      folded(kHeldInWords), fmt::join(in_display_order(engine_names()), ",")));
   app.add_option("scene", sweep.scenes,
                  fmt::format("scene files, or names in deploy/scenes (default: {})", fmt::join(kScenes, " ")));
   add_list(app, "--engine", sweep.engines, "engines (default: all there are)");
@@ -116,15 +131,15 @@ void run_costs(const EnginePlan& plan, EngineFindings& found) {
   double done = 0.0;
   for (const auto& [engine, preset] : plan.costs) {
     if (stop_signal() != 0) return;
-    const auto rows = body_costs(engine, preset, [](const Json& row) {
+    const Rows rows = body_costs(engine, preset, [](const Json& row) {
       fmt::print("figure 12: {} {}, {} {} bodies, {:.0f} contacts: {:.3g} ms, p99 {:.3g} ms\n",
                  row.at("engine").get<std::string>(), row.at("preset").get<std::string>(), row.at("bodies").dump(),
                  row.at("arrangement").get<std::string>(), number(row, "contacts_mean"),
                  1e3 * number(row.at("step_s"), "mean"), 1e3 * number(row.at("step_s"), "p99"));
       std::fflush(stdout);
     });
-    if (!rows) return;
-    found.costs.insert(found.costs.end(), rows->begin(), rows->end());
+    found.costs.insert(found.costs.end(), rows.begin(), rows.end());
+    if (stop_signal() != 0) return;
     fmt::print("figure 12: {} {} done{}\n", engine, preset, left.text(++done));
   }
 }

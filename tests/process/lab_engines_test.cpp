@@ -93,17 +93,9 @@ TEST_F(EngineLab, HelpsWithExamplesAndSaysWhatHeldMeans) {
 }
 
 TEST_F(EngineLab, WhatWasMeasuredSurvivesAnInterrupt) {
-  Process lab(lab_words({"stack", "--engine", "bullet", "--preset", "quality", "--dt", "1/60,1/100,1/120,1/250",
-                         "--duration", "5", "--friction", "0.1,0.2,0.3,0.4,0.5,0.6", "--out", out()}),
-              folder_.path());
-  ASSERT_TRUE(eventually([&] { return lab.out().find("[  1/24]") != std::string::npos; }));
-  lab.signal(SIGINT);
-  EXPECT_EQ(lab.wait(), 0);
-  EXPECT_NE(lab.out().find("stopped by SIGINT"), std::string::npos) << lab.out();
-  EXPECT_GE(summary()["points"], 1);
-  EXPECT_EQ(summary()["planned"], 24);
-  EXPECT_TRUE(std::filesystem::exists(out() + "/results.csv"));
-  EXPECT_TRUE(std::filesystem::exists(out() + "/report.html"));
+  expect_kept_after_interrupt({"stack", "--engine", "bullet", "--preset", "quality", "--dt", "1/60,1/100,1/120,1/250",
+                               "--duration", "5", "--friction", "0.1,0.2,0.3,0.4,0.5,0.6"},
+                              "[  1/24]", 1, 24);
 }
 
 }  // namespace

@@ -95,17 +95,8 @@ TEST_F(Lab, HelpsWithExamples) {
 }
 
 TEST_F(Lab, WhatWasMeasuredSurvivesAnInterrupt) {
-  Process lab(lab_words({"row", "--ratio", "4,5,6,7,8,9,10,11,12,13,14,15,16", "--substeps", "1,2,3,4,5,6,7,8", "--out",
-                         out()}),
-              folder_.path());
-  ASSERT_TRUE(eventually([&] { return lab.out().find("[  2/") != std::string::npos; }));
-  lab.signal(SIGINT);
-  EXPECT_EQ(lab.wait(), 0);
-  EXPECT_NE(lab.out().find("stopped by SIGINT"), std::string::npos) << lab.out();
-  EXPECT_GE(summary()["points"], 2);
-  EXPECT_EQ(summary()["planned"], 312);
-  EXPECT_TRUE(std::filesystem::exists(out() + "/results.csv"));
-  EXPECT_TRUE(std::filesystem::exists(out() + "/report.html"));
+  expect_kept_after_interrupt({"row", "--ratio", "4,5,6,7,8,9,10,11,12,13,14,15,16", "--substeps", "1,2,3,4,5,6,7,8"},
+                              "[  2/", 2, 312);
 }
 
 TEST_F(Lab, WithoutGnuplotTheTablesAreThereAndTheCureIsNamed) {

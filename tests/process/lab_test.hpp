@@ -27,6 +27,19 @@ class LabTest : public ProcessTest {
       for (const std::string& fragment : fragments) EXPECT_NE(ended.err.find(fragment), std::string::npos) << ended.err;
     }
   }
+  /// Interrupts it when it has printed `point`: what was measured is there.
+  void expect_kept_after_interrupt(Words words, const std::string& point, int points, int planned) const {
+    words.insert(words.end(), {"--out", out()});
+    Process lab(lab_words(words), folder_.path());
+    ASSERT_TRUE(eventually([&] { return lab.out().find(point) != std::string::npos; }));
+    lab.signal(SIGINT);
+    EXPECT_EQ(lab.wait(), 0);
+    EXPECT_NE(lab.out().find("stopped by SIGINT"), std::string::npos) << lab.out();
+    EXPECT_GE(summary()["points"], points);
+    EXPECT_EQ(summary()["planned"], planned);
+    EXPECT_TRUE(std::filesystem::exists(out() + "/results.csv"));
+    EXPECT_TRUE(std::filesystem::exists(out() + "/report.html"));
+  }
   [[nodiscard]] Json results() const { return Json::parse(read_text(out() + "/results.json"), nullptr, false); }
   void expect_columns(const std::vector<std::string>& columns) const {
     std::istringstream csv(read_text(out() + "/results.csv"));
