@@ -1,6 +1,7 @@
 #include "lab/body_costs.hpp"
 
 #include "lab/engine_run.hpp"
+#include "model/error.hpp"
 #include "model/mass_properties.hpp"
 #include "model/scene_layout.hpp"
 #include "rt/stop.hpp"
@@ -21,6 +22,7 @@ constexpr double kSpacing_m = 3.0 * kSide_m;
 constexpr double kBinSide_m = 0.13;  ///< times the cube root of the number of bodies
 constexpr double kBinWall_m = 0.1;
 constexpr double kBinHeight_m = 4.0;
+constexpr int kBinParts = 5;  ///< its bodies: the floor and four walls
 constexpr double kSettle_s = 2.0;
 constexpr double kSettleStep_s = 0.004;
 constexpr int kWarmUp = 20;
@@ -141,10 +143,13 @@ Rows body_costs(const std::string& engine, const std::string& preset,
         if (heap && !let_settle(*world)) return rows;
         Json row{{"arrangement", arrangement}, {"engine", engine}, {"preset", preset}, {"bodies", count}};
         row.update(measured(*world));
+        const int last = heap ? count + kBinParts - 1 : count - 1;
+        if (!finite(world->state(BodyId{static_cast<std::uint32_t>(last)})))
+          throw Error(ExitCode::failed, "a state is not finite");
         rows.push_back(row);
       } catch (const std::exception& wrong) {
         fmt::print(stderr, "figure 12: {} ({}), {} {} bodies: {}\n", engine, preset, count, arrangement, wrong.what());
-        continue;
+        break;
       }
       if (stop_signal() != 0) return rows;
       progress(rows.back());

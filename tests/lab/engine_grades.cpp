@@ -55,6 +55,10 @@ std::string for_structures(const Rows& rows) {
     const auto rank = std::tuple(-static_cast<double>(held) / static_cast<double>(stand.size()), cpu_s);
     if (rank >= best_rank) continue;
     best_rank = rank;
+    if (held == 0) {
+      best = "For stiff structures: none; no run with friction held";
+      continue;
+    }
     best = fmt::format("For stiff structures: {} ({}): {} of {} runs with friction held, {:.2g} CPU s per simulated s",
                        variant.engine, variant.preset, held, stand.size(), cpu_s);
   }
@@ -82,8 +86,9 @@ std::string for_big_worlds(const Rows& rows) {
     const auto rank = std::tuple(lost / runs, cpu_s);
     if (rank >= best_rank) continue;
     best_rank = rank;
-    best = fmt::format("For big worlds: {}: {:.3g} CPU ms per step of {:g} bodies, {:g} of {:g} runs held",
-                       about(*variant.rows.front()), 1e3 * cpu_s, most_bodies, runs - lost, runs);
+    best = fmt::format("For big worlds: {}: {:.3g} CPU ms per step of {:g} bodies, {:g} of {:g} runs held{}",
+                       about(*variant.rows.front()), 1e3 * cpu_s, most_bodies, runs - lost, runs,
+                       lost == runs ? "; the fastest, as none held" : "");
   }
   return best;
 }

@@ -16,8 +16,10 @@ namespace {
 std::string cell(const Json& value) {
   if (value.is_null()) return "";
   if (value.is_string()) {
-    const std::string text = value.get<std::string>();
-    return text.find_first_of(",\"\n") == std::string::npos ? text : value.dump();
+    std::string text = value.get<std::string>();
+    if (text.find_first_of(",\"\n") == std::string::npos) return text;
+    for (std::size_t at = text.find('"'); at != std::string::npos; at = text.find('"', at + 2)) text.insert(at, 1, '"');
+    return '"' + text + '"';
   }
   if (value.is_number_float()) {
     const double number = value.get<double>();
