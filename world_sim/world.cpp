@@ -28,11 +28,6 @@ void mix(std::uint64_t& hash, const BodyState& s) noexcept {
   for (int i = 0; i < 3; ++i) mix(hash, s.angular_velocity[i]);
 }
 
-double kinetic_energy(const Body& body, const BodyState& s) noexcept {
-  const Vec3 spin = s.orientation.conjugate() * s.angular_velocity;
-  return 0.5 * (body.mass * s.linear_velocity.squaredNorm() + spin.cwiseProduct(body.inertia).dot(spin));
-}
-
 /// The world divides its step itself, to drive the proxies in each part.
 EngineSettings without_substeps(EngineSettings settings) {
   settings.substeps.reset();

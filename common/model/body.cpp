@@ -7,4 +7,9 @@ bool finite(const BodyState& state) noexcept {
          state.angular_velocity.allFinite();
 }
 
+double kinetic_energy(const Body& body, const BodyState& s) noexcept {
+  const Vec3 spin = s.orientation.conjugate() * s.angular_velocity;
+  return 0.5 * (body.mass * s.linear_velocity.squaredNorm() + spin.cwiseProduct(body.inertia).dot(spin));
+}
+
 }  // namespace subworld

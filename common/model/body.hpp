@@ -68,5 +68,7 @@ struct StampedBody {
 };
 
 [[nodiscard]] bool finite(const BodyState& state) noexcept;
+/// J
+[[nodiscard]] double kinetic_energy(const Body& body, const BodyState& state) noexcept;
 
 }  // namespace subworld

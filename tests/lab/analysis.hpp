@@ -1,13 +1,11 @@
 #pragma once
 
-#include "io/results.hpp"
+#include "lab/tables.hpp"
 
 #include <string>
 #include <vector>
 
 namespace subworld {
-
-using Rows = std::vector<Json>;  ///< one flat row per measured point
 
 /// CPU s per simulated s among which a user may have to choose.
 inline constexpr double kBudgets[] = {0.05, 0.1, 0.25, 0.5, 1.0};
@@ -21,8 +19,6 @@ inline constexpr double kImperceptibleOffset_s = 0.005;  ///< a third of the del
 /// one of many.
 [[nodiscard]] inline bool telling(double floor) { return floor <= kImperceptibleRms; }
 [[nodiscard]] bool imperceptible(const Json& row);
-/// Equal in every one of the columns.
-[[nodiscard]] bool alike(const Json& a, const Json& b, const std::vector<std::string>& columns);
 
 /// Whether another point under the same conditions is better in error or CPU and not worse in the other; errors under
 /// a telling floor are equal.
@@ -35,9 +31,5 @@ inline constexpr double kImperceptibleOffset_s = 0.005;  ///< a third of the del
 /// that differ in the column `x` alone: survivors above the floor, without delay. Fewer than two such points: p is
 /// null.
 [[nodiscard]] Json convergence(const Rows& rows, const std::string& x);
-
-/// As a table: an object in a row becomes a column for each of its entries, `null` an empty cell.
-/// Throws `Error` (failed).
-void write_csv(const std::string& path, const Rows& rows);
 
 }  // namespace subworld

@@ -1,31 +1,10 @@
 #include "lab/coupled_run.hpp"
 
+#include "lab/cpu_time.hpp"
+
 #include <algorithm>
-#include <ctime>
 
 namespace subworld {
-
-namespace {
-
-/// Adds the calling thread's CPU time while it lives.
-class CpuTimer {
- public:
-  explicit CpuTimer(Histogram& into) noexcept : into_(into), begin_(now()) {}
-  ~CpuTimer() { into_.add(now() - begin_); }
-  CpuTimer(const CpuTimer&) = delete;
-  CpuTimer& operator=(const CpuTimer&) = delete;
-
- private:
-  static double now() noexcept {
-    timespec t{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-  }
-  Histogram& into_;
-  double begin_;
-};
-
-}  // namespace
 
 CoupledRun::CoupledRun(const Scene& scene)
     : scene_(scene), world(scene_), felt(static_cast<std::size_t>(scene_.settings.users)) {

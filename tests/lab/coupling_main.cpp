@@ -1,29 +1,21 @@
 #include "coupling/scheme.hpp"
 #include "io/options.hpp"
 #include "lab/analysis.hpp"
+#include "lab/command_line.hpp"
 #include "lab/measure.hpp"
 #include "lab/report.hpp"
 #include "lab/sweep.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <cstdlib>
 #include <cstring>
-#include <ctime>
-#include <filesystem>
-#include <set>
 
 namespace {
 
 using namespace subworld;
-namespace fs = std::filesystem;
 
 constexpr std::size_t kMostTraces = 64;
 constexpr double kQuickDuration_s = 1.0;
@@ -37,34 +29,6 @@ struct Request {
   bool quick = false;
   std::string out;
 };
-
-/// deploy/scenes of the checkout that this program was built in; empty where there is none.
-fs::path scenes_folder() {
-  for (fs::path folder = fs::read_symlink("/proc/self/exe").parent_path(); folder.has_relative_path();
-       folder = folder.parent_path()) {
-    if (fs::is_directory(folder / "deploy/scenes")) return folder / "deploy/scenes";
-  }
-  return {};
-}
-
-/// A file, or the name of one in the scenes folder.
-std::string scene_file(const std::string& scene) {
-  if (fs::exists(scene)) return scene;
-  const fs::path file = scenes_folder() / (scene + ".yaml");
-  return scene.find('/') == std::string::npos && fs::exists(file) ? file.string() : scene;
-}
-
-std::vector<std::string> default_scenes(bool quick) {
-  if (scenes_folder().empty()) {
-    throw Error(ExitCode::usage,
-                "the folder deploy/scenes is not above this program; name the scene files on the command line");
-  }
-  return quick ? kQuickScenes : kScenes;
-}
-
-std::string not_finite(const std::string& text) {
-  return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : fmt::format("{} is not a finite number", text);
-}
 
 /// Throws `Error` (usage). An exit code where nothing is left to do.
 std::optional<int> parse(int argc, char** argv, Request& request) {
@@ -85,49 +49,39 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
   app.add_option("scene", sweep.scenes,
                  fmt::format("scene files, or names in deploy/scenes (default: {})", fmt::join(kScenes, " ")));
-  const auto list = [&](const char* flag, auto& values, const std::string& what) {
-    return app.add_option(flag, values, what)->delimiter(',')->allow_extra_args(false);
-  };
-  const auto numbers = [&](const char* flag, std::vector<double>& values, const std::string& what, double low,
-                           double high) { list(flag, values, what)->check(CLI::Range(low, high))->check(not_finite); };
-  list("--scheme", sweep.schemes,
-       "direct, paper, paper_literal (the device's force acts in the sub-world alone), reduced "
-       "(default: paper_literal,paper,reduced)")
+  add_list(app, "--scheme", sweep.schemes,
+           "direct, paper, paper_literal (the device's force acts in the sub-world alone), reduced "
+           "(default: paper_literal,paper,reduced)")
       ->check(CLI::IsMember({"direct", "paper", "paper_literal", "reduced"}));
-  CLI::Option* ratio = list("--ratio", sweep.ratios, "simulation ratios r = T / h (default: 1,4,10,20)");
+  CLI::Option* ratio = add_list(app, "--ratio", sweep.ratios, "simulation ratios r = T / h (default: 1,4,10,20)");
   ratio->check(CLI::Range(1, 1000));
-  numbers("--box", sweep.boxes_m, "half sides of the box around the proxy, m (default: the scene's)", 1e-3, 1e3);
-  list("--depth", sweep.contact_depths,
-       "bodies that hang on the proxy by so many contacts belong to the sub-world too (default: the scene's)")
+  add_numbers(app, "--box", sweep.boxes_m, "half sides of the box around the proxy, m (default: the scene's)", 1e-3,
+              1e3);
+  add_list(app, "--depth", sweep.contact_depths,
+           "bodies that hang on the proxy by so many contacts belong to the sub-world too (default: the scene's)")
       ->check(CLI::Range(0, 1000));
-  list("--substeps", sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme wants (default: 1)")
+  add_list(app, "--substeps", sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme wants (default: 1)")
       ->check(CLI::Range(0, 1000));
-  numbers("--latency", sweep.latencies_s, "added to the round trip, half each way, s (default: 0)", 0.0, 10.0);
-  numbers("--jitter", sweep.jitters_s, "most that a single message takes longer, s (default: 0)", 0.0, 10.0);
-  numbers("--stiffness", sweep.stiffness_factors, "factors on the coupling's stiffness (default: 1)", 1e-3, 1e3);
-  numbers("--h", sweep.h_s, "haptic steps, s (default: the scene's)", 1e-5, 0.1);
-  list("--engine", sweep.engines, "the world's engines (default: the scene's)");
-  list("--haptic-engine", sweep.haptic_engines, "the sub-worlds' engines (default: the scene's)");
+  add_numbers(app, "--latency", sweep.latencies_s, "added to the round trip, half each way, s (default: 0)", 0.0, 10.0);
+  add_numbers(app, "--jitter", sweep.jitters_s, "most that a single message takes longer, s (default: 0)", 0.0, 10.0);
+  add_numbers(app, "--stiffness", sweep.stiffness_factors, "factors on the coupling's stiffness (default: 1)", 1e-3,
+              1e3);
+  add_numbers(app, "--h", sweep.h_s, "haptic steps, s (default: the scene's)", 1e-5, 0.1);
+  add_list(app, "--engine", sweep.engines, "the world's engines (default: the scene's)");
+  add_list(app, "--haptic-engine", sweep.haptic_engines, "the sub-worlds' engines (default: the scene's)");
   app.add_option("--duration", sweep.duration_s, "simulated time, s (default: the scene's)")
       ->check(CLI::Range(0.05, 1e4))
       ->check(not_finite);
   app.add_flag("--quick", request.quick,
                fmt::format("a first look: scenes {}, ratios {}, {:g} s, where nothing else is asked",
                            fmt::join(kQuickScenes, " "), fmt::join(kQuickRatios, ","), kQuickDuration_s));
-  app.add_option("--out", request.out, "folder for the results (default: out/lab_coupling-TIME)");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& done) {
-    return app.exit(done);
-  } catch (const CLI::ParseError& wrong) {
-    throw Error(ExitCode::usage, fmt::format("{}; see subworld lab coupling --help", wrong.what()));
-  }
+  add_out(app, "coupling", request.out);
+  if (const auto code = parse_lab(app, argc, argv)) return code;
   if (request.quick && ratio->count() == 0) sweep.ratios = kQuickRatios;
   if (request.quick && !sweep.duration_s) sweep.duration_s = kQuickDuration_s;
-  if (sweep.scenes.empty()) sweep.scenes = default_scenes(request.quick);
+  if (sweep.scenes.empty()) sweep.scenes = scene_files(request.quick ? kQuickScenes : kScenes);
   for (std::string& scene : sweep.scenes) scene = scene_file(scene);
-  if (request.out.empty())
-    request.out = fmt::format("out/lab_coupling-{:%Y%m%d-%H%M%S}", fmt::localtime(std::time(nullptr)));
+  if (request.out.empty()) request.out = default_out("coupling");
   return std::nullopt;
 }
 
@@ -189,22 +143,16 @@ std::string verdict_of(const Rows& rows, std::size_t planned) {
       fmt::format("{} points: {} imperceptible, {} at the floor of their reference, {} did not survive", rows.size(),
                   count(imperceptible), count([](const Json& row) { return row.at("at_floor").get<bool>(); }),
                   count([](const Json& row) { return !row.at("survived").get<bool>(); }));
-  if (rows.size() < planned) verdict += fmt::format("; stopped after {} of {} points", rows.size(), planned);
-  return verdict;
-}
-
-std::string duration_text(double seconds) {
-  return seconds < 90.0 ? fmt::format("{:.0f} s", seconds) : fmt::format("{:.0f} min", seconds / 60.0);
+  return verdict + stopped_text(rows.size(), planned);
 }
 
 /// One line for each point, with the time that the rest may take.
 class Progress {
  public:
-  Progress(std::size_t points, const Sweep& sweep) : points_(points), sweep_(sweep) {}
+  Progress(std::size_t points, const Sweep& sweep)
+      : points_(points), sweep_(sweep), left_(static_cast<double>(points)) {}
   void operator()(const Rows& rows) {
     const Json& row = rows.back();
-    const double passed_s = std::chrono::duration<double>(Clock::now() - begin_).count();
-    const double left_s = passed_s / static_cast<double>(rows.size()) * static_cast<double>(points_ - rows.size());
     const double rms = row.at("force_error_rms").get<double>();
     fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (floor {:.2f} %){}  {:.3g} CPU s/s{}\n", rows.size(),
                points_, row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(),
@@ -213,12 +161,11 @@ class Progress {
                : comparable(row)               ? fmt::format("{:6.2f} %", 100.0 * rms)
                                                : "unknown, the reference felt no force",
                100.0 * row.at("reference_floor").get<double>(), row.at("at_floor").get<bool>() ? " at the floor" : "",
-               total_cpu(row), left_s > 0.0 ? fmt::format("  about {} left", duration_text(left_s)) : "");
+               total_cpu(row), left_.text(static_cast<double>(rows.size())));
     std::fflush(stdout);
   }
 
  private:
-  using Clock = std::chrono::steady_clock;
   std::string details(const Json& row) const {
     std::string text = fmt::format("box {:g} m", row.at("box_m").get<double>());
     if (sweep_.h_s.size() > 1) text += fmt::format(", h {:g} ms", 1e3 * row.at("h_s").get<double>());
@@ -238,7 +185,7 @@ class Progress {
 
   std::size_t points_;
   const Sweep& sweep_;
-  Clock::time_point begin_ = Clock::now();
+  TimeLeft left_;
 };
 
 Findings sweep_all(const Sweep& sweep, const std::vector<Point>& points, const std::string& out) {
@@ -260,9 +207,7 @@ Findings sweep_all(const Sweep& sweep, const std::vector<Point>& points, const s
 }
 
 Json summary_of(const Request& request, const Findings& found, std::size_t planned) {
-  Json summary{{"lab", "coupling"}, {"date", fmt::format("{:%Y-%m-%d %H:%M}", fmt::localtime(std::time(nullptr)))}};
-  summary["points"] = found.rows.size();
-  summary["planned"] = planned;
+  Json summary = begin_summary("coupling", found.rows.size(), planned);
   summary["sweep"] = asked(request.sweep);
   summary["scenes"] = Json::array();
   for (const std::string& scene : request.sweep.scenes) {
@@ -271,7 +216,6 @@ Json summary_of(const Request& request, const Findings& found, std::size_t plann
     point.duration_s = request.sweep.duration_s;
     summary["scenes"].push_back(effective(reference_scene_of(point)));
   }
-  summary["machine"] = machine();
   summary["traces"] = Json::array();
   for (const Trace& t : found.traces) summary["traces"].push_back("traces/" + t.name + ".csv");
   Json fits = convergence(found.rows, "ratio");
@@ -305,16 +249,8 @@ int run_lab(int argc, char** argv) {
 
   Findings found = sweep_all(request.sweep, points, out);
   found.summary = summary_of(request, found, points.size());
-  write_json(out + "/results.json", found.rows);
-  write_csv(out + "/results.csv", found.rows);
-  write_json(out + "/summary.json", found.summary);
   print_orders(found);
-  fmt::print("{}{}\nresults: {}/results.csv\n",
-             stop_signal() != 0 ? fmt::format("stopped by SIG{}: ", sigabbrev_np(stop_signal())) : "",
-             found.summary.at("verdict").get<std::string>(), out);
-  write_report(out + "/report.html", found);
-  fmt::print("report: {}/report.html\n", out);
-  return static_cast<int>(ExitCode::done);
+  return end_lab(out, found.rows, found.summary, [&](const std::string& page) { write_report(page, found); });
 }
 
 }  // namespace

@@ -79,6 +79,15 @@ std::string log_axis(char axis, const Range& range, const std::vector<double>& t
   return text + fmt::format("set {}tics ({})\n", axis, list);
 }
 
+/// Range and ticks of an axis with a name for each whole number.
+std::string named_axis(const std::vector<std::string>& names) {
+  std::string list;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    list += fmt::format("{}\"{}\" {}", list.empty() ? "" : ", ", names[i], i + 1);
+  return fmt::format("set xrange [0.7:{}.3]\nset xtics ({})\nset xlabel offset 0,-1\nset bmargin 5\n", names.size(),
+                     list);
+}
+
 std::string script_of(const Plot& plot, std::size_t number) {
   std::string text = fmt::format(
       "reset\nset term svg size 720,{} dynamic noenhanced background 'white' font 'sans-serif,13'\nset output "
@@ -118,6 +127,7 @@ std::string script_of(const Plot& plot, std::size_t number) {
   }
   if (plot.log_x) text += log_axis('x', x, plot.x_ticks);
   if (plot.log_y) text += log_axis('y', y, {});
+  if (!plot.x_names.empty()) text += named_axis(plot.x_names);
   return text + data + "plot " + curves + "\n";
 }
 

@@ -28,7 +28,8 @@ struct Plot {
   std::string y_label;
   bool log_x = false;
   bool log_y = false;
-  std::vector<double> x_ticks;  ///< empty: by themselves
+  std::vector<double> x_ticks;            ///< empty: by themselves
+  std::vector<std::string> x_names = {};  ///< of x = 1, 2 ...; "\n" begins a line
   std::vector<Series> series;
   std::vector<Level> levels;
 };

@@ -1,34 +1,14 @@
 #include "lab/report.hpp"
-
-#include "model/error.hpp"
+#include "lab/page.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 
 namespace subworld {
 
 namespace {
-
-constexpr const char* kHead = R"(<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>Felt-force error against run time</title>
-<style>
-body { font: 15px/1.5 sans-serif; color: #222; background: #fff; max-width: 1500px; margin: 2em auto; padding: 0 1.5em; }
-h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { margin-top: 2.2em; border-bottom: 2px solid #0072b2; }
-p { max-width: 70em; } .facts { color: #555; }
-.plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(520px, 1fr)); gap: 1em; }
-.plots svg { width: 100%; height: auto; border: 1px solid #ddd; border-radius: 4px; }
-.wide { overflow-x: auto; } table { border-collapse: collapse; font-size: 0.85em; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.2em 0.6em; border-bottom: 1px solid #e4e4e4; text-align: right; white-space: nowrap; }
-th { background: #f2f5f8; vertical-align: bottom; white-space: normal; } .text { text-align: left; }
-.dominated td { color: #767676; background: #fafafa; } .good { color: #00704f; font-weight: bold; }
-.doubt { background: #fdf6e3; padding: 0.5em 1em; border-left: 4px solid #b8860b; }
-.choice { background: #eef7f3; padding: 0.5em 1em; border-left: 4px solid #009e73; }
-</style></head><body>
-)";
 
 constexpr const char* kHowToRead = R"(<p>Each point is the whole system (world, sub-worlds, emulated devices) run in
 lock-step in one process. The <b>felt force</b> is compared with that of a <b>reference</b>: the same scene and engine in
@@ -46,35 +26,6 @@ most that a body ends away from where the reference has it; <b>energy excess</b>
 devices; <b>ghosts</b> the outside bodies that the scheme <i>reduced</i> models.</p>
 )";
 
-std::string escaped(const std::string& text) {
-  std::string safe;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        safe += "&amp;";
-        break;
-      case '<':
-        safe += "&lt;";
-        break;
-      case '>':
-        safe += "&gt;";
-        break;
-      default:
-        safe += c;
-    }
-  }
-  return safe;
-}
-
-/// A column of the table of numbers.
-struct Column {
-  const char* title;
-  const char* key;
-  double scale;
-  int digits;                   ///< significant
-  const char* inner = nullptr;  ///< of an object
-  bool only_swept = false;      ///< left out where all rows are alike
-};
 constexpr Column kColumns[] = {{"engine", "engine", 1, 0, nullptr, true},
                                {"haptic engine", "haptic_engine", 1, 0, nullptr, true},
                                {"r", "ratio", 1, 4},
@@ -105,14 +56,6 @@ constexpr Column kColumns[] = {{"engine", "engine", 1, 0, nullptr, true},
                                {"world step p99 ms", "world_step_s", 1e3, 3, "p99"},
                                {"haptic step p99 ms", "haptic_step_s", 1e3, 3, "p99"}};
 
-std::string shown(const Column& column, const Json& row) {
-  const Json* value = &row.at(column.key);
-  if (column.inner != nullptr) value = &value->at(column.inner);
-  if (value->is_string()) return escaped(*value);
-  const double number = column.scale * value->get<double>();
-  return std::isfinite(number) ? fmt::format("{:.{}g}", number, column.digits) : "&ndash;";
-}
-
 std::string marks_of(const Json& row, bool is_dominated) {
   std::string marks;
   const auto add = [&](bool holds, const char* text) {
@@ -138,7 +81,7 @@ std::string table_of(const Rows& rows) {
     const bool grey = dominated(row, rows);
     text += fmt::format("<tr{}><td class=text>{}</td>", grey ? " class=dominated" : "",
                         escaped(row.at("scheme").get<std::string>()));
-    for (const Column& column : kept) text += fmt::format("<td>{}</td>", shown(column, row));
+    for (const Column& column : kept) text += fmt::format("<td>{}</td>", cell_of(column, row));
     text += fmt::format("<td>{:.3g}</td><td class=text>{}</td></tr>\n", total_cpu(row), marks_of(row, grey));
   }
   return text +
@@ -206,29 +149,7 @@ std::string orders_page(const std::vector<std::string>& lines) {
   return text + "</ul>\n";
 }
 
-std::string intro_of(const Json& summary) {
-  std::string scenes;
-  for (const Json& scene : summary.at("scenes"))
-    scenes += fmt::format("{}{}", scenes.empty() ? "" : ", ", scene.at("scene").get<std::string>());
-  const Json& machine = summary.at("machine");
-  return fmt::format(
-      "<h1>Felt-force error against run time</h1>\n<p class=facts>Scenes: {}<br>{} &middot; {}, {} cores, {} {}, "
-      "compiler {}<br>Verdict: {}</p>\n",
-      escaped(scenes), summary.at("date").get<std::string>(), escaped(machine.at("cpu").get<std::string>()),
-      machine.at("cores").get<int>(), machine.at("system").get<std::string>(), machine.at("kernel").get<std::string>(),
-      escaped(machine.at("compiler").get<std::string>()), escaped(summary.at("verdict").get<std::string>()));
-}
-
 }  // namespace
-
-std::vector<Rows> by_scene(const Rows& rows) {
-  std::vector<Rows> scenes;
-  for (const Json& row : rows) {
-    if (scenes.empty() || scenes.back().front().at("scene") != row.at("scene")) scenes.emplace_back();
-    scenes.back().push_back(row);
-  }
-  return scenes;
-}
 
 std::vector<std::string> orders_of(const Json& fits, const Rows& rows) {
   std::vector<std::string> columns = swept(rows);
@@ -263,20 +184,22 @@ void write_report(const std::string& path, const Findings& found) {
   }
   const std::vector<std::string> pictures = svg_of(plots);
 
-  std::ofstream page(path);
-  page << kHead << intro_of(found.summary) << kHowToRead;
+  Page page(path, "Felt-force error against run time");
+  std::string scenes;
+  for (const Json& scene : found.summary.at("scenes"))
+    scenes += fmt::format("{}{}", scenes.empty() ? "" : ", ", scene.at("scene").get<std::string>());
+  page.intro("Scenes: " + scenes, found.summary);
+  page.add(kHowToRead);
   for (const Section& section : sections) {
     const std::string scene = section.rows.front().at("scene");
-    page << "<h2>" << escaped(scene) << "</h2>\n"
-         << facts_of(*std::ranges::find_if(found.summary.at("scenes"),
-                                           [&](const Json& s) { return s.at("scene") == scene; }))
-         << doubt_of(section.rows) << choices_of(section.rows) << "<div class=plots>\n";
-    for (std::size_t i = 0; i < section.plots; ++i) page << "<div>" << pictures[section.first_plot + i] << "</div>\n";
-    page << "</div>\n"
-         << orders_page(orders_of(found.summary.at("convergence"), section.rows)) << table_of(section.rows);
+    page.heading(scene);
+    page.add(facts_of(*std::ranges::find_if(found.summary.at("scenes"),
+                                            [&](const Json& s) { return s.at("scene") == scene; })) +
+             doubt_of(section.rows) + choices_of(section.rows));
+    page.plots(pictures.data() + section.first_plot, section.plots);
+    page.add(orders_page(orders_of(found.summary.at("convergence"), section.rows)) + table_of(section.rows));
   }
-  page << "</body></html>\n";
-  if (!page.flush()) throw Error(ExitCode::failed, fmt::format("{}: cannot write; is the disk full?", path));
+  page.close();
 }
 
 }  // namespace subworld

@@ -22,7 +22,6 @@ struct Findings {
 /// The swept columns of a row in words: "r 4, box 0.2 m"; without the column `x`.
 [[nodiscard]] std::string swept_text(const Json& row, const std::vector<std::string>& columns, const std::string& x);
 
-[[nodiscard]] std::vector<Rows> by_scene(const Rows& rows);
 /// The observed orders of one scene in words, a line for each fit (lab/analysis).
 [[nodiscard]] std::vector<std::string> orders_of(const Json& fits, const Rows& rows);
 

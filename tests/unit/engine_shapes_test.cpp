@@ -30,7 +30,8 @@ constexpr Restless kRestless[] = {
     {"ode", ShapeKind::convex, ShapeKind::mesh, 10.0, "ODE makes a hull's points on triangles by tilting it a little"},
     {"bullet", ShapeKind::cylinder, ShapeKind::mesh, 10.0,
      "Bullet finds a lying cylinder's points one by one, step by step"},
-    {"bullet_float", ShapeKind::cylinder, ShapeKind::mesh, 50.0, "the same; rounding sets it rolling"},
+    {"bullet_float", ShapeKind::cylinder, ShapeKind::mesh, 100.0, "the same; rounding sets it rolling"},
+    {"bullet_float", ShapeKind::capsule, ShapeKind::mesh, 2.0, "rounding sets it rolling"},
     {"bullet_float", ShapeKind::cylinder, ShapeKind::box, 50.0, "the same; rounding sets it rolling"},
 };
 

@@ -1,0 +1,102 @@
+#include "lab/command_line.hpp"
+
+#include "model/error.hpp"
+#include "rt/stop.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+
+namespace subworld {
+
+namespace fs = std::filesystem;
+
+fs::path scenes_folder() {
+  for (fs::path folder = fs::read_symlink("/proc/self/exe").parent_path(); folder.has_relative_path();
+       folder = folder.parent_path()) {
+    if (fs::is_directory(folder / "deploy/scenes")) return folder / "deploy/scenes";
+  }
+  return {};
+}
+
+std::string scene_file(const std::string& scene) {
+  if (fs::exists(scene)) return scene;
+  const fs::path file = scenes_folder() / (scene + ".yaml");
+  return scene.find('/') == std::string::npos && fs::exists(file) ? file.string() : scene;
+}
+
+std::vector<std::string> scene_files(const std::vector<std::string>& names) {
+  if (scenes_folder().empty()) {
+    throw Error(ExitCode::usage,
+                "the folder deploy/scenes is not above this program; name the scene files on the command line");
+  }
+  std::vector<std::string> files;
+  for (const std::string& name : names) files.push_back(scene_file(name));
+  return files;
+}
+
+std::string not_finite(const std::string& text) {
+  return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : fmt::format("{} is not a finite number", text);
+}
+
+void add_out(CLI::App& app, const std::string& lab, std::string& out) {
+  app.add_option("--out", out, fmt::format("folder for the results (default: out/lab_{}-TIME)", lab));
+}
+
+std::optional<int> parse_lab(CLI::App& app, int argc, char** argv) {
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& done) {
+    return app.exit(done);
+  } catch (const CLI::ParseError& wrong) {
+    throw Error(ExitCode::usage, fmt::format("{}; see {} --help", wrong.what(), app.get_name()));
+  }
+  return std::nullopt;
+}
+
+std::string default_out(const std::string& lab) {
+  return fmt::format("out/lab_{}-{:%Y%m%d-%H%M%S}", lab, fmt::localtime(std::time(nullptr)));
+}
+
+Json begin_summary(const std::string& lab, std::size_t points, std::size_t planned) {
+  return {{"lab", lab},
+          {"date", fmt::format("{:%Y-%m-%d %H:%M}", fmt::localtime(std::time(nullptr)))},
+          {"points", points},
+          {"planned", planned},
+          {"machine", machine()}};
+}
+
+std::string stopped_text(std::size_t points, std::size_t planned) {
+  return points < planned ? fmt::format("; stopped after {} of {} points", points, planned) : "";
+}
+
+int end_lab(const std::string& out, const Rows& rows, const Json& summary,
+            const std::function<void(const std::string&)>& report) {
+  write_json(out + "/results.json", rows);
+  write_csv(out + "/results.csv", rows);
+  write_json(out + "/summary.json", summary);
+  fmt::print("{}{}\nresults: {}/results.csv\n",
+             stop_signal() != 0 ? fmt::format("stopped by SIG{}: ", sigabbrev_np(stop_signal())) : "",
+             summary.at("verdict").get<std::string>(), out);
+  const std::string page = out + "/report.html";
+  report(page);
+  fmt::print("report: {}\n", page);
+  return static_cast<int>(ExitCode::done);
+}
+
+std::string left_text(double left_s) {
+  if (!(left_s > 0.0)) return "";
+  return left_s < 90.0 ? fmt::format("  about {:.0f} s left", left_s)
+                       : fmt::format("  about {:.0f} min left", left_s / 60.0);
+}
+
+std::string TimeLeft::text(double done) const {
+  const double passed_s = std::chrono::duration<double>(Clock::now() - begin_).count();
+  return left_text(passed_s / done * (work_ - done));
+}
+
+}  // namespace subworld
