@@ -2,10 +2,12 @@
 
 #include "model/error.hpp"
 #include "physics/bullet.hpp"
+#ifdef SUBWORLD_HAVOK
+#include "physics/havok/havok.hpp"
+#endif
 
 #include <fmt/format.h>
 
-#include <array>
 #include <string>
 
 namespace subworld {
@@ -17,7 +19,12 @@ struct Maker {
   std::unique_ptr<Engine> (*make)(const EngineSettings&, std::span<const Mesh>);
 };
 
-constexpr std::array kMakers{Maker{"bullet", make_bullet}};
+constexpr Maker kMakers[] = {
+    {"bullet", make_bullet},
+#ifdef SUBWORLD_HAVOK
+    {"havok", make_havok},
+#endif
+};
 
 }  // namespace
 

@@ -49,6 +49,8 @@ class EngineTest : public testing::TestWithParam<std::tuple<std::string, std::st
     engine->add(floor_plane(BodyId{0}), BodyState{});
     engine->add(cube(BodyId{1}), at(0, 0, 0.05));
   }
+  /// Relative; engines other than Bullet calculate in single precision.
+  double precision() const { return engine->name() == "bullet" ? 1e-12 : 1e-6; }
   void settle(double seconds) {
     for (double t = 0.0; t < seconds; t += dt) engine->step(dt);
   }
@@ -68,6 +70,7 @@ TEST_P(EngineTest, ContactImpulsesCarryTheWeight) {
 }
 
 TEST_P(EngineTest, FrictionCarriesAForceBelowTheCone) {
+  const bool tells = engine->capabilities().tangential_impulse != Fidelity::absent;
   settle(1.0);
   const double pull = 0.4 * 0.5 * 0.2 * kG;  // 40 % of mu m g
   Vec3 friction = Vec3::Zero();
@@ -78,7 +81,7 @@ TEST_P(EngineTest, FrictionCarriesAForceBelowTheCone) {
     engine->step(dt);
     if (i >= steps) friction += totals(*engine, BodyId{1}).tangential;
   }
-  EXPECT_NEAR(friction.x(), -pull * dt * steps, 0.05 * pull * dt * steps);
+  if (tells) EXPECT_NEAR(friction.x(), -pull * dt * steps, 0.05 * pull * dt * steps);
   EXPECT_LT((engine->state(BodyId{1}).position - before).head<2>().norm(), 1e-3);
 }
 
@@ -92,6 +95,9 @@ TEST_P(EngineTest, SlidingFrictionIsMuTimesNormal) {
     normal += totals(*engine, BodyId{1}).normal;
   }
   EXPECT_GT(engine->state(BodyId{1}).linear_velocity.x(), 0.5);
+  if (engine->capabilities().tangential_impulse == Fidelity::absent) {
+    friction = 0.2 * engine->state(BodyId{1}).linear_velocity.x() - 2.0 * 0.5 * 0.2 * kG * 0.3;  // what slowed it
+  }
   EXPECT_NEAR(-friction / normal, 0.5, 0.025);
 }
 
@@ -100,9 +106,9 @@ TEST_P(EngineTest, ImpulseChangesVelocityAtOnce) {
   ASSERT_TRUE(engine->set_state(BodyId{1}, up));
   ASSERT_TRUE(engine->apply_impulse(BodyId{1}, {0, 0.2, 0}, {0.05, 0, 5}));
   const BodyState s = engine->state(BodyId{1});
-  EXPECT_NEAR(s.linear_velocity.y(), 1.0, 1e-12);
+  EXPECT_NEAR(s.linear_velocity.y(), 1.0, precision());
   const double inertia = 0.2 * 0.01 / 6.0;
-  EXPECT_NEAR(s.angular_velocity.z(), 0.05 * 0.2 / inertia, 1e-9);
+  EXPECT_NEAR(s.angular_velocity.z(), 0.05 * 0.2 / inertia, 1e3 * precision());
 }
 
 TEST_P(EngineTest, ForceActsForOneStepOnly) {
@@ -110,16 +116,17 @@ TEST_P(EngineTest, ForceActsForOneStepOnly) {
   engine->apply_force(BodyId{1}, {1, 0, 0}, Vec3::Zero());
   engine->step(dt);
   const double v = engine->state(BodyId{1}).linear_velocity.x();
-  EXPECT_NEAR(v, dt / 0.2, 1e-12);
+  EXPECT_NEAR(v, dt / 0.2, precision());
   engine->step(dt);
-  EXPECT_NEAR(engine->state(BodyId{1}).linear_velocity.x(), v, 1e-12);
+  EXPECT_NEAR(engine->state(BodyId{1}).linear_velocity.x(), v, precision());
 }
 
 TEST_P(EngineTest, InertiaLeavesTheWeightAlone) {
   ASSERT_TRUE(engine->set_state(BodyId{1}, at(0, 0, 5)));
   engine->set_inertia(BodyId{1}, 0.4, Vec3::Constant(0.01));
   engine->step(dt);
-  EXPECT_NEAR(engine->state(BodyId{1}).linear_velocity.z(), -0.5 * kG * dt, 1e-9);  // weight 0.2 g on 0.4 kg
+  EXPECT_NEAR(engine->state(BodyId{1}).linear_velocity.z(), -0.5 * kG * dt,
+              1e3 * precision() * kG * dt);  // weight 0.2 g on 0.4 kg
 }
 
 TEST_P(EngineTest, OverlapUsesTheBodysOwnBounds) {
@@ -186,14 +193,22 @@ TEST_P(EngineTest, EqualRunsGiveEqualBits) {
   EXPECT_EQ(run(), run());
 }
 
+std::string test_name(const testing::TestParamInfo<EngineTest::ParamType>& tested) {
+  return std::get<1>(tested.param) + "_" + std::to_string(static_cast<int>(1e6 * std::get<2>(tested.param))) + "us";
+}
+
 INSTANTIATE_TEST_SUITE_P(Bullet, EngineTest,
                          testing::Values(std::tuple{"bullet", "fast", 0.001}, std::tuple{"bullet", "fast", 0.004},
                                          std::tuple{"bullet", "quality", 0.001},
                                          std::tuple{"bullet", "quality", 1.0 / 60.0}),
-                         [](const auto& tested) {
-                           return std::get<1>(tested.param) + "_" +
-                                  std::to_string(static_cast<int>(1e6 * std::get<2>(tested.param))) + "us";
-                         });
+                         test_name);
+
+#ifdef SUBWORLD_HAVOK
+INSTANTIATE_TEST_SUITE_P(Havok, EngineTest,
+                         testing::Values(std::tuple{"havok", "fast", 0.001}, std::tuple{"havok", "fast", 0.004},
+                                         std::tuple{"havok", "quality", 0.004}),
+                         test_name);
+#endif
 
 TEST(Engines, UnknownNamesAreErrorsThatNameTheCure) {
   try {
