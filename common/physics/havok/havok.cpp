@@ -56,8 +56,10 @@ struct Slot {
   bool fixed = false;
   bool plane = false;
   bool rotates = true;
-  Vec3 weight = Vec3::Zero();  ///< N
-  Vec3 force = Vec3::Zero();   ///< of the next step
+  double mass = 0.0;            ///< kg
+  Vec3 inertia = Vec3::Zero();  ///< kg m^2
+  Vec3 weight = Vec3::Zero();   ///< N
+  Vec3 force = Vec3::Zero();    ///< of the next step
   Vec3 torque = Vec3::Zero();
   BodyState after;  ///< of a movable body at the end of the last sub-step
 };
@@ -67,7 +69,7 @@ struct SavedBody {
   std::uint32_t id;
   std::uint32_t padding;
   Handle body, shape;
-  std::array<double, 9> loads;
+  std::array<double, 13> numbers;
 };
 
 class Havok final : public Engine {
@@ -83,6 +85,7 @@ class Havok final : public Engine {
     world_ = scratch.get<Handle>(out);
     // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.
     check(w2c_havok_HP_World_SetGravity(module_.get(), world_, scratch.put(Float3{})), "setting gravity");
+    remove_drag(module_);
     // Zero switches off that contacts get softer the shorter the step is against 1/60 s.
     check(w2c_havok_HP_World_SetIdealStepTime(module_.get(), world_, 0.0F), "setting the step");
     check(w2c_havok_HP_World_SetSpeedLimit(module_.get(), world_, kSpeedLimit, kSpeedLimit), "setting the limits");
@@ -160,16 +163,14 @@ class Havok final : public Engine {
 
   bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
     if (!linear.allFinite() || !angular.allFinite()) return false;
-    const Slot& slot = at(id);
-    wasm::Scratch& scratch = module_.scratch();
-    check(w2c_havok_HP_Body_SetLinearVelocity(module_.get(), slot.body, scratch.put(to_havok(linear))), "a velocity");
-    check(w2c_havok_HP_Body_SetAngularVelocity(module_.get(), slot.body, scratch.put(to_havok(angular))),
-          "an angular velocity");
+    set_velocities(at(id), linear, angular);
     return true;
   }
 
   void set_inertia(BodyId id, double mass, const Vec3& inertia) override {
-    const Slot& slot = at(id);
+    Slot& slot = at(id);
+    slot.mass = mass;
+    slot.inertia = inertia;
     const MassProperties properties{.centre = {},
                                     .mass = static_cast<float>(mass),
                                     .inertia_of_unit_mass = slot.rotates ? to_havok(Vec3(inertia / mass)) : Float3{},
@@ -179,7 +180,9 @@ class Havok final : public Engine {
 
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
     if (!impulse.allFinite() || !point.allFinite()) return false;
-    push(at(id), impulse, point);
+    const Slot& slot = at(id);
+    const BodyState now = read_state(slot);
+    accelerate(slot, now, impulse, (point - now.position).cross(impulse));
     return true;
   }
 
@@ -219,16 +222,14 @@ class Havok final : public Engine {
 
   Checkpoint checkpoint() const override {
     Checkpoint saved;
-    const auto append = [&saved](const auto& value) {
-      const auto* begin = reinterpret_cast<const std::byte*>(&value);
-      saved.bytes.insert(saved.bytes.end(), begin, begin + sizeof value);
-    };
+    const auto append = [&saved](const auto& value) { wasm::append(&value, sizeof value, saved.bytes); };
     append(static_cast<std::uint64_t>(ids_.size()));
     for (std::uint32_t id = 0; id < slots_.size(); ++id) {
       const Slot& slot = slots_[id];
       if (slot.body == 0) continue;
       SavedBody entry{id, 0, slot.body, slot.shape, {}};
-      Eigen::Map<Eigen::Matrix<double, 9, 1>>(entry.loads.data()) << slot.weight, slot.force, slot.torque;
+      Eigen::Map<Eigen::Matrix<double, 13, 1>>(entry.numbers.data()) << slot.mass, slot.inertia, slot.weight,
+          slot.force, slot.torque;
       append(entry);
     }
     wasm::save(module_.memory(), saved.bytes);
@@ -251,13 +252,15 @@ class Havok final : public Engine {
     ids_.clear();
     for (std::size_t i = 0; i < count; ++i) {
       const SavedBody entry = entry_at(i);
-      const Eigen::Map<const Eigen::Matrix<double, 9, 1>> loads(entry.loads.data());
+      const Eigen::Map<const Eigen::Matrix<double, 13, 1>> x(entry.numbers.data());
       Slot& slot = slots_[entry.id];
       slot.body = entry.body;
       slot.shape = entry.shape;
-      slot.weight = loads.segment<3>(0);
-      slot.force = loads.segment<3>(3);
-      slot.torque = loads.segment<3>(6);
+      slot.mass = x[0];
+      slot.inertia = x.segment<3>(1);
+      slot.weight = x.segment<3>(4);
+      slot.force = x.segment<3>(7);
+      slot.torque = x.segment<3>(10);
       ids_[entry.body] = entry.id;
     }
     contacts_.clear();
@@ -285,31 +288,33 @@ class Havok final : public Engine {
     wasm::Scratch& scratch = module_.scratch();
     const QTransform pose{to_havok(state.position), to_havok(state.orientation)};
     check(w2c_havok_HP_Body_SetQTransform(module_.get(), slot.body, scratch.put(pose)), "a pose");
-    if (slot.fixed) return;
-    check(w2c_havok_HP_Body_SetLinearVelocity(module_.get(), slot.body, scratch.put(to_havok(state.linear_velocity))),
-          "a velocity");
-    check(w2c_havok_HP_Body_SetAngularVelocity(module_.get(), slot.body, scratch.put(to_havok(state.angular_velocity))),
+    if (!slot.fixed) set_velocities(slot, state.linear_velocity, state.angular_velocity);
+  }
+
+  void set_velocities(const Slot& slot, const Vec3& linear, const Vec3& angular) {
+    wasm::Scratch& scratch = module_.scratch();
+    check(w2c_havok_HP_Body_SetLinearVelocity(module_.get(), slot.body, scratch.put(to_havok(linear))), "a velocity");
+    check(w2c_havok_HP_Body_SetAngularVelocity(module_.get(), slot.body, scratch.put(to_havok(angular))),
           "an angular velocity");
   }
 
-  /// Impulse in N s at a point in m, world frame.
-  void push(const Slot& slot, const Vec3& impulse, const Vec3& point) {
-    wasm::Scratch& scratch = module_.scratch();
-    const wasm::Address where = scratch.put(to_havok(point));
-    check(w2c_havok_HP_Body_ApplyImpulse(module_.get(), slot.body, where, scratch.put(to_havok(impulse))),
-          "an impulse");
+  /// Changes the velocities by an impulse (N s) and an angular impulse (N m s) about the centre of mass. Havok's own
+  /// functions would do it with its inverse masses, which it keeps to 8 bits: up to 0.4 % off.
+  void accelerate(const Slot& slot, const BodyState& now, const Vec3& impulse, const Vec3& angular) {
+    Vec3 turn = Vec3::Zero();
+    if (slot.rotates) {
+      turn = now.orientation * Vec3((now.orientation.conjugate() * angular).cwiseQuotient(slot.inertia));
+    }
+    set_velocities(slot, now.linear_velocity + impulse / slot.mass, now.angular_velocity + turn);
   }
 
   /// Weight and applied forces of a sub-step of length `h` (s).
   void apply_loads(double h) {
     for (const std::uint32_t id : movable_) {
       const Slot& slot = slots_[id];
-      const Vec3 impulse = h * (slot.weight + slot.force);
-      if (!impulse.isZero(0.0)) push(slot, impulse, read_state(slot).position);
-      if (slot.torque.isZero(0.0) || !slot.rotates) continue;
-      check(w2c_havok_HP_Body_ApplyAngularImpulse(module_.get(), slot.body,
-                                                  module_.scratch().put(to_havok(Vec3(h * slot.torque)))),
-            "a torque");
+      const Vec3 force = slot.weight + slot.force;
+      if (force.isZero(0.0) && slot.torque.isZero(0.0)) continue;
+      accelerate(slot, read_state(slot), h * force, h * slot.torque);
     }
   }
 

@@ -84,6 +84,22 @@ void check(std::uint32_t result, const char* what) {
   if (result != 0) throw Error(ExitCode::failed, fmt::format("havok: {} failed with {:#x}", what, result));
 }
 
+void remove_drag(Module& module) {
+  // Motion properties, as words: largest speeds, two numbers, angular damping, the brake. Found by their defaults.
+  constexpr std::size_t kBrake = 5;
+  constexpr std::uint32_t kSpeed = 0x43480000, kTurn = 0x42c80000, kDamping = 0x3dcccccd, kBrakeValue = 0x3e999999;
+  const wasm_rt_memory_t& memory = module.memory();
+  int found = 0;
+  std::array<std::uint32_t, kBrake + 1> words;
+  for (std::uint64_t at = 0; at + sizeof words <= memory.size; at += sizeof(std::uint32_t)) {
+    std::memcpy(words.data(), memory.data + at, sizeof words);
+    if (words[0] != kSpeed || words[1] != kTurn || words[4] != kDamping || words[kBrake] != kBrakeValue) continue;
+    wasm::store(memory, static_cast<wasm::Address>(at + kBrake * sizeof(std::uint32_t)), 0.0F);
+    ++found;
+  }
+  if (found == 0) throw Error(ExitCode::failed, "havok: its motion properties are not where version 1.3.14 has them");
+}
+
 Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> meshes) {
   wasm::Scratch& scratch = module.scratch();
   const wasm::Address out = scratch.room<Handle>();

@@ -90,6 +90,11 @@ class Module {
 /// Throws `Error` unless `result` is Havok's OK.
 void check(std::uint32_t result, const char* what);
 
+/// Havok brakes every body by 3 % of gravity, so that heaps come to rest; no function switches it off. This does, for
+/// the bodies that are made later: it is a number in the motion properties that all bodies start from. Call when
+/// gravity was set to zero; throws `Error` where the number is not found.
+void remove_drag(Module& module);
+
 /// Makes a shape; `meshes` are the scene's. Throws `Error` where it cannot be made.
 [[nodiscard]] Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> meshes);
 

@@ -17,16 +17,18 @@ bool all_zero(const std::uint8_t* block) {
 
 }  // namespace
 
+void append(const void* from, std::size_t size, std::vector<std::byte>& to) {
+  const std::size_t end = to.size();
+  to.resize(end + size);
+  std::memcpy(to.data() + end, from, size);
+}
+
 void save(const wasm_rt_memory_t& memory, std::vector<std::byte>& out) {
-  const auto append = [&out](const void* from, std::size_t size) {
-    const auto* begin = static_cast<const std::byte*>(from);
-    out.insert(out.end(), begin, begin + size);
-  };
-  append(&memory.pages, sizeof memory.pages);
+  append(&memory.pages, sizeof memory.pages, out);
   for (std::uint64_t at = 0; at < memory.size; at += kBlock) {
     if (all_zero(memory.data + at)) continue;
-    append(&at, sizeof at);
-    append(memory.data + at, kBlock);
+    append(&at, sizeof at, out);
+    append(memory.data + at, kBlock, out);
   }
 }
 

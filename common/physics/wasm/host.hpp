@@ -71,6 +71,7 @@ class Scratch {
   Address begin_ = 0, end_ = 0, next_ = 0;
 };
 
+void append(const void* from, std::size_t size, std::vector<std::byte>& to);
 /// Appends the memory's content, without the blocks that are all zero. Exact: between two calls a module's whole state
 /// lies in its memory.
 void save(const wasm_rt_memory_t& memory, std::vector<std::byte>& out);
