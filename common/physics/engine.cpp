@@ -5,6 +5,9 @@
 #ifdef SUBWORLD_HAVOK
 #include "physics/havok/havok.hpp"
 #endif
+#ifdef SUBWORLD_PHYSX
+#include "physics/physx/physx.hpp"
+#endif
 
 #include <fmt/format.h>
 
@@ -23,6 +26,9 @@ constexpr Maker kMakers[] = {
     {"bullet", make_bullet},
 #ifdef SUBWORLD_HAVOK
     {"havok", make_havok},
+#endif
+#ifdef SUBWORLD_PHYSX
+    {"physx", make_physx},
 #endif
 };
 

@@ -81,7 +81,9 @@ TEST_P(EngineTest, FrictionCarriesAForceBelowTheCone) {
     engine->step(dt);
     if (i >= steps) friction += totals(*engine, BodyId{1}).tangential;
   }
-  if (tells) EXPECT_NEAR(friction.x(), -pull * dt * steps, 0.05 * pull * dt * steps);
+  if (tells) {
+    EXPECT_NEAR(friction.x(), -pull * dt * steps, 0.05 * pull * dt * steps);
+  }
   EXPECT_LT((engine->state(BodyId{1}).position - before).head<2>().norm(), 1e-3);
 }
 
@@ -207,6 +209,13 @@ INSTANTIATE_TEST_SUITE_P(Bullet, EngineTest,
 INSTANTIATE_TEST_SUITE_P(Havok, EngineTest,
                          testing::Values(std::tuple{"havok", "fast", 0.001}, std::tuple{"havok", "fast", 0.004},
                                          std::tuple{"havok", "quality", 0.004}),
+                         test_name);
+#endif
+
+#ifdef SUBWORLD_PHYSX
+INSTANTIATE_TEST_SUITE_P(Physx, EngineTest,
+                         testing::Values(std::tuple{"physx", "fast", 0.001}, std::tuple{"physx", "fast", 0.004},
+                                         std::tuple{"physx", "quality", 0.004}),
                          test_name);
 #endif
 

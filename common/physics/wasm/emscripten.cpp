@@ -8,6 +8,15 @@ extern "C" {
 void w2c_env_0x5Fabort_js(w2c_env*) { wasm_rt_trap(WASM_RT_TRAP_UNREACHABLE); }
 void w2c_env_exit(w2c_env*, std::uint32_t) { wasm_rt_trap(WASM_RT_TRAP_UNREACHABLE); }
 
+std::uint32_t w2c_env_emscripten_asm_const_int(w2c_env* env, std::uint32_t code, std::uint32_t signature,
+                                               std::uint32_t arguments) {
+  if (!env->call_out) wasm_rt_trap(WASM_RT_TRAP_UNREACHABLE);
+  return env->call_out(env->owner, code, signature, arguments);
+}
+double w2c_env_emscripten_asm_const_double(w2c_env*, std::uint32_t, std::uint32_t, std::uint32_t) {
+  wasm_rt_trap(WASM_RT_TRAP_UNREACHABLE);
+}
+
 double w2c_env_emscripten_get_now(w2c_env*) { return 0.0; }
 double w2c_env_emscripten_date_now(w2c_env*) { return 0.0; }
 std::uint32_t w2c_env_0x5Femscripten_get_now_is_monotonic(w2c_env*) { return 1; }

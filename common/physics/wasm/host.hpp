@@ -85,6 +85,9 @@ void restore(wasm_rt_memory_t& memory, std::span<const std::byte> saved);
 /// it.
 struct w2c_env {
   wasm_rt_memory_t* memory = nullptr;
-  void* owner = nullptr;  ///< of the imports that only one module has
+  /// Of a module that calls JavaScript: `code` names the piece, the arguments lie in its memory.
+  std::uint32_t (*call_out)(void* owner, std::uint32_t code, std::uint32_t signature,
+                            std::uint32_t arguments) = nullptr;
+  void* owner = nullptr;
 };
 struct w2c_wasi__snapshot__preview1 {};
