@@ -178,6 +178,50 @@ TEST_P(EngineTest, CheckpointTakesBodiesBack) {
   EXPECT_THROW(engine->restore(saved), Error);
 }
 
+TEST_P(EngineTest, GhostsMeetMovableBodiesOnly) {
+  settle(0.2);
+  engine->add(cube(BodyId{2}), at(0, 0, 0.145), Role::ghost);  // 5 mm deep in the cube
+  engine->add(cube(BodyId{3}), at(1, 0, 0.02), Role::ghost);   // in the floor
+  engine->add(cube(BodyId{4}), at(1, 0, 0.03), Role::ghost);   // in the other ghost
+  engine->step(dt);
+  bool met = false;
+  for (const Contact& c : engine->contacts()) {
+    EXPECT_LT(index(c.b), 3U);
+    EXPECT_FALSE(c.a == BodyId{0} && c.b == BodyId{2});
+    met = met || (c.a == BodyId{1} && c.b == BodyId{2});
+  }
+  EXPECT_TRUE(met);
+}
+
+TEST_P(EngineTest, ExactCheckpointsContinueBitByBit) {
+  if (engine->capabilities().checkpoint != Fidelity::exact) GTEST_SKIP() << "the engine does not promise it";
+  for (unsigned i = 2; i < 12; ++i) engine->add(cube(BodyId{i}), at(0.013 * i, 0.02 * (i % 3), 0.05 + 0.11 * i));
+  settle(0.3);
+  const Checkpoint saved = engine->checkpoint();
+  settle(0.2);
+  const BodyState first = engine->state(BodyId{7});
+  engine->restore(saved);
+  settle(0.2);
+  EXPECT_EQ(engine->state(BodyId{7}).position, first.position);
+  EXPECT_EQ(engine->state(BodyId{7}).angular_velocity, first.angular_velocity);
+}
+
+TEST_P(EngineTest, EveryShapeRestsOnTheFloor) {
+  Body round = cube(BodyId{2});
+  round.shape.kind = ShapeKind::sphere;
+  round.shape.radius = 0.05;
+  engine->add(round, at(0.3, 0, 0.05));
+  for (const ShapeKind kind : {ShapeKind::capsule, ShapeKind::cylinder}) {
+    Body body = cube(BodyId{kind == ShapeKind::capsule ? 3U : 4U});
+    body.shape.kind = kind;
+    body.shape.radius = 0.03;
+    body.shape.half_length = kind == ShapeKind::capsule ? 0.02 : 0.05;
+    engine->add(body, at(0.3 * index(body.id), 0, 0.05));
+  }
+  settle(0.2);
+  for (unsigned i = 1; i < 5; ++i) EXPECT_NEAR(engine->state(BodyId{i}).position.z(), 0.05, 0.003) << i;
+}
+
 TEST_P(EngineTest, EqualRunsGiveEqualBits) {
   const auto run = [&] {
     auto e = make_engine(settings(std::get<0>(GetParam()), std::get<1>(GetParam())), {});

@@ -46,8 +46,8 @@ const Transform kAlongZ{{0.0F, -std::sqrt(0.5F), 0.0F, std::sqrt(0.5F)}, {}};
 Module::Module(ContactListener& listener) : listener_(listener) {
   env_.memory = &module_.w2c_memory;
   env_.owner = this;
-  env_.call_out = [](void* owner, std::uint32_t code, std::uint32_t signature, std::uint32_t arguments) {
-    return static_cast<Module*>(owner)->call(code, signature, arguments);
+  env_.call_out = [](void* owner, std::uint32_t code, std::uint32_t, std::uint32_t arguments) {
+    return static_cast<Module*>(owner)->call(code, arguments);
   };
   try {
     wasm2c_physx_instantiate(&module_, &env_, &wasi_);
@@ -92,19 +92,20 @@ void Module::make_scene() {
   w2c_physx_emscripten_bind_PxSceneFlags_raise_1(
       m, flags, w2c_physx_emscripten_enum_PxSceneFlagEnum_eENABLE_ENHANCED_DETERMINISM(m));
   const Address filter = w2c_physx_emscripten_bind_PassThroughFilterShaderImpl_PassThroughFilterShaderImpl_0(m);
-  w2c_physx_emscripten_bind_PassThroughFilterShader_set_outputPairFlags_1(m, filter, kPairFlags);
   w2c_physx_emscripten_bind_PxTopLevelFunctions_setupPassThroughFilterShader_2(m, description, filter);
   scene_ = need(w2c_physx_emscripten_bind_PxPhysics_createScene_1(m, physics_, description), "a scene");
 }
 
-std::uint32_t Module::call(std::uint32_t code, Address signature, Address arguments) {
-  // Arguments lie one after the other; all are of 4 bytes in the calls that come here, as `signature` says.
+std::uint32_t Module::call(std::uint32_t code, Address arguments) {
+  // Arguments lie one after the other; all are of 4 bytes in the calls that come here.
   const auto argument = [&](std::uint32_t i) { return wasm::load<std::uint32_t>(memory(), arguments + 4 * i); };
   if (code == kContactCode) {
     listener_.on_contact(argument(1), argument(2), argument(3));
     return 0;
   }
   if (code == kFilterCode) {
+    // The module resets the flags before each call.
+    w2c_physx_emscripten_bind_PassThroughFilterShader_set_outputPairFlags_1(&module_, argument(0), kPairFlags);
     // Each actor: attributes, then the four words of its filter data.
     const Filter first{argument(2), argument(3)}, second{argument(7), argument(8)};
     return (first.member & second.meets) != 0 && (second.member & first.meets) != 0 ? 0 : kKillPair;

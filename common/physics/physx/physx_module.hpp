@@ -83,7 +83,7 @@ class Module {
   void make_scene();
   [[nodiscard]] Address make_geometry(const Shape& shape, std::span<const Mesh> meshes);
   [[nodiscard]] Address make_mesh_geometry(const Shape& shape, std::span<const Mesh> meshes);
-  [[nodiscard]] std::uint32_t call(std::uint32_t code, Address signature, Address arguments);
+  [[nodiscard]] std::uint32_t call(std::uint32_t code, Address arguments);
 
   ContactListener& listener_;
   w2c_physx module_{};
