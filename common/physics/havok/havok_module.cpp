@@ -88,10 +88,11 @@ void remove_drag(Module& module) {
   // Motion properties, as words: largest speeds, two numbers, angular damping, the brake. Found by their defaults.
   constexpr std::size_t kBrake = 5;
   constexpr std::uint32_t kSpeed = 0x43480000, kTurn = 0x42c80000, kDamping = 0x3dcccccd, kBrakeValue = 0x3e999999;
+  constexpr std::uint64_t kSearched = 1U << 20;  // bytes; they lie among the first things a world allocates
   const wasm_rt_memory_t& memory = module.memory();
   int found = 0;
   std::array<std::uint32_t, kBrake + 1> words;
-  for (std::uint64_t at = 0; at + sizeof words <= memory.size; at += sizeof(std::uint32_t)) {
+  for (std::uint64_t at = 0; at + sizeof words <= kSearched; at += sizeof(std::uint32_t)) {
     std::memcpy(words.data(), memory.data + at, sizeof words);
     if (words[0] != kSpeed || words[1] != kTurn || words[4] != kDamping || words[kBrake] != kBrakeValue) continue;
     wasm::store(memory, static_cast<wasm::Address>(at + kBrake * sizeof(std::uint32_t)), 0.0F);
