@@ -1,0 +1,136 @@
+#include "physics/havok/havok_module.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+
+namespace subworld::havok {
+
+namespace {
+
+constexpr std::uint32_t kScratchBytes = 1024;
+
+// A plane is a box. In single precision a larger one would lose micrometres where it is tilted.
+constexpr double kPlaneSide = 100.0;  ///< m
+constexpr double kPlaneDepth = 10.0;  ///< m
+
+/// Copies an array to the module's memory.
+template <class T>
+wasm::Address upload(Module& module, const std::vector<T>& values) {
+  const std::size_t bytes = values.size() * sizeof(T);
+  const wasm::Address at = module.allocate(bytes);
+  std::memcpy(wasm::inside(module.memory(), at, bytes), values.data(), bytes);
+  return at;
+}
+
+std::uint32_t make_box(Module& module, const Vec3& centre, const Vec3& half_extents, wasm::Scratch& scratch,
+                       wasm::Address out) {
+  return w2c_havok_HP_Shape_CreateBox(module.get(), scratch.put(to_havok(centre)),
+                                      scratch.put(to_havok(Quat::Identity())),
+                                      scratch.put(to_havok(Vec3(2.0 * half_extents))), out);
+}
+
+std::uint32_t make_from_mesh(Module& module, const Shape& shape, std::span<const Mesh> meshes, wasm::Address out) {
+  if (shape.mesh >= meshes.size()) {
+    throw Error(ExitCode::usage,
+                fmt::format("shape names mesh {} of {}; load the mesh with the scene", shape.mesh, meshes.size()));
+  }
+  const Mesh& mesh = meshes[shape.mesh];
+  std::vector<Float3> vertices;
+  for (const Vec3& v : mesh.vertices) vertices.push_back(to_havok(v));
+  const auto vertex_count = static_cast<std::uint32_t>(vertices.size());
+  const wasm::Address corners = upload(module, vertices);
+  std::uint32_t result = 0;
+  if (shape.kind == ShapeKind::convex) {
+    result = w2c_havok_HP_Shape_CreateConvexHull(module.get(), corners, vertex_count, out);
+  } else {
+    const wasm::Address triangles = upload(module, mesh.triangles);
+    result = w2c_havok_HP_Shape_CreateMesh(module.get(), corners, vertex_count, triangles,
+                                           static_cast<std::uint32_t>(mesh.triangles.size()), out);
+    module.release(triangles);
+  }
+  module.release(corners);
+  return result;
+}
+
+}  // namespace
+
+Module::Module() {
+  env_.memory = &module_.w2c_memory;
+  try {
+    wasm2c_havok_instantiate(&module_, &env_, &wasi_);
+    w2c_havok_0x5F_wasm_call_ctors(&module_);
+    (void)w2c_havok_main(&module_, 0, 0);
+    scratch_ = wasm::Scratch(module_.w2c_memory, allocate(kScratchBytes), kScratchBytes);
+  } catch (...) {
+    wasm2c_havok_free(&module_);
+    throw;
+  }
+}
+
+Module::~Module() { wasm2c_havok_free(&module_); }
+
+wasm::Address Module::allocate(std::size_t bytes) {
+  const wasm::Address at = w2c_havok_malloc(&module_, static_cast<std::uint32_t>(bytes));
+  if (at == 0) throw Error(ExitCode::failed, fmt::format("havok has no memory for {} bytes more", bytes));
+  return at;
+}
+
+void Module::release(wasm::Address at) { w2c_havok_free(&module_, at); }
+
+void check(std::uint32_t result, const char* what) {
+  if (result != 0) throw Error(ExitCode::failed, fmt::format("havok: {} failed with {:#x}", what, result));
+}
+
+void remove_drag(Module& module) {
+  // Motion properties, as words: largest speeds, two numbers, angular damping, the brake. Found by their defaults.
+  constexpr std::size_t kBrake = 5;
+  constexpr std::uint32_t kSpeed = 0x43480000, kTurn = 0x42c80000, kDamping = 0x3dcccccd, kBrakeValue = 0x3e999999;
+  constexpr std::uint64_t kSearched = 1U << 20;  // bytes; they lie among the first things a world allocates
+  const wasm_rt_memory_t& memory = module.memory();
+  int found = 0;
+  std::array<std::uint32_t, kBrake + 1> words;
+  for (std::uint64_t at = 0; at + sizeof words <= kSearched; at += sizeof(std::uint32_t)) {
+    std::memcpy(words.data(), memory.data + at, sizeof words);
+    if (words[0] != kSpeed || words[1] != kTurn || words[4] != kDamping || words[kBrake] != kBrakeValue) continue;
+    wasm::store(memory, static_cast<wasm::Address>(at + kBrake * sizeof(std::uint32_t)), 0.0F);
+    ++found;
+  }
+  if (found == 0) throw Error(ExitCode::failed, "havok: its motion properties are not where version 1.3.14 has them");
+}
+
+Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> meshes) {
+  wasm::Scratch& scratch = module.scratch();
+  const wasm::Address out = scratch.room<Handle>();
+  const auto end = [&](double side) { return scratch.put(to_havok(Vec3(0, 0, side * shape.half_length))); };
+  const auto radius = static_cast<float>(shape.radius);
+  std::uint32_t result = 1;
+  switch (shape.kind) {
+    case ShapeKind::sphere:
+      result = w2c_havok_HP_Shape_CreateSphere(module.get(), scratch.put(to_havok(Vec3::Zero())), radius, out);
+      break;
+    case ShapeKind::box:
+      result = make_box(module, Vec3::Zero(), shape.half_extents, scratch, out);
+      break;
+    case ShapeKind::capsule:
+      result = w2c_havok_HP_Shape_CreateCapsule(module.get(), end(-1.0), end(1.0), radius, out);
+      break;
+    case ShapeKind::cylinder:
+      result = w2c_havok_HP_Shape_CreateCylinder(module.get(), end(-1.0), end(1.0), radius, out);
+      break;
+    case ShapeKind::plane:
+      result =
+          make_box(module, {0, 0, -0.5 * kPlaneDepth}, 0.5 * Vec3(kPlaneSide, kPlaneSide, kPlaneDepth), scratch, out);
+      break;
+    case ShapeKind::convex:
+    case ShapeKind::mesh:
+      result = make_from_mesh(module, shape, meshes, out);
+      break;
+  }
+  check(result, "making a shape");
+  return scratch.get<Handle>(out);
+}
+
+}  // namespace subworld::havok

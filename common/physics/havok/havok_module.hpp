@@ -1,0 +1,101 @@
+#pragma once
+
+#include "model/body.hpp"
+#include "physics/wasm/host.hpp"
+
+#include <havok.h>
+
+#include <cstdint>
+
+namespace subworld::havok {
+
+using Handle = std::uint64_t;
+
+// As they lie in the module's memory (its embind descriptions list the offsets).
+struct Float3 {
+  float x, y, z;
+};
+struct Float4 {
+  float x, y, z, w;
+};
+struct QTransform {
+  Float3 translation;
+  Float4 rotation;
+};
+struct Aabb {
+  Float3 lower, upper;
+};
+struct MassProperties {
+  Float3 centre;
+  float mass;
+  Float3 inertia_of_unit_mass;  ///< zero: does not rotate
+  Float4 orientation;
+};
+struct Material {
+  float static_friction, dynamic_friction, restitution;
+  std::uint32_t friction_combine, restitution_combine;
+};
+struct Filter {
+  std::uint32_t member, meets;  ///< bit masks; a pair meets if either's `meets` has the other's `member`
+};
+struct ContactPoint {
+  Handle body, shape, path_shape;
+  std::uint64_t path;
+  Float3 position, normal;
+  std::uint32_t triangle, padding;
+};
+struct CollisionEvent {
+  std::uint32_t type, padding;
+  ContactPoint a, b;
+  float impulse;
+  std::uint32_t padding_end;
+};
+static_assert(sizeof(ContactPoint) == 64 && sizeof(CollisionEvent) == 144 && sizeof(MassProperties) == 44);
+
+inline constexpr std::uint32_t kGeometricMean = 0, kMultiply = 4;
+inline constexpr std::uint32_t kStatic = 1, kDynamic = 4;
+inline constexpr std::uint32_t kAlwaysActive = 1;
+inline constexpr std::uint32_t kStarted = 1, kContinued = 2;
+
+[[nodiscard]] inline Float3 to_havok(const Vec3& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+[[nodiscard]] inline Float4 to_havok(const Quat& q) {
+  return {static_cast<float>(q.x()), static_cast<float>(q.y()), static_cast<float>(q.z()), static_cast<float>(q.w())};
+}
+[[nodiscard]] inline Vec3 from_havok(const Float3& v) { return {v.x, v.y, v.z}; }
+[[nodiscard]] inline Quat from_havok(const Float4& q) { return Quat(q.w, q.x, q.y, q.z).normalized(); }
+
+/// One instance of the module, with a memory of its own.
+class Module {
+ public:
+  Module();
+  ~Module();
+  Module(const Module&) = delete;
+  Module& operator=(const Module&) = delete;
+
+  [[nodiscard]] w2c_havok* get() noexcept { return &module_; }
+  [[nodiscard]] wasm_rt_memory_t& memory() noexcept { return module_.w2c_memory; }
+  [[nodiscard]] wasm::Scratch& scratch() noexcept { return scratch_.reset(); }
+  [[nodiscard]] wasm::Address allocate(std::size_t bytes);
+  void release(wasm::Address at);
+
+ private:
+  w2c_havok module_{};
+  w2c_env env_;
+  w2c_wasi__snapshot__preview1 wasi_;
+  wasm::Scratch scratch_;
+};
+
+/// Throws `Error` unless `result` is Havok's OK.
+void check(std::uint32_t result, const char* what);
+
+/// Havok brakes every body by 3 % of gravity, so that heaps come to rest; no function switches it off. This does, for
+/// the bodies that are made later: it is a number in the motion properties that all bodies start from. Call when
+/// gravity was set to zero; throws `Error` where the number is not found.
+void remove_drag(Module& module);
+
+/// Makes a shape; `meshes` are the scene's. Throws `Error` where it cannot be made.
+[[nodiscard]] Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> meshes);
+
+}  // namespace subworld::havok

@@ -1,0 +1,98 @@
+#pragma once
+
+#include "model/body.hpp"
+#include "physics/wasm/host.hpp"
+
+#include <physx.h>
+
+#include <cstdint>
+#include <span>
+
+namespace subworld::physx {
+
+using wasm::Address;
+
+// As they lie in the module's memory.
+struct Float3 {
+  float x, y, z;
+};
+struct Float4 {
+  float x, y, z, w;
+};
+struct Transform {
+  Float4 rotation;
+  Float3 translation;
+};
+struct Bounds {
+  Float3 lower, upper;
+};
+struct ContactPoint {
+  Float3 position;
+  float separation;
+  Float3 normal;  ///< from the second actor to the first
+  std::uint32_t face_0;
+  Float3 impulse;  ///< along the normal
+  std::uint32_t face_1;
+};
+static_assert(sizeof(Transform) == 28 && sizeof(ContactPoint) == 48);
+
+[[nodiscard]] inline Float3 to_physx(const Vec3& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+[[nodiscard]] inline Float4 to_physx(const Quat& q) {
+  return {static_cast<float>(q.x()), static_cast<float>(q.y()), static_cast<float>(q.z()), static_cast<float>(q.w())};
+}
+[[nodiscard]] inline Vec3 from_physx(const Float3& v) { return {v.x, v.y, v.z}; }
+[[nodiscard]] inline Quat from_physx(const Float4& q) { return Quat(q.w, q.x, q.y, q.z).normalized(); }
+
+/// Told of the contacts of a step while it ends.
+class ContactListener {
+ public:
+  /// `header` is a PxContactPairHeader, `pairs` an array of `count` PxContactPair.
+  virtual void on_contact(Address header, Address pairs, std::uint32_t count) = 0;
+
+ protected:
+  ~ContactListener() = default;
+};
+
+/// Bits of two bodies' filter data: a pair meets if each one's `meets` has the other's `member`.
+struct Filter {
+  std::uint32_t member, meets;
+};
+
+/// One instance of the module, with a memory, a PhysX and a scene of its own. The scene has no gravity.
+class Module {
+ public:
+  explicit Module(ContactListener& listener);
+  ~Module();
+  Module(const Module&) = delete;
+  Module& operator=(const Module&) = delete;
+
+  [[nodiscard]] w2c_physx* get() noexcept { return &module_; }
+  [[nodiscard]] wasm_rt_memory_t& memory() noexcept { return module_.w2c_memory; }
+  [[nodiscard]] wasm::Scratch& scratch() noexcept { return scratch_.reset(); }
+  [[nodiscard]] Address physics() const noexcept { return physics_; }
+  [[nodiscard]] Address scene() const noexcept { return scene_; }
+
+  /// A shape with a material of its own. Throws `Error` where it cannot be made.
+  [[nodiscard]] Address make_shape(const Shape& shape, const Material& material, const Filter& filter,
+                                   std::span<const Mesh> meshes);
+  [[nodiscard]] Address allocate(std::size_t bytes);
+
+ private:
+  void make_scene();
+  [[nodiscard]] Address make_geometry(const Shape& shape, std::span<const Mesh> meshes);
+  [[nodiscard]] Address make_mesh_geometry(const Shape& shape, std::span<const Mesh> meshes);
+  [[nodiscard]] std::uint32_t call(std::uint32_t code, Address arguments);
+
+  ContactListener& listener_;
+  w2c_physx module_{};
+  w2c_env env_;
+  w2c_wasi__snapshot__preview1 wasi_;
+  wasm::Scratch scratch_;
+  Address tolerances_ = 0;
+  Address physics_ = 0;
+  Address scene_ = 0;
+};
+
+}  // namespace subworld::physx

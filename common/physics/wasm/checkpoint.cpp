@@ -1,0 +1,53 @@
+#include "model/error.hpp"
+#include "physics/wasm/host.hpp"
+
+#include <sys/mman.h>
+#include <algorithm>
+
+namespace subworld::wasm {
+
+namespace {
+
+constexpr std::size_t kBlock = 4096;
+
+bool all_zero(const std::uint8_t* block) {
+  // A block that equals itself moved by one byte is one value throughout.
+  return block[0] == 0 && std::memcmp(block, block + 1, kBlock - 1) == 0;
+}
+
+}  // namespace
+
+void append(const void* from, std::size_t size, std::vector<std::byte>& to) {
+  const std::size_t end = to.size();
+  to.resize(end + size);
+  std::memcpy(to.data() + end, from, size);
+}
+
+void save(const wasm_rt_memory_t& memory, std::vector<std::byte>& out) {
+  append(&memory.pages, sizeof memory.pages, out);
+  for (std::uint64_t at = 0; at < memory.size; at += kBlock) {
+    if (all_zero(memory.data + at)) continue;
+    append(&at, sizeof at, out);
+    append(memory.data + at, kBlock, out);
+  }
+}
+
+void restore(wasm_rt_memory_t& memory, std::span<const std::byte> saved) {
+  constexpr std::size_t kEntry = sizeof(std::uint64_t) + kBlock;
+  std::uint64_t pages = 0;
+  if (saved.size() >= sizeof pages) std::memcpy(&pages, saved.data(), sizeof pages);
+  if (pages == 0 || pages > memory.max_pages || (saved.size() - sizeof pages) % kEntry != 0) {
+    throw Error(ExitCode::failed, "the checkpoint is of another engine; take one from this engine");
+  }
+  madvise(memory.data, std::max(memory.pages, pages) * 65536, MADV_DONTNEED);  // zero, and given back
+  memory.pages = pages;
+  memory.size = pages * 65536;
+  for (saved = saved.subspan(sizeof pages); !saved.empty(); saved = saved.subspan(kEntry)) {
+    std::uint64_t at = 0;
+    std::memcpy(&at, saved.data(), sizeof at);
+    if (at > memory.size - kBlock) throw Error(ExitCode::failed, "the checkpoint is damaged; take another one");
+    std::memcpy(memory.data + at, saved.data() + sizeof at, kBlock);
+  }
+}
+
+}  // namespace subworld::wasm
