@@ -21,6 +21,23 @@ Eigen::Matrix3d mobility(const VelocityChange& body, const Vec3& arm) {
 
 }  // namespace
 
+VelocityChange open_change(double mass, const Vec3& inertia, bool rotates, const BodyState& loaded) {
+  VelocityChange change{.inverse_mass = 1.0 / mass,
+                        .centre = loaded.position,
+                        .linear = -loaded.linear_velocity,
+                        .angular = -loaded.angular_velocity};
+  if (rotates) {
+    const Eigen::Matrix3d turn = loaded.orientation.toRotationMatrix();
+    change.inverse_inertia = turn * inertia.cwiseInverse().asDiagonal() * turn.transpose();
+  }
+  return change;
+}
+
+void close(VelocityChange& change, const BodyState& after) {
+  change.linear += after.linear_velocity;
+  change.angular += after.angular_velocity;
+}
+
 FrictionEstimate::FrictionEstimate() {
   points_.reserve(kUsualContacts);
   unexplained_.reserve(kUsualContacts);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/body.hpp"
 #include "model/contact.hpp"
 
 #include <span>
@@ -15,6 +16,11 @@ struct VelocityChange {
   Vec3 linear = Vec3::Zero();                                 ///< change less what forces gave it, m/s
   Vec3 angular = Vec3::Zero();                                ///< likewise, rad/s
 };
+
+/// The change since `loaded`: the state before a step, its velocity with what forces will add to it. Mass in kg,
+/// principal moments in kg m^2; `rotates` false: it only translates. close() completes it.
+[[nodiscard]] VelocityChange open_change(double mass, const Vec3& inertia, bool rotates, const BodyState& loaded);
+void close(VelocityChange& change, const BodyState& after);
 
 /// Friction impulses from the balance of momentum: what neither forces nor normal impulses explain of the bodies'
 /// change of velocity is friction. Where many contacts share it the split is not unique; this is the least-squares

@@ -17,6 +17,10 @@ Eigen::Matrix3d cross_matrix(const Vec3& v) {
 
 }  // namespace
 
+Vec3 spun_up(const Quat& orientation, const Vec3& inertia, const Vec3& angular_impulse) noexcept {
+  return orientation * Vec3((orientation.conjugate() * angular_impulse).cwiseQuotient(inertia));
+}
+
 bool feels_gyroscopic_torque(const Vec3& inertia) noexcept {
   return inertia.maxCoeff() - inertia.minCoeff() > kIsotropic * inertia.maxCoeff();
 }

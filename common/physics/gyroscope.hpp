@@ -14,4 +14,7 @@ namespace subworld {
 [[nodiscard]] Vec3 turned_freely(const Quat& orientation, const Vec3& inertia, const Vec3& angular_velocity,
                                  double dt) noexcept;
 
+/// What an angular impulse (N m s, world frame) adds to the angular velocity of a body (rad/s).
+[[nodiscard]] Vec3 spun_up(const Quat& orientation, const Vec3& inertia, const Vec3& angular_impulse) noexcept;
+
 }  // namespace subworld

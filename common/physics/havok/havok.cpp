@@ -1,6 +1,8 @@
 #include "havok_module.hpp"
 #include "model/error.hpp"
 #include "physics/contact_totals.hpp"
+#include "physics/friction_estimate.hpp"
+#include "physics/gyroscope.hpp"
 #include "physics/plugin.hpp"
 
 #include <fmt/format.h>
@@ -8,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <unordered_map>
 #include <utility>
 
@@ -50,6 +53,7 @@ struct Slot {
   bool fixed = false;
   bool plane = false;
   bool rotates = true;
+  double friction = 0.0;
   double mass = 0.0;            ///< kg
   Vec3 inertia = Vec3::Zero();  ///< kg m^2
   Vec3 weight = Vec3::Zero();   ///< N
@@ -89,10 +93,11 @@ class Havok final : public Engine {
 
   Capabilities capabilities() const noexcept override {
     return {.normal_impulse = Fidelity::exact,
-            .tangential_impulse = Fidelity::absent,
-            .gyroscopic = Fidelity::absent,
+            .tangential_impulse = Fidelity::estimated,  // from the balance of momentum
+            .gyroscopic = Fidelity::exact,              // the adapter's own
             .checkpoint = Fidelity::exact,
-            .deterministic = true};
+            .deterministic = true,
+            .precision = std::numeric_limits<float>::epsilon()};
   }
 
   void add(const Body& body, const BodyState& state, Role role) override {
@@ -105,6 +110,7 @@ class Havok final : public Engine {
     slot.fixed = body.fixed();
     slot.plane = body.shape.kind == ShapeKind::plane;
     slot.rotates = body.rotates;
+    slot.friction = body.material.friction;
     if (body.gravity && !body.fixed()) slot.weight = body.mass * gravity_;
     set_material(slot, body.material);
     const Filter filter = role == Role::ghost ? kGhosts : body.fixed() ? kFixed : kMovable;
@@ -197,7 +203,8 @@ class Havok final : public Engine {
       apply_loads(h);
       check(w2c_havok_HP_World_Step(module_.get(), world_, static_cast<float>(h)), "a step");
       for (const std::uint32_t id : movable_) slots_[id].after = read_state(slots_[id]);
-      collect_contacts(i);
+      collect_contacts();
+      complete_contacts(i);
     }
     for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
     contacts_.merge();
@@ -285,6 +292,12 @@ class Havok final : public Engine {
     if (!slot.fixed) set_velocities(slot, state.linear_velocity, state.angular_velocity);
   }
 
+  static BodyState accelerated(const Slot& slot, BodyState state, const Vec3& impulse, const Vec3& angular) {
+    state.linear_velocity += impulse / slot.mass;
+    if (slot.rotates) state.angular_velocity += spun_up(state.orientation, slot.inertia, angular);
+    return state;
+  }
+
   void set_velocities(const Slot& slot, const Vec3& linear, const Vec3& angular) {
     wasm::Scratch& scratch = module_.scratch();
     check(w2c_havok_HP_Body_SetLinearVelocity(module_.get(), slot.body, scratch.put(to_havok(linear))), "a velocity");
@@ -295,20 +308,22 @@ class Havok final : public Engine {
   /// Changes the velocities by an impulse (N s) and an angular impulse (N m s) about the centre of mass. Havok's own
   /// functions would do it with its inverse masses, which it keeps to 8 bits: up to 0.4 % off.
   void accelerate(const Slot& slot, const BodyState& now, const Vec3& impulse, const Vec3& angular) {
-    Vec3 turn = Vec3::Zero();
-    if (slot.rotates) {
-      turn = now.orientation * Vec3((now.orientation.conjugate() * angular).cwiseQuotient(slot.inertia));
-    }
-    set_velocities(slot, now.linear_velocity + impulse / slot.mass, now.angular_velocity + turn);
+    const BodyState then = accelerated(slot, now, impulse, angular);
+    set_velocities(slot, then.linear_velocity, then.angular_velocity);
   }
 
-  /// Weight and applied forces of a sub-step of length `h` (s).
+  /// Weight, applied forces and the gyroscopic torque of a sub-step of length `h` (s).
   void apply_loads(double h) {
+    changes_.assign(slots_.size(), {});
     for (const std::uint32_t id : movable_) {
       const Slot& slot = slots_[id];
-      const Vec3 force = slot.weight + slot.force;
-      if (force.isZero(0.0) && slot.torque.isZero(0.0)) continue;
-      accelerate(slot, read_state(slot), h * force, h * slot.torque);
+      BodyState state = read_state(slot);
+      if (slot.rotates && feels_gyroscopic_torque(slot.inertia)) {
+        state.angular_velocity = turned_freely(state.orientation, slot.inertia, state.angular_velocity, h);
+      }
+      state = accelerated(slot, state, h * (slot.weight + slot.force), h * slot.torque);
+      set_velocities(slot, state.linear_velocity, state.angular_velocity);
+      changes_[id] = open_change(slot.mass, slot.inertia, slot.rotates, state);
     }
   }
 
@@ -337,7 +352,8 @@ class Havok final : public Engine {
     return {from_havok(box.lower), from_havok(box.upper)};
   }
 
-  void collect_contacts(int substep) {
+  void collect_contacts() {
+    found_.clear();
     const wasm::Address event_at = module_.scratch().put(wasm::Address{0});  // in: the event before; out: the next
     for (;;) {
       if (w2c_havok_HP_World_GetNextCollisionEvent(module_.get(), world_, event_at) != 0) return;  // no more
@@ -350,11 +366,10 @@ class Havok final : public Engine {
       const Contact contact = a->second < b->second ? read(a->second, b->second, event, event.a, event.b)
                                                     : read(b->second, a->second, event, event.b, event.a);
       if (contact.normal_impulse <= 0.0 && contact.distance > 0.0) continue;
-      contacts_.add(contact, substep, reach_);
+      found_.push_back(contact);
     }
   }
 
-  /// Havok tells no friction: `tangential_impulse` stays zero.
   Contact read(std::uint32_t a, std::uint32_t b, const CollisionEvent& event, const ContactPoint& on_a,
                const ContactPoint& on_b) const {
     Contact contact;
@@ -367,6 +382,17 @@ class Havok final : public Engine {
     const Vec3 relative = velocity_at(slots_[a], contact.point) - velocity_at(slots_[b], contact.point);
     contact.tangential_velocity = relative - relative.dot(contact.normal) * contact.normal;
     return contact;
+  }
+
+  /// Adds the friction that the engine does not tell, and the sub-step's contacts to the step's.
+  void complete_contacts(int substep) {
+    for (const std::uint32_t id : movable_) close(changes_[id], slots_[id].after);
+    friction_.clear();
+    for (const Contact& c : found_) {
+      friction_.push_back(std::sqrt(slots_[index(c.a)].friction * slots_[index(c.b)].friction));
+    }
+    estimate_.estimate(changes_, friction_, found_);
+    for (const Contact& c : found_) contacts_.add(c, substep, reach_);
   }
 
   static Vec3 velocity_at(const Slot& slot, const Vec3& point) {
@@ -382,8 +408,12 @@ class Havok final : public Engine {
   Handle world_ = 0;
   std::vector<Slot> slots_;
   std::unordered_map<Handle, std::uint32_t> ids_;
-  std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
-  double reach_ = 0.05;                 ///< m
+  std::vector<std::uint32_t> movable_;   ///< ids, in the order of adding
+  double reach_ = 0.05;                  ///< m
+  std::vector<VelocityChange> changes_;  ///< of a sub-step, by id
+  std::vector<Contact> found_;           ///< of a sub-step
+  std::vector<double> friction_;         ///< of found_
+  FrictionEstimate estimate_;
   ContactTotals contacts_;
 };
 

@@ -1,5 +1,7 @@
 #include "model/error.hpp"
 #include "physics/contact_totals.hpp"
+#include "physics/friction_estimate.hpp"
+#include "physics/gyroscope.hpp"
 #include "physics/plugin.hpp"
 #include "physx_module.hpp"
 
@@ -8,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 namespace subworld {
@@ -50,6 +53,7 @@ struct Slot {
   bool fixed = false;
   bool plane = false;
   bool rotates = true;
+  double friction = 0.0;
   double mass = 0.0;            ///< kg
   Vec3 inertia = Vec3::Zero();  ///< kg m^2
   Vec3 weight = Vec3::Zero();   ///< N
@@ -86,10 +90,11 @@ class Physx final : public Engine, private ContactListener {
 
   Capabilities capabilities() const noexcept override {
     return {.normal_impulse = Fidelity::exact,
-            .tangential_impulse = Fidelity::absent,
-            .gyroscopic = Fidelity::absent,
+            .tangential_impulse = Fidelity::estimated,  // from the balance of momentum
+            .gyroscopic = Fidelity::exact,              // the adapter's own
             .checkpoint = Fidelity::exact,
-            .deterministic = true};
+            .deterministic = true,
+            .precision = std::numeric_limits<float>::epsilon()};
   }
 
   void add(const Body& body, const BodyState& state, Role role) override {
@@ -101,6 +106,7 @@ class Physx final : public Engine, private ContactListener {
     slot.fixed = body.fixed();
     slot.plane = body.shape.kind == ShapeKind::plane;
     slot.rotates = body.rotates;
+    slot.friction = body.material.friction;
     if (body.gravity && !body.fixed()) slot.weight = body.mass * gravity_;
     const Filter filter = role == Role::ghost ? kGhosts : body.fixed() ? kFixed : kMovable;
     const Address shape = module_.make_shape(body.shape, body.material, filter, meshes_);
@@ -192,14 +198,16 @@ class Physx final : public Engine, private ContactListener {
     const double h = dt / substeps;
     contacts_.clear();
     for (int i = 0; i < substeps; ++i) {
-      apply_loads();
+      apply_loads(h);
       w2c_physx_emscripten_bind_PxScene_simulate_1(module_.get(), module_.scene(), static_cast<float>(h));
       reports_.clear();
       if (w2c_physx_emscripten_bind_PxScene_fetchResults_1(module_.get(), module_.scene(), 1) == 0) {
         throw Error(ExitCode::failed, "physx: a step did not end");
       }
       for (const std::uint32_t id : movable_) slots_[id].after = read_state(slots_[id]);
-      for (const Report& report : reports_) contacts_.add(read(report), i, reach_);
+      found_.clear();
+      for (const Report& report : reports_) found_.push_back(read(report));
+      complete_contacts(i);
     }
     for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
     contacts_.merge();
@@ -276,6 +284,12 @@ class Physx final : public Engine, private ContactListener {
     if (!slot.fixed) set_velocities(slot, state.linear_velocity, state.angular_velocity);
   }
 
+  static BodyState accelerated(const Slot& slot, BodyState state, const Vec3& impulse, const Vec3& angular) {
+    state.linear_velocity += impulse / slot.mass;
+    if (slot.rotates) state.angular_velocity += spun_up(state.orientation, slot.inertia, angular);
+    return state;
+  }
+
   void set_velocities(const Slot& slot, const Vec3& linear, const Vec3& angular) {
     wasm::Scratch& scratch = module_.scratch();
     w2c_physx_emscripten_bind_PxRigidDynamic_setLinearVelocity_1(module_.get(), slot.actor,
@@ -286,18 +300,23 @@ class Physx final : public Engine, private ContactListener {
 
   /// Changes the velocities by an impulse (N s) and an angular impulse (N m s) about the centre of mass.
   void accelerate(const Slot& slot, const BodyState& now, const Vec3& impulse, const Vec3& angular) {
-    Vec3 turn = Vec3::Zero();
-    if (slot.rotates) {
-      turn = now.orientation * Vec3((now.orientation.conjugate() * angular).cwiseQuotient(slot.inertia));
-    }
-    set_velocities(slot, now.linear_velocity + impulse / slot.mass, now.angular_velocity + turn);
+    const BodyState then = accelerated(slot, now, impulse, angular);
+    set_velocities(slot, then.linear_velocity, then.angular_velocity);
   }
 
-  /// Weight and applied forces of the next sub-step; PhysX forgets them when it ends.
-  void apply_loads() {
+  /// Weight, applied forces and the gyroscopic torque of a sub-step of length `h` (s); PhysX forgets them when it ends.
+  void apply_loads(double h) {
+    changes_.assign(slots_.size(), {});
     for (const std::uint32_t id : movable_) {
       const Slot& slot = slots_[id];
       const Vec3 force = slot.weight + slot.force;
+      BodyState state = read_state(slot);
+      if (slot.rotates && feels_gyroscopic_torque(slot.inertia)) {
+        state.angular_velocity = turned_freely(state.orientation, slot.inertia, state.angular_velocity, h);
+        set_velocities(slot, state.linear_velocity, state.angular_velocity);
+      }
+      changes_[id] =
+          open_change(slot.mass, slot.inertia, slot.rotates, accelerated(slot, state, h * force, h * slot.torque));
       if (force.isZero(0.0) && slot.torque.isZero(0.0)) continue;
       wasm::Scratch& scratch = module_.scratch();
       w2c_physx_emscripten_bind_PxRigidDynamic_addForce_1(module_.get(), slot.actor, scratch.put(to_physx(force)));
@@ -351,7 +370,6 @@ class Physx final : public Engine, private ContactListener {
     }
   }
 
-  /// PhysX tells no friction: `tangential_impulse` stays zero.
   Contact read(const Report& report) const {
     const bool swap = report.first > report.second;
     const std::uint32_t a = swap ? report.second : report.first;
@@ -368,6 +386,17 @@ class Physx final : public Engine, private ContactListener {
     return contact;
   }
 
+  /// Adds the friction that the engine does not tell, and the sub-step's contacts to the step's.
+  void complete_contacts(int substep) {
+    for (const std::uint32_t id : movable_) close(changes_[id], slots_[id].after);
+    friction_.clear();
+    for (const Contact& c : found_) {
+      friction_.push_back(std::sqrt(slots_[index(c.a)].friction * slots_[index(c.b)].friction));
+    }
+    estimate_.estimate(changes_, friction_, found_);
+    for (const Contact& c : found_) contacts_.add(c, substep, reach_);
+  }
+
   static Vec3 velocity_at(const Slot& slot, const Vec3& point) {
     if (slot.fixed) return Vec3::Zero();
     return slot.after.linear_velocity + slot.after.angular_velocity.cross(point - slot.after.position);
@@ -381,10 +410,14 @@ class Physx final : public Engine, private ContactListener {
   mutable physx::Module module_;  ///< also to read from it, the module writes to its memory
   Address points_;                ///< room for the contact points of a pair
   std::vector<Slot> slots_;
-  std::uint64_t count_ = 0;             ///< bodies
-  std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
-  std::vector<Report> reports_;         ///< of a sub-step
-  double reach_ = 0.05;                 ///< m
+  std::uint64_t count_ = 0;              ///< bodies
+  std::vector<std::uint32_t> movable_;   ///< ids, in the order of adding
+  std::vector<Report> reports_;          ///< of a sub-step
+  double reach_ = 0.05;                  ///< m
+  std::vector<VelocityChange> changes_;  ///< of a sub-step, by id
+  std::vector<Contact> found_;           ///< of a sub-step
+  std::vector<double> friction_;         ///< of found_
+  FrictionEstimate estimate_;
   ContactTotals contacts_;
 };
 
