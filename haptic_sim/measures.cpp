@@ -30,7 +30,7 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step
   border_.add(border);
   force_squares_ += felt.felt.force.squaredNorm();
   force_max_ = std::max(force_max_, felt.felt.force.norm());
-  watch_force(felt.felt.force);
+  watch_force(felt.to_hand.force);
   const Vec3& f = felt.felt.force;
   const Vec3& hand = felt.to_hand.force;
   const Vec3& torque = felt.felt.torque;

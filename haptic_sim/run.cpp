@@ -63,12 +63,12 @@ class EngineOrders {
       const auto wanted = parse_engine_order(order_.argument);
       if (wanted && wanted->target == EngineOrder::Target::haptic) say(sub_.change_engine(exchange_, *wanted));
     }
-    if (LiveEngine* engine = sub_.live_engine()) {
-      const std::string_view before = engine->name();
+    if (sub_.scheme().has_sub_world()) {
+      const std::string_view before = sub_.engine().name();
       const TimePoint begin = Clock::now();
-      if (exchange_.poll(*engine)) {
+      if (sub_.exchange_engine(exchange_)) {
         measures_.engine_changed(
-            {sub_.time_s(), std::string(before), std::string(engine->name()), to_seconds(Clock::now() - begin)});
+            {sub_.time_s(), std::string(before), std::string(sub_.engine().name()), to_seconds(Clock::now() - begin)});
       }
     }
     if (const std::string failure = exchange_.take_failure(); !failure.empty()) say("refused: " + failure);

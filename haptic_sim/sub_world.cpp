@@ -53,6 +53,12 @@ std::string SubWorld::change_engine(EngineExchange& exchange, const EngineOrder&
   return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
 }
 
+bool SubWorld::exchange_engine(EngineExchange& exchange) {
+  if (!engine_ || !exchange.poll(*engine_)) return false;
+  guard_.soften();
+  return true;
+}
+
 void SubWorld::place_device(const DeviceState& d) {
   const BodyState& start = scene_.initial[index(spec_.proxy)];
   if (!clutched_) {

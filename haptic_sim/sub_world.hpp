@@ -48,10 +48,10 @@ class SubWorld {
   /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind or is not finite.
   void adopt(const WorldFrame& frame);
 
-  /// Asks for another engine. Returns what came of it, in words; poll() of the exchange hands over between two steps.
+  /// Asks for another engine. Returns what came of it, in words; exchange_engine() hands over between two steps,
+  /// when the other one is ready, and lets the hand feel it gently.
   std::string change_engine(EngineExchange& exchange, const EngineOrder& order);
-  /// None where the proxy lives in the world alone.
-  [[nodiscard]] LiveEngine* live_engine() noexcept { return engine_.get(); }
+  bool exchange_engine(EngineExchange& exchange);
 
   [[nodiscard]] std::size_t user() const noexcept { return user_; }
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }

@@ -59,7 +59,7 @@ void take_orders(WorldPorts& ports, Conductor& conductor, World& world, EngineEx
 void exchange_engine(WorldPorts& ports, World& world, EngineExchange& exchange, WorldMeasures& measures) {
   const std::string before(world.engine().name());
   const TimePoint begin = Clock::now();
-  if (exchange.poll(world.live_engine())) {
+  if (world.exchange_engine(exchange)) {
     const EngineChange change{world.time_s(), before, std::string(world.engine().name()),
                               to_seconds(Clock::now() - begin)};
     measures.engine_changed(change);

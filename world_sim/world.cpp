@@ -59,9 +59,7 @@ World::World(const Scene& scene)
       remembered_(remembered_cycles(scene.settings, *scheme_)),
       modeller_(scene),
       energy_j_(remembered_, 0.0) {
-  const double cycle_s = scene.settings.cycle_s();
-  substeps_ = scene.settings.world.substeps.value_or(
-      std::max(1, static_cast<int>(std::ceil(cycle_s / scheme_->longest_world_step_s() - 1e-9))));
+  choose_substeps();
   const auto later = [&](BodyId id) {
     return std::ranges::any_of(scene.users, [&](const UserSpec& user) { return user.joins_late && user.proxy == id; });
   };
@@ -124,6 +122,22 @@ std::string World::change_engine(EngineExchange& exchange, const EngineOrder& or
   settings.preset = order.preset;
   const bool begun = exchange.begin(settings, *engine_, scene_.settings.cycle_s() / substeps_);
   return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
+}
+
+bool World::exchange_engine(EngineExchange& exchange) {
+  if (!exchange.poll(*engine_)) return false;
+  contacts_ = {};
+  choose_substeps();
+  return true;
+}
+
+void World::choose_substeps() {
+  // A scheme that minds the world's step minds what the engine makes of it.
+  const double for_scheme_s = scheme_->longest_world_step_s();
+  const double longest_s =
+      std::isfinite(for_scheme_s) ? std::min(for_scheme_s, engine_->capabilities().longest_step_s) : for_scheme_s;
+  const auto needed = static_cast<int>(std::ceil(scene_.settings.cycle_s() / longest_s - 1e-9));
+  substeps_ = scene_.settings.world.substeps.value_or(std::max(1, needed));
 }
 
 bool World::receive(HapticReport&& report) {

@@ -51,9 +51,10 @@ class World {
   /// Adds the final states to the hash.
   void close() { account(); }
 
-  /// Asks for another engine. Returns what came of it, in words; poll() of the exchange hands over between two steps.
+  /// Asks for another engine. Returns what came of it, in words; exchange_engine() hands over between two steps,
+  /// when the other one is ready.
   std::string change_engine(EngineExchange& exchange, const EngineOrder& order);
-  [[nodiscard]] LiveEngine& live_engine() noexcept { return *engine_; }
+  bool exchange_engine(EngineExchange& exchange);
 
   /// The world at the present stamp as user u sees it; new after each step().
   [[nodiscard]] WorldFrame& frame(std::size_t user) { return users_[user].newest(stamp_); }
@@ -108,6 +109,7 @@ class World {
   void describe_outside(const User& user, WorldFrame& frame);
   void list_unconfirmed(const User& user, WorldFrame& frame);
   [[nodiscard]] int sharers(BodyId id) const;
+  void choose_substeps();
   void account();
   void balance();
 

@@ -34,7 +34,7 @@ struct EngineChange {
   std::string from;
   std::string to;
   double exchange_s = 0.0;           ///< that the loop spent on it
-  double force_step_n = 0.0;         ///< largest change of the felt force from step to step just after; haptic only
+  double force_step_n = 0.0;         ///< largest change of the hand's force from step to step just after; haptic only
   double force_step_before_n = 0.0;  ///< likewise just before
 };
 [[nodiscard]] std::string to_text(const EngineChange& change);

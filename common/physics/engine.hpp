@@ -23,6 +23,8 @@ struct Capabilities {
   Fidelity checkpoint = Fidelity::absent;  ///< exact: a restored engine continues bit by bit
   bool deterministic = false;              ///< equal calls give equal bits
   double precision = 1e-15;                ///< relative, of the numbers that it holds
+  /// Longest step (s) at which friction in a pushed row still follows the engine's own short steps to a few per cent.
+  double longest_step_s = 0.005;
 };
 
 enum class Role : std::uint8_t {

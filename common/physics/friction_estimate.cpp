@@ -8,7 +8,7 @@ namespace subworld {
 namespace {
 
 constexpr std::size_t kUsualContacts = 4096;
-constexpr int kMostSweeps = 30;
+constexpr int kMostSweeps = 30, kLinearSweeps = 20;
 /// A sweep that changes less than this part of all impulses is the last.
 constexpr double kSettled = 1e-3;
 
@@ -52,6 +52,32 @@ void FrictionEstimate::take(const Point& point, const Contact& contact, const Ve
   b.angular += point.b->inverse_inertia * point.arm_b.cross(impulse);
 }
 
+void FrictionEstimate::sweep(std::span<const Contact> contacts, int most, bool rotation) {
+  for (int round = 0; round < most; ++round) {
+    double changed = 0.0;
+    double total = 0.0;
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      Point& point = points_[i];
+      if (point.limit <= 0.0) continue;
+      const Unexplained& a = unexplained_[index(contacts[i].a)];
+      const Unexplained& b = unexplained_[index(contacts[i].b)];
+      const Vec3 velocity =
+          rotation ? Vec3(a.linear + a.angular.cross(point.arm_a) - b.linear - b.angular.cross(point.arm_b))
+                   : Vec3(a.linear - b.linear);
+      const Eigen::Vector2d across = point.tangents.transpose() * velocity;
+      Eigen::Vector2d wanted = point.impulse + (rotation ? Eigen::Vector2d(point.inverse_mobility * across)
+                                                         : Eigen::Vector2d(point.effective_mass * across));
+      if (const double size = wanted.norm(); size > point.limit) wanted *= point.limit / size;
+      const Eigen::Vector2d more = wanted - point.impulse;
+      point.impulse = wanted;
+      take(point, contacts[i], point.tangents * more);
+      changed += more.squaredNorm();
+      total += wanted.squaredNorm();
+    }
+    if (changed <= kSettled * kSettled * total) break;
+  }
+}
+
 void FrictionEstimate::estimate(std::span<const VelocityChange> changes, std::span<const double> friction,
                                 std::span<Contact> contacts) {
   unexplained_.clear();
@@ -65,6 +91,7 @@ void FrictionEstimate::estimate(std::span<const VelocityChange> changes, std::sp
                 .arm_b = contact.point - changes[index(contact.b)].centre,
                 .tangents = {},
                 .inverse_mobility = Eigen::Matrix2d::Zero(),
+                .effective_mass = 0.0,
                 .limit = friction[i] * std::max(0.0, contact.normal_impulse),
                 .impulse = Eigen::Vector2d::Zero()};
     point.tangents.col(0) = contact.normal.unitOrthogonal();
@@ -73,29 +100,14 @@ void FrictionEstimate::estimate(std::span<const VelocityChange> changes, std::sp
                               (mobility(*point.a, point.arm_a) + mobility(*point.b, point.arm_b)) * point.tangents;
     // Two bodies that nothing moves leave nothing to learn.
     if (k.determinant() > 0.0) point.inverse_mobility = k.inverse();
+    const double inverse_mass = point.a->inverse_mass + point.b->inverse_mass;
+    if (inverse_mass > 0.0) point.effective_mass = 1.0 / inverse_mass;
     take(point, contact, contact.normal_impulse * contact.normal);
     points_.push_back(point);
   }
 
-  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-    double changed = 0.0;
-    double total = 0.0;
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      Point& point = points_[i];
-      if (point.limit <= 0.0) continue;
-      const Unexplained& a = unexplained_[index(contacts[i].a)];
-      const Unexplained& b = unexplained_[index(contacts[i].b)];
-      const Vec3 velocity = a.linear + a.angular.cross(point.arm_a) - b.linear - b.angular.cross(point.arm_b);
-      Eigen::Vector2d wanted = point.impulse + point.inverse_mobility * (point.tangents.transpose() * velocity);
-      if (const double size = wanted.norm(); size > point.limit) wanted *= point.limit / size;
-      const Eigen::Vector2d more = wanted - point.impulse;
-      point.impulse = wanted;
-      take(point, contacts[i], point.tangents * more);
-      changed += more.squaredNorm();
-      total += wanted.squaredNorm();
-    }
-    if (changed <= kSettled * kSettled * total) break;
-  }
+  sweep(contacts, kMostSweeps, true);
+  sweep(contacts, kLinearSweeps, false);
   for (std::size_t i = 0; i < points_.size(); ++i) {
     contacts[i].tangential_impulse = points_[i].tangents * points_[i].impulse;
   }

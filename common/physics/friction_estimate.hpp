@@ -24,8 +24,9 @@ void close(VelocityChange& change, const BodyState& after);
 
 /// Friction impulses from the balance of momentum: what neither forces nor normal impulses explain of the bodies'
 /// change of velocity is friction. Where many contacts share it the split is not unique; this is the least-squares
-/// solution inside the cones (|t| <= mu n) that projected Gauss-Seidel reaches from zero, so the sums over a body are
-/// exact and the parts of single contacts an estimate.
+/// solution inside the cones (|t| <= mu n) that projected Gauss-Seidel reaches from zero. Where an engine's own
+/// friction acts at other points than it reports, both balances cannot be met: then the linear one is, so the sums over
+/// a body are exact and the parts of single contacts an estimate.
 class FrictionEstimate {
  public:
   FrictionEstimate();
@@ -42,6 +43,7 @@ class FrictionEstimate {
     Vec3 arm_b;
     Eigen::Matrix<double, 3, 2> tangents;
     Eigen::Matrix2d inverse_mobility;
+    double effective_mass;  ///< kg, of the pair without rotation; 0: both fixed
     double limit;
     Eigen::Vector2d impulse;
   };
@@ -50,6 +52,7 @@ class FrictionEstimate {
     Vec3 angular;
   };
 
+  void sweep(std::span<const Contact> contacts, int most, bool rotation);
   void take(const Point& point, const Contact& contact, const Vec3& impulse);
 
   std::vector<Point> points_;

@@ -54,6 +54,7 @@ void CoupledRun::haptic_cycle(std::size_t user) {
       sub.advance(h);
     }
     felt[user].force.push_back(step.felt.force);
+    felt[user].hand.push_back(step.to_hand.force);
     DeviceCommand command;
     command.wrench = step.to_hand;
     command.pose.position = sub.proxy().position - sub.clutch();

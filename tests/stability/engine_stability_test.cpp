@@ -94,8 +94,10 @@ TEST_P(Stability, FreeRotationKeepsMomentumAndEnergy) {
     tumbled = tumbled || (engine->state(kBody).orientation * Vec3::UnitY()).y() < -0.5;
   }
   EXPECT_LT((momentum() - momentum_before).norm(), 0.01 * momentum_before.norm());
-  EXPECT_NEAR(momentum().norm(), momentum_before.norm(), 1e-4 * momentum_before.norm());
-  EXPECT_NEAR(energy(), energy_before, 1e-4 * energy_before);
+  // Rounding adds up to at most one part per step.
+  const double room = 1e-4 + 4.0 * steps(2.0) * engine->capabilities().precision;
+  EXPECT_NEAR(momentum().norm(), momentum_before.norm(), room * momentum_before.norm());
+  EXPECT_NEAR(energy(), energy_before, room * energy_before);
   RecordProperty("momentum_error", std::to_string((momentum() - momentum_before).norm() / momentum_before.norm()));
   RecordProperty("energy_error", std::to_string(energy() / energy_before - 1.0));
   EXPECT_TRUE(tumbled) << "rotation about the middle axis is unstable";

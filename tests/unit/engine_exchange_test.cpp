@@ -1,7 +1,7 @@
 // A running world or sub-world changes its engine without a jump.
+#include "physics/engine_exchange.hpp"
 #include "lab/coupled_run.hpp"
 #include "model/error.hpp"
-#include "physics/engine_exchange.hpp"
 
 #include <gtest/gtest.h>
 
@@ -76,12 +76,12 @@ TEST_P(Pairs, ThePressedHandFeelsNoJump) {
     if (changed_at > 0 || run.world.time_s() < 0.9) continue;  // the cube is held against the wall
     changed_at = run.felt[0].force.size();
     run.subs[0]->change_engine(haptic_exchange, {EngineOrder::Target::haptic, to, "fast"});
-    ASSERT_TRUE(haptic_exchange.poll(*run.subs[0]->live_engine())) << haptic_exchange.take_failure();
+    ASSERT_TRUE(run.subs[0]->exchange_engine(haptic_exchange)) << haptic_exchange.take_failure();
     run.world.change_engine(world_exchange, {EngineOrder::Target::world, to, "fast"});
-    ASSERT_TRUE(world_exchange.poll(run.world.live_engine())) << world_exchange.take_failure();
+    ASSERT_TRUE(run.world.exchange_engine(world_exchange)) << world_exchange.take_failure();
   }
   ASSERT_GT(changed_at, 0U);
-  const std::vector<Vec3>& force = run.felt[0].force;
+  const std::vector<Vec3>& force = run.felt[0].hand;
   ASSERT_GT(force[changed_at - 1].norm(), 5.0) << "nothing was pressed";
   for (std::size_t i = changed_at; i < force.size(); ++i) {
     EXPECT_LT((force[i] - force[i - 1]).norm(), 0.3) << "step " << i - changed_at << " after the change";

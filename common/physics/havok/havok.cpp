@@ -59,7 +59,7 @@ struct Slot {
   Vec3 weight = Vec3::Zero();   ///< N
   Vec3 force = Vec3::Zero();    ///< of the next step
   Vec3 torque = Vec3::Zero();
-  BodyState after;  ///< of a movable body at the end of the last sub-step
+  BodyState after;  ///< of a movable body at the end of the last sub-step; of a fixed one, the velocity it was given
 };
 
 /// Bodies leave a checkpoint as this, before the module's memory.
@@ -97,7 +97,8 @@ class Havok final : public Engine {
             .gyroscopic = Fidelity::exact,              // the adapter's own
             .checkpoint = Fidelity::exact,
             .deterministic = true,
-            .precision = std::numeric_limits<float>::epsilon()};
+            .precision = std::numeric_limits<float>::epsilon(),
+            .longest_step_s = 0.001};
   }
 
   void add(const Body& body, const BodyState& state, Role role) override {
@@ -180,7 +181,7 @@ class Havok final : public Engine {
 
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
     if (!impulse.allFinite() || !point.allFinite()) return false;
-    const Slot& slot = at(id);
+    Slot& slot = at(id);
     const BodyState now = read_state(slot);
     accelerate(slot, now, impulse, (point - now.position).cross(impulse));
     return true;
@@ -285,11 +286,11 @@ class Havok final : public Engine {
     check(w2c_havok_HP_Shape_SetMaterial(module_.get(), slot.shape, module_.scratch().put(values)), "a material");
   }
 
-  void place(const Slot& slot, const BodyState& state) {
+  void place(Slot& slot, const BodyState& state) {
     wasm::Scratch& scratch = module_.scratch();
     const QTransform pose{to_havok(state.position), to_havok(state.orientation)};
     check(w2c_havok_HP_Body_SetQTransform(module_.get(), slot.body, scratch.put(pose)), "a pose");
-    if (!slot.fixed) set_velocities(slot, state.linear_velocity, state.angular_velocity);
+    set_velocities(slot, state.linear_velocity, state.angular_velocity);
   }
 
   static BodyState accelerated(const Slot& slot, BodyState state, const Vec3& impulse, const Vec3& angular) {
@@ -298,7 +299,12 @@ class Havok final : public Engine {
     return state;
   }
 
-  void set_velocities(const Slot& slot, const Vec3& linear, const Vec3& angular) {
+  void set_velocities(Slot& slot, const Vec3& linear, const Vec3& angular) {
+    if (slot.fixed) {
+      slot.after.linear_velocity = linear;
+      slot.after.angular_velocity = angular;
+      return;
+    }
     wasm::Scratch& scratch = module_.scratch();
     check(w2c_havok_HP_Body_SetLinearVelocity(module_.get(), slot.body, scratch.put(to_havok(linear))), "a velocity");
     check(w2c_havok_HP_Body_SetAngularVelocity(module_.get(), slot.body, scratch.put(to_havok(angular))),
@@ -307,7 +313,7 @@ class Havok final : public Engine {
 
   /// Changes the velocities by an impulse (N s) and an angular impulse (N m s) about the centre of mass. Havok's own
   /// functions would do it with its inverse masses, which it keeps to 8 bits: up to 0.4 % off.
-  void accelerate(const Slot& slot, const BodyState& now, const Vec3& impulse, const Vec3& angular) {
+  void accelerate(Slot& slot, const BodyState& now, const Vec3& impulse, const Vec3& angular) {
     const BodyState then = accelerated(slot, now, impulse, angular);
     set_velocities(slot, then.linear_velocity, then.angular_velocity);
   }
@@ -316,7 +322,7 @@ class Havok final : public Engine {
   void apply_loads(double h) {
     changes_.assign(slots_.size(), {});
     for (const std::uint32_t id : movable_) {
-      const Slot& slot = slots_[id];
+      Slot& slot = slots_[id];
       BodyState state = read_state(slot);
       if (slot.rotates && feels_gyroscopic_torque(slot.inertia)) {
         state.angular_velocity = turned_freely(state.orientation, slot.inertia, state.angular_velocity, h);
@@ -336,6 +342,10 @@ class Havok final : public Engine {
     check(w2c_havok_HP_Body_GetLinearVelocity(module_.get(), slot.body, linear_at), "reading a velocity");
     check(w2c_havok_HP_Body_GetAngularVelocity(module_.get(), slot.body, angular_at), "reading an angular velocity");
     const auto pose = scratch.get<QTransform>(pose_at);
+    if (slot.fixed) {
+      return {from_havok(pose.translation), from_havok(pose.rotation), slot.after.linear_velocity,
+              slot.after.angular_velocity};
+    }
     return {from_havok(pose.translation), from_havok(pose.rotation), from_havok(scratch.get<Float3>(linear_at)),
             from_havok(scratch.get<Float3>(angular_at))};
   }

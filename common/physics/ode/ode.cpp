@@ -97,7 +97,8 @@ class Ode final : public Engine {
             .tangential_impulse = Fidelity::exact,
             .gyroscopic = Fidelity::exact,
             .checkpoint = Fidelity::exact,
-            .deterministic = true};
+            .deterministic = true,
+            .longest_step_s = 0.002};
   }
 
   void add(const Body& body, const BodyState& state, Role role) override {

@@ -59,7 +59,7 @@ struct Slot {
   Vec3 weight = Vec3::Zero();   ///< N
   Vec3 force = Vec3::Zero();    ///< of the next step
   Vec3 torque = Vec3::Zero();
-  BodyState after;  ///< of a movable body at the end of the last sub-step
+  BodyState after;  ///< of a movable body at the end of the last sub-step; of a fixed one, the velocity it was given
 };
 
 /// Bodies leave a checkpoint as this, before the module's memory.
@@ -178,7 +178,7 @@ class Physx final : public Engine, private ContactListener {
 
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
     if (!impulse.allFinite() || !point.allFinite()) return false;
-    const Slot& slot = at(id);
+    Slot& slot = at(id);
     const BodyState now = read_state(slot);
     accelerate(slot, now, impulse, (point - now.position).cross(impulse));
     return true;
@@ -278,10 +278,10 @@ class Physx final : public Engine, private ContactListener {
     return slots_[index(id)];
   }
 
-  void place(const Slot& slot, const BodyState& state) {
+  void place(Slot& slot, const BodyState& state) {
     const Address pose = module_.scratch().put(Transform{to_physx(state.orientation), to_physx(state.position)});
     w2c_physx_emscripten_bind_PxRigidActor_setGlobalPose_1(module_.get(), slot.actor, pose);
-    if (!slot.fixed) set_velocities(slot, state.linear_velocity, state.angular_velocity);
+    set_velocities(slot, state.linear_velocity, state.angular_velocity);
   }
 
   static BodyState accelerated(const Slot& slot, BodyState state, const Vec3& impulse, const Vec3& angular) {
@@ -290,7 +290,12 @@ class Physx final : public Engine, private ContactListener {
     return state;
   }
 
-  void set_velocities(const Slot& slot, const Vec3& linear, const Vec3& angular) {
+  void set_velocities(Slot& slot, const Vec3& linear, const Vec3& angular) {
+    if (slot.fixed) {
+      slot.after.linear_velocity = linear;
+      slot.after.angular_velocity = angular;
+      return;
+    }
     wasm::Scratch& scratch = module_.scratch();
     w2c_physx_emscripten_bind_PxRigidDynamic_setLinearVelocity_1(module_.get(), slot.actor,
                                                                  scratch.put(to_physx(linear)));
@@ -299,7 +304,7 @@ class Physx final : public Engine, private ContactListener {
   }
 
   /// Changes the velocities by an impulse (N s) and an angular impulse (N m s) about the centre of mass.
-  void accelerate(const Slot& slot, const BodyState& now, const Vec3& impulse, const Vec3& angular) {
+  void accelerate(Slot& slot, const BodyState& now, const Vec3& impulse, const Vec3& angular) {
     const BodyState then = accelerated(slot, now, impulse, angular);
     set_velocities(slot, then.linear_velocity, then.angular_velocity);
   }
@@ -308,7 +313,7 @@ class Physx final : public Engine, private ContactListener {
   void apply_loads(double h) {
     changes_.assign(slots_.size(), {});
     for (const std::uint32_t id : movable_) {
-      const Slot& slot = slots_[id];
+      Slot& slot = slots_[id];
       const Vec3 force = slot.weight + slot.force;
       BodyState state = read_state(slot);
       if (slot.rotates && feels_gyroscopic_torque(slot.inertia)) {
@@ -334,7 +339,11 @@ class Physx final : public Engine, private ContactListener {
     w2c_physx* m = module_.get();
     const auto pose = get<Transform>(w2c_physx_emscripten_bind_PxRigidActor_getGlobalPose_0(m, slot.actor));
     BodyState state{from_physx(pose.translation), from_physx(pose.rotation), Vec3::Zero(), Vec3::Zero()};
-    if (slot.fixed) return state;
+    if (slot.fixed) {
+      state.linear_velocity = slot.after.linear_velocity;
+      state.angular_velocity = slot.after.angular_velocity;
+      return state;
+    }
     state.linear_velocity =
         from_physx(get<Float3>(w2c_physx_emscripten_bind_PxRigidBody_getLinearVelocity_0(m, slot.actor)));
     state.angular_velocity =
