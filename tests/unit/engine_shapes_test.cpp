@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <iterator>
 #include <numbers>
+#include <optional>
 #include <string_view>
 
 namespace subworld {
@@ -22,11 +23,15 @@ constexpr BodyId kFloor{0}, kBody{1};
 /// Pairs that an engine does not hold quite still, how much more room they get, and why.
 struct Restless {
   std::string_view engine;
-  ShapeKind shape, floor;
+  std::optional<ShapeKind> shape, floor;  ///< none: any
   double room;
   std::string_view why;
 };
 constexpr Restless kRestless[] = {
+    {"havok", ShapeKind::cylinder, ShapeKind::mesh, 10.0, "a lying cylinder finds its points one by one and rolls"},
+    {"havok", {}, {}, 4.0, "it trembles by 2 mm/s in steps of 4 ms"},
+    {"physx", ShapeKind::cylinder, ShapeKind::mesh, 10.0, "a lying cylinder finds its points one by one and rolls"},
+    {"physx", {}, {}, 4.0, "it trembles by 2 mm/s in steps of 4 ms"},
     {"ode", ShapeKind::convex, ShapeKind::mesh, 10.0, "ODE makes a hull's points on triangles by tilting it a little"},
     {"bullet", ShapeKind::cylinder, ShapeKind::mesh, 10.0,
      "Bullet finds a lying cylinder's points one by one, step by step"},
@@ -37,7 +42,7 @@ constexpr Restless kRestless[] = {
 
 double room(std::string_view engine, ShapeKind shape, ShapeKind floor) {
   for (const Restless& r : kRestless) {
-    if (r.engine == engine && r.shape == shape && r.floor == floor) return r.room;
+    if (r.engine == engine && r.shape.value_or(shape) == shape && r.floor.value_or(floor) == floor) return r.room;
   }
   return 1.0;
 }

@@ -1,0 +1,55 @@
+// Any engine as the world's, any as the sub-world's: what is felt follows the world engine's own reference.
+#include "lab/coupled_run.hpp"
+#include "lab/metrics.hpp"
+#include "physics/engine.hpp"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <string>
+
+namespace subworld {
+namespace {
+
+/// RMS of the felt force against the reference, for the row on which the design states its errors, and a scene with a
+/// load on the border.
+struct Case {
+  std::string scene;
+  double bar;
+};
+const Case kCases[] = {{"row", 0.03}, {"hidden_load", 0.06}};
+
+Scene scene_of(const std::string& name, const std::string& scheme, int ratio, const std::string& world,
+               const std::string& haptic) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml");
+  scene.settings.users = 1;
+  scene.settings.scheme = scheme;
+  scene.settings.ratio = ratio;
+  scene.settings.world.name = world;
+  scene.settings.haptic.name = haptic;
+  return scene;
+}
+
+class WorldEngine : public testing::TestWithParam<std::string> {};
+
+TEST_P(WorldEngine, IsFollowedByEverySubWorldEngine) {
+  const std::string& world = GetParam();
+  for (const auto& [name, bar] : kCases) {
+    CoupledRun reference(scene_of(name, "direct", 1, world, world));
+    ASSERT_TRUE(reference.run());
+    for (const std::string& haptic : engine_names()) {
+      CoupledRun run(scene_of(name, "reduced", 4, world, haptic));
+      ASSERT_TRUE(run.run());
+      const ForceError error = force_error(run.felt[0].force, reference.felt[0].force, 0.001);
+      EXPECT_LE(error.rms, bar) << name << ": world " << world << ", sub-world " << haptic;
+      std::printf("%s: world %s, sub-world %s: RMS %.2f %%\n", name.c_str(), world.c_str(), haptic.c_str(),
+                  100.0 * error.rms);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Engines, WorldEngine, testing::ValuesIn(engine_names()),
+                         [](const testing::TestParamInfo<std::string>& info) { return info.param; });
+
+}  // namespace
+}  // namespace subworld
