@@ -1,15 +1,48 @@
 #include "coupling/scheme.hpp"
 #include "launch.hpp"
+#include "physics/plugin.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string>
 
 namespace subworld {
+
+namespace {
+
+const char* to_text(Fidelity fidelity) {
+  switch (fidelity) {
+    case Fidelity::absent:
+      return "none";
+    case Fidelity::estimated:
+      return "estimated";
+    case Fidelity::exact:
+      break;
+  }
+  return "exact";
+}
+
+/// A line of what the engine is and one of what matters of it here. Throws `Error` (usage) where the settings name no
+/// engine or preset.
+std::string describe_engine(const char* where, const EngineSettings& settings) {
+  const EnginePlugin& plugin = engine_plugin(settings.name);
+  const std::size_t preset = find_preset(plugin, settings.preset);
+  const Capabilities can = make_engine(settings, {})->capabilities();
+  return fmt::format(
+      "  {}: engine {} ({}; licence {}), preset {}: {}\n"
+      "    normal impulses {}, friction impulses {}, gyroscopic torque {}, checkpoint {}, {}; unit of length {:g} m\n",
+      where, plugin.name, plugin.version, plugin.licence, settings.preset, plugin.presets[preset].what,
+      to_text(can.normal_impulse), to_text(can.tangential_impulse), to_text(can.gyroscopic), to_text(can.checkpoint),
+      can.deterministic ? "deterministic" : "not deterministic", settings.length_unit_m);
+}
+
+}  // namespace
 
 void print_plan(const Scene& scene, bool gui) {
   const Settings& s = scene.settings;
   const auto scheme = make_scheme(s);
+  const std::string engines = describe_engine("world", s.world) + describe_engine("sub-worlds", s.haptic);
   const auto fixed = std::count_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& b) { return b.fixed(); });
   const bool realtime = s.mode == Mode::realtime;
   fmt::print("{}: {} movable and {} fixed bodies, {} of {} users\n", scene.name,
@@ -17,8 +50,7 @@ void print_plan(const Scene& scene, bool gui) {
   fmt::print("  processes: world_sim, {0} haptic_sim, {0} device_sim{1}\n", s.users, gui ? ", gui_headless" : "");
   fmt::print("  clock: {}; h = {:g} ms, r = {}, T = {:g} ms\n", realtime ? "real time" : "lock-step", 1e3 * s.h_s,
              s.ratio, 1e3 * s.cycle_s());
-  fmt::print("  engines: world {} ({}), sub-worlds {} ({})\n", s.world.name, s.world.preset, s.haptic.name,
-             s.haptic.preset);
+  fmt::print("{}", engines);
 
   const auto decide = [](bool in, const char* what, const std::string& why) {
     fmt::print("  {} {}: {}\n", in ? "with   " : "without", what, why);

@@ -80,6 +80,31 @@ TEST_F(CommandLine, APlanNamesItsReasons) {
   EXPECT_TRUE(running(folder_.path()).empty());
 }
 
+TEST_F(CommandLine, APlanNamesItsEngines) {
+  const Ended ended =
+      finish({program("subworld"), "plan", scene("row"), "--engine", "ode", "--haptic-preset", "quality"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  for (const char* part : {"world: engine ode (ODE", "sub-worlds: engine bullet (Bullet", "double precision", "zlib",
+                           "preset fast", "preset quality", "friction impulses exact", "checkpoint"}) {
+    EXPECT_NE(ended.out.find(part), std::string::npos) << part << " is not in: " << ended.out;
+  }
+}
+
+TEST_F(CommandLine, APlanRefusesWhatARunWould) {
+  const std::vector<std::pair<Words, Words>> wrong{{{"--engine", "havoc"}, {"havoc", "bullet", "ode"}},
+                                                   {{"--haptic-engine", "havoc"}, {"havoc", "bullet", "ode"}},
+                                                   {{"--preset", "best"}, {"best", "fast", "quality"}},
+                                                   {{"--haptic-preset", "best"}, {"best", "fast", "quality"}}};
+  for (const auto& [flags, fragments] : wrong) {
+    Words words{program("subworld"), "plan", scene("row")};
+    words.insert(words.end(), flags.begin(), flags.end());
+    const Ended ended = finish(words);
+    EXPECT_EQ(ended.code, 2) << flags.front();
+    EXPECT_EQ(ended.out, "") << "half a plan was printed";
+    expect_says(ended, fragments);
+  }
+}
+
 TEST_F(CommandLine, AMissingVendorIsAMiddlewareErrorWithTheCure) {
   const std::string empty = folder_.path() + "/empty";
   std::filesystem::create_directory(empty);

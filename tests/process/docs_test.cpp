@@ -7,13 +7,14 @@
 namespace subworld::test {
 namespace {
 
-/// The command lines of the ```sh blocks of a page: continued lines joined, comments cut off.
+/// The command lines of the ```sh blocks of a page, also of those in lists: continued lines joined, comments cut off.
 std::vector<Words> commands_of(const std::string& text) {
   std::vector<Words> commands;
   std::istringstream lines(text);
   std::string line, joined;
   bool inside = false;
   while (std::getline(lines, line)) {
+    line.erase(0, line.find_first_not_of(' '));
     if (line.starts_with("```")) {
       inside = line == "```sh";
       continue;
@@ -38,6 +39,21 @@ void set_flag(Words& words, const std::string& flag, const std::string& value) {
   words.insert(words.end(), {flag, value});
 }
 
+/// Takes the words NAME=value off the front.
+Environment take_environment(Words& words) {
+  static const std::string kBuild = "build/release";
+  Environment environment;
+  while (words.size() > 1) {
+    const std::size_t equals = words.front().find('=');
+    if (equals == std::string::npos) break;
+    std::string value = words.front().substr(equals + 1);
+    if (value.starts_with(kBuild)) value.replace(0, kBuild.size(), std::string(PROGRAMS_FOLDER) + "/..");
+    environment[words.front().substr(0, equals)] = value;
+    words.erase(words.begin());
+  }
+  return environment;
+}
+
 bool is_launcher(const std::string& word) { return word == "subworld" || word == "deploy/subworld"; }
 
 std::string joined(const Words& words) {
@@ -50,7 +66,7 @@ std::string joined(const Words& words) {
 class Docs : public ProcessTest, public ::testing::WithParamInterface<std::string> {
  protected:
   /// Runs, shortened, in a folder of the test; anything else is asked for its help.
-  void expect_command(Words words) const {
+  void expect_command(Words words, const Environment& environment) const {
     words.front() = program("subworld");
     const std::string command = words.size() > 1 ? words[1] : "";
     for (std::string& word : words) {
@@ -63,8 +79,14 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
     } else if (command != "plan") {
       words.emplace_back("--help");
     }
-    const Ended ended = finish(words);
+    const Ended ended = finish(words, environment);
     EXPECT_EQ(ended.code, 0) << ended.err;
+  }
+  /// Of the build, whether or not it has been built yet.
+  static void expect_program(const std::string& file) {
+    const std::string rule = "(" + file.substr(file.rfind('/') + 1) + " ";
+    EXPECT_NE(read_text(std::string(SOURCE_FOLDER) + "/tests/CMakeLists.txt").find(rule), std::string::npos)
+        << file << " is no program of the build";
   }
   void expect_script(const std::string& name) const {
     const std::string file = std::string(SOURCE_FOLDER) + "/" + name;
@@ -76,10 +98,13 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
 TEST_P(Docs, EveryCommandWorks) {
   const std::string page = std::string(SOURCE_FOLDER) + "/" + GetParam();
   int found = 0;
-  for (const Words& words : commands_of(read_text(page))) {
+  for (Words words : commands_of(read_text(page))) {
     SCOPED_TRACE(joined(words));
+    const Environment environment = take_environment(words);
     if (is_launcher(words.front())) {
-      expect_command(words);
+      expect_command(words, environment);
+    } else if (words.front().starts_with("build/release/bin/")) {
+      expect_program(words.front());
     } else if (words.front().starts_with("deploy/") || words.front().starts_with("tests/")) {
       expect_script(words.front());
     } else {
@@ -91,7 +116,8 @@ TEST_P(Docs, EveryCommandWorks) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Pages, Docs,
-                         ::testing::Values("README.md", "deploy/scenes/README.md", "common/coupling/README.md"),
+                         ::testing::Values("README.md", "deploy/scenes/README.md", "common/coupling/README.md",
+                                           "common/physics/README.md"),
                          [](const auto& one) {
                            std::string name = one.param;
                            std::ranges::replace_if(
@@ -99,9 +125,16 @@ INSTANTIATE_TEST_SUITE_P(Pages, Docs,
                            return name;
                          });
 
+TEST(DocsReader, TakesVariablesOffTheFront) {
+  Words words{"A=1", "B=build/release/example", "subworld", "run", "--x=2"};
+  const Environment environment = take_environment(words);
+  EXPECT_EQ(words, (Words{"subworld", "run", "--x=2"}));
+  EXPECT_EQ(environment, (Environment{{"A", "1"}, {"B", std::string(PROGRAMS_FOLDER) + "/../example"}}));
+}
+
 TEST(DocsReader, JoinsLinesAndSkipsWhatIsNoCommand) {
   const auto found =
-      commands_of("subworld no\n```sh\n# no\nsubworld run \\\n  a.yaml  # why\n\nx\n```\nno\n```yaml\nno\n```\n");
+      commands_of("subworld no\n  ```sh\n# no\nsubworld run \\\n  a.yaml  # why\n\nx\n```\nno\n```yaml\nno\n```\n");
   EXPECT_EQ(found, (std::vector<Words>{{"subworld", "run", "a.yaml"}, {"x"}}));
 }
 

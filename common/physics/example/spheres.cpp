@@ -7,10 +7,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <optional>
 #include <utility>
+#include <vector>
 
 namespace subworld {
 
@@ -45,10 +47,12 @@ struct Row {
   Vec3 tangential_impulse = Vec3::Zero();
 };
 
+/// Bodies leave a checkpoint as (id, 19 numbers).
 struct SavedBody {
   std::uint64_t id;
-  std::array<double, 13> state;
+  std::array<double, 19> numbers;  ///< the state, then force and torque of the next step
 };
+using Numbers = Eigen::Matrix<double, 19, 1>;
 
 class Spheres final : public Engine {
  public:
@@ -63,7 +67,7 @@ class Spheres final : public Engine {
     return {.normal_impulse = Fidelity::exact,
             .tangential_impulse = Fidelity::exact,
             .gyroscopic = Fidelity::exact,  // a sphere has none
-            .checkpoint = Fidelity::exact,  // nothing but the states lives from step to step
+            .checkpoint = Fidelity::exact,  // nothing but states and forces lives from step to step
             .deterministic = true};
   }
 
@@ -161,8 +165,8 @@ class Spheres final : public Engine {
     for (const auto& slot : slots_) {
       if (!slot) continue;
       SavedBody entry{index(slot->body.id), {}};
-      Eigen::Map<Eigen::Matrix<double, 13, 1>>(entry.state.data()) << slot->state.position,
-          slot->state.orientation.coeffs(), slot->state.linear_velocity, slot->state.angular_velocity;
+      Eigen::Map<Numbers>(entry.numbers.data()) << slot->state.position, slot->state.orientation.coeffs(),
+          slot->state.linear_velocity, slot->state.angular_velocity, slot->force, slot->torque;
       const auto* begin = reinterpret_cast<const std::byte*>(&entry);
       saved.bytes.insert(saved.bytes.end(), begin, begin + sizeof entry);
     }
@@ -170,18 +174,21 @@ class Spheres final : public Engine {
   }
 
   void restore(const Checkpoint& saved) override {
-    const std::size_t count = saved.bytes.size() / sizeof(SavedBody);
+    std::vector<SavedBody> entries(saved.bytes.size() / sizeof(SavedBody));
     const auto held = static_cast<std::size_t>(std::ranges::count_if(slots_, [](const auto& s) { return bool(s); }));
-    if (saved.bytes.size() % sizeof(SavedBody) != 0 || count != held) {
+    const bool whole = saved.bytes.size() == entries.size() * sizeof(SavedBody) && entries.size() == held;
+    if (whole && held > 0) std::memcpy(entries.data(), saved.bytes.data(), saved.bytes.size());
+    const auto known = [this](const SavedBody& e) { return contains(BodyId{static_cast<std::uint32_t>(e.id)}); };
+    if (!whole || !std::ranges::all_of(entries, known)) {
       throw Error(ExitCode::failed,
                   "the checkpoint is of another engine or of other bodies; take one from this engine");
     }
-    for (std::size_t i = 0; i < count; ++i) {
-      SavedBody entry;
-      std::memcpy(&entry, saved.bytes.data() + i * sizeof entry, sizeof entry);
-      const Eigen::Map<const Eigen::Matrix<double, 13, 1>> x(entry.state.data());
-      set_state(BodyId{static_cast<std::uint32_t>(entry.id)},
-                {x.segment<3>(0), Quat(x[6], x[3], x[4], x[5]), x.segment<3>(7), x.segment<3>(10)});
+    for (const SavedBody& entry : entries) {
+      Slot& slot = at(BodyId{static_cast<std::uint32_t>(entry.id)});
+      const Eigen::Map<const Numbers> x(entry.numbers.data());
+      slot.state = {x.segment<3>(0), Quat(x[6], x[3], x[4], x[5]), x.segment<3>(7), x.segment<3>(10)};
+      slot.force = x.segment<3>(13);
+      slot.torque = x.segment<3>(16);
     }
     contacts_.clear();
   }

@@ -1,0 +1,78 @@
+#include "bench/direct_bullet.hpp"
+
+#include "common/physics/bullet/box_plane.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+extern btScalar gContactBreakingThreshold;
+extern btScalar gDbvtMargin;
+
+namespace subworld::bench {
+
+using bullet::from_bullet;
+using bullet::scalar;
+using bullet::to_bullet;
+
+// All numbers here are those of the preset `fast` in common/physics/bullet/bullet.cpp.
+DirectBullet::DirectBullet(const Vec3& gravity, double dt)
+    : dt_(dt),
+      shapes_({}),
+      dispatcher_(&configuration_),
+      world_(&dispatcher_, &broadphase_, &solver_, &configuration_) {
+  gContactBreakingThreshold = scalar(0.005);
+  bullet::register_box_plane(dispatcher_);
+  configuration_.setPlaneConvexMultipointIterations(4, 5);
+  auto& info = world_.getSolverInfo();
+  info.m_numIterations = 10;
+  info.m_solverMode = SOLVER_SIMD | SOLVER_USE_WARMSTARTING | SOLVER_USE_2_FRICTION_DIRECTIONS |
+                      SOLVER_ENABLE_FRICTION_DIRECTION_CACHING | SOLVER_DISABLE_VELOCITY_DEPENDENT_FRICTION_DIRECTION;
+  info.m_warmstartingFactor = 1;
+  info.m_splitImpulse = 1;
+  info.m_splitImpulsePenetrationThreshold = 0;
+  world_.setGravity(to_bullet(gravity));
+  solver_.set_slow(scalar(1e-3 + 0.5 * gravity.norm() * dt));
+}
+
+DirectBullet::~DirectBullet() {
+  for (const auto& body : bodies_) world_.removeRigidBody(body.get());
+}
+
+void DirectBullet::add(const Body& body, const BodyState& state) {
+  btRigidBody::btRigidBodyConstructionInfo info(scalar(body.mass), nullptr, shapes_.get(body.shape),
+                                                to_bullet(body.inertia));
+  info.m_friction = scalar(std::sqrt(body.material.friction));
+  info.m_restitution = scalar(body.material.restitution);
+  btRigidBody& made = *bodies_.emplace_back(std::make_unique<btRigidBody>(info));
+  made.setActivationState(DISABLE_DEACTIVATION);
+  set_state(bodies_.size() - 1, state);
+  world_.addRigidBody(&made, body.fixed() ? 2 : 1, body.fixed() ? 1 : 3);
+  made.setFlags(0);
+  if (body.fixed()) return;
+  btVector3 lower, upper;
+  made.getAabb(lower, upper);
+  const btVector3 size = upper - lower;
+  tree_margin_ = std::min({tree_margin_, 0.05 * size.x(), 0.05 * size.y(), 0.05 * size.z()});
+  gDbvtMargin = scalar(tree_margin_);
+}
+
+void DirectBullet::set_state(std::size_t i, const BodyState& state) {
+  btRigidBody& body = *bodies_[i];
+  const btTransform pose(to_bullet(state.orientation), to_bullet(state.position));
+  body.setWorldTransform(pose);
+  body.setInterpolationWorldTransform(pose);
+  body.setLinearVelocity(to_bullet(state.linear_velocity));
+  body.setAngularVelocity(to_bullet(state.angular_velocity));
+  body.setInterpolationLinearVelocity(body.getLinearVelocity());
+  body.setInterpolationAngularVelocity(body.getAngularVelocity());
+  body.updateInertiaTensor();
+  if (body.getBroadphaseHandle() != nullptr) world_.updateSingleAabb(&body);
+}
+
+BodyState DirectBullet::state(std::size_t i) const {
+  const btRigidBody& body = *bodies_[i];
+  return {from_bullet(body.getWorldTransform().getOrigin()), from_bullet(body.getWorldTransform().getRotation()),
+          from_bullet(body.getLinearVelocity()), from_bullet(body.getAngularVelocity())};
+}
+
+}  // namespace subworld::bench

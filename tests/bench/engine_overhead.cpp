@@ -1,0 +1,211 @@
+// What the Engine interface costs: a step of 65 cubes in a dense heap through make_engine("bullet"), with contacts
+// gathered, merged and sorted, against stepSimulation() of the same world alone. Blocks of both alternate in one run,
+// each from the same settled states; CPU time of this thread.
+#include "bench/direct_bullet.hpp"
+#include "io/options.hpp"
+#include "io/results.hpp"
+#include "lab/cpu_time.hpp"
+#include "model/error.hpp"
+#include "model/mass_properties.hpp"
+#include "model/scene_layout.hpp"
+#include "physics/engine.hpp"
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace subworld;
+
+constexpr int kCubes = 65;
+constexpr double kStep_s = 1e-3;
+constexpr double kSettle_s = 3.0;
+constexpr double kSide_m = 0.1, kMass_kg = 0.2;
+constexpr double kMost = 0.10;  ///< of Bullet's own time
+constexpr int kWarmUp = 50;     ///< steps at the start of a block that are not counted
+
+struct World {
+  std::vector<Body> bodies;
+  std::vector<BodyState> states;
+
+  void box(const Vec3& half, double mass_kg, const Pose& pose) {
+    Body body;
+    body.shape.kind = ShapeKind::box;
+    body.shape.half_extents = half;
+    body.mass = mass_kg;
+    if (mass_kg > 0.0) body.inertia = principal_inertia(body.shape, mass_kg);
+    add(body, pose);
+  }
+  void add(Body body, const Pose& pose) {
+    body.id = BodyId{static_cast<std::uint32_t>(bodies.size())};
+    bodies.push_back(body);
+    states.emplace_back().position = pose.position;
+    states.back().orientation = pose.orientation;
+  }
+};
+
+/// Cubes poured into a bin that is about as wide as the heap is high; not settled.
+World heap() {
+  World world;
+  Body floor;
+  floor.shape.kind = ShapeKind::plane;
+  world.add(floor, {});
+  const double side = 1.3 * kSide_m * std::cbrt(kCubes);
+  constexpr double kWall = 0.1, kHeight = 3.0;
+  for (const double sign : {-1.0, 1.0}) {
+    const double off = sign * 0.5 * (side + kWall), half = 0.5 * side + kWall;
+    world.box({0.5 * kWall, half, 0.5 * kHeight}, 0.0, {Vec3(off, 0, 0.5 * kHeight), Quat::Identity()});
+    world.box({half, 0.5 * kWall, 0.5 * kHeight}, 0.0, {Vec3(0, off, 0.5 * kHeight), Quat::Identity()});
+  }
+  HeapLayout layout;
+  layout.count = kCubes;
+  layout.area = {side, side};
+  layout.seed = 1;
+  layout.half_extents = Vec3::Constant(0.5 * kSide_m);
+  layout.bounding_radius = layout.half_extents.norm();
+  for (const Pose& place : lay_out(layout)) world.box(layout.half_extents, kMass_kg, place);
+  return world;
+}
+
+struct Block {
+  double median_s = 0.0;
+  double p99_s = 0.0;
+};
+
+template <typename Step>
+Block timed(int steps, const Step& step) {
+  for (int i = 0; i < kWarmUp; ++i) step();
+  std::vector<double> times(static_cast<std::size_t>(steps));
+  for (double& time : times) {
+    const double begin = thread_cpu_s();
+    step();
+    time = thread_cpu_s() - begin;
+  }
+  std::ranges::sort(times);
+  return {times[times.size() / 2], times[times.size() * 99 / 100]};
+}
+
+double median(std::vector<double> values) {
+  std::ranges::sort(values);
+  return values[values.size() / 2];
+}
+
+/// Of one quantile of the blocks.
+struct Ratio {
+  double engine_s = 0.0;
+  double direct_s = 0.0;
+  double overhead = 0.0;  ///< median of each pair of blocks' ratio, less 1
+};
+
+Ratio compare(const std::vector<Block>& engine, const std::vector<Block>& direct, double Block::*quantile) {
+  std::vector<double> ours, theirs, ratios;
+  for (std::size_t i = 0; i < engine.size(); ++i) {
+    ours.push_back(engine[i].*quantile);
+    theirs.push_back(direct[i].*quantile);
+    ratios.push_back(ours.back() / theirs.back());
+  }
+  return {median(ours), median(theirs), median(ratios) - 1.0};
+}
+
+bool print(const char* what, const Ratio& ratio) {
+  const bool ok = ratio.overhead <= kMost;
+  fmt::print("  {}: {:.1f} us through the interface, {:.1f} us without\n", what, 1e6 * ratio.engine_s,
+             1e6 * ratio.direct_s);
+  fmt::print("interface overhead {:.1f} % {} {:.0f} %: {}\n", 1e2 * ratio.overhead, ok ? "<=" : ">", 1e2 * kMost,
+             ok ? "ok" : "missed");
+  return ok;
+}
+
+void write_csv(const std::string& file, const std::string& header, const std::string& line) {
+  if (file.empty()) {
+    fmt::print("{}\n{}\n", header, line);
+    return;
+  }
+  std::ofstream out(file, std::ios::app);
+  if (out.tellp() == 0) out << header << "\n";
+  if (!(out << line << "\n").flush()) {
+    throw Error(ExitCode::failed, fmt::format("{} cannot be written; give another file with --out", file));
+  }
+}
+
+int main_of(int argc, char** argv) {
+  CLI::App app{"Measures what the Engine interface costs on a step of 65 dense bodies.", "bench_engine_overhead"};
+  std::string out;
+  int blocks = 41, steps = 400;
+  app.add_option("--out", out, "CSV file that gets a line more (default: printed)");
+  app.add_option("--blocks", blocks, "of each side")->check(CLI::Range(1, 1000))->capture_default_str();
+  app.add_option("--steps", steps, "counted in a block")->check(CLI::Range(100, 100000))->capture_default_str();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& done) {
+    return app.exit(done);
+  } catch (const CLI::ParseError& wrong) {
+    throw Error(ExitCode::usage, fmt::format("{}; see --help", wrong.what()));
+  }
+
+  World world = heap();
+  const EngineSettings settings;  // Bullet in double precision, preset fast
+  const auto filled = [&] {
+    auto engine = make_engine(settings, {});
+    for (std::size_t i = 0; i < world.bodies.size(); ++i) engine->add(world.bodies[i], world.states[i]);
+    return engine;
+  };
+  const auto settling = filled();
+  for (double t = 0.0; t < kSettle_s; t += kStep_s) settling->step(kStep_s);
+  for (std::size_t i = 0; i < world.bodies.size(); ++i) world.states[i] = settling->state(world.bodies[i].id);
+  // Both sides are filled anew, so that they find and keep the same contacts from the first step on.
+  const auto engine = filled();
+  bench::DirectBullet direct(settings.gravity, kStep_s);
+  for (std::size_t i = 0; i < world.bodies.size(); ++i) direct.add(world.bodies[i], world.states[i]);
+
+  std::vector<Block> through, without;
+  std::size_t contacts = 0;
+  const auto engine_block = [&] {
+    for (std::size_t i = 0; i < world.bodies.size(); ++i) engine->set_state(world.bodies[i].id, world.states[i]);
+    through.push_back(timed(steps, [&] { engine->step(kStep_s); }));
+  };
+  const auto direct_block = [&] {
+    for (std::size_t i = 0; i < world.bodies.size(); ++i) direct.set_state(i, world.states[i]);
+    without.push_back(timed(steps, [&] { direct.step(); }));
+  };
+  for (int block = 0; block < blocks; ++block) {
+    if (block % 2 == 0) engine_block();
+    direct_block();
+    if (block % 2 != 0) engine_block();
+    for (std::size_t i = 0; i < world.bodies.size(); ++i) {
+      if (engine->state(world.bodies[i].id).position == direct.state(i).position) continue;
+      throw Error(ExitCode::failed, fmt::format("body {} moves otherwise without the interface: the two sides do not "
+                                                "do the same work; bring direct_bullet.cpp in step with bullet.cpp",
+                                                i));
+    }
+    contacts = engine->contacts().size();
+  }
+
+  const Ratio middle = compare(through, without, &Block::median_s);
+  const Ratio tail = compare(through, without, &Block::p99_s);
+  fmt::print("{} cubes, {} contacts, {} blocks of {} steps of {:g} ms; equal places bit by bit\n", kCubes, contacts,
+             blocks, steps, 1e3 * kStep_s);
+  const bool median_ok = print("median step", middle);
+  const bool tail_ok = print("p99 step", tail);
+  write_csv(
+      out,
+      "machine,kernel,engine,preset,bodies,contacts,dt_s,blocks,steps,engine_p50_s,direct_p50_s,overhead_p50_ratio,"
+      "engine_p99_s,direct_p99_s,overhead_p99_ratio",
+      fmt::format("\"{}\",{},{},{},{},{},{:g},{},{},{:.4e},{:.4e},{:.4f},{:.4e},{:.4e},{:.4f}",
+                  machine().value("cpu", ""), machine().value("kernel", ""), settings.name, settings.preset, kCubes,
+                  contacts, kStep_s, blocks, steps, middle.engine_s, middle.direct_s, middle.overhead, tail.engine_s,
+                  tail.direct_s, tail.overhead));
+  return static_cast<int>(median_ok && tail_ok ? ExitCode::done : ExitCode::quality);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return guarded("bench_engine_overhead", [&] { return main_of(argc, argv); });
+}
