@@ -41,7 +41,9 @@ TEST_P(WorldEngine, IsFollowedByEverySubWorldEngine) {
       CoupledRun run(scene_of(name, "reduced", 4, world, haptic));
       ASSERT_TRUE(run.run());
       const ForceError error = force_error(run.felt[0].force, reference.felt[0].force, 0.001);
-      EXPECT_LE(error.rms, bar) << name << ": world " << world << ", sub-world " << haptic;
+      // Rounding is part of the error where numbers have seven digits; both then wander by a point.
+      const bool rounded = world == "bullet_float" || haptic == "bullet_float";
+      EXPECT_LE(error.rms, rounded ? bar + 0.01 : bar) << name << ": world " << world << ", sub-world " << haptic;
       std::printf("%s: world %s, sub-world %s: RMS %.2f %%\n", name.c_str(), world.c_str(), haptic.c_str(),
                   100.0 * error.rms);
     }
@@ -49,7 +51,7 @@ TEST_P(WorldEngine, IsFollowedByEverySubWorldEngine) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, WorldEngine, testing::ValuesIn(engine_names()),
-                         [](const testing::TestParamInfo<std::string>& info) { return info.param; });
+                         [](const testing::TestParamInfo<std::string>& named) { return named.param; });
 
 }  // namespace
 }  // namespace subworld
