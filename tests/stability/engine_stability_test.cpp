@@ -104,6 +104,28 @@ TEST_P(Stability, FreeRotationKeepsMomentumAndEnergy) {
   EXPECT_TRUE(tumbled) << "rotation about the middle axis is unstable";
 }
 
+/// Statics: the n-th cube from the top of a stack of 2 mm cubes carries n weights. Engines' own tolerances are about as
+/// large as such a cube; in a unit of a centimetre they are not.
+TEST_P(Stability, MillimetresRestInAUnitOfTheirOwn) {
+  constexpr double kSide = 0.002, kMass = 2e-5;
+  EngineSettings settings = GetParam().settings();
+  settings.length_unit_m = 0.01;
+  const auto engine = make_engine(settings, {});
+  engine->add(floor_plane(BodyId{0}), BodyState{});
+  for (std::uint32_t i = 1; i <= 3; ++i) engine->add(cube(BodyId{i}, kSide, kMass), at(0, 0, (i - 0.5) * kSide));
+  test::run(*engine, steps(1.0), dt);
+  for (std::uint32_t i = 1; i <= 3; ++i) {
+    const Vec3 away = engine->state(BodyId{i}).position - Vec3(0, 0, (i - 0.5) * kSide);
+    EXPECT_LT(away.norm(), 0.05 * kSide) << i;
+  }
+  double on_floor = 0.0;
+  for (int n = 0; n < 20; ++n) {
+    engine->step(dt);
+    for (const Contact& c : engine->contacts()) on_floor += c.a == BodyId{0} ? c.normal_impulse : 0.0;
+  }
+  EXPECT_NEAR(on_floor, 20 * dt * 3 * kMass * kG, 0.02 * 20 * dt * 3 * kMass * kG);
+}
+
 /// After n impacts a ball that fell from h rises to e^(2n) h.
 TEST_P(Stability, BounceHeight) {
   constexpr double kRadius = 0.05, kDrop = 0.5;
