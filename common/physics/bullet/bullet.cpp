@@ -36,11 +36,11 @@ struct Preset {
 
 constexpr EnginePreset kPresets[] = {
     {"fast", "10 iterations, no sub-steps: what a haptic step of 1 ms needs"},
-    {"quality", "50 iterations, sub-steps of at most 2.1 ms, contacts that break early: holds stacks and card houses"},
+    {"quality", "50 iterations, sub-steps of at most 1.4 ms, contacts that break early: holds stacks and card houses"},
 };
 constexpr Preset kPresetValues[] = {
     {10, INFINITY, 0.005, false, 0.0},
-    {50, 2.1e-3, 0.002, true, 0.2},
+    {50, 1.4e-3, 0.002, true, 0.2},
 };
 
 extern const EnginePlugin kPlugin;
