@@ -25,7 +25,7 @@ struct Structure {
 };
 const Structure kStructures[] = {
     {"stack", {"bullet", "havok", "physx"}},
-    {"card_house", {"bullet", "physx"}},
+    {"card_house", {"physx"}},
 };
 
 /// How far the top of the stack may be from its start.

@@ -36,7 +36,7 @@ struct Preset {
 
 constexpr EnginePreset kPresets[] = {
     {"fast", "10 iterations, no sub-steps: what a haptic step of 1 ms needs"},
-    {"quality", "50 iterations, sub-steps of at most 1.4 ms, contacts that break early: holds stacks and card houses"},
+    {"quality", "50 iterations, sub-steps of at most 1.4 ms, contacts that break early: holds stacks"},
 };
 constexpr Preset kPresetValues[] = {
     {10, INFINITY, 0.005, false, 0.0},
