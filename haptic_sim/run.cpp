@@ -217,15 +217,17 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
       last = last || came.last;
       if (came.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - came.echoed_sent_ns));
     }
-    std::size_t used = 0;
+    // Who has fallen too far behind goes on from the newest frame, and leaves undone what was missed.
+    const bool behind = waiting_count > 0 && waiting[waiting_count - 1].stamp > sub.stamp() + kTooFarBehind;
+    std::size_t used = behind ? waiting_count - 1 : 0;
     for (; used < waiting_count; ++used) {
       const WorldFrame& due = waiting[used];
-      const bool behind = due.stamp > sub.stamp() + kTooFarBehind;
       if (!behind && sub.finite() && !sub.accepts(due.stamp)) break;
       const TimePoint start = Clock::now();
       std::uint64_t lost = 0;
       if (behind || !sub.finite()) {
         sub.adopt(due);
+        loop.shift(std::max(Duration::zero(), std::chrono::duration_cast<Duration>(start - loop.deadline())));
         measures.resynchronised();
       } else {
         lost = sub.apply(due);

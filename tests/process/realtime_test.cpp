@@ -7,6 +7,8 @@ namespace {
 
 constexpr double kForceLimit_n = 40.0;  // of scene press
 
+class Overload : public ProcessTest {};
+
 class RealTime : public ProcessTest, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
 
 TEST_P(RealTime, RunsForItsTimeAndEnds) {
@@ -45,6 +47,16 @@ INSTANTIATE_TEST_SUITE_P(Vendors, RealTime,
                          ::testing::Combine(::testing::Values("paper", "reduced"),
                                             ::testing::Values("fastdds", "cyclonedds", "mixed")),
                          [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
+
+// A sub-world that cannot keep up goes on from the world's newest state, again and again; it neither freezes nor makes
+// up for what it missed.
+TEST_F(Overload, OfTheSubWorldEndsWithTheWorld) {
+  const Ended ended = run(scene("heap"), {"--mode", "realtime", "--duration", "3", "--haptic-preset", "quality"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  const Json json = summary();
+  EXPECT_NEAR(json["simulated_s"].get<double>(), 3.0, 0.01);
+  EXPECT_LE(json["haptic"][0]["steps"], 4500) << "more steps than there was time for";
+}
 
 }  // namespace
 }  // namespace subworld::test

@@ -18,8 +18,38 @@ btVector3 velocity_at(const btCollisionObject* object, const btVector3& point) {
 
 void ConeFrictionSolver::convertContacts(btPersistentManifold** manifolds, int count, const btContactSolverInfo& info) {
   btSequentialImpulseConstraintSolver::convertContacts(manifolds, count, info);
+  if (warm_friction_) {
+    int row = 0;
+    for (int m = 0; m < count; ++m) warm_start_friction(*manifolds[m], row);
+  }
   int row = 0;
   for (int m = 0; m < count; ++m) bound_friction(*manifolds[m], row);
+}
+
+bool ConeFrictionSolver::has_row(const btManifoldPoint& point, int row) const {
+  return row < m_tmpSolverContactConstraintPool.size() &&
+         m_tmpSolverContactConstraintPool[row].m_originalContactPoint == &point;
+}
+
+void ConeFrictionSolver::warm_start_friction(const btPersistentManifold& manifold, int& row) {
+  const auto push = [](btSolverBody& body, const btVector3& direction, const btVector3& turn, btScalar impulse) {
+    if (body.m_originalBody) body.internalApplyImpulse(direction * body.internalGetInvMass(), turn, impulse);
+  };
+  for (int i = 0; i < manifold.getNumContacts(); ++i) {
+    const btManifoldPoint& point = manifold.getContactPoint(i);
+    if (!has_row(point, row)) continue;
+    const btSolverConstraint& normal = m_tmpSolverContactConstraintPool[row++];
+    const btScalar most = point.m_combinedFriction * normal.m_appliedImpulse;
+    const btScalar held[] = {point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2};
+    for (int k = 0; k < 2; ++k) {
+      btSolverConstraint& friction = m_tmpSolverContactFrictionConstraintPool[normal.m_frictionIndex + k];
+      friction.m_appliedImpulse = btClamped(held[k], -most, most);
+      push(m_tmpSolverBodyPool[friction.m_solverBodyIdA], friction.m_contactNormal1, friction.m_angularComponentA,
+           friction.m_appliedImpulse);
+      push(m_tmpSolverBodyPool[friction.m_solverBodyIdB], friction.m_contactNormal2, friction.m_angularComponentB,
+           friction.m_appliedImpulse);
+    }
+  }
 }
 
 void ConeFrictionSolver::bound_friction(const btPersistentManifold& manifold, int& row) {
@@ -34,11 +64,7 @@ void ConeFrictionSolver::bound_friction(const btPersistentManifold& manifold, in
   const btScalar held = btSqrt(held_first * held_first + held_second * held_second);
   for (int i = 0; i < manifold.getNumContacts(); ++i) {
     const btManifoldPoint& point = manifold.getContactPoint(i);
-    // Rows stand in the order of the points; a point that is too far off has none.
-    if (row >= m_tmpSolverContactConstraintPool.size() ||
-        m_tmpSolverContactConstraintPool[row].m_originalContactPoint != &point) {
-      continue;
-    }
+    if (!has_row(point, row)) continue;
     const int friction = m_tmpSolverContactConstraintPool[row++].m_frictionIndex;
     const btVector3 velocity = velocity_at(manifold.getBody0(), point.getPositionWorldOnA()) -
                                velocity_at(manifold.getBody1(), point.getPositionWorldOnB());
