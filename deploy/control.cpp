@@ -6,7 +6,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <string>
+#include <vector>
 
 namespace subworld {
 
@@ -41,6 +44,19 @@ void wait_for_listeners(Bus& bus, const Writer<Control>& writer, const Network& 
   }
 }
 
+/// What a status answers: "control: " and a text each, joined by "; " where several answers came between two statuses.
+std::vector<std::string> answers_in(const std::string& status) {
+  std::vector<std::string> answers;
+  const std::string separator = "; " + std::string(kAnswer);
+  for (std::size_t at = status.find(kAnswer); at != std::string::npos;) {
+    at += kAnswer.size();
+    const std::size_t end = status.find(separator, at);
+    answers.push_back(status.substr(at, end - at));
+    at = end == std::string::npos ? end : end + separator.size() - kAnswer.size();
+  }
+  return answers;
+}
+
 /// Prints what the programs say to the order, until it is done or `wait_s` have passed. Throws `Error` (failed) where
 /// one refuses.
 void print_answers(Bus& bus, Reader<Status>& statuses, double wait_s) {
@@ -48,14 +64,15 @@ void print_answers(Bus& bus, Reader<Status>& statuses, double wait_s) {
   Status status;
   while (Clock::now() < until) {
     while (statuses.take(status) == Take::sample) {
-      const std::size_t at = status.text.find(kAnswer);
-      if (at == std::string::npos) continue;
-      const std::string answer = status.text.substr(at + kAnswer.size());
       const std::string who = status.program == ProgramKind::world_sim ? std::string("world_sim")
                                                                        : fmt::format("haptic_sim {}", status.instance);
-      if (answer.find(kRefused) != std::string::npos) throw Error(ExitCode::failed, fmt::format("{}: {}", who, answer));
-      fmt::print("{}: {}\n", who, answer);
-      if (!answer.starts_with("preparing")) until = std::min(until, Clock::now() + from_seconds(kQuiet_s));
+      for (const std::string& answer : answers_in(status.text)) {
+        if (answer.find(kRefused) != std::string::npos) {
+          throw Error(ExitCode::failed, fmt::format("{}: {}", who, answer));
+        }
+        fmt::print("{}: {}\n", who, answer);
+        if (!answer.starts_with("preparing")) until = std::min(until, Clock::now() + from_seconds(kQuiet_s));
+      }
     }
     bus.wait(0.05);
   }

@@ -80,7 +80,7 @@ class EngineOrders {
   }
 
  private:
-  void say(const std::string& text) { unsaid_ += (unsaid_.empty() ? "control: " : "; ") + text; }
+  void say(const std::string& text) { unsaid_ += (unsaid_.empty() ? "control: " : "; control: ") + text; }
 
   HapticPorts& ports_;
   SubWorld& sub_;

@@ -1,6 +1,8 @@
 #include "physics/contact_totals.hpp"
 
 #include <algorithm>
+#include <numeric>
+#include <tuple>
 
 namespace subworld {
 
@@ -27,16 +29,17 @@ void ContactTotals::add(const Contact& contact, int substep, double reach_m) {
 }
 
 void ContactTotals::merge() {
-  by_pair_.clear();
-  for (std::uint32_t i = 0; i < collected_.size(); ++i) {
-    const Contact& contact = collected_[i].contact;
-    by_pair_.push_back({std::uint64_t{index(contact.a)} << 32 | index(contact.b), i});
-  }
-  std::sort(by_pair_.begin(), by_pair_.end());
+  by_pair_.resize(collected_.size());
+  std::iota(by_pair_.begin(), by_pair_.end(), 0U);
+  std::sort(by_pair_.begin(), by_pair_.end(), [this](std::uint32_t x, std::uint32_t y) {
+    const Contact& first = collected_[x].contact;
+    const Contact& second = collected_[y].contact;
+    return std::tuple(first.a, first.b, x) < std::tuple(second.a, second.b, y);
+  });
   std::size_t pair_begin = 0;  // of the pair in hand, in contacts_
   contacts_.clear();
   last_seen_.clear();
-  for (const auto& [bodies, i] : by_pair_) {
+  for (const std::uint32_t i : by_pair_) {
     const Collected& next = collected_[i];
     if (!contacts_.empty() && (contacts_.back().a != next.contact.a || contacts_.back().b != next.contact.b)) {
       pair_begin = contacts_.size();

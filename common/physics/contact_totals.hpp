@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <span>
-#include <utility>
 #include <vector>
 
 namespace subworld {
@@ -30,7 +29,7 @@ class ContactTotals {
   [[nodiscard]] std::size_t find(const Collected& wanted, std::size_t begin) const;
 
   std::vector<Collected> collected_;
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> by_pair_;  ///< both bodies, and an index into collected_
+  std::vector<std::uint32_t> by_pair_;  ///< indices into collected_, by bodies
   std::vector<Contact> contacts_;
   std::vector<int> last_seen_;  ///< sub-step, of contacts_[i]
 };

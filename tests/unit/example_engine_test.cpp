@@ -258,6 +258,12 @@ TEST_F(EngineLoader, ALibraryThatExportsNoEngineIsNamedWithTheCure) {
                                    "subworld_engine_plugin", "common/physics/README.md"});
 }
 
+TEST_F(EngineLoader, ALibraryOfAnotherBuildIsNamedWithTheCure) {
+  const EngineFolders here(BROKEN_ENGINES_FOLDER);
+  expect_says(error_of("old"), {std::string(BROKEN_ENGINES_FOLDER) + "/libsubworld_engine_old.so",
+                                "interface " + std::to_string(kEnginePluginInterface - 1), "build both together"});
+}
+
 TEST_F(EngineLoader, TheFoldersOfTheVariableWinInTheirOrder) {
   // Another engine under the name of one that lies beside the program.
   fs::create_symlink(fs::path(EXAMPLE_ENGINES_FOLDER) / "libsubworld_engine_spheres.so",
