@@ -24,8 +24,8 @@ struct Structure {
   std::vector<std::string> held_by;  ///< the other engines are measured only
 };
 const Structure kStructures[] = {
-    {"stack", {"bullet", "havok", "physx"}},
-    {"card_house", {"physx"}},
+    {"stack", {"bullet", "bullet_float", "havok", "physx"}},
+    {"card_house", {"bullet_float"}},
 };
 
 /// How far the top of the stack may be from its start.

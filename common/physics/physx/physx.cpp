@@ -26,7 +26,7 @@ struct Preset {
 
 constexpr EnginePreset kPresets[] = {
     {"fast", "4 iterations, no sub-steps: each iteration of TGS is a small time step of its own"},
-    {"quality", "8 iterations, sub-steps of at most 1 ms: holds stacks and card houses"},
+    {"quality", "8 iterations, sub-steps of at most 1 ms: holds stacks"},
 };
 constexpr Preset kPresetValues[] = {
     {4, INFINITY},
