@@ -45,12 +45,18 @@ void HapticMeasures::watch_force(const Vec3& force) noexcept {
   force_steps_[steps_ % kForceStepWindow] = (force - last_force_).norm();
   last_force_ = force;
   if (!open_change_ || steps_ < change_settles_at_) return;
+  settle_change();
+}
+
+void HapticMeasures::settle_change() {
+  if (!open_change_) return;
   open_change_->force_step_n = *std::ranges::max_element(force_steps_);
   engine_changes_.push_back(to_json(*open_change_));
   settled_change_ = std::exchange(open_change_, std::nullopt);
 }
 
 void HapticMeasures::engine_changed(const EngineChange& change) {
+  settle_change();
   open_change_ = change;
   open_change_->force_step_before_n = *std::ranges::max_element(force_steps_);
   change_settles_at_ = steps_ + kForceStepWindow;
@@ -61,7 +67,8 @@ void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noe
   lost_frames_ += lost_frames;
 }
 
-Json HapticMeasures::json(double bytes_per_cycle) const {
+Json HapticMeasures::json(double bytes_per_cycle) {
+  settle_change();
   return {{"user", user_},
           {"steps", steps_},
           {"missed_deadlines", missed_},

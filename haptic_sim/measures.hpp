@@ -34,7 +34,7 @@ class HapticMeasures {
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
   [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }
 
-  [[nodiscard]] Json json(double bytes_per_cycle) const;
+  [[nodiscard]] Json json(double bytes_per_cycle);
 
  private:
   std::size_t user_;
@@ -46,6 +46,7 @@ class HapticMeasures {
 
   static constexpr std::size_t kForceStepWindow = 20;  ///< haptic steps before and after a change of engine
   void watch_force(const Vec3& force) noexcept;
+  void settle_change();
   Vec3 last_force_ = Vec3::Zero();
   std::array<double, kForceStepWindow> force_steps_{};  ///< N, the newest ones
   std::optional<EngineChange> open_change_, settled_change_;

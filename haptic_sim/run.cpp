@@ -64,11 +64,11 @@ class EngineOrders {
       if (wanted && wanted->target == EngineOrder::Target::haptic) say(sub_.change_engine(exchange_, *wanted));
     }
     if (sub_.scheme().has_sub_world()) {
-      const std::string_view before = sub_.engine().name();
+      const std::string before(sub_.engine().name());
       const TimePoint begin = Clock::now();
       if (sub_.exchange_engine(exchange_)) {
         measures_.engine_changed(
-            {sub_.time_s(), std::string(before), std::string(sub_.engine().name()), to_seconds(Clock::now() - begin)});
+            {sub_.time_s(), before, std::string(sub_.engine().name()), to_seconds(Clock::now() - begin)});
       }
     }
     if (const std::string failure = exchange_.take_failure(); !failure.empty()) say("refused: " + failure);
@@ -76,18 +76,16 @@ class EngineOrders {
       say(fmt::format("{}; force steps {:.3f} N, before {:.3f} N", to_text(*change), change->force_step_n,
                       change->force_step_before_n));
     }
-    if (!unsaid_.empty() && ports_.status.try_note(unsaid_)) unsaid_.clear();
   }
 
  private:
-  void say(const std::string& text) { unsaid_ += (unsaid_.empty() ? "control: " : "; control: ") + text; }
+  void say(const std::string& text) { ports_.status.note("control: " + text); }
 
   HapticPorts& ports_;
   SubWorld& sub_;
   HapticMeasures& measures_;
   EngineExchange& exchange_;
   Control order_;
-  std::string unsaid_;
 };
 
 /// The haptic clock against the world's.

@@ -47,6 +47,7 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
 std::string SubWorld::change_engine(EngineExchange& exchange, const EngineOrder& order) {
   if (!engine_) return "refused: this scheme has no sub-world and so no engine in it";
   EngineSettings settings = scene_.settings.haptic;
+  if (order.engine != settings.name) settings.iterations = settings.substeps = std::nullopt;  // meant for that one
   settings.name = order.engine;
   settings.preset = order.preset;
   const bool begun = exchange.begin(settings, *engine_, scene_.settings.h_s);

@@ -164,6 +164,7 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     while (!conductor.may_step() && !conductor.stopped() && stop_signal() == 0) {
       ports.bus->wait(0.05);
       take_orders(ports, conductor, world, exchange);
+      exchange_engine(ports, world, exchange, measures);
     }
     exchange_engine(ports, world, exchange, measures);
     const TimePoint begin = Clock::now();

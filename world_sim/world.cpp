@@ -118,6 +118,7 @@ bool World::settle(const std::function<bool(double)>& progress) {
 
 std::string World::change_engine(EngineExchange& exchange, const EngineOrder& order) {
   EngineSettings settings = without_substeps(scene_.settings.world);
+  if (order.engine != settings.name) settings.iterations = settings.substeps = std::nullopt;  // meant for that one
   settings.name = order.engine;
   settings.preset = order.preset;
   const bool begun = exchange.begin(settings, *engine_, scene_.settings.cycle_s() / substeps_);

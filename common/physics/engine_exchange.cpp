@@ -47,6 +47,11 @@ EngineExchange::~EngineExchange() {
 bool EngineExchange::begin(const EngineSettings& settings, const LiveEngine& engine, double step_s) {
   if (busy_) return false;
   busy_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    failure_.clear();
+    ready_.reset();
+  }
   Job job{settings, engine.content(), step_s};
   if (!thread_.joinable()) {
     prepare(job);

@@ -4,7 +4,6 @@ namespace subworld {
 
 EngineSettings scaled(EngineSettings settings, double unit_m) {
   settings.gravity /= unit_m;
-  settings.length_unit_m = 1.0;
   return settings;
 }
 

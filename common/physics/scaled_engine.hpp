@@ -43,7 +43,7 @@ class ScaledEngine final : public Engine {
   std::vector<Contact> contacts_;
 };
 
-/// In units of `unit_m` instead of metres.
+/// In units of `unit_m` instead of metres; `length_unit_m` stays, for what an engine has of its own in metres.
 [[nodiscard]] EngineSettings scaled(EngineSettings settings, double unit_m);
 [[nodiscard]] std::vector<Mesh> scaled(std::span<const Mesh> meshes, double unit_m);
 

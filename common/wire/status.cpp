@@ -26,6 +26,7 @@ StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance
 StatusBeacon::~StatusBeacon() {
   {
     const std::lock_guard lock(mutex_);
+    if (!unsaid_.empty()) note_ += (note_.empty() ? "" : "; ") + unsaid_;
     stop_ = true;
   }
   wake_.notify_one();
@@ -36,6 +37,7 @@ void StatusBeacon::update(double time_s, std::uint64_t steps, std::uint64_t miss
   time_s_.store(time_s, std::memory_order_relaxed);
   steps_.store(steps, std::memory_order_relaxed);
   missed_.store(missed_deadlines, std::memory_order_relaxed);
+  if (!unsaid_.empty()) offer();
 }
 
 void StatusBeacon::enter(const std::string& state) {
@@ -45,18 +47,15 @@ void StatusBeacon::enter(const std::string& state) {
 }
 
 void StatusBeacon::note(const std::string& text) {
-  const std::lock_guard lock(mutex_);
-  say(text);
+  unsaid_ += (unsaid_.empty() ? "" : "; ") + text;
+  offer();
 }
 
-bool StatusBeacon::try_note(const std::string& text) {
+void StatusBeacon::offer() {
   const std::unique_lock lock(mutex_, std::try_to_lock);
-  if (lock.owns_lock()) say(text);
-  return lock.owns_lock();
-}
-
-void StatusBeacon::say(const std::string& text) {
-  note_ += (note_.empty() ? "" : "; ") + text;
+  if (!lock.owns_lock()) return;
+  note_ += (note_.empty() ? "" : "; ") + unsaid_;
+  unsaid_.clear();
   wake_.notify_one();
 }
 

@@ -24,14 +24,13 @@ class StatusBeacon {
   void update(double time_s, std::uint64_t steps, std::uint64_t missed_deadlines) noexcept;
   /// Names what the program does now and publishes at once.
   void enter(const std::string& state);
-  /// Says something: it is published and printed at once, by the thread. May wait for the thread.
+  /// Says something: the thread publishes and prints it at once. From the loop, for which nobody is waited: where the
+  /// thread is busy the next update() hands it over.
   void note(const std::string& text);
-  /// Likewise, from a loop that may not wait: false where the thread was busy; try again.
-  bool try_note(const std::string& text);
 
  private:
   void publish(double passed_s);
-  void say(const std::string& text);
+  void offer();
 
   Bus* bus_;
   Writer<Status> writer_;
@@ -45,6 +44,7 @@ class StatusBeacon {
   std::uint64_t counted_steps_ = 0;  ///< when the rate was last taken
   std::string note_;
   bool stop_ = false;
+  std::string unsaid_;  ///< of the loop alone
   std::thread thread_;
 };
 

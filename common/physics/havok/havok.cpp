@@ -42,7 +42,7 @@ constexpr Filter kFixed{2, 1};
 constexpr Filter kGhosts{4, 1};
 
 /// Havok's own limits (200 m/s, 100 rad/s) would stop a small part that a hand flicks.
-constexpr float kSpeedLimit = 1000.0F;  ///< m/s and rad/s
+constexpr double kSpeedLimit = 1000.0;  ///< m/s and rad/s
 
 /// A point is taken for the same one in the next sub-step if it lies within this part of the smallest body's size.
 constexpr double kReachRatio = 0.1;
@@ -67,7 +67,7 @@ struct SavedBody {
   std::uint32_t id;
   std::uint32_t padding;
   Handle body, shape;
-  std::array<double, 13> numbers;
+  std::array<double, 20> numbers;
 };
 
 class Havok final : public Engine {
@@ -76,6 +76,7 @@ class Havok final : public Engine {
       : preset_(kPresetValues[find_preset(kPlugin, settings.preset)]),
         gravity_(settings.gravity),
         fixed_substeps_(settings.substeps.value_or(0)),
+        unit_m_(settings.length_unit_m),
         meshes_(meshes.begin(), meshes.end()) {
     wasm::Scratch& scratch = module_.scratch();
     const wasm::Address out = scratch.room<Handle>();
@@ -86,7 +87,10 @@ class Havok final : public Engine {
     remove_drag(module_);
     // Zero switches off that contacts get softer the shorter the step is against 1/60 s.
     check(w2c_havok_HP_World_SetIdealStepTime(module_.get(), world_, 0.0F), "setting the step");
-    check(w2c_havok_HP_World_SetSpeedLimit(module_.get(), world_, kSpeedLimit, kSpeedLimit), "setting the limits");
+    check(w2c_havok_HP_World_SetSpeedLimit(module_.get(), world_,
+                                           static_cast<float>(kSpeedLimit / settings.length_unit_m),
+                                           static_cast<float>(kSpeedLimit)),
+          "setting the limits");
   }
 
   std::string_view name() const noexcept override { return "havok"; }
@@ -107,7 +111,7 @@ class Havok final : public Engine {
     if (!finite(state)) throw Error(ExitCode::failed, fmt::format("body {} has a state that is not finite", id));
     if (id >= slots_.size()) slots_.resize(id + 1);
     Slot slot;
-    slot.shape = make_shape(module_, body.shape, meshes_);
+    slot.shape = make_shape(module_, body.shape, meshes_, unit_m_);
     slot.fixed = body.fixed();
     slot.plane = body.shape.kind == ShapeKind::plane;
     slot.rotates = body.rotates;
@@ -230,8 +234,8 @@ class Havok final : public Engine {
       const Slot& slot = slots_[id];
       if (slot.body == 0) continue;
       SavedBody entry{id, 0, slot.body, slot.shape, {}};
-      Eigen::Map<Eigen::Matrix<double, 13, 1>>(entry.numbers.data()) << slot.mass, slot.inertia, slot.weight,
-          slot.force, slot.torque;
+      Eigen::Map<Eigen::Matrix<double, 20, 1>>(entry.numbers.data()) << slot.mass, slot.inertia, slot.weight,
+          slot.force, slot.torque, slot.friction, slot.after.linear_velocity, slot.after.angular_velocity;
       append(entry);
     }
     wasm::save(module_.memory(), saved.bytes);
@@ -248,13 +252,15 @@ class Havok final : public Engine {
       return entry;
     };
     for (std::size_t i = 0; i < count; ++i) {
-      if (!contains(BodyId{entry_at(i).id})) refuse_checkpoint();
+      const SavedBody entry = entry_at(i);
+      const bool movable = entry.numbers[0] > 0.0;
+      if (!contains(BodyId{entry.id}) || slots_[entry.id].fixed == movable) refuse_checkpoint();
     }
     wasm::restore(module_.memory(), std::span(saved.bytes).subspan(sizeof count + count * sizeof(SavedBody)));
     ids_.clear();
     for (std::size_t i = 0; i < count; ++i) {
       const SavedBody entry = entry_at(i);
-      const Eigen::Map<const Eigen::Matrix<double, 13, 1>> x(entry.numbers.data());
+      const Eigen::Map<const Eigen::Matrix<double, 20, 1>> x(entry.numbers.data());
       Slot& slot = slots_[entry.id];
       slot.body = entry.body;
       slot.shape = entry.shape;
@@ -263,6 +269,9 @@ class Havok final : public Engine {
       slot.weight = x.segment<3>(4);
       slot.force = x.segment<3>(7);
       slot.torque = x.segment<3>(10);
+      slot.friction = x[13];
+      slot.after.linear_velocity = x.segment<3>(14);
+      slot.after.angular_velocity = x.segment<3>(17);
       ids_[entry.body] = entry.id;
     }
     contacts_.clear();
@@ -413,6 +422,7 @@ class Havok final : public Engine {
   Preset preset_;
   Vec3 gravity_;
   int fixed_substeps_;  ///< 0: as the preset says
+  double unit_m_;       ///< of length, m
   std::vector<Mesh> meshes_;
   mutable havok::Module module_;  ///< also to read from it, the module writes to its memory
   Handle world_ = 0;

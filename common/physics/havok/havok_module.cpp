@@ -101,7 +101,7 @@ void remove_drag(Module& module) {
   if (found == 0) throw Error(ExitCode::failed, "havok: its motion properties are not where version 1.3.14 has them");
 }
 
-Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> meshes) {
+Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> meshes, double unit_m) {
   wasm::Scratch& scratch = module.scratch();
   const wasm::Address out = scratch.room<Handle>();
   const auto end = [&](double side) { return scratch.put(to_havok(Vec3(0, 0, side * shape.half_length))); };
@@ -121,8 +121,8 @@ Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> mesh
       result = w2c_havok_HP_Shape_CreateCylinder(module.get(), end(-1.0), end(1.0), radius, out);
       break;
     case ShapeKind::plane:
-      result =
-          make_box(module, {0, 0, -0.5 * kPlaneDepth}, 0.5 * Vec3(kPlaneSide, kPlaneSide, kPlaneDepth), scratch, out);
+      result = make_box(module, {0, 0, -0.5 * kPlaneDepth / unit_m},
+                        0.5 / unit_m * Vec3(kPlaneSide, kPlaneSide, kPlaneDepth), scratch, out);
       break;
     case ShapeKind::convex:
     case ShapeKind::mesh:

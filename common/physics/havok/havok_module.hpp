@@ -96,6 +96,6 @@ void check(std::uint32_t result, const char* what);
 void remove_drag(Module& module);
 
 /// Makes a shape; `meshes` are the scene's. Throws `Error` where it cannot be made.
-[[nodiscard]] Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> meshes);
+[[nodiscard]] Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> meshes, double unit_m);
 
 }  // namespace subworld::havok

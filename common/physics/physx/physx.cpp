@@ -42,6 +42,8 @@ constexpr Filter kGhosts{4, 1};
 /// PhysX's own limit (100 rad/s) would stop a small part that a hand flicks.
 constexpr float kTurnLimit = 1000.0F;  ///< rad/s
 
+constexpr int kMostIterations = 255;  ///< PhysX counts them in a byte
+
 /// More points of one pair are not read.
 constexpr std::uint32_t kMostPoints = 64;
 
@@ -66,7 +68,7 @@ struct Slot {
 struct SavedBody {
   std::uint32_t id;
   Address actor;
-  std::array<double, 13> numbers;
+  std::array<double, 20> numbers;
 };
 
 /// A contact point as PhysX reports it, before the velocities of the sub-step are known.
@@ -81,7 +83,8 @@ class Physx final : public Engine, private ContactListener {
       : preset_(kPresetValues[find_preset(kPlugin, settings.preset)]),
         gravity_(settings.gravity),
         fixed_substeps_(settings.substeps.value_or(0)),
-        iterations_(static_cast<std::uint32_t>(settings.iterations.value_or(preset_.iterations))),
+        iterations_(
+            static_cast<std::uint32_t>(std::min(settings.iterations.value_or(preset_.iterations), kMostIterations))),
         meshes_(meshes.begin(), meshes.end()),
         module_(*this),
         points_(module_.allocate(kMostPoints * sizeof(ContactPoint))) {}
@@ -232,8 +235,8 @@ class Physx final : public Engine, private ContactListener {
       const Slot& slot = slots_[id];
       if (slot.actor == 0) continue;
       SavedBody entry{id, slot.actor, {}};
-      Eigen::Map<Eigen::Matrix<double, 13, 1>>(entry.numbers.data()) << slot.mass, slot.inertia, slot.weight,
-          slot.force, slot.torque;
+      Eigen::Map<Eigen::Matrix<double, 20, 1>>(entry.numbers.data()) << slot.mass, slot.inertia, slot.weight,
+          slot.force, slot.torque, slot.friction, slot.after.linear_velocity, slot.after.angular_velocity;
       append(entry);
     }
     wasm::save(module_.memory(), saved.bytes);
@@ -250,12 +253,14 @@ class Physx final : public Engine, private ContactListener {
       return entry;
     };
     for (std::size_t i = 0; i < count; ++i) {
-      if (!contains(BodyId{entry_at(i).id})) refuse_checkpoint();
+      const SavedBody entry = entry_at(i);
+      const bool movable = entry.numbers[0] > 0.0;
+      if (!contains(BodyId{entry.id}) || slots_[entry.id].fixed == movable) refuse_checkpoint();
     }
     wasm::restore(module_.memory(), std::span(saved.bytes).subspan(sizeof count + count * sizeof(SavedBody)));
     for (std::size_t i = 0; i < count; ++i) {
       const SavedBody entry = entry_at(i);
-      const Eigen::Map<const Eigen::Matrix<double, 13, 1>> x(entry.numbers.data());
+      const Eigen::Map<const Eigen::Matrix<double, 20, 1>> x(entry.numbers.data());
       Slot& slot = slots_[entry.id];
       slot.actor = entry.actor;
       slot.mass = x[0];
@@ -263,6 +268,9 @@ class Physx final : public Engine, private ContactListener {
       slot.weight = x.segment<3>(4);
       slot.force = x.segment<3>(7);
       slot.torque = x.segment<3>(10);
+      slot.friction = x[13];
+      slot.after.linear_velocity = x.segment<3>(14);
+      slot.after.angular_velocity = x.segment<3>(17);
     }
     contacts_.clear();
   }

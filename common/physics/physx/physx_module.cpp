@@ -139,6 +139,7 @@ Address Module::make_mesh_geometry(const Shape& shape, std::span<const Mesh> mes
     const Address hull = need(w2c_physx_emscripten_bind_PxTopLevelFunctions_CreateConvexMesh_2(m, cooking, description),
                               "a convex hull");
     w2c_physx_webidl_free(m, vertices);
+    cooked_ = hull;
     return w2c_physx_emscripten_bind_PxConvexMeshGeometry_PxConvexMeshGeometry_1(m, hull);
   }
   const std::size_t bytes = mesh.triangles.size() * sizeof mesh.triangles[0];
@@ -153,6 +154,7 @@ Address Module::make_mesh_geometry(const Shape& shape, std::span<const Mesh> mes
       need(w2c_physx_emscripten_bind_PxTopLevelFunctions_CreateTriangleMesh_2(m, cooking, description), "a mesh");
   w2c_physx_webidl_free(m, vertices);
   w2c_physx_webidl_free(m, triangles);
+  cooked_ = made;
   return w2c_physx_emscripten_bind_PxTriangleMeshGeometry_PxTriangleMeshGeometry_1(m, made);
 }
 
@@ -184,6 +186,7 @@ Address Module::make_geometry(const Shape& shape, std::span<const Mesh> meshes) 
 Address Module::make_shape(const Shape& shape, const Material& material, const Filter& filter,
                            std::span<const Mesh> meshes) {
   w2c_physx* m = &module_;
+  cooked_ = 0;
   const Address geometry = need(make_geometry(shape, meshes), "a geometry");
   // Products of the pair's values: the root of the friction makes the geometric mean.
   const auto friction = static_cast<float>(std::sqrt(material.friction));
@@ -196,6 +199,7 @@ Address Module::make_shape(const Shape& shape, const Material& material, const F
   const Address made =
       need(w2c_physx_emscripten_bind_PxPhysics_createShape_4(m, physics_, geometry, surface, 1, flags), "a shape");
   w2c_physx_emscripten_bind_PxMaterial_release_0(m, surface);
+  if (cooked_ != 0) w2c_physx_emscripten_bind_PxRefCounted_release_0(m, cooked_);
   w2c_physx_webidl_free(m, geometry);
   w2c_physx_webidl_free(m, flags);
   const Address words = w2c_physx_emscripten_bind_PxFilterData_PxFilterData_4(m, filter.member, filter.meets, 0, 0);

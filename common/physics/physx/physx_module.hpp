@@ -93,6 +93,7 @@ class Module {
   Address tolerances_ = 0;
   Address physics_ = 0;
   Address scene_ = 0;
+  Address cooked_ = 0;  ///< the mesh of the geometry just made; its shapes keep it alive
 };
 
 }  // namespace subworld::physx

@@ -9,6 +9,7 @@ namespace subworld::wasm {
 namespace {
 
 constexpr std::size_t kBlock = 4096;
+constexpr std::uint64_t kPage = 65536;  ///< of wasm
 
 bool all_zero(const std::uint8_t* block) {
   // A block that equals itself moved by one byte is one value throughout.
@@ -39,14 +40,26 @@ void restore(wasm_rt_memory_t& memory, std::span<const std::byte> saved) {
   if (pages == 0 || pages > memory.max_pages || (saved.size() - sizeof pages) % kEntry != 0) {
     throw Error(ExitCode::failed, "the checkpoint is of another engine; take one from this engine");
   }
-  madvise(memory.data, std::max(memory.pages, pages) * 65536, MADV_DONTNEED);  // zero, and given back
-  memory.pages = pages;
-  memory.size = pages * 65536;
-  for (saved = saved.subspan(sizeof pages); !saved.empty(); saved = saved.subspan(kEntry)) {
+  const std::span<const std::byte> blocks = saved.subspan(sizeof pages);
+  const auto place_of = [&](std::size_t entry) {
     std::uint64_t at = 0;
-    std::memcpy(&at, saved.data(), sizeof at);
-    if (at > memory.size - kBlock) throw Error(ExitCode::failed, "the checkpoint is damaged; take another one");
-    std::memcpy(memory.data + at, saved.data() + sizeof at, kBlock);
+    std::memcpy(&at, blocks.data() + entry, sizeof at);
+    return at;
+  };
+  for (std::size_t entry = 0; entry < blocks.size(); entry += kEntry) {
+    if (place_of(entry) > pages * kPage - kBlock) {
+      throw Error(ExitCode::failed, "the checkpoint is damaged; take another one");
+    }
+  }
+  if (pages > memory.pages && wasm_rt_grow_memory(&memory, pages - memory.pages) == UINT32_MAX) {
+    throw Error(ExitCode::failed, "no memory for the checkpoint; end other programs");
+  }
+  // Zero and given back; locked memory does not take that advice.
+  if (madvise(memory.data, memory.size, MADV_DONTNEED) != 0) std::memset(memory.data, 0, memory.size);
+  memory.pages = pages;
+  memory.size = pages * kPage;
+  for (std::size_t entry = 0; entry < blocks.size(); entry += kEntry) {
+    std::memcpy(memory.data + place_of(entry), blocks.data() + entry + sizeof(std::uint64_t), kBlock);
   }
 }
 

@@ -56,14 +56,17 @@ void wasm_rt_allocate_memory(wasm_rt_memory_t* memory, std::uint64_t pages, std:
                              std::uint32_t) {
   *memory = {};
   const std::uint64_t reserved = max_pages * kPage;
-  void* base = mmap(nullptr, reserved, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  // Only what is in use may be touched: a process that locks its memory would fill and lock the whole reservation.
+  void* base = mmap(nullptr, reserved, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (base == MAP_FAILED) no_memory(reserved);
+  if (mprotect(base, pages * kPage, PROT_READ | PROT_WRITE) != 0) no_memory(pages * kPage);
   *memory = {static_cast<std::uint8_t*>(base), pages, max_pages, pages * kPage};
 }
 
 std::uint64_t wasm_rt_grow_memory(wasm_rt_memory_t* memory, std::uint64_t pages) {
   const std::uint64_t before = memory->pages;
   if (pages > memory->max_pages - before) return UINT32_MAX;
+  if (mprotect(memory->data + before * kPage, pages * kPage, PROT_READ | PROT_WRITE) != 0) return UINT32_MAX;
   memory->pages = before + pages;
   memory->size = memory->pages * kPage;
   return before;
