@@ -5,6 +5,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 namespace subworld {
@@ -17,6 +19,10 @@ std::size_t find_preset(const EnginePlugin& plugin, std::string_view name) {
   }
   throw Error(ExitCode::usage, fmt::format("engine {} has no preset \"{}\"; choose one of: {}", plugin.name, name,
                                            fmt::join(known, ", ")));
+}
+
+int substep_count(double dt, std::optional<int> fixed, double longest_s) noexcept {
+  return fixed.value_or(std::max(1, static_cast<int>(std::ceil(dt / longest_s))));
 }
 
 }  // namespace subworld

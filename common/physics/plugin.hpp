@@ -3,6 +3,7 @@
 #include "physics/engine.hpp"
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -25,6 +26,10 @@ struct EnginePlugin {
 
 /// The preset that the settings name, as an index into `presets`. Throws `Error` (usage) that names those there are.
 [[nodiscard]] std::size_t find_preset(const EnginePlugin& plugin, std::string_view name);
+
+/// In how many sub-steps an engine divides a step of `dt` (s): as many as the settings say, or else so many that none
+/// is longer than `longest_s`.
+[[nodiscard]] int substep_count(double dt, std::optional<int> fixed, double longest_s) noexcept;
 
 /// Changes whenever a type that crosses between a program and an engine's library changes.
 inline constexpr int kEnginePluginInterface = 1;

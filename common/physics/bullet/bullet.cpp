@@ -28,7 +28,7 @@ using bullet::to_bullet;
 
 struct Preset {
   int iterations;
-  double longest_substep_s;           ///< step() divides its dt until no part is longer
+  double longest_substep_s;
   double contact_breaking_threshold;  ///< relative to the size of the smaller body
   bool warm_friction;                 ///< friction starts from that of the step before
   double push_out_s;                  ///< time to push penetration out, where step() divides its dt
@@ -86,7 +86,7 @@ class Bullet final : public Engine {
   Bullet(const EngineSettings& settings, std::span<const Mesh> meshes)
       : preset_(kPresetValues[find_preset(kPlugin, settings.preset)]),
         gravity_(settings.gravity),
-        fixed_substeps_(settings.substeps.value_or(0)),
+        fixed_substeps_(settings.substeps),
         shapes_(meshes),
         dispatcher_(&configuration_),
         world_(&dispatcher_, &broadphase_, &solver_, &configuration_) {
@@ -216,8 +216,7 @@ class Bullet final : public Engine {
   }
 
   void step(double dt) override {
-    const int substeps = fixed_substeps_ > 0 ? fixed_substeps_
-                                             : std::max(1, static_cast<int>(std::ceil(dt / preset_.longest_substep_s)));
+    const int substeps = substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
     claim_globals();
     contacts_.clear();
     const double haste = substeps > 1 && preset_.push_out_s > 0.0 ? dt / substeps / preset_.push_out_s : kPushOutRatio;
@@ -367,7 +366,7 @@ class Bullet final : public Engine {
   Preset preset_;
   Vec3 gravity_;
   double tree_margin_ = 0.05;  ///< m
-  int fixed_substeps_;         ///< 0: as the preset says
+  std::optional<int> fixed_substeps_;
   bullet::ShapeStore shapes_;
   btDefaultCollisionConfiguration configuration_;
   btCollisionDispatcher dispatcher_;

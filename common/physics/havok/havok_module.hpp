@@ -35,9 +35,6 @@ struct Material {
   float static_friction, dynamic_friction, restitution;
   std::uint32_t friction_combine, restitution_combine;
 };
-struct Filter {
-  std::uint32_t member, meets;  ///< bit masks; a pair meets if either's `meets` has the other's `member`
-};
 struct ContactPoint {
   Handle body, shape, path_shape;
   std::uint64_t path;

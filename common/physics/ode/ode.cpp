@@ -27,7 +27,7 @@ using ode::state_of;
 
 struct Preset {
   int iterations;
-  double longest_substep_s;  ///< step() divides its dt until no part is longer
+  double longest_substep_s;
 };
 
 // QuickStep starts from zero at every step, so tall stacks need short steps as much as iterations.
@@ -63,7 +63,7 @@ class Ode final : public Engine {
   Ode(const EngineSettings& settings, std::span<const Mesh> meshes)
       : preset_(kPresetValues[find_preset(kPlugin, settings.preset)]),
         gravity_(settings.gravity),
-        fixed_substeps_(settings.substeps.value_or(0)),
+        fixed_substeps_(settings.substeps),
         shapes_(meshes),
         world_((enter_thread(), dWorldCreate())),
         space_(dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ)),
@@ -186,8 +186,7 @@ class Ode final : public Engine {
 
   void step(double dt) override {
     enter_thread();
-    const int substeps = fixed_substeps_ > 0 ? fixed_substeps_
-                                             : std::max(1, static_cast<int>(std::ceil(dt / preset_.longest_substep_s)));
+    const int substeps = substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
     contacts_.clear();
     for (int i = 0; i < substeps; ++i) substep(dt / substeps, i);
     for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
@@ -346,7 +345,7 @@ class Ode final : public Engine {
 
   Preset preset_;
   Vec3 gravity_;
-  int fixed_substeps_;  ///< 0: as the preset says
+  std::optional<int> fixed_substeps_;
   ode::ShapeStore shapes_;
   dWorldID world_;
   dSpaceID space_;

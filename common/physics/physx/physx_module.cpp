@@ -107,7 +107,7 @@ std::uint32_t Module::call(std::uint32_t code, Address arguments) {
     // The module resets the flags before each call.
     w2c_physx_emscripten_bind_PassThroughFilterShader_set_outputPairFlags_1(&module_, argument(0), kPairFlags);
     // Each actor: attributes, then the four words of its filter data.
-    const Filter first{argument(2), argument(3)}, second{argument(7), argument(8)};
+    const wasm::Filter first{argument(2), argument(3)}, second{argument(7), argument(8)};
     return (first.member & second.meets) != 0 && (second.member & first.meets) != 0 ? 0 : kKillPair;
   }
   throw Error(ExitCode::failed, fmt::format("physx calls out with {}, which version 2.7.3 does not", code));
@@ -183,7 +183,7 @@ Address Module::make_geometry(const Shape& shape, std::span<const Mesh> meshes) 
   throw Error(ExitCode::usage, "physx does not know this kind of shape");
 }
 
-Address Module::make_shape(const Shape& shape, const Material& material, const Filter& filter,
+Address Module::make_shape(const Shape& shape, const Material& material, const wasm::Filter& filter,
                            std::span<const Mesh> meshes) {
   w2c_physx* m = &module_;
   cooked_ = 0;

@@ -55,11 +55,6 @@ class ContactListener {
   ~ContactListener() = default;
 };
 
-/// Bits of two bodies' filter data: a pair meets if each one's `meets` has the other's `member`.
-struct Filter {
-  std::uint32_t member, meets;
-};
-
 /// One instance of the module, with a memory, a PhysX and a scene of its own. The scene has no gravity.
 class Module {
  public:
@@ -75,7 +70,7 @@ class Module {
   [[nodiscard]] Address scene() const noexcept { return scene_; }
 
   /// A shape with a material of its own. Throws `Error` where it cannot be made.
-  [[nodiscard]] Address make_shape(const Shape& shape, const Material& material, const Filter& filter,
+  [[nodiscard]] Address make_shape(const Shape& shape, const Material& material, const wasm::Filter& filter,
                                    std::span<const Mesh> meshes);
   [[nodiscard]] Address allocate(std::size_t bytes);
 

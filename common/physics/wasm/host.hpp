@@ -21,6 +21,11 @@ using Address = std::uint32_t;
   return memory.data + at;
 }
 
+/// Whom a body meets, as the modules read it: a pair meets if each one's `meets` has the other's `member`.
+struct Filter {
+  std::uint32_t member, meets;
+};
+
 template <class T>
 [[nodiscard]] T load(const wasm_rt_memory_t& memory, Address at) {
   static_assert(std::is_trivially_copyable_v<T>);
