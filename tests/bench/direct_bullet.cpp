@@ -1,5 +1,6 @@
 #include "bench/direct_bullet.hpp"
 
+#include "common/physics/bullet/box_box.hpp"
 #include "common/physics/bullet/box_plane.hpp"
 
 #include <algorithm>
@@ -21,6 +22,7 @@ DirectBullet::DirectBullet(const Vec3& gravity, double dt)
       dispatcher_(&configuration_),
       world_(&dispatcher_, &broadphase_, &solver_, &configuration_) {
   gContactBreakingThreshold = scalar(0.005);
+  bullet::register_box_box(dispatcher_);
   bullet::register_box_plane(dispatcher_);
   configuration_.setPlaneConvexMultipointIterations(4, 5);
   auto& info = world_.getSolverInfo();
@@ -31,7 +33,6 @@ DirectBullet::DirectBullet(const Vec3& gravity, double dt)
   info.m_splitImpulse = 1;
   info.m_splitImpulsePenetrationThreshold = 0;
   world_.setGravity(to_bullet(gravity));
-  solver_.set_slow(scalar(1e-3 + 0.5 * gravity.norm() * dt));
 }
 
 DirectBullet::~DirectBullet() {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/physics/bullet/cone_friction.hpp"
+#include "common/physics/bullet/contact_solver.hpp"
 #include "common/physics/bullet/shapes.hpp"
 #include "model/body.hpp"
 
@@ -32,7 +32,7 @@ class DirectBullet {
   btDefaultCollisionConfiguration configuration_;
   btCollisionDispatcher dispatcher_;
   btDbvtBroadphase broadphase_;
-  bullet::ConeFrictionSolver solver_;
+  bullet::ContactSolver solver_;
   btDiscreteDynamicsWorld world_;
   std::vector<std::unique_ptr<btRigidBody>> bodies_;
 };

@@ -1,0 +1,346 @@
+#include "box_box.hpp"
+
+#include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
+
+#include <array>
+#include <cstddef>
+#include <new>
+#include <optional>
+#include <span>
+
+namespace subworld::bullet {
+
+namespace {
+
+constexpr std::size_t kMostPoints = 4;   ///< of a pair, in Bullet
+constexpr std::size_t kMostCorners = 8;  ///< of two rectangles' common part
+
+/// What is chosen stays chosen until another choice is better by this, so that noise does not choose.
+constexpr auto kBetterGap = btScalar(0.1);    ///< of the breaking threshold: an axis, a deeper point
+constexpr auto kBetterArea = btScalar(1.05);  ///< ratio: four points
+/// A point that another corner replaces goes on with its impulses within this part of the smaller box.
+constexpr auto kReach = btScalar(0.1);
+/// Edges that are closer to parallel (squared sine of their angle) meet as faces do.
+constexpr auto kParallel = btScalar(1e-4);
+
+struct Cuboid {
+  btTransform pose;
+  btVector3 half;
+
+  [[nodiscard]] btVector3 axis(int i) const { return pose.getBasis().getColumn(i); }
+};
+
+/// One of the 15 directions that can separate two boxes. Numbers 0 to 2: the first box's faces, 3 to 5: the second's,
+/// 6 + 3 i + j: the edges along axis i of the first and j of the second.
+struct Direction {
+  int number = -1;
+  btScalar gap = -BT_LARGE_FLOAT;  ///< between the boxes' shadows on it, m
+
+  [[nodiscard]] bool is_edge() const { return number >= 6; }
+};
+
+/// The direction in which the boxes are least deep in each other; nothing if they are `reach` or more apart. `last`:
+/// the number of the step before.
+std::optional<Direction> least_deep(const Cuboid& a, const Cuboid& b, int last, btScalar reach) {
+  const btMatrix3x3 r = a.pose.getBasis().transposeTimes(b.pose.getBasis());
+  const btMatrix3x3 abs_r = r.absolute();
+  const btVector3 t = (b.pose.getOrigin() - a.pose.getOrigin()) * a.pose.getBasis();
+  Direction face, edge, last_face, last_edge;
+  const auto keep = [&](Direction found, Direction& best, Direction& last_one) {
+    if (found.gap > best.gap) best = found;
+    if (found.number == last) last_one = found;
+    return found.gap < reach;
+  };
+  for (int i = 0; i < 3; ++i) {
+    const btScalar on_a = btFabs(t[i]) - a.half[i] - b.half.dot(abs_r[i]);
+    const btVector3 column = r.getColumn(i);
+    const btScalar on_b = btFabs(t.dot(column)) - b.half[i] - a.half.dot(abs_r.getColumn(i));
+    if (!keep({i, on_a}, face, last_face) || !keep({3 + i, on_b}, face, last_face)) return {};
+  }
+  for (int i = 0; i < 3; ++i) {
+    const int i1 = (i + 1) % 3, i2 = (i + 2) % 3;
+    for (int j = 0; j < 3; ++j) {
+      const btScalar square = 1 - r[i][j] * r[i][j];
+      if (square < kParallel) continue;
+      const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+      const btScalar gap = (btFabs(t[i2] * r[i1][j] - t[i1] * r[i2][j]) - a.half[i1] * abs_r[i2][j] -
+                            a.half[i2] * abs_r[i1][j] - b.half[j1] * abs_r[i][j2] - b.half[j2] * abs_r[i][j1]) /
+                           btSqrt(square);
+      if (!keep({6 + 3 * i + j, gap}, edge, last_edge)) return {};
+    }
+  }
+  const btScalar better = kBetterGap * reach;
+  if (last_face.gap > face.gap - better) face = last_face;
+  if (last_edge.gap > edge.gap - better) edge = last_edge;
+  return edge.gap > face.gap + (last >= 6 ? 1 : 2) * better ? edge : face;
+}
+
+struct Point {
+  btVector3 on_b;     ///< m, world
+  btScalar distance;  ///< m
+  int feature;        ///< the same for the same pair of edges or corners
+};
+
+struct Points {
+  btVector3 normal;  ///< from b to a
+  std::array<Point, kMostPoints> points;
+  std::size_t count = 0;
+};
+
+/// A corner of the common part of two faces, in the frame of the one that cuts.
+struct Corner {
+  btScalar x, y, height;  ///< m; height above that face
+  int feature;
+  int edge;  ///< that starts here: 0 to 3 one of the cut face, 4 to 7 one of the cutting one
+};
+
+class Polygon {
+ public:
+  void add(const Corner& corner) { corners_[count_++] = corner; }
+
+  /// Leaves what is within `half` on one of four sides: +x, -x, +y, -y.
+  void cut(int side, btScalar half) {
+    const auto outside = [&](const Corner& c) {
+      const btScalar along = side < 2 ? c.x : c.y;
+      return (side % 2 == 0 ? along : -along) - half;
+    };
+    const Polygon whole = *this;
+    count_ = 0;
+    for (std::size_t i = 0; i < whole.count_; ++i) {
+      const Corner& from = whole.corners_[i];
+      const Corner& to = whole.corners_[(i + 1) % whole.count_];
+      const btScalar out_from = outside(from), out_to = outside(to);
+      if (out_from <= 0 && count_ < kMostCorners) add(from);
+      if ((out_from <= 0) == (out_to <= 0) || count_ == kMostCorners) continue;
+      const btScalar part = out_from / (out_from - out_to);
+      add({from.x + part * (to.x - from.x), from.y + part * (to.y - from.y),
+           from.height + part * (to.height - from.height), 4 + 8 * side + from.edge,
+           out_from <= 0 ? 4 + side : from.edge});
+    }
+  }
+
+  void remove_above(btScalar height) {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      if (corners_[i].height < height) corners_[kept++] = corners_[i];
+    }
+    count_ = kept;
+  }
+
+  /// Leaves four: those in `before` (features) unless others span a larger area or are deeper by `deeper`.
+  template <class IsBefore>
+  void reduce(const IsBefore& before, btScalar deeper) {
+    if (count_ <= kMostPoints) return;
+    std::size_t deepest = 0;
+    for (std::size_t i = 1; i < count_; ++i) {
+      if (corners_[i].height < corners_[deepest].height) deepest = i;
+    }
+    using Four = std::array<std::size_t, kMostPoints>;
+    const auto deep_enough = [&](const Four& four) {
+      for (const std::size_t i : four) {
+        if (corners_[i].height < corners_[deepest].height + deeper) return true;
+      }
+      return false;
+    };
+    Four best{};
+    btScalar most = -1;
+    Four f;
+    for (f[0] = 0; f[0] < count_; ++f[0]) {
+      for (f[1] = f[0] + 1; f[1] < count_; ++f[1]) {
+        for (f[2] = f[1] + 1; f[2] < count_; ++f[2]) {
+          for (f[3] = f[2] + 1; f[3] < count_; ++f[3]) {
+            if (!deep_enough(f)) continue;
+            bool same = true;
+            for (const std::size_t i : f) same = same && before(corners_[i].feature);
+            const Corner &p = corners_[f[0]], &q = corners_[f[1]], &r = corners_[f[2]], &s = corners_[f[3]];
+            const btScalar area =
+                btFabs((r.x - p.x) * (s.y - q.y) - (r.y - p.y) * (s.x - q.x)) * (same ? kBetterArea : btScalar(1));
+            if (area <= most) continue;
+            most = area;
+            best = f;
+          }
+        }
+      }
+    }
+    for (std::size_t i = 0; i < kMostPoints; ++i) corners_[i] = corners_[best[i]];
+    count_ = kMostPoints;
+  }
+
+  [[nodiscard]] std::span<const Corner> corners() const { return {corners_.data(), count_}; }
+
+ private:
+  std::array<Corner, kMostCorners> corners_;
+  std::size_t count_ = 0;
+};
+
+/// The common part of a face of one box and the face of the other that looks at it.
+template <class IsBefore>
+Points meet_on_face(const Cuboid& a, const Cuboid& b, int number, btScalar reach, const IsBefore& before) {
+  const bool of_a = number < 3;
+  const Cuboid& cutting = of_a ? a : b;
+  const Cuboid& cut = of_a ? b : a;
+  const int k = number % 3;
+  btVector3 normal = cutting.axis(k);
+  const bool back = normal.dot(cut.pose.getOrigin() - cutting.pose.getOrigin()) < 0;
+  if (back) normal = -normal;
+  const btVector3 face = cutting.pose.getOrigin() + cutting.half[k] * normal;
+  const btVector3 u = cutting.axis((k + 1) % 3), v = cutting.axis((k + 2) % 3);
+
+  const btVector3 facing = normal * cut.pose.getBasis();
+  const int m = facing.absolute().maxAxis();
+  const btScalar sign = facing[m] > 0 ? btScalar(-1) : btScalar(1);
+  const btVector3 centre = cut.pose.getOrigin() + sign * cut.half[m] * cut.axis(m) - face;
+  const btVector3 side_1 = cut.half[(m + 1) % 3] * cut.axis((m + 1) % 3);
+  const btVector3 side_2 = cut.half[(m + 2) % 3] * cut.axis((m + 2) % 3);
+  const int faces = ((number * 2 + (back ? 1 : 0)) * 3 + m) * 2 + (sign > 0 ? 1 : 0);
+
+  Polygon common;
+  const btVector3 ring[] = {side_1 + side_2, side_2 - side_1, -side_1 - side_2, side_1 - side_2};
+  for (int i = 0; i < 4; ++i) {
+    const btVector3 corner = centre + ring[i];
+    common.add({corner.dot(u), corner.dot(v), corner.dot(normal), i, i});
+  }
+  for (int side = 0; side < 4; ++side) common.cut(side, cutting.half[(k + 1 + side / 2) % 3]);
+  common.remove_above(reach);
+  const auto feature = [&](int corner) { return 64 * faces + corner; };
+  common.reduce([&](int corner) { return before(feature(corner)); }, kBetterGap * reach);
+
+  Points all;
+  all.normal = of_a ? -normal : normal;
+  for (const Corner& c : common.corners()) {
+    const btVector3 on_face = face + c.x * u + c.y * v;
+    all.points[all.count++] = {of_a ? on_face + c.height * normal : on_face, c.height, feature(c.feature)};
+  }
+  return all;
+}
+
+/// The point in which two edges are nearest to each other.
+Points meet_on_edges(const Cuboid& a, const Cuboid& b, int number) {
+  const int i = (number - 6) / 3, j = (number - 6) % 3;
+  const btVector3 along_a = a.axis(i), along_b = b.axis(j);
+  btVector3 normal = along_a.cross(along_b).normalized();  // from a to b
+  const btVector3 between = b.pose.getOrigin() - a.pose.getOrigin();
+  if (normal.dot(between) < 0) normal = -normal;
+  const auto nearest_edge = [](const Cuboid& box, int axis, const btVector3& to) {
+    btVector3 middle = box.pose.getOrigin();
+    for (int k = 0; k < 3; ++k) {
+      if (k != axis) middle += (to.dot(box.axis(k)) > 0 ? box.half[k] : -box.half[k]) * box.axis(k);
+    }
+    return middle;
+  };
+  const btVector3 on_a = nearest_edge(a, i, normal);
+  const btVector3 on_b = nearest_edge(b, j, -normal);
+  // The point of b's edge that a's edge passes: (on_b + s along_b - on_a) has no part along a's but for the normal's.
+  const btScalar cosine = along_a.dot(along_b);
+  const btVector3 apart = on_a - on_b;
+  const btScalar s = (apart.dot(along_b) - cosine * apart.dot(along_a)) / (1 - cosine * cosine);
+  const btVector3 point = on_b + btClamped(s, -b.half[j], b.half[j]) * along_b;
+  Points all;
+  all.normal = -normal;
+  all.points[all.count++] = {point, (on_b - on_a).dot(normal), 64 * 1000 + number};
+  return all;
+}
+
+class BoxBox final : public btCollisionAlgorithm {
+ public:
+  BoxBox(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject* first,
+         const btCollisionObject* second)
+      : btCollisionAlgorithm(info), manifold_(m_dispatcher->getNewManifold(first, second)) {}
+  ~BoxBox() override { m_dispatcher->releaseManifold(manifold_); }
+
+  void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
+                        const btDispatcherInfo&, btManifoldResult* result) override {
+    result->setPersistentManifold(manifold_);
+    const auto cuboid = [](const btCollisionObjectWrapper& object) {
+      const auto& box = *static_cast<const btBoxShape*>(object.getCollisionShape());
+      return Cuboid{object.getWorldTransform(), box.getHalfExtentsWithMargin()};
+    };
+    const Cuboid a = cuboid(*first), b = cuboid(*second);
+    const btScalar reach = manifold_->getContactBreakingThreshold();
+    const auto direction = least_deep(a, b, last_, reach);
+    last_ = direction ? direction->number : -1;
+
+    std::array<btManifoldPoint, kMostPoints> before;
+    const auto count = static_cast<std::size_t>(manifold_->getNumContacts());
+    for (std::size_t i = 0; i < count; ++i) before[i] = manifold_->getContactPoint(static_cast<int>(i));
+    const std::span<btManifoldPoint> old(before.data(), count);
+    manifold_->clearManifold();
+    if (!direction) return;
+
+    const auto is_old = [&](int feature) {
+      for (const btManifoldPoint& point : old) {
+        if (point.m_index0 == feature) return true;
+      }
+      return false;
+    };
+    const Points found = direction->is_edge() ? meet_on_edges(a, b, direction->number)
+                                              : meet_on_face(a, b, direction->number, reach, is_old);
+    for (std::size_t i = 0; i < found.count; ++i) {
+      result->setShapeIdentifiersA(-1, found.points[i].feature);
+      result->addContactPoint(found.normal, found.points[i].on_b, found.points[i].distance);
+    }
+    go_on_from(old, kReach * btMin(a.half.length(), b.half.length()));
+  }
+
+  btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
+                                 btManifoldResult*) override {
+    return btScalar(1);
+  }
+  void getAllContactManifolds(btManifoldArray& all) override { all.push_back(manifold_); }
+
+ private:
+  /// Gives each point what the same one, or else the nearest that is left, carried in the step before.
+  void go_on_from(std::span<btManifoldPoint> old, btScalar reach) {
+    std::array<bool, kMostPoints> given{};
+    std::array<bool, kMostPoints> taken{};
+    const auto take = [&](int to, std::size_t from) {
+      btManifoldPoint& point = manifold_->getContactPoint(to);
+      point.m_appliedImpulse = old[from].m_appliedImpulse;
+      point.m_appliedImpulseLateral1 = old[from].m_appliedImpulseLateral1;
+      point.m_appliedImpulseLateral2 = old[from].m_appliedImpulseLateral2;
+      point.m_lifeTime = old[from].m_lifeTime + 1;
+      given[static_cast<std::size_t>(to)] = taken[from] = true;
+    };
+    for (int i = 0; i < manifold_->getNumContacts(); ++i) {
+      for (std::size_t k = 0; k < old.size(); ++k) {
+        if (!taken[k] && old[k].m_index0 == manifold_->getContactPoint(i).m_index0) {
+          take(i, k);
+          break;
+        }
+      }
+    }
+    for (int i = 0; i < manifold_->getNumContacts(); ++i) {
+      if (given[static_cast<std::size_t>(i)]) continue;
+      btScalar nearest = reach * reach;
+      std::optional<std::size_t> from;
+      for (std::size_t k = 0; k < old.size(); ++k) {
+        const btScalar distance = (old[k].m_localPointB - manifold_->getContactPoint(i).m_localPointB).length2();
+        if (taken[k] || distance >= nearest) continue;
+        nearest = distance;
+        from = k;
+      }
+      if (from) take(i, *from);
+    }
+  }
+
+  btPersistentManifold* manifold_;
+  int last_ = -1;  ///< number of the direction of the step before
+};
+
+struct MakeBoxBox final : btCollisionAlgorithmCreateFunc {
+  btCollisionAlgorithm* CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
+                                                 const btCollisionObjectWrapper* first,
+                                                 const btCollisionObjectWrapper* second) override {
+    void* memory = info.m_dispatcher1->allocateCollisionAlgorithm(sizeof(BoxBox));
+    return new (memory) BoxBox(info, first->getCollisionObject(), second->getCollisionObject());
+  }
+};
+
+}  // namespace
+
+void register_box_box(btCollisionDispatcher& dispatcher) {
+  static MakeBoxBox make;
+  dispatcher.registerCollisionCreateFunc(BOX_SHAPE_PROXYTYPE, BOX_SHAPE_PROXYTYPE, &make);
+}
+
+}  // namespace subworld::bullet

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <btBulletDynamicsCommon.h>
+
+namespace subworld::bullet {
+
+/// Bullet's solver with Coulomb's friction: at most mu N, against the motion, in every direction. Bullet bounds each of
+/// a contact's two friction directions by mu N of its own: along their diagonal a body holds, and is braked, by 41 %
+/// too much, and a load that wanders to one direction takes nothing from the other.
+///
+/// Bullet 3 starts every step with friction at zero, whatever its flag for warm starts says. What stands by friction
+/// then sags a little in each step, and creeps. Here friction may start from the step before, as the normal impulses
+/// do.
+class ContactSolver final : public btSequentialImpulseConstraintSolver {
+ public:
+  void set_warm_friction(bool warm) { warm_friction_ = warm; }
+  /// What an iteration takes of each correction of friction, 0 to 2; those of normal impulses take Bullet's m_sor.
+  void set_friction_relaxation(btScalar relaxation) { friction_relaxation_ = relaxation; }
+
+ private:
+  void convertContacts(btPersistentManifold** manifolds, int count, const btContactSolverInfo& info) override;
+  btScalar solveSingleIteration(int iteration, btCollisionObject** bodies, int body_count,
+                                btPersistentManifold** manifolds, int manifold_count, btTypedConstraint** constraints,
+                                int constraint_count, const btContactSolverInfo& info, btIDebugDraw* drawer) override;
+
+  void prepare_friction(const btSolverConstraint& normal, const btContactSolverInfo& info);
+  /// Bullet makes a body bounce that is only near, and takes from the bounce the speed that would bring it there: lower
+  /// bounces, by chance. It shall bounce if it touches within the step, and wholly.
+  void time_bounce(btSolverConstraint& normal, const btContactSolverInfo& info) const;
+  /// The impulse (N s) that would stop a row's motion.
+  [[nodiscard]] btScalar wanted(const btSolverConstraint& row);
+  /// Sets what a row's impulse has become to `impulse` (N s).
+  void change(btSolverConstraint& row, btScalar impulse);
+
+  bool warm_friction_ = false;
+  btScalar friction_relaxation_ = 1;
+};
+
+}  // namespace subworld::bullet
