@@ -5,9 +5,11 @@
 #include "wire/bus.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -24,15 +26,16 @@ constexpr std::array kVerbs{Verb{"stop", ControlVerb::stop}, Verb{"pause", Contr
                             Verb{"engine", ControlVerb::set_engine}};
 constexpr std::string_view kAnswer = "control: ";
 constexpr std::string_view kRefused = "refused: ";
+constexpr std::string_view kPreparing = "preparing";
 
-constexpr double kQuiet_s = 0.5;  ///< after which nobody more is expected
+constexpr double kQuiet_s = 0.5;  ///< after which no more listeners are expected
 
 /// Waits until as many programs as there are listen. Throws `Error` (middleware) where none does.
 void wait_for_listeners(Bus& bus, const Writer<Control>& writer, const Network& network, double wait_s) {
   const TimePoint until = Clock::now() + from_seconds(wait_s);
   TimePoint settled = Clock::now() + from_seconds(kQuiet_s);
   for (int matched = 0; matched == 0 || Clock::now() < settled;) {
-    if (Clock::now() > until) {
+    if (matched == 0 && Clock::now() > until) {
       throw Error(
           ExitCode::middleware,
           fmt::format("no world on domain {} within {} s; `subworld run` prints its domain, give it with --domain",
@@ -57,25 +60,75 @@ std::vector<std::string> answers_in(const std::string& status) {
   return answers;
 }
 
-/// Prints what the programs say to the order, until it is done or `wait_s` have passed. Throws `Error` (failed) where
-/// one refuses.
-void print_answers(Bus& bus, Reader<Status>& statuses, double wait_s) {
-  TimePoint until = Clock::now() + from_seconds(wait_s);
-  Status status;
-  while (Clock::now() < until) {
-    while (statuses.take(status) == Take::sample) {
-      const std::string who = status.program == ProgramKind::world_sim ? std::string("world_sim")
-                                                                       : fmt::format("haptic_sim {}", status.instance);
-      for (const std::string& answer : answers_in(status.text)) {
-        if (answer.find(kRefused) != std::string::npos) {
-          throw Error(ExitCode::failed, fmt::format("{}: {}", who, answer));
-        }
-        fmt::print("{}: {}\n", who, answer);
-        if (!answer.starts_with("preparing")) until = std::min(until, Clock::now() + from_seconds(kQuiet_s));
+/// Who is asked to follow an order: the world, or every sub-world; and what they have said to it.
+class Answers {
+ public:
+  explicit Answers(ProgramKind asked) : asked_(asked) {}
+
+  /// Prints what a status answers. Throws `Error` (failed) where one who was asked refuses.
+  void hear(const Status& status) {
+    const bool asked = status.program == asked_;
+    if (asked) said_.try_emplace(status.instance);
+    for (const std::string& answer : answers_in(status.text)) {
+      if (asked && answer.find(kRefused) != std::string::npos) {
+        throw Error(ExitCode::failed, fmt::format("{}: {}", name(status.program, status.instance), answer));
       }
+      fmt::print("{}: {}\n", name(status.program, status.instance), answer);
+      if (asked) said_[status.instance] = answer;
     }
+  }
+
+  /// Whether all of them have done it, where `listeners` programs in all take orders: one world, and the sub-worlds.
+  [[nodiscard]] bool complete(int listeners) const {
+    const int asked = asked_ == ProgramKind::world_sim ? 1 : std::max(1, listeners - 1);
+    return std::ranges::count_if(said_, [](const auto& one) { return done(one.second); }) >= asked;
+  }
+
+  /// Those who have not, in words.
+  [[nodiscard]] std::string missing() const {
+    std::vector<std::string> names;
+    for (const auto& [instance, said] : said_) {
+      if (done(said)) continue;
+      names.push_back(name(asked_, instance) + (said.empty() ? "" : fmt::format(" (so far: \"{}\")", said)));
+    }
+    if (names.empty()) names.emplace_back(asked_ == ProgramKind::world_sim ? "world_sim" : "a haptic_sim");
+    return fmt::format("{}", fmt::join(names, " and "));
+  }
+
+ private:
+  [[nodiscard]] static bool done(const std::string& said) { return !said.empty() && !said.starts_with(kPreparing); }
+  [[nodiscard]] static std::string name(ProgramKind program, std::uint32_t instance) {
+    return program == ProgramKind::world_sim ? "world_sim" : fmt::format("haptic_sim {}", instance);
+  }
+
+  ProgramKind asked_;
+  std::map<std::uint32_t, std::string> said_;  ///< the newest answer, by instance; empty: heard of, but no answer yet
+};
+
+/// Prints what the programs say to the order, until each that it is for has done it. Throws `Error` (failed) where one
+/// refuses, or has not done it within `wait_s`.
+void await_answers(Bus& bus, Reader<Status>& statuses, const Writer<Control>& writer, const Control& order,
+                   ProgramKind asked, double wait_s) {
+  Answers answers(asked);
+  const TimePoint until = Clock::now() + from_seconds(wait_s);
+  Status status;
+  while (true) {
+    while (statuses.take(status) == Take::sample) answers.hear(status);
+    const int listeners = writer.matched();
+    if (answers.complete(listeners)) return;
+    if (listeners == 0 && order.verb == ControlVerb::stop) return;  // gone, as it was told
+    if (Clock::now() > until) break;
     bus.wait(0.05);
   }
+  throw Error(
+      ExitCode::failed,
+      fmt::format("no final answer from {} within {} s; wait longer with --wait{}. The order stands: the run's summary "
+                  "tells what came of it",
+                  answers.missing(), wait_s,
+                  asked == ProgramKind::haptic_sim
+                      ? ", or, where a world in lock-step is paused, let it run with "
+                        "`subworld control resume`: its sub-worlds read orders as they step"
+                      : ""));
 }
 
 }  // namespace
@@ -94,12 +147,17 @@ void send_control(const Network& network, const std::string& verb, const EngineO
   const auto bus = open_bus(network, Settings{}, 0.001, "subworld control");
   auto writer = bus->writer<Control>();
   wait_for_listeners(*bus, writer, network, wait_s);
+  Status earlier;
+  while (statuses.take(earlier) != Take::none) {  // to orders before this one
+  }
   if (!writer.write(order) || !writer.wait_for_acknowledgments(wait_s)) {
     throw Error(ExitCode::middleware,
                 fmt::format("the world on domain {} did not confirm the order; try again", network.domain));
   }
   fmt::print("{}: heard on domain {}\n", verb, network.domain);
-  print_answers(*hearing, statuses, wait_s);
+  const bool for_sub_worlds = verb == "engine" && engine.target == EngineOrder::Target::haptic;
+  await_answers(*hearing, statuses, writer, order, for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
+                wait_s);
 }
 
 }  // namespace subworld

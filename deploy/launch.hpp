@@ -21,7 +21,8 @@ struct RunRequest {
 int run(const RunRequest& request);
 
 /// Sends one order to the programs on a domain and prints their answers. `engine` belongs to the verb "engine".
-/// Throws `Error`: middleware where no world hears it, failed where one refuses.
+/// Throws `Error`: middleware where no world hears it within `wait_s`, failed where one refuses or has not done it
+/// within as long again.
 void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, double wait_s);
 
 /// The folder of this program and of those that it starts.

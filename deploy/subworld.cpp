@@ -79,7 +79,7 @@ int main_of(int argc, char** argv) {
       ->envname("SUBWORLD_DDS");
   control_command->add_option("--peers", control_network.peers, "the world's host")->delimiter(',');
   control_command->add_option("--interface", control_network.interface_address, "address of the network interface");
-  control_command->add_option("--wait", control_wait_s, "how long to look for the world, s")
+  control_command->add_option("--wait", control_wait_s, "how long to look for the world, and then for its answer, s")
       ->check(CLI::Range(0.1, 3600.0));
 
   CLI::App* lab_command = app.add_subcommand("lab", "Evaluations: runs a sweep and writes tables and a report");

@@ -5,9 +5,9 @@ namespace {
 
 class Control : public ProcessTest {
  protected:
-  Ended control(Words words, const std::string& dds = "fastdds") const {
+  Ended control(Words words, const std::string& dds = "fastdds", const std::string& wait_s = "20") const {
     words.insert(words.begin(), {program("subworld"), "control"});
-    words.insert(words.end(), {"--domain", domain_.text(), "--dds", dds, "--wait", "20"});
+    words.insert(words.end(), {"--domain", domain_.text(), "--dds", dds, "--wait", wait_s});
     return finish(words);
   }
 };
@@ -55,6 +55,52 @@ TEST_F(Control, PausesStepsResumesAndStops) {
     EXPECT_NE(ended.out.find("world_sim: "), std::string::npos) << verb << " was not answered: " << ended.out;
   }
   EXPECT_EQ(process.wait(), 0) << process.err();
+}
+
+void expect_says(const Ended& ended, std::initializer_list<std::string> parts) {
+  for (const std::string& part : parts)
+    EXPECT_NE(ended.err.find(part), std::string::npos) << part << " is not in: " << ended.err;
+}
+
+TEST_F(Control, AnEngineThatIsStillBeingPreparedIsNoSuccess) {
+  Process process(run_words(scene("press"), {"--mode", "realtime", "--duration", "600"}), folder_.path(),
+                  {{"SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER}});
+  ASSERT_EQ(control({"resume"}).code, 0) << "it does not run";
+  const Ended world = control({"engine", "slow"}, "fastdds", "2");
+  EXPECT_EQ(world.code, 1) << world.out;
+  expect_says(world, {"world_sim (so far: \"preparing engine slow\")", "2 s", "--wait"});
+  EXPECT_EQ(world.err.find("resume"), std::string::npos) << world.err;
+  const Ended haptic = control({"engine", "slow", "--haptic"}, "fastdds", "2");
+  EXPECT_EQ(haptic.code, 1) << haptic.out;
+  expect_says(haptic, {"haptic_sim 0 (so far: \"preparing engine slow\")", "--wait"});
+
+  EXPECT_EQ(control({"stop"}).code, 0);
+  EXPECT_EQ(process.wait(), 0) << process.err();
+}
+
+TEST_F(Control, ASubWorldOfAPausedLockstepWorldIsNamedAndFollowsOnceItSteps) {
+  Process process(run_words(scene("lift"), {"--mode", "lockstep", "--duration", "600", "--users", "2"}),
+                  folder_.path());
+  ASSERT_EQ(control({"pause"}).code, 0);
+  const Ended silent = control({"engine", "bullet_float", "--haptic"}, "fastdds", "4");
+  EXPECT_EQ(silent.code, 1) << silent.out;
+  expect_says(silent, {"haptic_sim 0 and haptic_sim 1", "4 s", "subworld control resume"});
+  const Ended world = control({"engine", "bullet_float"});
+  EXPECT_EQ(world.code, 0) << "the world itself follows while it is paused: " << world.err;
+
+  EXPECT_EQ(control({"resume"}).code, 0);
+  const Ended both = control({"engine", "bullet", "--haptic"});
+  EXPECT_EQ(both.code, 0) << both.err;
+  for (const char* who : {"haptic_sim 0: engine", "haptic_sim 1: engine"}) {
+    EXPECT_NE(both.out.find(who), std::string::npos) << who << " is not in: " << both.out;
+  }
+  EXPECT_EQ(control({"stop"}).code, 0);
+  ASSERT_EQ(process.wait(), 0) << process.err();
+  const Json json = summary();
+  for (std::size_t user : {0, 1}) {
+    ASSERT_EQ(json["haptic"][user]["engine_changes"].size(), 2U);
+    EXPECT_EQ(json["haptic"][user]["engine_changes"][0]["to"], "bullet_float") << "the order of the pause was lost";
+  }
 }
 
 TEST_F(Control, WrongWordsAreUsageErrorsThatNameTheCure) {

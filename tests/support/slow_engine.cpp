@@ -1,0 +1,22 @@
+// An engine that takes long to make, as one does that compiles or reads much: then it is Bullet.
+#include "physics/plugin.hpp"
+
+#include <chrono>
+#include <thread>
+
+namespace {
+
+std::unique_ptr<subworld::Engine> make_slowly(const subworld::EngineSettings& settings,
+                                              std::span<const subworld::Mesh> meshes) {
+  std::this_thread::sleep_for(std::chrono::seconds(8));
+  subworld::EngineSettings bullet = settings;
+  bullet.name = "bullet";
+  return subworld::make_engine(bullet, meshes);
+}
+
+const subworld::EnginePlugin kPlugin{
+    .name = "slow", .version = "of the tests", .licence = "Apache-2.0", .presets = {}, .make = make_slowly};
+
+}  // namespace
+
+SUBWORLD_ENGINE_PLUGIN(kPlugin)
