@@ -2,6 +2,7 @@
 // exchanged, while it steps.
 #include "physics/engine_exchange.hpp"
 #include "rt/newest.hpp"
+#include "support/bodies.hpp"
 
 #include <gtest/gtest.h>
 
@@ -23,20 +24,9 @@ struct View {
 
 /// Cubes in a loose pile that falls on a floor.
 void fill(LiveEngine& engine) {
-  Body floor;
-  floor.id = BodyId{kCubes};
-  floor.shape.kind = ShapeKind::plane;
-  engine.add(floor, BodyState{});
+  engine.add(test::floor_plane(BodyId{kCubes}), BodyState{});
   for (std::uint32_t i = 0; i < kCubes; ++i) {
-    Body cube;
-    cube.id = BodyId{i};
-    cube.shape.kind = ShapeKind::box;
-    cube.shape.half_extents = Vec3::Constant(0.05);
-    cube.mass = 0.2;
-    cube.inertia = Vec3::Constant(0.2 * 0.01 / 6.0);
-    BodyState state;
-    state.position = {0.11 * (i % 4), 0.11 * (i / 4 % 4), 0.06 + 0.11 * (i / 16)};
-    engine.add(cube, state);
+    engine.add(test::cube(BodyId{i}), test::at(0.11 * (i % 4), 0.11 * (i / 4 % 4), 0.06 + 0.11 * (i / 16)));
   }
 }
 

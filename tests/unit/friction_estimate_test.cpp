@@ -2,6 +2,7 @@
 #include "physics/friction_estimate.hpp"
 
 #include "physics/engine.hpp"
+#include "support/bodies.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,22 +11,9 @@
 namespace subworld {
 namespace {
 
-Body cube(std::uint32_t id) {
-  Body body;
-  body.id = BodyId{id};
-  body.shape.kind = ShapeKind::box;
-  body.shape.half_extents = Vec3::Constant(0.05);
-  body.mass = 0.2;
-  body.inertia = Vec3::Constant(0.2 * 0.01 / 6.0);
-  return body;
-}
-
-Body plane(std::uint32_t id) {
-  Body body;
-  body.id = BodyId{id};
-  body.shape.kind = ShapeKind::plane;
-  return body;
-}
+using test::at;
+using test::cube;
+using test::floor_plane;
 
 /// A stack of three cubes on a plane, pushed sideways in the middle: steps an engine that reports friction, and returns
 /// (its tangential impulses, what the estimate makes of the same step).
@@ -37,12 +25,8 @@ struct Compared {
 Compared compare(double push_n, int steps) {
   constexpr double kDt = 0.001;
   const auto engine = make_engine(EngineSettings{}, {});
-  engine->add(plane(0), BodyState{});
-  for (std::uint32_t i = 1; i <= 3; ++i) {
-    BodyState state;
-    state.position = {0.0, 0.0, 0.1 * i - 0.05};
-    engine->add(cube(i), state);
-  }
+  engine->add(floor_plane(BodyId{0}), BodyState{});
+  for (std::uint32_t i = 1; i <= 3; ++i) engine->add(cube(BodyId{i}), at(0, 0, 0.1 * i - 0.05));
   const Vec3 weight(0, 0, -9.81 * 0.2);
   std::vector<VelocityChange> changes(4);
   for (int n = 0; n < steps; ++n) {

@@ -1,5 +1,6 @@
 #include "coupling/ghost.hpp"
 #include "coupling/delay.hpp"
+#include "support/bodies.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,17 +17,8 @@ constexpr BodyId kFloor{0};
 /// A floor and cubes; contacts are listed as forces.
 struct Outside {
   explicit Outside(std::uint32_t cubes) {
-    Body floor;
-    floor.id = kFloor;
-    floor.shape.kind = ShapeKind::plane;
-    scene.bodies.push_back(floor);
-    for (std::uint32_t i = 1; i <= cubes; ++i) {
-      Body cube;
-      cube.id = BodyId{i};
-      cube.shape.kind = ShapeKind::box;
-      cube.mass = kCube_kg;
-      scene.bodies.push_back(cube);
-    }
+    scene.bodies.push_back(test::floor_plane(kFloor));
+    for (std::uint32_t i = 1; i <= cubes; ++i) scene.bodies.push_back(test::cube(BodyId{i}, 0.1, kCube_kg));
   }
   /// `towards`: from b to a.
   void touch(std::uint32_t a, std::uint32_t b, const Vec3& towards, double force_n) {
