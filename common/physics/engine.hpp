@@ -77,6 +77,7 @@ class Engine {
   /// Bodies whose axis-aligned bounds meet the box, ascending.
   virtual void overlap(const Box& box, std::vector<BodyId>& out) const = 0;
 
+  /// Throws `Error` where the engine has none, and capabilities() says so.
   [[nodiscard]] virtual Checkpoint checkpoint() const = 0;
   /// Takes the bodies back to where they were; throws `Error` where the checkpoint is of another engine or other
   /// bodies.

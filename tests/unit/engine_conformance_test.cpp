@@ -310,7 +310,15 @@ std::vector<BodyId> pile(Engine& engine) {
   return ids;
 }
 
+/// An engine that has no checkpoints says so when it is asked for one: nobody may take an empty one for a state.
+bool refuses_checkpoints(const Engine& engine) {
+  if (engine.capabilities().checkpoint != Fidelity::absent) return false;
+  EXPECT_THROW((void)engine.checkpoint(), Error);
+  return true;
+}
+
 TEST_P(Conformance, ACheckpointTakesBodiesBack) {
+  if (refuses_checkpoints(*engine)) return;
   run(0.2);
   const Checkpoint saved = engine->checkpoint();
   const BodyState before = engine->state(kCube);
@@ -322,19 +330,20 @@ TEST_P(Conformance, ACheckpointTakesBodiesBack) {
 }
 
 TEST_P(Conformance, ACheckpointOfOtherBodiesIsRefused) {
+  EXPECT_THROW(engine->restore(Checkpoint{}), Error);
+  if (refuses_checkpoints(*engine)) return;
   const Checkpoint saved = engine->checkpoint();
   engine->add(cube(kOther), at(1, 0, 0.05));
   EXPECT_THROW(engine->restore(saved), Error);
   engine->remove(kOther);
   engine->restore(saved);
-  EXPECT_THROW(engine->restore(Checkpoint{}), Error);
   engine->remove(kCube);
   engine->add(cube(kOther), at(1, 0, 0.05));
   EXPECT_THROW(engine->restore(saved), Error) << "as many bodies, but others";
 }
 
 TEST_P(Conformance, ARestoredEngineContinues) {
-  if (engine->capabilities().checkpoint == Fidelity::absent) GTEST_SKIP();
+  if (refuses_checkpoints(*engine)) return;
   const std::vector<BodyId> ids = pile(*engine);
   // Where the solver's guess is not saved, an impact would go on differently: let it come to rest.
   run(engine->capabilities().checkpoint == Fidelity::exact ? 0.4 : 1.5);
@@ -362,7 +371,7 @@ TEST_P(Conformance, ARestoredEngineContinues) {
 }
 
 TEST_P(Conformance, EqualRunsGiveEqualBits) {
-  if (!engine->capabilities().deterministic) GTEST_SKIP();
+  EXPECT_TRUE(engine->capabilities().deterministic) << "lock-step counts on it";
   const auto alone = with_floor();
   const std::vector<BodyId> ids = pile(*alone);
   test::run(*alone, steps(0.5), dt);
