@@ -87,7 +87,7 @@ struct EngineSettings {
   std::optional<int> iterations;  ///< instead of the preset's
   std::optional<int> substeps;    ///< parts of a step; world: each with a force of its own on the proxies
   Vec3 gravity{0.0, 0.0, -9.81};  ///< m/s^2
-  double length_unit_m = 1.0;     ///< that the engine computes in; about the size of the bodies suits it best
+  double length_unit_m = 1.0;     ///< that the engine computes in; some engines need a smaller one for small bodies
 };
 
 /// Thresholds of the scheme `paper` (paper 4.3).

@@ -9,8 +9,8 @@
 namespace subworld {
 
 /// Any engine, in another unit of length: it is shown a world that is 1 / unit_m times as large and falls as fast,
-/// while who calls stays in metres. Engines hold tolerances, margins and velocity thresholds that suit bodies of about
-/// a metre, and a millimetre scene falls below them. Mass and time keep their units.
+/// while who calls stays in metres. Engines hold tolerances, margins and velocity thresholds in units of length, and
+/// small parts fall below those of some. Mass and time keep their units.
 class ScaledEngine final : public Engine {
  public:
   /// `inner` was made with scaled() settings and meshes.
