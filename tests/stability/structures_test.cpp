@@ -25,7 +25,7 @@ struct Structure {
 };
 const Structure kStructures[] = {
     {"stack", {"bullet", "bullet_float", "havok", "physx"}},
-    {"card_house", {"bullet", "bullet_float"}},
+    {"card_house", {"bullet", "bullet_float", "physx"}},
 };
 
 /// How far the top of the stack may be from its start.

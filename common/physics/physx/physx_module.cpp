@@ -30,6 +30,9 @@ constexpr std::uint32_t kKillPair = 1;
 
 constexpr std::uint32_t kMultiply = 2;  ///< PxCombineMode
 constexpr std::uint32_t kSolverTgs = 1;
+/// PxSceneFlag::eENABLE_EXTERNAL_FORCES_EVERY_ITERATION_TGS, which the module does not name. Without it the first
+/// iteration of TGS meets the whole step's weight, and what stands by friction trembles and creeps apart.
+constexpr std::uint32_t kForcesEveryIteration = 1U << 16;
 constexpr std::uint32_t kShapeFlags = 1;  ///< takes part in the simulation, not in queries
 constexpr std::uint32_t kComputeConvex = 1U << 1;
 
@@ -91,6 +94,7 @@ void Module::make_scene() {
       m, flags, w2c_physx_emscripten_enum_PxSceneFlagEnum_eENABLE_FRICTION_EVERY_ITERATION(m));
   w2c_physx_emscripten_bind_PxSceneFlags_raise_1(
       m, flags, w2c_physx_emscripten_enum_PxSceneFlagEnum_eENABLE_ENHANCED_DETERMINISM(m));
+  w2c_physx_emscripten_bind_PxSceneFlags_raise_1(m, flags, kForcesEveryIteration);
   const Address filter = w2c_physx_emscripten_bind_PassThroughFilterShaderImpl_PassThroughFilterShaderImpl_0(m);
   w2c_physx_emscripten_bind_PxTopLevelFunctions_setupPassThroughFilterShader_2(m, description, filter);
   scene_ = need(w2c_physx_emscripten_bind_PxPhysics_createScene_1(m, physics_, description), "a scene");
