@@ -2,9 +2,11 @@
 
 #include "support/engines.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <numbers>
 
 namespace subworld {
@@ -68,6 +70,30 @@ TEST_P(Stability, SlidingSpeedOnASlope) {
     const Vec3 velocity = engine->state(kBody).linear_velocity;
     EXPECT_NEAR(velocity.norm(), expected, 0.01 * expected);
     EXPECT_NEAR(std::atan2(velocity.y(), velocity.x()), heading, 1.0 * kDegree);
+  }
+}
+
+/// Of a pile at rest each cube carries those above it, in every step, also where its corners do not lie on those of the
+/// next (statics).
+TEST_P(Stability, PileAtRestPushesSteadily) {
+  constexpr unsigned kCount = 4;
+  constexpr double kMass = 1.0, kTurn = 0.01;
+  const auto engine = GetParam().make();
+  engine->add(floor_plane(kFloor), BodyState{});
+  for (unsigned i = 1; i <= kCount; ++i) {
+    BodyState state = at(0, 0, 0.1 * i - 0.05);
+    state.orientation = Eigen::AngleAxisd(kTurn * i, Vec3::UnitZ());
+    engine->add(cube(BodyId{i}, 0.1, kMass), state);
+  }
+  test::run(*engine, steps(1.0), dt);
+  for (int n = 0; n < steps(1.0); ++n) {
+    engine->step(dt);
+    std::array<double, kCount> carried{};
+    for (const Contact& c : engine->contacts()) carried[index(c.a)] += c.normal_impulse / dt;
+    for (unsigned i = 0; i < kCount; ++i) {
+      const double weight = kG * kMass * (kCount - i);
+      ASSERT_NEAR(carried[i], weight, 0.05 * weight) << "under cube " << i + 1 << ", step " << n;
+    }
   }
 }
 
@@ -148,9 +174,17 @@ TEST_P(Stability, SmallPartsStandInAUnitOfTheirOwn) {
 
 /// After n impacts a ball that fell from h rises to e^(2n) h.
 TEST_P(Stability, BounceHeight) {
-  constexpr double kRadius = 0.05, kDrop = 0.5;
-  for (const auto& [restitution, bounces] : {std::pair{1.0, 4}, std::pair{0.5, 2}}) {
-    SCOPED_TRACE(restitution);
+  constexpr double kRadius = 0.05;
+  struct Drop {
+    double restitution;
+    int bounces;
+    double height_m;
+  };
+  // Where within a step it touches is another for each height.
+  for (const auto& [restitution, bounces, height_m] :
+       {Drop{1.0, 4, 0.5}, Drop{0.5, 2, 0.5}, Drop{1.0, 1, 0.31}, Drop{1.0, 1, 0.37}, Drop{1.0, 1, 0.43},
+        Drop{1.0, 1, 0.56}, Drop{1.0, 1, 0.62}, Drop{1.0, 1, 0.69}}) {
+    SCOPED_TRACE(fmt::format("restitution {}, from {} m", restitution, height_m));
     const auto engine = GetParam().make();
     Body floor = floor_plane(kFloor);
     floor.material.restitution = 1.0;
@@ -159,7 +193,7 @@ TEST_P(Stability, BounceHeight) {
     ball.rotates = true;
     ball.material.restitution = restitution;
     engine->add(floor, BodyState{});
-    engine->add(ball, at(0, 0, kRadius + kDrop));
+    engine->add(ball, at(0, 0, kRadius + height_m));
     std::vector<double> tops;
     bool rising = false;
     int still = 0;
@@ -176,7 +210,7 @@ TEST_P(Stability, BounceHeight) {
     }
     ASSERT_EQ(static_cast<int>(tops.size()), bounces) << "bounces were lost";
     for (int n = 0; n < bounces; ++n) {
-      const double expected = kDrop * std::pow(restitution, 2.0 * (n + 1));
+      const double expected = height_m * std::pow(restitution, 2.0 * (n + 1));
       EXPECT_NEAR(tops[n], expected, 0.02 * (n + 1) * expected) << "bounce " << n + 1;
     }
   }
