@@ -216,6 +216,7 @@ int run(const RunRequest& request) {
   Options options = request.options;
   const Scene scene = load_scene(options);
   check_choices(scene, request);
+  warn_of_engines(scene);
   if (options.out.empty()) {
     options.out = fmt::format("out/{}-{:%Y%m%d-%H%M%S}", scene.name, fmt::localtime(std::time(nullptr)));
   }

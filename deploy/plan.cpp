@@ -37,10 +37,28 @@ std::string describe_engine(const char* where, const EngineSettings& settings) {
       can.deterministic ? "deterministic" : "not deterministic", settings.length_unit_m);
 }
 
+void warn_of_small_boxes(const char* where, const EngineSettings& settings, const Scene& scene) {
+  const double smallest_m = engine_plugin(settings.name).smallest_box * settings.length_unit_m;
+  const auto small = std::ranges::find_if(scene.bodies, [&](const Body& body) {
+    return body.shape.kind == ShapeKind::box && 2.0 * body.shape.half_extents.minCoeff() < smallest_m;
+  });
+  if (small == scene.bodies.end()) return;
+  fmt::print(stderr,
+             "subworld: {0}: {1} does not hold boxes with a side below {2:g} m in a unit of length of {3:g} m, as {4} "
+             "has; it may fall through the floor. Set {0}.length_unit_m: {5:g}, or choose another engine\n",
+             where, settings.name, smallest_m, settings.length_unit_m, small->name, 0.1 * settings.length_unit_m);
+}
+
 }  // namespace
+
+void warn_of_engines(const Scene& scene) {
+  warn_of_small_boxes("world", scene.settings.world, scene);
+  warn_of_small_boxes("haptic", scene.settings.haptic, scene);
+}
 
 void print_plan(const Scene& scene, bool gui) {
   const Settings& s = scene.settings;
+  warn_of_engines(scene);
   const auto scheme = make_scheme(s);
   const std::string engines = describe_engine("world", s.world) + describe_engine("sub-worlds", s.haptic);
   const auto fixed = std::count_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& b) { return b.fixed(); });

@@ -21,6 +21,7 @@ struct EnginePlugin {
   std::string_view version;  ///< of the engine and its precision
   std::string_view licence;  ///< of the engine
   std::span<const EnginePreset> presets;
+  double smallest_box = 0.0;  ///< sides of boxes below it, in units of length, are not held; 0: no such limit
   std::unique_ptr<Engine> (*make)(const EngineSettings& settings, std::span<const Mesh> meshes);
 };
 
@@ -32,7 +33,7 @@ struct EnginePlugin {
 [[nodiscard]] int substep_count(double dt, std::optional<int> fixed, double longest_s) noexcept;
 
 /// Changes whenever a type that crosses between a program and an engine's library changes.
-inline constexpr int kEnginePluginInterface = 1;
+inline constexpr int kEnginePluginInterface = 2;
 
 }  // namespace subworld
 

@@ -90,6 +90,20 @@ TEST_F(CommandLine, APlanNamesItsEngines) {
   }
 }
 
+TEST_F(CommandLine, APlanWarnsOfBoxesThatAnEngineDoesNotHold) {
+  const auto warned = [&](const char* file, const char* engine) {
+    const Ended ended = finish({program("subworld"), "plan", scene(file), "--engine", engine});
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    return ended.err.find("world.length_unit_m: 0.1") != std::string::npos;
+  };
+  EXPECT_FALSE(warned("card_house", "bullet"));
+  // Havok is the only engine with such a limit, and not in every build.
+  const Ended asked = finish({program("subworld"), "plan", scene("row"), "--engine", "havok"});
+  if (asked.err.find("not in this build") != std::string::npos) return;
+  EXPECT_TRUE(warned("card_house", "havok"));
+  EXPECT_FALSE(warned("row", "havok"));
+}
+
 TEST_F(CommandLine, APlanRefusesWhatARunWould) {
   const std::vector<std::pair<Words, Words>> wrong{{{"--engine", "havoc"}, {"havoc", "bullet", "ode"}},
                                                    {{"--haptic-engine", "havoc"}, {"havoc", "bullet", "ode"}},

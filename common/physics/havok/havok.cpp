@@ -188,6 +188,7 @@ const EnginePlugin kPlugin{
     .version = "Havok Physics of @babylonjs/havok 1.3.14, single precision",
     .licence = "MIT",
     .presets = kPresets,
+    .smallest_box = 0.035,  // what is smaller may fall through what it lies on
     .make = [](const EngineSettings& settings, std::span<const Mesh> meshes) -> std::unique_ptr<Engine> {
       return std::make_unique<Havok>(settings, meshes);
     }};
