@@ -96,7 +96,21 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
   DeviceCommand command;
   TimePoint heard{};
   double gain = 0.0;
+  Wrench felt;
   Cyclic loop(Clock::now(), from_seconds(period_s));
+  const auto act = [&](const Wrench& wrench, TimePoint begin) {
+    felt = wrench;
+    DeviceCommand now = command;
+    now.wrench = wrench;
+    // The path starts when the haptic loop does, whatever the time since the device was switched on.
+    if (heard != TimePoint{}) device.step(now, period_s);
+    DeviceState state = device.state();
+    state.sent_ns = to_ns(begin);
+    ports.states.write(state);
+    const TimePoint end = Clock::now();
+    measures.step(state, wrench, end > loop.deadline());
+    ports.status.update(state.stamp_s, measures.steps(), measures.missed());
+  };
   while (stop_signal() == 0) {
     loop.wait();
     const TimePoint begin = Clock::now();
@@ -105,20 +119,17 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
         measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - command.echoed_sent_ns));
       heard = begin;
     }
-    if (command.last) return;
+    if (command.last) break;
     const bool fresh = heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
     gain = fresh ? 1.0 : std::max(0.0, gain - period_s / kFade_s);
-    DeviceCommand felt = command;
-    felt.wrench.force *= gain;
-    felt.wrench.torque *= gain;
-    // The path starts when the haptic loop does, whatever the time since the device was switched on.
-    if (heard != TimePoint{}) device.step(felt, period_s);
-    DeviceState state = device.state();
-    state.sent_ns = to_ns(begin);
-    ports.states.write(state);
-    const TimePoint end = Clock::now();
-    measures.step(state, felt.wrench, end > loop.deadline());
-    ports.status.update(state.stamp_s, measures.steps(), measures.missed());
+    act({gain * command.wrench.force, gain * command.wrench.torque}, begin);
+  }
+  // The commands of the haptic loop's own fading may have come late or not at all.
+  const Wrench last = felt;
+  for (double part = 1.0; part > 0.0 && (!felt.force.isZero() || !felt.torque.isZero());) {
+    part = std::max(0.0, part - period_s / kFade_s);
+    loop.wait();
+    act({part * last.force, part * last.torque}, Clock::now());
   }
 }
 
