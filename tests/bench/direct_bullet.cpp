@@ -32,6 +32,7 @@ DirectBullet::DirectBullet(const Vec3& gravity, double dt)
   info.m_warmstartingFactor = 1;
   info.m_splitImpulse = 1;
   info.m_splitImpulsePenetrationThreshold = 0;
+  solver_.set_friction_relaxation(scalar(1.3));
   world_.setGravity(to_bullet(gravity));
 }
 
