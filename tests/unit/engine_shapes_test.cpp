@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <numbers>
 #include <optional>
@@ -120,6 +121,37 @@ TEST_P(Shapes, RestOnAFixedBox) {
   Body floor = floor_plane(kFloor);
   floor.shape = {.kind = ShapeKind::box, .half_extents = Vec3(1, 1, 0.2)};
   expect_rest(floor, at(0, 0, -0.2));
+}
+
+/// Two bars cross on their edges: one point, a normal across both edges, and the weight (statics; too short to topple).
+TEST_P(Shapes, BoxesCrossOnTheirEdges) {
+  constexpr double kThick = 0.04, kQuarter = std::numbers::pi / 4.0;
+  const double top = kThick / std::sqrt(2.0);
+  const auto engine = GetParam().make();
+  const auto bar = [](BodyId id, const Vec3& half, double mass) {
+    Body body = cube(id, kThick, mass);
+    body.shape.half_extents = half;
+    body.inertia = mass / 3.0 * (Vec3::Constant(half.squaredNorm()) - half.cwiseAbs2());
+    return body;
+  };
+  BodyState lower = at(0, 0, 0), upper = at(0.03, 0, 2.0 * top);
+  lower.orientation = Eigen::AngleAxisd(kQuarter, Vec3::UnitX());
+  upper.orientation = Eigen::AngleAxisd(kQuarter, Vec3::UnitY());
+  engine->add(bar(kFloor, Vec3(0.2, 0.5 * kThick, 0.5 * kThick), 0.0), lower);
+  engine->add(bar(kBody, Vec3(0.5 * kThick, 0.2, 0.5 * kThick), 1.0), upper);
+  const double room_for = room(GetParam().engine, ShapeKind::box, ShapeKind::box);  // Havok's bars sink in by 6 mm
+  double carried = 0.0;
+  const int count = GetParam().steps(0.06);
+  for (int n = 0; n < count; ++n) {
+    engine->step(GetParam().dt);
+    for (const Contact& c : engine->contacts()) {
+      carried += c.normal_impulse * std::abs(c.normal.z());
+      EXPECT_GT(std::abs(c.normal.z()), 0.99) << n;
+      EXPECT_LT((c.point - Vec3(0.03, 0, top)).norm(), 2e-3 * room_for) << n;
+    }
+  }
+  const double weight = test::kG * GetParam().dt * count;
+  EXPECT_NEAR(carried, weight, 0.05 * weight);
 }
 
 TEST_P(Shapes, RestOnAMesh) {

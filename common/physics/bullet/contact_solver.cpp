@@ -80,7 +80,7 @@ btScalar ContactSolver::solveSingleIteration(int /*iteration*/, btCollisionObjec
                                              btPersistentManifold** /*manifolds*/, int /*manifold_count*/,
                                              btTypedConstraint** /*constraints*/, int /*constraint_count*/,
                                              const btContactSolverInfo& /*info*/, btIDebugDraw* /*drawer*/) {
-  btScalar worst = 0;
+  btScalar worst = 0;  // there are no joints and no rolling friction
   for (int i = 0; i < m_tmpSolverContactConstraintPool.size(); ++i) {
     const btSolverConstraint& row = m_tmpSolverContactConstraintPool[i];
     const btScalar residual = m_resolveSingleConstraintRowLowerLimit(m_tmpSolverBodyPool[row.m_solverBodyIdA],
