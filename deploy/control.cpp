@@ -3,6 +3,7 @@
 #include "physics/engine_exchange.hpp"
 #include "rt/cyclic.hpp"
 #include "wire/bus.hpp"
+#include "wire/status.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -24,7 +26,6 @@ struct Verb {
 constexpr std::array kVerbs{Verb{"stop", ControlVerb::stop}, Verb{"pause", ControlVerb::pause},
                             Verb{"resume", ControlVerb::resume}, Verb{"step", ControlVerb::step},
                             Verb{"engine", ControlVerb::set_engine}};
-constexpr std::string_view kAnswer = "control: ";
 constexpr std::string_view kRefused = "refused: ";
 constexpr std::string_view kPreparing = "preparing";
 
@@ -47,15 +48,13 @@ void wait_for_listeners(Bus& bus, const Writer<Control>& writer, const Network& 
   }
 }
 
-/// What a status answers: "control: " and a text each, joined by "; " where several answers came between two statuses.
-std::vector<std::string> answers_in(const std::string& status) {
+/// What a status answers to the order of that number; several answers between two statuses are joined by "; ".
+std::vector<std::string> answers_in(const std::string& status, std::uint32_t order) {
   std::vector<std::string> answers;
-  const std::string separator = "; " + std::string(kAnswer);
-  for (std::size_t at = status.find(kAnswer); at != std::string::npos;) {
-    at += kAnswer.size();
-    const std::size_t end = status.find(separator, at);
-    answers.push_back(status.substr(at, end - at));
-    at = end == std::string::npos ? end : end + separator.size() - kAnswer.size();
+  const std::string prefix = answer_prefix(order);
+  for (std::size_t at = status.find(prefix); at != std::string::npos; at = status.find(prefix, at)) {
+    at += prefix.size();
+    answers.push_back(status.substr(at, status.find("; control ", at) - at));
   }
   return answers;
 }
@@ -63,13 +62,13 @@ std::vector<std::string> answers_in(const std::string& status) {
 /// Who is asked to follow an order: the world, or every sub-world; and what they have said to it.
 class Answers {
  public:
-  explicit Answers(ProgramKind asked) : asked_(asked) {}
+  Answers(const Control& order, ProgramKind asked) : order_(order.number), asked_(asked) {}
 
   /// Prints what a status answers. Throws `Error` (failed) where one who was asked refuses.
   void hear(const Status& status) {
     const bool asked = status.program == asked_;
     if (asked) said_.try_emplace(status.instance);
-    for (const std::string& answer : answers_in(status.text)) {
+    for (const std::string& answer : answers_in(status.text, order_)) {
       if (asked && answer.find(kRefused) != std::string::npos) {
         throw Error(ExitCode::failed, fmt::format("{}: {}", name(status.program, status.instance), answer));
       }
@@ -80,27 +79,34 @@ class Answers {
 
   /// Whether all of them have done it, where `listeners` programs in all take orders: one world, and the sub-worlds.
   [[nodiscard]] bool complete(int listeners) const {
-    const int asked = asked_ == ProgramKind::world_sim ? 1 : std::max(1, listeners - 1);
-    return std::ranges::count_if(said_, [](const auto& one) { return done(one.second); }) >= asked;
+    return std::ranges::count_if(said_, [](const auto& one) { return done(one.second); }) >= asked_of(listeners);
   }
 
   /// Those who have not, in words.
-  [[nodiscard]] std::string missing() const {
+  [[nodiscard]] std::string missing(int listeners) const {
     std::vector<std::string> names;
     for (const auto& [instance, said] : said_) {
       if (done(said)) continue;
       names.push_back(name(asked_, instance) + (said.empty() ? "" : fmt::format(" (so far: \"{}\")", said)));
     }
-    if (names.empty()) names.emplace_back(asked_ == ProgramKind::world_sim ? "world_sim" : "a haptic_sim");
+    const auto unheard = asked_of(listeners) - static_cast<int>(said_.size());
+    if (unheard > 0) names.push_back(fmt::format("{} {} not heard of", unheard, program(asked_)));
     return fmt::format("{}", fmt::join(names, " and "));
   }
 
  private:
   [[nodiscard]] static bool done(const std::string& said) { return !said.empty() && !said.starts_with(kPreparing); }
-  [[nodiscard]] static std::string name(ProgramKind program, std::uint32_t instance) {
-    return program == ProgramKind::world_sim ? "world_sim" : fmt::format("haptic_sim {}", instance);
+  [[nodiscard]] static std::string name(ProgramKind kind, std::uint32_t instance) {
+    return kind == ProgramKind::world_sim ? program(kind) : fmt::format("{} {}", program(kind), instance);
+  }
+  [[nodiscard]] static std::string program(ProgramKind kind) {
+    return kind == ProgramKind::world_sim ? "world_sim" : "haptic_sim";
+  }
+  [[nodiscard]] int asked_of(int listeners) const {
+    return asked_ == ProgramKind::world_sim ? 1 : std::max(1, listeners - 1);
   }
 
+  std::uint32_t order_;
   ProgramKind asked_;
   std::map<std::uint32_t, std::string> said_;  ///< the newest answer, by instance; empty: heard of, but no answer yet
 };
@@ -109,7 +115,7 @@ class Answers {
 /// refuses, or has not done it within `wait_s`.
 void await_answers(Bus& bus, Reader<Status>& statuses, const Writer<Control>& writer, const Control& order,
                    ProgramKind asked, double wait_s) {
-  Answers answers(asked);
+  Answers answers(order, asked);
   const TimePoint until = Clock::now() + from_seconds(wait_s);
   Status status;
   while (true) {
@@ -124,7 +130,7 @@ void await_answers(Bus& bus, Reader<Status>& statuses, const Writer<Control>& wr
       ExitCode::failed,
       fmt::format("no final answer from {} within {} s; wait longer with --wait{}. The order stands: the run's summary "
                   "tells what came of it",
-                  answers.missing(), wait_s,
+                  answers.missing(writer.matched()), wait_s,
                   asked == ProgramKind::haptic_sim
                       ? ", or, where a world in lock-step is paused, let it run with "
                         "`subworld control resume`: its sub-worlds read orders as they step"
@@ -135,6 +141,7 @@ void await_answers(Bus& bus, Reader<Status>& statuses, const Writer<Control>& wr
 
 void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, double wait_s) {
   Control order;
+  order.number = std::random_device()();
   if (verb == "engine") order.argument = to_text(engine);
   for (const Verb& known : kVerbs) {
     if (known.name == verb) order.verb = known.verb;
@@ -147,9 +154,6 @@ void send_control(const Network& network, const std::string& verb, const EngineO
   const auto bus = open_bus(network, Settings{}, 0.001, "subworld control");
   auto writer = bus->writer<Control>();
   wait_for_listeners(*bus, writer, network, wait_s);
-  Status earlier;
-  while (statuses.take(earlier) != Take::none) {  // to orders before this one
-  }
   if (!writer.write(order) || !writer.wait_for_acknowledgments(wait_s)) {
     throw Error(ExitCode::middleware,
                 fmt::format("the world on domain {} did not confirm the order; try again", network.domain));

@@ -60,27 +60,28 @@ class EngineOrders {
   void follow() {
     while (ports_.control.take(order_) == Take::sample) {
       if (order_.verb != ControlVerb::set_engine) continue;
-      const auto wanted = parse_engine_order(order_.argument);
-      if (wanted && wanted->target == EngineOrder::Target::haptic) say(sub_.change_engine(exchange_, *wanted));
+      const auto wanted = parse_engine_order(order_);
+      if (!wanted || wanted->target != EngineOrder::Target::haptic) continue;
+      ports_.status.answer(order_.number, sub_.change_engine(exchange_, *wanted));
     }
     if (sub_.scheme().has_sub_world()) {
       const std::string before(sub_.engine().name());
       const TimePoint begin = Clock::now();
       if (sub_.exchange_engine(exchange_)) {
-        measures_.engine_changed(
-            {sub_.time_s(), before, std::string(sub_.engine().name()), to_seconds(Clock::now() - begin)});
+        measures_.engine_changed({exchange_.order(), sub_.time_s(), before, std::string(sub_.engine().name()),
+                                  to_seconds(Clock::now() - begin)});
       }
     }
-    if (const std::string failure = exchange_.take_failure(); !failure.empty()) say("refused: " + failure);
+    if (const std::string failure = exchange_.take_failure(); !failure.empty()) {
+      ports_.status.answer(exchange_.order(), "refused: " + failure);
+    }
     if (const auto change = measures_.take_settled_change()) {
-      say(fmt::format("{}; force steps {:.3f} N, before {:.3f} N", to_text(*change), change->force_step_n,
-                      change->force_step_before_n));
+      ports_.status.answer(change->order, fmt::format("{}; force steps {:.3f} N, before {:.3f} N", to_text(*change),
+                                                      change->force_step_n, change->force_step_before_n));
     }
   }
 
  private:
-  void say(const std::string& text) { ports_.status.note("control: " + text); }
-
   HapticPorts& ports_;
   SubWorld& sub_;
   HapticMeasures& measures_;

@@ -50,7 +50,7 @@ std::string SubWorld::change_engine(EngineExchange& exchange, const EngineOrder&
   if (order.engine != settings.name) settings.iterations = settings.substeps = std::nullopt;  // meant for that one
   settings.name = order.engine;
   settings.preset = order.preset;
-  const bool begun = exchange.begin(settings, *engine_, scene_.settings.h_s);
+  const bool begun = exchange.begin(settings, *engine_, scene_.settings.h_s, order.number);
   return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
 }
 

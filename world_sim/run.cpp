@@ -45,13 +45,13 @@ void take_orders(WorldPorts& ports, Conductor& conductor, World& world, EngineEx
   Control order;
   while (ports.control.take(order) == Take::sample) {
     if (order.verb != ControlVerb::set_engine) {
-      ports.status.note("control: " + conductor.follow(order));
+      ports.status.answer(order.number, conductor.follow(order));
       continue;
     }
-    const auto wanted = parse_engine_order(order.argument);
+    const auto wanted = parse_engine_order(order);
     if (wanted && wanted->target != EngineOrder::Target::world) continue;
-    ports.status.note("control: " + (wanted ? world.change_engine(exchange, *wanted)
-                                            : "refused: unknown engine order \"" + order.argument + "\""));
+    ports.status.answer(order.number, wanted ? world.change_engine(exchange, *wanted)
+                                             : "refused: unknown engine order \"" + order.argument + "\"");
   }
 }
 
@@ -60,13 +60,13 @@ void exchange_engine(WorldPorts& ports, World& world, EngineExchange& exchange, 
   const std::string before(world.engine().name());
   const TimePoint begin = Clock::now();
   if (world.exchange_engine(exchange)) {
-    const EngineChange change{world.time_s(), before, std::string(world.engine().name()),
+    const EngineChange change{exchange.order(), world.time_s(), before, std::string(world.engine().name()),
                               to_seconds(Clock::now() - begin)};
     measures.engine_changed(change);
-    ports.status.note("control: " + to_text(change));
+    ports.status.answer(change.order, to_text(change));
   }
   if (const std::string failure = exchange.take_failure(); !failure.empty()) {
-    ports.status.note("control: refused: " + failure);
+    ports.status.answer(exchange.order(), "refused: " + failure);
   }
 }
 

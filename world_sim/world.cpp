@@ -121,7 +121,7 @@ std::string World::change_engine(EngineExchange& exchange, const EngineOrder& or
   if (order.engine != settings.name) settings.iterations = settings.substeps = std::nullopt;  // meant for that one
   settings.name = order.engine;
   settings.preset = order.preset;
-  const bool begun = exchange.begin(settings, *engine_, scene_.settings.cycle_s() / substeps_);
+  const bool begun = exchange.begin(settings, *engine_, scene_.settings.cycle_s() / substeps_, order.number);
   return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
 }
 

@@ -30,7 +30,8 @@ struct MeanMax {
 
 /// An exchange of engines while running.
 struct EngineChange {
-  double at_s = 0.0;  ///< simulated time
+  std::uint32_t order = 0;  ///< number of the `Control` that asked for it
+  double at_s = 0.0;        ///< simulated time
   std::string from;
   std::string to;
   double exchange_s = 0.0;           ///< that the loop spent on it

@@ -193,6 +193,7 @@ enum class ControlVerb : std::uint8_t { stop, pause, resume, step, reset, set_en
 
 /// Topic `control`.
 struct Control {
+  std::uint32_t number = 0;  ///< drawn by who orders; what is answered names it
   ControlVerb verb = ControlVerb::stop;
   std::string argument;
 };

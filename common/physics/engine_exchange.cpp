@@ -16,10 +16,11 @@ std::string to_text(const EngineOrder& order) {
   return std::string(kTargets[static_cast<std::size_t>(order.target)]) + " " + order.engine + " " + order.preset;
 }
 
-std::optional<EngineOrder> parse_engine_order(const std::string& text) {
-  std::istringstream words(text);
+std::optional<EngineOrder> parse_engine_order(const Control& control) {
+  std::istringstream words(control.argument);
   std::string target;
   EngineOrder order;
+  order.number = control.number;
   std::string rest;
   if (!(words >> target >> order.engine >> order.preset) || words >> rest) return std::nullopt;
   for (const auto known : {EngineOrder::Target::world, EngineOrder::Target::haptic}) {
@@ -44,9 +45,11 @@ EngineExchange::~EngineExchange() {
   thread_.join();
 }
 
-bool EngineExchange::begin(const EngineSettings& settings, const LiveEngine& engine, double step_s) {
+bool EngineExchange::begin(const EngineSettings& settings, const LiveEngine& engine, double step_s,
+                           std::uint32_t order) {
   if (busy_) return false;
   busy_ = true;
+  order_ = order;
   {
     const std::lock_guard lock(mutex_);
     failure_.clear();

@@ -420,12 +420,14 @@ bool from_wire(const msg::WorldState& in, WorldSnapshot& out) {
 }
 
 void to_wire(const Control& in, msg::Control& out) {
+  out.number(in.number);
   out.verb(static_cast<std::uint8_t>(in.verb));
   out.argument(in.argument);
 }
 
 bool from_wire(const msg::Control& in, Control& out) {
   if (in.verb() > static_cast<std::uint8_t>(ControlVerb::set_scheme)) return false;
+  out.number = in.number();
   out.verb = static_cast<ControlVerb>(in.verb());
   out.argument = in.argument();
   return true;

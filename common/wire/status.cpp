@@ -8,6 +8,8 @@
 
 namespace subworld {
 
+std::string answer_prefix(std::uint32_t order) { return "control " + std::to_string(order) + ": "; }
+
 StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance, std::string label)
     : bus_(&bus), writer_(bus.writer<Status>()), label_(std::move(label)) {
   status_.program = program;

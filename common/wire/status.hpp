@@ -5,11 +5,15 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <cstdint>
 #include <mutex>
 #include <string>
 #include <thread>
 
 namespace subworld {
+
+/// What an answer to a `Control` of that number begins with, in the text of a `Status`.
+[[nodiscard]] std::string answer_prefix(std::uint32_t order);
 
 /// Publishes a program's `status` once a second and prints what the middleware reports in between, from a thread of its
 /// own, so that a loop only stores numbers.
@@ -27,6 +31,8 @@ class StatusBeacon {
   /// Says something: the thread publishes and prints it at once. From the loop, for which nobody is waited: where the
   /// thread is busy the next update() hands it over.
   void note(const std::string& text);
+  /// Says what became of an order; likewise from the loop.
+  void answer(std::uint32_t order, const std::string& text) { note(answer_prefix(order) + text); }
 
  private:
   void publish(double passed_s);

@@ -90,10 +90,11 @@ TEST_P(WireOpen, two_buses_in_one_process_come_and_go) {
     auto writer = first->writer<Control>(own_);
     auto reader = second->reader<Control>(own_);
     ASSERT_TRUE(until(*second, [&] { return writer.matched() == 1 && reader.matched() == 1; })) << round;
-    ASSERT_TRUE(writer.write({ControlVerb::pause, "x"}));
+    ASSERT_TRUE(writer.write({7, ControlVerb::pause, "x"}));
     Control control;
     ASSERT_TRUE(until(*second, [&] { return reader.take(control) == Take::sample; })) << round;
     EXPECT_EQ(control.verb, ControlVerb::pause);
+    EXPECT_EQ(control.number, 7U);
   }
 }
 
@@ -174,7 +175,7 @@ TEST_P(WireOpen, closing_does_not_wait_for_readers_that_are_gone) {
     auto writer = bus->writer<Control>(own_);
     auto reader = std::make_unique<Reader<Control>>(other->reader<Control>(own_));
     EXPECT_TRUE(until(*bus, [&] { return writer.matched() == 1 && reader->matched() == 1; }));
-    for (int i = 0; i < 100; ++i) EXPECT_TRUE(writer.write({ControlVerb::set_engine, std::string(60'000, 'x')}));
+    for (int i = 0; i < 100; ++i) EXPECT_TRUE(writer.write({7, ControlVerb::set_engine, std::string(60'000, 'x')}));
     reader.reset();
     other.reset();
     return std::chrono::steady_clock::now();

@@ -82,9 +82,9 @@ TEST_F(Control, ASubWorldOfAPausedLockstepWorldIsNamedAndFollowsOnceItSteps) {
   Process process(run_words(scene("lift"), {"--mode", "lockstep", "--duration", "600", "--users", "2"}),
                   folder_.path());
   ASSERT_EQ(control({"pause"}).code, 0);
-  const Ended silent = control({"engine", "bullet_float", "--haptic"}, "fastdds", "4");
+  const Ended silent = control({"engine", "bullet_float", "--haptic"}, "fastdds", "6");
   EXPECT_EQ(silent.code, 1) << silent.out;
-  expect_says(silent, {"haptic_sim 0 and haptic_sim 1", "4 s", "subworld control resume"});
+  expect_says(silent, {"haptic_sim 0 and haptic_sim 1", "6 s", "subworld control resume"});
   const Ended world = control({"engine", "bullet_float"});
   EXPECT_EQ(world.code, 0) << "the world itself follows while it is paused: " << world.err;
 
@@ -92,8 +92,10 @@ TEST_F(Control, ASubWorldOfAPausedLockstepWorldIsNamedAndFollowsOnceItSteps) {
   const Ended both = control({"engine", "bullet", "--haptic"});
   EXPECT_EQ(both.code, 0) << both.err;
   for (const char* who : {"haptic_sim 0: engine", "haptic_sim 1: engine"}) {
-    EXPECT_NE(both.out.find(who), std::string::npos) << who << " is not in: " << both.out;
+    EXPECT_NE(both.out.find(who + std::string(" bullet_float -> bullet ")), std::string::npos)
+        << who << " did not answer this order: " << both.out;
   }
+  EXPECT_EQ(both.out.find("-> bullet_float"), std::string::npos) << "an answer to the earlier order: " << both.out;
   EXPECT_EQ(control({"stop"}).code, 0);
   ASSERT_EQ(process.wait(), 0) << process.err();
   const Json json = summary();

@@ -160,7 +160,7 @@ class SampleMaker {
     fill_all(to.moved);
     fill_all(to.users);
   }
-  void fill(Control& to) { to = {static_cast<ControlVerb>(word() % 7), text()}; }
+  void fill(Control& to) { to = {static_cast<std::uint32_t>(word()), static_cast<ControlVerb>(word() % 7), text()}; }
   void fill(Status& to) {
     to.program = static_cast<ProgramKind>(word() % 4);
     to.instance = word();
@@ -251,7 +251,7 @@ struct Walk {
         r.timing.max_s);
   }
   void operator()(const WorldSnapshot& s) { all(s.sequence, s.stamp_s, s.clock_factor, s.moved, s.users); }
-  void operator()(const Control& c) { all(static_cast<std::uint32_t>(c.verb), c.argument); }
+  void operator()(const Control& c) { all(c.number, static_cast<std::uint32_t>(c.verb), c.argument); }
   void operator()(const Status& s) {
     all(static_cast<std::uint32_t>(s.program), s.instance, s.state, s.time_s, s.rate_hz, s.steps, s.missed_deadlines,
         s.events.matched, s.events.unmatched, s.events.deadline_missed, s.events.liveliness_lost,

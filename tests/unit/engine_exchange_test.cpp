@@ -121,13 +121,15 @@ TEST(EngineExchange, AnEngineThatIsNotThereLeavesTheOldOneRunning) {
 }
 
 TEST(EngineOrder, TextAndBack) {
-  const auto order = parse_engine_order(to_text({EngineOrder::Target::haptic, "havok", "quality"}));
+  const auto order =
+      parse_engine_order({.number = 7, .argument = to_text({EngineOrder::Target::haptic, "havok", "quality"})});
   ASSERT_TRUE(order);
   EXPECT_EQ(order->target, EngineOrder::Target::haptic);
   EXPECT_EQ(order->engine, "havok");
   EXPECT_EQ(order->preset, "quality");
+  EXPECT_EQ(order->number, 7U);
   for (const char* wrong : {"", "world", "moon bullet fast", "world bullet", "world bullet fast more"}) {
-    EXPECT_FALSE(parse_engine_order(wrong)) << wrong;
+    EXPECT_FALSE(parse_engine_order({.argument = wrong})) << wrong;
   }
 }
 
