@@ -71,10 +71,10 @@ std::vector<Gate> gates(const Json& summary) {
   const bool realtime = summary["mode"] == "realtime";
   for (const Json& haptic : summary["haptic"]) {
     const std::string who = fmt::format("user {}: ", haptic["user"].get<int>());
-    const double steps = std::max(1.0, haptic["steps"].get<double>());
+    const double periods = std::max(1.0, haptic["steps"].get<double>() + haptic["skipped_steps"].get<double>());
     all.push_back({who + "lost frames", haptic["lost_frames"].get<double>(), 0.0});
     if (!realtime) continue;
-    all.push_back({who + "missed deadlines", haptic["missed_deadlines"].get<double>() / steps, kMissedRatio, true,
+    all.push_back({who + "missed deadlines", haptic["missed_deadlines"].get<double>() / periods, kMissedRatio, true,
                    "% of steps", 100.0});
     all.push_back({who + "lateness p99", haptic["lateness_s"]["p99"].get<double>(), kLatenessP99_s, true, "ms", 1e3});
   }

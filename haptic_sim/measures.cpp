@@ -13,7 +13,7 @@ HapticMeasures::HapticMeasures(const std::string& folder, std::size_t user, Hist
                {"time_s",         "force_x_n",    "force_y_n",    "force_z_n",    "hand_force_x_n", "hand_force_y_n",
                 "hand_force_z_n", "torque_x_n_m", "torque_y_n_m", "torque_z_n_m", "proxy_x_m",      "proxy_y_m",
                 "proxy_z_m",      "device_x_m",   "device_y_m",   "device_z_m",   "members",        "contacts",
-                "border_pairs",   "step_s",       "lateness_s"},
+                "border_pairs",   "step_s",       "lateness_s",   "skipped"},
                flush) {}
 
 void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step_s, double lateness_s,
@@ -36,9 +36,24 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step
   const Vec3& torque = felt.felt.torque;
   const Vec3 p = sub.proxy().position;
   const Vec3& d = sub.device().pose.position;
-  history_.row({sub.time_s(), f.x(),      f.y(),      f.z(),    hand.x(), hand.y(), hand.z(),
-                torque.x(),   torque.y(), torque.z(), p.x(),    p.y(),    p.z(),    d.x(),
-                d.y(),        d.z(),      members,    contacts, border,   step_s,   lateness_s});
+  history_.row({sub.time_s(), f.x(),
+                f.y(),        f.z(),
+                hand.x(),     hand.y(),
+                hand.z(),     torque.x(),
+                torque.y(),   torque.z(),
+                p.x(),        p.y(),
+                p.z(),        d.x(),
+                d.y(),        d.z(),
+                members,      contacts,
+                border,       step_s,
+                lateness_s,   static_cast<double>(std::exchange(skipped_before_step_, 0))});
+}
+
+void HapticMeasures::skipped(double lateness_s) noexcept {
+  ++skipped_;
+  ++skipped_before_step_;
+  ++missed_;
+  lateness_.add(lateness_s);
 }
 
 void HapticMeasures::watch_force(const Vec3& force) noexcept {
@@ -71,6 +86,7 @@ Json HapticMeasures::json(double bytes_per_cycle) {
   settle_change();
   return {{"user", user_},
           {"steps", steps_},
+          {"skipped_steps", skipped_},
           {"missed_deadlines", missed_},
           {"lateness_s", quantiles(lateness_)},
           {"step_s", quantiles(step_)},

@@ -21,6 +21,9 @@ class HapticMeasures {
   /// After every step. `lateness_s`: of the wake-up; `missed`: the force left after its period ended. Zero in
   /// lock-step.
   void step(const SubWorld& sub, const FeltStep& felt, double step_s, double lateness_s, bool missed) noexcept;
+  /// A period was over before its step could begin: a missed deadline, and no step. `lateness_s` of the next one's
+  /// wake-up.
+  void skipped(double lateness_s) noexcept;
   void synchronised(double seconds, std::uint64_t lost_frames) noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   void resynchronised() noexcept { ++adoptions_; }
@@ -32,6 +35,7 @@ class HapticMeasures {
   }
 
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
+  /// Deadlines, with those of the steps that were left out.
   [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }
 
   [[nodiscard]] Json json(double bytes_per_cycle);
@@ -41,7 +45,8 @@ class HapticMeasures {
   History history_;
   Histogram step_, lateness_, sync_, round_trip_;
   MeanMax members_, contacts_, border_;
-  std::uint64_t steps_ = 0, missed_ = 0, lost_frames_ = 0, adoptions_ = 0;
+  std::uint64_t steps_ = 0, skipped_ = 0, missed_ = 0, lost_frames_ = 0, adoptions_ = 0;
+  int skipped_before_step_ = 0;
   double force_squares_ = 0.0, force_max_ = 0.0;
 
   static constexpr std::size_t kForceStepWindow = 20;  ///< haptic steps before and after a change of engine

@@ -2,6 +2,7 @@
 
 #include "coupling/delay.hpp"
 #include "model/error.hpp"
+#include "rt/arrears.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
@@ -191,6 +192,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   std::size_t waiting_count = 0;
   WorldFrame frame;
   Phase phase;
+  Arrears arrears;
   double clock_factor = 1.0;
   bool last = false;
   int fading = 0;
@@ -201,8 +203,14 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   const double ahead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
   Cyclic loop(first.received + from_seconds(first.frame.start_in_s - ahead_s), from_seconds(h));
   while (fading < kFadeSteps) {
-    const double lateness_s = to_seconds(loop.wait());
+    double lateness_s = to_seconds(loop.wait());
     const TimePoint begin = Clock::now();
+    // What the machine has slept through is over: its forces would come too late to be felt.
+    for (int over = loop.skip(begin); over > 0; --over) {
+      measures.skipped(lateness_s);
+      lateness_s -= h;
+      arrears.owe(h * phase.rate(clock_factor, cycle_s));
+    }
     fading += last || stop_signal() != 0;
 
     if (ports.device.take_latest(device)) heard = begin;
@@ -211,7 +219,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
       const WorldFrame& came = waiting[waiting_count++];
       const double world_s =
           to_seconds(begin - loop.released()) + came.start_in_s;  // until the world reaches the stamp
-      phase.observe((came.stamp_s - sub.time_s()) - world_s + ahead_s);
+      phase.observe((came.stamp_s - sub.time_s() - arrears.owed_s()) - world_s + ahead_s);
       clock_factor = came.clock_factor;
       last = last || came.last;
       if (came.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - came.echoed_sent_ns));
@@ -227,6 +235,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
       if (behind || !sub.finite()) {
         sub.adopt(due);
         loop.shift(std::max(Duration::zero(), std::chrono::duration_cast<Duration>(start - loop.deadline())));
+        arrears.forget();
         measures.resynchronised();
       } else {
         lost = sub.apply(due);
@@ -238,13 +247,12 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
 
     orders.follow();
 
-    const double dt = h * phase.rate(clock_factor, cycle_s);
     const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand));
     const bool missed = Clock::now() > loop.deadline();  // the force left after its period
     if (!reports_sub_world && sub.at_cycle_start()) send_report();
-    sub.advance(dt);
+    sub.advance(arrears.step(h * phase.rate(clock_factor, cycle_s), sub.cycle_left_s()));
     if (reports_sub_world && sub.at_boundary()) send_report();
 
     loop.slew(phase.slew_ppm());

@@ -82,6 +82,10 @@ double SubWorld::time_s() const noexcept {
   return static_cast<double>(stamp_) * scene_.settings.cycle_s() + in_cycle_s_;
 }
 
+double SubWorld::cycle_left_s() const noexcept {
+  return scene_.settings.cycle_s() - (at_boundary() ? 0.0 : in_cycle_s_);
+}
+
 bool SubWorld::at_boundary() const noexcept {
   return in_cycle_s_ >= scene_.settings.cycle_s() - 1e-6 * scene_.settings.h_s;
 }

@@ -26,7 +26,8 @@ class SubWorld {
  public:
   SubWorld(const Scene& scene, std::size_t user);
 
-  /// One haptic step that covers `dt` of simulation time, dt <= h. `device_trusted`: its state is fresh.
+  /// One haptic step that covers `dt` of simulation time: h, unless a clock is caught up with. `device_trusted`: its
+  /// state is fresh.
   FeltStep step(const DeviceState& device, bool device_trusted, double dt);
   /// The force for the device at the start of the step, before the sub-world moves: so that it leaves without delay.
   [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double dt);
@@ -56,6 +57,8 @@ class SubWorld {
   [[nodiscard]] std::size_t user() const noexcept { return user_; }
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
   [[nodiscard]] double time_s() const noexcept;
+  /// Simulation time until the next boundary.
+  [[nodiscard]] double cycle_left_s() const noexcept;
   [[nodiscard]] bool finite() const noexcept { return finite_; }
   [[nodiscard]] BodyState proxy() const;
   [[nodiscard]] const Vec3& clutch() const noexcept { return clutch_; }

@@ -14,4 +14,13 @@ Duration Cyclic::wait() noexcept {
   return Clock::now() - released_;
 }
 
+int Cyclic::skip(TimePoint now) noexcept {
+  int skipped = 0;
+  for (; now >= next_; ++skipped) {
+    released_ = next_;
+    next_ += slewed_;
+  }
+  return skipped;
+}
+
 }  // namespace subworld

@@ -23,6 +23,8 @@ class Cyclic {
 
   /// Sleeps until the next release and returns by how much it woke late.
   Duration wait() noexcept;
+  /// Leaves out the releases whose period is over at `now`, so that the newest one counts; returns how many.
+  int skip(TimePoint now) noexcept;
   /// When the step now released ought to be over.
   [[nodiscard]] TimePoint deadline() const noexcept { return next_; }
   [[nodiscard]] TimePoint released() const noexcept { return released_; }

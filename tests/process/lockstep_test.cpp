@@ -19,9 +19,10 @@ void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
 const Words kRunKeys{"scene", "mode",       "scheme",     "engine",  "haptic_engine", "dds",    "h_s",   "ratio",
                      "users", "duration_s", "state_hash", "verdict", "world",         "haptic", "device"};
 const Words kWorldKeys{"bodies", "cycles", "late_cycles", "step_s", "clock_factor_min"};
-const Words kHapticKeys{"user",        "steps",        "missed_deadlines", "lateness_s",  "step_s",
-                        "force_rms_n", "force_max_n",  "members",          "contacts",    "border_pairs",
-                        "sync_s",      "round_trip_s", "bytes_per_cycle",  "lost_frames", "energy_excess_j"};
+const Words kHapticKeys{"user",         "steps",           "skipped_steps", "missed_deadlines",
+                        "lateness_s",   "step_s",          "force_rms_n",   "force_max_n",
+                        "members",      "contacts",        "border_pairs",  "sync_s",
+                        "round_trip_s", "bytes_per_cycle", "lost_frames",   "energy_excess_j"};
 const Words kDeviceKeys{"user", "round_trip_s", "missed_deadlines"};
 const Words kQuantiles{"p50", "p99", "p99_9", "max", "mean"};
 
