@@ -7,8 +7,9 @@ namespace subworld {
 
 namespace {
 
-constexpr double kPushing = 0.5;  ///< cosine; a contact that is steeper to the way than this is a side contact
-constexpr double kSameWay = 0.7;  ///< cosine; border contacts of one axis
+constexpr double kPushing = 0.5;   ///< cosine; a contact that is steeper to the way than this is a side contact
+constexpr double kSameWay = 0.7;   ///< cosine; border contacts of one axis
+constexpr double kDistinct = 0.5;  ///< sine; what is closer to the axes there are than this is no axis of its own
 constexpr double kWallMass_kg = 1e5;
 constexpr double kWallLimit_n = 1e9;
 constexpr double kCreep_m_s = 1e-3;      ///< of a wall towards what it ought to carry
@@ -106,9 +107,11 @@ void GhostModeller::find_axes(std::span<const BorderPair> border, double step_s,
       load += pair.normal_impulse * pair.normal;
       if (way > 0.0) touch += pair.normal;
     }
-    const Vec3 mean = across(load.norm() > 0.0 ? load : touch);
+    // A mean that lies along the axes there are already has no direction of its own.
+    const Vec3 mean = load.norm() > 0.0 ? load : touch;
+    const bool distinct = across(mean).norm() > kDistinct * mean.norm();
     GhostAxis& axis = ghost.axes[ghost.axis_count];
-    axis = {.normal = (mean.norm() > 0.0 ? mean : across(first->normal)).normalized()};
+    axis = {.normal = across(distinct ? mean : first->normal).normalized()};
     axis.load_n = load.dot(axis.normal) / step_s;
     ++ghost.axis_count;
   }
