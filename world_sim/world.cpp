@@ -277,8 +277,15 @@ void World::extract(User& user) {
 void World::describe_outside(const User& user, WorldFrame& frame) {
   const Membership& now = user.membership;
   const double cycle_s = scene_.settings.cycle_s();
-  const auto velocity_of = [&](BodyId id) { return engine_->state(id).linear_velocity; };
-  modeller_.model(frame.border, now, graph_, velocity_of, cycle_s, frame.ghosts);
+  const WorldFrame& last = user.newest(stamp_ - 1);
+  const auto motion_of = [&](BodyId id) {
+    OutsideMotion motion{.velocity = engine_->state(id).linear_velocity};
+    const auto then = std::ranges::lower_bound(last.states, id, {}, &StampedBody::id);
+    const bool known = stamp_ > 0 && last.stamp == stamp_ - 1 && then != last.states.end() && then->id == id;
+    if (known) motion.acceleration = (motion.velocity - then->state.linear_velocity) / cycle_s;
+    return motion;
+  };
+  modeller_.model(frame.border, now, graph_, motion_of, cycle_s, frame.ghosts);
   islands_.begin(now.members);
   for (const Contact& c : contacts_) {
     if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) islands_.join(c.a, c.b);

@@ -118,7 +118,8 @@ void GhostModeller::find_axes(std::span<const BorderPair> border, double step_s,
 }
 
 void GhostModeller::model(std::span<const BorderPair> border, const Membership& membership, const ContactGraph& graph,
-                          const std::function<Vec3(BodyId)>& velocity_of, double step_s, std::vector<GhostModel>& out) {
+                          const std::function<OutsideMotion(BodyId)>& motion_of, double step_s,
+                          std::vector<GhostModel>& out) {
   out.clear();
   for (const BorderPair& pair : border) {
     const auto at = std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside);
@@ -135,7 +136,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
   }
   std::ranges::sort(pushed_, {}, &Pushed::body);
   for (GhostModel& ghost : out) {
-    const Vec3 velocity = velocity_of(ghost.outside);
+    const OutsideMotion motion = motion_of(ghost.outside);
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       GhostAxis& axis = ghost.axes[i];
       const Walk found = walk(ghost.outside, -axis.normal, membership, graph, step_s);
@@ -144,12 +145,12 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
         axis.coulomb_limit_n = kWallLimit_n;
         continue;
       }
-      const double p = axis.load_n;
+      const double q = axis.load_n + found.mass_kg * motion.acceleration.dot(axis.normal);
       double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
       double c = found.limit_n;
-      const bool slides = velocity.dot(axis.normal) < kSliding_m_s && p > 0.0;
-      c = slides ? std::max(0.0, p - f) : std::max(c, p - f);
-      f = std::clamp(f, p - c, p + c);
+      const bool slides = motion.velocity.dot(axis.normal) < kSliding_m_s && axis.load_n > 0.0;
+      c = slides ? std::max(0.0, q - f) : std::max(c, q - f);
+      f = std::clamp(f, q - c, q + c);
       axis.force_n = f;
       axis.coulomb_limit_n = c;
       if (ghost.mass_kg == 0.0) ghost.mass_kg = found.mass_kg;  // the heaviest loaded way that gives

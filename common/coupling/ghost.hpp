@@ -13,6 +13,12 @@
 
 namespace subworld {
 
+/// How an outside body moves: velocity, m/s, at the end of a cycle and mean acceleration, m/s^2, over it.
+struct OutsideMotion {
+  Vec3 velocity = Vec3::Zero();
+  Vec3 acceleration = Vec3::Zero();
+};
+
 /// Finds the reduced model of every outside body that touches inside ones: how heavy it is to push along the border's
 /// normals, which force drives it and how much friction holds it. An axis of a model is the impulse-weighted mean of
 /// the border contacts that point one way; others become further axes, as far as they are across the first ones.
@@ -21,7 +27,8 @@ namespace subworld {
 /// makes a wall. A side contact with the ground, or with a body that stands on the ground, adds mu lambda / T to the
 /// Coulomb limit; with any other body it adds that body's mass. What another ghost pushes the same way is no hold.
 /// Force f = M g.n. Where the load p and the outside's motion say more than the walk can see, limit and force give way:
-/// sliding, c = p - f; at rest, c >= p - f; and always |p - f| <= c.
+/// of p, M a.n is what the outside's own inertia does not take, q = p + M a.n; sliding, c = q - f; at rest, c >= q - f;
+/// and always |q - f| <= c.
 class GhostModeller {
  public:
   explicit GhostModeller(const Scene& scene);
@@ -29,7 +36,7 @@ class GhostModeller {
   /// `border` is that of `membership`; `graph` that of the world's contacts, totals over `step_s`. Ascending by
   /// `outside`.
   void model(std::span<const BorderPair> border, const Membership& membership, const ContactGraph& graph,
-             const std::function<Vec3(BodyId)>& velocity_of, double step_s, std::vector<GhostModel>& out);
+             const std::function<OutsideMotion(BodyId)>& motion_of, double step_s, std::vector<GhostModel>& out);
 
  private:
   struct Walk {

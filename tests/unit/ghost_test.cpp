@@ -24,7 +24,8 @@ struct Outside {
   void touch(std::uint32_t a, std::uint32_t b, const Vec3& towards, double force_n) {
     contacts.push_back({.a = BodyId{a}, .b = BodyId{b}, .normal = towards, .normal_impulse = force_n * kStep_s});
   }
-  std::vector<GhostModel> models(std::vector<BodyId> members, const Vec3& velocity = Vec3::Zero()) {
+  std::vector<GhostModel> models(std::vector<BodyId> members, const Vec3& velocity = Vec3::Zero(),
+                                 const Vec3& acceleration = Vec3::Zero()) {
     const Membership membership{std::move(members), {kFloor}};
     std::vector<BorderPair> border;
     extract_border(contacts, membership, border);
@@ -32,7 +33,11 @@ struct Outside {
     graph.build(contacts, scene.bodies.size());
     std::vector<GhostModel> out;
     GhostModeller(scene).model(
-        border, membership, graph, [&](BodyId) { return velocity; }, kStep_s, out);
+        border, membership, graph,
+        [&](BodyId) {
+          return OutsideMotion{velocity, acceleration};
+        },
+        kStep_s, out);
     return out;
   }
 
