@@ -200,7 +200,7 @@ Vec3 GhostMotion::begin(const Vec3& velocity, double dt) const noexcept {
     const double end = velocity.dot(axis.normal) + (axis.force_n * dt - contact_n_s[i]) / model.mass_kg;
     const double limit = axis.coulomb_limit_n / model.mass_kg * dt;
     const bool wall = axis.coulomb_limit_n >= kWallLimit_n;
-    start -= (wall ? end - std::clamp(end, 0.0, kCreep_m_s) : std::clamp(end, -limit, limit)) * axis.normal;
+    start -= (wall ? end - std::clamp(end, -kCreep_m_s, kCreep_m_s) : std::clamp(end, -limit, limit)) * axis.normal;
   }
   return start;
 }

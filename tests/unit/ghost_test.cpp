@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <random>
 
 namespace subworld {
 namespace {
@@ -69,6 +71,37 @@ TEST(GhostModel, ARowBehindTheBorderIsItsMassAndItsFriction) {
 TEST(GhostModel, WhatSlidesIsHeldByWhatItIsPushedWith) {
   const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0));
   EXPECT_NEAR(models.at(0).axes[0].coulomb_limit_n, 3.0, 1e-9);
+}
+
+// 3 N push two cubes, of which 2 m/s^2 take 0.8 N: what is left is friction.
+TEST(GhostModel, WhatAcceleratesIsNotHeldByItsInertia) {
+  const Vec3 velocity(0.05, 0, 0);
+  EXPECT_NEAR(row(3.0).models({BodyId{1}}, velocity, Vec3(2, 0, 0)).at(0).axes[0].coulomb_limit_n, 2.2, 1e-9);
+  EXPECT_NEAR(row(3.0).models({BodyId{1}}, velocity, Vec3(-2, 0, 0)).at(0).axes[0].coulomb_limit_n, 3.8, 1e-9);
+}
+
+// However contacts lie and whatever they carry: loads may sum up to nothing new across the axes there are.
+TEST(GhostModel, AxesAreOrthogonal) {
+  std::mt19937 random(7);
+  std::normal_distribution<double> any;
+  for (int sample = 0; sample < 2000; ++sample) {
+    Outside o(2);
+    const Vec3 main = Vec3(any(random), any(random), any(random)).normalized();
+    for (int k = 0; k < 6; ++k) {
+      const Vec3 off(any(random), any(random), any(random));
+      const Vec3 normal = k < 2 ? main : (main + off.cross(main)).normalized();
+      o.touch(1, 2, normal, k < 2 ? 5.0 : k % 2 == 0 ? 0.0 : std::abs(any(random)));
+    }
+    const auto models = o.models({BodyId{1}});
+    ASSERT_EQ(models.size(), 1U);
+    const GhostModel& ghost = models[0];
+    for (std::size_t i = 0; i < ghost.axis_count; ++i) {
+      ASSERT_NEAR(ghost.axes[i].normal.norm(), 1.0, 1e-12);
+      for (std::size_t j = 0; j < i; ++j) {
+        ASSERT_NEAR(ghost.axes[i].normal.dot(ghost.axes[j].normal), 0.0, 1e-9) << "sample " << sample;
+      }
+    }
+  }
 }
 
 TEST(GhostModel, AWallBehindTheOutsideGivesNothing) {
@@ -140,6 +173,15 @@ TEST(GhostMotion, SticksUnderItsLimitAndSlidesAboveIt) {
   GhostMotion slides = sticking(5.0);
   const double speed = pushed(slides, 0.2, 8.0, 200);
   EXPECT_NEAR(speed, (8.0 - 5.0) / 0.6 * 0.2, 0.02);  // (F - c) / (m + M) t
+}
+
+TEST(GhostMotion, AWallOnlyCreeps) {
+  GhostMotion wall = sticking(1e9);
+  wall.model.mass_kg = 1e5;
+  for (const double speed : {0.0, 0.5, -0.5}) {
+    const double creeps = wall.begin(Vec3(speed, 0, 0), 0.001).x();
+    EXPECT_NEAR(creeps, std::clamp(speed, -1e-3, 1e-3), 1e-12);
+  }
 }
 
 TEST(GhostMotion, MovesAcrossItsAxisAsTheWorldsBody) {
