@@ -200,7 +200,7 @@ void World::drive_proxies(double until_s, double dt) {
     // A report that is ahead of the world tells what the user does in this very cycle.
     const HapticReport& now = user.at(wants());
     const HapticReport& before = &now == &user.report ? user.before : user.report;
-    const ProxyDrive drive = scheme_->drive(*user.spec, before, now, until_s);
+    const ProxyDrive drive = scheme_->drive(*user.spec, before, now, until_s + lead_s());
     if (drive.target) hold(*user.spec, *drive.target, drive.limits, dt);
     engine_->apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
   }
@@ -309,6 +309,13 @@ void World::list_peers(const User& user, WorldFrame& frame) {
   }
 }
 
+double World::lead_s() const {
+  if (!scheme_->has_ghosts()) return 0.0;
+  return 0.5 * (engine_->part_s(scene_.settings.cycle_s() / substeps_) - scene_.settings.h_s);
+}
+
+BodyState World::told(BodyId id) const { return advanced(engine_->state(id), -lead_s()); }
+
 void World::list_unconfirmed(const User& user, WorldFrame& frame) {
   // A body may have left and come back since the last frame that the haptic process confirmed: what counts as there is
   // what every frame since then lists. States go out for all that any of them lists.
@@ -320,7 +327,7 @@ void World::list_unconfirmed(const User& user, WorldFrame& frame) {
   const auto list = [&](BodyId id) {
     bool there = any_confirmed;
     for (std::uint64_t j = oldest; j < stamp_ && there; ++j) there = names(user.frames[j % remembered_], id);
-    if (!there) frame.entering.push_back({scene_.body(id), engine_->state(id)});
+    if (!there) frame.entering.push_back({scene_.body(id), told(id)});
   };
   if (scheme_->has_sub_world()) {
     std::ranges::for_each(frame.members, list);
@@ -334,7 +341,7 @@ void World::list_unconfirmed(const User& user, WorldFrame& frame) {
   }
   sort_unique(wanted_);
   frame.states.clear();
-  for (const BodyId id : wanted_) frame.states.push_back({id, engine_->state(id)});
+  for (const BodyId id : wanted_) frame.states.push_back({id, told(id)});
 }
 
 void World::account() {

@@ -109,6 +109,10 @@ class World {
   void describe_outside(const User& user, WorldFrame& frame);
   void list_unconfirmed(const User& user, WorldFrame& frame);
   [[nodiscard]] int sharers(BodyId id) const;
+  /// By how much the world's positions are ahead of the sub-worlds' where both account for the same forces: half the
+  /// difference of their steps. Told is what a sub-world of the same forces would have.
+  [[nodiscard]] double lead_s() const;
+  [[nodiscard]] BodyState told(BodyId id) const;
   void choose_substeps();
   void account();
   void balance();

@@ -69,6 +69,9 @@ class Engine {
 
   /// Advances by dt (s). Contacts are totals over the whole step, sub-steps included.
   virtual void step(double dt) = 0;
+  /// Length (s) of the parts in which step(dt) integrates. All of them move with the velocity that a part ends with, so
+  /// a position is ahead of what the forces account for by half a part.
+  [[nodiscard]] virtual double part_s(double dt) const noexcept = 0;
 
   /// Of the last step, ordered by bodies: equal worlds list equal contacts. Valid until the next change.
   [[nodiscard]] virtual std::span<const Contact> contacts() const noexcept = 0;

@@ -61,6 +61,7 @@ class LiveEngine final : public Engine {
     return engine_->apply_impulse(id, impulse, point);
   }
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
+  double part_s(double dt) const noexcept override { return engine_->part_s(dt); }
   void step(double dt) override {
     engine_->step(dt);
     ++steps_;

@@ -29,6 +29,7 @@ class ScaledEngine final : public Engine {
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override;
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
   void step(double dt) override;
+  double part_s(double dt) const noexcept override { return inner_->part_s(dt); }
   std::span<const Contact> contacts() const noexcept override { return contacts_; }
   Box bounds(BodyId id) const override;
   void overlap(const Box& box, std::vector<BodyId>& out) const override;

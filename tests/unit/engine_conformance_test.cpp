@@ -126,6 +126,23 @@ TEST_P(Conformance, AForceActsForOneStepOnly) {
   EXPECT_NEAR(engine->state(kCube).linear_velocity.x(), once.linear_velocity.x(), rounding());
 }
 
+// Under a constant force the parts' end velocities add up to a dt (dt + part) / 2.
+TEST_P(Conformance, TellsInWhichPartsItIntegrates) {
+  Body free = cube(kOther);
+  free.gravity = false;
+  engine->add(free, at(0, 0, 2));
+  for (const double step : {dt, 4.0 * dt}) {
+    const double part = engine->part_s(step);
+    EXPECT_GT(part, 0.0);
+    EXPECT_LE(part, step);
+    engine->set_state(kOther, at(0, 0, 2));
+    engine->apply_force(kOther, Vec3(free.mass * 100.0, 0, 0), Vec3::Zero());
+    engine->step(step);
+    const double moved = engine->state(kOther).position.x();
+    EXPECT_NEAR(moved, 100.0 * step * (step + part) / 2, 0.02 * 100.0 * step * step + rounding()) << part;
+  }
+}
+
 TEST_P(Conformance, InertiaLeavesTheWeightAlone) {
   ASSERT_TRUE(engine->set_state(kCube, at(0, 0, 5)));
   engine->set_inertia(kCube, 0.4, Vec3::Constant(0.01));

@@ -225,6 +225,9 @@ class Bullet final : public Engine {
     return true;
   }
 
+  double part_s(double dt) const noexcept override {
+    return dt / substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
+  }
   void step(double dt) override {
     const int substeps = substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
     claim_globals();

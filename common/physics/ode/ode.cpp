@@ -184,6 +184,9 @@ class Ode final : public Engine {
     return true;
   }
 
+  double part_s(double dt) const noexcept override {
+    return dt / substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
+  }
   void step(double dt) override {
     enter_thread();
     const int substeps = substep_count(dt, fixed_substeps_, preset_.longest_substep_s);

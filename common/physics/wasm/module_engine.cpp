@@ -149,6 +149,10 @@ bool ModuleEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque)
   return true;
 }
 
+double ModuleEngine::part_s(double dt) const noexcept {
+  return dt / substep_count(dt, fixed_substeps_, longest_substep_s_);
+}
+
 void ModuleEngine::step(double dt) {
   const int substeps = substep_count(dt, fixed_substeps_, longest_substep_s_);
   const double h = dt / substeps;

@@ -34,6 +34,7 @@ class ModuleEngine : public Engine {
   void set_inertia(BodyId id, double mass, const Vec3& inertia) final;
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) final;
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) final;
+  double part_s(double dt) const noexcept override;
   void step(double dt) final;
   std::span<const Contact> contacts() const noexcept final { return contacts_.contacts(); }
   Box bounds(BodyId id) const final { return bounds_of(at(id)); }
