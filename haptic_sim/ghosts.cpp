@@ -64,7 +64,7 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
 
   Ghost ghost{.id = body.id, .motion = {.model = model, .world_velocity = world.linear_velocity}, .log = {}};
   for (std::size_t i = 0; i < model.axis_count; ++i) {
-    ghost.motion.contact_n_s[i] = std::max(0.0, model.axes[i].load_n) * scene_.settings.h_s;
+    ghost.motion.contact_n[i] = std::max(0.0, model.axes[i].load_n);
   }
   ghost.log.resize(remembered_);
   ghosts_.insert(std::ranges::lower_bound(ghosts_, body.id, {}, &Ghost::id), std::move(ghost));

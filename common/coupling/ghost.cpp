@@ -175,9 +175,9 @@ Vec3 clearance(const GhostModel& ghost, std::span<const BorderPair> border,
 
 void GhostMotion::renew(const GhostModel& newer) noexcept {
   Vec3 felt = Vec3::Zero();
-  for (std::size_t i = 0; i < model.axis_count; ++i) felt += contact_n_s[i] * model.axes[i].normal;
+  for (std::size_t i = 0; i < model.axis_count; ++i) felt += contact_n[i] * model.axes[i].normal;
   model = newer;
-  for (std::size_t i = 0; i < model.axis_count; ++i) contact_n_s[i] = std::max(0.0, felt.dot(model.axes[i].normal));
+  for (std::size_t i = 0; i < model.axis_count; ++i) contact_n[i] = std::max(0.0, felt.dot(model.axes[i].normal));
 }
 
 Vec3 GhostMotion::along(const Vec3& v) const noexcept {
@@ -197,7 +197,7 @@ Vec3 GhostMotion::begin(const Vec3& velocity, double dt) const noexcept {
   for (std::size_t i = 0; i < model.axis_count; ++i) {
     const GhostAxis& axis = model.axes[i];
     // Where the step would end, the load being that of the last one.
-    const double end = velocity.dot(axis.normal) + (axis.force_n * dt - contact_n_s[i]) / model.mass_kg;
+    const double end = velocity.dot(axis.normal) + (axis.force_n - contact_n[i]) / model.mass_kg * dt;
     const double limit = axis.coulomb_limit_n / model.mass_kg * dt;
     const bool wall = axis.coulomb_limit_n >= kWallLimit_n;
     start -= (wall ? end - std::clamp(end, -kCreep_m_s, kCreep_m_s) : std::clamp(end, -limit, limit)) * axis.normal;
@@ -208,7 +208,7 @@ Vec3 GhostMotion::begin(const Vec3& velocity, double dt) const noexcept {
 void GhostMotion::end(const Vec3& before, const Vec3& after, double dt) noexcept {
   for (std::size_t i = 0; i < model.axis_count; ++i) {
     const GhostAxis& axis = model.axes[i];
-    contact_n_s[i] = std::max(0.0, model.mass_kg * axis.normal.dot(before - after) + axis.force_n * dt);
+    contact_n[i] = std::max(0.0, model.mass_kg * axis.normal.dot(before - after) / dt + axis.force_n);
   }
 }
 

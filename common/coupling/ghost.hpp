@@ -76,7 +76,7 @@ class GhostModeller {
 struct GhostMotion {
   GhostModel model;
   Vec3 world_velocity = Vec3::Zero();                ///< m/s, of the world's body
-  std::array<double, kMostGhostAxes> contact_n_s{};  ///< lambda, along each normal, on the inside, of the last step
+  std::array<double, kMostGhostAxes> contact_n{};  ///< lambda / dt, along each normal, on the inside, in the last step
 
   /// Takes a new model; what was felt along the old axes is felt along the nearest new ones.
   void renew(const GhostModel& newer) noexcept;
