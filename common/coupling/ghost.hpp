@@ -75,7 +75,7 @@ class GhostModeller {
 /// contraction, so an outside that sticks stays where it is.
 struct GhostMotion {
   GhostModel model;
-  Vec3 world_velocity = Vec3::Zero();                ///< m/s, of the world's body
+  Vec3 world_velocity = Vec3::Zero();              ///< m/s, of the world's body
   std::array<double, kMostGhostAxes> contact_n{};  ///< lambda / dt, along each normal, on the inside, in the last step
 
   /// Takes a new model; what was felt along the old axes is felt along the nearest new ones.
