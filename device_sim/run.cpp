@@ -17,6 +17,7 @@ namespace {
 
 constexpr double kStale_s = 0.05;  ///< without a command: the force fades out
 constexpr double kFade_s = 0.02;
+constexpr double kGone_s = 1.0;  ///< without anybody who could send the last command
 
 }  // namespace
 
@@ -96,6 +97,7 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
   DeviceCommand command;
   TimePoint heard{};
   double gain = 0.0;
+  double alone_s = 0.0;
   Wrench felt;
   Cyclic loop(Clock::now(), from_seconds(period_s));
   const auto act = [&](const Wrench& wrench, TimePoint begin) {
@@ -120,6 +122,11 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
       heard = begin;
     }
     if (command.last) break;
+    alone_s = heard == TimePoint{} || ports.commands.matched() > 0 ? 0.0 : alone_s + period_s;
+    if (alone_s > kGone_s) {
+      ports.status.note("haptic_sim has gone without a last command");
+      break;
+    }
     const bool fresh = heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
     gain = fresh ? 1.0 : std::max(0.0, gain - period_s / kFade_s);
     act({gain * command.wrench.force, gain * command.wrench.torque}, begin);

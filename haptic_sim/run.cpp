@@ -11,15 +11,19 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
+#include <thread>
 #include <utility>
 
 namespace subworld {
 
 namespace {
 
-constexpr double kStale_s = 0.05;           ///< without a device state: the force fades out
-constexpr int kFadeSteps = 30;              ///< before the last command, so that a hand is let go gently
+constexpr double kStale_s = 0.05;  ///< without a device state: the force fades out
+constexpr int kFadeSteps = 30;     ///< before the last command, so that a hand is let go gently
+constexpr int kTimesLast = 5;      ///< the last command is sent in real time
+constexpr std::chrono::milliseconds kLastAgain{5};
 constexpr double kSlewLimit_ppm = 200.0;    ///< of the haptic period
 constexpr double kPhaseFilter = 0.02;       ///< of one frame in the phase estimate
 constexpr std::size_t kMostWaiting = 16;    ///< frames ahead of the sub-world
@@ -42,13 +46,17 @@ DeviceCommand command_for(const SubWorld& sub, const DeviceState& state, const S
   return command;
 }
 
-void send_last(HapticPorts& ports, const DeviceState& state) {
+/// More than once where one may get lost.
+void send_last(HapticPorts& ports, const DeviceState& state, int times) {
   DeviceCommand command;
   command.device = state.device;
   command.sequence = state.sequence;
   command.pose = state.pose;
   command.last = true;
-  ports.command.write(command);
+  for (int i = 0; i < times; ++i) {
+    if (i > 0) std::this_thread::sleep_for(kLastAgain);
+    ports.command.write(command);
+  }
   ports.command.wait_for_acknowledgments(0.2);
 }
 
@@ -170,7 +178,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     ports.status.update(sub.time_s(), measures.steps(), 0);
   }
   if (stop_signal() != 0 && !frame.last) return;
-  send_last(ports, device);
+  send_last(ports, device, 1);
   ports.reports.wait_for_acknowledgments(1.0);
 }
 
@@ -259,7 +267,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     measures.step(sub, felt, to_seconds(Clock::now() - begin), lateness_s, missed);
     ports.status.update(sub.time_s(), measures.steps(), measures.missed());
   }
-  send_last(ports, device);
+  send_last(ports, device, kTimesLast);
 }
 
 }  // namespace subworld
