@@ -49,11 +49,10 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step
                 lateness_s,   static_cast<double>(std::exchange(skipped_before_step_, 0))});
 }
 
-void HapticMeasures::skipped(double lateness_s) noexcept {
-  ++skipped_;
-  ++skipped_before_step_;
-  ++missed_;
-  lateness_.add(lateness_s);
+void HapticMeasures::skipped(int periods) noexcept {
+  skipped_ += static_cast<std::uint64_t>(periods);
+  missed_ += static_cast<std::uint64_t>(periods);
+  skipped_before_step_ += periods;
 }
 
 void HapticMeasures::watch_force(const Vec3& force) noexcept {

@@ -21,9 +21,8 @@ class HapticMeasures {
   /// After every step. `lateness_s`: of the wake-up; `missed`: the force left after its period ended. Zero in
   /// lock-step.
   void step(const SubWorld& sub, const FeltStep& felt, double step_s, double lateness_s, bool missed) noexcept;
-  /// A period was over before its step could begin: a missed deadline, and no step. `lateness_s` of the next one's
-  /// wake-up.
-  void skipped(double lateness_s) noexcept;
+  /// Periods that were over before their steps could begin: missed deadlines, and no steps.
+  void skipped(int periods) noexcept;
   void synchronised(double seconds, std::uint64_t lost_frames) noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   void resynchronised() noexcept { ++adoptions_; }

@@ -20,9 +20,11 @@ namespace subworld {
 
 namespace {
 
-constexpr double kStale_s = 0.05;  ///< without a device state: the force fades out
-constexpr int kFadeSteps = 30;     ///< before the last command, so that a hand is let go gently
-constexpr int kTimesLast = 5;      ///< the last command is sent in real time
+constexpr double kStale_s = 0.05;     ///< without a device state: the force fades out
+constexpr double kLongSleep_s = 0.1;  ///< longer than a device needs to fade out without commands
+constexpr double kAlone_s = 0.25;     ///< ahead of the newest frame: the world has gone or stands
+constexpr int kFadeSteps = 30;        ///< before the last command, so that a hand is let go gently
+constexpr int kTimesLast = 5;         ///< the last command is sent in real time
 constexpr std::chrono::milliseconds kLastAgain{5};
 constexpr double kSlewLimit_ppm = 200.0;    ///< of the haptic period
 constexpr double kPhaseFilter = 0.02;       ///< of one frame in the phase estimate
@@ -202,6 +204,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   Phase phase;
   Arrears arrears;
   double clock_factor = 1.0;
+  double known_s = first.frame.stamp_s;  // newest stamp heard of
   bool last = false;
   int fading = 0;
   const auto send_report = [&] { ports.reports.write(sub.report(to_ns(Clock::now()))); };
@@ -211,20 +214,26 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   const double ahead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
   Cyclic loop(first.received + from_seconds(first.frame.start_in_s - ahead_s), from_seconds(h));
   while (fading < kFadeSteps) {
-    double lateness_s = to_seconds(loop.wait());
+    const double lateness_s = to_seconds(loop.wait());
     const TimePoint begin = Clock::now();
     // What the machine has slept through is over: its forces would come too late to be felt.
-    for (int over = loop.skip(begin); over > 0; --over) {
-      measures.skipped(lateness_s);
-      lateness_s -= h;
-      arrears.owe(h * phase.rate(clock_factor, cycle_s));
-    }
+    const int over = loop.skip(begin);
+    measures.skipped(over);
+    arrears.owe(over * h * phase.rate(clock_factor, cycle_s));
+    // What is there after a long sleep may be as old as that. The device has faded out, and the hand is met from zero.
+    if (lateness_s > kLongSleep_s) sub.let_go();
     fading += last || stop_signal() != 0;
 
     if (ports.device.take_latest(device)) heard = begin;
     while (waiting_count < waiting.size()) {
       if (ports.frames.take(waiting[waiting_count]) != Take::sample) break;
+      // A world that stands sends the same stamp again and again: only the newest counts.
+      if (waiting_count > 0 && waiting[waiting_count].stamp == waiting[waiting_count - 1].stamp) {
+        std::swap(waiting[waiting_count], waiting[waiting_count - 1]);
+        --waiting_count;
+      }
       const WorldFrame& came = waiting[waiting_count++];
+      known_s = std::max(known_s, came.stamp_s);
       const double world_s =
           to_seconds(begin - loop.released()) + came.start_in_s;  // until the world reaches the stamp
       phase.observe((came.stamp_s - sub.time_s() - arrears.owed_s()) - world_s + ahead_s);
@@ -260,7 +269,9 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand));
     const bool missed = Clock::now() > loop.deadline();  // the force left after its period
     if (!reports_sub_world && sub.at_cycle_start()) send_report();
-    sub.advance(arrears.step(h * phase.rate(clock_factor, cycle_s), sub.cycle_left_s()));
+    // Without the world it stands: what a border is frozen to does not hold for long.
+    const bool alone = sub.time_s() > known_s + std::max(kAlone_s, 4.0 * cycle_s);
+    sub.advance(alone ? 0.0 : arrears.step(h * phase.rate(clock_factor, cycle_s), sub.cycle_left_s()));
     if (reports_sub_world && sub.at_boundary()) send_report();
 
     loop.slew(phase.slew_ppm());

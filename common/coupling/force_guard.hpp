@@ -17,6 +17,9 @@ class ForceGuard {
   /// For a moment the wrench changes by little from step to step: something behind it has been exchanged.
   void soften() noexcept { soft_s_ = kSoft_s; }
 
+  /// At once nothing; the wrench ramps in anew.
+  void let_go() noexcept { gain_ = 0.0; }
+
   [[nodiscard]] double gain() const noexcept { return gain_; }
 
  private:

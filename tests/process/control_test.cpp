@@ -1,5 +1,8 @@
 #include "process/process_test.hpp"
 
+#include <chrono>
+#include <thread>
+
 namespace subworld::test {
 namespace {
 
@@ -55,6 +58,21 @@ TEST_F(Control, PausesStepsResumesAndStops) {
     EXPECT_NE(ended.out.find("world_sim: "), std::string::npos) << verb << " was not answered: " << ended.out;
   }
   EXPECT_EQ(process.wait(), 0) << process.err();
+}
+
+// A sub-world that lags behind keeps frames waiting: those of the standing world must not crowd out what comes after.
+TEST_F(Control, AnOverloadedSubWorldGoesOnAfterAPause) {
+  Process process(run_words(scene("heap"), {"--mode", "realtime", "--duration", "600", "--haptic-preset", "quality"}),
+                  folder_.path());
+  for (const char* verb : {"pause", "resume", "pause", "resume"}) {
+    const Ended ended = control({verb});
+    EXPECT_EQ(ended.code, 0) << verb << ": " << ended.err;
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+  }
+  EXPECT_EQ(control({"stop"}).code, 0);
+  EXPECT_EQ(process.wait(10.0), 0) << process.err();
+  const Json json = summary();
+  EXPECT_EQ(read_table(out() + "/haptic_0.csv").rows.size(), json["haptic"][0]["steps"].get<std::size_t>());
 }
 
 void expect_says(const Ended& ended, std::initializer_list<std::string> parts) {

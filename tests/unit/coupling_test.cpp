@@ -188,6 +188,14 @@ TEST(VirtualCoupling, TorqueTurnsTheProxyTowardsTheDevice) {
   EXPECT_NEAR(coupling_wrench(k, limits, at(0, 0, 0), device).torque.y(), 0.2 * k.rotational_stiffness_n_m, 1e-9);
 }
 
+TEST(ForceGuard, MeetsAHandThatItLetGoFromZero) {
+  ForceGuard guard({.force_n = 10, .torque_n_m = 1, .torques = true}, 0.1);
+  const Wrench wanted{Vec3(8, 0, 0), Vec3::Zero()};
+  for (int i = 0; i < 200; ++i) EXPECT_LE(guard.pass(wanted, true, 0.001).force.norm(), 8.0);
+  guard.let_go();
+  EXPECT_NEAR(guard.pass(wanted, true, 0.001).force.norm(), 8.0 * 0.001 / 0.1, 1e-12);
+}
+
 TEST(ForceGuard, RampsBoundsAndFades) {
   ForceGuard guard({.force_n = 10, .torque_n_m = 1, .torques = true}, 0.1);
   double before = 0.0;
