@@ -128,7 +128,7 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
       break;
     }
     const bool fresh = heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
-    gain = fresh ? 1.0 : std::max(0.0, gain - period_s / kFade_s);
+    gain = std::clamp(gain + (fresh ? period_s : -period_s) / kFade_s, 0.0, 1.0);
     act({gain * command.wrench.force, gain * command.wrench.torque}, begin);
   }
   // The commands of the haptic loop's own fading may have come late or not at all.

@@ -220,7 +220,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     const int over = loop.skip(begin);
     measures.skipped(over);
     arrears.owe(over * h * phase.rate(clock_factor, cycle_s));
-    // What is there after a long sleep may be as old as that. The device has faded out, and the hand is met from zero.
+    // What is there after a long sleep may be as old as that: the hand is let go, and met again from zero.
     if (lateness_s > kLongSleep_s) sub.let_go();
     fading += last || stop_signal() != 0;
 

@@ -32,7 +32,7 @@ class SubWorld {
   /// The force for the device at the start of the step, before the sub-world moves: so that it leaves without delay.
   [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double dt);
   void advance(double dt);
-  /// The hand feels nothing now, and is met again from zero.
+  /// What the hand feels fades out, and it is met again from zero.
   void let_go() noexcept { guard_.let_go(); }
 
   /// True when the steps since the last boundary fill a cycle: `report` is due.

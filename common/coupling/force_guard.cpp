@@ -28,7 +28,8 @@ Wrench ForceGuard::follow(const Wrench& wanted, double dt) noexcept {
 }
 
 Wrench ForceGuard::pass(const Wrench& wanted, bool trusted, double dt) noexcept {
-  if (trusted && wanted.force.allFinite() && wanted.torque.allFinite()) {
+  letting_go_ = letting_go_ && gain_ > 0.0;
+  if (trusted && !letting_go_ && wanted.force.allFinite() && wanted.torque.allFinite()) {
     last_ = follow(saturated(wanted, limits_), dt);
     gain_ = ramp_s_ > 0.0 ? std::min(1.0, gain_ + dt / ramp_s_) : 1.0;
   } else {

@@ -17,8 +17,8 @@ class ForceGuard {
   /// For a moment the wrench changes by little from step to step: something behind it has been exchanged.
   void soften() noexcept { soft_s_ = kSoft_s; }
 
-  /// At once nothing; the wrench ramps in anew.
-  void let_go() noexcept { gain_ = 0.0; }
+  /// The wrench fades out, and ramps in anew.
+  void let_go() noexcept { letting_go_ = true; }
 
   [[nodiscard]] double gain() const noexcept { return gain_; }
 
@@ -31,6 +31,7 @@ class ForceGuard {
   double ramp_s_;
   double soft_s_ = 0.0;  ///< > 0: soft
   double gain_ = 0.0;
+  bool letting_go_ = false;
   Wrench last_;
 };
 

@@ -193,6 +193,13 @@ TEST(ForceGuard, MeetsAHandThatItLetGoFromZero) {
   const Wrench wanted{Vec3(8, 0, 0), Vec3::Zero()};
   for (int i = 0; i < 200; ++i) EXPECT_LE(guard.pass(wanted, true, 0.001).force.norm(), 8.0);
   guard.let_go();
+  double before = 8.0;
+  for (int i = 0; i < 20; ++i) {
+    const double now = guard.pass(wanted, true, 0.001).force.norm();
+    EXPECT_NEAR(before - now, 8.0 * 0.001 / 0.02, 1e-9);
+    before = now;
+  }
+  EXPECT_NEAR(before, 0.0, 1e-9);
   EXPECT_NEAR(guard.pass(wanted, true, 0.001).force.norm(), 8.0 * 0.001 / 0.1, 1e-12);
 }
 
