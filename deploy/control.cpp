@@ -29,23 +29,20 @@ constexpr std::array kVerbs{Verb{"stop", ControlVerb::stop}, Verb{"pause", Contr
 constexpr std::string_view kRefused = "refused: ";
 constexpr std::string_view kPreparing = "preparing";
 
-constexpr double kQuiet_s = 0.5;  ///< after which no more listeners are expected
-
-/// Waits until as many programs as there are listen. Throws `Error` (middleware) where none does.
-void wait_for_listeners(Bus& bus, const Writer<Control>& writer, const Network& network, double wait_s) {
+/// Waits until the world has described itself. Throws `Error` (middleware) where none does.
+SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Network& network, double wait_s) {
+  SceneDescription description;
   const TimePoint until = Clock::now() + from_seconds(wait_s);
-  TimePoint settled = Clock::now() + from_seconds(kQuiet_s);
-  for (int matched = 0; matched == 0 || Clock::now() < settled;) {
-    if (matched == 0 && Clock::now() > until) {
+  while (scene.take(description) != Take::sample) {
+    if (Clock::now() > until) {
       throw Error(
           ExitCode::middleware,
           fmt::format("no world on domain {} within {} s; `subworld run` prints its domain, give it with --domain",
                       network.domain, wait_s));
     }
-    if (writer.matched() != matched) settled = Clock::now() + from_seconds(kQuiet_s);
-    matched = writer.matched();
     bus.wait(0.05);
   }
+  return description;
 }
 
 /// What a status answers to the order of that number; several answers between two statuses are joined by "; ".
@@ -62,7 +59,8 @@ std::vector<std::string> answers_in(const std::string& status, std::uint32_t ord
 /// Who is asked to follow an order: the world, or every sub-world; and what they have said to it.
 class Answers {
  public:
-  Answers(const Control& order, ProgramKind asked) : order_(order.number), asked_(asked) {}
+  Answers(const Control& order, ProgramKind asked, std::uint32_t expected)
+      : order_(order.number), asked_(asked), expected_(expected) {}
 
   /// Prints what a status answers. Throws `Error` (failed) where one who was asked refuses.
   void hear(const Status& status) {
@@ -77,20 +75,23 @@ class Answers {
     }
   }
 
-  /// Whether all of them have done it, where `listeners` programs in all take orders: one world, and the sub-worlds.
-  [[nodiscard]] bool complete(int listeners) const {
-    return std::ranges::count_if(said_, [](const auto& one) { return done(one.second); }) >= asked_of(listeners);
+  /// Whether all of them have done it.
+  [[nodiscard]] bool complete() const {
+    return std::ranges::count_if(said_, [](const auto& one) { return done(one.second); }) >= expected_;
   }
 
+  [[nodiscard]] bool of_sub_worlds() const { return asked_ == ProgramKind::haptic_sim; }
+
   /// Those who have not, in words.
-  [[nodiscard]] std::string missing(int listeners) const {
+  [[nodiscard]] std::string missing() const {
     std::vector<std::string> names;
     for (const auto& [instance, said] : said_) {
       if (done(said)) continue;
       names.push_back(name(asked_, instance) + (said.empty() ? "" : fmt::format(" (so far: \"{}\")", said)));
     }
-    const auto unheard = asked_of(listeners) - static_cast<int>(said_.size());
-    if (unheard > 0) names.push_back(fmt::format("{} {} not heard of", unheard, program(asked_)));
+    if (said_.size() < expected_) {
+      names.push_back(fmt::format("{} {} not heard of", expected_ - said_.size(), program(asked_)));
+    }
     return fmt::format("{}", fmt::join(names, " and "));
   }
 
@@ -102,27 +103,22 @@ class Answers {
   [[nodiscard]] static std::string program(ProgramKind kind) {
     return kind == ProgramKind::world_sim ? "world_sim" : "haptic_sim";
   }
-  [[nodiscard]] int asked_of(int listeners) const {
-    return asked_ == ProgramKind::world_sim ? 1 : std::max(1, listeners - 1);
-  }
-
   std::uint32_t order_;
   ProgramKind asked_;
+  std::uint32_t expected_;
   std::map<std::uint32_t, std::string> said_;  ///< the newest answer, by instance; empty: heard of, but no answer yet
 };
 
 /// Prints what the programs say to the order, until each that it is for has done it. Throws `Error` (failed) where one
 /// refuses, or has not done it within `wait_s`.
-void await_answers(Bus& bus, Reader<Status>& statuses, const Writer<Control>& writer, const Control& order,
-                   ProgramKind asked, double wait_s) {
-  Answers answers(order, asked);
+void await_answers(Bus& bus, Reader<Status>& statuses, const Reader<SceneDescription>& scene, const Control& order,
+                   Answers& answers, double wait_s) {
   const TimePoint until = Clock::now() + from_seconds(wait_s);
   Status status;
   while (true) {
     while (statuses.take(status) == Take::sample) answers.hear(status);
-    const int listeners = writer.matched();
-    if (answers.complete(listeners)) return;
-    if (listeners == 0 && order.verb == ControlVerb::stop) return;  // gone, as it was told
+    if (answers.complete()) return;
+    if (order.verb == ControlVerb::stop && scene.matched() == 0) return;  // gone, as it was told
     if (Clock::now() > until) break;
     bus.wait(0.05);
   }
@@ -130,11 +126,10 @@ void await_answers(Bus& bus, Reader<Status>& statuses, const Writer<Control>& wr
       ExitCode::failed,
       fmt::format("no final answer from {} within {} s; wait longer with --wait{}. The order stands: the run's summary "
                   "tells what came of it",
-                  answers.missing(writer.matched()), wait_s,
-                  asked == ProgramKind::haptic_sim
-                      ? ", or, where a world in lock-step is paused, let it run with "
-                        "`subworld control resume`: its sub-worlds read orders as they step"
-                      : ""));
+                  answers.missing(), wait_s,
+                  answers.of_sub_worlds() ? ", or, where a world in lock-step is paused, let it run with "
+                                            "`subworld control resume`: its sub-worlds read orders as they step"
+                                          : ""));
 }
 
 }  // namespace
@@ -151,17 +146,19 @@ void send_control(const Network& network, const std::string& verb, const EngineO
   listening.mode = Mode::realtime;
   const auto hearing = open_bus(network, listening, 0.001, "subworld control");
   auto statuses = hearing->reader<Status>();
+  auto scene = hearing->reader<SceneDescription>();
   const auto bus = open_bus(network, Settings{}, 0.001, "subworld control");
   auto writer = bus->writer<Control>();
-  wait_for_listeners(*bus, writer, network, wait_s);
-  if (!writer.write(order) || !writer.wait_for_acknowledgments(wait_s)) {
+  const SceneDescription world = find_world(*hearing, scene, network, wait_s);
+  if (!writer.write(order)) {
     throw Error(ExitCode::middleware,
-                fmt::format("the world on domain {} did not confirm the order; try again", network.domain));
+                fmt::format("the order could not be sent on domain {}; try again", network.domain));
   }
-  fmt::print("{}: heard on domain {}\n", verb, network.domain);
+  fmt::print("{}: sent to \"{}\" on domain {}\n", verb, world.name, network.domain);
   const bool for_sub_worlds = verb == "engine" && engine.target == EngineOrder::Target::haptic;
-  await_answers(*hearing, statuses, writer, order, for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
-                wait_s);
+  Answers answers(order, for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
+                  for_sub_worlds ? world.users : 1);
+  await_answers(*hearing, statuses, scene, order, answers, wait_s);
 }
 
 }  // namespace subworld

@@ -375,6 +375,7 @@ SceneDescription World::description(std::uint64_t settings_hash) const {
   SceneDescription description;
   description.name = scene_.name;
   description.settings_hash = settings_hash;
+  description.users = static_cast<std::uint32_t>(users_.size());
   description.meshes = scene_.meshes;
   description.bodies = scene_.bodies;
   for (const Body& body : scene_.bodies) {

@@ -22,6 +22,7 @@ struct Wrench {
 struct SceneDescription {
   std::string name;
   std::uint64_t settings_hash = 0;  ///< programs with different scenes or settings must not work together
+  std::uint32_t users = 0;          ///< haptic processes that take part
   std::vector<Mesh> meshes;
   std::vector<Body> bodies;
   std::vector<BodyState> states;  ///< of bodies[i] when the description was written

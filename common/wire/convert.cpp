@@ -264,6 +264,7 @@ bool meshes_exist(const SceneDescription& scene) {
 void to_wire(const SceneDescription& in, msg::Scene& out) {
   out.name(in.name);
   out.settings_hash(in.settings_hash);
+  out.users(in.users);
   put_all(in.meshes, out.meshes());
   put_all(in.bodies, out.bodies());
   out.states().resize(in.states.size());
@@ -276,6 +277,7 @@ void to_wire(const SceneDescription& in, msg::Scene& out) {
 bool from_wire(const msg::Scene& in, SceneDescription& out) {
   out.name = in.name();
   out.settings_hash = in.settings_hash();
+  out.users = in.users();
   if (in.states().size() != in.bodies().size()) return false;
   for (std::size_t i = 0; i < in.states().size(); ++i) {
     if (in.states()[i].body() != in.bodies()[i].id()) return false;

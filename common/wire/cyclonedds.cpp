@@ -284,7 +284,7 @@ QosPointer make_qos(const Qos& from) {
   dds_qset_reliability(qos.get(), from.reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT,
                        nanoseconds(from.max_blocking_s));
   dds_qset_durability(qos.get(), from.transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
-  const std::int32_t for_late_readers = from.forgets ? kKeptForLateReaders : 1;
+  const std::int32_t for_late_readers = from.keep_all ? kKeptForLateReaders : from.depth;
   dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, for_late_readers, DDS_LENGTH_UNLIMITED,
                               DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
   dds_qset_history(qos.get(), from.keep_all ? DDS_HISTORY_KEEP_ALL : DDS_HISTORY_KEEP_LAST, from.depth);

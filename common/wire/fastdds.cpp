@@ -45,7 +45,7 @@ constexpr std::uint32_t kHeaderBytes = 4;
 constexpr std::uint32_t kFirstBytes = 512;  // of a history entry; grows with its samples
 
 constexpr int kMostKeys = 256;
-constexpr int kMostKept = 1024;  // acknowledged samples of a writer that forgets
+constexpr int kMostKept = 1024;  // acknowledged samples of a writer that keeps all
 
 [[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, "Fast DDS: " + message); }
 
@@ -122,7 +122,7 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
         publisher_(publisher),
         name_(spec.topic.name),
         events_(events),
-        forgets_(spec.qos.forgets) {
+        keeps_all_(spec.qos.keep_all) {
     writer_ = publisher->create_datawriter(topic, qos, this, dds::StatusMask::all());
     if (writer_ == nullptr) fail(fmt::format("no writer of {}; see its log lines above", name_));
   }
@@ -136,7 +136,7 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   bool write(std::span<const std::uint8_t> cdr) noexcept override {
     sample_.sent = cdr;
     try {
-      if (forgets_ && ++kept_ >= kMostKept) forget();
+      if (keeps_all_ && ++kept_ >= kMostKept) forget();
       return writer_->write(&sample_);
     } catch (const std::exception&) {
       return false;
@@ -174,7 +174,7 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   dds::Publisher* publisher_;
   const char* name_;
   EventSink& events_;
-  bool forgets_;
+  bool keeps_all_;
   int kept_ = 0;
   std::atomic<int> matched_ = 0;
   Sample sample_;

@@ -4,9 +4,19 @@
 
 #include <chrono>
 #include <cstdio>
+#include <memory>
 #include <utility>
 
 namespace subworld {
+
+namespace {
+
+void append(std::string& text, const std::string& more) {
+  if (!text.empty() && !more.empty()) text += "; ";
+  text += more;
+}
+
+}  // namespace
 
 std::string answer_prefix(std::uint32_t order) { return "control " + std::to_string(order) + ": "; }
 
@@ -17,21 +27,17 @@ StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance
   thread_ = std::thread([this] {
     const sched_param whenever{};
     sched_setscheduler(0, SCHED_OTHER, &whenever);
-    std::unique_lock lock(mutex_);
     while (!stop_) {
-      const bool woken = wake_.wait_for(lock, std::chrono::seconds(1), [this] { return stop_ || !note_.empty(); });
-      if (!stop_ || !note_.empty()) publish(woken ? 0.0 : 1.0);
+      const bool woken = wake_.try_acquire_for(std::chrono::seconds(1));
+      const std::lock_guard lock(mutex_);
+      if (!stop_ || newest_note_.load(std::memory_order_relaxed) != nullptr) publish(woken ? 0.0 : 1.0);
     }
   });
 }
 
 StatusBeacon::~StatusBeacon() {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!unsaid_.empty()) note_ += (note_.empty() ? "" : "; ") + unsaid_;
-    stop_ = true;
-  }
-  wake_.notify_one();
+  stop_ = true;
+  wake_.release();
   thread_.join();
 }
 
@@ -39,7 +45,6 @@ void StatusBeacon::update(double time_s, std::uint64_t steps, std::uint64_t miss
   time_s_.store(time_s, std::memory_order_relaxed);
   steps_.store(steps, std::memory_order_relaxed);
   missed_.store(missed_deadlines, std::memory_order_relaxed);
-  if (!unsaid_.empty()) offer();
 }
 
 void StatusBeacon::enter(const std::string& state) {
@@ -48,17 +53,22 @@ void StatusBeacon::enter(const std::string& state) {
   publish(0.0);
 }
 
-void StatusBeacon::note(const std::string& text) {
-  unsaid_ += (unsaid_.empty() ? "" : "; ") + text;
-  offer();
+void StatusBeacon::note(std::string text) {
+  auto* const note = new Note{std::move(text), newest_note_.load(std::memory_order_relaxed)};
+  while (!newest_note_.compare_exchange_weak(note->earlier, note, std::memory_order_release)) {
+  }
+  wake_.release();
 }
 
-void StatusBeacon::offer() {
-  const std::unique_lock lock(mutex_, std::try_to_lock);
-  if (!lock.owns_lock()) return;
-  note_ += (note_.empty() ? "" : "; ") + unsaid_;
-  unsaid_.clear();
-  wake_.notify_one();
+std::string StatusBeacon::take_notes() {
+  std::string text;
+  std::unique_ptr<Note> note(newest_note_.exchange(nullptr, std::memory_order_acquire));
+  while (note != nullptr) {
+    append(note->text, text);
+    text = std::move(note->text);
+    note.reset(note->earlier);
+  }
+  return text;
 }
 
 void StatusBeacon::publish(double passed_s) {
@@ -69,11 +79,12 @@ void StatusBeacon::publish(double passed_s) {
   status_.steps = steps;
   status_.missed_deadlines = missed_.load(std::memory_order_relaxed);
   status_.events = bus_->events();
-  status_.text = bus_->take_event_text();
-  if (!note_.empty()) status_.text += (status_.text.empty() ? "" : "; ") + note_;
-  note_.clear();
-  if (!status_.text.empty()) std::fprintf(stderr, "%s: %s\n", label_.c_str(), status_.text.c_str());
-  writer_.write(status_);
+  std::string text = bus_->take_event_text();
+  append(text, take_notes());
+  if (!text.empty()) std::fprintf(stderr, "%s: %s\n", label_.c_str(), text.c_str());
+  append(unsent_, text);
+  status_.text = unsent_;
+  if (writer_.write(status_)) unsent_.clear();
 }
 
 }  // namespace subworld

@@ -4,9 +4,9 @@
 #include "wire/bus.hpp"
 
 #include <atomic>
-#include <condition_variable>
 #include <cstdint>
 #include <mutex>
+#include <semaphore>
 #include <string>
 #include <thread>
 
@@ -28,15 +28,20 @@ class StatusBeacon {
   void update(double time_s, std::uint64_t steps, std::uint64_t missed_deadlines) noexcept;
   /// Names what the program does now and publishes at once.
   void enter(const std::string& state);
-  /// Says something: the thread publishes and prints it at once. From the loop, for which nobody is waited: where the
-  /// thread is busy the next update() hands it over.
-  void note(const std::string& text);
+  /// Says something: the thread publishes and prints it at once. From the loop, without waiting for anybody.
+  void note(std::string text);
   /// Says what became of an order; likewise from the loop.
   void answer(std::uint32_t order, const std::string& text) { note(answer_prefix(order) + text); }
 
  private:
+  struct Note {
+    std::string text;
+    Note* earlier;
+  };
+
   void publish(double passed_s);
-  void offer();
+  /// What was noted since the last call, in order, joined by "; ".
+  std::string take_notes();
 
   Bus* bus_;
   Writer<Status> writer_;
@@ -44,13 +49,13 @@ class StatusBeacon {
   std::atomic<double> time_s_{0.0};
   std::atomic<std::uint64_t> steps_{0};
   std::atomic<std::uint64_t> missed_{0};
+  std::atomic<Note*> newest_note_{nullptr};
+  std::counting_semaphore<> wake_{0};
+  std::atomic<bool> stop_{false};
   std::mutex mutex_;  ///< guards what follows; the loop never takes it
-  std::condition_variable wake_;
   Status status_;
   std::uint64_t counted_steps_ = 0;  ///< when the rate was last taken
-  std::string note_;
-  bool stop_ = false;
-  std::string unsaid_;  ///< of the loop alone
+  std::string unsent_;               ///< texts that no status has carried yet
   std::thread thread_;
 };
 

@@ -50,9 +50,9 @@ inline constexpr TopicSpec kWorldState{
     "world_state",     "subworld::msg::WorldState", 0, Reliability::best_effort, Durability::volatile_, 1,
     DeadlineKind::none};
 inline constexpr TopicSpec kControl{
-    "control", "subworld::msg::Control", 0, Reliability::reliable, Durability::volatile_, 16, DeadlineKind::none};
-inline constexpr TopicSpec kStatus{"status", "subworld::msg::Status", 2, Reliability::reliable, Durability::volatile_,
-                                   16,       DeadlineKind::none};
+    "control", "subworld::msg::Control", 0, Reliability::reliable, Durability::transient_local, 16, DeadlineKind::none};
+inline constexpr TopicSpec kStatus{
+    "status", "subworld::msg::Status", 2, Reliability::reliable, Durability::transient_local, 16, DeadlineKind::none};
 
 inline constexpr std::array kTopics{&kScene,        &kDeviceState, &kDeviceCommand, &kWorldFrame,
                                     &kHapticReport, &kWorldState,  &kControl,       &kStatus};
@@ -81,8 +81,7 @@ inline constexpr const TopicSpec* kTopicOf<Status> = &kStatus;
 struct Qos {
   bool reliable = false;
   bool transient_local = false;
-  bool keep_all = false;
-  bool forgets = false;     ///< transient local only for the moments in which two programs find each other
+  bool keep_all = false;    ///< until all have it
   int depth = 1;            ///< unless keep_all
   double deadline_s = 0.0;  ///< 0: none
   double lease_s = 0.1;     ///< automatic liveliness
@@ -98,7 +97,6 @@ constexpr Qos qos_of(const TopicSpec& topic, Mode mode, double device_period_s, 
   if (mode == Mode::lockstep) {
     qos.reliable = true;
     qos.keep_all = true;
-    qos.forgets = !qos.transient_local;
     qos.transient_local = true;
     qos.max_blocking_s = 10.0;
     return qos;

@@ -84,6 +84,7 @@ class SampleMaker {
   void fill(SceneDescription& to) {
     to.name = text();
     to.settings_hash = long_word();
+    to.users = word();
     to.meshes.resize(1 + count());
     for (Mesh& mesh : to.meshes) fill(mesh);
     to.bodies.resize(1 + count());
@@ -230,7 +231,7 @@ struct Walk {
   }
   void operator()(const PeerDevice& p) { all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity); }
   void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
-  void operator()(const SceneDescription& s) { all(s.name, s.settings_hash, s.meshes, s.bodies, s.states); }
+  void operator()(const SceneDescription& s) { all(s.name, s.settings_hash, s.users, s.meshes, s.bodies, s.states); }
   void operator()(const DeviceState& d) {
     all(d.device, d.sequence, d.stamp_s, d.sent_ns, d.pose, d.linear_velocity, d.angular_velocity, d.applied,
         d.buttons);

@@ -11,7 +11,6 @@ TEST(WireTopics, lockstep_never_loses_and_arms_no_deadline) {
     EXPECT_TRUE(qos.reliable) << topic->name;
     EXPECT_TRUE(qos.keep_all) << topic->name;
     EXPECT_TRUE(qos.transient_local) << topic->name;
-    EXPECT_EQ(qos.forgets, topic != &kScene) << topic->name;
     EXPECT_EQ(qos.deadline_s, 0.0) << topic->name;
   }
 }
@@ -28,6 +27,8 @@ TEST(WireTopics, realtime_follows_the_table) {
   EXPECT_EQ(qos(kHapticReport).deadline_s, 0.008);
   EXPECT_EQ(qos(kWorldState).deadline_s, 0.0);
   EXPECT_TRUE(qos(kScene).transient_local);
+  EXPECT_TRUE(qos(kControl).transient_local);
+  EXPECT_TRUE(qos(kStatus).transient_local);
   EXPECT_FALSE(qos(kWorldFrame).transient_local);
   for (const TopicSpec* topic : kTopics) {
     EXPECT_EQ(qos(*topic).lease_s, 0.1) << topic->name;

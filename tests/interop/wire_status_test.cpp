@@ -1,0 +1,83 @@
+#include "support/wire_pairs.hpp"
+#include "wire/status.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <thread>
+
+namespace subworld {
+namespace {
+
+using test::config_of;
+using test::domain_of;
+using test::until;
+
+class WireStatus : public ::testing::TestWithParam<test::VendorPair> {
+ protected:
+  /// Takes statuses until one says it.
+  static bool hears(Bus& bus, Reader<Status>& reader, const std::string& text) {
+    Status status;
+    return until(
+        bus,
+        [&] {
+          while (reader.take(status) == Take::sample) {
+            if (status.text.find(text) != std::string::npos) return true;
+          }
+          return false;
+        },
+        5.0);
+  }
+};
+
+// A loop that stands updates nothing, and its thread may be publishing just then.
+TEST_P(WireStatus, what_a_standing_loop_says_is_heard) {
+  const int domain = domain_of(204, GetParam());
+  const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
+  const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
+  auto reader = receiver->reader<Status>();
+  StatusBeacon beacon(*sender, ProgramKind::world_sim, 0, "test");
+  for (int i = 0; i < 50; ++i) {
+    const std::string said = "note " + std::to_string(i) + ".";
+    // Fewer than what the topic keeps for a reader that lags behind.
+    std::thread busy([&] {
+      for (int k = 0; k < 8; ++k) beacon.enter("busy");
+    });
+    beacon.note(said);
+    busy.join();
+    EXPECT_TRUE(hears(*receiver, reader, said)) << said;
+    if (HasFailure()) break;
+  }
+}
+
+TEST_P(WireStatus, a_late_reader_hears_what_was_said) {
+  const int domain = domain_of(200, GetParam());
+  const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
+  StatusBeacon beacon(*sender, ProgramKind::world_sim, 0, "test");
+  beacon.answer(7, "done");
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
+  auto reader = receiver->reader<Status>();
+  EXPECT_TRUE(hears(*receiver, reader, "control 7: done"));
+}
+
+TEST_P(WireStatus, an_order_reaches_who_listens_only_later) {
+  const int domain = domain_of(196, GetParam());
+  const auto sender = open_bus(config_of(GetParam().first, domain, Mode::lockstep));
+  auto writer = sender->writer<Control>();
+  Control order;
+  order.number = 7;
+  ASSERT_TRUE(writer.write(order));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
+  auto reader = receiver->reader<Control>();
+  Control heard;
+  ASSERT_TRUE(until(
+      *receiver, [&] { return reader.take(heard) == Take::sample; }, 5.0));
+  EXPECT_EQ(heard.number, 7U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Pairs, WireStatus, test::kAllPairs, test::name_of_pair);
+
+}  // namespace
+}  // namespace subworld
