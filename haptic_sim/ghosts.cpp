@@ -39,7 +39,7 @@ void Ghosts::follow(const WorldFrame& frame, Engine& engine, double lag_s, doubl
     if (at->motion.model.mass_kg != model.mass_kg) {
       engine.set_inertia(at->id, model.mass_kg, kSpinInertia * scene_.body(at->id).inertia);
     }
-    at->motion.renew(model);
+    at->motion.model = model;
     correct(*at, *world, frame, engine, lag_s, gain);
   }
 }
@@ -63,9 +63,7 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
   engine.add(body, start, Role::ghost);
 
   Ghost ghost{.id = body.id, .motion = {.model = model, .world_velocity = world.linear_velocity}, .log = {}};
-  for (std::size_t i = 0; i < model.axis_count; ++i) {
-    ghost.motion.contact_n[i] = std::max(0.0, model.axes[i].load_n);
-  }
+  ghost.motion.load_n = model.load_n;
   ghost.log.resize(remembered_);
   ghosts_.insert(std::ranges::lower_bound(ghosts_, body.id, {}, &Ghost::id), std::move(ghost));
 }

@@ -24,6 +24,7 @@ BodyId other(const Contact& c, BodyId id) noexcept { return c.a == id ? c.b : c.
 GhostModeller::GhostModeller(const Scene& scene) : scene_(scene) {
   way_.reserve(scene.bodies.size());
   counted_.reserve(scene.bodies.size());
+  holds_.reserve(64);
   pushed_.reserve(4 * scene.bodies.size());
 }
 
@@ -68,6 +69,7 @@ GhostModeller::Walk GhostModeller::walk(BodyId from, const Vec3& along, const Me
   };
   counted_.clear();
   std::ranges::for_each(way_, count);
+  holds_.clear();
   for (const BodyId id : way_) {
     for (const std::uint32_t i : graph.of(id)) {
       const Contact& c = graph.contact(i);
@@ -77,15 +79,29 @@ GhostModeller::Walk GhostModeller::walk(BodyId from, const Vec3& along, const Me
       if (scene_.body(beside).fixed() || grounded(beside, graph)) {
         const double mu = std::sqrt(scene_.body(id).material.friction * scene_.body(beside).material.friction);
         found.limit_n += mu * c.normal_impulse / step_s;
+        if (id == from) holds_.push_back({outwards(c, id), c.normal_impulse, mu});
       } else {
         count(beside);
       }
     }
   }
+  found.grip = grip();
   return found;
 }
 
-void GhostModeller::find_axes(std::span<const BorderPair> border, double step_s, GhostModel& ghost) {
+Vec3 GhostModeller::grip() const {
+  Vec3 sum = Vec3::Zero();
+  for (const Hold& hold : holds_) {
+    double all_this_way = 0.0;
+    for (const Hold& beside : holds_) {
+      if (beside.outwards.dot(hold.outwards) > kSameWay) all_this_way += beside.impulse_n_s;
+    }
+    if (all_this_way > 0.0) sum += hold.friction * hold.impulse_n_s / all_this_way * hold.outwards;
+  }
+  return sum;
+}
+
+void GhostModeller::find_axes(std::span<const BorderPair> border, GhostModel& ghost) {
   // The contact with the largest impulse that no axis serves yet begins the next one.
   ghost.axis_count = 0;
   const auto across = [&](Vec3 v) {
@@ -99,21 +115,18 @@ void GhostModeller::find_axes(std::span<const BorderPair> border, double step_s,
       if (first == nullptr || pair.normal_impulse > first->normal_impulse) first = &pair;
     }
     if (first == nullptr) return;
-    Vec3 load = Vec3::Zero();
+    Vec3 pressed = Vec3::Zero();
     Vec3 touch = Vec3::Zero();
     for (const BorderPair& pair : border) {
       const double way = pair.outside == ghost.outside ? pair.normal.dot(first->normal) : 0.0;
       if (std::abs(way) < kSameWay) continue;
-      load += pair.normal_impulse * pair.normal;
+      pressed += pair.normal_impulse * pair.normal;
       if (way > 0.0) touch += pair.normal;
     }
     // A mean that lies along the axes there are already has no direction of its own.
-    const Vec3 mean = load.norm() > 0.0 ? load : touch;
+    const Vec3 mean = pressed.norm() > 0.0 ? pressed : touch;
     const bool distinct = across(mean).norm() > kDistinct * mean.norm();
-    GhostAxis& axis = ghost.axes[ghost.axis_count];
-    axis = {.normal = across(distinct ? mean : first->normal).normalized()};
-    axis.load_n = load.dot(axis.normal) / step_s;
-    ++ghost.axis_count;
+    ghost.axes[ghost.axis_count++] = {.normal = across(distinct ? mean : first->normal).normalized()};
   }
 }
 
@@ -125,9 +138,13 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
     const auto at = std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside);
     if (at == out.end() || at->outside != pair.outside) out.insert(at, GhostModel{.outside = pair.outside, .axes = {}});
   }
+  for (const BorderPair& pair : border) {
+    std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside)->load_n -=
+        (pair.normal_impulse * pair.normal + pair.tangential_impulse) / step_s;
+  }
   pushed_.clear();
   for (GhostModel& ghost : out) {
-    find_axes(border, step_s, ghost);
+    find_axes(border, ghost);
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       const Vec3 along = -ghost.axes[i].normal;
       if (!push(ghost.outside, along, membership, graph)) continue;
@@ -139,20 +156,22 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
     const OutsideMotion motion = motion_of(ghost.outside);
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       GhostAxis& axis = ghost.axes[i];
+      const double load_n = -ghost.load_n.dot(axis.normal);
       const Walk found = walk(ghost.outside, -axis.normal, membership, graph, step_s);
       if (found.wall) {
-        axis.force_n = std::max(0.0, axis.load_n);
+        axis.force_n = std::max(0.0, load_n);
         axis.coulomb_limit_n = kWallLimit_n;
         continue;
       }
-      const double q = axis.load_n + found.mass_kg * motion.acceleration.dot(axis.normal);
+      const double q = load_n + found.mass_kg * motion.acceleration.dot(axis.normal);
       double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
       double c = found.limit_n;
-      const bool slides = motion.velocity.dot(axis.normal) < kSliding_m_s && axis.load_n > 0.0;
+      const bool slides = motion.velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
       c = slides ? std::max(0.0, q - f) : std::max(c, q - f);
       f = std::clamp(f, q - c, q + c);
       axis.force_n = f;
       axis.coulomb_limit_n = c;
+      axis.grip = found.grip;
       if (ghost.mass_kg == 0.0) ghost.mass_kg = found.mass_kg;  // the heaviest loaded way that gives
     }
     if (ghost.mass_kg == 0.0) ghost.mass_kg = kWallMass_kg;
@@ -173,13 +192,6 @@ Vec3 clearance(const GhostModel& ghost, std::span<const BorderPair> border,
   return move;
 }
 
-void GhostMotion::renew(const GhostModel& newer) noexcept {
-  Vec3 felt = Vec3::Zero();
-  for (std::size_t i = 0; i < model.axis_count; ++i) felt += contact_n[i] * model.axes[i].normal;
-  model = newer;
-  for (std::size_t i = 0; i < model.axis_count; ++i) contact_n[i] = std::max(0.0, felt.dot(model.axes[i].normal));
-}
-
 Vec3 GhostMotion::along(const Vec3& v) const noexcept {
   Vec3 part = Vec3::Zero();
   for (std::size_t i = 0; i < model.axis_count; ++i) part += v.dot(model.axes[i].normal) * model.axes[i].normal;
@@ -197,8 +209,10 @@ Vec3 GhostMotion::begin(const Vec3& velocity, double dt) const noexcept {
   for (std::size_t i = 0; i < model.axis_count; ++i) {
     const GhostAxis& axis = model.axes[i];
     // Where the step would end, the load being that of the last one.
-    const double end = velocity.dot(axis.normal) + (axis.force_n - contact_n[i]) / model.mass_kg * dt;
-    const double limit = axis.coulomb_limit_n / model.mass_kg * dt;
+    const double contact_n = std::max(0.0, -load_n.dot(axis.normal));
+    const double end = velocity.dot(axis.normal) + (axis.force_n - contact_n) / model.mass_kg * dt;
+    const double limit_n = std::max(0.0, axis.coulomb_limit_n + axis.grip.dot(load_n - model.load_n));
+    const double limit = limit_n / model.mass_kg * dt;
     const bool wall = axis.coulomb_limit_n >= kWallLimit_n;
     start -= (wall ? end - std::clamp(end, -kCreep_m_s, kCreep_m_s) : std::clamp(end, -limit, limit)) * axis.normal;
   }
@@ -206,10 +220,7 @@ Vec3 GhostMotion::begin(const Vec3& velocity, double dt) const noexcept {
 }
 
 void GhostMotion::end(const Vec3& before, const Vec3& after, double dt) noexcept {
-  for (std::size_t i = 0; i < model.axis_count; ++i) {
-    const GhostAxis& axis = model.axes[i];
-    contact_n[i] = std::max(0.0, model.mass_kg * axis.normal.dot(before - after) / dt + axis.force_n);
-  }
+  load_n = model.mass_kg / dt * (after - before) - force();
 }
 
 }  // namespace subworld

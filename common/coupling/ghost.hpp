@@ -28,7 +28,8 @@ struct OutsideMotion {
 /// Coulomb limit; with any other body it adds that body's mass. What another ghost pushes the same way is no hold.
 /// Force f = M g.n. Where the load p and the outside's motion say more than the walk can see, limit and force give way:
 /// of p, M a.n is what the outside's own inertia does not take, q = p + M a.n; sliding, c = q - f; at rest, c >= q - f;
-/// and always |q - f| <= c.
+/// and always |q - f| <= c. The limit holds under the load that the inside puts on the outside in the world; what
+/// presses the ghost harder on its supports adds mu times as much (the grip).
 class GhostModeller {
  public:
   explicit GhostModeller(const Scene& scene);
@@ -43,10 +44,17 @@ class GhostModeller {
     double mass_kg = 0.0;
     double heavy_kg = 0.0;  ///< of it, what gravity acts on
     double limit_n = 0.0;
+    Vec3 grip = Vec3::Zero();  ///< N/N
     bool wall = false;
   };
-  /// Fills the normals and loads.
-  static void find_axes(std::span<const BorderPair> border, double step_s, GhostModel& ghost);
+  /// A contact of the ghost itself with what holds it back by friction.
+  struct Hold {
+    Vec3 outwards = Vec3::Zero();
+    double impulse_n_s = 0.0;
+    double friction = 0.0;
+  };
+  /// Fills the normals.
+  static void find_axes(std::span<const BorderPair> border, GhostModel& ghost);
   /// A body that is pushed along, when the ghost `from` is.
   struct Pushed {
     BodyId body{};
@@ -57,12 +65,15 @@ class GhostModeller {
   bool push(BodyId from, const Vec3& along, const Membership& membership, const ContactGraph& graph);
   [[nodiscard]] Walk walk(BodyId from, const Vec3& along, const Membership& membership, const ContactGraph& graph,
                           double step_s);
+  /// What a force on the ghost adds to the friction of `holds_`: contacts that face one way share what presses on them.
+  [[nodiscard]] Vec3 grip() const;
   [[nodiscard]] bool pushed_by_another(BodyId body, BodyId from, const Vec3& along) const;
   [[nodiscard]] bool grounded(BodyId id, const ContactGraph& graph) const;
 
   const Scene& scene_;
   std::vector<BodyId> way_;      ///< what a push moves, in the order of its discovery
   std::vector<BodyId> counted_;  ///< of the walk in hand
+  std::vector<Hold> holds_;      ///< of the walk in hand
   std::vector<Pushed> pushed_;   ///< by all ghosts' axes, by body
 };
 
@@ -75,11 +86,9 @@ class GhostModeller {
 /// contraction, so an outside that sticks stays where it is.
 struct GhostMotion {
   GhostModel model;
-  Vec3 world_velocity = Vec3::Zero();              ///< m/s, of the world's body
-  std::array<double, kMostGhostAxes> contact_n{};  ///< lambda / dt, along each normal, on the inside, in the last step
+  Vec3 world_velocity = Vec3::Zero();  ///< m/s, of the world's body
+  Vec3 load_n = Vec3::Zero();          ///< of the inside on it, in the last step
 
-  /// Takes a new model; what was felt along the old axes is felt along the nearest new ones.
-  void renew(const GhostModel& newer) noexcept;
   /// The part of a vector along the axes.
   [[nodiscard]] Vec3 along(const Vec3& v) const noexcept;
   /// The force that drives it, N.

@@ -58,8 +58,8 @@ struct DeviceCommand {
 struct GhostAxis {
   Vec3 normal = Vec3::UnitZ();  ///< towards the inside bodies; the axes of a ghost are orthogonal
   double force_n = 0.0;         ///< along `normal`
-  double coulomb_limit_n = 0.0;
-  double load_n = 0.0;  ///< with which the outside pressed on the inside along `normal`, mean over the world's step
+  double coulomb_limit_n = 0.0;  ///< under the model's load
+  Vec3 grip = Vec3::Zero();  ///< N/N, by which the limit grows with the force of the inside on the outside
 };
 
 inline constexpr std::size_t kMostGhostAxes = 3;
@@ -68,6 +68,7 @@ inline constexpr std::size_t kMostGhostAxes = 3;
 struct GhostModel {
   BodyId outside{};
   double mass_kg = 0.0;
+  Vec3 load_n = Vec3::Zero();  ///< of the inside on it, friction included, mean over the world's step
   std::size_t axis_count = 0;
   std::array<GhostAxis, kMostGhostAxes> axes;  ///< the heaviest loaded first
 };

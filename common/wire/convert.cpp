@@ -202,23 +202,26 @@ bool get(const msg::BorderPair& in, BorderPair& out) {
 void put(const GhostModel& in, msg::Ghost& out) {
   out.outside(index(in.outside));
   out.mass_kg(in.mass_kg);
+  put(in.load_n, out.load_n());
   out.axes().resize(in.axis_count);
   for (std::size_t i = 0; i < in.axis_count; ++i) {
     put(in.axes[i].normal, out.axes()[i].normal());
     out.axes()[i].force_n(in.axes[i].force_n);
     out.axes()[i].coulomb_limit_n(in.axes[i].coulomb_limit_n);
-    out.axes()[i].load_n(in.axes[i].load_n);
+    put(in.axes[i].grip, out.axes()[i].grip());
   }
 }
 
 bool get(const msg::Ghost& in, GhostModel& out) {
   out.outside = BodyId{in.outside()};
   out.axis_count = in.axes().size();
-  if (out.axis_count > kMostGhostAxes || !get_positive(in.mass_kg(), out.mass_kg) || out.mass_kg == 0.0) return false;
+  if (out.axis_count > kMostGhostAxes || !get_positive(in.mass_kg(), out.mass_kg) || out.mass_kg == 0.0 ||
+      !get(in.load_n(), out.load_n))
+    return false;
   for (std::size_t i = 0; i < out.axis_count; ++i) {
     GhostAxis& axis = out.axes[i];
     if (!get(in.axes()[i].normal(), axis.normal) || !get(in.axes()[i].force_n(), axis.force_n) ||
-        !get_positive(in.axes()[i].coulomb_limit_n(), axis.coulomb_limit_n) || !get(in.axes()[i].load_n(), axis.load_n))
+        !get_positive(in.axes()[i].coulomb_limit_n(), axis.coulomb_limit_n) || !get(in.axes()[i].grip(), axis.grip))
       return false;
   }
   return true;

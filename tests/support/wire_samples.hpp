@@ -35,9 +35,13 @@ class SampleMaker {
     to = {BodyId{word()}, BodyId{word()}, vector(), vector().normalized(), number(), vector(), number(), vector()};
   }
   void fill(GhostModel& to) {
-    to = {.outside = BodyId{word()}, .mass_kg = 0.1 + positive(), .axis_count = word() % 4, .axes = {}};
+    to = {.outside = BodyId{word()},
+          .mass_kg = 0.1 + positive(),
+          .load_n = vector(),
+          .axis_count = word() % 4,
+          .axes = {}};
     for (std::size_t i = 0; i < to.axis_count; ++i)
-      to.axes[i] = {vector().normalized(), number(), positive(), number()};
+      to.axes[i] = {vector().normalized(), number(), positive(), vector()};
   }
   void fill(PeerDevice& to) {
     to.proxy = BodyId{word()};
@@ -224,9 +228,9 @@ struct Walk {
         b.tangential_impulse);
   }
   void operator()(const GhostModel& g) {
-    all(g.outside, g.mass_kg);
+    all(g.outside, g.mass_kg, g.load_n);
     for (std::size_t i = 0; i < g.axis_count; ++i) {
-      all(g.axes[i].normal, g.axes[i].force_n, g.axes[i].coulomb_limit_n, g.axes[i].load_n);
+      all(g.axes[i].normal, g.axes[i].force_n, g.axes[i].coulomb_limit_n, g.axes[i].grip);
     }
   }
   void operator()(const PeerDevice& p) { all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity); }
