@@ -127,7 +127,11 @@ int exit_code_of(const Supervisor::Child& child) {
 }
 
 std::string end_of(const Supervisor::Child& child) {
-  if (WIFSIGNALED(child.status)) return fmt::format("killed by {}", strsignal(WTERMSIG(child.status)));
+  if (WIFSIGNALED(child.status)) {
+    const int signal = WTERMSIG(child.status);
+    const char* name = sigabbrev_np(signal);
+    return name != nullptr ? fmt::format("killed by SIG{}", name) : fmt::format("killed by signal {}", signal);
+  }
   return fmt::format("exited with {}", exit_code_of(child));
 }
 

@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 namespace {
@@ -153,15 +154,18 @@ class Progress {
       : points_(points), sweep_(sweep), left_(static_cast<double>(points)) {}
   void operator()(const Rows& rows) {
     const Json& row = rows.back();
-    const double rms = row.at("force_error_rms").get<double>();
-    fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (floor {:.2f} %){}  {:.3g} CPU s/s{}\n", rows.size(),
-               points_, row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(),
-               row.at("ratio").get<int>(), details(row),
+    const auto percent = [&](const char* column) {
+      const double part = row.at(column).get<double>();
+      return std::isfinite(part) ? fmt::format("{:6.2f} %", 100.0 * part) : "unknown";
+    };
+    fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (floor {}){}  {:.3g} CPU s/s{}\n", rows.size(), points_,
+               row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(), row.at("ratio").get<int>(),
+               details(row),
                !row.at("survived").get<bool>() ? "did not survive"
-               : comparable(row)               ? fmt::format("{:6.2f} %", 100.0 * rms)
+               : comparable(row)               ? percent("force_error_rms")
                                                : "unknown, the reference felt no force",
-               100.0 * row.at("reference_floor").get<double>(), row.at("at_floor").get<bool>() ? " at the floor" : "",
-               total_cpu(row), left_.text(static_cast<double>(rows.size())));
+               percent("reference_floor"), row.at("at_floor").get<bool>() ? " at the floor" : "", total_cpu(row),
+               left_.text(static_cast<double>(rows.size())));
     std::fflush(stdout);
   }
 

@@ -66,14 +66,16 @@ std::vector<Point> points_of(const Sweep& sweep) {
                                axis(sweep.ratios, &Point::ratio)};
   std::size_t count = 1;
   for (const Axis& a : axes) count *= a.count;
-  std::vector<Point> points(count);
+  std::vector<Point> points;
   for (std::size_t i = 0; i < count; ++i) {
-    points[i].duration_s = sweep.duration_s;
+    Point point;
+    point.duration_s = sweep.duration_s;
     std::size_t rest = i;
     for (auto a = axes.rbegin(); a != axes.rend(); ++a) {
-      a->choose(points[i], rest % a->count);
+      a->choose(point, rest % a->count);
       rest /= a->count;
     }
+    if (std::ranges::find(points, point) == points.end()) points.push_back(std::move(point));
   }
   return points;
 }

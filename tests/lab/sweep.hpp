@@ -41,9 +41,11 @@ struct Point {
   double stiffness_factor = 1.0;
   double h_s = 0.0;
   std::optional<double> duration_s;
+
+  bool operator==(const Point&) const = default;
 };
 
-/// Every combination; those that share a reference follow each other, the ratio changes fastest.
+/// Every combination, once; those that share a reference follow each other, the ratio changes fastest.
 [[nodiscard]] std::vector<Point> points_of(const Sweep& sweep);
 
 /// The scene of a point. Throws `Error` (usage) for a scene, scheme or engine that does not exist.

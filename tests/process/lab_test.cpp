@@ -42,9 +42,9 @@ const std::vector<std::string> kFlatColumns{"scene",
 
 TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
   const Ended ended =
-      finish(lab_words({"press", "--quick", "--scheme", "direct,paper", "--latency", "0,0.01", "--out", out()}));
+      finish(lab_words({"press", "--quick", "--scheme", "direct,paper", "--latency", "0,0.01,0", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;
-  EXPECT_NE(ended.out.find("[  8/8] press"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("[  8/8] press"), std::string::npos) << "the same point is measured once: " << ended.out;
 
   const Json rows = results();
   ASSERT_EQ(rows.size(), 8U);

@@ -110,7 +110,7 @@ TEST_P(KilledProgram, IsNamedAndEverythingElseEnds) {
   kill(victim, SIGKILL);
   EXPECT_EQ(expect_end(begin), 1);
   const std::string label = name == "world_sim" ? name : name + "_0";
-  EXPECT_NE(process_->err().find(label + " killed by"), std::string::npos) << process_->err();
+  EXPECT_NE(process_->err().find(label + " killed by SIGKILL"), std::string::npos) << process_->err();
   EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("failed: " + label)) << summary();
 }
 
