@@ -149,7 +149,6 @@ class Bullet final : public Engine {
     slot.body->setActivationState(DISABLE_DEACTIVATION);
     slot.body->setFlags(0);  // no gyroscopic term of Bullet's: it loses energy, and in single precision goes wrong
     slot.body->setUserIndex(static_cast<int>(id));
-    slot.body->setUserIndex2(role == Role::ghost ? bullet::kForgetful : 0);
     if (!body.rotates) slot.body->setAngularFactor(btVector3(0, 0, 0));
     slot.weight = body.gravity && !body.fixed() ? Vec3(body.mass * gravity_) : Vec3::Zero();
     slot.force = slot.torque = Vec3::Zero();

@@ -2,25 +2,12 @@
 
 namespace subworld::bullet {
 
-namespace {
-
-/// Part of a forgetful body's impulses that the next step starts from: Bullet's own for all bodies.
-constexpr auto kRemembered = btScalar(0.85);
-
-}  // namespace
-
 void ContactSolver::convertContacts(btPersistentManifold** manifolds, int count, const btContactSolverInfo& info) {
-  for (int m = 0; m < count; ++m) forget(*manifolds[m]);
   btSequentialImpulseConstraintSolver::convertContacts(manifolds, count, info);
   for (int i = 0; i < m_tmpSolverContactConstraintPool.size(); ++i) {
     time_bounce(m_tmpSolverContactConstraintPool[i], info);
     prepare_friction(m_tmpSolverContactConstraintPool[i], info);
   }
-}
-
-void ContactSolver::forget(btPersistentManifold& manifold) {
-  if (manifold.getBody0()->getUserIndex2() != kForgetful && manifold.getBody1()->getUserIndex2() != kForgetful) return;
-  for (int i = 0; i < manifold.getNumContacts(); ++i) manifold.getContactPoint(i).m_appliedImpulse *= kRemembered;
 }
 
 void ContactSolver::time_bounce(btSolverConstraint& normal, const btContactSolverInfo& info) const {

@@ -4,11 +4,6 @@
 
 namespace subworld::bullet {
 
-/// Second user index of a body that others set in motion and give another mass from step to step: the impulses of its
-/// contacts say less of the next step than those of others. Wedged between such bodies, what cancels out would only
-/// grow.
-inline constexpr int kForgetful = 1;
-
 /// Bullet's solver with Coulomb's friction: at most mu N, against the motion, in every direction. Bullet bounds each of
 /// a contact's two friction directions by mu N of its own: along their diagonal a body holds, and is braked, by 41 %
 /// too much, and a load that wanders to one direction takes nothing from the other.
@@ -28,7 +23,6 @@ class ContactSolver final : public btSequentialImpulseConstraintSolver {
                                 btPersistentManifold** manifolds, int manifold_count, btTypedConstraint** constraints,
                                 int constraint_count, const btContactSolverInfo& info, btIDebugDraw* drawer) override;
 
-  static void forget(btPersistentManifold& manifold);
   void prepare_friction(const btSolverConstraint& normal, const btContactSolverInfo& info);
   /// Bullet makes a body bounce that is only near, and takes from the bounce the speed that would bring it there: lower
   /// bounces, by chance. It shall bounce if it touches within the step, and wholly.
