@@ -19,6 +19,12 @@ constexpr double kSliding_m_s = -0.002;  ///< faster away from the inside than t
 Vec3 outwards(const Contact& c, BodyId id) noexcept { return c.a == id ? Vec3(-c.normal) : c.normal; }
 BodyId other(const Contact& c, BodyId id) noexcept { return c.a == id ? c.b : c.a; }
 
+/// The part of a vector across the axes that there are.
+Vec3 across(const GhostModel& ghost, Vec3 v) noexcept {
+  for (std::size_t i = 0; i < ghost.axis_count; ++i) v -= v.dot(ghost.axes[i].normal) * ghost.axes[i].normal;
+  return v;
+}
+
 }  // namespace
 
 GhostModeller::GhostModeller(const Scene& scene) : scene_(scene) {
@@ -104,14 +110,10 @@ Vec3 GhostModeller::grip() const {
 void GhostModeller::find_axes(std::span<const BorderPair> border, GhostModel& ghost) {
   // The contact with the largest impulse that no axis serves yet begins the next one.
   ghost.axis_count = 0;
-  const auto across = [&](Vec3 v) {
-    for (std::size_t i = 0; i < ghost.axis_count; ++i) v -= v.dot(ghost.axes[i].normal) * ghost.axes[i].normal;
-    return v;
-  };
   while (ghost.axis_count < kMostGhostAxes) {
     const BorderPair* first = nullptr;
     for (const BorderPair& pair : border) {
-      if (pair.outside != ghost.outside || across(pair.normal).norm() < kSameWay) continue;
+      if (pair.outside != ghost.outside || across(ghost, pair.normal).norm() < kSameWay) continue;
       if (first == nullptr || pair.normal_impulse > first->normal_impulse) first = &pair;
     }
     if (first == nullptr) return;
@@ -125,8 +127,26 @@ void GhostModeller::find_axes(std::span<const BorderPair> border, GhostModel& gh
     }
     // A mean that lies along the axes there are already has no direction of its own.
     const Vec3 mean = pressed.norm() > 0.0 ? pressed : touch;
-    const bool distinct = across(mean).norm() > kDistinct * mean.norm();
-    ghost.axes[ghost.axis_count++] = {.normal = across(distinct ? mean : first->normal).normalized()};
+    const bool distinct = across(ghost, mean).norm() > kDistinct * mean.norm();
+    ghost.axes[ghost.axis_count++] = {.normal = across(ghost, distinct ? mean : first->normal).normalized()};
+  }
+}
+
+void GhostModeller::add_free_ways(const OutsideMotion& motion, const Membership& membership, const ContactGraph& graph,
+                                  double step_s, GhostModel& ghost) {
+  if (ghost.mass_kg >= kWallMass_kg) return;
+  const auto held = [&](const Vec3& along) {
+    const Walk found = walk(ghost.outside, along, membership, graph, step_s);
+    return found.wall || found.limit_n > 0.0;
+  };
+  for (const Vec3& candidate : {Vec3::UnitX(), Vec3::UnitY(), Vec3::UnitZ()}) {
+    if (ghost.axis_count == kMostGhostAxes) return;
+    const Vec3 way = across(ghost, candidate);
+    if (way.norm() < kDistinct) continue;
+    const Vec3 along = way.normalized();
+    if (held(along) || held(-along)) continue;
+    const double rest_n = ghost.mass_kg * motion.acceleration.dot(along) - ghost.load_n.dot(along);
+    ghost.axes[ghost.axis_count++] = {.normal = along, .force_n = rest_n};
   }
 }
 
@@ -175,6 +195,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
       if (ghost.mass_kg == 0.0) ghost.mass_kg = found.mass_kg;  // the heaviest loaded way that gives
     }
     if (ghost.mass_kg == 0.0) ghost.mass_kg = kWallMass_kg;
+    add_free_ways(motion, membership, graph, step_s, ghost);
   }
 }
 

@@ -21,7 +21,8 @@ struct OutsideMotion {
 
 /// Finds the reduced model of every outside body that touches inside ones: how heavy it is to push along the border's
 /// normals, which force drives it and how much friction holds it. An axis of a model is the impulse-weighted mean of
-/// the border contacts that point one way; others become further axes, as far as they are across the first ones.
+/// the border contacts that point one way; others become further axes, as far as they are across the first ones, and so
+/// do the ways in which nothing but the inside holds the outside.
 ///
 /// For each axis n the outside is walked from the body along d = -n. What it pushes adds its mass; something fixed
 /// makes a wall. A side contact with the ground, or with a body that stands on the ground, adds mu lambda / T to the
@@ -65,6 +66,10 @@ class GhostModeller {
   bool push(BodyId from, const Vec3& along, const Membership& membership, const ContactGraph& graph);
   [[nodiscard]] Walk walk(BodyId from, const Vec3& along, const Membership& membership, const ContactGraph& graph,
                           double step_s);
+  /// Ways across the axes in which the inside alone holds the outside become axes without friction of their own: what
+  /// lies on a member goes with it at once, not as the world says a cycle later.
+  void add_free_ways(const OutsideMotion& motion, const Membership& membership, const ContactGraph& graph,
+                     double step_s, GhostModel& ghost);
   /// What a force on the ghost adds to the friction of `holds_`: contacts that face one way share what presses on them.
   [[nodiscard]] Vec3 grip() const;
   [[nodiscard]] bool pushed_by_another(BodyId body, BodyId from, const Vec3& along) const;

@@ -139,6 +139,25 @@ TEST(GhostModel, ALoadOnTopWeighsAndASupportBelowIsAWall) {
   EXPECT_GT(below[0].mass_kg, 100.0);
 }
 
+// Cube 2 lies on the inside 1: along the floor only friction there holds it, unless it touches 3, which stands.
+TEST(GhostModel, WhatLiesOnTheInsideAloneGoesWithIt) {
+  Outside o(3);
+  o.touch(1, 0, Vec3::UnitZ(), 2 * kWeight_n);
+  o.touch(3, 0, Vec3::UnitZ(), kWeight_n);
+  o.touch(2, 1, Vec3::UnitZ(), kWeight_n);
+  o.contacts.back().tangential_impulse = Vec3(0.3 * kStep_s, 0, 0);  // draws it along
+  const GhostModel alone = o.models({BodyId{1}}, Vec3::Zero(), Vec3(0.3 / kCube_kg, 0, 0)).at(0);
+  ASSERT_EQ(alone.axis_count, 3U);
+  for (std::size_t i = 1; i < 3; ++i) {
+    EXPECT_NEAR(alone.axes[i].normal.z(), 0.0, 1e-12);
+    EXPECT_NEAR(alone.axes[i].force_n, 0.0, 1e-12) << "all of its acceleration is the inside's";
+    EXPECT_EQ(alone.axes[i].coulomb_limit_n, 0.0);
+  }
+  o.touch(2, 3, Vec3::UnitX(), 0.1);
+  const GhostModel beside = o.models({BodyId{1}}).at(0);
+  EXPECT_LT(beside.axis_count, 3U);
+}
+
 // Cube 3 rests on 2, which is outside, and 1 pushes 2: one axis along the row, one up.
 TEST(GhostModel, AnOutsideThatIsPushedAndCarriesHasTwoAxes) {
   Outside o(3);
