@@ -264,13 +264,14 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
 
     orders.follow();
 
+    // Without the world it stands: what a border is frozen to does not hold for long.
+    const bool alone = sub.time_s() > known_s + std::max(kAlone_s, 4.0 * cycle_s);
+    sub.stand(alone || clock_factor <= 0.0);
     const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand));
     const bool missed = Clock::now() > loop.deadline();  // the force left after its period
     if (!reports_sub_world && sub.at_cycle_start()) send_report();
-    // Without the world it stands: what a border is frozen to does not hold for long.
-    const bool alone = sub.time_s() > known_s + std::max(kAlone_s, 4.0 * cycle_s);
     sub.advance(alone ? 0.0 : arrears.step(h * phase.rate(clock_factor, cycle_s), sub.cycle_left_s()));
     if (reports_sub_world && sub.at_boundary()) send_report();
 

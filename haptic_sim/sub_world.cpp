@@ -66,11 +66,13 @@ void SubWorld::place_device(const DeviceState& d) {
     // Wherever a device is when it is first heard, that place is the proxy's start.
     clutch_ = start.position - d.pose.position;
     clutched_ = true;
+  } else if (stands_) {
+    clutch_ = device_.pose.position - d.pose.position;
   }
   device_.pose.position = d.pose.position + clutch_;
   device_.pose.orientation = d.pose.orientation * start.orientation;
-  device_.linear_velocity = d.linear_velocity;
-  device_.angular_velocity = d.angular_velocity;
+  device_.linear_velocity = stands_ ? Vec3::Zero() : d.linear_velocity;
+  device_.angular_velocity = stands_ ? Vec3::Zero() : d.angular_velocity;
   applied_ = saturated(d.applied, limits_);
 }
 
@@ -94,7 +96,7 @@ FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double dt) {
   place_device(state);
   const bool admittance = spec_.device.kind == DeviceKind::admittance;
   felt_ = admittance ? applied_ : coupling_wrench(spec_.coupling, limits_, proxy(), device_);
-  const Wrench safe = guard_.pass(felt_, trusted && finite_, dt);
+  const Wrench safe = guard_.pass(felt_, trusted && finite_ && !stands_, dt);
   return {felt_, {-safe.force, -safe.torque}};
 }
 

@@ -34,6 +34,8 @@ class SubWorld {
   void advance(double dt);
   /// What the hand feels fades out, and it is met again from zero.
   void let_go() noexcept { guard_.let_go(); }
+  /// While the sub-world's clock stands: the hand may go where it likes, and is met there when the clock goes on.
+  void stand(bool stands) noexcept { stands_ = stands; }
 
   /// True when the steps since the last boundary fill a cycle: `report` is due.
   [[nodiscard]] bool at_boundary() const noexcept;
@@ -114,6 +116,7 @@ class SubWorld {
   Wrench applied_;
   Vec3 clutch_ = Vec3::Zero();  ///< device position + clutch = position in the scene
   bool clutched_ = false;
+  bool stands_ = false;
   bool finite_ = true;
   std::vector<HapticReport> reports_;  ///< by stamp
   std::vector<BodyId> scratch_;
