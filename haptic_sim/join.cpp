@@ -21,6 +21,8 @@ bool wait_for(Bus& bus, double timeout_s, There there, Coming coming, const std:
   return true;
 }
 
+constexpr double kMayBeEnding_s = 2.0;  ///< a world of another run, of which the last has just been heard
+
 constexpr auto kNothingComing = [] { return false; };
 
 }  // namespace
@@ -33,9 +35,16 @@ std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& s
   };
 
   SceneDescription description;
-  const bool described = wait_for(
-      *ports.bus, options.wait_s, [&] { return ports.scene.take(description) == Take::sample; }, kNothingComing,
-      missing("world", "world_sim"));
+  std::optional<TimePoint> other;  // when a world with other settings was first heard
+  const auto ours_or_none = [&] {
+    while (ports.scene.take(description) == Take::sample) {
+      if (description.settings_hash == settings_hash(scene)) return true;
+      if (!other) other = Clock::now();
+    }
+    return other && to_seconds(Clock::now() - *other) > kMayBeEnding_s;
+  };
+  const bool described =
+      wait_for(*ports.bus, options.wait_s, ours_or_none, kNothingComing, missing("world", "world_sim"));
   if (!described) return std::nullopt;
   if (description.settings_hash != settings_hash(scene)) {
     throw Error(ExitCode::usage,

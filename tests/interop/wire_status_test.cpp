@@ -62,7 +62,7 @@ TEST_P(WireStatus, a_late_reader_hears_what_was_said) {
 }
 
 TEST_P(WireStatus, an_order_reaches_who_listens_only_later) {
-  const int domain = domain_of(196, GetParam());
+  const int domain = domain_of(228, GetParam());
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::lockstep));
   auto writer = sender->writer<Control>();
   Control order;
