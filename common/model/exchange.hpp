@@ -56,10 +56,10 @@ struct DeviceCommand {
 
 /// What pushing an outside body along one direction meets.
 struct GhostAxis {
-  Vec3 normal = Vec3::UnitZ();  ///< towards the inside bodies, or a free way; the axes of a ghost are orthogonal
-  double force_n = 0.0;         ///< along `normal`
+  Vec3 normal = Vec3::UnitZ();   ///< towards the inside bodies, or a free way; the axes of a ghost are orthogonal
+  double force_n = 0.0;          ///< along `normal`
   double coulomb_limit_n = 0.0;  ///< under the model's load
-  Vec3 grip = Vec3::Zero();  ///< N/N, by which the limit grows with the force of the inside on the outside
+  Vec3 grip = Vec3::Zero();      ///< N/N, by which the limit grows with the force of the inside on the outside
 };
 
 inline constexpr std::size_t kMostGhostAxes = 3;
