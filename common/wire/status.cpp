@@ -27,10 +27,13 @@ StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance
   thread_ = std::thread([this] {
     const sched_param whenever{};
     sched_setscheduler(0, SCHED_OTHER, &whenever);
-    while (!stop_) {
+    for (bool stopping = false; !stopping;) {
       const bool woken = wake_.try_acquire_for(std::chrono::seconds(1));
+      while (wake_.try_acquire()) {
+      }
+      stopping = stop_;  // first: whatever was noted before the end is then seen below
       const std::lock_guard lock(mutex_);
-      if (!stop_ || newest_note_.load(std::memory_order_relaxed) != nullptr) publish(woken ? 0.0 : 1.0);
+      if (!stopping || newest_note_.load(std::memory_order_relaxed) != nullptr) publish(woken ? 0.0 : 1.0);
     }
   });
 }
