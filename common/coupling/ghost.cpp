@@ -139,9 +139,9 @@ void GhostModeller::add_free_ways(const OutsideMotion& motion, const Membership&
     const Walk found = walk(ghost.outside, along, membership, graph, step_s);
     return found.wall || found.limit_n > 0.0;
   };
-  for (const Vec3& candidate : {Vec3::UnitX(), Vec3::UnitY(), Vec3::UnitZ()}) {
+  for (int i = 0; i < 3; ++i) {
     if (ghost.axis_count == kMostGhostAxes) return;
-    const Vec3 way = across(ghost, candidate);
+    const Vec3 way = across(ghost, Vec3::Unit(i));
     if (way.norm() < kDistinct) continue;
     const Vec3 along = way.normalized();
     if (held(along) || held(-along)) continue;
