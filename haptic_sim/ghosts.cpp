@@ -9,7 +9,7 @@ namespace subworld {
 namespace {
 
 constexpr double kVelocityGain = 0.8;    ///< of the error along the normal
-constexpr double kSpinInertia = 1000.0;  ///< times the body's own: a ghost does not turn under a contact
+constexpr double kSpinInertia = 1000.0;  ///< times the body's own: a ghost turns as the world's body does
 
 const BodyState* state_in(const WorldFrame& frame, BodyId id) noexcept {
   const auto at = std::ranges::lower_bound(frame.states, id, {}, &StampedBody::id);
@@ -52,7 +52,6 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
   body.mass = model.mass_kg;
   body.inertia *= kSpinInertia;
   BodyState start = advanced(world, lag_s);
-  start.angular_velocity.setZero();
   // Members are where the sub-world has them, not where the world does: nothing may begin inside something.
   const auto offset_of = [&](BodyId inside) -> Vec3 {
     const BodyState* theirs = state_in(frame, inside);
@@ -62,7 +61,10 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
   start.position += clearance(model, frame.border, offset_of);
   engine.add(body, start, Role::ghost);
 
-  Ghost ghost{.id = body.id, .motion = {.model = model, .world_velocity = world.linear_velocity}, .log = {}};
+  Ghost ghost{.id = body.id,
+              .motion = {.model = model, .world_velocity = world.linear_velocity},
+              .spin = world.angular_velocity,
+              .log = {}};
   ghost.motion.load_n = model.load_n;
   ghost.log.resize(remembered_);
   ghosts_.insert(std::ranges::lower_bound(ghosts_, body.id, {}, &Ghost::id), std::move(ghost));
@@ -86,10 +88,11 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
     }
   }
   ghost.motion.world_velocity = world.linear_velocity;
+  ghost.spin = world.angular_velocity;
   now.position = later.position + motion.along(now.position - later.position);
   now.linear_velocity = world.linear_velocity + motion.along(now.linear_velocity - world.linear_velocity);
   now.orientation = later.orientation;
-  now.angular_velocity.setZero();
+  now.angular_velocity = ghost.spin;
   engine.set_state(ghost.id, now);
 }
 
@@ -110,7 +113,7 @@ void Ghosts::clear(Engine& engine) {
 void Ghosts::begin(Engine& engine, double dt) {
   for (Ghost& ghost : ghosts_) {
     ghost.start = ghost.motion.begin(engine.state(ghost.id).linear_velocity, dt);
-    engine.set_velocity(ghost.id, ghost.start, Vec3::Zero());
+    engine.set_velocity(ghost.id, ghost.start, ghost.spin);
     engine.apply_force(ghost.id, ghost.motion.force(), Vec3::Zero());
   }
 }

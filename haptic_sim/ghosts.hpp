@@ -42,6 +42,7 @@ class Ghosts {
   struct Ghost {
     BodyId id{};
     GhostMotion motion;
+    Vec3 spin = Vec3::Zero();   ///< the world's, rad/s
     Vec3 start = Vec3::Zero();  ///< velocity with which the step under way began, m/s
     std::vector<Logged> log;
   };
