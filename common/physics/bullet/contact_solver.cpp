@@ -36,11 +36,12 @@ void ContactSolver::prepare_friction(const btSolverConstraint& normal, const btC
                           rows[1].m_relpos2CrossNormal.dot(rows[0].m_angularComponentB);
   const btScalar half = (first - second) / 2;
   const btScalar step = friction_relaxation_ / ((first + second) / 2 + btSqrt(half * half + across * across));
+  const btScalar kept = 1 - friction_forgotten_s_ / info.m_timeStep;
   const btScalar held[] = {point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2};
   for (int k = 0; k < 2; ++k) {
     rows[k].m_rhs *= step / rows[k].m_jacDiagABInv;
     rows[k].m_jacDiagABInv = step;
-    if (warm_friction_) change(rows[k], held[k]);
+    if (kept > 0) change(rows[k], kept * held[k]);
   }
 }
 

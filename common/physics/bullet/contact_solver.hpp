@@ -9,11 +9,12 @@ namespace subworld::bullet {
 /// too much, and a load that wanders to one direction takes nothing from the other.
 ///
 /// Bullet 3 starts every step with friction at zero, whatever its flag for warm starts says. What stands by friction
-/// then sags a little in each step, and creeps. Here friction may start from the step before, as the normal impulses
-/// do.
+/// then sags a little in each step, and creeps. Here friction may start from a part of that of the step before; normal
+/// impulses start from all of theirs.
 class ContactSolver final : public btSequentialImpulseConstraintSolver {
  public:
-  void set_warm_friction(bool warm) { warm_friction_ = warm; }
+  /// Of each step, s: friction starts from what it was in the step before, as far as a step is longer than this.
+  void set_friction_forgotten(btScalar forgotten_s) { friction_forgotten_s_ = forgotten_s; }
   /// What an iteration takes of each correction of friction, 0 to 2; those of normal impulses take Bullet's m_sor.
   void set_friction_relaxation(btScalar relaxation) { friction_relaxation_ = relaxation; }
 
@@ -32,7 +33,7 @@ class ContactSolver final : public btSequentialImpulseConstraintSolver {
   /// Sets what a row's impulse has become to `impulse` (N s).
   void change(btSolverConstraint& row, btScalar impulse);
 
-  bool warm_friction_ = false;
+  btScalar friction_forgotten_s_ = 0;
   btScalar friction_relaxation_ = 1;
 };
 
