@@ -36,12 +36,29 @@ void Ghosts::follow(const WorldFrame& frame, Engine& engine, double lag_s, doubl
       create(model, *world, frame, engine, lag_s);
       continue;
     }
-    if (at->motion.model.mass_kg != model.mass_kg) {
-      engine.set_inertia(at->id, model.mass_kg, kSpinInertia * scene_.body(at->id).inertia);
-    }
-    at->motion.model = model;
+    adapt(*at, model, engine);
     correct(*at, *world, frame, engine, lag_s, gain);
   }
+}
+
+void Ghosts::adapt(Ghost& ghost, const GhostModel& model, Engine& engine) {
+  const Body& body = scene_.body(ghost.id);
+  GhostMotion& motion = ghost.motion;
+  if (model.carried) {
+    if (!ghost.carried) {
+      const BodyState now = engine.state(ghost.id);
+      ghost.carried.emplace();
+      ghost.carried->velocity << now.linear_velocity, now.angular_velocity;
+      ghost.carried->impulse << scene_.settings.h_s * motion.load_n, Vec3::Zero();
+      engine.set_inertia(ghost.id, body.mass, body.inertia);
+    }
+    ghost.carried->follow(*model.carried);
+  } else if (ghost.carried || motion.model.mass_kg != model.mass_kg) {
+    engine.set_inertia(ghost.id, model.mass_kg, kSpinInertia * body.inertia);
+    if (ghost.carried) motion.load_n = ghost.carried->impulse.head<3>() / scene_.settings.h_s;
+    ghost.carried.reset();
+  }
+  motion.model = model;
 }
 
 void Ghosts::create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine,
@@ -67,32 +84,39 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
               .log = {}};
   ghost.motion.load_n = model.load_n;
   ghost.log.resize(remembered_);
+  adapt(ghost, model, engine);
   ghosts_.insert(std::ranges::lower_bound(ghosts_, body.id, {}, &Ghost::id), std::move(ghost));
 }
 
 void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s,
                      double gain) {
   const GhostMotion& motion = ghost.motion;
-  const BodyState later = advanced(world, lag_s);
   BodyState now = engine.state(ghost.id);
   const Logged& then = ghost.log[frame.stamp % remembered_];
   if (then.written && then.stamp == frame.stamp) {
-    const Vec3 shift = gain * motion.along(world.position - then.position);
-    const Vec3 speed_up = kVelocityGain * motion.along(world.linear_velocity - then.velocity);
-    now.position += shift;
-    now.linear_velocity += speed_up;
+    const Shift error = difference(then.state, world);
+    Shift shift = scaled(error, gain);
+    if (ghost.carried) {
+      ghost.carried->velocity.head<3>() += shift.linear_velocity;
+      ghost.carried->velocity.tail<3>() += shift.angular_velocity;
+    } else {
+      shift = {.position = motion.along(shift.position),
+               .linear_velocity = kVelocityGain * motion.along(error.linear_velocity)};
+    }
+    now = shifted(now, shift);
     for (Logged& entry : ghost.log) {
-      if (!entry.written || entry.stamp <= frame.stamp) continue;
-      entry.position += shift;
-      entry.velocity += speed_up;
+      if (entry.written && entry.stamp > frame.stamp) entry.state = shifted(entry.state, shift);
     }
   }
   ghost.motion.world_velocity = world.linear_velocity;
   ghost.spin = world.angular_velocity;
-  now.position = later.position + motion.along(now.position - later.position);
-  now.linear_velocity = world.linear_velocity + motion.along(now.linear_velocity - world.linear_velocity);
-  now.orientation = later.orientation;
-  now.angular_velocity = ghost.spin;
+  if (!ghost.carried) {
+    const BodyState later = advanced(world, lag_s);
+    now = {.position = later.position + motion.along(now.position - later.position),
+           .orientation = later.orientation,
+           .linear_velocity = world.linear_velocity + motion.along(now.linear_velocity - world.linear_velocity),
+           .angular_velocity = ghost.spin};
+  }
   engine.set_state(ghost.id, now);
 }
 
@@ -112,20 +136,38 @@ void Ghosts::clear(Engine& engine) {
 
 void Ghosts::begin(Engine& engine, double dt) {
   for (Ghost& ghost : ghosts_) {
-    ghost.start = ghost.motion.begin(engine.state(ghost.id).linear_velocity, dt);
-    engine.set_velocity(ghost.id, ghost.start, ghost.spin);
-    engine.apply_force(ghost.id, ghost.motion.force(), Vec3::Zero());
+    const BodyState now = engine.state(ghost.id);
+    if (ghost.carried) {
+      ghost.start = ghost.carried->begin(scene_.body(ghost.id), now.orientation, dt);
+    } else {
+      ghost.start << ghost.motion.begin(now.linear_velocity, dt), ghost.spin;
+      engine.apply_force(ghost.id, ghost.motion.force(), Vec3::Zero());
+    }
+    engine.set_velocity(ghost.id, ghost.start.head<3>(), ghost.start.tail<3>());
   }
 }
 
 void Ghosts::end(const Engine& engine, double dt) {
-  for (Ghost& ghost : ghosts_) ghost.motion.end(ghost.start, engine.state(ghost.id).linear_velocity, dt);
+  for (Ghost& ghost : ghosts_) {
+    const BodyState now = engine.state(ghost.id);
+    if (ghost.carried) {
+      Vec6 after;
+      after << now.linear_velocity, now.angular_velocity;
+      ghost.carried->end(scene_.body(ghost.id), now.orientation, ghost.start, after, dt);
+    } else {
+      ghost.motion.end(ghost.start.head<3>(), now.linear_velocity, dt);
+    }
+  }
 }
 
 void Ghosts::log(std::uint64_t stamp, const Engine& engine) {
   for (Ghost& ghost : ghosts_) {
-    const BodyState state = engine.state(ghost.id);
-    ghost.log[stamp % remembered_] = {stamp, true, state.position, state.linear_velocity};
+    BodyState state = engine.state(ghost.id);
+    if (ghost.carried) {
+      state.linear_velocity = ghost.carried->velocity.head<3>();
+      state.angular_velocity = ghost.carried->velocity.tail<3>();
+    }
+    ghost.log[stamp % remembered_] = {stamp, true, state};
   }
 }
 

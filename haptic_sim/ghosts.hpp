@@ -12,12 +12,13 @@
 namespace subworld {
 
 /// The outside bodies that touch a sub-world, as its engine sees them: their real shapes, which meet members only and
-/// move by their reduced models along the border's normal, by the world's states across it.
+/// move by their reduced models along their axes, by the world's states across them; or, carried by the inside alone,
+/// as the rigid bodies that they are.
 class Ghosts {
  public:
   Ghosts(const Scene& scene, std::uint64_t remembered_cycles);
 
-  /// Follows a frame that is `lag_s` old: ghosts that come and go, models, and `gain` of the error along the normal.
+  /// Follows a frame that is `lag_s` old: ghosts that come and go, models, and `gain` of the error in their own ways.
   /// Corrections of the members must be done.
   void follow(const WorldFrame& frame, Engine& engine, double lag_s, double gain);
   /// Takes a ghost out of the engine; what it was doing, if it is one.
@@ -36,18 +37,20 @@ class Ghosts {
   struct Logged {
     std::uint64_t stamp = 0;
     bool written = false;
-    Vec3 position = Vec3::Zero();
-    Vec3 velocity = Vec3::Zero();
+    BodyState state;
   };
   struct Ghost {
     BodyId id{};
     GhostMotion motion;
-    Vec3 spin = Vec3::Zero();   ///< the world's, rad/s
-    Vec3 start = Vec3::Zero();  ///< velocity with which the step under way began, m/s
+    std::optional<CarriedMotion> carried = {};  ///< in the place of `motion`
+    Vec3 spin = Vec3::Zero();                   ///< the world's, rad/s
+    Vec6 start = Vec6::Zero();                  ///< velocity with which the step under way began
     std::vector<Logged> log;
   };
 
   void create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s);
+  /// Makes a ghost follow a new model.
+  void adapt(Ghost& ghost, const GhostModel& model, Engine& engine);
   void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s,
                double gain);
 

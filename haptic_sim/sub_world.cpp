@@ -215,8 +215,9 @@ const HapticReport& SubWorld::report(std::int64_t sent_ns) {
 
 bool SubWorld::knows(const WorldFrame& frame) const noexcept {
   const auto in_scene = [&](BodyId id) { return index(id) < scene_.bodies.size(); };
+  const auto movable = [&](BodyId id) { return in_scene(id) && !scene_.body(id).fixed(); };
   return std::ranges::all_of(frame.members, in_scene) && std::ranges::all_of(frame.fixed, in_scene) &&
-         std::ranges::all_of(frame.ghosts, in_scene, &GhostModel::outside) &&
+         std::ranges::all_of(frame.ghosts, movable, &GhostModel::outside) &&
          std::ranges::all_of(frame.peers, in_scene, &PeerDevice::proxy) &&
          std::ranges::all_of(frame.entering, in_scene, [](const EnteringBody& e) { return e.body.id; });
 }

@@ -280,10 +280,11 @@ void World::describe_outside(const User& user, WorldFrame& frame) {
   const WorldFrame& last = user.newest(stamp_ - 1);
   // No more than two pointers, which std::function holds without allocating.
   const auto motion_of = [this, &last](BodyId id) {
-    OutsideMotion motion{.velocity = engine_->state(id).linear_velocity};
+    OutsideMotion motion{.state = engine_->state(id)};
     const auto then = std::ranges::lower_bound(last.states, id, {}, &StampedBody::id);
     const bool known = stamp_ > 0 && last.stamp == stamp_ - 1 && then != last.states.end() && then->id == id;
-    if (known) motion.acceleration = (motion.velocity - then->state.linear_velocity) / scene_.settings.cycle_s();
+    if (known)
+      motion.acceleration = (motion.state.linear_velocity - then->state.linear_velocity) / scene_.settings.cycle_s();
     return motion;
   };
   modeller_.model(frame.border, now, graph_, motion_of, cycle_s, frame.ghosts);

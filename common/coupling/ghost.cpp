@@ -27,7 +27,7 @@ Vec3 across(const GhostModel& ghost, Vec3 v) noexcept {
 
 }  // namespace
 
-GhostModeller::GhostModeller(const Scene& scene) : scene_(scene) {
+GhostModeller::GhostModeller(const Scene& scene) : scene_(scene), carried_(scene) {
   way_.reserve(scene.bodies.size());
   counted_.reserve(scene.bodies.size());
   holds_.reserve(64);
@@ -172,7 +172,10 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
     }
   }
   std::ranges::sort(pushed_, {}, &Pushed::body);
+  carried_.begin();
+  const auto state_of = [&motion_of](BodyId id) { return motion_of(id).state; };
   for (GhostModel& ghost : out) {
+    ghost.carried = carried_.model(ghost.outside, out, membership, graph, state_of, step_s);
     const OutsideMotion motion = motion_of(ghost.outside);
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       GhostAxis& axis = ghost.axes[i];
@@ -186,7 +189,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
       const double q = load_n + found.mass_kg * motion.acceleration.dot(axis.normal);
       double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
       double c = found.limit_n;
-      const bool slides = motion.velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
+      const bool slides = motion.state.linear_velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
       c = slides ? std::max(0.0, q - f) : std::max(c, q - f);
       f = std::clamp(f, q - c, q + c);
       axis.force_n = f;
@@ -195,7 +198,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
       if (ghost.mass_kg == 0.0) ghost.mass_kg = found.mass_kg;  // the heaviest loaded way that gives
     }
     if (ghost.mass_kg == 0.0) ghost.mass_kg = kWallMass_kg;
-    add_free_ways(motion, membership, graph, step_s, ghost);
+    if (!ghost.carried) add_free_ways(motion, membership, graph, step_s, ghost);
   }
 }
 

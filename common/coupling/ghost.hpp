@@ -1,6 +1,7 @@
 #pragma once
 
 #include "coupling/border.hpp"
+#include "coupling/carried.hpp"
 #include "coupling/contact_graph.hpp"
 #include "coupling/selection.hpp"
 #include "model/exchange.hpp"
@@ -13,16 +14,17 @@
 
 namespace subworld {
 
-/// How an outside body moves: velocity, m/s, at the end of a cycle and mean acceleration, m/s^2, over it.
+/// How an outside body moves: its state at the end of a cycle and its mean acceleration, m/s^2, over it.
 struct OutsideMotion {
-  Vec3 velocity = Vec3::Zero();
+  BodyState state;
   Vec3 acceleration = Vec3::Zero();
 };
 
 /// Finds the reduced model of every outside body that touches inside ones: how heavy it is to push along the border's
 /// normals, which force drives it and how much friction holds it. An axis of a model is the impulse-weighted mean of
 /// the border contacts that point one way; others become further axes, as far as they are across the first ones, and so
-/// do the ways in which nothing but the inside holds the outside.
+/// do the ways in which nothing but the inside holds the outside. What the inside alone holds in every way has a model
+/// of its own (carried.hpp).
 ///
 /// For each axis n the outside is walked from the body along d = -n. What it pushes adds its mass; something fixed
 /// makes a wall. A side contact with the ground, or with a body that stands on the ground, adds mu lambda / T to the
@@ -76,6 +78,7 @@ class GhostModeller {
   [[nodiscard]] bool grounded(BodyId id, const ContactGraph& graph) const;
 
   const Scene& scene_;
+  CarriedModeller carried_;
   std::vector<BodyId> way_;      ///< what a push moves, in the order of its discovery
   std::vector<BodyId> counted_;  ///< of the walk in hand
   std::vector<Hold> holds_;      ///< of the walk in hand

@@ -3,9 +3,12 @@
 #include "model/body.hpp"
 #include "model/contact.hpp"
 
+#include <Eigen/Core>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -64,6 +67,14 @@ struct GhostAxis {
 
 inline constexpr std::size_t kMostGhostAxes = 3;
 
+/// An outside body that nothing but the inside holds, and what it carries, as one rigid body (coupling/carried).
+struct CarriedBody {
+  double mass_kg = 0.0;
+  Vec3 centre_m = Vec3::Zero();                             ///< of mass, from the outside body's centre
+  Eigen::Matrix3d inertia_kg_m2 = Eigen::Matrix3d::Zero();  ///< about the centre of mass, world axes
+  Wrench drive;                                             ///< of all but the inside, at the outside body's centre
+};
+
 /// The reduced model of an outside body that touches inside ones (coupling/ghost).
 struct GhostModel {
   BodyId outside{};
@@ -71,6 +82,7 @@ struct GhostModel {
   Vec3 load_n = Vec3::Zero();  ///< of the inside on it, friction included, mean over the world's step
   std::size_t axis_count = 0;
   std::array<GhostAxis, kMostGhostAxes> axes;  ///< the heaviest loaded first
+  std::optional<CarriedBody> carried = {};     ///< moves as this says; the axes only tell where it is touched
 };
 
 /// A contact between a body inside the sub-world and one outside (paper 4.2). Impulses act on `inside`.

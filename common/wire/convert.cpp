@@ -199,6 +199,33 @@ bool get(const msg::BorderPair& in, BorderPair& out) {
          get(in.tangential_impulse(), out.tangential_impulse);
 }
 
+void put(const Eigen::Matrix3d& in, msg::SymmetricTensor& out) {
+  out.xx(in(0, 0));
+  out.yy(in(1, 1));
+  out.zz(in(2, 2));
+  out.xy(in(0, 1));
+  out.yz(in(1, 2));
+  out.zx(in(2, 0));
+}
+
+/// Refuses what no body can have.
+bool get(const msg::SymmetricTensor& in, Eigen::Matrix3d& out) {
+  out << in.xx(), in.xy(), in.zx(), in.xy(), in.yy(), in.yz(), in.zx(), in.yz(), in.zz();
+  return out.allFinite() && out.llt().info() == Eigen::Success;
+}
+
+void put(const CarriedBody& in, msg::CarriedBody& out) {
+  out.mass_kg(in.mass_kg);
+  put(in.centre_m, out.centre_m());
+  put(in.inertia_kg_m2, out.inertia_kg_m2());
+  put(in.drive, out.drive());
+}
+
+bool get(const msg::CarriedBody& in, CarriedBody& out) {
+  return get_positive(in.mass_kg(), out.mass_kg) && out.mass_kg > 0.0 && get(in.centre_m(), out.centre_m) &&
+         get(in.inertia_kg_m2(), out.inertia_kg_m2) && get(in.drive(), out.drive);
+}
+
 void put(const GhostModel& in, msg::Ghost& out) {
   out.outside(index(in.outside));
   out.mass_kg(in.mass_kg);
@@ -210,6 +237,8 @@ void put(const GhostModel& in, msg::Ghost& out) {
     out.axes()[i].coulomb_limit_n(in.axes[i].coulomb_limit_n);
     put(in.axes[i].grip, out.axes()[i].grip());
   }
+  out.carried().resize(in.carried ? 1 : 0);
+  if (in.carried) put(*in.carried, out.carried()[0]);
 }
 
 bool get(const msg::Ghost& in, GhostModel& out) {
@@ -224,7 +253,9 @@ bool get(const msg::Ghost& in, GhostModel& out) {
         !get_positive(in.axes()[i].coulomb_limit_n(), axis.coulomb_limit_n) || !get(in.axes()[i].grip(), axis.grip))
       return false;
   }
-  return true;
+  out.carried.reset();
+  if (in.carried().size() > 1) return false;
+  return in.carried().empty() || get(in.carried()[0], out.carried.emplace());
 }
 
 void put(const PeerDevice& in, msg::PeerDevice& out) {

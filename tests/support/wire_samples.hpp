@@ -42,6 +42,14 @@ class SampleMaker {
           .axes = {}};
     for (std::size_t i = 0; i < to.axis_count; ++i)
       to.axes[i] = {vector().normalized(), number(), positive(), vector()};
+    if (coin()) {
+      CarriedBody& carried = to.carried.emplace();
+      carried.mass_kg = 0.1 + positive();
+      carried.centre_m = vector();
+      const Vec3 v = vector();
+      carried.inertia_kg_m2 = v * v.transpose() + Eigen::Matrix3d::Identity();
+      fill(carried.drive);
+    }
   }
   void fill(PeerDevice& to) {
     to.proxy = BodyId{word()};
@@ -231,6 +239,10 @@ struct Walk {
     all(g.outside, g.mass_kg, g.load_n);
     for (std::size_t i = 0; i < g.axis_count; ++i) {
       all(g.axes[i].normal, g.axes[i].force_n, g.axes[i].coulomb_limit_n, g.axes[i].grip);
+    }
+    if (g.carried) {
+      all(g.carried->mass_kg, g.carried->centre_m, g.carried->drive);
+      for (int i = 0; i < 3; ++i) all(Vec3(g.carried->inertia_kg_m2.col(i)));
     }
   }
   void operator()(const PeerDevice& p) { all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity); }

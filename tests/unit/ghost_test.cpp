@@ -36,8 +36,9 @@ struct Outside {
     std::vector<GhostModel> out;
     GhostModeller(scene).model(
         border, membership, graph,
-        [&](BodyId) {
-          return OutsideMotion{velocity, acceleration};
+        [&](BodyId id) {
+          const Vec3 position = positions.empty() ? Vec3::Zero() : positions[index(id)];
+          return OutsideMotion{{.position = position, .linear_velocity = velocity}, acceleration};
         },
         kStep_s, out);
     return out;
@@ -45,6 +46,7 @@ struct Outside {
 
   Scene scene;
   std::vector<Contact> contacts;
+  std::vector<Vec3> positions;  ///< by body; none: all in one place
 };
 
 // Cube 1 is inside; 2 and 3 stand behind it on the floor.
@@ -139,23 +141,65 @@ TEST(GhostModel, ALoadOnTopWeighsAndASupportBelowIsAWall) {
   EXPECT_GT(below[0].mass_kg, 100.0);
 }
 
-// Cube 2 lies on the inside 1: along the floor only friction there holds it, unless it touches 3, which stands.
-TEST(GhostModel, WhatLiesOnTheInsideAloneGoesWithIt) {
+// Cube 2 lies on the inside 1 and carries 3.
+Outside carried() {
+  Outside o(4);
+  o.positions = {Vec3(0, 0, 0), Vec3(0, 0, 0.05), Vec3(0, 0, 0.15), Vec3(0.02, 0, 0.25), Vec3(0.1, 0, 0.15)};
+  o.touch(1, 0, Vec3::UnitZ(), 3 * kWeight_n);
+  o.touch(2, 1, Vec3::UnitZ(), 2 * kWeight_n);
+  o.touch(3, 2, Vec3::UnitZ(), kWeight_n);
+  return o;
+}
+
+TEST(GhostModel, WhatTheInsideAloneHoldsIsARigidBody) {
+  const GhostModel ghost = carried().models({BodyId{1}}).at(0);
+  ASSERT_TRUE(ghost.carried);
+  EXPECT_NEAR(ghost.carried->mass_kg, 2 * kCube_kg, 1e-12);
+  EXPECT_LT((ghost.carried->centre_m - Vec3(0.01, 0, 0.05)).norm(), 1e-12);
+  const double cube = kCube_kg * 0.1 * 0.1 / 6;
+  EXPECT_NEAR(ghost.carried->inertia_kg_m2(0, 0), 2 * (cube + kCube_kg * 0.05 * 0.05), 1e-12);
+  EXPECT_NEAR(ghost.carried->inertia_kg_m2(2, 2), 2 * (cube + kCube_kg * 0.01 * 0.01), 1e-12);
+  EXPECT_NEAR(ghost.carried->inertia_kg_m2(0, 2), -2 * kCube_kg * 0.01 * 0.05, 1e-12);
+  EXPECT_LT((ghost.carried->drive.force - Vec3(0, 0, -2 * kWeight_n)).norm(), 1e-12);
+  EXPECT_LT((ghost.carried->drive.torque - Vec3(0, 0.02 * kWeight_n, 0)).norm(), 1e-12);
+}
+
+TEST(GhostModel, WhatSomethingElseHoldsIsNotCarried) {
+  Outside leans = carried();
+  leans.touch(3, 4, Vec3::UnitX(), 0.1);
+  EXPECT_TRUE(leans.models({BodyId{1}}).at(0).carried) << "cube 4 hangs on it";
+  leans.touch(4, 0, Vec3::UnitZ(), kWeight_n);
+  EXPECT_FALSE(leans.models({BodyId{1}}).at(0).carried) << "cube 4 stands on the floor";
+  Outside stiff = carried();
+  stiff.scene.bodies[3].rotates = false;
+  EXPECT_FALSE(stiff.models({BodyId{1}}).at(0).carried);
+}
+
+// Cubes 2 and 4 both lie on the inside and touch.
+TEST(GhostModel, AnotherGhostPressesACarriedOneAsItDoesInTheWorld) {
+  Outside o = carried();
+  o.touch(4, 1, Vec3::UnitZ(), kWeight_n);
+  o.touch(2, 4, -Vec3::UnitX(), 0.7);
+  const auto models = o.models({BodyId{1}});
+  ASSERT_EQ(models.size(), 2U);
+  ASSERT_TRUE(models[0].carried && models[1].carried);
+  EXPECT_NEAR(models[0].carried->mass_kg, 2 * kCube_kg, 1e-12);
+  EXPECT_NEAR(models[1].carried->mass_kg, kCube_kg, 1e-12);
+  EXPECT_NEAR(models[0].carried->drive.force.x(), -0.7, 1e-12);
+  EXPECT_NEAR(models[1].carried->drive.force.x(), 0.7, 1e-12);
+}
+
+// Along x a cube that touches one with a stand is held, along y it is not.
+TEST(GhostModel, AWayInWhichTheInsideAloneHoldsIsFree) {
   Outside o(3);
   o.touch(1, 0, Vec3::UnitZ(), 2 * kWeight_n);
-  o.touch(3, 0, Vec3::UnitZ(), kWeight_n);
   o.touch(2, 1, Vec3::UnitZ(), kWeight_n);
-  o.contacts.back().tangential_impulse = Vec3(0.3 * kStep_s, 0, 0);  // draws it along
-  const GhostModel alone = o.models({BodyId{1}}, Vec3::Zero(), Vec3(0.3 / kCube_kg, 0, 0)).at(0);
-  ASSERT_EQ(alone.axis_count, 3U);
-  for (std::size_t i = 1; i < 3; ++i) {
-    EXPECT_NEAR(alone.axes[i].normal.z(), 0.0, 1e-12);
-    EXPECT_NEAR(alone.axes[i].force_n, 0.0, 1e-12) << "all of its acceleration is the inside's";
-    EXPECT_EQ(alone.axes[i].coulomb_limit_n, 0.0);
-  }
-  o.touch(2, 3, Vec3::UnitX(), 0.1);
+  o.touch(3, 0, Vec3::UnitZ(), kWeight_n);
+  o.touch(2, 3, Vec3::UnitX(), 0.0);
   const GhostModel beside = o.models({BodyId{1}}).at(0);
-  EXPECT_LT(beside.axis_count, 3U);
+  EXPECT_FALSE(beside.carried);
+  ASSERT_GE(beside.axis_count, 1U);
+  for (std::size_t i = 0; i < beside.axis_count; ++i) EXPECT_NEAR(beside.axes[i].normal.x(), 0.0, 1e-12);
 }
 
 // Cube 3 rests on 2, which is outside, and 1 pushes 2: one axis along the row, one up.
@@ -231,6 +275,68 @@ TEST(GhostMotion, MovesAcrossItsAxisAsTheWorldsBody) {
   GhostMotion ghost = sticking(5.0);
   ghost.world_velocity = Vec3(0.3, 0.1, -0.2);
   EXPECT_LT((ghost.begin(Vec3::Zero(), 0.001) - Vec3(0, 0.1, -0.2)).norm(), 1e-12);
+}
+
+/// A carried ghost and the body that an engine moves for it, under a constant push of the inside.
+struct CarriedRun {
+  Body body = test::cube(BodyId{0}, 0.1, kCube_kg);
+  CarriedMotion motion;
+  Vec6 velocity = Vec6::Zero();  ///< of the engine's body
+
+  void step(const Vec3& force_n, const Vec3& torque_n_m, double h) {
+    const Vec6 start = motion.begin(body, Quat::Identity(), h);
+    velocity = start;
+    velocity.head<3>() += h / body.mass * force_n;
+    velocity.tail<3>() += h * torque_n_m.cwiseQuotient(body.inertia);
+    motion.end(body, Quat::Identity(), start, velocity, h);
+  }
+};
+
+TEST(CarriedMotion, FallsUnderItsWeight) {
+  CarriedRun run;
+  run.motion.follow(*carried().models({BodyId{1}}).at(0).carried);
+  for (int i = 0; i < 100; ++i) run.step(Vec3::Zero(), Vec3::Zero(), 0.001);
+  EXPECT_LT((run.velocity - (Vec6() << 0, 0, -0.981, 0, 0, 0).finished()).norm(), 1e-9) << "it falls and does not turn";
+}
+
+// A push through the centre of mass moves the whole, one beside it also turns it.
+TEST(CarriedMotion, IsAsHeavyAsTheWholeThatItCarries) {
+  const CarriedBody whole = *carried().models({BodyId{1}}).at(0).carried;
+  const Vec3 push(0, 3, 0);
+  CarriedRun run;
+  run.motion.follow(whole);
+  run.motion.drive.setZero();
+  const double t = 0.2, h = 0.001;
+  for (int i = 0; i < 200; ++i) run.step(push, Vec3::Zero(), h);
+  const Vec3 turn = whole.inertia_kg_m2.ldlt().solve(Vec3((-whole.centre_m).cross(push) * t));
+  const Vec3 speed = push * t / whole.mass_kg + turn.cross(-whole.centre_m);
+  EXPECT_LT((run.velocity.tail<3>() - turn).norm(), 1e-9 * turn.norm());
+  EXPECT_LT((run.velocity.head<3>() - speed).norm(), 1e-9 * speed.norm());
+}
+
+/// Mass m and a carried ghost in one inelastic contact along z; the impulse between them after `steps`.
+TEST(CarriedMotion, SettlesOnWhatIsLighterAndOnWhatIsHeavier) {
+  for (const double m : {0.001, 0.2, 50.0}) {
+    CarriedRun run;
+    CarriedBody whole = *carried().models({BodyId{1}}).at(0).carried;
+    whole.centre_m.setZero();
+    run.motion.follow(whole);
+    const double h = 0.001, lift_n = 10.0;
+    double v = 0.0, pressed_n = 0.0;
+    for (int i = 0; i < 3000; ++i) {
+      const Vec6 start = run.motion.begin(run.body, Quat::Identity(), h);
+      const double free = v + (lift_n / m - 9.81) * h;
+      const double together = (m * free + run.body.mass * start[2]) / (m + run.body.mass);
+      pressed_n = run.body.mass * (together - start[2]) / h;
+      v = together;
+      Vec6 after = start;
+      after[2] = together;
+      run.motion.end(run.body, Quat::Identity(), start, after, h);
+    }
+    const double total = m + whole.mass_kg;
+    EXPECT_NEAR(pressed_n, whole.mass_kg * lift_n / total, 1e-6) << "m = " << m;
+    EXPECT_NEAR(v, 3.0 * (lift_n / total - 9.81), 0.01 * std::abs(v)) << "m = " << m;
+  }
 }
 
 TEST(Islands, AreOpenWhereTheyReachOut) {
