@@ -33,7 +33,7 @@ DirectBullet::DirectBullet(const Vec3& gravity, double dt)
   info.m_splitImpulse = 1;
   info.m_splitImpulsePenetrationThreshold = 0;
   solver_.set_friction_relaxation(scalar(1.3));
-  solver_.set_friction_forgotten(scalar(1e-3));
+  solver_.set_friction_forgotten(scalar(3e-3));
   world_.setGravity(to_bullet(gravity));
 }
 
