@@ -106,6 +106,37 @@ TEST(Reduced, FollowsTheReferenceThroughTheBorderOfTheRow) {
   EXPECT_LE(2.0 * error_on_row("reduced", 10, force, jittering), error_on_row("paper", 10, force, jittering));
 }
 
+double error_of(const Scene& scene) {
+  Scene whole = scene;
+  whole.settings.scheme = "direct";
+  whole.settings.ratio = 1;
+  CoupledRun reference(whole);
+  EXPECT_TRUE(reference.run());
+  CoupledRun coupled(scene);
+  EXPECT_TRUE(coupled.run());
+  EXPECT_LE(coupled.world.energy_excess_j(), 1e-3 * coupled.subs[0]->device_work_j());
+  return force_error(coupled.felt[0].force, reference.felt[0].force, scene.settings.h_s).rms;
+}
+
+class PushedAside : public testing::TestWithParam<std::string> {};
+
+// A push beside the middle and to the side turns what is outside.
+TEST_P(PushedAside, IsFeltThroughABorderThatTurns) {
+  Scene scene = scene_of(GetParam(), "reduced", 4);
+  PathSegment& push = scene.users[0].device.path.at(0);
+  push.displacement.y() -= 0.02;
+  push.to_s = 1.6;
+  EXPECT_LE(error_of(scene), 0.02);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, PushedAside, testing::Values("heavy_outside", "hidden_load", "pyramid"),
+                         [](const auto& tested) { return tested.param; });
+
+TEST(Reduced, TipsAndTakesAlongWhatTheInsideCarries) {
+  EXPECT_LE(error_of(scene_of("see_saw", "reduced", 4)), 0.015);
+  EXPECT_LE(error_of(scene_of("see_saw", "reduced", 10)), 0.025);
+}
+
 // Figure 8 b: the proxy in the middle of a stack. The sub-world's ends are border bodies, and they carry the load of
 // the cubes that are outside: without border impulses the lower members would fall.
 TEST(Figure8b, BorderImpulsesCarryTheStackOutside) {
