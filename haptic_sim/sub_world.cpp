@@ -215,9 +215,13 @@ const HapticReport& SubWorld::report(std::int64_t sent_ns) {
 
 bool SubWorld::knows(const WorldFrame& frame) const noexcept {
   const auto in_scene = [&](BodyId id) { return index(id) < scene_.bodies.size(); };
-  const auto movable = [&](BodyId id) { return in_scene(id) && !scene_.body(id).fixed(); };
+  const auto possible = [&](const GhostModel& ghost) {
+    if (!in_scene(ghost.outside)) return false;
+    const Body& body = scene_.body(ghost.outside);
+    return !body.fixed() && (!ghost.carried || holds(*ghost.carried, body));
+  };
   return std::ranges::all_of(frame.members, in_scene) && std::ranges::all_of(frame.fixed, in_scene) &&
-         std::ranges::all_of(frame.ghosts, movable, &GhostModel::outside) &&
+         std::ranges::all_of(frame.ghosts, possible) &&
          std::ranges::all_of(frame.peers, in_scene, &PeerDevice::proxy) &&
          std::ranges::all_of(frame.entering, in_scene, [](const EnteringBody& e) { return e.body.id; });
 }

@@ -1,5 +1,6 @@
 #include "coupling/carried.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include <algorithm>
@@ -107,6 +108,15 @@ std::optional<CarriedBody> CarriedModeller::model(BodyId outside, std::span<cons
   const Eigen::Matrix3d cross = cross_matrix(found.centre_m);
   found.inertia_kg_m2 = about_origin + found.mass_kg * cross * cross;
   return found;
+}
+
+bool holds(const CarriedBody& whole, const Body& body) {
+  constexpr double kRounding = 1e-6;
+  const Eigen::Matrix3d cross = cross_matrix(whole.centre_m);
+  const Eigen::Matrix3d inertia = whole.inertia_kg_m2 - whole.mass_kg * cross * cross;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(inertia, Eigen::EigenvaluesOnly);
+  return whole.mass_kg >= (1.0 - kRounding) * body.mass &&
+         principal.eigenvalues().minCoeff() >= (1.0 - kRounding) * body.inertia.minCoeff();
 }
 
 void CarriedMotion::follow(const CarriedBody& whole) {

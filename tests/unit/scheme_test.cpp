@@ -247,6 +247,10 @@ TEST_P(PeersNonsense, IsRefusedAndTheNextFrameCountsIt) {
         broken([&](WorldFrame& f) { f.peers.push_back({.proxy = nobody, .pose = {}}); }), broken([&](WorldFrame& f) {
           f.ghosts.push_back(ghost), f.states.push_back({nobody, {}});
         }),
+        broken([&](WorldFrame& f) {
+          f.ghosts.assign(1, ghost), f.ghosts[0].outside = BodyId{10};
+          f.ghosts[0].carried = CarriedBody{.mass_kg = 1e-9, .inertia_kg_m2 = Eigen::Matrix3d::Identity(), .drive = {}};
+        }),
         broken([&](WorldFrame& f) { f.entering.push_back({}), f.entering.back().body.id = nobody; })}) {
     EXPECT_EQ(sub.apply(frame), 0U);
   }

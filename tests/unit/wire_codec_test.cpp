@@ -176,6 +176,21 @@ TEST(WireValidation, bodies_must_be_possible) {
   EXPECT_FALSE(accepted(frame));
 }
 
+TEST(WireValidation, inertia_must_be_positive_definite) {
+  WorldFrame frame;
+  frame.ghosts.resize(1);
+  frame.ghosts[0].mass_kg = 1.0;
+  CarriedBody& carried = frame.ghosts[0].carried.emplace();
+  carried.mass_kg = 1.0;
+  carried.inertia_kg_m2.setIdentity();
+  EXPECT_TRUE(accepted(frame));
+  carried.inertia_kg_m2(0, 1) = carried.inertia_kg_m2(1, 0) = 2.0;
+  EXPECT_FALSE(accepted(frame));
+  carried.inertia_kg_m2.setIdentity();
+  carried.mass_kg = 0.0;
+  EXPECT_FALSE(accepted(frame));
+}
+
 TEST(WireValidation, sizes_and_indices_of_a_scene_must_agree) {
   const auto good = SampleMaker(19).make<SceneDescription>();
   ASSERT_TRUE(accepted(good));
