@@ -110,6 +110,7 @@ double error_of(const Scene& scene) {
   Scene whole = scene;
   whole.settings.scheme = "direct";
   whole.settings.ratio = 1;
+  whole.settings.delay = {};
   CoupledRun reference(whole);
   EXPECT_TRUE(reference.run());
   CoupledRun coupled(scene);
@@ -132,9 +133,12 @@ TEST_P(PushedAside, IsFeltThroughABorderThatTurns) {
 INSTANTIATE_TEST_SUITE_P(Scenes, PushedAside, testing::Values("heavy_outside", "hidden_load", "pyramid"),
                          [](const auto& tested) { return tested.param; });
 
+// Moved as the world's body instead, it costs 4 and 14 %.
 TEST(Reduced, TipsAndTakesAlongWhatTheInsideCarries) {
-  EXPECT_LE(error_of(scene_of("see_saw", "reduced", 4)), 0.02);
-  EXPECT_LE(error_of(scene_of("see_saw", "reduced", 10)), 0.025);
+  EXPECT_LE(error_of(scene_of("see_saw", "reduced", 20)), 0.04);
+  Scene late = scene_of("see_saw", "reduced", 5);
+  late.settings.delay = {.up_s = 0.05, .down_s = 0.05};
+  EXPECT_LE(error_of(late), 0.05);
 }
 
 // Figure 8 b: the proxy in the middle of a stack. The sub-world's ends are border bodies, and they carry the load of
