@@ -283,8 +283,9 @@ void World::describe_outside(const User& user, WorldFrame& frame) {
     OutsideMotion motion{.state = engine_->state(id)};
     const auto then = std::ranges::lower_bound(last.states, id, {}, &StampedBody::id);
     const bool known = stamp_ > 0 && last.stamp == stamp_ - 1 && then != last.states.end() && then->id == id;
-    if (known)
-      motion.acceleration = (motion.state.linear_velocity - then->state.linear_velocity) / scene_.settings.cycle_s();
+    if (!known) return motion;
+    const Vec3 gained = motion.state.linear_velocity - then->state.linear_velocity;
+    motion.acceleration = gained / scene_.settings.cycle_s();
     return motion;
   };
   modeller_.model(frame.border, now, graph_, motion_of, cycle_s, frame.ghosts);

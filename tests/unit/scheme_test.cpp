@@ -265,6 +265,25 @@ TEST_P(PeersNonsense, IsRefusedAndTheNextFrameCountsIt) {
   EXPECT_TRUE(sub.finite());
 }
 
+// Finite, but no world's: the ghost flies off, what the hand feels stays bounded, and nothing stops.
+TEST(Reduced, ADriveBeyondReasonLeavesTheHandItsBounds) {
+  for (const double force_n : {1e12, 1e308, -1e308}) {
+    CoupledRun run(scene_of("see_saw", "reduced", 4));
+    for (int i = 0; i < 150; ++i) run.cycle();
+    SubWorld& sub = *run.subs[0];
+    WorldFrame frame = run.frame();
+    ++frame.stamp;
+    ASSERT_TRUE(!frame.ghosts.empty() && frame.ghosts[0].carried);
+    frame.ghosts[0].carried->drive = {Vec3(0, 0, force_n), Vec3(0, force_n, 0)};
+    sub.apply(frame);
+    for (int i = 0; i < 200; ++i) {
+      const FeltStep felt = sub.step({}, true, 0.001);
+      ASSERT_TRUE(felt.to_hand.force.allFinite());
+      ASSERT_LE(felt.to_hand.force.norm(), 40.0 + 1e-9);
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Schemes, PeersNonsense, testing::Values("direct", "paper", "reduced"),
                          [](const auto& one) { return std::string(one.param); });
 
