@@ -63,8 +63,8 @@ std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& s
   const auto started = [&] {
     while (ports.frames.take(first.frame) == Take::sample) {
       first.received = Clock::now();
-      if (!joined) sub.adopt(first.frame);
-      joined = true;
+      if (!joined) joined = sub.adopt(first.frame);
+      if (!joined) continue;  // not answered: a standing world tells again
       if (first.frame.clock_factor > 0.0) return true;
       ports.reports.write(sub.report(to_ns(first.received)));
     }

@@ -301,8 +301,8 @@ void SubWorld::describe_islands(std::vector<std::uint32_t>& labels) {
   islands_.labels(labels);
 }
 
-void SubWorld::adopt(const WorldFrame& frame) {
-  if (!knows(frame)) return;
+bool SubWorld::adopt(const WorldFrame& frame) {
+  if (!knows(frame)) return false;
   if (engine_) {
     let_peers_go();
     for (const StampedBody& s : frame.states) {
@@ -323,6 +323,7 @@ void SubWorld::adopt(const WorldFrame& frame) {
   impulse_ = {};
   frame_ = frame;
   border_impulses_for_s_ = 0.0;
+  return !engine_ || engine_->contains(spec_.proxy);
 }
 
 }  // namespace subworld

@@ -51,7 +51,8 @@ class SubWorld {
   /// bodies that the scene does not have, does nothing.
   std::uint64_t apply(const WorldFrame& frame);
   /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind or is not finite.
-  void adopt(const WorldFrame& frame);
+  /// False where the frame brings no proxy: it is no beginning.
+  bool adopt(const WorldFrame& frame);
 
   /// Asks for another engine. Returns what came of it, in words; exchange_engine() hands over between two steps,
   /// when the other one is ready, and lets the hand feel it gently.

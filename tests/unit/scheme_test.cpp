@@ -265,6 +265,18 @@ TEST_P(PeersNonsense, IsRefusedAndTheNextFrameCountsIt) {
   EXPECT_TRUE(sub.finite());
 }
 
+// As of a world that takes this sub-world for one that has been heard already.
+TEST(Join, AFrameWithoutTheProxyIsNoBeginning) {
+  const Scene scene = scene_of("row", "reduced", 4);
+  CoupledRun run(scene);
+  WorldFrame frame = run.frame();
+  SubWorld late(scene, 0);
+  ASSERT_FALSE(frame.entering.empty());
+  frame.entering.clear();
+  EXPECT_FALSE(late.adopt(frame));
+  EXPECT_TRUE(late.adopt(run.frame()));
+}
+
 // Finite, but no world's: the ghost flies off, what the hand feels stays bounded, and nothing stops.
 TEST(Reduced, ADriveBeyondReasonLeavesTheHandItsBounds) {
   for (const double force_n : {1e12, 1e308, -1e308}) {
