@@ -259,14 +259,16 @@ class BoxBox final : public btCollisionAlgorithm {
     const btScalar reach = manifold_->getContactBreakingThreshold();
     const auto direction = least_deep(a, b, last_, reach);
     last_ = direction ? direction->number : -1;
+    if (!direction) {
+      manifold_->clearManifold();
+      return;
+    }
 
     std::array<btManifoldPoint, kMostPoints> before;
     const auto count = static_cast<std::size_t>(manifold_->getNumContacts());
     for (std::size_t i = 0; i < count; ++i) before[i] = manifold_->getContactPoint(static_cast<int>(i));
     const std::span<btManifoldPoint> old(before.data(), count);
     manifold_->clearManifold();
-    if (!direction) return;
-
     const auto is_old = [&](int feature) {
       for (const btManifoldPoint& point : old) {
         if (point.m_index0 == feature) return true;

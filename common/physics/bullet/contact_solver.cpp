@@ -2,6 +2,26 @@
 
 namespace subworld::bullet {
 
+namespace {
+
+/// The impulse (N s) that would stop a row's motion.
+btScalar wanted(const btSolverConstraint& row, const btSolverBody& a, const btSolverBody& b) {
+  const btScalar speed =
+      row.m_contactNormal1.dot(a.getDeltaLinearVelocity()) + row.m_relpos1CrossNormal.dot(a.getDeltaAngularVelocity()) +
+      row.m_contactNormal2.dot(b.getDeltaLinearVelocity()) + row.m_relpos2CrossNormal.dot(b.getDeltaAngularVelocity());
+  return btScalar(row.m_appliedImpulse) + row.m_rhs - speed * row.m_jacDiagABInv;
+}
+
+/// Sets what a row's impulse has become to `impulse` (N s).
+void change(btSolverConstraint& row, btSolverBody& a, btSolverBody& b, btScalar impulse) {
+  const btScalar by = impulse - btScalar(row.m_appliedImpulse);
+  row.m_appliedImpulse = impulse;
+  a.internalApplyImpulse(row.m_contactNormal1 * a.internalGetInvMass(), row.m_angularComponentA, by);
+  b.internalApplyImpulse(row.m_contactNormal2 * b.internalGetInvMass(), row.m_angularComponentB, by);
+}
+
+}  // namespace
+
 void ContactSolver::convertContacts(btPersistentManifold** manifolds, int count, const btContactSolverInfo& info) {
   btSequentialImpulseConstraintSolver::convertContacts(manifolds, count, info);
   for (int i = 0; i < m_tmpSolverContactConstraintPool.size(); ++i) {
@@ -41,27 +61,11 @@ void ContactSolver::prepare_friction(const btSolverConstraint& normal, const btC
   for (int k = 0; k < 2; ++k) {
     rows[k].m_rhs *= step / rows[k].m_jacDiagABInv;
     rows[k].m_jacDiagABInv = step;
-    if (kept > 0) change(rows[k], kept * held[k]);
+    if (kept > 0) {
+      change(rows[k], m_tmpSolverBodyPool[normal.m_solverBodyIdA], m_tmpSolverBodyPool[normal.m_solverBodyIdB],
+             kept * held[k]);
+    }
   }
-}
-
-void ContactSolver::change(btSolverConstraint& row, btScalar impulse) {
-  const btScalar by = impulse - btScalar(row.m_appliedImpulse);
-  row.m_appliedImpulse = impulse;
-  btSolverBody& a = m_tmpSolverBodyPool[row.m_solverBodyIdA];
-  btSolverBody& b = m_tmpSolverBodyPool[row.m_solverBodyIdB];
-  a.internalApplyImpulse(row.m_contactNormal1 * a.internalGetInvMass(), row.m_angularComponentA, by);
-  b.internalApplyImpulse(row.m_contactNormal2 * b.internalGetInvMass(), row.m_angularComponentB, by);
-}
-
-btScalar ContactSolver::wanted(const btSolverConstraint& row) {
-  btSolverBody& a = m_tmpSolverBodyPool[row.m_solverBodyIdA];
-  btSolverBody& b = m_tmpSolverBodyPool[row.m_solverBodyIdB];
-  const btScalar speed = row.m_contactNormal1.dot(a.internalGetDeltaLinearVelocity()) +
-                         row.m_relpos1CrossNormal.dot(a.internalGetDeltaAngularVelocity()) +
-                         row.m_contactNormal2.dot(b.internalGetDeltaLinearVelocity()) +
-                         row.m_relpos2CrossNormal.dot(b.internalGetDeltaAngularVelocity());
-  return btScalar(row.m_appliedImpulse) + row.m_rhs - speed * row.m_jacDiagABInv;
 }
 
 btScalar ContactSolver::solveSingleIteration(int /*iteration*/, btCollisionObject** /*bodies*/, int /*body_count*/,
@@ -79,11 +83,14 @@ btScalar ContactSolver::solveSingleIteration(int /*iteration*/, btCollisionObjec
     const btSolverConstraint& normal = m_tmpSolverContactConstraintPool[i];
     btSolverConstraint* rows = &m_tmpSolverContactFrictionConstraintPool[normal.m_frictionIndex];
     const btScalar most = rows[0].m_friction * btScalar(normal.m_appliedImpulse);
-    const btScalar first = wanted(rows[0]), second = wanted(rows[1]);
+    if (most == 0 && rows[0].m_appliedImpulse == 0 && rows[1].m_appliedImpulse == 0) continue;
+    btSolverBody& a = m_tmpSolverBodyPool[normal.m_solverBodyIdA];
+    btSolverBody& b = m_tmpSolverBodyPool[normal.m_solverBodyIdB];
+    const btScalar first = wanted(rows[0], a, b), second = wanted(rows[1], a, b);
     const btScalar size = btSqrt(first * first + second * second);
     const btScalar part = size > most ? most / size : btScalar(1);
-    change(rows[0], part * first);
-    change(rows[1], part * second);
+    change(rows[0], a, b, part * first);
+    change(rows[1], a, b, part * second);
   }
   return worst;
 }

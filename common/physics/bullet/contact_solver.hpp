@@ -28,10 +28,6 @@ class ContactSolver final : public btSequentialImpulseConstraintSolver {
   /// Bullet makes a body bounce that is only near, and takes from the bounce the speed that would bring it there: lower
   /// bounces, by chance. It shall bounce if it touches within the step, and wholly.
   void time_bounce(btSolverConstraint& normal, const btContactSolverInfo& info) const;
-  /// The impulse (N s) that would stop a row's motion.
-  [[nodiscard]] btScalar wanted(const btSolverConstraint& row);
-  /// Sets what a row's impulse has become to `impulse` (N s).
-  void change(btSolverConstraint& row, btScalar impulse);
 
   btScalar friction_forgotten_s_ = 0;
   btScalar friction_relaxation_ = 1;
