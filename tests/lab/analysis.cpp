@@ -10,10 +10,12 @@ namespace subworld {
 namespace {
 
 /// What is asked of a scheme, whatever it does about it.
-const std::vector<std::string> kConditions{"scene", "engine", "h_s", "latency_s", "jitter_s", "coupling_stiffness_n_m"};
+const std::vector<std::string> kConditions{
+    "scene", "variant", "engine", "h_s", "latency_s", "jitter_s", "coupling_stiffness_n_m"};
 /// What is run, but for how long and how late.
-const std::vector<std::string> kSetting{"scene", "scheme", "engine",        "haptic_engine",  "h_s",
-                                        "ratio", "box_m",  "contact_depth", "world_substeps", "coupling_stiffness_n_m"};
+const std::vector<std::string> kSetting{
+    "scene", "variant", "scheme",        "engine",         "haptic_engine",         "h_s",
+    "ratio", "box_m",   "contact_depth", "world_substeps", "coupling_stiffness_n_m"};
 
 /// Under a telling floor nothing can be told apart.
 double told_error(const Json& row) {
@@ -82,6 +84,38 @@ Json convergence(const Rows& rows, const std::string& x) {
     fitted.push_back(fit);
   }
   return fitted;
+}
+
+Json over_variants(const Rows& rows) {
+  std::vector<std::string> fixed = kSetting;
+  fixed.insert(fixed.end(), {"latency_s", "jitter_s"});
+  std::erase(fixed, "variant");
+  Json all = Json::array();
+  if (std::ranges::all_of(rows, [](const Json& row) { return row.at("variant") == 0; })) return all;
+  for (const Json& row : rows) {
+    if (std::ranges::any_of(all, [&](const Json& done) { return alike(done, row, fixed); })) continue;
+    std::vector<double> errors, floors;
+    int survived = 0;
+    for (const Json& other : rows) {
+      if (!alike(row, other, fixed) || !comparable(other)) continue;
+      errors.push_back(number(other, "force_error_rms"));
+      floors.push_back(number(other, "reference_floor"));
+      survived += other.at("survived").get<bool>() ? 1 : 0;
+    }
+    if (errors.empty()) continue;
+    std::ranges::sort(errors);
+    Json over;
+    for (const std::string& column : fixed) over[column] = row.at(column);
+    const std::size_t n = errors.size();
+    over["variants"] = n;
+    over["survived"] = survived;
+    over["force_error_rms_median"] = 0.5 * (errors[(n - 1) / 2] + errors[n / 2]);
+    over["force_error_rms_max"] = errors.back();
+    over["reference_floor_min"] = std::ranges::min(floors);
+    over["reference_floor_max"] = std::ranges::max(floors);
+    all.push_back(over);
+  }
+  return all;
 }
 
 }  // namespace subworld

@@ -27,6 +27,7 @@ const std::vector<int> kQuickRatios{4, 20};
 
 struct Request {
   Sweep sweep;
+  int variants = 0;
   bool quick = false;
   std::string out;
 };
@@ -44,6 +45,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "  subworld lab coupling --quick --out out/quick\n"
       "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
       "  subworld lab coupling row heavy_outside --scheme reduced --box 0.15,0.2,0.3 --substeps 1,4\n"
+      "  subworld lab coupling raft pyramid --variants 10 --ratio 4,10\n"
       "  subworld lab coupling deploy/scenes/row.yaml --latency 0,0.02,0.1 --jitter 0,0.01\n"
       "DIR/report.html shows the results, DIR/results.csv and results.json hold them, DIR/traces the felt forces.\n"
       "Ctrl-C writes what has been measured so far.\n"
@@ -70,6 +72,10 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   add_numbers(app, "--h", sweep.h_s, "haptic steps, s (default: the scene's)", 1e-5, 0.1);
   add_list(app, "--engine", sweep.engines, "the world's engines (default: the scene's)");
   add_list(app, "--haptic-engine", sweep.haptic_engines, "the sub-worlds' engines (default: the scene's)");
+  app.add_option("--variants", request.variants,
+                 "so many variants of each scene as well, with other friction, masses and paths: whether an error is "
+                 "that of one lucky scene (default: 0)")
+      ->check(CLI::Range(0, 1000));
   app.add_option("--duration", sweep.duration_s, "simulated time, s (default: the scene's)")
       ->check(CLI::Range(0.05, 1e4))
       ->check(not_finite);
@@ -78,6 +84,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
                            fmt::join(kQuickScenes, " "), fmt::join(kQuickRatios, ","), kQuickDuration_s));
   add_out(app, "coupling", request.out);
   if (const auto code = parse_lab(app, argc, argv)) return code;
+  for (int v = 1; v <= request.variants; ++v) sweep.variants.push_back(v);
   if (request.quick && ratio->count() == 0) sweep.ratios = kQuickRatios;
   if (request.quick && !sweep.duration_s) sweep.duration_s = kQuickDuration_s;
   if (sweep.scenes.empty()) sweep.scenes = scene_files(request.quick ? kQuickScenes : kScenes);
@@ -125,7 +132,8 @@ Json effective(const Scene& scene) {
 }
 
 Json asked(const Sweep& s) {
-  return {{"scheme", s.schemes},
+  return {{"variant", s.variants},
+          {"scheme", s.schemes},
           {"engine", s.engines},
           {"haptic_engine", s.haptic_engines},
           {"ratio", s.ratios},
@@ -172,6 +180,7 @@ class Progress {
  private:
   std::string details(const Json& row) const {
     std::string text = fmt::format("box {:g} m", row.at("box_m").get<double>());
+    if (const int variant = row.at("variant"); variant != 0) text += fmt::format(", variant {}", variant);
     if (sweep_.h_s.size() > 1) text += fmt::format(", h {:g} ms", 1e3 * row.at("h_s").get<double>());
     if (sweep_.stiffness_factors.size() > 1)
       text += fmt::format(", K {:g} N/m", row.at("coupling_stiffness_n_m").get<double>());
@@ -227,14 +236,18 @@ Json summary_of(const Request& request, const Findings& found, std::size_t plann
     for (Json& fit : convergence(found.rows, "h_s")) fits.push_back(std::move(fit));
   }
   summary["convergence"] = fits;
+  summary["over_variants"] = over_variants(found.rows);
   summary["verdict"] = verdict_of(found.rows, planned);
   return summary;
 }
 
-void print_orders(const Findings& found) {
+void print_findings(const Findings& found) {
   for (const Rows& rows : by_scene(found.rows)) {
+    const std::string scene = rows.front().at("scene");
     for (const std::string& line : orders_of(found.summary.at("convergence"), rows))
-      fmt::print("order, {}: {}\n", rows.front().at("scene").get<std::string>(), line);
+      fmt::print("order, {}: {}\n", scene, line);
+    for (const std::string& line : variants_of(found.summary.at("over_variants"), rows))
+      fmt::print("variants, {}: {}\n", scene, line);
   }
 }
 
@@ -253,7 +266,7 @@ int run_lab(int argc, char** argv) {
 
   Findings found = sweep_all(request.sweep, points, out);
   found.summary = summary_of(request, found, points.size());
-  print_orders(found);
+  print_findings(found);
   return end_lab(out, found.rows, found.summary, [&](const std::string& page) { write_report(page, found); });
 }
 

@@ -69,6 +69,7 @@ double cpu_s_per_s(const Histogram& h, double simulated_s) {
 Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
   const Settings& s = scene.settings;
   return {{"scene", scene.name},
+          {"variant", point.variant},
           {"scheme", point.scheme},
           {"engine", s.world.name},
           {"haptic_engine", s.haptic.name},

@@ -26,7 +26,14 @@ most that a body ends away from where the reference has it; <b>energy excess</b>
 devices; <b>ghosts</b> the outside bodies that the scheme <i>reduced</i> models.</p>
 )";
 
-constexpr Column kColumns[] = {{"engine", "engine", 1, 0, nullptr, true},
+constexpr const char* kOrders =
+    "Observed order p of error ~ C r<sup>p</sup> (or C h<sup>p</sup>), points above the floor and without latency";
+constexpr const char* kVariants =
+    "Over the variants of the scene, which differ from it in friction, masses and path; the plots are of the scene "
+    "itself";
+
+constexpr Column kColumns[] = {{"variant", "variant", 1, 4, nullptr, true},
+                               {"engine", "engine", 1, 0, nullptr, true},
                                {"haptic engine", "haptic_engine", 1, 0, nullptr, true},
                                {"r", "ratio", 1, 4},
                                {"h ms", "h_s", 1e3, 4, nullptr, true},
@@ -94,7 +101,8 @@ std::string choices_of(const Rows& rows) {
   if (!comparable(rows.front())) return "";
   std::vector<const Json*> open;
   for (const Json& row : rows) {
-    if (alike(row, rows.front(), {"latency_s", "jitter_s", "coupling_stiffness_n_m", "h_s"})) open.push_back(&row);
+    if (alike(row, rows.front(), {"variant", "latency_s", "jitter_s", "coupling_stiffness_n_m", "h_s"}))
+      open.push_back(&row);
   }
   const std::vector<std::string> columns = swept(rows);
   std::string text;
@@ -140,11 +148,9 @@ std::string doubt_of(const Rows& rows) {
       100.0 * floor);
 }
 
-std::string orders_page(const std::vector<std::string>& lines) {
+std::string list_of(const char* title, const std::vector<std::string>& lines) {
   if (lines.empty()) return "";
-  std::string text =
-      "<p>Observed order p of error ~ C r<sup>p</sup> (or C h<sup>p</sup>), points above the floor and without "
-      "latency:</p>\n<ul>";
+  std::string text = fmt::format("<p>{}:</p>\n<ul>", title);
   for (const std::string& line : lines) text += fmt::format("<li>{}</li>\n", escaped(line));
   return text + "</ul>\n";
 }
@@ -156,13 +162,31 @@ std::vector<std::string> orders_of(const Json& fits, const Rows& rows) {
   for (const char* other : {"scheme", "latency_s", "jitter_s"}) std::erase(columns, other);
   std::vector<std::string> lines;
   for (const Json& fit : fits) {
-    if (fit.at("scene") != rows.front().at("scene") || fit.at("order").is_null()) continue;
+    if (!alike(fit, rows.front(), {"scene", "variant"}) || fit.at("order").is_null()) continue;
     const std::string x = fit.at("in");
     const std::string what = swept_text(fit, columns, x);
     lines.push_back(fmt::format("{}{}{}: p = {:.2f} in {} over {} points{}", fit.at("scheme").get<std::string>(),
                                 what.empty() ? "" : ", ", what, fit.at("order").get<double>(), x == "ratio" ? "r" : "h",
                                 fit.at("points").get<int>(),
                                 fit.at("points").get<int>() < 3 ? ", a hint and no fit" : ""));
+  }
+  return lines;
+}
+
+std::vector<std::string> variants_of(const Json& over_variants, const Rows& rows) {
+  const std::vector<std::string> columns = swept(rows);
+  std::vector<std::string> lines;
+  for (const Json& over : over_variants) {
+    if (over.at("scene") != rows.front().at("scene")) continue;
+    const std::string what = swept_text(over, columns, "variant");
+    const auto percent = [&](const char* column) { return 100.0 * over.at(column).get<double>(); };
+    lines.push_back(fmt::format("{}{}median {:.2g} %, worst {:.2g} % of {} (floors {:.2g} to {:.2g} %){}", what,
+                                what.empty() ? "" : ": ", percent("force_error_rms_median"),
+                                percent("force_error_rms_max"), over.at("variants").get<int>(),
+                                percent("reference_floor_min"), percent("reference_floor_max"),
+                                over.at("survived") == over.at("variants")
+                                    ? ""
+                                    : fmt::format("; only {} survived", over.at("survived").get<int>())));
   }
   return lines;
 }
@@ -197,7 +221,8 @@ void write_report(const std::string& path, const Findings& found) {
                                             [&](const Json& s) { return s.at("scene") == scene; })) +
              doubt_of(section.rows) + choices_of(section.rows));
     page.plots(pictures.data() + section.first_plot, section.plots);
-    page.add(orders_page(orders_of(found.summary.at("convergence"), section.rows)) + table_of(section.rows));
+    page.add(list_of(kOrders, orders_of(found.summary.at("convergence"), section.rows)) +
+             list_of(kVariants, variants_of(found.summary.at("over_variants"), section.rows)) + table_of(section.rows));
   }
   page.close();
 }

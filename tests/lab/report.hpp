@@ -25,6 +25,9 @@ struct Findings {
 /// The observed orders of one scene in words, a line for each fit (lab/analysis).
 [[nodiscard]] std::vector<std::string> orders_of(const Json& fits, const Rows& rows);
 
+/// What the variants of one scene say in words, a line for each setting (lab/analysis).
+[[nodiscard]] std::vector<std::string> variants_of(const Json& over_variants, const Rows& rows);
+
 /// Of one scene: its rows, and the traces of all.
 [[nodiscard]] std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces);
 

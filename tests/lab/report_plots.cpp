@@ -21,6 +21,7 @@ struct Swept {
   const char* unit;
 };
 constexpr std::array kSwept{
+    Swept{"variant", "variant", "", "", 1.0, ""},
     Swept{"scheme", "", "", "", 1.0, ""},
     Swept{"engine", "", "", "", 1.0, ""},
     Swept{"haptic_engine", "haptic", "", "", 1.0, ""},

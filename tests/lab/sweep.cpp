@@ -2,6 +2,7 @@
 
 #include "coupling/scheme.hpp"
 #include "io/options.hpp"
+#include "lab/variants.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
 
@@ -46,13 +47,14 @@ Scene loaded(const Point& point) {
                                              point.scene, s.duration_s, s.h_s, kMostSteps));
   }
   for (UserSpec& user : scene.users) user.coupling.stiffness_n_m *= point.stiffness_factor;
-  return scene;
+  return varied(std::move(scene), point.variant);
 }
 
 }  // namespace
 
 std::vector<Point> points_of(const Sweep& sweep) {
   const std::vector<Axis> axes{axis(sweep.scenes, &Point::scene),
+                               axis(sweep.variants, &Point::variant),
                                axis(sweep.h_s, &Point::h_s),
                                axis(sweep.stiffness_factors, &Point::stiffness_factor),
                                axis(sweep.engines, &Point::engine),
@@ -116,7 +118,7 @@ Scene refined(Scene scene, int parts) {
 }
 
 std::string reference_key(const Point& p) {
-  return fmt::format("{}|{}|{}|{}", p.scene, p.h_s, p.stiffness_factor, p.engine);
+  return fmt::format("{}|{}|{}|{}|{}", p.scene, p.variant, p.h_s, p.stiffness_factor, p.engine);
 }
 
 int shown_ratio(const std::vector<int>& ratios) {
@@ -124,7 +126,7 @@ int shown_ratio(const std::vector<int>& ratios) {
 }
 
 bool shown(const Point& p, const Sweep& s) {
-  return p.ratio == shown_ratio(s.ratios) && p.engine == s.engines.front() &&
+  return p.ratio == shown_ratio(s.ratios) && p.variant == s.variants.front() && p.engine == s.engines.front() &&
          p.haptic_engine == s.haptic_engines.front() && p.box_m == s.boxes_m.front() &&
          p.contact_depth == s.contact_depths.front() && p.substeps == s.substeps.front() &&
          p.latency_s == s.latencies_s.front() && p.jitter_s == s.jitters_s.front() &&

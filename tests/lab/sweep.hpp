@@ -12,6 +12,7 @@ namespace subworld {
 /// scene's own.
 struct Sweep {
   std::vector<std::string> scenes;  ///< files
+  std::vector<int> variants{0};     ///< of each scene (lab/variants); 0: itself
   std::vector<std::string> schemes{"paper_literal", "paper", "reduced"};
   std::vector<std::string> engines{""};
   std::vector<std::string> haptic_engines{""};
@@ -29,6 +30,7 @@ struct Sweep {
 /// One run.
 struct Point {
   std::string scene;
+  int variant = 0;
   std::string scheme;
   std::string engine;
   std::string haptic_engine;

@@ -1,0 +1,85 @@
+#include "lab/variants.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <random>
+
+namespace subworld {
+
+namespace {
+
+constexpr double kMostTurn_rad = 6.0 * std::numbers::pi / 180.0;
+constexpr double kMostAside = 0.08;    ///< of the longest move
+constexpr double kLeastAside_s = 0.1;  ///< how long going aside takes where a path begins at once
+
+/// Draws that are the same everywhere; the standard's distributions are not.
+class Draw {
+ public:
+  explicit Draw(int variant) : bits_(static_cast<std::uint64_t>(variant)) {}
+  double between(double low, double high) {
+    return low + (high - low) * (static_cast<double>(bits_() >> 11) * 0x1p-53);
+  }
+  double factor(double low, double high) { return std::exp(between(std::log(low), std::log(high))); }
+  Vec3 direction() {
+    const double z = between(-1.0, 1.0), angle = between(0.0, 2.0 * std::numbers::pi);
+    const double across = std::sqrt(1.0 - z * z);
+    return {across * std::cos(angle), across * std::sin(angle), z};
+  }
+
+ private:
+  std::mt19937_64 bits_;
+};
+
+PathSegment turned(PathSegment s, const Quat& by, double stretch) {
+  s.displacement = stretch * (by * s.displacement);
+  s.axis = by * s.axis;
+  s.angle *= stretch;
+  s.radius *= stretch;
+  s.along = by * s.along;
+  s.across = by * s.across;
+  s.amplitude *= stretch;
+  return s;
+}
+
+/// A move across the longest one before anything else.
+PathSegment aside(const std::vector<PathSegment>& path, const Vec3& direction, double part) {
+  Vec3 longest = Vec3::Zero();
+  double begins_s = path.front().from_s;
+  for (const PathSegment& s : path) {
+    if (s.displacement.norm() > longest.norm()) longest = s.displacement;
+    begins_s = std::min(begins_s, s.from_s);
+  }
+  return {.kind = PathSegment::Kind::move,
+          .to_s = begins_s > 0.0 ? begins_s : kLeastAside_s,
+          .displacement = part * longest.cross(direction)};
+}
+
+}  // namespace
+
+Scene varied(Scene scene, int variant) {
+  if (variant == 0) return scene;
+  Draw draw(variant);
+  const double friction = draw.factor(0.8, 1.25);
+  const double mass = draw.factor(0.7, 1.4);
+  for (Body& body : scene.bodies) {
+    body.material.friction *= friction;
+    if (body.fixed() || std::ranges::find(scene.users, body.id, &UserSpec::proxy) != scene.users.end()) continue;
+    body.mass *= mass;
+    body.inertia *= mass;
+  }
+  const Quat turn(Eigen::AngleAxisd(draw.between(-kMostTurn_rad, kMostTurn_rad), draw.direction()));
+  const double stretch = draw.factor(0.85, 1.2);
+  const Vec3 across = draw.direction();
+  const double part = draw.between(0.0, kMostAside);
+  for (UserSpec& user : scene.users) {
+    std::vector<PathSegment>& path = user.device.path;
+    if (path.empty()) continue;
+    for (PathSegment& s : path) s = turned(s, turn, stretch);
+    path.push_back(aside(path, across, part));
+  }
+  return scene;
+}
+
+}  // namespace subworld
