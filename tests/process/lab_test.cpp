@@ -9,6 +9,7 @@ class Lab : public LabTest {
 };
 
 const std::vector<std::string> kFlatColumns{"scene",
+                                            "variant",
                                             "scheme",
                                             "engine",
                                             "haptic_engine",
@@ -75,9 +76,31 @@ TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
   EXPECT_NE(page().find("imperceptible"), std::string::npos);
 }
 
+TEST_F(Lab, VariantsOfASceneHaveReferencesOfTheirOwn) {
+  const Ended ended = finish(lab_words(
+      {"row", "--duration", "0.6", "--ratio", "4", "--scheme", "reduced", "--variants", "2", "--out", out()}));
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("variants, row: median"), std::string::npos) << ended.out;
+  const Json rows = results();
+  ASSERT_EQ(rows.size(), 3U);
+  std::set<double> floors, errors;
+  for (const Json& row : rows) {
+    floors.insert(row["reference_floor"].get<double>());
+    errors.insert(row["force_error_rms"].get<double>());
+  }
+  EXPECT_EQ(floors.size(), 3U);
+  const Json over = summary()["over_variants"];
+  ASSERT_EQ(over.size(), 1U);
+  EXPECT_EQ(over[0]["variants"], 3);
+  EXPECT_EQ(over[0]["force_error_rms_max"], *errors.rbegin());
+  EXPECT_EQ(over[0]["force_error_rms_median"], *std::next(errors.begin()));
+  EXPECT_NE(page().find("Over the variants"), std::string::npos);
+}
+
 TEST_F(Lab, WrongOptionsAreNamedWithTheCure) {
   expect_refused({{{"press", "--scheme", "papers"}, {"--scheme", "papers", "reduced"}},
                   {{"press", "--ratio", "4,0"}, {"--ratio", "0"}},
+                  {{"press", "--variants", "-1"}, {"--variants", "-1"}},
                   {{"press", "--latency", "0,nan"}, {"--latency", "nan"}},
                   {{"press", "--engine", "havoc"}, {"havoc", "bullet"}},
                   {{"no_such_scene"}, {"no_such_scene"}},

@@ -1,6 +1,7 @@
 #include "coupling/border.hpp"
 #include "lab/coupled_run.hpp"
 #include "lab/metrics.hpp"
+#include "lab/variants.hpp"
 
 #include <gtest/gtest.h>
 
@@ -132,6 +133,32 @@ TEST_P(PushedAside, IsFeltThroughABorderThatTurns) {
 
 INSTANTIATE_TEST_SUITE_P(Scenes, PushedAside, testing::Values("heavy_outside", "hidden_load", "pyramid"),
                          [](const auto& tested) { return tested.param; });
+
+class UnseenScenes : public testing::TestWithParam<std::tuple<std::string, int>> {};
+
+// The bars hold for scenes that nobody has tuned anything to.
+TEST_P(UnseenScenes, AreFeltThroughTheirBorder) {
+  const auto& [name, variant] = GetParam();
+  CoupledRun reference(varied(scene_of(name, "direct", 1), variant));
+  ASSERT_TRUE(reference.run());
+  const auto error = [&](int ratio, int substeps) {
+    Scene scene = varied(scene_of(name, "reduced", ratio), variant);
+    scene.settings.world.substeps = substeps;
+    CoupledRun coupled(scene);
+    EXPECT_TRUE(coupled.run());
+    return force_error(coupled.felt[0].force, reference.felt[0].force, scene.settings.h_s).rms;
+  };
+  EXPECT_LE(error(4, 1), 0.025);
+  EXPECT_LE(error(10, 1), 0.04);
+  EXPECT_LE(error(10, 4), 0.025);
+  EXPECT_LE(error(20, 4), 0.035);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Variants, UnseenScenes,
+    testing::Combine(testing::Values("row", "raft", "hidden_load", "heavy_outside", "slope", "pyramid"),
+                     testing::Values(1, 2)),
+    [](const auto& tested) { return std::get<0>(tested.param) + "_" + std::to_string(std::get<1>(tested.param)); });
 
 // Moved as the world's body instead, it costs 4 and 14 %.
 TEST(Reduced, TipsAndTakesAlongWhatTheInsideCarries) {
