@@ -7,9 +7,10 @@ namespace subworld {
 
 namespace {
 
-constexpr double kPushing = 0.5;   ///< cosine; a contact that is steeper to the way than this is a side contact
-constexpr double kSameWay = 0.7;   ///< cosine; border contacts of one axis
-constexpr double kDistinct = 0.5;  ///< sine; what is closer to the axes there are than this is no axis of its own
+constexpr double kPushing = 0.5;    ///< cosine; a contact that is steeper to the way than this is a side contact
+constexpr double kOnSupport = 0.3;  ///< cosine; a push that is steeper to a support does not press on it
+constexpr double kSameWay = 0.7;    ///< cosine; border contacts of one axis
+constexpr double kDistinct = 0.5;   ///< sine; what is closer to the axes there are than this is no axis of its own
 constexpr double kWallMass_kg = 1e5;
 constexpr double kWallLimit_n = 1e9;
 constexpr double kCreep_m_s = 1e-3;      ///< of a wall towards what it ought to carry
@@ -107,7 +108,20 @@ Vec3 GhostModeller::grip() const {
   return sum;
 }
 
-void GhostModeller::find_axes(std::span<const BorderPair> border, GhostModel& ghost) {
+Vec3 GhostModeller::blocked_way(BodyId id, const Vec3& along, const ContactGraph& graph) const {
+  double most = kOnSupport;
+  Vec3 way = along;
+  for (const std::uint32_t i : graph.of(id)) {
+    const Contact& c = graph.contact(i);
+    const double towards = along.dot(outwards(c, id));
+    if (towards <= most || !scene_.body(other(c, id)).fixed()) continue;
+    most = towards;
+    way = outwards(c, id);
+  }
+  return way;
+}
+
+void GhostModeller::find_axes(std::span<const BorderPair> border, const ContactGraph& graph, GhostModel& ghost) const {
   // The contact with the largest impulse that no axis serves yet begins the next one.
   ghost.axis_count = 0;
   while (ghost.axis_count < kMostGhostAxes) {
@@ -128,7 +142,9 @@ void GhostModeller::find_axes(std::span<const BorderPair> border, GhostModel& gh
     // A mean that lies along the axes there are already has no direction of its own.
     const Vec3 mean = pressed.norm() > 0.0 ? pressed : touch;
     const bool distinct = across(ghost, mean).norm() > kDistinct * mean.norm();
-    ghost.axes[ghost.axis_count++] = {.normal = across(ghost, distinct ? mean : first->normal).normalized()};
+    const Vec3 way = across(ghost, distinct ? mean : first->normal).normalized();
+    const Vec3 held = across(ghost, -blocked_way(ghost.outside, -way, graph));
+    ghost.axes[ghost.axis_count++] = {.normal = held.norm() > kDistinct ? held.normalized() : way};
   }
 }
 
@@ -164,7 +180,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
   }
   pushed_.clear();
   for (GhostModel& ghost : out) {
-    find_axes(border, ghost);
+    find_axes(border, graph, ghost);
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       const Vec3 along = -ghost.axes[i].normal;
       if (!push(ghost.outside, along, membership, graph)) continue;

@@ -22,9 +22,10 @@ struct OutsideMotion {
 
 /// Finds the reduced model of every outside body that touches inside ones: how heavy it is to push along the border's
 /// normals, which force drives it and how much friction holds it. An axis of a model is the impulse-weighted mean of
-/// the border contacts that point one way; others become further axes, as far as they are across the first ones, and so
-/// do the ways in which nothing but the inside holds the outside. What the inside alone holds in every way has a model
-/// of its own (carried.hpp).
+/// the border contacts that point one way, or the way across what that presses the outside on, if that is fixed:
+/// pressed aslant, it is the support that holds it, and along the support it slides. Others become further axes, as far
+/// as they are across the first ones, and so do the ways in which nothing but the inside holds the outside. What the
+/// inside alone holds in every way has a model of its own (carried.hpp).
 ///
 /// For each axis n the outside is walked from the body along d = -n. What it pushes adds its mass; something fixed
 /// makes a wall. A side contact with the ground, or with a body that stands on the ground, adds mu lambda / T to the
@@ -57,7 +58,9 @@ class GhostModeller {
     double friction = 0.0;
   };
   /// Fills the normals.
-  static void find_axes(std::span<const BorderPair> border, GhostModel& ghost);
+  void find_axes(std::span<const BorderPair> border, const ContactGraph& graph, GhostModel& ghost) const;
+  /// Where a push `along` presses the body on something fixed, the way which that blocks; else `along`.
+  [[nodiscard]] Vec3 blocked_way(BodyId id, const Vec3& along, const ContactGraph& graph) const;
   /// A body that is pushed along, when the ghost `from` is.
   struct Pushed {
     BodyId body{};

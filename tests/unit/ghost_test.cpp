@@ -116,6 +116,25 @@ TEST(GhostModel, AxesAreOrthogonal) {
   }
 }
 
+// Cube 3, inside as well, leans on the outside: that presses it on the floor, and along the floor it can be pushed.
+TEST(GhostModel, WhatIsPressedAslantOnItsSupportSlidesAlongIt) {
+  for (const double slope : {0.35, 0.8, 1.3}) {
+    Outside o(3);
+    o.touch(2, 0, Vec3::UnitZ(), 6.0);
+    o.touch(1, 2, -Vec3::UnitX(), 1.5);
+    o.touch(3, 2, Vec3(std::cos(slope), 0, std::sin(slope)), 4.4);
+    const GhostModel ghost = o.models({BodyId{1}, BodyId{3}}).at(0);
+    ASSERT_EQ(ghost.axis_count, 2U);
+    const bool push_first = std::abs(ghost.axes[0].normal.x()) > 0.5;
+    const GhostAxis& down = ghost.axes[push_first ? 1 : 0];
+    const GhostAxis& push = ghost.axes[push_first ? 0 : 1];
+    EXPECT_LT((down.normal - Vec3::UnitZ()).norm(), 1e-12) << slope;
+    EXPECT_GT(down.coulomb_limit_n, 1e6);
+    EXPECT_NEAR(std::abs(push.normal.x()), 1.0, 1e-12) << slope;
+    EXPECT_NEAR(push.coulomb_limit_n, 0.5 * 6.0, 1e-9);
+  }
+}
+
 TEST(GhostModel, AWallBehindTheOutsideGivesNothing) {
   Outside o = row(2.0);
   Body wall;
