@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <stdexcept>
 
 namespace subworld::test {
@@ -45,8 +46,10 @@ int lock(const std::string& name) {
 }  // namespace
 
 std::string read_text(const std::string& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
+  const std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();  // does not throw where a process ends while its file in /proc is read
+  return text.str();
 }
 
 Process::Process(const Words& words, const std::string& folder, const Environment& environment, Output output)
