@@ -95,20 +95,18 @@ Json over_variants(const Rows& rows) {
   for (const Json& row : rows) {
     if (std::ranges::any_of(all, [&](const Json& done) { return alike(done, row, fixed); })) continue;
     std::vector<double> errors, floors;
-    int survived = 0;
     for (const Json& other : rows) {
-      if (!alike(row, other, fixed) || !comparable(other)) continue;
-      errors.push_back(number(other, "force_error_rms"));
+      if (!alike(row, other, fixed) || !std::isfinite(number(other, "reference_floor"))) continue;
       floors.push_back(number(other, "reference_floor"));
-      survived += other.at("survived").get<bool>() ? 1 : 0;
+      if (ranked(other)) errors.push_back(number(other, "force_error_rms"));
     }
     if (errors.empty()) continue;
     std::ranges::sort(errors);
     Json over;
     for (const std::string& column : fixed) over[column] = row.at(column);
     const std::size_t n = errors.size();
-    over["variants"] = n;
-    over["survived"] = survived;
+    over["variants"] = floors.size();
+    over["survived"] = n;
     over["force_error_rms_median"] = 0.5 * (errors[(n - 1) / 2] + errors[n / 2]);
     over["force_error_rms_max"] = errors.back();
     over["reference_floor_min"] = std::ranges::min(floors);

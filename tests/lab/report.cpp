@@ -180,13 +180,13 @@ std::vector<std::string> variants_of(const Json& over_variants, const Rows& rows
     if (over.at("scene") != rows.front().at("scene")) continue;
     const std::string what = swept_text(over, columns, "variant");
     const auto percent = [&](const char* column) { return 100.0 * over.at(column).get<double>(); };
-    lines.push_back(fmt::format("{}{}median {:.2g} %, worst {:.2g} % of {} (floors {:.2g} to {:.2g} %){}", what,
-                                what.empty() ? "" : ": ", percent("force_error_rms_median"),
-                                percent("force_error_rms_max"), over.at("variants").get<int>(),
-                                percent("reference_floor_min"), percent("reference_floor_max"),
-                                over.at("survived") == over.at("variants")
-                                    ? ""
-                                    : fmt::format("; only {} survived", over.at("survived").get<int>())));
+    lines.push_back(
+        fmt::format("{}{}median {:.2g} %, worst {:.2g} % of {} (floors {:.2g} to {:.2g} %){}", what,
+                    what.empty() ? "" : ": ", percent("force_error_rms_median"), percent("force_error_rms_max"),
+                    over.at("variants").get<int>(), percent("reference_floor_min"), percent("reference_floor_max"),
+                    over.at("survived") == over.at("variants")
+                        ? ""
+                        : fmt::format("; ONLY {} SURVIVED, the errors are theirs", over.at("survived").get<int>())));
   }
   return lines;
 }

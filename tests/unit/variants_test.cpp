@@ -1,4 +1,5 @@
 #include "lab/variants.hpp"
+#include "lab/analysis.hpp"
 
 #include <gtest/gtest.h>
 
@@ -68,6 +69,37 @@ TEST(Variants, TurnAllUsersAlike) {
   ASSERT_EQ(other.users.size(), 2U);
   const auto lift_of = [](const UserSpec& user) { return user.device.path.at(1).displacement; };
   EXPECT_TRUE(lift_of(other.users[0]).isApprox(lift_of(other.users[1])));
+}
+
+// A run that ends in numbers that are none has no error, and must not drop out of sight.
+TEST(Variants, OneThatDoesNotSurviveIsCounted) {
+  Rows rows;
+  for (int v = 0; v < 4; ++v) {
+    Json row{{"scene", "row"},
+             {"variant", v},
+             {"scheme", "reduced"},
+             {"engine", "bullet"},
+             {"haptic_engine", "ode"},
+             {"h_s", 0.001},
+             {"ratio", 4},
+             {"box_m", 0.2},
+             {"contact_depth", 0},
+             {"world_substeps", 1},
+             {"latency_s", 0.0},
+             {"jitter_s", 0.0},
+             {"reference_floor", 0.01},
+             {"survived", v != 2},
+             {"force_error_rms", 0.01 * (v + 1)},
+             {"coupling_stiffness_n_m", 1000.0}};
+    if (v == 2) row["force_error_rms"] = std::nan("");
+    rows.push_back(std::move(row));
+  }
+  const Json over = over_variants(rows);
+  ASSERT_EQ(over.size(), 1U);
+  EXPECT_EQ(over[0]["variants"], 4);
+  EXPECT_EQ(over[0]["survived"], 3);
+  EXPECT_DOUBLE_EQ(over[0]["force_error_rms_median"], 0.02);
+  EXPECT_DOUBLE_EQ(over[0]["force_error_rms_max"], 0.04);
 }
 
 }  // namespace
