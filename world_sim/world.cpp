@@ -57,6 +57,7 @@ World::World(const Scene& scene)
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
       remembered_(remembered_cycles(scene.settings, *scheme_)),
+      approach_(scene),
       modeller_(scene),
       energy_j_(remembered_, 0.0) {
   choose_substeps();
@@ -252,10 +253,15 @@ void World::extract(User& user) {
       add_neighbours(graph_, scene_.bodies, proxy, user.spec->contact_depth, scratch_);
     }
     select_members(scratch_, scene_.bodies, proxy, now);
+    approach_.begin(horizon_s(user));
     Box reach = box;
-    for (const BodyId id : now.members) reach.extend(engine_->bounds(id));
+    for (const BodyId id : now.members) reach.extend(approach_.inside(id, engine_->state(id), engine_->bounds(id)));
     engine_->overlap(reach, scratch_);
     select_fixed(scratch_, contacts_, scene_.bodies, now);
+    for (const BodyId id : scratch_) {
+      const bool may_come = scheme_->has_ghosts() && !scene_.body(id).fixed() && !now.holds(id);
+      if (may_come) approach_.outside(id, engine_->state(id), engine_->bounds(id));
+    }
   } else {
     now.members.assign(1, proxy);
   }
@@ -274,6 +280,11 @@ void World::extract(User& user) {
   list_unconfirmed(user, frame);
 }
 
+double World::horizon_s(const User& user) const {
+  const std::uint64_t unheard = user.heard ? user.report.stamp - user.report.confirmed_stamp : 1;
+  return scene_.settings.cycle_s() * static_cast<double>(1 + std::clamp<std::uint64_t>(unheard, 1, remembered_));
+}
+
 void World::describe_outside(const User& user, WorldFrame& frame) {
   const Membership& now = user.membership;
   const double cycle_s = scene_.settings.cycle_s();
@@ -288,6 +299,7 @@ void World::describe_outside(const User& user, WorldFrame& frame) {
     motion.acceleration = gained / scene_.settings.cycle_s();
     return motion;
   };
+  approach_.find(now, graph_, frame.border);
   modeller_.model(frame.border, now, graph_, motion_of, cycle_s, frame.ghosts);
   islands_.begin(now.members);
   for (const Contact& c : contacts_) {

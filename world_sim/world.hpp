@@ -1,5 +1,6 @@
 #pragma once
 
+#include "coupling/approach.hpp"
 #include "coupling/contact_graph.hpp"
 #include "coupling/ghost.hpp"
 #include "coupling/scheme.hpp"
@@ -107,6 +108,8 @@ class World {
   void extract(User& user);
   void list_peers(const User& user, WorldFrame& frame);
   void describe_outside(const User& user, WorldFrame& frame);
+  /// How long a frame that is told now will be all that a sub-world knows.
+  [[nodiscard]] double horizon_s(const User& user) const;
   void list_unconfirmed(const User& user, WorldFrame& frame);
   [[nodiscard]] int sharers(BodyId id) const;
   /// By how much the world's positions are ahead of the sub-worlds' where both account for the same forces: half the
@@ -129,6 +132,7 @@ class World {
   std::vector<Contact> settled_;       ///< as if the last step of settling had been a cycle
   std::span<const Contact> contacts_;  ///< of the last cycle
   ContactGraph graph_;
+  ApproachFinder approach_;
   GhostModeller modeller_;
   Islands islands_;
   std::vector<double> energy_j_;  ///< kinetic and potential, by stamp

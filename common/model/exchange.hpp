@@ -85,7 +85,8 @@ struct GhostModel {
   std::optional<CarriedBody> carried = {};     ///< moves as this says; the axes only tell where it is touched
 };
 
-/// A contact between a body inside the sub-world and one outside (paper 4.2). Impulses act on `inside`.
+/// A contact between a body inside the sub-world and one outside (paper 4.2), or what may become one soon. Impulses act
+/// on `inside`.
 struct BorderPair {
   BodyId inside{};
   BodyId outside{};
@@ -96,6 +97,11 @@ struct BorderPair {
   double normal_impulse = 0.0;             ///< over the world's whole step, N s
   Vec3 tangential_impulse = Vec3::Zero();  ///< N s
 };
+
+/// Whether the pair is a contact already.
+[[nodiscard]] inline bool touches(const BorderPair& pair) noexcept {
+  return pair.normal_impulse > 0.0 || pair.distance < 0.0;
+}
 
 struct EnteringBody {
   Body body;

@@ -1,0 +1,180 @@
+#include "coupling/approach.hpp"
+#include "coupling/border.hpp"
+#include "support/bodies.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <numbers>
+
+namespace subworld {
+namespace {
+
+constexpr double kTime_s = 0.04;
+constexpr double kSide_m = 0.1;
+
+/// Body 0 is inside, body 1 outside.
+struct Two {
+  Two() {
+    scene.bodies = {test::cube(BodyId{0}, kSide_m), test::cube(BodyId{1}, kSide_m)};
+    states.resize(2);
+  }
+  std::vector<BorderPair> near(double gravity_m_s2 = 0.0) {
+    scene.settings.world.gravity = Vec3(0, 0, -gravity_m_s2);
+    const Membership membership{{BodyId{0}}, {}};
+    ContactGraph graph;
+    graph.build(contacts, scene.bodies.size());
+    ApproachFinder finder(scene);
+    finder.begin(kTime_s);
+    for (std::uint32_t i = 0; i < states.size(); ++i) {
+      const Box bounds{states[i].position - Vec3::Constant(half_m), states[i].position + Vec3::Constant(half_m)};
+      if (i == 0) {
+        finder.inside(BodyId{i}, states[i], bounds);
+      } else {
+        finder.outside(BodyId{i}, states[i], bounds);
+      }
+    }
+    std::vector<BorderPair> border;
+    extract_border(contacts, membership, border);
+    finder.find(membership, graph, border);
+    return border;
+  }
+  Scene scene;
+  std::vector<BodyState> states;
+  std::vector<Contact> contacts;
+  double half_m = 0.5 * std::numbers::sqrt3 * kSide_m;  ///< of a cube that is turned by any angle
+};
+
+// 10 mm apart, 0.3 m/s: they meet in 33 ms.
+TEST(Approach, WhatWillTouchWithinTheTimeIsAtTheBorder) {
+  Two two;
+  two.states[1] = test::at(0.11, 0.02, 0);
+  two.states[0].linear_velocity.x() = 0.3;
+  const auto border = two.near();
+  ASSERT_EQ(border.size(), 1U);
+  EXPECT_EQ(border[0].inside, BodyId{0});
+  EXPECT_EQ(border[0].outside, BodyId{1});
+  EXPECT_LT((border[0].normal + Vec3::UnitX()).norm(), 1e-12);
+  EXPECT_NEAR(border[0].distance, 0.01, 1e-12);
+  EXPECT_NEAR(border[0].point.x(), 0.05, 1e-12);
+  EXPECT_EQ(border[0].normal_impulse, 0.0);
+}
+
+TEST(Approach, WhatIsTooSlowOrGoesAwayIsNot) {
+  Two two;
+  two.states[1] = test::at(0.11, 0, 0);
+  two.states[0].linear_velocity.x() = 0.2;
+  EXPECT_TRUE(two.near().empty());
+  two.states[0].linear_velocity.x() = -0.3;
+  EXPECT_TRUE(two.near().empty());
+  two.states[1].linear_velocity.x() = -0.7;
+  EXPECT_EQ(two.near().size(), 1U);
+}
+
+// Both may fall by g t^2 / 2, 7.8 mm.
+TEST(Approach, FallingCounts) {
+  Two two;
+  two.states[1] = test::at(0, 0, 0.115);
+  EXPECT_TRUE(two.near(0.0).empty());
+  EXPECT_EQ(two.near(9.81).size(), 1U);
+  two.states[1] = test::at(0, 0, 0.117);
+  EXPECT_TRUE(two.near(9.81).empty());
+}
+
+// 20 rad/s move a corner by up to 69 mm.
+TEST(Approach, TurningCounts) {
+  Two two;
+  two.states[1] = test::at(0.15, 0, 0);
+  EXPECT_TRUE(two.near().empty());
+  two.states[1].angular_velocity.z() = 20.0;
+  EXPECT_EQ(two.near().size(), 1U);
+}
+
+// Side by side over an edge, they pass each other.
+TEST(Approach, NeighboursOverAnEdgeDoNotTouch) {
+  Two two;
+  two.states[1] = test::at(0.101, 0.1, 0);
+  two.states[0].linear_velocity.x() = 0.3;
+  EXPECT_TRUE(two.near().empty());
+  two.states[1] = test::at(0.101, 0.098, 0);
+  EXPECT_EQ(two.near().size(), 1U);
+  two.states[1] = test::at(0.101, 0.102, 0);
+  two.states[1].linear_velocity.y() = -0.1;  // 4 mm aside, before they have passed
+  EXPECT_EQ(two.near().size(), 1U);
+}
+
+TEST(Approach, TheGapIsThatOfTheTurnedFaces) {
+  Two two;
+  const Quat turned(Eigen::AngleAxisd(0.4, Vec3::UnitY()));
+  for (BodyState& state : two.states) state.orientation = turned;
+  two.states[1].position = turned * Vec3(0.11, 0.01, 0.02);
+  two.states[0].linear_velocity = turned * Vec3(0.3, 0, 0);
+  const auto border = two.near();
+  ASSERT_EQ(border.size(), 1U);
+  EXPECT_LT((border[0].normal + turned * Vec3::UnitX()).norm(), 1e-12);
+  EXPECT_NEAR(border[0].distance, 0.01, 1e-12);
+}
+
+TEST(Approach, RoundShapesAreAsWideAsTheyAre) {
+  Two two;
+  Shape& ball = two.scene.bodies[0].shape;
+  ball = {.kind = ShapeKind::sphere, .radius = 0.03};
+  two.states[1] = test::at(0.09, 0, 0);
+  two.states[0].linear_velocity.x() = 0.3;
+  ASSERT_EQ(two.near().size(), 1U);
+  EXPECT_NEAR(two.near()[0].distance, 0.01, 1e-12);
+
+  two.scene.bodies[1].shape = {.kind = ShapeKind::cylinder, .radius = 0.03, .half_length = 0.2};
+  two.states[1] = test::at(0.05, 0.05, 0);
+  two.states[0].linear_velocity = Vec3(0.2, 0.2, 0);
+  ASSERT_EQ(two.near().size(), 1U);
+  EXPECT_NEAR(two.near()[0].distance, 0.05 * std::numbers::sqrt2 - 0.06, 1e-12);
+  EXPECT_NEAR(two.near()[0].normal.dot(Vec3(-1, -1, 0).normalized()), 1.0, 1e-12);
+
+  two.half_m = 0.25;
+  two.scene.bodies[1].shape = {.kind = ShapeKind::capsule, .radius = 0.03, .half_length = 0.2};
+  two.states[1] = test::at(0, 0, 0.27);
+  two.states[0].linear_velocity = Vec3(0, 0, 0.3);
+  ASSERT_EQ(two.near().size(), 1U);
+  EXPECT_NEAR(two.near()[0].distance, 0.01, 1e-12);
+}
+
+TEST(Approach, AHullReachesToItsVertices) {
+  Two two;
+  two.scene.meshes.push_back(
+      {.file = "wedge", .vertices = {{-0.05, 0.1, 0}, {0.05, 0, 0}, {-0.05, -0.1, 0}, {0, 0, 0.1}}, .triangles = {}});
+  two.scene.bodies[1].shape = {.kind = ShapeKind::convex, .mesh = 0};
+  two.states[1] = test::at(0.11, 0, 0);
+  two.states[0].linear_velocity.x() = 0.3;
+  const auto border = two.near();
+  ASSERT_EQ(border.size(), 1U);
+  EXPECT_NEAR(border[0].distance, 0.01, 1e-12);
+}
+
+TEST(Approach, WhatTouchesIsThereAlready) {
+  Two two;
+  two.states[1] = test::at(0.1, 0, 0);
+  two.states[0].linear_velocity.x() = 0.3;
+  two.contacts.push_back({.a = BodyId{0}, .b = BodyId{1}, .normal = -Vec3::UnitX(), .normal_impulse = 0.1});
+  const auto border = two.near();
+  ASSERT_EQ(border.size(), 1U);
+  EXPECT_EQ(border[0].normal_impulse, 0.1);
+}
+
+// A third cube is near, but stands on the second, which touches: it goes with that one.
+TEST(Approach, WhatHangsOnTheBorderGoesWithIt) {
+  Two two;
+  two.scene.bodies.push_back(test::cube(BodyId{2}, kSide_m));
+  two.states = {test::at(0, 0, 0), test::at(0.1, 0, -0.08), test::at(0.11, 0, 0.02)};
+  two.states[0].linear_velocity.x() = 0.3;
+  const Contact stands{.a = BodyId{2}, .b = BodyId{1}, .normal = Vec3::UnitZ(), .normal_impulse = 0.1};
+  two.contacts = {stands};
+  EXPECT_EQ(two.near().size(), 2U);  // nothing touches yet
+  two.contacts.push_back({.a = BodyId{0}, .b = BodyId{1}, .normal = -Vec3::UnitX(), .normal_impulse = 0.1});
+  const auto border = two.near();
+  ASSERT_EQ(border.size(), 1U);
+  EXPECT_EQ(border[0].outside, BodyId{1});
+}
+
+}  // namespace
+}  // namespace subworld
