@@ -36,9 +36,24 @@ void Ghosts::follow(const WorldFrame& frame, Engine& engine, double lag_s, doubl
       create(model, *world, frame, engine, lag_s);
       continue;
     }
+    if (at->motion.model.loose != model.loose) {
+      const BodyState now = engine.state(model.outside);
+      engine.remove(model.outside);
+      engine.add(as_ghost(at->motion.model), now, model.loose ? Role::loose : Role::ghost);
+      if (at->carried)
+        engine.set_inertia(model.outside, scene_.body(model.outside).mass, scene_.body(model.outside).inertia);
+    }
     adapt(*at, model, engine);
     correct(*at, *world, frame, engine, lag_s, gain);
   }
+}
+
+Body Ghosts::as_ghost(const GhostModel& model) const {
+  Body body = scene_.body(model.outside);
+  body.gravity = false;
+  body.mass = model.mass_kg;
+  body.inertia *= kSpinInertia;
+  return body;
 }
 
 void Ghosts::adapt(Ghost& ghost, const GhostModel& model, Engine& engine) {
@@ -63,11 +78,8 @@ void Ghosts::adapt(Ghost& ghost, const GhostModel& model, Engine& engine) {
 
 void Ghosts::create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine,
                     double lag_s) {
-  Body body = scene_.body(model.outside);
-  if (engine.contains(body.id)) return;
-  body.gravity = false;
-  body.mass = model.mass_kg;
-  body.inertia *= kSpinInertia;
+  if (engine.contains(model.outside)) return;
+  const Body body = as_ghost(model);
   BodyState start = advanced(world, lag_s);
   // Members are where the sub-world has them, not where the world does: nothing may begin inside something.
   const auto offset_of = [&](BodyId inside) -> Vec3 {
@@ -76,7 +88,7 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
     return engine.state(inside).position - advanced(*theirs, lag_s).position;
   };
   start.position += clearance(model, frame.border, offset_of);
-  engine.add(body, start, Role::ghost);
+  engine.add(body, start, model.loose ? Role::loose : Role::ghost);
 
   Ghost ghost{.id = body.id,
               .motion = {.model = model, .world_velocity = world.linear_velocity},

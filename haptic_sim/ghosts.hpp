@@ -11,9 +11,9 @@
 
 namespace subworld {
 
-/// The outside bodies that touch a sub-world, as its engine sees them: their real shapes, which meet members only and
-/// move by their reduced models along their axes, by the world's states across them; or, carried by the inside alone,
-/// as the rigid bodies that they are.
+/// The outside bodies that touch a sub-world, or soon may, as its engine sees them: their real shapes, which meet
+/// members, and the loose ones also other ghosts, and move by their reduced models along their axes, by the world's
+/// states across them; or, carried by the inside alone, as the rigid bodies that they are.
 class Ghosts {
  public:
   Ghosts(const Scene& scene, std::uint64_t remembered_cycles);
@@ -48,6 +48,8 @@ class Ghosts {
     std::vector<Logged> log;
   };
 
+  /// The body as the engine is to have it.
+  [[nodiscard]] Body as_ghost(const GhostModel& model) const;
   void create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s);
   /// Makes a ghost follow a new model.
   void adapt(Ghost& ghost, const GhostModel& model, Engine& engine);

@@ -9,6 +9,7 @@
 #include "model/scene.hpp"
 #include "physics/engine_exchange.hpp"
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 
@@ -70,7 +71,9 @@ class SubWorld {
   [[nodiscard]] const DevicePose& device() const noexcept { return device_; }
   [[nodiscard]] std::size_t members() const noexcept { return members_.size(); }
   [[nodiscard]] std::size_t contacts() const noexcept;
-  [[nodiscard]] std::size_t border_pairs() const noexcept { return frame_.border.size(); }
+  [[nodiscard]] std::size_t border_pairs() const noexcept {
+    return static_cast<std::size_t>(std::ranges::count_if(frame_.border, touches));
+  }
   [[nodiscard]] double device_work_j() const noexcept { return device_work_j_; }
   [[nodiscard]] const Engine& engine() const noexcept { return *engine_; }
   [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
+#include <optional>
 
 namespace subworld {
 
@@ -246,6 +248,7 @@ void World::extract() {
 void World::extract(User& user) {
   const BodyId proxy = user.spec->proxy;
   Membership& now = user.membership;
+  Box reach;  // of the members, until a sub-world hears again
   if (scheme_->has_sub_world()) {
     const Box box = selection_box(engine_->state(proxy).position, user.spec->box_half_m);
     engine_->overlap(box, scratch_);
@@ -254,14 +257,10 @@ void World::extract(User& user) {
     }
     select_members(scratch_, scene_.bodies, proxy, now);
     approach_.begin(horizon_s(user));
-    Box reach = box;
+    reach = box;
     for (const BodyId id : now.members) reach.extend(approach_.inside(id, engine_->state(id), engine_->bounds(id)));
     engine_->overlap(reach, scratch_);
     select_fixed(scratch_, contacts_, scene_.bodies, now);
-    for (const BodyId id : scratch_) {
-      const bool may_come = scheme_->has_ghosts() && !scene_.body(id).fixed() && !now.holds(id);
-      if (may_come) approach_.outside(id, engine_->state(id), engine_->bounds(id));
-    }
   } else {
     now.members.assign(1, proxy);
   }
@@ -275,9 +274,26 @@ void World::extract(User& user) {
   frame.members = now.members;
   frame.fixed = now.fixed;
   extract_border(contacts_, now, frame.border);
-  if (scheme_->has_ghosts()) describe_outside(user, frame);
+  if (scheme_->has_ghosts()) {
+    find_approaching(now, reach, frame.border);
+    describe_outside(user, frame);
+  }
   if (scheme_->replicates_peers()) list_peers(user, frame);
   list_unconfirmed(user, frame);
+}
+
+void World::find_approaching(const Membership& now, Box reach, std::vector<BorderPair>& border) {
+  for (const BodyId id : approach_.touching(now, graph_, border)) {
+    reach.extend(approach_.ghost(id, engine_->state(id), engine_->bounds(id)));
+  }
+  std::optional<Box> where = reach;
+  while (where) {
+    engine_->overlap(*where, scratch_);
+    for (const BodyId id : scratch_) {
+      if (approach_.may_come(id)) approach_.outside(id, engine_->state(id), engine_->bounds(id));
+    }
+    where = approach_.find(now, graph_, border);
+  }
 }
 
 double World::horizon_s(const User& user) const {
@@ -299,7 +315,6 @@ void World::describe_outside(const User& user, WorldFrame& frame) {
     motion.acceleration = gained / scene_.settings.cycle_s();
     return motion;
   };
-  approach_.find(now, graph_, frame.border);
   modeller_.model(frame.border, now, graph_, motion_of, cycle_s, frame.ghosts);
   islands_.begin(now.members);
   for (const Contact& c : contacts_) {
@@ -409,7 +424,8 @@ void World::look(WorldView& view) const {
     seen.user = UserId{static_cast<std::uint32_t>(u)};
     seen.proxy = user.spec->proxy;
     seen.members = user.membership.members;
-    seen.border = user.newest(stamp_).border;
+    seen.border.clear();
+    std::ranges::copy_if(user.newest(stamp_).border, std::back_inserter(seen.border), touches);
     seen.wrench = {user.report.impulse.force / scene_.settings.cycle_s(),
                    user.report.impulse.torque / scene_.settings.cycle_s()};
   }

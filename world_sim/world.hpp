@@ -107,6 +107,8 @@ class World {
   void extract();
   void extract(User& user);
   void list_peers(const User& user, WorldFrame& frame);
+  /// Adds what may soon touch; `reach` is where the members may get.
+  void find_approaching(const Membership& now, Box reach, std::vector<BorderPair>& border);
   void describe_outside(const User& user, WorldFrame& frame);
   /// How long a frame that is told now will be all that a sub-world knows.
   [[nodiscard]] double horizon_s(const User& user) const;

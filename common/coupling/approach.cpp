@@ -35,10 +35,10 @@ double smallest(const Box& bounds) noexcept { return (bounds.upper - bounds.lowe
 }  // namespace
 
 ApproachFinder::ApproachFinder(const Scene& scene)
-    : scene_(scene), touches_(scene.bodies.size()), hangs_(scene.bodies.size()) {
-  inside_.reserve(scene.bodies.size());
-  outside_.reserve(scene.bodies.size());
-  hanging_.reserve(scene.bodies.size());
+    : scene_(scene), places_(scene.bodies.size()), told_(scene.bodies.size()) {
+  pushers_.reserve(scene.bodies.size());
+  near_.reserve(scene.bodies.size());
+  linked_.reserve(scene.bodies.size());
 }
 
 Box ApproachFinder::Mover::swept() const noexcept {
@@ -54,91 +54,130 @@ ApproachFinder::Mover ApproachFinder::mover(BodyId id, const BodyState& state, c
 
 void ApproachFinder::begin(double time_s) {
   time_s_ = time_s;
-  inside_.clear();
-  outside_.clear();
+  pushers_.clear();
+  done_ = 0;
+  near_.clear();
+  places_.assign(places_.size(), Place::apart);
+  told_.assign(told_.size(), false);
 }
 
 Box ApproachFinder::inside(BodyId id, const BodyState& state, const Box& bounds) {
-  return inside_.emplace_back(mover(id, state, bounds)).swept();
+  places_[index(id)] = Place::inside;
+  return ghost(id, state, bounds);
+}
+
+Box ApproachFinder::ghost(BodyId id, const BodyState& state, const Box& bounds) {
+  return pushers_.emplace_back(mover(id, state, bounds)).swept();
+}
+
+void ApproachFinder::hang_on(std::size_t first, const Membership& membership, const ContactGraph& graph) {
+  for (std::size_t k = first; k < linked_.size(); ++k) {
+    for (const std::uint32_t i : graph.of(linked_[k])) {
+      const Contact& c = graph.contact(i);
+      const BodyId next = c.a == linked_[k] ? c.b : c.a;
+      if (places_[index(next)] != Place::apart || scene_.body(next).fixed() || membership.holds(next)) continue;
+      places_[index(next)] = Place::hanging;
+      linked_.push_back(next);
+    }
+  }
+}
+
+std::span<const BodyId> ApproachFinder::touching(const Membership& membership, const ContactGraph& graph,
+                                                 std::span<const BorderPair> contacts) {
+  linked_.clear();
+  for (const BorderPair& pair : contacts) {
+    if (places_[index(pair.outside)] != Place::apart) continue;
+    places_[index(pair.outside)] = Place::touching;
+    linked_.push_back(pair.outside);
+  }
+  const std::size_t count = linked_.size();
+  hang_on(0, membership, graph);
+  return std::span(linked_).first(count);
+}
+
+bool ApproachFinder::may_come(BodyId id) const {
+  const Place place = places_[index(id)];
+  return (place == Place::apart || place == Place::touching) && !told_[index(id)] && !scene_.body(id).fixed();
 }
 
 void ApproachFinder::outside(BodyId id, const BodyState& state, const Box& bounds) {
-  outside_.push_back(mover(id, state, bounds));
-}
-
-void ApproachFinder::leave_what_hangs(const Membership& membership, const ContactGraph& graph,
-                                      std::span<const BorderPair> contacts) {
-  touches_.assign(touches_.size(), false);
-  hangs_.assign(hangs_.size(), false);
-  hanging_.clear();
-  const auto hang = [&](BodyId id) {
-    if (hangs_[index(id)]) return;
-    hangs_[index(id)] = true;
-    hanging_.push_back(id);
-  };
-  for (const BorderPair& pair : contacts) {
-    touches_[index(pair.outside)] = true;
-    hang(pair.outside);
-  }
-  for (std::size_t k = 0; k < hanging_.size(); ++k) {
-    for (const std::uint32_t i : graph.of(hanging_[k])) {
-      const Contact& c = graph.contact(i);
-      const BodyId next = c.a == hanging_[k] ? c.b : c.a;
-      if (!scene_.body(next).fixed() && !membership.holds(next)) hang(next);
-    }
-  }
-  std::erase_if(outside_, [&](const Mover& out) { return hangs_[index(out.id)] && !touches_[index(out.id)]; });
+  told_[index(id)] = true;
+  near_.push_back(mover(id, state, bounds));
 }
 
 double ApproachFinder::reach_m(const Mover& mover, const Vec3& along) const {
   return extent(scene_.body(mover.id).shape, scene_.meshes, mover.state.orientation.conjugate() * along);
 }
 
-ApproachFinder::Gap ApproachFinder::gap_along(Vec3 normal, const Mover& in, const Mover& out) const {
-  const Vec3 apart = in.state.position - out.state.position;
+ApproachFinder::Gap ApproachFinder::gap_along(Vec3 normal, const Mover& one, const Mover& other) const {
+  const Vec3 apart = one.state.position - other.state.position;
   if (normal.dot(apart) < 0.0) normal = -normal;
-  return {normal, normal.dot(apart) - reach_m(in, -normal) - reach_m(out, normal)};
+  return {normal, normal.dot(apart) - reach_m(one, -normal) - reach_m(other, normal)};
 }
 
-void ApproachFinder::meet(const Mover& in, const Mover& out, std::vector<BorderPair>& border) const {
-  const Vec3 apart = in.state.position - out.state.position;
-  const Eigen::Matrix3d mine = in.state.orientation.toRotationMatrix();
-  const Eigen::Matrix3d theirs = out.state.orientation.toRotationMatrix();
+std::optional<BorderPair> ApproachFinder::meet(const Mover& pusher, const Mover& other) const {
+  const Vec3 apart = pusher.state.position - other.state.position;
+  const Eigen::Matrix3d mine = pusher.state.orientation.toRotationMatrix();
+  const Eigen::Matrix3d theirs = other.state.orientation.toRotationMatrix();
   std::array<Gap, 7> gaps;
-  gaps[0] = gap_along(apart.norm() > 0.0 ? apart.normalized() : Vec3::UnitZ(), in, out);
+  gaps[0] = gap_along(apart.norm() > 0.0 ? apart.normalized() : Vec3::UnitZ(), pusher, other);
   for (int i = 0; i < 3; ++i) {
-    gaps[1 + i] = gap_along(mine.col(i), in, out);
-    gaps[4 + i] = gap_along(theirs.col(i), in, out);
+    gaps[1 + i] = gap_along(mine.col(i), pusher, other);
+    gaps[4 + i] = gap_along(theirs.col(i), pusher, other);
   }
   const Gap gap = *std::ranges::max_element(gaps, {}, &Gap::distance);
-  const Vec3 closing = out.state.linear_velocity - in.state.linear_velocity;
+  const Vec3 closing = other.state.linear_velocity - pusher.state.linear_velocity;
   const auto left_m = [&](const Gap& g) { return g.distance - std::max(0.0, time_s_ * g.normal.dot(closing)); };
-  if (left_m(gap) > in.any_way_m + out.any_way_m) return;
+  if (left_m(gap) > pusher.any_way_m + other.any_way_m) return std::nullopt;
   // Neighbours over an edge pass each other.
-  const double edge_m = kEdge * std::min(smallest(in.bounds), smallest(out.bounds));
+  const double edge_m = kEdge * std::min(smallest(pusher.bounds), smallest(other.bounds));
   const auto beside = [&](const Gap& g) { return std::abs(g.normal.dot(gap.normal)) < kAcross && left_m(g) > -edge_m; };
-  if (std::any_of(gaps.begin() + 1, gaps.end(), beside)) return;
-  border.push_back({.inside = in.id,
-                    .outside = out.id,
-                    .point = in.state.position - reach_m(in, -gap.normal) * gap.normal,
+  if (std::any_of(gaps.begin() + 1, gaps.end(), beside)) return std::nullopt;
+  return BorderPair{.inside = pusher.id,
+                    .outside = other.id,
+                    .point = pusher.state.position - reach_m(pusher, -gap.normal) * gap.normal,
                     .normal = gap.normal,
                     .distance = std::max(0.0, gap.distance),
-                    .tangential_velocity = gap.normal.dot(closing) * gap.normal - closing});
+                    .tangential_velocity = gap.normal.dot(closing) * gap.normal - closing};
 }
 
-void ApproachFinder::find(const Membership& membership, const ContactGraph& graph, std::vector<BorderPair>& border) {
-  const std::size_t contacts = border.size();
-  leave_what_hangs(membership, graph, border);
-  const auto touch = [&](BodyId in, BodyId out) {
-    const auto same = [&](const BorderPair& p) { return p.inside == in && p.outside == out; };
-    return touches_[index(out)] && std::ranges::any_of(std::span(border.data(), contacts), same);
+std::optional<Box> ApproachFinder::find(const Membership& membership, const ContactGraph& graph,
+                                        std::vector<BorderPair>& border) {
+  const auto known = [&](BodyId in, BodyId out) {
+    return std::ranges::any_of(border, [&](const BorderPair& p) { return p.inside == in && p.outside == out; });
   };
-  for (const Mover& in : inside_) {
-    const Box swept = in.swept();
-    for (const Mover& out : outside_) {
-      if (swept.meets(out.swept()) && !touch(in.id, out.id)) meet(in, out, border);
+  const auto wanted = [&](const Mover& pusher, const Mover& other) {
+    const bool member = places_[index(pusher.id)] == Place::inside;
+    switch (places_[index(other.id)]) {
+      case Place::apart:
+        return true;
+      case Place::found:
+        return other.id != pusher.id && !known(other.id, pusher.id);
+      case Place::touching:
+        return member && !known(pusher.id, other.id);
+      default:
+        return false;
+    }
+  };
+  std::optional<Box> where;
+  for (const std::size_t end = pushers_.size(); done_ < end; ++done_) {
+    const Mover pusher = pushers_[done_];
+    const Box swept = pusher.swept();
+    for (const Mover& other : near_) {
+      if (!swept.meets(other.swept()) || !wanted(pusher, other)) continue;
+      const std::optional<BorderPair> pair = meet(pusher, other);
+      if (!pair) continue;
+      border.push_back(*pair);
+      if (places_[index(other.id)] != Place::apart) continue;
+      places_[index(other.id)] = Place::found;
+      linked_.push_back(other.id);
+      hang_on(linked_.size() - 1, membership, graph);
+      pushers_.push_back(other);
+      if (!where) where = other.swept();
+      where->extend(other.swept());
     }
   }
+  return where;
 }
 
 }  // namespace subworld

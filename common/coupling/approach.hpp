@@ -5,28 +5,38 @@
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 
+#include <optional>
 #include <span>
 #include <vector>
 
 namespace subworld {
 
 /// Finds what does not touch a sub-world yet but may before it hears of it: the sub-world is ahead of the world, and
-/// would run into a body that the world tells it of only after the contact. A sub-world is described by `begin`,
-/// `inside` for its members and `outside` for movable bodies that are near.
+/// would run into a body, or push its ghosts into one, that the world tells it of only after the contact. What is found
+/// may push on in turn. A body that hangs by contacts on one that touches the inside, or is found, goes with that one.
+///
+/// For each sub-world: `begin`; `inside` for its members; `touching`; then, for as long as `find` names a place, what
+/// there is by `outside`.
 class ApproachFinder {
  public:
   explicit ApproachFinder(const Scene& scene);
 
   /// `time_s`: for which the sub-world will know no more than it is told now.
   void begin(double time_s);
-  /// The bounds of all places that the member may reach.
+  /// A member. Returns the bounds of all places that it may reach.
   Box inside(BodyId id, const BodyState& state, const Box& bounds);
+  /// `contacts` are the border's, `graph` that of all the world's. Returns the outside bodies that touch the inside;
+  /// each is to be told by `ghost`, which returns what `inside` does.
+  std::span<const BodyId> touching(const Membership& membership, const ContactGraph& graph,
+                                   std::span<const BorderPair> contacts);
+  Box ghost(BodyId id, const BodyState& state, const Box& bounds);
+  /// A body that is near. Only one that `may_come`.
   void outside(BodyId id, const BodyState& state, const Box& bounds);
+  [[nodiscard]] bool may_come(BodyId id) const;
 
   /// Adds to `border`, which holds the contacts, pairs that may become ones, without impulses. Their normals are those
-  /// of the faces, or the line between the centres, that part them most. A body that hangs by contacts of `graph`, the
-  /// world's, on one that touches the inside already is left out: it goes with that one.
-  void find(const Membership& membership, const ContactGraph& graph, std::vector<BorderPair>& border);
+  /// of the faces, or the line between the centres, that part them most. Returns where to look for what they may meet.
+  std::optional<Box> find(const Membership& membership, const ContactGraph& graph, std::vector<BorderPair>& border);
 
  private:
   struct Mover {
@@ -40,25 +50,27 @@ class ApproachFinder {
   };
   /// What parts two bodies along one direction.
   struct Gap {
-    Vec3 normal = Vec3::UnitZ();  ///< towards the inside body
+    Vec3 normal = Vec3::UnitZ();  ///< towards the first body
     double distance = 0.0;        ///< m
   };
+  enum class Place : std::uint8_t { apart, hanging, found, touching, inside };
 
   [[nodiscard]] Mover mover(BodyId id, const BodyState& state, const Box& bounds) const noexcept;
+  /// What hangs by contacts on the linked bodies from `first` on goes with them.
+  void hang_on(std::size_t first, const Membership& membership, const ContactGraph& graph);
   [[nodiscard]] double reach_m(const Mover& mover, const Vec3& along) const;
-  [[nodiscard]] Gap gap_along(Vec3 normal, const Mover& in, const Mover& out) const;
-  /// Adds the pair if it may become a contact.
-  void meet(const Mover& in, const Mover& out, std::vector<BorderPair>& border) const;
-  /// Takes from what is near all that hangs on a body that touches the inside.
-  void leave_what_hangs(const Membership& membership, const ContactGraph& graph, std::span<const BorderPair> contacts);
+  [[nodiscard]] Gap gap_along(Vec3 normal, const Mover& one, const Mover& other) const;
+  /// The pair, if it may become a contact.
+  [[nodiscard]] std::optional<BorderPair> meet(const Mover& pusher, const Mover& other) const;
 
   const Scene& scene_;
   double time_s_ = 0.0;
-  std::vector<Mover> inside_;
-  std::vector<Mover> outside_;
-  std::vector<bool> touches_;    ///< by body
-  std::vector<bool> hangs_;      ///< by body
-  std::vector<BodyId> hanging_;  ///< in the order of their discovery, what touches first
+  std::vector<Mover> pushers_;  ///< members, then ghosts, then what has been found
+  std::size_t done_ = 0;        ///< of the pushers
+  std::vector<Mover> near_;
+  std::vector<Place> places_;   ///< by body
+  std::vector<bool> told_;      ///< by body: it is in `near_`
+  std::vector<BodyId> linked_;  ///< what touches, then what hangs on it, then what is found and hangs on that
 };
 
 }  // namespace subworld

@@ -183,7 +183,8 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
     find_axes(border, graph, ghost);
     // What is only near pushes nothing yet.
     const auto touched = [&](const BorderPair& pair) { return pair.outside == ghost.outside && touches(pair); };
-    if (std::ranges::none_of(border, touched)) continue;
+    ghost.loose = std::ranges::none_of(border, touched);
+    if (ghost.loose) continue;
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       const Vec3 along = -ghost.axes[i].normal;
       if (!push(ghost.outside, along, membership, graph)) continue;

@@ -75,7 +75,7 @@ struct CarriedBody {
   Wrench drive;                                             ///< of all but the inside, at the outside body's centre
 };
 
-/// The reduced model of an outside body that touches inside ones (coupling/ghost).
+/// The reduced model of an outside body that touches inside ones, or soon may (coupling/ghost).
 struct GhostModel {
   BodyId outside{};
   double mass_kg = 0.0;
@@ -83,10 +83,11 @@ struct GhostModel {
   std::size_t axis_count = 0;
   std::array<GhostAxis, kMostGhostAxes> axes;  ///< the heaviest loaded first
   std::optional<CarriedBody> carried = {};     ///< moves as this says; the axes only tell where it is touched
+  bool loose = false;                          ///< does not touch the inside yet: it may meet ghosts as well
 };
 
-/// A contact between a body inside the sub-world and one outside (paper 4.2), or what may become one soon. Impulses act
-/// on `inside`.
+/// A contact between a body inside the sub-world and one outside (paper 4.2). Impulses act on `inside`. Or what may
+/// become one soon (coupling/approach); there, what pushes may be a ghost.
 struct BorderPair {
   BodyId inside{};
   BodyId outside{};

@@ -30,6 +30,7 @@ struct Capabilities {
 enum class Role : std::uint8_t {
   body,
   ghost,  ///< meets movable bodies only, and no other ghost
+  loose,  ///< meets movable bodies and ghosts
 };
 
 /// An opaque saved state; only the engine that made it can read it.

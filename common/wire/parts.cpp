@@ -204,6 +204,7 @@ void put(const GhostModel& in, msg::Ghost& out) {
   }
   out.carried().resize(in.carried ? 1 : 0);
   if (in.carried) put(*in.carried, out.carried()[0]);
+  out.loose(in.loose);
 }
 
 bool get(const msg::Ghost& in, GhostModel& out) {
@@ -218,6 +219,7 @@ bool get(const msg::Ghost& in, GhostModel& out) {
         !get_positive(in.axes()[i].coulomb_limit_n(), axis.coulomb_limit_n) || !get(in.axes()[i].grip(), axis.grip))
       return false;
   }
+  out.loose = in.loose();
   out.carried.reset();
   if (in.carried().size() > 1) return false;
   return in.carried().empty() || get(in.carried()[0], out.carried.emplace());

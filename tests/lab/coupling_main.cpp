@@ -21,7 +21,7 @@ using namespace subworld;
 constexpr std::size_t kMostTraces = 64;
 constexpr double kQuickDuration_s = 1.0;
 const std::vector<std::string> kScenes{"row",   "press",   "scatter", "raft",    "hidden_load", "heavy_outside",
-                                       "slope", "pyramid", "see_saw", "leaning", "tower_press"};
+                                       "slope", "pyramid", "see_saw", "leaning", "loose",       "tower_press"};
 const std::vector<std::string> kQuickScenes{"row", "press"};
 const std::vector<int> kQuickRatios{4, 20};
 

@@ -42,6 +42,7 @@ class SampleMaker {
           .axes = {}};
     for (std::size_t i = 0; i < to.axis_count; ++i)
       to.axes[i] = {vector().normalized(), number(), positive(), vector()};
+    to.loose = coin();
     if (coin()) {
       CarriedBody& carried = to.carried.emplace();
       carried.mass_kg = 0.1 + positive();
@@ -236,7 +237,7 @@ struct Walk {
         b.tangential_impulse);
   }
   void operator()(const GhostModel& g) {
-    all(g.outside, g.mass_kg, g.load_n);
+    all(g.outside, g.mass_kg, g.load_n, g.loose);
     for (std::size_t i = 0; i < g.axis_count; ++i) {
       all(g.axes[i].normal, g.axes[i].force_n, g.axes[i].coulomb_limit_n, g.axes[i].grip);
     }

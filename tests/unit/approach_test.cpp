@@ -26,17 +26,20 @@ struct Two {
     graph.build(contacts, scene.bodies.size());
     ApproachFinder finder(scene);
     finder.begin(kTime_s);
-    for (std::uint32_t i = 0; i < states.size(); ++i) {
-      const Box bounds{states[i].position - Vec3::Constant(half_m), states[i].position + Vec3::Constant(half_m)};
-      if (i == 0) {
-        finder.inside(BodyId{i}, states[i], bounds);
-      } else {
-        finder.outside(BodyId{i}, states[i], bounds);
-      }
-    }
+    const auto bounds = [&](BodyId id) {
+      const Vec3& centre = states[index(id)].position;
+      return Box{centre - Vec3::Constant(half_m), centre + Vec3::Constant(half_m)};
+    };
+    const auto state = [&](BodyId id) { return states[index(id)]; };
+    finder.inside(BodyId{0}, state(BodyId{0}), bounds(BodyId{0}));
     std::vector<BorderPair> border;
     extract_border(contacts, membership, border);
-    finder.find(membership, graph, border);
+    for (const BodyId id : finder.touching(membership, graph, border)) finder.ghost(id, state(id), bounds(id));
+    do {
+      for (std::uint32_t i = 0; i < states.size(); ++i) {
+        if (finder.may_come(BodyId{i})) finder.outside(BodyId{i}, state(BodyId{i}), bounds(BodyId{i}));
+      }
+    } while (finder.find(membership, graph, border));
     return border;
   }
   Scene scene;
@@ -169,11 +172,30 @@ TEST(Approach, WhatHangsOnTheBorderGoesWithIt) {
   two.states[0].linear_velocity.x() = 0.3;
   const Contact stands{.a = BodyId{2}, .b = BodyId{1}, .normal = Vec3::UnitZ(), .normal_impulse = 0.1};
   two.contacts = {stands};
-  EXPECT_EQ(two.near().size(), 2U);  // nothing touches yet
+  ASSERT_EQ(two.near().size(), 1U);  // nothing touches yet
+  EXPECT_EQ(two.near()[0].outside, BodyId{1});
   two.contacts.push_back({.a = BodyId{0}, .b = BodyId{1}, .normal = -Vec3::UnitX(), .normal_impulse = 0.1});
   const auto border = two.near();
   ASSERT_EQ(border.size(), 1U);
   EXPECT_EQ(border[0].outside, BodyId{1});
+}
+
+// The member does not reach the third cube, but the second, which it touches and pushes on, does; and then the third
+// stands close to a fourth.
+TEST(Approach, WhatTheBorderIsPushedIntoIsFoundToo) {
+  Two two;
+  for (const std::uint32_t i : {2U, 3U}) two.scene.bodies.push_back(test::cube(BodyId{i}, kSide_m));
+  two.states = {test::at(0, 0, 0), test::at(0.1, 0, 0), test::at(0.21, 0, 0), test::at(0.311, 0, 0)};
+  two.contacts = {{.a = BodyId{0}, .b = BodyId{1}, .normal = -Vec3::UnitX(), .normal_impulse = 0.1}};
+  for (int i : {0, 1}) two.states[static_cast<std::size_t>(i)].linear_velocity.x() = 0.3;
+  EXPECT_EQ(two.near().size(), 2U);
+  const auto border = two.near(2.0);  // both may fall by 1.6 mm
+  ASSERT_EQ(border.size(), 3U);
+  EXPECT_EQ(border[1].inside, BodyId{1});
+  EXPECT_EQ(border[1].outside, BodyId{2});
+  EXPECT_EQ(border[2].inside, BodyId{2});
+  EXPECT_EQ(border[2].outside, BodyId{3});
+  EXPECT_NEAR(border[2].distance, 0.001, 1e-12);
 }
 
 }  // namespace

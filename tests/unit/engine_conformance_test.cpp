@@ -292,6 +292,24 @@ TEST_P(Conformance, GhostsMeetMovableBodiesOnly) {
   EXPECT_LT(engine->state(BodyId{5}).position.z(), -0.5);
 }
 
+TEST_P(Conformance, LooseBodiesMeetGhostsAndMovableBodiesOnly) {
+  Body held = cube(kOther);
+  held.gravity = false;
+  held.mass = 100.0;
+  engine->add(held, at(0, 0, 1), Role::ghost);
+  engine->add(cube(BodyId{3}), at(0, 0, 1.12), Role::loose);  // stays on the ghost
+  held.id = BodyId{4};
+  engine->add(held, at(1, 0, 1), Role::loose);
+  engine->add(cube(BodyId{5}), at(1, 0, 1.12), Role::loose);  // stays on the loose one
+  engine->add(cube(BodyId{6}), at(2, 0, 0.1), Role::loose);   // falls through the floor
+  engine->add(cube(BodyId{7}), at(0, 0, 0.2), Role::loose);   // falls onto the cube
+  run(0.5);
+  EXPECT_GT(engine->state(BodyId{3}).position.z(), 1.05);
+  EXPECT_GT(engine->state(BodyId{5}).position.z(), 1.05);
+  EXPECT_LT(engine->state(BodyId{6}).position.z(), -0.5);
+  EXPECT_GT(engine->state(BodyId{7}).position.z(), 0.12);
+}
+
 // --- places ---
 
 TEST_P(Conformance, BoundsFitTheBody) {

@@ -71,9 +71,10 @@ struct CollisionClass {
   int group;
   int meets;
 };
-constexpr CollisionClass kMovable{1, 1 | 2 | 4};
+constexpr CollisionClass kMovable{1, 1 | 2 | 4 | 8};
 constexpr CollisionClass kFixed{2, 1};
-constexpr CollisionClass kGhosts{4, 1};
+constexpr CollisionClass kGhosts{4, 1 | 8};
+constexpr CollisionClass kLoose{8, 1 | 4 | 8};
 
 struct Slot {
   std::unique_ptr<btRigidBody> body;
@@ -158,7 +159,10 @@ class Bullet final : public Engine {
     slot.inertia = body.inertia;
     slot.gyroscopic = body.rotates && !body.fixed() && feels_gyroscopic_torque(body.inertia);
     place(*slot.body, state);
-    const CollisionClass& kind = role == Role::ghost ? kGhosts : body.fixed() ? kFixed : kMovable;
+    const CollisionClass& kind = role == Role::ghost   ? kGhosts
+                                 : role == Role::loose ? kLoose
+                                 : body.fixed()        ? kFixed
+                                                       : kMovable;
     world_.addRigidBody(slot.body.get(), kind.group, kind.meets);
     contacts_.clear();
     if (body.fixed()) return;

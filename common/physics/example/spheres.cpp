@@ -243,9 +243,9 @@ class Spheres final : public Engine {
   void find_contact(std::uint32_t a, std::uint32_t b, double dt) {
     const Slot& first = *slots_[a];
     const Slot& second = *slots_[b];
-    const bool ghosts_meet_only_movable =
-        (first.role == Role::ghost && (second.body.fixed() || second.role == first.role)) ||
-        (second.role == Role::ghost && first.body.fixed());
+    const bool ghosts_meet_only_movable = (first.role != Role::body && second.body.fixed()) ||
+                                          (second.role != Role::body && first.body.fixed()) ||
+                                          (first.role == Role::ghost && second.role == Role::ghost);
     if ((first.body.fixed() && second.body.fixed()) || ghosts_meet_only_movable) return;
     Row row{.a = a, .b = b, .point = {}, .normal = {}, .distance = 0.0, .friction = 0.0, .bounce = 0.0};
     const double radius_b = second.body.shape.radius;

@@ -13,9 +13,10 @@ struct CollisionClass {
   unsigned long category;
   unsigned long meets;
 };
-inline constexpr CollisionClass kMovable{1, 1 | 2 | 4};
+inline constexpr CollisionClass kMovable{1, 1 | 2 | 4 | 8};
 inline constexpr CollisionClass kFixed{2, 0};
 inline constexpr CollisionClass kGhosts{4, 0};
+inline constexpr CollisionClass kLoose{8, 4 | 8};
 
 struct Slot {
   bool used = false;

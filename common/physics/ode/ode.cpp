@@ -115,7 +115,10 @@ class Ode final : public Engine {
     slot = {};
     slot.used = true;
     slot.spec = body;
-    slot.kind = role == Role::ghost ? ode::kGhosts : body.fixed() ? ode::kFixed : ode::kMovable;
+    slot.kind = role == Role::ghost   ? ode::kGhosts
+                : role == Role::loose ? ode::kLoose
+                : body.fixed()        ? ode::kFixed
+                                      : ode::kMovable;
     slot.geom = geom;
     slot.mass = body.mass;
     slot.inertia = body.inertia;

@@ -15,9 +15,10 @@ namespace subworld::wasm {
 
 namespace {
 
-constexpr Filter kMovable{1, 1 | 2 | 4};
+constexpr Filter kMovable{1, 1 | 2 | 4 | 8};
 constexpr Filter kFixed{2, 1};
-constexpr Filter kGhosts{4, 1};
+constexpr Filter kGhosts{4, 1 | 8};
+constexpr Filter kLoose{8, 1 | 4 | 8};
 
 /// A point is taken for the same one in the next sub-step if it lies within this part of the smallest body's size.
 constexpr double kReachRatio = 0.1;
@@ -55,7 +56,11 @@ void ModuleEngine::add(const Body& body, const BodyState& state, Role role) {
   slot.mass = body.mass;
   slot.inertia = body.inertia;
   if (body.gravity && !body.fixed()) slot.weight = body.mass * gravity_;
-  create(body.id, slot, body, state, role == Role::ghost ? kGhosts : body.fixed() ? kFixed : kMovable);
+  const Filter& filter = role == Role::ghost   ? kGhosts
+                         : role == Role::loose ? kLoose
+                         : body.fixed()        ? kFixed
+                                               : kMovable;
+  create(body.id, slot, body, state, filter);
   set_velocities(slot, state.linear_velocity, state.angular_velocity);
   slots_[id] = slot;
   ++count_;
