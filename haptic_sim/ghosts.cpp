@@ -16,6 +16,8 @@ const BodyState* state_in(const WorldFrame& frame, BodyId id) noexcept {
   return at != frame.states.end() && at->id == id ? &at->state : nullptr;
 }
 
+Role role_of(const GhostModel& model) noexcept { return model.loose ? Role::loose : Role::ghost; }
+
 }  // namespace
 
 Ghosts::Ghosts(const Scene& scene, std::uint64_t remembered_cycles) : scene_(scene), remembered_(remembered_cycles) {
@@ -36,13 +38,6 @@ void Ghosts::follow(const WorldFrame& frame, Engine& engine, double lag_s, doubl
       create(model, *world, frame, engine, lag_s);
       continue;
     }
-    if (at->motion.model.loose != model.loose) {
-      const BodyState now = engine.state(model.outside);
-      engine.remove(model.outside);
-      engine.add(as_ghost(at->motion.model), now, model.loose ? Role::loose : Role::ghost);
-      if (at->carried)
-        engine.set_inertia(model.outside, scene_.body(model.outside).mass, scene_.body(model.outside).inertia);
-    }
     adapt(*at, model, engine);
     correct(*at, *world, frame, engine, lag_s, gain);
   }
@@ -51,6 +46,7 @@ void Ghosts::follow(const WorldFrame& frame, Engine& engine, double lag_s, doubl
 Body Ghosts::as_ghost(const GhostModel& model) const {
   Body body = scene_.body(model.outside);
   body.gravity = false;
+  if (model.carried) return body;
   body.mass = model.mass_kg;
   body.inertia *= kSpinInertia;
   return body;
@@ -59,6 +55,11 @@ Body Ghosts::as_ghost(const GhostModel& model) const {
 void Ghosts::adapt(Ghost& ghost, const GhostModel& model, Engine& engine) {
   const Body& body = scene_.body(ghost.id);
   GhostMotion& motion = ghost.motion;
+  if (motion.model.loose != model.loose) {
+    const BodyState now = engine.state(ghost.id);
+    engine.remove(ghost.id);
+    engine.add(as_ghost(model), now, role_of(model));
+  }
   if (model.carried) {
     if (!ghost.carried) {
       const BodyState now = engine.state(ghost.id);
@@ -88,7 +89,7 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
     return engine.state(inside).position - advanced(*theirs, lag_s).position;
   };
   start.position += clearance(model, frame.border, offset_of);
-  engine.add(body, start, model.loose ? Role::loose : Role::ghost);
+  engine.add(body, start, role_of(model));
 
   Ghost ghost{.id = body.id,
               .motion = {.model = model, .world_velocity = world.linear_velocity},
