@@ -62,15 +62,20 @@ TEST_F(Control, PausesStepsResumesAndStops) {
 
 // A device moves on while the world's clock stands: it must neither wind up the coupling nor throw the tool afterwards.
 TEST_F(Control, AHandThatMovesOnDuringAPauseIsMetAnew) {
-  Process process(run_words(scene("row"), {"--mode", "realtime", "--duration", "4", "--scheme", "reduced"}),
-                  folder_.path());
-  ASSERT_EQ(control({"pause"}).code, 0);
-  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
-  ASSERT_EQ(control({"resume"}).code, 0);
-  ASSERT_EQ(process.wait(), 0) << process.err();
-  const Json json = summary();
-  EXPECT_LT(json["haptic"][0]["force_max_n"].get<double>(), 20.0) << "of 12 N without a pause, and a limit of 40 N";
-  EXPECT_LT(json["haptic"][0]["energy_excess_j"].get<double>(), 0.02);
+  Json haptic;
+  // While the machine itself holds a loop up, the hand moves on as well, and that is felt: such a run says nothing.
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    Process process(run_words(scene("row"), {"--mode", "realtime", "--duration", "4", "--scheme", "reduced"}),
+                    folder_.path());
+    ASSERT_EQ(control({"pause"}).code, 0);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+    ASSERT_EQ(control({"resume"}).code, 0);
+    ASSERT_EQ(process.wait(), 0) << process.err();
+    haptic = summary()["haptic"][0];
+    if (haptic["lateness_s"]["max"].get<double>() < 0.05) break;
+  }
+  EXPECT_LT(haptic["force_max_n"].get<double>(), 20.0) << "of 12 N without a pause, and a limit of 40 N";
+  EXPECT_LT(haptic["energy_excess_j"].get<double>(), 0.02);
 }
 
 // A sub-world that lags behind keeps frames waiting: those of the standing world must not crowd out what comes after.
