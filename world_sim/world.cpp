@@ -61,6 +61,7 @@ World::World(const Scene& scene)
       remembered_(remembered_cycles(scene.settings, *scheme_)),
       approach_(scene),
       modeller_(scene),
+      motions_(scene.bodies.size()),
       energy_j_(remembered_, 0.0) {
   choose_substeps();
   const auto later = [&](BodyId id) {
@@ -113,8 +114,8 @@ bool World::settle(const std::function<bool(double)>& progress) {
   for (const UserSpec& user : scene_.users) {
     if (user.joins_late) engine_->add(scene_.body(user.proxy), scene_.initial[index(user.proxy)]);
   }
-  extract();
   account();
+  extract();
   start_energy_j_ = kinetic_j_ + potential_j_;
   return true;
 }
@@ -303,19 +304,7 @@ double World::horizon_s(const User& user) const {
 
 void World::describe_outside(const User& user, WorldFrame& frame) {
   const Membership& now = user.membership;
-  const double cycle_s = scene_.settings.cycle_s();
-  const WorldFrame& last = user.newest(stamp_ - 1);
-  // No more than two pointers, which std::function holds without allocating.
-  const auto motion_of = [this, &last](BodyId id) {
-    OutsideMotion motion{.state = engine_->state(id)};
-    const auto then = std::ranges::lower_bound(last.states, id, {}, &StampedBody::id);
-    const bool known = stamp_ > 0 && last.stamp == stamp_ - 1 && then != last.states.end() && then->id == id;
-    if (!known) return motion;
-    const Vec3 gained = motion.state.linear_velocity - then->state.linear_velocity;
-    motion.acceleration = gained / scene_.settings.cycle_s();
-    return motion;
-  };
-  modeller_.model(frame.border, now, graph_, motion_of, cycle_s, frame.ghosts);
+  modeller_.model(frame.border, {now, graph_, motions_, scene_.settings.cycle_s()}, frame.ghosts);
   islands_.begin(now.members);
   for (const Contact& c : contacts_) {
     if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) islands_.join(c.a, c.b);
@@ -380,6 +369,10 @@ void World::account() {
   for (const Body& body : scene_.bodies) {
     if (body.fixed()) continue;
     const BodyState s = engine_->state(body.id);
+    Motion& motion = motions_[index(body.id)];
+    if (stamp_ > 0)
+      motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / scene_.settings.cycle_s();
+    motion.state = s;
     mix(hash_, s);
     finite_ = finite_ && subworld::finite(s);
     kinetic_j_ += kinetic_energy(body, s);

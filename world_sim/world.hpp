@@ -136,6 +136,7 @@ class World {
   ContactGraph graph_;
   ApproachFinder approach_;
   GhostModeller modeller_;
+  std::vector<Motion> motions_;  ///< by body, in the last cycle
   Islands islands_;
   std::vector<double> energy_j_;  ///< kinetic and potential, by stamp
   double start_energy_j_ = 0.0;

@@ -1,5 +1,7 @@
 #include "coupling/ghost.hpp"
 
+#include "coupling/rolling.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -19,6 +21,7 @@ constexpr double kSliding_m_s = -0.002;  ///< faster away from the inside than t
 /// From body `id` towards the other body of its contact.
 Vec3 outwards(const Contact& c, BodyId id) noexcept { return c.a == id ? Vec3(-c.normal) : c.normal; }
 BodyId other(const Contact& c, BodyId id) noexcept { return c.a == id ? c.b : c.a; }
+double friction(const Body& a, const Body& b) noexcept { return std::sqrt(a.material.friction * b.material.friction); }
 
 /// The part of a vector across the axes that there are.
 Vec3 across(const GhostModel& ghost, Vec3 v) noexcept {
@@ -40,15 +43,16 @@ bool GhostModeller::grounded(BodyId id, const ContactGraph& graph) const {
                              [&](std::uint32_t i) { return scene_.body(other(graph.contact(i), id)).fixed(); });
 }
 
-bool GhostModeller::push(BodyId from, const Vec3& along, const Membership& membership, const ContactGraph& graph) {
+bool GhostModeller::push(BodyId from, const Vec3& along, const Surroundings& around) {
   bool gives = true;
   way_.assign(1, from);
   for (std::size_t k = 0; k < way_.size(); ++k) {
     const BodyId id = way_[k];
-    for (const std::uint32_t i : graph.of(id)) {
-      const Contact& c = graph.contact(i);
+    for (const std::uint32_t i : around.graph.of(id)) {
+      const Contact& c = around.graph.contact(i);
       const BodyId next = other(c, id);
-      if (along.dot(outwards(c, id)) <= kPushing || std::ranges::binary_search(membership.members, next)) continue;
+      if (along.dot(outwards(c, id)) <= kPushing || std::ranges::binary_search(around.membership.members, next))
+        continue;
       if (scene_.body(next).fixed()) {
         gives = false;
       } else if (std::ranges::find(way_, next) == way_.end()) {
@@ -64,28 +68,64 @@ bool GhostModeller::pushed_by_another(BodyId body, BodyId from, const Vec3& alon
   return std::ranges::any_of(same, [&](const Pushed& p) { return p.from != from && p.along.dot(along) > kSameWay; });
 }
 
-GhostModeller::Walk GhostModeller::walk(BodyId from, const Vec3& along, const Membership& membership,
-                                        const ContactGraph& graph, double step_s) {
-  if (!push(from, along, membership, graph)) return {.mass_kg = kWallMass_kg, .wall = true};
+std::optional<GhostModeller::Rolling> GhostModeller::rolling(BodyId id, const Vec3& along,
+                                                             const Surroundings& around) const {
+  const Body& body = scene_.body(id);
+  std::optional<BodyId> support;
+  Vec3 normal = Vec3::Zero();
+  double support_n = 0.0;
+  Rolling found;
+  for (const std::uint32_t i : around.graph.of(id)) {
+    const Contact& c = around.graph.contact(i);
+    const BodyId beside = other(c, id);
+    const double friction_n = friction(body, scene_.body(beside)) * c.normal_impulse / around.step_s;
+    if (std::abs(along.dot(outwards(c, id))) > kPushing) {
+      found.resistance_n += friction_n;
+      continue;
+    }
+    if (support && *support != beside) return std::nullopt;
+    support = beside;
+    normal += outwards(c, id);
+    support_n += friction_n;
+  }
+  if (!support || std::ranges::binary_search(around.membership.members, *support)) return std::nullopt;
+  const auto mass_kg = rolling_mass(body, around.motions[index(id)].state.orientation, along.cross(normal));
+  if (!mass_kg || found.resistance_n > support_n) return std::nullopt;
+  found.mass_kg = *mass_kg;
+  return found;
+}
+
+GhostModeller::Walk GhostModeller::walk(BodyId from, const Vec3& along, const Surroundings& around) {
+  if (!push(from, along, around)) return {.mass_kg = kWallMass_kg, .wall = true};
   Walk found;
   const auto count = [&](BodyId id) {
     if (std::ranges::find(counted_, id) != counted_.end()) return;
     counted_.push_back(id);
     found.mass_kg += scene_.body(id).mass;
+    found.inertial_n += scene_.body(id).mass * around.motions[index(id)].acceleration;
     if (scene_.body(id).gravity) found.heavy_kg += scene_.body(id).mass;
   };
   counted_.clear();
   std::ranges::for_each(way_, count);
   holds_.clear();
   for (const BodyId id : way_) {
-    for (const std::uint32_t i : graph.of(id)) {
-      const Contact& c = graph.contact(i);
+    const std::optional<Rolling> rolls = rolling(id, along, around);
+    if (rolls) {
+      found.mass_kg += rolls->mass_kg;
+      found.inertial_n += rolls->mass_kg * around.motions[index(id)].acceleration;
+      found.limit_n += rolls->resistance_n;
+    }
+    for (const std::uint32_t i : around.graph.of(id)) {
+      const Contact& c = around.graph.contact(i);
       const BodyId beside = other(c, id);
-      if (std::abs(along.dot(outwards(c, id))) > kPushing) continue;
-      if (std::ranges::binary_search(membership.members, beside) || pushed_by_another(beside, from, along)) continue;
-      if (scene_.body(beside).fixed() || grounded(beside, graph)) {
-        const double mu = std::sqrt(scene_.body(id).material.friction * scene_.body(beside).material.friction);
-        found.limit_n += mu * c.normal_impulse / step_s;
+      const double mu = friction(scene_.body(id), scene_.body(beside));
+      const double ahead = along.dot(outwards(c, id));
+      if (rolls && ahead < -kPushing && id == from) holds_.push_back({-outwards(c, id), c.normal_impulse, mu});
+      if (rolls || std::abs(ahead) > kPushing) continue;
+      if (std::ranges::binary_search(around.membership.members, beside) || pushed_by_another(beside, from, along))
+        continue;
+      if (scene_.body(beside).fixed() || grounded(beside, around.graph)) {
+        found.limit_n += mu * c.normal_impulse / around.step_s;
         if (id == from) holds_.push_back({outwards(c, id), c.normal_impulse, mu});
       } else {
         count(beside);
@@ -148,11 +188,10 @@ void GhostModeller::find_axes(std::span<const BorderPair> border, const ContactG
   }
 }
 
-void GhostModeller::add_free_ways(const OutsideMotion& motion, const Membership& membership, const ContactGraph& graph,
-                                  double step_s, GhostModel& ghost) {
+void GhostModeller::add_free_ways(const Motion& motion, const Surroundings& around, GhostModel& ghost) {
   if (ghost.mass_kg >= kWallMass_kg) return;
   const auto held = [&](const Vec3& along) {
-    const Walk found = walk(ghost.outside, along, membership, graph, step_s);
+    const Walk found = walk(ghost.outside, along, around);
     return found.wall || found.limit_n > 0.0;
   };
   for (int i = 0; i < 3; ++i) {
@@ -166,8 +205,7 @@ void GhostModeller::add_free_ways(const OutsideMotion& motion, const Membership&
   }
 }
 
-void GhostModeller::model(std::span<const BorderPair> border, const Membership& membership, const ContactGraph& graph,
-                          const std::function<OutsideMotion(BodyId)>& motion_of, double step_s,
+void GhostModeller::model(std::span<const BorderPair> border, const Surroundings& around,
                           std::vector<GhostModel>& out) {
   out.clear();
   for (const BorderPair& pair : border) {
@@ -176,37 +214,37 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
   }
   for (const BorderPair& pair : border) {
     std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside)->load_n -=
-        (pair.normal_impulse * pair.normal + pair.tangential_impulse) / step_s;
+        (pair.normal_impulse * pair.normal + pair.tangential_impulse) / around.step_s;
   }
   pushed_.clear();
   for (GhostModel& ghost : out) {
-    find_axes(border, graph, ghost);
+    find_axes(border, around.graph, ghost);
     // What is only near pushes nothing yet.
     const auto touched = [&](const BorderPair& pair) { return pair.outside == ghost.outside && touches(pair); };
     ghost.loose = std::ranges::none_of(border, touched);
     if (ghost.loose) continue;
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       const Vec3 along = -ghost.axes[i].normal;
-      if (!push(ghost.outside, along, membership, graph)) continue;
+      if (!push(ghost.outside, along, around)) continue;
       for (const BodyId id : way_) pushed_.push_back({id, ghost.outside, along});
     }
   }
   std::ranges::sort(pushed_, {}, &Pushed::body);
   carried_.begin();
-  const auto state_of = [&motion_of](BodyId id) { return motion_of(id).state; };
+  const auto state_of = [&around](BodyId id) { return around.motions[index(id)].state; };
   for (GhostModel& ghost : out) {
-    ghost.carried = carried_.model(ghost.outside, out, membership, graph, state_of, step_s);
-    const OutsideMotion motion = motion_of(ghost.outside);
+    ghost.carried = carried_.model(ghost.outside, out, around.membership, around.graph, state_of, around.step_s);
+    const Motion& motion = around.motions[index(ghost.outside)];
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       GhostAxis& axis = ghost.axes[i];
       const double load_n = -ghost.load_n.dot(axis.normal);
-      const Walk found = walk(ghost.outside, -axis.normal, membership, graph, step_s);
+      const Walk found = walk(ghost.outside, -axis.normal, around);
       if (found.wall) {
         axis.force_n = std::max(0.0, load_n);
         axis.coulomb_limit_n = kWallLimit_n;
         continue;
       }
-      const double q = load_n + found.mass_kg * motion.acceleration.dot(axis.normal);
+      const double q = load_n + found.inertial_n.dot(axis.normal);
       double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
       double c = found.limit_n;
       const bool slides = motion.state.linear_velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
@@ -218,7 +256,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Membership& 
       if (ghost.mass_kg == 0.0) ghost.mass_kg = found.mass_kg;  // the heaviest loaded way that gives
     }
     if (ghost.mass_kg == 0.0) ghost.mass_kg = kWallMass_kg;
-    if (!ghost.carried) add_free_ways(motion, membership, graph, step_s, ghost);
+    if (!ghost.carried) add_free_ways(motion, around, ghost);
   }
 }
 

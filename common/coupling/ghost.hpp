@@ -9,15 +9,24 @@
 
 #include <array>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
 namespace subworld {
 
-/// How an outside body moves: its state at the end of a cycle and its mean acceleration, m/s^2, over it.
-struct OutsideMotion {
+/// How a body moves: its state at the end of a cycle and its mean acceleration, m/s^2, over it.
+struct Motion {
   BodyState state;
   Vec3 acceleration = Vec3::Zero();
+};
+
+/// What is around a sub-world: a cycle of the world.
+struct Surroundings {
+  const Membership& membership;
+  const ContactGraph& graph;        ///< totals over step_s
+  std::span<const Motion> motions;  ///< by body
+  double step_s;
 };
 
 /// Finds the reduced model of every outside body that touches inside ones: how heavy it is to push along the border's
@@ -30,25 +39,27 @@ struct OutsideMotion {
 /// For each axis n the outside is walked from the body along d = -n. What it pushes adds its mass; something fixed
 /// makes a wall. A side contact with the ground, or with a body that stands on the ground, adds mu lambda / T to the
 /// Coulomb limit; with any other body it adds that body's mass. What another ghost pushes the same way is no hold.
+/// What rolls on something fixed adds its moment of inertia over its radius squared, and instead of mu lambda / T that
+/// of the contacts by which it is pushed and pushes: on them it turns.
+///
 /// Force f = M g.n. Where the load p and the outside's motion say more than the walk can see, limit and force give way:
-/// of p, M a.n is what the outside's own inertia does not take, q = p + M a.n; sliding, c = q - f; at rest, c >= q - f;
-/// and always |q - f| <= c. The limit holds under the load that the inside puts on the outside in the world; what
-/// presses the ghost harder on its supports adds mu times as much (the grip).
+/// of p, q = p + sum(m a).n is what the inertia of all that is pushed does not take; sliding, c = q - f; at rest, c >=
+/// q - f; and always |q - f| <= c. The limit holds under the load that the inside puts on the outside in the world;
+/// what presses the ghost harder on its supports adds mu times as much (the grip).
 class GhostModeller {
  public:
   explicit GhostModeller(const Scene& scene);
 
-  /// `border` is that of `membership`; `graph` that of the world's contacts, totals over `step_s`. Ascending by
-  /// `outside`.
-  void model(std::span<const BorderPair> border, const Membership& membership, const ContactGraph& graph,
-             const std::function<OutsideMotion(BodyId)>& motion_of, double step_s, std::vector<GhostModel>& out);
+  /// Ascending by `outside`.
+  void model(std::span<const BorderPair> border, const Surroundings& around, std::vector<GhostModel>& out);
 
  private:
   struct Walk {
     double mass_kg = 0.0;
     double heavy_kg = 0.0;  ///< of it, what gravity acts on
     double limit_n = 0.0;
-    Vec3 grip = Vec3::Zero();  ///< N/N
+    Vec3 inertial_n = Vec3::Zero();  ///< N, mass times acceleration
+    Vec3 grip = Vec3::Zero();        ///< N/N
     bool wall = false;
   };
   /// A contact of the ghost itself with what holds it back by friction.
@@ -68,13 +79,18 @@ class GhostModeller {
     Vec3 along = Vec3::Zero();
   };
   /// Lists what `from` pushes, itself first. False where something fixed is among it.
-  bool push(BodyId from, const Vec3& along, const Membership& membership, const ContactGraph& graph);
-  [[nodiscard]] Walk walk(BodyId from, const Vec3& along, const Membership& membership, const ContactGraph& graph,
-                          double step_s);
+  bool push(BodyId from, const Vec3& along, const Surroundings& around);
+  /// What a pushed body does to roll.
+  struct Rolling {
+    double mass_kg = 0.0;       ///< that turning it adds
+    double resistance_n = 0.0;  ///< of what it rubs on as it turns
+  };
+  /// Nothing where it does not roll: not round that way, on no or more than one support, or sliding is easier.
+  [[nodiscard]] std::optional<Rolling> rolling(BodyId id, const Vec3& along, const Surroundings& around) const;
+  [[nodiscard]] Walk walk(BodyId from, const Vec3& along, const Surroundings& around);
   /// Ways across the axes in which the inside alone holds the outside become axes without friction of their own: what
   /// lies on a member goes with it at once, not as the world says a cycle later.
-  void add_free_ways(const OutsideMotion& motion, const Membership& membership, const ContactGraph& graph,
-                     double step_s, GhostModel& ghost);
+  void add_free_ways(const Motion& motion, const Surroundings& around, GhostModel& ghost);
   /// What a force on the ghost adds to the friction of `holds_`: contacts that face one way share what presses on them.
   [[nodiscard]] Vec3 grip() const;
   [[nodiscard]] bool pushed_by_another(BodyId body, BodyId from, const Vec3& along) const;

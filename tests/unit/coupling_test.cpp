@@ -1,5 +1,7 @@
 #include "coupling/blend.hpp"
 #include "coupling/border.hpp"
+#include "coupling/contact_graph.hpp"
+#include "coupling/delay.hpp"
 #include "coupling/force_guard.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/selection.hpp"
@@ -289,6 +291,58 @@ TEST(Schemes, UnknownNameIsAnErrorThatNamesTheCure) {
   } catch (const Error& e) {
     EXPECT_NE(std::string(e.what()).find("paper"), std::string::npos);
   }
+}
+
+TEST(Islands, AreOpenWhereTheyReachOut) {
+  Islands islands;
+  const std::vector<BodyId> ids{BodyId{1}, BodyId{2}, BodyId{3}, BodyId{5}};
+  islands.begin(ids);
+  islands.join(BodyId{1}, BodyId{2});
+  islands.join(BodyId{3}, BodyId{9});
+  EXPECT_FALSE(islands.is_open(BodyId{1}));
+  EXPECT_TRUE(islands.is_open(BodyId{3}));
+  EXPECT_TRUE(islands.is_open(BodyId{9}));
+  std::vector<std::uint32_t> labels;
+  islands.labels(labels);
+  EXPECT_EQ(labels[0], labels[1]);
+  EXPECT_EQ(labels[2], kOpenIsland);
+  EXPECT_NE(labels[3], labels[0]);
+  // The other side sees 2 touch 3: now all of it is open.
+  Islands both;
+  both.begin(ids);
+  both.join(ids, labels);
+  both.join(BodyId{2}, BodyId{3});
+  EXPECT_TRUE(both.is_open(BodyId{1}));
+  EXPECT_FALSE(both.is_open(BodyId{5}));
+}
+
+TEST(Delay, AFrameIsLateByBothDirectionsWhereTheWorldTrails) {
+  Settings settings;
+  settings.ratio = 5;
+  settings.delay = {.up_s = 0.004, .down_s = 0.006};
+  const Delay parallel(settings, 0, 0);
+  EXPECT_EQ(parallel.frame_due(3), 3U * 5 + 6);
+  EXPECT_EQ(parallel.report_due(3), 4U);
+  const Delay trailing(settings, 1, 0);
+  EXPECT_EQ(trailing.frame_due(3), 3U * 5 + 5 + 10);
+  EXPECT_EQ(trailing.report_due(3), 2U);
+}
+
+TEST(Delay, JitterRepeatsAndStaysInItsBounds) {
+  Settings settings;
+  settings.ratio = 5;
+  settings.delay = {.up_s = 0.004, .down_s = 0.006, .jitter_s = 0.01};
+  const Delay delay(settings, 1, 0);
+  std::uint64_t least = 1000, most = 0;
+  for (std::uint64_t j = 1; j < 1000; ++j) {
+    const std::uint64_t late = delay.frame_due(j) - 5 * j - 5;
+    EXPECT_EQ(delay.frame_due(j), Delay(settings, 1, 0).frame_due(j));
+    least = std::min(least, late);
+    most = std::max(most, late);
+  }
+  EXPECT_GE(least, 10U);
+  EXPECT_LE(most, 30U);
+  EXPECT_GT(most, least + 10);
 }
 
 }  // namespace
