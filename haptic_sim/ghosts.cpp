@@ -82,11 +82,12 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
   if (engine.contains(model.outside)) return;
   const Body body = as_ghost(model);
   BodyState start = advanced(world, lag_s);
-  // Members are where the sub-world has them, not where the world does: nothing may begin inside something.
+  // What it touches has moved on, and as the sub-world says, not the world: nothing may begin inside something.
+  const Vec3 moved = start.position - world.position;
   const auto offset_of = [&](BodyId inside) -> Vec3 {
     const BodyState* theirs = state_in(frame, inside);
     if (theirs == nullptr || !engine.contains(inside)) return Vec3::Zero();
-    return engine.state(inside).position - advanced(*theirs, lag_s).position;
+    return engine.state(inside).position - theirs->position - moved;
   };
   start.position += clearance(model, frame.border, offset_of);
   engine.add(body, start, role_of(model));

@@ -289,9 +289,9 @@ void World::find_approaching(const Membership& now, Box reach, std::vector<Borde
   }
   std::optional<Box> where = reach;
   while (where) {
-    engine_->overlap(*where, scratch_);
-    for (const BodyId id : scratch_) {
-      if (approach_.may_come(id)) approach_.outside(id, engine_->state(id), engine_->bounds(id));
+    for (const Body& body : scene_.bodies) {
+      if (!approach_.may_come(body.id)) continue;
+      approach_.outside(body.id, motions_[index(body.id)].state, engine_->bounds(body.id), *where);
     }
     where = approach_.find(now, graph_, border);
   }

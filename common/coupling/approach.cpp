@@ -100,9 +100,11 @@ bool ApproachFinder::may_come(BodyId id) const {
   return (place == Place::apart || place == Place::touching) && !told_[index(id)] && !scene_.body(id).fixed();
 }
 
-void ApproachFinder::outside(BodyId id, const BodyState& state, const Box& bounds) {
+void ApproachFinder::outside(BodyId id, const BodyState& state, const Box& bounds, const Box& where) {
+  const Mover comes = mover(id, state, bounds);
+  if (!comes.swept().meets(where)) return;
   told_[index(id)] = true;
-  near_.push_back(mover(id, state, bounds));
+  near_.push_back(comes);
 }
 
 double ApproachFinder::reach_m(const Mover& mover, const Vec3& along) const {

@@ -30,8 +30,8 @@ class ApproachFinder {
   std::span<const BodyId> touching(const Membership& membership, const ContactGraph& graph,
                                    std::span<const BorderPair> contacts);
   Box ghost(BodyId id, const BodyState& state, const Box& bounds);
-  /// A body that is near. Only one that `may_come`.
-  void outside(BodyId id, const BodyState& state, const Box& bounds);
+  /// A body that `may_come`, and does so if it gets to `where`.
+  void outside(BodyId id, const BodyState& state, const Box& bounds, const Box& where);
   [[nodiscard]] bool may_come(BodyId id) const;
 
   /// Adds to `border`, which holds the contacts, pairs that may become ones, without impulses. Their normals are those

@@ -105,7 +105,7 @@ class GhostModeller {
 };
 
 /// The displacement, m, that takes a new ghost out of what it would penetrate: the world's gaps at the outside body,
-/// corrected for how the inside bodies differ from the world's. `offset_of` is that difference.
+/// corrected for how an inside body has moved against the outside one since. `offset_of` is that difference.
 [[nodiscard]] Vec3 clearance(const GhostModel& ghost, std::span<const BorderPair> border,
                              const std::function<Vec3(BodyId)>& offset_of);
 

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <numbers>
+#include <optional>
 
 namespace subworld {
 namespace {
@@ -31,15 +32,17 @@ struct Two {
       return Box{centre - Vec3::Constant(half_m), centre + Vec3::Constant(half_m)};
     };
     const auto state = [&](BodyId id) { return states[index(id)]; };
-    finder.inside(BodyId{0}, state(BodyId{0}), bounds(BodyId{0}));
+    Box reach = finder.inside(BodyId{0}, state(BodyId{0}), bounds(BodyId{0}));
     std::vector<BorderPair> border;
     extract_border(contacts, membership, border);
-    for (const BodyId id : finder.touching(membership, graph, border)) finder.ghost(id, state(id), bounds(id));
-    do {
+    for (const BodyId id : finder.touching(membership, graph, border)) {
+      reach.extend(finder.ghost(id, state(id), bounds(id)));
+    }
+    for (std::optional<Box> where = reach; where; where = finder.find(membership, graph, border)) {
       for (std::uint32_t i = 0; i < states.size(); ++i) {
-        if (finder.may_come(BodyId{i})) finder.outside(BodyId{i}, state(BodyId{i}), bounds(BodyId{i}));
+        if (finder.may_come(BodyId{i})) finder.outside(BodyId{i}, state(BodyId{i}), bounds(BodyId{i}), *where);
       }
-    } while (finder.find(membership, graph, border));
+    }
     return border;
   }
   Scene scene;
@@ -75,6 +78,16 @@ TEST(Approach, WhatIsTooSlowOrGoesAwayIsNot) {
 }
 
 // Both may fall by g t^2 / 2, 7.8 mm.
+// 30 cm away, 8 m/s.
+TEST(Approach, WhatComesFastIsFoundFromAfar) {
+  Two two;
+  two.states[1] = test::at(0, 0, 0.4);
+  two.states[1].linear_velocity.z() = -8;
+  EXPECT_EQ(two.near().size(), 1U);
+  two.states[1].linear_velocity = Vec3(8, 0, 0);
+  EXPECT_TRUE(two.near().empty());
+}
+
 TEST(Approach, FallingCounts) {
   Two two;
   two.states[1] = test::at(0, 0, 0.115);

@@ -148,6 +148,17 @@ TEST(GhostModel, WhatIsPressedAslantOnItsSupportSlidesAlongIt) {
   }
 }
 
+// A gap of 2 cm, 5 cm of which have gone since: it begins 3 cm further back, where it touches.
+TEST(GhostModel, WhatCameTooNearSinceBeginsWhereItTouches) {
+  GhostModel ghost{.outside = BodyId{2}, .axis_count = 1, .axes = {}};
+  ghost.axes[0].normal = -Vec3::UnitX();
+  const std::vector<BorderPair> border{
+      {.inside = BodyId{1}, .outside = BodyId{2}, .normal = -Vec3::UnitX(), .distance = 0.02}};
+  const auto moved_by = [&](double x) { return clearance(ghost, border, [x](BodyId) { return Vec3(x, 0, 0); }); };
+  EXPECT_LT((moved_by(0.05) - Vec3(0.03, 0, 0)).norm(), 1e-12);
+  EXPECT_LT(moved_by(0.01).norm(), 1e-12);
+}
+
 TEST(GhostModel, AWallBehindTheOutsideGivesNothing) {
   Outside o = row(2.0);
   Body wall;
