@@ -1,5 +1,7 @@
 #include "coupling/approach.hpp"
 
+#include "coupling/border.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -35,7 +37,7 @@ double smallest(const Box& bounds) noexcept { return (bounds.upper - bounds.lowe
 }  // namespace
 
 ApproachFinder::ApproachFinder(const Scene& scene)
-    : scene_(scene), places_(scene.bodies.size()), told_(scene.bodies.size()) {
+    : scene_(scene), places_(scene.bodies.size()), hooks_(scene.bodies.size()), told_(scene.bodies.size()) {
   pushers_.reserve(scene.bodies.size());
   near_.reserve(scene.bodies.size());
   linked_.reserve(scene.bodies.size());
@@ -77,6 +79,7 @@ void ApproachFinder::hang_on(std::size_t first, const Membership& membership, co
       const BodyId next = c.a == linked_[k] ? c.b : c.a;
       if (places_[index(next)] != Place::apart || scene_.body(next).fixed() || membership.holds(next)) continue;
       places_[index(next)] = Place::hanging;
+      hooks_[index(next)] = i;
       linked_.push_back(next);
     }
   }
@@ -90,9 +93,31 @@ std::span<const BodyId> ApproachFinder::touching(const Membership& membership, c
     places_[index(pair.outside)] = Place::touching;
     linked_.push_back(pair.outside);
   }
-  const std::size_t count = linked_.size();
   hang_on(0, membership, graph);
-  return std::span(linked_).first(count);
+  return linked_;
+}
+
+bool ApproachFinder::pushed(const BorderPair& pair, const ContactGraph& graph) const {
+  BodyId pusher = pair.inside;
+  while (places_[index(pusher)] == Place::hanging) {
+    const Contact& hook = graph.contact(hooks_[index(pusher)]);
+    if (std::abs(hook.normal.dot(pair.normal)) < kAcross) return false;
+    pusher = hook.a == pusher ? hook.b : hook.a;
+  }
+  return pusher != pair.outside;
+}
+
+void ApproachFinder::unhang(BodyId hanging, const ContactGraph& graph, std::vector<BorderPair>& border) {
+  while (places_[index(hanging)] == Place::hanging) {
+    places_[index(hanging)] = Place::found;
+    const Contact& hook = graph.contact(hooks_[index(hanging)]);
+    const BodyId pusher = hook.a == hanging ? hook.b : hook.a;
+    for (const std::uint32_t i : graph.of(hanging)) {
+      const Contact& c = graph.contact(i);
+      if (c.a == pusher || c.b == pusher) border.push_back(pair_of(c, pusher));
+    }
+    hanging = pusher;
+  }
 }
 
 bool ApproachFinder::may_come(BodyId id) const {
@@ -168,7 +193,8 @@ std::optional<Box> ApproachFinder::find(const Membership& membership, const Cont
     for (const Mover& other : near_) {
       if (!swept.meets(other.swept()) || !wanted(pusher, other)) continue;
       const std::optional<BorderPair> pair = meet(pusher, other);
-      if (!pair) continue;
+      if (!pair || !pushed(*pair, graph)) continue;
+      unhang(pusher.id, graph, border);
       border.push_back(*pair);
       if (places_[index(other.id)] != Place::apart) continue;
       places_[index(other.id)] = Place::found;

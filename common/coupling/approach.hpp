@@ -13,7 +13,8 @@ namespace subworld {
 
 /// Finds what does not touch a sub-world yet but may before it hears of it: the sub-world is ahead of the world, and
 /// would run into a body, or push its ghosts into one, that the world tells it of only after the contact. What is found
-/// may push on in turn. A body that hangs by contacts on one that touches the inside, or is found, goes with that one.
+/// may push on in turn. A body that hangs by contacts on one that touches the inside, or is found, goes with that one;
+/// but where it is to be pushed into something, it is at the border itself, with all that lies between.
 ///
 /// For each sub-world: `begin`; `inside` for its members; `touching`; then, for as long as `find` names a place, what
 /// there is by `outside`.
@@ -25,8 +26,8 @@ class ApproachFinder {
   void begin(double time_s);
   /// A member. Returns the bounds of all places that it may reach.
   Box inside(BodyId id, const BodyState& state, const Box& bounds);
-  /// `contacts` are the border's, `graph` that of all the world's. Returns the outside bodies that touch the inside;
-  /// each is to be told by `ghost`, which returns what `inside` does.
+  /// `contacts` are the border's, `graph` that of all the world's. Returns the outside bodies that touch the inside and
+  /// those that hang on them; each is to be told by `ghost`, which returns what `inside` does.
   std::span<const BodyId> touching(const Membership& membership, const ContactGraph& graph,
                                    std::span<const BorderPair> contacts);
   Box ghost(BodyId id, const BodyState& state, const Box& bounds);
@@ -35,7 +36,8 @@ class ApproachFinder {
   [[nodiscard]] bool may_come(BodyId id) const;
 
   /// Adds to `border`, which holds the contacts, pairs that may become ones, without impulses. Their normals are those
-  /// of the faces, or the line between the centres, that part them most. Returns where to look for what they may meet.
+  /// of the faces, or the line between the centres, that part them most. The contacts by which what hangs is pushed
+  /// into something are added as well. Returns where to look for what they may meet.
   std::optional<Box> find(const Membership& membership, const ContactGraph& graph, std::vector<BorderPair>& border);
 
  private:
@@ -60,6 +62,10 @@ class ApproachFinder {
   void hang_on(std::size_t first, const Membership& membership, const ContactGraph& graph);
   [[nodiscard]] double reach_m(const Mover& mover, const Vec3& along) const;
   [[nodiscard]] Gap gap_along(Vec3 normal, const Mover& one, const Mover& other) const;
+  /// Whether the pair's first body, if it hangs, is pushed towards the second by what it hangs on.
+  [[nodiscard]] bool pushed(const BorderPair& pair, const ContactGraph& graph) const;
+  /// Takes a hanging body, and those between it and what it hangs on, to the border.
+  void unhang(BodyId hanging, const ContactGraph& graph, std::vector<BorderPair>& border);
   /// The pair, if it may become a contact.
   [[nodiscard]] std::optional<BorderPair> meet(const Mover& pusher, const Mover& other) const;
 
@@ -68,9 +74,10 @@ class ApproachFinder {
   std::vector<Mover> pushers_;  ///< members, then ghosts, then what has been found
   std::size_t done_ = 0;        ///< of the pushers
   std::vector<Mover> near_;
-  std::vector<Place> places_;   ///< by body
-  std::vector<bool> told_;      ///< by body: it is in `near_`
-  std::vector<BodyId> linked_;  ///< what touches, then what hangs on it, then what is found and hangs on that
+  std::vector<Place> places_;         ///< by body
+  std::vector<std::uint32_t> hooks_;  ///< by body: the contact by which it hangs
+  std::vector<bool> told_;            ///< by body: it is in `near_`
+  std::vector<BodyId> linked_;        ///< what touches, then what hangs on it, then what is found and hangs on that
 };
 
 }  // namespace subworld

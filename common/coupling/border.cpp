@@ -4,6 +4,19 @@
 
 namespace subworld {
 
+BorderPair pair_of(const Contact& contact, BodyId inside) {
+  const bool a_inside = contact.a == inside;
+  const double sign = a_inside ? 1.0 : -1.0;
+  return {.inside = inside,
+          .outside = a_inside ? contact.b : contact.a,
+          .point = contact.point,
+          .normal = sign * contact.normal,
+          .distance = contact.distance,
+          .tangential_velocity = sign * contact.tangential_velocity,
+          .normal_impulse = contact.normal_impulse,
+          .tangential_impulse = sign * contact.tangential_impulse};
+}
+
 void extract_border(std::span<const Contact> contacts, const Membership& membership, std::vector<BorderPair>& out) {
   out.clear();
   const auto movable_member = [&](BodyId id) {
@@ -13,15 +26,7 @@ void extract_border(std::span<const Contact> contacts, const Membership& members
     const bool a_inside = movable_member(c.a);
     const bool b_inside = movable_member(c.b);
     if (a_inside == b_inside || membership.holds(a_inside ? c.b : c.a)) continue;
-    const double sign = a_inside ? 1.0 : -1.0;
-    out.push_back({.inside = a_inside ? c.a : c.b,
-                   .outside = a_inside ? c.b : c.a,
-                   .point = c.point,
-                   .normal = sign * c.normal,
-                   .distance = c.distance,
-                   .tangential_velocity = sign * c.tangential_velocity,
-                   .normal_impulse = c.normal_impulse,
-                   .tangential_impulse = sign * c.tangential_impulse});
+    out.push_back(pair_of(c, a_inside ? c.a : c.b));
   }
 }
 

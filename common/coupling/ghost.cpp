@@ -36,6 +36,7 @@ GhostModeller::GhostModeller(const Scene& scene) : scene_(scene), carried_(scene
   counted_.reserve(scene.bodies.size());
   holds_.reserve(64);
   pushed_.reserve(4 * scene.bodies.size());
+  loose_.reserve(scene.bodies.size());
 }
 
 bool GhostModeller::grounded(BodyId id, const ContactGraph& graph) const {
@@ -51,8 +52,7 @@ bool GhostModeller::push(BodyId from, const Vec3& along, const Surroundings& aro
     for (const std::uint32_t i : around.graph.of(id)) {
       const Contact& c = around.graph.contact(i);
       const BodyId next = other(c, id);
-      if (along.dot(outwards(c, id)) <= kPushing || std::ranges::binary_search(around.membership.members, next))
-        continue;
+      if (along.dot(outwards(c, id)) <= kPushing || in_engine(next, around)) continue;
       if (scene_.body(next).fixed()) {
         gives = false;
       } else if (std::ranges::find(way_, next) == way_.end()) {
@@ -61,6 +61,10 @@ bool GhostModeller::push(BodyId from, const Vec3& along, const Surroundings& aro
     }
   }
   return gives;
+}
+
+bool GhostModeller::in_engine(BodyId id, const Surroundings& around) const {
+  return std::ranges::binary_search(around.membership.members, id) || std::ranges::binary_search(loose_, id);
 }
 
 bool GhostModeller::pushed_by_another(BodyId body, BodyId from, const Vec3& along) const {
@@ -88,7 +92,7 @@ std::optional<GhostModeller::Rolling> GhostModeller::rolling(BodyId id, const Ve
     normal += outwards(c, id);
     support_n += friction_n;
   }
-  if (!support || std::ranges::binary_search(around.membership.members, *support)) return std::nullopt;
+  if (!support || in_engine(*support, around)) return std::nullopt;
   const auto mass_kg = rolling_mass(body, around.motions[index(id)].state.orientation, along.cross(normal));
   if (!mass_kg || found.resistance_n > support_n) return std::nullopt;
   found.mass_kg = *mass_kg;
@@ -122,8 +126,7 @@ GhostModeller::Walk GhostModeller::walk(BodyId from, const Vec3& along, const Su
       const double ahead = along.dot(outwards(c, id));
       if (rolls && ahead < -kPushing && id == from) holds_.push_back({-outwards(c, id), c.normal_impulse, mu});
       if (rolls || std::abs(ahead) > kPushing) continue;
-      if (std::ranges::binary_search(around.membership.members, beside) || pushed_by_another(beside, from, along))
-        continue;
+      if (in_engine(beside, around) || pushed_by_another(beside, from, along)) continue;
       if (scene_.body(beside).fixed() || grounded(beside, around.graph)) {
         found.limit_n += mu * c.normal_impulse / around.step_s;
         if (id == from) holds_.push_back({outwards(c, id), c.normal_impulse, mu});
@@ -212,17 +215,25 @@ void GhostModeller::model(std::span<const BorderPair> border, const Surroundings
     const auto at = std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside);
     if (at == out.end() || at->outside != pair.outside) out.insert(at, GhostModel{.outside = pair.outside, .axes = {}});
   }
+  loose_.clear();
+  for (GhostModel& ghost : out) {
+    const auto touched = [&](const BorderPair& pair) {
+      return pair.outside == ghost.outside && touches(pair) &&
+             std::ranges::binary_search(around.membership.members, pair.inside);
+    };
+    ghost.loose = std::ranges::none_of(border, touched);
+    if (ghost.loose) loose_.push_back(ghost.outside);
+  }
   for (const BorderPair& pair : border) {
-    std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside)->load_n -=
-        (pair.normal_impulse * pair.normal + pair.tangential_impulse) / around.step_s;
+    const Vec3 on_inside_n = (pair.normal_impulse * pair.normal + pair.tangential_impulse) / around.step_s;
+    std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside)->load_n -= on_inside_n;
+    const auto pusher = std::ranges::lower_bound(out, pair.inside, {}, &GhostModel::outside);
+    if (pusher != out.end() && pusher->outside == pair.inside) pusher->load_n += on_inside_n;
   }
   pushed_.clear();
   for (GhostModel& ghost : out) {
     find_axes(border, around.graph, ghost);
-    // What is only near pushes nothing yet.
-    const auto touched = [&](const BorderPair& pair) { return pair.outside == ghost.outside && touches(pair); };
-    ghost.loose = std::ranges::none_of(border, touched);
-    if (ghost.loose) continue;
+    if (ghost.loose) continue;  // it meets what it pushes
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       const Vec3 along = -ghost.axes[i].normal;
       if (!push(ghost.outside, along, around)) continue;

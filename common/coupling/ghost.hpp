@@ -93,6 +93,8 @@ class GhostModeller {
   void add_free_ways(const Motion& motion, const Surroundings& around, GhostModel& ghost);
   /// What a force on the ghost adds to the friction of `holds_`: contacts that face one way share what presses on them.
   [[nodiscard]] Vec3 grip() const;
+  /// Whether the sub-world itself has the contacts of a ghost with this body.
+  [[nodiscard]] bool in_engine(BodyId id, const Surroundings& around) const;
   [[nodiscard]] bool pushed_by_another(BodyId body, BodyId from, const Vec3& along) const;
   [[nodiscard]] bool grounded(BodyId id, const ContactGraph& graph) const;
 
@@ -102,6 +104,7 @@ class GhostModeller {
   std::vector<BodyId> counted_;  ///< of the walk in hand
   std::vector<Hold> holds_;      ///< of the walk in hand
   std::vector<Pushed> pushed_;   ///< by all ghosts' axes, by body
+  std::vector<BodyId> loose_;    ///< ghosts that meet ghosts
 };
 
 /// The displacement, m, that takes a new ghost out of what it would penetrate: the world's gaps at the outside body,

@@ -1,8 +1,10 @@
 #pragma once
 
+#include "coupling/border.hpp"
 #include "coupling/ghost.hpp"
 #include "support/bodies.hpp"
 
+#include <algorithm>
 #include <vector>
 
 namespace subworld::test {
@@ -22,12 +24,16 @@ struct Outside {
   void touch(std::uint32_t a, std::uint32_t b, const Vec3& towards, double force_n) {
     contacts.push_back({.a = BodyId{a}, .b = BodyId{b}, .normal = towards, .normal_impulse = force_n * kStep_s});
   }
-  /// All bodies move alike, but for their `accelerations` if there are any.
+  /// All bodies move alike, but for their `accelerations` if there are any. `unhung` are at the border as well, by what
+  /// they touch.
   std::vector<GhostModel> models(std::vector<BodyId> members, const Vec3& velocity = Vec3::Zero(),
-                                 const Vec3& acceleration = Vec3::Zero()) {
+                                 const Vec3& acceleration = Vec3::Zero(), const std::vector<BodyId>& unhung = {}) {
     const Membership membership{std::move(members), {kFloor}};
     std::vector<BorderPair> border;
     extract_border(contacts, membership, border);
+    for (const Contact& c : contacts) {
+      if (std::ranges::find(unhung, c.b) != unhung.end()) border.push_back(pair_of(c, c.a));
+    }
     ContactGraph graph;
     graph.build(contacts, scene.bodies.size());
     std::vector<GhostModel> out;

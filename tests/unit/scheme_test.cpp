@@ -180,8 +180,9 @@ TEST(Reduced, SlidesUnderWhatLeansOnTheOutside) {
   EXPECT_LE(error_of(scene_of("leaning", "reduced", 20)), 0.06);
 }
 
-// With the larger box the row runs into the heavy cube, with the smaller one the ghost of its last does. Told of it
-// only when the world's row has met it, a sub-world 0.1 s ahead feels it by so much too late: 18 %.
+// With the largest box the row runs into the heavy cube, with the next the ghost of its last does, with the smallest
+// what that ghost pushes. Told of it only when the world's row has met it, a sub-world 0.1 s ahead feels it by so much
+// too late: 18 %.
 TEST(Reduced, FeelsAtOnceWhatStandsLooseBehindTheBorder) {
   const auto loose = [](int ratio, double box_half_m, double delay_s) {
     Scene scene = scene_of("loose", "reduced", ratio);
@@ -189,11 +190,28 @@ TEST(Reduced, FeelsAtOnceWhatStandsLooseBehindTheBorder) {
     scene.settings.delay = {.up_s = 0.5 * delay_s, .down_s = 0.5 * delay_s};
     return scene;
   };
-  for (const double box_half_m : {0.4, 0.3}) {
+  for (const double box_half_m : {0.4, 0.3, 0.2}) {
     EXPECT_LE(error_of(loose(20, box_half_m, 0.0)), 0.025) << box_half_m;
-    EXPECT_LE(error_of(loose(5, box_half_m, 0.02)), 0.02) << box_half_m;
-    EXPECT_LE(error_of(loose(5, box_half_m, 0.1)), 0.08) << box_half_m;
+    EXPECT_LE(error_of(loose(5, box_half_m, 0.02)), 0.01) << box_half_m;
+    EXPECT_LE(error_of(loose(5, box_half_m, 0.1)), 0.02) << box_half_m;
   }
+}
+
+// The row runs into a ball, which rolls before it. Held as if it slid, and with the blow taken for friction, the force
+// is off by 8 % with 20 ms of delay and by 29 % with 100.
+TEST(Reduced, FeelsWhatRolls) {
+  const auto rolling = [](int ratio, double delay_s) {
+    Scene scene = scene_of("loose", "reduced", ratio);
+    const auto ball = std::ranges::find(scene.bodies, "heavy", &Body::name);
+    ball->shape = {.kind = ShapeKind::sphere, .radius = 0.05};
+    ball->mass = 0.5;
+    ball->inertia = Vec3::Constant(0.4 * 0.5 * 0.05 * 0.05);
+    scene.settings.delay = {.up_s = 0.5 * delay_s, .down_s = 0.5 * delay_s};
+    return scene;
+  };
+  EXPECT_LE(error_of(rolling(20, 0.0)), 0.03);
+  EXPECT_LE(error_of(rolling(5, 0.02)), 0.025);
+  EXPECT_LE(error_of(rolling(5, 0.1)), 0.09);
 }
 
 // Figure 8 b: the proxy in the middle of a stack. The sub-world's ends are border bodies, and they carry the load of
