@@ -9,6 +9,7 @@ namespace subworld {
 namespace {
 
 constexpr double kVelocityGain = 0.8;    ///< of the error along the normal
+constexpr double kBlow_m_s2 = 5.0;       ///< copies whose speeds change so differently: one has had a blow, one not yet
 constexpr double kSpinInertia = 1000.0;  ///< times the body's own: a ghost turns as the world's body does
 
 const BodyState* state_in(const WorldFrame& frame, BodyId id) noexcept {
@@ -102,6 +103,15 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
   ghosts_.insert(std::ranges::lower_bound(ghosts_, body.id, {}, &Ghost::id), std::move(ghost));
 }
 
+bool Ghosts::blow_is_due(const Ghost& ghost, const BodyState& world, std::uint64_t stamp) const {
+  const Logged& now = ghost.log[stamp % remembered_];
+  const Logged& before = ghost.log[(stamp - 1) % remembered_];
+  if (stamp == 0 || !before.written || before.stamp != stamp - 1) return false;
+  const Vec3 ours = now.state.linear_velocity - before.state.linear_velocity;
+  const Vec3 theirs = world.linear_velocity - ghost.motion.world_velocity;
+  return ghost.motion.along(theirs - ours).norm() > kBlow_m_s2 * scene_.settings.cycle_s();
+}
+
 void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s,
                      double gain) {
   const GhostMotion& motion = ghost.motion;
@@ -114,12 +124,13 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
       ghost.carried->velocity.head<3>() += shift.linear_velocity;
       ghost.carried->velocity.tail<3>() += shift.angular_velocity;
     } else {
+      const double gain_of_velocity = blow_is_due(ghost, world, frame.stamp) ? 0.0 : kVelocityGain;
       shift = {.position = motion.along(shift.position),
-               .linear_velocity = kVelocityGain * motion.along(error.linear_velocity)};
+               .linear_velocity = gain_of_velocity * motion.along(error.linear_velocity)};
     }
     now = shifted(now, shift);
     for (Logged& entry : ghost.log) {
-      if (entry.written && entry.stamp > frame.stamp) entry.state = shifted(entry.state, shift);
+      if (entry.written && entry.stamp >= frame.stamp) entry.state = shifted(entry.state, shift);
     }
   }
   ghost.motion.world_velocity = world.linear_velocity;
