@@ -28,11 +28,14 @@ const char* to_text(Fidelity fidelity) {
 std::string describe_engine(const char* where, const EngineSettings& settings) {
   const EnginePlugin& plugin = engine_plugin(settings.name);
   const std::size_t preset = find_preset(plugin, settings.preset);
+  std::string asked;
+  if (settings.iterations) asked += fmt::format("; here {} iterations", *settings.iterations);
+  if (settings.substeps) asked += fmt::format("; here {} sub-steps", *settings.substeps);
   const Capabilities can = make_engine(settings, {})->capabilities();
   return fmt::format(
-      "  {}: engine {} ({}; licence {}), preset {}: {}\n"
+      "  {}: engine {} ({}; licence {}), preset {}: {}{}\n"
       "    normal impulses {}, friction impulses {}, gyroscopic torque {}, checkpoint {}, {}; unit of length {:g} m\n",
-      where, plugin.name, plugin.version, plugin.licence, settings.preset, plugin.presets[preset].what,
+      where, plugin.name, plugin.version, plugin.licence, settings.preset, plugin.presets[preset].what, asked,
       to_text(can.normal_impulse), to_text(can.tangential_impulse), to_text(can.gyroscopic), to_text(can.checkpoint),
       can.deterministic ? "deterministic" : "not deterministic", settings.length_unit_m);
 }

@@ -166,7 +166,9 @@ YamlNode read_yaml(const std::string& file) {
     return root;
   } catch (const YAML::Exception& e) {
     const Mark mark = e.mark.is_null() ? Mark{} : Mark{e.mark.line + 1, e.mark.column + 1};
-    fail(file, mark, fmt::format("not YAML: {}; check indentation, brackets and quotes", e.msg));
+    fail(file, mark,
+         fmt::format("not YAML: {}; check indentation, brackets and quotes; a text with \": \" in it needs quotes",
+                     e.msg));
   }
 }
 

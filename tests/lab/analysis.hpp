@@ -33,8 +33,8 @@ inline constexpr double kImperceptibleOffset_s = 0.005;  ///< a third of the del
 [[nodiscard]] Json convergence(const Rows& rows, const std::string& x);
 
 /// What becomes of each setting over the variants of its scene: an entry for each set of rows that differ in the
-/// variant alone, with the median and the largest error of the survivors, how many these are, and the least and the largest floor. Empty
-/// without variants.
+/// variant alone, with the median and the largest error of the survivors, how many these are, and the least and the
+/// largest floor. Empty without variants.
 [[nodiscard]] Json over_variants(const Rows& rows);
 
 }  // namespace subworld

@@ -5,6 +5,7 @@
 #include "lab/measure.hpp"
 #include "lab/report.hpp"
 #include "lab/sweep.hpp"
+#include "lab/variants.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 
@@ -13,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 
 namespace {
 
@@ -237,6 +239,16 @@ Json summary_of(const Request& request, const Findings& found, std::size_t plann
   }
   summary["convergence"] = fits;
   summary["over_variants"] = over_variants(found.rows);
+  summary["variants"] = Json::array();
+  for (const int variant : request.sweep.variants) {
+    const Variation v = variation(variant);
+    summary["variants"].push_back({{"variant", variant},
+                                   {"friction_factor", v.friction},
+                                   {"mass_factor", v.mass},
+                                   {"turn_rad", Eigen::AngleAxisd(v.turn).angle()},
+                                   {"stretch_factor", v.stretch},
+                                   {"aside", v.aside}});
+  }
   summary["verdict"] = verdict_of(found.rows, planned);
   return summary;
 }
@@ -260,6 +272,9 @@ int run_lab(int argc, char** argv) {
   }
   const std::string& out = request.out;
   make_folder(out + "/traces");
+  for (const auto& old : std::filesystem::directory_iterator(out + "/traces")) {
+    if (old.path().extension() == ".csv") std::filesystem::remove(old.path());
+  }
   watch_stop_signals();
   fmt::print("subworld lab coupling: {} points, results in {}\n", points.size(), out);
   std::fflush(stdout);

@@ -166,10 +166,12 @@ std::optional<Measured> measure(const Point& point, References& references) {
   Measured measured{.row = settings_of(point, scene, *run), .trace = {}};
   add_errors(measured.row, scene, *run, *reference);
   add_run_times(measured.row, *run);
+  const std::string late = point.latency_s > 0.0 ? fmt::format("_late_{:g}_ms", 1e3 * point.latency_s) : "";
   measured.trace = {.scene = scene.name,
                     .scheme = point.scheme,
                     .ratio = point.ratio,
-                    .name = fmt::format("{}_{}_r{}", scene.name, point.scheme, point.ratio),
+                    .latency_s = point.latency_s,
+                    .name = fmt::format("{}_{}_r{}{}", scene.name, point.scheme, point.ratio, late),
                     .h_s = scene.settings.h_s,
                     .force = run->felt.front().force,
                     .reference = reference->run.felt.front().force};

@@ -50,6 +50,7 @@ struct Trace {
   std::string scene;
   std::string scheme;
   int ratio = 1;
+  double latency_s = 0.0;
   std::string name;  ///< of the file, without its end
   double h_s = 0.0;
   std::vector<Vec3> force;  ///< N

@@ -26,6 +26,7 @@ most that a body ends away from where the reference has it; <b>energy excess</b>
 devices; <b>ghosts</b> the outside bodies that the scheme <i>reduced</i> models.</p>
 )";
 
+constexpr int kFewestFitted = 3;  ///< points; fewer say nothing of an order
 constexpr const char* kOrders =
     "Observed order p of error ~ C r<sup>p</sup> (or C h<sup>p</sup>), points above the floor and without latency";
 constexpr const char* kVariants =
@@ -163,12 +164,12 @@ std::vector<std::string> orders_of(const Json& fits, const Rows& rows) {
   std::vector<std::string> lines;
   for (const Json& fit : fits) {
     if (!alike(fit, rows.front(), {"scene", "variant"}) || fit.at("order").is_null()) continue;
+    if (fit.at("points").get<int>() < kFewestFitted) continue;
     const std::string x = fit.at("in");
     const std::string what = swept_text(fit, columns, x);
-    lines.push_back(fmt::format("{}{}{}: p = {:.2f} in {} over {} points{}", fit.at("scheme").get<std::string>(),
+    lines.push_back(fmt::format("{}{}{}: p = {:.2f} in {} over {} points", fit.at("scheme").get<std::string>(),
                                 what.empty() ? "" : ", ", what, fit.at("order").get<double>(), x == "ratio" ? "r" : "h",
-                                fit.at("points").get<int>(),
-                                fit.at("points").get<int>() < 3 ? ", a hint and no fit" : ""));
+                                fit.at("points").get<int>()));
   }
   return lines;
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <set>
 
 namespace subworld {
@@ -184,7 +185,8 @@ Plot felt_force(const std::vector<const Trace*>& traces) {
   double largest = 0.0;
   for (const Vec3& f : first.reference) largest = std::max(largest, std::abs(f[axis]));
   const double limit = 2.5 * largest;
-  Plot plot{.title = fmt::format("Felt force at ratio {}", first.ratio),
+  const std::string late = first.latency_s > 0.0 ? fmt::format(", {:g} ms late", 1e3 * first.latency_s) : "";
+  Plot plot{.title = fmt::format("Felt force at ratio {}{}", first.ratio, late),
             .x_label = "time, s",
             .y_label = fmt::format("force {}, N", "xyz"[axis]),
             .x_ticks = {},
@@ -233,11 +235,11 @@ std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
                         "coupling_stiffness_n_m", "h_s"}) {
     if (std::ranges::find(columns, x) != columns.end()) plots.push_back(error_against(x, rows, columns));
   }
-  std::vector<const Trace*> mine;
+  std::map<double, std::vector<const Trace*>> by_latency;
   for (const Trace& trace : traces) {
-    if (trace.scene == rows.front().at("scene")) mine.push_back(&trace);
+    if (trace.scene == rows.front().at("scene")) by_latency[trace.latency_s].push_back(&trace);
   }
-  if (!mine.empty()) plots.push_back(felt_force(mine));
+  for (const auto& [latency_s, alike] : by_latency) plots.push_back(felt_force(alike));
   return plots;
 }
 

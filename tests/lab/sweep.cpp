@@ -129,8 +129,8 @@ bool shown(const Point& p, const Sweep& s) {
   return p.ratio == shown_ratio(s.ratios) && p.variant == s.variants.front() && p.engine == s.engines.front() &&
          p.haptic_engine == s.haptic_engines.front() && p.box_m == s.boxes_m.front() &&
          p.contact_depth == s.contact_depths.front() && p.substeps == s.substeps.front() &&
-         p.latency_s == s.latencies_s.front() && p.jitter_s == s.jitters_s.front() &&
-         p.stiffness_factor == s.stiffness_factors.front() && p.h_s == s.h_s.front();
+         p.jitter_s == s.jitters_s.front() && p.stiffness_factor == s.stiffness_factors.front() &&
+         p.h_s == s.h_s.front();
 }
 
 }  // namespace subworld

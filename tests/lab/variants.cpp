@@ -58,26 +58,34 @@ PathSegment aside(const std::vector<PathSegment>& path, const Vec3& direction, d
 
 }  // namespace
 
+Variation variation(int variant) {
+  Variation v;
+  if (variant == 0) return v;
+  Draw draw(variant);
+  v.friction = draw.factor(0.8, 1.25);
+  v.mass = draw.factor(0.7, 1.4);
+  const Vec3 axis = draw.direction();
+  v.turn = Eigen::AngleAxisd(draw.between(-kMostTurn_rad, kMostTurn_rad), axis);
+  v.stretch = draw.factor(0.85, 1.2);
+  v.across = draw.direction();
+  v.aside = draw.between(0.0, kMostAside);
+  return v;
+}
+
 Scene varied(Scene scene, int variant) {
   if (variant == 0) return scene;
-  Draw draw(variant);
-  const double friction = draw.factor(0.8, 1.25);
-  const double mass = draw.factor(0.7, 1.4);
+  const Variation v = variation(variant);
   for (Body& body : scene.bodies) {
-    body.material.friction *= friction;
+    body.material.friction *= v.friction;
     if (body.fixed() || std::ranges::find(scene.users, body.id, &UserSpec::proxy) != scene.users.end()) continue;
-    body.mass *= mass;
-    body.inertia *= mass;
+    body.mass *= v.mass;
+    body.inertia *= v.mass;
   }
-  const Quat turn(Eigen::AngleAxisd(draw.between(-kMostTurn_rad, kMostTurn_rad), draw.direction()));
-  const double stretch = draw.factor(0.85, 1.2);
-  const Vec3 across = draw.direction();
-  const double part = draw.between(0.0, kMostAside);
   for (UserSpec& user : scene.users) {
     std::vector<PathSegment>& path = user.device.path;
     if (path.empty()) continue;
-    for (PathSegment& s : path) s = turned(s, turn, stretch);
-    path.push_back(aside(path, across, part));
+    for (PathSegment& s : path) s = turned(s, v.turn, v.stretch);
+    path.push_back(aside(path, v.across, v.aside));
   }
   return scene;
 }
