@@ -1,5 +1,8 @@
 #include "process/lab_test.hpp"
 
+#include <filesystem>
+#include <fstream>
+
 namespace subworld::test {
 namespace {
 
@@ -42,6 +45,9 @@ const std::vector<std::string> kFlatColumns{"scene",
                                             "transport_cpu_s_per_s"};
 
 TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
+  const std::string old_trace = out() + "/traces/of_an_earlier_sweep.csv";
+  std::filesystem::create_directories(out() + "/traces");
+  std::ofstream(old_trace) << "time_s\n";
   const Ended ended =
       finish(lab_words({"press", "--quick", "--scheme", "direct,paper", "--latency", "0,0.01,0", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;
@@ -72,6 +78,9 @@ TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
   const Table trace = read_table(out() + "/traces/press_paper_r4.csv");
   EXPECT_EQ(trace.columns.size(), 7U);
   EXPECT_EQ(trace.rows.size(), 1000U);
+  EXPECT_TRUE(std::filesystem::exists(out() + "/traces/press_paper_r4_late_10_ms.csv"));
+  EXPECT_NE(page().find("Felt force at ratio 4, 10 ms late"), std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(old_trace));
 
   EXPECT_NE(page().find("imperceptible"), std::string::npos);
 }
@@ -95,6 +104,10 @@ TEST_F(Lab, VariantsOfASceneHaveReferencesOfTheirOwn) {
   EXPECT_EQ(over[0]["force_error_rms_max"], *errors.rbegin());
   EXPECT_EQ(over[0]["force_error_rms_median"], *std::next(errors.begin()));
   EXPECT_NE(page().find("Over the variants"), std::string::npos);
+  const Json factors = summary()["variants"];
+  ASSERT_EQ(factors.size(), 3U);
+  EXPECT_EQ(factors[0]["mass_factor"], 1.0);
+  EXPECT_NE(factors[1]["mass_factor"], factors[2]["mass_factor"]);
 }
 
 TEST_F(Lab, WrongOptionsAreNamedWithTheCure) {
