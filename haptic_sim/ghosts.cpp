@@ -39,8 +39,13 @@ void Ghosts::follow(const WorldFrame& frame, Engine& engine, double lag_s, doubl
       create(model, *world, frame, engine, lag_s);
       continue;
     }
+    const bool held_now = at->carried && !model.carried;
     adapt(*at, model, engine);
-    correct(*at, *world, frame, engine, lag_s, gain);
+    if (held_now) {
+      replace(*at, *world, frame, engine, lag_s);
+    } else {
+      correct(*at, *world, frame, engine, lag_s, gain);
+    }
   }
 }
 
@@ -78,10 +83,8 @@ void Ghosts::adapt(Ghost& ghost, const GhostModel& model, Engine& engine) {
   motion.model = model;
 }
 
-void Ghosts::create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine,
-                    double lag_s) {
-  if (engine.contains(model.outside)) return;
-  const Body body = as_ghost(model);
+BodyState Ghosts::start_of(const GhostModel& model, const BodyState& world, const WorldFrame& frame,
+                           const Engine& engine, double lag_s) const {
   BodyState start = advanced(world, lag_s);
   // What it touches has moved on, and as the sub-world says, not the world: nothing may begin inside something.
   const Vec3 moved = start.position - world.position;
@@ -91,8 +94,14 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
     return engine.state(inside).position - theirs->position - moved;
   };
   start.position += clearance(model, frame.border, offset_of);
-  engine.add(body, start, role_of(model));
+  return start;
+}
 
+void Ghosts::create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine,
+                    double lag_s) {
+  if (engine.contains(model.outside)) return;
+  const Body body = as_ghost(model);
+  engine.add(body, start_of(model, world, frame, engine, lag_s), role_of(model));
   Ghost ghost{.id = body.id,
               .motion = {.model = model, .world_velocity = world.linear_velocity},
               .spin = world.angular_velocity,
@@ -101,6 +110,14 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
   ghost.log.resize(remembered_);
   adapt(ghost, model, engine);
   ghosts_.insert(std::ranges::lower_bound(ghosts_, body.id, {}, &Ghost::id), std::move(ghost));
+}
+
+void Ghosts::replace(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s) {
+  engine.set_state(ghost.id, start_of(ghost.motion.model, world, frame, engine, lag_s));
+  ghost.motion.world_velocity = world.linear_velocity;
+  ghost.motion.load_n = ghost.motion.model.load_n;
+  ghost.spin = world.angular_velocity;
+  for (Logged& entry : ghost.log) entry.written = false;
 }
 
 bool Ghosts::blow_is_due(const Ghost& ghost, const BodyState& world, std::uint64_t stamp) const {

@@ -50,6 +50,11 @@ class Ghosts {
 
   /// The body as the engine is to have it.
   [[nodiscard]] Body as_ghost(const GhostModel& model) const;
+  /// Where a ghost that begins now is to be.
+  [[nodiscard]] BodyState start_of(const GhostModel& model, const BodyState& world, const WorldFrame& frame,
+                                   const Engine& engine, double lag_s) const;
+  /// Begins anew what was carried and is held now: meeting nothing that is fixed, it may have passed through it.
+  void replace(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s);
   void create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s);
   /// Makes a ghost follow a new model.
   void adapt(Ghost& ghost, const GhostModel& model, Engine& engine);

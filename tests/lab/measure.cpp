@@ -99,6 +99,7 @@ void add_errors(Json& row, const Scene& scene, const Outcome& run, const Referen
               {"position_error_rms_m", run.finite ? position_error_rms_m(run.felt, reference.run.felt) : kNone},
               {"drift_max_m", drift_m},
               {"energy_excess_j", run.energy_excess_j},
+              {"reference_energy_excess_j", reference.run.energy_excess_j},
               {"device_work_j", run.device_work_j},
               {"reference_floor", reference.floor},
               {"at_floor", e.rms <= reference.floor && telling(reference.floor)}});
@@ -167,11 +168,12 @@ std::optional<Measured> measure(const Point& point, References& references) {
   add_errors(measured.row, scene, *run, *reference);
   add_run_times(measured.row, *run);
   const std::string late = point.latency_s > 0.0 ? fmt::format("_late_{:g}_ms", 1e3 * point.latency_s) : "";
+  const std::string parts = run->substeps > 1 ? fmt::format("_{}_parts", run->substeps) : "";
   measured.trace = {.scene = scene.name,
                     .scheme = point.scheme,
                     .ratio = point.ratio,
                     .latency_s = point.latency_s,
-                    .name = fmt::format("{}_{}_r{}{}", scene.name, point.scheme, point.ratio, late),
+                    .name = fmt::format("{}_{}_r{}{}{}", scene.name, point.scheme, point.ratio, parts, late),
                     .h_s = scene.settings.h_s,
                     .force = run->felt.front().force,
                     .reference = reference->run.felt.front().force};
