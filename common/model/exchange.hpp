@@ -83,7 +83,7 @@ struct GhostModel {
   std::size_t axis_count = 0;
   std::array<GhostAxis, kMostGhostAxes> axes;  ///< the heaviest loaded first
   std::optional<CarriedBody> carried = {};     ///< moves as this says; the axes only tell where it is touched
-  bool loose = false;                          ///< does not touch the inside yet: it may meet ghosts as well
+  bool loose = false;                          ///< touches no member: it meets ghosts as well
 };
 
 /// A contact between a body inside the sub-world and one outside (paper 4.2). Impulses act on `inside`. Or what may
