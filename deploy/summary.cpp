@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kMissedRatio = 0.001;
 constexpr double kLatenessP99_s = 0.25e-3;
+constexpr double kAtLimitRatio = 0.01;
 
 Json describe(const EngineSettings& engine) {
   Json json{{"name", engine.name}, {"preset", engine.preset}};
@@ -25,7 +26,8 @@ double milliseconds(const Json& seconds) { return 1e3 * seconds.get<double>(); }
 
 std::string Gate::line() const {
   return fmt::format("{} {:.4g}{}{} {} {:.4g}{}{}: {}", name, scale * value, *unit ? " " : "", unit,
-                     at_most ? "<=" : ">=", scale * bar, *unit ? " " : "", unit, ok() ? "ok" : "MISSED");
+                     at_most ? "<=" : ">=", scale * bar, *unit ? " " : "", unit,
+                     ok() ? "ok" : (warning.empty() ? "MISSED" : "warning: " + warning));
 }
 
 Json summarise(const Scene& scene, const std::string& dds, const std::string& folder) {
@@ -73,6 +75,11 @@ std::vector<Gate> gates(const Json& summary) {
     const std::string who = fmt::format("user {}: ", haptic["user"].get<int>());
     const double periods = std::max(1.0, haptic["steps"].get<double>() + haptic["skipped_steps"].get<double>());
     all.push_back({who + "lost frames", haptic["lost_frames"].get<double>(), 0.0});
+    all.push_back(
+        {who + "at the device's limit", haptic["at_limit_ratio"].get<double>(), kAtLimitRatio, true, "% of steps",
+         100.0,
+         "the hand feels the limit, not the scene: move the device less far into bodies, lower the coupling's "
+         "stiffness, or raise the device's force_limit_n"});
     if (!realtime) continue;
     all.push_back({who + "missed deadlines", haptic["missed_deadlines"].get<double>() / periods, kMissedRatio, true,
                    "% of steps", 100.0});
@@ -101,12 +108,14 @@ void print_summary(const Json& summary) {
                haptic["missed_deadlines"].get<std::uint64_t>(), milliseconds(haptic["lateness_s"]["p99"]),
                milliseconds(haptic["step_s"]["p50"]), milliseconds(haptic["step_s"]["p99"]));
     fmt::print(
-        "    force rms {:.2f} N, max {:.2f} N; members mean {:.1f} max {:.0f}; border pairs mean {:.1f} max {:.0f}; "
-        "contacts mean {:.1f}\n",
+        "    force on the hand rms {:.2f} N, max {:.2f} N, largest step {:.2f} N; at the device's limit in {:.2g} % of "
+        "steps\n",
         haptic["force_rms_n"].get<double>(), haptic["force_max_n"].get<double>(),
-        haptic["members"]["mean"].get<double>(), haptic["members"]["max"].get<double>(),
-        haptic["border_pairs"]["mean"].get<double>(), haptic["border_pairs"]["max"].get<double>(),
-        haptic["contacts"]["mean"].get<double>());
+        haptic["force_step_max_n"].get<double>(), 100.0 * haptic["at_limit_ratio"].get<double>());
+    fmt::print("    members mean {:.1f} max {:.0f}; border pairs mean {:.1f} max {:.0f}; contacts mean {:.1f}\n",
+               haptic["members"]["mean"].get<double>(), haptic["members"]["max"].get<double>(),
+               haptic["border_pairs"]["mean"].get<double>(), haptic["border_pairs"]["max"].get<double>(),
+               haptic["contacts"]["mean"].get<double>());
     fmt::print(
         "    synchronisation p50 {:.3f} ms p99 {:.3f} ms; device round trip p50 {:.3f} ms p99 {:.3f} ms; {:.1f} kB a "
         "cycle\n",

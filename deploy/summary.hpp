@@ -15,7 +15,8 @@ struct Gate {
   double bar = 0.0;
   bool at_most = true;
   const char* unit = "";
-  double scale = 1.0;  ///< from SI to the unit
+  double scale = 1.0;        ///< from SI to the unit
+  std::string warning = {};  ///< not empty: a missed bar is said in these words, and the verdict stays
 
   [[nodiscard]] bool ok() const noexcept { return at_most ? value <= bar : value >= bar; }
   [[nodiscard]] std::string line() const;

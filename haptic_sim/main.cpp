@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
     SubWorld sub(scene, static_cast<std::size_t>(options.user));
     EngineExchange exchange(
         realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
-    HapticMeasures measures(options.out, sub.user(), flush);
+    HapticMeasures measures(options.out, sub.user(), limits_of(scene.users[sub.user()].device), flush);
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     HapticPorts ports(options, scene);
     if (realtime) leave_realtime();

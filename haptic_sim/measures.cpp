@@ -7,14 +7,27 @@
 
 namespace subworld {
 
-HapticMeasures::HapticMeasures(const std::string& folder, std::size_t user, History::Flush flush)
+namespace {
+
+/// Whether the device is asked for all that it can give.
+bool at_limit(const Wrench& to_hand, const ForceLimits& limits) noexcept {
+  constexpr double kAll = 1.0 - 1e-6;  // a saturated wrench is the limit up to rounding
+  return to_hand.force.norm() >= kAll * limits.force_n ||
+         (limits.torques && to_hand.torque.norm() >= kAll * limits.torque_n_m);
+}
+
+}  // namespace
+
+HapticMeasures::HapticMeasures(const std::string& folder, std::size_t user, const ForceLimits& limits,
+                               History::Flush flush)
     : user_(user),
       history_(folder.empty() ? "" : fmt::format("{}/haptic_{}.csv", folder, user),
                {"time_s",         "force_x_n",    "force_y_n",    "force_z_n",    "hand_force_x_n", "hand_force_y_n",
                 "hand_force_z_n", "torque_x_n_m", "torque_y_n_m", "torque_z_n_m", "proxy_x_m",      "proxy_y_m",
                 "proxy_z_m",      "device_x_m",   "device_y_m",   "device_z_m",   "members",        "contacts",
                 "border_pairs",   "step_s",       "lateness_s",   "skipped"},
-               flush) {}
+               flush),
+      limits_(limits) {}
 
 void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step_s, double lateness_s,
                           bool missed) noexcept {
@@ -28,8 +41,11 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step
   members_.add(members);
   contacts_.add(contacts);
   border_.add(border);
-  force_squares_ += felt.felt.force.squaredNorm();
-  force_max_ = std::max(force_max_, felt.felt.force.norm());
+  coupling_squares_ += felt.felt.force.squaredNorm();
+  coupling_max_ = std::max(coupling_max_, felt.felt.force.norm());
+  hand_squares_ += felt.to_hand.force.squaredNorm();
+  hand_max_ = std::max(hand_max_, felt.to_hand.force.norm());
+  at_limit_ += at_limit(felt.to_hand, limits_);
   watch_force(felt.to_hand.force);
   const Vec3& f = felt.felt.force;
   const Vec3& hand = felt.to_hand.force;
@@ -56,7 +72,9 @@ void HapticMeasures::skipped(int periods) noexcept {
 }
 
 void HapticMeasures::watch_force(const Vec3& force) noexcept {
-  force_steps_[steps_ % kForceStepWindow] = (force - last_force_).norm();
+  const double change_n = (force - last_force_).norm();
+  force_steps_[steps_ % kForceStepWindow] = change_n;
+  force_step_.add(change_n);
   last_force_ = force;
   if (!open_change_ || steps_ < change_settles_at_) return;
   settle_change();
@@ -83,14 +101,20 @@ void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noe
 
 Json HapticMeasures::json(double bytes_per_cycle) {
   settle_change();
+  const double steps = std::max(1.0, static_cast<double>(steps_));
   return {{"user", user_},
           {"steps", steps_},
           {"skipped_steps", skipped_},
           {"missed_deadlines", missed_},
           {"lateness_s", quantiles(lateness_)},
           {"step_s", quantiles(step_)},
-          {"force_rms_n", steps_ == 0 ? 0.0 : std::sqrt(force_squares_ / static_cast<double>(steps_))},
-          {"force_max_n", force_max_},
+          {"force_rms_n", std::sqrt(hand_squares_ / steps)},
+          {"force_max_n", hand_max_},
+          {"force_step_mean_n", force_step_.mean()},
+          {"force_step_max_n", force_step_.max},
+          {"at_limit_ratio", static_cast<double>(at_limit_) / steps},
+          {"coupling_force_rms_n", std::sqrt(coupling_squares_ / steps)},
+          {"coupling_force_max_n", coupling_max_},
           {"members", mean_max(members_)},
           {"contacts", mean_max(contacts_)},
           {"border_pairs", mean_max(border_)},

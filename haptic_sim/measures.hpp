@@ -1,5 +1,6 @@
 #pragma once
 
+#include "coupling/virtual_coupling.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "io/history.hpp"
 #include "io/results.hpp"
@@ -15,8 +16,8 @@ namespace subworld {
 /// What a haptic process says of itself at the end, and its history on the way.
 class HapticMeasures {
  public:
-  /// `folder` may be empty: nothing is written.
-  HapticMeasures(const std::string& folder, std::size_t user, History::Flush flush);
+  /// `folder` may be empty: nothing is written. `limits`: of the device.
+  HapticMeasures(const std::string& folder, std::size_t user, const ForceLimits& limits, History::Flush flush);
 
   /// After every step. `lateness_s`: of the wake-up; `missed`: the force left after its period ended. Zero in
   /// lock-step.
@@ -46,13 +47,18 @@ class HapticMeasures {
   MeanMax members_, contacts_, border_;
   std::uint64_t steps_ = 0, skipped_ = 0, missed_ = 0, lost_frames_ = 0, adoptions_ = 0;
   int skipped_before_step_ = 0;
-  double force_squares_ = 0.0, force_max_ = 0.0;
+  ForceLimits limits_;
+  double hand_squares_ = 0.0, hand_max_ = 0.0;  ///< force sent to the device, N^2 and N
+  double coupling_squares_ = 0.0, coupling_max_ = 0.0;
+  double last_hand_n_ = 0.0;
+  std::uint64_t at_limit_ = 0;  ///< steps
 
   static constexpr std::size_t kForceStepWindow = 20;  ///< haptic steps before and after a change of engine
   void watch_force(const Vec3& force) noexcept;
   void settle_change();
   Vec3 last_force_ = Vec3::Zero();
-  std::array<double, kForceStepWindow> force_steps_{};  ///< N, the newest ones
+  std::array<double, kForceStepWindow> force_steps_{};  ///< N, between two commands; the newest ones
+  MeanMax force_step_;                                  ///< N, all of them
   std::optional<EngineChange> open_change_, settled_change_;
   std::uint64_t change_settles_at_ = 0;  ///< step
   Json engine_changes_ = Json::array();
