@@ -213,6 +213,7 @@ void check_choices(const Scene& scene, const RunRequest& request) {
 std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
 
 int run(const RunRequest& request) {
+  end_at_stop_signals();
   Options options = request.options;
   const Scene scene = load_scene(options);
   check_choices(scene, request);

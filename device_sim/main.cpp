@@ -1,5 +1,6 @@
 #include "device_sim/run.hpp"
 #include "rt/scheduling.hpp"
+#include "rt/stop.hpp"
 
 #include <fmt/format.h>
 
@@ -12,6 +13,7 @@ int main(int argc, char** argv) {
     const UserSpec& user = scene.users[static_cast<std::size_t>(options.user)];
     EmulatedDevice device(user.device, static_cast<std::uint32_t>(options.user));
     DeviceMeasures measures(options.out, options.user, flush);
+    watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     DevicePorts ports(options, scene);
     if (realtime) leave_realtime();

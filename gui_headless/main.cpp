@@ -56,6 +56,7 @@ int main(int argc, char** argv) {
     [[maybe_unused]] const int niceness = nice(5);  // what a user looks at may wait for what a user feels
 
     Display display;
+    watch_stop_signals(kLongestEnd_s);
     DisplayPorts ports(options, scene);
     fmt::print("gui_headless: {}\n", ports.bus->effective_settings());
     follow(ports, display, options);

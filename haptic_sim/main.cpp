@@ -1,5 +1,6 @@
 #include "haptic_sim/run.hpp"
 #include "rt/scheduling.hpp"
+#include "rt/stop.hpp"
 
 #include <fmt/format.h>
 
@@ -13,6 +14,7 @@ int main(int argc, char** argv) {
     EngineExchange exchange(
         realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
     HapticMeasures measures(options.out, sub.user(), limits_of(scene.users[sub.user()].device), flush);
+    watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     HapticPorts ports(options, scene);
     if (realtime) leave_realtime();

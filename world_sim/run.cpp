@@ -19,6 +19,8 @@ namespace subworld {
 namespace {
 
 constexpr double kStartIn_s = 0.2;
+constexpr double kLastReport_s = 0.3;    ///< that a report may take after the world was asked to stop
+constexpr double kAcknowledged_s = 0.5;  ///< that the last frames may take to arrive, all users together
 
 std::uint64_t cycles_of(const Settings& settings) {
   return static_cast<std::uint64_t>(std::lround(settings.duration_s / settings.cycle_s()));
@@ -97,7 +99,8 @@ bool rouse(WorldPorts& ports, World& world, double wait_s) {
 }
 
 void acknowledge(WorldPorts& ports) {
-  for (auto& frames : ports.frames) frames.wait_for_acknowledgments(0.5);
+  const TimePoint until = Clock::now() + from_seconds(kAcknowledged_s);
+  for (auto& frames : ports.frames) frames.wait_for_acknowledgments(std::max(0.0, to_seconds(until - Clock::now())));
 }
 
 }  // namespace
@@ -125,8 +128,10 @@ bool gather(WorldPorts& ports, const Options& options) {
   }
   if (options.await_display) {
     if (!wait_for([&] { return ports.snapshots.matched() > 0; }, "no display", "gui_headless")) return false;
-    // A display that holds the scene has found this world's other topics too.
-    ports.scene.wait_for_acknowledgments(options.wait_s);
+    // A display that holds the scene has found this world's other topics too; one that has died never will.
+    while (ports.snapshots.matched() > 0 && stop_signal() == 0 && Clock::now() < until &&
+           !ports.scene.wait_for_acknowledgments(0.1)) {
+    }
   }
   ports.status.enter("running");
   return true;
@@ -135,17 +140,25 @@ bool gather(WorldPorts& ports, const Options& options) {
 void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
                   const Scene& scene) {
   const std::uint64_t cycles = cycles_of(scene.settings);
-  const auto never = [] { return false; };
+  TimePoint asked{};
+  // Asked to stop, it still waits a little: a report that comes lets everybody end in order.
+  const auto gives_up = [&] {
+    if (stop_signal() == 0) return false;
+    if (asked == TimePoint{}) asked = Clock::now();
+    return to_seconds(Clock::now() - asked) > kLastReport_s;
+  };
   Snapshots snapshots(ports.snapshots);
   WorldView view;
   HapticReport report;
   std::vector<std::uint64_t> next(world.user_count(), 0);
+  /// False when asked to stop and a report does not come.
   const auto receive_due = [&] {
     for (std::size_t u = 0; u < world.user_count(); ++u) {
       const Delay delay(scene.settings, world.scheme().lead_cycles(), static_cast<std::uint32_t>(u));
       for (; delay.report_due(next[u]) <= world.stamp(); ++next[u]) {
-        await(*ports.bus, ports.reports[u], report, never,
-              fmt::format("haptic_sim {} has died; the world cannot go on in lock-step", u));
+        if (!await(*ports.bus, ports.reports[u], report, gives_up,
+                   fmt::format("haptic_sim {} has died; the world cannot go on in lock-step", u)))
+          return false;
         if (!world.receive(std::move(report))) {
           throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of "
                                                     "them on this domain?",
@@ -153,13 +166,17 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
         }
       }
     }
+    return true;
   };
 
   Conductor conductor;
   publish_frames(ports, world, false, 0.0, 1.0);
   bool last = false;
   while (!last) {
-    receive_due();
+    if (!receive_due()) {
+      publish_frames(ports, world, true, 0.0, 1.0);
+      break;
+    }
     take_orders(ports, conductor, world, exchange);
     while (!conductor.may_step() && !conductor.stopped() && stop_signal() == 0) {
       ports.bus->wait(0.05);
@@ -180,10 +197,7 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     ports.status.update(world.time_s(), world.stamp(), 0);
     check_finite(world);
   }
-  if (world.scheme().has_sub_world()) {
-    receive_due();
-    world.synchronise();
-  }
+  if (world.scheme().has_sub_world() && receive_due()) world.synchronise();
   world.close();
   acknowledge(ports);
 }

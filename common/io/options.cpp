@@ -8,6 +8,7 @@
 #include <CLI/CLI.hpp>
 
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 
 namespace subworld {
@@ -190,7 +191,8 @@ int run_program(Program program, int argc, const char* const* argv,
   return guarded(about(program).name, [&] {
     const Parsed parsed = parse_options(program, argc, argv);
     if (parsed.exit_code) return *parsed.exit_code;
-    watch_stop_signals();
+    end_at_stop_signals();
+    std::setvbuf(stdout, nullptr, _IOLBF, 0);  // a log holds what was said, however the program ends
     const Scene scene = load_scene(parsed.options);
     if (!parsed.options.out.empty()) make_folder(parsed.options.out);
     body(parsed.options, scene);

@@ -1,6 +1,10 @@
 #include "rt/stop.hpp"
 
+#include <sys/time.h>
+#include <unistd.h>
+
 #include <atomic>
+#include <cmath>
 #include <csignal>
 
 namespace subworld {
@@ -9,17 +13,39 @@ namespace {
 
 std::atomic<int> stopped_by{0};
 static_assert(std::atomic<int>::is_always_lock_free);
+itimerval patience{};  // written before the handlers that read it are installed
 
-void on_signal(int signal) { request_stop(signal); }
+void end_now(int) { _exit(0); }
 
-}  // namespace
+void on_signal(int signal) {
+  if (stop_signal() == 0 && (patience.it_value.tv_sec != 0 || patience.it_value.tv_usec != 0))
+    setitimer(ITIMER_REAL, &patience, nullptr);
+  request_stop(signal);
+}
 
-void watch_stop_signals() {
+void end_by_force(int) {
+  constexpr char kText[] = "error: still busy long after it was asked to stop; ended by force\n";
+  [[maybe_unused]] const auto written = write(STDERR_FILENO, kText, sizeof kText - 1);
+  _exit(1);
+}
+
+void handle_stop_signals(void (*handler)(int)) {
   struct sigaction action {};
-  action.sa_handler = on_signal;
+  action.sa_handler = handler;
   sigemptyset(&action.sa_mask);
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
+}
+
+}  // namespace
+
+void end_at_stop_signals() { handle_stop_signals(end_now); }
+
+void watch_stop_signals(double forced_after_s) {
+  const double whole_s = std::floor(forced_after_s);
+  patience.it_value = {static_cast<time_t>(whole_s), static_cast<suseconds_t>(1e6 * (forced_after_s - whole_s))};
+  std::signal(SIGALRM, end_by_force);
+  handle_stop_signals(on_signal);
 }
 
 int stop_signal() noexcept { return stopped_by.load(std::memory_order_relaxed); }
