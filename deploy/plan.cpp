@@ -76,7 +76,7 @@ void print_plan(const Scene& scene, bool gui) {
   const auto decide = [](bool in, const char* what, const std::string& why) {
     fmt::print("  {} {}: {}\n", in ? "with   " : "without", what, why);
   };
-  decide(scheme->has_sub_world(), "sub-worlds", fmt::format("scheme {}", scheme->name()));
+  decide(scheme->border() != Border::none, "sub-worlds", fmt::format("scheme {}", scheme->name()));
   decide(realtime, "DDS deadlines", realtime ? "armed in real time" : "in lock-step nobody is late");
   decide(gui, "world_state", gui ? "the display reads it" : "nobody reads it, so no snapshot is gathered");
   decide(s.users > 1, "shared bodies", s.users > 1 ? "several sub-worlds may hold the same body" : "one user");

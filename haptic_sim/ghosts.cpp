@@ -25,7 +25,7 @@ Ghosts::Ghosts(const Scene& scene, std::uint64_t remembered_cycles) : scene_(sce
   ghosts_.reserve(kUsualMembers);
 }
 
-void Ghosts::follow(const WorldFrame& frame, Engine& engine, double lag_s, double gain) {
+void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody>, Engine& engine, double lag_s, double gain) {
   std::erase_if(ghosts_, [&](const Ghost& ghost) {
     const bool gone = !std::ranges::binary_search(frame.ghosts, ghost.id, {}, &GhostModel::outside);
     if (gone) engine.remove(ghost.id);

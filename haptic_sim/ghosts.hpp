@@ -1,6 +1,7 @@
 #pragma once
 
 #include "coupling/ghost.hpp"
+#include "haptic_sim/border_model.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/engine.hpp"
@@ -14,22 +15,18 @@ namespace subworld {
 /// The outside bodies that touch a sub-world, or soon may, as its engine sees them: their real shapes, which meet
 /// members, and the loose ones also other ghosts, and move by their reduced models along their axes, by the world's
 /// states across them; or, carried by the inside alone, as the rigid bodies that they are.
-class Ghosts {
+class Ghosts final : public BorderModel {
  public:
   Ghosts(const Scene& scene, std::uint64_t remembered_cycles);
 
-  /// Follows a frame that is `lag_s` old: ghosts that come and go, models, and `gain` of the error in their own ways.
-  /// Corrections of the members must be done.
-  void follow(const WorldFrame& frame, Engine& engine, double lag_s, double gain);
-  /// Takes a ghost out of the engine; what it was doing, if it is one.
-  [[nodiscard]] std::optional<BodyState> release(BodyId id, Engine& engine);
-  void clear(Engine& engine);
-
-  /// Before and after each step of `dt`.
-  void begin(Engine& engine, double dt);
-  void end(const Engine& engine, double dt);
-  /// Writes down where they are at a stamp.
-  void log(std::uint64_t stamp, const Engine& engine);
+  /// Ghosts that come and go, models, and `gain` of the error in their own ways.
+  void follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine, double lag_s,
+              double gain) override;
+  [[nodiscard]] std::optional<BodyState> release(BodyId id, Engine& engine) override;
+  void clear(Engine& engine) override;
+  void begin(Engine& engine, double dt) override;
+  void end(const Engine& engine, double dt) override;
+  void log(std::uint64_t stamp, const Engine& engine) override;
 
   [[nodiscard]] std::size_t size() const noexcept { return ghosts_.size(); }
 

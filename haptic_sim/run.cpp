@@ -75,13 +75,11 @@ class EngineOrders {
       if (!wanted || wanted->target != EngineOrder::Target::haptic) continue;
       ports_.status.answer(order_.number, sub_.change_engine(exchange_, *wanted));
     }
-    if (sub_.scheme().has_sub_world()) {
-      const std::string before(sub_.engine().name());
-      const TimePoint begin = Clock::now();
-      if (sub_.exchange_engine(exchange_)) {
-        measures_.engine_changed({exchange_.order(), sub_.time_s(), before, std::string(sub_.engine().name()),
-                                  to_seconds(Clock::now() - begin)});
-      }
+    const std::string before = sub_.engine_name();
+    const TimePoint begin = Clock::now();
+    if (sub_.exchange_engine(exchange_)) {
+      measures_.engine_changed(
+          {exchange_.order(), sub_.time_s(), before, sub_.engine_name(), to_seconds(Clock::now() - begin)});
     }
     if (const std::string failure = exchange_.take_failure(); !failure.empty()) {
       ports_.status.answer(exchange_.order(), "refused: " + failure);
@@ -130,7 +128,6 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
                   const Scene& scene) {
   EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
-  const bool reports_sub_world = sub.scheme().has_sub_world();
   const BodyId proxy = scene.users[sub.user()].proxy;
   const auto stopped = [] { return stop_signal() != 0; };
   DeviceState device;
@@ -159,7 +156,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     return true;
   };
 
-  if (reports_sub_world) send_report();
+  if (sub.reports_at_start()) send_report();
   while (follow_world()) {
     if (!await(*ports.bus, ports.device, device, stopped,
                "device_sim has died; the haptic loop cannot go on in lock-step"))
@@ -170,13 +167,13 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     if (!ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand))) {
       throw Error(ExitCode::failed, "device_command could not be sent; is device_sim stuck?");
     }
-    if (!reports_sub_world && sub.at_cycle_start()) send_report();
+    if (sub.report_due()) send_report();
     sub.advance(h);
     measures.step(sub, felt, to_seconds(Clock::now() - begin), 0.0, false);
     ++step;
     if (!sub.finite())
       throw Error(ExitCode::failed, "the sub-world is no longer finite; use a smaller h_s or the preset quality");
-    if (reports_sub_world && sub.at_boundary()) send_report();
+    if (sub.report_due()) send_report();
     ports.status.update(sub.time_s(), measures.steps(), 0);
   }
   if (stop_signal() != 0 && !frame.last) return;
@@ -189,7 +186,6 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
   const double cycle_s = scene.settings.cycle_s();
-  const bool reports_sub_world = sub.scheme().has_sub_world();
   const BodyId proxy = scene.users[sub.user()].proxy;
   const Scheduling scheduling = claim_realtime(priority::kHaptic);
   fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", sub.user(), 1.0 / h, scheduling.text);
@@ -271,9 +267,9 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand));
     const bool missed = Clock::now() > loop.deadline();  // the force left after its period
-    if (!reports_sub_world && sub.at_cycle_start()) send_report();
+    if (sub.report_due()) send_report();
     sub.advance(alone ? 0.0 : arrears.step(h * phase.rate(clock_factor, cycle_s), sub.cycle_left_s()));
-    if (reports_sub_world && sub.at_boundary()) send_report();
+    if (sub.report_due()) send_report();
 
     loop.slew(phase.slew_ppm());
     measures.step(sub, felt, to_seconds(Clock::now() - begin), lateness_s, missed);

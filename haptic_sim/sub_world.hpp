@@ -1,15 +1,13 @@
 #pragma once
 
-#include "coupling/contact_graph.hpp"
 #include "coupling/force_guard.hpp"
 #include "coupling/scheme.hpp"
-#include "coupling/synchroniser.hpp"
-#include "haptic_sim/ghosts.hpp"
+#include "haptic_sim/clutch.hpp"
+#include "haptic_sim/local_model.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/engine_exchange.hpp"
 
-#include <algorithm>
 #include <memory>
 #include <vector>
 
@@ -36,14 +34,21 @@ class SubWorld {
   /// What the hand feels fades out, and it is met again from zero.
   void let_go() noexcept { guard_.let_go(); }
   /// While the sub-world's clock stands: the hand may go where it likes, and is met there when the clock goes on.
-  void stand(bool stands) noexcept { stands_ = stands; }
+  void stand(bool stands) noexcept { clutch_.open(stands); }
 
   /// True when the steps since the last boundary fill a cycle: `report` is due.
   [[nodiscard]] bool at_boundary() const noexcept;
-  /// True before the first step of a cycle.
-  [[nodiscard]] bool at_cycle_start() const noexcept { return steps_ == 0 || at_boundary(); }
+  /// Ask after feel() and after advance(): whether a report is due there. A sub-world tells how a cycle went; without
+  /// one, a report tells with which device pose it begins.
+  [[nodiscard]] bool report_due() const noexcept {
+    return model_->reports_afterwards() ? !felt_now_ && at_boundary() : felt_now_ && (steps_ == 0 || at_boundary());
+  }
+  /// Whether a first report goes out before the first step.
+  [[nodiscard]] bool reports_at_start() const noexcept { return model_->reports_afterwards(); }
   /// Whether a frame of this stamp may be used now: not before the sub-world has reached it.
-  [[nodiscard]] bool accepts(std::uint64_t frame_stamp) const noexcept { return !engine_ || frame_stamp <= stamp_; }
+  [[nodiscard]] bool accepts(std::uint64_t frame_stamp) const noexcept {
+    return !model_->reports_afterwards() || frame_stamp <= stamp_;
+  }
   /// Closes the cycle; the reference lives for several cycles. `sent_ns` is the caller's clock.
   const HapticReport& report(std::int64_t sent_ns);
 
@@ -66,64 +71,47 @@ class SubWorld {
   /// Simulation time until the next boundary.
   [[nodiscard]] double cycle_left_s() const noexcept;
   [[nodiscard]] bool finite() const noexcept { return finite_; }
-  [[nodiscard]] BodyState proxy() const;
-  [[nodiscard]] const Vec3& clutch() const noexcept { return clutch_; }
-  [[nodiscard]] const DevicePose& device() const noexcept { return device_; }
-  [[nodiscard]] std::size_t members() const noexcept { return members_.size(); }
-  [[nodiscard]] std::size_t contacts() const noexcept;
-  [[nodiscard]] std::size_t border_pairs() const noexcept {
-    return static_cast<std::size_t>(std::ranges::count_if(frame_.border, touches));
-  }
+  [[nodiscard]] BodyState proxy() const { return model_->proxy(); }
+  [[nodiscard]] const Vec3& clutch() const noexcept { return clutch_.offset(); }
+  [[nodiscard]] const DevicePose& device() const noexcept { return clutch_.device(); }
+  [[nodiscard]] std::size_t members() const noexcept { return model_->members(); }
+  [[nodiscard]] std::size_t contacts() const noexcept { return model_->contacts(); }
+  [[nodiscard]] std::size_t border_pairs() const noexcept { return border_pairs_; }
   [[nodiscard]] double device_work_j() const noexcept { return device_work_j_; }
-  [[nodiscard]] const Engine& engine() const noexcept { return *engine_; }
+  /// Of the engine that simulates it; empty where none does.
+  [[nodiscard]] std::string engine_name() const;
   [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
 
  private:
-  void place_device(const DeviceState& device);
-  void follow_membership(const WorldFrame& frame, double lag_s);
-  void follow_ghosts(const WorldFrame& frame, double lag_s);
-  void describe_islands(std::vector<std::uint32_t>& labels);
   [[nodiscard]] bool knows(const WorldFrame& frame) const noexcept;
-  void let_peers_go();
-  void hold(BodyId proxy, const ImplicitStep& coupling);
-  void move_peers(double dt);
-  void observe_contacts();
+  /// Notes which frame is in use.
+  void note(const WorldFrame& frame) noexcept;
 
   const Scene& scene_;
   std::size_t user_;
   const UserSpec& spec_;
   std::unique_ptr<Scheme> scheme_;
-  std::unique_ptr<LiveEngine> engine_;  ///< none: the proxy lives in the world alone
-  Synchroniser synchroniser_;
+  std::unique_ptr<LocalModel> model_;
   ForceLimits limits_;
   ForceGuard guard_;
+  Clutch clutch_;
 
-  WorldFrame frame_;  ///< newest used
-  BodyState world_proxy_;
-  std::vector<BodyId> members_;
-  std::vector<BodyId> fixed_;
-  std::vector<PointImpulse> border_impulses_;
-  double border_impulses_for_s_ = 0.0;
-  std::size_t border_bodies_ = 0;
-  Ghosts ghosts_;
-  Islands islands_;
+  bool framed_ = false;            ///< a frame has been used
+  std::uint64_t frame_stamp_ = 0;  ///< of the newest used
+  std::size_t border_pairs_ = 0;
 
   std::uint64_t stamp_ = 0;
   double in_cycle_s_ = 0.0;
   int steps_ = 0;
+  bool felt_now_ = false;  ///< between feel() and advance()
   Indicators indicators_;
   Wrench impulse_;
   Wrench impulse_total_;
   double device_work_j_ = 0.0;
   Wrench felt_;
-  DevicePose device_;
   Wrench applied_;
-  Vec3 clutch_ = Vec3::Zero();  ///< device position + clutch = position in the scene
-  bool clutched_ = false;
-  bool stands_ = false;
   bool finite_ = true;
   std::vector<HapticReport> reports_;  ///< by stamp
-  std::vector<BodyId> scratch_;
 };
 
 }  // namespace subworld

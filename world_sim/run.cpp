@@ -197,7 +197,7 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     ports.status.update(world.time_s(), world.stamp(), 0);
     check_finite(world);
   }
-  if (world.scheme().has_sub_world() && receive_due()) world.synchronise();
+  if (world.scheme().border() != Border::none && receive_due()) world.synchronise();
   world.close();
   acknowledge(ports);
 }

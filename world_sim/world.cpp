@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 
 namespace subworld {
 
@@ -45,9 +46,9 @@ World::World(const Scene& scene)
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
       remembered_(remembered_cycles(scene.settings, *scheme_)),
-      approach_(scene),
-      modeller_(scene),
       motions_(scene.bodies.size()),
+      frames_(scene, *scheme_, remembered_),
+      heard_(users_.size()),
       energy_j_(remembered_, 0.0) {
   choose_substeps();
   const auto later = [&](BodyId id) {
@@ -64,10 +65,8 @@ World::World(const Scene& scene)
     }
     users_[u].synchroniser =
         std::make_unique<Synchroniser>(*scheme_, remembered_, scene.users[u].proxy, std::move(peers));
-    users_[u].frames.resize(remembered_);
     users_[u].inbox.resize(remembered_);
     users_[u].waiting.resize(remembered_);
-    for (WorldFrame& frame : users_[u].frames) reserve(frame, kUsualMembers);
     for (HapticReport& report : users_[u].inbox) reserve(report, kUsualMembers);
     reserve(users_[u].report, kUsualMembers);
     reserve(users_[u].before, kUsualMembers);
@@ -101,7 +100,7 @@ bool World::settle(const std::function<bool(double)>& progress) {
     if (user.joins_late) engine_->add(scene_.body(user.proxy), scene_.initial[index(user.proxy)]);
   }
   account();
-  extract();
+  make_frames();
   start_energy_j_ = kinetic_j_ + potential_j_;
   return true;
 }
@@ -144,13 +143,14 @@ bool World::receive(HapticReport&& report) {
 
 void World::synchronise() {
   const std::uint64_t oldest = stamp_ >= remembered_ ? stamp_ - remembered_ + 1 : 0;
-  for (User& user : users_) {
+  for (std::size_t u = 0; u < users_.size(); ++u) {
+    User& user = users_[u];
     for (std::uint64_t j = oldest; j <= stamp_; ++j) {
       const std::size_t slot = j % remembered_;
       if (!user.waiting[slot] || user.inbox[slot].stamp != j) continue;
       user.waiting[slot] = false;
       if (user.heard && j <= user.report.stamp) continue;
-      if (scheme_->has_sub_world() && j > 0) apply(user, user.inbox[slot]);
+      if (scheme_->border() != Border::none && j > 0) apply(u, user.inbox[slot]);
       std::swap(user.before, user.report);
       std::swap(user.report, user.inbox[slot]);
       user.heard = true;
@@ -159,21 +159,15 @@ void World::synchronise() {
   balance();
 }
 
-void World::apply(User& user, const HapticReport& report) {
-  const WorldFrame& said = user.frames[report.stamp % remembered_];
+void World::apply(std::size_t user, const HapticReport& report) {
+  const WorldFrame& said = frames_.frame(user, report.stamp);
   if (said.stamp != report.stamp) return;
   // What the sub-world makes of this frame is not known here: as if it were too old to correct anything.
-  for (const PairShift& pair : user.synchroniser->synchronise(said, report, INFINITY)) {
-    const int n = sharers(pair.id);
+  for (const PairShift& pair : users_[user].synchroniser->synchronise(said, report, INFINITY)) {
+    const int n = frames_.holders(pair.id);
     const Shift shift = n > 1 ? scaled(pair.world, 1.0 / n) : pair.world;
     engine_->set_state(pair.id, shifted(engine_->state(pair.id), shift));
   }
-}
-
-int World::sharers(BodyId id) const {
-  return static_cast<int>(std::count_if(users_.begin(), users_.end(), [&](const User& user) {
-    return std::binary_search(user.membership.members.begin(), user.membership.members.end(), id);
-  }));
 }
 
 void World::hold(const UserSpec& user, const DevicePose& target, const ForceLimits& limits, double dt) {
@@ -190,7 +184,7 @@ void World::drive_proxies(double until_s, double dt) {
     // A report that is ahead of the world tells what the user does in this very cycle.
     const HapticReport& now = user.at(wants());
     const HapticReport& before = &now == &user.report ? user.before : user.report;
-    const ProxyDrive drive = scheme_->drive(*user.spec, before, now, until_s + lead_s());
+    const ProxyDrive drive = scheme_->drive(*user.spec, before, now, until_s + half_step_offset_s());
     if (drive.target) hold(*user.spec, *drive.target, drive.limits, dt);
     engine_->apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
   }
@@ -223,7 +217,19 @@ void World::step() {
   simulate_cycle();
   ++stamp_;
   account();
-  extract();
+  make_frames();
+}
+
+void World::make_frames() {
+  graph_.build(contacts_, scene_.bodies.size());
+  for (std::size_t u = 0; u < users_.size(); ++u)
+    heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(stamp_)};
+  frames_.make({stamp_, time_s(), *engine_, contacts_, graph_, motions_}, heard_, -half_step_offset_s());
+}
+
+double World::half_step_offset_s() const {
+  if (scheme_->lead_cycles() == 0) return 0.0;
+  return 0.5 * (engine_->part_s(scene_.settings.cycle_s() / substeps_) - scene_.settings.h_s);
 }
 
 void World::account() {
@@ -254,6 +260,37 @@ void World::balance() {
   if (users_.empty() || users_.front().report.stamp + remembered_ <= stamp_) return;
   const double energy_j = energy_j_[users_.front().report.stamp % remembered_];
   energy_excess_j_ = std::max(energy_excess_j_, energy_j - start_energy_j_ - given_j);
+}
+
+SceneDescription World::description(std::uint64_t settings_hash) const {
+  SceneDescription description;
+  description.name = scene_.name;
+  description.settings_hash = settings_hash;
+  description.users = static_cast<std::uint32_t>(users_.size());
+  description.meshes = scene_.meshes;
+  description.bodies = scene_.bodies;
+  for (const Body& body : scene_.bodies) {
+    description.states.push_back(engine_->contains(body.id) ? engine_->state(body.id) : scene_.initial[index(body.id)]);
+  }
+  return description;
+}
+
+void World::look(WorldView& view) const {
+  view.stamp_s = time_s();
+  view.states.resize(scene_.bodies.size());
+  for (const Body& body : scene_.bodies) view.states[index(body.id)] = engine_->state(body.id);
+  view.users.resize(users_.size());
+  for (std::size_t u = 0; u < users_.size(); ++u) {
+    const User& user = users_[u];
+    UserView& seen = view.users[u];
+    seen.user = UserId{static_cast<std::uint32_t>(u)};
+    seen.proxy = user.spec->proxy;
+    seen.members = frames_.membership(u).members;
+    seen.border.clear();
+    std::ranges::copy_if(frames_.frame(u, stamp_).border, std::back_inserter(seen.border), touches);
+    seen.wrench = {user.report.impulse.force / scene_.settings.cycle_s(),
+                   user.report.impulse.torque / scene_.settings.cycle_s()};
+  }
 }
 
 }  // namespace subworld

@@ -1,15 +1,14 @@
 #pragma once
 
-#include "coupling/approach.hpp"
 #include "coupling/contact_graph.hpp"
 #include "coupling/ghost.hpp"
 #include "coupling/scheme.hpp"
-#include "coupling/selection.hpp"
 #include "coupling/synchroniser.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/contact_totals.hpp"
 #include "physics/engine_exchange.hpp"
+#include "world_sim/frame_maker.hpp"
 
 #include <functional>
 #include <memory>
@@ -58,7 +57,7 @@ class World {
   bool exchange_engine(EngineExchange& exchange);
 
   /// The world at the present stamp as user u sees it; new after each step().
-  [[nodiscard]] WorldFrame& frame(std::size_t user) { return users_[user].newest(stamp_); }
+  [[nodiscard]] WorldFrame& frame(std::size_t user) { return frames_.frame(user, stamp_); }
   [[nodiscard]] SceneDescription description(std::uint64_t settings_hash) const;
   /// Allocates only until the view has grown to the world.
   void look(WorldView& view) const;
@@ -82,9 +81,7 @@ class World {
  private:
   struct User {
     const UserSpec* spec = nullptr;
-    Membership membership;
     std::unique_ptr<Synchroniser> synchroniser;
-    std::vector<WorldFrame> frames;   ///< by stamp
     std::vector<HapticReport> inbox;  ///< by stamp
     std::vector<bool> waiting;        ///< inbox holds a report that is not used yet
     HapticReport report;              ///< newest used
@@ -96,28 +93,16 @@ class World {
       const std::size_t slot = stamp % inbox.size();
       return waiting[slot] && inbox[slot].stamp == stamp ? inbox[slot] : report;
     }
-    [[nodiscard]] WorldFrame& newest(std::uint64_t stamp) { return frames[stamp % frames.size()]; }
-    [[nodiscard]] const WorldFrame& newest(std::uint64_t stamp) const { return frames[stamp % frames.size()]; }
   };
 
-  void apply(User& user, const HapticReport& report);
+  void apply(std::size_t user, const HapticReport& report);
   void drive_proxies(double until_s, double dt);
   void hold(const UserSpec& user, const DevicePose& target, const ForceLimits& limits, double dt);
   void simulate_cycle();
-  void extract();
-  void extract(User& user);
-  void list_peers(const User& user, WorldFrame& frame);
-  /// Adds what may soon touch; `reach` is where the members may get.
-  void find_approaching(const Membership& now, Box reach, std::vector<BorderPair>& border);
-  void describe_outside(const User& user, WorldFrame& frame);
-  /// How long a frame that is told now will be all that a sub-world knows.
-  [[nodiscard]] double horizon_s(const User& user) const;
-  void list_unconfirmed(const User& user, WorldFrame& frame);
-  [[nodiscard]] int sharers(BodyId id) const;
+  void make_frames();
   /// By how much the world's positions are ahead of the sub-worlds' where both account for the same forces: half the
-  /// difference of their steps. Told is what a sub-world of the same forces would have.
-  [[nodiscard]] double lead_s() const;
-  [[nodiscard]] BodyState told(BodyId id) const;
+  /// difference of their steps. Frames tell what a sub-world of the same forces would have.
+  [[nodiscard]] double half_step_offset_s() const;
   void choose_substeps();
   void account();
   void balance();
@@ -134,18 +119,15 @@ class World {
   std::vector<Contact> settled_;       ///< as if the last step of settling had been a cycle
   std::span<const Contact> contacts_;  ///< of the last cycle
   ContactGraph graph_;
-  ApproachFinder approach_;
-  GhostModeller modeller_;
   std::vector<Motion> motions_;  ///< by body, in the last cycle
-  Islands islands_;
+  FrameMaker frames_;
+  std::vector<Heard> heard_;      ///< by user, while frames are made
   std::vector<double> energy_j_;  ///< kinetic and potential, by stamp
   double start_energy_j_ = 0.0;
   double kinetic_j_ = 0.0;
   double potential_j_ = 0.0;
   double energy_excess_j_ = 0.0;
   bool finite_ = true;
-  std::vector<BodyId> scratch_;
-  std::vector<BodyId> wanted_;
 };
 
 }  // namespace subworld

@@ -32,6 +32,16 @@ double extent(const Shape& shape, std::span<const Mesh> meshes, const Vec3& alon
   }
 }
 
+/// How far a point of a body may get by turning and by falling, m.
+double any_way(const BodyState& state, const Box& bounds, double gravity_m_s2, double time_s) noexcept {
+  const double arm_m = 0.5 * (bounds.upper - bounds.lower).norm();
+  return time_s * (arm_m * state.angular_velocity.norm() + 0.5 * time_s * gravity_m_s2);
+}
+
+Box grown(const Box& bounds, double by_m) noexcept {
+  return {bounds.lower - Vec3::Constant(by_m), bounds.upper + Vec3::Constant(by_m)};
+}
+
 double smallest(const Box& bounds) noexcept { return (bounds.upper - bounds.lower).minCoeff(); }
 
 }  // namespace
@@ -43,14 +53,14 @@ ApproachFinder::ApproachFinder(const Scene& scene)
   linked_.reserve(scene.bodies.size());
 }
 
-Box ApproachFinder::Mover::swept() const noexcept {
-  return {bounds.lower - Vec3::Constant(travel_m), bounds.upper + Vec3::Constant(travel_m)};
+Box swept_bounds(const BodyState& state, const Box& bounds, double gravity_m_s2, double time_s) noexcept {
+  return grown(bounds, any_way(state, bounds, gravity_m_s2, time_s) + time_s * state.linear_velocity.norm());
 }
 
+Box ApproachFinder::Mover::swept() const noexcept { return grown(bounds, travel_m); }
+
 ApproachFinder::Mover ApproachFinder::mover(BodyId id, const BodyState& state, const Box& bounds) const noexcept {
-  const double arm_m = 0.5 * (bounds.upper - bounds.lower).norm();
-  const double falling_m_s = 0.5 * time_s_ * scene_.settings.world.gravity.norm();
-  const double any_way_m = time_s_ * (arm_m * state.angular_velocity.norm() + falling_m_s);
+  const double any_way_m = any_way(state, bounds, scene_.settings.world.gravity.norm(), time_s_);
   return {id, state, bounds, any_way_m, any_way_m + time_s_ * state.linear_velocity.norm()};
 }
 
@@ -63,9 +73,9 @@ void ApproachFinder::begin(double time_s) {
   told_.assign(told_.size(), false);
 }
 
-Box ApproachFinder::inside(BodyId id, const BodyState& state, const Box& bounds) {
+void ApproachFinder::inside(BodyId id, const BodyState& state, const Box& bounds) {
   places_[index(id)] = Place::inside;
-  return ghost(id, state, bounds);
+  pushers_.push_back(mover(id, state, bounds));
 }
 
 Box ApproachFinder::ghost(BodyId id, const BodyState& state, const Box& bounds) {
@@ -74,9 +84,7 @@ Box ApproachFinder::ghost(BodyId id, const BodyState& state, const Box& bounds) 
 
 void ApproachFinder::hang_on(std::size_t first, const Membership& membership, const ContactGraph& graph) {
   for (std::size_t k = first; k < linked_.size(); ++k) {
-    for (const std::uint32_t i : graph.of(linked_[k])) {
-      const Contact& c = graph.contact(i);
-      const BodyId next = c.a == linked_[k] ? c.b : c.a;
+    for (const auto& [next, outwards, impulse, i] : graph.neighbours(linked_[k])) {
       if (places_[index(next)] != Place::apart || scene_.body(next).fixed() || membership.holds(next)) continue;
       places_[index(next)] = Place::hanging;
       hooks_[index(next)] = i;
@@ -112,9 +120,8 @@ void ApproachFinder::unhang(BodyId hanging, const ContactGraph& graph, std::vect
     places_[index(hanging)] = Place::found;
     const Contact& hook = graph.contact(hooks_[index(hanging)]);
     const BodyId pusher = hook.a == hanging ? hook.b : hook.a;
-    for (const std::uint32_t i : graph.of(hanging)) {
-      const Contact& c = graph.contact(i);
-      if (c.a == pusher || c.b == pusher) border.push_back(pair_of(c, pusher));
+    for (const Neighbour& n : graph.neighbours(hanging)) {
+      if (n.body == pusher) border.push_back(pair_of(graph.contact(n.index), pusher));
     }
     hanging = pusher;
   }

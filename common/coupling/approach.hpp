@@ -11,6 +11,9 @@
 
 namespace subworld {
 
+/// Bounds of all places that a body may reach within `time_s`, whichever way it turns and falls.
+[[nodiscard]] Box swept_bounds(const BodyState& state, const Box& bounds, double gravity_m_s2, double time_s) noexcept;
+
 /// Finds what does not touch a sub-world yet but may before it hears of it: the sub-world is ahead of the world, and
 /// would run into a body, or push its ghosts into one, that the world tells it of only after the contact. What is found
 /// may push on in turn. A body that hangs by contacts on one that touches the inside, or is found, goes with that one;
@@ -24,10 +27,10 @@ class ApproachFinder {
 
   /// `time_s`: for which the sub-world will know no more than it is told now.
   void begin(double time_s);
-  /// A member. Returns the bounds of all places that it may reach.
-  Box inside(BodyId id, const BodyState& state, const Box& bounds);
+  /// A member.
+  void inside(BodyId id, const BodyState& state, const Box& bounds);
   /// `contacts` are the border's, `graph` that of all the world's. Returns the outside bodies that touch the inside and
-  /// those that hang on them; each is to be told by `ghost`, which returns what `inside` does.
+  /// those that hang on them; each is to be told by `ghost`, which returns the bounds of all places that it may reach.
   std::span<const BodyId> touching(const Membership& membership, const ContactGraph& graph,
                                    std::span<const BorderPair> contacts);
   Box ghost(BodyId id, const BodyState& state, const Box& bounds);

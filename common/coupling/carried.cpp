@@ -30,8 +30,6 @@ Vec6 velocity_of(const Body& body, const Quat& orientation, const Vec6& momentum
   return v;
 }
 
-BodyId other(const Contact& c, BodyId id) noexcept { return c.a == id ? c.b : c.a; }
-
 }  // namespace
 
 CarriedModeller::CarriedModeller(const Scene& scene) : scene_(scene), holds_(scene.bodies.size(), Hold::unknown) {
@@ -58,8 +56,8 @@ bool CarriedModeller::only_inside_holds(BodyId outside, const Membership& member
   see(outside);
   for (std::size_t k = first; k < seen_.size(); ++k) {
     if (!scene_.body(seen_[k]).rotates) return settle(Hold::held);
-    for (const std::uint32_t i : graph.of(seen_[k])) {
-      const BodyId next = other(graph.contact(i), seen_[k]);
+    for (const Neighbour& n : graph.neighbours(seen_[k])) {
+      const BodyId next = n.body;
       if (std::ranges::binary_search(membership.members, next)) continue;
       if (scene_.body(next).fixed() || holds_[index(next)] == Hold::held) return settle(Hold::held);
       if (holds_[index(next)] == Hold::unknown) see(next);
@@ -91,12 +89,12 @@ std::optional<CarriedBody> CarriedModeller::model(BodyId outside, std::span<cons
     moment += body.mass * arm;
     about_origin += axes * body.inertia.asDiagonal() * axes.transpose() - body.mass * cross * cross;
     if (body.gravity) act(body.mass * scene_.settings.world.gravity, arm);
-    for (const std::uint32_t i : graph.of(body.id)) {
-      const Contact& c = graph.contact(i);
-      const BodyId next = other(c, body.id);
+    for (const Neighbour& n : graph.neighbours(body.id)) {
+      const BodyId next = n.body;
       if (std::ranges::binary_search(membership.members, next)) continue;
       if (std::ranges::find(whole_, next) != whole_.end()) continue;
       if (std::ranges::binary_search(ghosts, next, {}, &GhostModel::outside)) {
+        const Contact& c = graph.contact(n.index);
         const double sign = c.a == body.id ? 1.0 : -1.0;
         act(sign / step_s * (c.normal_impulse * c.normal + c.tangential_impulse), c.point - origin);
       } else {

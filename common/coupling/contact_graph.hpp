@@ -4,6 +4,7 @@
 #include "model/contact.hpp"
 
 #include <cstdint>
+#include <ranges>
 #include <span>
 #include <vector>
 
@@ -11,6 +12,14 @@ namespace subworld {
 
 /// More of them cost an allocation until the buffer has grown.
 inline constexpr std::size_t kUsualContacts = 8192;
+
+/// A contact as one of its bodies sees it.
+struct Neighbour {
+  BodyId body{};             ///< the other one
+  Vec3 outwards;             ///< the contact's normal, from this body towards the other
+  double impulse_n_s = 0.0;  ///< normal
+  std::uint32_t index = 0;   ///< of the contact
+};
 
 /// Which contacts a body has. Refers to the contacts it was made from.
 class ContactGraph {
@@ -20,9 +29,14 @@ class ContactGraph {
   /// Ids of both bodies of every contact must be below `bodies`.
   void build(std::span<const Contact> contacts, std::size_t bodies);
 
-  /// Indices into the contacts.
-  [[nodiscard]] std::span<const std::uint32_t> of(BodyId id) const noexcept {
-    return std::span(entries_).subspan(begin_[index(id)], begin_[index(id) + 1] - begin_[index(id)]);
+  /// One for each contact point.
+  [[nodiscard]] auto neighbours(BodyId id) const noexcept {
+    const auto entries = std::span(entries_).subspan(begin_[index(id)], begin_[index(id) + 1] - begin_[index(id)]);
+    return entries | std::views::transform([this, id](std::uint32_t i) {
+             const Contact& c = contacts_[i];
+             return c.a == id ? Neighbour{c.b, -c.normal, c.normal_impulse, i}
+                              : Neighbour{c.a, c.normal, c.normal_impulse, i};
+           });
   }
   [[nodiscard]] const Contact& contact(std::uint32_t i) const noexcept { return contacts_[i]; }
 

@@ -18,9 +18,6 @@ constexpr double kWallLimit_n = 1e9;
 constexpr double kCreep_m_s = 1e-3;      ///< of a wall towards what it ought to carry
 constexpr double kSliding_m_s = -0.002;  ///< faster away from the inside than this: the outside slides
 
-/// From body `id` towards the other body of its contact.
-Vec3 outwards(const Contact& c, BodyId id) noexcept { return c.a == id ? Vec3(-c.normal) : c.normal; }
-BodyId other(const Contact& c, BodyId id) noexcept { return c.a == id ? c.b : c.a; }
 double friction(const Body& a, const Body& b) noexcept { return std::sqrt(a.material.friction * b.material.friction); }
 
 /// The part of a vector across the axes that there are.
@@ -40,8 +37,7 @@ GhostModeller::GhostModeller(const Scene& scene) : scene_(scene), carried_(scene
 }
 
 bool GhostModeller::grounded(BodyId id, const ContactGraph& graph) const {
-  return std::ranges::any_of(graph.of(id),
-                             [&](std::uint32_t i) { return scene_.body(other(graph.contact(i), id)).fixed(); });
+  return std::ranges::any_of(graph.neighbours(id), [&](const Neighbour& n) { return scene_.body(n.body).fixed(); });
 }
 
 bool GhostModeller::push(BodyId from, const Vec3& along, const Surroundings& around) {
@@ -49,10 +45,9 @@ bool GhostModeller::push(BodyId from, const Vec3& along, const Surroundings& aro
   way_.assign(1, from);
   for (std::size_t k = 0; k < way_.size(); ++k) {
     const BodyId id = way_[k];
-    for (const std::uint32_t i : around.graph.of(id)) {
-      const Contact& c = around.graph.contact(i);
-      const BodyId next = other(c, id);
-      if (along.dot(outwards(c, id)) <= kPushing || in_engine(next, around)) continue;
+    for (const Neighbour& n : around.graph.neighbours(id)) {
+      const BodyId next = n.body;
+      if (along.dot(n.outwards) <= kPushing || in_engine(next, around)) continue;
       if (scene_.body(next).fixed()) {
         gives = false;
       } else if (std::ranges::find(way_, next) == way_.end()) {
@@ -79,17 +74,16 @@ std::optional<GhostModeller::Rolling> GhostModeller::rolling(BodyId id, const Ve
   Vec3 normal = Vec3::Zero();
   double support_n = 0.0;
   Rolling found;
-  for (const std::uint32_t i : around.graph.of(id)) {
-    const Contact& c = around.graph.contact(i);
-    const BodyId beside = other(c, id);
-    const double friction_n = friction(body, scene_.body(beside)) * c.normal_impulse / around.step_s;
-    if (std::abs(along.dot(outwards(c, id))) > kPushing) {
+  for (const Neighbour& n : around.graph.neighbours(id)) {
+    const BodyId beside = n.body;
+    const double friction_n = friction(body, scene_.body(beside)) * n.impulse_n_s / around.step_s;
+    if (std::abs(along.dot(n.outwards)) > kPushing) {
       found.resistance_n += friction_n;
       continue;
     }
     if (support && *support != beside) return std::nullopt;
     support = beside;
-    normal += outwards(c, id);
+    normal += n.outwards;
     support_n += friction_n;
   }
   if (!support || in_engine(*support, around)) return std::nullopt;
@@ -119,17 +113,16 @@ GhostModeller::Walk GhostModeller::walk(BodyId from, const Vec3& along, const Su
       found.inertial_n += rolls->mass_kg * around.motions[index(id)].acceleration;
       found.limit_n += rolls->resistance_n;
     }
-    for (const std::uint32_t i : around.graph.of(id)) {
-      const Contact& c = around.graph.contact(i);
-      const BodyId beside = other(c, id);
+    for (const Neighbour& n : around.graph.neighbours(id)) {
+      const BodyId beside = n.body;
       const double mu = friction(scene_.body(id), scene_.body(beside));
-      const double ahead = along.dot(outwards(c, id));
-      if (rolls && ahead < -kPushing && id == from) holds_.push_back({-outwards(c, id), c.normal_impulse, mu});
+      const double ahead = along.dot(n.outwards);
+      if (rolls && ahead < -kPushing && id == from) holds_.push_back({-n.outwards, n.impulse_n_s, mu});
       if (rolls || std::abs(ahead) > kPushing) continue;
       if (in_engine(beside, around) || pushed_by_another(beside, from, along)) continue;
       if (scene_.body(beside).fixed() || grounded(beside, around.graph)) {
-        found.limit_n += mu * c.normal_impulse / around.step_s;
-        if (id == from) holds_.push_back({outwards(c, id), c.normal_impulse, mu});
+        found.limit_n += mu * n.impulse_n_s / around.step_s;
+        if (id == from) holds_.push_back({n.outwards, n.impulse_n_s, mu});
       } else {
         count(beside);
       }
@@ -154,12 +147,11 @@ Vec3 GhostModeller::grip() const {
 Vec3 GhostModeller::blocked_way(BodyId id, const Vec3& along, const ContactGraph& graph) const {
   double most = kOnSupport;
   Vec3 way = along;
-  for (const std::uint32_t i : graph.of(id)) {
-    const Contact& c = graph.contact(i);
-    const double towards = along.dot(outwards(c, id));
-    if (towards <= most || !scene_.body(other(c, id)).fixed()) continue;
+  for (const Neighbour& n : graph.neighbours(id)) {
+    const double towards = along.dot(n.outwards);
+    if (towards <= most || !scene_.body(n.body).fixed()) continue;
     most = towards;
-    way = outwards(c, id);
+    way = n.outwards;
   }
   return way;
 }

@@ -31,8 +31,7 @@ class Direct final : public Scheme {
  public:
   explicit Direct(const Settings&) {}
   std::string_view name() const noexcept override { return "direct"; }
-  bool has_sub_world() const noexcept override { return false; }
-  bool has_ghosts() const noexcept override { return false; }
+  Border border() const noexcept override { return Border::none; }
   bool replicates_peers() const noexcept override { return false; }
   int lead_cycles() const noexcept override { return 0; }
   double longest_world_step_s() const noexcept override { return INFINITY; }
@@ -40,7 +39,6 @@ class Direct final : public Scheme {
     if (user.device.kind == DeviceKind::admittance) return {now.device_applied, std::nullopt, {}};
     return {{}, device_of(now), limits_of(user.device)};
   }
-  void border_impulses(const WorldFrame&, double, std::vector<PointImpulse>& out) const override { out.clear(); }
   Correction correction(const CopyPair&, const Indicators&) const noexcept override { return {}; }
 };
 
@@ -49,17 +47,13 @@ class Paper final : public Scheme {
  public:
   explicit Paper(const Settings& settings) : settings_(settings.paper) {}
   std::string_view name() const noexcept override { return "paper"; }
-  bool has_sub_world() const noexcept override { return true; }
-  bool has_ghosts() const noexcept override { return false; }
+  Border border() const noexcept override { return Border::frozen; }
   bool replicates_peers() const noexcept override { return false; }
   int lead_cycles() const noexcept override { return 0; }
   double longest_world_step_s() const noexcept override { return INFINITY; }
   ProxyDrive drive(const UserSpec&, const HapticReport& before, const HapticReport& now, double) const override {
     if (!settings_.device_force_in_world) return {};
     return {mean_wrench(before, now), std::nullopt, {}};
-  }
-  void border_impulses(const WorldFrame& frame, double fraction, std::vector<PointImpulse>& out) const override {
-    frozen_impulses(frame.border, fraction, out);
   }
   Correction correction(const CopyPair& pair, const Indicators& indicators) const noexcept override {
     const double s = pair.peer ? 0.0 : pair.proxy ? 1.0 : blend_weight(indicators, settings_);
@@ -80,8 +74,7 @@ class Reduced final : public Scheme {
  public:
   explicit Reduced(const Settings&) {}
   std::string_view name() const noexcept override { return "reduced"; }
-  bool has_sub_world() const noexcept override { return true; }
-  bool has_ghosts() const noexcept override { return true; }
+  Border border() const noexcept override { return Border::ghosts; }
   bool replicates_peers() const noexcept override { return true; }
   int lead_cycles() const noexcept override { return 1; }
   double longest_world_step_s() const noexcept override { return 0.005; }
@@ -92,7 +85,6 @@ class Reduced final : public Scheme {
             DevicePose{{proxy.position, proxy.orientation}, proxy.linear_velocity, proxy.angular_velocity},
             ForceLimits{INFINITY, INFINITY, user.device.degrees_of_freedom == 6}};
   }
-  void border_impulses(const WorldFrame&, double, std::vector<PointImpulse>& out) const override { out.clear(); }
   Correction correction(const CopyPair& pair, const Indicators&) const noexcept override {
     if (pair.closed) return {.world = 1.0, .sub = 0.0};
     return {.world = 0.0, .sub = std::min(kLargestGain, kDelayGain / std::max(1.0, pair.lag_cycles))};

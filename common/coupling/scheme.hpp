@@ -33,6 +33,13 @@ struct Correction {
   double sub = 0.0;
 };
 
+/// What a scheme's sub-world has at its border.
+enum class Border : std::uint8_t {
+  none,    ///< there is no sub-world: the proxy lives in the world alone; nothing is selected, extracted or corrected
+  frozen,  ///< the world's impulses, divided over the haptic steps (paper 4.2)
+  ghosts,  ///< outside bodies by their reduced models (coupling/ghost); islands decide who is right
+};
+
 /// A coupling scheme: pure functions over model data. The processes ask, they do not know which one runs.
 class Scheme {
  public:
@@ -40,10 +47,7 @@ class Scheme {
 
   [[nodiscard]] virtual std::string_view name() const noexcept = 0;
 
-  /// False: the proxy lives in the world alone; nothing is selected, extracted or corrected.
-  [[nodiscard]] virtual bool has_sub_world() const noexcept = 0;
-  /// Whether the border is made of ghosts (coupling/ghost), and islands decide who is right.
-  [[nodiscard]] virtual bool has_ghosts() const noexcept = 0;
+  [[nodiscard]] virtual Border border() const noexcept = 0;
   /// Whether a sub-world moves the proxies of other users by their devices; else they are bodies as any.
   [[nodiscard]] virtual bool replicates_peers() const noexcept = 0;
   /// How many cycles the sub-world runs ahead: 0, both simulate the same cycle at the same time; 1, the world simulates
@@ -56,9 +60,6 @@ class Scheme {
   /// or the newest there is, `before` the one before it.
   [[nodiscard]] virtual ProxyDrive drive(const UserSpec& user, const HapticReport& before, const HapticReport& now,
                                          double until_s) const = 0;
-
-  /// The outside's impulses on the sub-world in one haptic step, which is `fraction` of a world step.
-  virtual void border_impulses(const WorldFrame& frame, double fraction, std::vector<PointImpulse>& out) const = 0;
 
   [[nodiscard]] virtual Correction correction(const CopyPair& pair, const Indicators& indicators) const noexcept = 0;
 };

@@ -31,9 +31,8 @@ void add_neighbours(const ContactGraph& graph, std::span<const Body> bodies, Bod
     const std::size_t end = in_box.size();
     for (; begin < end; ++begin) {
       const BodyId id = in_box[begin];
-      for (const std::uint32_t i : graph.of(id)) {
-        const Contact& c = graph.contact(i);
-        const BodyId next = c.a == id ? c.b : c.a;
+      for (const Neighbour& n : graph.neighbours(id)) {
+        const BodyId next = n.body;
         const bool found = std::find(in_box.begin() + first, in_box.end(), next) != in_box.end();
         if (!found && !bodies[index(next)].fixed()) in_box.push_back(next);
       }

@@ -34,7 +34,7 @@ std::span<const PairShift> Synchroniser::synchronise(const WorldFrame& frame, co
   Blend& blend = blends_[frame.stamp % blends_.size()];
   blend.stamp = frame.stamp;
   blend.pairs.clear();
-  const bool islands = scheme_->has_ghosts();
+  const bool islands = !frame.islands.empty();
   if (islands) {
     islands_.begin(frame.members);
     islands_.join(frame.members, frame.islands);

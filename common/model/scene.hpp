@@ -70,13 +70,22 @@ struct CouplingSettings {
   double ramp_s = 0.1;  ///< the device's force rises from zero over this time
 };
 
+/// Which bodies belong to a user's sub-world.
+enum class Selection : std::uint8_t {
+  box,       ///< those that meet a box around the proxy (paper 4.1), and those within `contact_depth`
+  contacts,  ///< those that hang on the proxy by at most `contact_depth` contacts
+  budget,    ///< of the box's, those that matter most and fit into `budget_ratio`
+};
+
 struct UserSpec {
   std::string name;
   BodyId proxy{};
   bool own_proxy = false;   ///< the proxy is there for this user alone, not a body of the scene
   bool joins_late = false;  ///< the proxy comes into the world when that has settled
-  double box_half_m = 0.2;  ///< half side of the selection box around the proxy (paper 4.1)
-  int contact_depth = 0;    ///< bodies that hang on the proxy by so many contacts belong to the sub-world too
+  Selection selection = Selection::budget;
+  double box_half_m = 0.2;    ///< half side of the selection box around the proxy
+  int contact_depth = 0;      ///< contacts from the proxy to a member, beside those of the box
+  double budget_ratio = 0.4;  ///< part of the haptic step that simulating the sub-world may take
   CouplingSettings coupling;
   DeviceSpec device;
 };

@@ -67,7 +67,8 @@ class Hasher {
     add(c.stiffness_n_m, c.damping_n_s_m, c.rotational_stiffness_n_m, c.rotational_damping_n_m_s, c.ramp_s);
   }
   void put(const UserSpec& u) {
-    add(u.name, u.proxy, u.joins_late, u.box_half_m, u.contact_depth, u.coupling, u.device);
+    add(u.name, u.proxy, u.joins_late, u.selection, u.box_half_m, u.contact_depth, u.budget_ratio, u.coupling,
+        u.device);
   }
   void put(const EngineSettings& e) { add(e.name, e.preset, e.iterations, e.substeps, e.gravity, e.length_unit_m); }
   void put(const DelaySettings& d) { add(d.up_s, d.down_s, d.jitter_s, d.seed); }

@@ -135,7 +135,8 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
   if (items.empty()) list.fail("a scene needs at least one user; add one");
   if (items.size() > kMostUsers) list.fail(fmt::format("{} users; a scene has at most {}", items.size(), kMostUsers));
   for (const YamlValue& item : items) {
-    const YamlMap map(item, {"name", "proxy", "joins", "coupling", "box_half_m", "contact_depth", "device"});
+    const YamlMap map(item, {"name", "proxy", "joins", "coupling", "selection", "box_half_m", "contact_depth",
+                             "budget_ratio", "device"});
     UserSpec user;
     user.name = map.at("name").name();
     const YamlValue proxy = map.at("proxy");
@@ -160,6 +161,13 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
     }
     map.read("box_half_m", user.box_half_m, kLongerThanZero);
     map.read("contact_depth", user.contact_depth, 0, 1000);
+    map.read("budget_ratio", user.budget_ratio, {.least = 0.0, .most = 1e6, .above = true});
+    if (const auto selection = map.find("selection")) {
+      user.selection = static_cast<Selection>(selection->choice({"box", "contacts", "budget"}));
+      if (user.selection == Selection::contacts && user.contact_depth == 0) {
+        selection->fail("contacts: needs contact_depth, how many contacts lie between the proxy and a member at most");
+      }
+    }
     if (const auto coupling = map.find("coupling")) read_coupling(*coupling, user.coupling);
     if (const auto device = map.find("device")) read_device(*device, user.device);
     scene.users.push_back(std::move(user));

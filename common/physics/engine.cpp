@@ -124,6 +124,17 @@ const EnginePlugin& engine_plugin(std::string_view name) {
               fmt::format("engine \"{}\" is unknown; choose one of: {}", name, fmt::join(engine_names(), ", ")));
 }
 
+StepCost step_cost(const EngineSettings& settings, double dt) {
+  const EnginePlugin& plugin = engine_plugin(settings.name);
+  const EnginePreset& preset = plugin.presets[find_preset(plugin, settings.preset)];
+  const double substeps = substep_count(dt, settings.substeps, preset.longest_substep_s);
+  const double iterations = settings.iterations.value_or(preset.iterations);
+  const SubstepCost& cost = preset.cost;
+  return {.step_s = substeps * cost.step_s,
+          .body_s = substeps * cost.body_s,
+          .contact_s = substeps * (cost.contact_s + iterations * cost.contact_iteration_s)};
+}
+
 std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes) {
   const EnginePlugin& plugin = engine_plugin(settings.name);
   const double unit_m = settings.length_unit_m;

@@ -3,6 +3,7 @@
 #include "model/body.hpp"
 #include "model/contact.hpp"
 #include "model/scene.hpp"
+#include "model/step_cost.hpp"
 
 #include <cstddef>
 #include <memory>
@@ -97,6 +98,10 @@ class Engine {
 
 /// The engines that can be asked for here, by name.
 [[nodiscard]] std::vector<std::string> engine_names();
+
+/// What a step of `dt` (s) of the engine that the settings name costs, by its published coefficients. Throws `Error`
+/// (usage) as make_engine() does.
+[[nodiscard]] StepCost step_cost(const EngineSettings& settings, double dt);
 
 struct EnginePlugin;
 /// What an engine's library says of itself (plugin.hpp). Throws `Error` (usage) where there is none of that name.

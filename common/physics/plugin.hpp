@@ -2,6 +2,7 @@
 
 #include "physics/engine.hpp"
 
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -9,10 +10,21 @@
 
 namespace subworld {
 
+/// What a sub-step costs on one core of the machine on which it was measured (README: published coefficients).
+struct SubstepCost {
+  double step_s = 0.0;
+  double body_s = 0.0;               ///< for each movable body
+  double contact_s = 0.0;            ///< for each contact point
+  double contact_iteration_s = 0.0;  ///< for each contact point and iteration of the solver
+};
+
 /// A named choice of an engine's own settings.
 struct EnginePreset {
   std::string_view name;
   std::string_view what;  ///< what it sets and why, one line
+  int iterations = 0;     ///< where the settings name none
+  double longest_substep_s = std::numeric_limits<double>::infinity();
+  SubstepCost cost = {};
 };
 
 /// What an engine's library tells of itself and how it is made.
@@ -33,7 +45,7 @@ struct EnginePlugin {
 [[nodiscard]] int substep_count(double dt, std::optional<int> fixed, double longest_s) noexcept;
 
 /// Changes whenever a type that crosses between a program and an engine's library changes.
-inline constexpr int kEnginePluginInterface = 3;
+inline constexpr int kEnginePluginInterface = 4;
 
 }  // namespace subworld
 

@@ -20,7 +20,7 @@ CoupledRun::CoupledRun(const Scene& scene)
     link.frames.resize(link.reports.size());
     links_.push_back(std::move(link));
     subs[u]->apply(world.frame(u));
-    if (scheme.has_sub_world()) send_report(u);
+    if (subs[u]->reports_at_start()) send_report(u);
   }
 }
 
@@ -50,7 +50,7 @@ void CoupledRun::haptic_cycle(std::size_t user) {
     {
       const CpuTimer timer(cpu.haptic);
       step = sub.feel(state, true, h);
-      if (!sub.scheme().has_sub_world() && i == 0) send_report(user);
+      if (sub.report_due()) send_report(user);
       sub.advance(h);
     }
     felt[user].force.push_back(step.felt.force);
@@ -61,8 +61,8 @@ void CoupledRun::haptic_cycle(std::size_t user) {
     command.linear_velocity = sub.proxy().linear_velocity;
     device.step(command, h);
     felt[user].proxy.push_back(sub.proxy());
+    if (sub.report_due()) send_report(user);
   }
-  if (sub.scheme().has_sub_world()) send_report(user);
 }
 
 void CoupledRun::cycle() {

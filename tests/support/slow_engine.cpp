@@ -14,8 +14,10 @@ std::unique_ptr<subworld::Engine> make_slowly(const subworld::EngineSettings& se
   return subworld::make_engine(bullet, meshes);
 }
 
+constexpr subworld::EnginePreset kPresets[] = {{.name = "fast", .what = "as of bullet"}};
+
 const subworld::EnginePlugin kPlugin{
-    .name = "slow", .version = "of the tests", .licence = "Apache-2.0", .presets = {}, .make = make_slowly};
+    .name = "slow", .version = "of the tests", .licence = "Apache-2.0", .presets = kPresets, .make = make_slowly};
 
 }  // namespace
 

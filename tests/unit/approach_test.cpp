@@ -32,7 +32,8 @@ struct Two {
       return Box{centre - Vec3::Constant(half_m), centre + Vec3::Constant(half_m)};
     };
     const auto state = [&](BodyId id) { return states[index(id)]; };
-    Box reach = finder.inside(BodyId{0}, state(BodyId{0}), bounds(BodyId{0}));
+    finder.inside(BodyId{0}, state(BodyId{0}), bounds(BodyId{0}));
+    Box reach = swept_bounds(state(BodyId{0}), bounds(BodyId{0}), gravity_m_s2, kTime_s);
     std::vector<BorderPair> border;
     extract_border(contacts, membership, border);
     for (const BodyId id : finder.touching(membership, graph, border)) {

@@ -27,29 +27,34 @@ using bullet::from_bullet;
 using bullet::scalar;
 using bullet::to_bullet;
 
-struct Preset {
-  int iterations;
+struct PresetValues {
   double relaxation;  ///< what an iteration takes of each correction; above 1, loads reach a stack's foot sooner
-  double friction_relaxation;  ///< likewise of friction
-  double longest_substep_s;
+  double friction_relaxation;         ///< likewise of friction
   double contact_breaking_threshold;  ///< relative to the size of the smaller body
   double friction_forgotten_s;        ///< of each step: what is left of it, friction takes over from the step before
   double push_out_s;                  ///< time to push penetration out; 0: Bullet's own part of it in each step
 };
 
+constexpr SubstepCost kCost{.step_s = 4e-6, .body_s = 0.3e-6, .contact_s = 0.6e-6, .contact_iteration_s = 0.09e-6};
 constexpr EnginePreset kPresets[] = {
-    {"fast", "10 iterations, no sub-steps: what a haptic step of 1 ms needs"},
-    {"quality",
-     "20 iterations, sub-steps of at most 0.7 ms, friction goes on from step to step: holds what is stacked"},
+    {.name = "fast",
+     .what = "10 iterations, no sub-steps: what a haptic step of 1 ms needs",
+     .iterations = 10,
+     .cost = kCost},
+    {.name = "quality",
+     .what = "20 iterations, sub-steps of at most 0.7 ms, friction goes on from step to step: holds what is stacked",
+     .iterations = 20,
+     .longest_substep_s = 0.7e-3,
+     .cost = kCost},
 };
 // Friction that starts from zero in each step lets what it holds creep by a part of each step, so the faster the longer
 // the steps are. Friction that goes on from step to step holds a card house, but with few iterations per second it
 // keeps a tower swaying: it answers late, as a spring does. Between the two, a long step creeps as fast as one of 3 ms
 // does, and a tower of twenty stands in steps of 5 ms; with 1 ms a hand feels half the error at 4 ms, but the tower
 // wanders.
-constexpr Preset kPresetValues[] = {
-    {10, 1.0, 1.3, INFINITY, 0.005, 3e-3, 0.0},
-    {20, 1.5, 1.0, 0.7e-3, 0.002, 0.0, 0.2},
+constexpr PresetValues kPresetValues[] = {
+    {1.0, 1.3, 0.005, 3e-3, 0.0},
+    {1.5, 1.0, 0.002, 0.0, 0.2},
 };
 
 extern const EnginePlugin kPlugin;
@@ -94,7 +99,8 @@ struct SavedBody {
 class Bullet final : public Engine {
  public:
   Bullet(const EngineSettings& settings, std::span<const Mesh> meshes)
-      : preset_(kPresetValues[find_preset(kPlugin, settings.preset)]),
+      : preset_(kPresets[find_preset(kPlugin, settings.preset)]),
+        values_(kPresetValues[find_preset(kPlugin, settings.preset)]),
         gravity_(settings.gravity),
         fixed_substeps_(settings.substeps),
         shapes_(meshes),
@@ -108,13 +114,13 @@ class Bullet final : public Engine {
     info.m_solverMode = SOLVER_SIMD | SOLVER_USE_WARMSTARTING | SOLVER_USE_2_FRICTION_DIRECTIONS |
                         SOLVER_ENABLE_FRICTION_DIRECTION_CACHING | SOLVER_DISABLE_VELOCITY_DEPENDENT_FRICTION_DIRECTION;
     info.m_warmstartingFactor = 1;
-    info.m_sor = scalar(preset_.relaxation);
+    info.m_sor = scalar(values_.relaxation);
     // Penetration is pushed out without adding velocity: with Bullet's threshold of 4 cm resting bodies hop, and the
     // felt friction of a sliding row wanders by 3 %.
     info.m_splitImpulse = 1;
     info.m_splitImpulsePenetrationThreshold = 0;
-    solver_.set_friction_forgotten(scalar(preset_.friction_forgotten_s));
-    solver_.set_friction_relaxation(scalar(preset_.friction_relaxation));
+    solver_.set_friction_forgotten(scalar(values_.friction_forgotten_s));
+    solver_.set_friction_relaxation(scalar(values_.friction_relaxation));
     // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.
     world_.setGravity(btVector3(0, 0, 0));
   }
@@ -238,7 +244,7 @@ class Bullet final : public Engine {
     const int substeps = substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
     claim_globals();
     contacts_.clear();
-    const double haste = preset_.push_out_s > 0.0 ? dt / substeps / preset_.push_out_s : kPushOutRatio;
+    const double haste = values_.push_out_s > 0.0 ? dt / substeps / values_.push_out_s : kPushOutRatio;
     world_.getSolverInfo().m_erp2 = scalar(std::min(haste, kPushOutRatio));
     for (int i = 0; i < substeps; ++i) {
       for (const std::uint32_t id : movable_) {
@@ -327,7 +333,7 @@ class Bullet final : public Engine {
   }
 
   void claim_globals() const {
-    gContactBreakingThreshold = scalar(preset_.contact_breaking_threshold);
+    gContactBreakingThreshold = scalar(values_.contact_breaking_threshold);
     gDbvtMargin = scalar(tree_margin_);
   }
 
@@ -381,7 +387,8 @@ class Bullet final : public Engine {
     return contact;
   }
 
-  Preset preset_;
+  const EnginePreset& preset_;
+  const PresetValues& values_;
   Vec3 gravity_;
   double tree_margin_ = 0.05;  ///< m
   std::optional<int> fixed_substeps_;

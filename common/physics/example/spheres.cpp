@@ -18,11 +18,11 @@ namespace subworld {
 
 namespace {
 
+constexpr SubstepCost kCost{.body_s = 0.3e-6, .contact_s = 0.3e-6, .contact_iteration_s = 0.03e-6};
 constexpr EnginePreset kPresets[] = {
-    {"fast", "10 iterations"},
-    {"quality", "100 iterations: for piles"},
+    {.name = "fast", .what = "10 iterations", .iterations = 10, .cost = kCost},
+    {.name = "quality", .what = "100 iterations: for piles", .iterations = 100, .cost = kCost},
 };
-constexpr int kIterations[] = {10, 100};
 constexpr double kPushOut = 0.2;  ///< part of a penetration that a step takes away, by position alone
 
 extern const EnginePlugin kPlugin;
@@ -59,7 +59,7 @@ class Spheres final : public Engine {
   explicit Spheres(const EngineSettings& settings)
       : gravity_(settings.gravity),
         substeps_(settings.substeps.value_or(1)),
-        iterations_(settings.iterations.value_or(kIterations[find_preset(kPlugin, settings.preset)])) {}
+        iterations_(settings.iterations.value_or(kPresets[find_preset(kPlugin, settings.preset)].iterations)) {}
 
   std::string_view name() const noexcept override { return kPlugin.name; }
 

@@ -13,11 +13,14 @@ using namespace havok;
 
 // Havok's solver has a fixed number of iterations, whatever the settings ask for: shorter sub-steps are its one way to
 // be more exact.
+constexpr SubstepCost kCost{.step_s = 10e-6, .body_s = 0.5e-6, .contact_s = 4.6e-6};
 constexpr EnginePreset kPresets[] = {
-    {"fast", "no sub-steps; the number of iterations is Havok's own"},
-    {"quality", "sub-steps of at most 1 ms; the number of iterations is Havok's own"},
+    {.name = "fast", .what = "no sub-steps; the number of iterations is Havok's own", .cost = kCost},
+    {.name = "quality",
+     .what = "sub-steps of at most 1 ms; the number of iterations is Havok's own",
+     .longest_substep_s = 1.05e-3,
+     .cost = kCost},
 };
-constexpr double kLongestSubstep_s[] = {INFINITY, 1.05e-3};  ///< of each preset
 
 extern const EnginePlugin kPlugin;
 
@@ -27,7 +30,7 @@ constexpr double kSpeedLimit = 1000.0;  ///< m/s and rad/s
 class Havok final : public wasm::ModuleEngine {
  public:
   Havok(const EngineSettings& settings, std::span<const Mesh> meshes)
-      : ModuleEngine(settings, kLongestSubstep_s[find_preset(kPlugin, settings.preset)]),
+      : ModuleEngine(settings, kPresets[find_preset(kPlugin, settings.preset)].longest_substep_s),
         unit_m_(settings.length_unit_m),
         meshes_(meshes.begin(), meshes.end()) {
     wasm::Scratch& scratch = module_.scratch();

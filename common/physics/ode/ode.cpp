@@ -25,19 +25,15 @@ using ode::place;
 using ode::Slot;
 using ode::state_of;
 
-struct Preset {
-  int iterations;
-  double longest_substep_s;
-};
-
 // QuickStep starts from zero at every step, so tall stacks need short steps as much as iterations.
+constexpr SubstepCost kCost{.step_s = 4e-6, .body_s = 0.3e-6, .contact_s = 1.0e-6, .contact_iteration_s = 0.05e-6};
 constexpr EnginePreset kPresets[] = {
-    {"fast", "20 iterations, no sub-steps: a heap at haptic rates"},
-    {"quality", "60 iterations, sub-steps of at most 1 ms: stacks of ten"},
-};
-constexpr Preset kPresetValues[] = {
-    {20, INFINITY},
-    {60, 1.05e-3},
+    {.name = "fast", .what = "20 iterations, no sub-steps: a heap at haptic rates", .iterations = 20, .cost = kCost},
+    {.name = "quality",
+     .what = "60 iterations, sub-steps of at most 1 ms: stacks of ten",
+     .iterations = 60,
+     .longest_substep_s = 1.05e-3,
+     .cost = kCost},
 };
 
 extern const EnginePlugin kPlugin;
@@ -61,7 +57,7 @@ void enter_thread() {
 class Ode final : public Engine {
  public:
   Ode(const EngineSettings& settings, std::span<const Mesh> meshes)
-      : preset_(kPresetValues[find_preset(kPlugin, settings.preset)]),
+      : preset_(kPresets[find_preset(kPlugin, settings.preset)]),
         gravity_(settings.gravity),
         fixed_substeps_(settings.substeps),
         shapes_(meshes),
@@ -349,7 +345,7 @@ class Ode final : public Engine {
            });
   }
 
-  Preset preset_;
+  const EnginePreset& preset_;
   Vec3 gravity_;
   std::optional<int> fixed_substeps_;
   ode::ShapeStore shapes_;

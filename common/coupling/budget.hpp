@@ -1,0 +1,68 @@
+#pragma once
+
+#include "coupling/contact_graph.hpp"
+#include "model/body.hpp"
+#include "model/scene.hpp"
+#include "model/step_cost.hpp"
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// What a haptic step may cost, and what its parts cost.
+struct Budget {
+  double limit_s = 0.0;
+  StepCost cost;
+  bool simulates_border = false;  ///< outside bodies that touch members are simulated as well, as ghosts
+};
+
+/// Takes into a sub-world the bodies that matter most to the hand and fit into a budget (paper 4.4).
+///
+/// What matters: the hand feels a body through the contacts between the proxy and it. The importance of the proxy is 1,
+/// and a body passes its own on to its neighbours by their parts of what it carries,
+///     w(b) = max over neighbours a of w(a) (p_ab + m_b g) / sum over all neighbours c of a of (p_ac + m_c g),
+/// p the load between two bodies: the load and the weight that the body would put at the border. What no contact joins
+/// to the proxy counts by how near it is, and so little that any contact comes first.
+///
+/// What fits: bodies enter by importance, until the next one would cost too much. Present members count more than
+/// others and may stay while the cost is a little above the limit, so that noise in the loads exchanges nobody.
+class BudgetSelector {
+ public:
+  explicit BudgetSelector(const Scene& scene);
+
+  /// Keeps those of `members` that fit; ascending, movable, the proxy is one of them and stays. `present` are the
+  /// members so far; `graph` holds impulses over `step_s`.
+  void limit(BodyId proxy, std::span<const BodyId> present, const ContactGraph& graph, double step_s,
+             const std::function<Box(BodyId)>& bounds, const Budget& budget, std::vector<BodyId>& members);
+
+  /// What the step of the chosen ones costs by the coefficients, s.
+  [[nodiscard]] double cost_s() const noexcept { return cost_s_; }
+  [[nodiscard]] std::size_t left_out() const noexcept { return left_out_; }
+
+ private:
+  struct Candidate {
+    double importance = 0.0;
+    BodyId id{};
+  };
+  enum class Place : std::uint8_t { none, candidate, ghost, member };
+
+  void spread(BodyId from, double importance, const ContactGraph& graph, double step_s);
+  void offer(BodyId id, double importance);
+  /// Bodies and contacts that a step has in addition once `id` is a member.
+  void count(BodyId id, const ContactGraph& graph, bool simulates_border, std::size_t& bodies, std::size_t& contacts);
+
+  const Scene& scene_;
+  double gravity_m_s2_;
+  std::vector<Place> places_;       ///< by body; all none between calls
+  std::vector<double> importance_;  ///< by body, of candidates
+  std::vector<bool> present_;       ///< by body
+  std::vector<Candidate> queue_;    ///< heap, the most important first
+  std::vector<BodyId> ghosts_, touched_;
+  double cost_s_ = 0.0;
+  std::size_t left_out_ = 0;
+};
+
+}  // namespace subworld

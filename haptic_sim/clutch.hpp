@@ -1,0 +1,44 @@
+#pragma once
+
+#include "coupling/virtual_coupling.hpp"
+#include "model/exchange.hpp"
+
+namespace subworld {
+
+/// Where the device is in the scene: device position + offset. Wherever a device is when it is first heard, that place
+/// is the proxy's start. While the clutch is open the device may move without moving in the scene.
+class Clutch {
+ public:
+  explicit Clutch(const BodyState& proxy_start) noexcept : start_(proxy_start) {
+    device_.pose = {start_.position, start_.orientation};
+  }
+
+  void follow(const DeviceState& device) noexcept {
+    if (!heard_) {
+      offset_ = start_.position - device.pose.position;
+      heard_ = true;
+    } else if (open_) {
+      offset_ = device_.pose.position - device.pose.position;
+    }
+    device_.pose.position = device.pose.position + offset_;
+    device_.pose.orientation = device.pose.orientation * start_.orientation;
+    device_.linear_velocity = open_ ? Vec3::Zero() : device.linear_velocity;
+    device_.angular_velocity = open_ ? Vec3::Zero() : device.angular_velocity;
+  }
+  /// Where the hand is after `dt` without news of it.
+  void advance(double dt) noexcept { device_.pose.position += dt * device_.linear_velocity; }
+  void open(bool open) noexcept { open_ = open; }
+
+  [[nodiscard]] bool is_open() const noexcept { return open_; }
+  [[nodiscard]] const DevicePose& device() const noexcept { return device_; }
+  [[nodiscard]] const Vec3& offset() const noexcept { return offset_; }
+
+ private:
+  BodyState start_;
+  DevicePose device_;  ///< in scene coordinates
+  Vec3 offset_ = Vec3::Zero();
+  bool heard_ = false;
+  bool open_ = false;
+};
+
+}  // namespace subworld

@@ -1,0 +1,229 @@
+#include "haptic_sim/local_model.hpp"
+
+#include "coupling/border.hpp"
+#include "coupling/contact_graph.hpp"
+#include "coupling/selection.hpp"
+#include "coupling/synchroniser.hpp"
+#include "haptic_sim/border_model.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <vector>
+
+namespace subworld {
+
+namespace {
+
+std::vector<BodyId> peers_of(const Scene& scene, std::size_t user) {
+  std::vector<BodyId> peers;
+  for (std::size_t u = 0; u < static_cast<std::size_t>(scene.settings.users); ++u) {
+    if (u != user) peers.push_back(scene.users[u].proxy);
+  }
+  return peers;
+}
+
+/// The proxy lives in the world alone.
+class MirroredProxy final : public LocalModel {
+ public:
+  MirroredProxy(const Scene& scene, std::size_t user)
+      : id_(scene.users[user].proxy), proxy_(scene.initial[index(id_)]) {}
+
+  Wrench advance(const Drive& drive, double, double, Indicators&) override { return drive.felt; }
+  void follow(const WorldFrame& frame, const HapticReport*, double) override { (void)adopt(frame); }
+  bool adopt(const WorldFrame& frame) override {
+    const auto told = std::ranges::find(frame.states, id_, &StampedBody::id);
+    if (told == frame.states.end()) return false;
+    proxy_ = told->state;
+    return true;
+  }
+  void describe(HapticReport&) override {}
+  BodyState proxy() const override { return proxy_; }
+  std::size_t members() const noexcept override { return 0; }
+  std::size_t contacts() const noexcept override { return 0; }
+  LiveEngine* engine() noexcept override { return nullptr; }
+  bool reports_afterwards() const noexcept override { return false; }
+
+ private:
+  BodyId id_;
+  BodyState proxy_;
+};
+
+/// A copy of the neighbourhood in an engine of its own, with the outside at its border.
+class SimulatedNeighbourhood final : public LocalModel {
+ public:
+  SimulatedNeighbourhood(const Scheme& scheme, const Scene& scene, std::size_t user)
+      : scheme_(scheme),
+        scene_(scene),
+        proxy_(scene.users[user].proxy),
+        engine_(make_engine(scene.settings.haptic, scene.meshes)),
+        synchroniser_(scheme, remembered_cycles(scene.settings, scheme), proxy_, peers_of(scene, user)),
+        border_(make_border_model(scheme, scene, remembered_cycles(scene.settings, scheme))) {
+    for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
+    left_.reserve(kUsualMembers);
+    peers_.reserve(scene.users.size());
+  }
+
+  Wrench advance(const Drive& drive, double time_s, double dt, Indicators& indicators) override {
+    Wrench mean = drive.felt;
+    border_->begin(engine_, dt);
+    move_peers(time_s, dt);
+    if (drive.user.device.kind == DeviceKind::admittance) {
+      engine_.apply_force(proxy_, drive.applied.force, drive.applied.torque);
+      engine_.step(dt);
+    } else {
+      const ImplicitStep coupling = implicit_step(drive.user.coupling, drive.limits, scene_.body(proxy_),
+                                                  engine_.state(proxy_), drive.device, dt);
+      hold(proxy_, coupling);
+      engine_.step(dt);
+      mean = exerted(drive.user.coupling, drive.limits, coupling, engine_.state(proxy_), dt);
+    }
+    border_->end(engine_, dt);
+    observe_contacts(indicators);
+    return mean;
+  }
+
+  void follow(const WorldFrame& frame, const HapticReport* mine, double lag_s) override {
+    const double lag_cycles = lag_s / scene_.settings.cycle_s();
+    if (mine != nullptr) {
+      for (const PairShift& pair : synchroniser_.synchronise(frame, *mine, lag_cycles)) {
+        if (!engine_.contains(pair.id)) continue;
+        engine_.set_state(pair.id, shifted(engine_.state(pair.id), pair.sub));
+      }
+    }
+    let_peers_go();
+    follow_membership(frame, lag_s);
+    follow_border(frame, lag_s);
+  }
+
+  bool adopt(const WorldFrame& frame) override {
+    let_peers_go();
+    for (const StampedBody& s : frame.states) {
+      if (engine_.contains(s.id)) engine_.set_state(s.id, s.state);
+    }
+    border_->clear(engine_);
+    follow_membership(frame, 0.0);
+    left_.clear();
+    follow_border(frame, 0.0);
+    return engine_.contains(proxy_);
+  }
+
+  void describe(HapticReport& report) override {
+    for (const BodyId id : members_) report.members.push_back({id, engine_.state(id)});
+    if (compares_islands_) describe_islands(report.islands);
+    report.indicators.border_bodies = border_bodies_;
+    border_->log(report.stamp, engine_);
+  }
+
+  BodyState proxy() const override { return engine_.state(proxy_); }
+  std::size_t members() const noexcept override { return members_.size(); }
+  std::size_t contacts() const noexcept override { return engine_.contacts().size(); }
+  LiveEngine* engine() noexcept override { return &engine_; }
+  bool reports_afterwards() const noexcept override { return true; }
+
+ private:
+  void hold(BodyId proxy, const ImplicitStep& coupling) {
+    engine_.set_inertia(proxy, coupling.mass, coupling.inertia);
+    engine_.set_velocity(proxy, coupling.start.linear_velocity, coupling.start.angular_velocity);
+    engine_.apply_force(proxy, coupling.wrench.force, coupling.wrench.torque);
+  }
+
+  void move_peers(double time_s, double dt) {
+    // By their devices, not by their forces: a force that is late drops what it holds.
+    for (const PeerDevice& peer : peers_) {
+      const auto user = std::ranges::find(scene_.users, peer.proxy, &UserSpec::proxy);
+      if (user == scene_.users.end() || !engine_.contains(peer.proxy)) continue;
+      DevicePose device{peer.pose, peer.linear_velocity, peer.angular_velocity};
+      device.pose.position += (time_s - peers_stamp_s_) * device.linear_velocity;
+      hold(peer.proxy, implicit_step(user->coupling, limits_of(user->device), scene_.body(peer.proxy),
+                                     engine_.state(peer.proxy), device, dt));
+    }
+  }
+
+  void let_peers_go() {
+    for (const PeerDevice& peer : peers_) {
+      const Body& body = scene_.body(peer.proxy);
+      if (engine_.contains(body.id)) engine_.set_inertia(body.id, body.mass, body.inertia);
+    }
+  }
+
+  void follow_membership(const WorldFrame& frame, double lag_s) {
+    const auto remove = [&](std::vector<BodyId>& have, const std::vector<BodyId>& want) {
+      missing_from(have, want, scratch_);
+      for (const BodyId id : scratch_) engine_.remove(id);
+      std::erase_if(have, [&](BodyId id) { return std::ranges::binary_search(scratch_, id); });
+    };
+    missing_from(members_, frame.members, scratch_);
+    left_.clear();
+    for (const BodyId id : scratch_) left_.push_back({id, engine_.state(id)});
+    remove(members_, frame.members);
+    remove(fixed_, frame.fixed);
+    for (const BodyId id : frame.members) {
+      const std::optional<BodyState> handed_over = border_->release(id, engine_);
+      if (!handed_over) continue;
+      engine_.add(scene_.body(id), *handed_over);
+      members_.insert(std::ranges::lower_bound(members_, id), id);
+    }
+    for (const EnteringBody& entering : frame.entering) {
+      const BodyId id = entering.body.id;
+      std::vector<BodyId>& have = entering.body.fixed() ? fixed_ : members_;
+      const std::vector<BodyId>& want = entering.body.fixed() ? frame.fixed : frame.members;
+      if (engine_.contains(id) || !std::ranges::binary_search(want, id)) continue;
+      engine_.add(entering.body, advanced(entering.state, lag_s));
+      have.insert(std::ranges::lower_bound(have, id), id);
+    }
+  }
+
+  void follow_border(const WorldFrame& frame, double lag_s) {
+    const Correction part = scheme_.correction({.lag_cycles = lag_s / scene_.settings.cycle_s()}, {});
+    border_->follow(frame, left_, engine_, lag_s, part.sub);
+    border_bodies(frame.border, scratch_);
+    border_bodies_ = static_cast<std::uint32_t>(scratch_.size());
+    compares_islands_ = !frame.islands.empty();
+    peers_ = frame.peers;
+    peers_stamp_s_ = frame.stamp_s;
+  }
+
+  void describe_islands(std::vector<std::uint32_t>& labels) {
+    islands_.begin(members_);
+    for (const Contact& c : engine_.contacts()) {
+      if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) islands_.join(c.a, c.b);
+    }
+    islands_.labels(labels);
+  }
+
+  void observe_contacts(Indicators& indicators) const {
+    std::uint32_t on_proxy = 0;
+    for (const Contact& c : engine_.contacts()) {
+      const double magnitude = c.normal_impulse + c.tangential_impulse.norm();
+      indicators.total_impulse_n_s += magnitude;
+      if (c.a != proxy_ && c.b != proxy_) continue;
+      indicators.proxy_impulse_n_s += magnitude;
+      ++on_proxy;
+    }
+    indicators.proxy_contacts = std::max(indicators.proxy_contacts, on_proxy);
+  }
+
+  const Scheme& scheme_;
+  const Scene& scene_;
+  BodyId proxy_;
+  LiveEngine engine_;
+  Synchroniser synchroniser_;
+  std::unique_ptr<BorderModel> border_;
+  std::vector<BodyId> members_, fixed_;  ///< ascending
+  std::vector<PeerDevice> peers_;
+  double peers_stamp_s_ = 0.0;
+  std::uint32_t border_bodies_ = 0;
+  bool compares_islands_ = false;
+  Islands islands_;
+  std::vector<StampedBody> left_;  ///< members that the frame in hand has no more
+  std::vector<BodyId> scratch_;
+};
+
+}  // namespace
+
+std::unique_ptr<LocalModel> make_local_model(const Scheme& scheme, const Scene& scene, std::size_t user) {
+  if (scheme.border() == Border::none) return std::make_unique<MirroredProxy>(scene, user);
+  return std::make_unique<SimulatedNeighbourhood>(scheme, scene, user);
+}
+
+}  // namespace subworld

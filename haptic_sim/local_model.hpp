@@ -1,0 +1,49 @@
+#pragma once
+
+#include "coupling/scheme.hpp"
+#include "coupling/virtual_coupling.hpp"
+#include "model/exchange.hpp"
+#include "model/scene.hpp"
+#include "physics/live_engine.hpp"
+
+#include <cstdint>
+#include <memory>
+
+namespace subworld {
+
+/// How the user acts on the proxy in one step.
+struct Drive {
+  const UserSpec& user;
+  const ForceLimits& limits;
+  const DevicePose& device;
+  const Wrench& applied;  ///< of an admittance device, within the limits
+  const Wrench& felt;     ///< of the coupling when the step begins
+};
+
+/// What a haptic process has of the world: a sub-world that it simulates, or the proxy's state as the world tells it.
+class LocalModel {
+ public:
+  virtual ~LocalModel() = default;
+
+  /// Simulates `dt` from `time_s` on. Returns the mean wrench of the user on the proxy; adds to the indicators.
+  virtual Wrench advance(const Drive& drive, double time_s, double dt, Indicators& indicators) = 0;
+  /// Uses a frame that is `lag_s` old. `mine` is what was reported of the same stamp, or null.
+  virtual void follow(const WorldFrame& frame, const HapticReport* mine, double lag_s) = 0;
+  /// Gives up what there is and begins with a frame. False where it brings no proxy.
+  virtual bool adopt(const WorldFrame& frame) = 0;
+  /// Adds members and islands to a report, and remembers the rest.
+  virtual void describe(HapticReport& report) = 0;
+
+  [[nodiscard]] virtual BodyState proxy() const = 0;
+  [[nodiscard]] virtual std::size_t members() const noexcept = 0;
+  [[nodiscard]] virtual std::size_t contacts() const noexcept = 0;
+  /// The engine that simulates it; null where there is none.
+  [[nodiscard]] virtual LiveEngine* engine() noexcept = 0;
+  /// Whether a report tells how a cycle went. Else it tells with which device pose one begins.
+  [[nodiscard]] virtual bool reports_afterwards() const noexcept = 0;
+};
+
+/// As the scheme wants it.
+[[nodiscard]] std::unique_ptr<LocalModel> make_local_model(const Scheme& scheme, const Scene& scene, std::size_t user);
+
+}  // namespace subworld

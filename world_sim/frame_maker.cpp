@@ -1,0 +1,147 @@
+#include "world_sim/frame_maker.hpp"
+
+#include "coupling/approach.hpp"
+#include "coupling/blend.hpp"
+
+#include <algorithm>
+
+namespace subworld {
+
+namespace {
+
+/// Whether a sub-world that has taken the frame holds the body, in whatever role.
+bool names(const WorldFrame& frame, BodyId id) {
+  return std::ranges::binary_search(frame.members, id) || std::ranges::binary_search(frame.fixed, id) ||
+         std::ranges::binary_search(frame.ghosts, id, {}, &GhostModel::outside);
+}
+
+void sort_unique(std::vector<BodyId>& ids) {
+  std::ranges::sort(ids);
+  const auto twice = std::ranges::unique(ids);
+  ids.erase(twice.begin(), twice.end());
+}
+
+}  // namespace
+
+FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t remembered_cycles)
+    : scene_(scene),
+      scheme_(scheme),
+      remembered_(remembered_cycles),
+      users_(static_cast<std::size_t>(scene.settings.users)),
+      border_(make_border_extractor(scheme, scene)),
+      budget_(scene) {
+  const Settings& s = scene.settings;
+  for (std::size_t u = 0; u < users_.size(); ++u) {
+    User& user = users_[u];
+    user.spec = &scene.users[u];
+    user.budget = {.limit_s = user.spec->budget_ratio * s.h_s,
+                   .cost = step_cost(s.haptic, s.h_s),
+                   .simulates_border = scheme.border() == Border::ghosts};
+    user.frames.resize(remembered_);
+    for (WorldFrame& frame : user.frames) reserve(frame, kUsualMembers);
+  }
+}
+
+void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double offset_s) {
+  const std::function<bool(BodyId)> shared = [this](BodyId id) { return holders(id) > 1; };
+  for (std::size_t u = 0; u < users_.size(); ++u) {
+    User& user = users_[u];
+    const double until_heard_s = horizon_s(heard[u]);
+    const Box reach = select(user, now, until_heard_s);
+    WorldFrame& told = frame(u, now.stamp);
+    told.user = UserId{static_cast<std::uint32_t>(u)};
+    told.stamp = now.stamp;
+    told.stamp_s = now.stamp_s;
+    told.echoed_sent_ns = heard[u].newest->sent_ns;
+    told.echoed_stamp = heard[u].newest->stamp;
+    told.members = user.membership.members;
+    told.fixed = user.membership.fixed;
+    border_->extract(now, {user.membership, reach, until_heard_s, shared}, told);
+    if (scheme_.replicates_peers()) list_peers(user, now, heard, told);
+    list_unconfirmed(user, now, heard[u], offset_s, told);
+  }
+}
+
+Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
+  const UserSpec& spec = *user.spec;
+  Membership& chosen = user.membership;
+  if (scheme_.border() == Border::none) {
+    chosen.members.assign(1, spec.proxy);
+    return {};
+  }
+  const auto bounds = [&now](BodyId id) { return now.engine.bounds(id); };
+  const Box box = selection_box(now.engine.state(spec.proxy).position, spec.box_half_m);
+  scratch_.clear();
+  if (spec.selection != Selection::contacts) now.engine.overlap(box, scratch_);
+  if (spec.contact_depth > 0) add_neighbours(now.graph, scene_.bodies, spec.proxy, spec.contact_depth, scratch_);
+  before_ = chosen.members;
+  select_members(scratch_, scene_.bodies, spec.proxy, chosen);
+  if (spec.selection == Selection::budget) {
+    budget_.limit(spec.proxy, before_, now.graph, scene_.settings.cycle_s(), bounds, user.budget, chosen.members);
+  }
+  Box reach = box;
+  const double gravity_m_s2 = scene_.settings.world.gravity.norm();
+  for (const BodyId id : chosen.members) {
+    reach.extend(swept_bounds(now.engine.state(id), bounds(id), gravity_m_s2, horizon_s));
+  }
+  now.engine.overlap(reach, scratch_);
+  select_fixed(scratch_, now.contacts, scene_.bodies, chosen);
+  return reach;
+}
+
+int FrameMaker::holders(BodyId id) const {
+  return static_cast<int>(std::ranges::count_if(
+      users_, [id](const User& user) { return std::ranges::binary_search(user.membership.members, id); }));
+}
+
+double FrameMaker::horizon_s(const Heard& heard) const {
+  const std::uint64_t unheard = heard.any ? heard.newest->stamp - heard.newest->confirmed_stamp : 1;
+  return scene_.settings.cycle_s() * static_cast<double>(1 + std::clamp<std::uint64_t>(unheard, 1, remembered_));
+}
+
+void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<const Heard> heard,
+                            WorldFrame& frame) const {
+  frame.peers.clear();
+  for (std::size_t p = 0; p < users_.size(); ++p) {
+    const UserSpec& spec = *users_[p].spec;
+    if (&users_[p] == &user || spec.device.kind != DeviceKind::impedance) continue;
+    if (!heard[p].any || !std::ranges::binary_search(frame.members, spec.proxy)) continue;
+    const HapticReport& report = *heard[p].at_stamp;
+    PeerDevice device{spec.proxy, report.device_pose, report.device_linear_velocity, report.device_angular_velocity};
+    device.pose.position += (now.stamp_s - report.stamp_s) * device.linear_velocity;
+    frame.peers.push_back(device);
+  }
+}
+
+void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s,
+                                  WorldFrame& frame) {
+  const auto told = [&](BodyId id) { return advanced(now.engine.state(id), offset_s); };
+  const auto past = [&](std::uint64_t stamp) -> const WorldFrame& { return user.frames[stamp % remembered_]; };
+  // A body may have left and come back since the last frame that the haptic process confirmed: what counts as there is
+  // what every frame since then lists. States go out for all that any of them lists.
+  std::vector<BodyId>& wanted = scratch_;
+  wanted = frame.members;
+  const std::uint64_t first_remembered = now.stamp >= remembered_ ? now.stamp - remembered_ + 1 : 0;
+  const std::uint64_t oldest = std::max(heard.newest->confirmed_stamp, first_remembered);
+  const bool any_confirmed = heard.any && oldest < now.stamp;
+  frame.entering.clear();
+  const auto list = [&](BodyId id) {
+    bool there = any_confirmed;
+    for (std::uint64_t j = oldest; j < now.stamp && there; ++j) there = names(past(j), id);
+    if (!there) frame.entering.push_back({scene_.body(id), told(id)});
+  };
+  if (scheme_.border() != Border::none) {
+    std::ranges::for_each(frame.members, list);
+    std::ranges::for_each(frame.fixed, list);
+    for (const GhostModel& ghost : frame.ghosts) list(ghost.outside);
+  }
+  for (const GhostModel& ghost : frame.ghosts) wanted.push_back(ghost.outside);
+  for (std::uint64_t j = oldest; j < now.stamp; ++j) {
+    wanted.insert(wanted.end(), past(j).members.begin(), past(j).members.end());
+  }
+  sort_unique(wanted);
+  frame.states.clear();
+  for (const BodyId id : wanted) frame.states.push_back({id, told(id)});
+}
+
+}  // namespace subworld

@@ -1,0 +1,67 @@
+#pragma once
+
+#include "coupling/budget.hpp"
+#include "coupling/contact_graph.hpp"
+#include "coupling/scheme.hpp"
+#include "coupling/selection.hpp"
+#include "model/exchange.hpp"
+#include "model/scene.hpp"
+#include "world_sim/border_extractor.hpp"
+
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// What the world has heard of a user.
+struct Heard {
+  bool any = false;
+  const HapticReport* newest = nullptr;    ///< the newest used
+  const HapticReport* at_stamp = nullptr;  ///< of the present stamp, or else the newest used
+};
+
+/// Makes each user's frame of the world: who belongs to the sub-world, what is at its border, and the states that it
+/// needs.
+class FrameMaker {
+ public:
+  FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t remembered_cycles);
+
+  /// Makes the frames of one stamp. `heard` by user; the states told are moved by `offset_s` (may be negative).
+  void make(const WorldNow& now, std::span<const Heard> heard, double offset_s);
+
+  /// Of a stamp that is remembered.
+  [[nodiscard]] WorldFrame& frame(std::size_t user, std::uint64_t stamp) {
+    return users_[user].frames[stamp % users_[user].frames.size()];
+  }
+  [[nodiscard]] const WorldFrame& frame(std::size_t user, std::uint64_t stamp) const {
+    return users_[user].frames[stamp % users_[user].frames.size()];
+  }
+  [[nodiscard]] const Membership& membership(std::size_t user) const noexcept { return users_[user].membership; }
+  /// How many sub-worlds hold a body.
+  [[nodiscard]] int holders(BodyId id) const;
+
+ private:
+  struct User {
+    const UserSpec* spec = nullptr;
+    Membership membership;
+    Budget budget;
+    std::vector<WorldFrame> frames;  ///< by stamp
+  };
+
+  /// Fills the membership; returns where its members may get within the time.
+  Box select(User& user, const WorldNow& now, double horizon_s);
+  void list_peers(const User& user, const WorldNow& now, std::span<const Heard> heard, WorldFrame& frame) const;
+  void list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s, WorldFrame& frame);
+  [[nodiscard]] double horizon_s(const Heard& heard) const;
+
+  const Scene& scene_;
+  const Scheme& scheme_;
+  std::uint64_t remembered_;
+  std::vector<User> users_;
+  std::unique_ptr<BorderExtractor> border_;
+  BudgetSelector budget_;
+  std::vector<BodyId> scratch_, before_;
+};
+
+}  // namespace subworld
