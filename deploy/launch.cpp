@@ -4,7 +4,10 @@
 #include "io/results.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
+#include "progress.hpp"
+#include "rt/calibration.hpp"
 #include "rt/cyclic.hpp"
+#include "rt/kernel_share.hpp"
 #include "rt/stop.hpp"
 #include "summary.hpp"
 #include "supervise.hpp"
@@ -22,6 +25,8 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <thread>
+#include <vector>
 
 namespace subworld {
 
@@ -30,7 +35,6 @@ namespace {
 constexpr int kFirstDomain = 100;  // domains that a run picks by itself
 constexpr int kLastDomain = 199;
 constexpr int kMostParticipants = 32;  // of one domain on one host, as the back ends number them
-constexpr std::string_view kRunning = "world_sim: running";
 
 /// A domain that no other run on this machine holds; held until this object goes.
 class DomainClaim {
@@ -83,21 +87,6 @@ std::string vendor_of(const std::string& dds, int position) {
   return position % 2 == 0 ? "fastdds" : "cyclonedds";
 }
 
-/// The world's simulated time, from the last whole line of its history.
-double simulated_s(const std::string& folder) {
-  std::ifstream file(folder + "/world.csv", std::ios::binary | std::ios::ate);
-  if (!file) return 0.0;
-  const auto size = static_cast<std::int64_t>(file.tellg());
-  const std::int64_t from = std::max<std::int64_t>(0, size - 512);
-  file.seekg(from);
-  std::string tail(static_cast<std::size_t>(size - from), '\0');
-  file.read(tail.data(), static_cast<std::streamsize>(tail.size()));
-  const auto end = tail.rfind('\n');
-  if (end == std::string::npos || end == 0) return 0.0;
-  const auto begin = tail.rfind('\n', end - 1);
-  return std::strtod(tail.c_str() + (begin == std::string::npos ? 0 : begin + 1), nullptr);
-}
-
 std::string last_line(const std::string& path, std::string_view holding = {}) {
   std::ifstream file(path);
   std::string line, last;
@@ -106,48 +95,6 @@ std::string last_line(const std::string& path, std::string_view holding = {}) {
   }
   return last;
 }
-
-/// One line that says how far the run is: rewritten on a terminal, every five seconds elsewhere.
-class Progress {
- public:
-  Progress(std::string folder, const Settings& settings)
-      : folder_(std::move(folder)), duration_s_(settings.duration_s), realtime_(settings.mode == Mode::realtime) {}
-  ~Progress() { finish(); }
-
-  void operator()() {
-    const std::string text = now();
-    if (terminal_) {
-      fmt::print("\r\033[K{}", text);
-      std::fflush(stdout);
-      shown_ = true;
-    } else if (++calls_ % 50 == 0) {
-      fmt::print("{}\n", text);
-      std::fflush(stdout);
-    }
-  }
-  void finish() {
-    if (shown_) fmt::print("\r\033[K");
-    shown_ = false;
-  }
-
- private:
-  /// What the world says, and once it runs how far it is: by the clock, or in lock-step by its history.
-  std::string now() {
-    const std::string said = last_line(folder_ + "/logs/world_sim.log");
-    const bool runs = said.starts_with(kRunning);
-    if (runs && started_ == TimePoint{}) started_ = Clock::now();
-    const double t = realtime_ && runs ? to_seconds(Clock::now() - started_) : realtime_ ? 0.0 : simulated_s(folder_);
-    return t > 0.0 ? fmt::format("t = {:.1f} of {:g} s", std::min(t, duration_s_), duration_s_) : said;
-  }
-
-  std::string folder_;
-  double duration_s_;
-  bool realtime_;
-  TimePoint started_{};
-  bool terminal_ = isatty(STDOUT_FILENO) != 0;
-  bool shown_ = false;
-  int calls_ = 0;
-};
 
 void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain) {
   const std::string folder = program_folder();
@@ -188,9 +135,31 @@ int report_failure(const Supervisor::Child& failed, const std::string& folder, J
   return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
 }
 
+/// ISO 8601 with the zone.
+std::string iso_date(std::time_t time) {
+  const std::string text = fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(time));
+  const std::size_t minutes = text.size() - 2;  // of the zone
+  return fmt::format("{}:{}", text.substr(0, minutes), text.substr(minutes));
+}
+
+/// A tenth of the run, at most a second, with nothing of ours running: what is measured is the machine's alone.
+Calibration measure_machine(const Settings& settings) {
+  const double duration_s = std::clamp(0.1 * settings.duration_s, 0.2, 1.0);
+  fmt::print("subworld: measuring for {:.1f} s how late this machine wakes a loop that does nothing\n", duration_s);
+  std::fflush(stdout);
+  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  const Calibration found = calibrate(std::min(settings.users, cores), settings.h_s, duration_s);
+  fmt::print("subworld: {}\n", to_text(found));
+  if (!found.granted.fifo || !found.granted.memory_locked) {
+    fmt::print("subworld: warning: without all real-time rights the rate may not hold: {}\n", found.granted.text);
+  }
+  std::fflush(stdout);
+  return found;
+}
+
 /// Throws for what no program could follow, before any is started.
 void check_choices(const Scene& scene, const RunRequest& request) {
-  const int participants = 1 + 2 * scene.settings.users + (request.gui ? 1 : 0);
+  const int participants = 2 + 2 * scene.settings.users + (request.gui ? 1 : 0);  // with this one
   if (participants > kMostParticipants) {
     throw Error(
         ExitCode::usage,
@@ -228,28 +197,41 @@ int run(const RunRequest& request) {
              scene.settings.mode == Mode::realtime ? "real time" : "lock-step", scene.settings.duration_s,
              claim.domain(), options.out);
 
+  RunRecord record;
+  record.command_line = request.command_line;
+  record.date = iso_date(std::time(nullptr));
+  record.dds = request.dds;
+  if (scene.settings.mode == Mode::realtime) record.calibration = measure_machine(scene.settings);
+
   watch_stop_signals();
   const TimePoint begin = Clock::now();
+  const CoreTimes cores = core_times();
   Supervisor programs;
   start_programs(programs, request, options, scene.settings.users, claim.domain());
   const Supervisor::Child* failed = nullptr;
   {
-    Progress progress(options.out, scene.settings);
+    Network network = options.network;
+    network.dds = vendor_of(request.dds, 0);
+    network.domain = claim.domain();
+    Progress progress(network, scene);
     failed = programs.watch([&] { progress(); });
   }
   const Supervisor::Child failure = failed != nullptr ? *failed : Supervisor::Child{};
   programs.stop();
+  record.wall_s = to_seconds(Clock::now() - begin);
+  record.own_cpu_s = children_cpu_s();
+  record.other_cpu_s = std::max(0.0, core_times().busy_s - cores.busy_s - record.own_cpu_s);
+  record.stolen_s = core_times().stolen_s - cores.stolen_s;
 
   Json summary{{"scene", scene.name}, {"verdict", ""}};
   if (failed != nullptr) return report_failure(failure, options.out, summary);
   const int signal = stop_signal();
   try {
-    summary = summarise(scene, request.dds, options.out);
+    summary = summarise(scene, record, options.out);
   } catch (const Error& wrong) {
     if (signal == 0) throw;
   }
   remove_parts(options.out, scene.settings.users);
-  summary["wall_s"] = to_seconds(Clock::now() - begin);
   if (signal != 0) {
     summary["verdict"] = fmt::format("stopped by SIG{}", sigabbrev_np(signal));
     write_json(options.out + "/summary.json", summary);
@@ -258,12 +240,13 @@ int run(const RunRequest& request) {
   }
 
   print_summary(summary);
-  bool ok = true;
-  for (const Gate& gate : gates(summary)) {
+  const std::vector<Gate> held = gates(summary);
+  for (const Gate& gate : held) {
     fmt::print("  {}\n", gate.line());
-    ok = ok && (gate.ok() || !gate.warning.empty());
+    summary["gates"].push_back(to_json(gate));
   }
-  if (!ok) summary["verdict"] = "quality gate missed";
+  summary["verdict"] = verdict_of(held, summary);
+  const bool ok = std::ranges::none_of(held, &Gate::spoils_verdict);
   if (summary["simulated_s"].get<double>() < scene.settings.duration_s - scene.settings.cycle_s()) {
     summary["verdict"] = fmt::format("stopped by control at t = {:.3f} s", summary["simulated_s"].get<double>());
   }

@@ -10,6 +10,7 @@ namespace subworld {
 /// What `subworld run` was asked for.
 struct RunRequest {
   Options options;
+  std::string command_line;     ///< as given
   std::string dds = "fastdds";  ///< or cyclonedds, or mixed: the vendors alternate
   int domain = -1;              ///< -1: the first that no other run holds
   bool gui = false;             ///< also a display process, which writes a picture

@@ -2,6 +2,7 @@
 #include "model/error.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <CLI/CLI.hpp>
 
 #include <string_view>
@@ -109,6 +110,7 @@ int main_of(int argc, char** argv) {
   } catch (const CLI::ParseError& wrong) {
     throw Error(ExitCode::usage, fmt::format("{}; see subworld --help", wrong.what()));
   }
+  request.command_line = fmt::format("{}", fmt::join(argv, argv + argc, " "));
   if (*run_command) return run(request);
   if (*control_command) {
     if ((control_verb == "engine") == control_engine.engine.empty()) {

@@ -1,8 +1,11 @@
 #include "summary.hpp"
 
+#include "physics/plugin.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace subworld {
@@ -13,48 +16,228 @@ constexpr double kMissedRatio = 0.001;
 constexpr double kLatenessP99_s = 0.25e-3;
 constexpr double kAtLimitRatio = 0.01;
 
+constexpr double kFullCores = 0.8;   ///< share of the cores that our programs use: they hold each other up
+constexpr double kQuietCores = 0.1;  ///< cores that others or the hypervisor take
+
 Json describe(const EngineSettings& engine) {
-  Json json{{"name", engine.name}, {"preset", engine.preset}};
+  const EnginePlugin& plugin = engine_plugin(engine.name);
+  Json json{{"name", engine.name},
+            {"version", plugin.version},
+            {"preset", engine.preset},
+            {"length_unit_m", engine.length_unit_m},
+            {"gravity_m_s2", {engine.gravity.x(), engine.gravity.y(), engine.gravity.z()}}};
+  const auto preset = std::ranges::find(plugin.presets, engine.preset, &EnginePreset::name);
+  if (preset != plugin.presets.end()) json["preset_means"] = preset->what;
   if (engine.iterations) json["iterations"] = *engine.iterations;
   if (engine.substeps) json["substeps"] = *engine.substeps;
   return json;
 }
 
+constexpr std::array kSelections{"box", "contacts", "budget"};  ///< in the order of Selection
+
+Json describe(const UserSpec& user) {
+  const CouplingSettings& c = user.coupling;
+  const DeviceSpec& d = user.device;
+  Json json{{"name", user.name},
+            {"selection",
+             {{"by", kSelections[static_cast<std::size_t>(user.selection)]},
+              {"box_half_m", user.box_half_m},
+              {"contact_depth", user.contact_depth},
+              {"budget_ratio", user.budget_ratio}}},
+            {"coupling",
+             {{"stiffness_n_m", c.stiffness_n_m},
+              {"damping_n_s_m", c.damping_n_s_m},
+              {"rotational_stiffness_n_m", c.rotational_stiffness_n_m},
+              {"rotational_damping_n_m_s", c.rotational_damping_n_m_s},
+              {"ramp_s", c.ramp_s}}},
+            {"device",
+             {{"kind", d.kind == DeviceKind::impedance ? "impedance" : "admittance"},
+              {"degrees_of_freedom", d.degrees_of_freedom},
+              {"rate_hz", d.rate_hz},
+              {"force_limit_n", d.force_limit_n},
+              {"torque_limit_n_m", d.torque_limit_n_m},
+              {"mass_kg", d.mass_kg},
+              {"damping_n_s_m", d.damping_n_s_m},
+              {"friction_n", d.friction_n},
+              {"position_resolution_m", d.position_resolution_m},
+              {"path_segments", d.path.size()}}}};
+  if (d.hand) {
+    json["device"]["hand"] = {{"mass_kg", d.hand->mass_kg},
+                              {"damping_n_s_m", d.hand->damping_n_s_m},
+                              {"stiffness_n_m", d.hand->stiffness_n_m},
+                              {"inertia_kg_m2", d.hand->inertia_kg_m2},
+                              {"rotational_damping_n_m_s", d.hand->rotational_damping_n_m_s},
+                              {"rotational_stiffness_n_m", d.hand->rotational_stiffness_n_m}};
+  }
+  return json;
+}
+
+Json describe(const Scene& scene) {
+  const Settings& s = scene.settings;
+  Json users = Json::array();
+  for (const UserSpec& user : scene.users) users.push_back(describe(user));
+  Json haptic_engine = describe(s.haptic);
+  haptic_engine["part_s"] = make_engine(s.haptic, {})->part_s(s.h_s);  // in which it integrates
+  return {
+      {"world_engine", describe(s.world)},
+      {"haptic_engine", haptic_engine},
+      {"settle_s", s.settle_s},
+      {"settle_step_s", s.settle_step_s},
+      {"paper",
+       {{"device_force_in_world", s.paper.device_force_in_world},
+        {"device_impulse_threshold_n_s", s.paper.device_impulse_threshold_n_s}}},
+      {"delay",
+       {{"up_s", s.delay.up_s}, {"down_s", s.delay.down_s}, {"jitter_s", s.delay.jitter_s}, {"seed", s.delay.seed}}},
+      {"users", users}};
+}
+
+/// How many bare wake-ups were later than what a step of the haptic loop leaves of its period.
+Json describe(const Calibration& calibration, double spare_s) {
+  return {{"period_s", calibration.period_s},
+          {"loops", calibration.loops},
+          {"wake_ups", calibration.lateness.count()},
+          {"late", calibration.lateness.count_above(spare_s)},
+          {"late_means_s", spare_s},
+          {"woken_late_s", quantiles(calibration.lateness)},
+          {"fifo", calibration.granted.fifo}};
+}
+
 double milliseconds(const Json& seconds) { return 1e3 * seconds.get<double>(); }
+
+/// What kept the loops from their cores, in words.
+std::string load_text(const Json& summary) {
+  const Json& load = summary["machine_load"];
+  return fmt::format("of {} cores our programs used {:.2f}, others {:.2f}, the hypervisor {:.2f}",
+                     summary["machine"]["cores"].get<int>(), load["own_cores"].get<double>(),
+                     load["other_cores"].get<double>(), load["stolen_cores"].get<double>());
+}
+
+/// Whether the loops of the run, more than anything else, keep each other from the cores.
+bool cores_are_ours(const Json& summary) {
+  const Json& load = summary["machine_load"];
+  return load["own_cores"] > kFullCores * summary["machine"]["cores"].get<double>() &&
+         load["other_cores"].get<double>() + load["stolen_cores"].get<double>() < kQuietCores;
+}
+
+std::string calibration_text(const Json& summary) {
+  if (!summary.contains("calibration")) return {};
+  const Json& calibration = summary["calibration"];
+  return fmt::format("calibration: {} in {} bare wake-ups", calibration["late"].get<std::uint64_t>(),
+                     calibration["wake_ups"].get<std::uint64_t>());
+}
+
+/// Why a loop's own steps miss deadlines.
+std::string why_we_missed(const Json& haptic, double h_s) {
+  const double us = haptic["missed_by_us"].get<double>();
+  if (haptic["missed_waiting"].get<double>() > 0.5 * us) {
+    return "steps slept or waited for a lock, most likely in the middleware: look for a network that is slow, or try "
+           "the "
+           "other --dds";
+  }
+  return fmt::format(
+      "steps take {:.2f} ms (p99 {:.2f}) of {:g} ms; fewer members: a lower budget_ratio or a smaller box_half_m; a "
+      "faster preset or engine; "
+      "or a "
+      "longer h_s",
+      milliseconds(haptic["step_s"]["p50"]), milliseconds(haptic["step_s"]["p99"]), 1e3 * h_s);
+}
+
+Gate machine_gate(const std::string& who, const Json& haptic, double periods, const Json& summary) {
+  Gate gate{who + "missed by the machine",
+            haptic["missed_by_machine"].get<double>() / periods,
+            kMissedRatio,
+            true,
+            "% of steps",
+            100.0};
+  if (cores_are_ours(summary)) {
+    gate.why = fmt::format(
+        "the programs of the run keep each other from the cores ({}); fewer members or users, a higher "
+        "ratio, or a longer h_s",
+        load_text(summary));
+  } else {
+    gate.culprit = Culprit::machine;
+    gate.why = fmt::format("the loop was woken late or pre-empted ({}; {}); run again when the machine is quiet",
+                           calibration_text(summary), load_text(summary));
+    if (!haptic["machine"]["fifo"].get<bool>()) gate.why += ", or with real-time rights";
+  }
+  return gate;
+}
+
+const char* name_of(Culprit culprit) {
+  switch (culprit) {
+    case Culprit::us:
+      return "us";
+    case Culprit::machine:
+      return "machine";
+    case Culprit::scene:
+      break;
+  }
+  return "scene";
+}
 
 }  // namespace
 
 std::string Gate::line() const {
-  return fmt::format("{} {:.4g}{}{} {} {:.4g}{}{}: {}", name, scale * value, *unit ? " " : "", unit,
-                     at_most ? "<=" : ">=", scale * bar, *unit ? " " : "", unit,
-                     ok() ? "ok" : (warning.empty() ? "MISSED" : "warning: " + warning));
+  const std::string held = fmt::format("{} {:.4g}{}{} {} {:.4g}{}{}", name, scale * value, *unit ? " " : "", unit,
+                                       at_most ? "<=" : ">=", scale * bar, *unit ? " " : "", unit);
+  if (ok()) return held + ": ok";
+  return fmt::format("{}: {}{}{}", held, spoils_verdict() ? "MISSED" : "warning", why.empty() ? "" : ": ", why);
 }
 
-Json summarise(const Scene& scene, const std::string& dds, const std::string& folder) {
+Json to_json(const Gate& gate) {
+  Json json{{"name", gate.name},
+            {"value", gate.value},
+            {"bound", gate.bar},
+            {"at_most", gate.at_most},
+            {"unit", gate.scale == 100.0 ? "ratio"
+                     : gate.scale == 1e3 ? "s"
+                                         : "1"},
+            {"ok", gate.ok()},
+            {"warning", !gate.ok() && !gate.spoils_verdict()}};
+  if (!gate.ok()) {
+    json["missed_by"] = name_of(gate.culprit);
+    json["why"] = gate.why;
+  }
+  return json;
+}
+
+std::string to_text(const Calibration& calibration) {
+  const Histogram& late = calibration.lateness;
+  return fmt::format(
+      "the machine wakes {} at {:.0f} Hz p99 {:.3f} ms late, at most {:.3f} ms, {} of {} times later than a period",
+      calibration.loops == 1 ? "a bare loop" : fmt::format("{} bare loops", calibration.loops),
+      1.0 / calibration.period_s, 1e3 * late.quantile_s(0.99), 1e3 * late.max_s(),
+      late.count_above(calibration.period_s), late.count());
+}
+
+Json summarise(const Scene& scene, const RunRecord& record, const std::string& folder) {
   const Settings& s = scene.settings;
   const Json world = read_json(folder + "/world.json");
+  const double wall_s = std::max(1e-3, record.wall_s);
   Json summary{{"scene", scene.name},
                {"scene_file", scene.file},
+               {"command_line", record.command_line},
+               {"date", record.date},
                {"mode", s.mode == Mode::realtime ? "realtime" : "lockstep"},
                {"scheme", s.scheme},
                {"engine", s.world.name},
                {"haptic_engine", s.haptic.name},
-               {"dds", dds},
+               {"dds", record.dds},
                {"h_s", s.h_s},
                {"ratio", s.ratio},
                {"users", s.users},
                {"duration_s", s.duration_s},
                {"simulated_s", world["simulated_s"]},
+               {"wall_s", record.wall_s},
                {"state_hash", world["state_hash"]},
                {"verdict", "ok"},
-               {"settings",
-                {{"world_engine", describe(s.world)},
-                 {"haptic_engine", describe(s.haptic)},
-                 {"settle_s", s.settle_s},
-                 {"settle_step_s", s.settle_step_s},
-                 {"device_force_in_world", s.paper.device_force_in_world},
-                 {"device_impulse_threshold_n_s", s.paper.device_impulse_threshold_n_s}}},
+               {"gates", Json::array()},
+               {"settings", describe(scene)},
                {"machine", machine()},
+               {"machine_load",
+                {{"own_cores", record.own_cpu_s / wall_s},
+                 {"other_cores", record.other_cpu_s / wall_s},
+                 {"stolen_cores", record.stolen_s / wall_s}}},
                {"version", "0.1.0"},
                {"world", world["world"]},
                {"haptic", Json::array()},
@@ -65,28 +248,74 @@ Json summarise(const Scene& scene, const std::string& dds, const std::string& fo
     summary["haptic"].push_back(std::move(haptic));
     summary["device"].push_back(read_json(fmt::format("{}/device_{}.json", folder, u)));
   }
+  if (record.calibration) {
+    const double step_s = summary["haptic"][0]["step_s"]["p50"].get<double>();
+    summary["calibration"] = describe(*record.calibration, std::max(0.0, s.h_s - step_s));
+  }
   return summary;
 }
 
 std::vector<Gate> gates(const Json& summary) {
-  std::vector<Gate> all;
+  std::vector<Gate> all;  // causes before what follows from them: a verdict gives the first reason
   const bool realtime = summary["mode"] == "realtime";
+  const double h_s = summary["h_s"].get<double>();
   for (const Json& haptic : summary["haptic"]) {
     const std::string who = fmt::format("user {}: ", haptic["user"].get<int>());
-    const double periods = std::max(1.0, haptic["steps"].get<double>() + haptic["skipped_steps"].get<double>());
-    all.push_back({who + "lost frames", haptic["lost_frames"].get<double>(), 0.0});
+    if (realtime) {
+      const double periods = std::max(1.0, haptic["steps"].get<double>() + haptic["skipped_steps"].get<double>());
+      const std::string why_us = why_we_missed(haptic, h_s);
+      all.push_back({who + "missed by us", haptic["missed_by_us"].get<double>() / periods, kMissedRatio, true,
+                     "% of steps", 100.0, Culprit::us, why_us});
+      const Gate by_machine = machine_gate(who, haptic, periods, summary);
+      all.push_back(by_machine);
+      const bool woken_late = haptic["woken_late_s"]["p99"].get<double>() > kLatenessP99_s;
+      all.push_back({who + "lateness p99", haptic["lateness_s"]["p99"].get<double>(), kLatenessP99_s, true, "ms", 1e3,
+                     woken_late ? by_machine.culprit : Culprit::us, woken_late ? by_machine.why : why_us});
+    }
+    all.push_back({who + "lost frames", haptic["lost_frames"].get<double>(), 0.0, true, "", 1.0, Culprit::us,
+                   "frames of the world were lost on the way: the network, or a sub-world that was halted"});
     all.push_back(
         {who + "at the device's limit", haptic["at_limit_ratio"].get<double>(), kAtLimitRatio, true, "% of steps",
-         100.0,
+         100.0, Culprit::scene,
          "the hand feels the limit, not the scene: move the device less far into bodies, lower the coupling's "
          "stiffness, or raise the device's force_limit_n"});
-    if (!realtime) continue;
-    all.push_back({who + "missed deadlines", haptic["missed_deadlines"].get<double>() / periods, kMissedRatio, true,
-                   "% of steps", 100.0});
-    all.push_back({who + "lateness p99", haptic["lateness_s"]["p99"].get<double>(), kLatenessP99_s, true, "ms", 1e3});
   }
-  if (realtime) all.push_back({"world clock factor", summary["world"]["clock_factor_min"].get<double>(), 1.0, false});
+  if (realtime) {
+    const Json& world = summary["world"];
+    const bool ours = world["late_by_us"] > 0 || cores_are_ours(summary);
+    all.push_back({"world clock factor", world["clock_factor_min"].get<double>(), 1.0, false, "", 1.0,
+                   ours ? Culprit::us : Culprit::machine,
+                   ours
+                       ? fmt::format("the world's step takes {:.2f} ms (p99 {:.2f}) of {:g} ms; a higher ratio, fewer "
+                                     "bodies, or a faster preset or engine",
+                                     milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]),
+                                     1e3 * h_s * summary["ratio"].get<double>())
+                       : fmt::format("the world was woken late or pre-empted ({}); run again when the machine is quiet",
+                                     load_text(summary))});
+  }
   return all;
+}
+
+std::string verdict_of(const std::vector<Gate>& gates, const Json& summary) {
+  std::vector<std::string> ours, machines;
+  for (const Gate& gate : gates) {
+    if (!gate.spoils_verdict()) continue;
+    std::vector<std::string>& words = gate.culprit == Culprit::machine ? machines : ours;
+    const std::string text = fmt::format("{} {:.4g}{}{}: {}", gate.name, gate.scale * gate.value, *gate.unit ? " " : "",
+                                         gate.unit, gate.why);
+    words.push_back(text);
+  }
+  // One reason is enough; all of them are in the gates.
+  if (!ours.empty()) return "quality gate missed: " + ours.front();
+  if (!machines.empty()) return "quality gate missed by the machine: " + machines.front();
+  std::uint64_t late = 0, periods = 0;
+  for (const Json& haptic : summary["haptic"]) {
+    late += haptic["missed_by_machine"].get<std::uint64_t>();
+    periods += haptic["steps"].get<std::uint64_t>() + haptic["skipped_steps"].get<std::uint64_t>();
+  }
+  if (late == 0) return "ok";
+  return fmt::format("ok; the machine itself was late {} time{} in {} steps ({})", late, late == 1 ? "" : "s", periods,
+                     calibration_text(summary));
 }
 
 void print_summary(const Json& summary) {
@@ -101,12 +330,27 @@ void print_summary(const Json& summary) {
       world["cycles"].get<std::uint64_t>(), milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]),
       world["late_cycles"].get<std::uint64_t>(), world["clock_factor_min"].get<double>(),
       summary["haptic"][0]["energy_excess_j"].get<double>());
+  if (summary.contains("calibration")) {
+    const Json& late = summary["calibration"]["woken_late_s"];
+    fmt::print("  machine: {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(summary), milliseconds(late["p99"]),
+               milliseconds(late["max"]), load_text(summary));
+  }
   for (const Json& haptic : summary["haptic"]) {
     const Json& device = summary["device"][haptic["user"].get<std::size_t>()];
-    fmt::print("  user {}: {:.0f} Hz, {} steps, {} missed, lateness p99 {:.3f} ms, step p50 {:.3f} ms p99 {:.3f} ms\n",
-               haptic["user"].get<int>(), 1.0 / summary["h_s"].get<double>(), haptic["steps"].get<std::uint64_t>(),
-               haptic["missed_deadlines"].get<std::uint64_t>(), milliseconds(haptic["lateness_s"]["p99"]),
-               milliseconds(haptic["step_s"]["p50"]), milliseconds(haptic["step_s"]["p99"]));
+    fmt::print(
+        "  user {}: {:.0f} Hz, {} steps, {} missed ({} by us, {} by the machine), lateness p99 {:.3f} ms, step p50 "
+        "{:.3f} "
+        "ms p99 {:.3f} ms\n",
+        haptic["user"].get<int>(), 1.0 / summary["h_s"].get<double>(), haptic["steps"].get<std::uint64_t>(),
+        haptic["missed_deadlines"].get<std::uint64_t>(), haptic["missed_by_us"].get<std::uint64_t>(),
+        haptic["missed_by_machine"].get<std::uint64_t>(), milliseconds(haptic["lateness_s"]["p99"]),
+        milliseconds(haptic["step_s"]["p50"]), milliseconds(haptic["step_s"]["p99"]));
+    if (summary["mode"] == "realtime") {
+      const Json& kernel = haptic["machine"];
+      fmt::print("    woken late p99 {:.3f} ms max {:.3f} ms; pre-empted {} times, {:.1f} ms ready without a core\n",
+                 milliseconds(haptic["woken_late_s"]["p99"]), milliseconds(haptic["woken_late_s"]["max"]),
+                 kernel["involuntary_switches"].get<std::uint64_t>(), milliseconds(kernel["run_queue_delay_s"]));
+    }
     fmt::print(
         "    force on the hand rms {:.2f} N, max {:.2f} N, largest step {:.2f} N; at the device's limit in {:.2g} % of "
         "steps\n",

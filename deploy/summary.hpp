@@ -2,11 +2,28 @@
 
 #include "io/results.hpp"
 #include "model/scene.hpp"
+#include "rt/calibration.hpp"
 
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace subworld {
+
+/// What the launcher knows of a run besides what the programs wrote.
+struct RunRecord {
+  std::string command_line;
+  std::string date;  ///< of the start, ISO 8601 with the zone
+  std::string dds;   ///< a vendor or mixed
+  std::optional<Calibration> calibration;
+  double wall_s = 0.0;
+  double own_cpu_s = 0.0;    ///< of all programs of the run
+  double other_cpu_s = 0.0;  ///< of everything else on the machine meanwhile
+  double stolen_s = 0.0;     ///< by the hypervisor meanwhile
+};
+
+/// Who is to blame for a missed gate.
+enum class Culprit : std::uint8_t { us, machine, scene };
 
 /// One measured quantity against its bar.
 struct Gate {
@@ -15,21 +32,31 @@ struct Gate {
   double bar = 0.0;
   bool at_most = true;
   const char* unit = "";
-  double scale = 1.0;        ///< from SI to the unit
-  std::string warning = {};  ///< not empty: a missed bar is said in these words, and the verdict stays
+  double scale = 1.0;  ///< from SI to the unit
+  Culprit culprit = Culprit::us;
+  std::string why = {};  ///< for a reader of a missed gate: the reason and the cure
 
   [[nodiscard]] bool ok() const noexcept { return at_most ? value <= bar : value >= bar; }
+  /// What a scene asks for is warned of; the verdict stays.
+  [[nodiscard]] bool spoils_verdict() const noexcept { return !ok() && culprit != Culprit::scene; }
   [[nodiscard]] std::string line() const;
 };
 
 /// What ran, its effective settings and the parts that the programs wrote into the folder.
-[[nodiscard]] Json summarise(const Scene& scene, const std::string& dds, const std::string& folder);
+[[nodiscard]] Json summarise(const Scene& scene, const RunRecord& record, const std::string& folder);
 
 /// What a run is held against: in real time deadlines, lateness, lost frames and the world's clock; in lock-step loss
-/// alone.
+/// alone. In both the device's limit.
 [[nodiscard]] std::vector<Gate> gates(const Json& summary);
+[[nodiscard]] Json to_json(const Gate& gate);
+
+/// "ok" with what the machine did, or which gates were missed, by whom, and what to do about it.
+[[nodiscard]] std::string verdict_of(const std::vector<Gate>& gates, const Json& summary);
 
 /// The run in a few lines for a reader.
 void print_summary(const Json& summary);
+
+/// One line on the machine's own lateness.
+[[nodiscard]] std::string to_text(const Calibration& calibration);
 
 }  // namespace subworld

@@ -25,8 +25,12 @@ int main(int argc, char** argv) {
         run_realtime(ports, device, measures, user);
       }
       ports.status.enter("stopping");
-      if (!options.out.empty())
-        write_json(fmt::format("{}/device_{}.json", options.out, options.user), measures.json());
+      if (!options.out.empty()) {
+        Json json = measures.json();
+        json["dds"] = ports.bus->effective_settings();
+        json["events"] = to_json(ports.status.events_of_run());
+        write_json(fmt::format("{}/device_{}.json", options.out, options.user), json);
+      }
     }
   });
 }

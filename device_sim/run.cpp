@@ -2,6 +2,7 @@
 
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
+#include "rt/lateness.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
@@ -37,9 +38,11 @@ DeviceMeasures::DeviceMeasures(const std::string& folder, int user, History::Flu
                 "force_y_n", "force_z_n"},
                flush) {}
 
-void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, bool missed) noexcept {
+void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, const StepTimes& times) noexcept {
   ++steps_;
-  missed_ += missed;
+  misses_.add(times.miss);
+  step_.add(times.step_s);
+  woken_late_.add(times.woken_late_s);
   const Vec3& x = state.pose.position;
   const Vec3& v = state.linear_velocity;
   const Vec3& f = wrench.force;
@@ -47,7 +50,15 @@ void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, bool m
 }
 
 Json DeviceMeasures::json() const {
-  return {{"user", user_}, {"steps", steps_}, {"round_trip_s", quantiles(round_trip_)}, {"missed_deadlines", missed_}};
+  return {{"user", user_},
+          {"steps", steps_},
+          {"round_trip_s", quantiles(round_trip_)},
+          {"missed_deadlines", misses_.all()},
+          {"missed_by_machine", misses_.by_machine},
+          {"missed_by_us", misses_.by_us},
+          {"step_s", quantiles(step_)},
+          {"woken_late_s", quantiles(woken_late_)},
+          {"machine", machine_.json()}};
 }
 
 bool join(DevicePorts& ports, const Options& options) {
@@ -83,8 +94,8 @@ void run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
     if (command.last) return;
     measures.round_trip(1e-9 * static_cast<double>(to_ns(Clock::now()) - command.echoed_sent_ns));
     device.step(command, scene.settings.h_s);
-    measures.step(state, command.wrench, false);
-    ports.status.update(state.stamp_s, measures.steps(), 0);
+    measures.step(state, command.wrench, {to_seconds(Clock::now() - sent)});
+    ports.status.update(measures.state(state.stamp_s));
   }
 }
 
@@ -100,6 +111,15 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
   double alone_s = 0.0;
   Wrench felt;
   Cyclic loop(Clock::now(), from_seconds(period_s));
+  Lateness lateness(thread_use());
+  measures.loop_begins(scheduling);
+  const auto wake = [&] {
+    const TimePoint asked = Clock::now();
+    loop.wait();
+    const TimePoint woke = Clock::now();
+    lateness.begin(loop.released(), asked, woke, from_seconds(period_s));
+    return woke;
+  };
   const auto act = [&](const Wrench& wrench, TimePoint begin) {
     felt = wrench;
     DeviceCommand now = command;
@@ -110,12 +130,16 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
     state.sent_ns = to_ns(begin);
     ports.states.write(state);
     const TimePoint end = Clock::now();
-    measures.step(state, wrench, end > loop.deadline());
-    ports.status.update(state.stamp_s, measures.steps(), measures.missed());
+    const ThreadUse use = thread_use();
+    measures.step(state, wrench,
+                  {.step_s = to_seconds(end - begin),
+                   .woken_late_s = lateness.woken_late_s(),
+                   .miss = lateness.judge(end, loop.deadline(), use)});
+    lateness.end(end, use);
+    ports.status.update(measures.state(state.stamp_s));
   };
   while (stop_signal() == 0) {
-    loop.wait();
-    const TimePoint begin = Clock::now();
+    const TimePoint begin = wake();
     if (ports.commands.take_latest(command)) {
       if (command.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - command.echoed_sent_ns));
@@ -135,9 +159,9 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
   const Wrench last = felt;
   for (double part = 1.0; part > 0.0 && (!felt.force.isZero() || !felt.torque.isZero());) {
     part = std::max(0.0, part - period_s / kFade_s);
-    loop.wait();
-    act({part * last.force, part * last.torque}, Clock::now());
+    act({part * last.force, part * last.torque}, wake());
   }
+  measures.loop_ends();
 }
 
 }  // namespace subworld

@@ -2,6 +2,7 @@
 
 #include "device_sim/emulated_device.hpp"
 #include "io/history.hpp"
+#include "io/machine_share.hpp"
 #include "io/options.hpp"
 #include "io/results.hpp"
 #include "wire/bus.hpp"
@@ -25,17 +26,24 @@ struct DevicePorts {
 class DeviceMeasures {
  public:
   DeviceMeasures(const std::string& folder, int user, History::Flush flush);
-  void step(const DeviceState& state, const Wrench& wrench, bool missed) noexcept;
+  void step(const DeviceState& state, const Wrench& wrench, const StepTimes& times) noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
-  [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
-  [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }
+  /// What the status shows.
+  [[nodiscard]] LoopState state(double time_s) const noexcept {
+    return {time_s, steps_, misses_.all(), misses_.by_machine, step_.sum_s()};
+  }
+  /// Around a loop in real time, in its thread.
+  void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
+  void loop_ends() { machine_.end(); }
   [[nodiscard]] Json json() const;
 
  private:
   int user_;
   History history_;
-  Histogram round_trip_;
-  std::uint64_t steps_ = 0, missed_ = 0;
+  Histogram round_trip_, step_, woken_late_;
+  std::uint64_t steps_ = 0;
+  Misses misses_;
+  MachineShare machine_;
 };
 
 /// Waits until the haptic process is there. False when asked to stop. Throws `Error` (failed).

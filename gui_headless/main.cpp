@@ -43,7 +43,7 @@ void follow(DisplayPorts& ports, Display& display, const Options& options) {
       display.write_picture(fmt::format("{}/picture_{:08.3f}.png", options.out, display.time_s()));
       next_picture_s += options.picture_every_s;
     }
-    ports.status.update(display.time_s(), display.snapshots(), 0);
+    ports.status.update({display.time_s(), display.snapshots()});
   }
 }
 

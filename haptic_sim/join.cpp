@@ -43,8 +43,17 @@ std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& s
     }
     return other && to_seconds(Clock::now() - *other) > kMayBeEnding_s;
   };
+  // A big world takes its time: it says every second that it is being created.
+  auto statuses = ports.bus->reader<Status>();
+  Status status;
+  const auto world_is_made = [&] {
+    bool made = false;
+    while (statuses.take(status) == Take::sample)
+      made |= status.program == ProgramKind::world_sim && (status.state == "loading" || status.state == "settling");
+    return made;
+  };
   const bool described =
-      wait_for(*ports.bus, options.wait_s, ours_or_none, kNothingComing, missing("world", "world_sim"));
+      wait_for(*ports.bus, options.wait_s, ours_or_none, world_is_made, missing("world", "world_sim"));
   if (!described) return std::nullopt;
   if (description.settings_hash != settings_hash(scene)) {
     throw Error(ExitCode::usage,

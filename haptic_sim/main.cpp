@@ -29,8 +29,12 @@ int main(int argc, char** argv) {
       ports.status.enter("stopping");
       const double cycles = std::max(1.0, static_cast<double>(sub.stamp()));
       const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());
-      if (!options.out.empty())
-        write_json(fmt::format("{}/haptic_{}.json", options.out, options.user), measures.json(bytes / cycles));
+      if (!options.out.empty()) {
+        Json json = measures.json(bytes / cycles);
+        json["dds"] = ports.bus->effective_settings();
+        json["events"] = to_json(ports.status.events_of_run());
+        write_json(fmt::format("{}/haptic_{}.json", options.out, options.user), json);
+      }
     }
   });
 }

@@ -29,12 +29,12 @@ HapticMeasures::HapticMeasures(const std::string& folder, std::size_t user, cons
                flush),
       limits_(limits) {}
 
-void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step_s, double lateness_s,
-                          bool missed) noexcept {
+void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept {
   ++steps_;
-  missed_ += missed;
-  step_.add(step_s);
-  lateness_.add(lateness_s);
+  misses_.add(times.miss);
+  step_.add(times.step_s);
+  lateness_.add(times.lateness_s);
+  woken_late_.add(times.woken_late_s);
   const auto members = static_cast<double>(sub.members());
   const auto contacts = static_cast<double>(sub.contacts());
   const auto border = static_cast<double>(sub.border_pairs());
@@ -52,22 +52,33 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, double step
   const Vec3& torque = felt.felt.torque;
   const Vec3 p = sub.proxy().position;
   const Vec3& d = sub.device().pose.position;
-  history_.row({sub.time_s(), f.x(),
-                f.y(),        f.z(),
-                hand.x(),     hand.y(),
-                hand.z(),     torque.x(),
-                torque.y(),   torque.z(),
-                p.x(),        p.y(),
-                p.z(),        d.x(),
-                d.y(),        d.z(),
-                members,      contacts,
-                border,       step_s,
-                lateness_s,   static_cast<double>(std::exchange(skipped_before_step_, 0))});
+  history_.row({sub.time_s(),
+                f.x(),
+                f.y(),
+                f.z(),
+                hand.x(),
+                hand.y(),
+                hand.z(),
+                torque.x(),
+                torque.y(),
+                torque.z(),
+                p.x(),
+                p.y(),
+                p.z(),
+                d.x(),
+                d.y(),
+                d.z(),
+                members,
+                contacts,
+                border,
+                times.step_s,
+                times.lateness_s,
+                static_cast<double>(std::exchange(skipped_before_step_, 0))});
 }
 
-void HapticMeasures::skipped(int periods) noexcept {
+void HapticMeasures::skipped(int periods, int by_machine) noexcept {
   skipped_ += static_cast<std::uint64_t>(periods);
-  missed_ += static_cast<std::uint64_t>(periods);
+  misses_.skip(periods, by_machine);
   skipped_before_step_ += periods;
 }
 
@@ -105,8 +116,13 @@ Json HapticMeasures::json(double bytes_per_cycle) {
   return {{"user", user_},
           {"steps", steps_},
           {"skipped_steps", skipped_},
-          {"missed_deadlines", missed_},
+          {"missed_deadlines", misses_.all()},
+          {"missed_by_machine", misses_.by_machine},
+          {"missed_by_us", misses_.by_us},
+          {"missed_waiting", misses_.waiting},
           {"lateness_s", quantiles(lateness_)},
+          {"woken_late_s", quantiles(woken_late_)},
+          {"machine", machine_.json()},
           {"step_s", quantiles(step_)},
           {"force_rms_n", std::sqrt(hand_squares_ / steps)},
           {"force_max_n", hand_max_},

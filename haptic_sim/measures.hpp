@@ -3,8 +3,10 @@
 #include "coupling/virtual_coupling.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "io/history.hpp"
+#include "io/machine_share.hpp"
 #include "io/results.hpp"
 #include "rt/histogram.hpp"
+#include "wire/status.hpp"
 
 #include <array>
 #include <optional>
@@ -19,11 +21,13 @@ class HapticMeasures {
   /// `folder` may be empty: nothing is written. `limits`: of the device.
   HapticMeasures(const std::string& folder, std::size_t user, const ForceLimits& limits, History::Flush flush);
 
-  /// After every step. `lateness_s`: of the wake-up; `missed`: the force left after its period ended. Zero in
-  /// lock-step.
-  void step(const SubWorld& sub, const FeltStep& felt, double step_s, double lateness_s, bool missed) noexcept;
-  /// Periods that were over before their steps could begin: missed deadlines, and no steps.
-  void skipped(int periods) noexcept;
+  /// After every step.
+  void step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept;
+  /// Periods that were over before their steps could begin: missed deadlines, and no steps. `by_machine`: of these.
+  void skipped(int periods, int by_machine) noexcept;
+  /// Around a loop in real time, in its thread.
+  void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
+  void loop_ends() { machine_.end(); }
   void synchronised(double seconds, std::uint64_t lost_frames) noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   void resynchronised() noexcept { ++adoptions_; }
@@ -35,17 +39,21 @@ class HapticMeasures {
   }
 
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
-  /// Deadlines, with those of the steps that were left out.
-  [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }
+  /// What the status shows; missed deadlines with those of the steps that were left out.
+  [[nodiscard]] LoopState state(double time_s) const noexcept {
+    return {time_s, steps_, misses_.all(), misses_.by_machine, step_.sum_s(), last_force_.norm()};
+  }
 
   [[nodiscard]] Json json(double bytes_per_cycle);
 
  private:
   std::size_t user_;
   History history_;
-  Histogram step_, lateness_, sync_, round_trip_;
+  Histogram step_, lateness_, woken_late_, sync_, round_trip_;
+  Misses misses_;
+  MachineShare machine_;
   MeanMax members_, contacts_, border_;
-  std::uint64_t steps_ = 0, skipped_ = 0, missed_ = 0, lost_frames_ = 0, adoptions_ = 0;
+  std::uint64_t steps_ = 0, skipped_ = 0, lost_frames_ = 0, adoptions_ = 0;
   int skipped_before_step_ = 0;
   ForceLimits limits_;
   double hand_squares_ = 0.0, hand_max_ = 0.0;  ///< force sent to the device, N^2 and N

@@ -3,6 +3,7 @@
 #include "coupling/delay.hpp"
 #include "model/error.hpp"
 #include "rt/arrears.hpp"
+#include "rt/lateness.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
@@ -169,12 +170,12 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     }
     if (sub.report_due()) send_report();
     sub.advance(h);
-    measures.step(sub, felt, to_seconds(Clock::now() - begin), 0.0, false);
+    measures.step(sub, felt, {to_seconds(Clock::now() - begin)});
     ++step;
     if (!sub.finite())
       throw Error(ExitCode::failed, "the sub-world is no longer finite; use a smaller h_s or the preset quality");
     if (sub.report_due()) send_report();
-    ports.status.update(sub.time_s(), measures.steps(), 0);
+    ports.status.update(measures.state(sub.time_s()));
   }
   if (stop_signal() != 0 && !frame.last) return;
   send_last(ports, device, 1);
@@ -209,12 +210,17 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   const int lead_cycles = sub.scheme().lead_cycles();
   const double ahead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
   Cyclic loop(first.received + from_seconds(first.frame.start_in_s - ahead_s), from_seconds(h));
+  Lateness lateness(thread_use());
+  measures.loop_begins(scheduling);
   while (fading < kFadeSteps) {
+    const TimePoint asked = Clock::now();
     const double lateness_s = to_seconds(loop.wait());
     const TimePoint begin = Clock::now();
     // What the machine has slept through is over: its forces would come too late to be felt.
+    const int over_by_machine = lateness.begin(loop.released(), asked, begin, from_seconds(h));
     const int over = loop.skip(begin);
-    measures.skipped(over);
+    lateness.skipped_to(loop.released());
+    measures.skipped(over, over_by_machine);
     arrears.owe(over * h * phase.rate(clock_factor, cycle_s));
     // What is there after a long sleep may be as old as that: the hand is let go, and met again from zero.
     if (lateness_s > kLongSleep_s) sub.let_go();
@@ -266,15 +272,19 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand));
-    const bool missed = Clock::now() > loop.deadline();  // the force left after its period
+    const TimePoint left = Clock::now();  // the force; missed: after its period
+    const Miss miss = left > loop.deadline() ? lateness.judge(left, loop.deadline(), thread_use()) : Miss::none;
     if (sub.report_due()) send_report();
     sub.advance(alone ? 0.0 : arrears.step(h * phase.rate(clock_factor, cycle_s), sub.cycle_left_s()));
     if (sub.report_due()) send_report();
 
     loop.slew(phase.slew_ppm());
-    measures.step(sub, felt, to_seconds(Clock::now() - begin), lateness_s, missed);
-    ports.status.update(sub.time_s(), measures.steps(), measures.missed());
+    const TimePoint end = Clock::now();
+    lateness.end(end, thread_use());
+    measures.step(sub, felt, {to_seconds(end - begin), lateness_s, lateness.woken_late_s(), miss});
+    ports.status.update(measures.state(sub.time_s()));
   }
+  measures.loop_ends();
   send_last(ports, device, kTimesLast);
 }
 

@@ -35,19 +35,25 @@ int main(int argc, char** argv) {
     const bool realtime = scene.settings.mode == Mode::realtime;
     const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
-    World world(scene);
     EngineExchange exchange(
         realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
     WorldMeasures measures(options.out, flush);
-    watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     WorldPorts ports(options, scene);
     if (realtime) leave_realtime();
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
+    ports.status.enter("loading");
+    World world(scene, [&](double part) { ports.status.done(part); });
+    watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
     const TimePoint begin = Clock::now();
     ports.scene.write(world.description(settings_hash(scene)));
     ports.status.enter("settling");
-    if (!world.settle(Progress{})) return;
+    Progress progress;
+    const auto settling = [&](double part) {
+      ports.status.done(part);
+      return progress(part);
+    };
+    if (!world.settle(settling)) return;
     const double settle_s = to_seconds(Clock::now() - begin);
     if (gather(ports, options)) {
       if (!realtime) {
@@ -56,8 +62,12 @@ int main(int argc, char** argv) {
         run_realtime(ports, world, measures, exchange, scene, options.wait_s);
       }
       ports.status.enter("stopping");
-      if (!options.out.empty())
-        write_json(options.out + "/world.json", measures.json(world, scene.bodies.size(), settle_s));
+      if (!options.out.empty()) {
+        Json json = measures.json(world, scene.bodies.size(), settle_s);
+        json["world"]["dds"] = ports.bus->effective_settings();
+        json["world"]["events"] = to_json(ports.status.events_of_run());
+        write_json(options.out + "/world.json", json);
+      }
     }
   });
 }

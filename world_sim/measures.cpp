@@ -12,15 +12,15 @@ WorldMeasures::WorldMeasures(const std::string& folder, History::Flush flush)
                 "clock_factor"},
                flush) {}
 
-void WorldMeasures::cycle(const World& world, double step_s, double lateness_s, bool late,
-                          double clock_factor) noexcept {
+void WorldMeasures::cycle(const World& world, const StepTimes& times, double clock_factor) noexcept {
   ++cycles_;
-  late_ += late;
-  step_.add(step_s);
-  lateness_.add(lateness_s);
+  late_.add(times.miss);
+  step_.add(times.step_s);
+  lateness_.add(times.lateness_s);
+  woken_late_.add(times.woken_late_s);
   clock_factor_min_ = std::min(clock_factor_min_, clock_factor);
-  history_.row({world.time_s(), world.kinetic_energy_j(), world.potential_energy_j(), world.energy_excess_j(), step_s,
-                lateness_s, clock_factor});
+  history_.row({world.time_s(), world.kinetic_energy_j(), world.potential_energy_j(), world.energy_excess_j(),
+                times.step_s, times.lateness_s, clock_factor});
 }
 
 Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s) const {
@@ -30,7 +30,13 @@ Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s
           {"world",
            {{"bodies", bodies},
             {"cycles", cycles_},
-            {"late_cycles", late_},
+            {"substeps", world.substeps()},
+            {"part_s", world.part_s()},
+            {"late_cycles", late_.all()},
+            {"late_by_machine", late_.by_machine},
+            {"late_by_us", late_.by_us},
+            {"woken_late_s", quantiles(woken_late_)},
+            {"machine", machine_.json()},
             {"step_s", quantiles(step_)},
             {"lateness_s", quantiles(lateness_)},
             {"clock_factor_min", clock_factor_min_},

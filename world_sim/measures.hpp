@@ -1,8 +1,10 @@
 #pragma once
 
 #include "io/history.hpp"
+#include "io/machine_share.hpp"
 #include "io/results.hpp"
 #include "rt/histogram.hpp"
+#include "wire/status.hpp"
 #include "world_sim/world.hpp"
 
 #include <string>
@@ -15,19 +17,26 @@ class WorldMeasures {
   /// `folder` may be empty: nothing is written.
   WorldMeasures(const std::string& folder, History::Flush flush);
 
-  void cycle(const World& world, double step_s, double lateness_s, bool late, double clock_factor) noexcept;
+  void cycle(const World& world, const StepTimes& times, double clock_factor) noexcept;
+  /// Around the loop in real time, in its thread.
+  void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
+  void loop_ends() { machine_.end(); }
   void engine_changed(const EngineChange& change) { engine_changes_.push_back(to_json(change)); }
   void lost_report() noexcept { ++lost_reports_; }
   void refused_report() noexcept { ++refused_reports_; }
 
-  [[nodiscard]] std::uint64_t cycles() const noexcept { return cycles_; }
-  [[nodiscard]] std::uint64_t late() const noexcept { return late_; }
+  /// What the status shows.
+  [[nodiscard]] LoopState state(const World& world, double clock_factor) const noexcept {
+    return {world.time_s(), world.stamp(), late_.all(), late_.by_machine, step_.sum_s(), 0.0, clock_factor};
+  }
   [[nodiscard]] Json json(const World& world, std::size_t bodies, double settle_s) const;
 
  private:
   History history_;
-  Histogram step_, lateness_;
-  std::uint64_t cycles_ = 0, late_ = 0, lost_reports_ = 0, refused_reports_ = 0;
+  Histogram step_, lateness_, woken_late_;
+  Misses late_;
+  MachineShare machine_;
+  std::uint64_t cycles_ = 0, lost_reports_ = 0, refused_reports_ = 0;
   double clock_factor_min_ = 1.0;
   Json engine_changes_ = Json::array();
 };

@@ -3,6 +3,7 @@
 #include "coupling/delay.hpp"
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
+#include "rt/lateness.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
@@ -189,12 +190,12 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     // A stop takes effect between cycles, and as a last frame: so everybody ends in order.
     last = world.stamp() >= cycles || stop_signal() != 0 || conductor.stopped();
     publish_frames(ports, world, last, 0.0, 1.0);
-    measures.cycle(world, to_seconds(Clock::now() - begin), 0.0, false, 1.0);
+    measures.cycle(world, {to_seconds(Clock::now() - begin)}, 1.0);
     if (snapshots.wanted(world.time_s()) || last) {
       world.look(view);
       snapshots.publish(view, last);
     }
-    ports.status.update(world.time_s(), world.stamp(), 0);
+    ports.status.update(measures.state(world, 1.0));
     check_finite(world);
   }
   if (world.scheme().border() != Border::none && receive_due()) world.synchronise();
@@ -220,9 +221,13 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   const double start_in_s = kStartIn_s + world.scheme().lead_cycles() * cycle_s;
   publish_frames(ports, world, false, start_in_s, clock_factor);
   Cyclic loop(Clock::now() + from_seconds(start_in_s), from_seconds(cycle_s));
+  Lateness lateness(thread_use());
+  measures.loop_begins(scheduling);
   while (!last) {
+    const TimePoint asked = Clock::now();
     const double lateness_s = to_seconds(loop.wait());
     const TimePoint begin = Clock::now();
+    lateness.begin(loop.released(), asked, begin, from_seconds(cycle_s));
     for (std::size_t u = 0; u < world.user_count(); ++u) {
       while (ports.reports[u].take(report) == Take::sample) {
         if (report.stamp > newest[u] + 1) measures.lost_report();
@@ -236,6 +241,7 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     if (!conductor.may_step() && !last) {
       // The haptic processes hold their sub-worlds still while the world's clock stands.
       publish_frames(ports, world, false, cycle_s, 0.0);
+      lateness.end(Clock::now(), thread_use());
       continue;
     }
     world.step();
@@ -243,15 +249,19 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     publish_frames(ports, world, last, to_seconds(loop.deadline() - Clock::now()), clock_factor);
     const TimePoint end = Clock::now();
     const double over_s = to_seconds(end - loop.deadline());
-    measures.cycle(world, to_seconds(end - begin), lateness_s, over_s > 0.0, clock_factor);
+    const ThreadUse use = thread_use();
+    const Miss miss = lateness.judge(end, loop.deadline(), use);
+    lateness.end(end, use);
+    measures.cycle(world, {to_seconds(end - begin), lateness_s, lateness.woken_late_s(), miss}, clock_factor);
     // Two cycles of arrears may be caught up; beyond that the world's clock slows for everybody.
     const double slip_s = std::max(0.0, over_s - 2.0 * cycle_s);
     loop.shift(from_seconds(slip_s));
     clock_factor = cycle_s / (cycle_s + slip_s);
     snapshots.renew(world, clock_factor);
-    ports.status.update(world.time_s(), world.stamp(), measures.late());
+    ports.status.update(measures.state(world, clock_factor));
     check_finite(world);
   }
+  measures.loop_ends();
   snapshots.finish();
   world.close();
   acknowledge(ports);

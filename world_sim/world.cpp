@@ -39,7 +39,7 @@ constexpr double kContactReachRatio = 0.025;
 
 }  // namespace
 
-World::World(const Scene& scene)
+World::World(const Scene& scene, const std::function<void(double)>& progress)
     : scene_(scene),
       scheme_(make_scheme(scene.settings)),
       engine_(std::make_unique<LiveEngine>(make_engine(without_substeps(scene.settings.world), scene.meshes))),
@@ -56,6 +56,7 @@ World::World(const Scene& scene)
   };
   for (const Body& body : scene.bodies) {
     if (!later(body.id)) engine_->add(body, scene.initial[index(body.id)]);
+    if (progress) progress(static_cast<double>(index(body.id) + 1) / static_cast<double>(scene.bodies.size()));
   }
   for (std::size_t u = 0; u < users_.size(); ++u) {
     users_[u].spec = &scene.users[u];

@@ -28,8 +28,9 @@ struct WorldView {
 /// A cycle is `receive` (any number of reports), `step`, then `frame` of each user.
 class World {
  public:
-  /// Creates all bodies. Throws `Error` (usage) for an engine or scheme that does not exist.
-  explicit World(const Scene& scene);
+  /// Creates all bodies; `progress` is called with the part done, 0 .. 1. Throws `Error` (usage) for an engine or
+  /// scheme that does not exist.
+  explicit World(const Scene& scene, const std::function<void(double)>& progress = {});
 
   /// Lets the world come to rest before t = 0, every proxy held by its coupling at its start pose. `progress` is called
   /// with the part done, 0 .. 1; returns early, false, when it returns false.
@@ -68,6 +69,8 @@ class World {
   [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
   /// Steps of the engine in a cycle.
   [[nodiscard]] int substeps() const noexcept { return substeps_; }
+  /// Length of the parts in which the engine integrates.
+  [[nodiscard]] double part_s() const { return engine_->part_s(scene_.settings.cycle_s() / substeps_); }
   [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }

@@ -21,6 +21,14 @@ Json quantiles(const Histogram& h) {
 
 Json mean_max(const MeanMax& values) { return {{"mean", values.mean()}, {"max", values.max}}; }
 
+Json to_json(const EventCounts& events) {
+  return {{"deadline_missed", events.deadline_missed},
+          {"liveliness_lost", events.liveliness_lost},
+          {"incompatible_qos", events.incompatible_qos},
+          {"lost", events.lost},
+          {"rejected", events.rejected}};
+}
+
 std::string to_text(const EngineChange& change) {
   return fmt::format("engine {} -> {} at {:.3f} s, in {:.2f} ms", change.from, change.to, change.at_s,
                      1e3 * change.exchange_s);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/exchange.hpp"
 #include "rt/histogram.hpp"
 
 #include <nlohmann/json.hpp>
@@ -38,6 +39,9 @@ struct EngineChange {
   double force_step_n = 0.0;         ///< largest change of the hand's force from step to step just after; haptic only
   double force_step_before_n = 0.0;  ///< likewise just before
 };
+/// What the middleware reported while a loop ran.
+[[nodiscard]] Json to_json(const EventCounts& events);
+
 [[nodiscard]] std::string to_text(const EngineChange& change);
 [[nodiscard]] Json to_json(const EngineChange& change);
 

@@ -229,6 +229,16 @@ struct EventCounts {
   std::uint64_t rejected = 0;  ///< samples that did not decode or held nonsense
 };
 
+[[nodiscard]] inline EventCounts operator-(const EventCounts& to, const EventCounts& from) noexcept {
+  return {to.matched - from.matched,
+          to.unmatched - from.unmatched,
+          to.deadline_missed - from.deadline_missed,
+          to.liveliness_lost - from.liveliness_lost,
+          to.incompatible_qos - from.incompatible_qos,
+          to.lost - from.lost,
+          to.rejected - from.rejected};
+}
+
 enum class ProgramKind : std::uint8_t { world_sim, haptic_sim, device_sim, gui_headless };
 
 /// Topic `status`, keyed by program and instance: once a second from everyone.
@@ -240,8 +250,13 @@ struct Status {
   double rate_hz = 0.0;
   std::uint64_t steps = 0;
   std::uint64_t missed_deadlines = 0;
+  std::uint64_t missed_by_machine = 0;  ///< of these (rt/lateness)
+  double step_s = 0.0;                  ///< mean over the last second
+  double force_n = 0.0;                 ///< haptic_sim: on the hand
+  double clock_factor = 1.0;            ///< world_sim; 1 elsewhere
+  double done_ratio = 0.0;              ///< of `state`, where it comes to an end: loading, settling
   EventCounts events;
-  std::string text;  ///< the newest event in words
+  std::string text;  ///< what happened since the last status, in words
 };
 
 }  // namespace subworld

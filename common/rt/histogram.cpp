@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <numeric>
 
 namespace subworld {
 
@@ -11,11 +13,26 @@ constexpr double kLowest_s = 1e-8;
 
 }  // namespace
 
+std::size_t Histogram::bin_of(double seconds) noexcept {
+  const double octave = std::log2(std::max(seconds, kLowest_s) / kLowest_s);
+  return std::min(static_cast<std::size_t>(octave * kBinsPerOctave), kBins - 1);
+}
+
+std::uint64_t Histogram::count_above(double seconds) const noexcept {
+  return std::accumulate(bins_.begin() + static_cast<std::ptrdiff_t>(bin_of(seconds)) + 1, bins_.end(),
+                         std::uint64_t{0});
+}
+
+void Histogram::add(const Histogram& other) noexcept {
+  for (std::size_t i = 0; i < kBins; ++i) bins_[i] += other.bins_[i];
+  count_ += other.count_;
+  sum_s_ += other.sum_s_;
+  max_s_ = std::max(max_s_, other.max_s_);
+}
+
 void Histogram::add(double seconds) noexcept {
   if (!std::isfinite(seconds)) return;
-  const double octave = std::log2(std::max(seconds, kLowest_s) / kLowest_s);
-  const auto bin = static_cast<std::size_t>(octave * kBinsPerOctave);
-  ++bins_[std::min(bin, bins_.size() - 1)];
+  ++bins_[bin_of(seconds)];
   ++count_;
   sum_s_ += seconds;
   max_s_ = std::max(max_s_, seconds);

@@ -9,17 +9,24 @@ namespace subworld {
 class Histogram {
  public:
   void add(double seconds) noexcept;
+  void add(const Histogram& other) noexcept;
 
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
   [[nodiscard]] double mean_s() const noexcept { return count_ == 0 ? 0.0 : sum_s_ / static_cast<double>(count_); }
+  [[nodiscard]] double sum_s() const noexcept { return sum_s_; }
   [[nodiscard]] double max_s() const noexcept { return max_s_; }
   /// q in 0 .. 1; 0 s for an empty histogram.
   [[nodiscard]] double quantile_s(double q) const noexcept;
+  /// How many are longer, within the width of a bin.
+  [[nodiscard]] std::uint64_t count_above(double seconds) const noexcept;
 
  private:
+  [[nodiscard]] static std::size_t bin_of(double seconds) noexcept;
+
   static constexpr int kBinsPerOctave = 64;
   static constexpr int kOctaves = 37;
-  std::array<std::uint64_t, kBinsPerOctave * kOctaves> bins_{};
+  static constexpr std::size_t kBins = kBinsPerOctave * kOctaves;
+  std::array<std::uint64_t, kBins> bins_{};
   std::uint64_t count_ = 0;
   double sum_s_ = 0.0;
   double max_s_ = 0.0;

@@ -2,22 +2,22 @@
 
 #include "wire/backend.hpp"
 #include "wire/codec.hpp"
+#include "wire/event_text.hpp"
 #include "wire/plugin.hpp"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
+#include <string_view>
 #include <utility>
 
 namespace subworld {
 namespace {
-
-constexpr std::array kEventNames{"matched",          "unmatched",   "deadline missed", "liveliness lost",
-                                 "incompatible QoS", "sample lost", "sample rejected"};
 
 /// Counts what the vendor's threads and the readers report and wakes who waits.
 class Events final : public wire::EventSink {
@@ -28,9 +28,7 @@ class Events final : public wire::EventSink {
     {
       const std::lock_guard lock(mutex_);
       counts_[kind] += count;
-      const auto end = fmt::format_to_n(text_.begin(), text_.size(), "{}: {} of {}{}{}", kEventNames[kind], side, topic,
-                                        *detail == '\0' ? "" : ", ", detail);
-      text_size_ = std::min(end.size, text_.size());
+      note(event, side, topic, detail);
       ++changes_;
     }
     changed_.notify_one();
@@ -57,19 +55,65 @@ class Events final : public wire::EventSink {
     return {counts_[0], counts_[1], counts_[2], counts_[3], counts_[4], counts_[5], counts_[6]};
   }
 
-  std::string take_text() {
+  std::string take_text(EventKind kind) {
+    std::array<Noted, kMostNotes> taken;  // put into words without the lock, which a vendor's thread may wait for
+    std::size_t count = 0;
+    {
+      const std::lock_guard lock(mutex_);
+      for (std::size_t i = 0; i < noted_; ++i) {
+        if (!notes_[i].waiting || wire::kind_of(notes_[i].event) != kind) continue;
+        notes_[i].waiting = false;
+        notes_[i].said = true;
+        taken[count++] = notes_[i];
+      }
+    }
+    std::string text;
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::string more = wire::explain(taken[i].event, taken[i].side, taken[i].topic, taken[i].detail);
+      if (!text.empty() && !more.empty()) text += "; ";
+      text += more;
+    }
+    return text;
+  }
+
+  void forget(EventKind kind) noexcept {
     const std::lock_guard lock(mutex_);
-    return {text_.data(), std::exchange(text_size_, std::size_t{0})};
+    for (std::size_t i = 0; i < noted_; ++i) notes_[i].waiting &= wire::kind_of(notes_[i].event) != kind;
   }
 
  private:
+  static constexpr std::size_t kMostNotes = 64;
+
+  /// An event of one endpoint, whose strings live as long as the program.
+  struct Noted {
+    wire::Event event{};
+    const char* side = "";
+    const char* topic = "";
+    const char* detail = "";
+    bool waiting = false;
+    bool said = false;
+  };
+
+  void note(wire::Event event, const char* side, const char* topic, const char* detail) noexcept {
+    if (event == wire::Event::matched || event == wire::Event::unmatched) return;
+    const auto end = notes_.begin() + static_cast<std::ptrdiff_t>(noted_);
+    const auto same = std::find_if(notes_.begin(), end, [&](const Noted& one) {
+      return one.event == event && std::string_view(one.side) == side && std::string_view(one.topic) == topic;
+    });
+    if (same != end) {
+      same->waiting = !same->said;
+    } else if (noted_ < notes_.size()) {
+      notes_[noted_++] = {event, side, topic, detail, true, false};
+    }
+  }
+
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::uint64_t changes_ = 0;
   std::uint64_t seen_ = 0;
-  std::array<std::uint64_t, kEventNames.size()> counts_{};
-  std::array<char, 160> text_{};
-  std::size_t text_size_ = 0;
+  std::array<std::uint64_t, 7> counts_{};
+  std::array<Noted, kMostNotes> notes_{};
+  std::size_t noted_ = 0;
 };
 
 }  // namespace
@@ -201,7 +245,8 @@ Reader<M> Bus::reader(const std::string& partition) {
 
 bool Bus::wait(double timeout_s) noexcept { return impl_->events.wait(timeout_s); }
 EventCounts Bus::events() const noexcept { return impl_->events.counts(); }
-std::string Bus::take_event_text() { return impl_->events.take_text(); }
+std::string Bus::take_event_text(EventKind kind) { return impl_->events.take_text(kind); }
+void Bus::forget_silence() noexcept { impl_->events.forget(EventKind::silence); }
 const std::string& Bus::effective_settings() const noexcept { return impl_->settings; }
 
 std::unique_ptr<Bus> open_bus(const BusConfig& config) { return std::make_unique<Bus>(config); }

@@ -85,6 +85,10 @@ class Reader {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Two kinds of what the middleware reports: what should never happen, and silence or loss, which is normal where
+/// programs come and go. That they do is counted, and needs no words.
+enum class EventKind : std::uint8_t { fault, silence };
+
 /// One participant in a DDS domain. Loads the vendor's plug-in, so that a process needs only the vendor that it uses.
 class Bus {
  public:
@@ -105,8 +109,11 @@ class Bus {
   bool wait(double timeout_s) noexcept;
 
   [[nodiscard]] EventCounts events() const noexcept;
-  /// The newest event since the last call in words; empty if there was none.
-  [[nodiscard]] std::string take_event_text();
+  /// Events of that kind since the last call in words a user understands; each is said once for a topic, and then only
+  /// counted. Empty if there is nothing to say.
+  [[nodiscard]] std::string take_event_text(EventKind kind);
+  /// Silence up to now needs no words.
+  void forget_silence() noexcept;
   /// What is in force, on one line.
   [[nodiscard]] const std::string& effective_settings() const noexcept;
 

@@ -204,6 +204,11 @@ void to_wire(const Status& in, msg::Status& out) {
   out.rate_hz(in.rate_hz);
   out.steps(in.steps);
   out.missed_deadlines(in.missed_deadlines);
+  out.missed_by_machine(in.missed_by_machine);
+  out.step_s(in.step_s);
+  out.force_n(in.force_n);
+  out.clock_factor(in.clock_factor);
+  out.done_ratio(in.done_ratio);
   out.matched(in.events.matched);
   out.unmatched(in.events.unmatched);
   out.deadline_missed(in.events.deadline_missed);
@@ -221,10 +226,13 @@ bool from_wire(const msg::Status& in, Status& out) {
   out.state = in.state();
   out.steps = in.steps();
   out.missed_deadlines = in.missed_deadlines();
+  out.missed_by_machine = in.missed_by_machine();
   out.events = {in.matched(),          in.unmatched(), in.deadline_missed(), in.liveliness_lost(),
                 in.incompatible_qos(), in.lost(),      in.rejected()};
   out.text = in.text();
-  return get(in.time_s(), out.time_s) && get(in.rate_hz(), out.rate_hz);
+  return get(in.time_s(), out.time_s) && get(in.rate_hz(), out.rate_hz) && get(in.step_s(), out.step_s) &&
+         get(in.force_n(), out.force_n) && get(in.clock_factor(), out.clock_factor) &&
+         get(in.done_ratio(), out.done_ratio);
 }
 
 }  // namespace subworld

@@ -2,6 +2,7 @@
 
 #include <sched.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <memory>
@@ -10,6 +11,8 @@
 namespace subworld {
 
 namespace {
+
+constexpr const char* kRunning = "running";
 
 void append(std::string& text, const std::string& more) {
   if (!text.empty() && !more.empty()) text += "; ";
@@ -44,16 +47,37 @@ StatusBeacon::~StatusBeacon() {
   thread_.join();
 }
 
-void StatusBeacon::update(double time_s, std::uint64_t steps, std::uint64_t missed_deadlines) noexcept {
-  time_s_.store(time_s, std::memory_order_relaxed);
-  steps_.store(steps, std::memory_order_relaxed);
-  missed_.store(missed_deadlines, std::memory_order_relaxed);
+void StatusBeacon::update(const LoopState& loop) noexcept {
+  time_s_.store(loop.time_s, std::memory_order_relaxed);
+  steps_.store(loop.steps, std::memory_order_relaxed);
+  missed_.store(loop.missed, std::memory_order_relaxed);
+  missed_by_machine_.store(loop.missed_by_machine, std::memory_order_relaxed);
+  busy_s_.store(loop.busy_s, std::memory_order_relaxed);
+  force_n_.store(loop.force_n, std::memory_order_relaxed);
+  clock_factor_.store(loop.clock_factor, std::memory_order_relaxed);
 }
 
 void StatusBeacon::enter(const std::string& state) {
   const std::lock_guard lock(mutex_);
   status_.state = state;
+  done(0.0);
+  silence_.clear();
+  bus_->forget_silence();
+  if (state == kRunning) at_start_ = bus_->events();
   publish(0.0);
+}
+
+EventCounts StatusBeacon::events_of_run() {
+  const std::lock_guard lock(mutex_);
+  return bus_->events() - at_start_;
+}
+
+std::string StatusBeacon::take_events() {
+  std::string text = bus_->take_event_text(EventKind::fault);
+  if (counted_steps_ == 0) bus_->forget_silence();  // no step had been made when the last status went out
+  if (status_.state != kRunning) return text;
+  append(text, std::exchange(silence_, bus_->take_event_text(EventKind::silence)));
+  return text;
 }
 
 void StatusBeacon::note(std::string text) {
@@ -76,13 +100,23 @@ std::string StatusBeacon::take_notes() {
 
 void StatusBeacon::publish(double passed_s) {
   const std::uint64_t steps = steps_.load(std::memory_order_relaxed);
-  if (passed_s > 0.0) status_.rate_hz = static_cast<double>(steps - counted_steps_) / passed_s;
+  std::string text = passed_s > 0.0 ? take_events() : bus_->take_event_text(EventKind::fault);
+  const double busy_s = busy_s_.load(std::memory_order_relaxed);
+  if (passed_s > 0.0) {
+    const auto made = static_cast<double>(steps - counted_steps_);
+    status_.rate_hz = made / passed_s;
+    status_.step_s = (busy_s - counted_busy_s_) / std::max(1.0, made);
+  }
   counted_steps_ = steps;
+  counted_busy_s_ = busy_s;
   status_.time_s = time_s_.load(std::memory_order_relaxed);
   status_.steps = steps;
   status_.missed_deadlines = missed_.load(std::memory_order_relaxed);
+  status_.missed_by_machine = missed_by_machine_.load(std::memory_order_relaxed);
+  status_.force_n = force_n_.load(std::memory_order_relaxed);
+  status_.clock_factor = clock_factor_.load(std::memory_order_relaxed);
+  status_.done_ratio = done_ratio_.load(std::memory_order_relaxed);
   status_.events = bus_->events();
-  std::string text = bus_->take_event_text();
   append(text, take_notes());
   if (!text.empty()) std::fprintf(stderr, "%s: %s\n", label_.c_str(), text.c_str());
   append(unsent_, text);

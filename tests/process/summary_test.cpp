@@ -1,5 +1,7 @@
 #include "process/process_test.hpp"
 
+#include <unistd.h>
+
 #include <cmath>
 
 namespace subworld::test {
@@ -48,6 +50,157 @@ TEST_F(Summary, TellsWhatTheHandGotAndHowOftenTheDeviceWasAtItsLimit) {
   EXPECT_GE(haptic["coupling_force_rms_n"], haptic["force_rms_n"]);
   EXPECT_NE(ended.out.find("the hand feels the limit, not the scene"), std::string::npos) << ended.out;
   EXPECT_EQ(summary()["verdict"], "ok") << "a warning is no missed gate";
+}
+
+void expect_keys(const Json& json, const Words& keys, const std::string& what) {
+  for (const std::string& key : keys) EXPECT_TRUE(json.contains(key)) << what << " has no " << key;
+}
+
+// Whoever finds a summary in a year can repeat the run and knows what it was held against.
+TEST_F(Summary, IsACompleteRecord) {
+  const Words flags{"--mode", "realtime", "--duration", "1", "--dds", "mixed"};
+  ASSERT_EQ(run(scene("press"), flags).code, 0);
+  const Json json = summary();
+  expect_keys(json, {"command_line", "date", "version", "machine", "machine_load", "settings", "gates", "calibration"},
+              "summary");
+  const auto command = json["command_line"].get<std::string>();
+  EXPECT_NE(command.find("run " + scene("press")), std::string::npos) << command;
+  EXPECT_NE(command.find("--mode realtime --duration 1 --dds mixed"), std::string::npos) << command;
+  const auto date = json["date"].get<std::string>();  // 2026-01-31T12:00:00+01:00
+  ASSERT_EQ(date.size(), 25U) << date;
+  EXPECT_EQ(date[10], 'T') << date;
+  EXPECT_EQ(date[22], ':') << date;
+
+  ASSERT_FALSE(json["gates"].empty());
+  for (const Json& gate : json["gates"]) {
+    expect_keys(gate, {"name", "value", "bound", "at_most", "unit", "ok"}, "gate");
+    EXPECT_EQ(gate["ok"].get<bool>(),
+              gate["at_most"].get<bool>() ? gate["value"] <= gate["bound"] : gate["value"] >= gate["bound"]);
+    if (gate["ok"].get<bool>()) continue;
+    expect_keys(gate, {"missed_by", "why"}, "missed gate");
+    EXPECT_FALSE(gate["why"].get<std::string>().empty()) << gate;
+  }
+
+  const Json& settings = json["settings"];
+  expect_keys(settings, {"world_engine", "haptic_engine", "settle_s", "settle_step_s", "paper", "delay", "users"},
+              "settings");
+  for (const char* engine : {"world_engine", "haptic_engine"}) {
+    expect_keys(settings[engine], {"name", "version", "preset", "preset_means", "length_unit_m", "gravity_m_s2"},
+                engine);
+    EXPECT_EQ(settings[engine]["iterations"], 50);
+  }
+  const Json& user = settings["users"][0];
+  EXPECT_EQ(user["coupling"]["stiffness_n_m"], 1000.0);
+  EXPECT_EQ(user["device"]["force_limit_n"], 40.0);
+  EXPECT_EQ(user["selection"]["box_half_m"], 0.2);
+  EXPECT_NE(json["world"]["dds"].get<std::string>().find("fastdds"), std::string::npos) << json["world"];
+  EXPECT_NE(json["haptic"][0]["dds"].get<std::string>().find("cyclonedds"), std::string::npos);
+  EXPECT_NE(json["device"][0]["dds"].get<std::string>().find("fastdds"), std::string::npos);
+  EXPECT_GE(json["world"]["substeps"], 1);
+  EXPECT_GT(json["world"]["part_s"], 0.0);
+  EXPECT_NEAR(settings["haptic_engine"]["part_s"].get<double>(), 0.001, 1e-9);
+}
+
+// Every missed deadline is somebody's; the bare loop was measured, and so was what the kernel did to each loop.
+TEST_F(Summary, TellsTheMachinesLatenessFromOurs) {
+  const Ended ended = run(scene("press"), {"--mode", "realtime", "--duration", "2"});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const Json json = summary();
+  EXPECT_GE(json["calibration"]["wake_ups"], 1);
+  EXPECT_LE(json["calibration"]["late"], json["calibration"]["wake_ups"]);
+  const Json& haptic = json["haptic"][0];
+  EXPECT_EQ(haptic["missed_deadlines"].get<int>(),
+            haptic["missed_by_us"].get<int>() + haptic["missed_by_machine"].get<int>());
+  EXPECT_EQ(json["world"]["late_cycles"].get<int>(),
+            json["world"]["late_by_us"].get<int>() + json["world"]["late_by_machine"].get<int>());
+  for (const Json* loop : {&json["world"], &haptic, &json["device"][0]}) {
+    expect_keys((*loop)["machine"],
+                {"scheduling", "cpu_s", "run_queue_delay_s", "involuntary_switches", "voluntary_switches", "stolen_s"},
+                "machine");
+    EXPECT_GT((*loop)["machine"]["voluntary_switches"], 10) << "a loop sleeps between its steps";
+  }
+  EXPECT_NE(ended.out.find("how late this machine wakes a loop that does nothing"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find(" by the machine"), std::string::npos) << ended.out;
+}
+
+// Steps that cannot be done in their period: the run says that it is not the machine, and what to do.
+TEST_F(Summary, BlamesTheStepsWhereTheyTakeTooLong) {
+  const Ended ended = run(edited("heap", "ratio: 8", "ratio: 40"),
+                          {"--mode", "realtime", "--duration", "3", "--haptic-preset", "quality"});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const Json json = summary();
+  ASSERT_GT(json["haptic"][0]["step_s"]["p50"], json["h_s"]) << "this machine is too fast for the test";
+  const auto verdict = json["verdict"].get<std::string>();
+  EXPECT_TRUE(verdict.starts_with("quality gate missed: ")) << verdict;
+  EXPECT_NE(verdict.find("steps take "), std::string::npos) << verdict;
+  EXPECT_GT(json["haptic"][0]["missed_by_us"], json["haptic"][0]["missed_by_machine"]);
+  EXPECT_NE(ended.out.find("cannot keep up: a step takes"), std::string::npos) << ended.out;
+}
+
+// A run that cannot have real-time rights says so where its user looks, with the cure.
+TEST_F(Summary, SaysOnTheTerminalThatThereAreNoRealTimeRights) {
+  // Root has them by capabilities, anybody else by a limit.
+  const std::string drop =
+      std::string("ulimit -r 0; exec ") + (geteuid() == 0 ? "setpriv --bounding-set -all --inh-caps -all " : "");
+  Words words{"/bin/bash", "-c", drop + "\"$@\"", "sh"};
+  const Words command = run_words(scene("press"), {"--mode", "realtime", "--duration", "0.5"});
+  words.insert(words.end(), command.begin(), command.end());
+  const Ended ended = finish(words);
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("real-time rights"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("limits.conf"), std::string::npos) << ended.out;
+}
+
+// A world that takes longer to make than anybody would wait for one that is not there.
+TEST_F(Summary, AWorldThatIsBeingCreatedIsWaitedForVisibly) {
+  const Ended ended =
+      run(scene("press"), {"--mode", "lockstep", "--duration", "0.2", "--engine", "slow", "--wait", "5"},
+          {{"SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER}});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("creating 4 bodies"), std::string::npos) << ended.out;
+}
+
+class Shown : public Summary, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
+
+// Time, rate, force, and in real time misses and the clock, while it runs and not only at its end.
+TEST_P(Shown, OnATerminalARunShowsHowItGoes) {
+  const auto& [mode, dds] = GetParam();
+  Process process(run_words(scene("press"), {"--mode", mode, "--duration", "1000", "--dds", dds}), folder_.path(), {},
+                  Process::Output::terminal);
+  const auto shows = [&](const std::string& text) {
+    return eventually([&] { return process.read_terminal().find(text) != std::string::npos; });
+  };
+  EXPECT_TRUE(shows("t = ")) << process.read_terminal();
+  EXPECT_TRUE(shows(" of 1000 s; ")) << process.read_terminal();
+  EXPECT_TRUE(shows(" Hz; force ")) << process.read_terminal();
+  if (mode == "realtime") {
+    EXPECT_TRUE(shows("; missed ")) << process.read_terminal();
+    EXPECT_TRUE(shows("; clock ")) << process.read_terminal();
+  }
+  process.signal(SIGTERM);
+  EXPECT_EQ(process.wait(), 0);
+  const std::string& all = process.read_terminal();
+  EXPECT_EQ(all.find("deadline missed"), std::string::npos) << all;
+  EXPECT_EQ(all.find("matched"), std::string::npos) << all;
+}
+
+INSTANTIATE_TEST_SUITE_P(Ways, Shown,
+                         ::testing::Combine(::testing::Values("lockstep", "realtime"),
+                                            ::testing::Values("fastdds", "cyclonedds", "mixed")),
+                         [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
+
+// Programs come and go at start and end: that is worth no line, on the terminal or in a log.
+TEST_F(Summary, ComingAndGoingIsWorthNoLine) {
+  for (const char* dds : {"fastdds", "cyclonedds"}) {
+    const Ended ended = run(scene("press"), {"--mode", "lockstep", "--duration", "0.3", "--dds", dds});
+    ASSERT_EQ(ended.code, 0) << ended.err;
+    for (const auto& log : std::filesystem::directory_iterator(out() + "/logs")) {
+      const std::string text = read_text(log.path());
+      for (const char* noise : {"matched", "deadline missed", "not heard of", "for two periods"}) {
+        EXPECT_EQ(text.find(noise), std::string::npos) << log.path() << ": " << text;
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -183,6 +183,11 @@ class SampleMaker {
     to.rate_hz = number();
     to.steps = long_word();
     to.missed_deadlines = long_word();
+    to.missed_by_machine = long_word();
+    to.step_s = number();
+    to.force_n = number();
+    to.clock_factor = number();
+    to.done_ratio = number();
     to.events = {long_word(), long_word(), long_word(), long_word(), long_word(), long_word(), long_word()};
     to.text = text();
   }
@@ -272,8 +277,9 @@ struct Walk {
   void operator()(const Control& c) { all(c.number, static_cast<std::uint32_t>(c.verb), c.argument); }
   void operator()(const Status& s) {
     all(static_cast<std::uint32_t>(s.program), s.instance, s.state, s.time_s, s.rate_hz, s.steps, s.missed_deadlines,
-        s.events.matched, s.events.unmatched, s.events.deadline_missed, s.events.liveliness_lost,
-        s.events.incompatible_qos, s.events.lost, s.events.rejected, s.text);
+        s.missed_by_machine, s.step_s, s.force_n, s.clock_factor, s.done_ratio, s.events.matched, s.events.unmatched,
+        s.events.deadline_missed, s.events.liveliness_lost, s.events.incompatible_qos, s.events.lost, s.events.rejected,
+        s.text);
   }
   template <class T>
   void operator()(const std::vector<T>& elements) {

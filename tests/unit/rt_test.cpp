@@ -1,5 +1,7 @@
 #include "rt/arrears.hpp"
+#include "rt/calibration.hpp"
 #include "rt/cyclic.hpp"
+#include "rt/lateness.hpp"
 
 #include <gtest/gtest.h>
 
@@ -76,6 +78,91 @@ TEST(Arrears, AClockThatStandsOwesNothing) {
   EXPECT_EQ(arrears.owed_s(), 2e-3);
   arrears.forget();
   EXPECT_EQ(arrears.step(1e-3, 4e-3), 1e-3);
+}
+
+/// A loop of 1 ms whose thread's use of the core is made up: each step is (asked, woke, done), in us after the first
+/// release, and the CPU time and the sleeps of it.
+class LatenessOf1kHz : public ::testing::Test {
+ protected:
+  struct Step {
+    int asked_us, woke_us, done_us, cpu_us;
+    std::uint64_t waits = 0;  ///< besides the sleep until the release
+  };
+
+  Miss step(int release, const Step& s) {
+    const TimePoint released = at(1000 * release);
+    skipped_by_machine_ = lateness_.begin(released, at(s.asked_us), at(s.woke_us), 1ms);
+    use_.cpu += std::chrono::microseconds(s.cpu_us);
+    use_.blocked += (s.asked_us < 1000 * release ? 1 : 0) + s.waits;
+    const Miss miss = lateness_.judge(at(s.done_us), released + 1ms, use_);
+    lateness_.end(at(s.done_us), use_);
+    return miss;
+  }
+  static TimePoint at(int us) { return TimePoint(1h) + std::chrono::microseconds(us); }
+
+  ThreadUse use_;
+  Lateness lateness_{use_};
+  int skipped_by_machine_ = 0;
+};
+
+TEST_F(LatenessOf1kHz, WhatIsInTimeIsNoMiss) { EXPECT_EQ(step(0, {-500, 10, 900, 890}), Miss::none); }
+
+TEST_F(LatenessOf1kHz, ALateWakeUpIsTheMachines) { EXPECT_EQ(step(0, {-500, 700, 1100, 400}), Miss::machine); }
+
+// Without the 50 us it would have been late all the same.
+TEST_F(LatenessOf1kHz, ALongStepIsOursThoughItsWakeUpWasALittleLate) {
+  EXPECT_EQ(step(0, {-500, 50, 1350, 1300}), Miss::computing);
+}
+
+TEST_F(LatenessOf1kHz, APreEmptionIsTheMachines) { EXPECT_EQ(step(0, {-500, 10, 1100, 400}), Miss::machine); }
+
+TEST_F(LatenessOf1kHz, AStepThatWaitsForALockIsOurs) { EXPECT_EQ(step(0, {-500, 10, 1100, 400, 1}), Miss::waiting); }
+
+// What made one step late makes the next one late as well, and is still the same one's.
+TEST_F(LatenessOf1kHz, WhoMadeAStepLateIsToBlameForTheNextOne) {
+  EXPECT_EQ(step(0, {-500, 1500, 1900, 400}), Miss::machine);
+  EXPECT_EQ(step(1, {1901, 1902, 2302, 400}), Miss::machine);
+  EXPECT_EQ(step(2, {2303, 2304, 2704, 400}), Miss::none);
+  EXPECT_EQ(step(3, {2705, 3010, 4910, 1900}), Miss::computing);
+  EXPECT_EQ(step(4, {4911, 4912, 5312, 400}), Miss::computing);
+}
+
+TEST_F(LatenessOf1kHz, PeriodsThatPassAreSharedOut) {
+  step(0, {-500, 3200, 3300, 100});
+  EXPECT_EQ(skipped_by_machine_, 3) << "woken 3.2 ms late";
+  step(4, {3400, 4010, 6900, 2890});
+  step(5, {6901, 6902, 7000, 90});
+  EXPECT_EQ(skipped_by_machine_, 0) << "a step of 2.9 ms is ours";
+}
+
+TEST(Misses, AreCountedOnceAndForOne) {
+  Misses misses;
+  for (const Miss miss : {Miss::none, Miss::machine, Miss::computing, Miss::waiting}) misses.add(miss);
+  misses.skip(5, 3);
+  EXPECT_EQ(misses.all(), 8U);
+  EXPECT_EQ(misses.by_machine, 4U);
+  EXPECT_EQ(misses.by_us, 4U);
+  EXPECT_EQ(misses.waiting, 1U);
+}
+
+TEST(Histogram, CountsWhatIsLongerAndAddsUp) {
+  Histogram one, other;
+  for (int i = 1; i <= 10; ++i) one.add(1e-3 * i);
+  other.add(1.0);
+  one.add(other);
+  EXPECT_EQ(one.count(), 11U);
+  EXPECT_EQ(one.count_above(5.5e-3), 6U);
+  EXPECT_EQ(one.count_above(2.0), 0U);
+  EXPECT_EQ(one.max_s(), 1.0);
+}
+
+TEST(Calibration, WakesEachLoopAtItsRate) {
+  const Calibration found = calibrate(2, 0.01, 0.2);
+  EXPECT_EQ(found.loops, 2);
+  EXPECT_GE(found.lateness.count(), 2U);
+  EXPECT_LE(found.lateness.count(), 2U * 21U);
+  EXPECT_GE(found.lateness.quantile_s(0.5), 0.0);
+  EXPECT_FALSE(found.granted.text.empty());
 }
 
 }  // namespace

@@ -1,0 +1,58 @@
+#include "rt/kernel_share.hpp"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <array>
+#include <fstream>
+#include <string>
+
+namespace subworld {
+
+namespace {
+
+double seconds(const timeval& t) noexcept {
+  return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+}
+
+rusage usage_of(int who) noexcept {
+  rusage usage{};
+  getrusage(static_cast<__rusage_who_t>(who), &usage);
+  return usage;
+}
+
+}  // namespace
+
+KernelShare KernelShare::since(const KernelShare& before) const noexcept {
+  return {cpu_s - before.cpu_s, run_queue_delay_s - before.run_queue_delay_s,
+          involuntary_switches - before.involuntary_switches, voluntary_switches - before.voluntary_switches,
+          stolen_s - before.stolen_s};
+}
+
+KernelShare kernel_share() {
+  const rusage usage = usage_of(RUSAGE_THREAD);
+  double ran_ns = 0.0, waited_ns = 0.0;
+  std::ifstream("/proc/thread-self/schedstat") >> ran_ns >> waited_ns;
+  return {seconds(usage.ru_utime) + seconds(usage.ru_stime), 1e-9 * waited_ns,
+          static_cast<std::uint64_t>(usage.ru_nivcsw), static_cast<std::uint64_t>(usage.ru_nvcsw),
+          core_times().stolen_s};
+}
+
+CoreTimes core_times() {
+  enum { kUser, kNice, kSystem, kIdle, kIoWait, kIrq, kSoftIrq, kSteal, kColumns };
+  std::array<double, kColumns> ticks{};
+  std::ifstream file("/proc/stat");
+  std::string cpu;
+  file >> cpu;
+  for (double& column : ticks) file >> column;
+  const auto tick_s = 1.0 / static_cast<double>(sysconf(_SC_CLK_TCK));
+  return {tick_s * (ticks[kUser] + ticks[kNice] + ticks[kSystem] + ticks[kIrq] + ticks[kSoftIrq]),
+          tick_s * ticks[kSteal]};
+}
+
+double children_cpu_s() noexcept {
+  const rusage usage = usage_of(RUSAGE_CHILDREN);
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+}  // namespace subworld

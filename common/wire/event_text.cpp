@@ -1,0 +1,72 @@
+#include "wire/event_text.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+
+namespace subworld::wire {
+
+namespace {
+
+/// A topic that comes regularly: who sends it and what its reader does without.
+struct Stream {
+  std::string_view topic;
+  std::string_view sender;
+  std::string_view without;
+};
+constexpr std::array kStreams{
+    Stream{"world_frame", "world_sim", "the sub-world went on from the last one"},
+    Stream{"haptic_report", "haptic_sim", "the world went on from the last one"},
+    Stream{"device_state", "device_sim", "the force was computed from the last one"},
+    Stream{"device_command", "haptic_sim", "the device held the last force"},
+};
+
+const Stream* stream_of(std::string_view topic) {
+  for (const Stream& one : kStreams) {
+    if (one.topic == topic) return &one;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+EventKind kind_of(Event event) noexcept {
+  const bool silence = event == Event::deadline_missed || event == Event::liveliness_lost || event == Event::lost;
+  return silence ? EventKind::silence : EventKind::fault;
+}
+
+std::string explain(Event event, std::string_view side, std::string_view topic, std::string_view detail) {
+  const Stream* stream = stream_of(topic);
+  const std::string_view sender = stream != nullptr ? stream->sender : "its sender";
+  const std::string_view without = stream != nullptr ? stream->without : "its reader did without";
+  switch (event) {
+    case Event::deadline_missed:
+      if (side == "writer") return {};  // the loop knows better itself: its missed deadlines
+      return fmt::format("no {} for two periods: {} or the network was late, and {}; from now on only counted", topic,
+                         sender, without);
+    case Event::lost:
+      return fmt::format(
+          "the network lost a {}, and {}; from now on only counted. If there are many: a larger receive "
+          "buffer (sysctl net.core.rmem_max) or a quieter network",
+          topic, without);
+    case Event::liveliness_lost:
+      return fmt::format("{} was not heard of for 100 ms ({}): it ended, was halted, or the network is down", sender,
+                         topic);
+    case Event::incompatible_qos:
+      return fmt::format(
+          "{} of {} meets one whose settings do not fit ({}): it runs in the other mode or is another "
+          "version; give every program on this domain the same --mode, or another --domain",
+          side, topic, detail);
+    case Event::rejected:
+      return fmt::format(
+          "a {} was dropped ({}): another version of Subworld or another program sends on this domain; "
+          "choose another --domain",
+          topic, detail);
+    case Event::matched:
+    case Event::unmatched:
+      break;
+  }
+  return {};
+}
+
+}  // namespace subworld::wire

@@ -1,0 +1,126 @@
+#include "progress.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <vector>
+
+namespace subworld {
+
+namespace {
+
+constexpr int kCallsPerLine = 50;  ///< where lines are not rewritten
+
+std::string name_of(const Status& status) {
+  switch (status.program) {
+    case ProgramKind::world_sim:
+      return "world_sim";
+    case ProgramKind::haptic_sim:
+      return fmt::format("haptic_sim {}", status.instance);
+    case ProgramKind::device_sim:
+      return fmt::format("device_sim {}", status.instance);
+    case ProgramKind::gui_headless:
+      break;
+  }
+  return "gui_headless";
+}
+
+std::string starting_line(const Status& world, std::size_t bodies) {
+  if (world.state == "loading") return fmt::format("creating {} bodies: {:.0f} %", bodies, 100.0 * world.done_ratio);
+  if (world.state == "settling") return fmt::format("settling {} bodies: {:.0f} %", bodies, 100.0 * world.done_ratio);
+  return world.state;
+}
+
+}  // namespace
+
+std::string progress_line(const Statuses& statuses, const Settings& settings, std::size_t bodies) {
+  const auto world = statuses.find({ProgramKind::world_sim, 0});
+  if (world == statuses.end()) return fmt::format("reading {} bodies", bodies);
+  if (world->second.state != "running" || world->second.steps == 0) return starting_line(world->second, bodies);
+  const bool realtime = settings.mode == Mode::realtime;
+  double rate_hz = 0.0;
+  std::uint64_t missed = 0, by_machine = 0;
+  std::vector<std::string> forces;
+  for (const auto& [who, status] : statuses) {
+    if (who.first != ProgramKind::haptic_sim) continue;
+    rate_hz = forces.empty() ? status.rate_hz : std::min(rate_hz, status.rate_hz);
+    missed += status.missed_deadlines;
+    by_machine += status.missed_by_machine;
+    forces.push_back(fmt::format("{:.1f}", status.force_n));
+  }
+  std::string line =
+      fmt::format("t = {:.1f} of {:g} s", std::min(world->second.time_s, settings.duration_s), settings.duration_s);
+  if (forces.empty()) return line;
+  line += fmt::format("; {:.0f} Hz; force {} N", rate_hz, fmt::join(forces, ", "));
+  if (realtime) {
+    line +=
+        fmt::format("; missed {}{}; clock {:.2f}", missed,
+                    by_machine == 0 ? "" : fmt::format(" ({} by the machine)", by_machine), world->second.clock_factor);
+  }
+  return line;
+}
+
+Progress::Progress(const Network& network, const Scene& scene) : scene_(scene), terminal_(isatty(STDOUT_FILENO) != 0) {
+  // What asks for real time's quality hears programs in both modes.
+  Settings listening;
+  listening.mode = Mode::realtime;
+  try {
+    bus_ = open_bus(network, listening, 0.001, "subworld run");
+    reader_ = std::make_unique<Reader<Status>>(bus_->reader<Status>());
+  } catch (const Error&) {
+    // The programs are about to say the same, and end with it.
+    bus_.reset();
+  }
+}
+
+Progress::~Progress() { finish(); }
+
+void Progress::operator()() {
+  listen();
+  const std::string line = progress_line(statuses_, scene_.settings, scene_.bodies.size());
+  if (terminal_) {
+    if (shown_ && line == line_) return;
+    line_ = line;
+    fmt::print("\r\033[K{}", line);
+    shown_ = true;
+  } else if (++calls_ % kCallsPerLine == 0) {
+    fmt::print("{}\n", line);
+  }
+  std::fflush(stdout);
+}
+
+void Progress::finish() {
+  if (shown_) fmt::print("\r\033[K");
+  shown_ = false;
+  std::fflush(stdout);
+}
+
+void Progress::listen() {
+  while (reader_ && reader_->take(status_) == Take::sample) {
+    say(status_);
+    warn_of_overload(status_);
+    statuses_[{status_.program, status_.instance}] = status_;
+  }
+}
+
+void Progress::say(const Status& status) {
+  // Who gave an order has its answer already.
+  if (status.text.empty() || status.text.starts_with("control ") || !said_.insert(status.text).second) return;
+  finish();
+  fmt::print("{}: {}\n", name_of(status), status.text);
+}
+
+void Progress::warn_of_overload(const Status& status) {
+  if (scene_.settings.mode != Mode::realtime || status.program != ProgramKind::haptic_sim) return;
+  if (status.step_s <= scene_.settings.h_s || !said_.insert("overload of " + name_of(status)).second) return;
+  finish();
+  fmt::print(
+      "{}: cannot keep up: a step takes {:.2f} ms, and {:.2f} ms are there; take a lower budget_ratio or a smaller "
+      "box_half_m, the preset fast, or a longer h_s\n",
+      name_of(status), 1e3 * status.step_s, 1e3 * scene_.settings.h_s);
+}
+
+}  // namespace subworld
