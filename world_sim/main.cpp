@@ -35,8 +35,6 @@ int main(int argc, char** argv) {
     const bool realtime = scene.settings.mode == Mode::realtime;
     const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
-    EngineExchange exchange(
-        realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
     WorldMeasures measures(options.out, flush);
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     WorldPorts ports(options, scene);
@@ -44,6 +42,8 @@ int main(int argc, char** argv) {
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
     ports.status.enter("loading");
     World world(scene, [&](double part) { ports.status.done(part); });
+    EngineExchange exchange(
+        realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
     watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
     const TimePoint begin = Clock::now();
     ports.scene.write(world.description(settings_hash(scene)));
