@@ -58,7 +58,7 @@ void add_run_options(CLI::App& app, Options& o) {
   app.add_option("--mode", o.mode, "lockstep: nobody looks at a clock; realtime: nobody waits")
       ->check(CLI::IsMember({"lockstep", "realtime"}));
   app.add_option("--users", o.users, "how many of the scene's users take part")->check(CLI::Range(1, 64));
-  app.add_option("--scheme", o.scheme, "coupling scheme: paper, reduced or direct");
+  app.add_option("--scheme", o.scheme, "coupling scheme: reduced, paper or direct (default: the scene's, else reduced)");
   app.add_option("--engine", o.engine, "the world's engine");
   app.add_option("--haptic-engine", o.haptic_engine, "the sub-worlds' engine");
   app.add_option("--preset", o.preset, "the world engine's preset: fast or quality");

@@ -123,7 +123,7 @@ struct Settings {
   double settle_step_s = 0.004;
   int users = 0;  ///< how many of the scene's users take part; 0: all
   Mode mode = Mode::lockstep;
-  std::string scheme = "paper";
+  std::string scheme = "reduced";
   PaperSettings paper;
   DelaySettings delay;
   EngineSettings world;

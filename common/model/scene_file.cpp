@@ -12,7 +12,7 @@ constexpr Limits kDelay{.least = 0.0, .most = 1.0};                    // s
 const std::initializer_list<std::string_view> kSettingsKeys = {"h_s",   "ratio", "duration_s", "settle",
                                                                "users", "mode",  "scheme",     "gravity_m_s2",
                                                                "paper", "delay", "world",      "haptic"};
-const std::initializer_list<std::string_view> kSchemes = {"paper", "reduced", "direct"};
+const std::initializer_list<std::string_view> kSchemes = {"reduced", "paper", "direct"};
 const std::initializer_list<std::string_view> kPresets = {"fast", "quality"};
 
 /// The engine itself is looked up where it is made: this room knows no engines.

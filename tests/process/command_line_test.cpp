@@ -76,7 +76,7 @@ TEST_F(CommandLine, EveryProgramHelps) {
 TEST_F(CommandLine, APlanNamesItsReasons) {
   const Ended ended = finish({program("subworld"), "plan", scene("row")});
   EXPECT_EQ(ended.code, 0) << ended.err;
-  EXPECT_NE(ended.out.find("scheme paper"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("scheme reduced"), std::string::npos) << "the default: " << ended.out;
   EXPECT_NE(ended.out.find("here 50 iterations"), std::string::npos) << "those of the scene: " << ended.out;
   EXPECT_TRUE(running(folder_.path()).empty());
 }

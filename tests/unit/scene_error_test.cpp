@@ -110,7 +110,7 @@ std::vector<Broken> broken_scenes() {
       settings("settle_step", "{settle: {step_s: 0}}", "2:29", "settings.settle.step_s: must be at least"),
       settings("mode", "{mode: real_time}", "2:18",
                "settings.mode: unknown \"real_time\"; choose one of lockstep, realtime"),
-      settings("scheme", "{scheme: schur}", "2:20", "unknown \"schur\"; choose one of paper, reduced, direct"),
+      settings("scheme", "{scheme: schur}", "2:20", "unknown \"schur\"; choose one of reduced, paper, direct"),
       settings("preset", "{world: {preset: best}}", "2:28",
                "settings.world.preset: unknown \"best\"; choose one of fast, quality"),
       settings("engine_empty", "{world: {engine: \"\"}}", "2:28", "settings.world.engine: must not be empty"),
