@@ -23,8 +23,11 @@ PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept {
     if (s.kind == PathSegment::Kind::wave) continue;
     if (t_s < s.from_s) continue;
     const double length_s = s.to_s - s.from_s;
-    const bool moving = t_s < s.to_s;
-    const double part = length_s > 0.0 ? std::clamp((t_s - s.from_s) / length_s, 0.0, 1.0) : 1.0;
+    const double made =
+        s.every_s > 0.0 ? std::floor((t_s - s.from_s) / s.every_s) : 0.0;  // whole times before this one
+    const double passed_s = t_s - s.from_s - made * s.every_s;
+    const bool moving = passed_s < length_s;
+    const double part = made + (length_s > 0.0 ? std::clamp(passed_s / length_s, 0.0, 1.0) : 1.0);
     switch (s.kind) {
       case PathSegment::Kind::move:
         at.offset.position += part * s.displacement;

@@ -14,7 +14,8 @@ struct PathSegment {
   enum class Kind : std::uint8_t { move, turn, circle, wave };
   Kind kind = Kind::move;
   double from_s = 0.0;
-  double to_s = 0.0;                 ///< move and turn: reached here and held; circle: infinity if not given
+  double to_s = 0.0;     ///< move and turn: reached here and held; circle: infinity if not given
+  double every_s = 0.0;  ///< move and turn: made again, on top of the last one, each time so much later; 0: once
   Vec3 displacement = Vec3::Zero();  ///< move: m
   Vec3 axis = Vec3::UnitZ();         ///< turn, circle: unit
   double angle = 0.0;                ///< turn: rad

@@ -52,8 +52,8 @@ class Hasher {
   }
   void put(const BodyState& s) { add(s.position, s.orientation, s.linear_velocity, s.angular_velocity); }
   void put(const PathSegment& s) {
-    add(s.kind, s.from_s, s.to_s, s.displacement, s.axis, s.angle, s.radius, s.period_s, s.along, s.across, s.amplitude,
-        s.wavenumber);
+    add(s.kind, s.from_s, s.to_s, s.every_s, s.displacement, s.axis, s.angle, s.radius, s.period_s, s.along, s.across,
+        s.amplitude, s.wavenumber);
   }
   void put(const HandSpec& h) {
     add(h.mass_kg, h.damping_n_s_m, h.stiffness_n_m, h.inertia_kg_m2, h.rotational_damping_n_m_s,

@@ -24,10 +24,17 @@ void read_during(const YamlMap& map, PathSegment& segment) {
   if (!(span[1] > span[0])) during.fail(fmt::format("must end after it begins, not [{}, {}]", span[0], span[1]));
   segment.from_s = span[0];
   segment.to_s = span[1];
+  if (const auto every = map.find("every_s")) {
+    segment.every_s = every->number(kTime);
+    if (segment.every_s < span[1] - span[0]) {
+      every->fail(fmt::format("must be at least the {:g} s that the segment takes, not {:g}", span[1] - span[0],
+                              segment.every_s));
+    }
+  }
 }
 
 void read_from_to(const YamlMap& map, PathSegment& segment, bool ends) {
-  map.forbid({"during_s"}, "circle and wave have from_s");
+  map.forbid({"during_s", "every_s"}, "circle and wave have from_s");
   map.read("from_s", segment.from_s, kTime);
   segment.to_s = std::numeric_limits<double>::infinity();
   if (!ends) map.forbid({"to_s"}, "a wave lasts as long as its path");
@@ -40,7 +47,7 @@ void read_from_to(const YamlMap& map, PathSegment& segment, bool ends) {
 }
 
 PathSegment read_segment(const YamlValue& value) {
-  const YamlMap map(value, {"move", "turn", "circle", "wave", "during_s", "from_s", "to_s"});
+  const YamlMap map(value, {"move", "turn", "circle", "wave", "during_s", "every_s", "from_s", "to_s"});
   PathSegment segment;
   segment.kind = static_cast<PathSegment::Kind>(map.one_of(kSegmentForms));
   switch (segment.kind) {

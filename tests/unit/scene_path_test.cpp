@@ -53,17 +53,15 @@ TEST(Path, RowGoesForthAndBack) {
   EXPECT_EQ(evaluate(path, 2.9).linear_velocity.x(), 0.0);
 }
 
-TEST(Path, HeapCirclesRoundTheBinsMiddle) {
+TEST(Path, HeapDigsAgainAndAgainElsewhere) {
   const Path path = path_of("heap");
-  const Vec3 start(0.15, 0.0, 0.30);
-  for (double t = 0.0; t < 5.0; t += 0.1) {
-    const Vec3 at = start + evaluate(path, t).offset.position;
-    EXPECT_NEAR(std::hypot(at.x(), at.y()), 0.15, 1e-12);
-    EXPECT_EQ(at.z(), 0.30);
+  for (int dig = 0; dig < 16; ++dig) {
+    const auto at = [&](double t) { return evaluate(path, 4.0 * dig + t).offset.position; };
+    EXPECT_NEAR(at(1.75).z() - at(0.15).z(), -0.22, 0.01) << "dig " << dig;
+    EXPECT_NEAR(at(3.35).z() - at(1.75).z(), 0.22, 0.01) << "withdrawn";
+    EXPECT_NEAR(evaluate(path, 4.0 * dig + 1.0).linear_velocity.z(), 0.0, 0.01) << "it rests on what it touched";
+    if (dig > 0) EXPECT_GT((at(1.75) - evaluate(path, 4.0 * dig - 2.25).offset.position).norm(), 0.05);
   }
-  EXPECT_LT((evaluate(path, 0.8).offset.position - Vec3(-0.15, 0.15, 0.0)).norm(), 1e-12);
-  EXPECT_LT(evaluate(path, 2.3).offset.position.norm(), 1e-12);
-  EXPECT_NEAR(evaluate(path, 1.0).linear_velocity.norm(), 0.15 * M_PI, 1e-12);
 }
 
 TEST(Path, ScatterRidesASine) {
@@ -86,6 +84,34 @@ TEST(Path, TurnsAboutDifferentAxesCompose) {
   const Path path{turn(Vec3::UnitX(), 1.0, 0.0, 2.0), turn(Vec3::UnitZ(), 2.0, 0.5, 1.0),
                   turn(Vec3(1, 2, 2) / 3.0, -1.5, 0.7, 2.5)};
   expect_velocity_is_derivative(path, 3.0);
+}
+
+PathSegment move(const Vec3& by, double from_s, double to_s, double every_s) {
+  PathSegment s;
+  s.displacement = by;
+  s.from_s = from_s;
+  s.to_s = to_s;
+  s.every_s = every_s;
+  return s;
+}
+
+TEST(Path, MovesThatLeadBackRepeatForEver) {
+  const Path path{move({0.1, 0, 0}, 0.5, 1.0, 2.0), move({-0.1, 0, 0}, 1.5, 2.0, 2.0)};
+  for (double t = 0.0; t < 2.4; t += 0.01) {
+    const PathPoint first = evaluate(path, t);
+    const PathPoint later = evaluate(path, t + 60.0);
+    EXPECT_LT((first.offset.position - later.offset.position).norm(), 1e-12) << "t = " << t;
+  }
+  EXPECT_NEAR(evaluate(path, 61.2).offset.position.x(), 0.1, 1e-12);
+  EXPECT_NEAR(evaluate(path, 60.3).offset.position.x(), 0.0, 1e-12);
+  expect_velocity_is_derivative(path, 7.0);
+}
+
+TEST(Path, WhatIsMadeAgainComesOnTopOfTheLast) {
+  const Path path{move({0, 0, 0.1}, 1.0, 1.5, 1.0), turn(Vec3::UnitX(), 0.2, 0.0, 1.0)};
+  EXPECT_NEAR(evaluate(path, 3.6).offset.position.z(), 0.3, 1e-12);
+  EXPECT_NEAR(evaluate(path, 3.25).offset.position.z(), 0.25, 1e-12);
+  EXPECT_NEAR(evaluate(path, 3.6).offset.orientation.angularDistance(Quat::Identity()), 0.2, 1e-12) << "once";
 }
 
 TEST(Path, CircleStopsWhereItIsTold) {
