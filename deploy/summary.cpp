@@ -330,6 +330,12 @@ void print_summary(const Json& summary) {
       world["cycles"].get<std::uint64_t>(), milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]),
       world["late_cycles"].get<std::uint64_t>(), world["clock_factor_min"].get<double>(),
       summary["haptic"][0]["energy_excess_j"].get<double>());
+  if (const double slowed_s = world["slowed_s"].get<double>(); slowed_s > 0.0) {
+    fmt::print(
+        "    its clock was slowed for {:.2f} s, mean factor {:.2f}; stuck beyond its slowest clock for {:.2f} s; cure: "
+        "fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
+        slowed_s, world["clock_factor_mean"].get<double>(), world["stuck_s"].get<double>());
+  }
   if (summary.contains("calibration")) {
     const Json& late = summary["calibration"]["woken_late_s"];
     fmt::print("  machine: {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(summary), milliseconds(late["p99"]),

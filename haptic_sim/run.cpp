@@ -1,8 +1,10 @@
 #include "haptic_sim/run.hpp"
 
 #include "coupling/delay.hpp"
+#include "haptic_sim/phase.hpp"
 #include "model/error.hpp"
 #include "rt/arrears.hpp"
+#include "rt/dilation.hpp"
 #include "rt/lateness.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
@@ -23,12 +25,10 @@ namespace {
 
 constexpr double kStale_s = 0.05;     ///< without a device state: the force fades out
 constexpr double kLongSleep_s = 0.1;  ///< longer than a device needs to fade out without commands
-constexpr double kAlone_s = 0.25;     ///< ahead of the newest frame: the world has gone or stands
+constexpr double kAlone_s = 0.25;     ///< without a frame: the world has gone or stands
 constexpr int kFadeSteps = 30;        ///< before the last command, so that a hand is let go gently
 constexpr int kTimesLast = 5;         ///< the last command is sent in real time
 constexpr std::chrono::milliseconds kLastAgain{5};
-constexpr double kSlewLimit_ppm = 200.0;    ///< of the haptic period
-constexpr double kPhaseFilter = 0.02;       ///< of one frame in the phase estimate
 constexpr std::size_t kMostWaiting = 16;    ///< frames ahead of the sub-world
 constexpr std::uint64_t kTooFarBehind = 8;  ///< cycles; then the sub-world starts again from the world's states
 
@@ -97,30 +97,6 @@ class EngineOrders {
   HapticMeasures& measures_;
   EngineExchange& exchange_;
   Control order_;
-};
-
-/// The haptic clock against the world's.
-class Phase {
- public:
-  /// `late_s`: by how much the haptic process reaches the frame's stamp after the world.
-  void observe(double late_s) noexcept {
-    estimate_s_ = seen_ ? estimate_s_ + kPhaseFilter * (late_s - estimate_s_) : late_s;
-    newest_s_ = late_s;
-    seen_ = true;
-  }
-  [[nodiscard]] double slew_ppm() const noexcept {
-    return std::clamp(-1e6 * estimate_s_, -kSlewLimit_ppm, kSlewLimit_ppm);
-  }
-  /// Simulated seconds per second: the world's, and less while more than a cycle ahead of it.
-  [[nodiscard]] double rate(double clock_factor, double cycle_s) const noexcept {
-    const double ahead = std::max(0.0, -newest_s_ / cycle_s - 1.0);
-    return std::clamp(clock_factor - 0.1 * ahead, 0.0, 1.0);
-  }
-
- private:
-  double estimate_s_ = 0.0;
-  double newest_s_ = 0.0;
-  bool seen_ = false;
 };
 
 }  // namespace
@@ -198,10 +174,8 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   std::array<WorldFrame, kMostWaiting> waiting;  // frames that came before their stamp
   std::size_t waiting_count = 0;
   WorldFrame frame;
-  Phase phase;
+  TimePoint framed = first.received;  // when the newest frame came
   Arrears arrears;
-  double clock_factor = 1.0;
-  double known_s = first.frame.stamp_s;  // newest stamp heard of
   bool last = false;
   int fading = 0;
   const auto send_report = [&] { ports.reports.write(sub.report(to_ns(Clock::now()))); };
@@ -209,6 +183,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   // A world that trails the sub-world by a cycle has the cycle's report a haptic step before it needs it.
   const int lead_cycles = sub.scheme().lead_cycles();
   const double ahead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
+  Phase phase(cycle_s, lead_cycles, ahead_s);
   Cyclic loop(first.received + from_seconds(first.frame.start_in_s - ahead_s), from_seconds(h));
   Lateness lateness(thread_use());
   measures.loop_begins(scheduling);
@@ -221,7 +196,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     const int over = loop.skip(begin);
     lateness.skipped_to(loop.released());
     measures.skipped(over, over_by_machine);
-    arrears.owe(over * h * phase.rate(clock_factor, cycle_s));
+    arrears.owe(over * h * phase.rate());
     // What is there after a long sleep may be as old as that: the hand is let go, and met again from zero.
     if (lateness_s > kLongSleep_s) sub.let_go();
     fading += last || stop_signal() != 0;
@@ -235,11 +210,9 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
         --waiting_count;
       }
       const WorldFrame& came = waiting[waiting_count++];
-      known_s = std::max(known_s, came.stamp_s);
-      const double world_s =
-          to_seconds(begin - loop.released()) + came.start_in_s;  // until the world reaches the stamp
-      phase.observe((came.stamp_s - sub.time_s() - arrears.owed_s()) - world_s + ahead_s);
-      clock_factor = came.clock_factor;
+      framed = begin;
+      const double until_s = to_seconds(begin - loop.released()) + came.start_in_s;
+      phase.observe(came.stamp_s, until_s, came.clock_factor, sub.time_s() + arrears.owed_s());
       last = last || came.last;
       if (came.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - came.echoed_sent_ns));
     }
@@ -267,15 +240,16 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     orders.follow();
 
     // Without the world it stands: what a border is frozen to does not hold for long.
-    const bool alone = sub.time_s() > known_s + std::max(kAlone_s, 4.0 * cycle_s);
-    sub.stand(alone || clock_factor <= 0.0);
+    const double frame_period_s = cycle_s / std::max(phase.clock_factor(), kSlowestClock);
+    const bool alone = to_seconds(begin - framed) > std::max(kAlone_s, 4.0 * frame_period_s);
+    sub.stand(alone || phase.clock_factor() <= 0.0);
     const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand));
     const TimePoint left = Clock::now();  // the force; missed: after its period
     const Miss miss = left > loop.deadline() ? lateness.judge(left, loop.deadline(), thread_use()) : Miss::none;
     if (sub.report_due()) send_report();
-    sub.advance(alone ? 0.0 : arrears.step(h * phase.rate(clock_factor, cycle_s), sub.cycle_left_s()));
+    sub.advance(alone ? 0.0 : arrears.step(h * phase.step(sub.time_s()), sub.cycle_left_s()));
     if (sub.report_due()) send_report();
 
     loop.slew(phase.slew_ppm());

@@ -12,13 +12,16 @@ WorldMeasures::WorldMeasures(const std::string& folder, History::Flush flush)
                 "clock_factor"},
                flush) {}
 
-void WorldMeasures::cycle(const World& world, const StepTimes& times, double clock_factor) noexcept {
+void WorldMeasures::cycle(const World& world, const StepTimes& times, double clock_factor, double wall_s) noexcept {
   ++cycles_;
   late_.add(times.miss);
   step_.add(times.step_s);
   lateness_.add(times.lateness_s);
   woken_late_.add(times.woken_late_s);
   clock_factor_min_ = std::min(clock_factor_min_, clock_factor);
+  simulated_s_ += clock_factor * wall_s;
+  wall_s_ += wall_s;
+  if (clock_factor < 1.0) slowed_s_ += wall_s;
   history_.row({world.time_s(), world.kinetic_energy_j(), world.potential_energy_j(), world.energy_excess_j(),
                 times.step_s, times.lateness_s, clock_factor});
 }
@@ -40,6 +43,9 @@ Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s
             {"step_s", quantiles(step_)},
             {"lateness_s", quantiles(lateness_)},
             {"clock_factor_min", clock_factor_min_},
+            {"clock_factor_mean", wall_s_ > 0.0 ? simulated_s_ / wall_s_ : 1.0},
+            {"slowed_s", slowed_s_},
+            {"stuck_s", stuck_s_},
             {"lost_reports", lost_reports_},
             {"refused_reports", refused_reports_},
             {"engine_changes", engine_changes_},

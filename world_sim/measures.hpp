@@ -17,7 +17,10 @@ class WorldMeasures {
   /// `folder` may be empty: nothing is written.
   WorldMeasures(const std::string& folder, History::Flush flush);
 
-  void cycle(const World& world, const StepTimes& times, double clock_factor) noexcept;
+  /// After every cycle. `wall_s`: its period on a clock that runs at `clock_factor`; 0 in lock-step.
+  void cycle(const World& world, const StepTimes& times, double clock_factor, double wall_s) noexcept;
+  /// Wall time for which the world needed more than its slowest clock gave it.
+  void stuck(double wall_s) noexcept { stuck_s_ += wall_s; }
   /// Around the loop in real time, in its thread.
   void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
   void loop_ends() { machine_.end(); }
@@ -38,6 +41,8 @@ class WorldMeasures {
   MachineShare machine_;
   std::uint64_t cycles_ = 0, lost_reports_ = 0, refused_reports_ = 0;
   double clock_factor_min_ = 1.0;
+  double simulated_s_ = 0.0, wall_s_ = 0.0;  ///< of all cycles
+  double slowed_s_ = 0.0, stuck_s_ = 0.0;    ///< wall time with a clock factor below 1, and below its floor
   Json engine_changes_ = Json::array();
 };
 

@@ -8,6 +8,7 @@
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
 #include "world_sim/conductor.hpp"
+#include "world_sim/pace.hpp"
 #include "world_sim/snapshots.hpp"
 
 #include <fmt/format.h>
@@ -96,6 +97,28 @@ bool rouse(WorldPorts& ports, World& world, double wait_s) {
       next = Clock::now() + from_seconds(0.05);
     }
     ports.bus->wait(0.01);
+  }
+}
+
+/// Tells users when the world's clock slows, and when it is back at full speed.
+void tell_pace(WorldPorts& ports, Pace& pace, double cycle_s) {
+  const char* const cure = "cure: fewer bodies, a larger --ratio, --preset fast or a faster engine";
+  switch (pace.take_news()) {
+    case Pace::News::none:
+      break;
+    case Pace::News::slowed:
+      ports.status.note(fmt::format("the world needs {:.1f} ms of a {:g} ms cycle: its clock runs at {:.2f}; {}",
+                                    1e3 * pace.cost_s(), 1e3 * cycle_s, pace.clock_factor(), cure));
+      break;
+    case Pace::News::stuck:
+      ports.status.note(
+          fmt::format("the world needs {:.0f} ms of a {:g} ms cycle, more than its slowest clock ({:g}) "
+                      "gives it: it stops and goes; {}",
+                      1e3 * pace.cost_s(), 1e3 * cycle_s, kSlowestClock, cure));
+      break;
+    case Pace::News::recovered:
+      ports.status.note("the world keeps up again: its clock runs at full speed");
+      break;
   }
 }
 
@@ -190,7 +213,7 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     // A stop takes effect between cycles, and as a last frame: so everybody ends in order.
     last = world.stamp() >= cycles || stop_signal() != 0 || conductor.stopped();
     publish_frames(ports, world, last, 0.0, 1.0);
-    measures.cycle(world, {to_seconds(Clock::now() - begin)}, 1.0);
+    measures.cycle(world, {to_seconds(Clock::now() - begin)}, 1.0, 0.0);
     if (snapshots.wanted(world.time_s()) || last) {
       world.look(view);
       snapshots.publish(view, last);
@@ -215,19 +238,23 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   Conductor conductor;
   HapticReport report;
   std::vector<std::uint64_t> newest(world.user_count(), 0);
-  double clock_factor = 1.0;
+  Pace pace(cycle_s);
+  double publish_s = 0.0;  // of the frames of the cycle before
+  bool yielding = false;
   bool last = false;
   if (!rouse(ports, world, wait_s)) return;
   const double start_in_s = kStartIn_s + world.scheme().lead_cycles() * cycle_s;
-  publish_frames(ports, world, false, start_in_s, clock_factor);
+  publish_frames(ports, world, false, start_in_s, pace.clock_factor());
   Cyclic loop(Clock::now() + from_seconds(start_in_s), from_seconds(cycle_s));
   Lateness lateness(thread_use());
   measures.loop_begins(scheduling);
   while (!last) {
     const TimePoint asked = Clock::now();
     const double lateness_s = to_seconds(loop.wait());
+    const double period_s = pace.period_s();
+    loop.shift(from_seconds(period_s - cycle_s));  // the deadline of a cycle on a slowed clock
     const TimePoint begin = Clock::now();
-    lateness.begin(loop.released(), asked, begin, from_seconds(cycle_s));
+    lateness.begin(loop.released(), asked, begin, from_seconds(period_s));
     for (std::size_t u = 0; u < world.user_count(); ++u) {
       while (ports.reports[u].take(report) == Take::sample) {
         if (report.stamp > newest[u] + 1) measures.lost_report();
@@ -246,19 +273,33 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     }
     world.step();
     last = last || world.stamp() >= cycles;
-    publish_frames(ports, world, last, to_seconds(loop.deadline() - Clock::now()), clock_factor);
-    const TimePoint end = Clock::now();
-    const double over_s = to_seconds(end - loop.deadline());
-    const ThreadUse use = thread_use();
-    const Miss miss = lateness.judge(end, loop.deadline(), use);
-    lateness.end(end, use);
-    measures.cycle(world, {to_seconds(end - begin), lateness_s, lateness.woken_late_s(), miss}, clock_factor);
-    // Two cycles of arrears may be caught up; beyond that the world's clock slows for everybody.
-    const double slip_s = std::max(0.0, over_s - 2.0 * cycle_s);
+    const TimePoint stepped = Clock::now();
+    const TimePoint deadline = loop.deadline();
+    const double slip_s =
+        pace.cycle(to_seconds(stepped - begin) + publish_s, to_seconds(stepped - deadline) + publish_s);
     loop.shift(from_seconds(slip_s));
-    clock_factor = cycle_s / (cycle_s + slip_s);
-    snapshots.renew(world, clock_factor);
-    ports.status.update(measures.state(world, clock_factor));
+    publish_frames(ports, world, last, to_seconds(loop.deadline() - Clock::now()), pace.clock_factor());
+    const TimePoint end = Clock::now();
+    publish_s = to_seconds(end - stepped);
+    const ThreadUse use = thread_use();
+    const Miss miss = lateness.judge(end, deadline, use);
+    lateness.end(end, use);
+    const double wall_s = period_s + slip_s;
+    measures.cycle(world, {to_seconds(end - begin), lateness_s, lateness.woken_late_s(), miss}, cycle_s / wall_s,
+                   wall_s);
+    if (pace.stuck()) measures.stuck(wall_s);
+    tell_pace(ports, pace, cycle_s);
+    if (pace.stuck() != yielding) {
+      // It has no deadline left that it could meet: the threads without a priority get their share of the processor.
+      yielding = pace.stuck();
+      if (yielding) {
+        leave_realtime();
+      } else {
+        claim_realtime(priority::kWorld);
+      }
+    }
+    snapshots.renew(world, pace.clock_factor());
+    ports.status.update(measures.state(world, pace.clock_factor()));
     check_finite(world);
   }
   measures.loop_ends();

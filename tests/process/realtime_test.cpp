@@ -1,5 +1,6 @@
 #include "process/process_test.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -61,6 +62,41 @@ TEST_F(Overload, OfTheSubWorldEndsWithTheWorld) {
   const Json json = summary();
   EXPECT_NEAR(json["simulated_s"].get<double>(), 3.0, 0.01);
   EXPECT_LE(json["haptic"][0]["steps"], 4500) << "more steps than there was time for";
+}
+
+// A world that cannot keep up slows its clock for everybody, says so, and recovers; the haptic loop goes on at its
+// rate.
+TEST_F(Overload, OfTheWorldSlowsTheClockForAWhile) {
+  const Ended ended = run(scene("press"), {"--mode", "realtime", "--engine", "busy", "--duration", "3"},
+                          {{"SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER}});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const std::string said = read_text(out() + "/logs/world_sim.log");
+  for (const char* words : {"the world needs ", " ms of a 4 ms cycle: its clock runs at 0.", "keeps up again"})
+    EXPECT_NE(said.find(words), std::string::npos) << words << " is not in: " << said;
+  EXPECT_NE(ended.out.find("its clock was slowed for "), std::string::npos) << ended.out;
+
+  const Json json = summary();
+  const Json& world = json["world"];
+  EXPECT_NEAR(json["simulated_s"].get<double>(), 3.0, 1e-6);
+  EXPECT_LT(world["clock_factor_min"], 0.25) << "20 ms of a 4 ms cycle";
+  EXPECT_LT(world["clock_factor_mean"], 0.7);
+  EXPECT_GT(world["slowed_s"], 3.0);
+  EXPECT_EQ(world["stuck_s"], 0.0);
+  const Table cycles = read_table(out() + "/world.csv");
+  const std::size_t factor = cycles.column("clock_factor");
+  EXPECT_TRUE(std::ranges::any_of(cycles.rows, [&](const auto& row) { return row[0] > 2.0 && row[factor] == 1.0; }))
+      << "no recovery";
+
+  // One simulated second took five, with a force in each millisecond of them.
+  EXPECT_GT(json["haptic"][0]["steps"].get<double>() + json["haptic"][0]["skipped_steps"].get<double>(), 6000.0);
+  const Table felt = read_table(out() + "/haptic_0.csv");
+  std::size_t stands = 0, most = 0;
+  for (std::size_t i = 1; i < felt.rows.size(); ++i) {
+    const double passed_s = felt.rows[i][0] - felt.rows[i - 1][0];
+    EXPECT_GE(passed_s, 0.0) << "back in time at " << felt.rows[i][0];
+    if (felt.rows[i][0] < 2.9) most = std::max(most, stands = passed_s > 0.0 ? 0 : stands + 1);
+  }
+  EXPECT_LT(most, 200U) << "steps without time: the haptic clock stood";
 }
 
 class ByHand : public ProcessTest {

@@ -1,0 +1,8 @@
+#pragma once
+
+namespace subworld {
+
+/// A world that cannot keep up slows its clock (time dilation), but not below this, simulated seconds per second.
+inline constexpr double kSlowestClock = 0.02;
+
+}  // namespace subworld

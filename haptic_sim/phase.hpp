@@ -1,0 +1,85 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+namespace subworld {
+
+/// The haptic clock against the world's, in real time. At full speed the haptic loop keeps its own pace, slewed by a
+/// few ppm; on a slowed clock its steps cover less simulated time:
+///   rate = f (1 + kFollow e) b,
+/// f the world's clock factor, e (cycles) by how much the haptic clock is late, b <= 1 a brake where frames stay away.
+/// The rate changes a little in each step, so that no step of the clock is felt.
+class Phase {
+ public:
+  static constexpr double kFollow = 0.2;          ///< of a cycle of lateness, made up for in a cycle
+  static constexpr double kMostCatchUp = 0.1;     ///< of the rate
+  static constexpr double kMostWait = 0.9;        ///< of the rate, where the haptic clock is ahead
+  static constexpr double kRateStep = 0.03;       ///< most that the rate changes in a step, as a part of it
+  static constexpr double kFree_cycles = 3.5;     ///< past the newest frame without a brake: a world catches up with 2
+  static constexpr double kBraking_cycles = 8.0;  ///< from there to a stop
+  static constexpr double kSlewLimit_ppm = 200.0;
+
+  /// `lead_s`: by how much the haptic clock is to be ahead of the world's; `lead_cycles`: by how many cycles frames
+  /// come late therefore.
+  Phase(double cycle_s, int lead_cycles, double lead_s) noexcept
+      : cycle_s_(cycle_s), lead_cycles_(lead_cycles), lead_s_(lead_s) {}
+
+  /// A frame has come. `until_s`: wall time until the world's clock shows its stamp, s; `haptic_s`: the haptic clock
+  /// now.
+  void observe(double stamp_s, double until_s, double clock_factor, double haptic_s) noexcept {
+    const double late_s = stamp_s + lead_s_ - clock_factor * until_s - haptic_s;
+    late_cycles_ = late_s / cycle_s_;
+    newest_stamp_s_ = seen_ ? std::max(newest_stamp_s_, stamp_s) : stamp_s;
+    factor_ = clock_factor;
+    // A clock that is slowed, or far away, is followed until the haptic clock is where it should be.
+    following_ = factor_ < 1.0 || std::abs(late_cycles_) > (following_ ? kCaughtUp_cycles : kFar_cycles);
+    estimate_s_ = seen_ && !following_ ? estimate_s_ + kFilter * (late_s - estimate_s_) : late_s;
+    seen_ = true;
+  }
+
+  /// For the step that begins now: simulated seconds per second.
+  double step(double haptic_s) noexcept {
+    const bool stands = factor_ <= 0.0;
+    const double wanted = stands ? 0.0 : target(haptic_s);
+    const double most = kRateStep * std::max(rate_, kSlowest);
+    // A world that stands or goes on again does so at once: the force fades out and in.
+    rate_ = stands || stood_ ? wanted : rate_ + std::clamp(wanted - rate_, -most, most);
+    stood_ = stands;
+    return rate_;
+  }
+
+  [[nodiscard]] double rate() const noexcept { return rate_; }
+  [[nodiscard]] double clock_factor() const noexcept { return factor_; }
+  /// By which the period is stretched while the clock runs at full speed.
+  [[nodiscard]] double slew_ppm() const noexcept {
+    return following_ ? 0.0 : std::clamp(-1e6 * estimate_s_, -kSlewLimit_ppm, kSlewLimit_ppm);
+  }
+
+ private:
+  static constexpr double kFilter = 0.02;  ///< of one frame in the phase estimate
+  static constexpr double kSlowest = 0.01;
+  static constexpr double kFar_cycles = 1.0;
+  static constexpr double kCaughtUp_cycles = 0.05;
+
+  [[nodiscard]] double target(double haptic_s) const noexcept {
+    const double late = following_ ? std::clamp(kFollow * late_cycles_, -kMostWait, kMostCatchUp) : 0.0;
+    const double past = (haptic_s - newest_stamp_s_) / cycle_s_ - lead_cycles_ - kFree_cycles;
+    const double brake = seen_ ? std::clamp(1.0 - past / kBraking_cycles, 0.0, 1.0) : 1.0;
+    return factor_ * (1.0 + late) * brake;
+  }
+
+  double cycle_s_;
+  int lead_cycles_;
+  double lead_s_;
+  double estimate_s_ = 0.0;
+  double late_cycles_ = 0.0;
+  double newest_stamp_s_ = 0.0;
+  double factor_ = 1.0;
+  double rate_ = 1.0;
+  bool following_ = false;
+  bool seen_ = false;
+  bool stood_ = false;
+};
+
+}  // namespace subworld

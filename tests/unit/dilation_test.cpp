@@ -1,0 +1,224 @@
+// A slowed world clock, and the haptic clock that follows it: both controllers as the loops use them, on simulated wall
+// time; then what a hand feels of it.
+#include "device_sim/emulated_device.hpp"
+#include "haptic_sim/phase.hpp"
+#include "haptic_sim/sub_world.hpp"
+#include "rt/arrears.hpp"
+#include "world_sim/pace.hpp"
+#include "world_sim/world.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace subworld {
+namespace {
+
+using Load = std::function<double(double wall_s)>;  // cost of a cycle that begins then, in cycles
+
+struct Frame {
+  double sent_s, stamp_s, start_in_s, clock_factor;
+};
+
+/// Frames of a world whose cycles cost so much, as run_realtime publishes them.
+std::vector<Frame> world_frames(double cycle_s, double wall_s, const Load& load) {
+  Pace pace(cycle_s);
+  std::vector<Frame> frames;
+  double now = 0.0, release = 0.0;
+  for (std::uint64_t stamp = 1; now < wall_s; ++stamp) {
+    const double begin = std::max(now, release);
+    const double deadline = release + pace.period_s();
+    now = begin + load(begin) * cycle_s;
+    release = deadline + pace.cycle(now - begin, now - deadline);
+    frames.push_back({now, static_cast<double>(stamp) * cycle_s, release - now, pace.clock_factor()});
+  }
+  return frames;
+}
+
+struct Followed {
+  double wall_s, haptic_s, rate, ahead_cycles;  ///< ahead of the clock that the newest frame tells
+};
+
+struct Follower {
+  double h = 0.001;
+  int ratio = 4;
+  int lead_cycles = 1;
+
+  /// The haptic loop's clock while it takes those frames.
+  [[nodiscard]] std::vector<Followed> follow(const std::vector<Frame>& frames, double wall_s) const {
+    const double cycle_s = ratio * h;
+    const double lead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
+    Phase phase(cycle_s, lead_cycles, lead_s);
+    Arrears arrears;
+    std::vector<Followed> seen;
+    double haptic_s = lead_s, in_cycle_s = 0.0;
+    std::size_t next = 0;
+    for (double now = 0.0; now < wall_s; now += h) {
+      for (; next < frames.size() && frames[next].sent_s <= now; ++next) {
+        const Frame& f = frames[next];
+        phase.observe(f.stamp_s, f.sent_s + f.start_in_s - now, f.clock_factor, haptic_s + arrears.owed_s());
+      }
+      const double dt = arrears.step(h * phase.step(haptic_s), cycle_s - in_cycle_s);
+      double ahead = 0.0;
+      if (next > 0) {
+        const Frame& f = frames[next - 1];
+        const double past_s = f.clock_factor * (now - f.sent_s - f.start_in_s);
+        ahead = (haptic_s - lead_s - f.stamp_s - std::min(past_s, cycle_s)) / cycle_s;
+      }
+      seen.push_back({now, haptic_s, phase.rate(), ahead});
+      haptic_s += dt;
+      in_cycle_s += dt;
+      if (in_cycle_s > cycle_s - 1e-9) in_cycle_s = 0.0;
+    }
+    return seen;
+  }
+};
+
+struct Case {
+  const char* name;
+  Load load;
+  double most_ahead_cycles;
+};
+
+void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
+
+class Dilation : public testing::TestWithParam<Case> {};
+
+TEST_P(Dilation, TheHapticClockFollowsWithoutStoppingJumpingOrRunningAhead) {
+  constexpr double kWall_s = 19.0;
+  for (const int lead : {0, 1}) {
+    SCOPED_TRACE(lead);
+    const Follower follower{.lead_cycles = lead};
+    const double cycle_s = follower.h * follower.ratio;
+    const auto frames = world_frames(cycle_s, kWall_s, GetParam().load);
+    const auto seen = follower.follow(frames, kWall_s);
+    for (std::size_t i = 1; i < seen.size(); ++i) {
+      const double passed = seen[i].haptic_s - seen[i - 1].haptic_s;
+      ASSERT_GT(passed, 0.0) << "stopped at " << seen[i].wall_s;
+      ASSERT_LE(passed, 2.5 * follower.h) << "jumped at " << seen[i].wall_s;
+      ASSERT_LE(std::abs(seen[i].rate - seen[i - 1].rate), Phase::kRateStep * std::max(seen[i - 1].rate, 0.01) + 1e-9)
+          << "at " << seen[i].wall_s;
+      ASSERT_LT(seen[i].ahead_cycles, GetParam().most_ahead_cycles) << "at " << seen[i].wall_s;
+      ASSERT_GT(seen[i].ahead_cycles, -2.0) << "left behind at " << seen[i].wall_s;
+    }
+    EXPECT_NEAR(seen.back().ahead_cycles, 0.0, 1.0);
+  }
+}
+
+const auto kStepUpAndDown = [](double t) { return t > 3.0 && t < 10.0 ? 2.3 : 0.5; };
+const auto kStrong = [](double t) { return t > 2.0 && t < 15.0 ? 16.5 + 13.5 * std::sin(t) : 0.5; };  // 0.03 .. 0.3
+const auto kRamp = [](double t) { return 0.5 + 30.0 * std::max(0.0, std::min(t, 16.0 - t)) / 8.0; };
+const auto kSpikes = [](double t) { return std::fmod(t, 1.0) < 0.004 ? 2.8 : 0.6; };
+const auto kStalls = [](double t) { return std::fmod(t, 4.0) > 3.99 ? 6.0 : 0.6; };
+
+INSTANTIATE_TEST_SUITE_P(Loads, Dilation,
+                         testing::Values(Case{"light", [](double) { return 0.5; }, 1.5}, Case{"spikes", kSpikes, 2.5},
+                                         Case{"step", kStepUpAndDown, 6.0}, Case{"ramp", kRamp, 4.0},
+                                         Case{"strong", kStrong, 12.0}, Case{"stalls", kStalls, 8.0}),
+                         [](const auto& one) { return std::string(one.param.name); });
+
+TEST(Phase, StopsSoftlyWhereFramesStayAway) {
+  Phase phase(0.004, 1, 0.005);
+  phase.observe(0.004, 0.002, 1.0, 0.007);
+  double haptic_s = 0.007;
+  for (int i = 0; i < 5000; ++i) {
+    const double before = phase.rate();
+    const double rate = phase.step(haptic_s);
+    EXPECT_LE(std::abs(rate - before), Phase::kRateStep * std::max(before, 0.01) + 1e-12);
+    haptic_s += 0.001 * rate;
+  }
+  EXPECT_LT(haptic_s, 0.004 + 0.004 * 14) << "a world that is gone is not run ahead of";
+}
+
+TEST(Phase, AStandingWorldStopsItAtOnceAndGoesOnAtOnce) {
+  Phase phase(0.004, 0, 0.0);
+  phase.observe(0.004, 0.002, 1.0, 0.002);
+  EXPECT_EQ(phase.step(0.002), 1.0);
+  phase.observe(0.004, 0.004, 0.0, 0.003);
+  EXPECT_EQ(phase.step(0.003), 0.0);
+  phase.observe(0.008, 0.004, 1.0, 0.004);
+  EXPECT_NEAR(phase.step(0.004), 1.0, 0.05);
+}
+
+/// One user, the world and its frames in one process, on a clock of which each haptic step covers rate(step) h. Frames
+/// arrive in the middle of a cycle, as in real time.
+std::vector<Vec3> forces_on_the_hand(const std::string& name, int steps, const std::function<double(int)>& rate) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml");
+  keep_users(scene, 1);
+  const double h = scene.settings.h_s;
+  World world(scene);
+  world.settle([](double) { return true; });
+  SubWorld sub(scene, 0);
+  EmulatedDevice device(scene.users[0].device, 0);
+  Arrears arrears;
+  const auto lead = static_cast<std::uint64_t>(sub.scheme().lead_cycles());
+  sub.apply(world.frame(0));
+  std::vector<HapticReport> reports{sub.report(1)};
+  std::optional<WorldFrame> on_its_way;
+  std::vector<Vec3> forces;
+  for (int step = 0; step < steps; ++step) {
+    if (on_its_way && sub.cycle_left_s() < 0.6 * scene.settings.cycle_s()) {
+      sub.apply(*on_its_way);
+      on_its_way.reset();
+    }
+    const FeltStep felt = sub.feel(device.state(), true, h);
+    forces.push_back(felt.to_hand.force);
+    DeviceCommand command;
+    command.wrench = felt.to_hand;
+    device.step(command, h);
+    sub.advance(arrears.step(h * rate(step), sub.cycle_left_s()));
+    if (!sub.at_boundary()) continue;
+    reports.push_back(sub.report(1));
+    if (reports.size() <= 1 + lead) continue;
+    world.receive(HapticReport(reports[reports.size() - 1 - lead]));
+    world.receive(HapticReport(reports.back()));
+    world.step();
+    on_its_way = world.frame(0);
+  }
+  return forces;
+}
+
+struct Felt {
+  const char* scene;
+  std::vector<int> changes;  ///< steps at which the clock begins to slow: the hand holds, pushes, moves freely
+};
+
+class DilationFelt : public testing::TestWithParam<Felt> {};
+
+double largest_step_n(const std::vector<Vec3>& forces, int from, int to) {
+  double most = 0.0;
+  for (auto at = static_cast<std::size_t>(from); at < static_cast<std::size_t>(to); ++at)
+    most = std::max(most, (forces[at] - forces[at - 1]).norm());
+  return most;
+}
+
+// The same run twice, of which one clock slows to less than a half and goes back to full speed: its force has no larger
+// steps than the other's, which come from touching and sliding.
+TEST_P(DilationFelt, NoStepInTheForceComesFromTheClock) {
+  constexpr int kChange = 60;
+  const Felt& felt = GetParam();
+  const auto steady = forces_on_the_hand(felt.scene, felt.changes.back() + kChange, [](int) { return 1.0; });
+  double felt_n = 0.0;
+  for (const int change : felt.changes) {
+    const int end = change + kChange;
+    const auto slowed = forces_on_the_hand(felt.scene, end, [&](int step) {
+      return std::pow(1.0 - Phase::kRateStep, std::max(0, std::min(step - change, end - step)));
+    });
+    EXPECT_LT(largest_step_n(slowed, change, end), largest_step_n(steady, change, end) + 0.3)
+        << "N, from step " << change << " on";
+    felt_n = std::max(felt_n, slowed.back().norm());
+  }
+  EXPECT_GT(felt_n, 1.0) << "nothing was felt at all";
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, DilationFelt,
+                         testing::Values(Felt{"press", {150, 400, 480, 800}}, Felt{"row", {100, 600, 1500}},
+                                         Felt{"heap", {150, 600, 1400}}),
+                         [](const auto& one) { return std::string(one.param.scene); });
+
+}  // namespace
+}  // namespace subworld
