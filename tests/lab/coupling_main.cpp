@@ -65,6 +65,10 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   add_list(app, "--depth", sweep.contact_depths,
            "bodies that hang on the proxy by so many contacts belong to the sub-world too (default: the scene's)")
       ->check(CLI::Range(0, 1000));
+  add_numbers(app, "--budget", sweep.budget_ratios,
+              "parts of the haptic step that simulating the sub-world may take: of the box's bodies, those that matter "
+              "most and fit (default: the scene's)",
+              1e-3, 1e3);
   add_list(app, "--substeps", sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme wants (default: 1)")
       ->check(CLI::Range(0, 1000));
   add_numbers(app, "--latency", sweep.latencies_s, "added to the round trip, half each way, s (default: 0)", 0.0, 10.0);
@@ -127,6 +131,7 @@ Json effective(const Scene& scene) {
           {"users", s.users},
           {"box_m", user.box_half_m},
           {"contact_depth", user.contact_depth},
+          {"budget_ratio", user.budget_ratio},
           {"coupling_stiffness_n_m", user.coupling.stiffness_n_m},
           {"coupling_damping_n_s_m", user.coupling.damping_n_s_m},
           {"world", engine_settings(s.world)},
@@ -141,6 +146,7 @@ Json asked(const Sweep& s) {
           {"ratio", s.ratios},
           {"box_m", s.boxes_m},
           {"contact_depth", s.contact_depths},
+          {"budget_ratio", s.budget_ratios},
           {"world_substeps", s.substeps},
           {"latency_s", s.latencies_s},
           {"jitter_s", s.jitters_s},
@@ -190,6 +196,9 @@ class Progress {
       text +=
           fmt::format(", {} with {}", row.at("engine").get<std::string>(), row.at("haptic_engine").get<std::string>());
     if (row.at("contact_depth") != 0) text += fmt::format(", depth {}", row.at("contact_depth").get<int>());
+    if (sweep_.budget_ratios.size() > 1)
+      text += fmt::format(", budget {:g} %, {:.1f} members", 100.0 * row.at("budget_ratio").get<double>(),
+                          row.at("members_mean").get<double>());
     if (row.at("world_substeps") != 1) text += fmt::format(", {} sub-steps", row.at("world_substeps").get<int>());
     for (const char* delay : {"latency_s", "jitter_s"}) {
       if (const double s = row.at(delay).get<double>(); s > 0.0)

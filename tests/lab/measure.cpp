@@ -77,6 +77,7 @@ Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
           {"ratio", s.ratio},
           {"box_m", scene.users.front().box_half_m},
           {"contact_depth", scene.users.front().contact_depth},
+          {"budget_ratio", scene.users.front().budget_ratio},
           {"world_substeps", run.substeps},
           {"latency_s", point.latency_s},
           {"jitter_s", point.jitter_s},

@@ -30,6 +30,7 @@ constexpr std::array kSwept{
     Swept{"ratio", "r", "the ratio", "simulation ratio r = T / h", 1.0, ""},
     Swept{"box_m", "box", "the box", "half side of the box, m", 1.0, " m"},
     Swept{"contact_depth", "depth", "the depth of contact", "contacts from the proxy to a member", 1.0, ""},
+    Swept{"budget_ratio", "budget", "the budget", "budget of a haptic step, % of h", 1e2, " %"},
     Swept{"world_substeps", "sub-steps", "sub-steps", "world sub-steps per cycle", 1.0, ""},
     Swept{"latency_s", "latency", "latency", "latency added to the round trip, ms", 1e3, " ms"},
     Swept{"jitter_s", "jitter", "jitter", "jitter, ms", 1e3, " ms"},
@@ -126,7 +127,7 @@ std::string title_of(const std::string& against, const std::vector<const Json*>&
 
 Plot work_precision(const Rows& rows, const std::vector<std::string>& columns) {
   std::set<std::string> free = kinds();
-  free.insert({"ratio", "box_m", "contact_depth", "world_substeps"});
+  free.insert({"ratio", "box_m", "contact_depth", "budget_ratio", "world_substeps"});
   const auto chosen = slice(rows, columns, free);
   return {.title = title_of("run time", chosen, columns),
           .x_label = "CPU s per simulated s",
@@ -231,7 +232,7 @@ std::string swept_text(const Json& row, const std::vector<std::string>& columns,
 std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
   const std::vector<std::string> columns = swept(rows);
   std::vector<Plot> plots{work_precision(rows, columns)};
-  for (const char* x : {"ratio", "box_m", "contact_depth", "latency_s", "jitter_s", "world_substeps",
+  for (const char* x : {"ratio", "box_m", "contact_depth", "budget_ratio", "latency_s", "jitter_s", "world_substeps",
                         "coupling_stiffness_n_m", "h_s"}) {
     if (std::ranges::find(columns, x) != columns.end()) plots.push_back(error_against(x, rows, columns));
   }

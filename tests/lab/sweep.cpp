@@ -62,6 +62,7 @@ std::vector<Point> points_of(const Sweep& sweep) {
                                axis(sweep.schemes, &Point::scheme),
                                axis(sweep.boxes_m, &Point::box_m),
                                axis(sweep.contact_depths, &Point::contact_depth),
+                               axis(sweep.budget_ratios, &Point::budget_ratio),
                                axis(sweep.substeps, &Point::substeps),
                                axis(sweep.latencies_s, &Point::latency_s),
                                axis(sweep.jitters_s, &Point::jitter_s),
@@ -95,6 +96,10 @@ Scene scene_of(const Point& point) {
   for (UserSpec& user : scene.users) {
     if (point.box_m > 0.0) user.box_half_m = point.box_m;
     if (point.contact_depth >= 0) user.contact_depth = point.contact_depth;
+    if (point.budget_ratio > 0.0) {
+      user.selection = Selection::budget;
+      user.budget_ratio = point.budget_ratio;
+    }
   }
   (void)make_scheme(s);
   (void)make_engine(s.world, {});
@@ -128,9 +133,9 @@ int shown_ratio(const std::vector<int>& ratios) {
 bool shown(const Point& p, const Sweep& s) {
   return p.ratio == shown_ratio(s.ratios) && p.variant == s.variants.front() && p.engine == s.engines.front() &&
          p.haptic_engine == s.haptic_engines.front() && p.box_m == s.boxes_m.front() &&
-         p.contact_depth == s.contact_depths.front() && p.substeps == s.substeps.front() &&
-         p.jitter_s == s.jitters_s.front() && p.stiffness_factor == s.stiffness_factors.front() &&
-         p.h_s == s.h_s.front();
+         p.contact_depth == s.contact_depths.front() && p.budget_ratio == s.budget_ratios.front() &&
+         p.substeps == s.substeps.front() && p.jitter_s == s.jitters_s.front() &&
+         p.stiffness_factor == s.stiffness_factors.front() && p.h_s == s.h_s.front();
 }
 
 }  // namespace subworld

@@ -8,8 +8,8 @@
 
 namespace subworld {
 
-/// What is asked of each axis of the sweep. An empty name, a box of 0, an h of 0 and a depth of -1 mean the
-/// scene's own.
+/// What is asked of each axis of the sweep. An empty name, a box of 0, an h of 0, a budget of 0 and a depth of -1 mean
+/// the scene's own.
 struct Sweep {
   std::vector<std::string> scenes;  ///< files
   std::vector<int> variants{0};     ///< of each scene (lab/variants); 0: itself
@@ -19,7 +19,8 @@ struct Sweep {
   std::vector<int> ratios{1, 4, 10, 20};
   std::vector<double> boxes_m{0.0};  ///< half sides
   std::vector<int> contact_depths{-1};
-  std::vector<int> substeps{1};  ///< of the world, per cycle; 0: as many as the scheme wants
+  std::vector<double> budget_ratios{0.0};  ///< parts of h
+  std::vector<int> substeps{1};            ///< of the world, per cycle; 0: as many as the scheme wants
   std::vector<double> latencies_s{0.0};
   std::vector<double> jitters_s{0.0};
   std::vector<double> stiffness_factors{1.0};
@@ -37,6 +38,7 @@ struct Point {
   int ratio = 1;
   double box_m = 0.0;
   int contact_depth = -1;
+  double budget_ratio = 0.0;
   int substeps = 1;
   double latency_s = 0.0;  ///< added to the round trip, half each way
   double jitter_s = 0.0;

@@ -84,6 +84,7 @@ TEST(Variants, OneThatDoesNotSurviveIsCounted) {
              {"ratio", 4},
              {"box_m", 0.2},
              {"contact_depth", 0},
+             {"budget_ratio", 0.4},
              {"world_substeps", 1},
              {"latency_s", 0.0},
              {"jitter_s", 0.0},
