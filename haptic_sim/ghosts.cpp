@@ -25,7 +25,8 @@ Ghosts::Ghosts(const Scene& scene, std::uint64_t remembered_cycles) : scene_(sce
   ghosts_.reserve(kUsualMembers);
 }
 
-void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody>, Engine& engine, double lag_s, double gain) {
+void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine, double lag_s,
+                    double gain) {
   std::erase_if(ghosts_, [&](const Ghost& ghost) {
     const bool gone = !std::ranges::binary_search(frame.ghosts, ghost.id, {}, &GhostModel::outside);
     if (gone) engine.remove(ghost.id);
@@ -36,7 +37,9 @@ void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody>, Engin
     if (world == nullptr) continue;
     const auto at = std::ranges::lower_bound(ghosts_, model.outside, {}, &Ghost::id);
     if (at == ghosts_.end() || at->id != model.outside) {
-      create(model, *world, frame, engine, lag_s);
+      const auto member = std::ranges::lower_bound(left, model.outside, {}, &StampedBody::id);
+      const bool was_member = member != left.end() && member->id == model.outside;
+      create(model, *world, was_member ? &member->state : nullptr, frame, engine, lag_s);
       continue;
     }
     const bool held_now = at->carried && !model.carried;
@@ -97,15 +100,24 @@ BodyState Ghosts::start_of(const GhostModel& model, const BodyState& world, cons
   return start;
 }
 
-void Ghosts::create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine,
-                    double lag_s) {
+BodyState Ghosts::constrained(const GhostMotion& motion, const BodyState& own, const BodyState& world, double lag_s) {
+  const BodyState later = advanced(world, lag_s);
+  return {.position = later.position + motion.along(own.position - later.position),
+          .orientation = later.orientation,
+          .linear_velocity = world.linear_velocity + motion.along(own.linear_velocity - world.linear_velocity),
+          .angular_velocity = world.angular_velocity};
+}
+
+void Ghosts::create(const GhostModel& model, const BodyState& world, const BodyState* member, const WorldFrame& frame,
+                    Engine& engine, double lag_s) {
   if (engine.contains(model.outside)) return;
   const Body body = as_ghost(model);
-  engine.add(body, start_of(model, world, frame, engine, lag_s), role_of(model));
-  Ghost ghost{.id = body.id,
-              .motion = {.model = model, .world_velocity = world.linear_velocity},
-              .spin = world.angular_velocity,
-              .log = {}};
+  const GhostMotion motion{.model = model, .world_velocity = world.linear_velocity};
+  const BodyState start = member == nullptr ? start_of(model, world, frame, engine, lag_s)
+                          : model.carried   ? *member
+                                            : constrained(motion, *member, world, lag_s);
+  engine.add(body, start, role_of(model));
+  Ghost ghost{.id = body.id, .motion = motion, .spin = world.angular_velocity, .log = {}};
   ghost.motion.load_n = model.load_n;
   ghost.log.resize(remembered_);
   adapt(ghost, model, engine);
@@ -152,14 +164,7 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
   }
   ghost.motion.world_velocity = world.linear_velocity;
   ghost.spin = world.angular_velocity;
-  if (!ghost.carried) {
-    const BodyState later = advanced(world, lag_s);
-    now = {.position = later.position + motion.along(now.position - later.position),
-           .orientation = later.orientation,
-           .linear_velocity = world.linear_velocity + motion.along(now.linear_velocity - world.linear_velocity),
-           .angular_velocity = ghost.spin};
-  }
-  engine.set_state(ghost.id, now);
+  engine.set_state(ghost.id, ghost.carried ? now : constrained(motion, now, world, lag_s));
 }
 
 std::optional<BodyState> Ghosts::release(BodyId id, Engine& engine) {

@@ -47,12 +47,17 @@ class Ghosts final : public BorderModel {
 
   /// The body as the engine is to have it.
   [[nodiscard]] Body as_ghost(const GhostModel& model) const;
-  /// Where a ghost that begins now is to be.
+  /// Where a ghost of a body that the sub-world did not have begins.
   [[nodiscard]] BodyState start_of(const GhostModel& model, const BodyState& world, const WorldFrame& frame,
                                    const Engine& engine, double lag_s) const;
   /// Begins anew what was carried and is held now: meeting nothing that is fixed, it may have passed through it.
   void replace(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s);
-  void create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s);
+  /// `member`: what the body was doing as a member until now, or null.
+  void create(const GhostModel& model, const BodyState& world, const BodyState* member, const WorldFrame& frame,
+              Engine& engine, double lag_s);
+  /// A state along the axes, the world's across them.
+  [[nodiscard]] static BodyState constrained(const GhostMotion& motion, const BodyState& own, const BodyState& world,
+                                             double lag_s);
   /// Makes a ghost follow a new model.
   void adapt(Ghost& ghost, const GhostModel& model, Engine& engine);
   /// Whether a blow came sooner in one copy than in the other. Its timing is no error of the velocity: to correct it

@@ -255,6 +255,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     loop.slew(phase.slew_ppm());
     const TimePoint end = Clock::now();
     lateness.end(end, thread_use());
+    sub.took(to_seconds(end - begin));
     measures.step(sub, felt, {to_seconds(end - begin), lateness_s, lateness.woken_late_s(), miss});
     ports.status.update(measures.state(sub.time_s()));
   }

@@ -114,6 +114,9 @@ const HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.islands.clear();
   report.indicators = indicators_;
   model_->describe(report);
+  report.timing = {timed_steps_ > 0 ? took_s_ / timed_steps_ : 0.0, took_max_s_};
+  took_s_ = took_max_s_ = 0.0;
+  timed_steps_ = 0;
   indicators_ = {};
   impulse_ = {};
   steps_ = 0;

@@ -8,6 +8,7 @@
 #include "model/scene.hpp"
 #include "physics/engine_exchange.hpp"
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 
@@ -31,6 +32,12 @@ class SubWorld {
   /// The force for the device at the start of the step, before the sub-world moves: so that it leaves without delay.
   [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double dt);
   void advance(double dt);
+  /// What the caller's clock says that a step took; the cycle's mean goes up with its report.
+  void took(double step_s) noexcept {
+    took_s_ += step_s;
+    took_max_s_ = std::max(took_max_s_, step_s);
+    ++timed_steps_;
+  }
   /// What the hand feels fades out, and it is met again from zero.
   void let_go() noexcept { guard_.let_go(); }
   /// While the sub-world's clock stands: the hand may go where it likes, and is met there when the clock goes on.
@@ -111,6 +118,8 @@ class SubWorld {
   Wrench felt_;
   Wrench applied_;
   bool finite_ = true;
+  double took_s_ = 0.0, took_max_s_ = 0.0;  ///< of the steps since the last report
+  int timed_steps_ = 0;
   std::vector<HapticReport> reports_;  ///< by stamp
 };
 

@@ -77,7 +77,10 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   before_ = chosen.members;
   select_members(scratch_, scene_.bodies, spec.proxy, chosen);
   if (spec.selection == Selection::budget) {
-    budget_.limit(spec.proxy, before_, now.graph, scene_.settings.cycle_s(), bounds, user.budget, chosen.members);
+    Budget budget = user.budget;
+    budget.limit_s /= user.correction.factor();
+    budget_.limit(spec.proxy, before_, now.graph, scene_.settings.cycle_s(), bounds, budget, chosen.members);
+    user.expected_s = budget_.cost_s();
   }
   Box reach = box;
   const double gravity_m_s2 = scene_.settings.world.gravity.norm();

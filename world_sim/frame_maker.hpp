@@ -30,6 +30,11 @@ class FrameMaker {
   /// Makes the frames of one stamp. `heard` by user; the states told are moved by `offset_s` (may be negative).
   void make(const WorldNow& now, std::span<const Heard> heard, double offset_s);
 
+  /// What a haptic step of a user took, mean over a cycle; 0: not known. Corrects what bodies are thought to cost.
+  void observe_step(std::size_t user, double mean_s) noexcept {
+    users_[user].correction.observe(users_[user].expected_s, mean_s);
+  }
+
   /// Of a stamp that is remembered.
   [[nodiscard]] WorldFrame& frame(std::size_t user, std::uint64_t stamp) {
     return users_[user].frames[stamp % users_[user].frames.size()];
@@ -46,6 +51,8 @@ class FrameMaker {
     const UserSpec* spec = nullptr;
     Membership membership;
     Budget budget;
+    CostCorrection correction;
+    double expected_s = 0.0;         ///< of a haptic step, by the published costs
     std::vector<WorldFrame> frames;  ///< by stamp
   };
 

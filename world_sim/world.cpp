@@ -152,6 +152,7 @@ void World::synchronise() {
       user.waiting[slot] = false;
       if (user.heard && j <= user.report.stamp) continue;
       if (scheme_->border() != Border::none && j > 0) apply(u, user.inbox[slot]);
+      frames_.observe_step(u, user.inbox[slot].timing.mean_s);
       std::swap(user.before, user.report);
       std::swap(user.report, user.inbox[slot]);
       user.heard = true;

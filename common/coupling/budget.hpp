@@ -19,6 +19,20 @@ struct Budget {
   bool simulates_border = false;  ///< outside bodies that touch members are simulated as well, as ghosts
 };
 
+/// Corrects published costs by what steps were seen to take. A step that the machine held up moves it by no more than
+/// any other, so it follows the median; and it is taken over only when it has moved by enough to matter.
+class CostCorrection {
+ public:
+  /// `expected_s`: of a haptic step by the published costs; `seen_s`: what one took.
+  void observe(double expected_s, double seen_s) noexcept;
+  /// By which costs are to be multiplied.
+  [[nodiscard]] double factor() const noexcept { return factor_; }
+
+ private:
+  double tracked_ = 1.0;
+  double factor_ = 1.0;
+};
+
 /// Takes into a sub-world the bodies that matter most to the hand and fit into a budget (paper 4.4).
 ///
 /// What matters: the hand feels a body through the contacts between the proxy and it. The importance of the proxy is 1,
@@ -43,24 +57,35 @@ class BudgetSelector {
   [[nodiscard]] std::size_t left_out() const noexcept { return left_out_; }
 
  private:
-  struct Candidate {
+  /// What is known of a body during a selection.
+  struct Standing {
     double importance = 0.0;
+    bool candidate = false;
+    bool present = false;
+    bool member = false;
+    bool ghost = false;  ///< touches a member, and is simulated for that
+  };
+  struct Offer {
+    double importance = 0.0;  ///< with the bonus of who is present
     BodyId id{};
   };
-  enum class Place : std::uint8_t { none, candidate, ghost, member };
-
-  void spread(BodyId from, double importance, const ContactGraph& graph, double step_s);
+  struct Size {
+    std::size_t bodies = 0;
+    std::size_t contacts = 0;
+  };
+  static bool before(const Offer& a, const Offer& b) noexcept;
+  [[nodiscard]] Standing& standing(BodyId id);
   void offer(BodyId id, double importance);
-  /// Bodies and contacts that a step has in addition once `id` is a member.
-  void count(BodyId id, const ContactGraph& graph, bool simulates_border, std::size_t& bodies, std::size_t& contacts);
+  void spread(BodyId from, double importance, const ContactGraph& graph, double step_s);
+  /// What a step has to simulate once `id` is a member as well. Lists the ghosts that this makes.
+  [[nodiscard]] Size with(BodyId id, Size size, const ContactGraph& graph, bool simulates_border);
 
   const Scene& scene_;
   double gravity_m_s2_;
-  std::vector<Place> places_;       ///< by body; all none between calls
-  std::vector<double> importance_;  ///< by body, of candidates
-  std::vector<bool> present_;       ///< by body
-  std::vector<Candidate> queue_;    ///< heap, the most important first
-  std::vector<BodyId> ghosts_, touched_;
+  std::vector<Standing> standings_;  ///< by body; between calls as they were made
+  std::vector<BodyId> touched_;      ///< whose standings are not
+  std::vector<Offer> offers_;        ///< a heap, the most important first
+  std::vector<BodyId> new_ghosts_;
   double cost_s_ = 0.0;
   std::size_t left_out_ = 0;
 };

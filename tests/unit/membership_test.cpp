@@ -1,0 +1,73 @@
+#include "lab/coupled_run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+namespace subworld {
+namespace {
+
+constexpr double kForceStep_n = 0.3;  ///< that a hand may get from a change of members
+constexpr double kSlow_s = 1.0, kQuick_s = 1e-9;
+
+struct Case {
+  const char* scene;
+  double change_s;
+  double budget_ratio;
+  double step_s;  ///< what the sub-world says from then on that its steps take
+};
+
+/// What was felt, and who were members by cycle.
+struct Felt {
+  std::vector<Vec3> force;
+  std::vector<std::vector<BodyId>> members;
+};
+
+Felt felt(const Case& c, bool changes) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + c.scene + ".yaml");
+  keep_users(scene, 1);
+  scene.settings.scheme = "reduced";
+  scene.settings.ratio = 4;
+  scene.settings.duration_s = c.change_s + 0.5;
+  scene.users[0].budget_ratio = c.budget_ratio;
+  CoupledRun run(scene);
+  Felt result;
+  while (run.world.time_s() < scene.settings.duration_s - 1e-9) {
+    if (changes && run.world.time_s() >= c.change_s) run.subs[0]->took(c.step_s);
+    run.cycle();
+    result.members.push_back(run.frame().members);
+  }
+  result.force = run.felt[0].force;
+  return result;
+}
+
+class ChangeOfMembers : public testing::TestWithParam<Case> {};
+
+// Two runs that are the same until the budget of one changes.
+TEST_P(ChangeOfMembers, IsNotFelt) {
+  const Felt same = felt(GetParam(), false);
+  const Felt changed = felt(GetParam(), true);
+  const std::size_t steps = std::min(same.force.size(), changed.force.size());
+  const auto apart = [&](std::size_t n) -> Vec3 { return changed.force[n] - same.force[n]; };
+  std::size_t first = 0;
+  while (first < steps && apart(first).isZero()) ++first;
+  ASSERT_LT(first, steps) << "no change of members was felt at all";
+  EXPECT_NE(same.members.back(), changed.members.back());
+  // The cycle that begins with the change. Later what differs is the course of things, which in a heap nobody foresees.
+  for (std::size_t n = first; n < std::min(first + 4, steps); ++n) {
+    EXPECT_LE((apart(n) - apart(n - 1)).norm(), kForceStep_n) << GetParam().scene << ", step " << n;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, ChangeOfMembers,
+                         testing::Values(Case{"heap_press", 0.5, 0.2, kSlow_s}, Case{"heap_press", 0.5, 0.1, kQuick_s},
+                                         Case{"row", 0.8, 0.15, kSlow_s}, Case{"row", 0.8, 0.03, kQuick_s},
+                                         Case{"pyramid", 0.8, 0.1, kSlow_s}),
+                         [](const auto& one) {
+                           return std::string(one.param.scene) + (one.param.step_s == kQuick_s ? "_grows" : "_shrinks");
+                         });
+
+}  // namespace
+}  // namespace subworld
