@@ -81,6 +81,7 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
     budget.limit_s /= user.correction.factor();
     budget_.limit(spec.proxy, before_, now.graph, scene_.settings.cycle_s(), bounds, budget, chosen.members);
     user.expected_s = budget_.cost_s();
+    user.left_out = budget_.left_out();
   }
   Box reach = box;
   const double gravity_m_s2 = scene_.settings.world.gravity.norm();

@@ -21,6 +21,13 @@ struct Heard {
   const HapticReport* at_stamp = nullptr;  ///< of the present stamp, or else the newest used
 };
 
+/// How a user's sub-world was chosen.
+struct SelectionFacts {
+  std::size_t left_out = 0;  ///< of the box's bodies, for the budget
+  double expected_s = 0.0;   ///< of a haptic step, by the published costs
+  double cost_factor = 1.0;  ///< by which steps were seen to cost more
+};
+
 /// Makes each user's frame of the world: who belongs to the sub-world, what is at its border, and the states that it
 /// needs.
 class FrameMaker {
@@ -43,6 +50,9 @@ class FrameMaker {
     return users_[user].frames[stamp % users_[user].frames.size()];
   }
   [[nodiscard]] const Membership& membership(std::size_t user) const noexcept { return users_[user].membership; }
+  [[nodiscard]] SelectionFacts selection(std::size_t user) const noexcept {
+    return {users_[user].left_out, users_[user].expected_s, users_[user].correction.factor()};
+  }
   /// How many sub-worlds hold a body.
   [[nodiscard]] int holders(BodyId id) const;
 
@@ -52,6 +62,7 @@ class FrameMaker {
     Membership membership;
     Budget budget;
     CostCorrection correction;
+    std::size_t left_out = 0;        ///< of the box's bodies
     double expected_s = 0.0;         ///< of a haptic step, by the published costs
     std::vector<WorldFrame> frames;  ///< by stamp
   };

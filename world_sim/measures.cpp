@@ -18,6 +18,10 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double clo
   step_.add(times.step_s);
   lateness_.add(times.lateness_s);
   woken_late_.add(times.woken_late_s);
+  left_out_.resize(world.user_count());
+  for (std::size_t u = 0; u < left_out_.size(); ++u) {
+    left_out_[u].add(static_cast<double>(world.selection(u).left_out));
+  }
   clock_factor_min_ = std::min(clock_factor_min_, clock_factor);
   simulated_s_ += clock_factor * wall_s;
   wall_s_ += wall_s;
@@ -27,6 +31,14 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double clo
 }
 
 Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s) const {
+  Json selections = Json::array();
+  for (std::size_t u = 0; u < left_out_.size(); ++u) {
+    const SelectionFacts last = world.selection(u);
+    selections.push_back({{"user", u},
+                          {"left_out", mean_max(left_out_[u])},
+                          {"expected_step_s", last.expected_s},
+                          {"cost_factor", last.cost_factor}});
+  }
   return {{"state_hash", fmt::format("{:016x}", world.state_hash())},
           {"simulated_s", world.time_s()},
           {"energy_excess_j", world.energy_excess_j()},
@@ -46,6 +58,7 @@ Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s
             {"clock_factor_mean", wall_s_ > 0.0 ? simulated_s_ / wall_s_ : 1.0},
             {"slowed_s", slowed_s_},
             {"stuck_s", stuck_s_},
+            {"selections", selections},
             {"lost_reports", lost_reports_},
             {"refused_reports", refused_reports_},
             {"engine_changes", engine_changes_},

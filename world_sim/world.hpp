@@ -59,6 +59,8 @@ class World {
 
   /// The world at the present stamp as user u sees it; new after each step().
   [[nodiscard]] WorldFrame& frame(std::size_t user) { return frames_.frame(user, stamp_); }
+  /// How user u's sub-world was chosen, at the present stamp.
+  [[nodiscard]] SelectionFacts selection(std::size_t user) const noexcept { return frames_.selection(user); }
   [[nodiscard]] SceneDescription description(std::uint64_t settings_hash) const;
   /// Allocates only until the view has grown to the world.
   void look(WorldView& view) const;

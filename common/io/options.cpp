@@ -58,12 +58,18 @@ void add_run_options(CLI::App& app, Options& o) {
   app.add_option("--mode", o.mode, "lockstep: nobody looks at a clock; realtime: nobody waits")
       ->check(CLI::IsMember({"lockstep", "realtime"}));
   app.add_option("--users", o.users, "how many of the scene's users take part")->check(CLI::Range(1, 64));
-  app.add_option("--scheme", o.scheme, "coupling scheme: reduced, paper or direct (default: the scene's, else reduced)");
+  app.add_option("--scheme", o.scheme,
+                 "coupling scheme: reduced, paper or direct (default: the scene's, else reduced)");
   app.add_option("--engine", o.engine, "the world's engine");
   app.add_option("--haptic-engine", o.haptic_engine, "the sub-worlds' engine");
   app.add_option("--preset", o.preset, "the world engine's preset: fast or quality");
   app.add_option("--haptic-preset", o.haptic_preset, "the sub-world engines' preset");
   app.add_option("--ratio", o.ratio, "simulation ratio r = T / h")->check(CLI::Range(1, 1000));
+  app.add_option("--budget", o.budget_ratio,
+                 "part of the haptic step that simulating a sub-world may take: of the bodies in its box, those that "
+                 "matter most and fit (default: the scene's, or 0.4)")
+      ->check(CLI::Range(1e-3, 1e3))
+      ->check(not_finite);
   app.add_option("--latency", o.latency_s, "lock-step: artificial delay, added to the round trip, s")
       ->check(CLI::Range(0.0, 2.0))
       ->check(not_finite);
@@ -141,6 +147,12 @@ Scene load_scene(const Options& o) {
                             o.scene, declared, declared == 1 ? "" : "s"));
   }
   keep_users(scene, s.users);
+  if (o.budget_ratio) {
+    for (UserSpec& user : scene.users) {
+      user.selection = Selection::budget;
+      user.budget_ratio = *o.budget_ratio;
+    }
+  }
   if (o.user >= s.users) {
     throw Error(ExitCode::usage,
                 fmt::format("--user {}: {} user{} take part in {}; users count from 0, more take part with --users",
@@ -164,6 +176,7 @@ std::vector<std::string> flags_of(const Options& o) {
   add("--haptic-preset", o.haptic_preset);
   add("--ratio", o.ratio);
   add("--users", o.users);
+  add("--budget", o.budget_ratio);
   add("--duration", o.duration_s);
   if (!o.network.peers.empty())
     flags.insert(flags.end(), {"--peers", fmt::format("{}", fmt::join(o.network.peers, ","))});

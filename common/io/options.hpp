@@ -26,6 +26,7 @@ struct Options {
   std::optional<std::string> haptic_preset;
   std::optional<int> ratio;
   std::optional<int> users;
+  std::optional<double> budget_ratio;
   std::optional<double> duration_s;
   std::string out;               ///< folder for results; empty: none are written
   int user = 0;                  ///< haptic_sim, device_sim

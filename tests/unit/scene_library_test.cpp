@@ -279,6 +279,8 @@ TEST(SettingsHash, SeesWhatProgramsMustShareAndNothingElse) {
   EXPECT_TRUE(changed([](Scene& s) { s.bodies[3].material.friction = 0.3; }));
   EXPECT_TRUE(changed([](Scene& s) { s.initial[3].position.x() += 1e-12; }));
   EXPECT_TRUE(changed([](Scene& s) { s.users[0].box_half_m = 0.1; }));
+  EXPECT_TRUE(changed([](Scene& s) { s.users[0].selection = Selection::box; }));
+  EXPECT_TRUE(changed([](Scene& s) { s.users[0].budget_ratio = 0.3; }));
   EXPECT_TRUE(changed([](Scene& s) { s.users[0].device.path.pop_back(); }));
 }
 
