@@ -3,6 +3,9 @@
 #include "coupling/blend.hpp"
 
 #include <algorithm>
+#include <functional>
+#include <iterator>
+#include <utility>
 
 namespace subworld {
 
@@ -23,15 +26,29 @@ Role role_of(const GhostModel& model) noexcept { return model.loose ? Role::loos
 
 Ghosts::Ghosts(const Scene& scene, std::uint64_t remembered_cycles) : scene_(scene), remembered_(remembered_cycles) {
   ghosts_.reserve(kUsualMembers);
+  spare_logs_.assign(kUsualMembers, std::vector<Logged>(remembered_));
+}
+
+std::vector<Ghosts::Logged> Ghosts::empty_log() {
+  if (spare_logs_.empty()) return std::vector<Logged>(remembered_);
+  std::vector<Logged> log = std::move(spare_logs_.back());
+  spare_logs_.pop_back();
+  std::ranges::fill(log, Logged{});
+  return log;
+}
+
+std::vector<Ghosts::Ghost>::iterator Ghosts::drop(std::vector<Ghost>::iterator ghost, Engine& engine) {
+  engine.remove(ghost->id);
+  spare_logs_.push_back(std::move(ghost->log));
+  return ghosts_.erase(ghost);
 }
 
 void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine, double lag_s,
                     double gain) {
-  std::erase_if(ghosts_, [&](const Ghost& ghost) {
-    const bool gone = !std::ranges::binary_search(frame.ghosts, ghost.id, {}, &GhostModel::outside);
-    if (gone) engine.remove(ghost.id);
-    return gone;
-  });
+  for (auto ghost = ghosts_.begin(); ghost != ghosts_.end();) {
+    const bool stays = std::ranges::binary_search(frame.ghosts, ghost->id, {}, &GhostModel::outside);
+    ghost = stays ? std::next(ghost) : drop(ghost, engine);
+  }
   for (const GhostModel& model : frame.ghosts) {
     const BodyState* world = state_in(frame, model.outside);
     if (world == nullptr) continue;
@@ -53,7 +70,7 @@ void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody> left, 
 }
 
 Body Ghosts::as_ghost(const GhostModel& model) const {
-  Body body = scene_.body(model.outside);
+  Body body = nameless(scene_.body(model.outside));
   body.gravity = false;
   if (model.carried) return body;
   body.mass = model.mass_kg;
@@ -96,7 +113,7 @@ BodyState Ghosts::start_of(const GhostModel& model, const BodyState& world, cons
     if (theirs == nullptr || !engine.contains(inside)) return Vec3::Zero();
     return engine.state(inside).position - theirs->position - moved;
   };
-  start.position += clearance(model, frame.border, offset_of);
+  start.position += clearance(model, frame.border, std::cref(offset_of));
   return start;
 }
 
@@ -117,9 +134,8 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const BodyS
                           : model.carried   ? *member
                                             : constrained(motion, *member, world, lag_s);
   engine.add(body, start, role_of(model));
-  Ghost ghost{.id = body.id, .motion = motion, .spin = world.angular_velocity, .log = {}};
+  Ghost ghost{.id = body.id, .motion = motion, .spin = world.angular_velocity, .log = empty_log()};
   ghost.motion.load_n = model.load_n;
-  ghost.log.resize(remembered_);
   adapt(ghost, model, engine);
   ghosts_.insert(std::ranges::lower_bound(ghosts_, body.id, {}, &Ghost::id), std::move(ghost));
 }
@@ -171,14 +187,12 @@ std::optional<BodyState> Ghosts::release(BodyId id, Engine& engine) {
   const auto at = std::ranges::lower_bound(ghosts_, id, {}, &Ghost::id);
   if (at == ghosts_.end() || at->id != id) return std::nullopt;
   const BodyState state = engine.state(id);
-  engine.remove(id);
-  ghosts_.erase(at);
+  drop(at, engine);
   return state;
 }
 
 void Ghosts::clear(Engine& engine) {
-  for (const Ghost& ghost : ghosts_) engine.remove(ghost.id);
-  ghosts_.clear();
+  while (!ghosts_.empty()) drop(ghosts_.end() - 1, engine);
 }
 
 void Ghosts::begin(Engine& engine, double dt) {

@@ -45,6 +45,9 @@ class Ghosts final : public BorderModel {
     std::vector<Logged> log;
   };
 
+  [[nodiscard]] std::vector<Logged> empty_log();
+  /// Takes one out, keeps its log's memory and returns the next.
+  std::vector<Ghost>::iterator drop(std::vector<Ghost>::iterator ghost, Engine& engine);
   /// The body as the engine is to have it.
   [[nodiscard]] Body as_ghost(const GhostModel& model) const;
   /// Where a ghost of a body that the sub-world did not have begins.
@@ -68,7 +71,8 @@ class Ghosts final : public BorderModel {
 
   const Scene& scene_;
   std::uint64_t remembered_;
-  std::vector<Ghost> ghosts_;  ///< by id
+  std::vector<Ghost> ghosts_;                     ///< by id
+  std::vector<std::vector<Logged>> spare_logs_;  ///< of ghosts that have gone: a loop does not allocate
 };
 
 }  // namespace subworld

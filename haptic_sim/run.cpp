@@ -109,6 +109,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   const auto stopped = [] { return stop_signal() != 0; };
   DeviceState device;
   WorldFrame frame;
+  reserve(frame, kUsualMembers);
   const auto send_report = [&] {
     if (!ports.reports.write(sub.report(to_ns(Clock::now()))))
       throw Error(ExitCode::failed, "haptic_report could not be sent; is world_sim stuck?");
@@ -117,6 +118,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   const Delay delay(scene.settings, sub.scheme().lead_cycles(), static_cast<std::uint32_t>(sub.user()));
   std::uint64_t step = 0;
   std::uint64_t next_frame = 1;
+  bool last = false;
   /// Takes the frames that are due now. False after the last one, or when asked to stop.
   const auto follow_world = [&] {
     for (; delay.frame_due(next_frame) <= step; ++next_frame) {
@@ -124,11 +126,12 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
                  "world_sim has died; the haptic loop cannot go on in lock-step"))
         return false;
       const TimePoint begin = Clock::now();
-      const std::uint64_t lost = sub.apply(frame);
-      measures.synchronised(to_seconds(Clock::now() - begin), lost);
       if (frame.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - frame.echoed_sent_ns));
-      if (frame.last) return false;
+      last = frame.last;
+      const std::uint64_t lost = sub.apply(frame);
+      measures.synchronised(to_seconds(Clock::now() - begin), lost);
+      if (last) return false;
     }
     return true;
   };
@@ -153,7 +156,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     if (sub.report_due()) send_report();
     ports.status.update(measures.state(sub.time_s()));
   }
-  if (stop_signal() != 0 && !frame.last) return;
+  if (stop_signal() != 0 && !last) return;
   send_last(ports, device, 1);
   ports.reports.wait_for_acknowledgments(1.0);
 }
@@ -172,8 +175,8 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   device.device = static_cast<std::uint32_t>(sub.user());
   TimePoint heard{};
   std::array<WorldFrame, kMostWaiting> waiting;  // frames that came before their stamp
+  for (WorldFrame& frame : waiting) reserve(frame, kUsualMembers);
   std::size_t waiting_count = 0;
-  WorldFrame frame;
   TimePoint framed = first.received;  // when the newest frame came
   Arrears arrears;
   bool last = false;

@@ -31,6 +31,8 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t r
       border_(make_border_extractor(scheme, scene)),
       budget_(scene) {
   const Settings& s = scene.settings;
+  scratch_.reserve(scene.bodies.size() + remembered_ * kUsualMembers);
+  before_.reserve(kUsualMembers);
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
     user.spec = &scene.users[u];
@@ -132,7 +134,7 @@ void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const H
   const auto list = [&](BodyId id) {
     bool there = any_confirmed;
     for (std::uint64_t j = oldest; j < now.stamp && there; ++j) there = names(past(j), id);
-    if (!there) frame.entering.push_back({scene_.body(id), told(id)});
+    if (!there) frame.entering.push_back({nameless(scene_.body(id)), told(id)});
   };
   if (scheme_.border() != Border::none) {
     std::ranges::for_each(frame.members, list);

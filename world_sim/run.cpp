@@ -174,6 +174,7 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   Snapshots snapshots(ports.snapshots);
   WorldView view;
   HapticReport report;
+  reserve(report, kUsualMembers);
   std::vector<std::uint64_t> next(world.user_count(), 0);
   /// False when asked to stop and a report does not come.
   const auto receive_due = [&] {
@@ -237,6 +238,7 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   BackgroundSnapshots snapshots(ports.snapshots, world);
   Conductor conductor;
   HapticReport report;
+  reserve(report, kUsualMembers);
   std::vector<std::uint64_t> newest(world.user_count(), 0);
   Pace pace(cycle_s);
   double publish_s = 0.0;  // of the frames of the cycle before

@@ -137,7 +137,7 @@ bool World::receive(HapticReport&& report) {
   if (user.heard && report.stamp <= user.report.stamp) return false;
   if (report.stamp > stamp_ + remembered_ / 2 || report.stamp + remembered_ <= stamp_) return false;
   const std::size_t slot = report.stamp % remembered_;
-  user.inbox[slot] = std::move(report);
+  std::swap(user.inbox[slot], report);  // the caller goes on with the old one's memory
   user.waiting[slot] = true;
   return true;
 }

@@ -37,7 +37,8 @@ class World {
   bool settle(const std::function<bool(double)>& progress);
 
   /// Keeps a report until the world reaches its stamp; one of the past is used late. Returns false for one that is too
-  /// old, too far ahead or of a user that does not exist.
+  /// old, too far ahead or of a user that does not exist. The caller gets an older report for it, so that a reader need
+  /// not allocate for the next one.
   bool receive(HapticReport&& report);
 
   /// Applies the blends that are due, drives the proxies and simulates [jT, (j+1)T).

@@ -2,6 +2,18 @@
 
 namespace subworld {
 
+Body nameless(const Body& body) noexcept {
+  Body copy;
+  copy.id = body.id;
+  copy.shape = body.shape;
+  copy.material = body.material;
+  copy.mass = body.mass;
+  copy.inertia = body.inertia;
+  copy.gravity = body.gravity;
+  copy.rotates = body.rotates;
+  return copy;
+}
+
 bool finite(const BodyState& state) noexcept {
   return state.position.allFinite() && state.orientation.coeffs().allFinite() && state.linear_velocity.allFinite() &&
          state.angular_velocity.allFinite();

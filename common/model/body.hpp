@@ -67,6 +67,8 @@ struct StampedBody {
   BodyState state;
 };
 
+/// A copy without the name: in a loop, a long one costs an allocation, and nobody there looks at it.
+[[nodiscard]] Body nameless(const Body& body) noexcept;
 [[nodiscard]] bool finite(const BodyState& state) noexcept;
 /// J
 [[nodiscard]] double kinetic_energy(const Body& body, const BodyState& state) noexcept;

@@ -10,19 +10,6 @@ namespace {
 /// Of a warm-up: bodies that move find all their contacts, and where they stand still the solver finds its guess.
 constexpr int kFreeSteps = 10, kStandingSteps = 10;
 
-/// Engines do not look at names; leaving them out spares an allocation.
-Body nameless(const Body& body) {
-  Body copy;
-  copy.id = body.id;
-  copy.shape = body.shape;
-  copy.material = body.material;
-  copy.mass = body.mass;
-  copy.inertia = body.inertia;
-  copy.gravity = body.gravity;
-  copy.rotates = body.rotates;
-  return copy;
-}
-
 void put(Engine& engine, const HeldBody& held) {
   engine.add(held.body, held.state, held.role);
   if (!held.body.fixed()) engine.set_inertia(held.body.id, held.mass, held.inertia);

@@ -240,6 +240,7 @@ Reader<M> Bus::reader(const std::string& partition) {
   auto impl = std::make_unique<typename Reader<M>::Impl>();
   impl->backend = impl_->backend->create_reader(impl_->spec(*kTopicOf<M>, partition));
   impl->events = &impl_->events;
+  impl->cdr.reserve(wire::kMessageBytes);
   return Reader<M>(std::move(impl));
 }
 

@@ -67,8 +67,38 @@ struct Codec<M>::Scratch {
   std::vector<std::uint8_t> bytes;
 };
 
+namespace {
+
+constexpr std::size_t kUsualBytes = 1U << 17U;  // of a message about kUsualMembers bodies
+
+void make_room(msg::WorldFrame& frame) {
+  frame.members().reserve(kUsualMembers);
+  frame.fixed_bodies().reserve(kUsualMembers);
+  frame.islands().reserve(kUsualMembers);
+  frame.entering().reserve(kUsualMembers);
+  frame.states().reserve(kUsualMembers);
+  frame.border().reserve(4 * kUsualMembers);
+  frame.ghosts().reserve(kUsualMembers);
+  frame.ghost_axes().reserve(kMostGhostAxes * kUsualMembers);
+  frame.carried_bodies().reserve(kUsualMembers);
+}
+
+void make_room(msg::HapticReport& report) {
+  report.members().reserve(kUsualMembers);
+  report.islands().reserve(kUsualMembers);
+}
+
+}  // namespace
+
 template <class M>
-Codec<M>::Codec() : scratch_(std::make_unique<Scratch>()) {}
+Codec<M>::Codec() : scratch_(std::make_unique<Scratch>()) {
+  // What loops send and take has its room from the start; the rest finds it.
+  if constexpr (requires { reserve(scratch_->sample, kUsualMembers); }) {
+    reserve(scratch_->sample, kUsualMembers);
+    make_room(scratch_->wire);
+    scratch_->bytes.reserve(kUsualBytes);
+  }
+}
 template <class M>
 Codec<M>::~Codec() = default;
 template <class M>

@@ -6,9 +6,11 @@ namespace subworld {
 
 using parts::get;
 using parts::get_all;
+using parts::get_ghosts;
 using parts::get_positive;
 using parts::put;
 using parts::put_all;
+using parts::put_ghosts;
 
 namespace {
 
@@ -104,7 +106,7 @@ void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
   put_all(in.entering, out.entering());
   put_all(in.states, out.states());
   put_all(in.border, out.border());
-  put_all(in.ghosts, out.ghosts());
+  put_ghosts(in.ghosts, out);
   put_all(in.peers, out.peers());
 }
 
@@ -118,7 +120,7 @@ bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
   return get(in.stamp_s(), out.stamp_s) && get(in.start_in_s(), out.start_in_s) &&
          get_positive(in.clock_factor(), out.clock_factor) && get_all(in.members(), out.members) &&
          get_all(in.fixed_bodies(), out.fixed) && get_all(in.entering(), out.entering) &&
-         get_all(in.states(), out.states) && get_all(in.border(), out.border) && get_all(in.ghosts(), out.ghosts) &&
+         get_all(in.states(), out.states) && get_all(in.border(), out.border) && get_ghosts(in, out.ghosts) &&
          get_all(in.peers(), out.peers);
 }
 

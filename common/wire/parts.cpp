@@ -191,38 +191,62 @@ bool get(const msg::CarriedBody& in, CarriedBody& out) {
          get(in.inertia_kg_m2(), out.inertia_kg_m2) && get(in.drive(), out.drive);
 }
 
-void put(const GhostModel& in, msg::Ghost& out) {
-  out.outside(index(in.outside));
-  out.mass_kg(in.mass_kg);
-  put(in.load_n, out.load_n());
-  out.axes().resize(in.axis_count);
-  for (std::size_t i = 0; i < in.axis_count; ++i) {
-    put(in.axes[i].normal, out.axes()[i].normal());
-    out.axes()[i].force_n(in.axes[i].force_n);
-    out.axes()[i].coulomb_limit_n(in.axes[i].coulomb_limit_n);
-    put(in.axes[i].grip, out.axes()[i].grip());
-  }
-  out.carried().resize(in.carried ? 1 : 0);
-  if (in.carried) put(*in.carried, out.carried()[0]);
-  out.loose(in.loose);
+void put(const GhostAxis& in, msg::GhostAxis& out) {
+  put(in.normal, out.normal());
+  out.force_n(in.force_n);
+  out.coulomb_limit_n(in.coulomb_limit_n);
+  put(in.grip, out.grip());
 }
 
-bool get(const msg::Ghost& in, GhostModel& out) {
-  out.outside = BodyId{in.outside()};
-  out.axis_count = in.axes().size();
-  if (out.axis_count > kMostGhostAxes || !get_positive(in.mass_kg(), out.mass_kg) || out.mass_kg == 0.0 ||
-      !get(in.load_n(), out.load_n))
-    return false;
-  for (std::size_t i = 0; i < out.axis_count; ++i) {
-    GhostAxis& axis = out.axes[i];
-    if (!get(in.axes()[i].normal(), axis.normal) || !get(in.axes()[i].force_n(), axis.force_n) ||
-        !get_positive(in.axes()[i].coulomb_limit_n(), axis.coulomb_limit_n) || !get(in.axes()[i].grip(), axis.grip))
+bool get(const msg::GhostAxis& in, GhostAxis& out) {
+  return get(in.normal(), out.normal) && get(in.force_n(), out.force_n) &&
+         get_positive(in.coulomb_limit_n(), out.coulomb_limit_n) && get(in.grip(), out.grip);
+}
+
+void put_ghosts(const std::vector<GhostModel>& in, msg::WorldFrame& out) {
+  out.ghosts().resize(in.size());
+  out.ghost_axes().resize(kMostGhostAxes * in.size());
+  out.carried_bodies().resize(in.size());
+  std::size_t axes = 0;
+  std::size_t carried = 0;
+  for (std::size_t g = 0; g < in.size(); ++g) {
+    const GhostModel& ghost = in[g];
+    msg::Ghost& wire = out.ghosts()[g];
+    wire.outside(index(ghost.outside));
+    wire.mass_kg(ghost.mass_kg);
+    put(ghost.load_n, wire.load_n());
+    wire.axis_count(static_cast<std::uint8_t>(ghost.axis_count));
+    wire.carried(ghost.carried.has_value());
+    wire.loose(ghost.loose);
+    for (std::size_t i = 0; i < ghost.axis_count; ++i) put(ghost.axes[i], out.ghost_axes()[axes++]);
+    if (ghost.carried) put(*ghost.carried, out.carried_bodies()[carried++]);
+  }
+  out.ghost_axes().resize(axes);
+  out.carried_bodies().resize(carried);
+}
+
+bool get_ghosts(const msg::WorldFrame& in, std::vector<GhostModel>& out) {
+  out.resize(in.ghosts().size());
+  std::size_t axes = 0;
+  std::size_t carried = 0;
+  for (std::size_t g = 0; g < out.size(); ++g) {
+    const msg::Ghost& wire = in.ghosts()[g];
+    GhostModel& ghost = out[g];
+    ghost.outside = BodyId{wire.outside()};
+    ghost.axis_count = wire.axis_count();
+    ghost.loose = wire.loose();
+    if (ghost.axis_count > kMostGhostAxes || ghost.axis_count > in.ghost_axes().size() - axes ||
+        !get_positive(wire.mass_kg(), ghost.mass_kg) || ghost.mass_kg == 0.0 || !get(wire.load_n(), ghost.load_n))
+      return false;
+    for (std::size_t i = 0; i < ghost.axis_count; ++i) {
+      if (!get(in.ghost_axes()[axes++], ghost.axes[i])) return false;
+    }
+    ghost.carried.reset();
+    if (!wire.carried()) continue;
+    if (carried == in.carried_bodies().size() || !get(in.carried_bodies()[carried++], ghost.carried.emplace()))
       return false;
   }
-  out.loose = in.loose();
-  out.carried.reset();
-  if (in.carried().size() > 1) return false;
-  return in.carried().empty() || get(in.carried()[0], out.carried.emplace());
+  return axes == in.ghost_axes().size() && carried == in.carried_bodies().size();
 }
 
 void put(const PeerDevice& in, msg::PeerDevice& out) {

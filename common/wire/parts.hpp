@@ -27,7 +27,9 @@ void put(const EnteringBody& in, msg::EnteringBody& out);
 void put(const BorderPair& in, msg::BorderPair& out);
 void put(const Eigen::Matrix3d& in, msg::SymmetricTensor& out);
 void put(const CarriedBody& in, msg::CarriedBody& out);
-void put(const GhostModel& in, msg::Ghost& out);
+void put(const GhostAxis& in, msg::GhostAxis& out);
+/// With what lies flat in the frame: axes and carried bodies.
+void put_ghosts(const std::vector<GhostModel>& in, msg::WorldFrame& out);
 void put(const PeerDevice& in, msg::PeerDevice& out);
 void put(const UserView& in, msg::UserView& out);
 
@@ -48,7 +50,8 @@ void put(const UserView& in, msg::UserView& out);
 [[nodiscard]] bool get(const msg::BorderPair& in, BorderPair& out);
 [[nodiscard]] bool get(const msg::SymmetricTensor& in, Eigen::Matrix3d& out);
 [[nodiscard]] bool get(const msg::CarriedBody& in, CarriedBody& out);
-[[nodiscard]] bool get(const msg::Ghost& in, GhostModel& out);
+[[nodiscard]] bool get(const msg::GhostAxis& in, GhostAxis& out);
+[[nodiscard]] bool get_ghosts(const msg::WorldFrame& in, std::vector<GhostModel>& out);
 [[nodiscard]] bool get(const msg::PeerDevice& in, PeerDevice& out);
 [[nodiscard]] bool get(const msg::UserView& in, UserView& out);
 

@@ -1,8 +1,43 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <string>
+
 namespace subworld::test {
 
-/// How often this program has called `operator new`. Linking the source file replaces that operator.
+/// How often this program has asked for memory: `malloc` and its relatives, so `operator new` and Eigen's dynamic
+/// matrices too. Linking the source file puts itself in front of them. (With the address sanitizer: `operator new`.)
 [[nodiscard]] long allocations() noexcept;
+
+/// Allocations of the calling thread while it lives, told apart by who made them.
+class AllocationWatch {
+ public:
+  AllocationWatch() noexcept;
+  ~AllocationWatch();
+  AllocationWatch(const AllocationWatch&) = delete;
+  AllocationWatch& operator=(const AllocationWatch&) = delete;
+
+  /// So far, without those of engines.
+  [[nodiscard]] long ours() const noexcept { return ours_; }
+  /// With a function of an engine's library on the stack.
+  [[nodiscard]] long of_engines() const noexcept { return of_engines_; }
+  /// Where the first few different ones of ours come from: the functions on the stack, innermost first, as far as the
+  /// program exports them (ENABLE_EXPORTS).
+  [[nodiscard]] std::string places() const;
+
+  void note() noexcept;
+
+ private:
+  struct Stack {
+    std::array<void*, 48> functions{};
+    int depth = 0;
+    bool operator==(const Stack&) const = default;
+  };
+  std::array<Stack, 8> places_;
+  std::size_t place_count_ = 0;
+  long ours_ = 0;
+  long of_engines_ = 0;
+};
 
 }  // namespace subworld::test
