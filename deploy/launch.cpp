@@ -2,6 +2,7 @@
 
 #include "coupling/scheme.hpp"
 #include "io/results.hpp"
+#include "io/trace.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
 #include "progress.hpp"
@@ -96,6 +97,21 @@ std::string last_line(const std::string& path, std::string_view holding = {}) {
   return last;
 }
 
+/// A program's part of the trace, until the parts are merged.
+std::string trace_part(const std::string& folder, const std::string& label) {
+  return fmt::format("{}/trace/{}.json", folder, label);
+}
+
+/// Makes one trace of all programs' parts.
+void collect_trace(const Supervisor& programs, const Options& options) {
+  if (options.trace.empty()) return;
+  std::vector<std::string> parts;
+  for (const Supervisor::Child& child : programs.children()) parts.push_back(trace_part(options.out, child.label));
+  merge_traces(parts, options.trace);
+  std::filesystem::remove_all(options.out + "/trace");
+  fmt::print("subworld: trace in {}; open it with ui.perfetto.dev, chrome://tracing or speedscope\n", options.trace);
+}
+
 void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain) {
   const std::string folder = program_folder();
   int position = 0;
@@ -104,6 +120,8 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     flags.insert(flags.end(), {"--domain", std::to_string(domain), "--dds", vendor_of(request.dds, position++)});
     const std::string label = user < 0 ? program : fmt::format("{}_{}", program, user);
     if (user >= 0) flags.insert(flags.end(), {"--user", std::to_string(user)});
+    if (!options.trace.empty() && program != "gui_headless")
+      flags.insert(flags.end(), {"--trace", trace_part(options.out, label)});
     if (request.gui && program == "world_sim") flags.emplace_back("--await-display");
     programs.start(label, folder + "/" + program, flags, fmt::format("{}/logs/{}.log", options.out, label), essential);
   };
@@ -192,6 +210,10 @@ int run(const RunRequest& request) {
   }
   make_folder(options.out + "/logs");
   remove_parts(options.out, scene.settings.users);
+  if (!options.trace.empty()) {
+    merge_traces({}, options.trace);  // fails before anything runs, if it must
+    make_folder(options.out + "/trace");
+  }
   const DomainClaim claim(request.domain);
   fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", scene.file,
              scene.settings.mode == Mode::realtime ? "real time" : "lock-step", scene.settings.duration_s,
@@ -222,6 +244,7 @@ int run(const RunRequest& request) {
   record.own_cpu_s = children_cpu_s();
   record.other_cpu_s = std::max(0.0, core_times().busy_s - cores.busy_s - record.own_cpu_s);
   record.stolen_s = core_times().stolen_s - cores.stolen_s;
+  collect_trace(programs, options);
 
   Json summary{{"scene", scene.name}, {"verdict", ""}};
   if (failed != nullptr) return report_failure(failure, options.out, summary);

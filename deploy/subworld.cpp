@@ -42,6 +42,7 @@ int main_of(int argc, char** argv) {
   CLI::App* run_command =
       app.add_subcommand("run", "Runs a scene: one world, and a haptic and a device process per user");
   add_run_options(*run_command, request.options);
+  add_trace_option(*run_command, request.options);
   run_command->add_option("--dds", request.dds, "DDS vendor; mixed: the programs alternate")
       ->check(CLI::IsMember({"fastdds", "cyclonedds", "mixed"}))
       ->envname("SUBWORLD_DDS");

@@ -175,6 +175,20 @@ const char* name_of(Culprit culprit) {
   return "scene";
 }
 
+/// Where a loop's time goes: the stages that take most of it.
+void print_stages(const Json& stages) {
+  constexpr double kWorthSaying = 0.05;
+  std::string text;
+  for (const auto& [name, stage] : stages.items()) {
+    const double share = stage.value("share", 0.0);
+    if (share < kWorthSaying) continue;
+    text += fmt::format("{}{} {:.0f} % (p50 {:.3f}, p99 {:.3f} ms)", text.empty() ? "" : ", ",
+                        name.substr(0, name.size() - 2), 100.0 * share, milliseconds(stage["p50"]),
+                        milliseconds(stage["p99"]));
+  }
+  if (!text.empty()) fmt::print("    time of a step: {}\n", text);
+}
+
 }  // namespace
 
 std::string Gate::line() const {
@@ -336,6 +350,8 @@ void print_summary(const Json& summary) {
         "fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
         slowed_s, world["clock_factor_mean"].get<double>(), world["stuck_s"].get<double>());
   }
+  const bool realtime = summary["mode"] == "realtime";
+  if (realtime) print_stages(world["stages"]);
   if (summary.contains("calibration")) {
     const Json& late = summary["calibration"]["woken_late_s"];
     fmt::print("  machine: {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(summary), milliseconds(late["p99"]),
@@ -351,7 +367,7 @@ void print_summary(const Json& summary) {
         haptic["missed_deadlines"].get<std::uint64_t>(), haptic["missed_by_us"].get<std::uint64_t>(),
         haptic["missed_by_machine"].get<std::uint64_t>(), milliseconds(haptic["lateness_s"]["p99"]),
         milliseconds(haptic["step_s"]["p50"]), milliseconds(haptic["step_s"]["p99"]));
-    if (summary["mode"] == "realtime") {
+    if (realtime) {
       const Json& kernel = haptic["machine"];
       fmt::print("    woken late p99 {:.3f} ms max {:.3f} ms; pre-empted {} times, {:.1f} ms ready without a core\n",
                  milliseconds(haptic["woken_late_s"]["p99"]), milliseconds(haptic["woken_late_s"]["max"]),
@@ -372,6 +388,7 @@ void print_summary(const Json& summary) {
         milliseconds(haptic["sync_s"]["p50"]), milliseconds(haptic["sync_s"]["p99"]),
         milliseconds(device["round_trip_s"]["p50"]), milliseconds(device["round_trip_s"]["p99"]),
         1e-3 * haptic["bytes_per_cycle"].get<double>());
+    if (realtime) print_stages(haptic["stages"]);
   }
 }
 

@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
 
     const UserSpec& user = scene.users[static_cast<std::size_t>(options.user)];
     EmulatedDevice device(user.device, static_cast<std::uint32_t>(options.user));
-    DeviceMeasures measures(options.out, options.user, flush);
+    DeviceMeasures measures(options.out, options.trace, options.user, flush);
     watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     DevicePorts ports(options, scene);
@@ -22,7 +22,7 @@ int main(int argc, char** argv) {
       if (!realtime) {
         run_lockstep(ports, device, measures, scene);
       } else {
-        run_realtime(ports, device, measures, user);
+        run_realtime(ports, device, measures, user, from_seconds(options.spin_s));
       }
       ports.status.enter("stopping");
       if (!options.out.empty()) {

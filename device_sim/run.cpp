@@ -31,18 +31,26 @@ DevicePorts::DevicePorts(const Options& options, const Scene& scene)
       status(*bus, ProgramKind::device_sim, static_cast<std::uint32_t>(options.user),
              fmt::format("device_sim {}", options.user)) {}
 
-DeviceMeasures::DeviceMeasures(const std::string& folder, int user, History::Flush flush)
+DeviceMeasures::DeviceMeasures(const std::string& folder, const std::string& trace, int user, History::Flush flush)
     : user_(user),
       history_(folder.empty() ? "" : fmt::format("{}/device_{}.csv", folder, user),
                {"time_s", "x_m", "y_m", "z_m", "velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s", "force_x_n",
                 "force_y_n", "force_z_n"},
-               flush) {}
+               flush),
+      trace_(trace, {fmt::format("device_sim {}", user), 200 + user}, kDeviceStages, flush) {}
+
+void DeviceMeasures::end_step() noexcept {
+  const StageStep step = stages_.end();
+  if (newest_missed_) trace_.instant(Trace::Name::missed_deadline, step.begin);
+  trace_.step(step);
+}
 
 void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, const StepTimes& times) noexcept {
   ++steps_;
   misses_.add(times.miss);
   step_.add(times.step_s);
   woken_late_.add(times.woken_late_s);
+  newest_missed_ = times.miss != Miss::none;
   const Vec3& x = state.pose.position;
   const Vec3& v = state.linear_velocity;
   const Vec3& f = wrench.force;
@@ -58,7 +66,9 @@ Json DeviceMeasures::json() const {
           {"missed_by_us", misses_.by_us},
           {"step_s", quantiles(step_)},
           {"woken_late_s", quantiles(woken_late_)},
-          {"machine", machine_.json()}};
+          {"machine", machine_.json()},
+          {"stages", subworld::stages(stages_.times(), kDeviceStages)},
+          {"trace_events_dropped", trace_.dropped()}};
 }
 
 bool join(DevicePorts& ports, const Options& options) {
@@ -82,24 +92,31 @@ bool join(DevicePorts& ports, const Options& options) {
 void run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const Scene& scene) {
   DeviceCommand command;
   const auto stopped = [] { return stop_signal() != 0; };
+  Stages<DeviceStage>& stages = measures.stages();
+  stages.begin();
   while (true) {
     DeviceState state = device.state();
     const TimePoint sent = Clock::now();
     state.sent_ns = to_ns(sent);
     if (!ports.states.write(state))
       throw Error(ExitCode::failed, "device_state could not be sent; is haptic_sim stuck?");
-    if (!await(*ports.bus, ports.commands, command, stopped,
+    stages.mark(DeviceStage::send);
+    if (!await(*ports.bus, ports.commands, command, stages, stopped,
                "haptic_sim has died; the device cannot go on in lock-step"))
       return;
     if (command.last) return;
-    measures.round_trip(1e-9 * static_cast<double>(to_ns(Clock::now()) - command.echoed_sent_ns));
+    measures.round_trip(1e-9 * static_cast<double>(to_ns(stages.now()) - command.echoed_sent_ns));
     device.step(command, scene.settings.h_s);
-    measures.step(state, command.wrench, {to_seconds(Clock::now() - sent)});
+    stages.mark(DeviceStage::advance);
+    measures.step(state, command.wrench, {to_seconds(stages.now() - sent)});
     ports.status.update(measures.state(state.stamp_s));
+    stages.mark(DeviceStage::account);
+    measures.end_step();
   }
 }
 
-void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user) {
+void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user,
+                  Duration spin) {
   const double period_s = 1.0 / user.device.rate_hz;
   const Scheduling scheduling = claim_realtime(priority::kDevice);
   fmt::print("device_sim {}: {:.0f} Hz, {}\n", device.state().device, user.device.rate_hz, scheduling.text);
@@ -110,7 +127,8 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
   double gain = 0.0;
   double alone_s = 0.0;
   Wrench felt;
-  Cyclic loop(Clock::now(), from_seconds(period_s));
+  Stages<DeviceStage>& stages = measures.stages();
+  Cyclic loop(Clock::now(), from_seconds(period_s), spin);
   Lateness lateness(thread_use());
   measures.loop_begins(scheduling);
   const auto wake = [&] {
@@ -118,6 +136,7 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
     loop.wait();
     const TimePoint woke = Clock::now();
     lateness.begin(loop.released(), asked, woke, from_seconds(period_s));
+    stages.begin(loop.released(), woke);
     return woke;
   };
   const auto act = [&](const Wrench& wrench, TimePoint begin) {
@@ -126,10 +145,11 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
     now.wrench = wrench;
     // The path starts when the haptic loop does, whatever the time since the device was switched on.
     if (heard != TimePoint{}) device.step(now, period_s);
+    stages.mark(DeviceStage::advance);
     DeviceState state = device.state();
     state.sent_ns = to_ns(begin);
     ports.states.write(state);
-    const TimePoint end = Clock::now();
+    const TimePoint end = stages.mark(DeviceStage::send);
     const ThreadUse use = thread_use();
     measures.step(state, wrench,
                   {.step_s = to_seconds(end - begin),
@@ -137,10 +157,12 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
                    .miss = lateness.judge(end, loop.deadline(), use)});
     lateness.end(end, use);
     ports.status.update(measures.state(state.stamp_s));
+    stages.mark(DeviceStage::account);
+    measures.end_step();
   };
   while (stop_signal() == 0) {
     const TimePoint begin = wake();
-    if (ports.commands.take_latest(command)) {
+    if (take_latest(ports.commands, command, stages)) {
       if (command.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - command.echoed_sent_ns));
       heard = begin;

@@ -5,9 +5,12 @@
 #include "io/machine_share.hpp"
 #include "io/options.hpp"
 #include "io/results.hpp"
+#include "io/trace.hpp"
+#include "rt/stages.hpp"
 #include "wire/bus.hpp"
 #include "wire/status.hpp"
 
+#include <array>
 #include <memory>
 
 namespace subworld {
@@ -22,11 +25,19 @@ struct DevicePorts {
   StatusBeacon status;
 };
 
+enum class DeviceStage : std::uint8_t { wake, receive, decode, advance, send, account, count };
+inline constexpr std::array kDeviceStages{"wake", "receive", "decode", "advance", "send", "account"};
+static_assert(kDeviceStages.size() == Stages<DeviceStage>::kCount);
+
 /// What a device process says of itself at the end, and its history on the way.
 class DeviceMeasures {
  public:
-  DeviceMeasures(const std::string& folder, int user, History::Flush flush);
+  /// `folder` and `trace` may be empty: nothing is written.
+  DeviceMeasures(const std::string& folder, const std::string& trace, int user, History::Flush flush);
+  [[nodiscard]] Stages<DeviceStage>& stages() noexcept { return stages_; }
   void step(const DeviceState& state, const Wrench& wrench, const StepTimes& times) noexcept;
+  /// Closes the step's stages: the last of all.
+  void end_step() noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   /// What the status shows.
   [[nodiscard]] LoopState state(double time_s) const noexcept {
@@ -40,6 +51,9 @@ class DeviceMeasures {
  private:
   int user_;
   History history_;
+  Stages<DeviceStage> stages_;
+  Trace trace_;
+  bool newest_missed_ = false;
   Histogram round_trip_, step_, woken_late_;
   std::uint64_t steps_ = 0;
   Misses misses_;
@@ -52,7 +66,8 @@ class DeviceMeasures {
 /// Each step waits for the command that answers the state. Throws `Error` (failed) when the haptic process dies.
 void run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const Scene& scene);
 
-/// At the device's own rate, with the newest command; an old one fades out.
-void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user);
+/// At the device's own rate, with the newest command; an old one fades out. `spin`: see Cyclic.
+void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user,
+                  Duration spin);
 
 }  // namespace subworld

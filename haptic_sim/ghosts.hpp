@@ -71,7 +71,7 @@ class Ghosts final : public BorderModel {
 
   const Scene& scene_;
   std::uint64_t remembered_;
-  std::vector<Ghost> ghosts_;                     ///< by id
+  std::vector<Ghost> ghosts_;                    ///< by id
   std::vector<std::vector<Logged>> spare_logs_;  ///< of ghosts that have gone: a loop does not allocate
 };
 

@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
     SubWorld sub(scene, static_cast<std::size_t>(options.user));
     EngineExchange exchange(
         realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
-    HapticMeasures measures(options.out, sub.user(), limits_of(scene.users[sub.user()].device), flush);
+    HapticMeasures measures(options.out, options.trace, sub.user(), limits_of(scene.users[sub.user()].device), flush);
     watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     HapticPorts ports(options, scene);
@@ -24,7 +24,7 @@ int main(int argc, char** argv) {
       if (!realtime) {
         run_lockstep(ports, sub, measures, exchange, scene);
       } else {
-        run_realtime(ports, sub, measures, exchange, scene, *first);
+        run_realtime(ports, sub, measures, exchange, scene, *first, from_seconds(options.spin_s));
       }
       ports.status.enter("stopping");
       const double cycles = std::max(1.0, static_cast<double>(sub.stamp()));

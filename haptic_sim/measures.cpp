@@ -18,8 +18,8 @@ bool at_limit(const Wrench& to_hand, const ForceLimits& limits) noexcept {
 
 }  // namespace
 
-HapticMeasures::HapticMeasures(const std::string& folder, std::size_t user, const ForceLimits& limits,
-                               History::Flush flush)
+HapticMeasures::HapticMeasures(const std::string& folder, const std::string& trace, std::size_t user,
+                               const ForceLimits& limits, History::Flush flush)
     : user_(user),
       history_(folder.empty() ? "" : fmt::format("{}/haptic_{}.csv", folder, user),
                {"time_s",         "force_x_n",    "force_y_n",    "force_z_n",    "hand_force_x_n", "hand_force_y_n",
@@ -27,6 +27,7 @@ HapticMeasures::HapticMeasures(const std::string& folder, std::size_t user, cons
                 "proxy_z_m",      "device_x_m",   "device_y_m",   "device_z_m",   "members",        "contacts",
                 "border_pairs",   "step_s",       "lateness_s",   "skipped"},
                flush),
+      trace_(trace, {fmt::format("haptic_sim {}", user), 100 + static_cast<int>(user)}, kHapticStages, flush),
       limits_(limits) {}
 
 void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept {
@@ -38,6 +39,9 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   const auto members = static_cast<double>(sub.members());
   const auto contacts = static_cast<double>(sub.contacts());
   const auto border = static_cast<double>(sub.border_pairs());
+  traced_.members = members;
+  traced_.lateness_s = times.lateness_s;
+  traced_.missed = traced_.missed || times.miss != Miss::none;
   members_.add(members);
   contacts_.add(contacts);
   border_.add(border);
@@ -76,7 +80,19 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
                 static_cast<double>(std::exchange(skipped_before_step_, 0))});
 }
 
+void HapticMeasures::end_step() noexcept {
+  const StageStep step = stages_.end();
+  trace_.counter(Trace::Name::force_n, step.begin, last_force_.norm());
+  trace_.counter(Trace::Name::members, step.begin, traced_.members);
+  trace_.counter(Trace::Name::lateness_s, step.begin, traced_.lateness_s);
+  if (traced_.missed) trace_.instant(Trace::Name::missed_deadline, step.begin);
+  if (traced_.lost_frames) trace_.instant(Trace::Name::lost_frames, step.begin);
+  trace_.step(step);
+  traced_ = {};
+}
+
 void HapticMeasures::skipped(int periods, int by_machine) noexcept {
+  traced_.missed = traced_.missed || periods > 0;
   skipped_ += static_cast<std::uint64_t>(periods);
   misses_.skip(periods, by_machine);
   skipped_before_step_ += periods;
@@ -108,6 +124,7 @@ void HapticMeasures::engine_changed(const EngineChange& change) {
 void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noexcept {
   sync_.add(seconds);
   lost_frames_ += lost_frames;
+  traced_.lost_frames = traced_.lost_frames || lost_frames > 0;
 }
 
 Json HapticMeasures::json(double bytes_per_cycle) {
@@ -124,6 +141,7 @@ Json HapticMeasures::json(double bytes_per_cycle) {
           {"woken_late_s", quantiles(woken_late_)},
           {"machine", machine_.json()},
           {"step_s", quantiles(step_)},
+          {"stages", subworld::stages(stages_.times(), kHapticStages)},
           {"force_rms_n", std::sqrt(hand_squares_ / steps)},
           {"force_max_n", hand_max_},
           {"force_step_mean_n", force_step_.mean()},
@@ -140,7 +158,8 @@ Json HapticMeasures::json(double bytes_per_cycle) {
           {"lost_frames", lost_frames_},
           {"resynchronisations", adoptions_},
           {"engine_changes", engine_changes_},
-          {"history_rows_dropped", history_.dropped()}};
+          {"history_rows_dropped", history_.dropped()},
+          {"trace_events_dropped", trace_.dropped()}};
 }
 
 }  // namespace subworld

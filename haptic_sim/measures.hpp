@@ -5,7 +5,9 @@
 #include "io/history.hpp"
 #include "io/machine_share.hpp"
 #include "io/results.hpp"
+#include "io/trace.hpp"
 #include "rt/histogram.hpp"
+#include "rt/stages.hpp"
 #include "wire/status.hpp"
 
 #include <array>
@@ -15,14 +17,36 @@
 
 namespace subworld {
 
+enum class HapticStage : std::uint8_t {
+  wake,
+  receive,
+  decode,
+  apply,
+  control,
+  feel,
+  send,
+  advance,
+  report,
+  account,
+  count
+};
+inline constexpr std::array kHapticStages{"wake", "receive", "decode",  "apply",  "control",
+                                          "feel", "send",    "advance", "report", "account"};
+static_assert(kHapticStages.size() == Stages<HapticStage>::kCount);
+
 /// What a haptic process says of itself at the end, and its history on the way.
 class HapticMeasures {
  public:
-  /// `folder` may be empty: nothing is written. `limits`: of the device.
-  HapticMeasures(const std::string& folder, std::size_t user, const ForceLimits& limits, History::Flush flush);
+  /// `folder` and `trace` may be empty: nothing is written. `limits`: of the device.
+  HapticMeasures(const std::string& folder, const std::string& trace, std::size_t user, const ForceLimits& limits,
+                 History::Flush flush);
+
+  [[nodiscard]] Stages<HapticStage>& stages() noexcept { return stages_; }
 
   /// After every step.
   void step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept;
+  /// Closes the step's stages: the last of all.
+  void end_step() noexcept;
   /// Periods that were over before their steps could begin: missed deadlines, and no steps. `by_machine`: of these.
   void skipped(int periods, int by_machine) noexcept;
   /// Around a loop in real time, in its thread.
@@ -49,6 +73,14 @@ class HapticMeasures {
  private:
   std::size_t user_;
   History history_;
+  Stages<HapticStage> stages_;
+  Trace trace_;
+  struct Traced {
+    double lateness_s = 0.0;
+    double members = 0.0;
+    bool missed = false;
+    bool lost_frames = false;
+  } traced_;  ///< of the step in hand
   Histogram step_, lateness_, woken_late_, sync_, round_trip_;
   Misses misses_;
   MachineShare machine_;

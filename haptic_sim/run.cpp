@@ -107,12 +107,14 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   const double h = scene.settings.h_s;
   const BodyId proxy = scene.users[sub.user()].proxy;
   const auto stopped = [] { return stop_signal() != 0; };
+  Stages<HapticStage>& stages = measures.stages();
   DeviceState device;
   WorldFrame frame;
   reserve(frame, kUsualMembers);
   const auto send_report = [&] {
     if (!ports.reports.write(sub.report(to_ns(Clock::now()))))
       throw Error(ExitCode::failed, "haptic_report could not be sent; is world_sim stuck?");
+    stages.mark(HapticStage::report);
   };
 
   const Delay delay(scene.settings, sub.scheme().lead_cycles(), static_cast<std::uint32_t>(sub.user()));
@@ -122,39 +124,44 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   /// Takes the frames that are due now. False after the last one, or when asked to stop.
   const auto follow_world = [&] {
     for (; delay.frame_due(next_frame) <= step; ++next_frame) {
-      if (!await(*ports.bus, ports.frames, frame, stopped,
+      if (!await(*ports.bus, ports.frames, frame, stages, stopped,
                  "world_sim has died; the haptic loop cannot go on in lock-step"))
         return false;
-      const TimePoint begin = Clock::now();
+      const TimePoint begin = stages.now();
       if (frame.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - frame.echoed_sent_ns));
       last = frame.last;
       const std::uint64_t lost = sub.apply(frame);
-      measures.synchronised(to_seconds(Clock::now() - begin), lost);
+      measures.synchronised(to_seconds(stages.mark(HapticStage::apply) - begin), lost);
       if (last) return false;
     }
     return true;
   };
 
+  stages.begin();
   if (sub.reports_at_start()) send_report();
   while (follow_world()) {
-    if (!await(*ports.bus, ports.device, device, stopped,
+    if (!await(*ports.bus, ports.device, device, stages, stopped,
                "device_sim has died; the haptic loop cannot go on in lock-step"))
       return;
     orders.follow();
-    const TimePoint begin = Clock::now();
+    const TimePoint begin = stages.mark(HapticStage::control);
     const FeltStep felt = sub.feel(device, true, h);
+    stages.mark(HapticStage::feel);
     if (!ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand))) {
       throw Error(ExitCode::failed, "device_command could not be sent; is device_sim stuck?");
     }
+    stages.mark(HapticStage::send);
     if (sub.report_due()) send_report();
     sub.advance(h);
-    measures.step(sub, felt, {to_seconds(Clock::now() - begin)});
+    measures.step(sub, felt, {to_seconds(stages.mark(HapticStage::advance) - begin)});
     ++step;
     if (!sub.finite())
       throw Error(ExitCode::failed, "the sub-world is no longer finite; use a smaller h_s or the preset quality");
-    if (sub.report_due()) send_report();
     ports.status.update(measures.state(sub.time_s()));
+    stages.mark(HapticStage::account);
+    if (sub.report_due()) send_report();
+    measures.end_step();
   }
   if (stop_signal() != 0 && !last) return;
   send_last(ports, device, 1);
@@ -162,7 +169,7 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
 }
 
 void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
-                  const Scene& scene, const FirstFrame& first) {
+                  const Scene& scene, const FirstFrame& first, Duration spin) {
   EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
   const double cycle_s = scene.settings.cycle_s();
@@ -171,6 +178,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", sub.user(), 1.0 / h, scheduling.text);
   std::fflush(stdout);
 
+  Stages<HapticStage>& stages = measures.stages();
   DeviceState device;
   device.device = static_cast<std::uint32_t>(sub.user());
   TimePoint heard{};
@@ -181,13 +189,16 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   Arrears arrears;
   bool last = false;
   int fading = 0;
-  const auto send_report = [&] { ports.reports.write(sub.report(to_ns(Clock::now()))); };
+  const auto send_report = [&] {
+    ports.reports.write(sub.report(to_ns(Clock::now())));
+    stages.mark(HapticStage::report);
+  };
 
   // A world that trails the sub-world by a cycle has the cycle's report a haptic step before it needs it.
   const int lead_cycles = sub.scheme().lead_cycles();
   const double ahead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
   Phase phase(cycle_s, lead_cycles, ahead_s);
-  Cyclic loop(first.received + from_seconds(first.frame.start_in_s - ahead_s), from_seconds(h));
+  Cyclic loop(first.received + from_seconds(first.frame.start_in_s - ahead_s), from_seconds(h), spin);
   Lateness lateness(thread_use());
   measures.loop_begins(scheduling);
   while (fading < kFadeSteps) {
@@ -199,14 +210,15 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     const int over = loop.skip(begin);
     lateness.skipped_to(loop.released());
     measures.skipped(over, over_by_machine);
+    stages.begin(loop.released(), begin);
     arrears.owe(over * h * phase.rate());
     // What is there after a long sleep may be as old as that: the hand is let go, and met again from zero.
     if (lateness_s > kLongSleep_s) sub.let_go();
     fading += last || stop_signal() != 0;
 
-    if (ports.device.take_latest(device)) heard = begin;
+    if (take_latest(ports.device, device, stages)) heard = begin;
     while (waiting_count < waiting.size()) {
-      if (ports.frames.take(waiting[waiting_count]) != Take::sample) break;
+      if (take(ports.frames, waiting[waiting_count], stages) != Take::sample) break;
       // A world that stands sends the same stamp again and again: only the newest counts.
       if (waiting_count > 0 && waiting[waiting_count].stamp == waiting[waiting_count - 1].stamp) {
         std::swap(waiting[waiting_count], waiting[waiting_count - 1]);
@@ -225,7 +237,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     for (; used < waiting_count; ++used) {
       const WorldFrame& due = waiting[used];
       if (!behind && sub.finite() && !sub.accepts(due.stamp)) break;
-      const TimePoint start = Clock::now();
+      const TimePoint start = stages.now();
       std::uint64_t lost = 0;
       if (behind || !sub.finite()) {
         sub.adopt(due);
@@ -235,12 +247,13 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
       } else {
         lost = sub.apply(due);
       }
-      measures.synchronised(to_seconds(Clock::now() - start), lost);
+      measures.synchronised(to_seconds(stages.mark(HapticStage::apply) - start), lost);
     }
     std::rotate(waiting.begin(), waiting.begin() + static_cast<std::ptrdiff_t>(used), waiting.end());
     waiting_count -= used;
 
     orders.follow();
+    stages.mark(HapticStage::control);
 
     // Without the world it stands: what a border is frozen to does not hold for long.
     const double frame_period_s = cycle_s / std::max(phase.clock_factor(), kSlowestClock);
@@ -248,19 +261,23 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     sub.stand(alone || phase.clock_factor() <= 0.0);
     const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
+    stages.mark(HapticStage::feel);
     ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand));
-    const TimePoint left = Clock::now();  // the force; missed: after its period
+    const TimePoint left = stages.mark(HapticStage::send);  // the force; missed: after its period
     const Miss miss = left > loop.deadline() ? lateness.judge(left, loop.deadline(), thread_use()) : Miss::none;
     if (sub.report_due()) send_report();
     sub.advance(alone ? 0.0 : arrears.step(h * phase.step(sub.time_s()), sub.cycle_left_s()));
+    stages.mark(HapticStage::advance);
     if (sub.report_due()) send_report();
 
     loop.slew(phase.slew_ppm());
-    const TimePoint end = Clock::now();
+    const TimePoint end = stages.now();
     lateness.end(end, thread_use());
     sub.took(to_seconds(end - begin));
     measures.step(sub, felt, {to_seconds(end - begin), lateness_s, lateness.woken_late_s(), miss});
     ports.status.update(measures.state(sub.time_s()));
+    stages.mark(HapticStage::account);
+    measures.end_step();
   }
   measures.loop_ends();
   send_last(ports, device, kTimesLast);

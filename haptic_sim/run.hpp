@@ -25,8 +25,8 @@ struct FirstFrame {
 void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
                   const Scene& scene);
 
-/// Nobody waits: absolute deadlines, the newest data, what comes late is counted and used late.
+/// Nobody waits: absolute deadlines, the newest data, what comes late is counted and used late. `spin`: see Cyclic.
 void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
-                  const Scene& scene, const FirstFrame& first);
+                  const Scene& scene, const FirstFrame& first, Duration spin);
 
 }  // namespace subworld

@@ -35,7 +35,7 @@ int main(int argc, char** argv) {
     const bool realtime = scene.settings.mode == Mode::realtime;
     const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
-    WorldMeasures measures(options.out, flush);
+    WorldMeasures measures(options.out, options.trace, flush);
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     WorldPorts ports(options, scene);
     if (realtime) leave_realtime();

@@ -6,11 +6,20 @@
 
 namespace subworld {
 
-WorldMeasures::WorldMeasures(const std::string& folder, History::Flush flush)
+WorldMeasures::WorldMeasures(const std::string& folder, const std::string& trace, History::Flush flush)
     : history_(folder.empty() ? "" : folder + "/world.csv",
                {"time_s", "kinetic_energy_j", "potential_energy_j", "energy_excess_j", "step_s", "lateness_s",
                 "clock_factor"},
-               flush) {}
+               flush),
+      trace_(trace, {"world_sim", 1}, kWorldStages, flush) {}
+
+void WorldMeasures::end_cycle() noexcept {
+  const StageStep step = stages_.end();
+  trace_.counter(Trace::Name::lateness_s, step.begin, newest_lateness_s_);
+  trace_.counter(Trace::Name::clock_factor, step.begin, newest_clock_factor_);
+  if (newest_late_) trace_.instant(Trace::Name::missed_deadline, step.begin);
+  trace_.step(step);
+}
 
 void WorldMeasures::cycle(const World& world, const StepTimes& times, double clock_factor, double wall_s) noexcept {
   ++cycles_;
@@ -22,6 +31,9 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double clo
   for (std::size_t u = 0; u < left_out_.size(); ++u) {
     left_out_[u].add(static_cast<double>(world.selection(u).left_out));
   }
+  newest_late_ = times.miss != Miss::none;
+  newest_lateness_s_ = times.lateness_s;
+  newest_clock_factor_ = clock_factor;
   clock_factor_min_ = std::min(clock_factor_min_, clock_factor);
   simulated_s_ += clock_factor * wall_s;
   wall_s_ += wall_s;
@@ -53,6 +65,7 @@ Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s
             {"woken_late_s", quantiles(woken_late_)},
             {"machine", machine_.json()},
             {"step_s", quantiles(step_)},
+            {"stages", subworld::stages(stages_.times(), kWorldStages)},
             {"lateness_s", quantiles(lateness_)},
             {"clock_factor_min", clock_factor_min_},
             {"clock_factor_mean", wall_s_ > 0.0 ? simulated_s_ / wall_s_ : 1.0},
@@ -63,7 +76,8 @@ Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s
             {"refused_reports", refused_reports_},
             {"engine_changes", engine_changes_},
             {"settle_wall_s", settle_s},
-            {"history_rows_dropped", history_.dropped()}}}};
+            {"history_rows_dropped", history_.dropped()},
+            {"trace_events_dropped", trace_.dropped()}}}};
 }
 
 }  // namespace subworld

@@ -3,23 +3,47 @@
 #include "io/history.hpp"
 #include "io/machine_share.hpp"
 #include "io/results.hpp"
+#include "io/trace.hpp"
 #include "rt/histogram.hpp"
+#include "rt/stages.hpp"
 #include "wire/status.hpp"
 #include "world_sim/world.hpp"
 
+#include <array>
 #include <string>
 #include <vector>
 
 namespace subworld {
 
+enum class WorldStage : std::uint8_t {
+  wake,
+  receive,
+  decode,
+  control,
+  synchronise,
+  simulate,
+  account,
+  extract,
+  send,
+  display,
+  count
+};
+inline constexpr std::array kWorldStages{"wake",     "receive", "decode",  "control", "synchronise",
+                                         "simulate", "account", "extract", "send",    "display"};
+static_assert(kWorldStages.size() == Stages<WorldStage>::kCount);
+
 /// What the world process says of itself at the end, and its history on the way.
 class WorldMeasures {
  public:
-  /// `folder` may be empty: nothing is written.
-  WorldMeasures(const std::string& folder, History::Flush flush);
+  /// `folder` and `trace` may be empty: nothing is written.
+  WorldMeasures(const std::string& folder, const std::string& trace, History::Flush flush);
+
+  [[nodiscard]] Stages<WorldStage>& stages() noexcept { return stages_; }
 
   /// After every cycle. `wall_s`: its period on a clock that runs at `clock_factor`; 0 in lock-step.
   void cycle(const World& world, const StepTimes& times, double clock_factor, double wall_s) noexcept;
+  /// Closes the cycle's stages: the last of all.
+  void end_cycle() noexcept;
   /// Wall time for which the world needed more than its slowest clock gave it.
   void stuck(double wall_s) noexcept { stuck_s_ += wall_s; }
   /// Around the loop in real time, in its thread.
@@ -37,6 +61,10 @@ class WorldMeasures {
 
  private:
   History history_;
+  Stages<WorldStage> stages_;
+  Trace trace_;
+  double newest_lateness_s_ = 0.0, newest_clock_factor_ = 1.0;
+  bool newest_late_ = false;
   Histogram step_, lateness_, woken_late_;
   Misses late_;
   MachineShare machine_;

@@ -28,6 +28,18 @@ std::uint64_t cycles_of(const Settings& settings) {
   return static_cast<std::uint64_t>(std::lround(settings.duration_s / settings.cycle_s()));
 }
 
+/// World::step(), each part of it to its stage.
+void step(World& world, Stages<WorldStage>& stages) {
+  world.synchronise();
+  stages.mark(WorldStage::synchronise);
+  world.simulate();
+  stages.mark(WorldStage::simulate);
+  world.account();
+  stages.mark(WorldStage::account);
+  world.make_frames();
+  stages.mark(WorldStage::extract);
+}
+
 void publish_frames(WorldPorts& ports, World& world, bool last, double start_in_s, double clock_factor) {
   for (std::size_t u = 0; u < world.user_count(); ++u) {
     WorldFrame& frame = world.frame(u);
@@ -171,19 +183,22 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     if (asked == TimePoint{}) asked = Clock::now();
     return to_seconds(Clock::now() - asked) > kLastReport_s;
   };
+  Stages<WorldStage>& stages = measures.stages();
   Snapshots snapshots(ports.snapshots);
   WorldView view;
   HapticReport report;
   reserve(report, kUsualMembers);
   std::vector<std::uint64_t> next(world.user_count(), 0);
+  std::vector<std::string> gone;
+  for (std::size_t u = 0; u < world.user_count(); ++u) {
+    gone.push_back(fmt::format("haptic_sim {} has died; the world cannot go on in lock-step", u));
+  }
   /// False when asked to stop and a report does not come.
   const auto receive_due = [&] {
     for (std::size_t u = 0; u < world.user_count(); ++u) {
       const Delay delay(scene.settings, world.scheme().lead_cycles(), static_cast<std::uint32_t>(u));
       for (; delay.report_due(next[u]) <= world.stamp(); ++next[u]) {
-        if (!await(*ports.bus, ports.reports[u], report, gives_up,
-                   fmt::format("haptic_sim {} has died; the world cannot go on in lock-step", u)))
-          return false;
+        if (!await(*ports.bus, ports.reports[u], report, stages, gives_up, gone[u])) return false;
         if (!world.receive(std::move(report))) {
           throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of "
                                                     "them on this domain?",
@@ -197,6 +212,7 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   Conductor conductor;
   publish_frames(ports, world, false, 0.0, 1.0);
   bool last = false;
+  stages.begin();
   while (!last) {
     if (!receive_due()) {
       publish_frames(ports, world, true, 0.0, 1.0);
@@ -209,17 +225,19 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
       exchange_engine(ports, world, exchange, measures);
     }
     exchange_engine(ports, world, exchange, measures);
-    const TimePoint begin = Clock::now();
-    world.step();
+    const TimePoint begin = stages.mark(WorldStage::control);
+    step(world, stages);
     // A stop takes effect between cycles, and as a last frame: so everybody ends in order.
     last = world.stamp() >= cycles || stop_signal() != 0 || conductor.stopped();
     publish_frames(ports, world, last, 0.0, 1.0);
-    measures.cycle(world, {to_seconds(Clock::now() - begin)}, 1.0, 0.0);
+    measures.cycle(world, {to_seconds(stages.mark(WorldStage::send) - begin)}, 1.0, 0.0);
     if (snapshots.wanted(world.time_s()) || last) {
       world.look(view);
       snapshots.publish(view, last);
     }
     ports.status.update(measures.state(world, 1.0));
+    stages.mark(WorldStage::display);
+    measures.end_cycle();
     check_finite(world);
   }
   if (world.scheme().border() != Border::none && receive_due()) world.synchronise();
@@ -235,6 +253,7 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   fmt::print("world_sim: running at {:.1f} Hz, {}\n", 1.0 / cycle_s, scheduling.text);
   std::fflush(stdout);
 
+  Stages<WorldStage>& stages = measures.stages();
   BackgroundSnapshots snapshots(ports.snapshots, world);
   Conductor conductor;
   HapticReport report;
@@ -257,8 +276,9 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     loop.shift(from_seconds(period_s - cycle_s));  // the deadline of a cycle on a slowed clock
     const TimePoint begin = Clock::now();
     lateness.begin(loop.released(), asked, begin, from_seconds(period_s));
+    stages.begin(loop.released(), begin);
     for (std::size_t u = 0; u < world.user_count(); ++u) {
-      while (ports.reports[u].take(report) == Take::sample) {
+      while (take(ports.reports[u], report, stages) == Take::sample) {
         if (report.stamp > newest[u] + 1) measures.lost_report();
         newest[u] = std::max(newest[u], report.stamp);
         if (!world.receive(std::move(report))) measures.refused_report();
@@ -266,22 +286,25 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     }
     take_orders(ports, conductor, world, exchange);
     exchange_engine(ports, world, exchange, measures);
+    stages.mark(WorldStage::control);
     last = stop_signal() != 0 || conductor.stopped();
     if (!conductor.may_step() && !last) {
       // The haptic processes hold their sub-worlds still while the world's clock stands.
       publish_frames(ports, world, false, cycle_s, 0.0);
-      lateness.end(Clock::now(), thread_use());
+      stages.mark(WorldStage::send);
+      lateness.end(stages.now(), thread_use());
+      measures.end_cycle();
       continue;
     }
-    world.step();
+    step(world, stages);
     last = last || world.stamp() >= cycles;
-    const TimePoint stepped = Clock::now();
+    const TimePoint stepped = stages.now();
     const TimePoint deadline = loop.deadline();
     const double slip_s =
         pace.cycle(to_seconds(stepped - begin) + publish_s, to_seconds(stepped - deadline) + publish_s);
     loop.shift(from_seconds(slip_s));
     publish_frames(ports, world, last, to_seconds(loop.deadline() - Clock::now()), pace.clock_factor());
-    const TimePoint end = Clock::now();
+    const TimePoint end = stages.mark(WorldStage::send);
     publish_s = to_seconds(end - stepped);
     const ThreadUse use = thread_use();
     const Miss miss = lateness.judge(end, deadline, use);
@@ -302,6 +325,8 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     }
     snapshots.renew(world, pace.clock_factor());
     ports.status.update(measures.state(world, pace.clock_factor()));
+    stages.mark(WorldStage::display);
+    measures.end_cycle();
     check_finite(world);
   }
   measures.loop_ends();

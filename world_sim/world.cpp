@@ -214,10 +214,14 @@ void World::simulate_cycle() {
   contacts_ = totals_.contacts();
 }
 
-void World::step() {
-  synchronise();
+void World::simulate() {
   simulate_cycle();
   ++stamp_;
+}
+
+void World::step() {
+  synchronise();
+  simulate();
   account();
   make_frames();
 }

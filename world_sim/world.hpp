@@ -41,14 +41,21 @@ class World {
   /// not allocate for the next one.
   bool receive(HapticReport&& report);
 
-  /// Applies the blends that are due, drives the proxies and simulates [jT, (j+1)T).
+  /// Applies the blends that are due, drives the proxies and simulates [jT, (j+1)T): `synchronise`, `simulate`,
+  /// `account` and `make_frames`, for who does not time them.
   void step();
 
   /// The stamp of the newest report that the next step uses if it is there.
   [[nodiscard]] std::uint64_t wants() const noexcept { return stamp_ + scheme_->lead_cycles(); }
 
-  /// Applies the blends that are due; for the reports that arrive after the last step.
+  /// Applies the blends that are due; on its own for the reports that arrive after the last step.
   void synchronise();
+  /// Drives the proxies and simulates the cycle.
+  void simulate();
+  /// Hash, energies and motions of the present stamp.
+  void account();
+  /// Makes every user's frame of the present stamp.
+  void make_frames();
 
   /// Adds the final states to the hash.
   void close() { account(); }
@@ -104,13 +111,11 @@ class World {
   void apply(std::size_t user, const HapticReport& report);
   void drive_proxies(double until_s, double dt);
   void hold(const UserSpec& user, const DevicePose& target, const ForceLimits& limits, double dt);
-  void simulate_cycle();
-  void make_frames();
   /// By how much the world's positions are ahead of the sub-worlds' where both account for the same forces: half the
   /// difference of their steps. Frames tell what a sub-world of the same forces would have.
   [[nodiscard]] double half_step_offset_s() const;
   void choose_substeps();
-  void account();
+  void simulate_cycle();
   void balance();
 
   const Scene& scene_;

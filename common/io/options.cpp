@@ -2,11 +2,14 @@
 
 #include "io/results.hpp"
 #include "model/error.hpp"
+#include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -88,6 +91,24 @@ void add_run_options(CLI::App& app, Options& o) {
       ->check(not_finite);
 }
 
+void add_trace_option(CLI::App& app, Options& o) {
+  app.add_option("--trace", o.trace,
+                 "file for a trace of the loops, stage by stage, as Chrome trace events (Perfetto, chrome://tracing,\n"
+                 "speedscope): about 3 MB a second for each user at 1 kHz");
+}
+
+/// Knobs whose use depends on the machine (bench_wake_up measures it): of single programs, so also by the environment.
+void add_tuning(CLI::App& app, const char* program, Options& o) {
+  const auto variable = [&](const char* what) {
+    std::string name = fmt::format("SUBWORLD_{}_{}", program, what);
+    std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::toupper(c); });
+    return name;
+  };
+  constexpr const char* kNotInHelp = "";
+  app.add_option("--core", o.core)->check(CLI::Range(-1, 1023))->envname(variable("core"))->group(kNotInHelp);
+  app.add_option("--spin", o.spin_s)->check(CLI::Range(0.0, 0.01))->envname(variable("spin_s"))->group(kNotInHelp);
+}
+
 Parsed parse_options(Program program, int argc, const char* const* argv) {
   const About& me = about(program);
   Parsed parsed;
@@ -102,6 +123,8 @@ Parsed parse_options(Program program, int argc, const char* const* argv) {
   if (program == Program::haptic_sim || program == Program::device_sim) {
     app.add_option("--user", o.user, "which of the scene's users, from 0")->check(CLI::Range(0, 63));
   }
+  if (program != Program::gui_headless) add_trace_option(app, o);
+  add_tuning(app, me.name, o);
   if (program == Program::world_sim)
     app.add_flag("--await-display", o.await_display, "start only when a display looks, so that it misses nothing");
   if (program == Program::gui_headless) {
@@ -205,6 +228,9 @@ int run_program(Program program, int argc, const char* const* argv,
     const Parsed parsed = parse_options(program, argc, argv);
     if (parsed.exit_code) return *parsed.exit_code;
     end_at_stop_signals();
+    if (const int core = parsed.options.core; core >= 0 && !keep_to_core(core))
+      throw Error(ExitCode::usage,
+                  fmt::format("--core {}: this machine does not have it, or not for this program", core));
     std::setvbuf(stdout, nullptr, _IOLBF, 0);  // a log holds what was said, however the program ends
     const Scene scene = load_scene(parsed.options);
     if (!parsed.options.out.empty()) make_folder(parsed.options.out);

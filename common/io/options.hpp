@@ -29,6 +29,9 @@ struct Options {
   std::optional<double> budget_ratio;
   std::optional<double> duration_s;
   std::string out;               ///< folder for results; empty: none are written
+  int core = -1;                 ///< that all threads of the program stay on; -1: any
+  double spin_s = 0.0;           ///< haptic_sim, device_sim: looks at the clock instead of sleeping before a release
+  std::string trace;             ///< file for what the loops did when; empty: none. Not of the display
   int user = 0;                  ///< haptic_sim, device_sim
   double wait_s = 30.0;          ///< for the other programs
   double picture_every_s = 0.0;  ///< gui_headless
@@ -60,6 +63,9 @@ namespace subworld {
 
 /// Adds the options that the launcher and all programs share.
 void add_run_options(CLI::App& app, Options& options);
+
+/// Adds --trace.
+void add_trace_option(CLI::App& app, Options& options);
 
 /// Runs a program's body and turns what it throws into a message on stderr and an exit code.
 int guarded(const char* program, const std::function<int()>& body) noexcept;

@@ -1,6 +1,7 @@
 #include "io/results.hpp"
 
 #include "model/error.hpp"
+#include "rt/stages.hpp"
 
 #include <fmt/format.h>
 #include <sys/utsname.h>
@@ -17,6 +18,19 @@ Json quantiles(const Histogram& h) {
           {"p99_9", h.quantile_s(0.999)},
           {"max", h.max_s()},
           {"mean", h.mean_s()}};
+}
+
+Json stages(std::span<const Histogram> times, std::span<const char* const> names) {
+  const auto total_s = [](const Histogram& h) { return h.mean_s() * static_cast<double>(h.count()); };
+  double working_s = 0.0;
+  for (std::size_t i = 0; i < times.size(); ++i) working_s += i == kWaitingStage ? 0.0 : total_s(times[i]);
+  Json json = Json::object();
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    Json stage = quantiles(times[i]);
+    if (i != kWaitingStage) stage["share"] = working_s > 0.0 ? total_s(times[i]) / working_s : 0.0;
+    json[fmt::format("{}_s", names[i])] = std::move(stage);
+  }
+  return json;
 }
 
 Json mean_max(const MeanMax& values) { return {{"mean", values.mean()}, {"max", values.max}}; }

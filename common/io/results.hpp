@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <span>
 #include <string>
 
 namespace subworld {
@@ -13,6 +14,10 @@ using Json = nlohmann::ordered_json;
 
 /// {"p50", "p99", "p99_9", "max", "mean"} in seconds.
 [[nodiscard]] Json quantiles(const Histogram& histogram);
+
+/// A loop's stages (rt/stages), by name: {"NAME_s": quantiles of the steps in which it came, and its `share` of the
+/// time that all but waking up took}.
+[[nodiscard]] Json stages(std::span<const Histogram> times, std::span<const char* const> names);
 
 /// Mean and maximum of a count.
 struct MeanMax {

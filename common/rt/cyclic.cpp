@@ -7,11 +7,13 @@ namespace subworld {
 Duration Cyclic::wait() noexcept {
   released_ = next_;
   next_ += slewed_;
-  const std::int64_t ns = to_ns(released_);
+  const std::int64_t ns = to_ns(released_ - spin_);
   const timespec until{static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
   while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) != 0) {
   }
-  return Clock::now() - released_;
+  TimePoint now = Clock::now();
+  while (now < released_) now = Clock::now();
+  return now - released_;
 }
 
 int Cyclic::skip(TimePoint now) noexcept {

@@ -19,9 +19,11 @@ using Duration = std::chrono::nanoseconds;
 /// released stays where it was.
 class Cyclic {
  public:
-  Cyclic(TimePoint start, Duration period) noexcept : next_(start), period_(period) {}
+  /// `spin`: how long before a release it stops sleeping and looks at the clock instead; it takes that much of a core.
+  Cyclic(TimePoint start, Duration period, Duration spin = Duration::zero()) noexcept
+      : next_(start), period_(period), spin_(spin) {}
 
-  /// Sleeps until the next release and returns by how much it woke late.
+  /// Waits until the next release and returns by how much it woke late.
   Duration wait() noexcept;
   /// Leaves out the releases whose period is over at `now`, so that the newest one counts; returns how many.
   int skip(TimePoint now) noexcept;
@@ -39,6 +41,7 @@ class Cyclic {
   TimePoint next_;
   TimePoint released_{};
   Duration period_;
+  Duration spin_;
   Duration slewed_ = period_;
 };
 

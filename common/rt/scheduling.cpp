@@ -35,6 +35,14 @@ Scheduling claim_realtime(int priority) {
   return got;
 }
 
+bool keep_to_core(int core) noexcept {
+  if (core < 0 || core >= CPU_SETSIZE) return false;
+  cpu_set_t cores;
+  CPU_ZERO(&cores);
+  CPU_SET(core, &cores);
+  return sched_setaffinity(0, sizeof cores, &cores) == 0;
+}
+
 void leave_realtime() noexcept {
   const sched_param parameter{};
   sched_setscheduler(0, SCHED_OTHER, &parameter);

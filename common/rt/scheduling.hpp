@@ -24,6 +24,10 @@ inline constexpr int kWorld = 60;
 /// memory.
 Scheduling claim_realtime(int priority);
 
+/// Keeps the calling thread and the threads that it makes from now on to one core. False where there is none of that
+/// number.
+bool keep_to_core(int core) noexcept;
+
 /// Takes the calling thread back to the default scheduling: for what may wait.
 void leave_realtime() noexcept;
 

@@ -187,19 +187,23 @@ template <class M>
 Reader<M>::~Reader() = default;
 
 template <class M>
-Take Reader<M>::take(M& sample) noexcept {
-  if (!impl_->backend->take(impl_->cdr)) return Take::none;
+bool Reader<M>::receive() noexcept {
+  if (!impl_->backend->take(impl_->cdr)) return false;
   impl_->bytes += impl_->cdr.size();
-  if (impl_->codec.decode(impl_->cdr, sample)) return Take::sample;
-  impl_->events->report(wire::Event::rejected, 1, "reader", kTopicOf<M>->name, "corrupt or nonsense");
-  return Take::rejected;
+  return true;
 }
 
 template <class M>
-bool Reader<M>::take_latest(M& sample) noexcept {
-  bool found = false;
-  for (Take taken = take(sample); taken != Take::none; taken = take(sample)) found |= taken == Take::sample;
-  return found;
+bool Reader<M>::decode(M& sample) noexcept {
+  if (impl_->codec.decode(impl_->cdr, sample)) return true;
+  impl_->events->report(wire::Event::rejected, 1, "reader", kTopicOf<M>->name, "corrupt or nonsense");
+  return false;
+}
+
+template <class M>
+Take Reader<M>::take(M& sample) noexcept {
+  if (!receive()) return Take::none;
+  return decode(sample) ? Take::sample : Take::rejected;
 }
 
 template <class M>

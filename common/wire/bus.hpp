@@ -68,10 +68,12 @@ class Reader {
   Reader& operator=(Reader&&) noexcept;
   ~Reader();
 
-  /// The oldest sample not yet taken; samples of one key keep their order. Does not wait.
+  /// Receives the oldest sample not yet taken; samples of one key keep their order. Does not wait. False: none.
+  bool receive() noexcept;
+  /// What was received. False, and `sample` untouched, where it did not decode or held nonsense.
+  bool decode(M& sample) noexcept;
+  /// Both.
   Take take(M& sample) noexcept;
-  /// Takes all there is and keeps the newest; false if there was none. For readers of one key.
-  bool take_latest(M& sample) noexcept;
   /// Writers at this moment, dead or alive.
   [[nodiscard]] int matched() const noexcept;
   /// Writers that were heard of within the lease (100 ms).

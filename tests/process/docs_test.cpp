@@ -76,6 +76,8 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
       set_flag(words, "--duration", "0.2");
       set_flag(words, "--out", out());
       set_flag(words, "--domain", domain_.text());
+      if (std::ranges::find(words, "--trace") != words.end())
+        set_flag(words, "--trace", folder_.path() + "/trace.json");
     } else if (command != "plan") {
       words.emplace_back("--help");
     }

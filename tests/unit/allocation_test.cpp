@@ -1,7 +1,10 @@
 #include "device_sim/emulated_device.hpp"
+#include "haptic_sim/measures.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "support/allocations.hpp"
+#include "support/temporary_folder.hpp"
 #include "wire/codec.hpp"
+#include "world_sim/measures.hpp"
 #include "world_sim/world.hpp"
 
 #include <gtest/gtest.h>
@@ -48,14 +51,19 @@ class Topic {
 
 class Loops : public testing::TestWithParam<const char*> {};
 
-// Everything that the three loops do between two waits, messages included, whatever enters or leaves. What an engine
-// allocates is its own: Bullet makes shapes and bodies that enter, and room for the pairs that they form.
+// Everything that the three loops do between two waits, with messages, histories and traces, whatever enters or leaves.
+// What an engine allocates is its own: Bullet makes shapes and bodies that enter, and room for the pairs that they
+// form.
 TEST_P(Loops, AllocateNothingInTenThousandCycles) {
   const Scene scene = pushed_row(GetParam());
   World world(scene);
   world.settle([](double) { return true; });
   SubWorld sub(scene, 0);
   EmulatedDevice device(scene.users[0].device, 0);
+  const TemporaryFolder folder;
+  WorldMeasures world_measures(folder.path(), folder.path() + "/world_trace.json", History::Flush::rarely);
+  HapticMeasures haptic_measures(folder.path(), folder.path() + "/haptic_trace.json", 0,
+                                 limits_of(scene.users[0].device), History::Flush::rarely);
   Topic<WorldFrame> frames;
   Topic<HapticReport> reports;
   Topic<DeviceState> states;
@@ -68,6 +76,8 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
     entered += frames.received.entering.size();
     border_pairs += frames.received.border.size();
     sub.apply(frames.received);
+    haptic_measures.stages().mark(HapticStage::apply);
+    haptic_measures.synchronised(1e-4, 0);
     for (int i = 0; i < scene.settings.ratio; ++i) {
       states.send(device.state());
       const FeltStep felt = sub.feel(states.received, true, scene.settings.h_s);
@@ -76,10 +86,16 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
       commands.send(command);
       device.step(commands.received, scene.settings.h_s);
       sub.advance(scene.settings.h_s);
+      haptic_measures.stages().mark(HapticStage::advance);
+      haptic_measures.step(sub, felt, {1e-4, 1e-5, 1e-5, Miss::machine});
+      haptic_measures.end_step();
     }
     reports.send(sub.report(1));
     world.receive(std::move(reports.received));
     world.step();
+    world_measures.stages().mark(WorldStage::simulate);
+    world_measures.cycle(world, {1e-3, 1e-5, 1e-5, Miss::none}, 1.0, scene.settings.cycle_s());
+    world_measures.end_cycle();
   };
   for (int i = 0; i < kWarmUpCycles; ++i) cycle();
   long ours = 0, of_engines = 0;

@@ -2,6 +2,7 @@
 #include "rt/calibration.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/lateness.hpp"
+#include "rt/stages.hpp"
 
 #include <gtest/gtest.h>
 
@@ -23,6 +24,14 @@ TEST(Cyclic, LeavesOutWhatIsOverAndKeepsItsGrid) {
   EXPECT_EQ(loop.skip(start + 7500us), 6);
   EXPECT_EQ(loop.released(), start + 7ms);
   EXPECT_EQ(loop.deadline(), start + 8ms);
+}
+
+TEST(Cyclic, SpinsToTheReleaseAndNeverWakesEarly) {
+  Cyclic loop(Clock::now() + 2ms, 1ms, 500us);
+  for (int i = 0; i < 20; ++i) {
+    EXPECT_GE(loop.wait(), Duration::zero());
+    EXPECT_GE(Clock::now(), loop.released());
+  }
 }
 
 TEST(Arrears, CyclesEndWithAStepAndNoTimeIsLost) {
@@ -163,6 +172,54 @@ TEST(Calibration, WakesEachLoopAtItsRate) {
   EXPECT_LE(found.lateness.count(), 2U * 21U);
   EXPECT_GE(found.lateness.quantile_s(0.5), 0.0);
   EXPECT_FALSE(found.granted.text.empty());
+}
+
+enum class Stage : std::uint8_t { wake, work, rest, count };
+
+TEST(Stages, AddUpWhatAStageTookInAStep) {
+  Stages<Stage> stages;
+  const TimePoint release = Clock::now() - 5ms;
+  stages.begin(release, release + 1ms);
+  stages.mark(Stage::work);
+  stages.mark(Stage::rest);
+  const TimePoint last = stages.mark(Stage::work);
+  const StageStep step = stages.end();
+  EXPECT_EQ(step.begin, release);
+  EXPECT_EQ(step.end, last);
+  ASSERT_EQ(step.stretches.size(), 4U);
+  TimePoint at = step.begin;
+  for (const StageStretch& stretch : step.stretches) {
+    EXPECT_EQ(stretch.begin, at) << "a gap";
+    at = stretch.end;
+  }
+  EXPECT_EQ(at, step.end);
+  const auto times = stages.times();
+  EXPECT_EQ(times[0].count(), 1U);
+  EXPECT_NEAR(times[0].mean_s(), 1e-3, 1e-9);
+  EXPECT_EQ(times[1].count(), 1U) << "two stretches of one step are one time";
+  EXPECT_GE(times[1].mean_s(), 4e-3);
+}
+
+TEST(Stages, DoNotBeginAStepBeforeTheOneBeforeHasEnded) {
+  Stages<Stage> stages;
+  const TimePoint release = Clock::now() - 5ms;
+  stages.begin(release, release + 1ms);
+  const TimePoint end = stages.mark(Stage::work);
+  stages.end();
+  stages.begin(release + 1ms, end + 1ms);  // released while the first step went on
+  const StageStep step = stages.end();
+  EXPECT_EQ(step.begin, end);
+  EXPECT_EQ(step.end, end + 1ms);
+}
+
+TEST(Stages, OfAStepThatDidNotComeHaveNoTime) {
+  Stages<Stage> stages;
+  for (int i = 0; i < 3; ++i) {
+    stages.begin(Clock::now(), Clock::now());
+    stages.mark(Stage::work);
+    stages.end();
+  }
+  EXPECT_EQ(stages.times()[2].count(), 0U);
 }
 
 }  // namespace

@@ -1,0 +1,104 @@
+#include "io/trace.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+
+namespace subworld {
+
+namespace {
+
+constexpr std::array kNames{"force_n", "members", "lateness_s", "clock_factor", "missed deadline", "lost frames"};
+
+/// A row: what it is, its name, when it begins in ns, and a duration in ns or a value.
+enum class Kind : std::uint8_t { step, stage, counter, instant };
+constexpr std::size_t kWidth = 4;
+
+double ns(TimePoint t) noexcept { return static_cast<double>(to_ns(t)); }
+
+void put_event(std::string& text, std::span<const double> row, int pid, const std::vector<std::string>& stages) {
+  const auto out = std::back_inserter(text);
+  const auto which = static_cast<std::size_t>(row[1]);
+  const double ts_us = 1e-3 * row[2];
+  switch (static_cast<Kind>(static_cast<int>(row[0]))) {
+    case Kind::step:
+    case Kind::stage: {
+      const char* name = static_cast<Kind>(static_cast<int>(row[0])) == Kind::step ? "step" : stages[which].c_str();
+      fmt::format_to(out, ",\n{{\"ph\":\"X\",\"name\":\"{}\",\"pid\":{},\"tid\":1,\"ts\":{:.3f},\"dur\":{:.3f}}}", name,
+                     pid, ts_us, 1e-3 * row[3]);
+      break;
+    }
+    case Kind::counter:
+      fmt::format_to(
+          out, ",\n{{\"ph\":\"C\",\"name\":\"{}\",\"pid\":{},\"tid\":1,\"ts\":{:.3f},\"args\":{{\"value\":{:.6g}}}}}",
+          kNames[which], pid, ts_us, row[3]);
+      break;
+    case Kind::instant:
+      fmt::format_to(out, ",\n{{\"ph\":\"i\",\"s\":\"p\",\"name\":\"{}\",\"pid\":{},\"tid\":1,\"ts\":{:.3f}}}",
+                     kNames[which], pid, ts_us);
+      break;
+  }
+}
+
+History::Format format_of(const TraceProgram& program, std::span<const char* const> stages) {
+  const int pid = program.number;
+  const std::vector<std::string> names(stages.begin(), stages.end());
+  return {.width = kWidth,
+          .head = fmt::format(
+              "[\n{{\"ph\":\"M\",\"name\":\"process_name\",\"pid\":{0},\"tid\":1,\"args\":{{\"name\":\"{1}\"}}}},\n"
+              "{{\"ph\":\"M\",\"name\":\"thread_name\",\"pid\":{0},\"tid\":1,\"args\":{{\"name\":\"loop\"}}}},\n"
+              "{{\"ph\":\"M\",\"name\":\"process_sort_index\",\"pid\":{0},\"tid\":1,\"args\":{{\"sort_index\":{0}}}}}",
+              pid, program.name),
+          .row = [pid, names](std::string& text, std::span<const double> row) { put_event(text, row, pid, names); },
+          .tail = "\n]\n"};
+}
+
+}  // namespace
+
+Trace::Trace(const std::string& path, const TraceProgram& program, std::span<const char* const> stages,
+             History::Flush flush)
+    : on_(!path.empty()), rows_(path, format_of(program, stages), flush) {}
+
+void Trace::step(const StageStep& step) noexcept {
+  if (!on_) return;
+  const auto put = [&](Kind kind, std::size_t name, TimePoint begin, TimePoint end) {
+    rows_.row({static_cast<double>(kind), static_cast<double>(name), ns(begin), ns(end) - ns(begin)});
+  };
+  put(Kind::step, 0, step.begin, step.end);
+  for (const StageStretch& s : step.stretches) put(Kind::stage, s.stage, s.begin, s.end);
+}
+
+void Trace::counter(Name name, TimePoint at, double value) noexcept {
+  if (on_) rows_.row({static_cast<double>(Kind::counter), static_cast<double>(name), ns(at), value});
+}
+
+void Trace::instant(Name name, TimePoint at) noexcept {
+  if (on_) rows_.row({static_cast<double>(Kind::instant), static_cast<double>(name), ns(at), 0.0});
+}
+
+void merge_traces(const std::vector<std::string>& parts, const std::string& path) {
+  std::ofstream all(path);
+  all << "[";
+  bool first = true;
+  for (const std::string& part : parts) {
+    std::ifstream file(part);
+    for (std::string line; std::getline(file, line);) {
+      if (line.ends_with(',')) line.pop_back();
+      if (!line.starts_with('{') || !line.ends_with('}')) continue;
+      all << (first ? "\n" : ",\n") << line;
+      first = false;
+    }
+  }
+  all << "\n]\n";
+  if (!all.flush()) {
+    throw Error(ExitCode::failed, fmt::format("{}: {}; name another file with --trace", path, std::strerror(errno)));
+  }
+}
+
+}  // namespace subworld

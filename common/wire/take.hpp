@@ -1,0 +1,30 @@
+#pragma once
+
+#include "wire/bus.hpp"
+
+namespace subworld {
+
+/// Takes a reader's oldest sample and marks the loop's stages (rt/stages): `receiving` until the bytes are there, and
+/// `decode`.
+template <class M, class Stages>
+Take take(Reader<M>& reader, M& sample, Stages& stages, typename Stages::Stage receiving = Stages::Stage::receive) {
+  const bool came = reader.receive();
+  stages.mark(receiving);
+  if (!came) return Take::none;
+  const bool sound = reader.decode(sample);
+  stages.mark(Stages::Stage::decode);
+  return sound ? Take::sample : Take::rejected;
+}
+
+/// Takes all there is and keeps the newest; false if there was none. For readers of one key.
+template <class M, class Stages>
+bool take_latest(Reader<M>& reader, M& sample, Stages& stages) {
+  bool found = false;
+  for (Take taken = Take::rejected; taken != Take::none;) {
+    taken = take(reader, sample, stages);
+    found |= taken == Take::sample;
+  }
+  return found;
+}
+
+}  // namespace subworld

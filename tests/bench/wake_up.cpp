@@ -1,0 +1,78 @@
+// By how much a loop wakes late: asleep until its release, or looking at the clock for the last part; free to move, or
+// kept to a core. The variants take turns in short blocks, so that whatever else the machine does meets all of them.
+// Prints CSV with the machine, and each variant's p99 as a ratio to the first one's.
+
+#include "io/results.hpp"
+#include "rt/cyclic.hpp"
+#include "rt/histogram.hpp"
+#include "rt/scheduling.hpp"
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <cstdint>
+#include <thread>
+#include <vector>
+
+namespace {
+
+using namespace subworld;
+
+struct Variant {
+  double spin_s = 0.0;
+  int core = -1;  ///< -1: any
+  Histogram lateness;
+  std::uint64_t releases = 0;
+  std::uint64_t over_half_period = 0;
+};
+
+/// A block of one variant, in a thread of its own, as a program's loop has one.
+void measure(Variant& variant, double period_s, double block_s, int priority) {
+  std::thread([&] {
+    if (variant.core >= 0) keep_to_core(variant.core);
+    if (priority > 0) claim_realtime(priority);
+    const auto releases = static_cast<int>(block_s / period_s);
+    Cyclic loop(Clock::now() + from_seconds(period_s), from_seconds(period_s), from_seconds(variant.spin_s));
+    for (int i = 0; i < releases; ++i) {
+      const double late_s = to_seconds(loop.wait());
+      variant.lateness.add(late_s);
+      ++variant.releases;
+      variant.over_half_period += late_s > 0.5 * period_s;
+    }
+  }).join();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"By how much a loop wakes late, with and without a spin and a core of its own", "bench_wake_up"};
+  double period_s = 1e-3, block_s = 1.0;
+  int blocks = 10, priority = subworld::priority::kHaptic;
+  std::vector<double> spins_us{0.0, 50.0, 150.0};
+  std::vector<int> cores{-1};
+  app.add_option("--period", period_s, "of the loop, s")->capture_default_str()->check(CLI::Range(1e-5, 1.0));
+  app.add_option("--block", block_s, "length of a block of one variant, s")->capture_default_str();
+  app.add_option("--blocks", blocks, "of each variant")->capture_default_str()->check(CLI::PositiveNumber);
+  app.add_option("--spin", spins_us, "variants: spin before the release, us")->delimiter(',')->capture_default_str();
+  app.add_option("--core", cores, "variants: core to stay on, -1 for any")->delimiter(',')->capture_default_str();
+  app.add_option("--priority", priority, "SCHED_FIFO priority, 0 for default scheduling")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+
+  std::vector<Variant> variants;
+  for (const int core : cores) {
+    for (const double spin_us : spins_us) variants.push_back({.spin_s = 1e-6 * spin_us, .core = core, .lateness = {}});
+  }
+  for (int block = 0; block < blocks; ++block) {
+    for (Variant& variant : variants) measure(variant, period_s, block_s, priority);
+  }
+  const Json machine = subworld::machine();
+  fmt::print("# {}, {} cores, {}\n", machine["cpu"].get<std::string>(), machine["cores"].get<int>(),
+             machine["kernel"].get<std::string>());
+  fmt::print("spin_us,core,releases,p50_us,p99_us,p99_9_us,max_us,over_half_period,p99_ratio\n");
+  for (const Variant& v : variants) {
+    const auto us = [&](double q) { return 1e6 * v.lateness.quantile_s(q); };
+    fmt::print("{:g},{},{},{:.2f},{:.2f},{:.2f},{:.2f},{},{:.3f}\n", 1e6 * v.spin_s, v.core, v.releases, us(0.5),
+               us(0.99), us(0.999), 1e6 * v.lateness.max_s(), v.over_half_period,
+               v.lateness.quantile_s(0.99) / variants.front().lateness.quantile_s(0.99));
+  }
+}
