@@ -80,8 +80,9 @@ TEST_F(Control, AHandThatMovesOnDuringAPauseIsMetAnew) {
 
 // A sub-world that lags behind keeps frames waiting: those of the standing world must not crowd out what comes after.
 TEST_F(Control, AnOverloadedSubWorldGoesOnAfterAPause) {
-  Process process(run_words(scene("heap"), {"--mode", "realtime", "--duration", "600", "--haptic-preset", "quality"}),
-                  folder_.path());
+  Process process(
+      run_words(overloaded_heap(), {"--mode", "realtime", "--duration", "600", "--haptic-preset", "quality"}),
+      folder_.path());
   for (const char* verb : {"pause", "resume", "pause", "resume"}) {
     const Ended ended = control({verb});
     EXPECT_EQ(ended.code, 0) << verb << ": " << ended.err;

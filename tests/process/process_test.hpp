@@ -58,6 +58,18 @@ class ProcessTest : public ::testing::Test {
     return finish(run_words(scene_file, flags), environment);
   }
 
+  /// A copy of a scene with one passage replaced.
+  [[nodiscard]] std::string edited(const std::string& name, const std::string& passage, const std::string& by) const {
+    std::string text = read_text(scene(name));
+    const std::size_t at = text.find(passage);
+    EXPECT_NE(at, std::string::npos) << passage;
+    return folder_.write(name + ".yaml", text.replace(at, passage.size(), by));
+  }
+  /// With the haptic preset `quality` its sub-world takes longer than its step on ordinary machines.
+  [[nodiscard]] std::string overloaded_heap() const {
+    return edited("heap", "box_half_m: 0.2", "selection: box\n    box_half_m: 0.4");
+  }
+
   [[nodiscard]] std::string out() const { return folder_.path() + "/out"; }
   [[nodiscard]] Json summary() const { return Json::parse(read_text(out() + "/summary.json"), nullptr, false); }
 

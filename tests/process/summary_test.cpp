@@ -7,16 +7,7 @@
 namespace subworld::test {
 namespace {
 
-class Summary : public ProcessTest {
- protected:
-  /// A copy of a scene with one passage replaced.
-  [[nodiscard]] std::string edited(const std::string& name, const std::string& passage, const std::string& by) const {
-    std::string text = read_text(scene(name));
-    const std::size_t at = text.find(passage);
-    EXPECT_NE(at, std::string::npos) << passage;
-    return folder_.write(name + ".yaml", text.replace(at, passage.size(), by));
-  }
-};
+class Summary : public ProcessTest {};
 
 // A device of 2 N cannot show a press of 12 N: the figures are those of the device, and the run says so.
 TEST_F(Summary, TellsWhatTheHandGotAndHowOftenTheDeviceWasAtItsLimit) {
@@ -125,8 +116,7 @@ TEST_F(Summary, TellsTheMachinesLatenessFromOurs) {
 
 // Steps that cannot be done in their period: the run says that it is not the machine, and what to do.
 TEST_F(Summary, BlamesTheStepsWhereTheyTakeTooLong) {
-  const Ended ended = run(edited("heap", "box_half_m: 0.2", "selection: box\n    box_half_m: 0.4"),
-                          {"--mode", "realtime", "--duration", "3", "--haptic-preset", "quality"});
+  const Ended ended = run(overloaded_heap(), {"--mode", "realtime", "--duration", "3", "--haptic-preset", "quality"});
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json json = summary();
   if (json["haptic"][0]["step_s"]["p50"] < json["h_s"]) GTEST_SKIP() << "this machine is fast enough";
