@@ -58,7 +58,9 @@ TEST_P(TraceFile, HoldsEveryLoopsStepsAndTheirStages) {
       const double end_us = at_us + event["dur"].get<double>();
       if (name == "step") {
         ASSERT_GE(at_us, step_end_us - kRounding_us) << "steps overlap";
-        if (steps > 0) ASSERT_NEAR(stage_end_us, step_end_us, kRounding_us) << "a step's end belongs to no stage";
+        if (steps > 0) {
+          ASSERT_NEAR(stage_end_us, step_end_us, kRounding_us) << "a step's end belongs to no stage";
+        }
         step_end_us = end_us;
         stage_end_us = at_us;
         ++steps;
@@ -73,7 +75,9 @@ TEST_P(TraceFile, HoldsEveryLoopsStepsAndTheirStages) {
     EXPECT_GE(steps, program == "world_sim" ? 100U : 400U);
     for (const std::string& stage : stages) EXPECT_TRUE(known.at(program).contains(stage)) << stage;
     for (const char* stage : {"wake", "decode", "send"}) EXPECT_TRUE(stages.contains(stage)) << stage;
-    if (program == "haptic_sim 0") EXPECT_EQ(counters, (std::set<std::string>{"force_n", "lateness_s", "members"}));
+    if (program == "haptic_sim 0") {
+      EXPECT_EQ(counters, (std::set<std::string>{"force_n", "lateness_s", "members"}));
+    }
   }
 }
 
