@@ -1,6 +1,7 @@
 #include "launch.hpp"
 
 #include "coupling/scheme.hpp"
+#include "ends.hpp"
 #include "io/results.hpp"
 #include "io/trace.hpp"
 #include "model/error.hpp"
@@ -12,10 +13,12 @@
 #include "rt/stop.hpp"
 #include "summary.hpp"
 #include "supervise.hpp"
+#include "watchdog.hpp"
 
 #include <fcntl.h>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -26,6 +29,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -112,6 +116,12 @@ void collect_trace(const Supervisor& programs, const Options& options) {
   fmt::print("subworld: trace in {}; open it with ui.perfetto.dev, chrome://tracing or speedscope\n", options.trace);
 }
 
+/// Where a program writes its part of the results; the launcher makes one summary of them.
+std::string part_of(const std::string& folder, std::string_view program, int user) {
+  const std::string_view name = program.substr(0, program.find('_'));
+  return user < 0 ? fmt::format("{}/{}.json", folder, name) : fmt::format("{}/{}_{}.json", folder, name, user);
+}
+
 void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain) {
   const std::string folder = program_folder();
   int position = 0;
@@ -119,11 +129,16 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     std::vector<std::string> flags = flags_of(options);
     flags.insert(flags.end(), {"--domain", std::to_string(domain), "--dds", vendor_of(request.dds, position++)});
     const std::string label = user < 0 ? program : fmt::format("{}_{}", program, user);
+    const std::string part = essential ? part_of(options.out, program, user) : "";
     if (user >= 0) flags.insert(flags.end(), {"--user", std::to_string(user)});
     if (!options.trace.empty() && program != "gui_headless")
       flags.insert(flags.end(), {"--trace", trace_part(options.out, label)});
     if (request.gui && program == "world_sim") flags.emplace_back("--await-display");
-    programs.start(label, folder + "/" + program, flags, fmt::format("{}/logs/{}.log", options.out, label), essential);
+    programs.start({.label = label,
+                    .log = fmt::format("{}/logs/{}.log", options.out, label),
+                    .part = part,
+                    .essential = essential},
+                   folder + "/" + program, flags);
   };
   start("world_sim", -1, true);
   for (int u = 0; u < users; ++u) {
@@ -131,25 +146,26 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     start("device_sim", u, true);
     if (users > 1) ++position;  // so that mixed gives each user another pairing
   }
-  if (request.gui) start("gui_headless", -1, true);
+  if (request.gui) start("gui_headless", -1, false);
 }
 
 void remove_parts(const std::string& folder, int users) {
-  std::filesystem::remove(folder + "/world.json");
+  std::filesystem::remove(part_of(folder, "world_sim", -1));
   for (int u = 0; u < users; ++u) {
-    std::filesystem::remove(fmt::format("{}/haptic_{}.json", folder, u));
-    std::filesystem::remove(fmt::format("{}/device_{}.json", folder, u));
+    for (const char* program : {"haptic_sim", "device_sim"}) std::filesystem::remove(part_of(folder, program, u));
   }
 }
 
-int report_failure(const Supervisor::Child& failed, const std::string& folder, Json& summary) {
+int report_failure(const Supervisor::Failure& failure, const std::string& folder, Json& summary) {
+  const Supervisor::Child& failed = failure.child;
   const int code = exit_code_of(failed);
-  const std::string reason = fmt::format("{} {}", failed.label, end_of(failed));
+  const std::string reason = fmt::format("{} {}", failed.label, failure.reason);
   const std::string error = last_line(failed.log, "error:");
   fmt::print(stderr, "subworld: error: {}; everything else was stopped\n  {}\n  its log: {}\n", reason,
              error.empty() ? last_line(failed.log) : error, failed.log);
-  summary["verdict"] = "failed: " + reason;
+  summary["verdict"] = fmt::format("failed: {}{}{}", reason, error.empty() ? "" : ": ", error);
   write_json(folder + "/summary.json", summary);
+  fmt::print("verdict: {}\n", summary["verdict"].get<std::string>());
   return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
 }
 
@@ -173,6 +189,25 @@ Calibration measure_machine(const Settings& settings) {
   }
   std::fflush(stdout);
   return found;
+}
+
+/// What became of the display, where it did not end by itself; empty: nothing. It ends no run.
+std::string lost_display(const Supervisor& programs) {
+  for (const Supervisor::Child& child : programs.children()) {
+    if (!child.essential && exit_code_of(child) != 0) return fmt::format("{} {}", child.label, end_of(child));
+  }
+  return {};
+}
+
+/// What the programs that still run have written so far.
+std::vector<Sighting> sightings(const Supervisor& programs) {
+  std::vector<Sighting> seen;
+  for (const Supervisor::Child& child : programs.children()) {
+    if (child.pid < 0 || child.part.empty()) continue;
+    const std::string history = std::filesystem::path(child.part).replace_extension(".csv").string();
+    seen.push_back({child.label, last_time_s(history), waits_for(child.log)});
+  }
+  return seen;
 }
 
 /// Throws for what no program could follow, before any is started.
@@ -214,6 +249,7 @@ int run(const RunRequest& request) {
     merge_traces({}, options.trace);  // fails before anything runs, if it must
     make_folder(options.out + "/trace");
   }
+  std::filesystem::remove(options.out + "/picture.png");
   const DomainClaim claim(request.domain);
   fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", scene.file,
              scene.settings.mode == Mode::realtime ? "real time" : "lock-step", scene.settings.duration_s,
@@ -230,15 +266,26 @@ int run(const RunRequest& request) {
   const CoreTimes cores = core_times();
   Supervisor programs;
   start_programs(programs, request, options, scene.settings.users, claim.domain());
-  const Supervisor::Child* failed = nullptr;
+  std::optional<Supervisor::Failure> failure;
+  Watchdog watchdog;
   {
     Network network = options.network;
     network.dds = vendor_of(request.dds, 0);
     network.domain = claim.domain();
     Progress progress(network, scene);
-    failed = programs.watch([&] { progress(); });
+    int ticks = 0;
+    const auto tick = [&] {
+      progress();
+      if (++ticks % 10 != 0) return;
+      for (const std::string& line :
+           watchdog.look(sightings(programs), is_paused(options.out + "/logs/world_sim.log"), 1.0)) {
+        progress.finish();
+        fmt::print(stderr, "subworld: {}\n", line);
+      }
+    };
+    failure = programs.watch(
+        tick, [&](const Supervisor::Child& child) { return early_end(child.part, scene.settings.duration_s); });
   }
-  const Supervisor::Child failure = failed != nullptr ? *failed : Supervisor::Child{};
   programs.stop();
   record.wall_s = to_seconds(Clock::now() - begin);
   record.own_cpu_s = children_cpu_s();
@@ -247,14 +294,14 @@ int run(const RunRequest& request) {
   collect_trace(programs, options);
 
   Json summary{{"scene", scene.name}, {"verdict", ""}};
-  if (failed != nullptr) return report_failure(failure, options.out, summary);
   const int signal = stop_signal();
   try {
     summary = summarise(scene, record, options.out);
   } catch (const Error& wrong) {
-    if (signal == 0) throw;
+    if (signal == 0 && !failure) throw;
   }
   remove_parts(options.out, scene.settings.users);
+  if (failure) return report_failure(*failure, options.out, summary);
   if (signal != 0) {
     summary["verdict"] = fmt::format("stopped by SIG{}", sigabbrev_np(signal));
     write_json(options.out + "/summary.json", summary);
@@ -273,14 +320,24 @@ int run(const RunRequest& request) {
   if (summary["simulated_s"].get<double>() < scene.settings.duration_s - scene.settings.cycle_s()) {
     summary["verdict"] = fmt::format("stopped by control at t = {:.3f} s", summary["simulated_s"].get<double>());
   }
+  std::vector<std::string> faults = faults_of(summary);
+  if (const Watchdog::Stood& stood = watchdog.longest(); stood.for_s > 0.0 && scene.settings.mode == Mode::realtime) {
+    faults.push_back(fmt::format("the clock of {} stood at t = {:.3f} s for {:.0f} s and nobody had paused it",
+                                 stood.label, stood.at_s, stood.for_s));
+  }
+  if (!faults.empty()) summary["verdict"] = fmt::format("failed: {}", fmt::join(faults, "; "));
+  const std::string lost = lost_display(programs);
+  if (!lost.empty()) summary["display"] = lost;
   write_json(options.out + "/summary.json", summary);
-  fmt::print("state hash {}\nverdict: {}\nsummary: {}/summary.json\n", summary["state_hash"].get<std::string>(),
-             summary["verdict"].get<std::string>(), options.out);
+  fmt::print("state hash {}\nverdict: {}{}\nsummary: {}/summary.json\n", summary["state_hash"].get<std::string>(),
+             summary["verdict"].get<std::string>(),
+             lost.empty() ? "" : fmt::format("; the display has died ({}): no picture", lost), options.out);
   if (request.gui) {
     const std::string picture = options.out + "/picture.png";
     fmt::print("{}\n", std::filesystem::exists(picture) ? "picture: " + picture
                                                         : "no picture: see " + options.out + "/logs/gui_headless.log");
   }
+  if (!faults.empty()) return static_cast<int>(ExitCode::failed);
   return static_cast<int>(ok || !request.strict ? ExitCode::done : ExitCode::quality);
 }
 

@@ -256,6 +256,7 @@ Json summarise(const Scene& scene, const RunRecord& record, const std::string& f
                {"world", world["world"]},
                {"haptic", Json::array()},
                {"device", Json::array()}};
+  summary["world"]["ending"] = world["ending"];
   for (int u = 0; u < s.users; ++u) {
     Json haptic = read_json(fmt::format("{}/haptic_{}.json", folder, u));
     haptic["energy_excess_j"] = world["energy_excess_j"];

@@ -24,9 +24,12 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr milliseconds kPoll{20};
+constexpr milliseconds kHalted{1000};     ///< that a program may be halted
 constexpr milliseconds kWorldAlone{600};  ///< the world ends the others in order
 constexpr milliseconds kGoodbye{30000};   ///< for the others, once the world has ended
 constexpr milliseconds kAll{1500};        ///< after that by force
+
+double to_seconds(milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
 [[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments, int log, pid_t parent) {
   prctl(PR_SET_PDEATHSIG, SIGTERM);
@@ -46,23 +49,54 @@ constexpr milliseconds kAll{1500};        ///< after that by force
 
 Supervisor::~Supervisor() { stop(); }
 
-void Supervisor::start(const std::string& label, const std::string& program, const std::vector<std::string>& arguments,
-                       const std::string& log, bool essential) {
-  const int file = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file < 0)
-    throw Error(ExitCode::failed, fmt::format("{}: {}; choose another folder with --out", log, std::strerror(errno)));
+void Supervisor::start(Child child, const std::string& program, const std::vector<std::string>& arguments) {
+  const int file = open(child.log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file < 0) {
+    throw Error(ExitCode::failed,
+                fmt::format("{}: {}; choose another folder with --out", child.log, std::strerror(errno)));
+  }
   const pid_t parent = getpid();
-  const pid_t pid = fork();
-  if (pid == 0) become(program, arguments, file, parent);
+  child.pid = fork();
+  if (child.pid == 0) become(program, arguments, file, parent);
   close(file);
-  if (pid < 0) throw Error(ExitCode::failed, fmt::format("cannot start {}: {}", program, std::strerror(errno)));
-  children_.push_back({label, log, pid, 0, essential});
+  if (child.pid < 0) throw Error(ExitCode::failed, fmt::format("cannot start {}: {}", program, std::strerror(errno)));
+  children_.push_back(std::move(child));
 }
 
 void Supervisor::reap() {
   for (Child& child : children_) {
-    if (child.pid > 0 && waitpid(child.pid, &child.status, WNOHANG) == child.pid) child.pid = -1;
+    int status = 0;
+    while (child.pid > 0 && waitpid(child.pid, &status, WNOHANG | WUNTRACED | WCONTINUED) == child.pid) {
+      child.halted = WIFSTOPPED(status);
+      if (WIFSTOPPED(status) || WIFCONTINUED(status)) continue;
+      child.status = status;
+      child.pid = -1;
+    }
   }
+}
+
+std::optional<Supervisor::Failure> Supervisor::failure(const std::function<std::string(const Child&)>& early) {
+  std::optional<Failure> found;
+  for (Child& child : children_) {
+    if (!child.essential) continue;
+    if (child.pid < 0 && WIFSIGNALED(child.status)) return Failure{child, end_of(child)};
+    if (child.halted_s > to_seconds(kHalted)) {
+      return Failure{child,
+                     fmt::format("is halted (by SIGSTOP, a debugger or a terminal); its process was {}", child.pid)};
+    }
+    if (child.pid > 0 || found) continue;
+    if (exit_code_of(child) != 0) {
+      found = Failure{child, end_of(child)};
+    } else {
+      if (!child.judged) child.early = early(child);
+      child.judged = true;
+      if (!child.early.empty()) found = Failure{child, child.early};
+    }
+  }
+  // Who gives up may only have noticed that another one is halted, which is known for sure a moment later.
+  const bool halted =
+      std::any_of(children_.begin(), children_.end(), [](const Child& c) { return c.essential && c.halted; });
+  return halted ? std::nullopt : found;
 }
 
 bool Supervisor::any_running(bool essential_only) const {
@@ -70,25 +104,31 @@ bool Supervisor::any_running(bool essential_only) const {
                      [&](const Child& c) { return c.pid > 0 && (c.essential || !essential_only); });
 }
 
-const Supervisor::Child* Supervisor::watch(const std::function<void()>& tick) {
+std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>& tick,
+                                                     const std::function<std::string(const Child&)>& early) {
   auto next_tick = Clock::now();
   auto world_seen = Clock::now();
   while (stop_signal() == 0) {
     reap();
-    for (const Child& child : children_) {
-      if (child.pid < 0 && exit_code_of(child) != 0) return &child;
-    }
-    if (!any_running(true)) break;
-    // The world ends last but for goodbyes: what does not end soon after it hangs, and has nothing left to say.
+    if (auto failed = failure(early)) return failed;
+    if (!any_running(false)) break;
+    // The world ends last but for goodbyes: what does not end soon after it is stuck.
     if (children_.front().pid > 0) world_seen = Clock::now();
-    if (Clock::now() - world_seen > kGoodbye) break;
+    if (Clock::now() - world_seen > kGoodbye) {
+      for (const Child& child : children_) {
+        if (child.pid > 0 && child.essential)
+          return Failure{child, "is stuck: it did not end within 30 s of the world"};
+      }
+      break;
+    }
     if (Clock::now() >= next_tick) {
       tick();
       next_tick += milliseconds(100);
     }
     std::this_thread::sleep_for(kPoll);
+    for (Child& child : children_) child.halted_s = child.halted ? child.halted_s + to_seconds(kPoll) : 0.0;
   }
-  return nullptr;
+  return std::nullopt;
 }
 
 void Supervisor::signal_all(int signal) {
@@ -100,6 +140,10 @@ void Supervisor::signal_all(int signal) {
 void Supervisor::stop() {
   reap();
   if (!any_running(false)) return;
+  // What is halted hears no signal but this one.
+  for (const Child& child : children_) {
+    if (child.pid > 0 && child.halted) kill(child.pid, SIGKILL);
+  }
   const auto begin = Clock::now();
   const auto wait_until = [&](milliseconds after) {
     while (any_running(false) && Clock::now() - begin < after) {

@@ -8,29 +8,25 @@ int main(int argc, char** argv) {
   using namespace subworld;
   return run_program(Program::device_sim, argc, argv, [](const Options& options, const Scene& scene) {
     const bool realtime = scene.settings.mode == Mode::realtime;
-    const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
     const UserSpec& user = scene.users[static_cast<std::size_t>(options.user)];
     EmulatedDevice device(user.device, static_cast<std::uint32_t>(options.user));
-    DeviceMeasures measures(options.out, options.trace, options.user, flush);
     watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     DevicePorts ports(options, scene);
     if (realtime) leave_realtime();
+    DeviceMeasures measures(options.out, options.trace, options.user,
+                            [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("device_sim {}: {}\n", options.user, ports.bus->effective_settings());
-    if (join(ports, options)) {
-      if (!realtime) {
-        run_lockstep(ports, device, measures, scene);
-      } else {
-        run_realtime(ports, device, measures, user, from_seconds(options.spin_s));
-      }
+    if (const auto session = join(ports, scene, options)) {
+      Ending ending = realtime ? run_realtime(ports, device, measures, user, *session, from_seconds(options.spin_s))
+                               : run_lockstep(ports, device, measures, scene, *session);
       ports.status.enter("stopping");
-      if (!options.out.empty()) {
-        Json json = measures.json();
-        json["dds"] = ports.bus->effective_settings();
-        json["events"] = to_json(ports.status.events_of_run());
-        write_json(fmt::format("{}/device_{}.json", options.out, options.user), json);
-      }
+      Json part = measures.json();
+      part["dds"] = ports.bus->effective_settings();
+      part["events"] = to_json(ports.status.events_of_run());
+      if (ending.fault.empty()) ending.fault = measures.fault();
+      conclude(options.out.empty() ? "" : fmt::format("{}/device_{}.json", options.out, options.user), part, ending);
     }
   });
 }

@@ -3,6 +3,7 @@
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/lateness.hpp"
+#include "rt/presence.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
@@ -11,6 +12,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace subworld {
 
@@ -18,26 +20,26 @@ namespace {
 
 constexpr double kStale_s = 0.05;  ///< without a command: the force fades out
 constexpr double kFade_s = 0.02;
-constexpr double kGone_s = 1.0;  ///< without anybody who could send the last command
 
 }  // namespace
 
-DevicePorts::DevicePorts(const Options& options, const Scene& scene)
-    : bus(open_bus(options.network, scene.settings,
-                   1.0 / scene.users[static_cast<std::size_t>(options.user)].device.rate_hz,
+DevicePorts::DevicePorts(const Options& options, const Scene& scene_file)
+    : bus(open_bus(options.network, scene_file.settings,
+                   1.0 / scene_file.users[static_cast<std::size_t>(options.user)].device.rate_hz,
                    fmt::format("device_sim {}", options.user))),
+      scene(bus->reader<SceneDescription>()),
       states(bus->writer<DeviceState>(device_partition(options.user))),
       commands(bus->reader<DeviceCommand>(device_partition(options.user))),
       status(*bus, ProgramKind::device_sim, static_cast<std::uint32_t>(options.user),
              fmt::format("device_sim {}", options.user)) {}
 
-DeviceMeasures::DeviceMeasures(const std::string& folder, const std::string& trace, int user, History::Flush flush)
+DeviceMeasures::DeviceMeasures(const std::string& folder, const std::string& trace, int user, const History::Say& say)
     : user_(user),
       history_(folder.empty() ? "" : fmt::format("{}/device_{}.csv", folder, user),
                {"time_s", "x_m", "y_m", "z_m", "velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s", "force_x_n",
                 "force_y_n", "force_z_n"},
-               flush),
-      trace_(trace, {fmt::format("device_sim {}", user), 200 + user}, kDeviceStages, flush) {}
+               say),
+      trace_(trace, {fmt::format("device_sim {}", user), 200 + user}, kDeviceStages, say) {}
 
 void DeviceMeasures::end_step() noexcept {
   const StageStep step = stages_.end();
@@ -57,7 +59,8 @@ void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, const 
   history_.row({state.stamp_s, x.x(), x.y(), x.z(), v.x(), v.y(), v.z(), f.x(), f.y(), f.z()});
 }
 
-Json DeviceMeasures::json() const {
+Json DeviceMeasures::json() {
+  history_.finish();
   return {{"user", user_},
           {"steps", steps_},
           {"round_trip_s", quantiles(round_trip_)},
@@ -71,40 +74,59 @@ Json DeviceMeasures::json() const {
           {"trace_events_dropped", trace_.dropped()}};
 }
 
-bool join(DevicePorts& ports, const Options& options) {
+std::optional<std::uint64_t> join(DevicePorts& ports, const Scene& scene, const Options& options) {
   ports.status.enter("waiting");
-  const TimePoint until = Clock::now() + from_seconds(options.wait_s);
-  while (ports.states.matched() == 0 || ports.commands.matched() == 0) {
-    if (stop_signal() != 0) return false;
-    if (Clock::now() > until) {
-      throw Error(
-          ExitCode::failed,
-          fmt::format("no haptic_sim for user {} on domain {} within {} s; start haptic_sim --user {} with the same "
-                      "--domain, or name its host with --peers",
-                      options.user, options.network.domain, options.wait_s, options.user));
+  SessionFinder finder(ports.scene, settings_hash(scene));
+  TimePoint hope = Clock::now();
+  const auto held = [&] { return ports.states.matched() > 0 && ports.commands.matched() > 0; };
+  while (!finder.look(options.scene, options.network.domain) || !held()) {
+    if (stop_signal() != 0) return std::nullopt;
+    // A world may take its time to be made, and says every second that it is there.
+    if (finder.session() == 0 && ports.status.hears(ProgramKind::world_sim, 0)) hope = Clock::now();
+    if (to_seconds(Clock::now() - hope) > options.wait_s) {
+      const auto missing = [&](const char* what, const std::string& program) {
+        return fmt::format(
+            "no {} on domain {} within {} s; start {} with the same --domain, or name its host with "
+            "--peers",
+            what, options.network.domain, options.wait_s, program);
+      };
+      throw Error(ExitCode::failed, finder.session() == 0
+                                        ? missing("world", "world_sim")
+                                        : missing(fmt::format("haptic_sim for user {}", options.user).c_str(),
+                                                  fmt::format("haptic_sim --user {}", options.user)));
     }
     ports.bus->wait(0.05);
   }
   ports.status.enter("running");
-  return true;
+  return finder.session();
 }
 
-void run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const Scene& scene) {
+Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const Scene& scene,
+                    std::uint64_t session) {
+  Ending ending{.session = session, .from_s = device.state().stamp_s, .by = "last command"};
   DeviceCommand command;
+  const Peer haptic{ProgramKind::haptic_sim, device.state().device};
   const auto stopped = [] { return stop_signal() != 0; };
   Stages<DeviceStage>& stages = measures.stages();
   stages.begin();
   while (true) {
     DeviceState state = device.state();
     const TimePoint sent = Clock::now();
+    state.session = session;
+    state.sender = ports.identity;
     state.sent_ns = to_ns(sent);
     if (!ports.states.write(state))
       throw Error(ExitCode::failed, "device_state could not be sent; is haptic_sim stuck?");
     stages.mark(DeviceStage::send);
-    if (!await(*ports.bus, ports.commands, command, stages, stopped,
-               "haptic_sim has died; the device cannot go on in lock-step"))
-      return;
-    if (command.last) return;
+    const auto ours = [&](const DeviceCommand& came) {
+      return came.session == session && came.served == ports.identity && (came.last || came.sequence == state.sequence);
+    };
+    ending.to_s = state.stamp_s;
+    if (!await(*ports.bus, ports.status, ports.commands, command, stages, haptic, ours, stopped)) {
+      ending.by = name_of_signal(stop_signal());
+      return ending;
+    }
+    if (command.last) return ending;
     measures.round_trip(1e-9 * static_cast<double>(to_ns(stages.now()) - command.echoed_sent_ns));
     device.step(command, scene.settings.h_s);
     stages.mark(DeviceStage::advance);
@@ -115,17 +137,19 @@ void run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
   }
 }
 
-void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user,
-                  Duration spin) {
+Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user,
+                    std::uint64_t session, Duration spin) {
   const double period_s = 1.0 / user.device.rate_hz;
   const Scheduling scheduling = claim_realtime(priority::kDevice);
   fmt::print("device_sim {}: {:.0f} Hz, {}\n", device.state().device, user.device.rate_hz, scheduling.text);
   std::fflush(stdout);
 
-  DeviceCommand command;
+  Ending ending{.session = session, .from_s = device.state().stamp_s, .by = "last command"};
+  DeviceCommand command, came;
+  const Peer haptic_sim{ProgramKind::haptic_sim, device.state().device};
+  Presence haptic;
   TimePoint heard{};
   double gain = 0.0;
-  double alone_s = 0.0;
   Wrench felt;
   Stages<DeviceStage>& stages = measures.stages();
   Cyclic loop(Clock::now(), from_seconds(period_s), spin);
@@ -147,6 +171,8 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
     if (heard != TimePoint{}) device.step(now, period_s);
     stages.mark(DeviceStage::advance);
     DeviceState state = device.state();
+    state.session = session;
+    state.sender = ports.identity;
     state.sent_ns = to_ns(begin);
     ports.states.write(state);
     const TimePoint end = stages.mark(DeviceStage::send);
@@ -160,17 +186,22 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
     stages.mark(DeviceStage::account);
     measures.end_step();
   };
+  bool strangers = false;  // the newest command was for another device or of another run
   while (stop_signal() == 0) {
     const TimePoint begin = wake();
-    if (take_latest(ports.commands, command, stages)) {
+    while (take(ports.commands, came, stages) == Take::sample) {
+      strangers = came.session != session || (came.served != ports.identity && !(came.last && came.served == 0));
+      if (strangers) continue;
+      command = came;
       if (command.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - command.echoed_sent_ns));
       heard = begin;
     }
     if (command.last) break;
-    alone_s = heard == TimePoint{} || ports.commands.matched() > 0 ? 0.0 : alone_s + period_s;
-    if (alone_s > kGone_s) {
-      ports.status.note("haptic_sim has gone without a last command");
+    haptic.observe(heard == begin, !strangers && alive(ports.commands, ports.status, haptic_sim), period_s);
+    if (haptic.gone()) {
+      ending.fault = strangers ? replaced_text(ProgramKind::haptic_sim, device.state().device)
+                               : gone_text(ProgramKind::haptic_sim, device.state().device);
       break;
     }
     const bool fresh = heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
@@ -184,6 +215,13 @@ void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& me
     act({part * last.force, part * last.torque}, wake());
   }
   measures.loop_ends();
+  ending.to_s = device.state().stamp_s;
+  if (!ending.fault.empty()) {
+    ending.by = "fault";
+  } else if (!command.last) {
+    ending.by = name_of_signal(stop_signal());
+  }
+  return ending;
 }
 
 }  // namespace subworld

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "device_sim/emulated_device.hpp"
+#include "io/ending.hpp"
 #include "io/history.hpp"
 #include "io/machine_share.hpp"
 #include "io/options.hpp"
@@ -8,10 +9,12 @@
 #include "io/trace.hpp"
 #include "rt/stages.hpp"
 #include "wire/bus.hpp"
+#include "wire/session.hpp"
 #include "wire/status.hpp"
 
 #include <array>
 #include <memory>
+#include <optional>
 
 namespace subworld {
 
@@ -19,7 +22,9 @@ namespace subworld {
 struct DevicePorts {
   DevicePorts(const Options& options, const Scene& scene);
 
+  const std::uint64_t identity = draw_identity();
   std::unique_ptr<Bus> bus;
+  Reader<SceneDescription> scene;
   Writer<DeviceState> states;
   Reader<DeviceCommand> commands;
   StatusBeacon status;
@@ -33,7 +38,7 @@ static_assert(kDeviceStages.size() == Stages<DeviceStage>::kCount);
 class DeviceMeasures {
  public:
   /// `folder` and `trace` may be empty: nothing is written.
-  DeviceMeasures(const std::string& folder, const std::string& trace, int user, History::Flush flush);
+  DeviceMeasures(const std::string& folder, const std::string& trace, int user, const History::Say& say);
   [[nodiscard]] Stages<DeviceStage>& stages() noexcept { return stages_; }
   void step(const DeviceState& state, const Wrench& wrench, const StepTimes& times) noexcept;
   /// Closes the step's stages: the last of all.
@@ -46,7 +51,10 @@ class DeviceMeasures {
   /// Around a loop in real time, in its thread.
   void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
   void loop_ends() { machine_.end(); }
-  [[nodiscard]] Json json() const;
+  /// After the last step.
+  [[nodiscard]] Json json();
+  /// Why the history could not be written; empty: it could.
+  [[nodiscard]] std::string fault() const { return history_.fault(); }
 
  private:
   int user_;
@@ -60,14 +68,18 @@ class DeviceMeasures {
   MachineShare machine_;
 };
 
-/// Waits until the haptic process is there. False when asked to stop. Throws `Error` (failed).
-[[nodiscard]] bool join(DevicePorts& ports, const Options& options);
+/// Waits until the world's scene and the haptic process are there. The world's session, or none when asked to stop.
+/// Throws `Error` (failed, usage) that names what is missing.
+[[nodiscard]] std::optional<std::uint64_t> join(DevicePorts& ports, const Scene& scene, const Options& options);
 
-/// Each step waits for the command that answers the state. Throws `Error` (failed) when the haptic process dies.
-void run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const Scene& scene);
+/// Each step waits for the command that answers the state. Throws `Error` (failed) when the haptic process dies or is
+/// started again.
+[[nodiscard]] Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures,
+                                  const Scene& scene, std::uint64_t session);
 
-/// At the device's own rate, with the newest command; an old one fades out. `spin`: see Cyclic.
-void run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user,
-                  Duration spin);
+/// At the device's own rate, with the newest command; an old one fades out. A fault where the haptic process has gone.
+/// `spin`: see Cyclic.
+[[nodiscard]] Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures,
+                                  const UserSpec& user, std::uint64_t session, Duration spin);
 
 }  // namespace subworld

@@ -21,8 +21,6 @@ bool wait_for(Bus& bus, double timeout_s, There there, Coming coming, const std:
   return true;
 }
 
-constexpr double kMayBeEnding_s = 2.0;  ///< a world of another run, of which the last has just been heard
-
 constexpr auto kNothingComing = [] { return false; };
 
 }  // namespace
@@ -34,33 +32,11 @@ std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& s
                        what, options.network.domain, options.wait_s, program);
   };
 
-  SceneDescription description;
-  std::optional<TimePoint> other;  // when a world with other settings was first heard
-  const auto ours_or_none = [&] {
-    while (ports.scene.take(description) == Take::sample) {
-      if (description.settings_hash == settings_hash(scene)) return true;
-      if (!other) other = Clock::now();
-    }
-    return other && to_seconds(Clock::now() - *other) > kMayBeEnding_s;
-  };
-  // A big world takes its time: it says every second that it is being created.
-  auto statuses = ports.bus->reader<Status>();
-  Status status;
-  const auto world_is_made = [&] {
-    bool made = false;
-    while (statuses.take(status) == Take::sample)
-      made |= status.program == ProgramKind::world_sim && (status.state == "loading" || status.state == "settling");
-    return made;
-  };
-  const bool described =
-      wait_for(*ports.bus, options.wait_s, ours_or_none, world_is_made, missing("world", "world_sim"));
-  if (!described) return std::nullopt;
-  if (description.settings_hash != settings_hash(scene)) {
-    throw Error(ExitCode::usage,
-                fmt::format("{}: the world on domain {} runs scene \"{}\" with other settings; give both programs the "
-                            "same file and the same flags",
-                            options.scene, options.network.domain, description.name));
-  }
+  SessionFinder finder(ports.scene, settings_hash(scene));
+  const auto found = [&] { return finder.look(options.scene, options.network.domain); };
+  // A big world takes its time, and says every second that it is there.
+  const auto world_is_there = [&] { return ports.status.hears(ProgramKind::world_sim, 0); };
+  if (!wait_for(*ports.bus, options.wait_s, found, world_is_there, missing("world", "world_sim"))) return std::nullopt;
   const bool held = wait_for(
       *ports.bus, options.wait_s, [&] { return ports.device.matched() > 0 && ports.command.matched() > 0; },
       kNothingComing, missing("device", fmt::format("device_sim --user {}", options.user).c_str()));
@@ -70,12 +46,17 @@ std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& s
   bool joined = false;
   // The world stands until it has heard everybody; a standing frame is answered, each time, for the answer may be lost.
   const auto started = [&] {
+    found();  // the newest world counts
+    ports.session = finder.session();
     while (ports.frames.take(first.frame) == Take::sample) {
+      if (first.frame.session != ports.session) continue;
+      if (ports.refused_by(first.frame))
+        throw Error(ExitCode::failed, refused_text(static_cast<std::uint32_t>(sub.user())));
       first.received = Clock::now();
       if (!joined) joined = sub.adopt(first.frame);
       if (!joined) continue;  // not answered: a standing world tells again
       if (first.frame.clock_factor > 0.0) return true;
-      ports.reports.write(sub.report(to_ns(first.received)));
+      ports.send(sub.report(to_ns(first.received)));
     }
     return false;
   };

@@ -8,33 +8,30 @@ int main(int argc, char** argv) {
   using namespace subworld;
   return run_program(Program::haptic_sim, argc, argv, [](const Options& options, const Scene& scene) {
     const bool realtime = scene.settings.mode == Mode::realtime;
-    const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
     SubWorld sub(scene, static_cast<std::size_t>(options.user));
     EngineExchange exchange(
         realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
-    HapticMeasures measures(options.out, options.trace, sub.user(), limits_of(scene.users[sub.user()].device), flush);
     watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     HapticPorts ports(options, scene);
     if (realtime) leave_realtime();
+    HapticMeasures measures(options.out, options.trace, sub.user(), limits_of(scene.users[sub.user()].device),
+                            [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
     const auto first = join(ports, sub, scene, options);
     if (first) {
-      if (!realtime) {
-        run_lockstep(ports, sub, measures, exchange, scene);
-      } else {
-        run_realtime(ports, sub, measures, exchange, scene, *first, from_seconds(options.spin_s));
-      }
+      Ending ending = realtime
+                          ? run_realtime(ports, sub, measures, exchange, scene, *first, from_seconds(options.spin_s))
+                          : run_lockstep(ports, sub, measures, exchange, scene);
       ports.status.enter("stopping");
       const double cycles = std::max(1.0, static_cast<double>(sub.stamp()));
       const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());
-      if (!options.out.empty()) {
-        Json json = measures.json(bytes / cycles);
-        json["dds"] = ports.bus->effective_settings();
-        json["events"] = to_json(ports.status.events_of_run());
-        write_json(fmt::format("{}/haptic_{}.json", options.out, options.user), json);
-      }
+      Json part = measures.json(bytes / cycles);
+      part["dds"] = ports.bus->effective_settings();
+      part["events"] = to_json(ports.status.events_of_run());
+      if (ending.fault.empty()) ending.fault = measures.fault();
+      conclude(options.out.empty() ? "" : fmt::format("{}/haptic_{}.json", options.out, options.user), part, ending);
     }
   });
 }

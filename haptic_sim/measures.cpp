@@ -19,15 +19,15 @@ bool at_limit(const Wrench& to_hand, const ForceLimits& limits) noexcept {
 }  // namespace
 
 HapticMeasures::HapticMeasures(const std::string& folder, const std::string& trace, std::size_t user,
-                               const ForceLimits& limits, History::Flush flush)
+                               const ForceLimits& limits, const History::Say& say)
     : user_(user),
       history_(folder.empty() ? "" : fmt::format("{}/haptic_{}.csv", folder, user),
                {"time_s",         "force_x_n",    "force_y_n",    "force_z_n",    "hand_force_x_n", "hand_force_y_n",
                 "hand_force_z_n", "torque_x_n_m", "torque_y_n_m", "torque_z_n_m", "proxy_x_m",      "proxy_y_m",
                 "proxy_z_m",      "device_x_m",   "device_y_m",   "device_z_m",   "members",        "contacts",
                 "border_pairs",   "step_s",       "lateness_s",   "skipped"},
-               flush),
-      trace_(trace, {fmt::format("haptic_sim {}", user), 100 + static_cast<int>(user)}, kHapticStages, flush),
+               say),
+      trace_(trace, {fmt::format("haptic_sim {}", user), 100 + static_cast<int>(user)}, kHapticStages, say),
       limits_(limits) {}
 
 void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept {
@@ -128,6 +128,7 @@ void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noe
 }
 
 Json HapticMeasures::json(double bytes_per_cycle) {
+  history_.finish();
   settle_change();
   const double steps = std::max(1.0, static_cast<double>(steps_));
   return {{"user", user_},

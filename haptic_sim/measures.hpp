@@ -39,7 +39,7 @@ class HapticMeasures {
  public:
   /// `folder` and `trace` may be empty: nothing is written. `limits`: of the device.
   HapticMeasures(const std::string& folder, const std::string& trace, std::size_t user, const ForceLimits& limits,
-                 History::Flush flush);
+                 const History::Say& say);
 
   [[nodiscard]] Stages<HapticStage>& stages() noexcept { return stages_; }
 
@@ -68,7 +68,10 @@ class HapticMeasures {
     return {time_s, steps_, misses_.all(), misses_.by_machine, step_.sum_s(), last_force_.norm()};
   }
 
+  /// After the last step.
   [[nodiscard]] Json json(double bytes_per_cycle);
+  /// Why the history could not be written; empty: it could.
+  [[nodiscard]] std::string fault() const { return history_.fault(); }
 
  private:
   std::size_t user_;

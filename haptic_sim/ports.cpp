@@ -18,4 +18,17 @@ HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
       status(*bus, ProgramKind::haptic_sim, static_cast<std::uint32_t>(options.user),
              fmt::format("haptic_sim {}", options.user)) {}
 
+bool HapticPorts::send(HapticReport& report) noexcept {
+  report.session = session;
+  report.sender = identity;
+  return reports.write(report);
+}
+
+std::string refused_text(std::uint32_t user) {
+  return fmt::format(
+      "the world serves another haptic_sim {}: this one was started again, or two of them are on this "
+      "domain; start all programs of the run anew",
+      user);
+}
+
 }  // namespace subworld

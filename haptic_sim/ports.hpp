@@ -2,6 +2,7 @@
 
 #include "io/options.hpp"
 #include "wire/bus.hpp"
+#include "wire/session.hpp"
 #include "wire/status.hpp"
 
 #include <memory>
@@ -12,6 +13,16 @@ namespace subworld {
 struct HapticPorts {
   HapticPorts(const Options& options, const Scene& scene);
 
+  /// Sends what the sub-world has to say; as one of the run `session`.
+  bool send(HapticReport& report) noexcept;
+
+  /// The world serves the first process that joins for a user; one that comes later, or again, is refused.
+  [[nodiscard]] bool refused_by(const WorldFrame& frame) const noexcept {
+    return frame.served != 0 && frame.served != identity;
+  }
+
+  const std::uint64_t identity = draw_identity();
+  std::uint64_t session = 0;  ///< of the world; 0: not joined yet
   std::unique_ptr<Bus> bus;
   Reader<SceneDescription> scene;
   Reader<DeviceState> device;
@@ -21,5 +32,7 @@ struct HapticPorts {
   Writer<HapticReport> reports;
   StatusBeacon status;
 };
+
+[[nodiscard]] std::string refused_text(std::uint32_t user);
 
 }  // namespace subworld

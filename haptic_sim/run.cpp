@@ -6,6 +6,7 @@
 #include "rt/arrears.hpp"
 #include "rt/dilation.hpp"
 #include "rt/lateness.hpp"
+#include "rt/presence.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
@@ -36,6 +37,8 @@ DeviceCommand command_for(const SubWorld& sub, const DeviceState& state, const S
                           const Wrench& to_hand) {
   DeviceCommand command;
   command.device = state.device;
+  command.session = state.session;
+  command.served = state.sender;
   command.sequence = state.sequence;
   command.stamp_s = sub.time_s();
   command.echoed_sent_ns = state.sent_ns;
@@ -53,6 +56,8 @@ DeviceCommand command_for(const SubWorld& sub, const DeviceState& state, const S
 void send_last(HapticPorts& ports, const DeviceState& state, int times) {
   DeviceCommand command;
   command.device = state.device;
+  command.session = ports.session;
+  command.served = state.sender;
   command.sequence = state.sequence;
   command.pose = state.pose;
   command.last = true;
@@ -101,18 +106,20 @@ class EngineOrders {
 
 }  // namespace
 
-void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
-                  const Scene& scene) {
+Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
+                    const Scene& scene) {
   EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
   const BodyId proxy = scene.users[sub.user()].proxy;
   const auto stopped = [] { return stop_signal() != 0; };
   Stages<HapticStage>& stages = measures.stages();
+  const auto user = static_cast<std::uint32_t>(sub.user());
   DeviceState device;
   WorldFrame frame;
   reserve(frame, kUsualMembers);
+  Ending ending{.session = ports.session, .from_s = sub.time_s(), .by = "last frame"};
   const auto send_report = [&] {
-    if (!ports.reports.write(sub.report(to_ns(Clock::now()))))
+    if (!ports.send(sub.report(to_ns(Clock::now()))))
       throw Error(ExitCode::failed, "haptic_report could not be sent; is world_sim stuck?");
     stages.mark(HapticStage::report);
   };
@@ -124,9 +131,10 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   /// Takes the frames that are due now. False after the last one, or when asked to stop.
   const auto follow_world = [&] {
     for (; delay.frame_due(next_frame) <= step; ++next_frame) {
-      if (!await(*ports.bus, ports.frames, frame, stages, stopped,
-                 "world_sim has died; the haptic loop cannot go on in lock-step"))
+      const auto ours = [&](const WorldFrame& came) { return came.session == ports.session; };
+      if (!await(*ports.bus, ports.status, ports.frames, frame, stages, {ProgramKind::world_sim, 0}, ours, stopped))
         return false;
+      if (ports.refused_by(frame)) throw Error(ExitCode::failed, refused_text(user));
       const TimePoint begin = stages.now();
       if (frame.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - frame.echoed_sent_ns));
@@ -138,12 +146,16 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     return true;
   };
 
+  std::uint64_t held = 0;  // the device that the first state came from
   stages.begin();
   if (sub.reports_at_start()) send_report();
   while (follow_world()) {
-    if (!await(*ports.bus, ports.device, device, stages, stopped,
-               "device_sim has died; the haptic loop cannot go on in lock-step"))
-      return;
+    const auto ours = [&](const DeviceState& came) {
+      return came.session == ports.session && (held == 0 || came.sender == held);
+    };
+    if (!await(*ports.bus, ports.status, ports.device, device, stages, {ProgramKind::device_sim, user}, ours, stopped))
+      break;
+    held = device.sender;
     orders.follow();
     const TimePoint begin = stages.mark(HapticStage::control);
     const FeltStep felt = sub.feel(device, true, h);
@@ -163,13 +175,18 @@ void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     if (sub.report_due()) send_report();
     measures.end_step();
   }
-  if (stop_signal() != 0 && !last) return;
-  send_last(ports, device, 1);
-  ports.reports.wait_for_acknowledgments(1.0);
+  ending.to_s = sub.time_s();
+  if (last) {
+    send_last(ports, device, 1);
+    ports.reports.wait_for_acknowledgments(1.0);
+  } else {
+    ending.by = name_of_signal(stop_signal());
+  }
+  return ending;
 }
 
-void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
-                  const Scene& scene, const FirstFrame& first, Duration spin) {
+Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
+                    const Scene& scene, const FirstFrame& first, Duration spin) {
   EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
   const double cycle_s = scene.settings.cycle_s();
@@ -179,9 +196,15 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   std::fflush(stdout);
 
   Stages<HapticStage>& stages = measures.stages();
-  DeviceState device;
-  device.device = static_cast<std::uint32_t>(sub.user());
+  const auto user = static_cast<std::uint32_t>(sub.user());
+  Ending ending{.session = ports.session, .from_s = first.frame.stamp_s, .by = "last frame"};
+  DeviceState device, from_device;
+  device.device = user;
   TimePoint heard{};
+  const Peer world_sim{ProgramKind::world_sim, 0}, device_sim{ProgramKind::device_sim, user};
+  Presence world_there, device_there;
+  bool strangers = false;  // the newest frame was of another run
+  bool said_alone = false;
   std::array<WorldFrame, kMostWaiting> waiting;  // frames that came before their stamp
   for (WorldFrame& frame : waiting) reserve(frame, kUsualMembers);
   std::size_t waiting_count = 0;
@@ -190,7 +213,7 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   bool last = false;
   int fading = 0;
   const auto send_report = [&] {
-    ports.reports.write(sub.report(to_ns(Clock::now())));
+    ports.send(sub.report(to_ns(Clock::now())));
     stages.mark(HapticStage::report);
   };
 
@@ -216,9 +239,17 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     if (lateness_s > kLongSleep_s) sub.let_go();
     fading += last || stop_signal() != 0;
 
-    if (take_latest(ports.device, device, stages)) heard = begin;
+    while (take(ports.device, from_device, stages) == Take::sample) {
+      if (from_device.session != ports.session || (heard != TimePoint{} && from_device.sender != device.sender))
+        continue;
+      device = from_device;
+      heard = begin;
+    }
     while (waiting_count < waiting.size()) {
       if (take(ports.frames, waiting[waiting_count], stages) != Take::sample) break;
+      strangers = waiting[waiting_count].session != ports.session;
+      if (strangers) continue;
+      if (ports.refused_by(waiting[waiting_count])) ending.fault = refused_text(user);
       // A world that stands sends the same stamp again and again: only the newest counts.
       if (waiting_count > 0 && waiting[waiting_count].stamp == waiting[waiting_count - 1].stamp) {
         std::swap(waiting[waiting_count], waiting[waiting_count - 1]);
@@ -255,10 +286,23 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
     orders.follow();
     stages.mark(HapticStage::control);
 
+    world_there.observe(framed == begin, !strangers && alive(ports.frames, ports.status, world_sim), h);
+    device_there.observe(heard == begin, alive(ports.device, ports.status, device_sim), h);
+    if (ending.fault.empty() && world_there.gone()) {
+      ending.fault = strangers ? replaced_text(ProgramKind::world_sim, 0) : gone_text(ProgramKind::world_sim, 0);
+    } else if (ending.fault.empty() && device_there.gone()) {
+      ending.fault = gone_text(ProgramKind::device_sim, user);
+    }
+    last = last || !ending.fault.empty();
+
     // Without the world it stands: what a border is frozen to does not hold for long.
     const double frame_period_s = cycle_s / std::max(phase.clock_factor(), kSlowestClock);
     const bool alone = to_seconds(begin - framed) > std::max(kAlone_s, 4.0 * frame_period_s);
     sub.stand(alone || phase.clock_factor() <= 0.0);
+    const bool silent = begin - framed > from_seconds(kGone_s);
+    if (silent && !said_alone) ports.status.note("waits for world_sim: no frame for 2 s; the force has faded");
+    if (!silent && said_alone) ports.status.note("world_sim is there again");
+    said_alone = silent;
     const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     stages.mark(HapticStage::feel);
@@ -281,6 +325,13 @@ void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, E
   }
   measures.loop_ends();
   send_last(ports, device, kTimesLast);
+  ending.to_s = sub.time_s();
+  if (!ending.fault.empty()) {
+    ending.by = "fault";
+  } else if (!last) {
+    ending.by = name_of_signal(stop_signal());
+  }
+  return ending;
 }
 
 }  // namespace subworld

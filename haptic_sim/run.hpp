@@ -3,6 +3,7 @@
 #include "haptic_sim/measures.hpp"
 #include "haptic_sim/ports.hpp"
 #include "haptic_sim/sub_world.hpp"
+#include "io/ending.hpp"
 #include "rt/cyclic.hpp"
 
 #include <optional>
@@ -21,12 +22,14 @@ struct FirstFrame {
                                              const Options& options);
 
 /// Nobody looks at a clock: each step waits for its device state, each cycle for its frame. Ends with the frame that is
-/// the last, or when asked to stop. Throws `Error` (failed) when a peer dies.
-void run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
-                  const Scene& scene);
+/// the last, or when asked to stop. Throws `Error` (failed) when a peer dies or is started again.
+[[nodiscard]] Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
+                                  const Scene& scene);
 
-/// Nobody waits: absolute deadlines, the newest data, what comes late is counted and used late. `spin`: see Cyclic.
-void run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
-                  const Scene& scene, const FirstFrame& first, Duration spin);
+/// Nobody waits: absolute deadlines, the newest data, what comes late is counted and used late. A fault where the world
+/// or the device has gone or was started again; the force has faded by then. `spin`: see
+/// Cyclic.
+[[nodiscard]] Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
+                                  const Scene& scene, const FirstFrame& first, Duration spin);
 
 }  // namespace subworld

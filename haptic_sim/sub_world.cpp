@@ -89,7 +89,7 @@ FeltStep SubWorld::step(const DeviceState& device, bool trusted, double dt) {
   return felt;
 }
 
-const HapticReport& SubWorld::report(std::int64_t sent_ns) {
+HapticReport& SubWorld::report(std::int64_t sent_ns) {
   if (steps_ > 0) ++stamp_;
   in_cycle_s_ = 0.0;
   HapticReport& report = reports_[stamp_ % reports_.size()];

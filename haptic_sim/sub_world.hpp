@@ -57,7 +57,7 @@ class SubWorld {
     return !model_->reports_afterwards() || frame_stamp <= stamp_;
   }
   /// Closes the cycle; the reference lives for several cycles. `sent_ns` is the caller's clock.
-  const HapticReport& report(std::int64_t sent_ns);
+  HapticReport& report(std::int64_t sent_ns);
 
   /// Uses a frame whose stamp is not ahead of stamp(): blends, bodies that enter and leave, border.
   /// Returns the number of frames that are missing before it; a frame that is older than the newest one, or names

@@ -33,12 +33,11 @@ int main(int argc, char** argv) {
   using namespace subworld;
   return run_program(Program::world_sim, argc, argv, [](const Options& options, const Scene& scene) {
     const bool realtime = scene.settings.mode == Mode::realtime;
-    const auto flush = realtime ? History::Flush::rarely : History::Flush::often;
 
-    WorldMeasures measures(options.out, options.trace, flush);
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     WorldPorts ports(options, scene);
     if (realtime) leave_realtime();
+    WorldMeasures measures(options.out, options.trace, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
     ports.status.enter("loading");
     World world(scene, [&](double part) { ports.status.done(part); });
@@ -46,7 +45,9 @@ int main(int argc, char** argv) {
         realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
     watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
     const TimePoint begin = Clock::now();
-    ports.scene.write(world.description(settings_hash(scene)));
+    SceneDescription description = world.description(settings_hash(scene));
+    description.session = ports.session;
+    ports.scene.write(description);
     ports.status.enter("settling");
     Progress progress;
     const auto settling = [&](double part) {
@@ -56,18 +57,14 @@ int main(int argc, char** argv) {
     if (!world.settle(settling)) return;
     const double settle_s = to_seconds(Clock::now() - begin);
     if (gather(ports, options)) {
-      if (!realtime) {
-        run_lockstep(ports, world, measures, exchange, scene);
-      } else {
-        run_realtime(ports, world, measures, exchange, scene, options.wait_s);
-      }
+      Ending ending = realtime ? run_realtime(ports, world, measures, exchange, scene, options.wait_s)
+                               : run_lockstep(ports, world, measures, exchange, scene);
       ports.status.enter("stopping");
-      if (!options.out.empty()) {
-        Json json = measures.json(world, scene.bodies.size(), settle_s);
-        json["world"]["dds"] = ports.bus->effective_settings();
-        json["world"]["events"] = to_json(ports.status.events_of_run());
-        write_json(options.out + "/world.json", json);
-      }
+      Json part = measures.json(world, scene.bodies.size(), settle_s);
+      part["world"]["dds"] = ports.bus->effective_settings();
+      part["world"]["events"] = to_json(ports.status.events_of_run());
+      if (ending.fault.empty()) ending.fault = measures.fault();
+      conclude(options.out.empty() ? "" : options.out + "/world.json", part, ending);
     }
   });
 }

@@ -3,15 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace subworld {
 
-WorldMeasures::WorldMeasures(const std::string& folder, const std::string& trace, History::Flush flush)
+WorldMeasures::WorldMeasures(const std::string& folder, const std::string& trace, const History::Say& say)
     : history_(folder.empty() ? "" : folder + "/world.csv",
                {"time_s", "kinetic_energy_j", "potential_energy_j", "energy_excess_j", "step_s", "lateness_s",
                 "clock_factor"},
-               flush),
-      trace_(trace, {"world_sim", 1}, kWorldStages, flush) {}
+               say),
+      trace_(trace, {"world_sim", 1}, kWorldStages, say) {}
 
 void WorldMeasures::end_cycle() noexcept {
   const StageStep step = stages_.end();
@@ -42,7 +43,8 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double clo
                 times.step_s, times.lateness_s, clock_factor});
 }
 
-Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s) const {
+Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s) {
+  history_.finish();
   Json selections = Json::array();
   for (std::size_t u = 0; u < left_out_.size(); ++u) {
     const SelectionFacts last = world.selection(u);

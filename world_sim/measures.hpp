@@ -36,7 +36,7 @@ static_assert(kWorldStages.size() == Stages<WorldStage>::kCount);
 class WorldMeasures {
  public:
   /// `folder` and `trace` may be empty: nothing is written.
-  WorldMeasures(const std::string& folder, const std::string& trace, History::Flush flush);
+  WorldMeasures(const std::string& folder, const std::string& trace, const History::Say& say);
 
   [[nodiscard]] Stages<WorldStage>& stages() noexcept { return stages_; }
 
@@ -57,7 +57,10 @@ class WorldMeasures {
   [[nodiscard]] LoopState state(const World& world, double clock_factor) const noexcept {
     return {world.time_s(), world.stamp(), late_.all(), late_.by_machine, step_.sum_s(), 0.0, clock_factor};
   }
-  [[nodiscard]] Json json(const World& world, std::size_t bodies, double settle_s) const;
+  /// After the last cycle.
+  [[nodiscard]] Json json(const World& world, std::size_t bodies, double settle_s);
+  /// Why the history could not be written; empty: it could.
+  [[nodiscard]] std::string fault() const { return history_.fault(); }
 
  private:
   History history_;

@@ -5,7 +5,8 @@
 namespace subworld {
 
 WorldPorts::WorldPorts(const Options& options, const Scene& scene_file)
-    : bus(open_bus(options.network, scene_file.settings, scene_file.settings.h_s, "world_sim")),
+    : served(static_cast<std::size_t>(scene_file.settings.users), 0),
+      bus(open_bus(options.network, scene_file.settings, scene_file.settings.h_s, "world_sim")),
       scene(bus->writer<SceneDescription>()),
       snapshots(bus->writer<WorldSnapshot>()),
       control(bus->reader<Control>()),
@@ -14,6 +15,12 @@ WorldPorts::WorldPorts(const Options& options, const Scene& scene_file)
     frames.push_back(bus->writer<WorldFrame>(user_partition(u)));
     reports.push_back(bus->reader<HapticReport>(user_partition(u)));
   }
+}
+
+bool WorldPorts::accept(std::size_t user, const HapticReport& report) noexcept {
+  if (report.session != session) return false;
+  if (served[user] == 0) served[user] = report.sender;
+  return report.sender == served[user];
 }
 
 }  // namespace subworld

@@ -2,6 +2,7 @@
 
 #include "io/options.hpp"
 #include "wire/bus.hpp"
+#include "wire/session.hpp"
 #include "wire/status.hpp"
 
 #include <memory>
@@ -13,6 +14,11 @@ namespace subworld {
 struct WorldPorts {
   WorldPorts(const Options& options, const Scene& scene);
 
+  /// Whether a report is of this run and of the process that is served; the first one of a user is, from then on.
+  bool accept(std::size_t user, const HapticReport& report) noexcept;
+
+  const std::uint64_t session = draw_identity();
+  std::vector<std::uint64_t> served;  ///< the haptic process, by user; 0: none was heard of yet
   std::unique_ptr<Bus> bus;
   Writer<SceneDescription> scene;
   std::vector<Writer<WorldFrame>> frames;     ///< by user

@@ -4,6 +4,7 @@
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/lateness.hpp"
+#include "rt/presence.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
@@ -43,6 +44,8 @@ void step(World& world, Stages<WorldStage>& stages) {
 void publish_frames(WorldPorts& ports, World& world, bool last, double start_in_s, double clock_factor) {
   for (std::size_t u = 0; u < world.user_count(); ++u) {
     WorldFrame& frame = world.frame(u);
+    frame.session = ports.session;
+    frame.served = ports.served[u];
     frame.last = last;
     frame.start_in_s = start_in_s;
     frame.clock_factor = clock_factor;
@@ -95,7 +98,7 @@ bool rouse(WorldPorts& ports, World& world, double wait_s) {
   TimePoint next = Clock::now();
   while (true) {
     for (std::size_t u = 0; u < world.user_count(); ++u) {
-      while (ports.reports[u].take(report) == Take::sample) answered[u] = true;
+      while (ports.reports[u].take(report) == Take::sample) answered[u] = answered[u] || ports.accept(u, report);
     }
     const auto silent = std::find(answered.begin(), answered.end(), false);
     if (silent == answered.end()) return true;
@@ -134,6 +137,48 @@ void tell_pace(WorldPorts& ports, Pace& pace, double cycle_s) {
   }
 }
 
+Ending ending_of(const WorldPorts& ports, const World& world, const Conductor& conductor, std::uint64_t cycles) {
+  const bool complete = world.stamp() >= cycles;
+  return {.session = ports.session,
+          .to_s = world.time_s(),
+          .by = complete              ? "duration"
+                : conductor.stopped() ? "control"
+                                      : name_of_signal(stop_signal()),
+          .fault = {}};
+}
+
+/// Who is still there, in real time: the world goes on for those.
+class Users {
+ public:
+  explicit Users(std::size_t count) : heard_(count, false), there_(count) {}
+
+  void hear(std::size_t user) { heard_[user] = true; }
+  /// Once a cycle. Says who has gone.
+  void observe(WorldPorts& ports, double time_s, double period_s) {
+    for (std::size_t u = 0; u < there_.size(); ++u) {
+      const bool was_gone = there_[u].gone();
+      const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(u)};
+      there_[u].observe(heard_[u], alive(ports.reports[u], ports.status, haptic), period_s);
+      heard_[u] = false;
+      if (was_gone || !there_[u].gone()) continue;
+      const std::string text =
+          fmt::format("{}; user {} is no longer served from t = {:.3f} s on",
+                      gone_text(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u)), u, time_s - kGone_s);
+      fault_ += (fault_.empty() ? "" : "; ") + text;
+      ports.status.note(text);
+    }
+  }
+  [[nodiscard]] bool all_gone() const {
+    return std::ranges::all_of(there_, [](const Presence& user) { return user.gone(); });
+  }
+  [[nodiscard]] const std::string& fault() const noexcept { return fault_; }
+
+ private:
+  std::vector<bool> heard_;  ///< a report, since the last cycle
+  std::vector<Presence> there_;
+  std::string fault_;
+};
+
 void acknowledge(WorldPorts& ports) {
   const TimePoint until = Clock::now() + from_seconds(kAcknowledged_s);
   for (auto& frames : ports.frames) frames.wait_for_acknowledgments(std::max(0.0, to_seconds(until - Clock::now())));
@@ -163,18 +208,22 @@ bool gather(WorldPorts& ports, const Options& options) {
       return false;
   }
   if (options.await_display) {
-    if (!wait_for([&] { return ports.snapshots.matched() > 0; }, "no display", "gui_headless")) return false;
-    // A display that holds the scene has found this world's other topics too; one that has died never will.
-    while (ports.snapshots.matched() > 0 && stop_signal() == 0 && Clock::now() < until &&
-           !ports.scene.wait_for_acknowledgments(0.1)) {
+    // What only looks may hold up a run, but does not end it.
+    const auto looks = [&] { return ports.snapshots.matched() > 0; };
+    const auto may_wait = [&] { return stop_signal() == 0 && Clock::now() < until; };
+    while (!looks() && may_wait()) ports.bus->wait(0.05);
+    if (!looks()) ports.status.note("no display has come: the run goes on without one");
+    // One that holds the scene has found this world's other topics too; one that has died never will.
+    while (looks() && may_wait() && !ports.scene.wait_for_acknowledgments(0.1)) {
     }
+    if (stop_signal() != 0) return false;
   }
   ports.status.enter("running");
   return true;
 }
 
-void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
-                  const Scene& scene) {
+Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
+                    const Scene& scene) {
   const std::uint64_t cycles = cycles_of(scene.settings);
   TimePoint asked{};
   // Asked to stop, it still waits a little: a report that comes lets everybody end in order.
@@ -189,16 +238,14 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   HapticReport report;
   reserve(report, kUsualMembers);
   std::vector<std::uint64_t> next(world.user_count(), 0);
-  std::vector<std::string> gone;
-  for (std::size_t u = 0; u < world.user_count(); ++u) {
-    gone.push_back(fmt::format("haptic_sim {} has died; the world cannot go on in lock-step", u));
-  }
   /// False when asked to stop and a report does not come.
   const auto receive_due = [&] {
     for (std::size_t u = 0; u < world.user_count(); ++u) {
       const Delay delay(scene.settings, world.scheme().lead_cycles(), static_cast<std::uint32_t>(u));
       for (; delay.report_due(next[u]) <= world.stamp(); ++next[u]) {
-        if (!await(*ports.bus, ports.reports[u], report, stages, gives_up, gone[u])) return false;
+        const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(u)};
+        const auto ours = [&](const HapticReport& came) { return ports.accept(u, came); };
+        if (!await(*ports.bus, ports.status, ports.reports[u], report, stages, haptic, ours, gives_up)) return false;
         if (!world.receive(std::move(report))) {
           throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of "
                                                     "them on this domain?",
@@ -243,10 +290,11 @@ void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   if (world.scheme().border() != Border::none && receive_due()) world.synchronise();
   world.close();
   acknowledge(ports);
+  return ending_of(ports, world, conductor, cycles);
 }
 
-void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
-                  const Scene& scene, double wait_s) {
+Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
+                    const Scene& scene, double wait_s) {
   const double cycle_s = scene.settings.cycle_s();
   const std::uint64_t cycles = cycles_of(scene.settings);
   const Scheduling scheduling = claim_realtime(priority::kWorld);
@@ -262,8 +310,9 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   Pace pace(cycle_s);
   double publish_s = 0.0;  // of the frames of the cycle before
   bool yielding = false;
+  Users users(world.user_count());
   bool last = false;
-  if (!rouse(ports, world, wait_s)) return;
+  if (!rouse(ports, world, wait_s)) return ending_of(ports, world, conductor, cycles);
   const double start_in_s = kStartIn_s + world.scheme().lead_cycles() * cycle_s;
   publish_frames(ports, world, false, start_in_s, pace.clock_factor());
   Cyclic loop(Clock::now() + from_seconds(start_in_s), from_seconds(cycle_s));
@@ -279,6 +328,11 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     stages.begin(loop.released(), begin);
     for (std::size_t u = 0; u < world.user_count(); ++u) {
       while (take(ports.reports[u], report, stages) == Take::sample) {
+        if (!ports.accept(u, report)) {
+          measures.refused_report();
+          continue;
+        }
+        users.hear(u);
         if (report.stamp > newest[u] + 1) measures.lost_report();
         newest[u] = std::max(newest[u], report.stamp);
         if (!world.receive(std::move(report))) measures.refused_report();
@@ -286,8 +340,9 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
     }
     take_orders(ports, conductor, world, exchange);
     exchange_engine(ports, world, exchange, measures);
+    users.observe(ports, world.time_s(), period_s);
     stages.mark(WorldStage::control);
-    last = stop_signal() != 0 || conductor.stopped();
+    last = stop_signal() != 0 || conductor.stopped() || users.all_gone();
     if (!conductor.may_step() && !last) {
       // The haptic processes hold their sub-worlds still while the world's clock stands.
       publish_frames(ports, world, false, cycle_s, 0.0);
@@ -333,6 +388,10 @@ void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, Engi
   snapshots.finish();
   world.close();
   acknowledge(ports);
+  Ending ending = ending_of(ports, world, conductor, cycles);
+  ending.fault = users.fault();
+  if (users.all_gone()) ending.by = "fault";
+  return ending;
 }
 
 }  // namespace subworld

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "io/ending.hpp"
 #include "world_sim/measures.hpp"
 #include "world_sim/ports.hpp"
 #include "world_sim/world.hpp"
@@ -10,14 +11,15 @@ namespace subworld {
 /// who is missing.
 [[nodiscard]] bool gather(WorldPorts& ports, const Options& options);
 
-/// Each cycle waits for every user's report. Throws `Error` (failed) when a haptic process dies or the world is no
-/// longer finite.
-void run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
-                  const Scene& scene);
+/// Each cycle waits for every user's report. Throws `Error` (failed) when a haptic process dies or is started again, or
+/// the world is no longer finite.
+[[nodiscard]] Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
+                                  const Scene& scene);
 
 /// The clock starts when every haptic process has answered, or throws `Error` (failed) after `wait_s` seconds. Absolute
-/// deadlines; reports are used as they come. A world that cannot keep up slows its clock, not its step.
-void run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
-                  const Scene& scene, double wait_s);
+/// deadlines; reports are used as they come. A world that cannot keep up slows its clock, not its step. It goes on for
+/// those users who are there, until none is left; that others have gone is a fault.
+[[nodiscard]] Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
+                                  const Scene& scene, double wait_s);
 
 }  // namespace subworld

@@ -2,11 +2,13 @@
 
 #include "model/error.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstdio>
 #include <cstring>
 #include <iterator>
 #include <utility>
@@ -14,6 +16,9 @@
 namespace subworld {
 
 namespace {
+
+constexpr std::chrono::milliseconds kWriteEvery{100};
+constexpr std::size_t kPiece = 8192;  // bytes for the kernel at once
 
 History::Format csv(const std::vector<std::string>& columns) {
   return {.width = columns.size(),
@@ -25,37 +30,42 @@ History::Format csv(const std::vector<std::string>& columns) {
 
 }  // namespace
 
-History::History(const std::string& path, const std::vector<std::string>& columns, Flush flush)
-    : History(path, csv(columns), flush) {}
+History::History(const std::string& path, const std::vector<std::string>& columns, Say say)
+    : History(path, csv(columns), std::move(say)) {}
 
-History::History(const std::string& path, Format format, Flush flush) : format_(std::move(format)), flush_(flush) {
+History::History(const std::string& path, Format format, Say say)
+    : path_(path), format_(std::move(format)), say_(std::move(say)) {
   if (path.empty()) return;
-  file_ = std::fopen(path.c_str(), "w");
-  if (file_ == nullptr) {
+  file_ = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file_ < 0) {
     throw Error(ExitCode::failed, fmt::format("{}: {}; choose another folder with --out", path, std::strerror(errno)));
   }
-  std::fputs(format_.head.c_str(), file_);
+  text_ = format_.head;
   ring_.resize(kRows * format_.width);
   thread_ = std::thread([this] {
     while (!stop_.load(std::memory_order_acquire)) {
-      const std::size_t waiting = head_.load(std::memory_order_acquire) - tail_.load(std::memory_order_relaxed);
-      if (flush_ == Flush::often || waiting >= kRows / 2) write_out();
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      write_out();
+      std::this_thread::sleep_for(kWriteEvery);
     }
     write_out();
+    text_ += format_.tail;
+    write_text();
   });
 }
 
 History::~History() {
-  if (file_ == nullptr) return;
+  finish();
+  if (file_ >= 0) close(file_);
+}
+
+void History::finish() {
+  if (!thread_.joinable()) return;
   stop_.store(true, std::memory_order_release);
   thread_.join();
-  std::fputs(format_.tail.c_str(), file_);
-  std::fclose(file_);
 }
 
 void History::row(std::initializer_list<double> values) noexcept {
-  if (file_ == nullptr) return;
+  if (file_ < 0) return;
   const std::size_t head = head_.load(std::memory_order_relaxed);
   if (values.size() != format_.width || head - tail_.load(std::memory_order_acquire) >= kRows) {
     ++dropped_;
@@ -65,16 +75,37 @@ void History::row(std::initializer_list<double> values) noexcept {
   head_.store(head + 1, std::memory_order_release);
 }
 
+std::string History::fault() const {
+  const int error = error_.load();
+  return error == 0 ? "" : fmt::format("{}: {}", path_, std::strerror(error));
+}
+
 void History::write_out() {
-  std::string text;
   std::size_t tail = tail_.load(std::memory_order_relaxed);
   const std::size_t head = head_.load(std::memory_order_acquire);
-  for (; tail != head; ++tail) {
-    format_.row(text, std::span(ring_).subspan((tail % kRows) * format_.width, format_.width));
-    tail_.store(tail + 1, std::memory_order_release);
+  while (write_text() && tail != head) {
+    for (; tail != head && text_.size() < kPiece; ++tail) {
+      format_.row(text_, std::span(ring_).subspan((tail % kRows) * format_.width, format_.width));
+    }
+    tail_.store(tail, std::memory_order_release);
   }
-  std::fwrite(text.data(), 1, text.size(), file_);
-  std::fflush(file_);
+}
+
+/// False where text is left over, to be tried again.
+bool History::write_text() {
+  while (text_done_ < text_.size()) {
+    const ssize_t written = write(file_, text_.data() + text_done_, text_.size() - text_done_);
+    if (written > 0) {
+      text_done_ += static_cast<std::size_t>(written);
+    } else if (errno != EINTR) {
+      if (error_.exchange(errno) == 0 && say_)
+        say_(fault() + "; rows wait in memory and are lost when that is full too: make room");
+      return false;
+    }
+  }
+  text_.clear();
+  text_done_ = 0;
+  return true;
 }
 
 }  // namespace subworld

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <span>
 #include <string>
 #include <thread>
@@ -12,13 +13,11 @@
 namespace subworld {
 
 /// A file of numbers, CSV or other text, that a loop can write to without waiting: rows go through a ring to a thread
-/// of their own. A full ring drops the row and counts it.
+/// of their own, which hands them to the kernel ten times a second in small pieces, so that neither a program that is
+/// killed loses many nor the kernel is busy for long. A full ring drops the row and counts it.
 class History {
  public:
-  enum class Flush : std::uint8_t {
-    often,   ///< ten times a second
-    rarely,  ///< when the ring is half full: a kernel that writes to a disk may not be preempted by a real-time loop
-  };
+  using Say = std::function<void(std::string)>;
 
   /// What rows of `width` numbers become, after the head of the file and before its tail.
   struct Format {
@@ -28,30 +27,41 @@ class History {
     std::string tail = {};
   };
 
-  /// Throws `Error` (failed) where the file cannot be written. An empty path: rows go nowhere.
-  History(const std::string& path, Format format, Flush flush);
+  /// Throws `Error` (failed) where the file cannot be opened. An empty path: rows go nowhere. `say` is told, from the
+  /// writing thread, when rows cannot be written: they wait in the ring until there is room again.
+  History(const std::string& path, Format format, Say say);
   /// As CSV.
-  History(const std::string& path, const std::vector<std::string>& columns, Flush flush);
+  History(const std::string& path, const std::vector<std::string>& columns, Say say);
   ~History();
   History(const History&) = delete;
   History& operator=(const History&) = delete;
 
   /// One row; as many numbers as there are columns. One thread. Allocates nothing.
   void row(std::initializer_list<double> values) noexcept;
+  /// Writes what is left. No row may follow.
+  void finish();
+
   [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
+  /// Why rows could not be written, in words; empty: all could.
+  [[nodiscard]] std::string fault() const;
 
  private:
   void write_out();
+  bool write_text();
 
   static constexpr std::size_t kRows = 1 << 16;
+  std::string path_;
   Format format_;
-  Flush flush_;
+  Say say_;
   std::vector<double> ring_;
   std::atomic<std::size_t> head_{0};  ///< rows written by the loop
   std::atomic<std::size_t> tail_{0};  ///< rows taken by the thread
   std::atomic<bool> stop_{false};
+  std::atomic<int> error_{0};  ///< the last errno of a write
   std::uint64_t dropped_ = 0;
-  std::FILE* file_ = nullptr;
+  int file_ = -1;
+  std::string text_;           ///< of rows taken that are not written yet
+  std::size_t text_done_ = 0;  ///< bytes of it that are
   std::thread thread_;
 };
 

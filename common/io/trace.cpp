@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <utility>
 
 namespace subworld {
 
@@ -62,8 +63,8 @@ History::Format format_of(const TraceProgram& program, std::span<const char* con
 }  // namespace
 
 Trace::Trace(const std::string& path, const TraceProgram& program, std::span<const char* const> stages,
-             History::Flush flush)
-    : on_(!path.empty()), rows_(path, format_of(program, stages), flush) {}
+             History::Say say)
+    : on_(!path.empty()), rows_(path, format_of(program, stages), std::move(say)) {}
 
 void Trace::step(const StageStep& step) noexcept {
   if (!on_) return;

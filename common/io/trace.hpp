@@ -23,8 +23,7 @@ class Trace {
  public:
   /// An empty path: nothing is traced. `stages` are the names of the loop's stages, by number. Throws `Error` (failed)
   /// where the file cannot be written.
-  Trace(const std::string& path, const TraceProgram& program, std::span<const char* const> stages,
-        History::Flush flush);
+  Trace(const std::string& path, const TraceProgram& program, std::span<const char* const> stages, History::Say say);
 
   /// A step with what it consisted of.
   void step(const StageStep& step) noexcept;

@@ -12,8 +12,9 @@
 #include <string>
 #include <vector>
 
-/// What crosses between the programs, one struct per topic. `wire/convert` maps each to its IDL
-/// type.
+/// What crosses between the programs, one struct per topic. `wire/convert` maps each to its IDL type.
+/// `session` names the world's run; `sender` the process that sends, `served` the one that is answered: what is of
+/// another run, or of a program that was started again, is told apart by these.
 namespace subworld {
 
 struct Wrench {
@@ -25,6 +26,7 @@ struct Wrench {
 struct SceneDescription {
   std::string name;
   std::uint64_t settings_hash = 0;  ///< programs with different scenes or settings must not work together
+  std::uint64_t session = 0;        ///< drawn by the world
   std::uint32_t users = 0;          ///< haptic processes that take part
   std::vector<Mesh> meshes;
   std::vector<Body> bodies;
@@ -34,6 +36,8 @@ struct SceneDescription {
 /// Topic `device_state`, keyed by device.
 struct DeviceState {
   std::uint32_t device = 0;
+  std::uint64_t session = 0;
+  std::uint64_t sender = 0;
   std::uint64_t sequence = 0;
   double stamp_s = 0.0;      ///< device time
   std::int64_t sent_ns = 0;  ///< device's clock; echoed, so that the device can measure the round trip
@@ -47,6 +51,8 @@ struct DeviceState {
 /// Topic `device_command`, keyed by device.
 struct DeviceCommand {
   std::uint32_t device = 0;
+  std::uint64_t session = 0;
+  std::uint64_t served = 0;    ///< 0: no device was heard of yet
   std::uint64_t sequence = 0;  ///< of the device state that it answers
   double stamp_s = 0.0;        ///< simulation time
   std::int64_t echoed_sent_ns = 0;
@@ -120,7 +126,9 @@ struct PeerDevice {
 /// Topic `world_frame`, keyed by user: the world at t = stamp_s for one user.
 struct WorldFrame {
   UserId user{};
-  std::uint64_t stamp = 0;  ///< j: the state at t = j T
+  std::uint64_t session = 0;
+  std::uint64_t served = 0;  ///< 0: no haptic process was heard of yet
+  std::uint64_t stamp = 0;   ///< j: the state at t = j T
   double stamp_s = 0.0;
   double start_in_s =
       0.0;  ///< real time: seconds from sending until the world's clock reaches this stamp; may be negative
@@ -166,6 +174,8 @@ struct StepTiming {
 /// Topic `haptic_report`, keyed by user: the sub-world at t = stamp_s, and what happened in the cycle before.
 struct HapticReport {
   UserId user{};
+  std::uint64_t session = 0;
+  std::uint64_t sender = 0;
   std::uint64_t stamp = 0;
   double stamp_s = 0.0;
   std::int64_t sent_ns = 0;

@@ -1,40 +1,66 @@
 #pragma once
 
 #include "model/error.hpp"
+#include "wire/bus.hpp"
+#include "wire/session.hpp"
+#include "wire/status.hpp"
 #include "wire/take.hpp"
 
 #include <algorithm>
 #include <chrono>
-#include <functional>
-#include <string>
-#include <string_view>
 
 namespace subworld {
 
-/// Waits for the next sample, and marks the loop's stages `wake`, until it was received, and `decode`. False when
-/// `stopped` says so. Throws `Error` (failed) with `gone` when all writers of a reader that had one have been silent
-/// for a second of this process's own time, so that neither a busy machine nor one that was halted is taken for a dead
-/// peer.
-template <class M, class Stages>
-bool await(Bus& bus, Reader<M>& reader, M& sample, Stages& stages, const std::function<bool()>& stopped,
-           std::string_view gone) {
+/// Whose samples a loop in lock-step waits for.
+struct Peer {
+  ProgramKind program = ProgramKind::world_sim;
+  std::uint32_t instance = 0;
+};
+
+/// Whether a peer may be there though nothing comes from it: its writer is alive, and itself too.
+template <class M>
+bool alive(const Reader<M>& reader, const StatusBeacon& status, const Peer& peer) noexcept {
+  return reader.alive_writers() > 0 && status.hears(peer.program, peer.instance);
+}
+
+/// Waits in lock-step for the next sample that is `ours`; others are dropped. Marks the loop's stages `wake`, until it
+/// was received, and `decode`. False when `stopped` says so. Says on
+/// `status` when it has waited for 2 s. Throws `Error` (failed) that names the peer when for 0.7 s of this
+/// process's own time, so that neither a busy machine nor one that was halted is taken for a dead peer, either the peer
+/// was not alive, or what came was of another run or of a program that was started again.
+template <class M, class Stages, class Ours, class Stopped>
+bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages& stages, const Peer& peer, Ours ours,
+           Stopped stopped) {
   using namespace std::chrono_literals;
   using WallClock = std::chrono::steady_clock;
-  WallClock::duration silent{};
-  const auto came = [&] { return take(reader, sample, stages, Stages::Stage::wake) == Take::sample; };
+  constexpr auto kPatience = 700ms;
+  WallClock::duration waited{}, silent{};
+  bool strangers = false, said = false;
+  const auto take_next = [&] { return take(reader, sample, stages, Stages::Stage::wake); };
   for (auto last = WallClock::now();;) {
-    if (came()) return true;
+    for (Take taken = take_next(); taken != Take::none; taken = take_next()) {
+      if (taken == Take::sample && ours(sample)) {
+        if (said) status.note(label_of(peer.program, peer.instance) + " is there again");
+        return true;
+      }
+      strangers |= taken == Take::sample;
+    }
     if (stopped()) return false;
+    if (silent > kPatience) {
+      throw Error(ExitCode::failed,
+                  strangers ? replaced_text(peer.program, peer.instance)
+                            : gone_text(peer.program, peer.instance) + "; a run in lock-step ends without it");
+    }
+    if (waited > 2s && !said) {
+      status.note("waits for " + label_of(peer.program, peer.instance));
+      said = true;
+    }
     bus.wait(0.05);
     const auto now = WallClock::now();
-    silent += std::min<WallClock::duration>(now - last, 100ms);
+    const auto step = std::min<WallClock::duration>(now - last, 100ms);
     last = now;
-    if (reader.alive_writers() > 0) {
-      silent = {};
-    } else if (silent > 1s) {
-      if (came()) return true;
-      throw Error(ExitCode::failed, std::string(gone));
-    }
+    waited += step;
+    silent = !strangers && alive(reader, status, peer) ? WallClock::duration{} : silent + step;
   }
 }
 

@@ -27,6 +27,7 @@ bool meshes_exist(const SceneDescription& scene) {
 void to_wire(const SceneDescription& in, msg::Scene& out) {
   out.name(in.name);
   out.settings_hash(in.settings_hash);
+  out.session(in.session);
   out.users(in.users);
   put_all(in.meshes, out.meshes());
   put_all(in.bodies, out.bodies());
@@ -40,6 +41,7 @@ void to_wire(const SceneDescription& in, msg::Scene& out) {
 bool from_wire(const msg::Scene& in, SceneDescription& out) {
   out.name = in.name();
   out.settings_hash = in.settings_hash();
+  out.session = in.session();
   out.users = in.users();
   if (in.states().size() != in.bodies().size()) return false;
   for (std::size_t i = 0; i < in.states().size(); ++i) {
@@ -51,6 +53,8 @@ bool from_wire(const msg::Scene& in, SceneDescription& out) {
 
 void to_wire(const DeviceState& in, msg::DeviceState& out) {
   out.device(in.device);
+  out.session(in.session);
+  out.sender(in.sender);
   out.sequence_number(in.sequence);
   out.stamp_s(in.stamp_s);
   out.sent_ns(in.sent_ns);
@@ -63,6 +67,8 @@ void to_wire(const DeviceState& in, msg::DeviceState& out) {
 
 bool from_wire(const msg::DeviceState& in, DeviceState& out) {
   out.device = in.device();
+  out.session = in.session();
+  out.sender = in.sender();
   out.sequence = in.sequence_number();
   out.sent_ns = in.sent_ns();
   out.buttons = in.buttons();
@@ -72,6 +78,8 @@ bool from_wire(const msg::DeviceState& in, DeviceState& out) {
 
 void to_wire(const DeviceCommand& in, msg::DeviceCommand& out) {
   out.device(in.device);
+  out.session(in.session);
+  out.served(in.served);
   out.sequence_number(in.sequence);
   out.stamp_s(in.stamp_s);
   out.echoed_sent_ns(in.echoed_sent_ns);
@@ -84,6 +92,8 @@ void to_wire(const DeviceCommand& in, msg::DeviceCommand& out) {
 
 bool from_wire(const msg::DeviceCommand& in, DeviceCommand& out) {
   out.device = in.device();
+  out.session = in.session();
+  out.served = in.served();
   out.sequence = in.sequence_number();
   out.echoed_sent_ns = in.echoed_sent_ns();
   out.last = in.last();
@@ -93,6 +103,8 @@ bool from_wire(const msg::DeviceCommand& in, DeviceCommand& out) {
 
 void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
   out.user(index(in.user));
+  out.session(in.session);
+  out.served(in.served);
   out.stamp(in.stamp);
   out.stamp_s(in.stamp_s);
   out.start_in_s(in.start_in_s);
@@ -112,6 +124,8 @@ void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
 
 bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
   out.user = UserId{in.user()};
+  out.session = in.session();
+  out.served = in.served();
   out.stamp = in.stamp();
   out.islands = in.islands();
   out.echoed_sent_ns = in.echoed_sent_ns();
@@ -126,6 +140,8 @@ bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
 
 void to_wire(const HapticReport& in, msg::HapticReport& out) {
   out.user(index(in.user));
+  out.session(in.session);
+  out.sender(in.sender);
   out.stamp(in.stamp);
   out.stamp_s(in.stamp_s);
   out.sent_ns(in.sent_ns);
@@ -152,6 +168,8 @@ void to_wire(const HapticReport& in, msg::HapticReport& out) {
 
 bool from_wire(const msg::HapticReport& in, HapticReport& out) {
   out.user = UserId{in.user()};
+  out.session = in.session();
+  out.sender = in.sender();
   out.stamp = in.stamp();
   out.sent_ns = in.sent_ns();
   out.confirmed_stamp = in.confirmed_stamp();

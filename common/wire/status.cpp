@@ -13,6 +13,8 @@ namespace subworld {
 namespace {
 
 constexpr const char* kRunning = "running";
+constexpr std::chrono::milliseconds kTick{250};
+constexpr int kTicksPerStatus = 4;
 
 void append(std::string& text, const std::string& more) {
   if (!text.empty() && !more.empty()) text += "; ";
@@ -24,21 +26,39 @@ void append(std::string& text, const std::string& more) {
 std::string answer_prefix(std::uint32_t order) { return "control " + std::to_string(order) + ": "; }
 
 StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance, std::string label)
-    : bus_(&bus), writer_(bus.writer<Status>()), label_(std::move(label)) {
+    : bus_(&bus), writer_(bus.writer<Status>()), reader_(bus.reader<Status>()), label_(std::move(label)) {
   status_.program = program;
   status_.instance = instance;
   thread_ = std::thread([this] {
     const sched_param whenever{};
     sched_setscheduler(0, SCHED_OTHER, &whenever);
+    int ticks = 0;
     for (bool stopping = false; !stopping;) {
-      const bool woken = wake_.try_acquire_for(std::chrono::seconds(1));
+      const bool woken = wake_.try_acquire_for(kTick);
       while (wake_.try_acquire()) {
       }
       stopping = stop_;  // first: whatever was noted before the end is then seen below
+      if (!woken) listen();
+      const bool due = !woken && ++ticks % kTicksPerStatus == 0;
       const std::lock_guard lock(mutex_);
-      if (!stopping || newest_note_.load(std::memory_order_relaxed) != nullptr) publish(woken ? 0.0 : 1.0);
+      if ((due && !stopping) || newest_note_.load(std::memory_order_relaxed) != nullptr) publish(due ? 1.0 : 0.0);
     }
   });
+}
+
+void StatusBeacon::listen() {
+  for (auto& ticks : silent_ticks_) ticks.fetch_add(1, std::memory_order_relaxed);
+  for (Take taken = reader_.take(heard_); taken != Take::none; taken = reader_.take(heard_)) {
+    const auto program = static_cast<std::size_t>(heard_.program);
+    if (taken == Take::sample && program < kPrograms && heard_.instance < kInstances)
+      silent_ticks_[program * kInstances + heard_.instance].store(0, std::memory_order_relaxed);
+  }
+}
+
+double StatusBeacon::silent_s(ProgramKind program, std::uint32_t instance) const noexcept {
+  const std::size_t slot = static_cast<std::size_t>(program) * kInstances + instance;
+  if (slot >= silent_ticks_.size()) return 0.0;
+  return std::chrono::duration<double>(kTick).count() * silent_ticks_[slot].load(std::memory_order_relaxed);
 }
 
 StatusBeacon::~StatusBeacon() {

@@ -3,7 +3,9 @@
 #include "model/exchange.hpp"
 #include "wire/bus.hpp"
 
+#include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <mutex>
 #include <semaphore>
@@ -11,6 +13,9 @@
 #include <thread>
 
 namespace subworld {
+
+/// A program without a status for so long is taken for dead; one comes every second.
+inline constexpr double kSilent_s = 2.0;
 
 /// What an answer to a `Control` of that number begins with, in the text of a `Status`.
 [[nodiscard]] std::string answer_prefix(std::uint32_t order);
@@ -26,8 +31,8 @@ struct LoopState {
   double clock_factor = 1.0;
 };
 
-/// Publishes a program's `status` once a second and prints what the middleware reports in between, from a thread of its
-/// own, so that a loop only stores numbers.
+/// Publishes a program's `status` once a second, prints what the middleware reports in between and listens to the
+/// others' statuses, all from a thread of its own, so that a loop only stores and reads numbers.
 class StatusBeacon {
  public:
   StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance, std::string label);
@@ -45,6 +50,13 @@ class StatusBeacon {
   void note(std::string text);
   /// What the middleware has reported since the loop began to run.
   [[nodiscard]] EventCounts events_of_run();
+  /// For how long no status of that program has come, in this process's own time; at any rate, from the loop. Fast DDS
+  /// does not tell that one of several programs has died before the lease of its participant, 10 s, is over.
+  [[nodiscard]] double silent_s(ProgramKind program, std::uint32_t instance) const noexcept;
+  /// Whether a status of that program came within the last second or two.
+  [[nodiscard]] bool hears(ProgramKind program, std::uint32_t instance) const noexcept {
+    return silent_s(program, instance) < kSilent_s;
+  }
   /// Says what became of an order; likewise from the loop.
   void answer(std::uint32_t order, const std::string& text) { note(answer_prefix(order) + text); }
 
@@ -55,6 +67,8 @@ class StatusBeacon {
   };
 
   void publish(double passed_s);
+  /// Takes the others' statuses; once a tick.
+  void listen();
   /// What was noted since the last call, in order, joined by "; ".
   std::string take_notes();
   /// What the middleware reported, in words. Silence of a peer is worth no word while programs come and go: it is said
@@ -63,6 +77,10 @@ class StatusBeacon {
 
   Bus* bus_;
   Writer<Status> writer_;
+  Reader<Status> reader_;
+  Status heard_;
+  static constexpr std::size_t kPrograms = 4, kInstances = 64;
+  std::array<std::atomic<std::uint32_t>, kPrograms * kInstances> silent_ticks_{};
   std::string label_;
   std::atomic<double> time_s_{0.0}, busy_s_{0.0}, force_n_{0.0}, clock_factor_{1.0}, done_ratio_{0.0};
   std::atomic<std::uint64_t> steps_{0}, missed_{0}, missed_by_machine_{0};

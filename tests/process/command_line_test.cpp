@@ -156,7 +156,7 @@ TEST_F(CommandLine, AFolderThatCannotBeMadeIsNamedWithTheCure) {
 
 TEST_F(CommandLine, ALoneProgramNamesWhatIsMissing) {
   const std::vector<std::pair<std::string, std::string>> lone{{"haptic_sim", "start world_sim"},
-                                                              {"device_sim", "start haptic_sim --user 0"},
+                                                              {"device_sim", "start world_sim"},
                                                               {"world_sim", "start haptic_sim --user 0"},
                                                               {"gui_headless", "start world_sim"}};
   for (const auto& [name, cure] : lone) {

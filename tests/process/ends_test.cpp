@@ -128,5 +128,195 @@ TEST_P(Halted, ASignalEndsALockstepWorldThatWaitsForAHapticProcess) {
 INSTANTIATE_TEST_SUITE_P(Vendors, Halted, ::testing::Values("fastdds", "cyclonedds"),
                          [](const auto& one) { return one.param; });
 
+/// Who is killed and, where `restarted`, started again at once.
+struct Loss {
+  std::string mode;
+  std::string dds;
+  std::string victim;
+};
+void PrintTo(const Loss& one, std::ostream* out) { *out << one.mode << " " << one.dds << " " << one.victim; }
+std::string name_of(const ::testing::TestParamInfo<Loss>& one) {
+  return one.param.mode + "_" + one.param.dds + "_" + one.param.victim;
+}
+std::vector<Loss> losses(const Words& vendors) {
+  std::vector<Loss> all;
+  for (const char* mode : {"lockstep", "realtime"}) {
+    for (const std::string& dds : vendors) {
+      for (const char* victim : {"world_sim", "haptic_sim", "device_sim"}) all.push_back({mode, dds, victim});
+    }
+  }
+  return all;
+}
+
+class RestartedByHand : public ByHandEnds, public ::testing::WithParamInterface<Loss> {};
+
+// A run has the programs that it began with: whoever works with one that was started again says so, and so does that.
+TEST_P(RestartedByHand, IsAnErrorOfEverybodyThatNamesIt) {
+  const Loss& loss = GetParam();
+  start_run(loss.mode, loss.dds, {"--wait", "3"});
+  if (HasFatalFailure()) return;
+  Process* const victim = loss.victim == "world_sim" ? world_ : loss.victim == "haptic_sim" ? haptic_ : device_;
+  victim->signal(SIGKILL);
+  ASSERT_EQ(victim->wait(), 128 + SIGKILL);
+  Process& again = start(loss.victim);
+  std::string said;
+  for (const Started& one : started_) {
+    if (one.process.get() == victim) continue;
+    const auto code = one.process->wait(15.0);
+    // A device that its haptic process has told of the end has ended in order.
+    EXPECT_TRUE(code == 1 || (code == 0 && one.process.get() == device_)) << one.name << ": " << one.process->err();
+    if (one.process.get() != &again) said += one.process->err();
+  }
+  const std::string label = loss.victim == "world_sim" ? loss.victim : loss.victim + " 0";
+  const bool restarted = said.find("error: " + label + " was started again") != std::string::npos;
+  const bool died = said.find("error: " + label + " has died") != std::string::npos;
+  EXPECT_TRUE(restarted || died) << said;
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, RestartedByHand, ::testing::ValuesIn(losses({"fastdds", "cyclonedds"})), name_of);
+
+class LostByHand : public ByHandEnds, public ::testing::WithParamInterface<Loss> {};
+
+TEST_P(LostByHand, IsNamedByWhomItLeaves) {
+  const Loss& loss = GetParam();
+  start_run(loss.mode, loss.dds);
+  if (HasFatalFailure()) return;
+  Process* const victim = loss.victim == "world_sim" ? world_ : loss.victim == "haptic_sim" ? haptic_ : device_;
+  victim->signal(SIGKILL);
+  std::string said;
+  for (Process* one : {world_, haptic_, device_}) {
+    if (one == victim) continue;
+    const auto code = one->wait(15.0);
+    said += one->err();
+    // Who is told by a neighbour that the run is over has ended in order.
+    EXPECT_TRUE(code == 1 || (code == 0 && one == device_)) << one->err();
+  }
+  const std::string label = loss.victim == "world_sim" ? loss.victim : loss.victim + " 0";
+  EXPECT_NE(said.find("error: " + label + " has died"), std::string::npos) << said;
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, LostByHand, ::testing::ValuesIn(losses({"fastdds", "cyclonedds"})), name_of);
+
+class OtherScene : public ByHandEnds, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(OtherScene, OfADeviceIsRefused) {
+  common_ = {"--mode", GetParam(), "--duration", "1000"};
+  start("world_sim");
+  start("haptic_sim");
+  Process& device = start("device_sim", {"--ratio", "10"});
+  EXPECT_EQ(device.wait(10.0), 2) << device.err();
+  EXPECT_NE(device.err().find("with other settings"), std::string::npos) << device.err();
+  for (const Started& one : started_) one.process->signal(SIGTERM);
+  for (const Started& one : started_) EXPECT_TRUE(one.process->wait(10.0)) << one.name;
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, OtherScene, ::testing::Values("lockstep", "realtime"),
+                         [](const auto& one) { return one.param; });
+
+/// A run of the launcher, and what befalls one of its programs.
+class RunEnds : public ProcessTest {
+ protected:
+  void start(const std::string& mode, const std::string& dds, const std::string& duration, const Words& flags = {}) {
+    Words all{"--mode", mode, "--dds", dds, "--duration", duration};
+    all.insert(all.end(), flags.begin(), flags.end());
+    process_.emplace(run_words(scene("press"), all), folder_.path());
+    ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_0.csv").size() > 10000; })) << process_->err();
+  }
+  void signal(const std::string& name, int number) const {
+    for (const Running& one : running(out())) {
+      if (one.words.front().ends_with("/" + name)) kill(one.pid, number);
+    }
+  }
+  void expect_failed(const std::string& words, Instant begin) {
+    EXPECT_EQ(process_->wait(10.0), 1) << process_->err();
+    EXPECT_LT(seconds_since(begin), kEndBound_s);
+    const std::string verdict = summary()["verdict"];
+    EXPECT_TRUE(verdict.starts_with("failed: " + words)) << verdict;
+    EXPECT_NE(process_->out().find("verdict: failed: " + words), std::string::npos) << process_->out();
+  }
+
+  std::optional<Process> process_;
+};
+
+class RunLoses : public RunEnds, public ::testing::WithParamInterface<Loss> {};
+
+TEST_P(RunLoses, AProgramThatIsStoppedFromOutside) {
+  const Loss& loss = GetParam();
+  start(loss.mode, loss.dds, "1000");
+  if (HasFatalFailure()) return;
+  const Instant begin = now();
+  signal(loss.victim, SIGTERM);
+  const std::string label = loss.victim == "world_sim" ? loss.victim : loss.victim + "_0";
+  expect_failed(label + " was stopped by SIGTERM at t = ", begin);
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, RunLoses, ::testing::ValuesIn(losses({"mixed"})), name_of);
+
+class RunHalts : public RunEnds, public ::testing::WithParamInterface<Loss> {};
+
+TEST_P(RunHalts, AProgram) {
+  const Loss& loss = GetParam();
+  start(loss.mode, loss.dds, "1000");
+  if (HasFatalFailure()) return;
+  const Instant begin = now();
+  signal(loss.victim, SIGSTOP);
+  const std::string label = loss.victim == "world_sim" ? loss.victim : loss.victim + "_0";
+  expect_failed(label + " is halted", begin);
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, RunHalts, ::testing::ValuesIn(losses({"mixed"})), name_of);
+
+class RunWithDisplay : public RunEnds, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
+
+TEST_P(RunWithDisplay, GoesOnWithoutIt) {
+  const auto& [mode, dds] = GetParam();
+  start(mode, dds, mode == "realtime" ? "3" : "20", {"--gui"});
+  if (HasFatalFailure()) return;
+  signal("gui_headless", SIGKILL);
+  EXPECT_EQ(process_->wait(), 0) << process_->err();
+  EXPECT_NE(process_->out().find("the display has died (gui_headless killed by SIGKILL): no picture"),
+            std::string::npos)
+      << process_->out();
+  EXPECT_NEAR(summary()["simulated_s"].get<double>(), mode == "realtime" ? 3.0 : 20.0, 0.01);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, RunWithDisplay,
+                         ::testing::Combine(::testing::Values("lockstep", "realtime"),
+                                            ::testing::Values("fastdds", "cyclonedds")),
+                         [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
+
+TEST_F(RunEnds, AHistoryHoldsWhatAKilledProgramHasDone) {
+  start("realtime", "fastdds", "1000");
+  if (HasFatalFailure()) return;
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  const std::size_t at_least = 500;  // of the 1500 and more steps that were made
+  signal("haptic_sim", SIGKILL);
+  EXPECT_EQ(process_->wait(10.0), 1);
+  EXPECT_GT(read_table(out() + "/haptic_0.csv").rows.size(), at_least);
+  EXPECT_GT(read_table(out() + "/device_0.csv").rows.size(), at_least);
+}
+
+class RunOnAFullDisk : public RunEnds, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(RunOnAFullDisk, SaysSoAtOnceAndGoesOnButIsNotOk) {
+  std::filesystem::create_directories(out());
+  std::filesystem::create_symlink("/dev/full", out() + "/haptic_0.csv");
+  const std::string duration = GetParam() == "realtime" ? "2" : "20";
+  process_.emplace(run_words(scene("press"), {"--mode", GetParam(), "--duration", duration}), folder_.path());
+  ASSERT_TRUE(eventually([&] {
+    return read_text(out() + "/logs/haptic_sim_0.log").find("haptic_0.csv: No space left on device") !=
+           std::string::npos;
+  }));
+  EXPECT_FALSE(std::filesystem::exists(out() + "/haptic_0.json")) << "only at the end";
+  EXPECT_EQ(process_->wait(), 1);
+  const Json json = summary();
+  EXPECT_NE(json["verdict"].get<std::string>().find("haptic_0.csv: No space left on device"), std::string::npos)
+      << json["verdict"];
+  EXPECT_NEAR(json["simulated_s"].get<double>(), std::stod(duration), 0.01) << "the run did not go on";
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, RunOnAFullDisk, ::testing::Values("lockstep", "realtime"),
+                         [](const auto& one) { return one.param; });
+
 }  // namespace
 }  // namespace subworld::test

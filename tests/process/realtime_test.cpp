@@ -100,30 +100,5 @@ TEST_F(Overload, OfTheWorldSlowsTheClockForAWhile) {
   EXPECT_LT(most, 200U) << "steps without time: the haptic clock stood";
 }
 
-class ByHand : public ProcessTest {
- protected:
-  [[nodiscard]] Words words(const std::string& name) const {
-    return {program(name), scene("press"), "--mode", "realtime", "--duration", "600", "--domain", domain_.text()};
-  }
-  [[nodiscard]] std::string folder(const std::string& name) const {
-    std::filesystem::create_directories(folder_.path() + "/" + name);
-    return folder_.path() + "/" + name;
-  }
-};
-
-// Nobody ends it but itself: its last command cannot come.
-TEST_F(ByHand, ADeviceEndsWhenItsHapticLoopHasGone) {
-  Process world(words("world_sim"), folder("world"));
-  Process haptic(words("haptic_sim"), folder("haptic"));
-  Process device(words("device_sim"), folder("device"));
-  ASSERT_TRUE(eventually([&] { return haptic.out().find(" Hz") != std::string::npos; })) << haptic.err();
-  std::this_thread::sleep_for(std::chrono::seconds(1));
-  haptic.signal(SIGKILL);
-  EXPECT_EQ(device.wait(), 0) << device.err();
-  EXPECT_NE(device.err().find("haptic_sim has gone"), std::string::npos) << device.err();
-  world.signal(SIGTERM);
-  EXPECT_EQ(world.wait(), 0) << world.err();
-}
-
 }  // namespace
 }  // namespace subworld::test

@@ -97,6 +97,7 @@ class SampleMaker {
   void fill(SceneDescription& to) {
     to.name = text();
     to.settings_hash = long_word();
+    to.session = long_word();
     to.users = word();
     to.meshes.resize(1 + count());
     for (Mesh& mesh : to.meshes) fill(mesh);
@@ -109,6 +110,8 @@ class SampleMaker {
   }
   void fill(DeviceState& to) {
     to.device = word();
+    to.session = long_word();
+    to.sender = long_word();
     to.sequence = long_word();
     to.stamp_s = number();
     to.sent_ns = static_cast<std::int64_t>(long_word());
@@ -120,6 +123,8 @@ class SampleMaker {
   }
   void fill(DeviceCommand& to) {
     to.device = word();
+    to.session = long_word();
+    to.served = long_word();
     to.sequence = long_word();
     to.stamp_s = number();
     to.echoed_sent_ns = static_cast<std::int64_t>(long_word());
@@ -131,6 +136,8 @@ class SampleMaker {
   }
   void fill(WorldFrame& to) {
     to.user = UserId{word()};
+    to.session = long_word();
+    to.served = long_word();
     to.stamp = long_word();
     to.stamp_s = number();
     to.start_in_s = number();
@@ -149,6 +156,8 @@ class SampleMaker {
   }
   void fill(HapticReport& to) {
     to.user = UserId{word()};
+    to.session = long_word();
+    to.sender = long_word();
     to.stamp = long_word();
     to.stamp_s = number();
     to.sent_ns = static_cast<std::int64_t>(long_word());
@@ -253,25 +262,27 @@ struct Walk {
   }
   void operator()(const PeerDevice& p) { all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity); }
   void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
-  void operator()(const SceneDescription& s) { all(s.name, s.settings_hash, s.users, s.meshes, s.bodies, s.states); }
+  void operator()(const SceneDescription& s) {
+    all(s.name, s.settings_hash, s.session, s.users, s.meshes, s.bodies, s.states);
+  }
   void operator()(const DeviceState& d) {
-    all(d.device, d.sequence, d.stamp_s, d.sent_ns, d.pose, d.linear_velocity, d.angular_velocity, d.applied,
-        d.buttons);
+    all(d.device, d.session, d.sender, d.sequence, d.stamp_s, d.sent_ns, d.pose, d.linear_velocity, d.angular_velocity,
+        d.applied, d.buttons);
   }
   void operator()(const DeviceCommand& d) {
-    all(d.device, d.sequence, d.stamp_s, d.echoed_sent_ns, d.wrench, d.pose, d.linear_velocity, d.angular_velocity,
-        d.last);
+    all(d.device, d.session, d.served, d.sequence, d.stamp_s, d.echoed_sent_ns, d.wrench, d.pose, d.linear_velocity,
+        d.angular_velocity, d.last);
   }
   void operator()(const WorldFrame& f) {
-    all(f.user, f.stamp, f.stamp_s, f.start_in_s, f.clock_factor, f.echoed_sent_ns, f.echoed_stamp, f.last, f.members,
-        f.fixed, f.islands, f.entering, f.states, f.border, f.ghosts, f.peers);
+    all(f.user, f.session, f.served, f.stamp, f.stamp_s, f.start_in_s, f.clock_factor, f.echoed_sent_ns, f.echoed_stamp,
+        f.last, f.members, f.fixed, f.islands, f.entering, f.states, f.border, f.ghosts, f.peers);
   }
   void operator()(const HapticReport& r) {
-    all(r.user, r.stamp, r.stamp_s, r.sent_ns, r.confirmed_stamp, r.impulse, r.impulse_total, r.device_work_j,
-        r.coupling_energy_j, r.proxy, r.device_pose, r.device_linear_velocity, r.device_angular_velocity,
-        r.device_applied, r.members, r.islands, r.indicators.proxy_impulse_n_s, r.indicators.total_impulse_n_s,
-        r.indicators.device_impulse_n_s, r.indicators.border_bodies, r.indicators.proxy_contacts, r.timing.mean_s,
-        r.timing.max_s);
+    all(r.user, r.session, r.sender, r.stamp, r.stamp_s, r.sent_ns, r.confirmed_stamp, r.impulse, r.impulse_total,
+        r.device_work_j, r.coupling_energy_j, r.proxy, r.device_pose, r.device_linear_velocity,
+        r.device_angular_velocity, r.device_applied, r.members, r.islands, r.indicators.proxy_impulse_n_s,
+        r.indicators.total_impulse_n_s, r.indicators.device_impulse_n_s, r.indicators.border_bodies,
+        r.indicators.proxy_contacts, r.timing.mean_s, r.timing.max_s);
   }
   void operator()(const WorldSnapshot& s) { all(s.sequence, s.stamp_s, s.clock_factor, s.moved, s.users); }
   void operator()(const Control& c) { all(c.number, static_cast<std::uint32_t>(c.verb), c.argument); }
