@@ -61,9 +61,9 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
   SubWorld sub(scene, 0);
   EmulatedDevice device(scene.users[0].device, 0);
   const TemporaryFolder folder;
-  WorldMeasures world_measures(folder.path(), folder.path() + "/world_trace.json", History::Flush::rarely);
+  WorldMeasures world_measures(folder.path(), folder.path() + "/world_trace.json", {});
   HapticMeasures haptic_measures(folder.path(), folder.path() + "/haptic_trace.json", 0,
-                                 limits_of(scene.users[0].device), History::Flush::rarely);
+                                 limits_of(scene.users[0].device), {});
   Topic<WorldFrame> frames;
   Topic<HapticReport> reports;
   Topic<DeviceState> states;
