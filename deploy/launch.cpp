@@ -199,11 +199,12 @@ std::string lost_display(const Supervisor& programs) {
   return {};
 }
 
-/// What the programs that still run have written so far.
+/// What the programs whose loops still run have written so far.
 std::vector<Sighting> sightings(const Supervisor& programs) {
   std::vector<Sighting> seen;
   for (const Supervisor::Child& child : programs.children()) {
-    if (child.pid < 0 || child.part.empty()) continue;
+    const bool done = child.pid < 0 || child.part.empty() || std::filesystem::exists(child.part);
+    if (done) continue;
     const std::string history = std::filesystem::path(child.part).replace_extension(".csv").string();
     seen.push_back({child.label, last_time_s(history), waits_for(child.log)});
   }
@@ -327,15 +328,16 @@ int run(const RunRequest& request) {
   }
   if (!faults.empty()) summary["verdict"] = fmt::format("failed: {}", fmt::join(faults, "; "));
   const std::string lost = lost_display(programs);
+  const std::string picture = options.out + "/picture.png";
+  const bool pictured = std::filesystem::exists(picture);
   if (!lost.empty()) summary["display"] = lost;
   write_json(options.out + "/summary.json", summary);
   fmt::print("state hash {}\nverdict: {}{}\nsummary: {}/summary.json\n", summary["state_hash"].get<std::string>(),
              summary["verdict"].get<std::string>(),
-             lost.empty() ? "" : fmt::format("; the display has died ({}): no picture", lost), options.out);
+             lost.empty() ? "" : fmt::format("; the display has died ({}){}", lost, pictured ? "" : ": no picture"),
+             options.out);
   if (request.gui) {
-    const std::string picture = options.out + "/picture.png";
-    fmt::print("{}\n", std::filesystem::exists(picture) ? "picture: " + picture
-                                                        : "no picture: see " + options.out + "/logs/gui_headless.log");
+    fmt::print("{}\n", pictured ? "picture: " + picture : "no picture: see " + options.out + "/logs/gui_headless.log");
   }
   if (!faults.empty()) return static_cast<int>(ExitCode::failed);
   return static_cast<int>(ok || !request.strict ? ExitCode::done : ExitCode::quality);

@@ -15,6 +15,11 @@ constexpr double kCompletePeriod_s = 1.0;
 
 void Snapshots::publish(const WorldView& view, bool complete) {
   if (writer_.matched() == 0) return;
+  // In lock-step a display that lags behind, or has died, would hold up the world: it misses what it cannot take.
+  if (!complete && !writer_.wait_for_acknowledgments(0.0)) {
+    next_s_ = view.stamp_s + kPeriod_s;
+    return;
+  }
   complete = complete || view.stamp_s >= next_complete_s_;
   shown_.resize(view.states.size());
   snapshot_.stamp_s = view.stamp_s;
