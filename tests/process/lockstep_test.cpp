@@ -103,8 +103,8 @@ TEST_P(LockStep, GivesOneResultWhateverTheVendor) {
 
 INSTANTIATE_TEST_SUITE_P(
     Scenes, LockStep,
-    ::testing::Values(Case{"heap", "heap", {}, 1, true, 4},
-                      Case{"heap_two_users", "heap", {"--users", "2"}, 2, true, 4}, Case{"row", "row", {}, 1, true, 4},
+    ::testing::Values(Case{"heap", "heap", {}, 1, true, 8},
+                      Case{"heap_two_users", "heap", {"--users", "2"}, 2, true, 8}, Case{"row", "row", {}, 1, true, 4},
                       Case{"row_late", "row", {"--latency", "0.02"}, 1, true, 24},
                       Case{"row_paper_late", "row", {"--scheme", "paper", "--latency", "0.02"}, 1, true, 10},
                       Case{"heap_two_users_paper", "heap", {"--users", "2", "--scheme", "paper"}, 2},
