@@ -55,7 +55,7 @@ void BudgetSelector::offer(BodyId id, double importance) {
 }
 
 void BudgetSelector::spread(BodyId from, double importance, const ContactGraph& graph, double step_s) {
-  // Two bodies may touch in several points: each point passes on its part, and the weight counts once a point for all.
+  // Two bodies may touch in several points, and each point counts the weight.
   const auto load_n = [&](const Neighbour& n) {
     return n.impulse_n_s / step_s + scene_.body(n.body).mass * gravity_m_s2_;
   };

@@ -35,11 +35,12 @@ class CostCorrection {
 
 /// Takes into a sub-world the bodies that matter most to the hand and fit into a budget (paper 4.4).
 ///
-/// What matters: the hand feels a body through the contacts between the proxy and it. The importance of the proxy is 1,
-/// and a body passes its own on to its neighbours by their parts of what it carries,
-///     w(b) = max over neighbours a of w(a) (p_ab + m_b g) / sum over all neighbours c of a of (p_ac + m_c g),
-/// p the load between two bodies: the load and the weight that the body would put at the border. What no contact joins
-/// to the proxy counts by how near it is, and so little that any contact comes first.
+/// What matters: the hand feels a body through the contacts between the proxy and it. The importance of the proxy is 1.
+/// A body passes its own importance on to its neighbours,
+///     w(b) = max over neighbours a of w(a) l_ab / sum over all neighbours c of a of l_ac,
+/// l_ab the sum over the contact points of a and b of load + m_b g: the load and the weight that b would put at the
+/// border. A body that no contact joins to the proxy counts by how near it is, and so little that any contact comes
+/// first.
 ///
 /// What fits: bodies enter by importance, until the next one would cost too much. Present members count more than
 /// others and may stay while the cost is a little above the limit, so that noise in the loads exchanges nobody.

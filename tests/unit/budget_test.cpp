@@ -101,6 +101,8 @@ TEST_F(Budgets, WhatTouchesAMemberIsSimulatedToo) {
   const Budget two{.limit_s = 2.5, .cost = kCountBodies, .simulates_border = true};
   EXPECT_EQ(chosen(two), ids({1}));  // and 2 as its ghost; with 2 as a member, 3 would be one
   EXPECT_DOUBLE_EQ(selector->cost_s(), 2.0);
+  EXPECT_EQ(chosen({.limit_s = 9.0, .cost = kCountBodies, .simulates_border = true}), ids({1, 2, 3}));
+  EXPECT_DOUBLE_EQ(selector->cost_s(), 3.0);  // a ghost that becomes a member was counted already
   EXPECT_EQ(chosen({.limit_s = 2.5, .cost = kCountBodies}), ids({1, 2}));  // an outside of impulses is not
 }
 

@@ -1,3 +1,4 @@
+#include "haptic_sim/ghosts.hpp"
 #include "lab/coupled_run.hpp"
 
 #include <gtest/gtest.h>
@@ -59,6 +60,27 @@ TEST_P(ChangeOfMembers, IsNotFelt) {
   for (std::size_t n = first; n < std::min(first + 4, steps); ++n) {
     EXPECT_LE((apart(n) - apart(n - 1)).norm(), kForceStep_n) << GetParam().scene << ", step " << n;
   }
+}
+
+TEST(Handover, AMemberThatBecomesAGhostGoesOnAsItWas) {
+  const Scene scene = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
+  const auto cube = std::ranges::find(scene.bodies, ShapeKind::box, [](const Body& b) { return b.shape.kind; });
+  const auto engine = make_engine(scene.settings.haptic, scene.meshes);
+  const BodyState world = scene.initial[index(cube->id)];
+  WorldFrame frame;
+  frame.states.push_back({cube->id, world});
+  GhostModel model{.outside = cube->id, .mass_kg = cube->mass, .axis_count = 1, .axes = {}};
+  model.axes[0].normal = Vec3::UnitX();
+  frame.ghosts.push_back(model);
+  BodyState member = world;
+  member.position += Vec3(1e-3, 1e-3, 0.0);
+  member.linear_velocity = Vec3(0.1, 0.1, 0.0);
+  Ghosts ghosts(scene, 16);
+  ghosts.follow(frame, std::vector<StampedBody>{{cube->id, member}}, *engine, 0.0, 0.5);
+  const BodyState ghost = engine->state(cube->id);
+  EXPECT_NEAR(ghost.position.x(), member.position.x(), 1e-9);
+  EXPECT_NEAR(ghost.linear_velocity.x(), 0.1, 1e-9);
+  EXPECT_NEAR(ghost.position.y(), world.position.y(), 1e-9) << "across its axes it is the world's";
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, ChangeOfMembers,
