@@ -32,7 +32,7 @@ std::vector<std::string> faults_of(const Json& summary) {
   std::vector<std::string> faults;
   const Json& world = summary["world"]["ending"];
   const double duration_s = summary["duration_s"].get<double>();
-  const double cycle_s = summary["h_s"].get<double>() * summary["ratio"].get<double>();
+  const double cycle_s = summary["h_s"].get<double>() * summary["ratio_most"].get<double>();
   const auto check = [&](const std::string& who, const Json& ending) {
     if (stopped_by_signal(ending)) faults.push_back(who + " " + stopped_text(ending, duration_s));
     if (const auto fault = ending["fault"].get<std::string>(); !fault.empty()) faults.push_back(who + ": " + fault);

@@ -318,7 +318,7 @@ int run(const RunRequest& request) {
   }
   summary["verdict"] = verdict_of(held, summary);
   const bool ok = std::ranges::none_of(held, &Gate::spoils_verdict);
-  if (summary["simulated_s"].get<double>() < scene.settings.duration_s - scene.settings.cycle_s()) {
+  if (summary["simulated_s"].get<double>() < scene.settings.duration_s - scene.settings.longest_cycle_s()) {
     summary["verdict"] = fmt::format("stopped by control at t = {:.3f} s", summary["simulated_s"].get<double>());
   }
   std::vector<std::string> faults = faults_of(summary);

@@ -59,6 +59,16 @@ void warn_of_engines(const Scene& scene) {
   warn_of_small_boxes("haptic", scene.settings.haptic, scene);
 }
 
+namespace {
+
+std::string cycle_text(const Settings& s) {
+  if (!s.adapts_ratio()) return fmt::format("{:g} ms", 1e3 * s.shortest_cycle_s());
+  return fmt::format("{:g} to {:g} ms, by what the hand feels and what the world costs", 1e3 * s.shortest_cycle_s(),
+                     1e3 * s.longest_cycle_s());
+}
+
+}  // namespace
+
 void print_plan(const Scene& scene, bool gui) {
   const Settings& s = scene.settings;
   warn_of_engines(scene);
@@ -69,8 +79,8 @@ void print_plan(const Scene& scene, bool gui) {
   fmt::print("{}: {} movable and {} fixed bodies, {} of {} users\n", scene.name,
              static_cast<long>(scene.bodies.size()) - fixed, fixed, s.users, scene.users.size());
   fmt::print("  processes: world_sim, {0} haptic_sim, {0} device_sim{1}\n", s.users, gui ? ", gui_headless" : "");
-  fmt::print("  clock: {}; h = {:g} ms, r = {}, T = {:g} ms\n", realtime ? "real time" : "lock-step", 1e3 * s.h_s,
-             s.ratio, 1e3 * s.cycle_s());
+  fmt::print("  clock: {}; h = {:g} ms, r = {}, T = {}\n", realtime ? "real time" : "lock-step", 1e3 * s.h_s,
+             to_text(s.ratio_bounds()), cycle_text(s));
   fmt::print("{}", engines);
 
   const auto decide = [](bool in, const char* what, const std::string& why) {

@@ -9,13 +9,14 @@ namespace {
 /// The world's impulses of its last step, divided over the haptic steps (paper 4.2).
 class FrozenBorder final : public BorderModel {
  public:
-  explicit FrozenBorder(double cycle_s) : cycle_s_(cycle_s) {
+  FrozenBorder() {
     border_.reserve(4 * kUsualMembers);
     impulses_.reserve(4 * kUsualMembers);
   }
 
   void follow(const WorldFrame& frame, std::span<const StampedBody>, Engine&, double, double) override {
     border_ = frame.border;
+    cycle_s_ = frame.cycle_s;
     for_step_s_ = 0.0;
   }
   std::optional<BodyState> release(BodyId, Engine&) override { return std::nullopt; }
@@ -33,7 +34,7 @@ class FrozenBorder final : public BorderModel {
   void log(std::uint64_t, const Engine&) override {}
 
  private:
-  double cycle_s_;
+  double cycle_s_ = 1.0;  ///< over which the world had these impulses
   std::vector<BorderPair> border_;
   std::vector<PointImpulse> impulses_;
   double for_step_s_ = 0.0;  ///< the step that the impulses are for
@@ -43,7 +44,7 @@ class FrozenBorder final : public BorderModel {
 
 std::unique_ptr<BorderModel> make_border_model(const Scheme& scheme, const Scene& scene,
                                                std::uint64_t remembered_cycles) {
-  if (scheme.border() == Border::frozen) return std::make_unique<FrozenBorder>(scene.settings.cycle_s());
+  if (scheme.border() == Border::frozen) return std::make_unique<FrozenBorder>();
   return std::make_unique<Ghosts>(scene, remembered_cycles);
 }
 

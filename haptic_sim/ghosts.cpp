@@ -148,13 +148,14 @@ void Ghosts::replace(Ghost& ghost, const BodyState& world, const WorldFrame& fra
   for (Logged& entry : ghost.log) entry.written = false;
 }
 
-bool Ghosts::blow_is_due(const Ghost& ghost, const BodyState& world, std::uint64_t stamp) const {
+bool Ghosts::blow_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const {
+  const std::uint64_t stamp = frame.stamp;
   const Logged& now = ghost.log[stamp % remembered_];
   const Logged& before = ghost.log[(stamp - 1) % remembered_];
   if (stamp == 0 || !before.written || before.stamp != stamp - 1) return false;
   const Vec3 ours = now.state.linear_velocity - before.state.linear_velocity;
   const Vec3 theirs = world.linear_velocity - ghost.motion.world_velocity;
-  return ghost.motion.along(theirs - ours).norm() > kBlow_m_s2 * scene_.settings.cycle_s();
+  return ghost.motion.along(theirs - ours).norm() > kBlow_m_s2 * frame.cycle_s;
 }
 
 void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s,
@@ -169,7 +170,7 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
       ghost.carried->velocity.head<3>() += shift.linear_velocity;
       ghost.carried->velocity.tail<3>() += shift.angular_velocity;
     } else {
-      const double gain_of_velocity = blow_is_due(ghost, world, frame.stamp) ? 0.0 : kVelocityGain;
+      const double gain_of_velocity = blow_is_due(ghost, world, frame) ? 0.0 : kVelocityGain;
       shift = {.position = motion.along(shift.position),
                .linear_velocity = gain_of_velocity * motion.along(error.linear_velocity)};
     }

@@ -65,7 +65,7 @@ class Ghosts final : public BorderModel {
   void adapt(Ghost& ghost, const GhostModel& model, Engine& engine);
   /// Whether a blow came sooner in one copy than in the other. Its timing is no error of the velocity: to correct it
   /// would give the ghost, and by now what it pushes as well, the blow once more or take it back.
-  [[nodiscard]] bool blow_is_due(const Ghost& ghost, const BodyState& world, std::uint64_t stamp) const;
+  [[nodiscard]] bool blow_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const;
   void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s,
                double gain);
 

@@ -29,7 +29,7 @@ class MirroredProxy final : public LocalModel {
       : id_(scene.users[user].proxy), proxy_(scene.initial[index(id_)]) {}
 
   Wrench advance(const Drive& drive, double, double, Indicators&) override { return drive.felt; }
-  void follow(const WorldFrame& frame, const HapticReport*, double) override { (void)adopt(frame); }
+  void follow(const WorldFrame& frame, const HapticReport*, const Age&) override { (void)adopt(frame); }
   bool adopt(const WorldFrame& frame) override {
     const auto told = std::ranges::find(frame.states, id_, &StampedBody::id);
     if (told == frame.states.end()) return false;
@@ -82,17 +82,16 @@ class SimulatedNeighbourhood final : public LocalModel {
     return mean;
   }
 
-  void follow(const WorldFrame& frame, const HapticReport* mine, double lag_s) override {
-    const double lag_cycles = lag_s / scene_.settings.cycle_s();
+  void follow(const WorldFrame& frame, const HapticReport* mine, const Age& age) override {
     if (mine != nullptr) {
-      for (const PairShift& pair : synchroniser_.synchronise(frame, *mine, lag_cycles)) {
+      for (const PairShift& pair : synchroniser_.synchronise(frame, *mine, age.cycles)) {
         if (!engine_.contains(pair.id)) continue;
         engine_.set_state(pair.id, shifted(engine_.state(pair.id), pair.sub));
       }
     }
     let_peers_go();
-    follow_membership(frame, lag_s);
-    follow_border(frame, lag_s);
+    follow_membership(frame, age.s);
+    follow_border(frame, age);
   }
 
   bool adopt(const WorldFrame& frame) override {
@@ -103,7 +102,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     border_->clear(engine_);
     follow_membership(frame, 0.0);
     left_.clear();
-    follow_border(frame, 0.0);
+    follow_border(frame, {});
     return engine_.contains(proxy_);
   }
 
@@ -173,9 +172,9 @@ class SimulatedNeighbourhood final : public LocalModel {
     }
   }
 
-  void follow_border(const WorldFrame& frame, double lag_s) {
-    const Correction part = scheme_.correction({.lag_cycles = lag_s / scene_.settings.cycle_s()}, {});
-    border_->follow(frame, left_, engine_, lag_s, part.sub);
+  void follow_border(const WorldFrame& frame, const Age& age) {
+    const Correction part = scheme_.correction({.lag_cycles = age.cycles}, {});
+    border_->follow(frame, left_, engine_, age.s, part.sub);
     border_bodies(frame.border, scratch_);
     border_bodies_ = static_cast<std::uint32_t>(scratch_.size());
     compares_islands_ = !frame.islands.empty();

@@ -20,6 +20,12 @@ struct Drive {
   const Wrench& felt;     ///< of the coupling when the step begins
 };
 
+/// How old the world's state is where the sub-world uses it.
+struct Age {
+  double s = 0.0;
+  double cycles = 0.0;
+};
+
 /// What a haptic process has of the world: a sub-world that it simulates, or the proxy's state as the world tells it.
 class LocalModel {
  public:
@@ -27,8 +33,8 @@ class LocalModel {
 
   /// Simulates `dt` from `time_s` on. Returns the mean wrench of the user on the proxy; adds to the indicators.
   virtual Wrench advance(const Drive& drive, double time_s, double dt, Indicators& indicators) = 0;
-  /// Uses a frame that is `lag_s` old. `mine` is what was reported of the same stamp, or null.
-  virtual void follow(const WorldFrame& frame, const HapticReport* mine, double lag_s) = 0;
+  /// Uses a frame. `mine` is what was reported of the same stamp, or null.
+  virtual void follow(const WorldFrame& frame, const HapticReport* mine, const Age& age) = 0;
   /// Gives up what there is and begins with a frame. False where it brings no proxy.
   virtual bool adopt(const WorldFrame& frame) = 0;
   /// Adds members and islands to a report, and remembers the rest.

@@ -20,15 +20,13 @@ class Phase {
   static constexpr double kBraking_cycles = 8.0;  ///< from there to a stop
   static constexpr double kSlewLimit_ppm = 200.0;
 
-  /// `lead_s`: by how much the haptic clock is to be ahead of the world's; `lead_cycles`: by how many cycles frames
-  /// come late therefore.
-  Phase(double cycle_s, int lead_cycles, double lead_s) noexcept
-      : cycle_s_(cycle_s), lead_cycles_(lead_cycles), lead_s_(lead_s) {}
+  /// `cycle_s`: the longest cycle; `lead_cycles`: by how many cycles frames come late because the haptic clock is ahead.
+  Phase(double cycle_s, int lead_cycles) noexcept : cycle_s_(cycle_s), lead_cycles_(lead_cycles) {}
 
-  /// A frame has come. `until_s`: wall time until the world's clock shows its stamp, s; `haptic_s`: the haptic clock
-  /// now.
-  void observe(double stamp_s, double until_s, double clock_factor, double haptic_s) noexcept {
-    const double late_s = stamp_s + lead_s_ - clock_factor * until_s - haptic_s;
+  /// A frame has come. `lead_s`: by how much the haptic clock is to be ahead of the world's when that shows the frame's
+  /// stamp; `until_s`: wall time until it does, s; `haptic_s`: the haptic clock now.
+  void observe(double stamp_s, double lead_s, double until_s, double clock_factor, double haptic_s) noexcept {
+    const double late_s = stamp_s + lead_s - clock_factor * until_s - haptic_s;
     late_cycles_ = late_s / cycle_s_;
     newest_stamp_s_ = seen_ ? std::max(newest_stamp_s_, stamp_s) : stamp_s;
     factor_ = clock_factor;
@@ -71,7 +69,6 @@ class Phase {
 
   double cycle_s_;
   int lead_cycles_;
-  double lead_s_;
   double estimate_s_ = 0.0;
   double late_cycles_ = 0.0;
   double newest_stamp_s_ = 0.0;

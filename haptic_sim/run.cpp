@@ -130,7 +130,7 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
   bool last = false;
   /// Takes the frames that are due now. False after the last one, or when asked to stop.
   const auto follow_world = [&] {
-    for (; delay.frame_due(next_frame) <= step; ++next_frame) {
+    for (; delay.frame_due(next_frame, sub.timetable()) <= step; ++next_frame) {
       const auto ours = [&](const WorldFrame& came) { return came.session == ports.session; };
       if (!await(*ports.bus, ports.status, ports.frames, frame, stages, {ProgramKind::world_sim, 0}, ours, stopped))
         return false;
@@ -189,7 +189,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
                     const Scene& scene, const FirstFrame& first, Duration spin) {
   EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
-  const double cycle_s = scene.settings.cycle_s();
+  const double longest_cycle_s = scene.settings.longest_cycle_s();
   const BodyId proxy = scene.users[sub.user()].proxy;
   const Scheduling scheduling = claim_realtime(priority::kHaptic);
   fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", sub.user(), 1.0 / h, scheduling.text);
@@ -219,9 +219,14 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
 
   // A world that trails the sub-world by a cycle has the cycle's report a haptic step before it needs it.
   const int lead_cycles = sub.scheme().lead_cycles();
-  const double ahead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
-  Phase phase(cycle_s, lead_cycles, ahead_s);
-  Cyclic loop(first.received + from_seconds(first.frame.start_in_s - ahead_s), from_seconds(h), spin);
+  const auto ahead_s = [&](std::uint64_t stamp) {
+    if (lead_cycles == 0) return 0.0;
+    const std::uint64_t until = stamp + static_cast<std::uint64_t>(lead_cycles);
+    return h * static_cast<double>(sub.timetable().start(until) - sub.timetable().start(stamp)) + h;
+  };
+  Phase phase(longest_cycle_s, lead_cycles);
+  Cyclic loop(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp)), from_seconds(h),
+              spin);
   Lateness lateness(thread_use());
   measures.loop_begins(scheduling);
   while (fading < kFadeSteps) {
@@ -258,7 +263,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
       const WorldFrame& came = waiting[waiting_count++];
       framed = begin;
       const double until_s = to_seconds(begin - loop.released()) + came.start_in_s;
-      phase.observe(came.stamp_s, until_s, came.clock_factor, sub.time_s() + arrears.owed_s());
+      phase.observe(came.stamp_s, ahead_s(came.stamp), until_s, came.clock_factor, sub.time_s() + arrears.owed_s());
       last = last || came.last;
       if (came.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - came.echoed_sent_ns));
     }
@@ -267,10 +272,11 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     std::size_t used = behind ? waiting_count - 1 : 0;
     for (; used < waiting_count; ++used) {
       const WorldFrame& due = waiting[used];
-      if (!behind && sub.finite() && !sub.accepts(due.stamp)) break;
+      const bool lost_track = behind || !sub.finite() || !sub.agrees(due);
+      if (!lost_track && !sub.accepts(due.stamp)) break;
       const TimePoint start = stages.now();
       std::uint64_t lost = 0;
-      if (behind || !sub.finite()) {
+      if (lost_track) {
         sub.adopt(due);
         loop.shift(std::max(Duration::zero(), std::chrono::duration_cast<Duration>(start - loop.deadline())));
         arrears.forget();
@@ -296,7 +302,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     last = last || !ending.fault.empty();
 
     // Without the world it stands: what a border is frozen to does not hold for long.
-    const double frame_period_s = cycle_s / std::max(phase.clock_factor(), kSlowestClock);
+    const double frame_period_s = longest_cycle_s / std::max(phase.clock_factor(), kSlowestClock);
     const bool alone = to_seconds(begin - framed) > std::max(kAlone_s, 4.0 * frame_period_s);
     sub.stand(alone || phase.clock_factor() <= 0.0);
     const bool silent = begin - framed > from_seconds(kGone_s);

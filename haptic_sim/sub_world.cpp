@@ -4,6 +4,7 @@
 #include "coupling/synchroniser.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace subworld {
 
@@ -16,6 +17,7 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       limits_(limits_of(spec_.device)),
       guard_(limits_, spec_.coupling.ramp_s),
       clutch_(scene.initial[index(spec_.proxy)]),
+      timetable_(scene.settings.ratio, remembered_cycles(scene.settings, *scheme_)),
       reports_(remembered_cycles(scene.settings, *scheme_)) {
   for (HapticReport& report : reports_) reserve(report, kUsualMembers);
 }
@@ -44,15 +46,15 @@ std::string SubWorld::engine_name() const {
 }
 
 double SubWorld::time_s() const noexcept {
-  return static_cast<double>(stamp_) * scene_.settings.cycle_s() + in_cycle_s_;
+  return scene_.settings.h_s * static_cast<double>(timetable_.start(stamp_)) + in_cycle_s_;
 }
 
 double SubWorld::cycle_left_s() const noexcept {
-  return scene_.settings.cycle_s() - (at_boundary() ? 0.0 : in_cycle_s_);
+  return cycle_s() - (at_boundary() ? 0.0 : in_cycle_s_);
 }
 
 bool SubWorld::at_boundary() const noexcept {
-  return in_cycle_s_ >= scene_.settings.cycle_s() - 1e-6 * scene_.settings.h_s;
+  return in_cycle_s_ >= cycle_s() - 1e-6 * scene_.settings.h_s;
 }
 
 FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double dt) {
@@ -146,14 +148,26 @@ std::uint64_t SubWorld::apply(const WorldFrame& frame) {
   if (!knows(frame)) return 0;
   if (framed_ && frame.stamp <= frame_stamp_) return 0;
   const std::uint64_t missing = framed_ ? frame.stamp - frame_stamp_ - 1 : 0;
+  if (frame.planned.stamp > stamp_) timetable_.plan(frame.planned);
   const HapticReport& mine = reports_[frame.stamp % reports_.size()];
-  model_->follow(frame, framed_ && mine.stamp == frame.stamp ? &mine : nullptr, time_s() - frame.stamp_s);
+  const double cycles = static_cast<double>(stamp_) - static_cast<double>(frame.stamp) + in_cycle_s_ / cycle_s();
+  model_->follow(frame, framed_ && mine.stamp == frame.stamp ? &mine : nullptr, {time_s() - frame.stamp_s, cycles});
   note(frame);
   return missing;
 }
 
+bool SubWorld::agrees(const WorldFrame& frame) const noexcept {
+  const double stamp_s = scene_.settings.h_s * static_cast<double>(timetable_.start(frame.stamp));
+  const RatioChange& planned = frame.planned;
+  return std::abs(stamp_s - frame.stamp_s) < 0.5 * scene_.settings.h_s &&
+         (planned.stamp > stamp_ || timetable_.ratio(planned.stamp) == planned.ratio);
+}
+
 bool SubWorld::adopt(const WorldFrame& frame) {
   if (!knows(frame)) return false;
+  timetable_.restart(frame.stamp, static_cast<std::uint64_t>(std::llround(frame.stamp_s / scene_.settings.h_s)),
+                     frame.ratio);
+  timetable_.plan(frame.planned);
   const bool has_proxy = model_->adopt(frame);
   finite_ = true;
   stamp_ = frame.stamp;

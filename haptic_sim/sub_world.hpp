@@ -2,6 +2,7 @@
 
 #include "coupling/force_guard.hpp"
 #include "coupling/scheme.hpp"
+#include "coupling/timetable.hpp"
 #include "haptic_sim/clutch.hpp"
 #include "haptic_sim/local_model.hpp"
 #include "model/exchange.hpp"
@@ -63,6 +64,8 @@ class SubWorld {
   /// Returns the number of frames that are missing before it; a frame that is older than the newest one, or names
   /// bodies that the scene does not have, does nothing.
   std::uint64_t apply(const WorldFrame& frame);
+  /// Whether the frame counts cycles as the sub-world does. If not, a change of the ratio was missed: adopt().
+  [[nodiscard]] bool agrees(const WorldFrame& frame) const noexcept;
   /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind or is not finite.
   /// False where the frame brings no proxy: it is no beginning.
   bool adopt(const WorldFrame& frame);
@@ -75,6 +78,8 @@ class SubWorld {
   [[nodiscard]] std::size_t user() const noexcept { return user_; }
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
   [[nodiscard]] double time_s() const noexcept;
+  /// Cycles that are over, and that are coming, in haptic steps.
+  [[nodiscard]] const Timetable& timetable() const noexcept { return timetable_; }
   /// Simulation time until the next boundary.
   [[nodiscard]] double cycle_left_s() const noexcept;
   [[nodiscard]] bool finite() const noexcept { return finite_; }
@@ -91,6 +96,8 @@ class SubWorld {
 
  private:
   [[nodiscard]] bool knows(const WorldFrame& frame) const noexcept;
+  /// Length of the cycle under way.
+  [[nodiscard]] double cycle_s() const noexcept { return scene_.settings.h_s * timetable_.ratio(stamp_); }
   /// Notes which frame is in use.
   void note(const WorldFrame& frame) noexcept;
 
@@ -107,6 +114,7 @@ class SubWorld {
   std::uint64_t frame_stamp_ = 0;  ///< of the newest used
   std::size_t border_pairs_ = 0;
 
+  Timetable timetable_;
   std::uint64_t stamp_ = 0;
   double in_cycle_s_ = 0.0;
   int steps_ = 0;

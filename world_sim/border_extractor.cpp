@@ -29,7 +29,7 @@ class GhostBorder final : public BorderExtractor {
   void extract(const WorldNow& now, const Inside& inside, WorldFrame& frame) override {
     extract_border(now.contacts, inside.membership, frame.border);
     find_approaching(now, inside, frame.border);
-    modeller_.model(frame.border, {inside.membership, now.graph, now.motions, scene_.settings.cycle_s()}, frame.ghosts);
+    modeller_.model(frame.border, {inside.membership, now.graph, now.motions, now.cycle_s}, frame.ghosts);
     label_islands(now, inside, frame.islands);
   }
 

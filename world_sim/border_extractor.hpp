@@ -5,6 +5,7 @@
 #include "coupling/ghost.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/selection.hpp"
+#include "coupling/timetable.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/engine.hpp"
@@ -19,6 +20,8 @@ namespace subworld {
 struct WorldNow {
   std::uint64_t stamp = 0;
   double stamp_s = 0.0;
+  double cycle_s = 0.0;  ///< length of the cycle that ended here
+  const Timetable& timetable;
   const Engine& engine;
   std::span<const Contact> contacts;  ///< totals over the last cycle
   const ContactGraph& graph;          ///< of the contacts

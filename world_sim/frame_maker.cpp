@@ -37,7 +37,7 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t r
     User& user = users_[u];
     user.spec = &scene.users[u];
     user.budget = {.limit_s = user.spec->budget_ratio * s.h_s,
-                   .cost = step_cost(s.haptic, s.h_s),
+                   .cost = engine_cost(s.haptic).step(s.h_s),
                    .simulates_border = scheme.border() == Border::ghosts};
     user.frames.resize(remembered_);
     for (WorldFrame& frame : user.frames) reserve(frame, kUsualMembers);
@@ -48,12 +48,15 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
   const std::function<bool(BodyId)> shared = [this](BodyId id) { return holders(id) > 1; };
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
-    const double until_heard_s = horizon_s(heard[u]);
+    const double until_heard_s = horizon_s(now, heard[u]);
     const Box reach = select(user, now, until_heard_s);
     WorldFrame& told = frame(u, now.stamp);
     told.user = UserId{static_cast<std::uint32_t>(u)};
     told.stamp = now.stamp;
     told.stamp_s = now.stamp_s;
+    told.cycle_s = now.cycle_s;
+    told.ratio = now.timetable.ratio(now.stamp);
+    told.planned = now.timetable.newest();
     told.echoed_sent_ns = heard[u].newest->sent_ns;
     told.echoed_stamp = heard[u].newest->stamp;
     told.members = user.membership.members;
@@ -81,7 +84,7 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   if (spec.selection == Selection::budget) {
     Budget budget = user.budget;
     budget.limit_s /= user.correction.factor();
-    budget_.limit(spec.proxy, before_, now.graph, scene_.settings.cycle_s(), bounds, budget, chosen.members);
+    budget_.limit(spec.proxy, before_, now.graph, now.cycle_s, bounds, budget, chosen.members);
     user.expected_s = budget_.cost_s();
     user.left_out = budget_.left_out();
   }
@@ -100,9 +103,10 @@ int FrameMaker::holders(BodyId id) const {
       users_, [id](const User& user) { return std::ranges::binary_search(user.membership.members, id); }));
 }
 
-double FrameMaker::horizon_s(const Heard& heard) const {
+double FrameMaker::horizon_s(const WorldNow& now, const Heard& heard) const {
   const std::uint64_t unheard = heard.any ? heard.newest->stamp - heard.newest->confirmed_stamp : 1;
-  return scene_.settings.cycle_s() * static_cast<double>(1 + std::clamp<std::uint64_t>(unheard, 1, remembered_));
+  const std::uint64_t until = now.stamp + 1 + std::clamp<std::uint64_t>(unheard, 1, remembered_);
+  return scene_.settings.h_s * static_cast<double>(now.timetable.start(until) - now.timetable.start(now.stamp));
 }
 
 void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<const Heard> heard,

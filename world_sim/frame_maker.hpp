@@ -71,7 +71,7 @@ class FrameMaker {
   Box select(User& user, const WorldNow& now, double horizon_s);
   void list_peers(const User& user, const WorldNow& now, std::span<const Heard> heard, WorldFrame& frame) const;
   void list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s, WorldFrame& frame);
-  [[nodiscard]] double horizon_s(const Heard& heard) const;
+  [[nodiscard]] double horizon_s(const WorldNow& now, const Heard& heard) const;
 
   const Scene& scene_;
   const Scheme& scheme_;

@@ -10,7 +10,7 @@ namespace subworld {
 WorldMeasures::WorldMeasures(const std::string& folder, const std::string& trace, const History::Say& say)
     : history_(folder.empty() ? "" : folder + "/world.csv",
                {"time_s", "kinetic_energy_j", "potential_energy_j", "energy_excess_j", "step_s", "lateness_s",
-                "clock_factor"},
+                "clock_factor", "ratio", "substeps"},
                say),
       trace_(trace, {"world_sim", 1}, kWorldStages, say) {}
 
@@ -32,6 +32,9 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double clo
   for (std::size_t u = 0; u < left_out_.size(); ++u) {
     left_out_[u].add(static_cast<double>(world.selection(u).left_out));
   }
+  const double ratio = world.ratio(), substeps = world.substeps();
+  ratio_.add(ratio);
+  substeps_.add(substeps);
   newest_late_ = times.miss != Miss::none;
   newest_lateness_s_ = times.lateness_s;
   newest_clock_factor_ = clock_factor;
@@ -40,7 +43,7 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double clo
   wall_s_ += wall_s;
   if (clock_factor < 1.0) slowed_s_ += wall_s;
   history_.row({world.time_s(), world.kinetic_energy_j(), world.potential_energy_j(), world.energy_excess_j(),
-                times.step_s, times.lateness_s, clock_factor});
+                times.step_s, times.lateness_s, clock_factor, ratio, substeps});
 }
 
 Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s) {
@@ -59,7 +62,9 @@ Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s
           {"world",
            {{"bodies", bodies},
             {"cycles", cycles_},
-            {"substeps", world.substeps()},
+            {"ratio", mean_max(ratio_)},
+            {"ratio_changes", world.ratio_changes()},
+            {"substeps", mean_max(substeps_)},
             {"part_s", world.part_s()},
             {"late_cycles", late_.all()},
             {"late_by_machine", late_.by_machine},

@@ -73,6 +73,7 @@ class WorldMeasures {
   MachineShare machine_;
   std::uint64_t cycles_ = 0, lost_reports_ = 0, refused_reports_ = 0;
   std::vector<MeanMax> left_out_;  ///< bodies, by user
+  MeanMax ratio_, substeps_;
   double clock_factor_min_ = 1.0;
   double simulated_s_ = 0.0, wall_s_ = 0.0;  ///< of all cycles
   double slowed_s_ = 0.0, stuck_s_ = 0.0;    ///< wall time with a clock factor below 1, and below its floor

@@ -23,6 +23,8 @@ class Pace {
 
   explicit Pace(double cycle_s) noexcept : cycle_s_(cycle_s) {}
 
+  /// Before each cycle: how much simulated time it covers.
+  void begin(double cycle_s) noexcept { cycle_s_ = cycle_s; }
   /// After each cycle. `cost_s`: the time it took; `late_s`: by how much it ended after its period (negative: before).
   /// Returns by how much the coming releases move, s: lateness that is not caught up with.
   double cycle(double cost_s, double late_s) noexcept;

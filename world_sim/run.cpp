@@ -25,8 +25,10 @@ constexpr double kStartIn_s = 0.2;
 constexpr double kLastReport_s = 0.3;    ///< that a report may take after the world was asked to stop
 constexpr double kAcknowledged_s = 0.5;  ///< that the last frames may take to arrive, all users together
 
-std::uint64_t cycles_of(const Settings& settings) {
-  return static_cast<std::uint64_t>(std::lround(settings.duration_s / settings.cycle_s()));
+/// Whether the scene's duration is over, to the nearest cycle.
+bool over(const World& world, const Settings& settings) {
+  const double next_s = settings.h_s * world.timetable().ratio(world.stamp());
+  return world.time_s() + 0.5 * next_s > settings.duration_s;
 }
 
 /// World::step(), each part of it to its stage.
@@ -137,11 +139,10 @@ void tell_pace(WorldPorts& ports, Pace& pace, double cycle_s) {
   }
 }
 
-Ending ending_of(const WorldPorts& ports, const World& world, const Conductor& conductor, std::uint64_t cycles) {
-  const bool complete = world.stamp() >= cycles;
+Ending ending_of(const WorldPorts& ports, const World& world, const Conductor& conductor, const Settings& settings) {
   return {.session = ports.session,
           .to_s = world.time_s(),
-          .by = complete              ? "duration"
+          .by = over(world, settings) ? "duration"
                 : conductor.stopped() ? "control"
                                       : name_of_signal(stop_signal()),
           .fault = {}};
@@ -224,7 +225,6 @@ bool gather(WorldPorts& ports, const Options& options) {
 
 Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
                     const Scene& scene) {
-  const std::uint64_t cycles = cycles_of(scene.settings);
   TimePoint asked{};
   // Asked to stop, it still waits a little: a report that comes lets everybody end in order.
   const auto gives_up = [&] {
@@ -242,7 +242,7 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
   const auto receive_due = [&] {
     for (std::size_t u = 0; u < world.user_count(); ++u) {
       const Delay delay(scene.settings, world.scheme().lead_cycles(), static_cast<std::uint32_t>(u));
-      for (; delay.report_due(next[u]) <= world.stamp(); ++next[u]) {
+      for (; delay.report_due(next[u], world.stamp(), world.timetable()); ++next[u]) {
         const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(u)};
         const auto ours = [&](const HapticReport& came) { return ports.accept(u, came); };
         if (!await(*ports.bus, ports.status, ports.reports[u], report, stages, haptic, ours, gives_up)) return false;
@@ -275,7 +275,7 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
     const TimePoint begin = stages.mark(WorldStage::control);
     step(world, stages);
     // A stop takes effect between cycles, and as a last frame: so everybody ends in order.
-    last = world.stamp() >= cycles || stop_signal() != 0 || conductor.stopped();
+    last = over(world, scene.settings) || stop_signal() != 0 || conductor.stopped();
     publish_frames(ports, world, last, 0.0, 1.0);
     measures.cycle(world, {to_seconds(stages.mark(WorldStage::send) - begin)}, 1.0, 0.0);
     if (snapshots.wanted(world.time_s()) || last) {
@@ -290,15 +290,17 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
   if (world.scheme().border() != Border::none && receive_due()) world.synchronise();
   world.close();
   acknowledge(ports);
-  return ending_of(ports, world, conductor, cycles);
+  return ending_of(ports, world, conductor, scene.settings);
 }
 
 Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
                     const Scene& scene, double wait_s) {
-  const double cycle_s = scene.settings.cycle_s();
-  const std::uint64_t cycles = cycles_of(scene.settings);
+  const double h = scene.settings.h_s;
+  // The sub-worlds are ahead by so much, and the world must wait for what they do.
+  const auto lead = static_cast<std::uint64_t>(world.scheme().lead_cycles());
+  const double first_cycle_s = h * world.timetable().ratio(lead);
   const Scheduling scheduling = claim_realtime(priority::kWorld);
-  fmt::print("world_sim: running at {:.1f} Hz, {}\n", 1.0 / cycle_s, scheduling.text);
+  fmt::print("world_sim: running at {:.1f} Hz, {}\n", 1.0 / first_cycle_s, scheduling.text);
   std::fflush(stdout);
 
   Stages<WorldStage>& stages = measures.stages();
@@ -307,22 +309,24 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
   HapticReport report;
   reserve(report, kUsualMembers);
   std::vector<std::uint64_t> newest(world.user_count(), 0);
-  Pace pace(cycle_s);
+  Pace pace(first_cycle_s);
   double publish_s = 0.0;  // of the frames of the cycle before
   bool yielding = false;
   Users users(world.user_count());
   bool last = false;
-  if (!rouse(ports, world, wait_s)) return ending_of(ports, world, conductor, cycles);
-  const double start_in_s = kStartIn_s + world.scheme().lead_cycles() * cycle_s;
+  if (!rouse(ports, world, wait_s)) return ending_of(ports, world, conductor, scene.settings);
+  const double start_in_s = kStartIn_s + h * static_cast<double>(world.timetable().start(lead));
   publish_frames(ports, world, false, start_in_s, pace.clock_factor());
-  Cyclic loop(Clock::now() + from_seconds(start_in_s), from_seconds(cycle_s));
+  Cyclic loop(Clock::now() + from_seconds(start_in_s), from_seconds(first_cycle_s));
   Lateness lateness(thread_use());
   measures.loop_begins(scheduling);
   while (!last) {
     const TimePoint asked = Clock::now();
     const double lateness_s = to_seconds(loop.wait());
+    const double cycle_s = h * world.timetable().ratio(world.stamp() + lead);
+    pace.begin(cycle_s);
     const double period_s = pace.period_s();
-    loop.shift(from_seconds(period_s - cycle_s));  // the deadline of a cycle on a slowed clock
+    loop.shift(from_seconds(period_s - first_cycle_s));  // the deadline of this cycle, on a slowed clock
     const TimePoint begin = Clock::now();
     lateness.begin(loop.released(), asked, begin, from_seconds(period_s));
     stages.begin(loop.released(), begin);
@@ -352,8 +356,9 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
       continue;
     }
     step(world, stages);
-    last = last || world.stamp() >= cycles;
+    last = last || over(world, scene.settings);
     const TimePoint stepped = stages.now();
+    world.took(to_seconds(stepped - begin) + publish_s);
     const TimePoint deadline = loop.deadline();
     const double slip_s =
         pace.cycle(to_seconds(stepped - begin) + publish_s, to_seconds(stepped - deadline) + publish_s);
@@ -388,7 +393,7 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
   snapshots.finish();
   world.close();
   acknowledge(ports);
-  Ending ending = ending_of(ports, world, conductor, cycles);
+  Ending ending = ending_of(ports, world, conductor, scene.settings);
   ending.fault = users.fault();
   if (users.all_gone()) ending.by = "fault";
   return ending;

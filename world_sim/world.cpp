@@ -1,5 +1,6 @@
 #include "world_sim/world.hpp"
 
+#include "coupling/approach.hpp"
 #include "coupling/virtual_coupling.hpp"
 
 #include <algorithm>
@@ -34,6 +35,9 @@ EngineSettings without_substeps(EngineSettings settings) {
   return settings;
 }
 
+/// Below, m/s, nothing moves that a hand could feel.
+constexpr double kStill_m_s = 5e-3;
+
 /// How far a contact point may move in a sub-step, of the smaller body's size.
 constexpr double kContactReachRatio = 0.025;
 
@@ -46,11 +50,23 @@ World::World(const Scene& scene, const std::function<void(double)>& progress)
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
       remembered_(remembered_cycles(scene.settings, *scheme_)),
+      timetable_(scene.settings.ratio, remembered_),
+      ratio_control_(scene.settings),
+      engine_cost_(engine_cost(without_substeps(scene.settings.world))),
+      movable_(static_cast<std::size_t>(
+          std::ranges::count_if(scene.bodies, [](const Body& body) { return !body.fixed(); }))),
+      cycle_s_(scene.settings.shortest_cycle_s()),
       motions_(scene.bodies.size()),
       frames_(scene, *scheme_, remembered_),
       heard_(users_.size()),
       energy_j_(remembered_, 0.0) {
-  choose_substeps();
+  // Who repeats bit by bit and has no choice economises for nobody.
+  const bool economises = scene.settings.mode == Mode::realtime || scene.settings.adapts_ratio();
+  cycle_cost_ = [this, economises](double cycle_s, int parts) {
+    return economises ? correction_.factor() * published_cost_s(cycle_s, parts) : 0.0;
+  };
+  near_.reserve(scene.bodies.size());
+  begin_cycle();
   const auto later = [&](BodyId id) {
     return std::ranges::any_of(scene.users, [&](const UserSpec& user) { return user.joins_late && user.proxy == id; });
   };
@@ -93,8 +109,8 @@ bool World::settle(const std::function<bool(double)>& progress) {
   }
   settled_.assign(engine_->contacts().begin(), engine_->contacts().end());
   for (Contact& c : settled_) {
-    c.normal_impulse *= scene_.settings.cycle_s() / dt;
-    c.tangential_impulse *= scene_.settings.cycle_s() / dt;
+    c.normal_impulse *= cycle_s_ / dt;
+    c.tangential_impulse *= cycle_s_ / dt;
   }
   contacts_ = settled_;
   for (const UserSpec& user : scene_.users) {
@@ -111,24 +127,52 @@ std::string World::change_engine(EngineExchange& exchange, const EngineOrder& or
   if (order.engine != settings.name) settings.iterations = settings.substeps = std::nullopt;  // meant for that one
   settings.name = order.engine;
   settings.preset = order.preset;
-  const bool begun = exchange.begin(settings, *engine_, scene_.settings.cycle_s() / substeps_, order.number);
+  const bool begun = exchange.begin(settings, *engine_, cycle_s_ / substeps_, order.number);
+  if (begun) next_engine_cost_ = engine_cost(settings);
   return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
 }
 
 bool World::exchange_engine(EngineExchange& exchange) {
   if (!exchange.poll(*engine_)) return false;
   contacts_ = {};
-  choose_substeps();
+  engine_cost_ = next_engine_cost_;
   return true;
 }
 
-void World::choose_substeps() {
+double World::published_cost_s(double cycle_s, int parts) const noexcept {
+  return parts * engine_cost_.step(cycle_s / parts).of(movable_, contacts_.size());
+}
+
+void World::begin_cycle() {
+  cycle_s_ = seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp_)));
   // A scheme that minds the world's step minds what the engine makes of it.
   const double for_scheme_s = scheme_->longest_world_step_s();
   const double longest_s =
       std::isfinite(for_scheme_s) ? std::min(for_scheme_s, engine_->capabilities().longest_step_s) : for_scheme_s;
-  const auto needed = static_cast<int>(std::ceil(scene_.settings.cycle_s() / longest_s - 1e-9));
-  substeps_ = scene_.settings.world.substeps.value_or(std::max(1, needed));
+  substeps_ = ratio_control_.choose_parts(substeps_, cycle_s_, longest_s, cycle_cost_);
+}
+
+bool World::border_is_felt(std::size_t user) {
+  const WorldFrame& frame = frames_.frame(user, stamp_ == 0 ? 0 : stamp_ - 1);
+  if (frame.border.empty()) return false;
+  const double until_s = static_cast<double>(planned_cycles(scene_.settings, *scheme_)) * cycle_s_;
+  const BodyId proxy = users_[user].spec->proxy;
+  const BodyState& now = motions_[index(proxy)].state;
+  const Box reach = swept_bounds(now, engine_->bounds(proxy), scene_.settings.world.gravity.norm(), until_s);
+  engine_->overlap(reach, near_);
+  const auto is_other = [&](BodyId id) { return id != proxy && !scene_.body(id).fixed(); };
+  const auto moves = [&](BodyId id) { return motions_[index(id)].state.linear_velocity.norm() > kStill_m_s; };
+  return std::ranges::any_of(near_, is_other) && std::ranges::any_of(frame.members, moves);
+}
+
+void World::plan_ratio() {
+  if (!scene_.settings.adapts_ratio() || timetable_.newest().stamp > stamp_) return;
+  bool felt = false;
+  for (std::size_t u = 0; u < users_.size() && !felt; ++u) felt = border_is_felt(u);
+  const int present = timetable_.ratio(stamp_);
+  const int ratio = ratio_control_.choose_ratio(present, felt, cycle_s_, cycle_cost_);
+  ratio_changes_ += ratio != present;
+  timetable_.plan({stamp_ + planned_cycles(scene_.settings, *scheme_), ratio});
 }
 
 bool World::receive(HapticReport&& report) {
@@ -136,6 +180,9 @@ bool World::receive(HapticReport&& report) {
   User& user = users_[index(report.user)];
   if (user.heard && report.stamp <= user.report.stamp) return false;
   if (report.stamp > stamp_ + remembered_ / 2 || report.stamp + remembered_ <= stamp_) return false;
+  // A sub-world that has missed a change of the ratio counts other cycles.
+  const double stamp_s = seconds(timetable_.start(report.stamp));
+  if (std::abs(report.stamp_s - stamp_s) > 0.5 * scene_.settings.h_s) return false;
   const std::size_t slot = report.stamp % remembered_;
   std::swap(user.inbox[slot], report);  // the caller goes on with the old one's memory
   user.waiting[slot] = true;
@@ -193,7 +240,7 @@ void World::drive_proxies(double until_s, double dt) {
 }
 
 void World::simulate_cycle() {
-  const double dt = scene_.settings.cycle_s() / substeps_;
+  const double dt = cycle_s_ / substeps_;
   totals_.clear();
   for (int i = 0; i < substeps_; ++i) {
     drive_proxies(time_s() + (i + 1) * dt, dt);
@@ -215,6 +262,7 @@ void World::simulate_cycle() {
 }
 
 void World::simulate() {
+  begin_cycle();
   simulate_cycle();
   ++stamp_;
 }
@@ -227,15 +275,17 @@ void World::step() {
 }
 
 void World::make_frames() {
+  plan_ratio();
   graph_.build(contacts_, scene_.bodies.size());
   for (std::size_t u = 0; u < users_.size(); ++u)
     heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(stamp_)};
-  frames_.make({stamp_, time_s(), *engine_, contacts_, graph_, motions_}, heard_, -half_step_offset_s());
+  frames_.make({stamp_, time_s(), cycle_s_, timetable_, *engine_, contacts_, graph_, motions_}, heard_,
+               -half_step_offset_s());
 }
 
 double World::half_step_offset_s() const {
   if (scheme_->lead_cycles() == 0) return 0.0;
-  return 0.5 * (engine_->part_s(scene_.settings.cycle_s() / substeps_) - scene_.settings.h_s);
+  return 0.5 * (part_s() - scene_.settings.h_s);
 }
 
 void World::account() {
@@ -246,7 +296,7 @@ void World::account() {
     const BodyState s = engine_->state(body.id);
     Motion& motion = motions_[index(body.id)];
     if (stamp_ > 0)
-      motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / scene_.settings.cycle_s();
+      motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / cycle_s_;
     motion.state = s;
     mix(hash_, s);
     finite_ = finite_ && subworld::finite(s);
@@ -294,8 +344,7 @@ void World::look(WorldView& view) const {
     seen.members = frames_.membership(u).members;
     seen.border.clear();
     std::ranges::copy_if(frames_.frame(u, stamp_).border, std::back_inserter(seen.border), touches);
-    seen.wrench = {user.report.impulse.force / scene_.settings.cycle_s(),
-                   user.report.impulse.torque / scene_.settings.cycle_s()};
+    seen.wrench = {user.report.impulse.force / cycle_s_, user.report.impulse.torque / cycle_s_};
   }
 }
 

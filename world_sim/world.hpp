@@ -2,8 +2,10 @@
 
 #include "coupling/contact_graph.hpp"
 #include "coupling/ghost.hpp"
+#include "coupling/ratio_control.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/synchroniser.hpp"
+#include "coupling/timetable.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/contact_totals.hpp"
@@ -65,6 +67,10 @@ class World {
   std::string change_engine(EngineExchange& exchange, const EngineOrder& order);
   bool exchange_engine(EngineExchange& exchange);
 
+  /// What the last cycle took, by the caller's clock: corrects what the world is thought to cost. Without it, published
+  /// costs count, and runs repeat bit by bit.
+  void took(double cost_s) noexcept { correction_.observe(published_cost_s(cycle_s_, substeps_), cost_s); }
+
   /// The world at the present stamp as user u sees it; new after each step().
   [[nodiscard]] WorldFrame& frame(std::size_t user) { return frames_.frame(user, stamp_); }
   /// How user u's sub-world was chosen, at the present stamp.
@@ -74,13 +80,19 @@ class World {
   void look(WorldView& view) const;
 
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
-  [[nodiscard]] double time_s() const noexcept { return static_cast<double>(stamp_) * scene_.settings.cycle_s(); }
+  [[nodiscard]] double time_s() const noexcept { return seconds(timetable_.start(stamp_)); }
+  /// Cycles that are over, and that are coming, in haptic steps.
+  [[nodiscard]] const Timetable& timetable() const noexcept { return timetable_; }
+  /// Of the cycle that ended last.
+  [[nodiscard]] double cycle_s() const noexcept { return cycle_s_; }
+  [[nodiscard]] int ratio() const noexcept { return stamp_ == 0 ? scene_.settings.ratio : timetable_.ratio(stamp_ - 1); }
+  [[nodiscard]] std::uint64_t ratio_changes() const noexcept { return ratio_changes_; }
   [[nodiscard]] const Engine& engine() const noexcept { return *engine_; }
   [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
-  /// Steps of the engine in a cycle.
+  /// Steps of the engine in the last cycle.
   [[nodiscard]] int substeps() const noexcept { return substeps_; }
-  /// Length of the parts in which the engine integrates.
-  [[nodiscard]] double part_s() const { return engine_->part_s(scene_.settings.cycle_s() / substeps_); }
+  /// Length of the parts in which the engine integrated.
+  [[nodiscard]] double part_s() const { return engine_->part_s(cycle_s_ / substeps_); }
   [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
@@ -92,6 +104,8 @@ class World {
   [[nodiscard]] bool finite() const noexcept { return finite_; }
 
  private:
+  static constexpr double kTracking = 0.05;  ///< of what a cycle costs, in a cycle
+
   struct User {
     const UserSpec* spec = nullptr;
     std::unique_ptr<Synchroniser> synchroniser;
@@ -114,7 +128,15 @@ class World {
   /// By how much the world's positions are ahead of the sub-worlds' where both account for the same forces: half the
   /// difference of their steps. Frames tell what a sub-world of the same forces would have.
   [[nodiscard]] double half_step_offset_s() const;
-  void choose_substeps();
+  [[nodiscard]] double seconds(std::uint64_t haptic_steps) const noexcept {
+    return scene_.settings.h_s * static_cast<double>(haptic_steps);
+  }
+  /// What a cycle costs by the published coefficients of the engine, s.
+  [[nodiscard]] double published_cost_s(double cycle_s, int parts) const noexcept;
+  /// Whether a hand feels what crosses its border, or may before a change of the ratio takes effect.
+  [[nodiscard]] bool border_is_felt(std::size_t user);
+  void begin_cycle();
+  void plan_ratio();
   void simulate_cycle();
   void balance();
 
@@ -125,7 +147,17 @@ class World {
   std::uint64_t stamp_ = 0;
   std::uint64_t hash_;
   std::uint64_t remembered_;
+  Timetable timetable_;
+  RatioControl ratio_control_;
+  std::uint64_t ratio_changes_ = 0;  ///< planned
+  EngineCost engine_cost_;       ///< of the engine in use
+  EngineCost next_engine_cost_;  ///< of the one that was asked for
+  std::size_t movable_;
+  CostCorrection correction_{kTracking};
+  CycleCost cycle_cost_;
+  double cycle_s_;  ///< of the last cycle, or the one under way
   int substeps_ = 1;
+  std::vector<BodyId> near_;
   ContactTotals totals_;               ///< of the sub-steps
   std::vector<Contact> settled_;       ///< as if the last step of settling had been a cycle
   std::span<const Contact> contacts_;  ///< of the last cycle

@@ -13,7 +13,6 @@ constexpr double kPresentBonus = 1.5;  ///< on the importance of who is a member
 constexpr double kPresentLimit = 1.1;  ///< of the limit, for those
 constexpr double kUnjoined = 1e-6;     ///< importance, next to the proxy, of what no contact joins to it
 
-constexpr double kTracking = 0.01;   ///< by which a step moves the tracked factor, at most
 constexpr double kWorthwhile = 0.1;  ///< change of the factor that is taken over
 constexpr double kLeastFactor = 0.1, kMostFactor = 100.0;
 
@@ -25,7 +24,7 @@ double gap_m(const Box& a, const Box& b) noexcept {
 
 void CostCorrection::observe(double expected_s, double seen_s) noexcept {
   if (!(expected_s > 0.0) || !(seen_s > 0.0)) return;
-  const double step = std::clamp(seen_s / expected_s / tracked_, 1.0 - kTracking, 1.0 + kTracking);
+  const double step = std::clamp(seen_s / expected_s / tracked_, 1.0 - tracking_, 1.0 + tracking_);
   tracked_ = std::clamp(tracked_ * step, kLeastFactor, kMostFactor);
   if (std::abs(tracked_ / factor_ - 1.0) > kWorthwhile) factor_ = tracked_;
 }

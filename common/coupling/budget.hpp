@@ -23,12 +23,16 @@ struct Budget {
 /// any other, so it follows the median; and it is taken over only when it has moved by enough to matter.
 class CostCorrection {
  public:
+  /// `tracking`: by which part an observation moves the factor, at most.
+  explicit CostCorrection(double tracking = 0.01) noexcept : tracking_(tracking) {}
+
   /// `expected_s`: of a haptic step by the published costs; `seen_s`: what one took.
   void observe(double expected_s, double seen_s) noexcept;
   /// By which costs are to be multiplied.
   [[nodiscard]] double factor() const noexcept { return factor_; }
 
  private:
+  double tracking_;
   double tracked_ = 1.0;
   double factor_ = 1.0;
 };

@@ -21,7 +21,7 @@ double uniform(std::uint64_t key) noexcept {
 Delay::Delay(const Settings& settings, int lead_cycles, std::uint32_t user) noexcept
     : settings_(settings.delay),
       h_s_(settings.h_s),
-      ratio_(static_cast<std::uint64_t>(settings.ratio)),
+      shortest_cycle_s_(settings.shortest_cycle_s()),
       lead_(static_cast<std::uint64_t>(lead_cycles)),
       user_(user) {}
 
@@ -33,20 +33,20 @@ std::uint64_t Delay::steps(double delay_s, std::uint64_t direction, std::uint64_
   return static_cast<std::uint64_t>(std::ceil(delay_s / h_s_ - 1e-9));
 }
 
-std::uint64_t Delay::frame_due(std::uint64_t stamp) const noexcept {
+std::uint64_t Delay::frame_due(std::uint64_t stamp, const Timetable& timetable) const noexcept {
   if (stamp == 0) return 0;
-  const std::uint64_t trailing = lead_ > 0 ? lead_ * ratio_ + steps(settings_.up_s, up, stamp) : 0;
-  return stamp * ratio_ + trailing + steps(settings_.down_s, down, stamp);
+  const std::uint64_t waiting = lead_ > 0 ? steps(settings_.up_s, up, stamp) : 0;
+  return timetable.start(stamp + lead_) + waiting + steps(settings_.down_s, down, stamp);
 }
 
-std::uint64_t Delay::report_due(std::uint64_t stamp) const noexcept {
-  if (lead_ > 0 || stamp == 0) return stamp > lead_ ? stamp - lead_ : 0;
-  return stamp + (steps(settings_.up_s, up, stamp) + ratio_ - 1) / ratio_;
+bool Delay::report_due(std::uint64_t stamp, std::uint64_t world, const Timetable& timetable) const noexcept {
+  if (lead_ > 0 || stamp == 0) return stamp <= world + lead_;
+  return timetable.start(stamp) + steps(settings_.up_s, up, stamp) <= timetable.start(world);
 }
 
 std::uint64_t Delay::longest_cycles() const noexcept {
   const double both_s = settings_.up_s + settings_.down_s + 2.0 * settings_.jitter_s;
-  return lead_ + 1 + static_cast<std::uint64_t>(std::ceil(both_s / (h_s_ * static_cast<double>(ratio_))));
+  return lead_ + 1 + static_cast<std::uint64_t>(std::ceil(both_s / shortest_cycle_s_));
 }
 
 }  // namespace subworld

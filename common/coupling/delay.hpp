@@ -1,5 +1,6 @@
 #pragma once
 
+#include "coupling/timetable.hpp"
 #include "model/scene.hpp"
 
 #include <cstdint>
@@ -15,9 +16,9 @@ class Delay {
 
   /// The haptic step before which the sub-world has the frame of this stamp. A world that trails the sub-world by a
   /// cycle first waits for that cycle's report, then needs a cycle of its own.
-  [[nodiscard]] std::uint64_t frame_due(std::uint64_t stamp) const noexcept;
-  /// The stamp from which on the world has the report of this stamp.
-  [[nodiscard]] std::uint64_t report_due(std::uint64_t stamp) const noexcept;
+  [[nodiscard]] std::uint64_t frame_due(std::uint64_t stamp, const Timetable& timetable) const noexcept;
+  /// Whether a world at the stamp `world` has the report of this stamp.
+  [[nodiscard]] bool report_due(std::uint64_t stamp, std::uint64_t world, const Timetable& timetable) const noexcept;
   /// Most cycles between a stamp and the use of its frame.
   [[nodiscard]] std::uint64_t longest_cycles() const noexcept;
 
@@ -26,7 +27,7 @@ class Delay {
 
   DelaySettings settings_;
   double h_s_;
-  std::uint64_t ratio_;
+  double shortest_cycle_s_;
   std::uint64_t lead_;
   std::uint64_t user_;
 };

@@ -10,6 +10,10 @@ std::uint64_t remembered_cycles(const Settings& settings, const Scheme& scheme) 
   return 16 + Delay(settings, scheme.lead_cycles(), 0).longest_cycles();
 }
 
+std::uint64_t planned_cycles(const Settings& settings, const Scheme& scheme) noexcept {
+  return 3 + Delay(settings, scheme.lead_cycles(), 0).longest_cycles();
+}
+
 Synchroniser::Synchroniser(const Scheme& scheme, std::uint64_t remembered_cycles, BodyId proxy,
                            std::vector<BodyId> peers)
     : scheme_(&scheme), proxy_(proxy), peers_(std::move(peers)), blends_(remembered_cycles) {

@@ -11,6 +11,9 @@ namespace subworld {
 
 /// How far back either side keeps what it said, in cycles.
 [[nodiscard]] std::uint64_t remembered_cycles(const Settings& settings, const Scheme& scheme) noexcept;
+/// How far ahead a change of the simulation ratio is planned, in cycles: so that no sub-world has begun the first cycle
+/// that it concerns, and some of the frames that tell it may get lost.
+[[nodiscard]] std::uint64_t planned_cycles(const Settings& settings, const Scheme& scheme) noexcept;
 
 struct PairShift {
   BodyId id{};

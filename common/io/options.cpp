@@ -67,7 +67,13 @@ void add_run_options(CLI::App& app, Options& o) {
   app.add_option("--haptic-engine", o.haptic_engine, "the sub-worlds' engine");
   app.add_option("--preset", o.preset, "the world engine's preset: fast or quality");
   app.add_option("--haptic-preset", o.haptic_preset, "the sub-world engines' preset");
-  app.add_option("--ratio", o.ratio, "simulation ratio r = T / h")->check(CLI::Range(1, 1000));
+  app.add_option("--ratio", o.ratio,
+                 "simulation ratio r = T / h; as 4-12 it adapts between these to what is felt and to what the world costs")
+      ->check([](const std::string& text) {
+        return parse_ratio(text) ? std::string()
+                                 : fmt::format("{} is neither a whole number from 1 to {} nor two as in 4-12", text,
+                                               kMostRatio);
+      });
   app.add_option("--budget", o.budget_ratio,
                  "part of the haptic step that simulating a sub-world may take: of the bodies in its box, those that "
                  "matter most and fit (default: the scene's, or 0.4)")
@@ -151,7 +157,7 @@ Scene load_scene(const Options& o) {
   override_with(s.haptic.name, o.haptic_engine);
   override_with(s.world.preset, o.preset);
   override_with(s.haptic.preset, o.haptic_preset);
-  override_with(s.ratio, o.ratio);
+  if (o.ratio) s.set_ratio(*parse_ratio(*o.ratio));
   override_with(s.users, o.users);
   override_with(s.delay.jitter_s, o.jitter_s);
   if (o.latency_s) s.delay.up_s = s.delay.down_s = 0.5 * *o.latency_s;

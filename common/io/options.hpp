@@ -24,7 +24,7 @@ struct Options {
   std::optional<std::string> haptic_engine;
   std::optional<std::string> preset;
   std::optional<std::string> haptic_preset;
-  std::optional<int> ratio;
+  std::optional<std::string> ratio;  ///< parse_ratio() reads it
   std::optional<int> users;
   std::optional<double> budget_ratio;
   std::optional<double> duration_s;

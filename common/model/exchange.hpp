@@ -123,12 +123,18 @@ struct PeerDevice {
   Vec3 angular_velocity = Vec3::Zero();
 };
 
+/// From the cycle that begins at `stamp` on, each cycle has `ratio` haptic steps.
+struct RatioChange {
+  std::uint64_t stamp = 0;
+  int ratio = 1;
+};
+
 /// Topic `world_frame`, keyed by user: the world at t = stamp_s for one user.
 struct WorldFrame {
   UserId user{};
   std::uint64_t session = 0;
   std::uint64_t served = 0;  ///< 0: no haptic process was heard of yet
-  std::uint64_t stamp = 0;   ///< j: the state at t = j T
+  std::uint64_t stamp = 0;   ///< j: the state when cycle j begins
   double stamp_s = 0.0;
   double start_in_s =
       0.0;  ///< real time: seconds from sending until the world's clock reaches this stamp; may be negative
@@ -136,6 +142,9 @@ struct WorldFrame {
   std::int64_t echoed_sent_ns = 0;  ///< of the newest report that the world has used
   std::uint64_t echoed_stamp = 0;
   bool last = false;
+  double cycle_s = 0.0;   ///< length of the cycle that ended here, to which impulses belong
+  int ratio = 1;          ///< haptic steps in the cycle that begins here
+  RatioChange planned;    ///< the newest; may be of the past
   std::vector<BodyId> members;         ///< movable bodies of the sub-world from this stamp on, proxy included
   std::vector<BodyId> fixed;           ///< fixed bodies of the sub-world
   std::vector<std::uint32_t> islands;  ///< of members, as the world's contacts make them (coupling/contact_graph)

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace subworld {
@@ -114,11 +115,23 @@ struct DelaySettings {
   std::uint64_t seed = 1;
 };
 
+inline constexpr int kMostRatio = 1000;
+
+/// Between which the simulation ratio may change.
+struct RatioBounds {
+  int least = 4;
+  int most = 4;
+};
+/// "4" or "4-12"; nothing where it is neither, or out of [1, kMostRatio].
+[[nodiscard]] std::optional<RatioBounds> parse_ratio(std::string_view text);
+[[nodiscard]] std::string to_text(const RatioBounds& ratio);
+
 enum class Mode : std::uint8_t { lockstep, realtime };
 
 struct Settings {
   double h_s = 0.001;  ///< haptic step
-  int ratio = 4;       ///< r; the world's step is T = r h
+  int ratio = 4;       ///< r, and the least that it may be: the world's cycle is T = r h
+  int ratio_most = 0;  ///< to which r may rise (coupling/ratio_control); 0: it is fixed
   double duration_s = 5.0;
   double settle_s = 0.5;  ///< the world alone, before t = 0
   double settle_step_s = 0.004;
@@ -130,7 +143,16 @@ struct Settings {
   EngineSettings world;
   EngineSettings haptic;
 
-  [[nodiscard]] double cycle_s() const noexcept { return ratio * h_s; }
+  void set_ratio(const RatioBounds& bounds) noexcept {
+    ratio = bounds.least;
+    ratio_most = bounds.most > bounds.least ? bounds.most : 0;
+  }
+  [[nodiscard]] RatioBounds ratio_bounds() const noexcept { return {ratio, largest_ratio()}; }
+  [[nodiscard]] int largest_ratio() const noexcept { return ratio_most > ratio ? ratio_most : ratio; }
+  [[nodiscard]] bool adapts_ratio() const noexcept { return largest_ratio() > ratio; }
+  /// T, the first and the shortest.
+  [[nodiscard]] double shortest_cycle_s() const noexcept { return ratio * h_s; }
+  [[nodiscard]] double longest_cycle_s() const noexcept { return largest_ratio() * h_s; }
 };
 
 struct Scene {

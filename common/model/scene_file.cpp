@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <charconv>
+
 namespace subworld {
 
 namespace {
@@ -25,12 +27,44 @@ void read_engine(const YamlValue& value, EngineSettings& engine) {
   if (const auto unit = map.find("length_unit_m")) engine.length_unit_m = unit->number({.least = 1e-6, .most = 1e6});
 }
 
+/// One number, or [smallest, largest].
+void read_ratio(const YamlValue& value, Settings& settings) {
+  if (value.is_scalar()) {
+    const int ratio = value.integer(1, kMostRatio);
+    settings.set_ratio({ratio, ratio});
+    return;
+  }
+  const std::vector<YamlValue> bounds = value.items();
+  if (bounds.size() != 2) value.fail("must be a whole number, or the smallest and the largest as in [4, 12]");
+  const int least = bounds[0].integer(1, kMostRatio);
+  settings.set_ratio({least, bounds[1].integer(least, kMostRatio)});
+}
+
 }  // namespace
+
+std::optional<RatioBounds> parse_ratio(std::string_view text) {
+  RatioBounds ratio;
+  const char* const end = text.data() + text.size();
+  const auto least = std::from_chars(text.data(), end, ratio.least);
+  if (least.ec != std::errc{}) return std::nullopt;
+  ratio.most = ratio.least;
+  if (least.ptr != end) {
+    if (*least.ptr != '-') return std::nullopt;
+    const auto most = std::from_chars(least.ptr + 1, end, ratio.most);
+    if (most.ec != std::errc{} || most.ptr != end) return std::nullopt;
+  }
+  if (ratio.least < 1 || ratio.most < ratio.least || ratio.most > kMostRatio) return std::nullopt;
+  return ratio;
+}
+
+std::string to_text(const RatioBounds& ratio) {
+  return ratio.most > ratio.least ? fmt::format("{}-{}", ratio.least, ratio.most) : fmt::format("{}", ratio.least);
+}
 
 void read_settings(const YamlValue& value, Settings& settings) {
   const YamlMap map(value, kSettingsKeys);
   map.read("h_s", settings.h_s, {.least = 1e-6, .most = 0.1});
-  map.read("ratio", settings.ratio, 1, 1000);
+  if (const auto ratio = map.find("ratio")) read_ratio(*ratio, settings);
   map.read("duration_s", settings.duration_s, kDuration);
   if (const auto settle = map.find("settle")) {
     const YamlMap times(*settle, {"duration_s", "step_s"});

@@ -73,7 +73,7 @@ class Hasher {
   void put(const EngineSettings& e) { add(e.name, e.preset, e.iterations, e.substeps, e.gravity, e.length_unit_m); }
   void put(const DelaySettings& d) { add(d.up_s, d.down_s, d.jitter_s, d.seed); }
   void put(const Settings& s) {
-    add(s.h_s, s.ratio, s.settle_s, s.settle_step_s, s.users, s.mode, s.scheme);
+    add(s.h_s, s.ratio, s.ratio_most, s.settle_s, s.settle_step_s, s.users, s.mode, s.scheme);
     add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.world, s.haptic);
   }
 

@@ -124,15 +124,19 @@ const EnginePlugin& engine_plugin(std::string_view name) {
               fmt::format("engine \"{}\" is unknown; choose one of: {}", name, fmt::join(engine_names(), ", ")));
 }
 
-StepCost step_cost(const EngineSettings& settings, double dt) {
+StepCost EngineCost::step(double dt) const noexcept {
+  const double count = substep_count(dt, substeps, longest_substep_s);
+  return {count * substep.step_s, count * substep.body_s, count * substep.contact_s};
+}
+
+EngineCost engine_cost(const EngineSettings& settings) {
   const EnginePlugin& plugin = engine_plugin(settings.name);
   const EnginePreset& preset = plugin.presets[find_preset(plugin, settings.preset)];
-  const double substeps = substep_count(dt, settings.substeps, preset.longest_substep_s);
   const double iterations = settings.iterations.value_or(preset.iterations);
   const SubstepCost& cost = preset.cost;
-  return {.step_s = substeps * cost.step_s,
-          .body_s = substeps * cost.body_s,
-          .contact_s = substeps * (cost.contact_s + iterations * cost.contact_iteration_s)};
+  return {.substep = {cost.step_s, cost.body_s, cost.contact_s + iterations * cost.contact_iteration_s},
+          .substeps = settings.substeps,
+          .longest_substep_s = preset.longest_substep_s};
 }
 
 std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes) {

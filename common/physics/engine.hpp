@@ -99,9 +99,17 @@ class Engine {
 /// The engines that can be asked for here, by name.
 [[nodiscard]] std::vector<std::string> engine_names();
 
-/// What a step of `dt` (s) of the engine that the settings name costs, by its published coefficients. Throws `Error`
-/// (usage) as make_engine() does.
-[[nodiscard]] StepCost step_cost(const EngineSettings& settings, double dt);
+/// What an engine costs, by its published coefficients.
+struct EngineCost {
+  StepCost substep;
+  std::optional<int> substeps;  ///< of a step; none: as many as the longest allows
+  double longest_substep_s = 0.0;
+
+  [[nodiscard]] StepCost step(double dt) const noexcept;
+};
+
+/// Of the engine that the settings name. Throws `Error` (usage) as make_engine() does.
+[[nodiscard]] EngineCost engine_cost(const EngineSettings& settings);
 
 struct EnginePlugin;
 /// What an engine's library says of itself (plugin.hpp). Throws `Error` (usage) where there is none of that name.

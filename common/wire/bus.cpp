@@ -280,7 +280,7 @@ std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, 
                    .interface_address = network.interface_address,
                    .qos_file = network.qos_file,
                    .device_period_s = device_period_s,
-                   .cycle_s = settings.cycle_s(),
+                   .cycle_s = settings.longest_cycle_s(),
                    .participant_name = participant_name});
 }
 

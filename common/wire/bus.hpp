@@ -26,7 +26,7 @@ struct BusConfig {
   std::string interface_address;   ///< empty: as the settings say, else 127.0.0.1
   std::string qos_file;            ///< vendor's settings; empty: its environment variable, else qos/ beside the program
   double device_period_s = 0.001;  ///< for deadlines
-  double cycle_s = 0.004;          ///< T, for deadlines
+  double cycle_s = 0.004;          ///< the longest, for deadlines
   std::string participant_name = "subworld";
 };
 

@@ -8,6 +8,7 @@ using parts::get;
 using parts::get_all;
 using parts::get_ghosts;
 using parts::get_positive;
+using parts::get_ratio;
 using parts::put;
 using parts::put_all;
 using parts::put_ghosts;
@@ -112,6 +113,10 @@ void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
   out.echoed_sent_ns(in.echoed_sent_ns);
   out.echoed_stamp(in.echoed_stamp);
   out.last(in.last);
+  out.cycle_s(in.cycle_s);
+  out.ratio(static_cast<std::uint32_t>(in.ratio));
+  out.planned_stamp(in.planned.stamp);
+  out.planned_ratio(static_cast<std::uint32_t>(in.planned.ratio));
   put_all(in.members, out.members());
   put_all(in.fixed, out.fixed_bodies());
   out.islands() = in.islands;
@@ -131,7 +136,10 @@ bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
   out.echoed_sent_ns = in.echoed_sent_ns();
   out.echoed_stamp = in.echoed_stamp();
   out.last = in.last();
+  out.planned.stamp = in.planned_stamp();
   return get(in.stamp_s(), out.stamp_s) && get(in.start_in_s(), out.start_in_s) &&
+         get_positive(in.cycle_s(), out.cycle_s) && get_ratio(in.ratio(), out.ratio) &&
+         get_ratio(in.planned_ratio(), out.planned.ratio) &&
          get_positive(in.clock_factor(), out.clock_factor) && get_all(in.members(), out.members) &&
          get_all(in.fixed_bodies(), out.fixed) && get_all(in.entering(), out.entering) &&
          get_all(in.states(), out.states) && get_all(in.border(), out.border) && get_ghosts(in, out.ghosts) &&

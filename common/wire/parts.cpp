@@ -1,5 +1,8 @@
 #include "wire/parts.hpp"
 
+#include "model/scene.hpp"
+
+#include <algorithm>
 #include <cmath>
 
 namespace subworld::parts {
@@ -23,6 +26,11 @@ bool get(double in, double& out) {
 }
 
 bool get_positive(double in, double& out) { return get(in, out) && in >= 0.0; }
+
+bool get_ratio(std::uint32_t in, int& out) {
+  out = static_cast<int>(std::min<std::uint32_t>(in, kMostRatio));
+  return in >= 1 && in <= kMostRatio;
+}
 
 bool get(const msg::Vector& in, Vec3& out) {
   out = Vec3{in[0], in[1], in[2]};

@@ -35,6 +35,7 @@ void put(const UserView& in, msg::UserView& out);
 
 [[nodiscard]] bool get(double in, double& out);
 [[nodiscard]] bool get_positive(double in, double& out);
+[[nodiscard]] bool get_ratio(std::uint32_t in, int& out);
 [[nodiscard]] bool get(const msg::Vector& in, Vec3& out);
 [[nodiscard]] bool get(const msg::Quaternion& in, Quat& out);
 [[nodiscard]] bool get(std::uint32_t in, BodyId& out);

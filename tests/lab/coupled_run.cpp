@@ -33,7 +33,7 @@ void CoupledRun::send_report(std::size_t user) {
 
 void CoupledRun::deliver_frames(std::size_t user, std::uint64_t step) {
   Link& link = links_[user];
-  for (; link.next_frame <= world.stamp() && link.delay.frame_due(link.next_frame) <= step; ++link.next_frame) {
+  for (; link.next_frame <= world.stamp() && link.delay.frame_due(link.next_frame, subs[user]->timetable()) <= step; ++link.next_frame) {
     const CpuTimer timer(cpu.synchronise);
     subs[user]->apply(link.frames[link.next_frame % link.frames.size()]);
   }
@@ -43,20 +43,21 @@ void CoupledRun::haptic_cycle(std::size_t user) {
   const double h = scene_.settings.h_s;
   SubWorld& sub = *subs[user];
   EmulatedDevice& device = *devices[user];
-  for (int i = 0; i < scene_.settings.ratio; ++i) {
-    if (i > 0) deliver_frames(user, cycle_ * scene_.settings.ratio + i);
+  const std::uint64_t begin = sub.timetable().start(cycle_), end = sub.timetable().start(cycle_ + 1);
+  for (std::uint64_t step = begin; step < end; ++step) {
+    if (step > begin) deliver_frames(user, step);
     const DeviceState state = device.state();
-    FeltStep step;
+    FeltStep now;
     {
       const CpuTimer timer(cpu.haptic);
-      step = sub.feel(state, true, h);
+      now = sub.feel(state, true, h);
       if (sub.report_due()) send_report(user);
       sub.advance(h);
     }
-    felt[user].force.push_back(step.felt.force);
-    felt[user].hand.push_back(step.to_hand.force);
+    felt[user].force.push_back(now.felt.force);
+    felt[user].hand.push_back(now.to_hand.force);
     DeviceCommand command;
-    command.wrench = step.to_hand;
+    command.wrench = now.to_hand;
     command.pose.position = sub.proxy().position - sub.clutch();
     command.linear_velocity = sub.proxy().linear_velocity;
     device.step(command, h);
@@ -71,7 +72,7 @@ void CoupledRun::cycle() {
   ++cycle_;
   if (cycle_ > lead) {
     for (Link& link : links_) {
-      while (link.next_report <= link.newest_report && link.delay.report_due(link.next_report) <= world.stamp()) {
+      while (link.next_report <= link.newest_report && link.delay.report_due(link.next_report, world.stamp(), world.timetable())) {
         world.receive(HapticReport(link.reports[link.next_report++ % link.reports.size()]));
       }
     }
@@ -83,9 +84,7 @@ void CoupledRun::cycle() {
       links_[u].frames[world.stamp() % links_[u].frames.size()] = world.frame(u);
     }
   }
-  for (std::size_t u = 0; u < subs.size(); ++u) {
-    deliver_frames(u, cycle_ * static_cast<std::uint64_t>(scene_.settings.ratio));
-  }
+  for (std::size_t u = 0; u < subs.size(); ++u) deliver_frames(u, subs[u]->timetable().start(cycle_));
 }
 
 bool CoupledRun::finite() const noexcept {

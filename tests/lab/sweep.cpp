@@ -89,7 +89,7 @@ Scene scene_of(const Point& point) {
   const bool literal = point.scheme == "paper_literal";
   s.scheme = literal ? "paper" : point.scheme;
   s.paper.device_force_in_world = !literal;
-  s.ratio = point.ratio;
+  s.set_ratio({point.ratio, point.ratio});
   s.world.substeps.reset();
   if (point.substeps > 0) s.world.substeps = point.substeps;
   s.delay = {.up_s = 0.5 * point.latency_s, .down_s = 0.5 * point.latency_s, .jitter_s = point.jitter_s};
@@ -110,7 +110,7 @@ Scene scene_of(const Point& point) {
 Scene reference_scene_of(const Point& point) {
   Scene scene = loaded(point);
   scene.settings.scheme = "direct";
-  scene.settings.ratio = 1;
+  scene.settings.set_ratio({1, 1});
   scene.settings.world.substeps = 1;
   scene.settings.delay = {};
   return scene;

@@ -320,23 +320,27 @@ TEST(Delay, AFrameIsLateByBothDirectionsWhereTheWorldTrails) {
   Settings settings;
   settings.ratio = 5;
   settings.delay = {.up_s = 0.004, .down_s = 0.006};
+  const Timetable timetable(settings.ratio, 16);
   const Delay parallel(settings, 0, 0);
-  EXPECT_EQ(parallel.frame_due(3), 3U * 5 + 6);
-  EXPECT_EQ(parallel.report_due(3), 4U);
+  EXPECT_EQ(parallel.frame_due(3, timetable), 3U * 5 + 6);
+  EXPECT_FALSE(parallel.report_due(3, 3, timetable));
+  EXPECT_TRUE(parallel.report_due(3, 4, timetable));
   const Delay trailing(settings, 1, 0);
-  EXPECT_EQ(trailing.frame_due(3), 3U * 5 + 5 + 10);
-  EXPECT_EQ(trailing.report_due(3), 2U);
+  EXPECT_EQ(trailing.frame_due(3, timetable), 3U * 5 + 5 + 10);
+  EXPECT_FALSE(trailing.report_due(3, 1, timetable));
+  EXPECT_TRUE(trailing.report_due(3, 2, timetable));
 }
 
 TEST(Delay, JitterRepeatsAndStaysInItsBounds) {
   Settings settings;
   settings.ratio = 5;
   settings.delay = {.up_s = 0.004, .down_s = 0.006, .jitter_s = 0.01};
+  const Timetable timetable(settings.ratio, 16);
   const Delay delay(settings, 1, 0);
   std::uint64_t least = 1000, most = 0;
   for (std::uint64_t j = 1; j < 1000; ++j) {
-    const std::uint64_t late = delay.frame_due(j) - 5 * j - 5;
-    EXPECT_EQ(delay.frame_due(j), Delay(settings, 1, 0).frame_due(j));
+    const std::uint64_t late = delay.frame_due(j, timetable) - 5 * j - 5;
+    EXPECT_EQ(delay.frame_due(j, timetable), Delay(settings, 1, 0).frame_due(j, timetable));
     least = std::min(least, late);
     most = std::max(most, late);
   }

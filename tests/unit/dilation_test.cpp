@@ -52,7 +52,7 @@ struct Follower {
   [[nodiscard]] std::vector<Followed> follow(const std::vector<Frame>& frames, double wall_s) const {
     const double cycle_s = ratio * h;
     const double lead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
-    Phase phase(cycle_s, lead_cycles, lead_s);
+    Phase phase(cycle_s, lead_cycles);
     Arrears arrears;
     std::vector<Followed> seen;
     double haptic_s = lead_s, in_cycle_s = 0.0;
@@ -60,7 +60,7 @@ struct Follower {
     for (double now = 0.0; now < wall_s; now += h) {
       for (; next < frames.size() && frames[next].sent_s <= now; ++next) {
         const Frame& f = frames[next];
-        phase.observe(f.stamp_s, f.sent_s + f.start_in_s - now, f.clock_factor, haptic_s + arrears.owed_s());
+        phase.observe(f.stamp_s, lead_s, f.sent_s + f.start_in_s - now, f.clock_factor, haptic_s + arrears.owed_s());
       }
       const double dt = arrears.step(h * phase.step(haptic_s), cycle_s - in_cycle_s);
       double ahead = 0.0;
@@ -122,8 +122,8 @@ INSTANTIATE_TEST_SUITE_P(Loads, Dilation,
                          [](const auto& one) { return std::string(one.param.name); });
 
 TEST(Phase, StopsSoftlyWhereFramesStayAway) {
-  Phase phase(0.004, 1, 0.005);
-  phase.observe(0.004, 0.002, 1.0, 0.007);
+  Phase phase(0.004, 1);
+  phase.observe(0.004, 0.005, 0.002, 1.0, 0.007);
   double haptic_s = 0.007;
   for (int i = 0; i < 5000; ++i) {
     const double before = phase.rate();
@@ -135,12 +135,12 @@ TEST(Phase, StopsSoftlyWhereFramesStayAway) {
 }
 
 TEST(Phase, AStandingWorldStopsItAtOnceAndGoesOnAtOnce) {
-  Phase phase(0.004, 0, 0.0);
-  phase.observe(0.004, 0.002, 1.0, 0.002);
+  Phase phase(0.004, 0);
+  phase.observe(0.004, 0.0, 0.002, 1.0, 0.002);
   EXPECT_EQ(phase.step(0.002), 1.0);
-  phase.observe(0.004, 0.004, 0.0, 0.003);
+  phase.observe(0.004, 0.0, 0.004, 0.0, 0.003);
   EXPECT_EQ(phase.step(0.003), 0.0);
-  phase.observe(0.008, 0.004, 1.0, 0.004);
+  phase.observe(0.008, 0.0, 0.004, 1.0, 0.004);
   EXPECT_NEAR(phase.step(0.004), 1.0, 0.05);
 }
 
@@ -161,7 +161,7 @@ std::vector<Vec3> forces_on_the_hand(const std::string& name, int steps, const s
   std::optional<WorldFrame> on_its_way;
   std::vector<Vec3> forces;
   for (int step = 0; step < steps; ++step) {
-    if (on_its_way && sub.cycle_left_s() < 0.6 * scene.settings.cycle_s()) {
+    if (on_its_way && sub.cycle_left_s() < 0.6 * scene.settings.shortest_cycle_s()) {
       sub.apply(*on_its_way);
       on_its_way.reset();
     }

@@ -18,7 +18,7 @@ Json ending(const char* by, double to_s) {
 Json whole_run() {
   return {{"duration_s", 8.0},
           {"h_s", 0.001},
-          {"ratio", 4},
+          {"ratio_most", 4},
           {"world", {{"ending", ending("duration", 8.0)}}},
           {"haptic", Json::array({{{"user", 0}, {"ending", ending("last frame", 7.99)}}})},
           {"device", Json::array({{{"user", 0}, {"ending", ending("last command", 8.3)}}})}};

@@ -1,0 +1,45 @@
+#pragma once
+
+#include "model/scene.hpp"
+
+#include <functional>
+
+namespace subworld {
+
+/// What the world needs for a cycle of this length and so many parts, s; 0: nobody economises.
+using CycleCost = std::function<double(double cycle_s, int parts)>;
+
+/// Chooses the simulation ratio within the settings' bounds, and into how many parts the world divides a cycle (paper
+/// 4.6).
+///
+/// While a hand feels what crosses a border, cycles are as short as the world can afford: the smallest r with
+///     C(r h, 1) <= kShare r h,
+/// C(T, p) the cost of a cycle of length T in p parts. Else nothing that is felt has to cross, and r is the largest.
+/// A cycle has as many parts as the scheme wants, or as it can afford. So a world that is too slow first makes fewer
+/// parts, then longer cycles; then its clock slows.
+///
+/// Hysteresis: what there is stays until it costs more than kOverShare; a border counts as felt for kQuiet_s longer than
+/// it is.
+class RatioControl {
+ public:
+  static constexpr double kShare = 0.65;  ///< of a cycle for the world; the rest is for what takes longer now and then
+  static constexpr double kOverShare = 0.8;
+  static constexpr double kQuiet_s = 0.25;
+
+  explicit RatioControl(const Settings& settings);
+
+  /// After a cycle of `cycle_s`: the ratio that should follow the present one.
+  [[nodiscard]] int choose_ratio(int present, bool border_is_felt, double cycle_s, const CycleCost& cost);
+  /// Parts of a cycle; `longest_part_s`: what the scheme wants.
+  [[nodiscard]] int choose_parts(int present, double cycle_s, double longest_part_s, const CycleCost& cost) const;
+
+ private:
+  [[nodiscard]] int smallest_affordable(double share, const CycleCost& cost) const;
+
+  double h_s_;
+  int least_, most_;
+  int given_parts_;  ///< by the scene; 0: as wanted and affordable
+  double quiet_s_ = 0.0;
+};
+
+}  // namespace subworld
