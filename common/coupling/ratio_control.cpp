@@ -20,10 +20,15 @@ int RatioControl::smallest_affordable(double share, const CycleCost& cost) const
 int RatioControl::choose_ratio(int present, bool border_is_felt, double cycle_s, const CycleCost& cost) {
   quiet_s_ = border_is_felt ? 0.0 : quiet_s_ + cycle_s;
   if (least_ == most_) return least_;
-  if (quiet_s_ > kQuiet_s) return most_;
+  if (quiet_s_ > kSettled_s) {
+    cheap_s_ = 2.0 * kSettled_s;  // what is felt next is met at once
+    return most_;
+  }
   const int comfortable = smallest_affordable(kShare, cost);
   if (smallest_affordable(kOverShare, cost) > present) return comfortable;
-  return border_is_felt ? std::min(present, comfortable) : present;
+  if (!border_is_felt) return present;
+  cheap_s_ = comfortable < present ? cheap_s_ + cycle_s : 0.0;
+  return cheap_s_ > kSettled_s ? comfortable : present;
 }
 
 int RatioControl::choose_parts(int present, double cycle_s, double longest_part_s, const CycleCost& cost) const {

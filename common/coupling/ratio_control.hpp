@@ -18,13 +18,13 @@ using CycleCost = std::function<double(double cycle_s, int parts)>;
 /// A cycle has as many parts as the scheme wants, or as it can afford. So a world that is too slow first makes fewer
 /// parts, then longer cycles; then its clock slows.
 ///
-/// Hysteresis: what there is stays until it costs more than kOverShare; a border counts as felt for kQuiet_s longer than
-/// it is.
+/// Hysteresis: what there is stays until it costs more than kOverShare; a border counts as felt, and a cost as high, for
+/// kSettled_s longer than it is.
 class RatioControl {
  public:
-  static constexpr double kShare = 0.65;  ///< of a cycle for the world; the rest is for what takes longer now and then
-  static constexpr double kOverShare = 0.8;
-  static constexpr double kQuiet_s = 0.25;
+  static constexpr double kShare = 0.6;  ///< of a cycle for the world; the rest is for what takes longer now and then
+  static constexpr double kOverShare = 0.75;
+  static constexpr double kSettled_s = 0.25;
 
   explicit RatioControl(const Settings& settings);
 
@@ -39,7 +39,8 @@ class RatioControl {
   double h_s_;
   int least_, most_;
   int given_parts_;  ///< by the scene; 0: as wanted and affordable
-  double quiet_s_ = 0.0;
+  double quiet_s_ = 0.0;  ///< for which no border was felt
+  double cheap_s_ = 0.0;  ///< for which a smaller ratio was affordable
 };
 
 }  // namespace subworld

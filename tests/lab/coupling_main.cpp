@@ -60,6 +60,10 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       ->check(CLI::IsMember({"direct", "paper", "paper_literal", "reduced"}));
   CLI::Option* ratio = add_list(app, "--ratio", sweep.ratios, "simulation ratios r = T / h (default: 1,4,10,20)");
   ratio->check(CLI::Range(1, 1000));
+  add_list(app, "--ratio-most", sweep.ratios_most,
+           "the ratio may rise to so much where nothing that crosses a border is felt, or where the world costs more than "
+           "a cycle by its engine's published costs; 0: it is fixed (default: 0)")
+      ->check(CLI::Range(0, kMostRatio));
   add_numbers(app, "--box", sweep.boxes_m, "half sides of the box around the proxy, m (default: the scene's)", 1e-3,
               1e3);
   add_list(app, "--depth", sweep.contact_depths,
@@ -110,7 +114,8 @@ void write_trace(const std::string& folder, const Trace& trace) {
                     {"force_z_n", f.z()},
                     {"reference_x_n", r.x()},
                     {"reference_y_n", r.y()},
-                    {"reference_z_n", r.z()}});
+                    {"reference_z_n", r.z()},
+                    {"ratio", trace.ratios[i]}});
   }
   write_csv(fmt::format("{}/traces/{}.csv", folder, trace.name), rows);
 }
@@ -144,6 +149,7 @@ Json asked(const Sweep& s) {
           {"engine", s.engines},
           {"haptic_engine", s.haptic_engines},
           {"ratio", s.ratios},
+          {"ratio_most", s.ratios_most},
           {"box_m", s.boxes_m},
           {"contact_depth", s.contact_depths},
           {"budget_ratio", s.budget_ratios},

@@ -75,6 +75,8 @@ Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
           {"haptic_engine", s.haptic.name},
           {"h_s", s.h_s},
           {"ratio", s.ratio},
+          {"ratio_most", s.largest_ratio()},
+          {"ratio_mean", run.ratio.mean()},
           {"box_m", scene.users.front().box_half_m},
           {"contact_depth", scene.users.front().contact_depth},
           {"budget_ratio", scene.users.front().budget_ratio},
@@ -126,7 +128,12 @@ std::optional<Outcome> run_out(const Scene& scene) {
   Outcome out;
   while (run->finite() && run->world.time_s() < scene.settings.duration_s - 1e-9) {
     if (stop_signal() != 0) return std::nullopt;
+    const std::uint64_t stamp = run->world.stamp();
     run->cycle();
+    if (run->world.stamp() > stamp) {
+      out.ratio.add(run->world.ratio());
+      out.ratios.insert(out.ratios.end(), static_cast<std::size_t>(run->world.ratio()), run->world.ratio());
+    }
     for (std::size_t u = 0; u < run->subs.size(); ++u) {
       const WorldFrame& frame = run->frame(u);
       out.members.add(static_cast<double>(frame.members.size()));
@@ -177,10 +184,12 @@ std::optional<Measured> measure(const Point& point, References& references) {
                     .name = fmt::format("{}_{}_r{}{}{}", scene.name, point.scheme, point.ratio, parts, late),
                     .h_s = scene.settings.h_s,
                     .force = run->felt.front().force,
-                    .reference = reference->run.felt.front().force};
+                    .reference = reference->run.felt.front().force,
+                    .ratios = run->ratios};
   const std::size_t n = std::min(measured.trace.force.size(), measured.trace.reference.size());
   measured.trace.force.resize(n);
   measured.trace.reference.resize(n);
+  measured.trace.ratios.resize(n, scene.settings.ratio);
   return measured;
 }
 

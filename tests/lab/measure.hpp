@@ -22,6 +22,8 @@ struct Outcome {
   int substeps = 1;
   CpuTimes cpu;
   double simulated_s = 0.0;
+  MeanMax ratio;    ///< by cycle
+  std::vector<int> ratios;  ///< by haptic step of the world
   MeanMax members;  ///< per user and cycle, as the next two
   MeanMax ghosts;
   MeanMax border_pairs;
@@ -55,6 +57,7 @@ struct Trace {
   double h_s = 0.0;
   std::vector<Vec3> force;  ///< N
   std::vector<Vec3> reference;
+  std::vector<int> ratios;  ///< by haptic step
 };
 
 struct Measured {

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <optional>
 #include <set>
 
 namespace subworld {
@@ -28,6 +30,7 @@ constexpr std::array kSwept{
     Swept{"haptic_engine", "haptic", "", "", 1.0, ""},
     Swept{"h_s", "h", "the haptic step", "haptic step h, ms", 1e3, " ms"},
     Swept{"ratio", "r", "the ratio", "simulation ratio r = T / h", 1.0, ""},
+    Swept{"ratio_most", "r at most", "the largest ratio", "largest simulation ratio", 1.0, ""},
     Swept{"box_m", "box", "the box", "half side of the box, m", 1.0, " m"},
     Swept{"contact_depth", "depth", "the depth of contact", "contacts from the proxy to a member", 1.0, ""},
     Swept{"budget_ratio", "budget", "the budget", "budget of a haptic step, % of h", 1e2, " %"},
@@ -127,7 +130,7 @@ std::string title_of(const std::string& against, const std::vector<const Json*>&
 
 Plot work_precision(const Rows& rows, const std::vector<std::string>& columns) {
   std::set<std::string> free = kinds();
-  free.insert({"ratio", "box_m", "contact_depth", "budget_ratio", "world_substeps"});
+  free.insert({"ratio", "ratio_most", "box_m", "contact_depth", "budget_ratio", "world_substeps"});
   const auto chosen = slice(rows, columns, free);
   return {.title = title_of("run time", chosen, columns),
           .x_label = "CPU s per simulated s",
@@ -200,6 +203,30 @@ Plot felt_force(const std::vector<const Trace*>& traces) {
   return plot;
 }
 
+/// Nothing where no ratio changes.
+std::optional<Plot> ratios(const std::vector<const Trace*>& traces) {
+  Plot plot{.title = "Simulation ratio while it adapts",
+            .x_label = "time, s",
+            .y_label = "haptic steps a cycle",
+            .x_ticks = {},
+            .series = {},
+            .levels = {}};
+  for (const Trace* trace : traces) {
+    if (std::ranges::adjacent_find(trace->ratios, std::ranges::not_equal_to{}) == trace->ratios.end()) continue;
+    Series line{
+        .title = trace->scheme, .colour = colour_of(trace->scheme), .width = 1.4, .mark = 0, .dashed = false, .points = {}};
+    for (std::size_t i = 0; i < trace->ratios.size(); ++i) {
+      const bool corner = i == 0 || i + 1 == trace->ratios.size() || trace->ratios[i - 1] != trace->ratios[i];
+      if (!corner) continue;
+      if (i > 0) line.points.emplace_back(static_cast<double>(i) * trace->h_s, trace->ratios[i - 1]);
+      line.points.emplace_back(static_cast<double>(i) * trace->h_s, trace->ratios[i]);
+    }
+    plot.series.push_back(std::move(line));
+  }
+  if (plot.series.empty()) return std::nullopt;
+  return plot;
+}
+
 }  // namespace
 
 std::vector<std::string> swept(const std::vector<const Json*>& rows) {
@@ -232,7 +259,7 @@ std::string swept_text(const Json& row, const std::vector<std::string>& columns,
 std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
   const std::vector<std::string> columns = swept(rows);
   std::vector<Plot> plots{work_precision(rows, columns)};
-  for (const char* x : {"ratio", "box_m", "contact_depth", "budget_ratio", "latency_s", "jitter_s", "world_substeps",
+  for (const char* x : {"ratio", "ratio_most", "box_m", "contact_depth", "budget_ratio", "latency_s", "jitter_s", "world_substeps",
                         "coupling_stiffness_n_m", "h_s"}) {
     if (std::ranges::find(columns, x) != columns.end()) plots.push_back(error_against(x, rows, columns));
   }
@@ -240,7 +267,10 @@ std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
   for (const Trace& trace : traces) {
     if (trace.scene == rows.front().at("scene")) by_latency[trace.latency_s].push_back(&trace);
   }
-  for (const auto& [latency_s, alike] : by_latency) plots.push_back(felt_force(alike));
+  for (const auto& [latency_s, alike] : by_latency) {
+    plots.push_back(felt_force(alike));
+    if (auto adapted = ratios(alike)) plots.push_back(std::move(*adapted));
+  }
   return plots;
 }
 

@@ -66,6 +66,7 @@ std::vector<Point> points_of(const Sweep& sweep) {
                                axis(sweep.substeps, &Point::substeps),
                                axis(sweep.latencies_s, &Point::latency_s),
                                axis(sweep.jitters_s, &Point::jitter_s),
+                               axis(sweep.ratios_most, &Point::ratio_most),
                                axis(sweep.ratios, &Point::ratio)};
   std::size_t count = 1;
   for (const Axis& a : axes) count *= a.count;
@@ -89,7 +90,7 @@ Scene scene_of(const Point& point) {
   const bool literal = point.scheme == "paper_literal";
   s.scheme = literal ? "paper" : point.scheme;
   s.paper.device_force_in_world = !literal;
-  s.set_ratio({point.ratio, point.ratio});
+  s.set_ratio({point.ratio, point.ratio_most});
   s.world.substeps.reset();
   if (point.substeps > 0) s.world.substeps = point.substeps;
   s.delay = {.up_s = 0.5 * point.latency_s, .down_s = 0.5 * point.latency_s, .jitter_s = point.jitter_s};
@@ -131,7 +132,7 @@ int shown_ratio(const std::vector<int>& ratios) {
 }
 
 bool shown(const Point& p, const Sweep& s) {
-  return p.ratio == shown_ratio(s.ratios) && p.variant == s.variants.front() && p.engine == s.engines.front() &&
+  return p.ratio == shown_ratio(s.ratios) && p.ratio_most == s.ratios_most.front() && p.variant == s.variants.front() && p.engine == s.engines.front() &&
          p.haptic_engine == s.haptic_engines.front() && p.box_m == s.boxes_m.front() &&
          p.contact_depth == s.contact_depths.front() && p.budget_ratio == s.budget_ratios.front() &&
          p.substeps == s.substeps.front() && p.jitter_s == s.jitters_s.front() &&

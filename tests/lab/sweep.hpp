@@ -17,6 +17,7 @@ struct Sweep {
   std::vector<std::string> engines{""};
   std::vector<std::string> haptic_engines{""};
   std::vector<int> ratios{1, 4, 10, 20};
+  std::vector<int> ratios_most{0};   ///< to which the ratio may rise; 0: it is fixed
   std::vector<double> boxes_m{0.0};  ///< half sides
   std::vector<int> contact_depths{-1};
   std::vector<double> budget_ratios{0.0};  ///< parts of h
@@ -36,6 +37,7 @@ struct Point {
   std::string engine;
   std::string haptic_engine;
   int ratio = 1;
+  int ratio_most = 0;
   double box_m = 0.0;
   int contact_depth = -1;
   double budget_ratio = 0.0;

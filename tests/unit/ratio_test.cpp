@@ -1,0 +1,213 @@
+// The simulation ratio while it changes: who counts which cycles, what decides, and what a hand feels of it.
+#include "coupling/ratio_control.hpp"
+#include "coupling/timetable.hpp"
+#include "lab/coupled_run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+namespace subworld {
+namespace {
+
+TEST(Timetable, CountsStepsThroughChanges) {
+  Timetable table(4, 16);
+  table.plan({10, 6});
+  table.plan({12, 5});
+  EXPECT_EQ(table.start(10), 40U);
+  EXPECT_EQ(table.ratio(9), 4);
+  EXPECT_EQ(table.ratio(10), 6);
+  EXPECT_EQ(table.start(12), 52U);
+  EXPECT_EQ(table.start(15), 67U);
+}
+
+TEST(Timetable, KnowsEachChangeOnceAndInOrder) {
+  Timetable table(4, 16);
+  table.plan({10, 6});
+  table.plan({10, 6});
+  table.plan({8, 20});
+  EXPECT_EQ(table.start(20), 100U);
+  EXPECT_EQ(table.newest().stamp, 10U);
+}
+
+TEST(Timetable, RemembersAsFarBackAsAsked) {
+  constexpr std::uint64_t kRemembered = 16;
+  Timetable table(4, kRemembered);
+  std::vector<std::uint64_t> starts;
+  std::uint64_t start = 0;
+  for (std::uint64_t stamp = 0; stamp < 500; ++stamp) {
+    const int ratio = 2 + static_cast<int>(stamp / 3 % 7);
+    table.plan({stamp, ratio});
+    starts.push_back(start);
+    start += static_cast<std::uint64_t>(table.ratio(stamp));
+    for (std::uint64_t j = stamp - std::min(stamp, kRemembered); j <= stamp; ++j) ASSERT_EQ(table.start(j), starts[j]);
+  }
+}
+
+TEST(Timetable, BeginsAnewInTheMiddle) {
+  Timetable table(4, 16);
+  table.restart(100, 470, 7);
+  EXPECT_EQ(table.start(100), 470U);
+  EXPECT_EQ(table.start(102), 484U);
+  EXPECT_EQ(table.start(99), 463U);
+}
+
+Settings adaptive(int least, int most) {
+  Settings settings;
+  settings.set_ratio({least, most});
+  return settings;
+}
+
+/// The ratio after `cycles` of a world whose step costs so much.
+int after(RatioControl& control, int ratio, bool felt, double step_s, int cycles) {
+  const CycleCost cost = [step_s](double, int parts) { return parts * step_s; };
+  for (int i = 0; i < cycles; ++i) ratio = control.choose_ratio(ratio, felt, 1e-3 * ratio, cost);
+  return ratio;
+}
+
+TEST(RatioControl, IsTheSmallestThatTheWorldAffordsWhileABorderIsFelt) {
+  RatioControl control(adaptive(4, 12));
+  EXPECT_EQ(after(control, 4, true, 1e-3, 100), 4);
+  const int slow = after(control, 4, true, 4.0e-3, 100);
+  EXPECT_LE(4.0e-3, RatioControl::kShare * 1e-3 * slow);
+  EXPECT_GT(4.0e-3, RatioControl::kShare * 1e-3 * (slow - 1));
+  EXPECT_EQ(after(control, slow, true, 1e-3, 1), slow) << "not for one cheap cycle";
+  EXPECT_EQ(after(control, slow, true, 1e-3, 100), 4);
+  EXPECT_EQ(after(control, 4, true, 1.0, 100), 12) << "not above the bound, whatever it costs";
+}
+
+TEST(RatioControl, GrowsWhereNothingIsFeltForAWhile) {
+  RatioControl control(adaptive(4, 12));
+  const int cycles = static_cast<int>(RatioControl::kSettled_s / 4e-3);
+  EXPECT_EQ(after(control, 4, false, 1e-3, cycles - 1), 4);
+  EXPECT_EQ(after(control, 4, false, 1e-3, 3), 12);
+  EXPECT_EQ(after(control, 12, true, 1e-3, 1), 4) << "it is felt: at once";
+}
+
+TEST(RatioControl, StaysWhereTheCostWavers) {
+  RatioControl control(adaptive(4, 12));
+  int ratio = after(control, 4, true, 3.6e-3, 10), changes = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const int next = after(control, ratio, true, i % 2 == 0 ? 2.3e-3 : 3.6e-3, 1);
+    changes += next != ratio;
+    ratio = next;
+  }
+  EXPECT_EQ(changes, 0);
+}
+
+TEST(RatioControl, FixedStaysFixed) {
+  RatioControl control(adaptive(4, 4));
+  EXPECT_EQ(after(control, 4, false, 1.0, 1000), 4);
+}
+
+TEST(RatioControl, PartsAreWhatIsWantedAndAffordable) {
+  const RatioControl control(adaptive(4, 16));
+  const auto parts = [&](int present, double step_s) {
+    return control.choose_parts(present, 0.016, 0.005, [step_s](double, int n) { return n * step_s; });
+  };
+  EXPECT_EQ(parts(1, 0.0), 4);
+  EXPECT_EQ(parts(1, 1e-3), 4);
+  EXPECT_EQ(parts(4, 4e-3), 2);
+  EXPECT_EQ(parts(4, 0.1), 1);
+  EXPECT_EQ(parts(4, 2.8e-3), 4) << "those that are there stay a little above the share";
+  EXPECT_LT(parts(1, 2.8e-3), 4) << "and no new one comes";
+}
+
+TEST(RatioControl, PartsThatASceneNamesStay) {
+  Settings settings = adaptive(4, 16);
+  settings.world.substeps = 3;
+  EXPECT_EQ(RatioControl(settings).choose_parts(1, 0.016, 0.005, [](double, int) { return 1.0; }), 3);
+}
+
+Scene scene_of(const std::string& name, const RatioBounds& ratio) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml");
+  scene.settings.set_ratio(ratio);
+  scene.settings.users = 1;
+  keep_users(scene, 1);
+  return scene;
+}
+
+TEST(AdaptiveRatio, RepeatsBitByBitAndIsFeltAsTheSmallestRatio) {
+  const Scene scene = scene_of("row", {4, 10});
+  CoupledRun once(scene), again(scene), fixed(scene_of("row", {4, 4}));
+  std::vector<int> ratios;
+  while (once.world.time_s() < 1.5) {
+    once.cycle();
+    again.cycle();
+    ratios.push_back(once.world.ratio());
+  }
+  while (fixed.world.time_s() < once.world.time_s() - 1e-9) fixed.cycle();
+  EXPECT_EQ(once.world.state_hash(), again.world.state_hash());
+  EXPECT_EQ(std::ranges::count(ratios, 10) > 5, true) << "before the tool comes";
+  EXPECT_EQ(ratios.back(), 4) << "while it pushes";
+  double difference = 0.0, squares = 0.0;
+  for (std::size_t i = 0; i < std::min(once.felt[0].force.size(), fixed.felt[0].force.size()); ++i) {
+    difference += (once.felt[0].force[i] - fixed.felt[0].force[i]).squaredNorm();
+    squares += fixed.felt[0].force[i].squaredNorm();
+  }
+  EXPECT_LT(std::sqrt(difference / squares), 0.005);
+}
+
+/// What the first user feels of a world that seems to need `cost_s(time)` for a cycle.
+template <class Cost>
+std::vector<Vec3> felt_at_cost(const Scene& scene, double until_s, std::vector<double>& changes_s, const Cost& cost_s) {
+  constexpr int kManyTimes = 200;  // so that what a cycle costs is known at once
+  CoupledRun run(scene);
+  int ratio = scene.settings.ratio;
+  while (run.world.time_s() < until_s) {
+    const double now_s = run.world.time_s();
+    for (int i = 0; i < kManyTimes; ++i) run.world.took(cost_s(now_s));
+    run.cycle();
+    if (run.world.ratio() != ratio) changes_s.push_back(now_s);
+    ratio = run.world.ratio();
+  }
+  return run.felt[0].force;
+}
+
+TEST(AdaptiveRatio, AChangeUnderTheHandIsNoStepInTheForce) {
+  constexpr double kMostStep_n = 0.2;
+  constexpr double kPressed_s = 1.0, kUntil_s = 2.2;
+  const Scene scene = scene_of("row", {4, 12});
+  // The tool pushes from 0.5 s on; from then on nothing but the ratio differs.
+  std::vector<double> none, changes_s;
+  const auto constant = felt_at_cost(scene, kUntil_s, none, [](double) { return 1e-4; });
+  const auto changing = felt_at_cost(scene, kUntil_s, changes_s, [](double t) {
+    return t > kPressed_s && static_cast<int>(5.0 * t) % 2 == 0 ? 8e-3 : 1e-4;
+  });
+  const auto pressed = std::ranges::count_if(changes_s, [](double t) { return t > kPressed_s; });
+  ASSERT_GE(pressed, 5);
+  for (std::size_t i = 1000; i + 1 < std::min(constant.size(), changing.size()); ++i) {
+    const Vec3 step = (changing[i + 1] - constant[i + 1]) - (changing[i] - constant[i]);
+    ASSERT_LT(step.norm(), kMostStep_n) << "at " << 1e-3 * static_cast<double>(i) << " s";
+  }
+}
+
+TEST(AdaptiveRatio, ASubWorldThatMissedAChangeSaysSoAndBeginsAnew) {
+  const Scene scene = scene_of("row", {4, 12});
+  World world(scene);
+  world.settle([](double) { return true; });
+  SubWorld sub(scene, 0);
+  ASSERT_TRUE(sub.adopt(world.frame(0)));
+  const DeviceState device;
+  WorldFrame after;
+  // Frames stay away from the sub-world until the change is over: without a hand the ratio grows.
+  while (world.timetable().newest().stamp == 0 || world.stamp() < world.timetable().newest().stamp + 3) {
+    world.step();
+    after = world.frame(0);
+  }
+  while (sub.stamp() <= after.stamp) {
+    (void)sub.step(device, true, scene.settings.h_s);
+    if (sub.report_due()) (void)sub.report(1);
+  }
+  EXPECT_FALSE(world.receive(HapticReport(sub.report(1)))) << "its stamps are of other times";
+  ASSERT_FALSE(sub.agrees(after));
+  ASSERT_TRUE(sub.adopt(after));
+  EXPECT_TRUE(sub.agrees(after));
+  EXPECT_NEAR(sub.time_s(), world.time_s(), 1e-9);
+  EXPECT_NEAR(sub.cycle_left_s(), scene.settings.longest_cycle_s(), 1e-9);
+}
+
+}  // namespace
+}  // namespace subworld
