@@ -194,48 +194,31 @@ void ContactSolver::start_from_last_friction(btScalar part) {
   }
 }
 
-bool ContactSolver::push_apart() {
-  bool changed = false;
-  for (const Pair& pair : pairs_) {
-    if (!pair.penetrates) continue;
-    BothMotion moved = gather(pushed_[pair.a], pushed_[pair.b]);
-    for (std::size_t i = pair.begin; i < pair.end; ++i) {
-      Push& push = pushes_[i];
-      if (push.rhs == 0) continue;
-      const Row& row = normals_[i];
-      const Both speeds = linear_speed(row, moved) + angular_speed(row, moved);
-      const btScalar wanted = push.rhs - speeds[0] * row.step - speeds[1] * row.step;
-      const btScalar impulse = btMax(push.impulse + wanted, btScalar(0));
-      const btScalar by = impulse > 0 ? wanted : -push.impulse;
-      push.impulse = impulse;
-      if (by == 0) continue;
-      changed = true;
-      apply(row, pair.inverse_mass, by, moved);
-    }
-    scatter(moved, pushed_[pair.a], pushed_[pair.b]);
-  }
-  return changed;
-}
-
-bool ContactSolver::solve_normals() {
-  bool changed = false;
+ContactSolver::Changed ContactSolver::solve_normals(bool push) {
+  Changed changed;
   for (const Pair& pair : pairs_) {
     BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);
-    bool applied = false;
-    for (std::size_t i = pair.begin; i < pair.end; ++i) {
-      Row& row = normals_[i];
-      const Both speeds = linear_speed(row, motion) + angular_speed(row, motion);
-      const btScalar wanted = row.rhs - speeds[0] * row.step - speeds[1] * row.step;
-      const btScalar sum = row.impulse + wanted;
-      const btScalar by = sum < 0 ? -row.impulse : wanted;
-      row.impulse = btMax(sum, btScalar(0));
-      if (by == 0) continue;
-      applied = true;
-      apply(row, pair.inverse_mass, by, motion);
+    const bool pushes = push && pair.penetrates;
+    bool moves = false;
+    if (pushes) {
+      BothMotion pushed = gather(pushed_[pair.a], pushed_[pair.b]);
+      bool pushed_on = false;
+      for (std::size_t i = pair.begin; i < pair.end; ++i) {
+        Push& penetration = pushes_[i];
+        Row& row = normals_[i];
+        pushed_on |= solve_row(row, penetration.rhs, penetration.impulse, pair.inverse_mass, pushed);
+        moves |= solve_row(row, row.rhs, row.impulse, pair.inverse_mass, motion);
+      }
+      changed.pose |= pushed_on;
+      scatter(pushed, pushed_[pair.a], pushed_[pair.b]);
+    } else {
+      for (std::size_t i = pair.begin; i < pair.end; ++i) {
+        Row& row = normals_[i];
+        moves |= solve_row(row, row.rhs, row.impulse, pair.inverse_mass, motion);
+      }
     }
-    if (!applied) continue;
-    changed = true;
-    scatter(motion, motions_[pair.a], motions_[pair.b]);
+    changed.velocity |= moves;
+    if (moves) scatter(motion, motions_[pair.a], motions_[pair.b]);
   }
   return changed;
 }
