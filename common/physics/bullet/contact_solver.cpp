@@ -23,6 +23,24 @@ btScalar bounce(btScalar speed, btScalar restitution, btScalar threshold) {
   return btFabs(speed) < threshold ? btScalar(0) : btMax(restitution * -speed, btScalar(0));
 }
 
+/// One row's turn: its impulse pulls no body. False if it changed nothing.
+bool solve(const Row& row, btScalar rhs, btScalar& impulse, Both inverse_mass, BothMotion& motion) {
+  const Both speeds = linear_speed(row, motion) + angular_speed(row, motion);
+  const btScalar wanted = rhs - speeds[0] * row.step - speeds[1] * row.step;
+  const btScalar sum = impulse + wanted;
+  const btScalar by = sum < 0 ? -impulse : wanted;
+  impulse = sum < 0 ? btScalar(0) : sum;
+  if (by == 0) return false;
+  apply(row, inverse_mass, by, motion);
+  return true;
+}
+
+/// Whether a vector is shorter than `most`, by more than rounding: no root is needed to see that.
+bool is_within(btScalar x, btScalar y, btScalar most) {
+  constexpr btScalar kRounding = 16 * SIMD_EPSILON;
+  return x * x + y * y < (1 - kRounding) * (most * most);
+}
+
 }  // namespace
 
 ContactSolver::ContactSolver() {
@@ -47,12 +65,11 @@ btScalar ContactSolver::solveGroup(btCollisionObject** bodies, int body_count, b
   for (int i = 0; i < manifold_count; ++i) prepare_pair(*manifolds[i], info);
   start_from_last_friction(1 - friction_forgotten_s_ / info.m_timeStep);
 
-  for (int i = 0; i < info.m_numIterations && push_apart(); ++i) {
-  }
-  bool changed = true;
-  for (int i = 0; i < info.m_numIterations && changed; ++i) {
-    changed = solve_normals();
-    solve_friction();
+  Active active;
+  for (int i = 0; i < info.m_numIterations && (active.pushes || active.impulses); ++i) {
+    const bool friction = active.impulses;
+    active = solve_normals(active);
+    if (friction) solve_friction();
   }
   write_impulses();
   write_motions(info);
@@ -194,31 +211,26 @@ void ContactSolver::start_from_last_friction(btScalar part) {
   }
 }
 
-ContactSolver::Changed ContactSolver::solve_normals(bool push) {
-  Changed changed;
+// Pushes and impulses know nothing of each other. Taken in turn, the processor computes one while the other waits for
+// its last result.
+ContactSolver::Active ContactSolver::solve_normals(Active active) {
+  Active changed{false, false};
   for (const Pair& pair : pairs_) {
+    const bool pushes = active.pushes && pair.penetrates;
+    if (!pushes && !active.impulses) continue;
     BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);
-    const bool pushes = push && pair.penetrates;
-    bool moves = false;
-    if (pushes) {
-      BothMotion pushed = gather(pushed_[pair.a], pushed_[pair.b]);
-      bool pushed_on = false;
-      for (std::size_t i = pair.begin; i < pair.end; ++i) {
-        Push& penetration = pushes_[i];
-        Row& row = normals_[i];
-        pushed_on |= solve_row(row, penetration.rhs, penetration.impulse, pair.inverse_mass, pushed);
-        moves |= solve_row(row, row.rhs, row.impulse, pair.inverse_mass, motion);
-      }
-      changed.pose |= pushed_on;
-      scatter(pushed, pushed_[pair.a], pushed_[pair.b]);
-    } else {
-      for (std::size_t i = pair.begin; i < pair.end; ++i) {
-        Row& row = normals_[i];
-        moves |= solve_row(row, row.rhs, row.impulse, pair.inverse_mass, motion);
-      }
+    BothMotion pushed = gather(pushed_[pair.a], pushed_[pair.b]);
+    bool by_pushes = false, by_impulses = false;
+    for (std::size_t i = pair.begin; i < pair.end; ++i) {
+      Row& row = normals_[i];
+      Push& push = pushes_[i];
+      if (pushes && push.rhs != 0) by_pushes |= solve(row, push.rhs, push.impulse, pair.inverse_mass, pushed);
+      if (active.impulses) by_impulses |= solve(row, row.rhs, row.impulse, pair.inverse_mass, motion);
     }
-    changed.velocity |= moves;
-    if (moves) scatter(motion, motions_[pair.a], motions_[pair.b]);
+    if (by_pushes) scatter(pushed, pushed_[pair.a], pushed_[pair.b]);
+    if (by_impulses) scatter(motion, motions_[pair.a], motions_[pair.b]);
+    changed.pushes |= by_pushes;
+    changed.impulses |= by_impulses;
   }
   return changed;
 }
@@ -237,15 +249,20 @@ void ContactSolver::solve_friction() {
         const Both linear = linear_speed(row, motion), angular = angular_speed(row, motion);
         return row.impulse + row.rhs - (linear[0] + angular[0] + linear[1] + angular[1]) * row.step;
       };
-      const btScalar first = wanted(rows[0]), second = wanted(rows[1]);
-      const btScalar size = btSqrt(first * first + second * second);
-      const btScalar part = size > most ? most / size : btScalar(1);
       const auto set = [&](Row& row, btScalar impulse) {
         apply(row, pair.inverse_mass, impulse - row.impulse, motion);
         row.impulse = impulse;
       };
-      set(rows[0], part * first);
-      set(rows[1], part * second);
+      const btScalar first = wanted(rows[0]), second = wanted(rows[1]);
+      if (is_within(first, second, most)) {
+        set(rows[0], first);
+        set(rows[1], second);
+      } else {
+        const btScalar size = btSqrt(first * first + second * second);
+        const btScalar part = size > most ? most / size : btScalar(1);
+        set(rows[0], part * first);
+        set(rows[1], part * second);
+      }
       normal.held = rows[0].impulse != 0 || rows[1].impulse != 0;
       applied = true;
     }

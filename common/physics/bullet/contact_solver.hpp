@@ -88,9 +88,12 @@ class ContactSolver final : public btConstraintSolver {
   void prepare_friction(btManifoldPoint& point, const Both3& arm, const PairState& before, btScalar relaxation);
   void start_from_last_friction(btScalar part);
 
-  /// One pass over all rows; false if it changed nothing.
-  bool push_apart();
-  bool solve_normals();
+  /// Whether passes over the normals still change anything.
+  struct Active {
+    bool pushes = true;
+    bool impulses = true;
+  };
+  Active solve_normals(Active active);
   void solve_friction();
 
   void write_impulses() const;
