@@ -24,8 +24,8 @@ constexpr auto kReach = btScalar(0.1);
 constexpr auto kParallel = btScalar(1e-4);
 
 struct Cuboid {
-  btTransform pose;
-  btVector3 half;
+  const btTransform& pose;
+  const btVector3& half;
 
   [[nodiscard]] btVector3 axis(int i) const { return pose.getBasis().getColumn(i); }
 };
@@ -54,15 +54,17 @@ class Relation {
   [[nodiscard]] btScalar on_b(int i) const {
     return btFabs(t_.dot(r_.getColumn(i))) - half_b_[i] - half_a_.dot(abs_r_.getColumn(i));
   }
-  /// Across edge i of the first and j of the second; nothing if they are parallel.
-  [[nodiscard]] std::optional<btScalar> on_edges(int i, int j) const {
+  /// Across edge i of the first and j of the second; nothing if they are parallel, or if the boxes are deeper in each
+  /// other there than `least` (m).
+  [[nodiscard]] std::optional<btScalar> on_edges(int i, int j, btScalar least = -BT_LARGE_FLOAT) const {
     const btScalar square = 1 - r_[i][j] * r_[i][j];
     if (square < kParallel) return {};
     const int i1 = (i + 1) % 3, i2 = (i + 2) % 3;
     const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-    return (btFabs(t_[i2] * r_[i1][j] - t_[i1] * r_[i2][j]) - half_a_[i1] * abs_r_[i2][j] -
-            half_a_[i2] * abs_r_[i1][j] - half_b_[j1] * abs_r_[i][j2] - half_b_[j2] * abs_r_[i][j1]) /
-           btSqrt(square);
+    const btScalar across = btFabs(t_[i2] * r_[i1][j] - t_[i1] * r_[i2][j]) - half_a_[i1] * abs_r_[i2][j] -
+                            half_a_[i2] * abs_r_[i1][j] - half_b_[j1] * abs_r_[i][j2] - half_b_[j2] * abs_r_[i][j1];
+    if (across < 0 && across <= least) return {};  // the sine is at most 1: divided by it, they are no less deep
+    return across / btSqrt(square);
   }
 
   /// Whether the boxes are `reach` or more apart in the direction of that number.
@@ -94,8 +96,11 @@ Direction least_deep(const Relation& boxes, int last, btScalar reach) {
   }
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
-      const auto gap = boxes.on_edges(i, j);
-      if (gap && !keep({6 + 3 * i + j, *gap}, edge, last_edge)) return edge;
+      const int number = 6 + 3 * i + j;
+      // An edge is chosen only if it is less deep than any face, and any other edge but the last one.
+      const btScalar least = number == last ? -BT_LARGE_FLOAT : btMax(face.gap, edge.gap);
+      const auto gap = boxes.on_edges(i, j, least);
+      if (gap && !keep({number, *gap}, edge, last_edge)) return edge;
     }
   }
   const btScalar better = kBetterGap * reach;
@@ -290,17 +295,16 @@ class BoxBox final : public btCollisionAlgorithm {
          const btCollisionObject* second)
       : btCollisionAlgorithm(info),
         manifold_(m_dispatcher->getNewManifold(first, second)),
-        reach_(manifold_->getContactBreakingThreshold()) {}
+        half_a_(half_of(*first)),
+        half_b_(half_of(*second)),
+        reach_(manifold_->getContactBreakingThreshold()),
+        same_(kReach * btMin(half_a_.length(), half_b_.length())) {}
   ~BoxBox() override { m_dispatcher->releaseManifold(manifold_); }
 
   void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
                         const btDispatcherInfo&, btManifoldResult* result) override {
     result->setPersistentManifold(manifold_);
-    const auto cuboid = [](const btCollisionObjectWrapper& object) {
-      const auto& box = *static_cast<const btBoxShape*>(object.getCollisionShape());
-      return Cuboid{object.getWorldTransform(), box.getHalfExtentsWithMargin()};
-    };
-    const Cuboid a = cuboid(*first), b = cuboid(*second);
+    const Cuboid a{first->getWorldTransform(), half_a_}, b{second->getWorldTransform(), half_b_};
     const Relation boxes(a, b);
     if (separating_ >= 0 && boxes.is_apart(separating_, reach_)) return;  // as in the step before
     const Direction direction = least_deep(boxes, last_, reach_);
@@ -324,7 +328,7 @@ class BoxBox final : public btCollisionAlgorithm {
     put_points(direction.is_edge() ? meet_on_edges(a, b, direction.number)
                                    : meet_on_face(a, b, direction.number, reach_, is_old),
                *first->getCollisionObject(), *second->getCollisionObject());
-    go_on_from(old, kReach * btMin(a.half.length(), b.half.length()));
+    go_on_from(old);
   }
 
   btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
@@ -334,6 +338,10 @@ class BoxBox final : public btCollisionAlgorithm {
   void getAllContactManifolds(btManifoldArray& all) override { all.push_back(manifold_); }
 
  private:
+  static btVector3 half_of(const btCollisionObject& object) {
+    return static_cast<const btBoxShape*>(object.getCollisionShape())->getHalfExtentsWithMargin();
+  }
+
   /// Empties the manifold.
   std::span<const LastPoint> take_points(std::array<LastPoint, kMostPoints>& into) {
     const auto count = static_cast<std::size_t>(manifold_->getNumContacts());
@@ -347,50 +355,56 @@ class BoxBox final : public btCollisionAlgorithm {
     return {into.data(), count};
   }
 
-  /// As btManifoldResult::addContactPoint, with what all points have in common computed once. Of points that are
-  /// nearer to each other than the breaking threshold the last one stays.
+  /// As btManifoldResult::addContactPoint, with what all points have in common computed once, and written where they
+  /// stay: what is not set here is as it was constructed. Of points that are nearer to each other than the breaking
+  /// threshold the last one stays.
   void put_points(const Points& found, const btCollisionObject& first, const btCollisionObject& second) {
-    btManifoldPoint point;
-    point.m_normalWorldOnB = found.normal;
-    point.m_combinedFriction = btManifoldResult::calculateCombinedFriction(&first, &second);
-    point.m_combinedRestitution = btManifoldResult::calculateCombinedRestitution(&first, &second);
-    point.m_combinedRollingFriction = point.m_combinedSpinningFriction = 0;
-    point.m_partId0 = point.m_partId1 = point.m_index1 = -1;
-    btPlaneSpace1(found.normal, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
-    point.m_contactPointFlags = BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
+    const btScalar friction = btManifoldResult::calculateCombinedFriction(&first, &second);
+    const btScalar restitution = btManifoldResult::calculateCombinedRestitution(&first, &second);
+    btVector3 lateral_1, lateral_2;
+    btPlaneSpace1(found.normal, lateral_1, lateral_2);
     for (std::size_t i = 0; i < found.count; ++i) {
       const auto& [on_b, distance, feature] = found.points[i];
       if (distance > reach_) continue;
-      point.m_positionWorldOnB = on_b;
-      point.m_positionWorldOnA = on_b + found.normal * distance;
-      point.m_distance1 = distance;
-      point.m_localPointA = first.getWorldTransform().invXform(point.m_positionWorldOnA);
+      const btVector3 on_a = on_b + found.normal * distance;
+      const btVector3 local_a = first.getWorldTransform().invXform(on_a);
+      btManifoldPoint& point = manifold_->getContactPoint(place_for(local_a));
+      point.m_localPointA = local_a;
       point.m_localPointB = second.getWorldTransform().invXform(on_b);
+      point.m_positionWorldOnA = on_a;
+      point.m_positionWorldOnB = on_b;
+      point.m_normalWorldOnB = found.normal;
+      point.m_distance1 = distance;
+      point.m_combinedFriction = friction;
+      point.m_combinedRestitution = restitution;
+      point.m_combinedRollingFriction = point.m_combinedSpinningFriction = 0;
       point.m_index0 = feature;
-      int place = nearest(point.m_localPointA);
-      if (place < 0) {
-        place = manifold_->getNumContacts();
-        manifold_->setNumContacts(place + 1);
-      }
-      manifold_->getContactPoint(place) = point;
+      point.m_lateralFrictionDir1 = lateral_1;
+      point.m_lateralFrictionDir2 = lateral_2;
+      point.m_contactPointFlags = BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
+      point.m_appliedImpulse = point.m_appliedImpulseLateral1 = point.m_appliedImpulseLateral2 = 0;
+      point.m_lifeTime = 0;
     }
   }
 
-  /// The point that is nearest to a place on the first box, within the breaking threshold; -1: none.
-  [[nodiscard]] int nearest(const btVector3& local_a) const {
+  /// In the manifold: that of the point which is nearest on the first box, within the breaking threshold, or a new one.
+  int place_for(const btVector3& local_a) {
     btScalar shortest = reach_ * reach_;
-    int found = -1;
+    int place = -1;
     for (int i = 0; i < manifold_->getNumContacts(); ++i) {
       const btScalar distance = (manifold_->getContactPoint(i).m_localPointA - local_a).length2();
       if (distance >= shortest) continue;
       shortest = distance;
-      found = i;
+      place = i;
     }
-    return found;
+    if (place >= 0) return place;
+    place = manifold_->getNumContacts();
+    manifold_->setNumContacts(place + 1);
+    return place;
   }
 
   /// Gives each point what the same one, or else the nearest that is left, carried in the step before.
-  void go_on_from(std::span<const LastPoint> old, btScalar reach) {
+  void go_on_from(std::span<const LastPoint> old) {
     std::array<bool, kMostPoints> given{};
     std::array<bool, kMostPoints> taken{};
     const auto take = [&](int to, std::size_t from) {
@@ -411,7 +425,7 @@ class BoxBox final : public btCollisionAlgorithm {
     }
     for (int i = 0; i < manifold_->getNumContacts(); ++i) {
       if (given[static_cast<std::size_t>(i)]) continue;
-      btScalar nearest = reach * reach;
+      btScalar nearest = same_ * same_;
       std::optional<std::size_t> from;
       for (std::size_t k = 0; k < old.size(); ++k) {
         const btScalar distance = (old[k].local_b - manifold_->getContactPoint(i).m_localPointB).length2();
@@ -424,7 +438,9 @@ class BoxBox final : public btCollisionAlgorithm {
   }
 
   btPersistentManifold* manifold_;
+  btVector3 half_a_, half_b_;
   btScalar reach_;       ///< from here on there are no points, m
+  btScalar same_;        ///< within it a point goes on with another's impulses, m
   int last_ = -1;        ///< number of the direction of the step before
   int separating_ = -1;  ///< number of the direction that kept the boxes apart in the step before
 };
