@@ -27,12 +27,10 @@ btScalar bounce(btScalar speed, btScalar restitution, btScalar threshold) {
 bool solve(const Row& row, btScalar rhs, btScalar& impulse, Both inverse_mass, BothMotion& motion) {
   const Both speeds = linear_speed(row, motion) + angular_speed(row, motion);
   const btScalar wanted = rhs - speeds[0] * row.step - speeds[1] * row.step;
-  const btScalar sum = impulse + wanted;
-  const btScalar by = sum < 0 ? -impulse : wanted;
-  impulse = sum < 0 ? btScalar(0) : sum;
-  if (by == 0) return false;
+  const btScalar by = btMax(wanted, -impulse);
+  impulse = btMax(impulse + wanted, btScalar(0));
   apply(row, inverse_mass, by, motion);
-  return true;
+  return by != 0;
 }
 
 /// Whether a vector is shorter than `most`, by more than rounding: no root is needed to see that.
