@@ -23,7 +23,7 @@ btScalar bounce(btScalar speed, btScalar restitution, btScalar threshold) {
   return btFabs(speed) < threshold ? btScalar(0) : btMax(restitution * -speed, btScalar(0));
 }
 
-/// One row's turn: its impulse pulls no body. False if it changed nothing.
+/// One row's turn of Gauss-Seidel, with an impulse that only pushes. False if it changed nothing.
 bool solve(const Row& row, btScalar rhs, btScalar& impulse, Both inverse_mass, BothMotion& motion) {
   const Both speeds = linear_speed(row, motion) + angular_speed(row, motion);
   const btScalar wanted = rhs - speeds[0] * row.step - speeds[1] * row.step;
