@@ -1,7 +1,6 @@
 #include "physics/contact_totals.hpp"
 
 #include <algorithm>
-#include <numeric>
 #include <tuple>
 
 namespace subworld {
@@ -10,63 +9,68 @@ namespace {
 
 constexpr std::size_t kUsualContacts = 4096;
 
+std::uint64_t bodies_of(const Contact& contact) { return std::uint64_t{index(contact.a)} << 32 | index(contact.b); }
+
 }  // namespace
 
 ContactTotals::ContactTotals() {
   collected_.reserve(kUsualContacts);
-  by_pair_.reserve(kUsualContacts);
+  runs_.reserve(kUsualContacts);
   contacts_.reserve(kUsualContacts);
   last_seen_.reserve(kUsualContacts);
 }
 
 void ContactTotals::clear() noexcept {
   collected_.clear();
+  runs_.clear();
   contacts_.clear();
 }
 
 void ContactTotals::add(const Contact& contact, int substep, double reach_m) {
+  const auto place = static_cast<std::uint32_t>(collected_.size());
   collected_.push_back({contact, substep, reach_m});
+  const std::uint64_t bodies = bodies_of(contact);
+  if (runs_.empty() || runs_.back().bodies != bodies) runs_.push_back({bodies, place, place});
+  runs_.back().end = place + 1;
 }
 
 void ContactTotals::merge() {
-  by_pair_.resize(collected_.size());
-  std::iota(by_pair_.begin(), by_pair_.end(), 0U);
-  std::sort(by_pair_.begin(), by_pair_.end(), [this](std::uint32_t x, std::uint32_t y) {
-    const Contact& first = collected_[x].contact;
-    const Contact& second = collected_[y].contact;
-    return std::tuple(first.a, first.b, x) < std::tuple(second.a, second.b, y);
-  });
+  std::sort(runs_.begin(), runs_.end(),
+            [](const Run& x, const Run& y) { return std::tie(x.bodies, x.begin) < std::tie(y.bodies, y.begin); });
   std::size_t pair_begin = 0;  // of the pair in hand, in contacts_
   contacts_.clear();
   last_seen_.clear();
-  for (const std::uint32_t i : by_pair_) {
-    const Collected& next = collected_[i];
-    if (!contacts_.empty() && (contacts_.back().a != next.contact.a || contacts_.back().b != next.contact.b)) {
-      pair_begin = contacts_.size();
-    }
-    const std::size_t known = find(next, pair_begin);
-    if (known == contacts_.size()) {
-      contacts_.push_back(next.contact);
-      last_seen_.push_back(next.substep);
-      continue;
-    }
-    Contact& sum = contacts_[known];
-    const double normal_impulse = sum.normal_impulse + next.contact.normal_impulse;
-    const Vec3 tangential_impulse = sum.tangential_impulse + next.contact.tangential_impulse;
-    sum = next.contact;
-    sum.normal_impulse = normal_impulse;
-    sum.tangential_impulse = tangential_impulse;
-    last_seen_[known] = next.substep;
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    if (r == 0 || runs_[r].bodies != runs_[r - 1].bodies) pair_begin = contacts_.size();
+    for (std::uint32_t i = runs_[r].begin; i < runs_[r].end; ++i) add_up(collected_[i], pair_begin);
   }
   collected_.clear();
+  runs_.clear();
+}
+
+void ContactTotals::add_up(const Collected& next, std::size_t pair_begin) {
+  const std::size_t known = find(next, pair_begin);
+  if (known == contacts_.size()) {
+    contacts_.push_back(next.contact);
+    last_seen_.push_back(next.substep);
+    return;
+  }
+  Contact& sum = contacts_[known];
+  const double normal_impulse = sum.normal_impulse + next.contact.normal_impulse;
+  const Vec3 tangential_impulse = sum.tangential_impulse + next.contact.tangential_impulse;
+  sum = next.contact;
+  sum.normal_impulse = normal_impulse;
+  sum.tangential_impulse = tangential_impulse;
+  last_seen_[known] = next.substep;
 }
 
 std::size_t ContactTotals::find(const Collected& wanted, std::size_t begin) const {
   double nearest_squared = wanted.reach_m * wanted.reach_m;
   std::size_t nearest = contacts_.size();
   for (std::size_t i = begin; i < contacts_.size(); ++i) {
+    if (last_seen_[i] == wanted.substep) continue;
     const double squared = (contacts_[i].point - wanted.contact.point).squaredNorm();
-    if (last_seen_[i] == wanted.substep || squared > nearest_squared) continue;
+    if (squared > nearest_squared) continue;
     nearest_squared = squared;
     nearest = i;
   }

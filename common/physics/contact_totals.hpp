@@ -26,10 +26,16 @@ class ContactTotals {
     int substep;
     double reach_m;
   };
+  /// Contacts of one pair of bodies that were added one after the other.
+  struct Run {
+    std::uint64_t bodies;      ///< both ids; orders as the pair does
+    std::uint32_t begin, end;  ///< in collected_
+  };
+  void add_up(const Collected& next, std::size_t pair_begin);
   [[nodiscard]] std::size_t find(const Collected& wanted, std::size_t begin) const;
 
   std::vector<Collected> collected_;
-  std::vector<std::uint32_t> by_pair_;  ///< indices into collected_, by bodies
+  std::vector<Run> runs_;
   std::vector<Contact> contacts_;
   std::vector<int> last_seen_;  ///< sub-step, of contacts_[i]
 };

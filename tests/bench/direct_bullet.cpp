@@ -27,11 +27,6 @@ DirectBullet::DirectBullet(const Vec3& gravity, double dt)
   configuration_.setPlaneConvexMultipointIterations(4, 5);
   auto& info = world_.getSolverInfo();
   info.m_numIterations = 10;
-  info.m_solverMode = SOLVER_SIMD | SOLVER_USE_WARMSTARTING | SOLVER_USE_2_FRICTION_DIRECTIONS |
-                      SOLVER_ENABLE_FRICTION_DIRECTION_CACHING | SOLVER_DISABLE_VELOCITY_DEPENDENT_FRICTION_DIRECTION;
-  info.m_warmstartingFactor = 1;
-  info.m_splitImpulse = 1;
-  info.m_splitImpulsePenetrationThreshold = 0;
   solver_.set_friction_relaxation(scalar(1.3));
   solver_.set_friction_forgotten(scalar(3e-3));
   world_.setGravity(to_bullet(gravity));

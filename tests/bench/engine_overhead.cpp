@@ -1,20 +1,18 @@
 // What the Engine interface costs: a step of 65 cubes in a dense heap through make_engine("bullet"), with contacts
 // gathered, merged and sorted, against stepSimulation() of the same world alone. Blocks of both alternate in one run,
 // each from the same settled states; CPU time of this thread.
+#include "bench/dense_heap.hpp"
 #include "bench/direct_bullet.hpp"
 #include "io/options.hpp"
 #include "io/results.hpp"
 #include "lab/cpu_time.hpp"
 #include "model/error.hpp"
-#include "model/mass_properties.hpp"
-#include "model/scene_layout.hpp"
 #include "physics/engine.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
-#include <cmath>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -26,52 +24,8 @@ using namespace subworld;
 constexpr int kCubes = 65;
 constexpr double kStep_s = 1e-3;
 constexpr double kSettle_s = 3.0;
-constexpr double kSide_m = 0.1, kMass_kg = 0.2;
 constexpr double kMost = 0.10;  ///< of Bullet's own time
 constexpr int kWarmUp = 50;     ///< steps at the start of a block that are not counted
-
-struct World {
-  std::vector<Body> bodies;
-  std::vector<BodyState> states;
-
-  void box(const Vec3& half, double mass_kg, const Pose& pose) {
-    Body body;
-    body.shape.kind = ShapeKind::box;
-    body.shape.half_extents = half;
-    body.mass = mass_kg;
-    if (mass_kg > 0.0) body.inertia = principal_inertia(body.shape, mass_kg);
-    add(body, pose);
-  }
-  void add(Body body, const Pose& pose) {
-    body.id = BodyId{static_cast<std::uint32_t>(bodies.size())};
-    bodies.push_back(body);
-    states.emplace_back().position = pose.position;
-    states.back().orientation = pose.orientation;
-  }
-};
-
-/// Cubes poured into a bin that is about as wide as the heap is high; not settled.
-World heap() {
-  World world;
-  Body floor;
-  floor.shape.kind = ShapeKind::plane;
-  world.add(floor, {});
-  const double side = 1.3 * kSide_m * std::cbrt(kCubes);
-  constexpr double kWall = 0.1, kHeight = 3.0;
-  for (const double sign : {-1.0, 1.0}) {
-    const double off = sign * 0.5 * (side + kWall), half = 0.5 * side + kWall;
-    world.box({0.5 * kWall, half, 0.5 * kHeight}, 0.0, {Vec3(off, 0, 0.5 * kHeight), Quat::Identity()});
-    world.box({half, 0.5 * kWall, 0.5 * kHeight}, 0.0, {Vec3(0, off, 0.5 * kHeight), Quat::Identity()});
-  }
-  HeapLayout layout;
-  layout.count = kCubes;
-  layout.area = {side, side};
-  layout.seed = 1;
-  layout.half_extents = Vec3::Constant(0.5 * kSide_m);
-  layout.bounding_radius = layout.half_extents.norm();
-  for (const Pose& place : lay_out(layout)) world.box(layout.half_extents, kMass_kg, place);
-  return world;
-}
 
 struct Block {
   double median_s = 0.0;
@@ -149,7 +103,7 @@ int main_of(int argc, char** argv) {
     throw Error(ExitCode::usage, fmt::format("{}; see --help", wrong.what()));
   }
 
-  World world = heap();
+  bench::HeapWorld world = bench::dense_heap(kCubes);
   const EngineSettings settings;  // Bullet in double precision, preset fast
   const auto filled = [&] {
     auto engine = make_engine(settings, {});

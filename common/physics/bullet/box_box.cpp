@@ -24,8 +24,8 @@ constexpr auto kReach = btScalar(0.1);
 constexpr auto kParallel = btScalar(1e-4);
 
 struct Cuboid {
-  btTransform pose;
-  btVector3 half;
+  const btTransform& pose;
+  const btVector3& half;
 
   [[nodiscard]] btVector3 axis(int i) const { return pose.getBasis().getColumn(i); }
 };
@@ -39,12 +39,51 @@ struct Direction {
   [[nodiscard]] bool is_edge() const { return number >= 6; }
 };
 
-/// The direction in which the boxes are least deep in each other; nothing if they are `reach` or more apart. `last`:
-/// the number of the step before.
-std::optional<Direction> least_deep(const Cuboid& a, const Cuboid& b, int last, btScalar reach) {
-  const btMatrix3x3 r = a.pose.getBasis().transposeTimes(b.pose.getBasis());
-  const btMatrix3x3 abs_r = r.absolute();
-  const btVector3 t = (b.pose.getOrigin() - a.pose.getOrigin()) * a.pose.getBasis();
+/// How two boxes lie to each other, in the frame of the first.
+class Relation {
+ public:
+  Relation(const Cuboid& a, const Cuboid& b)
+      : half_a_(a.half),
+        half_b_(b.half),
+        r_(a.pose.getBasis().transposeTimes(b.pose.getBasis())),
+        abs_r_(r_.absolute()),
+        t_((b.pose.getOrigin() - a.pose.getOrigin()) * a.pose.getBasis()) {}
+
+  /// Gaps between the boxes' shadows, m. Along face i of the first or of the second box:
+  [[nodiscard]] btScalar on_a(int i) const { return btFabs(t_[i]) - half_a_[i] - half_b_.dot(abs_r_[i]); }
+  [[nodiscard]] btScalar on_b(int i) const {
+    return btFabs(t_.dot(r_.getColumn(i))) - half_b_[i] - half_a_.dot(abs_r_.getColumn(i));
+  }
+  /// Across edge i of the first and j of the second; nothing if they are parallel, or if the boxes are deeper in each
+  /// other there than `least` (m).
+  [[nodiscard]] std::optional<btScalar> on_edges(int i, int j, btScalar least = -BT_LARGE_FLOAT) const {
+    const btScalar square = 1 - r_[i][j] * r_[i][j];
+    if (square < kParallel) return {};
+    const int i1 = (i + 1) % 3, i2 = (i + 2) % 3;
+    const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+    const btScalar across = btFabs(t_[i2] * r_[i1][j] - t_[i1] * r_[i2][j]) - half_a_[i1] * abs_r_[i2][j] -
+                            half_a_[i2] * abs_r_[i1][j] - half_b_[j1] * abs_r_[i][j2] - half_b_[j2] * abs_r_[i][j1];
+    if (across < 0 && across <= least) return {};  // the sine is at most 1: divided by it, they are no less deep
+    return across / btSqrt(square);
+  }
+
+  /// Whether the boxes are `reach` or more apart in the direction of that number.
+  [[nodiscard]] bool is_apart(int number, btScalar reach) const {
+    if (number < 3) return on_a(number) >= reach;
+    if (number < 6) return on_b(number - 3) >= reach;
+    const auto gap = on_edges((number - 6) / 3, (number - 6) % 3);
+    return gap && *gap >= reach;
+  }
+
+ private:
+  btVector3 half_a_, half_b_;
+  btMatrix3x3 r_, abs_r_;
+  btVector3 t_;
+};
+
+/// The direction in which the boxes are least deep in each other; if they are `reach` or more apart, one that separates
+/// them by as much. `last`: the number of the step before.
+Direction least_deep(const Relation& boxes, int last, btScalar reach) {
   Direction face, edge, last_face, last_edge;
   const auto keep = [&](Direction found, Direction& best, Direction& last_one) {
     if (found.gap > best.gap) best = found;
@@ -52,21 +91,16 @@ std::optional<Direction> least_deep(const Cuboid& a, const Cuboid& b, int last, 
     return found.gap < reach;
   };
   for (int i = 0; i < 3; ++i) {
-    const btScalar on_a = btFabs(t[i]) - a.half[i] - b.half.dot(abs_r[i]);
-    const btVector3 column = r.getColumn(i);
-    const btScalar on_b = btFabs(t.dot(column)) - b.half[i] - a.half.dot(abs_r.getColumn(i));
-    if (!keep({i, on_a}, face, last_face) || !keep({3 + i, on_b}, face, last_face)) return {};
+    if (!keep({i, boxes.on_a(i)}, face, last_face)) return face;
+    if (!keep({3 + i, boxes.on_b(i)}, face, last_face)) return face;
   }
   for (int i = 0; i < 3; ++i) {
-    const int i1 = (i + 1) % 3, i2 = (i + 2) % 3;
     for (int j = 0; j < 3; ++j) {
-      const btScalar square = 1 - r[i][j] * r[i][j];
-      if (square < kParallel) continue;
-      const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-      const btScalar gap = (btFabs(t[i2] * r[i1][j] - t[i1] * r[i2][j]) - a.half[i1] * abs_r[i2][j] -
-                            a.half[i2] * abs_r[i1][j] - b.half[j1] * abs_r[i][j2] - b.half[j2] * abs_r[i][j1]) /
-                           btSqrt(square);
-      if (!keep({6 + 3 * i + j, gap}, edge, last_edge)) return {};
+      const int number = 6 + 3 * i + j;
+      // An edge is chosen only if it is less deep than any face, and any other edge but the last one.
+      const btScalar least = number == last ? -BT_LARGE_FLOAT : btMax(face.gap, edge.gap);
+      const auto gap = boxes.on_edges(i, j, least);
+      if (gap && !keep({number, *gap}, edge, last_edge)) return edge;
     }
   }
   const btScalar better = kBetterGap * reach;
@@ -104,12 +138,20 @@ class Polygon {
       const btScalar along = side < 2 ? c.x : c.y;
       return (side % 2 == 0 ? along : -along) - half;
     };
-    const Polygon whole = *this;
+    std::array<btScalar, kMostCorners> out;
+    bool any_out = false;
+    for (std::size_t i = 0; i < count_; ++i) {
+      out[i] = outside(corners_[i]);
+      any_out = any_out || !(out[i] <= 0);
+    }
+    if (!any_out) return;
+    const std::array<Corner, kMostCorners> whole = corners_;
+    const std::size_t whole_count = count_;
     count_ = 0;
-    for (std::size_t i = 0; i < whole.count_; ++i) {
-      const Corner& from = whole.corners_[i];
-      const Corner& to = whole.corners_[(i + 1) % whole.count_];
-      const btScalar out_from = outside(from), out_to = outside(to);
+    for (std::size_t i = 0; i < whole_count; ++i) {
+      const std::size_t next = i + 1 < whole_count ? i + 1 : 0;
+      const Corner &from = whole[i], &to = whole[next];
+      const btScalar out_from = out[i], out_to = out[next];
       if (out_from <= 0 && count_ < kMostCorners) add(from);
       if ((out_from <= 0) == (out_to <= 0) || count_ == kMostCorners) continue;
       const btScalar part = out_from / (out_from - out_to);
@@ -135,13 +177,12 @@ class Polygon {
     for (std::size_t i = 1; i < count_; ++i) {
       if (corners_[i].height < corners_[deepest].height) deepest = i;
     }
+    std::array<bool, kMostCorners> was, deep;
+    for (std::size_t i = 0; i < count_; ++i) {
+      was[i] = before(corners_[i].feature);
+      deep[i] = corners_[i].height < corners_[deepest].height + deeper;
+    }
     using Four = std::array<std::size_t, kMostPoints>;
-    const auto deep_enough = [&](const Four& four) {
-      for (const std::size_t i : four) {
-        if (corners_[i].height < corners_[deepest].height + deeper) return true;
-      }
-      return false;
-    };
     Four best{};
     btScalar most = -1;
     Four f;
@@ -149,9 +190,8 @@ class Polygon {
       for (f[1] = f[0] + 1; f[1] < count_; ++f[1]) {
         for (f[2] = f[1] + 1; f[2] < count_; ++f[2]) {
           for (f[3] = f[2] + 1; f[3] < count_; ++f[3]) {
-            if (!deep_enough(f)) continue;
-            bool same = true;
-            for (const std::size_t i : f) same = same && before(corners_[i].feature);
+            if (!deep[f[0]] && !deep[f[1]] && !deep[f[2]] && !deep[f[3]]) continue;
+            const bool same = was[f[0]] && was[f[1]] && was[f[2]] && was[f[3]];
             const Corner &p = corners_[f[0]], &q = corners_[f[1]], &r = corners_[f[2]], &s = corners_[f[3]];
             const btScalar area =
                 btFabs((r.x - p.x) * (s.y - q.y) - (r.y - p.y) * (s.x - q.x)) * (same ? kBetterArea : btScalar(1));
@@ -241,47 +281,54 @@ Points meet_on_edges(const Cuboid& a, const Cuboid& b, int number) {
   return all;
 }
 
+/// What a point of the step before leaves to the next.
+struct LastPoint {
+  btVector3 local_b;
+  btScalar impulse, lateral_1, lateral_2;
+  int feature;
+  int life_time;
+};
+
 class BoxBox final : public btCollisionAlgorithm {
  public:
   BoxBox(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject* first,
          const btCollisionObject* second)
-      : btCollisionAlgorithm(info), manifold_(m_dispatcher->getNewManifold(first, second)) {}
+      : btCollisionAlgorithm(info),
+        manifold_(m_dispatcher->getNewManifold(first, second)),
+        half_a_(half_of(*first)),
+        half_b_(half_of(*second)),
+        reach_(manifold_->getContactBreakingThreshold()),
+        same_(kReach * btMin(half_a_.length(), half_b_.length())) {}
   ~BoxBox() override { m_dispatcher->releaseManifold(manifold_); }
 
   void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
                         const btDispatcherInfo&, btManifoldResult* result) override {
     result->setPersistentManifold(manifold_);
-    const auto cuboid = [](const btCollisionObjectWrapper& object) {
-      const auto& box = *static_cast<const btBoxShape*>(object.getCollisionShape());
-      return Cuboid{object.getWorldTransform(), box.getHalfExtentsWithMargin()};
-    };
-    const Cuboid a = cuboid(*first), b = cuboid(*second);
-    const btScalar reach = manifold_->getContactBreakingThreshold();
-    const auto direction = least_deep(a, b, last_, reach);
-    last_ = direction ? direction->number : -1;
-    if (!direction) {
+    const Cuboid a{first->getWorldTransform(), half_a_}, b{second->getWorldTransform(), half_b_};
+    const Relation boxes(a, b);
+    if (separating_ >= 0 && boxes.is_apart(separating_, reach_)) return;  // as in the step before
+    const Direction direction = least_deep(boxes, last_, reach_);
+    if (direction.gap >= reach_) {
+      separating_ = direction.number;
+      last_ = -1;
       manifold_->clearManifold();
       return;
     }
+    separating_ = -1;
+    last_ = direction.number;
 
-    std::array<btManifoldPoint, kMostPoints> before;
-    const auto count = static_cast<std::size_t>(manifold_->getNumContacts());
-    for (std::size_t i = 0; i < count; ++i) before[i] = manifold_->getContactPoint(static_cast<int>(i));
-    const std::span<btManifoldPoint> old(before.data(), count);
-    manifold_->clearManifold();
+    std::array<LastPoint, kMostPoints> before;
+    const std::span<const LastPoint> old = take_points(before);
     const auto is_old = [&](int feature) {
-      for (const btManifoldPoint& point : old) {
-        if (point.m_index0 == feature) return true;
+      for (const LastPoint& point : old) {
+        if (point.feature == feature) return true;
       }
       return false;
     };
-    const Points found = direction->is_edge() ? meet_on_edges(a, b, direction->number)
-                                              : meet_on_face(a, b, direction->number, reach, is_old);
-    for (std::size_t i = 0; i < found.count; ++i) {
-      result->setShapeIdentifiersA(-1, found.points[i].feature);
-      result->addContactPoint(found.normal, found.points[i].on_b, found.points[i].distance);
-    }
-    go_on_from(old, kReach * btMin(a.half.length(), b.half.length()));
+    put_points(direction.is_edge() ? meet_on_edges(a, b, direction.number)
+                                   : meet_on_face(a, b, direction.number, reach_, is_old),
+               *first->getCollisionObject(), *second->getCollisionObject());
+    go_on_from(old);
   }
 
   btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
@@ -291,21 +338,86 @@ class BoxBox final : public btCollisionAlgorithm {
   void getAllContactManifolds(btManifoldArray& all) override { all.push_back(manifold_); }
 
  private:
+  static btVector3 half_of(const btCollisionObject& object) {
+    return static_cast<const btBoxShape*>(object.getCollisionShape())->getHalfExtentsWithMargin();
+  }
+
+  /// Empties the manifold.
+  std::span<const LastPoint> take_points(std::array<LastPoint, kMostPoints>& into) {
+    const auto count = static_cast<std::size_t>(manifold_->getNumContacts());
+    for (std::size_t i = 0; i < count; ++i) {
+      const btManifoldPoint& point = manifold_->getContactPoint(static_cast<int>(i));
+      into[i] = {
+          point.m_localPointB, point.m_appliedImpulse, point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2,
+          point.m_index0,      point.m_lifeTime};
+    }
+    manifold_->clearManifold();
+    return {into.data(), count};
+  }
+
+  /// As btManifoldResult::addContactPoint, with what all points have in common computed once, and written where they
+  /// stay: what is not set here is as it was constructed. Of points that are nearer to each other than the breaking
+  /// threshold the last one stays.
+  void put_points(const Points& found, const btCollisionObject& first, const btCollisionObject& second) {
+    const btScalar friction = btManifoldResult::calculateCombinedFriction(&first, &second);
+    const btScalar restitution = btManifoldResult::calculateCombinedRestitution(&first, &second);
+    btVector3 lateral_1, lateral_2;
+    btPlaneSpace1(found.normal, lateral_1, lateral_2);
+    for (std::size_t i = 0; i < found.count; ++i) {
+      const auto& [on_b, distance, feature] = found.points[i];
+      if (distance > reach_) continue;
+      const btVector3 on_a = on_b + found.normal * distance;
+      const btVector3 local_a = first.getWorldTransform().invXform(on_a);
+      btManifoldPoint& point = manifold_->getContactPoint(place_for(local_a));
+      point.m_localPointA = local_a;
+      point.m_localPointB = second.getWorldTransform().invXform(on_b);
+      point.m_positionWorldOnA = on_a;
+      point.m_positionWorldOnB = on_b;
+      point.m_normalWorldOnB = found.normal;
+      point.m_distance1 = distance;
+      point.m_combinedFriction = friction;
+      point.m_combinedRestitution = restitution;
+      point.m_combinedRollingFriction = point.m_combinedSpinningFriction = 0;
+      point.m_index0 = feature;
+      point.m_lateralFrictionDir1 = lateral_1;
+      point.m_lateralFrictionDir2 = lateral_2;
+      point.m_contactPointFlags = BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
+      point.m_appliedImpulse = point.m_appliedImpulseLateral1 = point.m_appliedImpulseLateral2 = 0;
+      point.m_lifeTime = 0;
+    }
+  }
+
+  /// In the manifold: that of the point which is nearest on the first box, within the breaking threshold, or a new one.
+  int place_for(const btVector3& local_a) {
+    btScalar shortest = reach_ * reach_;
+    int place = -1;
+    for (int i = 0; i < manifold_->getNumContacts(); ++i) {
+      const btScalar distance = (manifold_->getContactPoint(i).m_localPointA - local_a).length2();
+      if (distance >= shortest) continue;
+      shortest = distance;
+      place = i;
+    }
+    if (place >= 0) return place;
+    place = manifold_->getNumContacts();
+    manifold_->setNumContacts(place + 1);
+    return place;
+  }
+
   /// Gives each point what the same one, or else the nearest that is left, carried in the step before.
-  void go_on_from(std::span<btManifoldPoint> old, btScalar reach) {
+  void go_on_from(std::span<const LastPoint> old) {
     std::array<bool, kMostPoints> given{};
     std::array<bool, kMostPoints> taken{};
     const auto take = [&](int to, std::size_t from) {
       btManifoldPoint& point = manifold_->getContactPoint(to);
-      point.m_appliedImpulse = old[from].m_appliedImpulse;
-      point.m_appliedImpulseLateral1 = old[from].m_appliedImpulseLateral1;
-      point.m_appliedImpulseLateral2 = old[from].m_appliedImpulseLateral2;
-      point.m_lifeTime = old[from].m_lifeTime + 1;
+      point.m_appliedImpulse = old[from].impulse;
+      point.m_appliedImpulseLateral1 = old[from].lateral_1;
+      point.m_appliedImpulseLateral2 = old[from].lateral_2;
+      point.m_lifeTime = old[from].life_time + 1;
       given[static_cast<std::size_t>(to)] = taken[from] = true;
     };
     for (int i = 0; i < manifold_->getNumContacts(); ++i) {
       for (std::size_t k = 0; k < old.size(); ++k) {
-        if (!taken[k] && old[k].m_index0 == manifold_->getContactPoint(i).m_index0) {
+        if (!taken[k] && old[k].feature == manifold_->getContactPoint(i).m_index0) {
           take(i, k);
           break;
         }
@@ -313,10 +425,10 @@ class BoxBox final : public btCollisionAlgorithm {
     }
     for (int i = 0; i < manifold_->getNumContacts(); ++i) {
       if (given[static_cast<std::size_t>(i)]) continue;
-      btScalar nearest = reach * reach;
+      btScalar nearest = same_ * same_;
       std::optional<std::size_t> from;
       for (std::size_t k = 0; k < old.size(); ++k) {
-        const btScalar distance = (old[k].m_localPointB - manifold_->getContactPoint(i).m_localPointB).length2();
+        const btScalar distance = (old[k].local_b - manifold_->getContactPoint(i).m_localPointB).length2();
         if (taken[k] || distance >= nearest) continue;
         nearest = distance;
         from = k;
@@ -326,7 +438,11 @@ class BoxBox final : public btCollisionAlgorithm {
   }
 
   btPersistentManifold* manifold_;
-  int last_ = -1;  ///< number of the direction of the step before
+  btVector3 half_a_, half_b_;
+  btScalar reach_;       ///< from here on there are no points, m
+  btScalar same_;        ///< within it a point goes on with another's impulses, m
+  int last_ = -1;        ///< number of the direction of the step before
+  int separating_ = -1;  ///< number of the direction that kept the boxes apart in the step before
 };
 
 struct MakeBoxBox final : btCollisionAlgorithmCreateFunc {

@@ -11,6 +11,8 @@ namespace subworld::bullet {
 namespace {
 
 constexpr std::size_t kMostPoints = 4;
+/// Farther from the plane than this part of its half diagonal, no corner touches it, whatever is rounded.
+constexpr auto kFar = btScalar(1.001);
 
 class BoxPlane final : public btCollisionAlgorithm {
  public:
@@ -29,12 +31,18 @@ class BoxPlane final : public btCollisionAlgorithm {
     const btVector3 normal = plane_pose.getBasis() * plane.getPlaneNormal();
     const btScalar offset = plane.getPlaneConstant() + normal.dot(plane_pose.getOrigin());
 
+    const btVector3 half = box.getHalfExtentsWithMargin();
+    result->setPersistentManifold(manifold_);
+    const btScalar height = normal.dot(box_object.getWorldTransform().getOrigin()) - offset;
+    if (manifold_->getNumContacts() == 0 && height > kFar * half.length() + manifold_->getContactBreakingThreshold()) {
+      return;
+    }
+
     struct Corner {
       btVector3 point;
       btScalar distance;
     };
     std::array<Corner, 8> corners;
-    const btVector3 half = box.getHalfExtentsWithMargin();
     for (unsigned i = 0; i < corners.size(); ++i) {
       const btVector3 sign(btScalar(i & 1 ? 1 : -1), btScalar(i & 2 ? 1 : -1), btScalar(i & 4 ? 1 : -1));
       corners[i].point = box_object.getWorldTransform() * (half * sign);
@@ -43,7 +51,6 @@ class BoxPlane final : public btCollisionAlgorithm {
     std::partial_sort(corners.begin(), corners.begin() + kMostPoints, corners.end(),
                       [](const Corner& a, const Corner& b) { return a.distance < b.distance; });
 
-    result->setPersistentManifold(manifold_);
     for (std::size_t i = 0; i < kMostPoints; ++i) {
       const auto& [point, distance] = corners[i];
       if (distance < manifold_->getContactBreakingThreshold()) {

@@ -111,14 +111,7 @@ class Bullet final : public Engine {
     configuration_.setPlaneConvexMultipointIterations(kManifoldPoints, kManifoldPoints + 1);  // other shapes: likewise
     auto& info = world_.getSolverInfo();
     info.m_numIterations = settings.iterations.value_or(preset_.iterations);
-    info.m_solverMode = SOLVER_SIMD | SOLVER_USE_WARMSTARTING | SOLVER_USE_2_FRICTION_DIRECTIONS |
-                        SOLVER_ENABLE_FRICTION_DIRECTION_CACHING | SOLVER_DISABLE_VELOCITY_DEPENDENT_FRICTION_DIRECTION;
-    info.m_warmstartingFactor = 1;
     info.m_sor = scalar(values_.relaxation);
-    // Penetration is pushed out without adding velocity: with Bullet's threshold of 4 cm resting bodies hop, and the
-    // felt friction of a sliding row wanders by 3 %.
-    info.m_splitImpulse = 1;
-    info.m_splitImpulsePenetrationThreshold = 0;
     solver_.set_friction_forgotten(scalar(values_.friction_forgotten_s));
     solver_.set_friction_relaxation(scalar(values_.friction_relaxation));
     // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.

@@ -1,98 +1,298 @@
 #include "contact_solver.hpp"
 
+#include <LinearMath/btTransformUtil.h>
+
 namespace subworld::bullet {
 
 namespace {
 
-/// The impulse (N s) that would stop a row's motion.
-btScalar wanted(const btSolverConstraint& row, const btSolverBody& a, const btSolverBody& b) {
-  const btScalar speed =
-      row.m_contactNormal1.dot(a.getDeltaLinearVelocity()) + row.m_relpos1CrossNormal.dot(a.getDeltaAngularVelocity()) +
-      row.m_contactNormal2.dot(b.getDeltaLinearVelocity()) + row.m_relpos2CrossNormal.dot(b.getDeltaAngularVelocity());
-  return btScalar(row.m_appliedImpulse) + row.m_rhs - speed * row.m_jacDiagABInv;
+// Room that no usual scene outgrows, so that steps allocate nothing.
+constexpr std::size_t kUsualBodies = 1024;
+constexpr std::size_t kUsualPairs = 4096;
+constexpr std::size_t kUsualPoints = 4096;
+
+constexpr std::size_t kFixed = 0;  ///< number of the mover that stands for all fixed bodies
+
+/// The solver's number of a body, which `prepare_bodies` has left with it.
+std::size_t mover_of(const btCollisionObject& body) {
+  return body.getCompanionId() > 0 ? static_cast<std::size_t>(body.getCompanionId()) : kFixed;
 }
 
-/// Sets what a row's impulse has become to `impulse` (N s).
-void change(btSolverConstraint& row, btSolverBody& a, btSolverBody& b, btScalar impulse) {
-  const btScalar by = impulse - btScalar(row.m_appliedImpulse);
-  row.m_appliedImpulse = impulse;
-  a.internalApplyImpulse(row.m_contactNormal1 * a.internalGetInvMass(), row.m_angularComponentA, by);
-  b.internalApplyImpulse(row.m_contactNormal2 * b.internalGetInvMass(), row.m_angularComponentB, by);
+/// The rate (m/s) at which two bodies leave each other after they have met at `speed`.
+btScalar bounce(btScalar speed, btScalar restitution, btScalar threshold) {
+  return btFabs(speed) < threshold ? btScalar(0) : btMax(restitution * -speed, btScalar(0));
+}
+
+/// One row's turn of Gauss-Seidel, with an impulse that only pushes. False if it changed nothing.
+bool solve(const Row& row, btScalar rhs, btScalar& impulse, Both inverse_mass, BothMotion& motion) {
+  const Both speeds = linear_speed(row, motion) + angular_speed(row, motion);
+  const btScalar wanted = rhs - speeds[0] * row.step - speeds[1] * row.step;
+  const btScalar by = btMax(wanted, -impulse);
+  impulse = btMax(impulse + wanted, btScalar(0));
+  apply(row, inverse_mass, by, motion);
+  return by != 0;
+}
+
+/// Whether a vector is shorter than `most`, by more than rounding: no root is needed to see that.
+bool is_within(btScalar x, btScalar y, btScalar most) {
+  constexpr btScalar kRounding = 16 * SIMD_EPSILON;
+  return x * x + y * y < (1 - kRounding) * (most * most);
 }
 
 }  // namespace
 
-void ContactSolver::convertContacts(btPersistentManifold** manifolds, int count, const btContactSolverInfo& info) {
-  btSequentialImpulseConstraintSolver::convertContacts(manifolds, count, info);
-  for (int i = 0; i < m_tmpSolverContactConstraintPool.size(); ++i) {
-    time_bounce(m_tmpSolverContactConstraintPool[i], info);
-    prepare_friction(m_tmpSolverContactConstraintPool[i], info);
+ContactSolver::ContactSolver() {
+  movers_.reserve(kUsualBodies);
+  motions_.reserve(kUsualBodies);
+  pushed_.reserve(kUsualBodies);
+  pairs_.reserve(kUsualPairs);
+  normals_.reserve(kUsualPoints);
+  frictions_.reserve(kUsualPoints);
+  pushes_.reserve(kUsualPoints);
+}
+
+btScalar ContactSolver::solveGroup(btCollisionObject** bodies, int body_count, btPersistentManifold** manifolds,
+                                   int manifold_count, btTypedConstraint** /*constraints*/, int /*constraint_count*/,
+                                   const btContactSolverInfo& info, btIDebugDraw* /*drawer*/,
+                                   btDispatcher* /*dispatcher*/) {
+  prepare_bodies({bodies, static_cast<std::size_t>(body_count)}, info.m_timeStep);
+  pairs_.clear();
+  normals_.clear();
+  frictions_.clear();
+  pushes_.clear();
+  for (int i = 0; i < manifold_count; ++i) prepare_pair(*manifolds[i], info);
+  start_from_last_friction(1 - friction_forgotten_s_ / info.m_timeStep);
+
+  Active active;
+  for (int i = 0; i < info.m_numIterations && (active.pushes || active.impulses); ++i) {
+    const bool friction = active.impulses;
+    active = solve_normals(active);
+    if (friction) solve_friction();
+  }
+  write_impulses();
+  write_motions(info);
+  return 0;
+}
+
+void ContactSolver::prepare_bodies(std::span<btCollisionObject* const> bodies, btScalar dt) {
+  movers_.assign(1, Mover{});
+  for (btCollisionObject* object : bodies) {
+    btRigidBody* body = btRigidBody::upcast(object);
+    object->setCompanionId(-1);
+    if (body == nullptr || body->getInvMass() == 0) continue;
+    object->setCompanionId(static_cast<int>(movers_.size()));
+    Mover& mover = movers_.emplace_back();
+    mover.body = body;
+    mover.inverse_mass = body->getInvMass();
+    mover.immovable = btVector3(mover.inverse_mass, mover.inverse_mass, mover.inverse_mass).fuzzyZero();
+    mover.by_force = body->getTotalForce() * body->getInvMass() * dt;
+    mover.by_torque = body->getTotalTorque() * body->getInvInertiaTensorWorld() * dt;
+    mover.inverse_inertia = body->getInvInertiaTensorWorld();
+  }
+  motions_.assign(movers_.size(), Motion{});
+  pushed_.assign(movers_.size(), Motion{});
+}
+
+ContactSolver::PairState ContactSolver::state_of(const Mover& a, const Mover& b) {
+  const btVector3 none(0, 0, 0);
+  const btVector3 spin_a = a.body ? a.body->getAngularVelocity() : none;
+  const btVector3 spin_b = b.body ? b.body->getAngularVelocity() : none;
+  const btVector3 speed_a = a.body ? a.body->getLinearVelocity() + a.by_force : none;
+  const btVector3 speed_b = b.body ? b.body->getLinearVelocity() + b.by_force : none;
+  return {{Both{a.inverse_mass, b.inverse_mass},
+           {of_both(a.inverse_inertia[0], b.inverse_inertia[0]), of_both(a.inverse_inertia[1], b.inverse_inertia[1]),
+            of_both(a.inverse_inertia[2], b.inverse_inertia[2])}},
+          {of_both(speed_a, -speed_b), of_both(spin_a + a.by_torque, -(spin_b + b.by_torque))},
+          of_both(spin_a, -spin_b)};
+}
+
+void ContactSolver::prepare_pair(btPersistentManifold& manifold, const btContactSolverInfo& info) {
+  if (manifold.getNumContacts() == 0) return;
+  const btCollisionObject &first = *manifold.getBody0(), &second = *manifold.getBody1();
+  const std::size_t a = mover_of(first), b = mover_of(second);
+  const Mover &mover_a = movers_[a], &mover_b = movers_[b];
+  if (mover_a.immovable && mover_b.immovable) return;
+
+  Pair& pair = pairs_.emplace_back();
+  pair = {&manifold, a, b, normals_.size(), normals_.size(), Both{mover_a.inverse_mass, mover_b.inverse_mass}, false};
+  const PairState before = state_of(mover_a, mover_b);
+  const btVector3 &centre_a = first.getWorldTransform().getOrigin(), &centre_b = second.getWorldTransform().getOrigin();
+  for (int i = 0; i < manifold.getNumContacts(); ++i) {
+    btManifoldPoint& point = manifold.getContactPoint(i);
+    const Both3 arm = of_both(point.getPositionWorldOnA() - centre_a, point.getPositionWorldOnB() - centre_b);
+    prepare_normal(point, arm, pair, before, info);
+    prepare_friction(point, arm, before, info.m_sor);
+    pair.penetrates = pair.penetrates || pushes_.back().rhs != 0;
+  }
+  pair.end = normals_.size();
+
+  // Normal impulses start from those of the step before.
+  BothMotion motion = gather(motions_[a], motions_[b]);
+  for (std::size_t i = pair.begin; i < pair.end; ++i) {
+    apply(normals_[i], pair.inverse_mass, normals_[i].impulse, motion);
+  }
+  scatter(motion, motions_[a], motions_[b]);
+}
+
+void ContactSolver::prepare_normal(const btManifoldPoint& point, const Both3& arm, const Pair& pair,
+                                   const PairState& before, const btContactSolverInfo& info) {
+  const btVector3& axis = point.m_normalWorldOnB;
+  const btScalar distance = point.getDistance(), restitution = point.m_combinedRestitution;
+  const btScalar per_s = btScalar(1) / info.m_timeStep;
+  Normal normal{make_row(axis, arm, before.inertia, info.m_sor), point.m_combinedFriction, false};
+  normal.impulse = point.m_appliedImpulse;
+
+  const Both speeds = linear_speed(normal, before.motion) + angular_speed(normal, before.motion);
+  const btScalar speed = speeds[0] + speeds[1];
+  btScalar wanted = -speed;
+  if (restitution > 0) {
+    const Mover &a = movers_[pair.a], &b = movers_[pair.b];
+    const auto velocity = [](const Mover& mover, const Both3& at, int which) {
+      if (mover.body == nullptr) return btVector3(0, 0, 0);
+      return mover.body->getVelocityInLocalPoint(btVector3(at.x[which], at.y[which], at.z[which]));
+    };
+    const btScalar met = axis.dot(velocity(a, arm, 0) - velocity(b, arm, 1));
+    wanted = bounce(met, restitution, info.m_restitutionVelocityThreshold) - speed;
+  }
+  if (distance > 0) wanted -= distance * per_s;
+  normal.rhs = wanted * normal.step;
+
+  // Bullet makes a body bounce that is only near, and takes from the bounce the speed that would bring it there: lower
+  // bounces, by chance. It shall bounce if it touches within the step, and wholly.
+  const btScalar approach = -speed;
+  if (restitution > 0 && distance > 0 && approach >= info.m_restitutionVelocityThreshold) {
+    const btScalar to_touch = distance / info.m_timeStep;
+    normal.rhs += (approach > to_touch ? to_touch : -restitution * approach) * normal.step;
+  }
+  normals_.push_back(normal);
+  pushes_.push_back({distance > 0 ? btScalar(0) : -distance * info.m_erp2 * per_s * normal.step, 0});
+}
+
+void ContactSolver::prepare_friction(btManifoldPoint& point, const Both3& arm, const PairState& before,
+                                     btScalar relaxation) {
+  if (!(point.m_contactPointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED)) {
+    btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
+    point.m_contactPointFlags |= BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
+  }
+  auto& rows = frictions_.emplace_back().rows;
+  rows[0] = make_row(point.m_lateralFrictionDir1, arm, before.inertia, relaxation);
+  rows[1] = make_row(point.m_lateralFrictionDir2, arm, before.inertia, relaxation);
+  // The two directions take equal steps: only then does what is drawn back to mu N point against the motion. The
+  // longest that converges without over-relaxation is one over the larger eigenvalue of their 2 x 2 inverse mass.
+  const btScalar first = relaxation / rows[0].step, second = relaxation / rows[1].step;
+  const Both products = dot(rows[1].arm, rows[0].turn);
+  const btScalar across = products[0] + products[1];
+  const btScalar half = (first - second) / 2;
+  const btScalar step = friction_relaxation_ / ((first + second) / 2 + btSqrt(half * half + across * across));
+  for (Row& row : rows) {
+    const Both speeds = linear_speed(row, before.motion) + dot(row.arm, before.angular_without_torque);
+    row.rhs = -(speeds[0] + speeds[1]) * row.step;
+    row.rhs *= step / row.step;
+    row.step = step;
   }
 }
 
-void ContactSolver::time_bounce(btSolverConstraint& normal, const btContactSolverInfo& info) const {
-  const auto& point = *static_cast<const btManifoldPoint*>(normal.m_originalContactPoint);
-  if (point.m_combinedRestitution <= 0 || point.getDistance() <= 0) return;
-  const auto speed_of = [](const btSolverBody& body, const btVector3& direction, const btVector3& turn) {
-    return direction.dot(body.m_linearVelocity + body.m_externalForceImpulse) +
-           turn.dot(body.m_angularVelocity + body.m_externalTorqueImpulse);
-  };
-  const btScalar approach =
-      -speed_of(m_tmpSolverBodyPool[normal.m_solverBodyIdA], normal.m_contactNormal1, normal.m_relpos1CrossNormal) -
-      speed_of(m_tmpSolverBodyPool[normal.m_solverBodyIdB], normal.m_contactNormal2, normal.m_relpos2CrossNormal);
-  if (approach < info.m_restitutionVelocityThreshold) return;
-  const btScalar to_touch = point.getDistance() / info.m_timeStep;
-  const btScalar bounce = point.m_combinedRestitution * approach;
-  normal.m_rhs += (approach > to_touch ? to_touch : -bounce) * normal.m_jacDiagABInv;
+void ContactSolver::start_from_last_friction(btScalar part) {
+  if (part <= 0) return;
+  for (const Pair& pair : pairs_) {
+    BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);
+    for (std::size_t i = pair.begin; i < pair.end; ++i) {
+      const btManifoldPoint& point = pair.manifold->getContactPoint(static_cast<int>(i - pair.begin));
+      auto& rows = frictions_[i].rows;
+      rows[0].impulse = part * point.m_appliedImpulseLateral1;
+      rows[1].impulse = part * point.m_appliedImpulseLateral2;
+      normals_[i].held = rows[0].impulse != 0 || rows[1].impulse != 0;
+      if (!normals_[i].held) continue;
+      for (const Row& row : rows) apply(row, pair.inverse_mass, row.impulse, motion);
+    }
+    scatter(motion, motions_[pair.a], motions_[pair.b]);
+  }
 }
 
-void ContactSolver::prepare_friction(const btSolverConstraint& normal, const btContactSolverInfo& info) {
-  const auto& point = *static_cast<const btManifoldPoint*>(normal.m_originalContactPoint);
-  btSolverConstraint* rows = &m_tmpSolverContactFrictionConstraintPool[normal.m_frictionIndex];
-  // The two directions take equal steps: only then does what is drawn back to mu N point against the motion. The
-  // longest that converges without over-relaxation is one over the larger eigenvalue of their 2 x 2 inverse mass.
-  const btScalar first = info.m_sor / rows[0].m_jacDiagABInv, second = info.m_sor / rows[1].m_jacDiagABInv;
-  const btScalar across = rows[1].m_relpos1CrossNormal.dot(rows[0].m_angularComponentA) +
-                          rows[1].m_relpos2CrossNormal.dot(rows[0].m_angularComponentB);
-  const btScalar half = (first - second) / 2;
-  const btScalar step = friction_relaxation_ / ((first + second) / 2 + btSqrt(half * half + across * across));
-  const btScalar kept = 1 - friction_forgotten_s_ / info.m_timeStep;
-  const btScalar held[] = {point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2};
-  for (int k = 0; k < 2; ++k) {
-    rows[k].m_rhs *= step / rows[k].m_jacDiagABInv;
-    rows[k].m_jacDiagABInv = step;
-    if (kept > 0) {
-      change(rows[k], m_tmpSolverBodyPool[normal.m_solverBodyIdA], m_tmpSolverBodyPool[normal.m_solverBodyIdB],
-             kept * held[k]);
+// Pushes and impulses know nothing of each other. Taken in turn, the processor computes one while the other waits for
+// its last result.
+ContactSolver::Active ContactSolver::solve_normals(Active active) {
+  Active changed{false, false};
+  for (const Pair& pair : pairs_) {
+    const bool pushes = active.pushes && pair.penetrates;
+    if (!pushes && !active.impulses) continue;
+    BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);
+    BothMotion pushed = gather(pushed_[pair.a], pushed_[pair.b]);
+    bool by_pushes = false, by_impulses = false;
+    for (std::size_t i = pair.begin; i < pair.end; ++i) {
+      Row& row = normals_[i];
+      Push& push = pushes_[i];
+      if (pushes && push.rhs != 0) by_pushes |= solve(row, push.rhs, push.impulse, pair.inverse_mass, pushed);
+      if (active.impulses) by_impulses |= solve(row, row.rhs, row.impulse, pair.inverse_mass, motion);
+    }
+    if (by_pushes) scatter(pushed, pushed_[pair.a], pushed_[pair.b]);
+    if (by_impulses) scatter(motion, motions_[pair.a], motions_[pair.b]);
+    changed.pushes |= by_pushes;
+    changed.impulses |= by_impulses;
+  }
+  return changed;
+}
+
+void ContactSolver::solve_friction() {
+  for (const Pair& pair : pairs_) {
+    BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);
+    bool applied = false;
+    for (std::size_t i = pair.begin; i < pair.end; ++i) {
+      Normal& normal = normals_[i];
+      const btScalar most = normal.friction * normal.impulse;
+      if (most == 0 && !normal.held) continue;
+      auto& rows = frictions_[i].rows;
+      // The impulse that would stop a row's motion.
+      const auto wanted = [&motion](const Row& row) {
+        const Both linear = linear_speed(row, motion), angular = angular_speed(row, motion);
+        return row.impulse + row.rhs - (linear[0] + angular[0] + linear[1] + angular[1]) * row.step;
+      };
+      const auto set = [&](Row& row, btScalar impulse) {
+        apply(row, pair.inverse_mass, impulse - row.impulse, motion);
+        row.impulse = impulse;
+      };
+      const btScalar first = wanted(rows[0]), second = wanted(rows[1]);
+      if (is_within(first, second, most)) {
+        set(rows[0], first);
+        set(rows[1], second);
+      } else {
+        const btScalar size = btSqrt(first * first + second * second);
+        const btScalar part = size > most ? most / size : btScalar(1);
+        set(rows[0], part * first);
+        set(rows[1], part * second);
+      }
+      normal.held = rows[0].impulse != 0 || rows[1].impulse != 0;
+      applied = true;
+    }
+    if (applied) scatter(motion, motions_[pair.a], motions_[pair.b]);
+  }
+}
+
+void ContactSolver::write_impulses() const {
+  for (const Pair& pair : pairs_) {
+    for (std::size_t i = pair.begin; i < pair.end; ++i) {
+      btManifoldPoint& point = pair.manifold->getContactPoint(static_cast<int>(i - pair.begin));
+      point.m_appliedImpulse = normals_[i].impulse;
+      point.m_appliedImpulseLateral1 = frictions_[i].rows[0].impulse;
+      point.m_appliedImpulseLateral2 = frictions_[i].rows[1].impulse;
     }
   }
 }
 
-btScalar ContactSolver::solveSingleIteration(int /*iteration*/, btCollisionObject** /*bodies*/, int /*body_count*/,
-                                             btPersistentManifold** /*manifolds*/, int /*manifold_count*/,
-                                             btTypedConstraint** /*constraints*/, int /*constraint_count*/,
-                                             const btContactSolverInfo& /*info*/, btIDebugDraw* /*drawer*/) {
-  btScalar worst = 0;  // there are no joints and no rolling friction
-  for (int i = 0; i < m_tmpSolverContactConstraintPool.size(); ++i) {
-    const btSolverConstraint& row = m_tmpSolverContactConstraintPool[i];
-    const btScalar residual = m_resolveSingleConstraintRowLowerLimit(m_tmpSolverBodyPool[row.m_solverBodyIdA],
-                                                                     m_tmpSolverBodyPool[row.m_solverBodyIdB], row);
-    btSetMax(worst, residual * residual);
+void ContactSolver::write_motions(const btContactSolverInfo& info) {
+  const auto vector = [](const btScalar(&v)[3]) { return btVector3(v[0], v[1], v[2]); };
+  for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) {
+    btRigidBody& body = *movers_[i].body;
+    body.setLinearVelocity(body.getLinearVelocity() + vector(motions_[i].linear) + movers_[i].by_force);
+    body.setAngularVelocity(body.getAngularVelocity() + vector(motions_[i].angular) + movers_[i].by_torque);
+    body.setCompanionId(-1);
+    const btVector3 push = vector(pushed_[i].linear), turn = vector(pushed_[i].angular);
+    if (push.isZero() && turn.isZero()) continue;
+    btTransform pose;
+    btTransformUtil::integrateTransform(body.getWorldTransform(), push, turn * info.m_splitImpulseTurnErp,
+                                        info.m_timeStep, pose);
+    body.setWorldTransform(pose);
   }
-  for (int i = 0; i < m_tmpSolverContactConstraintPool.size(); ++i) {
-    const btSolverConstraint& normal = m_tmpSolverContactConstraintPool[i];
-    btSolverConstraint* rows = &m_tmpSolverContactFrictionConstraintPool[normal.m_frictionIndex];
-    const btScalar most = rows[0].m_friction * btScalar(normal.m_appliedImpulse);
-    if (most == 0 && rows[0].m_appliedImpulse == 0 && rows[1].m_appliedImpulse == 0) continue;
-    btSolverBody& a = m_tmpSolverBodyPool[normal.m_solverBodyIdA];
-    btSolverBody& b = m_tmpSolverBodyPool[normal.m_solverBodyIdB];
-    const btScalar first = wanted(rows[0], a, b), second = wanted(rows[1], a, b);
-    const btScalar size = btSqrt(first * first + second * second);
-    const btScalar part = size > most ? most / size : btScalar(1);
-    change(rows[0], a, b, part * first);
-    change(rows[1], a, b, part * second);
-  }
-  return worst;
 }
 
 }  // namespace subworld::bullet

@@ -1,34 +1,112 @@
 #pragma once
 
+#include "contact_rows.hpp"
+
 #include <btBulletDynamicsCommon.h>
+
+#include <span>
+#include <vector>
 
 namespace subworld::bullet {
 
-/// Bullet's solver with Coulomb's friction: at most mu N, against the motion, in every direction. Bullet bounds each of
-/// a contact's two friction directions by mu N of its own: along their diagonal a body holds, and is braked, by 41 %
-/// too much, and a load that wanders to one direction takes nothing from the other.
+/// Contacts by sequential impulses as Bullet's own solver has them: Gauss-Seidel over all contact points, in every
+/// iteration first the normals, then friction; penetrations are pushed out apart from that, by moving the bodies
+/// without adding velocity (if they add some, resting bodies hop and the felt friction of a sliding row wanders by 3
+/// %). It knows contacts of movable and fixed bodies only (no joints, no rolling friction), keeps side by side what an
+/// iteration reads, and leaves out what changes nothing. Its arithmetic is in Bullet's order: impulses along normals
+/// are Bullet's bit by bit.
+///
+/// Friction is Coulomb's: at most mu N, against the motion, in every direction. Bullet bounds each of a contact's two
+/// friction directions by mu N of its own: along their diagonal a body holds, and is braked, by 41 % too much, and a
+/// load that wanders to one direction takes nothing from the other.
 ///
 /// Bullet 3 starts every step with friction at zero, whatever its flag for warm starts says. What stands by friction
 /// then sags a little in each step, and creeps. Here friction may start from a part of that of the step before; normal
 /// impulses start from all of theirs.
-class ContactSolver final : public btSequentialImpulseConstraintSolver {
+///
+/// Of btContactSolverInfo it reads m_timeStep, m_numIterations, m_sor, m_erp2, m_splitImpulseTurnErp and
+/// m_restitutionVelocityThreshold.
+class ContactSolver final : public btConstraintSolver {
  public:
+  ContactSolver();
+
   /// Of each step, s: friction starts from what it was in the step before, as far as a step is longer than this.
   void set_friction_forgotten(btScalar forgotten_s) { friction_forgotten_s_ = forgotten_s; }
   /// What an iteration takes of each correction of friction, 0 to 2; those of normal impulses take Bullet's m_sor.
   void set_friction_relaxation(btScalar relaxation) { friction_relaxation_ = relaxation; }
 
+  btScalar solveGroup(btCollisionObject** bodies, int body_count, btPersistentManifold** manifolds, int manifold_count,
+                      btTypedConstraint** constraints, int constraint_count, const btContactSolverInfo& info,
+                      btIDebugDraw* drawer, btDispatcher* dispatcher) override;
+  void reset() override {}
+  btConstraintSolverType getSolverType() const override { return BT_SEQUENTIAL_IMPULSE_SOLVER; }
+
  private:
-  void convertContacts(btPersistentManifold** manifolds, int count, const btContactSolverInfo& info) override;
-  btScalar solveSingleIteration(int iteration, btCollisionObject** bodies, int body_count,
-                                btPersistentManifold** manifolds, int manifold_count, btTypedConstraint** constraints,
-                                int constraint_count, const btContactSolverInfo& info, btIDebugDraw* drawer) override;
+  struct Mover {
+    btRigidBody* body = nullptr;  ///< none: fixed
+    btScalar inverse_mass = 0;    ///< 1/kg
+    bool immovable = true;
+    btVector3 by_force{0, 0, 0};   ///< what forces add to the velocity in this step, m/s
+    btVector3 by_torque{0, 0, 0};  ///< rad/s
+    btMatrix3x3 inverse_inertia{0, 0, 0, 0, 0, 0, 0, 0, 0};
+  };
 
-  void prepare_friction(const btSolverConstraint& normal, const btContactSolverInfo& info);
-  /// Bullet makes a body bounce that is only near, and takes from the bounce the speed that would bring it there: lower
-  /// bounces, by chance. It shall bounce if it touches within the step, and wholly.
-  void time_bounce(btSolverConstraint& normal, const btContactSolverInfo& info) const;
+  struct Normal : Row {
+    btScalar friction;  ///< mu
+    bool held;          ///< some of the friction is not 0
+  };
 
+  struct Friction {
+    Row rows[2];
+  };
+
+  struct Push {
+    btScalar rhs;      ///< as a row's; 0: no penetration
+    btScalar impulse;  ///< kg m/s
+  };
+
+  /// All contact points of two bodies.
+  struct Pair {
+    btPersistentManifold* manifold;
+    std::size_t a, b;        ///< in movers_
+    std::size_t begin, end;  ///< in normals_, frictions_ and pushes_
+    Both inverse_mass;
+    bool penetrates;
+  };
+
+  /// Of two bodies before the step.
+  struct PairState {
+    BothInertia inertia;
+    BothMotion motion;             ///< with what forces add in this step
+    Both3 angular_without_torque;  ///< without what torques add: Bullet's friction leaves them out
+  };
+
+  void prepare_bodies(std::span<btCollisionObject* const> bodies, btScalar dt);
+  [[nodiscard]] static PairState state_of(const Mover& a, const Mover& b);
+  void prepare_pair(btPersistentManifold& manifold, const btContactSolverInfo& info);
+  void prepare_normal(const btManifoldPoint& point, const Both3& arm, const Pair& pair, const PairState& before,
+                      const btContactSolverInfo& info);
+  void prepare_friction(btManifoldPoint& point, const Both3& arm, const PairState& before, btScalar relaxation);
+  void start_from_last_friction(btScalar part);
+
+  /// Whether passes over the normals still change anything.
+  struct Active {
+    bool pushes = true;
+    bool impulses = true;
+  };
+  Active solve_normals(Active active);
+  void solve_friction();
+
+  void write_impulses() const;
+  void write_motions(const btContactSolverInfo& info);
+
+  std::vector<Mover> movers_;    ///< the first stands for all fixed bodies
+  std::vector<Motion> motions_;  ///< what impulses have changed of movers_[i]
+  std::vector<Motion> pushed_;   ///< what pushes move movers_[i] by, as a velocity for the length of the step
+  std::vector<Pair> pairs_;
+  std::vector<Normal> normals_;
+  std::vector<Friction> frictions_;  ///< of normals_[i]
+  std::vector<Push> pushes_;         ///< of normals_[i]
   btScalar friction_forgotten_s_ = 0;
   btScalar friction_relaxation_ = 1;
 };
