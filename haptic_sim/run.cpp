@@ -47,8 +47,8 @@ DeviceCommand command_for(const SubWorld& sub, const DeviceState& state, const S
   const BodyState& start = scene.initial[index(proxy)];
   command.pose.position = now.position - sub.clutch();
   command.pose.orientation = now.orientation * start.orientation.conjugate();
-  command.linear_velocity = now.linear_velocity;
-  command.angular_velocity = now.angular_velocity;
+  command.linear_velocity = sub.rate() * now.linear_velocity;  // a device moves in wall time
+  command.angular_velocity = sub.rate() * now.angular_velocity;
   return command;
 }
 
@@ -299,6 +299,8 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     const double frame_period_s = cycle_s / std::max(phase.clock_factor(), kSlowestClock);
     const bool alone = to_seconds(begin - framed) > std::max(kAlone_s, 4.0 * frame_period_s);
     sub.stand(alone || phase.clock_factor() <= 0.0);
+    const double rate = alone ? 0.0 : phase.step(sub.time_s());
+    sub.set_rate(rate);
     const bool silent = begin - framed > from_seconds(kGone_s);
     if (silent && !said_alone) ports.status.note("waits for world_sim: no frame for 2 s; the force has faded");
     if (!silent && said_alone) ports.status.note("world_sim is there again");
@@ -310,7 +312,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     const TimePoint left = stages.mark(HapticStage::send);  // the force; missed: after its period
     const Miss miss = left > loop.deadline() ? lateness.judge(left, loop.deadline(), thread_use()) : Miss::none;
     if (sub.report_due()) send_report();
-    sub.advance(alone ? 0.0 : arrears.step(h * phase.step(sub.time_s()), sub.cycle_left_s()));
+    sub.advance(arrears.step(h * rate, sub.cycle_left_s()));
     stages.mark(HapticStage::advance);
     if (sub.report_due()) send_report();
 

@@ -4,6 +4,7 @@
 #include "coupling/synchroniser.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace subworld {
 
@@ -16,6 +17,7 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       limits_(limits_of(spec_.device)),
       guard_(limits_, spec_.coupling.ramp_s),
       clutch_(scene.initial[index(spec_.proxy)]),
+      tool_(tool_at(rate_, spec_, scene.body(spec_.proxy))),
       reports_(remembered_cycles(scene.settings, *scheme_)) {
   for (HapticReport& report : reports_) reserve(report, kUsualMembers);
 }
@@ -55,12 +57,20 @@ bool SubWorld::at_boundary() const noexcept {
   return in_cycle_s_ >= scene_.settings.cycle_s() - 1e-6 * scene_.settings.h_s;
 }
 
-FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double dt) {
-  clutch_.follow(state);
+void SubWorld::set_rate(double rate) {
+  if (!(rate > 0.0)) return;
+  const double before = std::exchange(rate_, std::max(rate, kLeastToolRate));
+  if (rate_ == before) return;
+  tool_ = tool_at(rate_, spec_, scene_.body(spec_.proxy));
+  model_->change_rate(before, rate_);
+}
+
+FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double wall_s) {
+  clutch_.follow(state, rate_);
   applied_ = saturated(state.applied, limits_);
   const bool admittance = spec_.device.kind == DeviceKind::admittance;
-  felt_ = admittance ? applied_ : coupling_wrench(spec_.coupling, limits_, proxy(), device());
-  const Wrench safe = guard_.pass(felt_, trusted && finite_ && !clutch_.is_open(), dt);
+  felt_ = admittance ? applied_ : coupling_wrench(tool_.coupling, limits_, proxy(), device());
+  const Wrench safe = guard_.pass(felt_, trusted && finite_ && !clutch_.is_open(), wall_s);
   felt_now_ = true;
   return {felt_, {-safe.force, -safe.torque}};
 }
@@ -68,7 +78,8 @@ FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double dt) {
 void SubWorld::advance(double dt) {
   felt_now_ = false;
   if (dt <= 0.0) return;
-  const Wrench mean = model_->advance({spec_, limits_, device(), applied_, felt_}, time_s(), dt, indicators_);
+  const Wrench mean =
+      model_->advance({spec_.device.kind, tool_, limits_, device(), applied_, felt_}, time_s(), dt, indicators_);
   const BodyState moved = proxy();
   finite_ = finite_ && subworld::finite(moved);
   impulse_.force += dt * mean.force;
@@ -96,6 +107,7 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.user = UserId{static_cast<std::uint32_t>(user_)};
   report.stamp = stamp_;
   report.stamp_s = time_s();
+  report.clock_rate = rate_;
   report.sent_ns = sent_ns;
   report.confirmed_stamp = frame_stamp_;
   report.impulse = impulse_;
