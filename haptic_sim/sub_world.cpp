@@ -75,6 +75,24 @@ FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double wall_s) {
   return {felt_, {-safe.force, -safe.torque}};
 }
 
+DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_hand) const {
+  DeviceCommand command;
+  command.device = device.device;
+  command.session = device.session;
+  command.served = device.sender;
+  command.sequence = device.sequence;
+  command.stamp_s = time_s();
+  command.echoed_sent_ns = device.sent_ns;
+  command.wrench = to_hand;
+  const BodyState now = proxy();
+  const BodyState& start = scene_.initial[index(spec_.proxy)];
+  command.pose.position = now.position - clutch_.offset();
+  command.pose.orientation = now.orientation * start.orientation.conjugate();
+  command.linear_velocity = rate_ * now.linear_velocity;
+  command.angular_velocity = rate_ * now.angular_velocity;
+  return command;
+}
+
 void SubWorld::advance(double dt) {
   felt_now_ = false;
   if (dt <= 0.0) return;

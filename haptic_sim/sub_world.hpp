@@ -32,6 +32,9 @@ class SubWorld {
   /// The force for the device at the start of a step of `wall_s`, before the sub-world moves: so that it leaves without
   /// delay.
   [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double wall_s);
+  /// The answer to the device: the force for its hand, and, for an admittance device, where the proxy is and how it
+  /// moves in wall time.
+  [[nodiscard]] DeviceCommand command_for(const DeviceState& device, const Wrench& to_hand) const;
   void advance(double dt);
   /// The rate of the clock, simulated seconds per second, from the step on that begins now (coupling/tool). A clock
   /// that stands, 0, changes nothing: the tool goes on from the rate that it had.
@@ -83,8 +86,6 @@ class SubWorld {
   [[nodiscard]] double cycle_left_s() const noexcept;
   [[nodiscard]] bool finite() const noexcept { return finite_; }
   [[nodiscard]] BodyState proxy() const { return model_->proxy(); }
-  [[nodiscard]] double rate() const noexcept { return rate_; }
-  [[nodiscard]] const Vec3& clutch() const noexcept { return clutch_.offset(); }
   /// In simulated time.
   [[nodiscard]] const DevicePose& device() const noexcept { return clutch_.device(); }
   [[nodiscard]] std::size_t members() const noexcept { return model_->members(); }

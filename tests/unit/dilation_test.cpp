@@ -4,6 +4,7 @@
 #include "haptic_sim/phase.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "rt/arrears.hpp"
+#include "support/scene_text.hpp"
 #include "world_sim/pace.hpp"
 #include "world_sim/world.hpp"
 
@@ -147,6 +148,7 @@ TEST(Phase, AStandingWorldStopsItAtOnceAndGoesOnAtOnce) {
 
 struct SceneRun {
   std::vector<Vec3> forces;  ///< on the hand, N
+  std::vector<Pose> device;
   double device_work_j = 0.0, energy_excess_j = 0.0;
 };
 
@@ -154,8 +156,7 @@ using Rate = std::function<double(int step)>;
 
 /// One user, the world and its frames in one process, on a clock of which each haptic step covers rate(step) h. The
 /// device moves in wall time. Frames arrive in the middle of a cycle, as in real time.
-SceneRun run_scene(const std::string& name, int steps, const Rate& rate) {
-  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml");
+SceneRun run_scene(Scene scene, int steps, const Rate& rate) {
   keep_users(scene, 1);
   const double h = scene.settings.h_s;
   World world(scene);
@@ -176,9 +177,8 @@ SceneRun run_scene(const std::string& name, int steps, const Rate& rate) {
     sub.set_rate(rate(step));
     const FeltStep felt = sub.feel(device.state(), true, h);
     run.forces.push_back(felt.to_hand.force);
-    DeviceCommand command;
-    command.wrench = felt.to_hand;
-    device.step(command, h);
+    run.device.push_back(device.state().pose);
+    device.step(sub.command_for(device.state(), felt.to_hand), h);
     sub.advance(arrears.step(h * rate(step), sub.cycle_left_s()));
     if (!sub.at_boundary()) continue;
     reports.push_back(sub.report(1));
@@ -191,6 +191,10 @@ SceneRun run_scene(const std::string& name, int steps, const Rate& rate) {
   run.device_work_j = sub.device_work_j();
   run.energy_excess_j = world.energy_excess_j();
   return run;
+}
+
+SceneRun run_scene(const std::string& name, int steps, const Rate& rate) {
+  return run_scene(load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml"), steps, rate);
 }
 
 Rate constant(double rate) {
@@ -251,6 +255,22 @@ TEST(SlowedClock, WhatMovesIsHeavierAndNoHarderToTheTouch) {
 TEST(SlowedClock, ThatStandsLeavesEveryForceFinite) {
   const SceneRun run = run_scene("press", 800, [](int step) { return step < 500 || step > 600 ? 1.0 : 0.0; });
   for (const Vec3& force : run.forces) ASSERT_TRUE(force.allFinite());
+}
+
+// A device that follows the proxy has a hand on it, which moves in wall time: it swings and turns as at full speed.
+TEST(SlowedClock, AnAdmittanceDeviceFollowsInWallTime) {
+  const Scene scene = load_text(test::kTurningAdmittanceDevice);
+  constexpr int kSteps = 800;
+  const SceneRun full = run_scene(scene, kSteps, constant(1.0));
+  EXPECT_GT(full.device.back().orientation.angularDistance(Quat::Identity()), 0.2) << "rad";
+  for (const double rate : {0.5, 0.05}) {
+    SCOPED_TRACE(rate);
+    const SceneRun slowed = run_scene(scene, kSteps, constant(rate));
+    for (std::size_t i = 0; i < full.device.size(); ++i) {
+      ASSERT_LT((slowed.device[i].position - full.device[i].position).norm(), 1e-4) << "m, step " << i;
+      ASSERT_LT(slowed.device[i].orientation.angularDistance(full.device[i].orientation), 1e-3) << "rad, step " << i;
+    }
+  }
 }
 
 struct Felt {
