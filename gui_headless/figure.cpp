@@ -25,7 +25,9 @@ Roles roles_of(std::span<const UserView> users) {
   for (const auto& user : users) {
     raise(user.proxy, Role::proxy);
     for (const auto member : user.members) raise(member, Role::member);
-    for (const auto& pair : user.border) raise(pair.inside, Role::border);
+    for (const auto& pair : user.border) {
+      if (pushes_member(user, pair)) raise(pair.inside, Role::border);
+    }
   }
   return roles;
 }
@@ -197,6 +199,10 @@ void place(const std::vector<Item>& items, Figure& figure) {
 }
 
 }  // namespace
+
+bool pushes_member(const UserView& user, const BorderPair& pair) {
+  return std::ranges::find(user.members, pair.inside) != user.members.end();
+}
 
 Figure compose(const Picture& picture, PictureSize size) {
   const auto items = items_of(picture);

@@ -55,6 +55,9 @@ struct Figure {
   std::size_t left_out = 0;
 };
 
+/// Whether the pair's inside body is inside: at a contact that may come, what pushes may be a ghost.
+[[nodiscard]] bool pushes_member(const UserView& user, const BorderPair& pair);
+
 /// Throws `Error` (usage) if the given camera looks nowhere.
 [[nodiscard]] Figure compose(const Picture& picture, PictureSize size);
 

@@ -29,6 +29,7 @@ std::vector<Line> lines_of(const Picture& picture) {
   for (const auto& user : picture.users) {
     std::map<std::uint32_t, Vec3> sums;
     for (const auto& pair : user.border) {
+      if (!pushes_member(user, pair)) continue;
       const Vec3 impulse = pair.normal * pair.normal_impulse + pair.tangential_impulse;
       if (impulse.allFinite()) sums.try_emplace(index(pair.inside), Vec3::Zero()).first->second += impulse;
     }

@@ -13,7 +13,9 @@ class Clutch {
     device_.pose = {start_.position, start_.orientation};
   }
 
-  void follow(const DeviceState& device) noexcept {
+  /// `rate`: simulated seconds per second, > 0. A device measures its velocity in wall time, the scene has its own
+  /// time.
+  void follow(const DeviceState& device, double rate) noexcept {
     if (!heard_) {
       offset_ = start_.position - device.pose.position;
       heard_ = true;
@@ -22,10 +24,10 @@ class Clutch {
     }
     device_.pose.position = device.pose.position + offset_;
     device_.pose.orientation = device.pose.orientation * start_.orientation;
-    device_.linear_velocity = open_ ? Vec3::Zero() : device.linear_velocity;
-    device_.angular_velocity = open_ ? Vec3::Zero() : device.angular_velocity;
+    device_.linear_velocity = open_ ? Vec3::Zero() : Vec3(device.linear_velocity / rate);
+    device_.angular_velocity = open_ ? Vec3::Zero() : Vec3(device.angular_velocity / rate);
   }
-  /// Where the hand is after `dt` without news of it.
+  /// Where the hand is after `dt` of simulated time without news of it.
   void advance(double dt) noexcept { device_.pose.position += dt * device_.linear_velocity; }
   void open(bool open) noexcept { open_ = open; }
 
@@ -35,7 +37,7 @@ class Clutch {
 
  private:
   BodyState start_;
-  DevicePose device_;  ///< in scene coordinates
+  DevicePose device_;  ///< in scene coordinates and simulated time
   Vec3 offset_ = Vec3::Zero();
   bool heard_ = false;
   bool open_ = false;

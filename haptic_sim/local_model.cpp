@@ -29,6 +29,7 @@ class MirroredProxy final : public LocalModel {
       : id_(scene.users[user].proxy), proxy_(scene.initial[index(id_)]) {}
 
   Wrench advance(const Drive& drive, double, double, Indicators&) override { return drive.felt; }
+  void change_rate(double before, double after) override { proxy_ = at_rate(proxy_, before, after); }
   void follow(const WorldFrame& frame, const HapticReport*, const Age&) override { (void)adopt(frame); }
   bool adopt(const WorldFrame& frame) override {
     const auto told = std::ranges::find(frame.states, id_, &StampedBody::id);
@@ -67,19 +68,29 @@ class SimulatedNeighbourhood final : public LocalModel {
     Wrench mean = drive.felt;
     border_->begin(engine_, dt);
     move_peers(time_s, dt);
-    if (drive.user.device.kind == DeviceKind::admittance) {
+    if (drive.kind == DeviceKind::admittance) {
       engine_.apply_force(proxy_, drive.applied.force, drive.applied.torque);
       engine_.step(dt);
     } else {
-      const ImplicitStep coupling = implicit_step(drive.user.coupling, drive.limits, scene_.body(proxy_),
-                                                  engine_.state(proxy_), drive.device, dt);
+      const ImplicitStep coupling =
+          implicit_step(drive.tool.coupling, drive.limits, drive.tool.body, engine_.state(proxy_), drive.device, dt);
       hold(proxy_, coupling);
       engine_.step(dt);
-      mean = exerted(drive.user.coupling, drive.limits, coupling, engine_.state(proxy_), dt);
+      mean = exerted(drive.tool.coupling, drive.limits, coupling, engine_.state(proxy_), dt);
     }
     border_->end(engine_, dt);
     observe_contacts(indicators);
     return mean;
+  }
+
+  void change_rate(double before, double after) override {
+    rate_ = after;
+    for (const UserSpec& user : scene_.users) {
+      if (!engine_.contains(user.proxy)) continue;
+      const BodyState proxy = at_rate(engine_.state(user.proxy), before, after);
+      engine_.set_velocity(user.proxy, proxy.linear_velocity, proxy.angular_velocity);
+      let_go(user);
+    }
   }
 
   void follow(const WorldFrame& frame, const HapticReport* mine, const Age& age) override {
@@ -129,20 +140,32 @@ class SimulatedNeighbourhood final : public LocalModel {
   void move_peers(double time_s, double dt) {
     // By their devices, not by their forces: a force that is late drops what it holds.
     for (const PeerDevice& peer : peers_) {
-      const auto user = std::ranges::find(scene_.users, peer.proxy, &UserSpec::proxy);
-      if (user == scene_.users.end() || !engine_.contains(peer.proxy)) continue;
+      const UserSpec* user = user_of(peer.proxy);
+      if (user == nullptr || !engine_.contains(peer.proxy)) continue;
       DevicePose device{peer.pose, peer.linear_velocity, peer.angular_velocity};
       device.pose.position += (time_s - peers_stamp_s_) * device.linear_velocity;
-      hold(peer.proxy, implicit_step(user->coupling, limits_of(user->device), scene_.body(peer.proxy),
-                                     engine_.state(peer.proxy), device, dt));
+      const Tool tool = tool_at(rate_, *user, scene_.body(peer.proxy));
+      hold(peer.proxy,
+           implicit_step(tool.coupling, limits_of(user->device), tool.body, engine_.state(peer.proxy), device, dt));
     }
+  }
+
+  /// The proxy without what an implicit step of its coupling adds to it.
+  void let_go(const UserSpec& user) {
+    const Body body = tool_at(rate_, user, scene_.body(user.proxy)).body;
+    engine_.set_inertia(body.id, body.mass, body.inertia);
   }
 
   void let_peers_go() {
     for (const PeerDevice& peer : peers_) {
-      const Body& body = scene_.body(peer.proxy);
-      if (engine_.contains(body.id)) engine_.set_inertia(body.id, body.mass, body.inertia);
+      const UserSpec* user = user_of(peer.proxy);
+      if (user != nullptr && engine_.contains(peer.proxy)) let_go(*user);
     }
+  }
+
+  [[nodiscard]] const UserSpec* user_of(BodyId proxy) const {
+    const auto user = std::ranges::find(scene_.users, proxy, &UserSpec::proxy);
+    return user == scene_.users.end() ? nullptr : &*user;
   }
 
   void follow_membership(const WorldFrame& frame, double lag_s) {
@@ -168,6 +191,7 @@ class SimulatedNeighbourhood final : public LocalModel {
       const std::vector<BodyId>& want = entering.body.fixed() ? frame.fixed : frame.members;
       if (engine_.contains(id) || !std::ranges::binary_search(want, id)) continue;
       engine_.add(entering.body, advanced(entering.state, lag_s));
+      if (const UserSpec* user = user_of(id)) let_go(*user);
       have.insert(std::ranges::lower_bound(have, id), id);
     }
   }
@@ -211,6 +235,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   std::vector<BodyId> members_, fixed_;  ///< ascending
   std::vector<PeerDevice> peers_;
   double peers_stamp_s_ = 0.0;
+  double rate_ = 1.0;  ///< of the clock
   std::uint32_t border_bodies_ = 0;
   bool compares_islands_ = false;
   Islands islands_;

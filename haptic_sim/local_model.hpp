@@ -1,6 +1,7 @@
 #pragma once
 
 #include "coupling/scheme.hpp"
+#include "coupling/tool.hpp"
 #include "coupling/virtual_coupling.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
@@ -13,7 +14,8 @@ namespace subworld {
 
 /// How the user acts on the proxy in one step.
 struct Drive {
-  const UserSpec& user;
+  DeviceKind kind;
+  const Tool& tool;
   const ForceLimits& limits;
   const DevicePose& device;
   const Wrench& applied;  ///< of an admittance device, within the limits
@@ -33,6 +35,8 @@ class LocalModel {
 
   /// Simulates `dt` from `time_s` on. Returns the mean wrench of the user on the proxy; adds to the indicators.
   virtual Wrench advance(const Drive& drive, double time_s, double dt, Indicators& indicators) = 0;
+  /// From now on the clock runs at another rate: the tools' velocities, masses and couplings change (coupling/tool).
+  virtual void change_rate(double before, double after) = 0;
   /// Uses a frame. `mine` is what was reported of the same stamp, or null.
   virtual void follow(const WorldFrame& frame, const HapticReport* mine, const Age& age) = 0;
   /// Gives up what there is and begins with a frame. False where it brings no proxy.

@@ -33,25 +33,6 @@ constexpr std::chrono::milliseconds kLastAgain{5};
 constexpr std::size_t kMostWaiting = 16;    ///< frames ahead of the sub-world
 constexpr std::uint64_t kTooFarBehind = 8;  ///< cycles; then the sub-world starts again from the world's states
 
-DeviceCommand command_for(const SubWorld& sub, const DeviceState& state, const Scene& scene, BodyId proxy,
-                          const Wrench& to_hand) {
-  DeviceCommand command;
-  command.device = state.device;
-  command.session = state.session;
-  command.served = state.sender;
-  command.sequence = state.sequence;
-  command.stamp_s = sub.time_s();
-  command.echoed_sent_ns = state.sent_ns;
-  command.wrench = to_hand;
-  const BodyState now = sub.proxy();
-  const BodyState& start = scene.initial[index(proxy)];
-  command.pose.position = now.position - sub.clutch();
-  command.pose.orientation = now.orientation * start.orientation.conjugate();
-  command.linear_velocity = now.linear_velocity;
-  command.angular_velocity = now.angular_velocity;
-  return command;
-}
-
 /// More than once where one may get lost.
 void send_last(HapticPorts& ports, const DeviceState& state, int times) {
   DeviceCommand command;
@@ -110,7 +91,6 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
                     const Scene& scene) {
   EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
-  const BodyId proxy = scene.users[sub.user()].proxy;
   const auto stopped = [] { return stop_signal() != 0; };
   Stages<HapticStage>& stages = measures.stages();
   const auto user = static_cast<std::uint32_t>(sub.user());
@@ -160,7 +140,7 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     const TimePoint begin = stages.mark(HapticStage::control);
     const FeltStep felt = sub.feel(device, true, h);
     stages.mark(HapticStage::feel);
-    if (!ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand))) {
+    if (!ports.command.write(sub.command_for(device, felt.to_hand))) {
       throw Error(ExitCode::failed, "device_command could not be sent; is device_sim stuck?");
     }
     stages.mark(HapticStage::send);
@@ -190,7 +170,6 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
   EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
   const double longest_cycle_s = scene.settings.longest_cycle_s();
-  const BodyId proxy = scene.users[sub.user()].proxy;
   const Scheduling scheduling = claim_realtime(priority::kHaptic);
   fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", sub.user(), 1.0 / h, scheduling.text);
   std::fflush(stdout);
@@ -305,6 +284,8 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     const double frame_period_s = longest_cycle_s / std::max(phase.clock_factor(), kSlowestClock);
     const bool alone = to_seconds(begin - framed) > std::max(kAlone_s, 4.0 * frame_period_s);
     sub.stand(alone || phase.clock_factor() <= 0.0);
+    const double rate = alone ? 0.0 : phase.step(sub.time_s());
+    sub.set_rate(rate);
     const bool silent = begin - framed > from_seconds(kGone_s);
     if (silent && !said_alone) ports.status.note("waits for world_sim: no frame for 2 s; the force has faded");
     if (!silent && said_alone) ports.status.note("world_sim is there again");
@@ -312,11 +293,11 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     stages.mark(HapticStage::feel);
-    ports.command.write(command_for(sub, device, scene, proxy, felt.to_hand));
+    ports.command.write(sub.command_for(device, felt.to_hand));
     const TimePoint left = stages.mark(HapticStage::send);  // the force; missed: after its period
     const Miss miss = left > loop.deadline() ? lateness.judge(left, loop.deadline(), thread_use()) : Miss::none;
     if (sub.report_due()) send_report();
-    sub.advance(alone ? 0.0 : arrears.step(h * phase.step(sub.time_s()), sub.cycle_left_s()));
+    sub.advance(arrears.step(h * rate, sub.cycle_left_s()));
     stages.mark(HapticStage::advance);
     if (sub.report_due()) send_report();
 

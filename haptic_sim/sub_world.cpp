@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace subworld {
 
@@ -17,6 +18,7 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       limits_(limits_of(spec_.device)),
       guard_(limits_, spec_.coupling.ramp_s),
       clutch_(scene.initial[index(spec_.proxy)]),
+      tool_(tool_at(rate_, spec_, scene.body(spec_.proxy))),
       timetable_(scene.settings.ratio, remembered_cycles(scene.settings, *scheme_)),
       reports_(remembered_cycles(scene.settings, *scheme_)) {
   for (HapticReport& report : reports_) reserve(report, kUsualMembers);
@@ -57,20 +59,47 @@ bool SubWorld::at_boundary() const noexcept {
   return in_cycle_s_ >= cycle_s() - 1e-6 * scene_.settings.h_s;
 }
 
-FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double dt) {
-  clutch_.follow(state);
+void SubWorld::set_rate(double rate) {
+  if (!(rate > 0.0)) return;
+  const double before = std::exchange(rate_, std::max(rate, kLeastToolRate));
+  if (rate_ == before) return;
+  tool_ = tool_at(rate_, spec_, scene_.body(spec_.proxy));
+  model_->change_rate(before, rate_);
+}
+
+FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double wall_s) {
+  clutch_.follow(state, rate_);
   applied_ = saturated(state.applied, limits_);
   const bool admittance = spec_.device.kind == DeviceKind::admittance;
-  felt_ = admittance ? applied_ : coupling_wrench(spec_.coupling, limits_, proxy(), device());
-  const Wrench safe = guard_.pass(felt_, trusted && finite_ && !clutch_.is_open(), dt);
+  felt_ = admittance ? applied_ : coupling_wrench(tool_.coupling, limits_, proxy(), device());
+  const Wrench safe = guard_.pass(felt_, trusted && finite_ && !clutch_.is_open(), wall_s);
   felt_now_ = true;
   return {felt_, {-safe.force, -safe.torque}};
+}
+
+DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_hand) const {
+  DeviceCommand command;
+  command.device = device.device;
+  command.session = device.session;
+  command.served = device.sender;
+  command.sequence = device.sequence;
+  command.stamp_s = time_s();
+  command.echoed_sent_ns = device.sent_ns;
+  command.wrench = to_hand;
+  const BodyState now = proxy();
+  const BodyState& start = scene_.initial[index(spec_.proxy)];
+  command.pose.position = now.position - clutch_.offset();
+  command.pose.orientation = now.orientation * start.orientation.conjugate();
+  command.linear_velocity = rate_ * now.linear_velocity;
+  command.angular_velocity = rate_ * now.angular_velocity;
+  return command;
 }
 
 void SubWorld::advance(double dt) {
   felt_now_ = false;
   if (dt <= 0.0) return;
-  const Wrench mean = model_->advance({spec_, limits_, device(), applied_, felt_}, time_s(), dt, indicators_);
+  const Wrench mean =
+      model_->advance({spec_.device.kind, tool_, limits_, device(), applied_, felt_}, time_s(), dt, indicators_);
   const BodyState moved = proxy();
   finite_ = finite_ && subworld::finite(moved);
   impulse_.force += dt * mean.force;
@@ -98,6 +127,7 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.user = UserId{static_cast<std::uint32_t>(user_)};
   report.stamp = stamp_;
   report.stamp_s = time_s();
+  report.clock_rate = rate_;
   report.sent_ns = sent_ns;
   report.confirmed_stamp = frame_stamp_;
   report.impulse = impulse_;

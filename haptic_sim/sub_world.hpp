@@ -30,9 +30,16 @@ class SubWorld {
   /// One haptic step that covers `dt` of simulation time: h, unless a clock is caught up with. `device_trusted`: its
   /// state is fresh.
   FeltStep step(const DeviceState& device, bool device_trusted, double dt);
-  /// The force for the device at the start of the step, before the sub-world moves: so that it leaves without delay.
-  [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double dt);
+  /// The force for the device at the start of a step of `wall_s`, before the sub-world moves: so that it leaves without
+  /// delay.
+  [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double wall_s);
+  /// The answer to the device: the force for its hand, and, for an admittance device, where the proxy is and how it
+  /// moves in wall time.
+  [[nodiscard]] DeviceCommand command_for(const DeviceState& device, const Wrench& to_hand) const;
   void advance(double dt);
+  /// The rate of the clock, simulated seconds per second, from the step on that begins now (coupling/tool). A clock
+  /// that stands, 0, changes nothing: the tool goes on from the rate that it had.
+  void set_rate(double rate);
   /// What the caller's clock says that a step took; the cycle's mean goes up with its report.
   void took(double step_s) noexcept {
     took_s_ += step_s;
@@ -84,7 +91,7 @@ class SubWorld {
   [[nodiscard]] double cycle_left_s() const noexcept;
   [[nodiscard]] bool finite() const noexcept { return finite_; }
   [[nodiscard]] BodyState proxy() const { return model_->proxy(); }
-  [[nodiscard]] const Vec3& clutch() const noexcept { return clutch_.offset(); }
+  /// In simulated time.
   [[nodiscard]] const DevicePose& device() const noexcept { return clutch_.device(); }
   [[nodiscard]] std::size_t members() const noexcept { return model_->members(); }
   [[nodiscard]] std::size_t contacts() const noexcept { return model_->contacts(); }
@@ -109,6 +116,8 @@ class SubWorld {
   ForceLimits limits_;
   ForceGuard guard_;
   Clutch clutch_;
+  double rate_ = 1.0;  ///< of the clock
+  Tool tool_;          ///< at that rate
 
   bool framed_ = false;            ///< a frame has been used
   std::uint64_t frame_stamp_ = 0;  ///< of the newest used

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 #include <iterator>
+#include <utility>
 
 namespace subworld {
 
@@ -76,6 +77,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress)
   }
   for (std::size_t u = 0; u < users_.size(); ++u) {
     users_[u].spec = &scene.users[u];
+    users_[u].tool = tool_at(1.0, scene.users[u], scene.body(scene.users[u].proxy));
     std::vector<BodyId> peers;
     for (std::size_t p = 0; p < users_.size(); ++p) {
       if (p != u) peers.push_back(scene.users[p].proxy);
@@ -98,7 +100,7 @@ bool World::settle(const std::function<bool(double)>& progress) {
       if (user.spec->joins_late) continue;
       const BodyState& start = scene_.initial[index(user.spec->proxy)];
       const DevicePose device{{start.position, start.orientation}, Vec3::Zero(), Vec3::Zero()};
-      hold(*user.spec, device, limits_of(user.spec->device), dt);
+      hold(user, device, limits_of(user.spec->device), dt);
     }
     engine_->step(dt);
     if (!progress(static_cast<double>(i + 1) / steps)) return false;
@@ -149,7 +151,9 @@ void World::begin_cycle() {
   const double for_scheme_s = scheme_->longest_world_step_s();
   const double longest_s =
       std::isfinite(for_scheme_s) ? std::min(for_scheme_s, engine_->capabilities().longest_step_s) : for_scheme_s;
-  substeps_ = ratio_control_.choose_parts(substeps_, cycle_s_, longest_s, cycle_cost_);
+  const auto lead = static_cast<std::uint64_t>(scheme_->lead_cycles());
+  const double time_s = seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp_ + lead)));
+  substeps_ = ratio_control_.choose_parts(substeps_, cycle_s_, longest_s, time_s, cycle_cost_);
 }
 
 bool World::border_is_felt(std::size_t user) {
@@ -219,22 +223,34 @@ void World::apply(std::size_t user, const HapticReport& report) {
   }
 }
 
-void World::hold(const UserSpec& user, const DevicePose& target, const ForceLimits& limits, double dt) {
+void World::set_rate(User& user, double rate) {
+  const double before = std::exchange(user.rate, std::max(rate, kLeastToolRate));
+  if (user.rate == before) return;
+  const BodyId id = user.spec->proxy;
+  user.tool = tool_at(user.rate, *user.spec, scene_.body(id));
+  const BodyState proxy = at_rate(engine_->state(id), before, user.rate);
+  engine_->set_velocity(id, proxy.linear_velocity, proxy.angular_velocity);
+  engine_->set_inertia(id, user.tool.body.mass, user.tool.body.inertia);
+}
+
+void World::hold(const User& user, const DevicePose& target, const ForceLimits& limits, double dt) {
+  const BodyId id = user.spec->proxy;
   const ImplicitStep coupling =
-      implicit_step(user.coupling, limits, scene_.body(user.proxy), engine_->state(user.proxy), target, dt);
-  engine_->set_inertia(user.proxy, coupling.mass, coupling.inertia);
-  engine_->set_velocity(user.proxy, coupling.start.linear_velocity, coupling.start.angular_velocity);
-  engine_->apply_force(user.proxy, coupling.wrench.force, coupling.wrench.torque);
+      implicit_step(user.tool.coupling, limits, user.tool.body, engine_->state(id), target, dt);
+  engine_->set_inertia(id, coupling.mass, coupling.inertia);
+  engine_->set_velocity(id, coupling.start.linear_velocity, coupling.start.angular_velocity);
+  engine_->apply_force(id, coupling.wrench.force, coupling.wrench.torque);
 }
 
 void World::drive_proxies(double until_s, double dt) {
-  for (const User& user : users_) {
+  for (User& user : users_) {
     if (!user.heard) continue;
     // A report that is ahead of the world tells what the user does in this very cycle.
     const HapticReport& now = user.at(wants());
     const HapticReport& before = &now == &user.report ? user.before : user.report;
+    set_rate(user, now.clock_rate);
     const ProxyDrive drive = scheme_->drive(*user.spec, before, now, until_s + half_step_offset_s());
-    if (drive.target) hold(*user.spec, *drive.target, drive.limits, dt);
+    if (drive.target) hold(user, *drive.target, drive.limits, dt);
     engine_->apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
   }
 }
@@ -302,6 +318,10 @@ void World::account() {
     finite_ = finite_ && subworld::finite(s);
     kinetic_j_ += kinetic_energy(body, s);
     if (body.gravity) potential_j_ -= body.mass * gravity.dot(s.position);
+  }
+  for (const User& user : users_) {
+    const BodyState& s = motions_[index(user.spec->proxy)].state;
+    kinetic_j_ += kinetic_energy(user.tool.body, s) - kinetic_energy(scene_.body(user.spec->proxy), s);
   }
   energy_j_[stamp_ % remembered_] = kinetic_j_ + potential_j_;
 }

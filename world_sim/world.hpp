@@ -6,6 +6,7 @@
 #include "coupling/scheme.hpp"
 #include "coupling/synchroniser.hpp"
 #include "coupling/timetable.hpp"
+#include "coupling/tool.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/contact_totals.hpp"
@@ -108,6 +109,8 @@ class World {
 
   struct User {
     const UserSpec* spec = nullptr;
+    double rate = 1.0;  ///< of the haptic clock in the cycle that the world simulates
+    Tool tool;          ///< at that rate
     std::unique_ptr<Synchroniser> synchroniser;
     std::vector<HapticReport> inbox;  ///< by stamp
     std::vector<bool> waiting;        ///< inbox holds a report that is not used yet
@@ -124,7 +127,9 @@ class World {
 
   void apply(std::size_t user, const HapticReport& report);
   void drive_proxies(double until_s, double dt);
-  void hold(const UserSpec& user, const DevicePose& target, const ForceLimits& limits, double dt);
+  /// The proxy as the user's hand has it, at the rate of the haptic clock.
+  void set_rate(User& user, double rate);
+  void hold(const User& user, const DevicePose& target, const ForceLimits& limits, double dt);
   /// By how much the world's positions are ahead of the sub-worlds' where both account for the same forces: half the
   /// difference of their steps. Frames tell what a sub-world of the same forces would have.
   [[nodiscard]] double half_step_offset_s() const;

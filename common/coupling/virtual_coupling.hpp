@@ -7,9 +7,9 @@
 namespace subworld {
 
 struct DevicePose {
-  Pose pose;  ///< in scene coordinates
-  Vec3 linear_velocity = Vec3::Zero();
-  Vec3 angular_velocity = Vec3::Zero();
+  Pose pose;                             ///< in scene coordinates
+  Vec3 linear_velocity = Vec3::Zero();   ///< m/s in simulated time
+  Vec3 angular_velocity = Vec3::Zero();  ///< rad/s in simulated time
 };
 
 struct ForceLimits {
@@ -22,6 +22,7 @@ struct ForceLimits {
 
 /// The virtual coupling (Colgate 1995) at one instant: the wrench on the proxy,
 ///   F = K (x_device - x_proxy) + B (v_device - v_proxy), torques likewise, saturated at the device's limits.
+/// Here and below all is in simulated time; coupling/tool has the settings and the proxy's mass on a slowed clock.
 [[nodiscard]] Wrench coupling_wrench(const CouplingSettings& coupling, const ForceLimits& limits,
                                      const BodyState& proxy, const DevicePose& device) noexcept;
 

@@ -187,6 +187,7 @@ struct HapticReport {
   std::uint64_t sender = 0;
   std::uint64_t stamp = 0;
   double stamp_s = 0.0;
+  double clock_rate = 1.0;  ///< simulated seconds per second in its newest step, > 0
   std::int64_t sent_ns = 0;
   std::uint64_t confirmed_stamp = 0;  ///< newest frame whose bodies are in the sub-world
   Wrench impulse;                     ///< that the user injected in the cycle, N s and N m s
@@ -194,7 +195,7 @@ struct HapticReport {
   double device_work_j = 0.0;         ///< since t = 0
   double coupling_energy_j = 0.0;     ///< stored in the coupling's springs
   BodyState proxy;
-  Pose device_pose;  ///< in scene coordinates
+  Pose device_pose;  ///< in scene coordinates; its velocities in simulated time
   Vec3 device_linear_velocity = Vec3::Zero();
   Vec3 device_angular_velocity = Vec3::Zero();
   Wrench device_applied;               ///< admittance devices

@@ -152,6 +152,7 @@ void to_wire(const HapticReport& in, msg::HapticReport& out) {
   out.sender(in.sender);
   out.stamp(in.stamp);
   out.stamp_s(in.stamp_s);
+  out.clock_rate(in.clock_rate);
   out.sent_ns(in.sent_ns);
   out.confirmed_stamp(in.confirmed_stamp);
   put(in.impulse, out.impulse());
@@ -184,10 +185,11 @@ bool from_wire(const msg::HapticReport& in, HapticReport& out) {
   out.islands = in.islands();
   out.indicators.border_bodies = in.indicators().border_bodies();
   out.indicators.proxy_contacts = in.indicators().proxy_contacts();
-  return get(in.stamp_s(), out.stamp_s) && get(in.impulse(), out.impulse) &&
-         get(in.impulse_total(), out.impulse_total) && get(in.device_work_j(), out.device_work_j) &&
-         get(in.coupling_energy_j(), out.coupling_energy_j) && get(in.proxy(), out.proxy) &&
-         get(in.device_pose(), out.device_pose) && get(in.device_linear_velocity(), out.device_linear_velocity) &&
+  return get(in.stamp_s(), out.stamp_s) && get_positive(in.clock_rate(), out.clock_rate) && out.clock_rate > 0.0 &&
+         get(in.impulse(), out.impulse) && get(in.impulse_total(), out.impulse_total) &&
+         get(in.device_work_j(), out.device_work_j) && get(in.coupling_energy_j(), out.coupling_energy_j) &&
+         get(in.proxy(), out.proxy) && get(in.device_pose(), out.device_pose) &&
+         get(in.device_linear_velocity(), out.device_linear_velocity) &&
          get(in.device_angular_velocity(), out.device_angular_velocity) &&
          get(in.device_applied(), out.device_applied) && get_all(in.members(), out.members) &&
          get(in.indicators().proxy_impulse_n_s(), out.indicators.proxy_impulse_n_s) &&

@@ -56,11 +56,7 @@ void CoupledRun::haptic_cycle(std::size_t user) {
     }
     felt[user].force.push_back(now.felt.force);
     felt[user].hand.push_back(now.to_hand.force);
-    DeviceCommand command;
-    command.wrench = now.to_hand;
-    command.pose.position = sub.proxy().position - sub.clutch();
-    command.linear_velocity = sub.proxy().linear_velocity;
-    device.step(command, h);
+    device.step(sub.command_for(state, now.to_hand), h);
     felt[user].proxy.push_back(sub.proxy());
     if (sub.report_due()) send_report(user);
   }

@@ -26,4 +26,28 @@ inline Scene load_text(const std::string& text) {
   return load_scene(folder.write("scene.yaml", text));
 }
 
+namespace test {
+
+/// A hand turns an admittance device of six degrees of freedom by 20 degrees and moves it by 2 cm, within half a
+/// second; the proxy is free.
+inline constexpr const char* kTurningAdmittanceDevice = R"(
+name: turning
+settings: {duration_s: 1}
+bodies:
+  - {name: floor, shape: plane, fixed: true, position_m: [0, 0, -1]}
+users:
+  - name: user
+    proxy: {shape: box, size_m: [0.1, 0.1, 0.1], mass_kg: 0.5, position_m: [0, 0, 0], gravity: false}
+    device:
+      kind: admittance
+      degrees_of_freedom: 6
+      torque_limit_n_m: 2
+      path:
+        - {turn: {axis: [0, 0, 1], angle_deg: 20}, during_s: [0.1, 0.5]}
+        - {move: [0.02, 0, 0], during_s: [0.1, 0.5]}
+      hand: {mass_kg: 1, damping_n_s_m: 10, stiffness_n_m: 300, inertia_kg_m2: 0.005, rotational_damping_n_m_s_rad: 0.1, rotational_stiffness_n_m_rad: 3}
+)";
+
+}  // namespace test
+
 }  // namespace subworld

@@ -160,6 +160,7 @@ class SampleMaker {
     to.sender = long_word();
     to.stamp = long_word();
     to.stamp_s = number();
+    to.clock_rate = positive();
     to.sent_ns = static_cast<std::int64_t>(long_word());
     to.confirmed_stamp = long_word();
     fill(to.impulse);
@@ -278,8 +279,8 @@ struct Walk {
         f.last, f.members, f.fixed, f.islands, f.entering, f.states, f.border, f.ghosts, f.peers);
   }
   void operator()(const HapticReport& r) {
-    all(r.user, r.session, r.sender, r.stamp, r.stamp_s, r.sent_ns, r.confirmed_stamp, r.impulse, r.impulse_total,
-        r.device_work_j, r.coupling_energy_j, r.proxy, r.device_pose, r.device_linear_velocity,
+    all(r.user, r.session, r.sender, r.stamp, r.stamp_s, r.clock_rate, r.sent_ns, r.confirmed_stamp, r.impulse,
+        r.impulse_total, r.device_work_j, r.coupling_energy_j, r.proxy, r.device_pose, r.device_linear_velocity,
         r.device_angular_velocity, r.device_applied, r.members, r.islands, r.indicators.proxy_impulse_n_s,
         r.indicators.total_impulse_n_s, r.indicators.device_impulse_n_s, r.indicators.border_bodies,
         r.indicators.proxy_contacts, r.timing.mean_s, r.timing.max_s);

@@ -81,9 +81,7 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
     for (int i = 0; i < scene.settings.ratio; ++i) {
       states.send(device.state());
       const FeltStep felt = sub.feel(states.received, true, scene.settings.h_s);
-      DeviceCommand command;
-      command.wrench = felt.to_hand;
-      commands.send(command);
+      commands.send(sub.command_for(states.received, felt.to_hand));
       device.step(commands.received, scene.settings.h_s);
       sub.advance(scene.settings.h_s);
       haptic_measures.stages().mark(HapticStage::advance);

@@ -6,14 +6,19 @@
 #include "coupling/scheme.hpp"
 #include "coupling/selection.hpp"
 #include "coupling/synchroniser.hpp"
+#include "coupling/tool.hpp"
 #include "coupling/virtual_coupling.hpp"
 #include "model/error.hpp"
 #include "support/bodies.hpp"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <utility>
+#include <vector>
 
 namespace subworld {
 namespace {
@@ -188,6 +193,79 @@ TEST(VirtualCoupling, TorqueTurnsTheProxyTowardsTheDevice) {
   EXPECT_NEAR(w.torque.y(), 0.2 * k.rotational_stiffness_n_m, 1e-9);
   device.pose.orientation.coeffs() = -device.pose.orientation.coeffs();  // the same rotation
   EXPECT_NEAR(coupling_wrench(k, limits, at(0, 0, 0), device).torque.y(), 0.2 * k.rotational_stiffness_n_m, 1e-9);
+}
+
+struct ToolMotion {
+  std::vector<BodyState> proxy;  ///< velocities in wall time
+  std::vector<Wrench> wrench;
+};
+
+/// A free tool of six degrees of freedom whose device swings and turns, in 300 steps of 1 ms of wall time, on a clock
+/// of which step i covers rate(i).
+template <class Rate>
+ToolMotion swing(Rate&& rate) {
+  UserSpec user;
+  user.coupling = {.stiffness_n_m = 1000, .damping_n_s_m = 5};
+  const ForceLimits limits{.force_n = 40, .torque_n_m = 2, .torques = true};
+  Body ball = ball_proxy(BodyId{0});
+  ball.inertia = Vec3(1e-4, 2e-4, 3e-4);
+  ball.rotates = true;
+  constexpr double h = 0.001;
+  ToolMotion seen;
+  BodyState proxy;
+  double now = rate(0);
+  for (int i = 0; i < 300; ++i) {
+    const double before = std::exchange(now, rate(i));
+    proxy = at_rate(proxy, before, now);
+    const Tool tool = tool_at(now, user, ball);
+    const double t = i * h;
+    DevicePose device{{Vec3(0.02 * std::sin(9.0 * t), 0.01 * t, 0), Quat(Eigen::AngleAxisd(2.0 * t, Vec3::UnitY()))},
+                      Vec3(0.18 * std::cos(9.0 * t), 0.01, 0),
+                      Vec3(0, 2.0, 0)};
+    device.linear_velocity /= now;
+    device.angular_velocity /= now;
+    const double dt = now * h;
+    const ImplicitStep step = implicit_step(tool.coupling, limits, tool.body, proxy, device, dt);
+    const Quat to_body = proxy.orientation.conjugate();
+    proxy = step.start;
+    proxy.linear_velocity += dt / step.mass * step.wrench.force;
+    proxy.angular_velocity +=
+        to_body.conjugate() * Vec3((dt * (to_body * step.wrench.torque)).cwiseQuotient(step.inertia));
+    proxy = advanced(proxy, dt);
+    seen.wrench.push_back(exerted(tool.coupling, limits, step, proxy, dt));
+    seen.proxy.push_back(at_rate(proxy, now, 1.0));
+  }
+  return seen;
+}
+
+// The tool is in the hand: on whatever clock, and while its rate changes, it moves and pulls as at full speed.
+TEST(Tool, MovesInWallTimeAsAtFullSpeed) {
+  const ToolMotion full = swing([](int) { return 1.0; });
+  EXPECT_GT(full.wrench.front().force.norm(), 0.1) << "N";
+  const std::vector<std::function<double(int)>> rates{
+      [](int) { return 0.5; }, [](int) { return 0.05; },
+      [](int i) { return std::max(0.02, std::pow(0.97, i < 150 ? i : 300 - i)); }};
+  for (const auto& rate : rates) {
+    SCOPED_TRACE(rate(150));
+    const ToolMotion slowed = swing(rate);
+    for (std::size_t i = 0; i < full.proxy.size(); ++i) {
+      ASSERT_LT((slowed.proxy[i].position - full.proxy[i].position).norm(), 1e-12);
+      ASSERT_LT((slowed.proxy[i].linear_velocity - full.proxy[i].linear_velocity).norm(), 1e-10);
+      ASSERT_LT(slowed.proxy[i].orientation.angularDistance(full.proxy[i].orientation), 1e-7);
+      ASSERT_LT((slowed.wrench[i].force - full.wrench[i].force).norm(), 1e-9);
+      ASSERT_LT((slowed.wrench[i].torque - full.wrench[i].torque).norm(), 1e-9);
+    }
+  }
+}
+
+TEST(Tool, KeepsItsEnergyWhenTheRateChanges) {
+  const UserSpec user;
+  Body ball = ball_proxy(BodyId{0});
+  BodyState proxy = at(0, 0, 0);
+  proxy.linear_velocity = Vec3(0.3, 0.1, 0);
+  proxy.angular_velocity = Vec3(0, 2, 1);
+  EXPECT_NEAR(kinetic_energy(tool_at(0.3, user, ball).body, at_rate(proxy, 1.0, 0.3)), kinetic_energy(ball, proxy),
+              1e-12);
 }
 
 TEST(ForceGuard, MeetsAHandThatItLetGoFromZero) {

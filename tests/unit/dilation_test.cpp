@@ -4,11 +4,13 @@
 #include "haptic_sim/phase.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "rt/arrears.hpp"
+#include "support/scene_text.hpp"
 #include "world_sim/pace.hpp"
 #include "world_sim/world.hpp"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <optional>
@@ -144,10 +146,17 @@ TEST(Phase, AStandingWorldStopsItAtOnceAndGoesOnAtOnce) {
   EXPECT_NEAR(phase.step(0.004), 1.0, 0.05);
 }
 
-/// One user, the world and its frames in one process, on a clock of which each haptic step covers rate(step) h. Frames
-/// arrive in the middle of a cycle, as in real time.
-std::vector<Vec3> forces_on_the_hand(const std::string& name, int steps, const std::function<double(int)>& rate) {
-  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml");
+struct SceneRun {
+  std::vector<Vec3> forces;  ///< on the hand, N
+  std::vector<Pose> device;
+  double device_work_j = 0.0, energy_excess_j = 0.0;
+};
+
+using Rate = std::function<double(int step)>;
+
+/// One user, the world and its frames in one process, on a clock of which each haptic step covers rate(step) h. The
+/// device moves in wall time. Frames arrive in the middle of a cycle, as in real time.
+SceneRun run_scene(Scene scene, int steps, const Rate& rate) {
   keep_users(scene, 1);
   const double h = scene.settings.h_s;
   World world(scene);
@@ -159,17 +168,17 @@ std::vector<Vec3> forces_on_the_hand(const std::string& name, int steps, const s
   sub.apply(world.frame(0));
   std::vector<HapticReport> reports{sub.report(1)};
   std::optional<WorldFrame> on_its_way;
-  std::vector<Vec3> forces;
+  SceneRun run;
   for (int step = 0; step < steps; ++step) {
     if (on_its_way && sub.cycle_left_s() < 0.6 * scene.settings.shortest_cycle_s()) {
       sub.apply(*on_its_way);
       on_its_way.reset();
     }
+    sub.set_rate(rate(step));
     const FeltStep felt = sub.feel(device.state(), true, h);
-    forces.push_back(felt.to_hand.force);
-    DeviceCommand command;
-    command.wrench = felt.to_hand;
-    device.step(command, h);
+    run.forces.push_back(felt.to_hand.force);
+    run.device.push_back(device.state().pose);
+    device.step(sub.command_for(device.state(), felt.to_hand), h);
     sub.advance(arrears.step(h * rate(step), sub.cycle_left_s()));
     if (!sub.at_boundary()) continue;
     reports.push_back(sub.report(1));
@@ -179,15 +188,35 @@ std::vector<Vec3> forces_on_the_hand(const std::string& name, int steps, const s
     world.step();
     on_its_way = world.frame(0);
   }
-  return forces;
+  run.device_work_j = sub.device_work_j();
+  run.energy_excess_j = world.energy_excess_j();
+  return run;
 }
 
-struct Felt {
-  const char* scene;
-  std::vector<int> changes;  ///< steps at which the clock begins to slow: the hand holds, pushes, moves freely
-};
+SceneRun run_scene(const std::string& name, int steps, const Rate& rate) {
+  return run_scene(load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml"), steps, rate);
+}
 
-class DilationFelt : public testing::TestWithParam<Felt> {};
+Rate constant(double rate) {
+  return [rate](int) { return rate; };
+}
+
+/// Falls from 1 to a fifth in the largest steps that the haptic clock makes, stays, and rises as the world's clock
+/// does.
+struct Slowing {
+  static constexpr double kLow = 0.2;
+  static constexpr int kHold = 60;
+  int from;
+  double rise = std::log(1.0 + Pace::kStep) / 4.0;  ///< a cycle has four steps and more
+  double fall = -std::log(1.0 - Phase::kRateStep);
+  int rises_at = from + static_cast<int>(std::ceil(-std::log(kLow) / fall)) + kHold;
+  int end = rises_at + static_cast<int>(std::ceil(-std::log(kLow) / rise));
+
+  double operator()(int step) const {
+    const double log_rate = step < rises_at ? -fall * (step - from) : std::log(kLow) + rise * (step - rises_at);
+    return std::exp(std::clamp(log_rate, std::log(kLow), 0.0));
+  }
+};
 
 double largest_step_n(const std::vector<Vec3>& forces, int from, int to) {
   double most = 0.0;
@@ -196,28 +225,84 @@ double largest_step_n(const std::vector<Vec3>& forces, int from, int to) {
   return most;
 }
 
-// The same run twice, of which one clock slows to less than a half and goes back to full speed: its force has no larger
-// steps than the other's, which come from touching and sliding.
+// A hand that touches a cube at a wall, presses, stands and lets go feels the same on every clock.
+TEST(SlowedClock, AStandingObstacleFeelsTheSameAtEachRate) {
+  constexpr int kSteps = 1700, kStanding = 1100;  // haptic steps; between, the hand presses and does not move
+  const SceneRun full = run_scene("press", kSteps, constant(1.0));
+  ASSERT_GT(full.forces[kStanding].norm(), 15.0) << "N";
+  for (const double rate : {0.5, 0.2, 0.05}) {
+    SCOPED_TRACE(rate);
+    const SceneRun slowed = run_scene("press", kSteps, constant(rate));
+    EXPECT_LE(largest_step_n(slowed.forces, 1, kSteps), largest_step_n(full.forces, 1, kSteps) + 0.05) << "N";
+    EXPECT_NEAR(slowed.forces[kStanding].norm(), full.forces[kStanding].norm(), 0.02) << "N";
+    EXPECT_NEAR(slowed.device_work_j, full.device_work_j, 0.01 * full.device_work_j);
+    EXPECT_LE(slowed.energy_excess_j, 1e-3 * full.device_work_j);
+  }
+}
+
+// The row of 2 kg is 50 kg to the hand at a rate of 0.2: it takes more force, but gives no harder blow.
+TEST(SlowedClock, WhatMovesIsHeavierAndNoHarderToTheTouch) {
+  constexpr int kSteps = 2000;
+  const SceneRun full = run_scene("row", kSteps, constant(1.0));
+  for (const double rate : {0.5, 0.2}) {
+    SCOPED_TRACE(rate);
+    const SceneRun slowed = run_scene("row", kSteps, constant(rate));
+    EXPECT_LE(largest_step_n(slowed.forces, 1, kSteps), largest_step_n(full.forces, 1, kSteps) + 0.3) << "N";
+    EXPECT_LE(slowed.energy_excess_j, 1e-3 * slowed.device_work_j);
+  }
+}
+
+TEST(SlowedClock, ThatStandsLeavesEveryForceFinite) {
+  const SceneRun run = run_scene("press", 800, [](int step) { return step < 500 || step > 600 ? 1.0 : 0.0; });
+  for (const Vec3& force : run.forces) ASSERT_TRUE(force.allFinite());
+}
+
+// A device that follows the proxy has a hand on it, which moves in wall time: it swings and turns as at full speed.
+TEST(SlowedClock, AnAdmittanceDeviceFollowsInWallTime) {
+  const Scene scene = load_text(test::kTurningAdmittanceDevice);
+  constexpr int kSteps = 800;
+  const SceneRun full = run_scene(scene, kSteps, constant(1.0));
+  EXPECT_GT(full.device.back().orientation.angularDistance(Quat::Identity()), 0.2) << "rad";
+  for (const double rate : {0.5, 0.05}) {
+    SCOPED_TRACE(rate);
+    const SceneRun slowed = run_scene(scene, kSteps, constant(rate));
+    for (std::size_t i = 0; i < full.device.size(); ++i) {
+      ASSERT_LT((slowed.device[i].position - full.device[i].position).norm(), 1e-4) << "m, step " << i;
+      ASSERT_LT(slowed.device[i].orientation.angularDistance(full.device[i].orientation), 1e-3) << "rad, step " << i;
+    }
+  }
+}
+
+struct Felt {
+  const char* scene;
+  std::vector<int> changes;  ///< steps at which the clock begins to slow: the hand holds, pushes, moves freely
+  bool touches_often =
+      false;  ///< and other bodies on another clock: its touches are compared with all of the steady run
+};
+
+class DilationFelt : public testing::TestWithParam<Felt> {};
+
+// The same run twice, of which one clock slows to a fifth and goes back to full speed: its force has no larger steps
+// than the other's, which come from touching and sliding.
 TEST_P(DilationFelt, NoStepInTheForceComesFromTheClock) {
-  constexpr int kChange = 60;
   const Felt& felt = GetParam();
-  const auto steady = forces_on_the_hand(felt.scene, felt.changes.back() + kChange, [](int) { return 1.0; });
+  const SceneRun steady = run_scene(felt.scene, Slowing{felt.changes.back()}.end, constant(1.0));
   double felt_n = 0.0;
   for (const int change : felt.changes) {
-    const int end = change + kChange;
-    const auto slowed = forces_on_the_hand(felt.scene, end, [&](int step) {
-      return std::pow(1.0 - Phase::kRateStep, std::max(0, std::min(step - change, end - step)));
-    });
-    EXPECT_LT(largest_step_n(slowed, change, end), largest_step_n(steady, change, end) + 0.3)
+    const Slowing slowing{change};
+    const SceneRun slowed = run_scene(felt.scene, slowing.end, slowing);
+    EXPECT_LT(largest_step_n(slowed.forces, change, slowing.end),
+              largest_step_n(steady.forces, felt.touches_often ? 1 : change, slowing.end) + 0.3)
         << "N, from step " << change << " on";
-    felt_n = std::max(felt_n, slowed.back().norm());
+    EXPECT_LE(slowed.energy_excess_j, 0.02 * slowed.device_work_j + 1e-4) << "J, from step " << change << " on";
+    felt_n = std::max(felt_n, slowed.forces.back().norm());
   }
   EXPECT_GT(felt_n, 1.0) << "nothing was felt at all";
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, DilationFelt,
                          testing::Values(Felt{"press", {150, 400, 480, 800}}, Felt{"row", {100, 600, 1500}},
-                                         Felt{"heap", {150, 600, 1400}}),
+                                         Felt{"heap", {150, 600, 1400}, true}),
                          [](const auto& one) { return std::string(one.param.scene); });
 
 }  // namespace

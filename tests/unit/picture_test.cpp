@@ -187,6 +187,23 @@ TEST(Picture, DrawsImpulsesFromTheBorderBodyAlongTheirSum) {
   EXPECT_GT(renderer().draw(picture).line_m_per_n_s, 2.0 * kCubeHalf_m / 0.02);
 }
 
+// At a contact that may come, the body that pushes may be outside as well.
+TEST(Picture, DrawsNoBorderBetweenTwoBodiesOutside) {
+  TestScene scene;
+  UserView user;
+  user.proxy = scene.add(TestScene::sphere(0.03), 0.1, Vec3(-0.4, 0.0, 0.0));
+  const auto ghost = scene.add_cube(Vec3::Zero());
+  user.members = {user.proxy};
+  user.border = {border_pair(ghost, Vec3(0.02, 0.0, 0.0))};
+  scene.users = {user};
+  auto picture = scene.picture();
+  picture.camera = Camera{Vec3(0.0, -2.0, 0.0), Vec3::Zero(), 0.6};
+  const auto drawing = renderer().draw(picture);
+  EXPECT_EQ(drawing.line_m_per_n_s, 0.0);
+  EXPECT_EQ(count(drawing.image, is_yellow), 0);
+  EXPECT_TRUE(is_grey(pixel_at(drawing, Vec3::Zero())));
+}
+
 TEST(Picture, LeavesOutWhatCannotBeDrawn) {
   auto scene = heap();
   const double nan = std::numeric_limits<double>::quiet_NaN();

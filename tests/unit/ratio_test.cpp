@@ -104,8 +104,8 @@ TEST(RatioControl, FixedStaysFixed) {
 
 TEST(RatioControl, PartsAreWhatIsWantedAndAffordable) {
   const RatioControl control(adaptive(4, 16));
-  const auto parts = [&](int present, double step_s) {
-    return control.choose_parts(present, 0.016, 0.005, [step_s](double, int n) { return n * step_s; });
+  const auto parts = [&](int present, double step_s, double time_s = 0.016) {
+    return control.choose_parts(present, 0.016, 0.005, time_s, [step_s](double, int n) { return n * step_s; });
   };
   EXPECT_EQ(parts(1, 0.0), 4);
   EXPECT_EQ(parts(1, 1e-3), 4);
@@ -113,12 +113,13 @@ TEST(RatioControl, PartsAreWhatIsWantedAndAffordable) {
   EXPECT_EQ(parts(4, 0.1), 1);
   EXPECT_EQ(parts(4, 2.8e-3), 4) << "those that are there stay a little above the share";
   EXPECT_LT(parts(1, 2.8e-3), 4) << "and no new one comes";
+  EXPECT_EQ(parts(4, 2e-3, 0.004), 1) << "the last long cycle before short ones has the time of a short one";
 }
 
 TEST(RatioControl, PartsThatASceneNamesStay) {
   Settings settings = adaptive(4, 16);
   settings.world.substeps = 3;
-  EXPECT_EQ(RatioControl(settings).choose_parts(1, 0.016, 0.005, [](double, int) { return 1.0; }), 3);
+  EXPECT_EQ(RatioControl(settings).choose_parts(1, 0.016, 0.005, 0.016, [](double, int) { return 1.0; }), 3);
 }
 
 Scene scene_of(const std::string& name, const RatioBounds& ratio) {

@@ -2,10 +2,12 @@
 #include "lab/coupled_run.hpp"
 #include "lab/metrics.hpp"
 #include "lab/variants.hpp"
+#include "support/scene_text.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace subworld {
@@ -405,6 +407,17 @@ TEST(Lockstep, EqualRunsHaveEqualHashes) {
     return run.world.state_hash();
   };
   EXPECT_EQ(hash(), hash());
+}
+
+// The lab answers a device as the programs do: what follows the proxy also turns with it.
+TEST(CoupledRun, TurnsAnAdmittanceDevice) {
+  Scene scene = load_text(test::kTurningAdmittanceDevice);
+  keep_users(scene, 1);
+  CoupledRun run(scene);
+  ASSERT_TRUE(run.run());
+  const Quat& device = run.devices[0]->state().pose.orientation;
+  EXPECT_NEAR(device.angularDistance(Quat::Identity()), 20.0 * M_PI / 180.0, 0.05) << "rad";
+  EXPECT_LT(device.angularDistance(run.subs[0]->proxy().orientation), 0.01) << "rad";
 }
 
 }  // namespace
