@@ -2,30 +2,33 @@
 
 #include "coupling/scheme.hpp"
 #include "ends.hpp"
+#include "file_lock.hpp"
 #include "io/results.hpp"
 #include "io/trace.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
+#include "placement.hpp"
 #include "progress.hpp"
 #include "rt/calibration.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/kernel_share.hpp"
+#include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "summary.hpp"
 #include "supervise.hpp"
 #include "watchdog.hpp"
 
-#include <fcntl.h>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -61,29 +64,16 @@ class DomainClaim {
                 fmt::format("all domains from {} to {} are in use by other runs; name one with --domain", kFirstDomain,
                             kLastDomain));
   }
-  ~DomainClaim() {
-    if (file_ >= 0) close(file_);
-  }
-  DomainClaim(const DomainClaim&) = delete;
-  DomainClaim& operator=(const DomainClaim&) = delete;
-
   [[nodiscard]] int domain() const noexcept { return domain_; }
 
  private:
   bool claim(int domain) {
-    const auto path = std::filesystem::temp_directory_path() / fmt::format("subworld-domain-{}.lock", domain);
-    const int file = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    if (file < 0) return false;
-    if (flock(file, LOCK_EX | LOCK_NB) != 0) {
-      close(file);
-      return false;
-    }
-    file_ = file;
+    if (!lock_.take(fmt::format("subworld-domain-{}", domain))) return false;
     domain_ = domain;
     return true;
   }
 
-  int file_ = -1;
+  FileLock lock_;
   int domain_ = -1;
 };
 
@@ -122,7 +112,15 @@ std::string part_of(const std::string& folder, std::string_view program, int use
   return user < 0 ? fmt::format("{}/{}.json", folder, name) : fmt::format("{}/{}_{}.json", folder, name, user);
 }
 
-void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain) {
+/// Whether the environment says where a program runs.
+bool is_placed_by_hand(const std::string& program) {
+  std::string variable = "SUBWORLD_" + program + "_CORE";
+  std::ranges::transform(variable, variable.begin(), [](unsigned char c) { return std::toupper(c); });
+  return std::getenv(variable.c_str()) != nullptr;
+}
+
+void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain,
+                    const Placement& placement) {
   const std::string folder = program_folder();
   int position = 0;
   const auto start = [&](const std::string& program, int user, bool essential) {
@@ -134,6 +132,8 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (!options.trace.empty() && program != "gui_headless")
       flags.insert(flags.end(), {"--trace", trace_part(options.out, label)});
     if (request.gui && program == "world_sim") flags.emplace_back("--await-display");
+    if (const std::vector<int>& cores = placement.of(program); !cores.empty() && !is_placed_by_hand(program))
+      flags.insert(flags.end(), {"--core", to_text(cores)});
     programs.start({.label = label,
                     .log = fmt::format("{}/logs/{}.log", options.out, label),
                     .part = part,
@@ -181,7 +181,7 @@ Calibration measure_machine(const Settings& settings) {
   const double duration_s = std::clamp(0.1 * settings.duration_s, 0.2, 1.0);
   fmt::print("subworld: measuring for {:.1f} s how late this machine wakes a loop that does nothing\n", duration_s);
   std::fflush(stdout);
-  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  const int cores = std::max(1, static_cast<int>(allowed_cores().size()));
   const Calibration found = calibrate(std::min(settings.users, cores), settings.h_s, duration_s);
   fmt::print("subworld: {}\n", to_text(found));
   if (!found.granted.fifo || !found.granted.memory_locked) {
@@ -266,7 +266,11 @@ int run(const RunRequest& request) {
   const TimePoint begin = Clock::now();
   const CoreTimes cores = core_times();
   Supervisor programs;
-  start_programs(programs, request, options, scene.settings.users, claim.domain());
+  // Of several runs at a time the first is placed: two worlds on one core would be worse off than anywhere.
+  FileLock first_run;
+  const bool is_first = first_run.take("subworld-cores");
+  record.placement = is_first ? place(scene, allowed_cores()) : Placement{};
+  start_programs(programs, request, options, scene.settings.users, claim.domain(), record.placement);
   std::optional<Supervisor::Failure> failure;
   Watchdog watchdog;
   {

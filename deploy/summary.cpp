@@ -249,6 +249,7 @@ Json summarise(const Scene& scene, const RunRecord& record, const std::string& f
                {"gates", Json::array()},
                {"settings", describe(scene)},
                {"machine", machine()},
+               {"placement", {{"world", record.placement.world}, {"others", record.placement.others}}},
                {"machine_load",
                 {{"own_cores", record.own_cpu_s / wall_s},
                  {"other_cores", record.other_cpu_s / wall_s},

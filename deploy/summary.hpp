@@ -2,6 +2,7 @@
 
 #include "io/results.hpp"
 #include "model/scene.hpp"
+#include "placement.hpp"
 #include "rt/calibration.hpp"
 
 #include <optional>
@@ -16,6 +17,7 @@ struct RunRecord {
   std::string date;  ///< of the start, ISO 8601 with the zone
   std::string dds;   ///< a vendor or mixed
   std::optional<Calibration> calibration;
+  Placement placement;
   double wall_s = 0.0;
   double own_cpu_s = 0.0;    ///< of all programs of the run
   double other_cpu_s = 0.0;  ///< of everything else on the machine meanwhile

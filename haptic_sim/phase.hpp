@@ -20,7 +20,8 @@ class Phase {
   static constexpr double kBraking_cycles = 8.0;  ///< from there to a stop
   static constexpr double kSlewLimit_ppm = 200.0;
 
-  /// `cycle_s`: the longest cycle; `lead_cycles`: by how many cycles frames come late because the haptic clock is ahead.
+  /// `cycle_s`: the longest cycle; `lead_cycles`: by how many cycles frames come late because the haptic clock is
+  /// ahead.
   Phase(double cycle_s, int lead_cycles) noexcept : cycle_s_(cycle_s), lead_cycles_(lead_cycles) {}
 
   /// A frame has come. `lead_s`: by how much the haptic clock is to be ahead of the world's when that shows the frame's

@@ -198,10 +198,12 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
 
   // A world that trails the sub-world by a cycle has the cycle's report a haptic step before it needs it.
   const int lead_cycles = sub.scheme().lead_cycles();
+  // Users' loops are released one after the other, so that those that share a core do not wait for each other.
+  const double stagger_s = h * static_cast<double>(sub.user()) / scene.settings.users;
   const auto ahead_s = [&](std::uint64_t stamp) {
-    if (lead_cycles == 0) return 0.0;
+    if (lead_cycles == 0) return stagger_s;
     const std::uint64_t until = stamp + static_cast<std::uint64_t>(lead_cycles);
-    return h * static_cast<double>(sub.timetable().start(until) - sub.timetable().start(stamp)) + h;
+    return h * static_cast<double>(sub.timetable().start(until) - sub.timetable().start(stamp)) + h + stagger_s;
   };
   Phase phase(longest_cycle_s, lead_cycles);
   Cyclic loop(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp)), from_seconds(h),

@@ -51,13 +51,9 @@ double SubWorld::time_s() const noexcept {
   return scene_.settings.h_s * static_cast<double>(timetable_.start(stamp_)) + in_cycle_s_;
 }
 
-double SubWorld::cycle_left_s() const noexcept {
-  return cycle_s() - (at_boundary() ? 0.0 : in_cycle_s_);
-}
+double SubWorld::cycle_left_s() const noexcept { return cycle_s() - (at_boundary() ? 0.0 : in_cycle_s_); }
 
-bool SubWorld::at_boundary() const noexcept {
-  return in_cycle_s_ >= cycle_s() - 1e-6 * scene_.settings.h_s;
-}
+bool SubWorld::at_boundary() const noexcept { return in_cycle_s_ >= cycle_s() - 1e-6 * scene_.settings.h_s; }
 
 void SubWorld::set_rate(double rate) {
   if (!(rate > 0.0)) return;

@@ -311,8 +311,7 @@ void World::account() {
     if (body.fixed()) continue;
     const BodyState s = engine_->state(body.id);
     Motion& motion = motions_[index(body.id)];
-    if (stamp_ > 0)
-      motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / cycle_s_;
+    if (stamp_ > 0) motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / cycle_s_;
     motion.state = s;
     mix(hash_, s);
     finite_ = finite_ && subworld::finite(s);

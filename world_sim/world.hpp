@@ -86,7 +86,9 @@ class World {
   [[nodiscard]] const Timetable& timetable() const noexcept { return timetable_; }
   /// Of the cycle that ended last.
   [[nodiscard]] double cycle_s() const noexcept { return cycle_s_; }
-  [[nodiscard]] int ratio() const noexcept { return stamp_ == 0 ? scene_.settings.ratio : timetable_.ratio(stamp_ - 1); }
+  [[nodiscard]] int ratio() const noexcept {
+    return stamp_ == 0 ? scene_.settings.ratio : timetable_.ratio(stamp_ - 1);
+  }
   [[nodiscard]] std::uint64_t ratio_changes() const noexcept { return ratio_changes_; }
   [[nodiscard]] const Engine& engine() const noexcept { return *engine_; }
   [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
@@ -155,8 +157,8 @@ class World {
   Timetable timetable_;
   RatioControl ratio_control_;
   std::uint64_t ratio_changes_ = 0;  ///< planned
-  EngineCost engine_cost_;       ///< of the engine in use
-  EngineCost next_engine_cost_;  ///< of the one that was asked for
+  EngineCost engine_cost_;           ///< of the engine in use
+  EngineCost next_engine_cost_;      ///< of the one that was asked for
   std::size_t movable_;
   CostCorrection correction_{kTracking};
   CycleCost cycle_cost_;

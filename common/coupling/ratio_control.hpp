@@ -18,8 +18,8 @@ using CycleCost = std::function<double(double cycle_s, int parts)>;
 /// A cycle has as many parts as the scheme wants, or as it can afford. So a world that is too slow first makes fewer
 /// parts, then longer cycles; then its clock slows.
 ///
-/// Hysteresis: what there is stays until it costs more than kOverShare; a border counts as felt, and a cost as high, for
-/// kSettled_s longer than it is.
+/// Hysteresis: what there is stays until it costs more than kOverShare; a border counts as felt, and a cost as high,
+/// for kSettled_s longer than it is.
 class RatioControl {
  public:
   static constexpr double kShare = 0.6;  ///< of a cycle for the world; the rest is for what takes longer now and then
@@ -30,8 +30,8 @@ class RatioControl {
 
   /// After a cycle of `cycle_s`: the ratio that should follow the present one.
   [[nodiscard]] int choose_ratio(int present, bool border_is_felt, double cycle_s, const CycleCost& cost);
-  /// Parts of a cycle; `longest_part_s`: what the scheme wants; `time_s`: wall time for it on a clock at full speed. That
-  /// is the length of the cycle which a sub-world ahead simulates meanwhile: another one where the ratio changes.
+  /// Parts of a cycle; `longest_part_s`: what the scheme wants; `time_s`: wall time for it on a clock at full speed.
+  /// That is the length of the cycle which a sub-world ahead simulates meanwhile: another one where the ratio changes.
   [[nodiscard]] int choose_parts(int present, double cycle_s, double longest_part_s, double time_s,
                                  const CycleCost& cost) const;
 
@@ -40,7 +40,7 @@ class RatioControl {
 
   double h_s_;
   int least_, most_;
-  int given_parts_;  ///< by the scene; 0: as wanted and affordable
+  int given_parts_;       ///< by the scene; 0: as wanted and affordable
   double quiet_s_ = 0.0;  ///< for which no border was felt
   double cheap_s_ = 0.0;  ///< for which a smaller ratio was affordable
 };

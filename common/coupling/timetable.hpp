@@ -7,9 +7,9 @@
 
 namespace subworld {
 
-/// When cycles begin, in haptic steps since t = 0, while the simulation ratio changes. Cycle j begins at stamp j and has
-/// as many haptic steps as the newest change at or before j says. The world plans changes ahead and every frame tells
-/// the newest one, so that both sides count alike.
+/// When cycles begin, in haptic steps since t = 0, while the simulation ratio changes. Cycle j begins at stamp j and
+/// has as many haptic steps as the newest change at or before j says. The world plans changes ahead and every frame
+/// tells the newest one, so that both sides count alike.
 class Timetable {
  public:
   /// `remembered_cycles`: how far back stamps are asked for.

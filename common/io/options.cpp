@@ -6,6 +6,7 @@
 #include "rt/stop.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
@@ -67,12 +68,13 @@ void add_run_options(CLI::App& app, Options& o) {
   app.add_option("--haptic-engine", o.haptic_engine, "the sub-worlds' engine");
   app.add_option("--preset", o.preset, "the world engine's preset: fast or quality");
   app.add_option("--haptic-preset", o.haptic_preset, "the sub-world engines' preset");
-  app.add_option("--ratio", o.ratio,
-                 "simulation ratio r = T / h; as 4-12 it adapts between these to what is felt and to what the world costs")
+  app.add_option(
+         "--ratio", o.ratio,
+         "simulation ratio r = T / h; as 4-12 it adapts between these to what is felt and to what the world costs")
       ->check([](const std::string& text) {
-        return parse_ratio(text) ? std::string()
-                                 : fmt::format("{} is neither a whole number from 1 to {} nor two as in 4-12", text,
-                                               kMostRatio);
+        return parse_ratio(text)
+                   ? std::string()
+                   : fmt::format("{} is neither a whole number from 1 to {} nor two as in 4-12", text, kMostRatio);
       });
   app.add_option("--budget", o.budget_ratio,
                  "part of the haptic step that simulating a sub-world may take: of the bodies in its box, those that "
@@ -111,7 +113,11 @@ void add_tuning(CLI::App& app, const char* program, Options& o) {
     return name;
   };
   constexpr const char* kNotInHelp = "";
-  app.add_option("--core", o.core)->check(CLI::Range(-1, 1023))->envname(variable("core"))->group(kNotInHelp);
+  app.add_option("--core", o.cores)
+      ->delimiter(',')
+      ->check(CLI::Range(0, 1023))
+      ->envname(variable("core"))
+      ->group(kNotInHelp);
   app.add_option("--spin", o.spin_s)->check(CLI::Range(0.0, 0.01))->envname(variable("spin_s"))->group(kNotInHelp);
 }
 
@@ -234,9 +240,9 @@ int run_program(Program program, int argc, const char* const* argv,
     const Parsed parsed = parse_options(program, argc, argv);
     if (parsed.exit_code) return *parsed.exit_code;
     end_at_stop_signals();
-    if (const int core = parsed.options.core; core >= 0 && !keep_to_core(core))
-      throw Error(ExitCode::usage,
-                  fmt::format("--core {}: this machine does not have it, or not for this program", core));
+    if (const std::vector<int>& cores = parsed.options.cores; !cores.empty() && !keep_to_cores(cores))
+      throw Error(ExitCode::usage, fmt::format("--core {}: this machine does not have it, or not for this program",
+                                               fmt::join(cores, ",")));
     std::setvbuf(stdout, nullptr, _IOLBF, 0);  // a log holds what was said, however the program ends
     const Scene scene = load_scene(parsed.options);
     if (!parsed.options.out.empty()) make_folder(parsed.options.out);

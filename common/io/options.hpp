@@ -29,7 +29,7 @@ struct Options {
   std::optional<double> budget_ratio;
   std::optional<double> duration_s;
   std::string out;               ///< folder for results; empty: none are written
-  int core = -1;                 ///< that all threads of the program stay on; -1: any
+  std::vector<int> cores;        ///< that all threads of the program stay on; none: any
   double spin_s = 0.0;           ///< haptic_sim, device_sim: looks at the clock instead of sleeping before a release
   std::string trace;             ///< file for what the loops did when; empty: none. Not of the display
   int user = 0;                  ///< haptic_sim, device_sim

@@ -142,9 +142,9 @@ struct WorldFrame {
   std::int64_t echoed_sent_ns = 0;  ///< of the newest report that the world has used
   std::uint64_t echoed_stamp = 0;
   bool last = false;
-  double cycle_s = 0.0;   ///< length of the cycle that ended here, to which impulses belong
-  int ratio = 1;          ///< haptic steps in the cycle that begins here
-  RatioChange planned;    ///< the newest; may be of the past
+  double cycle_s = 0.0;                ///< length of the cycle that ended here, to which impulses belong
+  int ratio = 1;                       ///< haptic steps in the cycle that begins here
+  RatioChange planned;                 ///< the newest; may be of the past
   std::vector<BodyId> members;         ///< movable bodies of the sub-world from this stamp on, proxy included
   std::vector<BodyId> fixed;           ///< fixed bodies of the sub-world
   std::vector<std::uint32_t> islands;  ///< of members, as the world's contacts make them (coupling/contact_graph)

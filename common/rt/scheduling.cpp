@@ -35,12 +35,26 @@ Scheduling claim_realtime(int priority) {
   return got;
 }
 
-bool keep_to_core(int core) noexcept {
-  if (core < 0 || core >= CPU_SETSIZE) return false;
-  cpu_set_t cores;
-  CPU_ZERO(&cores);
-  CPU_SET(core, &cores);
-  return sched_setaffinity(0, sizeof cores, &cores) == 0;
+bool keep_to_cores(std::span<const int> cores) noexcept {
+  cpu_set_t allowed, wanted;
+  CPU_ZERO(&wanted);
+  if (sched_getaffinity(0, sizeof allowed, &allowed) != 0) return false;
+  for (const int core : cores) {
+    if (core < 0 || core >= CPU_SETSIZE || !CPU_ISSET(core, &allowed)) return false;
+    CPU_SET(core, &wanted);
+  }
+  return sched_setaffinity(0, sizeof wanted, &wanted) == 0;
+}
+
+std::vector<int> allowed_cores() {
+  cpu_set_t allowed;
+  CPU_ZERO(&allowed);
+  if (sched_getaffinity(0, sizeof allowed, &allowed) != 0) return {};
+  std::vector<int> cores;
+  for (int core = 0; core < CPU_SETSIZE; ++core) {
+    if (CPU_ISSET(core, &allowed)) cores.push_back(core);
+  }
+  return cores;
 }
 
 void leave_realtime() noexcept {

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <span>
 #include <string>
+#include <vector>
 
 namespace subworld {
 
@@ -24,9 +26,12 @@ inline constexpr int kWorld = 60;
 /// memory.
 Scheduling claim_realtime(int priority);
 
-/// Keeps the calling thread and the threads that it makes from now on to one core. False where there is none of that
-/// number.
-bool keep_to_core(int core) noexcept;
+/// Keeps the calling thread and the threads that it makes from now on to these cores. False where one of them does not
+/// exist or is not allowed.
+bool keep_to_cores(std::span<const int> cores) noexcept;
+
+/// Cores that this process may use, ascending.
+[[nodiscard]] std::vector<int> allowed_cores();
 
 /// Takes the calling thread back to the default scheduling: for what may wait.
 void leave_realtime() noexcept;

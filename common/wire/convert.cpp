@@ -139,11 +139,10 @@ bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
   out.planned.stamp = in.planned_stamp();
   return get(in.stamp_s(), out.stamp_s) && get(in.start_in_s(), out.start_in_s) &&
          get_positive(in.cycle_s(), out.cycle_s) && get_ratio(in.ratio(), out.ratio) &&
-         get_ratio(in.planned_ratio(), out.planned.ratio) &&
-         get_positive(in.clock_factor(), out.clock_factor) && get_all(in.members(), out.members) &&
-         get_all(in.fixed_bodies(), out.fixed) && get_all(in.entering(), out.entering) &&
-         get_all(in.states(), out.states) && get_all(in.border(), out.border) && get_ghosts(in, out.ghosts) &&
-         get_all(in.peers(), out.peers);
+         get_ratio(in.planned_ratio(), out.planned.ratio) && get_positive(in.clock_factor(), out.clock_factor) &&
+         get_all(in.members(), out.members) && get_all(in.fixed_bodies(), out.fixed) &&
+         get_all(in.entering(), out.entering) && get_all(in.states(), out.states) && get_all(in.border(), out.border) &&
+         get_ghosts(in, out.ghosts) && get_all(in.peers(), out.peers);
 }
 
 void to_wire(const HapticReport& in, msg::HapticReport& out) {

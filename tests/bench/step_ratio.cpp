@@ -41,10 +41,17 @@ struct Pushed {
   [[nodiscard]] BodyId sphere() const { return world.bodies.back().id; }
 };
 
+EngineSettings settings_for(const std::string& engine, const std::string& preset) {
+  EngineSettings settings;
+  settings.name = engine;
+  settings.preset = preset;
+  return settings;
+}
+
 class Side {
  public:
   Side(const std::string& engine, const std::string& preset, const Pushed& heap)
-      : heap_(heap), engine_(make_engine({.name = engine, .preset = preset}, {})) {
+      : heap_(heap), engine_(make_engine(settings_for(engine, preset), {})) {
     for (std::size_t i = 0; i < heap.world.bodies.size(); ++i) {
       engine_->add(heap.world.bodies[i], heap.world.states[i]);
     }
@@ -85,7 +92,7 @@ class Side {
 Pushed settled(const Plan& plan, int cubes) {
   Pushed heap{bench::dense_heap(cubes)};
   auto& [bodies, states] = heap.world;
-  auto engine = make_engine({.name = plan.engine, .preset = plan.preset}, {});
+  auto engine = make_engine(settings_for(plan.engine, plan.preset), {});
   for (std::size_t i = 0; i < bodies.size(); ++i) engine->add(bodies[i], states[i]);
   for (double t = 0.0; t < kSettle_s; t += kSettleStep_s) engine->step(kSettleStep_s);
   double top = 0.0;

@@ -29,7 +29,7 @@ struct Variant {
 /// A block of one variant, in a thread of its own, as a program's loop has one.
 void measure(Variant& variant, double period_s, double block_s, int priority) {
   std::thread([&] {
-    if (variant.core >= 0) keep_to_core(variant.core);
+    if (variant.core >= 0) keep_to_cores({&variant.core, 1});
     if (priority > 0) claim_realtime(priority);
     const auto releases = static_cast<int>(block_s / period_s);
     Cyclic loop(Clock::now() + from_seconds(period_s), from_seconds(period_s), from_seconds(variant.spin_s));

@@ -13,9 +13,9 @@ namespace {
 const std::vector<std::string> kConditions{
     "scene", "variant", "engine", "h_s", "latency_s", "jitter_s", "coupling_stiffness_n_m"};
 /// What is run, but for how long and how late.
-const std::vector<std::string> kSetting{"scene",         "variant",      "scheme",         "engine",
-                                        "haptic_engine", "h_s",          "ratio",          "ratio_most", "box_m",
-                                        "contact_depth", "budget_ratio", "world_substeps", "coupling_stiffness_n_m"};
+const std::vector<std::string> kSetting{
+    "scene", "variant",       "scheme",       "engine",         "haptic_engine",         "h_s", "ratio", "ratio_most",
+    "box_m", "contact_depth", "budget_ratio", "world_substeps", "coupling_stiffness_n_m"};
 
 /// Under a telling floor nothing can be told apart.
 double told_error(const Json& row) {

@@ -33,7 +33,8 @@ void CoupledRun::send_report(std::size_t user) {
 
 void CoupledRun::deliver_frames(std::size_t user, std::uint64_t step) {
   Link& link = links_[user];
-  for (; link.next_frame <= world.stamp() && link.delay.frame_due(link.next_frame, subs[user]->timetable()) <= step; ++link.next_frame) {
+  for (; link.next_frame <= world.stamp() && link.delay.frame_due(link.next_frame, subs[user]->timetable()) <= step;
+       ++link.next_frame) {
     const CpuTimer timer(cpu.synchronise);
     subs[user]->apply(link.frames[link.next_frame % link.frames.size()]);
   }
@@ -68,7 +69,8 @@ void CoupledRun::cycle() {
   ++cycle_;
   if (cycle_ > lead) {
     for (Link& link : links_) {
-      while (link.next_report <= link.newest_report && link.delay.report_due(link.next_report, world.stamp(), world.timetable())) {
+      while (link.next_report <= link.newest_report &&
+             link.delay.report_due(link.next_report, world.stamp(), world.timetable())) {
         world.receive(HapticReport(link.reports[link.next_report++ % link.reports.size()]));
       }
     }

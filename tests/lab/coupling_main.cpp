@@ -60,9 +60,10 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       ->check(CLI::IsMember({"direct", "paper", "paper_literal", "reduced"}));
   CLI::Option* ratio = add_list(app, "--ratio", sweep.ratios, "simulation ratios r = T / h (default: 1,4,10,20)");
   ratio->check(CLI::Range(1, 1000));
-  add_list(app, "--ratio-most", sweep.ratios_most,
-           "the ratio may rise to so much where nothing that crosses a border is felt, or where the world costs more than "
-           "a cycle by its engine's published costs; 0: it is fixed (default: 0)")
+  add_list(
+      app, "--ratio-most", sweep.ratios_most,
+      "the ratio may rise to so much where nothing that crosses a border is felt, or where the world costs more than "
+      "a cycle by its engine's published costs; 0: it is fixed (default: 0)")
       ->check(CLI::Range(0, kMostRatio));
   add_numbers(app, "--box", sweep.boxes_m, "half sides of the box around the proxy, m (default: the scene's)", 1e-3,
               1e3);

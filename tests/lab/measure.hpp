@@ -22,9 +22,9 @@ struct Outcome {
   int substeps = 1;
   CpuTimes cpu;
   double simulated_s = 0.0;
-  MeanMax ratio;    ///< by cycle
+  MeanMax ratio;            ///< by cycle
   std::vector<int> ratios;  ///< by haptic step of the world
-  MeanMax members;  ///< per user and cycle, as the next two
+  MeanMax members;          ///< per user and cycle, as the next two
   MeanMax ghosts;
   MeanMax border_pairs;
 };

@@ -213,8 +213,12 @@ std::optional<Plot> ratios(const std::vector<const Trace*>& traces) {
             .levels = {}};
   for (const Trace* trace : traces) {
     if (std::ranges::adjacent_find(trace->ratios, std::ranges::not_equal_to{}) == trace->ratios.end()) continue;
-    Series line{
-        .title = trace->scheme, .colour = colour_of(trace->scheme), .width = 1.4, .mark = 0, .dashed = false, .points = {}};
+    Series line{.title = trace->scheme,
+                .colour = colour_of(trace->scheme),
+                .width = 1.4,
+                .mark = 0,
+                .dashed = false,
+                .points = {}};
     for (std::size_t i = 0; i < trace->ratios.size(); ++i) {
       const bool corner = i == 0 || i + 1 == trace->ratios.size() || trace->ratios[i - 1] != trace->ratios[i];
       if (!corner) continue;
@@ -259,8 +263,8 @@ std::string swept_text(const Json& row, const std::vector<std::string>& columns,
 std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
   const std::vector<std::string> columns = swept(rows);
   std::vector<Plot> plots{work_precision(rows, columns)};
-  for (const char* x : {"ratio", "ratio_most", "box_m", "contact_depth", "budget_ratio", "latency_s", "jitter_s", "world_substeps",
-                        "coupling_stiffness_n_m", "h_s"}) {
+  for (const char* x : {"ratio", "ratio_most", "box_m", "contact_depth", "budget_ratio", "latency_s", "jitter_s",
+                        "world_substeps", "coupling_stiffness_n_m", "h_s"}) {
     if (std::ranges::find(columns, x) != columns.end()) plots.push_back(error_against(x, rows, columns));
   }
   std::map<double, std::vector<const Trace*>> by_latency;

@@ -132,8 +132,8 @@ int shown_ratio(const std::vector<int>& ratios) {
 }
 
 bool shown(const Point& p, const Sweep& s) {
-  return p.ratio == shown_ratio(s.ratios) && p.ratio_most == s.ratios_most.front() && p.variant == s.variants.front() && p.engine == s.engines.front() &&
-         p.haptic_engine == s.haptic_engines.front() && p.box_m == s.boxes_m.front() &&
+  return p.ratio == shown_ratio(s.ratios) && p.ratio_most == s.ratios_most.front() && p.variant == s.variants.front() &&
+         p.engine == s.engines.front() && p.haptic_engine == s.haptic_engines.front() && p.box_m == s.boxes_m.front() &&
          p.contact_depth == s.contact_depths.front() && p.budget_ratio == s.budget_ratios.front() &&
          p.substeps == s.substeps.front() && p.jitter_s == s.jitters_s.front() &&
          p.stiffness_factor == s.stiffness_factors.front() && p.h_s == s.h_s.front();

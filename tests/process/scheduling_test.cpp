@@ -65,6 +65,32 @@ TEST_F(Placement, OnACoreThatIsNotThereIsRefused) {
   EXPECT_NE(ended.err.find("1023"), std::string::npos) << ended.err;
 }
 
+// Haptic loops on the world's core would pre-empt it in each of their periods.
+TEST_F(Placement, TheWorldHasACoreOfItsOwn) {
+  const std::vector<int> cores = allowed_cores();
+  if (cores.size() < 2) GTEST_SKIP() << "one core";
+  // In a temporary folder of its own, so that no other run of this machine is the first.
+  Process run(run_words(scene("press"), {"--mode", "realtime", "--duration", "600"}), folder_.path(),
+              {{"TMPDIR", folder_.path()}});
+  const std::string log = out() + "/logs/world_sim.log";
+  ASSERT_TRUE(eventually([&] { return read_text(log).find("running at") != std::string::npos; })) << run.err();
+  int seen = 0;
+  for (const Running& one : running(folder_.path())) {
+    const std::string name = std::filesystem::path(one.words.front()).filename().string();
+    if (name.find("_sim") == std::string::npos) continue;
+    SCOPED_TRACE(name);
+    ++seen;
+    cpu_set_t allowed;
+    ASSERT_EQ(sched_getaffinity(one.pid, sizeof allowed, &allowed), 0);
+    const bool is_world = name == "world_sim";
+    EXPECT_EQ(CPU_ISSET(cores.back(), &allowed), is_world);
+    EXPECT_EQ(static_cast<std::size_t>(CPU_COUNT(&allowed)), is_world ? 1 : cores.size() - 1);
+  }
+  EXPECT_EQ(seen, 3);
+  run.signal(SIGINT);
+  EXPECT_EQ(run.wait(), 0) << run.err();
+}
+
 INSTANTIATE_TEST_SUITE_P(Vendors, Middleware, ::testing::Values("fastdds", "cyclonedds"),
                          [](const auto& one) { return one.param; });
 

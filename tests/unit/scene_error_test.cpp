@@ -106,6 +106,8 @@ std::vector<Broken> broken_scenes() {
       settings("duration_overflows", "{duration_s: 1e999}", "2:24", "must be a finite number"),
       settings("ratio_zero", "{ratio: 0}", "2:19", "settings.ratio: must be at least 1 and at most 1000, not 0"),
       settings("ratio_large", "{ratio: 1001}", "2:19", "at most 1000, not 1001"),
+      settings("ratio_three", "{ratio: [1, 2, 3]}", "2:19", "settings.ratio: must be a whole number, or the smallest"),
+      settings("ratio_backwards", "{ratio: [8, 4]}", "2:23", "must be at least 8 and at most 1000, not 4"),
       settings("ratio_half", "{ratio: 2.5}", "2:19", "must be a whole number, not 2.5"),
       settings("settle_step", "{settle: {step_s: 0}}", "2:29", "settings.settle.step_s: must be at least"),
       settings("mode", "{mode: real_time}", "2:18",

@@ -1,0 +1,30 @@
+#pragma once
+
+#include "model/scene.hpp"
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace subworld {
+
+/// Which cores each program keeps to; none: it may run anywhere.
+struct Placement {
+  std::vector<int> world;   ///< world_sim
+  std::vector<int> others;  ///< every other program
+
+  [[nodiscard]] const std::vector<int>& of(std::string_view program) const noexcept {
+    return program == "world_sim" ? world : others;
+  }
+};
+
+/// A core of its own for the world, in real time. The world computes for milliseconds at a time, and loops with a higher
+/// priority that share its core pre-empt it in each of their periods. Nothing is placed where the other cores have less
+/// room than the haptic loops' budgets ask for.
+[[nodiscard]] Placement place(const Scene& scene, std::span<const int> cores);
+
+/// As a list for `--core`; empty where the program may run anywhere.
+[[nodiscard]] std::string to_text(const std::vector<int>& cores);
+
+}  // namespace subworld

@@ -1,0 +1,36 @@
+// Where the programs of a run are placed.
+#include "placement.hpp"
+
+#include <gtest/gtest.h>
+
+namespace subworld {
+namespace {
+
+Scene scene_for(int users, Mode mode = Mode::realtime) {
+  Scene scene;
+  scene.settings.mode = mode;
+  scene.users.resize(static_cast<std::size_t>(users));
+  for (UserSpec& user : scene.users) user.budget_ratio = 0.4;
+  return scene;
+}
+
+const std::vector<int> kTwo{2, 5}, kFour{0, 1, 2, 3};
+
+TEST(Placement, TheWorldTakesTheLastCoreAndTheOthersTheRest) {
+  const Placement two = place(scene_for(2), kTwo);
+  EXPECT_EQ(two.of("world_sim"), std::vector<int>{5});
+  EXPECT_EQ(two.of("haptic_sim"), std::vector<int>{2});
+  EXPECT_EQ(two.of("device_sim"), std::vector<int>{2});
+  EXPECT_EQ(to_text(place(scene_for(5), kFour).others), "0,1,2");
+}
+
+TEST(Placement, NothingIsPlacedWhereTheHapticLoopsNeedAllCores) {
+  EXPECT_TRUE(place(scene_for(3), kTwo).world.empty());
+  EXPECT_TRUE(place(scene_for(8), kFour).of("haptic_sim").empty());
+  EXPECT_TRUE(place(scene_for(1), std::vector<int>{0}).world.empty());
+}
+
+TEST(Placement, InLockStepNobodyIsLate) { EXPECT_TRUE(place(scene_for(1, Mode::lockstep), kTwo).world.empty()); }
+
+}  // namespace
+}  // namespace subworld
