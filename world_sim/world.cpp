@@ -130,14 +130,14 @@ std::string World::change_engine(EngineExchange& exchange, const EngineOrder& or
   settings.name = order.engine;
   settings.preset = order.preset;
   const bool begun = exchange.begin(settings, *engine_, cycle_s_ / substeps_, order.number);
-  if (begun) next_engine_cost_ = engine_cost(settings);
+  if (begun) next_engine_ = settings;
   return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
 }
 
 bool World::exchange_engine(EngineExchange& exchange) {
   if (!exchange.poll(*engine_)) return false;
   contacts_ = {};
-  engine_cost_ = next_engine_cost_;
+  engine_cost_ = engine_cost(next_engine_);
   return true;
 }
 

@@ -157,8 +157,8 @@ class World {
   Timetable timetable_;
   RatioControl ratio_control_;
   std::uint64_t ratio_changes_ = 0;  ///< planned
-  EngineCost engine_cost_;           ///< of the engine in use
-  EngineCost next_engine_cost_;      ///< of the one that was asked for
+  EngineCost engine_cost_;      ///< of the engine in use
+  EngineSettings next_engine_;  ///< that was asked for
   std::size_t movable_;
   CostCorrection correction_{kTracking};
   CycleCost cycle_cost_;

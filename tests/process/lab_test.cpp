@@ -77,7 +77,7 @@ TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
   EXPECT_EQ(summary()["scenes"][0]["duration_s"], 1.0);
   EXPECT_TRUE(summary()["machine"].contains("cpu"));
   const Table trace = read_table(out() + "/traces/press_paper_r4.csv");
-  EXPECT_EQ(trace.columns.size(), 7U);
+  EXPECT_EQ(trace.columns.size(), 8U);
   EXPECT_EQ(trace.rows.size(), 1000U);
   EXPECT_TRUE(std::filesystem::exists(out() + "/traces/press_paper_r4_late_10_ms.csv"));
   EXPECT_NE(page().find("Felt force at ratio 4, 10 ms late"), std::string::npos);

@@ -66,7 +66,7 @@ class LockStep : public ProcessTest, public ::testing::WithParamInterface<Case> 
   void expect_histories(const Json& json) const {
     const Table world = read_table(out() + "/world.csv");
     EXPECT_EQ(world.columns.front(), "time_s");
-    const auto ratio = static_cast<std::size_t>(std::ranges::find(world.columns, "ratio") - world.columns.begin());
+    const auto ratio = world.column("ratio");
     std::size_t steps = 0;
     for (const auto& row : world.rows) steps += static_cast<std::size_t>(row.at(ratio));
     const double h_s = json["h_s"].get<double>();

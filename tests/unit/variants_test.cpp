@@ -82,6 +82,7 @@ TEST(Variants, OneThatDoesNotSurviveIsCounted) {
              {"haptic_engine", "ode"},
              {"h_s", 0.001},
              {"ratio", 4},
+             {"ratio_most", 4},
              {"box_m", 0.2},
              {"contact_depth", 0},
              {"budget_ratio", 0.4},
