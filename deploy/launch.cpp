@@ -268,7 +268,7 @@ int run(const RunRequest& request) {
   Supervisor programs;
   // Of several runs at a time the first is placed: two worlds on one core would be worse off than anywhere.
   FileLock first_run;
-  const bool is_first = first_run.take("subworld-cores");
+  const bool is_first = request.place && first_run.take("subworld-cores");
   record.placement = is_first ? place(scene, allowed_cores()) : Placement{};
   start_programs(programs, request, options, scene.settings.users, claim.domain(), record.placement);
   std::optional<Supervisor::Failure> failure;

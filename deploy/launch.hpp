@@ -14,6 +14,7 @@ struct RunRequest {
   std::string dds = "fastdds";  ///< or cyclonedds, or mixed: the vendors alternate
   int domain = -1;              ///< -1: the first that no other run holds
   bool gui = false;             ///< also a display process, which writes a picture
+  bool place = true;            ///< in real time: a core of its own for the world, where there is room
   bool strict = false;          ///< a missed quality gate ends with 4
 };
 

@@ -50,6 +50,15 @@ int main_of(int argc, char** argv) {
       ->check(CLI::Range(0, 232))
       ->envname("SUBWORLD_DOMAIN");
   run_command->add_flag("--gui", request.gui, "also start the display, which writes a picture");
+  std::string placement = "auto";
+  run_command
+      ->add_option(
+          "--placement", placement,
+          "real time: auto gives the world a core of its own where the others have room for the haptic loops; none "
+          "leaves it to the system, which is better where several runs share the machine")
+      ->check(CLI::IsMember({"auto", "none"}))
+      ->envname("SUBWORLD_PLACEMENT")
+      ->capture_default_str();
   run_command->add_flag("--strict", request.strict, "end with 4 when a quality gate is missed");
 
   Options plan_options;
@@ -112,6 +121,7 @@ int main_of(int argc, char** argv) {
     throw Error(ExitCode::usage, fmt::format("{}; see subworld --help", wrong.what()));
   }
   request.command_line = fmt::format("{}", fmt::join(argv, argv + argc, " "));
+  request.place = placement == "auto";
   if (*run_command) return run(request);
   if (*control_command) {
     if ((control_verb == "engine") == control_engine.engine.empty()) {

@@ -71,7 +71,7 @@ TEST_F(Placement, TheWorldHasACoreOfItsOwn) {
   if (cores.size() < 2) GTEST_SKIP() << "one core";
   // In a temporary folder of its own, so that no other run of this machine is the first.
   Process run(run_words(scene("press"), {"--mode", "realtime", "--duration", "600"}), folder_.path(),
-              {{"TMPDIR", folder_.path()}});
+              {{"TMPDIR", folder_.path()}, {"SUBWORLD_PLACEMENT", "auto"}});
   const std::string log = out() + "/logs/world_sim.log";
   ASSERT_TRUE(eventually([&] { return read_text(log).find("running at") != std::string::npos; })) << run.err();
   int seen = 0;
