@@ -24,11 +24,12 @@ namespace subworld {
 
 namespace {
 
-constexpr double kStale_s = 0.05;     ///< without a device state: the force fades out
-constexpr double kLongSleep_s = 0.1;  ///< longer than a device needs to fade out without commands
-constexpr double kAlone_s = 0.25;     ///< without a frame: the world has gone or stands
-constexpr int kFadeSteps = 30;        ///< before the last command, so that a hand is let go gently
-constexpr int kTimesLast = 5;         ///< the last command is sent in real time
+constexpr double kStale_s = 0.05;            ///< without a device state: the force fades out
+constexpr double kLongSleep_s = 0.1;         ///< longer than a device needs to fade out without commands
+constexpr double kAlone_s = 0.25;            ///< without a frame: the world has gone or stands
+constexpr int kFadeSteps = 30;               ///< before the last command, so that a hand is let go gently
+constexpr int kTimesLast = 5;                ///< the last command is sent in real time
+constexpr double kLastAcknowledged_s = 1.0;  ///< that the last command may take to arrive on a busy machine
 constexpr std::chrono::milliseconds kLastAgain{5};
 constexpr std::size_t kMostWaiting = 16;    ///< frames ahead of the sub-world
 constexpr std::uint64_t kTooFarBehind = 8;  ///< cycles; then the sub-world starts again from the world's states
@@ -46,7 +47,7 @@ void send_last(HapticPorts& ports, const DeviceState& state, int times) {
     if (i > 0) std::this_thread::sleep_for(kLastAgain);
     ports.command.write(command);
   }
-  ports.command.wait_for_acknowledgments(0.2);
+  ports.command.wait_for_acknowledgments(kLastAcknowledged_s);
 }
 
 /// Follows the order to change the sub-world's engine, between two steps and without waiting.
