@@ -40,11 +40,10 @@ class CostCorrection {
 /// Takes into a sub-world the bodies that matter most to the hand and fit into a budget (paper 4.4).
 ///
 /// What matters: the hand feels a body through the contacts between the proxy and it. The importance of the proxy is 1.
-/// A body passes its own importance on to its neighbours,
-///     w(b) = max over neighbours a of w(a) l_ab / sum over all neighbours c of a of l_ac,
-/// l_ab the sum over the contact points of a and b of load + m_b g: the load and the weight that b would put at the
-/// border. A body that no contact joins to the proxy counts by how near it is, and so little that any contact comes
-/// first.
+/// Each body shares its importance w among its neighbours by what they would put at the border:
+///     w(b) = max over neighbours a of w(a) l_ab / sum over all neighbours c of a of l_ac.
+/// There, l_ab is the sum of load + m_b g over the contact points of a and b. A body that no contact joins to the proxy
+/// counts by how near it is, and so little that any contact comes first.
 ///
 /// What fits: bodies enter by importance, until the next one would cost too much. Present members count more than
 /// others and may stay while the cost is a little above the limit, so that noise in the loads exchanges nobody.

@@ -21,23 +21,23 @@ namespace subworld {
 ///   K, B  N/m, N s/m stiffness and damping of the coupling
 ///   F_c   N          contact forces and weight
 ///
-/// Equation of motion, the same at each f as at f = 1 (Colgate 1995):
-///   m dw/dtau = K (x_d - x) + B (w_d - w) + F_c                          (1)
-/// With w = f v and d/dtau = f d/dt this is, in simulated time,
-///   f^2 m dv/dt = K (x_d - x) + f B (w_d / f - v) + F_c                  (2)
-/// which is the usual coupling with the damping f B, to a device of velocity w_d / f, of a proxy of mass f^2 m.
-/// Rotation likewise, with the inertia f^2 I. Forces are the same in both times, and so are energies:
-///   f^2 m v^2 / 2 = m w^2 / 2,   F w_d dtau = F (w_d / f) dt             (3)
-/// When f changes, the hand and so w go on:
-///   v' = v f / f'                                                        (4)
-/// which keeps the tool's kinetic energy, and the force on the hand.
+/// The equation of motion is the same at each f as at f = 1 (Colgate 1995):
+///   m dw/dtau = K (x_d - x) + B (w_d - w) + F_c.                         (1)
+/// In simulated time, with w = f v and d/dtau = f d/dt, it becomes:
+///   f^2 m dv/dt = K (x_d - x) + f B (w_d / f - v) + F_c.                 (2)
+/// This is the usual coupling with the damping f B. Its device has the velocity w_d / f, its proxy the mass f^2 m.
+/// Rotation likewise has the inertia f^2 I. Forces are the same in both times, and so are energies:
+///   f^2 m v^2 / 2 = m w^2 / 2,   F w_d dtau = F (w_d / f) dt.            (3)
+/// When f changes, the hand goes on, and so does w:
+///   v' = v f / f'.                                                       (4)
+/// This keeps the tool's kinetic energy and the force on the hand.
 ///
 /// Against a body that does not move, the force on the hand is therefore the same at each f. A movable body of mass M
 /// lives in simulated time: the hand meets M / f^2.
 ///
-/// Tried instead: the damping f B, but the mass m. The hand then holds a tool of mass m / f^2 (40 kg for 0.1 kg at
-/// f = 0.05) on a coupling whose damping ratio is f times that at f = 1, and pays for its kinetic energy when f falls.
-/// Scene `press` at f = 0.05: 1.24 J of work, where it is 0.12 J at f = 1 and here.
+/// Tried instead: the damping f B, but the mass m. The hand then holds a tool of mass m / f^2, 40 kg for 0.1 kg at
+/// f = 0.05. The damping ratio of its coupling is f times that at f = 1, and the hand pays for its kinetic energy when f
+/// falls. Scene `press` at f = 0.05 takes 1.24 J of work then; at f = 1 it takes 0.12 J, and so it does here.
 struct Tool {
   CouplingSettings coupling;  ///< with the damping f B
   Body body;                  ///< with the mass f^2 m and the inertia f^2 I; nameless

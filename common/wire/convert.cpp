@@ -137,7 +137,7 @@ bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
   out.echoed_stamp = in.echoed_stamp();
   out.last = in.last();
   out.planned.stamp = in.planned_stamp();
-  return get(in.stamp_s(), out.stamp_s) && get(in.start_in_s(), out.start_in_s) &&
+  return get_positive(in.stamp_s(), out.stamp_s) && get(in.start_in_s(), out.start_in_s) &&
          get_positive(in.cycle_s(), out.cycle_s) && get_ratio(in.ratio(), out.ratio) &&
          get_ratio(in.planned_ratio(), out.planned.ratio) && get_positive(in.clock_factor(), out.clock_factor) &&
          get_all(in.members(), out.members) && get_all(in.fixed_bodies(), out.fixed) &&

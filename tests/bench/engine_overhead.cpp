@@ -8,6 +8,7 @@
 #include "lab/cpu_time.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
+#include "support/arguments.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
@@ -95,13 +96,7 @@ int main_of(int argc, char** argv) {
   app.add_option("--out", out, "CSV file that gets a line more (default: printed)");
   app.add_option("--blocks", blocks, "of each side")->check(CLI::Range(1, 1000))->capture_default_str();
   app.add_option("--steps", steps, "counted in a block")->check(CLI::Range(100, 100000))->capture_default_str();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& done) {
-    return app.exit(done);
-  } catch (const CLI::ParseError& wrong) {
-    throw Error(ExitCode::usage, fmt::format("{}; see --help", wrong.what()));
-  }
+  if (const auto code = parse_arguments(app, argc, argv)) return *code;
 
   bench::HeapWorld world = bench::dense_heap(kCubes);
   const EngineSettings settings;  // Bullet in double precision, preset fast

@@ -8,6 +8,7 @@
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
 #include "physics/engine.hpp"
+#include "support/arguments.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
@@ -144,13 +145,7 @@ int main_of(int argc, char** argv) {
   app.add_option("--blocks", plan.blocks, "of each side")->check(CLI::Range(1, 1000))->capture_default_str();
   app.add_option("--steps", plan.steps, "counted in a block")->check(CLI::Range(1, 100000))->capture_default_str();
   app.add_option("--warm-up", plan.warm_up, "steps of a block that are not counted")->capture_default_str();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& done) {
-    return app.exit(done);
-  } catch (const CLI::ParseError& wrong) {
-    throw Error(ExitCode::usage, fmt::format("{}; see --help", wrong.what()));
-  }
+  if (const auto code = parse_arguments(app, argc, argv)) return *code;
   for (const int cubes : plan.cubes) {
     for (const double step_ms : plan.steps_ms) compare(plan, cubes, 1e-3 * step_ms);
   }

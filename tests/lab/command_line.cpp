@@ -47,17 +47,6 @@ void add_out(CLI::App& app, const std::string& lab, std::string& out) {
   app.add_option("--out", out, fmt::format("folder for the results (default: out/lab_{}-TIME)", lab));
 }
 
-std::optional<int> parse_lab(CLI::App& app, int argc, char** argv) {
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& done) {
-    return app.exit(done);
-  } catch (const CLI::ParseError& wrong) {
-    throw Error(ExitCode::usage, fmt::format("{}; see {} --help", wrong.what(), app.get_name()));
-  }
-  return std::nullopt;
-}
-
 std::string default_out(const std::string& lab) {
   return fmt::format("out/lab_{}-{:%Y%m%d-%H%M%S}", lab, fmt::localtime(std::time(nullptr)));
 }

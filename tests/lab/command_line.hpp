@@ -33,9 +33,6 @@ inline void add_numbers(CLI::App& app, const char* flag, std::vector<double>& va
   add_list(app, flag, values, what)->check(CLI::Range(low, high))->check(not_finite);
 }
 void add_out(CLI::App& app, const std::string& lab, std::string& out);
-
-/// Throws `Error` (usage). An exit code where nothing is left to do.
-[[nodiscard]] std::optional<int> parse_lab(CLI::App& app, int argc, char** argv);
 /// out/lab_NAME-TIME
 [[nodiscard]] std::string default_out(const std::string& lab);
 

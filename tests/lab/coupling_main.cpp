@@ -8,6 +8,7 @@
 #include "lab/variants.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
+#include "support/arguments.hpp"
 
 #include <fmt/format.h>
 
@@ -94,7 +95,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
                fmt::format("a first look: scenes {}, ratios {}, {:g} s, where nothing else is asked",
                            fmt::join(kQuickScenes, " "), fmt::join(kQuickRatios, ","), kQuickDuration_s));
   add_out(app, "coupling", request.out);
-  if (const auto code = parse_lab(app, argc, argv)) return code;
+  if (const auto code = parse_arguments(app, argc, argv)) return code;
   for (int v = 1; v <= request.variants; ++v) sweep.variants.push_back(v);
   if (request.quick && ratio->count() == 0) sweep.ratios = kQuickRatios;
   if (request.quick && !sweep.duration_s) sweep.duration_s = kQuickDuration_s;

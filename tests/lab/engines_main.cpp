@@ -6,6 +6,7 @@
 #include "lab/engine_sweep.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
+#include "support/arguments.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -84,7 +85,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
                fmt::format("a first look: scenes {}, two combinations, {:g} s, where nothing else is asked",
                            fmt::join(kQuickScenes, " "), kQuickDuration_s));
   add_out(app, "engines", request.out);
-  if (const auto code = parse_lab(app, argc, argv)) return code;
+  if (const auto code = parse_arguments(app, argc, argv)) return code;
 
   for (const std::string& step : request.steps) sweep.steps_s.push_back(step_of(step));
   if (sweep.quick && duration->count() == 0) sweep.duration_s = kQuickDuration_s;

@@ -31,11 +31,7 @@ TEST_P(Middleware, ThreadsOutrankTheWorldInEveryProgram) {
               folder_.path());
   const std::string log = out() + "/logs/world_sim.log";
   ASSERT_TRUE(eventually([&] { return read_text(log).find("running at") != std::string::npos; })) << run.err();
-  if (read_text(log).find("SCHED_FIFO") == std::string::npos) {
-    run.signal(SIGINT);
-    run.wait();
-    GTEST_SKIP() << "no rights for SCHED_FIFO here";
-  }
+  const bool granted = read_text(log).find("SCHED_FIFO") != std::string::npos;
   std::map<std::string, int> loops{
       {"world_sim", priority::kWorld}, {"haptic_sim", priority::kHaptic}, {"device_sim", priority::kDevice}};
   int seen = 0;
@@ -44,6 +40,10 @@ TEST_P(Middleware, ThreadsOutrankTheWorldInEveryProgram) {
     if (loop == loops.end()) continue;
     SCOPED_TRACE(loop->first);
     ++seen;
+    if (!granted) {
+      EXPECT_TRUE(realtime_threads(one.pid).empty()) << "the log says that there are no rights";
+      continue;
+    }
     const int of_loop = loop->second;
     ASSERT_TRUE(eventually([&] { return realtime_threads(one.pid)[of_loop] == 1; })) << "the loop itself";
     auto threads = realtime_threads(one.pid);
@@ -68,7 +68,7 @@ TEST_F(Placement, OnACoreThatIsNotThereIsRefused) {
 // Haptic loops on the world's core would pre-empt it in each of their periods.
 TEST_F(Placement, TheWorldHasACoreOfItsOwn) {
   const std::vector<int> cores = allowed_cores();
-  if (cores.size() < 2) GTEST_SKIP() << "one core";
+  const bool has_room = cores.size() > 1;
   // In a temporary folder of its own, so that no other run of this machine is the first.
   Process run(run_words(scene("press"), {"--mode", "realtime", "--duration", "600"}), folder_.path(),
               {{"TMPDIR", folder_.path()}, {"SUBWORLD_PLACEMENT", "auto"}});
@@ -83,8 +83,8 @@ TEST_F(Placement, TheWorldHasACoreOfItsOwn) {
     cpu_set_t allowed;
     ASSERT_EQ(sched_getaffinity(one.pid, sizeof allowed, &allowed), 0);
     const bool is_world = name == "world_sim";
-    EXPECT_EQ(CPU_ISSET(cores.back(), &allowed), is_world);
-    EXPECT_EQ(static_cast<std::size_t>(CPU_COUNT(&allowed)), is_world ? 1 : cores.size() - 1);
+    EXPECT_EQ(CPU_ISSET(cores.back(), &allowed) != 0, is_world || !has_room);
+    EXPECT_EQ(static_cast<std::size_t>(CPU_COUNT(&allowed)), is_world || !has_room ? 1 : cores.size() - 1);
   }
   EXPECT_EQ(seen, 3);
   run.signal(SIGINT);

@@ -1,6 +1,7 @@
 // The simulation ratio while it changes: who counts which cycles, what decides, and what a hand feels of it.
 #include "coupling/ratio_control.hpp"
 #include "coupling/timetable.hpp"
+#include "haptic_sim/border_model.hpp"
 #include "lab/coupled_run.hpp"
 
 #include <gtest/gtest.h>
@@ -185,6 +186,70 @@ TEST(AdaptiveRatio, AChangeUnderTheHandIsNoStepInTheForce) {
   }
 }
 
+// The last long cycle before short ones has the time of a short one: the sub-worlds are ahead and already make those.
+TEST(AdaptiveRatio, TheCycleBeforeShorterOnesHasNoMorePartsThanTheirTimeHasRoomFor) {
+  constexpr double kPart_s = 1.5e-3;
+  const Scene scene = scene_of("row", {4, 12});
+  CoupledRun run(scene);
+  int seen = 0, most_parts = 0;
+  while (run.world.time_s() < 1.0) {
+    for (int i = 0; i < 200; ++i) run.world.took(kPart_s * run.world.substeps());
+    run.cycle();
+    const int ratio = run.world.ratio(), next = run.world.timetable().ratio(run.world.stamp());
+    if (ratio == 12 && next == 12) most_parts = std::max(most_parts, run.world.substeps());
+    if (ratio <= next) continue;
+    ++seen;
+    EXPECT_LE(kPart_s * run.world.substeps(), RatioControl::kOverShare * next * scene.settings.h_s);
+  }
+  EXPECT_GE(seen, 1);
+  EXPECT_EQ(most_parts, 3) << "where there is time, as many as are wanted";
+}
+
+TEST(AdaptiveRatio, AHandThatRestsOnWhatItHasPushedNeedsNoShortCycles) {
+  Scene scene = scene_of("row", {4, 10});
+  scene.users[0].device.path.pop_back();  // it stays where it has pushed
+  CoupledRun run(scene);
+  while (run.world.time_s() < 3.0) run.cycle();
+  EXPECT_GT(run.felt[0].force.back().norm(), 1.0) << "it leans on the row";
+  EXPECT_FALSE(run.frame().border.empty());
+  EXPECT_EQ(run.world.ratio(), 10);
+}
+
+TEST(AdaptiveRatio, AFrameTellsHowLongItsCycleWas) {
+  CoupledRun run(scene_of("row", {4, 10}));
+  double before_s = 0.0;
+  bool changed = false;
+  while (run.world.time_s() < 0.5) {
+    run.cycle();
+    if (run.world.stamp() == 0) continue;
+    ASSERT_NEAR(run.frame().cycle_s, run.frame().stamp_s - before_s, 1e-12) << "at " << before_s;
+    changed |= run.world.ratio() != 4;
+    before_s = run.frame().stamp_s;
+  }
+  EXPECT_TRUE(changed);
+}
+
+// Impulses are sums over the cycle that they come from, however long the present one is.
+TEST(AdaptiveRatio, AFrozenBorderDividesItsImpulsesOverTheirOwnCycle) {
+  const Scene scene = scene_of("row", {4, 10});
+  Settings settings = scene.settings;
+  settings.scheme = "paper";
+  const auto scheme = make_scheme(settings);
+  const auto engine = make_engine(settings.haptic, scene.meshes);
+  const auto cube = std::ranges::find_if(scene.bodies, [](const Body& body) { return !body.fixed(); });
+  engine->add(*cube, scene.initial[index(cube->id)]);
+  const auto border = make_border_model(*scheme, scene, 16);
+  WorldFrame frame;
+  frame.cycle_s = 0.010;
+  frame.border.push_back({.inside = cube->id,
+                          .point = scene.initial[index(cube->id)].position,
+                          .normal = Vec3::UnitX(),
+                          .normal_impulse = 0.5});
+  border->follow(frame, {}, *engine, 0.0, 0.0);
+  border->begin(*engine, 0.001);
+  EXPECT_NEAR(cube->mass * engine->state(cube->id).linear_velocity.x(), 0.05, 1e-9);
+}
+
 TEST(AdaptiveRatio, ASubWorldThatMissedAChangeSaysSoAndBeginsAnew) {
   const Scene scene = scene_of("row", {4, 12});
   World world(scene);
@@ -192,17 +257,19 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeSaysSoAndBeginsAnew) {
   SubWorld sub(scene, 0);
   ASSERT_TRUE(sub.adopt(world.frame(0)));
   const DeviceState device;
-  WorldFrame after;
+  WorldFrame before, after;
   // Frames stay away from the sub-world until the change is over: without a hand the ratio grows.
   while (world.timetable().newest().stamp == 0 || world.stamp() < world.timetable().newest().stamp + 3) {
     world.step();
     after = world.frame(0);
+    if (world.stamp() + 1 == world.timetable().newest().stamp) before = after;
   }
   while (sub.stamp() <= after.stamp) {
     (void)sub.step(device, true, scene.settings.h_s);
     if (sub.report_due()) (void)sub.report(1);
   }
   EXPECT_FALSE(world.receive(HapticReport(sub.report(1)))) << "its stamps are of other times";
+  EXPECT_FALSE(sub.agrees(before)) << "it is of a time before the change, and tells it";
   ASSERT_FALSE(sub.agrees(after));
   ASSERT_TRUE(sub.adopt(after));
   EXPECT_TRUE(sub.agrees(after));

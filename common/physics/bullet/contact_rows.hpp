@@ -37,11 +37,13 @@ struct BothInertia {
   Both3 inverse_inertia[3];  ///< world, rows of the matrix, 1/(kg m^2)
 };
 
-/// An impulse along one axis at a contact point. With axis n, arms r from the bodies' centres, velocities v and w,
-/// masses m and inertias I of both:
-///   speed along the axis  u = n v + (r x n) w                                               (1)
-///   effective mass        1 / k,  k = 1/m + n ((I^-1 (r x n)) x r), summed over both        (2)
-///   an impulse p changes  v by (n / m) p  and  w by I^-1 (r x n) p                          (3)
+/// An impulse along one axis at a contact point. The axis is n. Both bodies have an arm r from the centre to the point,
+/// velocities v and w, a mass m and an inertia I. The speed along the axis is, summed over both:
+///   u = n v + (r x n) w.                                                                    (1)
+/// The effective mass is 1 / k, again summed over both:
+///   k = 1/m + n ((I^-1 (r x n)) x r).                                                       (2)
+/// An impulse p changes the velocities:
+///   v by (n / m) p,  w by I^-1 (r x n) p.                                                   (3)
 struct Row {
   btScalar axis[3];  ///< n
   btScalar impulse;  ///< p so far, N s
