@@ -13,6 +13,7 @@ namespace subworld {
 namespace {
 
 constexpr int kCallsPerLine = 50;  ///< where lines are not rewritten
+constexpr double kSlow = 0.9;      ///< clock factor below which the time that is left is told
 
 std::string name_of(const Status& status) {
   switch (status.program) {
@@ -59,6 +60,9 @@ std::string progress_line(const Statuses& statuses, const Settings& settings, st
     line +=
         fmt::format("; missed {}{}; clock {:.2f}", missed,
                     by_machine == 0 ? "" : fmt::format(" ({} by the machine)", by_machine), world->second.clock_factor);
+    const double left_s = settings.duration_s - world->second.time_s;
+    const double factor = world->second.clock_factor;
+    if (factor > 0.0 && factor < kSlow && left_s > 0.0) line += fmt::format(", {:.0f} s to go", left_s / factor);
   }
   return line;
 }

@@ -5,8 +5,11 @@
 
 #include <sys/wait.h>
 #include <unistd.h>
+#include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <filesystem>
+#include <thread>
 
 namespace subworld {
 namespace {
@@ -37,6 +40,34 @@ TEST_P(WireEvents, a_silent_writer_misses_its_deadline) {
   const auto missed = receiver->events().deadline_missed;
   ASSERT_TRUE(until(*receiver, [&] { return receiver->events().deadline_missed > missed; }));
   EXPECT_TRUE(receiver->take_event_text(EventKind::silence).empty()) << "once is enough";
+}
+
+// A timer that a vendor arms too short would call each of these samples late.
+TEST_P(WireEvents, who_sends_in_time_misses_no_deadline) {
+  using Clock = std::chrono::steady_clock;
+  constexpr std::chrono::microseconds kGap{1200}, kSilence{2000};
+  constexpr std::uint64_t kSamples = 800;
+  const int domain = domain_of(212, GetParam());
+  const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
+  const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
+  auto writer = sender->writer<DeviceState>();
+  auto reader = receiver->reader<DeviceState>();
+  ASSERT_TRUE(until(*receiver, [&] { return writer.matched() > 0 && reader.matched() > 0; }));
+  DeviceState state;
+  std::uint64_t by_machine = 0, received = 0;
+  auto before = Clock::now();
+  for (auto next = before; state.sequence < kSamples; next = std::max(next + kGap, before)) {
+    std::this_thread::sleep_until(next);
+    ++state.sequence;
+    ASSERT_TRUE(writer.write(state));
+    received += reader.take(state) == Take::sample;
+    const auto now = Clock::now();
+    by_machine += static_cast<std::uint64_t>((now - before) / kSilence);
+    before = now;
+  }
+  EXPECT_GT(received, kSamples / 2);
+  EXPECT_LE(sender->events().deadline_missed, by_machine + kSamples / 4);
+  EXPECT_LE(receiver->events().deadline_missed, by_machine + kSamples / 4);
 }
 
 /// The helper lies beside the test.

@@ -19,12 +19,12 @@ TEST(WireTopics, realtime_follows_the_table) {
   const auto qos = [](const TopicSpec& topic) { return qos_of(topic, Mode::realtime, 0.001, 0.004); };
   EXPECT_FALSE(qos(kDeviceState).reliable);
   EXPECT_EQ(qos(kDeviceState).depth, 1);
-  EXPECT_EQ(qos(kDeviceState).deadline_s, 0.002);
-  EXPECT_EQ(qos(kDeviceCommand).deadline_s, 0.002);
+  EXPECT_DOUBLE_EQ(qos(kDeviceState).deadline_s, 0.0029);
+  EXPECT_DOUBLE_EQ(qos(kDeviceCommand).deadline_s, 0.0029);
   EXPECT_TRUE(qos(kWorldFrame).reliable);
   EXPECT_EQ(qos(kWorldFrame).depth, 8);
-  EXPECT_EQ(qos(kWorldFrame).deadline_s, 0.008);
-  EXPECT_EQ(qos(kHapticReport).deadline_s, 0.008);
+  EXPECT_DOUBLE_EQ(qos(kWorldFrame).deadline_s, 0.0089);
+  EXPECT_DOUBLE_EQ(qos(kHapticReport).deadline_s, 0.0089);
   EXPECT_EQ(qos(kWorldState).deadline_s, 0.0);
   EXPECT_TRUE(qos(kScene).transient_local);
   EXPECT_TRUE(qos(kControl).transient_local);
@@ -35,6 +35,14 @@ TEST(WireTopics, realtime_follows_the_table) {
     EXPECT_EQ(qos(*topic).max_blocking_s, 0.0) << topic->name;
     EXPECT_FALSE(qos(*topic).keep_all) << topic->name;
   }
+}
+
+TEST(WireTopics, a_deadline_is_at_least_the_silence_in_whole_milliseconds) {
+  EXPECT_DOUBLE_EQ(deadline_s(0.0005), 0.0019);
+  EXPECT_DOUBLE_EQ(deadline_s(0.001), 0.0019);
+  EXPECT_DOUBLE_EQ(deadline_s(2 * 0.0007), 0.0029);
+  EXPECT_DOUBLE_EQ(deadline_s(0.01), 0.0109);
+  EXPECT_DOUBLE_EQ(deadline_s(2 * 0.005), deadline_s(0.01)) << "whatever its rounding";
 }
 
 TEST(WireTopics, vendors_are_parsed_and_others_are_a_usage_error) {
