@@ -335,11 +335,17 @@ std::string verdict_of(const std::vector<Gate>& gates, const Json& summary) {
                      calibration_text(summary));
 }
 
+std::string ratio_text(const Json& summary) {
+  const int least = summary["ratio"].get<int>(), most = summary["ratio_most"].get<int>();
+  if (least == most) return fmt::format("r = {}", least);
+  return fmt::format("r = {} to {} (mean {:.1f})", least, most, summary["world"]["ratio"]["mean"].get<double>());
+}
+
 void print_summary(const Json& summary) {
   const Json& world = summary["world"];
-  fmt::print("{} {}: {} bodies, {} user{}, scheme {}, r = {}, {}\n", summary["scene"].get<std::string>(),
+  fmt::print("{} {}: {} bodies, {} user{}, scheme {}, {}, {}\n", summary["scene"].get<std::string>(),
              summary["mode"].get<std::string>(), world["bodies"].get<int>(), summary["users"].get<int>(),
-             summary["users"] == 1 ? "" : "s", summary["scheme"].get<std::string>(), summary["ratio"].get<int>(),
+             summary["users"] == 1 ? "" : "s", summary["scheme"].get<std::string>(), ratio_text(summary),
              summary["dds"].get<std::string>());
   fmt::print(
       "  world: {} cycles, step p50 {:.2f} ms, p99 {:.2f} ms, late {}, clock factor >= {:.3f}, energy excess {:.2g} "
