@@ -75,7 +75,7 @@ Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
           {"haptic_engine", s.haptic.name},
           {"h_s", s.h_s},
           {"ratio", s.ratio},
-          {"ratio_most", s.largest_ratio()},
+          {"ratio_most", point.ratio_most},
           {"ratio_mean", run.ratio.mean()},
           {"box_m", scene.users.front().box_half_m},
           {"contact_depth", scene.users.front().contact_depth},

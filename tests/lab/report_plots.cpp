@@ -102,17 +102,15 @@ double error_percent(const Json& row) {
   return std::max(kLeastShown_percent, 100.0 * row.at("force_error_rms").get<double>());
 }
 
-/// The rows that have their first value in each swept column but the free ones; of the ratio the shown one.
-std::vector<const Json*> slice(const Rows& rows, const std::vector<std::string>& columns, std::set<std::string> free) {
+/// The first row of the shown ratio, and those that are like it in each swept column but the free ones.
+std::vector<const Json*> slice(const Rows& rows, std::vector<std::string> columns, const std::set<std::string>& free) {
   std::vector<int> ratios;
   for (const Json& row : rows) ratios.push_back(row.at("ratio"));
+  const Json& model = *std::ranges::find(rows, shown_ratio(ratios), [](const Json& r) { return r.at("ratio").get<int>(); });
+  std::erase_if(columns, [&](const std::string& c) { return free.contains(c); });
   std::vector<const Json*> kept;
   for (const Json& row : rows) {
-    const bool keep = std::ranges::all_of(columns, [&](const std::string& c) {
-      if (free.contains(c)) return true;
-      return c == "ratio" ? row.at(c) == shown_ratio(ratios) : row.at(c) == rows.front().at(c);
-    });
-    if (keep) kept.push_back(&row);
+    if (alike(row, model, columns)) kept.push_back(&row);
   }
   return kept;
 }

@@ -86,6 +86,19 @@ TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
   EXPECT_NE(page().find("imperceptible"), std::string::npos);
 }
 
+// The plot of an axis holds all its values at one value of each other axis.
+TEST_F(Lab, SeveralAxesGiveAPlotEach) {
+  const Ended ended = finish(lab_words({"press", "--duration", "0.3", "--ratio", "4,10", "--ratio-most", "0,12",
+                                        "--substeps", "1,2", "--scheme", "direct", "--out", out()}));
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  ASSERT_EQ(results().size(), 8U);
+  const std::string text = page();
+  for (const char* title : {"Error against the ratio (r at most 0, sub-steps 1)", "Error against the largest ratio (r 10,",
+                            "Error against sub-steps (r 10, r at most 0)"}) {
+    EXPECT_NE(text.find(title), std::string::npos) << title;
+  }
+}
+
 TEST_F(Lab, VariantsOfASceneHaveReferencesOfTheirOwn) {
   const Ended ended = finish(lab_words(
       {"row", "--duration", "0.6", "--ratio", "4", "--scheme", "reduced", "--variants", "2", "--out", out()}));
