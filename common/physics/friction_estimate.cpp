@@ -12,11 +12,8 @@ constexpr int kMostSweeps = 30, kLinearSweeps = 20;
 /// A sweep that changes less than this part of all impulses is the last.
 constexpr double kSettled = 1e-3;
 
-/// Velocity at `arm` of an impulse of 1 N s there, per direction.
-Eigen::Matrix3d mobility(const VelocityChange& body, const Vec3& arm) {
-  Eigen::Matrix3d cross;
-  cross << 0.0, -arm.z(), arm.y(), arm.z(), 0.0, -arm.x(), -arm.y(), arm.x(), 0.0;
-  return body.inverse_mass * Eigen::Matrix3d::Identity() - cross * body.inverse_inertia * cross;
+Eigen::Array4f padded(const Vec3& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()), 0.0F};
 }
 
 }  // namespace
@@ -38,39 +35,71 @@ void close(VelocityChange& change, const BodyState& after) {
   change.angular += after.angular_velocity;
 }
 
-FrictionEstimate::FrictionEstimate() {
-  points_.reserve(kUsualContacts);
-  unexplained_.reserve(kUsualContacts);
+FrictionEstimate::FrictionEstimate() { points_.reserve(kUsualContacts); }
+
+FrictionEstimate::Point FrictionEstimate::point_of(const Contact& contact, const VelocityChange& a,
+                                                   const VelocityChange& b, double friction) const {
+  Point point;
+  Eigen::Matrix<double, 3, 2> tangents;
+  tangents.col(0) = contact.normal.unitOrthogonal();
+  tangents.col(1) = contact.normal.cross(tangents.col(0));
+  const double inverse_mass = a.inverse_mass + b.inverse_mass;
+  Eigen::Matrix2d mobility = inverse_mass * Eigen::Matrix2d::Identity();
+  Eigen::Matrix<double, 3, 2> arms_a, arms_b;
+  for (int k = 0; k < 2; ++k) {
+    arms_a.col(k) = (contact.point - a.centre).cross(tangents.col(k));
+    arms_b.col(k) = (contact.point - b.centre).cross(tangents.col(k));
+  }
+  const Eigen::Matrix<double, 3, 2> turns_a = a.inverse_inertia * arms_a, turns_b = b.inverse_inertia * arms_b;
+  mobility += arms_a.transpose() * turns_a + arms_b.transpose() * turns_b;
+  for (int k = 0; k < 2; ++k) {
+    point.rows[k] = {padded(tangents.col(k)), padded(arms_a.col(k)), padded(arms_b.col(k)), padded(turns_a.col(k)),
+                     padded(turns_b.col(k))};
+  }
+  // Two bodies that nothing moves leave nothing to learn.
+  point.inverse_mobility.setZero();
+  if (mobility.determinant() > 0.0) point.inverse_mobility = mobility.inverse().cast<float>();
+  point.effective_mass = inverse_mass > 0.0 ? static_cast<float>(1.0 / inverse_mass) : 0.0F;
+  point.limit = static_cast<float>(friction * std::max(0.0, contact.normal_impulse));
+  point.impulse.setZero();
+  point.a = index(contact.a);
+  point.b = index(contact.b);
+  point.inverse_mass_a = static_cast<float>(a.inverse_mass);
+  point.inverse_mass_b = static_cast<float>(b.inverse_mass);
+  return point;
 }
 
-void FrictionEstimate::take(const Point& point, const Contact& contact, const Vec3& impulse) {
-  Unexplained& a = unexplained_[index(contact.a)];
-  a.linear -= point.a->inverse_mass * impulse;
-  a.angular -= point.a->inverse_inertia * point.arm_a.cross(impulse);
-  Unexplained& b = unexplained_[index(contact.b)];
-  b.linear += point.b->inverse_mass * impulse;
-  b.angular += point.b->inverse_inertia * point.arm_b.cross(impulse);
-}
-
-void FrictionEstimate::sweep(std::span<const Contact> contacts, int most, bool rotation) {
+template <bool kRotation>
+void FrictionEstimate::sweep(int most) {
   for (int round = 0; round < most; ++round) {
-    double changed = 0.0;
-    double total = 0.0;
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      Point& point = points_[i];
-      if (point.limit <= 0.0) continue;
-      const Unexplained& a = unexplained_[index(contacts[i].a)];
-      const Unexplained& b = unexplained_[index(contacts[i].b)];
-      const Vec3 velocity =
-          rotation ? Vec3(a.linear + a.angular.cross(point.arm_a) - b.linear - b.angular.cross(point.arm_b))
-                   : Vec3(a.linear - b.linear);
-      const Eigen::Vector2d across = point.tangents.transpose() * velocity;
-      Eigen::Vector2d wanted = point.impulse + (rotation ? Eigen::Vector2d(point.inverse_mobility * across)
-                                                         : Eigen::Vector2d(point.effective_mass * across));
-      if (const double size = wanted.norm(); size > point.limit) wanted *= point.limit / size;
-      const Eigen::Vector2d more = wanted - point.impulse;
+    float changed = 0.0F, total = 0.0F;
+    for (Point& point : points_) {
+      if (point.limit <= 0.0F) continue;
+      Unexplained& a = unexplained_[point.a];
+      Unexplained& b = unexplained_[point.b];
+      const auto across = [&](const Row& row) {
+        Padded sum = row.tangent * (a.linear - b.linear);
+        if constexpr (kRotation) sum += row.arm_a * a.angular - row.arm_b * b.angular;
+        return sum.sum();
+      };
+      const Eigen::Vector2f velocity(across(point.rows[0]), across(point.rows[1]));
+      Eigen::Vector2f wanted = point.impulse;
+      if constexpr (kRotation) {
+        wanted += point.inverse_mobility * velocity;
+      } else {
+        wanted += point.effective_mass * velocity;
+      }
+      const float squared = wanted.squaredNorm();
+      if (squared > point.limit * point.limit) wanted *= point.limit / std::sqrt(squared);
+      const Eigen::Vector2f more = wanted - point.impulse;
       point.impulse = wanted;
-      take(point, contacts[i], point.tangents * more);
+      const Padded impulse = more[0] * point.rows[0].tangent + more[1] * point.rows[1].tangent;
+      a.linear -= point.inverse_mass_a * impulse;
+      b.linear += point.inverse_mass_b * impulse;
+      if constexpr (kRotation) {
+        a.angular -= more[0] * point.rows[0].turn_a + more[1] * point.rows[1].turn_a;
+        b.angular += more[0] * point.rows[0].turn_b + more[1] * point.rows[1].turn_b;
+      }
       changed += more.squaredNorm();
       total += wanted.squaredNorm();
     }
@@ -80,36 +109,31 @@ void FrictionEstimate::sweep(std::span<const Contact> contacts, int most, bool r
 
 void FrictionEstimate::estimate(std::span<const VelocityChange> changes, std::span<const double> friction,
                                 std::span<Contact> contacts) {
-  unexplained_.clear();
-  for (const VelocityChange& change : changes) unexplained_.push_back({change.linear, change.angular});
+  left_.assign(changes.begin(), changes.end());
   points_.clear();
   for (std::size_t i = 0; i < contacts.size(); ++i) {
-    Contact& contact = contacts[i];
-    Point point{.a = &changes[index(contact.a)],
-                .b = &changes[index(contact.b)],
-                .arm_a = contact.point - changes[index(contact.a)].centre,
-                .arm_b = contact.point - changes[index(contact.b)].centre,
-                .tangents = {},
-                .inverse_mobility = Eigen::Matrix2d::Zero(),
-                .effective_mass = 0.0,
-                .limit = friction[i] * std::max(0.0, contact.normal_impulse),
-                .impulse = Eigen::Vector2d::Zero()};
-    point.tangents.col(0) = contact.normal.unitOrthogonal();
-    point.tangents.col(1) = contact.normal.cross(point.tangents.col(0));
-    const Eigen::Matrix2d k = point.tangents.transpose() *
-                              (mobility(*point.a, point.arm_a) + mobility(*point.b, point.arm_b)) * point.tangents;
-    // Two bodies that nothing moves leave nothing to learn.
-    if (k.determinant() > 0.0) point.inverse_mobility = k.inverse();
-    const double inverse_mass = point.a->inverse_mass + point.b->inverse_mass;
-    if (inverse_mass > 0.0) point.effective_mass = 1.0 / inverse_mass;
-    take(point, contact, contact.normal_impulse * contact.normal);
-    points_.push_back(point);
+    const Contact& contact = contacts[i];
+    VelocityChange& a = left_[index(contact.a)];
+    VelocityChange& b = left_[index(contact.b)];
+    const Vec3 normal = contact.normal_impulse * contact.normal;
+    a.linear -= a.inverse_mass * normal;
+    a.angular -= a.inverse_inertia * (contact.point - a.centre).cross(normal);
+    b.linear += b.inverse_mass * normal;
+    b.angular += b.inverse_inertia * (contact.point - b.centre).cross(normal);
+    points_.push_back(point_of(contact, a, b, friction[i]));
   }
+  unexplained_.clear();
+  for (const VelocityChange& left : left_) unexplained_.push_back({padded(left.linear), padded(left.angular)});
 
-  sweep(contacts, kMostSweeps, true);
-  sweep(contacts, kLinearSweeps, false);
+  sweep<true>(kMostSweeps);
+  sweep<false>(kLinearSweeps);
   for (std::size_t i = 0; i < points_.size(); ++i) {
-    contacts[i].tangential_impulse = points_[i].tangents * points_[i].impulse;
+    const Contact& contact = contacts[i];
+    const Vec3 first = contact.normal.unitOrthogonal();
+    const double limit = friction[i] * std::max(0.0, contact.normal_impulse);
+    Eigen::Vector2d impulse = points_[i].impulse.cast<double>();
+    if (const double size = impulse.norm(); size > limit) impulse *= limit / size;  // rounding
+    contacts[i].tangential_impulse = impulse[0] * first + impulse[1] * contact.normal.cross(first);
   }
 }
 

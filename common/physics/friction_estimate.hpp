@@ -3,6 +3,7 @@
 #include "model/body.hpp"
 #include "model/contact.hpp"
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -36,27 +37,35 @@ class FrictionEstimate {
   void estimate(std::span<const VelocityChange> changes, std::span<const double> friction, std::span<Contact> contacts);
 
  private:
+  /// Three numbers, and one that is zero: they fill a register of the processor.
+  using Padded = Eigen::Array4f;
+  /// An impulse along one tangent t of a contact, with arms r and inertias I of the two bodies.
+  struct Row {
+    Padded tangent;
+    Padded arm_a, arm_b;    ///< r x t
+    Padded turn_a, turn_b;  ///< I^-1 (r x t)
+  };
   struct Point {
-    const VelocityChange* a;
-    const VelocityChange* b;
-    Vec3 arm_a;
-    Vec3 arm_b;
-    Eigen::Matrix<double, 3, 2> tangents;
-    Eigen::Matrix2d inverse_mobility;
-    double effective_mass;  ///< kg, of the pair without rotation; 0: both fixed
-    double limit;
-    Eigen::Vector2d impulse;
+    Row rows[2];
+    Eigen::Matrix2f inverse_mobility;
+    float effective_mass;  ///< kg, of the pair without rotation; 0: both fixed
+    float limit;           ///< N s
+    Eigen::Vector2f impulse;
+    std::uint32_t a, b;
+    float inverse_mass_a, inverse_mass_b;
   };
   struct Unexplained {
-    Vec3 linear;
-    Vec3 angular;
+    Padded linear, angular;
   };
 
-  void sweep(std::span<const Contact> contacts, int most, bool rotation);
-  void take(const Point& point, const Contact& contact, const Vec3& impulse);
+  template <bool kRotation>
+  void sweep(int most);
+  [[nodiscard]] Point point_of(const Contact& contact, const VelocityChange& a, const VelocityChange& b,
+                               double friction) const;
 
   std::vector<Point> points_;
-  std::vector<Unexplained> unexplained_;  ///< by body id
+  std::vector<VelocityChange> left_;      ///< by body id: less what normal impulses explain
+  std::vector<Unexplained> unexplained_;  ///< by body id: less what friction explains as well
 };
 
 }  // namespace subworld
