@@ -32,7 +32,9 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <optional>
+#include <regex>
 #include <thread>
 #include <vector>
 
@@ -156,6 +158,30 @@ void remove_parts(const std::string& folder, int users) {
   }
 }
 
+/// The folder that the user named, for this run alone, without the results of an earlier one; or a new folder.
+void claim_folder(std::string& folder, const std::string& scene, FileLock& lock) {
+  if (folder.empty()) {
+    const std::string wanted = fmt::format("out/{}-{:%Y%m%d-%H%M%S}", scene, fmt::localtime(std::time(nullptr)));
+    make_folder("out");
+    folder = wanted;
+    for (int n = 2; !std::filesystem::create_directory(folder); ++n) folder = fmt::format("{}-{}", wanted, n);
+  }
+  make_folder(folder + "/logs");
+  const std::string name = std::filesystem::canonical(folder).string();
+  if (!lock.take(fmt::format("subworld-out-{:x}", std::hash<std::string>{}(name)))) {
+    throw Error(ExitCode::usage, fmt::format("--out {}: another run writes its results there; choose another folder, "
+                                             "or leave it out and a new one is made",
+                                             folder));
+  }
+  const std::regex ours(R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)|picture\.png)");
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (std::regex_match(entry.path().filename().string(), ours)) std::filesystem::remove(entry.path());
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(folder + "/logs")) {
+    if (entry.path().extension() == ".log") std::filesystem::remove(entry.path());
+  }
+}
+
 int report_failure(const Supervisor::Failure& failure, const std::string& folder, Json& summary) {
   const Supervisor::Child& failed = failure.child;
   const int code = exit_code_of(failed);
@@ -241,16 +267,12 @@ int run(const RunRequest& request) {
   const Scene scene = load_scene(options);
   check_choices(scene, request);
   warn_of_engines(scene);
-  if (options.out.empty()) {
-    options.out = fmt::format("out/{}-{:%Y%m%d-%H%M%S}", scene.name, fmt::localtime(std::time(nullptr)));
-  }
-  make_folder(options.out + "/logs");
-  remove_parts(options.out, scene.settings.users);
+  FileLock folder;
+  claim_folder(options.out, scene.name, folder);
   if (!options.trace.empty()) {
     merge_traces({}, options.trace);  // fails before anything runs, if it must
     make_folder(options.out + "/trace");
   }
-  std::filesystem::remove(options.out + "/picture.png");
   const DomainClaim claim(request.domain);
   fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", scene.file,
              scene.settings.mode == Mode::realtime ? "real time" : "lock-step", scene.settings.duration_s,
@@ -298,19 +320,22 @@ int run(const RunRequest& request) {
   record.stolen_s = core_times().stolen_s - cores.stolen_s;
   collect_trace(programs, options);
 
-  Json summary{{"scene", scene.name}, {"verdict", ""}};
+  Json summary = describe_run(scene, record);
   const int signal = stop_signal();
+  const std::string stopped = signal == 0 ? "" : fmt::format("stopped by SIG{}", sigabbrev_np(signal));
+  bool complete = true;
   try {
-    summary = summarise(scene, record, options.out);
+    add_parts(summary, scene, record, options.out);
   } catch (const Error& wrong) {
     if (signal == 0 && !failure) throw;
+    complete = false;
   }
   remove_parts(options.out, scene.settings.users);
   if (failure) return report_failure(*failure, options.out, summary);
-  if (signal != 0) {
-    summary["verdict"] = fmt::format("stopped by SIG{}", sigabbrev_np(signal));
+  if (!complete) {
+    summary["verdict"] = stopped;
     write_json(options.out + "/summary.json", summary);
-    fmt::print("subworld: stopped by SIG{}; results so far in {}\n", sigabbrev_np(signal), options.out);
+    fmt::print("subworld: {}; results so far in {}\n", stopped, options.out);
     return static_cast<int>(ExitCode::done);
   }
 
@@ -322,10 +347,12 @@ int run(const RunRequest& request) {
   }
   summary["verdict"] = verdict_of(held, summary);
   const bool ok = std::ranges::none_of(held, &Gate::spoils_verdict);
-  if (summary["simulated_s"].get<double>() < scene.settings.duration_s - scene.settings.longest_cycle_s()) {
-    summary["verdict"] = fmt::format("stopped by control at t = {:.3f} s", summary["simulated_s"].get<double>());
+  const double simulated_s = summary["simulated_s"].get<double>();
+  if (simulated_s < scene.settings.duration_s - scene.settings.longest_cycle_s()) {
+    summary["verdict"] = fmt::format("{} at t = {:.3f} s{}", signal == 0 ? "stopped by control" : stopped, simulated_s,
+                                     ok ? "" : "; until then: " + summary["verdict"].get<std::string>());
   }
-  std::vector<std::string> faults = faults_of(summary);
+  std::vector<std::string> faults = signal == 0 ? faults_of(summary) : std::vector<std::string>{};
   if (const Watchdog::Stood& stood = watchdog.longest(); stood.for_s > 0.0 && scene.settings.mode == Mode::realtime) {
     faults.push_back(fmt::format("the clock of {} stood at t = {:.3f} s for {:.0f} s and nobody had paused it",
                                  stood.label, stood.at_s, stood.for_s));
@@ -344,7 +371,7 @@ int run(const RunRequest& request) {
     fmt::print("{}\n", pictured ? "picture: " + picture : "no picture: see " + options.out + "/logs/gui_headless.log");
   }
   if (!faults.empty()) return static_cast<int>(ExitCode::failed);
-  return static_cast<int>(ok || !request.strict ? ExitCode::done : ExitCode::quality);
+  return static_cast<int>(ok || signal != 0 || !request.strict ? ExitCode::done : ExitCode::quality);
 }
 
 }  // namespace subworld

@@ -112,11 +112,13 @@ std::string load_text(const Json& summary) {
                      load["other_cores"].get<double>(), load["stolen_cores"].get<double>());
 }
 
-/// Whether the loops of the run, more than anything else, keep each other from the cores.
-bool cores_are_ours(const Json& summary) {
+/// Whether the loops of the run, more than anything else, kept this loop from its core for `lost_s`: where nothing else
+/// runs, who waits in the queue of a core with a real-time priority waits for one of ours.
+bool kept_by_ours(const Json& loop, double lost_s, const Json& summary) {
   const Json& load = summary["machine_load"];
-  return load["own_cores"] > kFullCores * summary["machine"]["cores"].get<double>() &&
-         load["other_cores"].get<double>() + load["stolen_cores"].get<double>() < kQuietCores;
+  const bool quiet = load["other_cores"].get<double>() + load["stolen_cores"].get<double>() < kQuietCores;
+  const bool full = load["own_cores"] > kFullCores * summary["machine"]["cores"].get<double>();
+  return quiet && (full || loop["machine"]["run_queue_delay_s"].get<double>() > lost_s);
 }
 
 std::string calibration_text(const Json& summary) {
@@ -143,17 +145,18 @@ std::string why_we_missed(const Json& haptic, double h_s) {
 }
 
 Gate machine_gate(const std::string& who, const Json& haptic, double periods, const Json& summary) {
+  const double missed = haptic["missed_by_machine"].get<double>();
   Gate gate{who + "missed by the machine",
-            haptic["missed_by_machine"].get<double>() / periods,
+            missed / periods,
             kMissedRatio,
             true,
             "% of steps",
             100.0};
-  if (cores_are_ours(summary)) {
+  if (kept_by_ours(haptic, missed * summary["h_s"].get<double>(), summary)) {
     gate.why = fmt::format(
-        "the programs of the run keep each other from the cores ({}); fewer members or users, a higher "
-        "ratio, or a longer h_s",
-        load_text(summary));
+        "the programs of the run keep each other from the cores (this loop was ready for {:.0f} ms without one; {}); "
+        "fewer members or users, more cores, a higher ratio, or a longer h_s",
+        milliseconds(haptic["machine"]["run_queue_delay_s"]), load_text(summary));
   } else {
     gate.culprit = Culprit::machine;
     gate.why = fmt::format("the loop was woken late or pre-empted ({}; {}); run again when the machine is quiet",
@@ -224,52 +227,55 @@ std::string to_text(const Calibration& calibration) {
       late.count_above(calibration.period_s), late.count());
 }
 
-Json summarise(const Scene& scene, const RunRecord& record, const std::string& folder) {
+Json describe_run(const Scene& scene, const RunRecord& record) {
+  const Settings& s = scene.settings;
+  const double wall_s = std::max(1e-3, record.wall_s);
+  return {{"scene", scene.name},
+          {"scene_file", scene.file},
+          {"command_line", record.command_line},
+          {"date", record.date},
+          {"mode", s.mode == Mode::realtime ? "realtime" : "lockstep"},
+          {"scheme", s.scheme},
+          {"engine", s.world.name},
+          {"haptic_engine", s.haptic.name},
+          {"dds", record.dds},
+          {"h_s", s.h_s},
+          {"ratio", s.ratio},
+          {"ratio_most", s.largest_ratio()},
+          {"users", s.users},
+          {"duration_s", s.duration_s},
+          {"wall_s", record.wall_s},
+          {"verdict", ""},
+          {"gates", Json::array()},
+          {"settings", describe(scene)},
+          {"machine", machine()},
+          {"placement", {{"world", record.placement.world}, {"others", record.placement.others}}},
+          {"machine_load",
+           {{"own_cores", record.own_cpu_s / wall_s},
+            {"other_cores", record.other_cpu_s / wall_s},
+            {"stolen_cores", record.stolen_s / wall_s}}},
+          {"version", "0.1.0"}};
+}
+
+void add_parts(Json& summary, const Scene& scene, const RunRecord& record, const std::string& folder) {
   const Settings& s = scene.settings;
   const Json world = read_json(folder + "/world.json");
-  const double wall_s = std::max(1e-3, record.wall_s);
-  Json summary{{"scene", scene.name},
-               {"scene_file", scene.file},
-               {"command_line", record.command_line},
-               {"date", record.date},
-               {"mode", s.mode == Mode::realtime ? "realtime" : "lockstep"},
-               {"scheme", s.scheme},
-               {"engine", s.world.name},
-               {"haptic_engine", s.haptic.name},
-               {"dds", record.dds},
-               {"h_s", s.h_s},
-               {"ratio", s.ratio},
-               {"ratio_most", s.largest_ratio()},
-               {"users", s.users},
-               {"duration_s", s.duration_s},
-               {"simulated_s", world["simulated_s"]},
-               {"wall_s", record.wall_s},
-               {"state_hash", world["state_hash"]},
-               {"verdict", "ok"},
-               {"gates", Json::array()},
-               {"settings", describe(scene)},
-               {"machine", machine()},
-               {"placement", {{"world", record.placement.world}, {"others", record.placement.others}}},
-               {"machine_load",
-                {{"own_cores", record.own_cpu_s / wall_s},
-                 {"other_cores", record.other_cpu_s / wall_s},
-                 {"stolen_cores", record.stolen_s / wall_s}}},
-               {"version", "0.1.0"},
-               {"world", world["world"]},
-               {"haptic", Json::array()},
-               {"device", Json::array()}};
-  summary["world"]["ending"] = world["ending"];
+  std::vector<Json> haptics, devices;
   for (int u = 0; u < s.users; ++u) {
-    Json haptic = read_json(fmt::format("{}/haptic_{}.json", folder, u));
-    haptic["energy_excess_j"] = world["energy_excess_j"];
-    summary["haptic"].push_back(std::move(haptic));
-    summary["device"].push_back(read_json(fmt::format("{}/device_{}.json", folder, u)));
+    haptics.push_back(read_json(fmt::format("{}/haptic_{}.json", folder, u)));
+    haptics.back()["energy_excess_j"] = world["energy_excess_j"];
+    devices.push_back(read_json(fmt::format("{}/device_{}.json", folder, u)));
   }
+  summary["simulated_s"] = world["simulated_s"];
+  summary["state_hash"] = world["state_hash"];
+  summary["world"] = world["world"];
+  summary["world"]["ending"] = world["ending"];
+  summary["haptic"] = haptics;
+  summary["device"] = devices;
   if (record.calibration) {
     const double step_s = summary["haptic"][0]["step_s"]["p50"].get<double>();
     summary["calibration"] = describe(*record.calibration, std::max(0.0, s.h_s - step_s));
   }
-  return summary;
 }
 
 std::vector<Gate> gates(const Json& summary) {
@@ -299,14 +305,16 @@ std::vector<Gate> gates(const Json& summary) {
   }
   if (realtime) {
     const Json& world = summary["world"];
-    const bool ours = world["late_by_us"] > 0 || cores_are_ours(summary);
+    const double by_us = world["late_by_us"].get<double>(), by_machine = world["late_by_machine"].get<double>();
+    const double cycle_s = h_s * world["ratio"]["mean"].get<double>();
+    const bool ours = by_us > by_machine || kept_by_ours(world, by_machine * cycle_s, summary);
     all.push_back({"world clock factor", world["clock_factor_min"].get<double>(), 1.0, false, "", 1.0,
                    ours ? Culprit::us : Culprit::machine,
                    ours
-                       ? fmt::format("the world's step takes {:.2f} ms (p99 {:.2f}) of {:g} ms; a higher ratio, fewer "
+                       ? fmt::format("the world's step takes {:.2f} ms (p99 {:.2f}) of cycles of {:.3g} ms; a higher ratio, fewer "
                                      "bodies, or a faster preset or engine",
                                      milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]),
-                                     1e3 * h_s * summary["ratio_most"].get<double>())
+                                     1e3 * cycle_s)
                        : fmt::format("the world was woken late or pre-empted ({}); run again when the machine is quiet",
                                      load_text(summary))});
   }
@@ -391,12 +399,13 @@ void print_summary(const Json& summary) {
                haptic["members"]["mean"].get<double>(), haptic["members"]["max"].get<double>(),
                haptic["border_pairs"]["mean"].get<double>(), haptic["border_pairs"]["max"].get<double>(),
                haptic["contacts"]["mean"].get<double>());
+    const auto missed = device["missed_deadlines"].get<std::uint64_t>();
     fmt::print(
-        "    synchronisation p50 {:.3f} ms p99 {:.3f} ms; device round trip p50 {:.3f} ms p99 {:.3f} ms; {:.1f} kB a "
+        "    synchronisation p50 {:.3f} ms p99 {:.3f} ms; device round trip p50 {:.3f} ms p99 {:.3f} ms{}; {:.1f} kB a "
         "cycle\n",
         milliseconds(haptic["sync_s"]["p50"]), milliseconds(haptic["sync_s"]["p99"]),
         milliseconds(device["round_trip_s"]["p50"]), milliseconds(device["round_trip_s"]["p99"]),
-        1e-3 * haptic["bytes_per_cycle"].get<double>());
+        missed == 0 ? "" : fmt::format(", {} of its own deadlines missed", missed), 1e-3 * haptic["bytes_per_cycle"].get<double>());
     if (realtime) print_stages(haptic["stages"]);
   }
 }

@@ -44,8 +44,10 @@ struct Gate {
   [[nodiscard]] std::string line() const;
 };
 
-/// What ran, its effective settings and the parts that the programs wrote into the folder.
-[[nodiscard]] Json summarise(const Scene& scene, const RunRecord& record, const std::string& folder);
+/// What ran, with which settings and where: all that does not come from the programs.
+[[nodiscard]] Json describe_run(const Scene& scene, const RunRecord& record);
+/// Adds the parts that the programs wrote into the folder. Throws `Error` (failed) where one is missing.
+void add_parts(Json& summary, const Scene& scene, const RunRecord& record, const std::string& folder);
 
 /// What a run is held against: in real time deadlines, lateness, lost frames and the world's clock; in lock-step loss
 /// alone. In both the device's limit.

@@ -177,10 +177,12 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& 
     ports.states.write(state);
     const TimePoint end = stages.mark(DeviceStage::send);
     const ThreadUse use = thread_use();
-    measures.step(state, wrench,
-                  {.step_s = to_seconds(end - begin),
-                   .woken_late_s = lateness.woken_late_s(),
-                   .miss = lateness.judge(end, loop.deadline(), use)});
+    const Miss miss = lateness.judge(end, loop.deadline(), use);
+    // Until the haptic loop runs, nobody is kept waiting.
+    if (heard != TimePoint{}) {
+      measures.step(state, wrench,
+                    {.step_s = to_seconds(end - begin), .woken_late_s = lateness.woken_late_s(), .miss = miss});
+    }
     lateness.end(end, use);
     ports.status.update(measures.state(state.stamp_s));
     stages.mark(DeviceStage::account);

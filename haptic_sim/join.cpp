@@ -41,6 +41,20 @@ std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& s
       *ports.bus, options.wait_s, [&] { return ports.device.matched() > 0 && ports.command.matched() > 0; },
       kNothingComing, missing("device", fmt::format("device_sim --user {}", options.user).c_str()));
   if (!held) return std::nullopt;
+  // A device that has matched may still look for the world: it would miss a short run, and wait for ever. In lock-step
+  // its first state is the first step's, and is waited for there.
+  DeviceState state;
+  const auto runs = [&] {
+    while (ports.device.take(state) == Take::sample) {
+      if (found() && state.session == finder.session()) return true;
+    }
+    return false;
+  };
+  const bool served =
+      scene.settings.mode == Mode::lockstep ||
+      wait_for(*ports.bus, options.wait_s, runs, kNothingComing,
+               missing("running device", fmt::format("device_sim --user {} anew", options.user).c_str()));
+  if (!served) return std::nullopt;
 
   FirstFrame first;
   bool joined = false;

@@ -17,7 +17,7 @@ std::string Conductor::follow(const Control& order) {
     case ControlVerb::step:
       paused_ = true;
       ++granted_;
-      return "one cycle";
+      return "one cycle, then paused until resume";
     case ControlVerb::reset:
     case ControlVerb::set_engine:
     case ControlVerb::set_scheme:

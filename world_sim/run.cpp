@@ -350,6 +350,7 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
     if (!conductor.may_step() && !last) {
       // The haptic processes hold their sub-worlds still while the world's clock stands.
       publish_frames(ports, world, false, cycle_s, 0.0);
+      ports.status.update(measures.state(world, 0.0));
       stages.mark(WorldStage::send);
       lateness.end(stages.now(), thread_use());
       measures.end_cycle();

@@ -91,7 +91,7 @@ void add_run_options(CLI::App& app, Options& o) {
   app.add_option("--peers", o.network.peers, "hosts of the other programs, for networks without multicast")
       ->delimiter(',')
       ->take_all();
-  app.add_option("--interface", o.network.interface_address, "address of the network interface (default: loopback)");
+  app.add_option("--interface", o.network.interface_address, "network interface, by name or address (default: loopback)");
   app.add_option("--qos", o.network.qos_file, "the DDS vendor's settings file");
   app.add_option("--out", o.out, "folder for results");
   app.add_option("--wait", o.wait_s, "how long to wait for the other programs, s")

@@ -86,6 +86,7 @@ struct Opening {
 
 inline constexpr const char* kDefaultInterface = "127.0.0.1";
 
+inline constexpr std::uint32_t kPartitionPolicy = 10;
 /// The specification's numbers, which both vendors use.
 constexpr const char* policy_name(std::uint32_t id) noexcept {
   constexpr const char* kNames[] = {"unknown policy",   "USERDATA",        "DURABILITY",     "PRESENTATION",

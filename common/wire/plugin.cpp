@@ -40,41 +40,63 @@ std::filesystem::path program_folder() {
   return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path();
 }
 
-std::string resolve(const std::string& host) {
+std::string to_text(const in_addr& address) {
+  std::array<char, INET_ADDRSTRLEN> text{};
+  inet_ntop(AF_INET, &address, text.data(), text.size());
+  return text.data();
+}
+
+std::string try_resolve(const std::string& host, std::string& error) {
   addrinfo hints{};
   hints.ai_family = AF_INET;
   hints.ai_socktype = SOCK_DGRAM;
   addrinfo* found = nullptr;
-  if (const int error = getaddrinfo(host.c_str(), nullptr, &hints, &found); error != 0) {
-    fail(fmt::format("host {}: {}; give an IPv4 address or a name that this machine can resolve", host,
-                     gai_strerror(error)));
+  if (const int code = getaddrinfo(host.c_str(), nullptr, &hints, &found); code != 0) {
+    error = gai_strerror(code);
+    return {};
   }
-  std::array<char, INET_ADDRSTRLEN> text{};
   sockaddr_in address{};
   std::memcpy(&address, found->ai_addr, sizeof address);
   freeaddrinfo(found);
-  inet_ntop(AF_INET, &address.sin_addr, text.data(), text.size());
-  return text.data();
+  return to_text(address.sin_addr);
 }
 
-/// Both vendors want the address of an interface; Fast DDS would go on without one and reach nobody.
-void require_own_address(const std::string& dotted) {
+std::string resolve_peer(const std::string& host) {
+  std::string error;
+  std::string address = try_resolve(host, error);
+  if (address.empty()) {
+    fail(fmt::format("--peers: host {}: {}; give IPv4 addresses or names that this machine can resolve", host, error));
+  }
+  return address;
+}
+
+/// The IPv4 address of the interface that has this name or address; empty: there is none.
+std::string find_interface(const std::string& wanted) {
   ifaddrs* all = nullptr;
   if (getifaddrs(&all) != 0) fail(fmt::format("network interfaces: {}", std::strerror(errno)));
-  in_addr wanted{};
-  inet_pton(AF_INET, dotted.c_str(), &wanted);
-  bool found = false;
-  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
+  std::string found;
+  for (const ifaddrs* one = all; one != nullptr && found.empty(); one = one->ifa_next) {
     if (one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
     sockaddr_in address{};
     std::memcpy(&address, one->ifa_addr, sizeof address);
-    found |= address.sin_addr.s_addr == wanted.s_addr;
+    const std::string text = to_text(address.sin_addr);
+    if (wanted == text || wanted == one->ifa_name) found = text;
   }
   freeifaddrs(all);
-  if (!found) {
-    fail(fmt::format("interface address {}: no interface has it; use an address that `ip -brief address` lists",
-                     dotted));
+  return found;
+}
+
+/// Both vendors want the address of an interface; Fast DDS would go on without one and reach nobody.
+std::string address_of_interface(const std::string& wanted) {
+  std::string found = find_interface(wanted);
+  std::string ignored;
+  if (found.empty()) found = find_interface(try_resolve(wanted, ignored));
+  if (found.empty()) {
+    fail(fmt::format("--interface {}: no network interface has it; use a name or an IPv4 address that `ip -brief "
+                     "address` lists",
+                     wanted));
   }
+  return found;
 }
 
 }  // namespace
@@ -87,10 +109,9 @@ Opening prepare(const BusConfig& config) {
   opening.domain = config.domain;
   opening.participant_name = config.participant_name;
   if (!config.interface_address.empty()) {
-    opening.interface_address = resolve(config.interface_address);
-    require_own_address(opening.interface_address);
+    opening.interface_address = address_of_interface(config.interface_address);
   }
-  for (const std::string& peer : config.peers) opening.peers.push_back(resolve(peer));
+  for (const std::string& peer : config.peers) opening.peers.push_back(resolve_peer(peer));
 
   const VendorFacts& vendor = facts(config.vendor);
   const char* environment = std::getenv(vendor.environment);

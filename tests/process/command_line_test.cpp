@@ -144,6 +144,54 @@ TEST_F(CommandLine, ADomainIsForOneRun) {
   EXPECT_EQ(first.wait(), 0);
 }
 
+TEST_F(CommandLine, AFolderIsForOneRunAndHoldsItsResultsAlone) {
+  const Words short_run{program("subworld"), "run", scene("lift"), "--out", out(), "--duration", "0.05"};
+  {
+    Process first(run_words(scene("press"), {"--duration", "1000"}), folder_.path());
+    ASSERT_TRUE(eventually([&] { return running(out()).size() >= 4; }));
+    const Ended second = finish(short_run);
+    EXPECT_EQ(second.code, 2);
+    expect_says(second, {"--out " + out(), "another run"});
+    first.signal(SIGTERM);
+    EXPECT_EQ(first.wait(), 0);
+  }
+  ASSERT_EQ(finish(short_run).code, 0);
+  EXPECT_TRUE(std::filesystem::exists(out() + "/haptic_1.csv"));
+  folder_.write("out/notes.txt", "");
+  ASSERT_EQ(run(scene("press"), {"--duration", "0.05"}).code, 0);
+  EXPECT_FALSE(std::filesystem::exists(out() + "/haptic_1.csv")) << "of the run before";
+  EXPECT_FALSE(std::filesystem::exists(out() + "/logs/haptic_sim_1.log"));
+  EXPECT_TRUE(std::filesystem::exists(out() + "/notes.txt")) << "not ours";
+}
+
+TEST_F(CommandLine, RunsOfOneSecondHaveAFolderEach) {
+  const Words words{
+      "/bin/sh", "-c",
+      "cd " + folder_.path() + " && exec " + program("subworld") + " run " + scene("press") + " --duration 0.05"};
+  std::vector<std::unique_ptr<Process>> runs;
+  for (int i = 0; i < 3; ++i) runs.push_back(std::make_unique<Process>(words, folder_.path()));
+  for (auto& one : runs) EXPECT_EQ(one->wait(), 0) << one->err();
+  int folders = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path() + "/out")) {
+    ++folders;
+    EXPECT_TRUE(std::filesystem::exists(entry.path() / "summary.json")) << entry.path();
+  }
+  EXPECT_EQ(folders, 3);
+}
+
+TEST_F(CommandLine, AnInterfaceHasANameOrAnAddress) {
+  EXPECT_EQ(run(scene("press"), {"--duration", "0.05", "--interface", "lo"}).code, 0);
+  const Ended wrong = run(scene("press"), {"--duration", "0.05", "--interface", "nosuch0"});
+  EXPECT_EQ(wrong.code, 3);
+  expect_says(wrong, {"--interface nosuch0", "ip -brief address"});
+}
+
+TEST_F(CommandLine, UsersOfSeveralVendorsAreNoMistake) {
+  const Ended ended = run(scene("lift"), {"--mode", "realtime", "--duration", "0.3", "--dds", "mixed"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_EQ(ended.out.find("PARTITION"), std::string::npos) << ended.out;
+}
+
 TEST_F(CommandLine, AFolderThatCannotBeMadeIsNamedWithTheCure) {
   const std::string file = folder_.write("file", "");
   for (const std::string& where : {file, file + "/sub", std::string("/proc/none")}) {

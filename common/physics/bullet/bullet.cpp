@@ -38,7 +38,7 @@ struct PresetValues {
 constexpr SubstepCost kCost{.step_s = 4e-6, .body_s = 0.3e-6, .contact_s = 0.6e-6, .contact_iteration_s = 0.09e-6};
 constexpr EnginePreset kPresets[] = {
     {.name = "fast",
-     .what = "10 iterations, no sub-steps: what a haptic step of 1 ms needs",
+     .what = "10 iterations, no sub-steps: what haptic steps need",
      .iterations = 10,
      .cost = kCost},
     {.name = "quality",
