@@ -175,7 +175,9 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
   }
   const std::regex ours(R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)|picture\.png)");
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    if (std::regex_match(entry.path().filename().string(), ours)) std::filesystem::remove(entry.path());
+    // A link is the user's: results go where it leads.
+    if (!entry.is_symlink() && std::regex_match(entry.path().filename().string(), ours))
+      std::filesystem::remove(entry.path());
   }
   for (const auto& entry : std::filesystem::directory_iterator(folder + "/logs")) {
     if (entry.path().extension() == ".log") std::filesystem::remove(entry.path());

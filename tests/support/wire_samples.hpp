@@ -139,7 +139,7 @@ class SampleMaker {
     to.session = long_word();
     to.served = long_word();
     to.stamp = long_word();
-    to.stamp_s = number();
+    to.stamp_s = positive();
     to.start_in_s = number();
     to.clock_factor = positive();
     to.echoed_sent_ns = static_cast<std::int64_t>(long_word());
