@@ -80,6 +80,7 @@ void ModuleEngine::remove(BodyId id) {
 }
 
 BodyState ModuleEngine::state_of(const Slot& slot) const {
+  if (slot.known) return slot.after;
   BodyState state = read(slot);
   if (slot.fixed) {
     state.linear_velocity = slot.after.linear_velocity;
@@ -100,6 +101,7 @@ void ModuleEngine::set_velocities(Slot& slot, const Vec3& linear, const Vec3& an
     slot.after.angular_velocity = angular;
   } else {
     put_velocities(slot, linear, angular);
+    slot.known = false;
   }
 }
 
@@ -107,6 +109,7 @@ bool ModuleEngine::set_state(BodyId id, const BodyState& state) {
   if (!finite(state)) return false;
   Slot& slot = at(id);
   put_pose(slot, state.position, state.orientation);
+  slot.known = false;
   set_velocities(slot, state.linear_velocity, state.angular_velocity);
   return true;
 }
@@ -140,9 +143,9 @@ bool ModuleEngine::apply_impulse(BodyId id, const Vec3& impulse, const Vec3& poi
   if (!impulse.allFinite() || !point.allFinite()) return false;
   Slot& slot = at(id);
   if (slot.fixed) return true;
-  const BodyState now = read(slot);
+  const BodyState now = state_of(slot);
   const BodyState then = accelerated(slot, now, impulse, (point - now.position).cross(impulse));
-  put_velocities(slot, then.linear_velocity, then.angular_velocity);
+  set_velocities(slot, then.linear_velocity, then.angular_velocity);
   return true;
 }
 
@@ -165,7 +168,10 @@ void ModuleEngine::step(double dt) {
   for (int i = 0; i < substeps; ++i) {
     apply_loads(h);
     simulate(h);
-    for (const std::uint32_t id : movable_) slots_[id].after = read(slots_[id]);
+    for (const std::uint32_t id : movable_) {
+      slots_[id].after = read(slots_[id]);
+      slots_[id].known = true;
+    }
     found_.clear();
     collect();
     complete_contacts(i);
@@ -178,7 +184,7 @@ void ModuleEngine::apply_loads(double h) {
   changes_.assign(slots_.size(), {});
   for (const std::uint32_t id : movable_) {
     const Slot& slot = slots_[id];
-    Load next{read(slot), slot.rotates && feels_gyroscopic_torque(slot.inertia), slot.weight + slot.force, {}};
+    Load next{state_of(slot), slot.rotates && feels_gyroscopic_torque(slot.inertia), slot.weight + slot.force, {}};
     Vec3& spin = next.now.angular_velocity;
     if (next.turned) spin = turned_freely(next.now.orientation, slot.inertia, spin, h);
     next.loaded = accelerated(slot, next.now, h * next.force, h * slot.torque);
@@ -261,6 +267,7 @@ void ModuleEngine::restore(const Checkpoint& saved) {
     slot.friction = x[13];
     slot.after.linear_velocity = x.segment<3>(14);
     slot.after.angular_velocity = x.segment<3>(17);
+    slot.known = false;
   }
   restored();
   contacts_.clear();

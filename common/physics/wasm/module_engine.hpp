@@ -55,7 +55,8 @@ class ModuleEngine : public Engine {
     Vec3 weight = Vec3::Zero();   ///< N
     Vec3 force = Vec3::Zero();    ///< of the next step
     Vec3 torque = Vec3::Zero();
-    BodyState after;  ///< at the end of the last sub-step; of a fixed body, the velocity that it was given
+    BodyState after;     ///< at the end of the last sub-step; of a fixed body, the velocity that it was given
+    bool known = false;  ///< of a movable body: `after` is what the module has
   };
 
   /// `longest_substep_s`: step() divides its dt until no part is longer.

@@ -4,8 +4,14 @@
 #include <fmt/format.h>
 
 #include <sys/mman.h>
+#include <ucontext.h>
 
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <csignal>
 #include <cstdlib>
+#include <mutex>
 #include <string_view>
 
 namespace {
@@ -34,12 +40,85 @@ std::string_view reason(wasm_rt_trap_t trap) {
   return "unknown trap";
 }
 
+#if WASM_RT_MEMCHECK_GUARD_PAGES
+/// An address and an offset of 32 bits each, and the widest access.
+constexpr std::uint64_t kReachable = (std::uint64_t{1} << 33) + kPage;
+#else
+constexpr std::uint64_t kReachable = 0;
+#endif
+
+std::uint64_t reserved_bytes(std::uint64_t max_pages) { return std::max(max_pages * kPage, kReachable); }
+
 [[noreturn]] void no_memory(std::uint64_t bytes) {
   throw subworld::Error(subworld::ExitCode::failed,
                         fmt::format("no address space for an engine of {} MiB; end other programs or raise the limit "
                                     "(ulimit -v)",
                                     bytes >> 20));
 }
+
+#if WASM_RT_MEMCHECK_GUARD_PAGES
+
+/// The instances' reservations, for the handler of faults; 0: free.
+constexpr std::size_t kMostInstances = 1024;
+std::array<std::atomic<std::uintptr_t>, kMostInstances> reservations;
+struct sigaction before_ours;
+
+bool is_reserved(const void* address) {
+  const auto at = reinterpret_cast<std::uintptr_t>(address);
+  return std::ranges::any_of(reservations, [&](const auto& one) {
+    const std::uintptr_t begin = one.load(std::memory_order_acquire);
+    return begin != 0 && at >= begin && at - begin < kReachable;
+  });
+}
+
+[[noreturn]] __attribute__((force_align_arg_pointer)) void go_outside() { wasm_rt_trap(WASM_RT_TRAP_OOB); }
+
+/// Lets the code that faulted go on as if it had called go_outside() there, so that the exception unwinds through it.
+void on_fault(int signal, siginfo_t* info, void* context) {
+  if (is_reserved(info->si_addr)) {
+    auto& registers = static_cast<ucontext_t*>(context)->uc_mcontext.gregs;
+    // An unwinder looks for a call just before the address that it would return to.
+    const greg_t back = registers[REG_RIP] + 1;
+    registers[REG_RSP] -= static_cast<greg_t>(sizeof back);
+    std::memcpy(reinterpret_cast<void*>(registers[REG_RSP]), &back, sizeof back);
+    registers[REG_RIP] = reinterpret_cast<greg_t>(&go_outside);
+  } else if ((before_ours.sa_flags & SA_SIGINFO) != 0) {
+    before_ours.sa_sigaction(signal, info, context);
+  } else {
+    sigaction(signal, &before_ours, nullptr);  // the access faults again, for that one
+  }
+}
+
+void guard(std::uint8_t* begin) {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    struct sigaction ours {};
+    ours.sa_sigaction = on_fault;
+    ours.sa_flags = SA_SIGINFO | SA_ONSTACK;
+    sigaction(SIGSEGV, &ours, &before_ours);
+  });
+  const auto address = reinterpret_cast<std::uintptr_t>(begin);
+  for (auto& one : reservations) {
+    std::uintptr_t none = 0;
+    if (one.compare_exchange_strong(none, address, std::memory_order_acq_rel)) return;
+  }
+  throw subworld::Error(subworld::ExitCode::failed,
+                        fmt::format("more than {} WebAssembly engines in one program", kMostInstances));
+}
+
+void unguard(std::uint8_t* begin) {
+  for (auto& one : reservations) {
+    auto address = reinterpret_cast<std::uintptr_t>(begin);
+    if (one.compare_exchange_strong(address, 0, std::memory_order_acq_rel)) return;
+  }
+}
+
+#else
+
+void guard(std::uint8_t*) {}
+void unguard(std::uint8_t*) {}
+
+#endif
 
 }  // namespace
 
@@ -55,11 +134,12 @@ void wasm_rt_trap(wasm_rt_trap_t trap) {
 void wasm_rt_allocate_memory(wasm_rt_memory_t* memory, std::uint64_t pages, std::uint64_t max_pages, bool,
                              std::uint32_t) {
   *memory = {};
-  const std::uint64_t reserved = max_pages * kPage;
+  const std::uint64_t reserved = reserved_bytes(max_pages);
   // Only what is in use may be touched: a process that locks its memory would fill and lock the whole reservation.
   void* base = mmap(nullptr, reserved, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (base == MAP_FAILED) no_memory(reserved);
   if (mprotect(base, pages * kPage, PROT_READ | PROT_WRITE) != 0) no_memory(pages * kPage);
+  guard(static_cast<std::uint8_t*>(base));
   *memory = {static_cast<std::uint8_t*>(base), pages, max_pages, pages * kPage};
 }
 
@@ -73,7 +153,10 @@ std::uint64_t wasm_rt_grow_memory(wasm_rt_memory_t* memory, std::uint64_t pages)
 }
 
 void wasm_rt_free_memory(wasm_rt_memory_t* memory) {
-  if (memory->data) munmap(memory->data, memory->max_pages * kPage);
+  if (memory->data) {
+    unguard(memory->data);
+    munmap(memory->data, reserved_bytes(memory->max_pages));
+  }
   *memory = {};
 }
 

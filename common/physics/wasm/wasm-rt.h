@@ -3,6 +3,9 @@
 // What the C code that wasm2c writes asks of its host (name and contents are dictated by wabt 1.0.39). Every access to
 // memory and every indirect call is checked; a trap is a C++ exception that unwinds through the C frames, which are
 // compiled with -fexceptions. One instance may run on one thread at a time; instances share nothing.
+//
+// Where the processor allows, it checks accesses to memory itself: all that an address and an offset of 32 bits can
+// reach is reserved for each instance, and a fault there becomes the trap.
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -17,7 +20,11 @@ extern "C" {
 #define UNLIKELY(x) __builtin_expect(!!(x), 0)
 
 #define WABT_BIG_ENDIAN 0
+#if defined(__x86_64__) && defined(__linux__)
+#define WASM_RT_MEMCHECK_GUARD_PAGES 1
+#else
 #define WASM_RT_MEMCHECK_GUARD_PAGES 0
+#endif
 #define WASM_RT_USE_SEGUE 0
 #define WASM_RT_SANITY_CHECKS 0
 #define WASM_RT_STACK_DEPTH_COUNT 1
@@ -62,7 +69,7 @@ static const wasm_rt_externref_t wasm_rt_externref_null_value = 0;
 typedef struct {
   uint8_t* data;
   uint64_t pages, max_pages;  ///< of 64 KiB
-  uint64_t size;              ///< bytes that the module may use; `max_pages` are reserved
+  uint64_t size;              ///< bytes that the module may use; those of `max_pages` are reserved, or more
 } wasm_rt_memory_t;
 
 typedef struct {
