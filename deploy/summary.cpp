@@ -112,13 +112,14 @@ std::string load_text(const Json& summary) {
                      load["other_cores"].get<double>(), load["stolen_cores"].get<double>());
 }
 
-/// Whether the loops of the run, more than anything else, kept this loop from its core for `lost_s`: where nothing else
-/// runs, who waits in the queue of a core with a real-time priority waits for one of ours.
-bool kept_by_ours(const Json& loop, double lost_s, const Json& summary) {
+/// Whether the loops of the run, more than anything else, kept this loop from its core for `lost_s`. Where nothing else
+/// runs, who waits in the queue of a core with a real-time priority waits for another loop of ours, if there is one of
+/// at least its priority: a rival.
+bool kept_by_ours(const Json& loop, double lost_s, bool has_rivals, const Json& summary) {
   const Json& load = summary["machine_load"];
   const bool quiet = load["other_cores"].get<double>() + load["stolen_cores"].get<double>() < kQuietCores;
   const bool full = load["own_cores"] > kFullCores * summary["machine"]["cores"].get<double>();
-  return quiet && (full || loop["machine"]["run_queue_delay_s"].get<double>() > lost_s);
+  return quiet && (full || (has_rivals && loop["machine"]["run_queue_delay_s"].get<double>() > lost_s));
 }
 
 std::string calibration_text(const Json& summary) {
@@ -152,7 +153,7 @@ Gate machine_gate(const std::string& who, const Json& haptic, double periods, co
             true,
             "% of steps",
             100.0};
-  if (kept_by_ours(haptic, missed * summary["h_s"].get<double>(), summary)) {
+  if (kept_by_ours(haptic, missed * summary["h_s"].get<double>(), summary["users"] > 1, summary)) {
     gate.why = fmt::format(
         "the programs of the run keep each other from the cores (this loop was ready for {:.0f} ms without one; {}); "
         "fewer members or users, more cores, a higher ratio, or a longer h_s",
@@ -306,8 +307,9 @@ std::vector<Gate> gates(const Json& summary) {
   if (realtime) {
     const Json& world = summary["world"];
     const double by_us = world["late_by_us"].get<double>(), by_machine = world["late_by_machine"].get<double>();
+    const bool has_own_core = !summary["placement"]["world"].empty();
     const double cycle_s = h_s * world["ratio"]["mean"].get<double>();
-    const bool ours = by_us > by_machine || kept_by_ours(world, by_machine * cycle_s, summary);
+    const bool ours = by_us > by_machine || kept_by_ours(world, by_machine * cycle_s, !has_own_core, summary);
     all.push_back({"world clock factor", world["clock_factor_min"].get<double>(), 1.0, false, "", 1.0,
                    ours ? Culprit::us : Culprit::machine,
                    ours
