@@ -214,9 +214,11 @@ class SimulatedNeighbourhood final : public LocalModel {
     islands_.labels(labels);
   }
 
-  void observe_contacts(Indicators& indicators) const {
+  void observe_contacts(Indicators& indicators) {
     std::uint32_t on_proxy = 0;
-    for (const Contact& c : engine_.contacts()) {
+    // Impulses decide where the border is frozen.
+    const bool decides = scheme_.border() == Border::frozen;
+    for (const Contact& c : decides ? engine_.contacts_with_friction() : engine_.contacts()) {
       const double magnitude = c.normal_impulse + c.tangential_impulse.norm();
       indicators.total_impulse_n_s += magnitude;
       if (c.a != proxy_ && c.b != proxy_) continue;

@@ -109,7 +109,8 @@ bool World::settle(const std::function<bool(double)>& progress) {
     const Body& proxy = scene_.body(user.spec->proxy);
     if (!user.spec->joins_late) engine_->set_inertia(proxy.id, proxy.mass, proxy.inertia);
   }
-  settled_.assign(engine_->contacts().begin(), engine_->contacts().end());
+  const std::span<const Contact> now = engine_->contacts_with_friction();
+  settled_.assign(now.begin(), now.end());
   for (Contact& c : settled_) {
     c.normal_impulse *= cycle_s_ / dt;
     c.tangential_impulse *= cycle_s_ / dt;
@@ -255,6 +256,10 @@ void World::drive_proxies(double until_s, double dt) {
   }
 }
 
+std::span<const Contact> World::contacts_of_step() {
+  return scheme_->border() == Border::none ? engine_->contacts() : engine_->contacts_with_friction();
+}
+
 void World::simulate_cycle() {
   const double dt = cycle_s_ / substeps_;
   totals_.clear();
@@ -262,10 +267,10 @@ void World::simulate_cycle() {
     drive_proxies(time_s() + (i + 1) * dt, dt);
     engine_->step(dt);
     if (substeps_ == 1) {
-      contacts_ = engine_->contacts();
+      contacts_ = contacts_of_step();
       return;
     }
-    for (const Contact& c : engine_->contacts()) {
+    for (const Contact& c : contacts_of_step()) {
       const auto size = [&](BodyId id) {
         const Box box = engine_->bounds(id);
         return (box.upper - box.lower).minCoeff();

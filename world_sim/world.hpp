@@ -145,6 +145,8 @@ class World {
   void begin_cycle();
   void plan_ratio();
   void simulate_cycle();
+  /// With friction where somebody reads it.
+  [[nodiscard]] std::span<const Contact> contacts_of_step();
   void balance();
 
   const Scene& scene_;

@@ -75,8 +75,11 @@ class Engine {
   /// a position is ahead of what the forces account for by half a part.
   [[nodiscard]] virtual double part_s(double dt) const noexcept = 0;
 
-  /// Of the last step, ordered by bodies: equal worlds list equal contacts. Valid until the next change.
+  /// Of the last step, ordered by bodies: equal worlds list equal contacts. Valid until the next change. Friction
+  /// impulses are there where the engine itself solves them, and may be zero where it estimates them (capabilities()).
   [[nodiscard]] virtual std::span<const Contact> contacts() const noexcept = 0;
+  /// The same with friction impulses, estimated now if they were not yet.
+  [[nodiscard]] virtual std::span<const Contact> contacts_with_friction() { return contacts(); }
 
   [[nodiscard]] virtual Box bounds(BodyId id) const = 0;
   /// Bodies whose axis-aligned bounds meet the box, ascending.

@@ -67,6 +67,7 @@ class LiveEngine final : public Engine {
     ++steps_;
   }
   std::span<const Contact> contacts() const noexcept override { return engine_->contacts(); }
+  std::span<const Contact> contacts_with_friction() override { return engine_->contacts_with_friction(); }
   Box bounds(BodyId id) const override { return engine_->bounds(id); }
   void overlap(const Box& box, std::vector<BodyId>& out) const override { engine_->overlap(box, out); }
   Checkpoint checkpoint() const override { return engine_->checkpoint(); }

@@ -45,7 +45,7 @@ struct EnginePlugin {
 [[nodiscard]] int substep_count(double dt, std::optional<int> fixed, double longest_s) noexcept;
 
 /// Changes whenever a type that crosses between a program and an engine's library changes.
-inline constexpr int kEnginePluginInterface = 4;
+inline constexpr int kEnginePluginInterface = 5;
 
 }  // namespace subworld
 

@@ -59,7 +59,15 @@ bool ScaledEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque)
 
 void ScaledEngine::step(double dt) {
   inner_->step(dt);
-  const std::span<const Contact> large = inner_->contacts();
+  take(inner_->contacts());
+}
+
+std::span<const Contact> ScaledEngine::contacts_with_friction() {
+  take(inner_->contacts_with_friction());
+  return contacts_;
+}
+
+void ScaledEngine::take(std::span<const Contact> large) {
   contacts_.assign(large.begin(), large.end());
   for (Contact& contact : contacts_) {
     contact.point *= unit_m_;

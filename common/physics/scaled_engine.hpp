@@ -31,12 +31,14 @@ class ScaledEngine final : public Engine {
   void step(double dt) override;
   double part_s(double dt) const noexcept override { return inner_->part_s(dt); }
   std::span<const Contact> contacts() const noexcept override { return contacts_; }
+  std::span<const Contact> contacts_with_friction() override;
   Box bounds(BodyId id) const override;
   void overlap(const Box& box, std::vector<BodyId>& out) const override;
   Checkpoint checkpoint() const override { return inner_->checkpoint(); }
   void restore(const Checkpoint& checkpoint) override;
 
  private:
+  void take(std::span<const Contact> large);
   [[nodiscard]] BodyState shown(const BodyState& state) const;
 
   std::unique_ptr<Engine> inner_;

@@ -62,9 +62,9 @@ struct Totals {
 };
 
 /// Impulses of the last step on the body `id`, sizes of the normal ones.
-inline Totals totals(const Engine& engine, BodyId id) {
+inline Totals totals(Engine& engine, BodyId id) {
   Totals sum;
-  for (const Contact& c : engine.contacts()) {
+  for (const Contact& c : engine.contacts_with_friction()) {
     if (c.a != id && c.b != id) continue;
     sum.normal += c.normal_impulse;
     sum.tangential += (c.a == id ? 1.0 : -1.0) * c.tangential_impulse;

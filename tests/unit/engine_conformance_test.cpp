@@ -266,6 +266,26 @@ TEST_P(Conformance, SlidingFrictionIsMuTimesNormalInEveryDirection) {
   }
 }
 
+TEST_P(Conformance, WhoAsksForFrictionChangesNothingElse) {
+  for (int i = 0; i < steps(0.1); ++i) {
+    engine->apply_force(kCube, {0.3 * kWeight, 0, 0}, Vec3::Zero());
+    engine->step(dt);
+    const std::vector<Contact> before(engine->contacts().begin(), engine->contacts().end());
+    const std::vector<double> state = test::bits(*engine, {kCube});
+    const auto asked = engine->contacts_with_friction();
+    const std::vector<Contact> first(asked.begin(), asked.end());
+    const auto again = engine->contacts_with_friction();
+    ASSERT_EQ(first.size(), before.size());
+    ASSERT_EQ(again.size(), before.size());
+    for (std::size_t k = 0; k < first.size(); ++k) {
+      ASSERT_EQ(first[k].normal_impulse, before[k].normal_impulse);
+      ASSERT_EQ(first[k].point, before[k].point);
+      ASSERT_EQ(again[k].tangential_impulse, first[k].tangential_impulse);
+    }
+    ASSERT_EQ(test::bits(*engine, {kCube}), state);
+  }
+}
+
 TEST_P(Conformance, FrictionIsTheGeometricMean) {
   Body slider = cube(kOther);
   slider.material.friction = 0.125;  // with 0.5 of the floor: 0.25

@@ -172,9 +172,13 @@ void ModuleEngine::step(double dt) {
       slots_[id].after = read(slots_[id]);
       slots_[id].known = true;
     }
+    for (const std::uint32_t id : movable_) close(changes_[id], slots_[id].after);
     found_.clear();
     collect();
-    complete_contacts(i);
+    // The whole step's friction is that of all its parts; of a single part, who reads it may ask for it later.
+    has_friction_ = substeps > 1;
+    if (has_friction_) estimate_friction();
+    for (const Contact& c : found_) contacts_.add(c, i, reach_);
   }
   for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
   contacts_.merge();
@@ -211,14 +215,22 @@ void ModuleEngine::found(std::uint32_t a, std::uint32_t b, const Vec3& point, co
                     .tangential_impulse = Vec3::Zero()});
 }
 
-void ModuleEngine::complete_contacts(int substep) {
-  for (const std::uint32_t id : movable_) close(changes_[id], slots_[id].after);
+std::span<const Contact> ModuleEngine::contacts_with_friction() {
+  if (has_friction_ || contacts().empty()) return contacts();
+  estimate_friction();
+  contacts_.clear();
+  for (const Contact& c : found_) contacts_.add(c, 0, reach_);
+  contacts_.merge();
+  has_friction_ = true;
+  return contacts();
+}
+
+void ModuleEngine::estimate_friction() {
   friction_.clear();
   for (const Contact& c : found_) {
     friction_.push_back(std::sqrt(slots_[index(c.a)].friction * slots_[index(c.b)].friction));
   }
   estimate_.estimate(changes_, friction_, found_);
-  for (const Contact& c : found_) contacts_.add(c, substep, reach_);
 }
 
 void ModuleEngine::overlap(const Box& box, std::vector<BodyId>& out) const {

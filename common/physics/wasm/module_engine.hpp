@@ -37,6 +37,7 @@ class ModuleEngine : public Engine {
   double part_s(double dt) const noexcept override;
   void step(double dt) final;
   std::span<const Contact> contacts() const noexcept final { return contacts_.contacts(); }
+  std::span<const Contact> contacts_with_friction() final;
   Box bounds(BodyId id) const final { return bounds_of(at(id)); }
   void overlap(const Box& box, std::vector<BodyId>& out) const final;
   Checkpoint checkpoint() const final;
@@ -95,7 +96,7 @@ class ModuleEngine : public Engine {
   [[nodiscard]] Box bounds_of(const Slot& slot) const;
   void set_velocities(Slot& slot, const Vec3& linear, const Vec3& angular);
   void apply_loads(double h);
-  void complete_contacts(int substep);
+  void estimate_friction();
 
   std::vector<Slot> slots_;
   Vec3 gravity_;
@@ -106,6 +107,7 @@ class ModuleEngine : public Engine {
   double reach_ = 0.05;                  ///< m
   std::vector<VelocityChange> changes_;  ///< of a sub-step, by id
   std::vector<Contact> found_;           ///< of a sub-step
+  bool has_friction_ = true;             ///< the contacts of the last step
   std::vector<double> friction_;         ///< of found_
   FrictionEstimate estimate_;
   ContactTotals contacts_;
