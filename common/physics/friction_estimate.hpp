@@ -26,8 +26,8 @@ void close(VelocityChange& change, const BodyState& after);
 /// Friction impulses from the balance of momentum: what neither forces nor normal impulses explain of the bodies'
 /// change of velocity is friction. Where many contacts share it the split is not unique; this is the least-squares
 /// solution inside the cones (|t| <= mu n) that projected Gauss-Seidel reaches from zero. Where an engine's own
-/// friction acts at other points than it reports, both balances cannot be met: then the linear one is, so the sums over
-/// a body are exact and the parts of single contacts an estimate.
+/// friction acts at other points than it reports, both balances cannot be met: then the linear one is. On dense heaps the
+/// sums over a body are right to about 1 %; the parts of single contacts are an estimate.
 class FrictionEstimate {
  public:
   FrictionEstimate();

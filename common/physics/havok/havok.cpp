@@ -13,7 +13,7 @@ using namespace havok;
 
 // Havok's solver has a fixed number of iterations, whatever the settings ask for: shorter sub-steps are its one way to
 // be more exact.
-constexpr SubstepCost kCost{.step_s = 10e-6, .body_s = 0.5e-6, .contact_s = 4.6e-6};
+constexpr SubstepCost kCost{.step_s = 3e-6, .body_s = 0.4e-6, .contact_s = 2.6e-6};
 constexpr EnginePreset kPresets[] = {
     {.name = "fast", .what = "no sub-steps; the number of iterations is Havok's own", .cost = kCost},
     {.name = "quality",

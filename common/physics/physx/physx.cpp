@@ -14,7 +14,7 @@ namespace {
 
 using namespace physx;
 
-constexpr SubstepCost kCost{.step_s = 10e-6, .body_s = 0.6e-6, .contact_s = 2.7e-6, .contact_iteration_s = 0.2e-6};
+constexpr SubstepCost kCost{.step_s = 8e-6, .body_s = 0.4e-6, .contact_s = 1.2e-6, .contact_iteration_s = 0.08e-6};
 constexpr EnginePreset kPresets[] = {
     {.name = "fast",
      .what = "4 iterations, no sub-steps: each iteration of TGS is a small time step of its own",
