@@ -4,6 +4,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <filesystem>
 
 namespace subworld {
@@ -19,6 +20,12 @@ bool FileLock::take(const std::string& name) {
   }
   file_ = file;
   return true;
+}
+
+bool FileLock::take_folder(const std::string& folder) {
+  release();
+  file_ = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  return file_ < 0 || flock(file_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;
 }
 
 void FileLock::release() noexcept {

@@ -4,7 +4,8 @@
 
 namespace subworld {
 
-/// Holds a file of the temporary folder that only one run of this machine can hold, until this object goes.
+/// Holds a file of the temporary folder, or a folder, that only one run of this machine can hold, until this object
+/// goes.
 class FileLock {
  public:
   FileLock() = default;
@@ -14,6 +15,8 @@ class FileLock {
 
   /// False where another run holds it, or the folder cannot be written.
   bool take(const std::string& name);
+  /// False where another run holds this folder. A file system that knows no locks lets everybody.
+  bool take_folder(const std::string& folder);
   void release() noexcept;
 
  private:

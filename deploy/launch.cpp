@@ -32,7 +32,6 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <optional>
 #include <regex>
 #include <thread>
@@ -167,8 +166,7 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
     for (int n = 2; !std::filesystem::create_directory(folder); ++n) folder = fmt::format("{}-{}", wanted, n);
   }
   make_folder(folder + "/logs");
-  const std::string name = std::filesystem::canonical(folder).string();
-  if (!lock.take(fmt::format("subworld-out-{:x}", std::hash<std::string>{}(name)))) {
+  if (!lock.take_folder(folder)) {
     throw Error(ExitCode::usage, fmt::format("--out {}: another run writes its results there; choose another folder, "
                                              "or leave it out and a new one is made",
                                              folder));
