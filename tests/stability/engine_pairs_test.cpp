@@ -50,6 +50,22 @@ TEST_P(WorldEngine, IsFollowedByEverySubWorldEngine) {
   }
 }
 
+// Also by engines that estimate it only for who asks.
+TEST_P(WorldEngine, TellsTheFrictionAtTheBorder) {
+  CoupledRun run(scene_of("pyramid", "reduced", 4, GetParam(), "bullet"));
+  double normal = 0.0, tangential = 0.0;
+  while (run.world.time_s() < 1.5) {
+    run.cycle();
+    for (const BorderPair& pair : run.frame().border) {
+      normal += pair.normal_impulse;
+      tangential += pair.tangential_impulse.norm();
+    }
+  }
+  EXPECT_GT(normal, 0.0);
+  EXPECT_GT(tangential, 0.02 * normal);
+  EXPECT_LT(tangential, 0.5 * 1.01 * normal) << "friction is 0.5";
+}
+
 INSTANTIATE_TEST_SUITE_P(Engines, WorldEngine, testing::ValuesIn(engine_names()),
                          [](const testing::TestParamInfo<std::string>& named) { return named.param; });
 

@@ -65,6 +65,17 @@ class Conformance : public testing::TestWithParam<test::Tested> {
 
 // --- bodies and their states ---
 
+TEST_P(Conformance, WhatIsSetAfterAStepIsReadAtOnce) {
+  run(0.1);
+  engine->set_velocity(kCube, {0.3, 0.1, 0}, {0, 0, 0.5});
+  expect_near(engine->state(kCube).linear_velocity, {0.3, 0.1, 0});
+  expect_near(engine->state(kCube).angular_velocity, {0, 0, 0.5});
+  engine->apply_impulse(kCube, {0.02, 0, 0}, engine->state(kCube).position);
+  expect_near(engine->state(kCube).linear_velocity, {0.4, 0.1, 0});
+  engine->set_state(kCube, somewhere());
+  expect_near(engine->state(kCube), somewhere());
+}
+
 TEST_P(Conformance, KnowsWhichBodiesItHas) {
   EXPECT_EQ(engine->name(), GetParam().engine);
   EXPECT_TRUE(engine->contains(kCube));
@@ -284,6 +295,25 @@ TEST_P(Conformance, WhoAsksForFrictionChangesNothingElse) {
     }
     ASSERT_EQ(test::bits(*engine, {kCube}), state);
   }
+}
+
+TEST_P(Conformance, FrictionIsInMetresInEveryUnit) {
+  EngineSettings settings = GetParam().settings();
+  settings.length_unit_m = 0.1;
+  engine = make_engine(settings, {});
+  engine->add(floor_plane(kFloor), BodyState{});
+  engine->add(cube(kCube), at(0, 0, 0.05));
+  run(0.5);
+  const Vec3 pull(0.3 * kWeight, 0, 0);
+  Vec3 friction = Vec3::Zero();
+  for (int i = 0; i < steps(0.5); ++i) {
+    engine->apply_force(kCube, pull, Vec3::Zero());
+    engine->step(dt);
+    friction += totals(*engine, kCube).tangential;
+  }
+  const double total = pull.norm() * dt * steps(0.5);
+  // Havok flickers in a unit that is smaller than it needs, and loses a seventh to steps without a normal impulse.
+  EXPECT_LT((friction + total * Vec3::UnitX()).norm(), 0.2 * total);
 }
 
 TEST_P(Conformance, FrictionIsTheGeometricMean) {

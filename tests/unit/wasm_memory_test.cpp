@@ -45,6 +45,14 @@ TEST_F(WasmMemory, IsThereAsFarAsItWasAllocated) {
   EXPECT_EQ(read(memory_, kPage, 0), 0);
 }
 
+TEST_F(WasmMemory, ThatIsFreedCanBeHadAgain) {
+  for (int i = 0; i < 3000; ++i) {
+    wasm_rt_memory_t one;
+    ASSERT_NO_THROW(wasm_rt_allocate_memory(&one, 1, 2, false, kPage)) << i;
+    wasm_rt_free_memory(&one);
+  }
+}
+
 #if WASM_RT_MEMCHECK_GUARD_PAGES
 
 TEST_F(WasmMemory, OutsideOfItAnAccessIsAnError) {

@@ -109,7 +109,6 @@ bool ModuleEngine::set_state(BodyId id, const BodyState& state) {
   if (!finite(state)) return false;
   Slot& slot = at(id);
   put_pose(slot, state.position, state.orientation);
-  slot.known = false;
   set_velocities(slot, state.linear_velocity, state.angular_velocity);
   return true;
 }

@@ -1,0 +1,75 @@
+// Who is to blame for a missed gate, by what a run has measured.
+#include "summary.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+namespace subworld {
+namespace {
+
+Json share(double run_queue_delay_s) { return {{"fifo", true}, {"run_queue_delay_s", run_queue_delay_s}}; }
+
+/// A run of 10 s at 1 kHz on a quiet machine whose loops miss 20 steps and a cycle by what was kept from them.
+Json late_run(int users, bool placed, double queued_s) {
+  Json run{{"mode", "realtime"},
+           {"h_s", 0.001},
+           {"users", users},
+           {"machine", {{"cores", 2}}},
+           {"machine_load", {{"own_cores", 1.0}, {"other_cores", 0.0}, {"stolen_cores", 0.0}}},
+           {"placement", {{"world", placed ? std::vector<int>{1} : std::vector<int>{}}}},
+           {"world",
+            {{"late_by_us", 0},
+             {"late_by_machine", 1},
+             {"clock_factor_min", 0.5},
+             {"ratio", {{"mean", 4.0}}},
+             {"step_s", {{"p50", 0.002}, {"p99", 0.003}}},
+             {"machine", share(queued_s)}}},
+           {"haptic", Json::array()}};
+  for (int u = 0; u < users; ++u) {
+    run["haptic"].push_back({{"user", u},
+                             {"steps", 10000},
+                             {"skipped_steps", 0},
+                             {"missed_by_us", 0},
+                             {"missed_by_machine", 20},
+                             {"missed_waiting", 0},
+                             {"lateness_s", {{"p99", 0.0001}}},
+                             {"woken_late_s", {{"p99", 0.0001}}},
+                             {"step_s", {{"p50", 0.0002}, {"p99", 0.0005}}},
+                             {"lost_frames", 0},
+                             {"at_limit_ratio", 0.0},
+                             {"machine", share(queued_s)}});
+  }
+  return run;
+}
+
+Culprit culprit_of(const Json& run, const std::string& gate) {
+  const auto all = gates(run);
+  const auto found = std::ranges::find(all, gate, &Gate::name);
+  EXPECT_NE(found, all.end()) << gate;
+  EXPECT_FALSE(found->ok());
+  return found->culprit;
+}
+
+constexpr const char* kMissed = "user 0: missed by the machine";
+constexpr const char* kClock = "world clock factor";
+
+TEST(Gates, ALoopThatWaitedForAnotherOneOfTheRunIsOurs) {
+  EXPECT_EQ(culprit_of(late_run(2, true, 0.5), kMissed), Culprit::us);
+  EXPECT_EQ(culprit_of(late_run(2, true, 0.001), kMissed), Culprit::machine) << "it hardly waited";
+  EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kMissed), Culprit::machine) << "there is no other";
+  Json busy = late_run(2, true, 0.5);
+  busy["machine_load"]["other_cores"] = 0.5;
+  EXPECT_EQ(culprit_of(busy, kMissed), Culprit::machine) << "others may have had the core";
+}
+
+TEST(Gates, AWorldWithACoreOfItsOwnWaitsForNobody) {
+  EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kClock), Culprit::machine);
+  EXPECT_EQ(culprit_of(late_run(1, false, 0.5), kClock), Culprit::us);
+  Json slow = late_run(1, true, 0.0);
+  slow["world"]["late_by_us"] = 5;
+  EXPECT_EQ(culprit_of(slow, kClock), Culprit::us);
+}
+
+}  // namespace
+}  // namespace subworld
