@@ -171,8 +171,7 @@ std::optional<BorderPair> ApproachFinder::meet(const Mover& pusher, const Mover&
                     .outside = other.id,
                     .point = pusher.state.position - reach_m(pusher, -gap.normal) * gap.normal,
                     .normal = gap.normal,
-                    .distance = std::max(0.0, gap.distance),
-                    .tangential_velocity = gap.normal.dot(closing) * gap.normal - closing};
+                    .distance = std::max(0.0, gap.distance)};
 }
 
 std::optional<Box> ApproachFinder::find(const Membership& membership, const ContactGraph& graph,

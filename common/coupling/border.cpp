@@ -12,7 +12,6 @@ BorderPair pair_of(const Contact& contact, BodyId inside) {
           .point = contact.point,
           .normal = sign * contact.normal,
           .distance = contact.distance,
-          .tangential_velocity = sign * contact.tangential_velocity,
           .normal_impulse = contact.normal_impulse,
           .tangential_impulse = sign * contact.tangential_impulse};
 }

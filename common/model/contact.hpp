@@ -8,12 +8,11 @@ namespace subworld {
 struct Contact {
   BodyId a{};
   BodyId b{};
-  Vec3 point = Vec3::Zero();                ///< m, on the surface of b
-  Vec3 normal = Vec3::UnitZ();              ///< unit, from b to a
-  double distance = 0.0;                    ///< m, negative: penetration
-  Vec3 tangential_velocity = Vec3::Zero();  ///< of a relative to b, m/s
-  double normal_impulse = 0.0;              ///< on a along `normal`, total over the step, N s
-  Vec3 tangential_impulse = Vec3::Zero();   ///< on a, total over the step, N s
+  Vec3 point = Vec3::Zero();               ///< m, on the surface of b
+  Vec3 normal = Vec3::UnitZ();             ///< unit, from b to a
+  double distance = 0.0;                   ///< m, negative: penetration
+  double normal_impulse = 0.0;             ///< on a along `normal`, total over the step, N s
+  Vec3 tangential_impulse = Vec3::Zero();  ///< on a, total over the step, N s
 };
 
 }  // namespace subworld

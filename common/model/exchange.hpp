@@ -98,9 +98,8 @@ struct BorderPair {
   BodyId inside{};
   BodyId outside{};
   Vec3 point = Vec3::Zero();
-  Vec3 normal = Vec3::UnitZ();  ///< towards the inside body
-  double distance = 0.0;        ///< m, negative: penetration
-  Vec3 tangential_velocity = Vec3::Zero();
+  Vec3 normal = Vec3::UnitZ();             ///< towards the inside body
+  double distance = 0.0;                   ///< m, negative: penetration
   double normal_impulse = 0.0;             ///< over the world's whole step, N s
   Vec3 tangential_impulse = Vec3::Zero();  ///< N s
 };

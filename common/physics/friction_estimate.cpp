@@ -17,6 +17,14 @@ Eigen::Array4f padded(const Vec3& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()), 0.0F};
 }
 
+/// Across the normal and no larger than friction can be.
+void keep_in_cone(Contact& contact, double friction) {
+  Vec3& impulse = contact.tangential_impulse;
+  impulse -= impulse.dot(contact.normal) * contact.normal;
+  const double limit = friction * std::max(0.0, contact.normal_impulse);
+  if (const double size = impulse.norm(); size > limit) impulse *= limit / size;
+}
+
 }  // namespace
 
 VelocityChange open_change(double mass, const Vec3& inertia, bool rotates, const BodyState& loaded) {
@@ -62,7 +70,7 @@ FrictionEstimate::Point FrictionEstimate::point_of(const Contact& contact, const
   if (mobility.determinant() > 0.0) point.inverse_mobility = mobility.inverse().cast<float>();
   point.effective_mass = inverse_mass > 0.0 ? static_cast<float>(1.0 / inverse_mass) : 0.0F;
   point.limit = static_cast<float>(friction * std::max(0.0, contact.normal_impulse));
-  point.impulse.setZero();
+  point.impulse = (tangents.transpose() * contact.tangential_impulse).cast<float>();
   point.a = index(contact.a);
   point.b = index(contact.b);
   point.inverse_mass_a = static_cast<float>(a.inverse_mass);
@@ -113,14 +121,15 @@ void FrictionEstimate::estimate(std::span<const VelocityChange> changes, std::sp
   left_.assign(changes.begin(), changes.end());
   points_.clear();
   for (std::size_t i = 0; i < contacts.size(); ++i) {
-    const Contact& contact = contacts[i];
+    Contact& contact = contacts[i];
+    keep_in_cone(contact, friction[i]);
     VelocityChange& a = left_[index(contact.a)];
     VelocityChange& b = left_[index(contact.b)];
-    const Vec3 normal = contact.normal_impulse * contact.normal;
-    a.linear -= a.inverse_mass * normal;
-    a.angular -= a.inverse_inertia * (contact.point - a.centre).cross(normal);
-    b.linear += b.inverse_mass * normal;
-    b.angular += b.inverse_inertia * (contact.point - b.centre).cross(normal);
+    const Vec3 known = contact.normal_impulse * contact.normal + contact.tangential_impulse;
+    a.linear -= a.inverse_mass * known;
+    a.angular -= a.inverse_inertia * (contact.point - a.centre).cross(known);
+    b.linear += b.inverse_mass * known;
+    b.angular += b.inverse_inertia * (contact.point - b.centre).cross(known);
     points_.push_back(point_of(contact, a, b, friction[i]));
   }
   unexplained_.clear();
@@ -129,12 +138,11 @@ void FrictionEstimate::estimate(std::span<const VelocityChange> changes, std::sp
   sweep<true>(kMostSweeps);
   sweep<false>(kLinearSweeps);
   for (std::size_t i = 0; i < points_.size(); ++i) {
-    const Contact& contact = contacts[i];
+    Contact& contact = contacts[i];
     const Vec3 first = contact.normal.unitOrthogonal();
-    const double limit = friction[i] * std::max(0.0, contact.normal_impulse);
-    Eigen::Vector2d impulse = points_[i].impulse.cast<double>();
-    if (const double size = impulse.norm(); size > limit) impulse *= limit / size;  // rounding
-    contacts[i].tangential_impulse = impulse[0] * first + impulse[1] * contact.normal.cross(first);
+    const Eigen::Vector2d impulse = points_[i].impulse.cast<double>();
+    contact.tangential_impulse = impulse[0] * first + impulse[1] * contact.normal.cross(first);
+    keep_in_cone(contact, friction[i]);  // rounding
   }
 }
 

@@ -25,15 +25,15 @@ void close(VelocityChange& change, const BodyState& after);
 
 /// Friction impulses from the balance of momentum: what neither forces nor normal impulses explain of the bodies'
 /// change of velocity is friction. Where many contacts share it the split is not unique; this is the least-squares
-/// solution inside the cones (|t| <= mu n) that projected Gauss-Seidel reaches from zero. Where an engine's own
-/// friction acts at other points than it reports, both balances cannot be met: then the linear one is. On dense heaps the
-/// sums over a body are right to about 1 %; the parts of single contacts are an estimate.
+/// solution inside the cones (|t| <= mu n) that projected Gauss-Seidel reaches from where it begins. Where an engine's
+/// own friction acts at other points than it reports, both balances cannot be met: then the linear one is. On dense
+/// heaps the sums over a body are right to about 1 %; the parts of single contacts are an estimate.
 class FrictionEstimate {
  public:
   FrictionEstimate();
 
-  /// Writes `tangential_impulse` of each contact, N s. `changes` is indexed by body id; `friction` holds mu of each
-  /// contact. Keeps nothing from one call to the next.
+  /// Writes `tangential_impulse` of each contact, N s, beginning from what is there. `changes` is indexed by body id;
+  /// `friction` holds mu of each contact. Keeps nothing from one call to the next.
   void estimate(std::span<const VelocityChange> changes, std::span<const double> friction, std::span<Contact> contacts);
 
  private:

@@ -72,7 +72,6 @@ void ScaledEngine::take(std::span<const Contact> large) {
   for (Contact& contact : contacts_) {
     contact.point *= unit_m_;
     contact.distance *= unit_m_;
-    contact.tangential_velocity *= unit_m_;
     contact.normal_impulse *= unit_m_;
     contact.tangential_impulse *= unit_m_;
   }

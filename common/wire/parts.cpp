@@ -159,7 +159,6 @@ void put(const BorderPair& in, msg::BorderPair& out) {
   put(in.point, out.point());
   put(in.normal, out.normal());
   out.distance(in.distance);
-  put(in.tangential_velocity, out.tangential_velocity());
   out.normal_impulse(in.normal_impulse);
   put(in.tangential_impulse, out.tangential_impulse());
 }
@@ -168,8 +167,7 @@ bool get(const msg::BorderPair& in, BorderPair& out) {
   out.inside = BodyId{in.inside()};
   out.outside = BodyId{in.outside()};
   return get(in.point(), out.point) && get(in.normal(), out.normal) && get(in.distance(), out.distance) &&
-         get(in.tangential_velocity(), out.tangential_velocity) && get(in.normal_impulse(), out.normal_impulse) &&
-         get(in.tangential_impulse(), out.tangential_impulse);
+         get(in.normal_impulse(), out.normal_impulse) && get(in.tangential_impulse(), out.tangential_impulse);
 }
 
 void put(const Eigen::Matrix3d& in, msg::SymmetricTensor& out) {

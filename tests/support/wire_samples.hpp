@@ -32,7 +32,7 @@ class SampleMaker {
   void fill(std::uint32_t& to) { to = word(); }
   void fill(BodyId& to) { to = BodyId{word()}; }
   void fill(BorderPair& to) {
-    to = {BodyId{word()}, BodyId{word()}, vector(), vector().normalized(), number(), vector(), number(), vector()};
+    to = {BodyId{word()}, BodyId{word()}, vector(), vector().normalized(), number(), number(), vector()};
   }
   void fill(GhostModel& to) {
     to = {.outside = BodyId{word()},
@@ -248,8 +248,7 @@ struct Walk {
   }
   void operator()(const EnteringBody& e) { all(e.body, e.state); }
   void operator()(const BorderPair& b) {
-    all(b.inside, b.outside, b.point, b.normal, b.distance, b.tangential_velocity, b.normal_impulse,
-        b.tangential_impulse);
+    all(b.inside, b.outside, b.point, b.normal, b.distance, b.normal_impulse, b.tangential_impulse);
   }
   void operator()(const GhostModel& g) {
     all(g.outside, g.mass_kg, g.load_n, g.loose);

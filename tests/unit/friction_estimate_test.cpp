@@ -22,7 +22,8 @@ struct Compared {
   std::vector<Contact> estimated;
 };
 
-Compared compare(double push_n, int steps) {
+/// The estimate begins at `begin` times what the engine reports.
+Compared compare(double push_n, int steps, double begin = 0.0) {
   constexpr double kDt = 0.001;
   const auto engine = make_engine(EngineSettings{}, {});
   engine->add(floor_plane(BodyId{0}), BodyState{});
@@ -50,7 +51,7 @@ Compared compare(double push_n, int steps) {
   Compared result;
   result.reported.assign(engine->contacts().begin(), engine->contacts().end());
   result.estimated = result.reported;
-  for (Contact& c : result.estimated) c.tangential_impulse = Vec3::Constant(NAN);
+  for (Contact& c : result.estimated) c.tangential_impulse *= begin;
   FrictionEstimate().estimate(changes, std::vector<double>(result.estimated.size(), 0.5), result.estimated);
   return result;
 }
@@ -65,14 +66,20 @@ Vec3 friction_on(const std::vector<Contact>& contacts, BodyId id) {
 }
 
 TEST(FrictionEstimate, SumsOnEveryBodyOfAStackAreThoseOfTheEngine) {
-  for (const double push_n : {0.0, 0.5, 1.5, 2.5}) {  // from rest to where the stack slides
-    const Compared result = compare(push_n, 40);
+  for (const auto& [push_n, begin] : {std::pair{0.0, 0.0},
+                                      {0.5, 0.0},
+                                      {1.5, 0.0},
+                                      {2.5, 0.0},  // where the stack slides
+                                      {0.5, 2.0},
+                                      {1.5, -1.0},
+                                      {2.5, 100.0}}) {
+    const Compared result = compare(push_n, 40, begin);
     ASSERT_GE(result.reported.size(), 8U) << push_n;
     const double scale = std::max(0.1, push_n) * 0.001;
     for (std::uint32_t i = 1; i <= 3; ++i) {
       EXPECT_LT((friction_on(result.estimated, BodyId{i}) - friction_on(result.reported, BodyId{i})).norm(),
                 0.05 * scale)
-          << "body " << i << " pushed by " << push_n << " N";
+          << "body " << i << " pushed by " << push_n << " N, begun at " << begin;
     }
   }
 }
@@ -86,7 +93,7 @@ TEST(FrictionEstimate, StaysInsideTheConeAndAcrossTheNormal) {
 }
 
 TEST(FrictionEstimate, WithoutFrictionThereIsNone) {
-  Compared result = compare(1.5, 50);
+  Compared result = compare(1.5, 50, 1.0);
   std::vector<VelocityChange> changes(4);
   for (VelocityChange& change : changes) change.linear = {1.0, 0.0, 0.0};
   FrictionEstimate().estimate(changes, std::vector<double>(result.estimated.size(), 0.0), result.estimated);

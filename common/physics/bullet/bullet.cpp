@@ -37,10 +37,7 @@ struct PresetValues {
 
 constexpr SubstepCost kCost{.step_s = 4e-6, .body_s = 0.3e-6, .contact_s = 0.6e-6, .contact_iteration_s = 0.09e-6};
 constexpr EnginePreset kPresets[] = {
-    {.name = "fast",
-     .what = "10 iterations, no sub-steps: what haptic steps need",
-     .iterations = 10,
-     .cost = kCost},
+    {.name = "fast", .what = "10 iterations, no sub-steps: what haptic steps need", .iterations = 10, .cost = kCost},
     {.name = "quality",
      .what = "20 iterations, sub-steps of at most 0.7 ms, friction goes on from step to step: holds what is stacked",
      .iterations = 20,
@@ -374,9 +371,6 @@ class Bullet final : public Engine {
     contact.normal_impulse = point.m_appliedImpulse;
     contact.tangential_impulse = sign * from_bullet(point.m_appliedImpulseLateral1 * point.m_lateralFrictionDir1 +
                                                     point.m_appliedImpulseLateral2 * point.m_lateralFrictionDir2);
-    const Vec3 relative = from_bullet(a.getVelocityInLocalPoint(on_b - a.getCenterOfMassPosition()) -
-                                      b.getVelocityInLocalPoint(on_b - b.getCenterOfMassPosition()));
-    contact.tangential_velocity = relative - relative.dot(contact.normal) * contact.normal;
     return contact;
   }
 

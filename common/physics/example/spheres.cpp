@@ -313,8 +313,6 @@ class Spheres final : public Engine {
     contact.point = row.point;
     contact.normal = row.normal;
     contact.distance = row.distance;
-    const Vec3 relative = velocity_at(*slots_[row.a], row.point) - velocity_at(*slots_[row.b], row.point);
-    contact.tangential_velocity = relative - row.normal.dot(relative) * row.normal;
     contact.normal_impulse = row.normal_impulse;
     contact.tangential_impulse = row.tangential_impulse;
     contacts_.add(contact, substep, 1e9);  // two bodies have one point: it is found again wherever it went

@@ -125,8 +125,6 @@ void ContactPoints::collect(double h, int substep, ContactTotals& totals) {
     contact.normal_impulse = std::max(0.0, impulse.dot(point.normal));
     contact.tangential_impulse = impulse - impulse.dot(point.normal) * point.normal;
     if (contact.normal_impulse <= 0.0 && contact.distance > 0.0) continue;
-    const Vec3 relative = relative_velocity(point);
-    contact.tangential_velocity = relative - relative.dot(point.normal) * point.normal;
     totals.add(contact, substep, kSamePlace);
   }
 }

@@ -49,6 +49,7 @@ void ModuleEngine::add(const Body& body, const BodyState& state, Role role) {
   if (!finite(state)) throw Error(ExitCode::failed, fmt::format("body {} has a state that is not finite", id));
   if (id >= slots_.size()) slots_.resize(id + 1);
   Slot slot;
+  slot.id = id;
   slot.fixed = body.fixed();
   slot.plane = body.shape.kind == ShapeKind::plane;
   slot.rotates = body.rotates;
@@ -132,7 +133,7 @@ namespace {
 template <class Slot>
 BodyState accelerated(const Slot& slot, BodyState state, const Vec3& impulse, const Vec3& angular) {
   state.linear_velocity += impulse / slot.mass;
-  if (slot.rotates) state.angular_velocity += spun_up(state.orientation, slot.inertia, angular);
+  if (slot.rotates && !angular.isZero(0.0)) state.angular_velocity += spun_up(state.orientation, slot.inertia, angular);
   return state;
 }
 
@@ -171,7 +172,6 @@ void ModuleEngine::step(double dt) {
       slots_[id].after = read(slots_[id]);
       slots_[id].known = true;
     }
-    for (const std::uint32_t id : movable_) close(changes_[id], slots_[id].after);
     found_.clear();
     collect();
     // The whole step's friction is that of all its parts; of a single part, who reads it may ask for it later.
@@ -184,34 +184,28 @@ void ModuleEngine::step(double dt) {
 }
 
 void ModuleEngine::apply_loads(double h) {
-  changes_.assign(slots_.size(), {});
+  stepped_.resize(slots_.size());
   for (const std::uint32_t id : movable_) {
     const Slot& slot = slots_[id];
-    Load next{state_of(slot), slot.rotates && feels_gyroscopic_torque(slot.inertia), slot.weight + slot.force, {}};
+    Load next{h, state_of(slot), slot.rotates && feels_gyroscopic_torque(slot.inertia), slot.weight + slot.force, {}};
     Vec3& spin = next.now.angular_velocity;
     if (next.turned) spin = turned_freely(next.now.orientation, slot.inertia, spin, h);
     next.loaded = accelerated(slot, next.now, h * next.force, h * slot.torque);
     load(slot, next);
-    changes_[id] = open_change(slot.mass, slot.inertia, slot.rotates, next.loaded);
+    stepped_[id] = {slot.mass, slot.inertia, next.loaded};
   }
 }
 
 void ModuleEngine::found(std::uint32_t a, std::uint32_t b, const Vec3& point, const Vec3& normal, double distance,
-                         double impulse) {
+                         double impulse, const Vec3& tangential) {
   if (impulse <= 0.0 && distance > 0.0) return;
-  const auto velocity = [&](const Slot& slot) -> Vec3 {
-    if (slot.fixed) return Vec3::Zero();
-    return slot.after.linear_velocity + slot.after.angular_velocity.cross(point - slot.after.position);
-  };
-  const Vec3 relative = velocity(slots_[a]) - velocity(slots_[b]);
   found_.push_back({.a = BodyId{a},
                     .b = BodyId{b},
                     .point = point,
                     .normal = normal,
                     .distance = distance,
-                    .tangential_velocity = relative - relative.dot(normal) * normal,
                     .normal_impulse = impulse,
-                    .tangential_impulse = Vec3::Zero()});
+                    .tangential_impulse = tangential});
 }
 
 std::span<const Contact> ModuleEngine::contacts_with_friction() {
@@ -225,6 +219,12 @@ std::span<const Contact> ModuleEngine::contacts_with_friction() {
 }
 
 void ModuleEngine::estimate_friction() {
+  changes_.assign(slots_.size(), {});
+  for (const std::uint32_t id : movable_) {
+    const Stepped& step = stepped_[id];
+    changes_[id] = open_change(step.mass, step.inertia, slots_[id].rotates, step.loaded);
+    close(changes_[id], slots_[id].after);
+  }
   friction_.clear();
   for (const Contact& c : found_) {
     friction_.push_back(std::sqrt(slots_[index(c.a)].friction * slots_[index(c.b)].friction));

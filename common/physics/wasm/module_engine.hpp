@@ -14,6 +14,7 @@ namespace subworld::wasm {
 
 /// What acts on a body during a sub-step, beside its torque.
 struct Load {
+  double h;          ///< s, of the sub-step
   BodyState now;     ///< before it
   bool turned;       ///< `now` has the angular velocity that the gyroscopic torque makes; the module has not
   Vec3 force;        ///< N, weight included
@@ -45,6 +46,7 @@ class ModuleEngine : public Engine {
 
  protected:
   struct Slot {
+    std::uint32_t id = 0;
     std::uint64_t body = 0;  ///< the module's handle; 0: no body of this id
     std::uint64_t shape = 0;
     bool fixed = false;
@@ -83,13 +85,22 @@ class ModuleEngine : public Engine {
   /// The slots' handles have changed.
   virtual void restored() {}
 
-  /// `a` < `b`; point on b, normal from b to a; impulse in N s.
-  void found(std::uint32_t a, std::uint32_t b, const Vec3& point, const Vec3& normal, double distance, double impulse);
+  /// `a` < `b`; point on b, normal from b to a; impulses on a in N s. `tangential`: of a
+  /// module that knows it roughly, where the friction estimate begins.
+  void found(std::uint32_t a, std::uint32_t b, const Vec3& point, const Vec3& normal, double distance, double impulse,
+             const Vec3& tangential = Vec3::Zero());
 
   /// By id.
   [[nodiscard]] std::span<const Slot> slots() const noexcept { return slots_; }
 
  private:
+  /// A movable body in the last sub-step.
+  struct Stepped {
+    double mass;
+    Vec3 inertia;
+    BodyState loaded;
+  };
+
   [[nodiscard]] Slot& at(BodyId id);
   [[nodiscard]] const Slot& at(BodyId id) const;
   [[nodiscard]] BodyState state_of(const Slot& slot) const;
@@ -105,6 +116,7 @@ class ModuleEngine : public Engine {
   std::uint64_t count_ = 0;              ///< bodies
   std::vector<std::uint32_t> movable_;   ///< ids, in the order of adding
   double reach_ = 0.05;                  ///< m
+  std::vector<Stepped> stepped_;         ///< by id
   std::vector<VelocityChange> changes_;  ///< of a sub-step, by id
   std::vector<Contact> found_;           ///< of a sub-step
   bool has_friction_ = true;             ///< the contacts of the last step
