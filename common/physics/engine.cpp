@@ -25,15 +25,8 @@ constexpr const char* kFoldersVariable = "SUBWORLD_ENGINES";
 constexpr std::string_view kPrefix = "libsubworld_engine_";
 constexpr std::string_view kSuffix = ".so";
 
-/// Engines that a default build leaves out, and how to get them.
-struct Optional {
-  std::string_view name;
-  std::string_view cure;
-};
-constexpr std::array kOptional{
-    Optional{"havok", "build with -DSUBWORLD_HAVOK=ON (SUBWORLD_ENGINES_ALL=1 deploy/build does it)"},
-    Optional{"physx", "build with -DSUBWORLD_PHYSX=ON (SUBWORLD_ENGINES_ALL=1 deploy/build does it)"},
-};
+/// Engines that a default build leaves out.
+constexpr std::array<std::string_view, 3> kOptional{"havok", "physx", "rapier"};
 
 /// Where engines' libraries may lie: the folders of the environment variable, then beside the program.
 std::vector<fs::path> engine_folders() {
@@ -115,10 +108,10 @@ const EnginePlugin& engine_plugin(std::string_view name) {
   if (const auto file = files.find(name); file != files.end()) {
     return *(loaded[file->first] = &load(file->first, file->second));
   }
-  for (const Optional& engine : kOptional) {
-    if (engine.name == name) {
-      throw Error(ExitCode::usage, fmt::format("engine \"{}\" is not in this build; {}", name, engine.cure));
-    }
+  if (std::ranges::find(kOptional, name) != kOptional.end()) {
+    throw Error(ExitCode::usage, fmt::format("engine \"{}\" is not in this build; build it by "
+                                             "SUBWORLD_ENGINES_ALL=1 deploy/build",
+                                             name));
   }
   throw Error(ExitCode::usage,
               fmt::format("engine \"{}\" is unknown; choose one of: {}", name, fmt::join(engine_names(), ", ")));
@@ -126,17 +119,21 @@ const EnginePlugin& engine_plugin(std::string_view name) {
 
 StepCost EngineCost::step(double dt) const noexcept {
   const double count = substep_count(dt, substeps, longest_substep_s);
-  return {count * substep.step_s, count * substep.body_s, count * substep.contact_s};
+  const double each = iteration_count(dt / count, iterations, least_iterations, longest_iteration_s);
+  return {count * substep.step_s, count * substep.body_s, count * (substep.contact_s + each * contact_iteration_s)};
 }
 
 EngineCost engine_cost(const EngineSettings& settings) {
   const EnginePlugin& plugin = engine_plugin(settings.name);
   const EnginePreset& preset = plugin.presets[find_preset(plugin, settings.preset)];
-  const double iterations = settings.iterations.value_or(preset.iterations);
   const SubstepCost& cost = preset.cost;
-  return {.substep = {cost.step_s, cost.body_s, cost.contact_s + iterations * cost.contact_iteration_s},
+  return {.substep = {cost.step_s, cost.body_s, cost.contact_s},
+          .contact_iteration_s = cost.contact_iteration_s,
           .substeps = settings.substeps,
-          .longest_substep_s = preset.longest_substep_s};
+          .longest_substep_s = preset.longest_substep_s,
+          .iterations = settings.iterations,
+          .least_iterations = preset.iterations,
+          .longest_iteration_s = preset.longest_iteration_s};
 }
 
 std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes) {

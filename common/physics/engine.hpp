@@ -104,9 +104,13 @@ class Engine {
 
 /// What an engine costs, by its published coefficients.
 struct EngineCost {
-  StepCost substep;
-  std::optional<int> substeps;  ///< of a step; none: as many as the longest allows
+  StepCost substep;                  ///< without iterations
+  double contact_iteration_s = 0.0;  ///< for each contact point and iteration
+  std::optional<int> substeps;       ///< of a step; none: as many as the longest allows
   double longest_substep_s = 0.0;
+  std::optional<int> iterations;  ///< of a sub-step; none: as many as the following two ask for
+  int least_iterations = 0;
+  double longest_iteration_s = 0.0;
 
   [[nodiscard]] StepCost step(double dt) const noexcept;
 };

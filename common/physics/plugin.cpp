@@ -22,7 +22,11 @@ std::size_t find_preset(const EnginePlugin& plugin, std::string_view name) {
 }
 
 int substep_count(double dt, std::optional<int> fixed, double longest_s) noexcept {
-  return fixed.value_or(std::max(1, static_cast<int>(std::ceil(dt / longest_s))));
+  return iteration_count(dt, fixed, 1, longest_s);
+}
+
+int iteration_count(double h, std::optional<int> fixed, int least, double longest_s) noexcept {
+  return fixed.value_or(std::max(least, static_cast<int>(std::ceil(h / longest_s))));
 }
 
 }  // namespace subworld

@@ -22,8 +22,9 @@ struct SubstepCost {
 struct EnginePreset {
   std::string_view name;
   std::string_view what;  ///< what it sets and why, one line
-  int iterations = 0;     ///< where the settings name none
+  int iterations = 0;     ///< where the settings name none; at least so many
   double longest_substep_s = std::numeric_limits<double>::infinity();
+  double longest_iteration_s = std::numeric_limits<double>::infinity();  ///< where each is a time step of its own
   SubstepCost cost = {};
 };
 
@@ -43,9 +44,12 @@ struct EnginePlugin {
 /// In how many sub-steps an engine divides a step of `dt` (s): as many as the settings say, or else so many that none
 /// is longer than `longest_s`.
 [[nodiscard]] int substep_count(double dt, std::optional<int> fixed, double longest_s) noexcept;
+/// How many iterations an engine makes in a sub-step of `h` (s): as many as the settings say, or else at least `least`
+/// and so many that none is longer than `longest_s`.
+[[nodiscard]] int iteration_count(double h, std::optional<int> fixed, int least, double longest_s) noexcept;
 
 /// Changes whenever a type that crosses between a program and an engine's library changes.
-inline constexpr int kEnginePluginInterface = 5;
+inline constexpr int kEnginePluginInterface = 6;
 
 }  // namespace subworld
 

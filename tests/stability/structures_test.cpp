@@ -24,8 +24,8 @@ struct Structure {
   std::vector<std::string> held_by;  ///< the other engines are measured only
 };
 const Structure kStructures[] = {
-    {"stack", {"bullet", "bullet_float", "havok", "physx"}},
-    {"card_house", {"bullet", "bullet_float", "physx"}},
+    {"stack", {"bullet", "bullet_float", "havok", "physx", "rapier"}},
+    {"card_house", {"bullet", "bullet_float", "physx", "rapier"}},
 };
 
 /// How far the top of the stack may be from its start.

@@ -34,6 +34,8 @@ constexpr Restless kRestless[] = {
     {"havok", {}, {}, 4.0, "it trembles by 2 mm/s in steps of 4 ms"},
     {"physx", ShapeKind::cylinder, ShapeKind::mesh, 10.0, "a lying cylinder finds its points one by one and rolls"},
     {"physx", {}, {}, 4.0, "it trembles by 2 mm/s in steps of 4 ms"},
+    {"rapier", ShapeKind::cylinder, ShapeKind::mesh, 100.0, "a lying cylinder finds its points one by one and rolls"},
+    {"rapier", ShapeKind::cylinder, ShapeKind::box, 100.0, "the same"},
     {"ode", ShapeKind::convex, ShapeKind::mesh, 10.0, "ODE makes a hull's points on triangles by tilting it a little"},
     {"bullet", ShapeKind::cylinder, ShapeKind::mesh, 10.0,
      "Bullet finds a lying cylinder's points one by one, step by step"},

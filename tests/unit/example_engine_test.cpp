@@ -273,7 +273,7 @@ TEST_F(EngineLoader, TheFoldersOfTheVariableWinInTheirOrder) {
 }
 
 TEST_F(EngineLoader, AnEngineThatIsNotBuiltSaysHowToGetIt) {
-  for (const std::string engine : {"havok", "physx"}) {
+  for (const std::string engine : {"havok", "physx", "rapier"}) {
     const auto names = engine_names();
     if (std::ranges::count(names, engine)) continue;
     expect_says(error_of(engine), {engine, "not in this build", "SUBWORLD_ENGINES_ALL=1 deploy/build"});

@@ -48,6 +48,7 @@ const std::vector<Foreign>& foreign() {
       {"ODE", std::regex("ode/.*"), std::regex("common/physics/ode/.*")},
       {"Havok", std::regex("havok\\.h"), std::regex("common/physics/havok/.*")},
       {"PhysX", std::regex("physx\\.h"), std::regex("common/physics/physx/.*")},
+      {"Rapier", std::regex("rapier\\.h"), std::regex("common/physics/rapier/.*")},
       {"yaml-cpp", std::regex("yaml-cpp/.*"), std::regex("common/model/yaml_tree\\.cpp")},
       {"Assimp", std::regex("assimp/.*"), std::regex("common/model/mesh_file\\.cpp")},
       {"Eigen", std::regex("Eigen/.*"), std::regex("(common/(model|physics|coupling|wire)|[a-z]+_[a-z]+)/.*")},
