@@ -4,6 +4,7 @@
 #include "model/contact.hpp"
 #include "model/scene.hpp"
 #include "model/step_cost.hpp"
+#include "physics/engine_times.hpp"
 
 #include <cstddef>
 #include <memory>
@@ -71,6 +72,9 @@ class Engine {
 
   /// Advances by dt (s). Contacts are totals over the whole step, sub-steps included.
   virtual void step(double dt) = 0;
+  /// From now on step() and contacts_with_friction() add where they spend their time to `times`; null: no longer. Zero
+  /// throughout: the engine does not tell.
+  virtual void time_parts(EngineTimes* times) noexcept { clock_.follow(times); }
   /// Length (s) of the parts in which step(dt) integrates. All of them move with the velocity that a part ends with, so
   /// a position is ahead of what the forces account for by half a part.
   [[nodiscard]] virtual double part_s(double dt) const noexcept = 0;
@@ -90,6 +94,9 @@ class Engine {
   /// Takes the bodies back to where they were; throws `Error` where the checkpoint is of another engine or other
   /// bodies.
   virtual void restore(const Checkpoint& checkpoint) = 0;
+
+ protected:
+  EngineClock clock_;
 };
 
 /// Makes the engine that the settings name. `meshes` are copied. Throws `Error` (usage) for an unknown engine or

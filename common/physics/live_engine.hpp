@@ -66,6 +66,7 @@ class LiveEngine final : public Engine {
     engine_->step(dt);
     ++steps_;
   }
+  void time_parts(EngineTimes* times) noexcept override { engine_->time_parts(times); }
   std::span<const Contact> contacts() const noexcept override { return engine_->contacts(); }
   std::span<const Contact> contacts_with_friction() override { return engine_->contacts_with_friction(); }
   Box bounds(BodyId id) const override { return engine_->bounds(id); }

@@ -30,6 +30,7 @@ class ScaledEngine final : public Engine {
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
   void step(double dt) override;
   double part_s(double dt) const noexcept override { return inner_->part_s(dt); }
+  void time_parts(EngineTimes* times) noexcept override { inner_->time_parts(times); }
   std::span<const Contact> contacts() const noexcept override { return contacts_; }
   std::span<const Contact> contacts_with_friction() override;
   Box bounds(BodyId id) const override;

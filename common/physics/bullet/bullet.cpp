@@ -236,6 +236,7 @@ class Bullet final : public Engine {
     contacts_.clear();
     const double haste = values_.push_out_s > 0.0 ? dt / substeps / values_.push_out_s : kPushOutRatio;
     world_.getSolverInfo().m_erp2 = scalar(std::min(haste, kPushOutRatio));
+    clock_.start();
     for (int i = 0; i < substeps; ++i) {
       for (const std::uint32_t id : movable_) {
         Slot& slot = slots_[id];
@@ -243,11 +244,15 @@ class Bullet final : public Engine {
         slot.body->applyTorque(to_bullet(slot.torque));
         if (slot.gyroscopic) turn_freely(slot, dt / substeps);
       }
+      clock_.ends(&EngineTimes::exchange_s);
       world_.stepSimulation(scalar(dt / substeps), 0);
+      clock_.ends(&EngineTimes::solving_s);
       collect_contacts(i);
+      clock_.ends(&EngineTimes::exchange_s);
     }
     for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
     contacts_.merge();
+    clock_.ends(&EngineTimes::totals_s);
   }
 
   std::span<const Contact> contacts() const noexcept override { return contacts_.contacts(); }

@@ -190,9 +190,11 @@ class Ode final : public Engine {
     enter_thread();
     const int substeps = substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
     contacts_.clear();
+    clock_.start();
     for (int i = 0; i < substeps; ++i) substep(dt / substeps, i);
     for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
     contacts_.merge();
+    clock_.ends(&EngineTimes::totals_s);
   }
 
   std::span<const Contact> contacts() const noexcept override { return contacts_.contacts(); }
@@ -284,6 +286,7 @@ class Ode final : public Engine {
       dBodyAddForce(slot.body, force.x(), force.y(), force.z());
       if (slot.spec.rotates) dBodyAddTorque(slot.body, slot.torque.x(), slot.torque.y(), slot.torque.z());
     }
+    clock_.ends(&EngineTimes::exchange_s);
     points_.find();
     points_.make_joints(h);
     prepare_correction();
@@ -299,7 +302,9 @@ class Ode final : public Engine {
     }
     points_.remove_joints();
     move_apart();
+    clock_.ends(&EngineTimes::solving_s);
     points_.collect(h, number, contacts_);
+    clock_.ends(&EngineTimes::exchange_s);
   }
 
   void prepare_correction() {

@@ -134,15 +134,13 @@ class Rapier final : public wasm::ModuleEngine {
     w2c_rapier* m = module_.get();
     Known& known = known_[slot.id];
     const bool hurries = load.h * load.loaded.linear_velocity.norm() > 0.5 * kPrediction;
-    if (!known.told || known.hurries != hurries) {
-      w2c_rapier_rawrigidbodyset_rbSetSoftCcdPrediction(m, module_.bodies(), handle(slot), hurries ? kFar : 0.0F);
-    }
-    if (!known.told || known.force != load.force || known.torque != slot.torque) {
-      w2c_rapier_rawrigidbodyset_rbResetForces(m, module_.bodies(), handle(slot), 0);
-      w2c_rapier_rawrigidbodyset_rbResetTorques(m, module_.bodies(), handle(slot), 0);
-      w2c_rapier_rawrigidbodyset_rbAddForce(m, module_.bodies(), handle(slot), module_.first(load.force), 1);
-      w2c_rapier_rawrigidbodyset_rbAddTorque(m, module_.bodies(), handle(slot), module_.second(slot.torque), 1);
-    }
+    if (known.told && known.hurries == hurries && known.force == load.force && known.torque == slot.torque) return;
+    const Handle body = handle(slot);
+    w2c_rapier_rawrigidbodyset_rbSetSoftCcdPrediction(m, module_.bodies(), body, hurries ? kFar : 0.0F);
+    w2c_rapier_rawrigidbodyset_rbResetForces(m, module_.bodies(), body, 0);
+    w2c_rapier_rawrigidbodyset_rbResetTorques(m, module_.bodies(), body, 0);
+    w2c_rapier_rawrigidbodyset_rbAddForce(m, module_.bodies(), body, module_.first(load.force), 1);
+    w2c_rapier_rawrigidbodyset_rbAddTorque(m, module_.bodies(), body, module_.second(slot.torque), 1);
     known = {.bounds = known.bounds, .told = true, .hurries = hurries, .force = load.force, .torque = slot.torque};
   }
 

@@ -165,22 +165,28 @@ void ModuleEngine::step(double dt) {
   const int substeps = substep_count(dt, fixed_substeps_, longest_substep_s_);
   const double h = dt / substeps;
   contacts_.clear();
+  clock_.start();
   for (int i = 0; i < substeps; ++i) {
     apply_loads(h);
+    clock_.ends(&EngineTimes::exchange_s);
     simulate(h);
+    clock_.ends(&EngineTimes::solving_s);
     for (const std::uint32_t id : movable_) {
       slots_[id].after = read(slots_[id]);
       slots_[id].known = true;
     }
     found_.clear();
     collect();
+    clock_.ends(&EngineTimes::exchange_s);
     // The whole step's friction is that of all its parts; of a single part, who reads it may ask for it later.
     has_friction_ = substeps > 1;
     if (has_friction_) estimate_friction();
+    clock_.ends(&EngineTimes::friction_s);
     for (const Contact& c : found_) contacts_.add(c, i, reach_);
   }
   for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
   contacts_.merge();
+  clock_.ends(&EngineTimes::totals_s);
 }
 
 void ModuleEngine::apply_loads(double h) {
@@ -210,10 +216,12 @@ void ModuleEngine::found(std::uint32_t a, std::uint32_t b, const Vec3& point, co
 
 std::span<const Contact> ModuleEngine::contacts_with_friction() {
   if (has_friction_ || contacts().empty()) return contacts();
+  clock_.start();
   estimate_friction();
   contacts_.clear();
   for (const Contact& c : found_) contacts_.add(c, 0, reach_);
   contacts_.merge();
+  clock_.ends(&EngineTimes::friction_s);
   has_friction_ = true;
   return contacts();
 }
