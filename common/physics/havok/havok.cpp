@@ -96,20 +96,20 @@ class Havok final : public wasm::ModuleEngine {
     const MassProperties properties{
         .centre = {},
         .mass = static_cast<float>(slot.mass),
-        .inertia_of_unit_mass = slot.rotates ? to_havok(Vec3(slot.inertia / slot.mass)) : Float3{},
-        .orientation = to_havok(Quat::Identity())};
+        .inertia_of_unit_mass = slot.rotates ? to_module(Vec3(slot.inertia / slot.mass)) : Float3{},
+        .orientation = to_module(Quat::Identity())};
     check(w2c_havok_HP_Body_SetMassProperties(module_.get(), slot.body, module_.scratch().put(properties)), "a mass");
   }
 
   void put_pose(const Slot& slot, const Vec3& position, const Quat& orientation) override {
-    const QTransform pose{to_havok(position), to_havok(orientation)};
+    const QTransform pose{to_module(position), to_module(orientation)};
     check(w2c_havok_HP_Body_SetQTransform(module_.get(), slot.body, module_.scratch().put(pose)), "a pose");
   }
 
   void put_velocities(const Slot& slot, const Vec3& linear, const Vec3& angular) override {
     wasm::Scratch& scratch = module_.scratch();
-    check(w2c_havok_HP_Body_SetLinearVelocity(module_.get(), slot.body, scratch.put(to_havok(linear))), "a velocity");
-    check(w2c_havok_HP_Body_SetAngularVelocity(module_.get(), slot.body, scratch.put(to_havok(angular))),
+    check(w2c_havok_HP_Body_SetLinearVelocity(module_.get(), slot.body, scratch.put(to_module(linear))), "a velocity");
+    check(w2c_havok_HP_Body_SetAngularVelocity(module_.get(), slot.body, scratch.put(to_module(angular))),
           "an angular velocity");
   }
 
@@ -127,8 +127,8 @@ class Havok final : public wasm::ModuleEngine {
     check(w2c_havok_HP_Body_GetLinearVelocity(module_.get(), slot.body, linear_at), "reading a velocity");
     check(w2c_havok_HP_Body_GetAngularVelocity(module_.get(), slot.body, angular_at), "reading an angular velocity");
     const auto pose = scratch.get<QTransform>(pose_at);
-    return {from_havok(pose.translation), from_havok(pose.rotation), from_havok(scratch.get<Float3>(linear_at)),
-            from_havok(scratch.get<Float3>(angular_at))};
+    return {from_module(pose.translation), from_module(pose.rotation), from_module(scratch.get<Float3>(linear_at)),
+            from_module(scratch.get<Float3>(angular_at))};
   }
 
   Box read_bounds(const Slot& slot) const override {
@@ -138,7 +138,7 @@ class Havok final : public wasm::ModuleEngine {
     check(w2c_havok_HP_Body_GetQTransform(module_.get(), slot.body, pose), "reading a pose");
     check(w2c_havok_HP_Shape_GetBoundingBox(module_.get(), slot.shape, pose, out), "reading bounds");
     const auto box = scratch.get<Aabb>(out);
-    return {from_havok(box.lower), from_havok(box.upper)};
+    return {from_module(box.lower), from_module(box.upper)};
   }
 
   void simulate(double h) override {
@@ -158,10 +158,10 @@ class Havok final : public wasm::ModuleEngine {
       const bool swap = a->second > b->second;
       const ContactPoint& on_a = swap ? event.b : event.a;
       const ContactPoint& on_b = swap ? event.a : event.b;
-      const Vec3 point = from_havok(on_b.position);
-      const Vec3 normal = from_havok(on_b.normal);
+      const Vec3 point = from_module(on_b.position);
+      const Vec3 normal = from_module(on_b.normal);
       found(swap ? b->second : a->second, swap ? a->second : b->second, point, normal,
-            (from_havok(on_a.position) - point).dot(normal), event.impulse);
+            (from_module(on_a.position) - point).dot(normal), event.impulse);
     }
   }
 

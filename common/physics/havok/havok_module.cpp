@@ -27,9 +27,9 @@ wasm::Address upload(Module& module, const std::vector<T>& values) {
 
 std::uint32_t make_box(Module& module, const Vec3& centre, const Vec3& half_extents, wasm::Scratch& scratch,
                        wasm::Address out) {
-  return w2c_havok_HP_Shape_CreateBox(module.get(), scratch.put(to_havok(centre)),
-                                      scratch.put(to_havok(Quat::Identity())),
-                                      scratch.put(to_havok(Vec3(2.0 * half_extents))), out);
+  return w2c_havok_HP_Shape_CreateBox(module.get(), scratch.put(to_module(centre)),
+                                      scratch.put(to_module(Quat::Identity())),
+                                      scratch.put(to_module(Vec3(2.0 * half_extents))), out);
 }
 
 std::uint32_t make_from_mesh(Module& module, const Shape& shape, std::span<const Mesh> meshes, wasm::Address out) {
@@ -39,7 +39,7 @@ std::uint32_t make_from_mesh(Module& module, const Shape& shape, std::span<const
   }
   const Mesh& mesh = meshes[shape.mesh];
   std::vector<Float3> vertices;
-  for (const Vec3& v : mesh.vertices) vertices.push_back(to_havok(v));
+  for (const Vec3& v : mesh.vertices) vertices.push_back(to_module(v));
   const auto vertex_count = static_cast<std::uint32_t>(vertices.size());
   const wasm::Address corners = upload(module, vertices);
   std::uint32_t result = 0;
@@ -104,12 +104,12 @@ void remove_drag(Module& module) {
 Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> meshes, double unit_m) {
   wasm::Scratch& scratch = module.scratch();
   const wasm::Address out = scratch.room<Handle>();
-  const auto end = [&](double side) { return scratch.put(to_havok(Vec3(0, 0, side * shape.half_length))); };
+  const auto end = [&](double side) { return scratch.put(to_module(Vec3(0, 0, side * shape.half_length))); };
   const auto radius = static_cast<float>(shape.radius);
   std::uint32_t result = 1;
   switch (shape.kind) {
     case ShapeKind::sphere:
-      result = w2c_havok_HP_Shape_CreateSphere(module.get(), scratch.put(to_havok(Vec3::Zero())), radius, out);
+      result = w2c_havok_HP_Shape_CreateSphere(module.get(), scratch.put(to_module(Vec3::Zero())), radius, out);
       break;
     case ShapeKind::box:
       result = make_box(module, Vec3::Zero(), shape.half_extents, scratch, out);

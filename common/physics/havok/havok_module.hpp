@@ -2,6 +2,7 @@
 
 #include "model/body.hpp"
 #include "physics/wasm/host.hpp"
+#include "physics/wasm/vectors.hpp"
 
 #include <havok.h>
 
@@ -9,15 +10,14 @@
 
 namespace subworld::havok {
 
+using wasm::Float3;
+using wasm::Float4;
+using wasm::from_module;
+using wasm::to_module;
+
 using Handle = std::uint64_t;
 
 // As they lie in the module's memory (its embind descriptions list the offsets).
-struct Float3 {
-  float x, y, z;
-};
-struct Float4 {
-  float x, y, z, w;
-};
 struct QTransform {
   Float3 translation;
   Float4 rotation;
@@ -53,15 +53,6 @@ inline constexpr std::uint32_t kGeometricMean = 0, kMultiply = 4;
 inline constexpr std::uint32_t kStatic = 1, kDynamic = 4;
 inline constexpr std::uint32_t kAlwaysActive = 1;
 inline constexpr std::uint32_t kStarted = 1, kContinued = 2;
-
-[[nodiscard]] inline Float3 to_havok(const Vec3& v) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
-}
-[[nodiscard]] inline Float4 to_havok(const Quat& q) {
-  return {static_cast<float>(q.x()), static_cast<float>(q.y()), static_cast<float>(q.z()), static_cast<float>(q.w())};
-}
-[[nodiscard]] inline Vec3 from_havok(const Float3& v) { return {v.x, v.y, v.z}; }
-[[nodiscard]] inline Quat from_havok(const Float4& q) { return Quat(q.w, q.x, q.y, q.z).normalized(); }
 
 /// One instance of the module, with a memory of its own.
 class Module {

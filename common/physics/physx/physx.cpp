@@ -78,7 +78,7 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
   void create(BodyId id, Slot& slot, const Body& body, const BodyState& state, const wasm::Filter& filter) override {
     const Address shape = module_.make_shape(body.shape, body.material, filter, meshes_);
     w2c_physx* m = module_.get();
-    const Address pose = module_.scratch().put(Transform{to_physx(state.orientation), to_physx(state.position)});
+    const Address pose = module_.scratch().put(Transform{to_module(state.orientation), to_module(state.position)});
     const Address actor = slot.fixed
                               ? w2c_physx_emscripten_bind_PxPhysics_createRigidStatic_1(m, module_.physics(), pose)
                               : w2c_physx_emscripten_bind_PxPhysics_createRigidDynamic_1(m, module_.physics(), pose);
@@ -112,20 +112,20 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
     w2c_physx_emscripten_bind_PxRigidBody_setMass_1(module_.get(), actor(slot), static_cast<float>(slot.mass));
     // Zero: does not rotate.
     w2c_physx_emscripten_bind_PxRigidBody_setMassSpaceInertiaTensor_1(
-        module_.get(), actor(slot), module_.scratch().put(slot.rotates ? to_physx(slot.inertia) : Float3{}));
+        module_.get(), actor(slot), module_.scratch().put(slot.rotates ? to_module(slot.inertia) : Float3{}));
   }
 
   void put_pose(const Slot& slot, const Vec3& position, const Quat& orientation) override {
-    const Address pose = module_.scratch().put(Transform{to_physx(orientation), to_physx(position)});
+    const Address pose = module_.scratch().put(Transform{to_module(orientation), to_module(position)});
     w2c_physx_emscripten_bind_PxRigidActor_setGlobalPose_1(module_.get(), actor(slot), pose);
   }
 
   void put_velocities(const Slot& slot, const Vec3& linear, const Vec3& angular) override {
     wasm::Scratch& scratch = module_.scratch();
     w2c_physx_emscripten_bind_PxRigidDynamic_setLinearVelocity_1(module_.get(), actor(slot),
-                                                                 scratch.put(to_physx(linear)));
+                                                                 scratch.put(to_module(linear)));
     w2c_physx_emscripten_bind_PxRigidDynamic_setAngularVelocity_1(module_.get(), actor(slot),
-                                                                  scratch.put(to_physx(angular)));
+                                                                  scratch.put(to_module(angular)));
   }
 
   void load(const Slot& slot, const wasm::Load& load) override {
@@ -133,27 +133,27 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
     if (load.force.isZero(0.0) && slot.torque.isZero(0.0)) return;
     // PhysX forgets them when its step ends.
     wasm::Scratch& scratch = module_.scratch();
-    w2c_physx_emscripten_bind_PxRigidDynamic_addForce_1(module_.get(), actor(slot), scratch.put(to_physx(load.force)));
+    w2c_physx_emscripten_bind_PxRigidDynamic_addForce_1(module_.get(), actor(slot), scratch.put(to_module(load.force)));
     w2c_physx_emscripten_bind_PxRigidDynamic_addTorque_1(module_.get(), actor(slot),
-                                                         scratch.put(to_physx(slot.torque)));
+                                                         scratch.put(to_module(slot.torque)));
   }
 
   BodyState read(const Slot& slot) const override {
     w2c_physx* m = module_.get();
     const auto pose = get<Transform>(w2c_physx_emscripten_bind_PxRigidActor_getGlobalPose_0(m, actor(slot)));
-    BodyState state{from_physx(pose.translation), from_physx(pose.rotation), Vec3::Zero(), Vec3::Zero()};
+    BodyState state{from_module(pose.translation), from_module(pose.rotation), Vec3::Zero(), Vec3::Zero()};
     if (slot.fixed) return state;  // has no velocity to ask for
     state.linear_velocity =
-        from_physx(get<Float3>(w2c_physx_emscripten_bind_PxRigidBody_getLinearVelocity_0(m, actor(slot))));
+        from_module(get<Float3>(w2c_physx_emscripten_bind_PxRigidBody_getLinearVelocity_0(m, actor(slot))));
     state.angular_velocity =
-        from_physx(get<Float3>(w2c_physx_emscripten_bind_PxRigidBody_getAngularVelocity_0(m, actor(slot))));
+        from_module(get<Float3>(w2c_physx_emscripten_bind_PxRigidBody_getAngularVelocity_0(m, actor(slot))));
     return state;
   }
 
   Box read_bounds(const Slot& slot) const override {
     const auto box =
         get<Bounds>(w2c_physx_emscripten_bind_PxRigidActor_getWorldBounds_1(module_.get(), actor(slot), 1.0F));
-    return {from_physx(box.lower), from_physx(box.upper)};
+    return {from_module(box.lower), from_module(box.upper)};
   }
 
   void simulate(double h) override {
@@ -185,8 +185,8 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
   void collect() override {
     for (const auto& [first, second, point] : reports_) {
       const bool swap = first > second;
-      found(swap ? second : first, swap ? first : second, from_physx(point.position),
-            (swap ? -1.0 : 1.0) * from_physx(point.normal), point.separation, from_physx(point.impulse).norm());
+      found(swap ? second : first, swap ? first : second, from_module(point.position),
+            (swap ? -1.0 : 1.0) * from_module(point.normal), point.separation, from_module(point.impulse).norm());
     }
   }
 

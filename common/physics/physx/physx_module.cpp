@@ -131,7 +131,7 @@ Address Module::make_mesh_geometry(const Shape& shape, std::span<const Mesh> mes
   };
   const Address vertices = allocate(mesh.vertices.size() * sizeof(Float3));
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
-    wasm::store(memory(), static_cast<Address>(vertices + i * sizeof(Float3)), to_physx(mesh.vertices[i]));
+    wasm::store(memory(), static_cast<Address>(vertices + i * sizeof(Float3)), to_module(mesh.vertices[i]));
   }
   const Address cooking = w2c_physx_emscripten_bind_PxCookingParams_PxCookingParams_1(m, tolerances_);
   if (shape.kind == ShapeKind::convex) {
@@ -166,7 +166,7 @@ Address Module::make_geometry(const Shape& shape, std::span<const Mesh> meshes) 
   w2c_physx* m = &module_;
   const auto radius = static_cast<float>(shape.radius);
   const auto half_length = static_cast<float>(shape.half_length);
-  const Float3 half = to_physx(shape.half_extents);
+  const Float3 half = to_module(shape.half_extents);
   switch (shape.kind) {
     case ShapeKind::sphere:
       return w2c_physx_emscripten_bind_PxSphereGeometry_PxSphereGeometry_1(m, radius);

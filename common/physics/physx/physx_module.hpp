@@ -2,6 +2,7 @@
 
 #include "model/body.hpp"
 #include "physics/wasm/host.hpp"
+#include "physics/wasm/vectors.hpp"
 
 #include <physx.h>
 
@@ -10,15 +11,14 @@
 
 namespace subworld::physx {
 
+using wasm::Float3;
+using wasm::Float4;
+using wasm::from_module;
+using wasm::to_module;
+
 using wasm::Address;
 
 // As they lie in the module's memory.
-struct Float3 {
-  float x, y, z;
-};
-struct Float4 {
-  float x, y, z, w;
-};
 struct Transform {
   Float4 rotation;
   Float3 translation;
@@ -35,15 +35,6 @@ struct ContactPoint {
   std::uint32_t face_1;
 };
 static_assert(sizeof(Transform) == 28 && sizeof(ContactPoint) == 48);
-
-[[nodiscard]] inline Float3 to_physx(const Vec3& v) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
-}
-[[nodiscard]] inline Float4 to_physx(const Quat& q) {
-  return {static_cast<float>(q.x()), static_cast<float>(q.y()), static_cast<float>(q.z()), static_cast<float>(q.w())};
-}
-[[nodiscard]] inline Vec3 from_physx(const Float3& v) { return {v.x, v.y, v.z}; }
-[[nodiscard]] inline Quat from_physx(const Float4& q) { return Quat(q.w, q.x, q.y, q.z).normalized(); }
 
 /// Told of the contacts of a step while it ends.
 class ContactListener {

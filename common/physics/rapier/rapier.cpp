@@ -98,9 +98,8 @@ class Rapier final : public wasm::ModuleEngine {
   wasm_rt_memory_t& memory() const override { return module_.memory(); }
 
   void create(BodyId, Slot& slot, const Body& body, const BodyState& state, const wasm::Filter& filter) override {
-    const Handle made = module_.make_body(state, slot.fixed);
-    slot.body = bits(made) + 1;  // a handle may be zero
-    module_.make_collider(made, body.shape, body.material, filter, meshes_);
+    const Address shape = module_.make_shape(body.shape, meshes_);  // first: where it cannot be made, nothing is added
+    slot.body = bits(module_.make_body(body, state, shape, filter)) + 1;  // a handle may be zero
     if (!slot.fixed) put_inertia(slot);
     if (slot.id >= known_.size()) known_.resize(slot.id + 1);
     known_[slot.id] = {.bounds = bounds_in_frame(body.shape)};
@@ -117,8 +116,8 @@ class Rapier final : public wasm::ModuleEngine {
   }
 
   void put_pose(const Slot& slot, const Vec3& position, const Quat& orientation) override {
-    const Float3 x = to_rapier(position);
-    const Float4 q = to_rapier(orientation);
+    const Float3 x = to_module(position);
+    const Float4 q = to_module(orientation);
     w2c_rapier_rawrigidbodyset_rbSetTranslation(module_.get(), module_.bodies(), handle(slot), x.x, x.y, x.z, 1);
     w2c_rapier_rawrigidbodyset_rbSetRotation(module_.get(), module_.bodies(), handle(slot), q.x, q.y, q.z, q.w, 1);
   }
@@ -146,8 +145,8 @@ class Rapier final : public wasm::ModuleEngine {
 
   BodyState read(const Slot& slot) const override {
     const RigidBody& body = module_.body(handle(slot));
-    return {from_rapier(body.translation), from_rapier(body.rotation), from_rapier(body.linear_velocity),
-            from_rapier(body.angular_velocity)};
+    return {from_module(body.translation), from_module(body.rotation), from_module(body.linear_velocity),
+            from_module(body.angular_velocity)};
   }
 
   Box read_bounds(const Slot& slot) const override {
@@ -185,12 +184,12 @@ class Rapier final : public wasm::ModuleEngine {
     float last = 0.0F;
     for (const SolvedContact& contact : solved) last += points[contact.point & kPointMask].last;
     Vec3 friction = Vec3::Zero();
-    if (last > 0.0F) friction = from_rapier(points[0].last_tangential) / last;
+    if (last > 0.0F) friction = from_module(points[0].last_tangential) / last;
 
     const Slot& first = slots()[ids_[manifold.bodies[0].index]];
     const Slot& second = slots()[ids_[manifold.bodies[1].index]];
     const bool swap = first.id > second.id;
-    const Vec3 normal = from_rapier(manifold.normal);
+    const Vec3 normal = from_module(manifold.normal);
     const Anchors on_first(first), on_second(second);
     for (const SolvedContact& contact : solved) {
       Point& point = points[contact.point & kPointMask];
@@ -214,7 +213,7 @@ class Rapier final : public wasm::ModuleEngine {
       origin_ = slot.after.position;
       turn_ = slot.after.orientation.toRotationMatrix();
     }
-    [[nodiscard]] Vec3 point(const Float3& anchor) const { return origin_ + turn_ * from_rapier(anchor); }
+    [[nodiscard]] Vec3 point(const Float3& anchor) const { return origin_ + turn_ * from_module(anchor); }
 
    private:
     Vec3 origin_ = Vec3::Zero();

@@ -68,15 +68,16 @@ std::span<const ContactPair> Module::pairs() {
                             wasm::load<std::uint32_t>(memory(), narrow_phase_ + kPairCount)});
 }
 
-Handle Module::make_body(const BodyState& state, bool fixed) {
+Handle Module::make_body(const Body& body, const BodyState& state, Address shape, const wasm::Filter& filter) {
   w2c_rapier* m = &module_;
-  const Float4 q = to_rapier(state.orientation);
+  const Float4 q = to_module(state.orientation);
   const Address rotation = w2c_rapier_rawrotation_new(m, q.x, q.y, q.z, q.w);
   const Handle made = w2c_rapier_rawrigidbodyset_createRigidBody(
       m, bodies_, 1, first(state.position), rotation, 0.0F, 0.0F, 0, zero_, zero_, zero_, zero_, unturned_, 1, 1, 1, 1,
-      1, 1, 0.0F, 0.0F, fixed ? kFixed : kDynamic, 0, 0, 0.0F, 0, 0, 0);
+      1, 1, 0.0F, 0.0F, body.fixed() ? kFixed : kDynamic, 0, 0, 0.0F, 0, 0, 0);
   w2c_rapier_0x5F_wbg_rawrotation_free(m, rotation, 0);
-  body(made).gyroscopic_torque = 0;  // the adapter's own is exact
+  this->body(made).gyroscopic_torque = 0;  // the adapter's own is exact
+  make_collider(made, body, shape, filter);
   return made;
 }
 
@@ -88,7 +89,7 @@ Address Module::copy(std::span<const T> values) {
   return to;
 }
 
-Address Module::make_shape(const Shape& shape, std::span<const Mesh> meshes) {
+Address Module::make_geometry(const Shape& shape, std::span<const Mesh> meshes) {
   w2c_rapier* m = &module_;
   const auto radius = static_cast<float>(shape.radius);
   const auto half_length = static_cast<float>(shape.half_length);
@@ -96,7 +97,7 @@ Address Module::make_shape(const Shape& shape, std::span<const Mesh> meshes) {
     case ShapeKind::sphere:
       return w2c_rapier_rawshape_ball(m, radius);
     case ShapeKind::box: {
-      const Float3 half = to_rapier(shape.half_extents);
+      const Float3 half = to_module(shape.half_extents);
       return w2c_rapier_rawshape_cuboid(m, half.x, half.y, half.z);
     }
     case ShapeKind::capsule:
@@ -116,7 +117,7 @@ Address Module::make_shape(const Shape& shape, std::span<const Mesh> meshes) {
   const Mesh& mesh = meshes[shape.mesh];
   std::vector<Float3> corners;
   corners.reserve(mesh.vertices.size());
-  for (const Vec3& v : mesh.vertices) corners.push_back(to_rapier(v));
+  for (const Vec3& v : mesh.vertices) corners.push_back(to_module(v));
   const Address vertices = copy(std::span<const Float3>(corners));  // the module frees what it is given
   const auto numbers = static_cast<std::uint32_t>(3 * corners.size());
   if (shape.kind == ShapeKind::convex) return w2c_rapier_rawshape_convexHull(m, vertices, numbers);
@@ -125,25 +126,28 @@ Address Module::make_shape(const Shape& shape, std::span<const Mesh> meshes) {
                                      static_cast<std::uint32_t>(3 * mesh.triangles.size()), kFixInternalEdges);
 }
 
-void Module::make_collider(Handle body, const Shape& shape, const Material& material, const wasm::Filter& filter,
-                           std::span<const Mesh> meshes) {
+Address Module::make_shape(const Shape& shape, std::span<const Mesh> meshes) {
+  const Address made = make_geometry(shape, meshes);
+  if (made == 0) throw Error(ExitCode::failed, "rapier: a shape cannot be made; its mesh may be flat or empty");
+  return made;
+}
+
+void Module::make_collider(Handle handle, const Body& body, Address shape, const wasm::Filter& filter) {
   w2c_rapier* m = &module_;
-  const Address made = make_shape(shape, meshes);
-  if (made == 0) throw Error(ExitCode::failed, "rapier: a shape cannot be made");
-  const bool turned = shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder;
-  const Float4 q = to_rapier(turned ? kAlongZ : Quat::Identity());
+  const bool turned = body.shape.kind == ShapeKind::capsule || body.shape.kind == ShapeKind::cylinder;
+  const Float4 q = to_module(turned ? kAlongZ : Quat::Identity());
   const Address rotation = w2c_rapier_rawrotation_new(m, q.x, q.y, q.z, q.w);
   // Products of the pair's values: the root of the friction makes the geometric mean.
-  const auto friction = static_cast<float>(std::sqrt(material.friction));
-  const auto restitution = static_cast<float>(material.restitution);
+  const auto friction = static_cast<float>(std::sqrt(body.material.friction));
+  const auto restitution = static_cast<float>(body.material.restitution);
   const std::uint32_t groups = filter.member << 16 | filter.meets;
   const Address result = w2c_rapier_0x5F_wbindgen_add_to_stack_pointer(m, static_cast<std::uint32_t>(-16));
-  w2c_rapier_rawcolliderset_createCollider(m, result, colliders_, 1, made, zero_, rotation, 0, 0.0F, zero_, zero_,
+  w2c_rapier_rawcolliderset_createCollider(m, result, colliders_, 1, shape, zero_, rotation, 0, 0.0F, zero_, zero_,
                                            unturned_, 0.0F, friction, restitution, kMultiply, kMultiply, 0, groups,
-                                           0xFFFFFFFFU, kDefaultPairs, 0, 0, 0.0F, 0.0F, 1, body, bodies_);
+                                           0xFFFFFFFFU, kDefaultPairs, 0, 0, 0.0F, 0.0F, 1, handle, bodies_);
   w2c_rapier_0x5F_wbindgen_add_to_stack_pointer(m, 16);
   w2c_rapier_0x5F_wbg_rawrotation_free(m, rotation, 0);
-  w2c_rapier_0x5F_wbg_rawshape_free(m, made, 0);
+  w2c_rapier_0x5F_wbg_rawshape_free(m, shape, 0);
 }
 
 void Module::remove(Handle body) {

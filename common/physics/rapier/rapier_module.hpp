@@ -3,6 +3,7 @@
 #include "model/body.hpp"
 #include "physics/rapier/javascript.hpp"
 #include "physics/wasm/host.hpp"
+#include "physics/wasm/vectors.hpp"
 
 #include <rapier.h>
 
@@ -12,18 +13,16 @@
 
 namespace subworld::rapier {
 
+using wasm::Float3;
+using wasm::Float4;
+using wasm::from_module;
+using wasm::to_module;
+
 using wasm::Address;
 
 // As they lie in the memory of version 0.20.0 of the package, read there in bulk: a call for each number of each body
 // and contact would take as long as half a step. Strides and offsets are found by comparing with what the module's own
 // functions tell.
-
-struct Float3 {
-  float x, y, z;
-};
-struct Float4 {
-  float x, y, z, w;
-};
 
 /// A Vec of Rust.
 struct Array {
@@ -75,8 +74,7 @@ static_assert(sizeof(Manifold) == 128);
 /// A contact point that the solver has had.
 struct SolvedContact {
   Float3 anchors[2];  ///< on each body, from its centre in its frame; on the world in the world's frame
-  float distance;     ///< m, when the pair was last searched for contacts
-  std::uint32_t between[3];
+  std::uint32_t between[4];
   std::uint32_t point;  ///< its index among the manifold's
   std::uint32_t rest;
 };
@@ -89,10 +87,9 @@ struct Point {
   float last;     ///< N s, of the last iteration
   float twist;
   Float3 last_tangential;  ///< N s, of the last iteration and of all the manifold's points, in the world's frame
-  Float3 arms[2];          ///< from each body's centre, in the world's frame
-  std::uint32_t rest[9];
+  std::uint32_t rest[15];
 };
-static_assert(offsetof(Point, arms) == 40 && sizeof(Point) == 100);
+static_assert(offsetof(Point, last_tangential) == 28 && sizeof(Point) == 100);
 
 /// IntegrationParameters, after a word of wasm-bindgen's.
 struct Parameters {
@@ -113,15 +110,6 @@ struct Parameters {
   std::uint8_t clusters_contacts, recycles_contacts, friction_while_correcting, warm_starts_joints;
 };
 static_assert(offsetof(Parameters, clusters_contacts) == 72);
-
-[[nodiscard]] inline Float3 to_rapier(const Vec3& v) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
-}
-[[nodiscard]] inline Float4 to_rapier(const Quat& q) {
-  return {static_cast<float>(q.x()), static_cast<float>(q.y()), static_cast<float>(q.z()), static_cast<float>(q.w())};
-}
-[[nodiscard]] inline Vec3 from_rapier(const Float3& v) { return {v.x, v.y, v.z}; }
-[[nodiscard]] inline Quat from_rapier(const Float4& q) { return Quat(q.w, q.x, q.y, q.z).normalized(); }
 
 /// A body's or collider's handle, as the module's functions take it: index in the lower half, generation in the upper.
 using Handle = double;
@@ -156,10 +144,9 @@ class Module {
     return {at<T>(array.first, array.count), array.count};
   }
 
-  [[nodiscard]] Handle make_body(const BodyState& state, bool fixed);
-  /// Throws `Error` where it cannot be made.
-  void make_collider(Handle body, const Shape& shape, const Material& material, const wasm::Filter& filter,
-                     std::span<const Mesh> meshes);
+  /// Throws `Error` where it cannot be made; make_body() takes it.
+  [[nodiscard]] Address make_shape(const Shape& shape, std::span<const Mesh> meshes);
+  [[nodiscard]] Handle make_body(const Body& body, const BodyState& state, Address shape, const wasm::Filter& filter);
   void remove(Handle body);
   void step();
 
@@ -169,7 +156,8 @@ class Module {
     return reinterpret_cast<T*>(wasm::inside(memory(), address, count * sizeof(T)));
   }
   [[nodiscard]] Address put(Address vector, const Vec3& v);
-  [[nodiscard]] Address make_shape(const Shape& shape, std::span<const Mesh> meshes);
+  [[nodiscard]] Address make_geometry(const Shape& shape, std::span<const Mesh> meshes);
+  void make_collider(Handle handle, const Body& body, Address shape, const wasm::Filter& filter);
   template <class T>
   [[nodiscard]] Address copy(std::span<const T> values);
 
