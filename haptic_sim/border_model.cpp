@@ -14,14 +14,14 @@ class FrozenBorder final : public BorderModel {
     impulses_.reserve(4 * kUsualMembers);
   }
 
-  void follow(const WorldFrame& frame, std::span<const StampedBody>, Engine&, double, double) override {
+  void follow(const WorldFrame& frame, std::span<const StampedBody>, Engine&, const Following&) override {
     border_ = frame.border;
     cycle_s_ = frame.cycle_s;
     for_step_s_ = 0.0;
   }
   std::optional<BodyState> release(BodyId, Engine&) override { return std::nullopt; }
   void clear(Engine&) override { border_.clear(); }
-  void begin(Engine& engine, double dt) override {
+  void begin(Engine& engine, double dt, double) override {
     if (dt != for_step_s_) {
       frozen_impulses(border_, dt / cycle_s_, impulses_);
       for_step_s_ = dt;

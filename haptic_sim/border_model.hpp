@@ -19,16 +19,22 @@ class BorderModel {
  public:
   virtual ~BorderModel() = default;
 
-  /// Follows a frame that is `lag_s` old; `gain`: the part of an error that is corrected. `left` are members that are
-  /// none any more, ascending, as they were. Members have come, gone and been corrected before.
-  virtual void follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine, double lag_s,
-                      double gain) = 0;
+  /// How the border follows a frame.
+  struct Following {
+    double lag_s = 0.0;  ///< age of the frame
+    double gain = 0.0;   ///< the part of an error that is corrected,
+    int parts = 1;       ///< in so many steps
+  };
+  /// `left` are members that are none any more, ascending, as they were. Members have come, gone and been corrected
+  /// before.
+  virtual void follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine,
+                      const Following& how) = 0;
   /// Takes a body that becomes a member out of the engine; what it was doing, if the border held it.
   [[nodiscard]] virtual std::optional<BodyState> release(BodyId id, Engine& engine) = 0;
   virtual void clear(Engine& engine) = 0;
 
-  /// Before and after each step of `dt`.
-  virtual void begin(Engine& engine, double dt) = 0;
+  /// Before and after each step of `dt`. `hands_n`: how hard all hands together press on what is in the engine.
+  virtual void begin(Engine& engine, double dt, double hands_n) = 0;
   virtual void end(const Engine& engine, double dt) = 0;
   /// Writes down where the border's bodies are at a stamp.
   virtual void log(std::uint64_t stamp, const Engine& engine) = 0;

@@ -11,8 +11,12 @@ namespace subworld {
 
 namespace {
 
-constexpr double kVelocityGain = 0.8;    ///< of the error along the normal
-constexpr double kBlow_m_s2 = 5.0;       ///< copies whose speeds change so differently: one has had a blow, one not yet
+constexpr double kVelocityGain = 0.8;  ///< of the error along the normal
+constexpr double kBlow_m_s2 = 5.0;     ///< copies whose speeds change so differently: one has had a blow, one not yet
+/// What a wall may have to carry beyond its load in the world, which is a cycle old or more: so many times what the
+/// hands press with now, wedges included, and so many times the weight of its body, for what topples.
+constexpr double kSpareHands = 2.0;
+constexpr double kSpareWeights = 4.0;
 constexpr double kSpinInertia = 1000.0;  ///< times the body's own: a ghost turns as the world's body does
 
 const BodyState* state_in(const WorldFrame& frame, BodyId id) noexcept {
@@ -39,12 +43,12 @@ std::vector<Ghosts::Logged> Ghosts::empty_log() {
 
 std::vector<Ghosts::Ghost>::iterator Ghosts::drop(std::vector<Ghost>::iterator ghost, Engine& engine) {
   engine.remove(ghost->id);
+  gradual_.forget(ghost->id);
   spare_logs_.push_back(std::move(ghost->log));
   return ghosts_.erase(ghost);
 }
 
-void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine, double lag_s,
-                    double gain) {
+void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine, const Following& how) {
   for (auto ghost = ghosts_.begin(); ghost != ghosts_.end();) {
     const bool stays = std::ranges::binary_search(frame.ghosts, ghost->id, {}, &GhostModel::outside);
     ghost = stays ? std::next(ghost) : drop(ghost, engine);
@@ -56,15 +60,15 @@ void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody> left, 
     if (at == ghosts_.end() || at->id != model.outside) {
       const auto member = std::ranges::lower_bound(left, model.outside, {}, &StampedBody::id);
       const bool was_member = member != left.end() && member->id == model.outside;
-      create(model, *world, was_member ? &member->state : nullptr, frame, engine, lag_s);
+      create(model, *world, was_member ? &member->state : nullptr, frame, engine, how.lag_s);
       continue;
     }
     const bool held_now = at->carried && !model.carried;
     adapt(*at, model, engine);
     if (held_now) {
-      replace(*at, *world, frame, engine, lag_s);
+      replace(*at, *world, frame, engine, how.lag_s);
     } else {
-      correct(*at, *world, frame, engine, lag_s, gain);
+      correct(*at, *world, frame, engine, how);
     }
   }
 }
@@ -141,6 +145,7 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const BodyS
 }
 
 void Ghosts::replace(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s) {
+  gradual_.forget(ghost.id);
   engine.set_state(ghost.id, start_of(ghost.motion.model, world, frame, engine, lag_s));
   ghost.motion.world_velocity = world.linear_velocity;
   ghost.motion.load_n = ghost.motion.model.load_n;
@@ -158,14 +163,14 @@ bool Ghosts::blow_is_due(const Ghost& ghost, const BodyState& world, const World
   return ghost.motion.along(theirs - ours).norm() > kBlow_m_s2 * frame.cycle_s;
 }
 
-void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s,
-                     double gain) {
+void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine,
+                     const Following& how) {
   const GhostMotion& motion = ghost.motion;
-  BodyState now = engine.state(ghost.id);
+  Shift shift;
   const Logged& then = ghost.log[frame.stamp % remembered_];
   if (then.written && then.stamp == frame.stamp) {
     const Shift error = difference(then.state, world);
-    Shift shift = scaled(error, gain);
+    shift = scaled(error, how.gain);
     if (ghost.carried) {
       ghost.carried->velocity.head<3>() += shift.linear_velocity;
       ghost.carried->velocity.tail<3>() += shift.angular_velocity;
@@ -174,14 +179,14 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
       shift = {.position = motion.along(shift.position),
                .linear_velocity = gain_of_velocity * motion.along(error.linear_velocity)};
     }
-    now = shifted(now, shift);
     for (Logged& entry : ghost.log) {
       if (entry.written && entry.stamp >= frame.stamp) entry.state = shifted(entry.state, shift);
     }
   }
   ghost.motion.world_velocity = world.linear_velocity;
   ghost.spin = world.angular_velocity;
-  engine.set_state(ghost.id, ghost.carried ? now : constrained(motion, now, world, lag_s));
+  if (!ghost.carried) engine.set_state(ghost.id, constrained(motion, engine.state(ghost.id), world, how.lag_s));
+  gradual_.begin(engine, ghost.id, shift, how.parts);
 }
 
 std::optional<BodyState> Ghosts::release(BodyId id, Engine& engine) {
@@ -196,13 +201,16 @@ void Ghosts::clear(Engine& engine) {
   while (!ghosts_.empty()) drop(ghosts_.end() - 1, engine);
 }
 
-void Ghosts::begin(Engine& engine, double dt) {
+void Ghosts::begin(Engine& engine, double dt, double hands_n) {
+  gradual_.step(engine);
+  const double gravity_m_s2 = scene_.settings.world.gravity.norm();
   for (Ghost& ghost : ghosts_) {
     const BodyState now = engine.state(ghost.id);
     if (ghost.carried) {
       ghost.start = ghost.carried->begin(scene_.body(ghost.id), now.orientation, dt);
     } else {
-      ghost.start << ghost.motion.begin(now.linear_velocity, dt), ghost.spin;
+      const double spare_n = kSpareHands * hands_n + kSpareWeights * gravity_m_s2 * scene_.body(ghost.id).mass;
+      ghost.start << ghost.motion.begin(now.linear_velocity, dt, spare_n), ghost.spin;
       engine.apply_force(ghost.id, ghost.motion.force(), Vec3::Zero());
     }
     engine.set_velocity(ghost.id, ghost.start.head<3>(), ghost.start.tail<3>());
@@ -224,7 +232,7 @@ void Ghosts::end(const Engine& engine, double dt) {
 
 void Ghosts::log(std::uint64_t stamp, const Engine& engine) {
   for (Ghost& ghost : ghosts_) {
-    BodyState state = engine.state(ghost.id);
+    BodyState state = gradual_.completed(ghost.id, engine.state(ghost.id));
     if (ghost.carried) {
       state.linear_velocity = ghost.carried->velocity.head<3>();
       state.angular_velocity = ghost.carried->velocity.tail<3>();

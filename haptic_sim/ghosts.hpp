@@ -2,6 +2,7 @@
 
 #include "coupling/ghost.hpp"
 #include "haptic_sim/border_model.hpp"
+#include "haptic_sim/gradual_shifts.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/engine.hpp"
@@ -19,12 +20,12 @@ class Ghosts final : public BorderModel {
  public:
   Ghosts(const Scene& scene, std::uint64_t remembered_cycles);
 
-  /// Ghosts that come and go, models, and `gain` of the error in their own ways.
-  void follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine, double lag_s,
-              double gain) override;
+  /// Ghosts that come and go, models, and the error in their own ways.
+  void follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine,
+              const Following& how) override;
   [[nodiscard]] std::optional<BodyState> release(BodyId id, Engine& engine) override;
   void clear(Engine& engine) override;
-  void begin(Engine& engine, double dt) override;
+  void begin(Engine& engine, double dt, double hands_n) override;
   void end(const Engine& engine, double dt) override;
   void log(std::uint64_t stamp, const Engine& engine) override;
 
@@ -66,12 +67,12 @@ class Ghosts final : public BorderModel {
   /// Whether a blow came sooner in one copy than in the other. Its timing is no error of the velocity: to correct it
   /// would give the ghost, and by now what it pushes as well, the blow once more or take it back.
   [[nodiscard]] bool blow_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const;
-  void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s,
-               double gain);
+  void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, const Following& how);
 
   const Scene& scene_;
   std::uint64_t remembered_;
-  std::vector<Ghost> ghosts_;                    ///< by id
+  std::vector<Ghost> ghosts_;  ///< by id
+  GradualShifts gradual_;
   std::vector<std::vector<Logged>> spare_logs_;  ///< of ghosts that have gone: a loop does not allocate
 };
 

@@ -5,14 +5,20 @@
 #include "coupling/selection.hpp"
 #include "coupling/synchroniser.hpp"
 #include "haptic_sim/border_model.hpp"
+#include "haptic_sim/gradual_shifts.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <vector>
 
 namespace subworld {
 
 namespace {
+
+/// Largest step of the coupling's force in which bodies are corrected. Smaller ones set more bodies in more steps,
+/// which engines answer with work: Rapier's step takes up to a seventh longer.
+constexpr double kUnfelt_n = 0.05;
 
 std::vector<BodyId> peers_of(const Scene& scene, std::size_t user) {
   std::vector<BodyId> peers;
@@ -66,8 +72,10 @@ class SimulatedNeighbourhood final : public LocalModel {
 
   Wrench advance(const Drive& drive, double time_s, double dt, Indicators& indicators) override {
     Wrench mean = drive.felt;
-    border_->begin(engine_, dt);
-    move_peers(time_s, dt);
+    gradual_.step(engine_);
+    const Wrench& hand = drive.kind == DeviceKind::admittance ? drive.applied : drive.felt;
+    const double peers_n = move_peers(time_s, dt);
+    border_->begin(engine_, dt, hand.force.norm() + peers_n);
     if (drive.kind == DeviceKind::admittance) {
       engine_.apply_force(proxy_, drive.applied.force, drive.applied.torque);
       engine_.step(dt);
@@ -94,31 +102,36 @@ class SimulatedNeighbourhood final : public LocalModel {
   }
 
   void follow(const WorldFrame& frame, const HapticReport* mine, const Age& age) override {
+    int parts = 1;
     if (mine != nullptr) {
-      for (const PairShift& pair : synchroniser_.synchronise(frame, *mine, age.cycles)) {
+      const std::span<const PairShift> pairs = synchroniser_.synchronise(frame, *mine, age.cycles);
+      if (scheme_.corrects_gradually()) parts = parts_of(pairs, frame.cycle_s);
+      for (const PairShift& pair : pairs) {
         if (!engine_.contains(pair.id)) continue;
-        engine_.set_state(pair.id, shifted(engine_.state(pair.id), pair.sub));
+        const bool member = std::ranges::binary_search(members_, pair.id);
+        gradual_.begin(engine_, pair.id, pair.sub, member ? parts : 1);
       }
     }
     let_peers_go();
     follow_membership(frame, age.s);
-    follow_border(frame, age);
+    follow_border(frame, age, parts);
   }
 
   bool adopt(const WorldFrame& frame) override {
     let_peers_go();
+    gradual_.clear();
     for (const StampedBody& s : frame.states) {
       if (engine_.contains(s.id)) engine_.set_state(s.id, s.state);
     }
     border_->clear(engine_);
     follow_membership(frame, 0.0);
     left_.clear();
-    follow_border(frame, {});
+    follow_border(frame, {}, 1);
     return engine_.contains(proxy_);
   }
 
   void describe(HapticReport& report) override {
-    for (const BodyId id : members_) report.members.push_back({id, engine_.state(id)});
+    for (const BodyId id : members_) report.members.push_back({id, gradual_.completed(id, engine_.state(id))});
     if (compares_islands_) describe_islands(report.islands);
     report.indicators.border_bodies = border_bodies_;
     border_->log(report.stamp, engine_);
@@ -131,13 +144,27 @@ class SimulatedNeighbourhood final : public LocalModel {
   bool reports_afterwards() const noexcept override { return true; }
 
  private:
+  /// As many as it takes until the hand feels none, the same for all bodies: those that touch move together.
+  int parts_of(std::span<const PairShift> pairs, double cycle_s) const {
+    const CouplingSettings& coupling = user_of(proxy_)->coupling;
+    double felt_n = 0.0;
+    for (const PairShift& pair : pairs) {
+      felt_n = std::max({felt_n, coupling.stiffness_n_m * pair.sub.position.norm(),
+                         coupling.damping_n_s_m * pair.sub.linear_velocity.norm()});
+    }
+    const double wanted = std::ceil(felt_n / kUnfelt_n);
+    return static_cast<int>(std::clamp(wanted, 1.0, std::max(1.0, std::round(cycle_s / scene_.settings.h_s))));
+  }
+
   void hold(BodyId proxy, const ImplicitStep& coupling) {
     engine_.set_inertia(proxy, coupling.mass, coupling.inertia);
     engine_.set_velocity(proxy, coupling.start.linear_velocity, coupling.start.angular_velocity);
     engine_.apply_force(proxy, coupling.wrench.force, coupling.wrench.torque);
   }
 
-  void move_peers(double time_s, double dt) {
+  /// Returns how hard they press, N.
+  double move_peers(double time_s, double dt) {
+    double force_n = 0.0;
     // By their devices, not by their forces: a force that is late drops what it holds.
     for (const PeerDevice& peer : peers_) {
       const UserSpec* user = user_of(peer.proxy);
@@ -145,9 +172,12 @@ class SimulatedNeighbourhood final : public LocalModel {
       DevicePose device{peer.pose, peer.linear_velocity, peer.angular_velocity};
       device.pose.position += (time_s - peers_stamp_s_) * device.linear_velocity;
       const Tool tool = tool_at(rate_, *user, scene_.body(peer.proxy));
-      hold(peer.proxy,
-           implicit_step(tool.coupling, limits_of(user->device), tool.body, engine_.state(peer.proxy), device, dt));
+      const ImplicitStep coupling =
+          implicit_step(tool.coupling, limits_of(user->device), tool.body, engine_.state(peer.proxy), device, dt);
+      hold(peer.proxy, coupling);
+      force_n += coupling.wrench.force.norm();
     }
+    return force_n;
   }
 
   /// The proxy without what an implicit step of its coupling adds to it.
@@ -176,7 +206,10 @@ class SimulatedNeighbourhood final : public LocalModel {
     };
     missing_from(members_, frame.members, scratch_);
     left_.clear();
-    for (const BodyId id : scratch_) left_.push_back({id, engine_.state(id)});
+    for (const BodyId id : scratch_) {
+      left_.push_back({id, gradual_.completed(id, engine_.state(id))});
+      gradual_.forget(id);
+    }
     remove(members_, frame.members);
     remove(fixed_, frame.fixed);
     for (const BodyId id : frame.members) {
@@ -196,9 +229,9 @@ class SimulatedNeighbourhood final : public LocalModel {
     }
   }
 
-  void follow_border(const WorldFrame& frame, const Age& age) {
+  void follow_border(const WorldFrame& frame, const Age& age, int parts) {
     const Correction part = scheme_.correction({.lag_cycles = age.cycles}, {});
-    border_->follow(frame, left_, engine_, age.s, part.sub);
+    border_->follow(frame, left_, engine_, {.lag_s = age.s, .gain = part.sub, .parts = parts});
     border_bodies(frame.border, scratch_);
     border_bodies_ = static_cast<std::uint32_t>(scratch_.size());
     compares_islands_ = !frame.islands.empty();
@@ -232,6 +265,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   const Scene& scene_;
   BodyId proxy_;
   LiveEngine engine_;
+  GradualShifts gradual_;
   Synchroniser synchroniser_;
   std::unique_ptr<BorderModel> border_;
   std::vector<BodyId> members_, fixed_;  ///< ascending

@@ -123,8 +123,9 @@ struct GhostMotion {
   [[nodiscard]] Vec3 along(const Vec3& v) const noexcept;
   /// The force that drives it, N.
   [[nodiscard]] Vec3 force() const noexcept;
-  /// The velocity with which the step begins: friction works against what the last step's load would do.
-  [[nodiscard]] Vec3 begin(const Vec3& velocity, double dt) const noexcept;
+  /// The velocity with which the step begins: friction works against what the last step's load would do. `spare_n`: by
+  /// how much a load may exceed the world's; a wall gives way to a larger one (coupling/README.md, Walls).
+  [[nodiscard]] Vec3 begin(const Vec3& velocity, double dt, double spare_n) const noexcept;
   /// After the step, with the velocity it began and ended with.
   void end(const Vec3& before, const Vec3& after, double dt) noexcept;
 };

@@ -39,6 +39,7 @@ class Direct final : public Scheme {
     if (user.device.kind == DeviceKind::admittance) return {now.device_applied, std::nullopt, {}};
     return {{}, device_of(now), limits_of(user.device)};
   }
+  bool corrects_gradually() const noexcept override { return false; }
   Correction correction(const CopyPair&, const Indicators&) const noexcept override { return {}; }
 };
 
@@ -55,6 +56,7 @@ class Paper final : public Scheme {
     if (!settings_.device_force_in_world) return {};
     return {mean_wrench(before, now), std::nullopt, {}};
   }
+  bool corrects_gradually() const noexcept override { return false; }
   Correction correction(const CopyPair& pair, const Indicators& indicators) const noexcept override {
     const double s = pair.peer ? 0.0 : pair.proxy ? 1.0 : blend_weight(indicators, settings_);
     return {.world = s, .sub = 1.0 - s};
@@ -85,6 +87,7 @@ class Reduced final : public Scheme {
             DevicePose{{proxy.position, proxy.orientation}, proxy.linear_velocity, proxy.angular_velocity},
             ForceLimits{INFINITY, INFINITY, user.device.degrees_of_freedom == 6}};
   }
+  bool corrects_gradually() const noexcept override { return true; }
   Correction correction(const CopyPair& pair, const Indicators&) const noexcept override {
     if (pair.closed) return {.world = 1.0, .sub = 0.0};
     return {.world = 0.0, .sub = std::min(kLargestGain, kDelayGain / std::max(1.0, pair.lag_cycles))};

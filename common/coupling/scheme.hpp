@@ -61,6 +61,8 @@ class Scheme {
   [[nodiscard]] virtual ProxyDrive drive(const UserSpec& user, const HapticReport& before, const HapticReport& now,
                                          double until_s) const = 0;
 
+  /// Whether the sub-world's part of a correction is spread over the cycle, or made at once.
+  [[nodiscard]] virtual bool corrects_gradually() const noexcept = 0;
   [[nodiscard]] virtual Correction correction(const CopyPair& pair, const Indicators& indicators) const noexcept = 0;
 };
 

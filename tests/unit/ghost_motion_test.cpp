@@ -13,6 +13,8 @@ namespace {
 using test::carried;
 using test::kCube_kg;
 
+constexpr double kNoLimit_n = 1e9;
+
 GhostMotion sticking(double limit_n) {
   GhostMotion ghost;
   ghost.model.mass_kg = 0.4;
@@ -27,7 +29,7 @@ double pushed(GhostMotion& ghost, double m, double force_n, int steps) {
   const double total = m + ghost.model.mass_kg;
   Vec3 v = Vec3::Zero();
   for (int i = 0; i < steps; ++i) {
-    const Vec3 before = ghost.begin(v, h);
+    const Vec3 before = ghost.begin(v, h, kNoLimit_n);
     // An inelastic contact of both, as an engine solves it.
     const double together = (m * v.x() + force_n * h + ghost.model.mass_kg * before.x()) / total;
     v = Vec3(std::max(together, before.x()), 0, 0);
@@ -52,7 +54,7 @@ TEST(GhostMotion, HoldsHarderWhatIsPressedDown) {
     ghost.model.load_n = Vec3(8, 0, -1);
     ghost.model.axes[0].grip = Vec3(0, 0, -0.5);
     ghost.load_n = Vec3(8, 0, -down_n);
-    return (1.0 - ghost.begin(Vec3(1, 0, 0), h).x()) * ghost.model.mass_kg / h;
+    return (1.0 - ghost.begin(Vec3(1, 0, 0), h, kNoLimit_n).x()) * ghost.model.mass_kg / h;
   };
   EXPECT_NEAR(slowed(1.0), 5.0, 1e-9);
   EXPECT_NEAR(slowed(3.0), 6.0, 1e-9);
@@ -63,15 +65,32 @@ TEST(GhostMotion, AWallOnlyCreeps) {
   GhostMotion wall = sticking(1e9);
   wall.model.mass_kg = 1e5;
   for (const double speed : {0.0, 0.5, -0.5}) {
-    const double creeps = wall.begin(Vec3(speed, 0, 0), 0.001).x();
+    const double creeps = wall.begin(Vec3(speed, 0, 0), 0.001, kNoLimit_n).x();
     EXPECT_NEAR(creeps, std::clamp(speed, -1e-3, 1e-3), 1e-12);
+  }
+}
+
+// Between two walls that overlap a body, an engine's push grows by a part in each step: as the walls begin against it.
+TEST(GhostMotion, AWallGivesWayToALoadThatNothingInTheSceneCanExert) {
+  const double h = 0.001;
+  const double spare_n = 10.0;
+  for (const double mass_kg : {0.4, 1e5}) {
+    GhostMotion wall = sticking(1e9);
+    wall.model.mass_kg = mass_kg;
+    wall.model.axes[0].force_n = 5.0;
+    wall.load_n = Vec3(14, 0, 0);
+    EXPECT_LE(wall.begin(Vec3::Zero(), h, spare_n).x(), 0.0) << "it holds";
+    wall.load_n = Vec3(300, 0, 0);
+    const Vec3 start = wall.begin(Vec3::Zero(), h, spare_n);
+    EXPECT_GT(start.x() + 300.0 / mass_kg * h, 0.015) << mass_kg << " kg: under that load it ends on its way out";
+    EXPECT_GT(start.x(), -10.5 / mass_kg * h) << "and begins against no more than it may have to carry";
   }
 }
 
 TEST(GhostMotion, MovesAcrossItsAxisAsTheWorldsBody) {
   GhostMotion ghost = sticking(5.0);
   ghost.world_velocity = Vec3(0.3, 0.1, -0.2);
-  EXPECT_LT((ghost.begin(Vec3::Zero(), 0.001) - Vec3(0, 0.1, -0.2)).norm(), 1e-12);
+  EXPECT_LT((ghost.begin(Vec3::Zero(), 0.001, kNoLimit_n) - Vec3(0, 0.1, -0.2)).norm(), 1e-12);
 }
 
 /// A carried ghost and the body that an engine moves for it, under a constant push of the inside.

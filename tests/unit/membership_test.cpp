@@ -76,7 +76,7 @@ TEST(Handover, AMemberThatBecomesAGhostGoesOnAsItWas) {
   member.position += Vec3(1e-3, 1e-3, 0.0);
   member.linear_velocity = Vec3(0.1, 0.1, 0.0);
   Ghosts ghosts(scene, 16);
-  ghosts.follow(frame, std::vector<StampedBody>{{cube->id, member}}, *engine, 0.0, 0.5);
+  ghosts.follow(frame, std::vector<StampedBody>{{cube->id, member}}, *engine, {.gain = 0.5});
   const BodyState ghost = engine->state(cube->id);
   EXPECT_NEAR(ghost.position.x(), member.position.x(), 1e-9);
   EXPECT_NEAR(ghost.linear_velocity.x(), 0.1, 1e-9);
