@@ -1,6 +1,7 @@
 #include "physics/contact_totals.hpp"
 
 #include <algorithm>
+#include <numeric>
 #include <tuple>
 
 namespace subworld {
@@ -8,6 +9,9 @@ namespace subworld {
 namespace {
 
 constexpr std::size_t kUsualContacts = 4096;
+
+/// Counting sort costs a step for each id, comparing runs some for each of them.
+constexpr std::size_t kMostIdsPerRun = 16;
 
 std::uint64_t bodies_of(const Contact& contact) { return std::uint64_t{index(contact.a)} << 32 | index(contact.b); }
 
@@ -18,6 +22,7 @@ ContactTotals::ContactTotals() {
   runs_.reserve(kUsualContacts);
   contacts_.reserve(kUsualContacts);
   last_seen_.reserve(kUsualContacts);
+  sorted_.reserve(kUsualContacts);
 }
 
 void ContactTotals::clear() noexcept {
@@ -26,17 +31,51 @@ void ContactTotals::clear() noexcept {
   contacts_.clear();
 }
 
-void ContactTotals::add(const Contact& contact, int substep, double reach_m) {
-  const auto place = static_cast<std::uint32_t>(collected_.size());
-  collected_.push_back({contact, substep, reach_m});
+void ContactTotals::note(const Contact& contact, std::uint32_t place) {
   const std::uint64_t bodies = bodies_of(contact);
   if (runs_.empty() || runs_.back().bodies != bodies) runs_.push_back({bodies, place, place});
   runs_.back().end = place + 1;
 }
 
+void ContactTotals::sort_runs() {
+  std::uint32_t last = 0;
+  for (const Run& run : runs_) last = std::max({last, second(run), first(run)});
+  if (last > kMostIdsPerRun * runs_.size()) {
+    std::sort(runs_.begin(), runs_.end(),
+              [](const Run& x, const Run& y) { return std::tie(x.bodies, x.begin) < std::tie(y.bodies, y.begin); });
+    return;
+  }
+  sort_by(last, second);
+  sort_by(last, first);
+}
+
+template <class Id>
+void ContactTotals::sort_by(std::uint32_t last, const Id& id) {
+  places_.assign(last + 2, 0);
+  for (const Run& run : runs_) ++places_[id(run) + 1];
+  std::partial_sum(places_.begin(), places_.end(), places_.begin());
+  sorted_.resize(runs_.size());
+  for (const Run& run : runs_) sorted_[places_[id(run)]++] = run;
+  runs_.swap(sorted_);
+}
+
+void ContactTotals::take(std::span<const Contact> contacts) {
+  clear();
+  for (std::uint32_t i = 0; i < contacts.size(); ++i) note(contacts[i], i);
+  sort_runs();
+  for (const Run& run : runs_) {
+    contacts_.insert(contacts_.end(), contacts.begin() + run.begin, contacts.begin() + run.end);
+  }
+  runs_.clear();
+}
+
+void ContactTotals::add(const Contact& contact, int substep, double reach_m) {
+  note(contact, static_cast<std::uint32_t>(collected_.size()));
+  collected_.push_back({contact, substep, reach_m});
+}
+
 void ContactTotals::merge() {
-  std::sort(runs_.begin(), runs_.end(),
-            [](const Run& x, const Run& y) { return std::tie(x.bodies, x.begin) < std::tie(y.bodies, y.begin); });
+  sort_runs();
   std::size_t pair_begin = 0;  // of the pair in hand, in contacts_
   contacts_.clear();
   last_seen_.clear();

@@ -46,13 +46,16 @@ constexpr EnginePreset kPresets[] = {
 
 extern const EnginePlugin kPlugin;
 
-/// Contacts are looked for so far ahead; farther for who moves more than half of it in a step.
-constexpr double kPrediction = 0.002;  ///< units of length
+/// Contacts are looked for so far ahead; farther for who moves more than half of it in a step. All that are found are
+/// solved: with 2 mm, a step of cubes that lie 0.5 mm apart takes twice as long.
+constexpr double kPrediction = 0.0005;  ///< units of length
 constexpr float kFar = 1e3F;
 
 /// Pairs that have moved less since they were last searched keep their points, which move with the bodies. A fifth of a
 /// millimetre is 0.2 degrees for a cube of 0.1 m; without it, a step of a resting heap takes twice as long.
 constexpr float kRecycleDistance = 2e-4F;  ///< units of length
+
+constexpr std::size_t kAhead = 4;  ///< pairs or manifolds
 
 /// Of the index of a contact's point; the other bit marks new ones.
 constexpr std::uint32_t kPointMask = 0x7FFFFFFF;
@@ -170,14 +173,33 @@ class Rapier final : public wasm::ModuleEngine {
     module_.step();
   }
 
+  /// The module has pairs, manifolds and points in places of their own: the next ones are fetched while one is read.
   void collect() override {
-    for (const ContactPair& pair : module_.pairs()) {
-      for (const Manifold& manifold : module_.view<Manifold>(pair.manifolds)) collect(manifold);
+    const std::span<const ContactPair> pairs = module_.pairs();
+    touching_.clear();
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      if (i + kAhead < pairs.size()) fetch(module_.view<Manifold>(pairs[i + kAhead].manifolds));
+      for (const Manifold& manifold : module_.view<Manifold>(pairs[i].manifolds)) {
+        if (manifold.solved.count > 0) touching_.push_back(&manifold);
+      }
+    }
+    for (std::size_t i = 0; i < touching_.size(); ++i) {
+      if (i + kAhead < touching_.size()) {
+        fetch(module_.view<SolvedContact>(touching_[i + kAhead]->solved));
+        fetch(module_.view<Point>(touching_[i + kAhead]->points));
+      }
+      collect(*touching_[i]);
     }
   }
 
+  template <class T>
+  static void fetch(std::span<T> items) {
+    constexpr std::size_t kCacheLine = 64;
+    const auto bytes = std::as_bytes(items);
+    for (std::size_t i = 0; i < bytes.size(); i += kCacheLine) __builtin_prefetch(&bytes[i]);
+  }
+
   void collect(const Manifold& manifold) {
-    if (manifold.solved.count == 0) return;
     const std::span<const SolvedContact> solved = module_.view<SolvedContact>(manifold.solved);
     const std::span<Point> points = module_.view<Point>(manifold.points);
     // Rapier solves one friction for all the points and tells its last iteration: of the step it is about so much.
@@ -271,9 +293,10 @@ class Rapier final : public wasm::ModuleEngine {
   std::optional<int> fixed_iterations_;
   const EnginePreset& preset_;
   std::vector<Mesh> meshes_;
-  mutable rapier::Module module_;   ///< its views of memory are not const
-  std::vector<Known> known_;        ///< by body
-  std::vector<std::uint32_t> ids_;  ///< of bodies, by the index of the module's handle
+  mutable rapier::Module module_;          ///< its views of memory are not const
+  std::vector<Known> known_;               ///< by body
+  std::vector<const Manifold*> touching_;  ///< of the step in hand
+  std::vector<std::uint32_t> ids_;         ///< of bodies, by the index of the module's handle
 };
 
 const EnginePlugin kPlugin{

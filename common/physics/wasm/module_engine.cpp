@@ -182,10 +182,16 @@ void ModuleEngine::step(double dt) {
     has_friction_ = substeps > 1;
     if (has_friction_) estimate_friction();
     clock_.ends(&EngineTimes::friction_s);
-    for (const Contact& c : found_) contacts_.add(c, i, reach_);
+    if (substeps > 1) {
+      for (const Contact& c : found_) contacts_.add(c, i, reach_);
+    }
   }
   for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
-  contacts_.merge();
+  if (substeps > 1) {
+    contacts_.merge();
+  } else {
+    contacts_.take(found_);
+  }
   clock_.ends(&EngineTimes::totals_s);
 }
 
@@ -202,25 +208,11 @@ void ModuleEngine::apply_loads(double h) {
   }
 }
 
-void ModuleEngine::found(std::uint32_t a, std::uint32_t b, const Vec3& point, const Vec3& normal, double distance,
-                         double impulse, const Vec3& tangential) {
-  if (impulse <= 0.0 && distance > 0.0) return;
-  found_.push_back({.a = BodyId{a},
-                    .b = BodyId{b},
-                    .point = point,
-                    .normal = normal,
-                    .distance = distance,
-                    .normal_impulse = impulse,
-                    .tangential_impulse = tangential});
-}
-
 std::span<const Contact> ModuleEngine::contacts_with_friction() {
   if (has_friction_ || contacts().empty()) return contacts();
   clock_.start();
   estimate_friction();
-  contacts_.clear();
-  for (const Contact& c : found_) contacts_.add(c, 0, reach_);
-  contacts_.merge();
+  contacts_.take(found_);
   clock_.ends(&EngineTimes::friction_s);
   has_friction_ = true;
   return contacts();

@@ -88,7 +88,16 @@ class ModuleEngine : public Engine {
   /// `a` < `b`; point on b, normal from b to a; impulses on a in N s. `tangential`: of a
   /// module that knows it roughly, where the friction estimate begins.
   void found(std::uint32_t a, std::uint32_t b, const Vec3& point, const Vec3& normal, double distance, double impulse,
-             const Vec3& tangential = Vec3::Zero());
+             const Vec3& tangential = Vec3::Zero()) {
+    if (impulse <= 0.0 && distance > 0.0) return;
+    found_.push_back({.a = BodyId{a},
+                      .b = BodyId{b},
+                      .point = point,
+                      .normal = normal,
+                      .distance = distance,
+                      .normal_impulse = impulse,
+                      .tangential_impulse = tangential});
+  }
 
   /// By id.
   [[nodiscard]] std::span<const Slot> slots() const noexcept { return slots_; }
