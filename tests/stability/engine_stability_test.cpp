@@ -73,6 +73,32 @@ TEST_P(Stability, SlidingSpeedOnASlope) {
   }
 }
 
+/// Coulomb with mu > 1: a thin plate, so that the push does not tip it, stays under F < mu m g; above, v = (F / m - mu
+/// g) t.
+TEST_P(Stability, FrictionIsAsLargeAsItIsSaidToBe) {
+  constexpr double kLargeMu = 50.0;
+  const Vec3 half(1.0, 1.0, 0.002);
+  const auto slides = [&](double push) {
+    auto engine = make_engine(GetParam().settings(), {});
+    Body floor = floor_plane(kFloor), plate = cube(kBody, 1.0, 1.0);
+    floor.material.friction = plate.material.friction = kLargeMu;
+    plate.shape.half_extents = half;
+    plate.inertia = plate.mass / 3.0 * Vec3(half.y() * half.y(), half.x() * half.x(), 2.0 * half.x() * half.x());
+    engine->add(floor, BodyState{});
+    engine->add(plate, at(0, 0, half.z()));
+    test::run(*engine, steps(0.2), dt);
+    for (int i = 0; i < steps(0.1); ++i) {
+      engine->apply_force(kBody, push * kG * Vec3::UnitX(), Vec3::Zero());
+      engine->step(dt);
+    }
+    return engine->state(kBody).linear_velocity.x();
+  };
+  const double unbraked = kLargeMu * kG * dt * steps(0.1);
+  EXPECT_LT(std::abs(slides(0.8 * kLargeMu)), 0.01 * unbraked);  // Havok creeps by 0.006 of it
+  const double expected = 0.4 * unbraked;
+  EXPECT_NEAR(slides(1.4 * kLargeMu), expected, 0.05 * expected);
+}
+
 /// Of a pile at rest each cube carries those above it, in every step, also where its corners do not lie on those of the
 /// next (statics).
 TEST_P(Stability, PileAtRestPushesSteadily) {

@@ -114,7 +114,14 @@ void ContactSolver::prepare_pair(btPersistentManifold& manifold, const btContact
   if (mover_a.immovable && mover_b.immovable) return;
 
   Pair& pair = pairs_.emplace_back();
-  pair = {&manifold, a, b, normals_.size(), normals_.size(), Both{mover_a.inverse_mass, mover_b.inverse_mass}, false};
+  pair = {.manifold = &manifold,
+          .a = a,
+          .b = b,
+          .begin = normals_.size(),
+          .end = normals_.size(),
+          .inverse_mass = Both{mover_a.inverse_mass, mover_b.inverse_mass},
+          .friction = first.getFriction() * second.getFriction(),
+          .penetrates = false};
   const PairState before = state_of(mover_a, mover_b);
   const btVector3 &centre_a = first.getWorldTransform().getOrigin(), &centre_b = second.getWorldTransform().getOrigin();
   for (int i = 0; i < manifold.getNumContacts(); ++i) {
@@ -139,7 +146,7 @@ void ContactSolver::prepare_normal(const btManifoldPoint& point, const Both3& ar
   const btVector3& axis = point.m_normalWorldOnB;
   const btScalar distance = point.getDistance(), restitution = point.m_combinedRestitution;
   const btScalar per_s = btScalar(1) / info.m_timeStep;
-  Normal normal{make_row(axis, arm, before.inertia, info.m_sor), point.m_combinedFriction, false};
+  Normal normal{make_row(axis, arm, before.inertia, info.m_sor), pair.friction, false};
   normal.impulse = point.m_appliedImpulse;
 
   const Both speeds = linear_speed(normal, before.motion) + angular_speed(normal, before.motion);

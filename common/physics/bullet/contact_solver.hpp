@@ -71,6 +71,7 @@ class ContactSolver final : public btConstraintSolver {
     std::size_t a, b;        ///< in movers_
     std::size_t begin, end;  ///< in normals_, frictions_ and pushes_
     Both inverse_mass;
+    btScalar friction;  ///< mu; Bullet's own of a contact is 10 at most
     bool penetrates;
   };
 
