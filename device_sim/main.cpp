@@ -25,6 +25,7 @@ int main(int argc, char** argv) {
       Json part = measures.json();
       part["dds"] = ports.bus->effective_settings();
       part["events"] = to_json(ports.status.events_of_run());
+      part["refused"] = {{"device_command", ports.commands.refused()}};
       if (ending.fault.empty()) ending.fault = measures.fault();
       conclude(options.out.empty() ? "" : fmt::format("{}/device_{}.json", options.out, options.user), part, ending);
     }

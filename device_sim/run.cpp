@@ -126,6 +126,7 @@ Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& 
       ending.by = name_of_signal(stop_signal());
       return ending;
     }
+    if (command.served == ports.identity) ports.commands.trust_sender();
     if (command.last) return ending;
     measures.round_trip(1e-9 * static_cast<double>(to_ns(stages.now()) - command.echoed_sent_ns));
     device.step(command, scene.settings.h_s);
@@ -188,17 +189,20 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& 
     stages.mark(DeviceStage::account);
     measures.end_step();
   };
-  bool strangers = false;  // the newest command was for another device or of another run
+  bool strangers = false;  // the newest command was for another device, of another run or of another haptic process
   while (stop_signal() == 0) {
     const TimePoint begin = wake();
+    const std::uint64_t refused = ports.commands.refused();
     while (take(ports.commands, came, stages) == Take::sample) {
       strangers = came.session != session || (came.served != ports.identity && !(came.last && came.served == 0));
       if (strangers) continue;
+      if (came.served == ports.identity) ports.commands.trust_sender();
       command = came;
       if (command.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - command.echoed_sent_ns));
       heard = begin;
     }
+    strangers = strangers || (heard != begin && ports.commands.refused() > refused);
     if (command.last) break;
     haptic.observe(heard == begin, !strangers && alive(ports.commands, ports.status, haptic_sim), period_s);
     if (haptic.gone()) {

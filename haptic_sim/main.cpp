@@ -30,6 +30,7 @@ int main(int argc, char** argv) {
       Json part = measures.json(bytes / cycles);
       part["dds"] = ports.bus->effective_settings();
       part["events"] = to_json(ports.status.events_of_run());
+      part["refused"] = {{"device_state", ports.device.refused()}, {"world_frame", ports.frames.refused()}};
       if (ending.fault.empty()) ending.fault = measures.fault();
       conclude(options.out.empty() ? "" : fmt::format("{}/haptic_{}.json", options.out, options.user), part, ending);
     }

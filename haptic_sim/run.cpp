@@ -137,6 +137,7 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     if (!await(*ports.bus, ports.status, ports.device, device, stages, {ProgramKind::device_sim, user}, ours, stopped))
       break;
     held = device.sender;
+    ports.device.trust_sender();
     orders.follow();
     const TimePoint begin = stages.mark(HapticStage::control);
     const FeltStep felt = sub.feel(device, true, h);
@@ -229,9 +230,11 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     while (take(ports.device, from_device, stages) == Take::sample) {
       if (from_device.session != ports.session || (heard != TimePoint{} && from_device.sender != device.sender))
         continue;
+      ports.device.trust_sender();
       device = from_device;
       heard = begin;
     }
+    const std::uint64_t refused = ports.frames.refused();
     while (waiting_count < waiting.size()) {
       if (take(ports.frames, waiting[waiting_count], stages) != Take::sample) break;
       strangers = waiting[waiting_count].session != ports.session;
@@ -249,6 +252,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
       last = last || came.last;
       if (came.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - came.echoed_sent_ns));
     }
+    strangers = strangers || (framed != begin && ports.frames.refused() > refused);
     // Who has fallen too far behind goes on from the newest frame, and leaves undone what was missed.
     const bool behind = waiting_count > 0 && waiting[waiting_count - 1].stamp > sub.stamp() + kTooFarBehind;
     std::size_t used = behind ? waiting_count - 1 : 0;

@@ -63,6 +63,7 @@ int main(int argc, char** argv) {
       Json part = measures.json(world, scene.bodies.size(), settle_s);
       part["world"]["dds"] = ports.bus->effective_settings();
       part["world"]["events"] = to_json(ports.status.events_of_run());
+      part["world"]["refused"] = ports.refused();
       if (ending.fault.empty()) ending.fault = measures.fault();
       conclude(options.out.empty() ? "" : options.out + "/world.json", part, ending);
     }

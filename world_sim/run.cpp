@@ -91,6 +91,16 @@ void exchange_engine(WorldPorts& ports, World& world, EngineExchange& exchange, 
   }
 }
 
+/// Two worlds in one domain are one too many. Throws `Error` (usage) where this one has not begun yet.
+void refuse_second_world(WorldPorts& ports) {
+  if (const std::string text = ports.second_world(); !text.empty()) throw Error(ExitCode::usage, text);
+}
+
+/// The one that runs goes on, and says so.
+void tell_of_second_world(WorldPorts& ports) {
+  if (const std::string text = ports.second_world(); !text.empty()) ports.status.note(text);
+}
+
 /// Publishes standing frames until every haptic process has answered one: a reader that has only just been matched may
 /// miss what comes first. False when asked to stop.
 bool rouse(WorldPorts& ports, World& world, double wait_s) {
@@ -105,6 +115,7 @@ bool rouse(WorldPorts& ports, World& world, double wait_s) {
     const auto silent = std::find(answered.begin(), answered.end(), false);
     if (silent == answered.end()) return true;
     if (stop_signal() != 0) return false;
+    refuse_second_world(ports);
     if (Clock::now() > until) {
       throw Error(ExitCode::failed, fmt::format("haptic_sim {} does not answer; is it stuck, or another network's?",
                                                 silent - answered.begin()));
@@ -219,6 +230,8 @@ bool gather(WorldPorts& ports, const Options& options) {
     }
     if (stop_signal() != 0) return false;
   }
+  // Who has found the others' endpoints by now has found another world's too.
+  refuse_second_world(ports);
   ports.status.enter("running");
   return true;
 }
@@ -265,6 +278,7 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
       publish_frames(ports, world, true, 0.0, 1.0);
       break;
     }
+    tell_of_second_world(ports);
     take_orders(ports, conductor, world, exchange);
     while (!conductor.may_step() && !conductor.stopped() && stop_signal() == 0) {
       ports.bus->wait(0.05);
@@ -342,6 +356,7 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
         if (!world.receive(std::move(report))) measures.refused_report();
       }
     }
+    tell_of_second_world(ports);
     take_orders(ports, conductor, world, exchange);
     exchange_engine(ports, world, exchange, measures);
     users.observe(ports, world.time_s(), period_s);

@@ -40,7 +40,8 @@ Json to_json(const EventCounts& events) {
           {"liveliness_lost", events.liveliness_lost},
           {"incompatible_qos", events.incompatible_qos},
           {"lost", events.lost},
-          {"rejected", events.rejected}};
+          {"rejected", events.rejected},
+          {"refused", events.refused}};
 }
 
 std::string to_text(const EngineChange& change) {

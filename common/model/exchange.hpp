@@ -246,6 +246,7 @@ struct EventCounts {
   std::uint64_t incompatible_qos = 0;
   std::uint64_t lost = 0;      ///< samples that the middleware says are lost
   std::uint64_t rejected = 0;  ///< samples that did not decode or held nonsense
+  std::uint64_t refused = 0;   ///< samples of another writer than the one that takes part in the run
 };
 
 [[nodiscard]] inline EventCounts operator-(const EventCounts& to, const EventCounts& from) noexcept {
@@ -255,7 +256,8 @@ struct EventCounts {
           to.liveliness_lost - from.liveliness_lost,
           to.incompatible_qos - from.incompatible_qos,
           to.lost - from.lost,
-          to.rejected - from.rejected};
+          to.rejected - from.rejected,
+          to.refused - from.refused};
 }
 
 enum class ProgramKind : std::uint8_t { world_sim, haptic_sim, device_sim, gui_headless };

@@ -36,6 +36,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
   constexpr auto kPatience = 700ms;
   WallClock::duration waited{}, silent{};
   bool strangers = false, said = false;
+  const std::uint64_t refused = reader.refused();
   const auto take_next = [&] { return take(reader, sample, stages, Stages::Stage::wake); };
   for (auto last = WallClock::now();;) {
     for (Take taken = take_next(); taken != Take::none; taken = take_next()) {
@@ -45,6 +46,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
       }
       strangers |= taken == Take::sample;
     }
+    strangers |= reader.refused() > refused;
     if (stopped()) return false;
     if (silent > kPatience) {
       throw Error(ExitCode::failed,

@@ -21,6 +21,7 @@ enum class Event : std::uint8_t {
   incompatible_qos,
   lost,
   rejected,
+  refused,
 };
 
 /// Called from the vendor's threads.
@@ -52,8 +53,9 @@ class BackendWriter {
 class BackendReader {
  public:
   virtual ~BackendReader() = default;
-  /// The oldest sample (of one of the keys) that was not yet taken, or false.
-  virtual bool take(std::vector<std::uint8_t>& cdr) noexcept = 0;
+  /// The oldest sample (of one of the keys) that was not yet taken, or false. `writer` tells its writer from all others
+  /// that this reader has met.
+  virtual bool take(std::vector<std::uint8_t>& cdr, std::uint64_t& writer) noexcept = 0;
   [[nodiscard]] virtual int matched() const noexcept = 0;
   [[nodiscard]] virtual int alive_writers() const noexcept = 0;
 };

@@ -13,6 +13,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -55,7 +56,7 @@ class Events final : public wire::EventSink {
 
   [[nodiscard]] EventCounts counts() const noexcept {
     const std::lock_guard lock(mutex_);
-    return {counts_[0], counts_[1], counts_[2], counts_[3], counts_[4], counts_[5], counts_[6]};
+    return {counts_[0], counts_[1], counts_[2], counts_[3], counts_[4], counts_[5], counts_[6], counts_[7]};
   }
 
   std::string take_text(EventKind kind) {
@@ -114,7 +115,7 @@ class Events final : public wire::EventSink {
   std::condition_variable changed_;
   std::uint64_t changes_ = 0;
   std::uint64_t seen_ = 0;
-  std::array<std::uint64_t, 7> counts_{};
+  std::array<std::uint64_t, 8> counts_{};
   std::array<Noted, kMostNotes> notes_{};
   std::size_t noted_ = 0;
 };
@@ -146,6 +147,9 @@ struct Reader<M>::Impl {
   Codec<M> codec;
   std::vector<std::uint8_t> cdr;
   std::uint64_t bytes = 0;
+  std::uint64_t writer = 0;  // of what was received last
+  std::optional<std::uint64_t> trusted;
+  std::uint64_t refused = 0;
 };
 
 template <class M>
@@ -191,9 +195,23 @@ Reader<M>::~Reader() = default;
 
 template <class M>
 bool Reader<M>::receive() noexcept {
-  if (!impl_->backend->take(impl_->cdr)) return false;
-  impl_->bytes += impl_->cdr.size();
-  return true;
+  while (impl_->backend->take(impl_->cdr, impl_->writer)) {
+    impl_->bytes += impl_->cdr.size();
+    if (impl_->writer == impl_->trusted.value_or(impl_->writer)) return true;
+    ++impl_->refused;
+    impl_->events->report(wire::Event::refused, 1, "reader", kTopicOf<M>->name, "");
+  }
+  return false;
+}
+
+template <class M>
+void Reader<M>::trust_sender() noexcept {
+  if (!impl_->trusted) impl_->trusted = impl_->writer;
+}
+
+template <class M>
+std::uint64_t Reader<M>::refused() const noexcept {
+  return impl_->refused;
 }
 
 template <class M>

@@ -74,6 +74,11 @@ class Reader {
   bool decode(M& sample) noexcept;
   /// Both.
   Take take(M& sample) noexcept;
+  /// From now on only the writer of what was received last is heard, whatever others claim to be: the middleware tells
+  /// writers apart. What others send is dropped, and counted among the events. Only the first call counts.
+  void trust_sender() noexcept;
+  /// Samples that others than the trusted writer have sent.
+  [[nodiscard]] std::uint64_t refused() const noexcept;
   /// Writers at this moment, dead or alive.
   [[nodiscard]] int matched() const noexcept;
   /// Writers that were heard of within the lease (100 ms).

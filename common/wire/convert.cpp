@@ -245,6 +245,7 @@ void to_wire(const Status& in, msg::Status& out) {
   out.incompatible_qos(in.events.incompatible_qos);
   out.lost(in.events.lost);
   out.rejected(in.events.rejected);
+  out.refused(in.events.refused);
   out.text(in.text);
 }
 
@@ -257,7 +258,7 @@ bool from_wire(const msg::Status& in, Status& out) {
   out.missed_deadlines = in.missed_deadlines();
   out.missed_by_machine = in.missed_by_machine();
   out.events = {in.matched(),          in.unmatched(), in.deadline_missed(), in.liveliness_lost(),
-                in.incompatible_qos(), in.lost(),      in.rejected()};
+                in.incompatible_qos(), in.lost(),      in.rejected(),       in.refused()};
   out.text = in.text();
   return get(in.time_s(), out.time_s) && get(in.rate_hz(), out.rate_hz) && get(in.step_s(), out.step_s) &&
          get(in.force_n(), out.force_n) && get(in.clock_factor(), out.clock_factor) &&

@@ -397,10 +397,11 @@ class CycloneReader final : public BackendReader {
   }
   ~CycloneReader() override { dds_delete(subscriber_); }
 
-  bool take(std::vector<std::uint8_t>& cdr) noexcept override {
+  bool take(std::vector<std::uint8_t>& cdr, std::uint64_t& writer) noexcept override {
     void* room = &cdr;
     dds_sample_info_t info;
     while (dds_take(reader_, &room, &info, 1, 1) == 1) {
+      writer = info.publication_handle;
       if (info.valid_data) return true;
     }
     return false;

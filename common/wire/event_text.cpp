@@ -62,6 +62,11 @@ std::string explain(Event event, std::string_view side, std::string_view topic, 
           "a {} was dropped ({}): another version of Subworld or another program sends on this domain; "
           "choose another --domain",
           topic, detail);
+    case Event::refused:
+      return fmt::format(
+          "a {0} of a second {1} was refused: this run goes on with the one that it began with; end the other {1}, or "
+          "give it another --domain",
+          topic, sender);
     case Event::matched:
     case Event::unmatched:
       break;

@@ -181,6 +181,13 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   dds::DataWriter* writer_ = nullptr;
 };
 
+/// The 16 bytes of a handle as one number. FNV-1a.
+std::uint64_t number_of(const dds::InstanceHandle_t& handle) noexcept {
+  std::uint64_t number = 0xcbf29ce484222325ULL;
+  for (int i = 0; i < 16; ++i) number = (number ^ handle.value[i]) * 0x100000001b3ULL;
+  return number;
+}
+
 class FastReader final : public BackendReader, dds::DataReaderListener {
  public:
   FastReader(dds::DomainParticipant* participant, dds::Subscriber* subscriber, dds::Topic* topic,
@@ -196,12 +203,13 @@ class FastReader final : public BackendReader, dds::DataReaderListener {
     participant_->delete_subscriber(subscriber_);
   }
 
-  bool take(std::vector<std::uint8_t>& cdr) noexcept override {
+  bool take(std::vector<std::uint8_t>& cdr, std::uint64_t& writer) noexcept override {
     std::swap(sample_.received, cdr);
     bool taken = false;
     try {
       dds::SampleInfo info;
       while (!taken && reader_->take_next_sample(&sample_, &info) == ReturnCode_t::RETCODE_OK) taken = info.valid_data;
+      if (taken) writer = number_of(info.publication_handle);
     } catch (const std::exception&) {
       taken = false;
     }

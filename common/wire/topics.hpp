@@ -24,6 +24,10 @@ struct TopicSpec {
   DeadlineKind deadline;
 };
 
+/// The newest counts. But a reader that keeps one sample keeps the newest of all writers, also of one that does not
+/// belong here: with several, the right one's is among them.
+inline constexpr int kNewestOfSeveral = 8;
+
 inline constexpr TopicSpec kScene{
     "scene", "subworld::msg::Scene", 0, Reliability::reliable, Durability::transient_local, 1, DeadlineKind::none};
 inline constexpr TopicSpec kDeviceState{"device_state",
@@ -31,14 +35,14 @@ inline constexpr TopicSpec kDeviceState{"device_state",
                                         1,
                                         Reliability::best_effort,
                                         Durability::volatile_,
-                                        1,
+                                        kNewestOfSeveral,
                                         DeadlineKind::two_device_periods};
 inline constexpr TopicSpec kDeviceCommand{"device_command",
                                           "subworld::msg::DeviceCommand",
                                           1,
                                           Reliability::best_effort,
                                           Durability::volatile_,
-                                          1,
+                                          kNewestOfSeveral,
                                           DeadlineKind::two_device_periods};
 inline constexpr TopicSpec kWorldFrame{"world_frame",           "subworld::msg::WorldFrame", 1,
                                        Reliability::reliable,   Durability::volatile_,       8,

@@ -289,7 +289,7 @@ struct Walk {
   void operator()(const Status& s) {
     all(static_cast<std::uint32_t>(s.program), s.instance, s.state, s.time_s, s.rate_hz, s.steps, s.missed_deadlines,
         s.missed_by_machine, s.step_s, s.force_n, s.clock_factor, s.done_ratio, s.events.matched, s.events.unmatched,
-        s.events.deadline_missed, s.events.liveliness_lost, s.events.incompatible_qos, s.events.lost, s.events.rejected,
+        s.events.deadline_missed, s.events.liveliness_lost, s.events.incompatible_qos, s.events.lost, s.events.rejected, s.events.refused,
         s.text);
   }
   template <class T>
