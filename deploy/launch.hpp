@@ -35,7 +35,7 @@ void send_control(const Network& network, const std::string& verb, const EngineO
 void become_lab(const std::string& name, char** arguments);
 
 /// Tells, on the error output, of bodies that a chosen engine cannot hold.
-void warn_of_engines(const Scene& scene);
+void warn_of_limits(const Scene& scene);
 
 /// Prints what a scene needs and what is left out, with the reasons.
 void print_plan(const Scene& scene, bool gui);

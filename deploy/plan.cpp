@@ -1,4 +1,6 @@
+#include "coupling/passivity.hpp"
 #include "coupling/scheme.hpp"
+#include "coupling/stiffness.hpp"
 #include "launch.hpp"
 #include "physics/plugin.hpp"
 
@@ -52,11 +54,26 @@ void warn_of_small_boxes(const char* where, const EngineSettings& settings, cons
              where, settings.name, smallest_m, settings.length_unit_m, small->name, 0.1 * settings.length_unit_m);
 }
 
+/// A wall is the hardest that a coupling can meet.
+void warn_of_stiffness(const UserSpec& user, const Settings& settings) {
+  if (user.device.kind != DeviceKind::impedance) return;
+  const double most_n_m = largest_stiffness(user, settings);
+  const double wanted_n_m = user.coupling.stiffness_n_m;
+  if (wanted_n_m <= most_n_m) return;
+  fmt::print(stderr,
+             "subworld: {}: coupling.stiffness_n_m {:g} is more than a wall can have at this rate and delay before the "
+             "device ({:g} kg, {:g} N s/m) swings: {:.3g} N/m at most with a damping of {:g} N s/m. Lower it, shorten h_s "
+             "or the delay, or expect the passivity bound to soften it\n",
+             user.name, wanted_n_m, user.device.mass_kg, user.device.damping_n_s_m, most_n_m,
+             user.coupling.damping_n_s_m);
+}
+
 }  // namespace
 
-void warn_of_engines(const Scene& scene) {
+void warn_of_limits(const Scene& scene) {
   warn_of_small_boxes("world", scene.settings.world, scene);
   warn_of_small_boxes("haptic", scene.settings.haptic, scene);
+  for (const UserSpec& user : scene.users) warn_of_stiffness(user, scene.settings);
 }
 
 namespace {
@@ -71,7 +88,7 @@ std::string cycle_text(const Settings& s) {
 
 void print_plan(const Scene& scene, bool gui) {
   const Settings& s = scene.settings;
-  warn_of_engines(scene);
+  warn_of_limits(scene);
   const auto scheme = make_scheme(s);
   const std::string engines = describe_engine("world", s.world) + describe_engine("sub-worlds", s.haptic);
   const auto fixed = std::count_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& b) { return b.fixed(); });
@@ -96,6 +113,11 @@ void print_plan(const Scene& scene, bool gui) {
     decide(torques, fmt::format("torques for user {}", u).c_str(),
            fmt::format("{} degrees of freedom", user.device.degrees_of_freedom));
     const bool spring = user.device.kind == DeviceKind::impedance;
+    const bool passive = needs_passivity(s, user.device);
+    decide(passive, fmt::format("passivity bound for user {}", u).c_str(),
+           s.passivity != Passivity::automatic ? "as the scene or --passivity says"
+           : passive                           ? "messages are delayed: a device could give its hand energy of nobody's"
+                                               : "nothing is delayed: the bound would change nothing");
     decide(spring, fmt::format("virtual coupling for user {}", u).c_str(),
            spring ? "impedance device" : "admittance device: its force acts on the proxy");
   }

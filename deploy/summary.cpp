@@ -15,6 +15,10 @@ namespace {
 constexpr double kMissedRatio = 0.001;
 constexpr double kLatenessP99_s = 0.25e-3;
 constexpr double kAtLimitRatio = 0.01;
+/// Least energy that counts, J: a device of 0.1 kg at 0.3 m/s, or a coupling of 1000 N/m that is stretched by 3 mm.
+constexpr double kLeastEnergy_j = 0.005;
+constexpr double kUnexplainedRatio = 0.01;  ///< of the energy that users put in
+constexpr double kOscillationRatio = 0.05;  ///< of the device's force limit
 
 constexpr double kFullCores = 0.8;   ///< share of the cores that our programs use: they hold each other up
 constexpr double kQuietCores = 0.1;  ///< cores that others or the hypervisor take
@@ -56,6 +60,9 @@ Json describe(const UserSpec& user) {
               {"rate_hz", d.rate_hz},
               {"force_limit_n", d.force_limit_n},
               {"torque_limit_n_m", d.torque_limit_n_m},
+               {"force_rate_limit_n_s", d.force_rate_limit_n_s.value_or(d.force_limit_n / DeviceSpec::kFullScale_s)},
+               {"power_limit_w", d.power_limit_w.value_or(d.force_limit_n * DeviceSpec::kFastestPush_m_s)},
+               {"speed_limit_m_s", d.speed_limit_m_s},
               {"mass_kg", d.mass_kg},
               {"damping_n_s_m", d.damping_n_s_m},
               {"friction_n", d.friction_n},
@@ -87,7 +94,14 @@ Json describe(const Scene& scene) {
        {{"device_force_in_world", s.paper.device_force_in_world},
         {"device_impulse_threshold_n_s", s.paper.device_impulse_threshold_n_s}}},
       {"delay",
-       {{"up_s", s.delay.up_s}, {"down_s", s.delay.down_s}, {"jitter_s", s.delay.jitter_s}, {"seed", s.delay.seed}}},
+       {{"up_s", s.delay.up_s},
+        {"down_s", s.delay.down_s},
+        {"from_device_s", s.delay.from_device_s},
+        {"to_device_s", s.delay.to_device_s},
+        {"jitter_s", s.delay.jitter_s},
+        {"loss_ratio", s.delay.loss_ratio},
+        {"seed", s.delay.seed}}},
+      {"passivity", std::array{"automatic", "on", "off"}[static_cast<std::size_t>(s.passivity)]},
       {"users", users}};
 }
 
@@ -167,12 +181,65 @@ Gate machine_gate(const std::string& who, const Json& haptic, double periods, co
   return gate;
 }
 
+/// Energy that a hand was given and that neither it nor the bodies had.
+Gate energy_gate(const std::string& who, const Json& haptic, const Json& device, const Json& world) {
+  const Json& energy = device["hand_energy"];
+  const double work_j = haptic["device_work_j"].get<double>();
+  const double allowed_j =
+      world["released_j"].get<double>() + std::max(kLeastEnergy_j, kUnexplainedRatio * std::abs(work_j));
+  return {who + "created energy at the hand",
+          energy["created_j"].get<double>(),
+          allowed_j,
+          true,
+          "J",
+          1.0,
+          Culprit::unstable,
+          fmt::format("the hand was given energy that nobody had put in (at least {:.3g} J net): a lower coupling "
+                      "stiffness_n_m, less delay, a smaller --ratio, or --passivity on",
+                      energy["least_j"].get<double>())};
+}
+
+Gate oscillation_gate(const std::string& who, const Json& device, double force_limit_n) {
+  return {who + "oscillation of the force",
+          device["oscillation_n"].get<double>(),
+          kOscillationRatio * force_limit_n,
+          true,
+          "N rms",
+          1.0,
+          Culprit::unstable,
+          "the force swings faster than a hand moves: a lower coupling stiffness_n_m or damping_n_s_m, a smaller --ratio "
+          "or h_s, or the scheme reduced"};
+}
+
+/// Samples of programs that do not belong to the run.
+void add_stranger_gates(std::vector<Gate>& all, const std::string& who, const Json& refused) {
+  struct Sender {
+    const char* topic;
+    const char* program;
+  };
+  constexpr std::array kSenders{Sender{"scene", "world_sim"}, Sender{"world_frame", "world_sim"},
+                                Sender{"haptic_report", "haptic_sim"}, Sender{"device_state", "device_sim"},
+                                Sender{"device_command", "haptic_sim"}};
+  for (const Sender& sender : kSenders) {
+    if (!refused.contains(sender.topic)) continue;
+    all.push_back({fmt::format("{}{} from a stranger", who, sender.topic), refused[sender.topic].get<double>(), 0.0, true,
+                   "", 1.0, Culprit::stranger,
+                   fmt::format("another program sent them as {}, and they were refused; end it, or give it another "
+                               "--domain",
+                               sender.program)});
+  }
+}
+
 const char* name_of(Culprit culprit) {
   switch (culprit) {
     case Culprit::us:
       return "us";
     case Culprit::machine:
       return "machine";
+    case Culprit::unstable:
+      return "unstable";
+    case Culprit::stranger:
+      return "stranger";
     case Culprit::scene:
       break;
   }
@@ -283,8 +350,15 @@ std::vector<Gate> gates(const Json& summary) {
   std::vector<Gate> all;  // causes before what follows from them: a verdict gives the first reason
   const bool realtime = summary["mode"] == "realtime";
   const double h_s = summary["h_s"].get<double>();
+  add_stranger_gates(all, "", summary["world"]["refused"]);
   for (const Json& haptic : summary["haptic"]) {
     const std::string who = fmt::format("user {}: ", haptic["user"].get<int>());
+    const Json& device = summary["device"][haptic["user"].get<std::size_t>()];
+    const Json& spec = summary["settings"]["users"][haptic["user"].get<std::size_t>()]["device"];
+    add_stranger_gates(all, who, haptic["refused"]);
+    add_stranger_gates(all, who, device["refused"]);
+    all.push_back(energy_gate(who, haptic, device, summary["world"]));
+    all.push_back(oscillation_gate(who, device, spec["force_limit_n"].get<double>()));
     if (realtime) {
       const double periods = std::max(1.0, haptic["steps"].get<double>() + haptic["skipped_steps"].get<double>());
       const std::string why_us = why_we_missed(haptic, h_s);
@@ -324,15 +398,18 @@ std::vector<Gate> gates(const Json& summary) {
 }
 
 std::string verdict_of(const std::vector<Gate>& gates, const Json& summary) {
-  std::vector<std::string> ours, machines;
+  std::vector<std::string> unstable, ours, machines;
   for (const Gate& gate : gates) {
     if (!gate.spoils_verdict()) continue;
-    std::vector<std::string>& words = gate.culprit == Culprit::machine ? machines : ours;
+    std::vector<std::string>& words = gate.culprit == Culprit::unstable  ? unstable
+                                      : gate.culprit == Culprit::machine ? machines
+                                                                         : ours;
     const std::string text = fmt::format("{} {:.4g}{}{}: {}", gate.name, gate.scale * gate.value, *gate.unit ? " " : "",
                                          gate.unit, gate.why);
     words.push_back(text);
   }
   // One reason is enough; all of them are in the gates.
+  if (!unstable.empty()) return "unstable: " + unstable.front();
   if (!ours.empty()) return "quality gate missed: " + ours.front();
   if (!machines.empty()) return "quality gate missed by the machine: " + machines.front();
   std::uint64_t late = 0, periods = 0;

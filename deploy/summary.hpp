@@ -24,8 +24,9 @@ struct RunRecord {
   double stolen_s = 0.0;     ///< by the hypervisor meanwhile
 };
 
-/// Who is to blame for a missed gate.
-enum class Culprit : std::uint8_t { us, machine, scene };
+/// Who is to blame for a missed gate. `unstable`: energy or swings that nobody has put in; `stranger`: a program that does
+/// not belong to the run.
+enum class Culprit : std::uint8_t { us, machine, scene, unstable, stranger };
 
 /// One measured quantity against its bar.
 struct Gate {

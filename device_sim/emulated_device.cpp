@@ -1,16 +1,19 @@
 #include "device_sim/emulated_device.hpp"
 
+#include <unsupported/Eigen/MatrixFunctions>
+
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace subworld {
 
 namespace {
 
-constexpr double kLongestSubstep_s = 0.25e-3;
+constexpr double kLongestSubstep_s = 0.25e-3;                 ///< of the path, and of all that is not solved exactly
 constexpr double kServoRate_rad_s = 2.0 * M_PI * 50.0;        ///< bandwidth of an admittance device
 constexpr double kVelocityFilter_rad_s = 2.0 * M_PI * 100.0;  ///< of the velocity read from quantised positions
-constexpr double kStiction_m_s = 1e-3;                        ///< below, Coulomb friction fades out linearly
+constexpr double kSameTime = 1e-6;                            ///< of a tick
 
 Vec3 rotation_vector(const Quat& turn) noexcept {
   const Eigen::AngleAxisd a(turn);
@@ -36,81 +39,125 @@ EmulatedDevice::EmulatedDevice(const DeviceSpec& spec, std::uint32_t device)
   const PathPoint start = evaluate(spec_.path, 0.0);
   handle_.position = start.offset.position;
   handle_.orientation = start.offset.orientation;
-  publish();
+  read_sensors();
 }
 
-void EmulatedDevice::step(const DeviceCommand& received, double dt) noexcept {
-  DeviceCommand command = received;
+void EmulatedDevice::take(const DeviceCommand& received) noexcept {
+  held_ = received;
   const bool sound =
-      command.wrench.force.allFinite() && command.wrench.torque.allFinite() &&
-      finite({command.pose.position, command.pose.orientation, command.linear_velocity, command.angular_velocity});
+      received.wrench.force.allFinite() && received.wrench.torque.allFinite() &&
+      finite({received.pose.position, received.pose.orientation, received.linear_velocity, received.angular_velocity});
   if (!sound) {
-    command.wrench = {};
-    command.pose = {handle_.position, handle_.orientation};
-    command.linear_velocity = command.angular_velocity = Vec3::Zero();
+    held_.wrench = {};
+    held_.pose = {handle_.position, handle_.orientation};
+    held_.linear_velocity = held_.angular_velocity = Vec3::Zero();
   }
-  command.wrench = {bounded(command.wrench.force, spec_.force_limit_n),
-                    bounded(command.wrench.torque, spec_.torque_limit_n_m)};
+  // What its motors can do.
+  held_.wrench = {bounded(held_.wrench.force, spec_.force_limit_n),
+                  bounded(held_.wrench.torque, spec_.torque_limit_n_m)};
+}
 
+void EmulatedDevice::step(const DeviceCommand& command, double dt) noexcept {
+  const double period_s = 1.0 / spec_.rate_hz;
+  const double end_s = time_s_ + dt;
+  if (std::exchange(command_due_, false)) take(command);
+  while (end_s - time_s_ > kSameTime * dt) {
+    const double tick_s = static_cast<double>(ticks_ + 1) * period_s;
+    const bool ticks = tick_s < end_s + kSameTime * period_s;
+    move(std::max(0.0, std::min(tick_s, end_s) - time_s_));
+    if (!ticks) continue;
+    ++ticks_;
+    read_sensors();
+    const bool later = end_s - time_s_ <= kSameTime * dt;
+    command_due_ = later;
+    if (!later) take(command);
+  }
+  time_s_ = end_s;
+}
+
+void EmulatedDevice::move(double dt) noexcept {
   if (!spec_.hand && spec_.kind == DeviceKind::impedance) {
     time_s_ += dt;
     const PathPoint at = evaluate(spec_.path, time_s_);
     handle_ = {at.offset.position, at.offset.orientation, at.linear_velocity, at.angular_velocity};
-  } else {
-    const int substeps = std::max(1, static_cast<int>(std::ceil(dt / kLongestSubstep_s - 1e-9)));
-    for (int i = 0; i < substeps; ++i) {
-      time_s_ += dt / substeps;
-      if (spec_.kind == DeviceKind::impedance) {
-        step_hand(command.wrench, dt / substeps);
-      } else {
-        follow_command(command, dt / substeps);
-      }
-    }
-    if (spec_.kind == DeviceKind::admittance) press(time_s_);
+    return;
   }
-  ++state_.sequence;
-  publish();
+  const int substeps = std::max(1, static_cast<int>(std::ceil(dt / kLongestSubstep_s - kSameTime)));
+  for (int i = 0; i < substeps; ++i) {
+    if (spec_.kind == DeviceKind::impedance) {
+      step_hand(dt / substeps);
+      if (spec_.degrees_of_freedom == 6) turn_hand(dt / substeps);
+    } else {
+      follow_command(dt / substeps);
+    }
+    time_s_ += dt / substeps;
+  }
 }
 
-void EmulatedDevice::step_hand(const Wrench& command, double dt) noexcept {
-  const PathPoint wish = evaluate(spec_.path, time_s_);
+const EmulatedDevice::Motion& EmulatedDevice::motion(double dt) noexcept {
+  if (std::abs(dt - motion_dt_) <= kSameTime * dt) return motion_;
   const double mass = hand_.mass_kg + spec_.mass_kg;
-  const double damping = hand_.damping_n_s_m + spec_.damping_n_s_m;
-  const Vec3 pull = hand_.stiffness_n_m * (wish.offset.position - handle_.position) +
-                    hand_.damping_n_s_m * wish.linear_velocity + command.force;
-  const double speed = handle_.linear_velocity.norm();
-  const Vec3 friction =
-      speed > 0.0 ? Vec3(-spec_.friction_n * std::min(1.0, speed / kStiction_m_s) / speed * handle_.linear_velocity)
-                  : Vec3::Zero();
-  // Damping is taken at the end of the step: a light device with a viscous hand stays stable.
-  handle_.linear_velocity = (mass * handle_.linear_velocity + dt * (pull + friction)) / (mass + dt * damping);
-  handle_.position += dt * handle_.linear_velocity;
+  Motion rate = Motion::Zero();
+  rate(0, 1) = 1.0;
+  rate(1, 0) = -hand_.stiffness_n_m / mass;
+  rate(1, 1) = -(hand_.damping_n_s_m + spec_.damping_n_s_m) / mass;
+  rate(1, 2) = hand_.stiffness_n_m / mass;
+  rate(1, 3) = hand_.damping_n_s_m / mass;
+  rate(1, 4) = 1.0;
+  rate(2, 3) = 1.0;
+  motion_ = Motion(rate * dt).exp();
+  motion_dt_ = dt;
+  return motion_;
+}
 
-  if (spec_.degrees_of_freedom != 6) return;
+void EmulatedDevice::step_hand(double dt) noexcept {
+  const Motion& m = motion(dt);
+  const double mass = hand_.mass_kg + spec_.mass_kg;
+  const PathPoint wish = evaluate(spec_.path, time_s_);
+  const Vec3 way = handle_.position - wish.offset.position;
+  const Vec3 push = held_.wrench.force / mass;
+  const auto after = [&](int row) -> Vec3 {
+    return m(row, 0) * way + m(row, 1) * handle_.linear_velocity + m(row, 3) * wish.linear_velocity + m(row, 4) * push;
+  };
+  Vec3 velocity = after(1);
+  Vec3 position = wish.offset.position + after(0);
+  // Coulomb friction as large as it takes to stop, within its limit.
+  if (const double speed = velocity.norm(); spec_.friction_n > 0.0 && speed > 0.0) {
+    const Vec3 friction = -std::min(spec_.friction_n / mass, speed / m(1, 4)) / speed * velocity;
+    velocity += m(1, 4) * friction;
+    position += m(0, 4) * friction;
+  }
+  handle_.linear_velocity = velocity;
+  handle_.position = position;
+}
+
+void EmulatedDevice::turn_hand(double dt) noexcept {
+  const PathPoint wish = evaluate(spec_.path, time_s_ + dt);
   const Vec3 twist =
       hand_.rotational_stiffness_n_m * rotation_vector(wish.offset.orientation * handle_.orientation.conjugate()) +
-      hand_.rotational_damping_n_m_s * wish.angular_velocity + command.torque;
+      hand_.rotational_damping_n_m_s * wish.angular_velocity + held_.wrench.torque;
   handle_.angular_velocity = (hand_.inertia_kg_m2 * handle_.angular_velocity + dt * twist) /
                              (hand_.inertia_kg_m2 + dt * hand_.rotational_damping_n_m_s);
   rotate(handle_.orientation, handle_.angular_velocity, dt);
 }
 
-void EmulatedDevice::follow_command(const DeviceCommand& command, double dt) noexcept {
-  // A critically damped servo towards the commanded pose, with the commanded velocity fed forward.
+void EmulatedDevice::follow_command(double dt) noexcept {
+  // A critically damped servo towards the commanded pose, with the commanded velocity fed forward, on drives that go no
+  // faster than the speed limit.
   const double w = kServoRate_rad_s;
-  const Vec3 a = w * w * (command.pose.position - handle_.position) +
-                 2.0 * w * (command.linear_velocity - handle_.linear_velocity);
-  handle_.linear_velocity += dt * a;
+  const Vec3 a =
+      w * w * (held_.pose.position - handle_.position) + 2.0 * w * (held_.linear_velocity - handle_.linear_velocity);
+  handle_.linear_velocity = bounded(handle_.linear_velocity + dt * a, spec_.speed_limit_m_s);
   handle_.position += dt * handle_.linear_velocity;
   if (spec_.degrees_of_freedom != 6) return;
-  const Vec3 b = w * w * rotation_vector(command.pose.orientation * handle_.orientation.conjugate()) +
-                 2.0 * w * (command.angular_velocity - handle_.angular_velocity);
+  const Vec3 b = w * w * rotation_vector(held_.pose.orientation * handle_.orientation.conjugate()) +
+                 2.0 * w * (held_.angular_velocity - handle_.angular_velocity);
   handle_.angular_velocity += dt * b;
   rotate(handle_.orientation, handle_.angular_velocity, dt);
 }
 
-void EmulatedDevice::press(double time_s) noexcept {
-  const PathPoint wish = evaluate(spec_.path, time_s);
+void EmulatedDevice::press() noexcept {
+  const PathPoint wish = evaluate(spec_.path, time_s_);
   state_.applied.force = bounded(hand_.stiffness_n_m * (wish.offset.position - handle_.position) +
                                      hand_.damping_n_s_m * (wish.linear_velocity - handle_.linear_velocity),
                                  spec_.force_limit_n);
@@ -121,7 +168,9 @@ void EmulatedDevice::press(double time_s) noexcept {
       spec_.torque_limit_n_m);
 }
 
-void EmulatedDevice::publish() noexcept {
+void EmulatedDevice::read_sensors() noexcept {
+  if (ticks_ > 0) ++state_.sequence;
+  if (spec_.kind == DeviceKind::admittance) press();
   Vec3 read = handle_.position;
   Vec3 velocity = handle_.linear_velocity;
   if (spec_.position_resolution_m > 0.0) {

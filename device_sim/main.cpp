@@ -1,3 +1,4 @@
+#include "coupling/passivity.hpp"
 #include "device_sim/run.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
@@ -11,6 +12,9 @@ int main(int argc, char** argv) {
 
     const UserSpec& user = scene.users[static_cast<std::size_t>(options.user)];
     EmulatedDevice device(user.device, static_cast<std::uint32_t>(options.user));
+    const bool far = scene.settings.passivity == Passivity::automatic && realtime && !options.network.peers.empty();
+    DeviceGuard guard(user, scene.body(user.proxy), far || needs_passivity(scene.settings, user.device),
+                      realtime ? kFadeIn_s : 0.0);
     watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     DevicePorts ports(options, scene);
@@ -19,10 +23,11 @@ int main(int argc, char** argv) {
                             [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("device_sim {}: {}\n", options.user, ports.bus->effective_settings());
     if (const auto session = join(ports, scene, options)) {
-      Ending ending = realtime ? run_realtime(ports, device, measures, user, *session, from_seconds(options.spin_s))
-                               : run_lockstep(ports, device, measures, scene, *session);
+      Ending ending = realtime
+                          ? run_realtime(ports, device, guard, measures, user, *session, from_seconds(options.spin_s))
+                          : run_lockstep(ports, device, guard, measures, scene, *session);
       ports.status.enter("stopping");
-      Json part = measures.json();
+      Json part = measures.json(guard);
       part["dds"] = ports.bus->effective_settings();
       part["events"] = to_json(ports.status.events_of_run());
       part["refused"] = {{"device_command", ports.commands.refused()}};

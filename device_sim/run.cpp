@@ -18,8 +18,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kStale_s = 0.05;  ///< without a command: the force fades out
-constexpr double kFade_s = 0.02;
+constexpr double kStale_s = 0.005;  ///< without a command: the force fades out
 
 }  // namespace
 
@@ -59,7 +58,7 @@ void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, const 
   history_.row({state.stamp_s, x.x(), x.y(), x.z(), v.x(), v.y(), v.z(), f.x(), f.y(), f.z()});
 }
 
-Json DeviceMeasures::json() {
+Json DeviceMeasures::json(const DeviceGuard& guard) {
   history_.finish();
   return {{"user", user_},
           {"steps", steps_},
@@ -68,6 +67,9 @@ Json DeviceMeasures::json() {
           {"missed_by_machine", misses_.by_machine},
           {"missed_by_us", misses_.by_us},
           {"step_s", quantiles(step_)},
+          {"hand_energy", hand_energy(guard.port().net_j(), guard.port().least_j(), guard.port().created_j())},
+          {"energy_bounded_ratio", guard.bounded_ratio()},
+          {"oscillation_n", guard.oscillation().worst_n()},
           {"woken_late_s", quantiles(woken_late_)},
           {"machine", machine_.json()},
           {"stages", subworld::stages(stages_.times(), kDeviceStages)},
@@ -101,8 +103,8 @@ std::optional<std::uint64_t> join(DevicePorts& ports, const Scene& scene, const 
   return finder.session();
 }
 
-Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const Scene& scene,
-                    std::uint64_t session) {
+Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& guard, DeviceMeasures& measures,
+                    const Scene& scene, std::uint64_t session) {
   Ending ending{.session = session, .from_s = device.state().stamp_s, .by = "last command"};
   DeviceCommand command;
   const Peer haptic{ProgramKind::haptic_sim, device.state().device};
@@ -129,17 +131,18 @@ Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& 
     if (command.served == ports.identity) ports.commands.trust_sender();
     if (command.last) return ending;
     measures.round_trip(1e-9 * static_cast<double>(to_ns(stages.now()) - command.echoed_sent_ns));
-    device.step(command, scene.settings.h_s);
+    const DeviceCommand safe = guard.pass(command, state, true, scene.settings.h_s);
+    device.step(safe, scene.settings.h_s);
     stages.mark(DeviceStage::advance);
-    measures.step(state, command.wrench, {to_seconds(stages.now() - sent)});
+    measures.step(state, safe.wrench, {to_seconds(stages.now() - sent)});
     ports.status.update(measures.state(state.stamp_s));
     stages.mark(DeviceStage::account);
     measures.end_step();
   }
 }
 
-Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures, const UserSpec& user,
-                    std::uint64_t session, Duration spin) {
+Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& guard, DeviceMeasures& measures,
+                    const UserSpec& user, std::uint64_t session, Duration spin) {
   const double period_s = 1.0 / user.device.rate_hz;
   const Scheduling scheduling = claim_realtime(priority::kDevice);
   fmt::print("device_sim {}: {:.0f} Hz, {}\n", device.state().device, user.device.rate_hz, scheduling.text);
@@ -150,7 +153,6 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& 
   const Peer haptic_sim{ProgramKind::haptic_sim, device.state().device};
   Presence haptic;
   TimePoint heard{};
-  double gain = 0.0;
   Wrench felt;
   Stages<DeviceStage>& stages = measures.stages();
   Cyclic loop(Clock::now(), from_seconds(period_s), spin);
@@ -161,15 +163,19 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& 
     loop.wait();
     const TimePoint woke = Clock::now();
     lateness.begin(loop.released(), asked, woke, from_seconds(period_s));
+    // A device that was halted stood: it does not make up for the motion of that time.
+    if (to_seconds(woke - loop.deadline()) > kStale_s) {
+      (void)loop.skip(woke);
+      lateness.skipped_to(loop.released());
+    }
     stages.begin(loop.released(), woke);
     return woke;
   };
-  const auto act = [&](const Wrench& wrench, TimePoint begin) {
-    felt = wrench;
-    DeviceCommand now = command;
-    now.wrench = wrench;
+  const auto act = [&](bool trusted, TimePoint begin) {
+    const DeviceCommand safe = guard.pass(command, device.state(), trusted, period_s);
+    felt = safe.wrench;
     // The path starts when the haptic loop does, whatever the time since the device was switched on.
-    if (heard != TimePoint{}) device.step(now, period_s);
+    if (heard != TimePoint{}) device.step(safe, period_s);
     stages.mark(DeviceStage::advance);
     DeviceState state = device.state();
     state.session = session;
@@ -181,7 +187,7 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& 
     const Miss miss = lateness.judge(end, loop.deadline(), use);
     // Until the haptic loop runs, nobody is kept waiting.
     if (heard != TimePoint{}) {
-      measures.step(state, wrench,
+      measures.step(state, felt,
                     {.step_s = to_seconds(end - begin), .woken_late_s = lateness.woken_late_s(), .miss = miss});
     }
     lateness.end(end, use);
@@ -210,16 +216,11 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& 
                                : gone_text(ProgramKind::haptic_sim, device.state().device);
       break;
     }
-    const bool fresh = heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
-    gain = std::clamp(gain + (fresh ? period_s : -period_s) / kFade_s, 0.0, 1.0);
-    act({gain * command.wrench.force, gain * command.wrench.torque}, begin);
+    const bool fresh = heard != TimePoint{} && to_seconds(begin - heard) < std::max(kStale_s, 5.0 * period_s);
+    act(fresh, begin);
   }
   // The commands of the haptic loop's own fading may have come late or not at all.
-  const Wrench last = felt;
-  for (double part = 1.0; part > 0.0 && (!felt.force.isZero() || !felt.torque.isZero());) {
-    part = std::max(0.0, part - period_s / kFade_s);
-    act({part * last.force, part * last.torque}, wake());
-  }
+  while (!felt.force.isZero() || !felt.torque.isZero()) act(false, wake());
   measures.loop_ends();
   ending.to_s = device.state().stamp_s;
   if (!ending.fault.empty()) {

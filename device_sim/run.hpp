@@ -1,5 +1,6 @@
 #pragma once
 
+#include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
 #include "io/ending.hpp"
 #include "io/history.hpp"
@@ -52,7 +53,7 @@ class DeviceMeasures {
   void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
   void loop_ends() { machine_.end(); }
   /// After the last step.
-  [[nodiscard]] Json json();
+  [[nodiscard]] Json json(const DeviceGuard& guard);
   /// Why the history could not be written; empty: it could.
   [[nodiscard]] std::string fault() const { return history_.fault(); }
 
@@ -74,12 +75,15 @@ class DeviceMeasures {
 
 /// Each step waits for the command that answers the state. Throws `Error` (failed) when the haptic process dies or is
 /// started again.
-[[nodiscard]] Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures,
-                                  const Scene& scene, std::uint64_t session);
+[[nodiscard]] Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& guard,
+                                  DeviceMeasures& measures, const Scene& scene, std::uint64_t session);
+
+/// In which a device's force rises again after commands stayed away, in real time.
+inline constexpr double kFadeIn_s = 0.02;
 
 /// At the device's own rate, with the newest command; an old one fades out. A fault where the haptic process has gone.
 /// `spin`: see Cyclic.
-[[nodiscard]] Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceMeasures& measures,
-                                  const UserSpec& user, std::uint64_t session, Duration spin);
+[[nodiscard]] Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& guard,
+                                  DeviceMeasures& measures, const UserSpec& user, std::uint64_t session, Duration spin);
 
 }  // namespace subworld

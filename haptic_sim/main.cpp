@@ -16,7 +16,7 @@ int main(int argc, char** argv) {
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     HapticPorts ports(options, scene);
     if (realtime) leave_realtime();
-    HapticMeasures measures(options.out, options.trace, sub.user(), limits_of(scene.users[sub.user()].device),
+    HapticMeasures measures(options.out, options.trace, sub.user(), limits_of(scene.users[sub.user()].device), scene.settings.h_s,
                             [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
     const auto first = join(ports, sub, scene, options);
@@ -27,7 +27,7 @@ int main(int argc, char** argv) {
       ports.status.enter("stopping");
       const double cycles = std::max(1.0, static_cast<double>(sub.stamp()));
       const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());
-      Json part = measures.json(bytes / cycles);
+      Json part = measures.json(sub, bytes / cycles);
       part["dds"] = ports.bus->effective_settings();
       part["events"] = to_json(ports.status.events_of_run());
       part["refused"] = {{"device_state", ports.device.refused()}, {"world_frame", ports.frames.refused()}};

@@ -19,7 +19,7 @@ bool at_limit(const Wrench& to_hand, const ForceLimits& limits) noexcept {
 }  // namespace
 
 HapticMeasures::HapticMeasures(const std::string& folder, const std::string& trace, std::size_t user,
-                               const ForceLimits& limits, const History::Say& say)
+                               const ForceLimits& limits, double h_s, const History::Say& say)
     : user_(user),
       history_(folder.empty() ? "" : fmt::format("{}/haptic_{}.csv", folder, user),
                {"time_s",         "force_x_n",    "force_y_n",    "force_z_n",    "hand_force_x_n", "hand_force_y_n",
@@ -28,7 +28,8 @@ HapticMeasures::HapticMeasures(const std::string& folder, const std::string& tra
                 "border_pairs",   "step_s",       "lateness_s",   "skipped"},
                say),
       trace_(trace, {fmt::format("haptic_sim {}", user), 100 + static_cast<int>(user)}, kHapticStages, say),
-      limits_(limits) {}
+      limits_(limits),
+      h_s_(h_s) {}
 
 void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept {
   ++steps_;
@@ -51,6 +52,7 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   hand_max_ = std::max(hand_max_, felt.to_hand.force.norm());
   at_limit_ += at_limit(felt.to_hand, limits_);
   watch_force(felt.to_hand.force);
+  oscillation_.step(felt.to_hand.force, h_s_);
   const Vec3& f = felt.felt.force;
   const Vec3& hand = felt.to_hand.force;
   const Vec3& torque = felt.felt.torque;
@@ -127,7 +129,7 @@ void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noe
   traced_.lost_frames = traced_.lost_frames || lost_frames > 0;
 }
 
-Json HapticMeasures::json(double bytes_per_cycle) {
+Json HapticMeasures::json(const SubWorld& sub, double bytes_per_cycle) {
   history_.finish();
   settle_change();
   const double steps = std::max(1.0, static_cast<double>(steps_));
@@ -156,7 +158,12 @@ Json HapticMeasures::json(double bytes_per_cycle) {
           {"sync_s", quantiles(sync_)},
           {"round_trip_s", quantiles(round_trip_)},
           {"bytes_per_cycle", bytes_per_cycle},
+          {"hand_energy", hand_energy(sub.hand_port().net_j(), sub.hand_port().least_j(), sub.hand_port().created_j())},
+          {"device_work_j", sub.device_work_j()},
+          {"oscillation_n", oscillation_.worst_n()},
+          {"device_jumps", sub.jumps()},
           {"lost_frames", lost_frames_},
+          {"refused_frames", refused_frames_},
           {"resynchronisations", adoptions_},
           {"engine_changes", engine_changes_},
           {"history_rows_dropped", history_.dropped()},

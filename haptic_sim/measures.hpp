@@ -1,5 +1,6 @@
 #pragma once
 
+#include "coupling/oscillation.hpp"
 #include "coupling/virtual_coupling.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "io/history.hpp"
@@ -37,9 +38,9 @@ static_assert(kHapticStages.size() == Stages<HapticStage>::kCount);
 /// What a haptic process says of itself at the end, and its history on the way.
 class HapticMeasures {
  public:
-  /// `folder` and `trace` may be empty: nothing is written. `limits`: of the device.
+  /// `folder` and `trace` may be empty: nothing is written. `limits`: of the device; `h_s`: the haptic step.
   HapticMeasures(const std::string& folder, const std::string& trace, std::size_t user, const ForceLimits& limits,
-                 const History::Say& say);
+                 double h_s, const History::Say& say);
 
   [[nodiscard]] Stages<HapticStage>& stages() noexcept { return stages_; }
 
@@ -55,6 +56,8 @@ class HapticMeasures {
   void synchronised(double seconds, std::uint64_t lost_frames) noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   void resynchronised() noexcept { ++adoptions_; }
+  /// A frame whose stamp no world has that goes on from the last one.
+  void refused_frame() noexcept { ++refused_frames_; }
   /// The engine has just been exchanged; what the force does in the next steps is added to it.
   void engine_changed(const EngineChange& change);
   /// A change whose effect on the force is known by now, once.
@@ -69,7 +72,7 @@ class HapticMeasures {
   }
 
   /// After the last step.
-  [[nodiscard]] Json json(double bytes_per_cycle);
+  [[nodiscard]] Json json(const SubWorld& sub, double bytes_per_cycle);
   /// Why the history could not be written; empty: it could.
   [[nodiscard]] std::string fault() const { return history_.fault(); }
 
@@ -88,9 +91,10 @@ class HapticMeasures {
   Misses misses_;
   MachineShare machine_;
   MeanMax members_, contacts_, border_;
-  std::uint64_t steps_ = 0, skipped_ = 0, lost_frames_ = 0, adoptions_ = 0;
+  std::uint64_t steps_ = 0, skipped_ = 0, lost_frames_ = 0, adoptions_ = 0, refused_frames_ = 0;
   int skipped_before_step_ = 0;
   ForceLimits limits_;
+  double h_s_;
   double hand_squares_ = 0.0, hand_max_ = 0.0;  ///< force sent to the device, N^2 and N
   double coupling_squares_ = 0.0, coupling_max_ = 0.0;
   double last_hand_n_ = 0.0;
@@ -101,6 +105,7 @@ class HapticMeasures {
   void settle_change();
   Vec3 last_force_ = Vec3::Zero();
   std::array<double, kForceStepWindow> force_steps_{};  ///< N, between two commands; the newest ones
+  OscillationWatch oscillation_;
   MeanMax force_step_;                                  ///< N, all of them
   std::optional<EngineChange> open_change_, settled_change_;
   std::uint64_t change_settles_at_ = 0;  ///< step

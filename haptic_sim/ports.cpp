@@ -27,7 +27,7 @@ bool HapticPorts::send(HapticReport& report) noexcept {
 std::string refused_text(std::uint32_t user) {
   return fmt::format(
       "the world serves another haptic_sim {}: this one was started again, or two of them are on this "
-      "domain; start all programs of the run anew",
+      "domain; start all programs of the run anew, or give one of the two another --domain",
       user);
 }
 

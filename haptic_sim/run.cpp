@@ -24,13 +24,14 @@ namespace subworld {
 
 namespace {
 
-constexpr double kStale_s = 0.05;            ///< without a device state: the force fades out
-constexpr double kLongSleep_s = 0.1;         ///< longer than a device needs to fade out without commands
+constexpr double kStale_s = 0.005;           ///< without a device state: the force fades out
+constexpr double kLongSleep_s = 0.05;        ///< longer than a device needs to fade out without commands
 constexpr double kAlone_s = 0.25;            ///< without a frame: the world has gone or stands
 constexpr int kFadeSteps = 30;               ///< before the last command, so that a hand is let go gently
 constexpr int kTimesLast = 5;                ///< the last command is sent in real time
 constexpr double kLastAcknowledged_s = 1.0;  ///< that the last command may take to arrive on a busy machine
 constexpr std::chrono::milliseconds kLastAgain{5};
+constexpr std::uint64_t kFarAhead = 10'000;  ///< cycles after the newest frame: no world skips so many
 constexpr std::size_t kMostWaiting = 16;    ///< frames ahead of the sub-world
 constexpr std::uint64_t kTooFarBehind = 8;  ///< cycles; then the sub-world starts again from the world's states
 
@@ -105,7 +106,9 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     stages.mark(HapticStage::report);
   };
 
-  const Delay delay(scene.settings, sub.scheme().lead_cycles(), static_cast<std::uint32_t>(sub.user()));
+  const Delay delay(scene.settings, sub.scheme().lead_cycles(), user);
+  DelayLine<DeviceState> states(scene.settings, Direction::from_device, user);
+  DelayLine<DeviceCommand> commands(scene.settings, Direction::to_device, user);
   std::uint64_t step = 0;
   std::uint64_t next_frame = 1;
   bool last = false;
@@ -140,9 +143,13 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     ports.device.trust_sender();
     orders.follow();
     const TimePoint begin = stages.mark(HapticStage::control);
-    const FeltStep felt = sub.feel(device, true, h);
+    const DeviceState& known = states.pass(device, step);
+    const FeltStep felt = sub.feel(known, true, h);
+    DeviceCommand command = commands.pass(sub.command_for(known, felt.to_hand), step);
+    command.sequence = device.sequence;  // each step of the device waits for its own answer
+    command.echoed_sent_ns = device.sent_ns;
     stages.mark(HapticStage::feel);
-    if (!ports.command.write(sub.command_for(device, felt.to_hand))) {
+    if (!ports.command.write(command)) {
       throw Error(ExitCode::failed, "device_command could not be sent; is device_sim stuck?");
     }
     stages.mark(HapticStage::send);
@@ -172,6 +179,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
   EngineOrders orders(ports, sub, measures, exchange);
   const double h = scene.settings.h_s;
   const double longest_cycle_s = scene.settings.longest_cycle_s();
+  const double device_period_s = 1.0 / scene.users[sub.user()].device.rate_hz;
   const Scheduling scheduling = claim_realtime(priority::kHaptic);
   fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", sub.user(), 1.0 / h, scheduling.text);
   std::fflush(stdout);
@@ -189,6 +197,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
   std::array<WorldFrame, kMostWaiting> waiting;  // frames that came before their stamp
   for (WorldFrame& frame : waiting) reserve(frame, kUsualMembers);
   std::size_t waiting_count = 0;
+  std::uint64_t newest_stamp = first.frame.stamp;
   TimePoint framed = first.received;  // when the newest frame came
   Arrears arrears;
   bool last = false;
@@ -224,7 +233,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     stages.begin(loop.released(), begin);
     arrears.owe(over * h * phase.rate());
     // What is there after a long sleep may be as old as that: the hand is let go, and met again from zero.
-    if (lateness_s > kLongSleep_s) sub.let_go();
+    if (lateness_s > kLongSleep_s) sub.begin_anew();
     fading += last || stop_signal() != 0;
 
     while (take(ports.device, from_device, stages) == Take::sample) {
@@ -239,6 +248,13 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
       if (take(ports.frames, waiting[waiting_count], stages) != Take::sample) break;
       strangers = waiting[waiting_count].session != ports.session;
       if (strangers) continue;
+      // A world's stamps neither fall nor leap: what does is none to follow.
+      const std::uint64_t stamp = waiting[waiting_count].stamp;
+      if (stamp < newest_stamp || stamp > newest_stamp + kFarAhead) {
+        measures.refused_frame();
+        continue;
+      }
+      newest_stamp = stamp;
       if (ports.refused_by(waiting[waiting_count])) ending.fault = refused_text(user);
       // A world that stands sends the same stamp again and again: only the newest counts.
       if (waiting_count > 0 && waiting[waiting_count].stamp == waiting[waiting_count - 1].stamp) {
@@ -297,7 +313,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     if (silent && !said_alone) ports.status.note("waits for world_sim: no frame for 2 s; the force has faded");
     if (!silent && said_alone) ports.status.note("world_sim is there again");
     said_alone = silent;
-    const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < kStale_s;
+    const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < std::max(kStale_s, 5.0 * device_period_s);
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     stages.mark(HapticStage::feel);
     ports.command.write(sub.command_for(device, felt.to_hand));

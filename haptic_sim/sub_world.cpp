@@ -9,6 +9,13 @@
 
 namespace subworld {
 
+namespace {
+
+/// No hand moves a device faster: fast reaching movements come to 3 m/s, throws to more, but not with a device.
+constexpr double kFastestHand_m_s = 10.0;
+
+}  // namespace
+
 SubWorld::SubWorld(const Scene& scene, std::size_t user)
     : scene_(scene),
       user_(user),
@@ -16,7 +23,9 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       scheme_(make_scheme(scene.settings)),
       model_(make_local_model(*scheme_, scene, user)),
       limits_(limits_of(spec_.device)),
-      guard_(limits_, spec_.coupling.ramp_s),
+      guard_(hand_limits_of(spec_.device), spec_.coupling.ramp_s),
+      motion_(spec_.device.speed_limit_m_s, spec_.device.speed_limit_m_s / kTurnRadius_m),
+      port_(spec_),
       clutch_(scene.initial[index(spec_.proxy)]),
       tool_(tool_at(rate_, spec_, scene.body(spec_.proxy))),
       timetable_(scene.settings.ratio, remembered_cycles(scene.settings, *scheme_)),
@@ -63,17 +72,41 @@ void SubWorld::set_rate(double rate) {
   model_->change_rate(before, rate_);
 }
 
+bool SubWorld::jumped(const DeviceState& state, double wall_s) const noexcept {
+  if (!heard_) return false;
+  const double passed_s = std::max({state.stamp_s - before_.stamp_s, wall_s, 1.0 / spec_.device.rate_hz});
+  const double most_m = kFastestHand_m_s * passed_s + 2.0 * spec_.device.position_resolution_m;
+  return (state.pose.position - before_.pose.position).norm() > most_m ||
+         state.linear_velocity.norm() > kFastestHand_m_s;
+}
+
 FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double wall_s) {
+  const bool jump = jumped(state, wall_s);
+  if (jump) {
+    // Met where it is now, from zero.
+    ++jumps_;
+    guard_.let_go();
+  }
+  const bool stands = clutch_.is_open();
+  clutch_.open(stands || jump);
   clutch_.follow(state, rate_);
+  clutch_.open(stands);
+  before_ = state;
+  heard_ = true;
+  wall_s_ = wall_s;
   applied_ = saturated(state.applied, limits_);
   const bool admittance = spec_.device.kind == DeviceKind::admittance;
   felt_ = admittance ? applied_ : coupling_wrench(tool_.coupling, limits_, proxy(), device());
-  const Wrench safe = guard_.pass(felt_, trusted && finite_ && !clutch_.is_open(), wall_s);
+  trusted_ = trusted && finite_ && !clutch_.is_open();
+  port_.step(state);
+  const Wrench to_hand =
+      guard_.pass({-felt_.force, -felt_.torque}, jump ? Vec3(Vec3::Zero()) : state.linear_velocity, trusted_, wall_s);
+  port_.hold(to_hand);
   felt_now_ = true;
-  return {felt_, {-safe.force, -safe.torque}};
+  return {felt_, to_hand};
 }
 
-DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_hand) const {
+DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_hand) {
   DeviceCommand command;
   command.device = device.device;
   command.session = device.session;
@@ -84,10 +117,13 @@ DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_
   command.wrench = to_hand;
   const BodyState now = proxy();
   const BodyState& start = scene_.initial[index(spec_.proxy)];
-  command.pose.position = now.position - clutch_.offset();
-  command.pose.orientation = now.orientation * start.orientation.conjugate();
-  command.linear_velocity = rate_ * now.linear_velocity;
-  command.angular_velocity = rate_ * now.angular_velocity;
+  DeviceMotion motion{{now.position - clutch_.offset(), now.orientation * start.orientation.conjugate()},
+                      rate_ * now.linear_velocity,
+                      rate_ * now.angular_velocity};
+  if (spec_.device.kind == DeviceKind::admittance) motion = motion_.pass(motion, trusted_, wall_s_);
+  command.pose = motion.pose;
+  command.linear_velocity = motion.linear_velocity;
+  command.angular_velocity = motion.angular_velocity;
   return command;
 }
 

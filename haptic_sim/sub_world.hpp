@@ -1,6 +1,8 @@
 #pragma once
 
+#include "coupling/energy_port.hpp"
 #include "coupling/force_guard.hpp"
+#include "coupling/motion_guard.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/timetable.hpp"
 #include "haptic_sim/clutch.hpp"
@@ -35,7 +37,7 @@ class SubWorld {
   [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double wall_s);
   /// The answer to the device: the force for its hand, and, for an admittance device, where the proxy is and how it
   /// moves in wall time.
-  [[nodiscard]] DeviceCommand command_for(const DeviceState& device, const Wrench& to_hand) const;
+  [[nodiscard]] DeviceCommand command_for(const DeviceState& device, const Wrench& to_hand);
   void advance(double dt);
   /// The rate of the clock, simulated seconds per second, from the step on that begins now (coupling/tool). A clock
   /// that stands, 0, changes nothing: the tool goes on from the rate that it had.
@@ -48,6 +50,8 @@ class SubWorld {
   }
   /// What the hand feels fades out, and it is met again from zero.
   void let_go() noexcept { guard_.let_go(); }
+  /// The same after a sleep that was long enough for the device to let it go by itself.
+  void begin_anew() noexcept { guard_.restart(); }
   /// While the sub-world's clock stands: the hand may go where it likes, and is met there when the clock goes on.
   void stand(bool stands) noexcept { clutch_.open(stands); }
 
@@ -97,11 +101,17 @@ class SubWorld {
   [[nodiscard]] std::size_t contacts() const noexcept { return model_->contacts(); }
   [[nodiscard]] std::size_t border_pairs() const noexcept { return border_pairs_; }
   [[nodiscard]] double device_work_j() const noexcept { return device_work_j_; }
+  /// What has crossed between the hand and this side of the device's link.
+  [[nodiscard]] const HandPort& hand_port() const noexcept { return port_; }
+  /// States of the device that no hand can have come to since the one before.
+  [[nodiscard]] std::uint64_t jumps() const noexcept { return jumps_; }
   /// Of the engine that simulates it; empty where none does.
   [[nodiscard]] std::string engine_name() const;
   [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
 
  private:
+  /// Whether a hand can have moved the device so since the state before.
+  [[nodiscard]] bool jumped(const DeviceState& state, double wall_s) const noexcept;
   [[nodiscard]] bool knows(const WorldFrame& frame) const noexcept;
   /// Length of the cycle under way.
   [[nodiscard]] double cycle_s() const noexcept { return scene_.settings.h_s * timetable_.ratio(stamp_); }
@@ -115,9 +125,16 @@ class SubWorld {
   std::unique_ptr<LocalModel> model_;
   ForceLimits limits_;
   ForceGuard guard_;
+  MotionGuard motion_;
+  HandPort port_;
   Clutch clutch_;
-  double rate_ = 1.0;  ///< of the clock
-  Tool tool_;          ///< at that rate
+  std::uint64_t jumps_ = 0;
+  DeviceState before_;  ///< the device in the step before
+  bool heard_ = false;
+  bool trusted_ = false;
+  double wall_s_ = 0.0;  ///< of the step in hand
+  double rate_ = 1.0;    ///< of the clock
+  Tool tool_;            ///< at that rate
 
   bool framed_ = false;            ///< a frame has been used
   std::uint64_t frame_stamp_ = 0;  ///< of the newest used

@@ -78,6 +78,7 @@ Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s
             {"clock_factor_mean", wall_s_ > 0.0 ? simulated_s_ / wall_s_ : 1.0},
             {"slowed_s", slowed_s_},
             {"stuck_s", stuck_s_},
+            {"released_j", world.released_j()},
             {"selections", selections},
             {"lost_reports", lost_reports_},
             {"refused_reports", refused_reports_},

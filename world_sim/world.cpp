@@ -327,7 +327,9 @@ void World::account() {
     const BodyState& s = motions_[index(user.spec->proxy)].state;
     kinetic_j_ += kinetic_energy(user.tool.body, s) - kinetic_energy(scene_.body(user.spec->proxy), s);
   }
-  energy_j_[stamp_ % remembered_] = kinetic_j_ + potential_j_;
+  const double energy_j = kinetic_j_ + potential_j_;
+  if (stamp_ > 0) released_j_ += std::max(0.0, energy_j_[(stamp_ - 1) % remembered_] - energy_j);
+  energy_j_[stamp_ % remembered_] = energy_j;
 }
 
 void World::balance() {

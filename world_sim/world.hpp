@@ -100,6 +100,8 @@ class World {
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
   /// Most that the energy rose above its start plus the work of the devices, so far, J.
+  /// Kinetic and potential energy that the bodies have lost so far, J: most that they can have given to hands.
+  [[nodiscard]] double released_j() const noexcept { return released_j_; }
   [[nodiscard]] double energy_excess_j() const noexcept { return energy_excess_j_; }
   [[nodiscard]] double kinetic_energy_j() const noexcept { return kinetic_j_; }
   [[nodiscard]] double potential_energy_j() const noexcept { return potential_j_; }
@@ -179,6 +181,7 @@ class World {
   double kinetic_j_ = 0.0;
   double potential_j_ = 0.0;
   double energy_excess_j_ = 0.0;
+  double released_j_ = 0.0;
   bool finite_ = true;
 };
 

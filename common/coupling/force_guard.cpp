@@ -6,7 +6,6 @@ namespace subworld {
 
 namespace {
 
-constexpr double kFadeOut_s = 0.02;
 /// While soft: the time in which the largest force that the device can show is reached; 40 N at 0.1 N a millisecond.
 constexpr double kFullScale_s = 0.4;
 
@@ -15,27 +14,45 @@ Vec3 towards(const Vec3& from, const Vec3& to, double most) noexcept {
   return distance <= most ? to : Vec3(from + (to - from) * (most / distance));
 }
 
+/// Shortens the part of a force that moves the hand on.
+Vec3 with_power(const Vec3& force, const Vec3& velocity, double most_w) noexcept {
+  const double power_w = force.dot(velocity);
+  if (!(power_w > most_w)) return force;
+  return force - (power_w - most_w) / velocity.squaredNorm() * velocity;
+}
+
 }  // namespace
+
+HandLimits hand_limits_of(const DeviceSpec& device) noexcept {
+  return {.wrench = limits_of(device),
+          .force_rate_n_s = device.force_rate_limit_n_s.value_or(device.force_limit_n / DeviceSpec::kFullScale_s),
+          .torque_rate_n_m_s = device.torque_limit_n_m / DeviceSpec::kFullScale_s,
+          .power_w = device.power_limit_w.value_or(device.force_limit_n * DeviceSpec::kFastestPush_m_s)};
+}
 
 Wrench ForceGuard::follow(const Wrench& wanted, double dt) noexcept {
   if (soft_s_ <= 0.0) return wanted;
   const double part = dt / kFullScale_s;
-  const Wrench next{towards(last_.force, wanted.force, part * limits_.force_n),
-                    towards(last_.torque, wanted.torque, part * limits_.torque_n_m)};
+  const Wrench next{towards(last_.force, wanted.force, part * limits_.wrench.force_n),
+                    towards(last_.torque, wanted.torque, part * limits_.wrench.torque_n_m)};
   const bool caught_up = next.force == wanted.force && next.torque == wanted.torque;
   soft_s_ = caught_up ? soft_s_ - dt : std::max(soft_s_ - dt, dt);
   return next;
 }
 
-Wrench ForceGuard::pass(const Wrench& wanted, bool trusted, double dt) noexcept {
+Wrench ForceGuard::pass(const Wrench& wanted, const Vec3& velocity, bool trusted, double dt) noexcept {
   letting_go_ = letting_go_ && gain_ > 0.0;
   if (trusted && !letting_go_ && wanted.force.allFinite() && wanted.torque.allFinite()) {
-    last_ = follow(saturated(wanted, limits_), dt);
+    last_ = follow(saturated(wanted, limits_.wrench), dt);
     gain_ = ramp_s_ > 0.0 ? std::min(1.0, gain_ + dt / ramp_s_) : 1.0;
   } else {
     gain_ = std::max(0.0, gain_ - dt / kFadeOut_s);
   }
-  return {gain_ * last_.force, gain_ * last_.torque};
+  const Vec3 force =
+      velocity.allFinite() ? with_power(gain_ * last_.force, velocity, limits_.power_w) : Vec3(gain_ * last_.force);
+  sent_ = {towards(sent_.force, force, dt * limits_.force_rate_n_s),
+           towards(sent_.torque, gain_ * last_.torque, dt * limits_.torque_rate_n_m_s)};
+  return sent_;
 }
 
 }  // namespace subworld

@@ -4,15 +4,28 @@
 
 namespace subworld {
 
-/// The last thing before a hand: whatever goes in, what comes out is finite, bounded by the device's limits, and rises
-/// from zero. While the source is not trusted (stale or not finite) the last good wrench fades out; once it is trusted
-/// again the wrench ramps in anew. After soften() it follows what is wanted gently, until it has caught up.
+/// What a hand may get from a device.
+struct HandLimits {
+  ForceLimits wrench;
+  double force_rate_n_s = 0.0;     ///< by which the force changes
+  double torque_rate_n_m_s = 0.0;  ///< by which the torque changes
+  double power_w = 0.0;            ///< of the force where it moves the hand
+};
+
+[[nodiscard]] HandLimits hand_limits_of(const DeviceSpec& device) noexcept;
+
+/// The last thing before a hand, on each side of the wire and without trust in the other: whatever goes in, what comes
+/// out is finite, within the limits of force, of its rate and of its power, and rises from zero. While the source is
+/// not trusted (stale or not finite) the last good wrench fades out in kFadeOut_s; once it is trusted again the wrench
+/// ramps in anew. After soften() it follows what is wanted gently, until it has caught up.
 class ForceGuard {
  public:
-  ForceGuard(const ForceLimits& limits, double ramp_s) noexcept : limits_(limits), ramp_s_(ramp_s) {}
+  static constexpr double kFadeOut_s = 0.02;
 
-  /// Call once per haptic step of `dt` seconds.
-  [[nodiscard]] Wrench pass(const Wrench& wanted, bool trusted, double dt) noexcept;
+  ForceGuard(const HandLimits& limits, double ramp_s) noexcept : limits_(limits), ramp_s_(ramp_s) {}
+
+  /// Call once per step of `dt` seconds, with the wrench on the hand and the hand's velocity, m/s.
+  [[nodiscard]] Wrench pass(const Wrench& wanted, const Vec3& velocity, bool trusted, double dt) noexcept;
 
   /// For a moment the wrench changes by little from step to step: something behind it has been exchanged.
   void soften() noexcept { soft_s_ = kSoft_s; }
@@ -20,19 +33,24 @@ class ForceGuard {
   /// The wrench fades out, and ramps in anew.
   void let_go() noexcept { letting_go_ = true; }
 
-  [[nodiscard]] double gain() const noexcept { return gain_; }
+  /// Nothing was sent for long enough that the hand feels none any more: begins at zero.
+  void restart() noexcept {
+    gain_ = 0.0;
+    sent_ = {};
+  }
 
  private:
   /// `last` after one step towards `wanted`.
   [[nodiscard]] Wrench follow(const Wrench& wanted, double dt) noexcept;
 
   static constexpr double kSoft_s = 0.1;  ///< at least so long
-  ForceLimits limits_;
+  HandLimits limits_;
   double ramp_s_;
   double soft_s_ = 0.0;  ///< > 0: soft
   double gain_ = 0.0;
   bool letting_go_ = false;
-  Wrench last_;
+  Wrench last_;  ///< trusted, before the gain
+  Wrench sent_;
 };
 
 }  // namespace subworld

@@ -87,6 +87,18 @@ void add_run_options(CLI::App& app, Options& o) {
   app.add_option("--jitter", o.jitter_s, "lock-step: most that a single message takes longer, s")
       ->check(CLI::Range(0.0, 1.0))
       ->check(not_finite);
+  app.add_option("--device-latency", o.device_latency_s,
+                 "lock-step: artificial delay between device and sub-world, added to the round trip, s")
+      ->check(CLI::Range(0.0, 2.0))
+      ->check(not_finite);
+  app.add_option("--loss", o.loss_ratio,
+                 "lock-step: part of the messages that is lost; between world and sub-world they come again, later")
+      ->check(CLI::Range(0.0, 0.9))
+      ->check(not_finite);
+  app.add_option("--passivity", o.passivity,
+                 "whether a device gives its hand only energy that the hand has put in: automatic (where messages are "
+                 "delayed), on or off")
+      ->check(CLI::IsMember({"automatic", "on", "off"}));
   app.add_option("--duration", o.duration_s, "simulated time, s")->check(CLI::Range(0.001, 1e6))->check(not_finite);
   app.add_option("--peers", o.network.peers, "hosts of the other programs, for networks without multicast")
       ->delimiter(',')
@@ -167,10 +179,17 @@ Scene load_scene(const Options& o) {
   override_with(s.users, o.users);
   override_with(s.delay.jitter_s, o.jitter_s);
   if (o.latency_s) s.delay.up_s = s.delay.down_s = 0.5 * *o.latency_s;
-  if (s.mode == Mode::realtime && (s.delay.up_s > 0.0 || s.delay.down_s > 0.0 || s.delay.jitter_s > 0.0)) {
+  if (o.device_latency_s) s.delay.from_device_s = s.delay.to_device_s = 0.5 * *o.device_latency_s;
+  override_with(s.delay.loss_ratio, o.loss_ratio);
+  if (o.passivity) {
+    s.passivity = *o.passivity == "on"    ? Passivity::on
+                  : *o.passivity == "off" ? Passivity::off
+                                          : Passivity::automatic;
+  }
+  if (s.mode == Mode::realtime && s.delay.any()) {
     throw Error(ExitCode::usage,
-                fmt::format("{}: artificial delay is for lock-step; remove settings.delay, --latency and --jitter, or "
-                            "run with --mode lockstep",
+                fmt::format("{}: artificial delay and loss are for lock-step; remove settings.delay, --latency, "
+                            "--device-latency, --jitter and --loss, or run with --mode lockstep",
                             o.scene));
   }
   override_with(s.duration_s, o.duration_s);
@@ -205,6 +224,9 @@ std::vector<std::string> flags_of(const Options& o) {
   add("--scheme", o.scheme);
   add("--latency", o.latency_s);
   add("--jitter", o.jitter_s);
+  add("--device-latency", o.device_latency_s);
+  add("--loss", o.loss_ratio);
+  add("--passivity", o.passivity);
   add("--engine", o.engine);
   add("--haptic-engine", o.haptic_engine);
   add("--preset", o.preset);

@@ -20,6 +20,9 @@ struct Options {
   std::optional<std::string> scheme;
   std::optional<double> latency_s;
   std::optional<double> jitter_s;
+  std::optional<double> device_latency_s;
+  std::optional<double> loss_ratio;
+  std::optional<std::string> passivity;
   std::optional<std::string> engine;
   std::optional<std::string> haptic_engine;
   std::optional<std::string> preset;

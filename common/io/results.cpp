@@ -35,6 +35,10 @@ Json stages(std::span<const Histogram> times, std::span<const char* const> names
 
 Json mean_max(const MeanMax& values) { return {{"mean", values.mean()}, {"max", values.max}}; }
 
+Json hand_energy(double net_j, double least_j, double created_j) {
+  return {{"net_j", net_j}, {"least_j", least_j}, {"created_j", created_j}};
+}
+
 Json to_json(const EventCounts& events) {
   return {{"deadline_missed", events.deadline_missed},
           {"liveliness_lost", events.liveliness_lost},

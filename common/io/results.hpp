@@ -44,6 +44,9 @@ struct EngineChange {
   double force_step_n = 0.0;         ///< largest change of the hand's force from step to step just after; haptic only
   double force_step_before_n = 0.0;  ///< likewise just before
 };
+/// Energy that has crossed from a hand: the rest of it at the end, its least value on the way, and how much was given
+/// back that was not there any more (coupling/energy_port).
+[[nodiscard]] Json hand_energy(double net_j, double least_j, double created_j);
 /// What the middleware reported while a loop ran.
 [[nodiscard]] Json to_json(const EventCounts& events);
 

@@ -49,12 +49,19 @@ struct HandSpec {
   double rotational_stiffness_n_m = 3.0;  ///< per rad
 };
 
+/// A haptic device.
 struct DeviceSpec {
+  static constexpr double kFullScale_s = 4e-3;
+  static constexpr double kFastestPush_m_s = 1.0;
+
   DeviceKind kind = DeviceKind::impedance;
   int degrees_of_freedom = 3;  ///< 3 or 6
   double rate_hz = 1000.0;
   double force_limit_n = 40.0;
   double torque_limit_n_m = 2.0;
+  std::optional<double> force_rate_limit_n_s;  ///< none: all of its force within kFullScale_s
+  std::optional<double> power_limit_w;         ///< given to the hand; none: all of its force at kFastestPush_m_s
+  double speed_limit_m_s = 0.4;                ///< of an admittance device
   double mass_kg = 0.1;
   double damping_n_s_m = 0.5;
   double friction_n = 0.1;             ///< Coulomb
@@ -107,13 +114,24 @@ struct PaperSettings {
   double device_impulse_threshold_n_s = 1e-4;  ///< below: the user added no energy in this cycle
 };
 
-/// Artificial delay of the messages between world and sub-world, in lock-step.
+/// Artificial delay of messages in lock-step, and their loss. World and sub-world send reliably: a lost message comes a
+/// round trip later. Device and sub-world do not: it never comes, and the newest one that did counts.
 struct DelaySettings {
-  double up_s = 0.0;      ///< of reports
-  double down_s = 0.0;    ///< of frames
-  double jitter_s = 0.0;  ///< most that a single message takes longer, uniform
+  double up_s = 0.0;              ///< from the sub-world to the world
+  double down_s = 0.0;            ///< from the world to the sub-world
+  double from_device_s = 0.0;     ///< to the sub-world
+  double to_device_s = 0.0;       ///< from the sub-world
+  double jitter_s = 0.0;          ///< most that a single message takes longer, uniform
+  double loss_ratio = 0.0;        ///< of the messages
   std::uint64_t seed = 1;
+
+  [[nodiscard]] bool any() const noexcept {
+    return up_s > 0.0 || down_s > 0.0 || from_device_s > 0.0 || to_device_s > 0.0 || jitter_s > 0.0 || loss_ratio > 0.0;
+  }
 };
+
+/// Whether the energy that a device gives to a hand is bounded by what it got (coupling/energy_tank).
+enum class Passivity : std::uint8_t { automatic, on, off };
 
 inline constexpr int kMostRatio = 1000;
 
@@ -140,6 +158,7 @@ struct Settings {
   std::string scheme = "reduced";
   PaperSettings paper;
   DelaySettings delay;
+  Passivity passivity = Passivity::automatic;  ///< automatic: where messages are delayed
   EngineSettings world;
   EngineSettings haptic;
 

@@ -11,9 +11,9 @@ namespace {
 
 constexpr Limits kDuration{.least = 0.0, .most = 1e6, .above = true};  // s
 constexpr Limits kDelay{.least = 0.0, .most = 1.0};                    // s
-const std::initializer_list<std::string_view> kSettingsKeys = {"h_s",   "ratio", "duration_s", "settle",
-                                                               "users", "mode",  "scheme",     "gravity_m_s2",
-                                                               "paper", "delay", "world",      "haptic"};
+const std::initializer_list<std::string_view> kSettingsKeys = {"h_s",       "ratio",  "duration_s",   "settle", "users",
+                                                               "mode",      "scheme", "gravity_m_s2", "paper",  "delay",
+                                                               "passivity", "world",  "haptic"};
 const std::initializer_list<std::string_view> kSchemes = {"reduced", "paper", "direct"};
 const std::initializer_list<std::string_view> kPresets = {"fast", "quality"};
 
@@ -80,14 +80,19 @@ void read_settings(const YamlValue& value, Settings& settings) {
     own.read("device_impulse_threshold_n_s", settings.paper.device_impulse_threshold_n_s, kNotNegative);
   }
   if (const auto delay = map.find("delay")) {
-    const YamlMap own(*delay, {"up_s", "down_s", "jitter_s", "seed"});
+    const YamlMap own(*delay, {"up_s", "down_s", "from_device_s", "to_device_s", "jitter_s", "loss_ratio", "seed"});
     own.read("up_s", settings.delay.up_s, kDelay);
     own.read("down_s", settings.delay.down_s, kDelay);
+    own.read("from_device_s", settings.delay.from_device_s, kDelay);
+    own.read("to_device_s", settings.delay.to_device_s, kDelay);
     own.read("jitter_s", settings.delay.jitter_s, kDelay);
+    own.read("loss_ratio", settings.delay.loss_ratio, {.least = 0.0, .most = 0.9});
     int seed = 1;
     own.read("seed", seed, 0, 1'000'000'000);
     settings.delay.seed = static_cast<std::uint64_t>(seed);
   }
+  if (const auto passivity = map.find("passivity"))
+    settings.passivity = static_cast<Passivity>(passivity->choice({"automatic", "on", "off"}));
   if (const auto world = map.find("world")) read_engine(*world, settings.world);
   if (const auto haptic = map.find("haptic")) read_engine(*haptic, settings.haptic);
   if (const auto gravity = map.find("gravity_m_s2")) {

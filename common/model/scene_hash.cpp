@@ -60,8 +60,9 @@ class Hasher {
         h.rotational_stiffness_n_m);
   }
   void put(const DeviceSpec& d) {
-    add(d.kind, d.degrees_of_freedom, d.rate_hz, d.force_limit_n, d.torque_limit_n_m, d.mass_kg, d.damping_n_s_m,
-        d.friction_n, d.position_resolution_m, d.path, d.hand);
+    add(d.kind, d.degrees_of_freedom, d.rate_hz, d.force_limit_n, d.torque_limit_n_m, d.force_rate_limit_n_s,
+        d.power_limit_w, d.speed_limit_m_s, d.mass_kg, d.damping_n_s_m, d.friction_n, d.position_resolution_m, d.path,
+        d.hand);
   }
   void put(const CouplingSettings& c) {
     add(c.stiffness_n_m, c.damping_n_s_m, c.rotational_stiffness_n_m, c.rotational_damping_n_m_s, c.ramp_s);
@@ -71,10 +72,12 @@ class Hasher {
         u.device);
   }
   void put(const EngineSettings& e) { add(e.name, e.preset, e.iterations, e.substeps, e.gravity, e.length_unit_m); }
-  void put(const DelaySettings& d) { add(d.up_s, d.down_s, d.jitter_s, d.seed); }
+  void put(const DelaySettings& d) {
+    add(d.up_s, d.down_s, d.from_device_s, d.to_device_s, d.jitter_s, d.loss_ratio, d.seed);
+  }
   void put(const Settings& s) {
     add(s.h_s, s.ratio, s.ratio_most, s.settle_s, s.settle_step_s, s.users, s.mode, s.scheme);
-    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.world, s.haptic);
+    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.passivity, s.world, s.haptic);
   }
 
   void byte(unsigned char b) { value_ = (value_ ^ b) * 0x100000001b3U; }

@@ -107,8 +107,9 @@ HandSpec read_hand(const YamlValue& value) {
 }
 
 void read_device(const YamlValue& value, DeviceSpec& device) {
-  const YamlMap map(value, {"kind", "degrees_of_freedom", "rate_hz", "force_limit_n", "torque_limit_n_m", "mass_kg",
-                            "damping_n_s_m", "friction_n", "position_resolution_m", "path", "hand"});
+  const YamlMap map(value, {"kind", "degrees_of_freedom", "rate_hz", "force_limit_n", "torque_limit_n_m",
+                            "force_rate_limit_n_s", "power_limit_w", "speed_limit_m_s", "mass_kg", "damping_n_s_m",
+                            "friction_n", "position_resolution_m", "path", "hand"});
   if (const auto kind = map.find("kind"))
     device.kind = static_cast<DeviceKind>(kind->choice({"impedance", "admittance"}));
   if (const auto freedom = map.find("degrees_of_freedom")) {
@@ -120,6 +121,9 @@ void read_device(const YamlValue& value, DeviceSpec& device) {
   map.read("rate_hz", device.rate_hz, {.least = 1.0, .most = 100'000.0});
   map.read("force_limit_n", device.force_limit_n, kLargePositive);
   map.read("torque_limit_n_m", device.torque_limit_n_m, kLargePositive);
+  if (const auto rate = map.find("force_rate_limit_n_s")) device.force_rate_limit_n_s = rate->number(kLargePositive);
+  if (const auto power = map.find("power_limit_w")) device.power_limit_w = power->number(kLargePositive);
+  map.read("speed_limit_m_s", device.speed_limit_m_s, {.least = 0.0, .most = 0.5, .above = true});
   map.read("mass_kg", device.mass_kg, kLargePositive);
   map.read("damping_n_s_m", device.damping_n_s_m, kLarge);
   map.read("friction_n", device.friction_n, kLarge);

@@ -29,7 +29,7 @@ struct TopicSpec {
 inline constexpr int kNewestOfSeveral = 8;
 
 inline constexpr TopicSpec kScene{
-    "scene", "subworld::msg::Scene", 0, Reliability::reliable, Durability::transient_local, 1, DeadlineKind::none};
+    "scene", "subworld::msg::Scene", 0, Reliability::reliable, Durability::transient_local, kNewestOfSeveral, DeadlineKind::none};
 inline constexpr TopicSpec kDeviceState{"device_state",
                                         "subworld::msg::DeviceState",
                                         1,

@@ -1,5 +1,6 @@
 #include "lab/coupled_run.hpp"
 
+#include "coupling/passivity.hpp"
 #include "lab/cpu_time.hpp"
 
 #include <algorithm>
@@ -13,7 +14,13 @@ CoupledRun::CoupledRun(const Scene& scene)
   for (std::size_t u = 0; u < felt.size(); ++u) {
     subs.push_back(std::make_unique<SubWorld>(scene_, u));
     devices.push_back(std::make_unique<EmulatedDevice>(scene_.users[u].device, static_cast<std::uint32_t>(u)));
-    Link link{.delay = Delay(scene_.settings, scheme.lead_cycles(), static_cast<std::uint32_t>(u)),
+    const UserSpec& user = scene_.users[u];
+    guards.push_back(
+        std::make_unique<DeviceGuard>(user, scene_.body(user.proxy), needs_passivity(scene_.settings, user.device), 0.0));
+    const auto number = static_cast<std::uint32_t>(u);
+    Link link{.delay = Delay(scene_.settings, scheme.lead_cycles(), number),
+              .states = DelayLine<DeviceState>(scene_.settings, Direction::from_device, number),
+              .commands = DelayLine<DeviceCommand>(scene_.settings, Direction::to_device, number),
               .reports = {},
               .frames = {}};
     link.reports.resize(remembered_cycles(scene_.settings, scheme));
@@ -48,16 +55,19 @@ void CoupledRun::haptic_cycle(std::size_t user) {
   for (std::uint64_t step = begin; step < end; ++step) {
     if (step > begin) deliver_frames(user, step);
     const DeviceState state = device.state();
+    const DeviceState& known = links_[user].states.pass(state, step);
     FeltStep now;
     {
       const CpuTimer timer(cpu.haptic);
-      now = sub.feel(state, true, h);
+      now = sub.feel(known, true, h);
       if (sub.report_due()) send_report(user);
       sub.advance(h);
     }
     felt[user].force.push_back(now.felt.force);
-    felt[user].hand.push_back(now.to_hand.force);
-    device.step(sub.command_for(state, now.to_hand), h);
+    const DeviceCommand& arrived = links_[user].commands.pass(sub.command_for(known, now.to_hand), step);
+    const DeviceCommand safe = guards[user]->pass(arrived, state, true, h);
+    felt[user].hand.push_back(safe.wrench.force);
+    device.step(safe, h);
     felt[user].proxy.push_back(sub.proxy());
     if (sub.report_due()) send_report(user);
   }

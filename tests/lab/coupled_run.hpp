@@ -1,6 +1,7 @@
 #pragma once
 
 #include "coupling/delay.hpp"
+#include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "model/scene.hpp"
@@ -43,6 +44,8 @@ class CoupledRun {
  private:
   struct Link {
     Delay delay;
+    DelayLine<DeviceState> states;
+    DelayLine<DeviceCommand> commands;
     std::vector<HapticReport> reports;  ///< by stamp
     std::vector<WorldFrame> frames;     ///< by stamp
     std::uint64_t next_report = 0;      ///< for the world
@@ -61,6 +64,7 @@ class CoupledRun {
   World world;
   std::vector<std::unique_ptr<SubWorld>> subs;
   std::vector<std::unique_ptr<EmulatedDevice>> devices;
+  std::vector<std::unique_ptr<DeviceGuard>> guards;
   std::vector<FeltHistory> felt;  ///< by user
   CpuTimes cpu;
 };

@@ -63,7 +63,7 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
   const TemporaryFolder folder;
   WorldMeasures world_measures(folder.path(), folder.path() + "/world_trace.json", {});
   HapticMeasures haptic_measures(folder.path(), folder.path() + "/haptic_trace.json", 0,
-                                 limits_of(scene.users[0].device), {});
+                                 limits_of(scene.users[0].device), scene.settings.h_s, {});
   Topic<WorldFrame> frames;
   Topic<HapticReport> reports;
   Topic<DeviceState> states;

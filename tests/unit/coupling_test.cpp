@@ -268,26 +268,56 @@ TEST(Tool, KeepsItsEnergyWhenTheRateChanges) {
               1e-12);
 }
 
+constexpr HandLimits kLimits{.wrench = {.force_n = 10, .torque_n_m = 1, .torques = true},
+                             .force_rate_n_s = 2500,
+                             .torque_rate_n_m_s = 250,
+                             .power_w = 10};
+
+TEST(ForceGuard, ChangesNoFasterThanTheLimit) {
+  ForceGuard guard(kLimits, 0.0);
+  Vec3 before = Vec3::Zero();
+  for (int i = 0; i < 40; ++i) {
+    const Vec3 wanted((i / 10) % 2 == 0 ? 100.0 : -100.0, 0, 0);
+    const Vec3 now = guard.pass({wanted, Vec3::Zero()}, Vec3::Zero(), true, 0.001).force;
+    EXPECT_LE((now - before).norm(), 2.5 + 1e-12);
+    before = now;
+    if (i % 10 != 9) continue;
+    EXPECT_NEAR(now.x(), wanted.x() / 10.0, 1e-12);
+  }
+}
+
+TEST(ForceGuard, GivesAHandNoMorePowerThanTheLimit) {
+  ForceGuard guard(kLimits, 0.0);
+  const Vec3 along(4, 3, 0), velocity(2, 0, 0);
+  Vec3 force;
+  for (int i = 0; i < 10; ++i) force = guard.pass({along, Vec3::Zero()}, -velocity, true, 0.001).force;
+  EXPECT_EQ(force, along) << "a brake gives no power";
+  guard.restart();
+  for (int i = 0; i < 10; ++i) force = guard.pass({2 * along, Vec3::Zero()}, velocity, true, 0.001).force;
+  EXPECT_NEAR(force.dot(velocity), 10.0, 1e-9);
+  EXPECT_NEAR(force.y(), 6.0, 1e-9) << "what is across stays";
+}
+
 TEST(ForceGuard, MeetsAHandThatItLetGoFromZero) {
-  ForceGuard guard({.force_n = 10, .torque_n_m = 1, .torques = true}, 0.1);
+  ForceGuard guard(kLimits, 0.1);
   const Wrench wanted{Vec3(8, 0, 0), Vec3::Zero()};
-  for (int i = 0; i < 200; ++i) EXPECT_LE(guard.pass(wanted, true, 0.001).force.norm(), 8.0);
+  for (int i = 0; i < 200; ++i) EXPECT_LE(guard.pass(wanted, Vec3::Zero(), true, 0.001).force.norm(), 8.0);
   guard.let_go();
   double before = 8.0;
   for (int i = 0; i < 20; ++i) {
-    const double now = guard.pass(wanted, true, 0.001).force.norm();
+    const double now = guard.pass(wanted, Vec3::Zero(), true, 0.001).force.norm();
     EXPECT_NEAR(before - now, 8.0 * 0.001 / 0.02, 1e-9);
     before = now;
   }
   EXPECT_NEAR(before, 0.0, 1e-9);
-  EXPECT_NEAR(guard.pass(wanted, true, 0.001).force.norm(), 8.0 * 0.001 / 0.1, 1e-12);
+  EXPECT_NEAR(guard.pass(wanted, Vec3::Zero(), true, 0.001).force.norm(), 8.0 * 0.001 / 0.1, 1e-12);
 }
 
 TEST(ForceGuard, RampsBoundsAndFades) {
-  ForceGuard guard({.force_n = 10, .torque_n_m = 1, .torques = true}, 0.1);
+  ForceGuard guard(kLimits, 0.1);
   double before = 0.0;
   for (int i = 0; i < 200; ++i) {
-    const double now = guard.pass({Vec3(100, 0, 0), Vec3::Zero()}, true, 0.001).force.norm();
+    const double now = guard.pass({Vec3(100, 0, 0), Vec3::Zero()}, Vec3::Zero(), true, 0.001).force.norm();
     EXPECT_LE(now - before, 10.0 * 0.001 / 0.1 + 1e-12);
     EXPECT_LE(now, 10.0 + 1e-12);
     before = now;
@@ -295,7 +325,7 @@ TEST(ForceGuard, RampsBoundsAndFades) {
   EXPECT_NEAR(before, 10.0, 1e-12);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (int i = 0; i < 100; ++i) {
-    const Wrench out = guard.pass({Vec3(nan, 0, 0), Vec3(0, INFINITY, 0)}, true, 0.001);
+    const Wrench out = guard.pass({Vec3(nan, 0, 0), Vec3(0, INFINITY, 0)}, Vec3::Zero(), true, 0.001);
     ASSERT_TRUE(out.force.allFinite());
     ASSERT_TRUE(out.torque.allFinite());
     EXPECT_LE(out.force.norm(), before + 1e-12);

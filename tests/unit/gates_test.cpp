@@ -24,7 +24,11 @@ Json late_run(int users, bool placed, double queued_s) {
              {"clock_factor_min", 0.5},
              {"ratio", {{"mean", 4.0}}},
              {"step_s", {{"p50", 0.002}, {"p99", 0.003}}},
-             {"machine", share(queued_s)}}},
+             {"machine", share(queued_s)},
+             {"released_j", 0.0},
+             {"refused", {{"haptic_report", 0}, {"scene", 0}}}}},
+           {"settings", {{"users", Json::array()}}},
+           {"device", Json::array()},
            {"haptic", Json::array()}};
   for (int u = 0; u < users; ++u) {
     run["haptic"].push_back({{"user", u},
@@ -38,7 +42,14 @@ Json late_run(int users, bool placed, double queued_s) {
                              {"step_s", {{"p50", 0.0002}, {"p99", 0.0005}}},
                              {"lost_frames", 0},
                              {"at_limit_ratio", 0.0},
+                             {"device_work_j", 0.2},
+                             {"refused", {{"device_state", 0}, {"world_frame", 0}}},
                              {"machine", share(queued_s)}});
+    run["device"].push_back({{"user", u},
+                             {"hand_energy", {{"net_j", 0.1}, {"least_j", 0.0}, {"created_j", 0.0}}},
+                             {"oscillation_n", 0.5},
+                             {"refused", {{"device_command", 0}}}});
+    run["settings"]["users"].push_back({{"device", {{"force_limit_n", 40.0}}}});
   }
   return run;
 }
@@ -69,6 +80,39 @@ TEST(Gates, AWorldWithACoreOfItsOwnWaitsForNobody) {
   Json slow = late_run(1, true, 0.0);
   slow["world"]["late_by_us"] = 5;
   EXPECT_EQ(culprit_of(slow, kClock), Culprit::us);
+}
+
+std::string verdict(const Json& run) { return verdict_of(gates(run), run); }
+
+/// A run that misses nothing.
+Json quiet_run() {
+  Json run = late_run(1, true, 0.0);
+  run["haptic"][0]["missed_by_machine"] = 0;
+  run["world"]["clock_factor_min"] = 1.0;
+  return run;
+}
+
+TEST(Gates, EnergyThatNobodyPutInIsUnstable) {
+  Json run = quiet_run();
+  ASSERT_EQ(verdict(run), "ok");
+  run["device"][0]["hand_energy"]["created_j"] = 0.02;
+  EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: created energy at the hand 0.02 J")) << verdict(run);
+  run["world"]["released_j"] = 0.03;
+  EXPECT_EQ(verdict(run), "ok") << "bodies that fell may have brought it";
+}
+
+TEST(Gates, AForceThatSwingsIsUnstable) {
+  Json run = quiet_run();
+  run["device"][0]["oscillation_n"] = 2.5;
+  EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: oscillation of the force 2.5 N rms")) << verdict(run);
+}
+
+TEST(Gates, AStrangerIsNamed) {
+  Json run = quiet_run();
+  run["device"][0]["refused"]["device_command"] = 12;
+  EXPECT_TRUE(verdict(run).starts_with("quality gate missed: user 0: device_command from a stranger 12"))
+      << verdict(run);
+  EXPECT_NE(verdict(run).find("haptic_sim"), std::string::npos);
 }
 
 }  // namespace

@@ -1,0 +1,116 @@
+// Programs that do not belong to a run: the hand feels nothing of them, the run goes on, and its verdict names them.
+#include "process/process_test.hpp"
+
+#include <cmath>
+
+namespace subworld::test {
+namespace {
+
+struct Stranger {
+  std::string kind;
+  std::string blamed;  ///< topic in the verdict
+};
+void PrintTo(const Stranger& one, std::ostream* out) { *out << one.kind; }
+
+const std::vector<Stranger> kStrangers{{"old_frame", "world_frame"},
+                                       {"far_frame", "world_frame"},
+                                       {"standing_frame", "world_frame"},
+                                       {"last_frame", "world_frame"},
+                                       {"moved_frame", "world_frame"},
+                                       {"served_frame", "world_frame"},
+                                       {"jumping_state", "device_state"},
+                                       {"fast_state", "device_state"},
+                                       {"pressing_state", "device_state"},
+                                       {"second_device", "device_state"},
+                                       {"old_state", "device_state"},
+                                       {"huge_command", "device_command"},
+                                       {"flipping_command", "device_command"},
+                                       {"last_command", "device_command"},
+                                       {"far_command", "device_command"},
+                                       {"huge_report", "haptic_report"},
+                                       {"far_report", "haptic_report"},
+                                       {"second_haptic", "haptic_report"},
+                                       {"second_world", "scene"}};
+
+class Strangers : public ProcessTest, public ::testing::WithParamInterface<std::tuple<std::string, Stranger>> {
+ protected:
+  static constexpr double kForceLimit_n = 40.0, kForceStep_n = 10.0;
+
+  /// What the hand got, at the device.
+  void expect_safe(const std::string& folder) const {
+    const Table device = read_table(folder + "/device_0.csv");
+    ASSERT_GT(device.rows.size(), 100U);
+    const std::size_t x = device.column("force_x_n");
+    std::array<double, 3> before{};
+    for (const auto& row : device.rows) {
+      double squares = 0.0, step = 0.0;
+      for (std::size_t i = 0; i < 3; ++i) {
+        ASSERT_TRUE(std::isfinite(row[x + i]));
+        squares += row[x + i] * row[x + i];
+        step += (row[x + i] - before[i]) * (row[x + i] - before[i]);
+        before[i] = row[x + i];
+      }
+      ASSERT_LE(std::sqrt(squares), kForceLimit_n * (1.0 + 1e-9));
+      ASSERT_LE(std::sqrt(step), kForceStep_n * (1.0 + 1e-6));
+    }
+  }
+};
+
+TEST_P(Strangers, AreRefusedAndNamed) {
+  const auto& [mode, stranger] = GetParam();
+  const std::string vendor = stranger.kind.size() % 2 == 0 ? "fastdds" : "cyclonedds";
+  const Words flags{"--mode", mode, "--duration", mode == "realtime" ? "2.5" : "20"};
+  Process run(run_words(scene("press"), flags), folder_.path());
+  const std::string folder = folder_.path() + "/stranger";
+  std::filesystem::create_directories(folder);
+  Process peer({program("hostile_peer"), vendor, domain_.text(), mode, stranger.kind, "1.0"}, folder);
+  ASSERT_EQ(peer.wait(30.0), 0) << peer.err();
+  ASSERT_TRUE(run.wait(60.0)) << run.out();
+  const Json told = summary();
+  ASSERT_TRUE(told.is_object());
+  const std::string verdict = told["verdict"];
+  EXPECT_NE(verdict.find(stranger.blamed + " from a stranger"), std::string::npos) << verdict << run.err();
+  expect_safe(out());
+  EXPECT_GE(told["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << "it ended early: " << verdict;
+}
+
+/// A real program of which the run has one already.
+class SecondProgram : public ProcessTest, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
+
+TEST_P(SecondProgram, IsRefusedAndTheRunGoesOn) {
+  const auto& [mode, name] = GetParam();
+  const Words flags{"--mode", mode, "--duration", mode == "realtime" ? "4" : "20"};
+  Process run(run_words(scene("press"), flags), folder_.path());
+  ASSERT_TRUE(eventually([&] { return read_text(out() + "/device_0.csv").size() > 10000; })) << run.err();
+  const std::string folder = folder_.path() + "/second";
+  std::filesystem::create_directories(folder);
+  Process second({program(name), scene("press"), "--domain", domain_.text(), "--mode", mode, "--duration", flags.back(),
+                  "--wait", "5"},
+                 folder);
+  const auto code = second.wait(20.0);
+  ASSERT_TRUE(code) << "it takes part";
+  EXPECT_NE(*code, 0) << second.out();
+  EXPECT_NE(second.err().find("two"), std::string::npos) << second.err();
+  EXPECT_NE(second.err().find("--domain"), std::string::npos) << second.err();
+  ASSERT_TRUE(run.wait(60.0));
+  const Json told = summary();
+  ASSERT_TRUE(told.is_object());
+  EXPECT_GE(told["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << told["verdict"];
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, SecondProgram,
+                         ::testing::Combine(::testing::Values("realtime", "lockstep"),
+                                            ::testing::Values("world_sim", "haptic_sim", "device_sim")),
+                         [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
+
+INSTANTIATE_TEST_SUITE_P(Realtime, Strangers,
+                         ::testing::Combine(::testing::Values("realtime"), ::testing::ValuesIn(kStrangers)),
+                         [](const auto& one) { return std::get<1>(one.param).kind; });
+INSTANTIATE_TEST_SUITE_P(Lockstep, Strangers,
+                         ::testing::Combine(::testing::Values("lockstep"),
+                                            ::testing::Values(kStrangers[4], kStrangers[9], kStrangers[12],
+                                                              kStrangers[17])),
+                         [](const auto& one) { return std::get<1>(one.param).kind; });
+
+}  // namespace
+}  // namespace subworld::test

@@ -1,0 +1,304 @@
+// What stands between a computed force and a hand, and what is measured there.
+#include "coupling/energy_port.hpp"
+#include "coupling/motion_guard.hpp"
+#include "coupling/oscillation.hpp"
+#include "coupling/passivity.hpp"
+#include "coupling/stiffness.hpp"
+#include "device_sim/device_guard.hpp"
+#include "device_sim/emulated_device.hpp"
+#include "lab/coupled_run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <deque>
+#include <limits>
+
+namespace subworld {
+namespace {
+
+/// b (1 - a) / (tau (1 - a) - a T) (Gil, Avello, Rubio, Florez 2004).
+double exact_stiffness(const SampledWall& wall) {
+  const double a = std::exp(-wall.damping_n_s_m * wall.period_s / wall.mass_kg);
+  const double tau = wall.mass_kg / wall.damping_n_s_m;
+  return wall.damping_n_s_m * (1 - a) / (tau * (1 - a) - a * wall.period_s);
+}
+
+TEST(LargestStiffness, IsTheExactRootWithoutDelay) {
+  for (const double mass : {0.02, 0.1, 1.0}) {
+    for (const double damping : {0.1, 0.5, 5.0}) {
+      for (const double period : {0.25e-3, 1e-3, 4e-3}) {
+        const SampledWall wall{.mass_kg = mass, .damping_n_s_m = damping, .period_s = period};
+        EXPECT_NEAR(largest_stiffness(wall) / exact_stiffness(wall), 1.0, 1e-6)
+            << mass << " " << damping << " " << period;
+      }
+    }
+  }
+}
+
+// Roots of the characteristic polynomial, found independently with a general eigenvalue solver.
+TEST(LargestStiffness, FallsWithDelay) {
+  const std::vector<std::pair<int, double>> known{{0, 1000.8}, {1, 333.8}, {5, 91.3}, {20, 24.8}};
+  for (const auto& [delay, stiffness] : known) {
+    SampledWall wall;
+    wall.delay = delay;
+    EXPECT_NEAR(largest_stiffness(wall), stiffness, 0.002 * stiffness) << delay;
+  }
+}
+
+TEST(LargestStiffness, IsNoneWhereTheDampingAloneIsTooMuch) {
+  EXPECT_EQ(largest_stiffness({.wall_damping_n_s_m = 250.0}), 0.0);
+  EXPECT_GT(largest_stiffness({.wall_damping_n_s_m = 20.0}), 1000.8);
+}
+
+/// The largest displacement in the last quarter, over that in the first: < 1 dies away.
+double growth(const SampledWall& wall, double stiffness_n_m, double rate_hz) {
+  DeviceSpec spec;
+  spec.mass_kg = 0.5 * wall.mass_kg;
+  spec.damping_n_s_m = 0.5 * wall.damping_n_s_m;
+  spec.friction_n = 0.0;
+  spec.rate_hz = rate_hz;
+  spec.force_limit_n = 1e9;
+  spec.hand = HandSpec{.mass_kg = 0.5 * wall.mass_kg, .damping_n_s_m = 0.5 * wall.damping_n_s_m, .stiffness_n_m = 1e-9};
+  EmulatedDevice device(spec, 0);
+  std::deque<DeviceState> past(static_cast<std::size_t>(wall.delay) + 1, device.state());
+  DeviceCommand command;
+  command.wrench.force = Vec3(0.1, 0, 0);
+  device.step(command, wall.period_s);
+  const int steps = 8000 * (1 + wall.delay);
+  double first = 0.0, last = 0.0;
+  for (int i = 0; i < steps; ++i) {
+    past.push_back(device.state());
+    past.pop_front();
+    const DeviceState& seen = past.front();
+    command.wrench.force = -stiffness_n_m * seen.pose.position - wall.wall_damping_n_s_m * seen.linear_velocity;
+    device.step(command, wall.period_s);
+    const double x = device.state().pose.position.norm();
+    if (i < steps / 4) first = std::max(first, x);
+    if (i >= 3 * steps / 4) last = std::max(last, x);
+    if (x > 1e3) return INFINITY;
+  }
+  return last / first;
+}
+
+class HeldForce : public ::testing::TestWithParam<SampledWall> {};
+
+TEST_P(HeldForce, OfTheEmulatedDeviceIsStableUpToTheExactRoot) {
+  const double edge = largest_stiffness(GetParam());
+  const double rate_hz = 1.0 / GetParam().period_s;
+  EXPECT_LT(growth(GetParam(), 0.98 * edge, rate_hz), 1.0);
+  EXPECT_GT(growth(GetParam(), 1.02 * edge, rate_hz), 1.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Walls, HeldForce,
+                         ::testing::Values(SampledWall{}, SampledWall{.delay = 1}, SampledWall{.delay = 5},
+                                           SampledWall{.mass_kg = 0.5, .damping_n_s_m = 2.0, .period_s = 4e-3},
+                                           SampledWall{.wall_damping_n_s_m = 20.0},
+                                           SampledWall{.delay = 3, .wall_damping_n_s_m = 5.0}));
+
+// A slower device samples less often, whatever asks it more often.
+TEST(EmulatedDevice, WorksAtItsOwnRate) {
+  const SampledWall slow{.period_s = 4e-3};
+  const double edge = largest_stiffness(slow);
+  SampledWall asked_often = slow;
+  asked_often.period_s = 1e-3;
+  EXPECT_LT(growth(asked_often, 0.97 * edge, 250.0), 1.0);
+  EXPECT_GT(growth(asked_often, 1.03 * edge, 250.0), 1.0);
+}
+
+TEST(EmulatedDevice, FrictionStopsAndHolds) {
+  DeviceSpec spec;
+  spec.friction_n = 0.5;
+  spec.hand = HandSpec{.damping_n_s_m = 1e-9, .stiffness_n_m = 1e-9};
+  spec.damping_n_s_m = 0.0;
+  EmulatedDevice device(spec, 0);
+  DeviceCommand command;
+  command.wrench.force = Vec3(0.49, 0, 0);
+  for (int i = 0; i < 100; ++i) device.step(command, 1e-3);
+  EXPECT_EQ(device.state().pose.position.x(), 0.0) << "less than the friction";
+  command.wrench.force = Vec3(1.6, 0, 0);
+  for (int i = 0; i < 100; ++i) device.step(command, 1e-3);
+  EXPECT_NEAR(device.state().pose.position.x(), 0.5 * 1.0 * 0.01, 1e-9) << "1.1 N on 1.1 kg for 0.1 s";
+  command.wrench.force.setZero();
+  for (int i = 0; i < 300; ++i) device.step(command, 1e-3);
+  EXPECT_NEAR(device.state().pose.position.x(), 0.005 + 0.1 * 0.1 / (2 * 0.5 / 1.1), 1e-6) << "v^2 / 2a";
+  EXPECT_EQ(device.state().linear_velocity.x(), 0.0);
+}
+
+TEST(MotionGuard, PassesWhatIsWithinTheLimitsBitByBit) {
+  MotionGuard guard(0.4, 4.0);
+  DeviceMotion motion;
+  for (int i = 0; i < 1000; ++i) {
+    motion.pose.position.x() += 0.39e-3;
+    motion.linear_velocity.x() = 0.39;
+    const DeviceMotion out = guard.pass(motion, true, 1e-3);
+    ASSERT_EQ(out.pose.position, motion.pose.position);
+    ASSERT_EQ(out.linear_velocity, motion.linear_velocity);
+  }
+}
+
+TEST(MotionGuard, NeverMovesFasterThanItsLimitNorToNowhere) {
+  MotionGuard guard(0.4, 4.0);
+  (void)guard.pass({}, true, 1e-3);
+  Vec3 before = Vec3::Zero();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (int i = 0; i < 300; ++i) {
+    DeviceMotion wanted;
+    wanted.pose.position = i % 3 == 0 ? Vec3(1e9, 0, 0) : i % 3 == 1 ? Vec3(nan, 0, 0) : Vec3(-5, 3, 0);
+    wanted.linear_velocity = Vec3(i % 5 == 0 ? nan : 1e9, 0, 0);
+    const DeviceMotion out = guard.pass(wanted, i % 7 != 0, 1e-3);
+    ASSERT_LE((out.pose.position - before).norm(), 0.4e-3 * (1 + 1e-6));
+    ASSERT_LE(out.linear_velocity.norm(), 0.4 * (1 + 1e-6));
+    before = out.pose.position;
+  }
+}
+
+TEST(EnergyPort, CountsWhatIsTakenFromAnEmptyStoreAsCreated) {
+  EnergyPort port(0.8);
+  port.flow(5.0);  // friction has used most of it up
+  EXPECT_DOUBLE_EQ(port.level_j(), 0.8);
+  port.flow(-0.7);
+  EXPECT_DOUBLE_EQ(port.created_j(), 0.0);
+  port.flow(-0.3);
+  EXPECT_NEAR(port.created_j(), 0.2, 1e-12);
+  EXPECT_DOUBLE_EQ(port.level_j(), 0.0);
+  EXPECT_DOUBLE_EQ(port.net_j(), 4.0);
+  EXPECT_DOUBLE_EQ(port.least_j(), 0.0);
+}
+
+TEST(OscillationWatch, TellsABuzzFromAHandAndFromAnImpact) {
+  const auto watched = [](auto&& force_n) {
+    OscillationWatch watch;
+    for (int i = 0; i < 3000; ++i) watch.step(Vec3(force_n(i * 1e-3), 0, 0), 1e-3);
+    return watch.worst_n();
+  };
+  EXPECT_NEAR(watched([](double t) { return 5.0 + 3.0 * std::sin(2 * M_PI * 50 * t); }), 3.0 / std::sqrt(2.0), 0.1);
+  EXPECT_NEAR(watched([](double t) { return std::lround(t * 1e3) % 2 == 0 ? 4.0 : -4.0; }), 4.0, 0.2);
+  EXPECT_EQ(watched([](double t) { return 20.0 * std::sin(2 * M_PI * 3 * t); }), 0.0);
+  EXPECT_LT(watched([](double t) { return 20.0 * std::exp(-20 * t) * std::sin(2 * M_PI * 50 * t); }), 0.01);
+}
+
+Scene scene_with_hand(const std::string& name, DeviceKind kind) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml");
+  keep_users(scene, 1);
+  scene.users[0].device.kind = kind;
+  scene.users[0].device.hand = HandSpec{};
+  return scene;
+}
+
+struct Delayed {
+  const char* scene;
+  DeviceKind kind;
+  const char* scheme;
+  bool at_device;
+};
+void PrintTo(const Delayed& one, std::ostream* out) {
+  *out << one.scene << (one.kind == DeviceKind::impedance ? "_impedance_" : "_admittance_") << one.scheme
+       << (one.at_device ? "_device" : "_world");
+}
+
+std::vector<Delayed> delayed() {
+  std::vector<Delayed> all;
+  for (const char* scene : {"press", "row"}) {
+    for (const DeviceKind kind : {DeviceKind::impedance, DeviceKind::admittance}) {
+      for (const char* scheme : {"direct", "paper", "reduced"}) {
+        for (const bool at_device : {false, true}) all.push_back({scene, kind, scheme, at_device});
+      }
+    }
+  }
+  return all;
+}
+
+Scene delayed_scene(const Delayed& one) {
+  Scene scene = scene_with_hand(one.scene, one.kind);
+  scene.settings.scheme = one.scheme;
+  DelaySettings& delay = scene.settings.delay;
+  (one.at_device ? delay.from_device_s : delay.up_s) = 0.1;
+  (one.at_device ? delay.to_device_s : delay.down_s) = 0.1;
+  delay.jitter_s = 0.02;
+  delay.loss_ratio = 0.05;
+  return scene;
+}
+
+class Passivity200ms : public ::testing::TestWithParam<Delayed> {};
+
+// Net energy from the hand, by the true motion of the device: more than -1 mJ whatever the links do.
+TEST_P(Passivity200ms, NoHandGetsEnergyThatItDidNotPutIn) {
+  CoupledRun run(delayed_scene(GetParam()));
+  ASSERT_TRUE(run.run());
+  EXPECT_GT(run.guards[0]->port().least_j(), -1e-3);
+}
+
+INSTANTIATE_TEST_SUITE_P(Links, Passivity200ms, ::testing::ValuesIn(delayed()));
+
+TEST(Passivity, IsNeededThere) {
+  Scene scene = delayed_scene({"press", DeviceKind::impedance, "reduced", true});
+  scene.settings.passivity = Passivity::off;
+  CoupledRun run(scene);
+  ASSERT_TRUE(run.run());
+  EXPECT_LT(run.guards[0]->port().least_j(), -1.0);
+  EXPECT_GT(run.guards[0]->port().created_j(), 1.0);
+}
+
+TEST(Passivity, ChangesNothingWithoutDelay) {
+  for (const DeviceKind kind : {DeviceKind::impedance, DeviceKind::admittance}) {
+    Scene scene = scene_with_hand("press", kind);
+    CoupledRun as_needed(scene);
+    scene.settings.passivity = Passivity::off;
+    CoupledRun off(scene);
+    ASSERT_TRUE(as_needed.run() && off.run());
+    EXPECT_EQ(as_needed.world.state_hash(), off.world.state_hash());
+    EXPECT_EQ(as_needed.felt[0].hand, off.felt[0].hand);
+  }
+}
+
+// A hand at rest in free space: whatever the cycle and the delay, an admittance device must not carry it off.
+TEST(Admittance, InFreeSpaceStaysSlow) {
+  for (const char* scheme : {"direct", "paper", "reduced"}) {
+    for (const int ratio : {1, 4, 20}) {
+      for (const double latency_s : {0.0, 0.005, 0.1}) {
+        Scene scene = scene_with_hand("press", DeviceKind::admittance);
+        scene.initial[index(scene.users[0].proxy)].position.z() += 2.0;
+        scene.settings.scheme = scheme;
+        scene.settings.set_ratio({ratio, ratio});
+        scene.settings.delay.up_s = scene.settings.delay.down_s = 0.5 * latency_s;
+        CoupledRun run(scene);
+        double fastest = 0.0;
+        while (run.finite() && run.world.time_s() < scene.settings.duration_s) {
+          run.cycle();
+          fastest = std::max(fastest, run.devices[0]->state().linear_velocity.norm());
+        }
+        EXPECT_LT(fastest, 0.5) << scheme << " " << ratio << " " << latency_s;
+        EXPECT_LT(run.guards[0]->port().created_j(), 0.005) << scheme << " " << ratio << " " << latency_s;
+      }
+    }
+  }
+}
+
+TEST(SubWorld, MeetsADeviceThatJumpsFromZero) {
+  Scene scene = scene_with_hand("press", DeviceKind::impedance);
+  CoupledRun run(scene);
+  for (int i = 0; i < 60; ++i) run.cycle();
+  SubWorld& sub = *run.subs[0];
+  DeviceState state = run.devices[0]->state();
+  Vec3 before = sub.feel(state, true, 1e-3).to_hand.force;
+  const Vec3 device = sub.device().pose.position;
+  state.pose.position += Vec3(0.5, 0, 0);
+  for (int i = 0; i < 40; ++i) {
+    state.stamp_s += 1e-3;
+    const FeltStep felt = sub.feel(state, true, 1e-3);
+    sub.advance(1e-3);
+    EXPECT_LE((felt.to_hand.force - before).norm(), 1.0);
+    if (i == 0) {
+      EXPECT_LT((sub.device().pose.position - device).norm(), 1e-3) << "it is met where it is";
+    }
+    if (i == 20) {
+      EXPECT_LT(felt.to_hand.force.norm(), 0.1);
+    }
+    before = felt.to_hand.force;
+  }
+  EXPECT_EQ(sub.jumps(), 1U);
+}
+
+}  // namespace
+}  // namespace subworld
