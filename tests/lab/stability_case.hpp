@@ -39,7 +39,7 @@ struct Measurement {
 /// One case of the stability lab: a row of a table. Adding a row adds the case to the lab, its page and its help.
 struct StabilityCase {
   std::string name;
-  std::string group;
+  std::string group = {};      ///< of the table that it stands in
   std::string shows;           ///< in a sentence
   std::string parameter = {};  ///< that is varied; empty: none but the searched limit itself
   std::string parameter_unit = {};
@@ -52,7 +52,7 @@ struct StabilityCase {
   Compare compare = Compare::relative;
   double tolerance = 0.02;  ///< of the error
   std::string why;          ///< the tolerance is what it is
-  std::function<double(double value)> expected;
+  std::function<double(double value)> expected = [](double) { return 0.0; };
   std::function<Measurement(const Setting& setting, double value)> measure;
   bool own_step = false;  ///< it chooses its steps itself, so one step of the setting is enough
 };

@@ -4,10 +4,18 @@ namespace subworld {
 
 const std::vector<StabilityCase>& stability_cases() {
   static const std::vector<StabilityCase> kAll = [] {
+    struct Group {
+      const char* name;
+      std::vector<StabilityCase> (*cases)();
+    };
     std::vector<StabilityCase> all;
-    for (const auto& group :
-         {sliding_cases, bouncing_cases, resting_cases, rotation_cases, structure_cases, extreme_cases}) {
-      for (StabilityCase& one : group()) all.push_back(std::move(one));
+    for (const Group& group :
+         {Group{"sliding", sliding_cases}, Group{"bouncing", bouncing_cases}, Group{"resting", resting_cases},
+          Group{"rotation", rotation_cases}, Group{"structures", structure_cases}, Group{"extremes", extreme_cases}}) {
+      for (StabilityCase& one : group.cases()) {
+        one.group = group.name;
+        all.push_back(std::move(one));
+      }
     }
     return all;
   }();

@@ -101,12 +101,10 @@ Measurement heap_energy(const Setting& setting, double decades) {
 }  // namespace
 
 std::vector<StabilityCase> extreme_cases() {
-  const auto nothing = [](double) { return 0.0; };
   const char* const coulomb = "Coulomb's law of dry friction (Beer and Johnston, Vector Mechanics: Statics, chapter 8)";
   const char* const conservation = "Conservation of energy: contacts and friction do no positive work";
   return {
       {.name = "tunnel_speed",
-       .group = "extremes",
        .shows = "The fastest ball of 5 mm that a fixed plate of 10 mm stops, at eight places within a step.",
        .quantity = "speed",
        .unit = "m/s",
@@ -123,7 +121,6 @@ std::vector<StabilityCase> extreme_cases() {
                                             [&](double speed) { return stopped_by_plate(s, speed); }));
            }},
       {.name = "overlap_speed",
-       .group = "extremes",
        .shows = "Cubes that overlap at the start part without an explosion.",
        .parameter = "overlap, of the side",
        .values = {0.1, 0.5},
@@ -134,10 +131,8 @@ std::vector<StabilityCase> extreme_cases() {
        .compare = Compare::absolute,
        .tolerance = 0.5,
        .why = "0.5 m/s is as fast as a hand follows a part",
-       .expected = nothing,
        .measure = [](const Setting& s, double part) { return Measurement{Overlapping(s, part).fastest_m_s}; }},
       {.name = "overlap_left",
-       .group = "extremes",
        .shows = "They do part within 1 s.",
        .parameter = "overlap, of the side",
        .values = {0.1, 0.5},
@@ -148,10 +143,8 @@ std::vector<StabilityCase> extreme_cases() {
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "1 % of the side, as for other bodies that sink",
-       .expected = nothing,
        .measure = [](const Setting& s, double part) { return Measurement{1e3 * Overlapping(s, part).overlap_m}; }},
       {.name = "friction_limit",
-       .group = "extremes",
        .shows = "The largest push under which a plate stays, from almost no friction to that of no material.",
        .parameter = "friction",
        .values = {0.01, 100.0, 0.1, 1.0, 10.0},
@@ -164,7 +157,6 @@ std::vector<StabilityCase> extreme_cases() {
        .expected = [](double) { return 1.0; },
        .measure = friction_limit},
       {.name = "friction_zero",
-       .group = "extremes",
        .shows = "Without friction a cube slides for 2 s at its speed.",
        .parameter = "speed",
        .parameter_unit = "m/s",
@@ -178,7 +170,6 @@ std::vector<StabilityCase> extreme_cases() {
        .expected = [](double v) { return v; },
        .measure = without_friction},
       {.name = "heap_energy",
-       .group = "extremes",
        .shows = "Cubes of very unequal masses that are poured into a bin gain no energy.",
        .parameter = "masses over decades",
        .values = {4.0, 0.0, 2.0},
@@ -189,7 +180,6 @@ std::vector<StabilityCase> extreme_cases() {
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "1 % lifts a light cube, which has a hundredth of the heap's weight, by the height of the heap",
-       .expected = nothing,
        .measure = heap_energy},
   };
 }

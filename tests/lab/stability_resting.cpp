@@ -139,10 +139,8 @@ Measurement pile(const Setting& setting, double count) {
 const char* const kStatics = "Statics: equal weight and support";
 
 std::vector<StabilityCase> still_cases() {
-  const auto nothing = [](double) { return 0.0; };
   return {
       {.name = "rest_depth",
-       .group = "resting",
        .shows = "A cube on the floor rests on it, neither in it nor above it.",
        .parameter = "mass",
        .parameter_unit = "kg",
@@ -154,10 +152,8 @@ std::vector<StabilityCase> still_cases() {
        .compare = Compare::absolute,
        .tolerance = 0.2,
        .why = "0.2 mm is one pixel where the cube of 100 mm takes 500",
-       .expected = nothing,
        .measure = depth},
       {.name = "rest_tremble",
-       .group = "resting",
        .shows = "That cube does not tremble.",
        .parameter = "mass",
        .parameter_unit = "kg",
@@ -169,10 +165,8 @@ std::vector<StabilityCase> still_cases() {
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "1 mm/s is the slowest motion that a resting finger and an eye notice",
-       .expected = nothing,
        .measure = tremble},
       {.name = "rest_ripple",
-       .group = "resting",
        .shows = "The floor carries that cube with the same force in every step.",
        .parameter = "mass",
        .parameter_unit = "kg",
@@ -184,10 +178,8 @@ std::vector<StabilityCase> still_cases() {
        .compare = Compare::absolute,
        .tolerance = 7.0,
        .why = "7 % is the just noticeable difference of a force",
-       .expected = nothing,
        .measure = ripple},
       {.name = "cylinder_on_plane",
-       .group = "resting",
        .shows = "A lying cylinder does not roll away on a plane.",
        .quantity = "mean speed over 3 s",
        .unit = "mm/s",
@@ -196,10 +188,8 @@ std::vector<StabilityCase> still_cases() {
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "3 mm in 3 s: the cylinder is elsewhere when the user looks again",
-       .expected = nothing,
        .measure = [](const Setting& s, double) { return lying_cylinder(s, plane_body(), 0.0); }},
       {.name = "cylinder_on_box",
-       .group = "resting",
        .shows = "The same on a box as large as a table.",
        .quantity = "mean speed over 3 s",
        .unit = "mm/s",
@@ -208,10 +198,8 @@ std::vector<StabilityCase> still_cases() {
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "as on the plane",
-       .expected = nothing,
        .measure = [](const Setting& s, double) { return lying_cylinder(s, box_body(Vec3(1, 1, 1), 0.0), -0.5); }},
       {.name = "ball_pile",
-       .group = "resting",
        .shows = "Balls that were poured into a bin do not sink into each other.",
        .parameter = "balls",
        .values = {30.0, 100.0},
@@ -222,7 +210,6 @@ std::vector<StabilityCase> still_cases() {
        .compare = Compare::absolute,
        .tolerance = 2.0,
        .why = "2 % of the radius is 1 % of a ball: an overlap that is seen",
-       .expected = nothing,
        .measure = pile},
   };
 }
@@ -232,7 +219,6 @@ std::vector<StabilityCase> groove_cases() {
       "Statics of a wedge without friction (Beer and Johnston, Vector Mechanics: Statics, chapter 8)";
   return {
       {.name = "groove_force",
-       .group = "resting",
        .shows = "Each side of a V groove carries its part of a ball.",
        .parameter = "half angle",
        .parameter_unit = "deg",
@@ -246,7 +232,6 @@ std::vector<StabilityCase> groove_cases() {
        .expected = [](double a) { return groove_force_n(kGrooveMass_kg * kG, a); },
        .measure = [](const Setting& s, double a) { return Measurement{ball_in_groove(s, a).force_n[0]}; }},
       {.name = "groove_height",
-       .group = "resting",
        .shows = "The ball lies as high in the groove as its radius says.",
        .parameter = "half angle",
        .parameter_unit = "deg",
@@ -260,7 +245,6 @@ std::vector<StabilityCase> groove_cases() {
        .expected = [](double a) { return groove_height_m(kRadius_m, a); },
        .measure = [](const Setting& s, double a) { return Measurement{ball_in_groove(s, a).mean_height_m}; }},
       {.name = "groove_cube",
-       .group = "resting",
        .shows = "A cube that lies on two faces in a groove of 90 degrees loads both sides equally.",
        .quantity = "larger normal force of the two sides",
        .unit = "N",

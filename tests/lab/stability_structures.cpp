@@ -88,7 +88,6 @@ std::vector<StabilityCase> limit_cases() {
   const Search ratios{.from = 1.0, .to = 1e6, .stride = 10.0, .precision = 1.2};
   return {
       {.name = "heavy_on_light",
-       .group = "structures",
        .shows = "The heaviest cube that rests for 5 s on one of 1 kg: both stay within 1 % of the side and tremble by "
                 "less than 1 mm/s.",
        .quantity = "mass ratio",
@@ -104,7 +103,6 @@ std::vector<StabilityCase> limit_cases() {
              return limit_proven(find_limit(ratios, [&](double ratio) { return rests(s, 1.0, ratio); }));
            }},
       {.name = "light_on_heavy",
-       .group = "structures",
        .shows = "The same with the heavy cube below.",
        .quantity = "mass ratio",
        .unit = "",
@@ -119,7 +117,6 @@ std::vector<StabilityCase> limit_cases() {
              return limit_proven(find_limit(ratios, [&](double ratio) { return rests(s, ratio, 1.0); }));
            }},
       {.name = "smallest_cube",
-       .group = "structures",
        .shows = "The smallest cube that rests on a plane for 1 s without moving by more than 1 % of its side.",
        .quantity = "side",
        .unit = "mm",
@@ -135,7 +132,6 @@ std::vector<StabilityCase> limit_cases() {
                                             [&](double side_mm) { return small_rests(s, 1e-3 * side_mm); }));
            }},
       {.name = "largest_step",
-       .group = "structures",
        .shows =
            "The longest step in which a stack of five cubes stands for 3 s, none moved by more than 5 % of its side.",
        .quantity = "step",
@@ -158,10 +154,8 @@ std::vector<StabilityCase> limit_cases() {
 }  // namespace
 
 std::vector<StabilityCase> structure_cases() {
-  const auto nothing = [](double) { return 0.0; };
   std::vector<StabilityCase> cases{
       {.name = "stack",
-       .group = "structures",
        .shows = "A stack of cubes of 0.1 m stands for 5 s.",
        .parameter = "cubes",
        .values = {10.0, 20.0, 50.0, 100.0},
@@ -172,10 +166,8 @@ std::vector<StabilityCase> structure_cases() {
        .compare = Compare::absolute,
        .tolerance = 5.0,
        .why = "5 % of the side is a step in the stack's outline",
-       .expected = nothing,
        .measure = stack},
       {.name = "card_house",
-       .group = "structures",
        .shows = "A house of cards of 1 m x 0.7 m x 20 mm that lean by 20 degrees stands for 3 s by friction alone.",
        .parameter = "stages",
        .values = {3.0, 7.0},
@@ -186,7 +178,6 @@ std::vector<StabilityCase> structure_cases() {
        .compare = Compare::absolute,
        .tolerance = 20.0,
        .why = "a card's thickness",
-       .expected = nothing,
        .measure = card_house},
   };
   for (StabilityCase& one : limit_cases()) cases.push_back(std::move(one));

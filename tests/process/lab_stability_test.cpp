@@ -58,7 +58,7 @@ TEST_F(StabilityLab, BulletHoldsTheFormulasAtOneMillisecond) {
   expect_columns(kColumns);
   EXPECT_EQ(summary()["settings"].size(), 2U);
   const std::string text = page();
-  for (const char* part : {"atan(mu)", "Coulomb", "error over tolerance", "Source:", "at 1/1000", "slip_angle, 0.5"})
+  for (const char* part : {"atan(mu)", "Coulomb", "error over tolerance", "Source:", "1/1000 s", "slip_angle, 0.5"})
     EXPECT_NE(text.find(part), std::string::npos) << part;
 }
 
