@@ -15,7 +15,7 @@ constexpr double kRadius_m = 0.05;
 constexpr double kSettle_s = 0.2;
 constexpr double kBall = 0.4, kCylinder = 0.5;  ///< I / (m r^2)
 constexpr double kRollFor_s = 1.0;
-/// A cube above the slip angle by 1 % of it has gone twice as far after kSlipFor_s.
+/// A cube above the slip angle by 1 % of it has gone five times as far after kSlipFor_s.
 constexpr double kSlipped_m = 0.005;
 constexpr double kSlipFor_s = 1.0;
 constexpr double kTipped_deg = 5.0;
@@ -135,7 +135,7 @@ std::vector<StabilityCase> friction_cases() {
        .formula = "atan(mu); stays: less than 5 mm in 1 s",
        .source = kCoulomb,
        .tolerance = 0.01,
-       .why = "1 % is 0.3 degrees at mu = 0.5; above it a cube that should stay is 10 mm away after 1 s",
+       .why = "1 % is 0.3 degrees at mu = 0.5; above it a cube that should stay is 26 mm away after 1 s",
        .expected = slip_angle_deg,
        .measure =
            [](const Setting& s, double mu) {
