@@ -46,8 +46,7 @@ std::optional<int> parse(int argc, char** argv, Command& command) {
   add_list(app, "--preset", request.presets, "presets of the engines (default: all)");
   add_list(app, "--dt", command.steps, "time steps, s, as in 1/60 or 0.01 (default: 1/1000,1/250,1/60)");
   app.add_flag("--quick", request.quick,
-               "a first look: the first values of each case, without its longest ones, at 1/1000 and 1/250 s where no "
-               "other step is asked for");
+               "a first look: the first value of each case, at 1/1000 and 1/250 s where no other step is asked for");
   add_out(app, "stability", command.out);
   if (const auto code = parse_arguments(app, argc, argv)) return code;
 
