@@ -35,6 +35,7 @@ int main_of(int argc, char** argv) {
       "  subworld plan deploy/scenes/row.yaml\n"
       "  subworld lab coupling --quick\n"
       "  subworld lab engines --quick\n"
+      "  subworld lab stability --quick\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
       "            4 a quality gate was missed (--strict).");
 
@@ -100,11 +101,15 @@ int main_of(int argc, char** argv) {
       "  subworld lab coupling --quick --out out/quick\n"
       "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
       "  subworld lab engines --quick --out out/engines\n"
+      "  subworld lab stability --quick --out out/stability\n"
       "  subworld lab coupling --help");
   lab_command->add_subcommand("coupling", "The error of the felt force against the run time of each coupling scheme")
       ->prefix_command()
       ->set_help_flag();
   lab_command->add_subcommand("engines", "What a step of each physics engine costs, and whether structures stand")
+      ->prefix_command()
+      ->set_help_flag();
+  lab_command->add_subcommand("stability", "How far each engine is from formulas and limits of mechanics, with margins")
       ->prefix_command()
       ->set_help_flag();
 

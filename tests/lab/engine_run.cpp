@@ -1,6 +1,7 @@
 #include "lab/engine_run.hpp"
 
 #include "lab/cpu_time.hpp"
+#include "lab/engine_choice.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 
@@ -133,11 +134,6 @@ Json settings_of(const EnginePoint& point) {
 }
 
 }  // namespace
-
-std::string step_text(double dt_s) {
-  const double parts = std::round(1.0 / dt_s);
-  return std::abs(parts * dt_s - 1.0) < 1e-6 ? fmt::format("1/{:g}", parts) : fmt::format("{:g}", dt_s);
-}
 
 LabScene load_lab_scene(const std::string& file) {
   LabScene loaded{load_scene(file), {}};

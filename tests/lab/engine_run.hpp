@@ -52,7 +52,4 @@ inline constexpr int kMostStateFrames = 200;
 [[nodiscard]] std::optional<EngineRun> run_engine(const EnginePoint& point, const std::string& states,
                                                   const std::function<void(double)>& progress);
 
-/// "1/60" where it is one, else the seconds.
-[[nodiscard]] std::string step_text(double dt_s);
-
 }  // namespace subworld

@@ -1,7 +1,7 @@
 #include "lab/engine_summary.hpp"
 
 #include "lab/command_line.hpp"
-#include "physics/plugin.hpp"
+#include "lab/engine_choice.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -11,18 +11,6 @@
 namespace subworld {
 
 namespace {
-
-Json engines_json(const std::vector<std::string>& engines) {
-  Json all = Json::array();
-  for (const std::string& name : engines) {
-    const EnginePlugin& plugin = engine_plugin(name);
-    Json presets = Json::object();
-    for (const EnginePreset& preset : plugin.presets) presets[std::string(preset.name)] = preset.what;
-    all.push_back(
-        {{"engine", plugin.name}, {"version", plugin.version}, {"licence", plugin.licence}, {"presets", presets}});
-  }
-  return all;
-}
 
 Json grades_json(const Rows& rows) {
   Json grades = Json::array();
@@ -69,11 +57,7 @@ Json engine_summary(const EnginePlan& plan, const EngineSweep& sweep, const Engi
         {{"scene", scene.scene.name}, {"file", scene.scene.file}, {"kind", structure ? "structure" : "fall"}});
     about.push_back(scene.scene.name);
   }
-  std::string engines;
-  for (const Json& engine : summary.at("engines"))
-    engines += fmt::format("{}{} ({})", engines.empty() ? "" : ", ", engine.at("engine").get<std::string>(),
-                           engine.at("version").get<std::string>());
-  summary["about"] = fmt::format("Engines: {}. Scenes: {}.", engines, fmt::join(about, ", "));
+  summary["about"] = fmt::format("Engines: {}. Scenes: {}.", engines_text(sweep.engines), fmt::join(about, ", "));
   summary["duration_s"] = sweep.duration_s;
   summary["held_means"] = kHeldInWords;
   summary["grade_means"] = kGradesInWords;

@@ -1,23 +1,16 @@
 #include "lab/engine_sweep.hpp"
 
 #include "model/error.hpp"
-#include "physics/plugin.hpp"
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdlib>
+#include <iterator>
 
 namespace subworld {
 
 namespace {
 
-constexpr double kShortestStep_s = 1e-5;
-constexpr double kLongestStep_s = 0.1;
 constexpr double kMostSteps = 1e7;  ///< of a run; more is a slip of the pen
-constexpr std::array kDisplayOrder{"havok", "physx", "bullet"};
 
 std::vector<Combination> combinations_of(const EngineSweep& sweep, SceneKind kind) {
   const Combination first = kTable1[0];
@@ -42,22 +35,9 @@ std::vector<Combination> combinations_of(const EngineSweep& sweep, SceneKind kin
 
 }  // namespace
 
-std::vector<std::string> in_display_order(std::vector<std::string> engines) {
-  const auto rank = [](const std::string& name) {
-    const auto known = std::ranges::find(kDisplayOrder, name);
-    return std::pair(known - kDisplayOrder.begin(), name);
-  };
-  std::ranges::sort(engines, {}, rank);
-  return engines;
-}
-
 std::vector<std::string> presets_of(const EngineSweep& sweep, const std::string& engine, SceneKind kind) {
-  const EnginePlugin& plugin = engine_plugin(engine);
-  for (const std::string& preset : sweep.presets) (void)find_preset(plugin, preset);
-  if (!sweep.presets.empty()) return sweep.presets;
-  std::vector<std::string> presets;
-  for (const EnginePreset& preset : plugin.presets) presets.emplace_back(preset.name);
-  if (kind == SceneKind::fall) presets.resize(1);
+  std::vector<std::string> presets = presets_of(sweep.presets, engine);
+  if (sweep.presets.empty() && kind == SceneKind::fall) presets.resize(1);
   return presets;
 }
 
@@ -77,22 +57,6 @@ std::vector<EnginePoint> points_of(const EngineSweep& sweep, const std::deque<La
     }
   }
   return points;
-}
-
-double step_of(const std::string& text) {
-  char* end = nullptr;
-  double value = std::strtod(text.c_str(), &end);
-  if (*end == '/') {
-    const char* parts = end + 1;
-    value /= std::strtod(parts, &end);
-    if (end == parts) end = const_cast<char*>(text.c_str());
-  }
-  if (end == text.c_str() || *end != '\0' || !(value >= kShortestStep_s && value <= kLongestStep_s)) {
-    throw Error(ExitCode::usage, fmt::format("--dt {}: not a time step; write seconds from {:g} to {:g}, as in 1/60 or "
-                                             "0.01",
-                                             text, kShortestStep_s, kLongestStep_s));
-  }
-  return value;
 }
 
 std::string combination_text(const Json& row) {

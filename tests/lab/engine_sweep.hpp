@@ -1,5 +1,6 @@
 #pragma once
 
+#include "lab/engine_choice.hpp"
 #include "lab/engine_run.hpp"
 
 #include <deque>
@@ -35,16 +36,11 @@ struct EngineSweep {
   bool quick = false;
 };
 
-/// Display order of the engines: those of the paper first, the others by name.
-[[nodiscard]] std::vector<std::string> in_display_order(std::vector<std::string> engines);
 /// What is asked, or for a structure every preset of the engine and for a fall its first. Throws `Error` (usage) where
 /// the engine or the preset does not exist.
 [[nodiscard]] std::vector<std::string> presets_of(const EngineSweep& sweep, const std::string& engine, SceneKind kind);
 /// Every run, scene by scene. Throws `Error` (usage).
 [[nodiscard]] std::vector<EnginePoint> points_of(const EngineSweep& sweep, const std::deque<LabScene>& scenes);
-/// Seconds from "1/60" or "0.01". Throws `Error` (usage).
-[[nodiscard]] double step_of(const std::string& text);
-
 /// "friction 0.5, restitution 0.4, dt 1/60"
 [[nodiscard]] std::string combination_text(const Json& row);
 
