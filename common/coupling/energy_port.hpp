@@ -11,16 +11,18 @@ namespace subworld {
 ///
 /// What a hand gets back, it must have put in before: a passive system. The net energy alone tells little, because what
 /// friction has used up would count as still there. So the level is that of a tank which holds no more than the virtual
-/// coupling can store; what is taken from the empty tank has been created. Bodies that fall or fly into the hand bring
-/// energy of their own: only the world knows how much.
+/// coupling can store; what is taken from the empty tank has been created. A coupling at its limit is a constant force that
+/// stores what is put in. Bodies that fall or fly into the hand bring energy of their own: only the world knows how much.
 class EnergyPort {
  public:
   explicit EnergyPort(double capacity_j) noexcept : capacity_j_(capacity_j) {}
 
-  void flow(double into_j) noexcept {
+  /// `at_limit`: the coupling gives all that the device can.
+  void flow(double into_j, bool at_limit) noexcept {
     net_j_ += into_j;
     least_j_ = std::min(least_j_, net_j_);
-    level_j_ = std::min(level_j_ + into_j, capacity_j_);
+    level_j_ += into_j;
+    if (!at_limit) level_j_ = std::min(level_j_, capacity_j_);
     if (level_j_ >= 0.0) return;
     created_j_ -= level_j_;
     level_j_ = 0.0;
@@ -36,22 +38,31 @@ class EnergyPort {
   double net_j_ = 0.0, least_j_ = 0.0, level_j_ = 0.0, created_j_ = 0.0;
 };
 
-/// Most that the springs of a coupling can store: at the device's limits.
+/// Most that a spring stores below its limit, J. An admittance device has none, and what it moves may bounce: it counts
+/// the work of its limit over kStroke_m or kTurn_rad.
 [[nodiscard]] constexpr double linear_capacity_j(const UserSpec& user) noexcept {
+  constexpr double kStroke_m = 0.02;
   const double limit_n = user.device.force_limit_n;
-  return limit_n * limit_n / (2.0 * user.coupling.stiffness_n_m);
+  return user.device.kind == DeviceKind::impedance ? limit_n * limit_n / (2.0 * user.coupling.stiffness_n_m)
+                                                   : kStroke_m * limit_n;
 }
 [[nodiscard]] constexpr double angular_capacity_j(const UserSpec& user) noexcept {
+  constexpr double kTurn_rad = 0.2;
   const double limit_n_m = user.device.torque_limit_n_m;
   const double stiffness = user.coupling.rotational_stiffness_n_m;
-  return stiffness > 0.0 ? limit_n_m * limit_n_m / (2.0 * stiffness) : 0.0;
+  return user.device.kind == DeviceKind::impedance && stiffness > 0.0 ? limit_n_m * limit_n_m / (2.0 * stiffness)
+                                                                      : kTurn_rad * limit_n_m;
 }
 
 /// The port between a device and a hand.
 class HandPort {
  public:
   explicit HandPort(const UserSpec& user) noexcept
-      : kind_(user.device.kind), linear_(linear_capacity_j(user)), angular_(angular_capacity_j(user)) {}
+      : kind_(user.device.kind),
+        force_limit_n_(user.device.force_limit_n),
+        torque_limit_n_m_(user.device.torque_limit_n_m),
+        linear_(linear_capacity_j(user)),
+        angular_(angular_capacity_j(user)) {}
 
   /// Once per step, with the device as it is now: what has crossed since the last step. An impedance device has held
   /// the wrench on the hand since then; of an admittance device the hand's own counts, as it is measured.
@@ -60,8 +71,11 @@ class HandPort {
                                                           : Wrench{0.5 * (before_.applied.force + now.applied.force),
                                                                    0.5 * (before_.applied.torque + now.applied.torque)};
     if (begun_) {
-      linear_.flow(of_hand.force.dot(now.pose.position - before_.pose.position));
-      angular_.flow(of_hand.torque.dot(turn(before_.pose.orientation, now.pose.orientation)));
+      constexpr double kAll = 0.999;
+      linear_.flow(of_hand.force.dot(now.pose.position - before_.pose.position),
+                   of_hand.force.norm() >= kAll * force_limit_n_);
+      angular_.flow(of_hand.torque.dot(turn(before_.pose.orientation, now.pose.orientation)),
+                    of_hand.torque.norm() >= kAll * torque_limit_n_m_);
     }
     begun_ = true;
     before_ = now;
@@ -82,6 +96,7 @@ class HandPort {
   }
 
   DeviceKind kind_;
+  double force_limit_n_, torque_limit_n_m_;
   EnergyPort linear_, angular_;
   bool begun_ = false;
   DeviceState before_;
