@@ -266,7 +266,7 @@ int run(const RunRequest& request) {
   Options options = request.options;
   const Scene scene = load_scene(options);
   check_choices(scene, request);
-  warn_of_engines(scene);
+  warn_of_settings(scene);
   FileLock folder;
   claim_folder(options.out, scene.name, folder);
   if (!options.trace.empty()) {

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace subworld {
@@ -52,11 +53,23 @@ void warn_of_small_boxes(const char* where, const EngineSettings& settings, cons
              where, settings.name, smallest_m, settings.length_unit_m, small->name, 0.1 * settings.length_unit_m);
 }
 
+/// World and sub-worlds hear of each other once a cycle.
+void warn_of_few_cycles(const Settings& s) {
+  constexpr double kFew = 5.0;
+  const double cycles = std::max(1.0, std::round(s.duration_s / s.shortest_cycle_s()));
+  if (cycles >= kFew) return;
+  fmt::print(stderr,
+             "subworld: a cycle of the world takes {:g} s at ratio {}: world and sub-worlds exchange their states only "
+             "{} time{} in the {:g} s of the run; take a lower ratio or a longer duration\n",
+             s.shortest_cycle_s(), s.ratio, cycles, cycles == 1.0 ? "" : "s", s.duration_s);
+}
+
 }  // namespace
 
-void warn_of_engines(const Scene& scene) {
+void warn_of_settings(const Scene& scene) {
   warn_of_small_boxes("world", scene.settings.world, scene);
   warn_of_small_boxes("haptic", scene.settings.haptic, scene);
+  warn_of_few_cycles(scene.settings);
 }
 
 namespace {
@@ -71,7 +84,7 @@ std::string cycle_text(const Settings& s) {
 
 void print_plan(const Scene& scene, bool gui) {
   const Settings& s = scene.settings;
-  warn_of_engines(scene);
+  warn_of_settings(scene);
   const auto scheme = make_scheme(s);
   const std::string engines = describe_engine("world", s.world) + describe_engine("sub-worlds", s.haptic);
   const auto fixed = std::count_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& b) { return b.fixed(); });

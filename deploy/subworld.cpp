@@ -1,3 +1,4 @@
+#include "io/command_line.hpp"
 #include "launch.hpp"
 #include "model/error.hpp"
 
@@ -113,13 +114,7 @@ int main_of(int argc, char** argv) {
     check_command(*lab_command, argc - 1, argv + 1);
     if (*argv[2] != '-') become_lab(argv[2], argv + 2);
   }
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& done) {
-    return app.exit(done);
-  } catch (const CLI::ParseError& wrong) {
-    throw Error(ExitCode::usage, fmt::format("{}; see subworld --help", wrong.what()));
-  }
+  if (const auto code = parse_arguments(app, argc, argv)) return *code;
   request.command_line = fmt::format("{}", fmt::join(argv, argv + argc, " "));
   request.place = placement == "auto";
   if (*run_command) return run(request);

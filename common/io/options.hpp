@@ -64,6 +64,11 @@ namespace subworld {
 /// Adds the options that the launcher and all programs share.
 void add_run_options(CLI::App& app, Options& options);
 
+/// Why a text is no simulation ratio, fixed or as in 4-12, with the cure; empty: it is one.
+[[nodiscard]] std::string ratio_fault(const std::string& text);
+/// The same for one of a list of fixed ratios, beside an option --ratio-most.
+[[nodiscard]] std::string fixed_ratio_fault(const std::string& text);
+
 /// Adds --trace.
 void add_trace_option(CLI::App& app, Options& options);
 
