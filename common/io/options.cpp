@@ -125,6 +125,19 @@ void add_trace_option(CLI::App& app, Options& o) {
                  "speedscope): about 3 MB a second for each user at 1 kHz");
 }
 
+void add_bodies_options(CLI::App& app, Options& o) {
+  CLI::Option* bodies =
+      app.add_option("--bodies", o.bodies,
+                     "bodies whose states over time go to DIR/bodies.csv: names of the scene, separated by commas,\n"
+                     "patterns such as 'cube*', or all that can move");
+  app.add_option("--bodies-rate", o.bodies_rate_hz,
+                 "how often a simulated second, Hz, at most once a cycle of the world (default: each cycle, or less\n"
+                 "often so that no more than 10,000 rows a second come together)")
+      ->check(CLI::Range(1e-3, 1e6))
+      ->check(not_finite)
+      ->needs(bodies);
+}
+
 /// Knobs whose use depends on the machine (bench_wake_up measures it): of single programs, so also by the environment.
 void add_tuning(CLI::App& app, const char* program, Options& o) {
   const auto variable = [&](const char* what) {
@@ -157,6 +170,7 @@ Parsed parse_options(Program program, int argc, const char* const* argv) {
   }
   if (program != Program::gui_headless) add_trace_option(app, o);
   add_tuning(app, me.name, o);
+  if (program == Program::world_sim) add_bodies_options(app, o);
   if (program == Program::world_sim)
     app.add_flag("--await-display", o.await_display, "start only when a display looks, so that it misses nothing");
   if (program == Program::gui_headless) {
