@@ -5,6 +5,7 @@
 #include "file_lock.hpp"
 #include "io/results.hpp"
 #include "io/trace.hpp"
+#include "model/body_choice.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
 #include "placement.hpp"
@@ -133,6 +134,9 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (!options.trace.empty() && program != "gui_headless")
       flags.insert(flags.end(), {"--trace", trace_part(options.out, label)});
     if (request.gui && program == "world_sim") flags.emplace_back("--await-display");
+    if (options.bodies && program == "world_sim") flags.insert(flags.end(), {"--bodies", *options.bodies});
+    if (options.bodies_rate_hz && program == "world_sim")
+      flags.insert(flags.end(), {"--bodies-rate", fmt::format("{}", *options.bodies_rate_hz)});
     if (const std::vector<int>& cores = placement.of(program); !cores.empty() && !is_placed_by_hand(program))
       flags.insert(flags.end(), {"--core", to_text(cores)});
     programs.start({.label = label,
@@ -171,7 +175,7 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
                                              "or leave it out and a new one is made",
                                              folder));
   }
-  const std::regex ours(R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)|picture\.png)");
+  const std::regex ours(R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)|bodies\.csv|picture\.png)");
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     // A link is the user's: results go where it leads.
     if (!entry.is_symlink() && std::regex_match(entry.path().filename().string(), ours))
@@ -252,6 +256,7 @@ void check_choices(const Scene& scene, const RunRequest& request) {
     if (peer.starts_with("-"))
       throw Error(ExitCode::usage, fmt::format("--peers: \"{}\" is no host; give hosts, separated by commas", peer));
   }
+  if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);
   (void)make_scheme(scene.settings);
   (void)make_engine(scene.settings.world, {});
   (void)make_engine(scene.settings.haptic, {});
@@ -266,7 +271,7 @@ int run(const RunRequest& request) {
   Options options = request.options;
   const Scene scene = load_scene(options);
   check_choices(scene, request);
-  warn_of_limits(scene);
+  warn_of_settings(scene);
   FileLock folder;
   claim_folder(options.out, scene.name, folder);
   if (!options.trace.empty()) {

@@ -34,8 +34,9 @@ void send_control(const Network& network, const std::string& verb, const EngineO
 /// Throws `Error` (failed) where that program is missing.
 void become_lab(const std::string& name, char** arguments);
 
-/// Tells, on the error output, of bodies that a chosen engine cannot hold.
-void warn_of_limits(const Scene& scene);
+/// Tells, on the error output, of bodies that a chosen engine cannot hold, of a stiffness that a device
+/// cannot render and of a run of a few cycles.
+void warn_of_settings(const Scene& scene);
 
 /// Prints what a scene needs and what is left out, with the reasons.
 void print_plan(const Scene& scene, bool gui);

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace subworld {
@@ -68,11 +69,23 @@ void warn_of_stiffness(const UserSpec& user, const Settings& settings) {
              user.coupling.damping_n_s_m);
 }
 
+/// World and sub-worlds hear of each other once a cycle.
+void warn_of_few_cycles(const Settings& s) {
+  constexpr double kFew = 5.0;
+  const double cycles = std::max(1.0, std::round(s.duration_s / s.shortest_cycle_s()));
+  if (cycles >= kFew) return;
+  fmt::print(stderr,
+             "subworld: a cycle of the world takes {:g} s at ratio {}: world and sub-worlds exchange their states only "
+             "{} time{} in the {:g} s of the run; take a lower ratio or a longer duration\n",
+             s.shortest_cycle_s(), s.ratio, cycles, cycles == 1.0 ? "" : "s", s.duration_s);
+}
+
 }  // namespace
 
-void warn_of_limits(const Scene& scene) {
+void warn_of_settings(const Scene& scene) {
   warn_of_small_boxes("world", scene.settings.world, scene);
   warn_of_small_boxes("haptic", scene.settings.haptic, scene);
+  warn_of_few_cycles(scene.settings);
   for (const UserSpec& user : scene.users) warn_of_stiffness(user, scene.settings);
 }
 
@@ -88,7 +101,7 @@ std::string cycle_text(const Settings& s) {
 
 void print_plan(const Scene& scene, bool gui) {
   const Settings& s = scene.settings;
-  warn_of_limits(scene);
+  warn_of_settings(scene);
   const auto scheme = make_scheme(s);
   const std::string engines = describe_engine("world", s.world) + describe_engine("sub-worlds", s.haptic);
   const auto fixed = std::count_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& b) { return b.fixed(); });

@@ -1,3 +1,4 @@
+#include "io/command_line.hpp"
 #include "launch.hpp"
 #include "model/error.hpp"
 
@@ -30,6 +31,7 @@ int main_of(int argc, char** argv) {
       "  subworld run deploy/scenes/heap.yaml --mode realtime --duration 20 --gui\n"
       "  subworld run deploy/scenes/heap.yaml --mode lockstep --duration 5 --dds mixed\n"
       "  subworld run deploy/scenes/heap.yaml --users 2\n"
+      "  subworld run row --bodies 'cube*,hand/proxy' --bodies-rate 50\n"
       "  subworld control pause --domain 100\n"
       "  subworld control engine havok --haptic --domain 100\n"
       "  subworld plan deploy/scenes/row.yaml\n"
@@ -44,6 +46,7 @@ int main_of(int argc, char** argv) {
       app.add_subcommand("run", "Runs a scene: one world, and a haptic and a device process per user");
   add_run_options(*run_command, request.options);
   add_trace_option(*run_command, request.options);
+  add_bodies_options(*run_command, request.options);
   run_command->add_option("--dds", request.dds, "DDS vendor; mixed: the programs alternate")
       ->check(CLI::IsMember({"fastdds", "cyclonedds", "mixed"}))
       ->envname("SUBWORLD_DDS");
@@ -118,13 +121,7 @@ int main_of(int argc, char** argv) {
     check_command(*lab_command, argc - 1, argv + 1);
     if (*argv[2] != '-') become_lab(argv[2], argv + 2);
   }
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& done) {
-    return app.exit(done);
-  } catch (const CLI::ParseError& wrong) {
-    throw Error(ExitCode::usage, fmt::format("{}; see subworld --help", wrong.what()));
-  }
+  if (const auto code = parse_arguments(app, argc, argv)) return *code;
   request.command_line = fmt::format("{}", fmt::join(argv, argv + argc, " "));
   request.place = placement == "auto";
   if (*run_command) return run(request);

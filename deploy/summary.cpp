@@ -422,6 +422,20 @@ std::string verdict_of(const std::vector<Gate>& gates, const Json& summary) {
                      calibration_text(summary));
 }
 
+/// How many states of bodies were written down, and a warning of those that were not.
+void print_body_history(const Json& written) {
+  const double interval_s = written["interval_s"].get<double>();
+  const auto dropped = written["rows_dropped"].get<std::uint64_t>();
+  fmt::print("    {}: {} bodies {}, {} rows{}\n", written["file"].get<std::string>(), written["bodies"].get<int>(),
+             interval_s > 0.0 ? fmt::format("every {:g} ms", 1e3 * interval_s) : "every cycle",
+             written["rows"].get<std::uint64_t>(),
+             dropped == 0
+                 ? ""
+                 : fmt::format("; warning: {} rows dropped, which could not be written in time; fewer --bodies, "
+                               "a lower --bodies-rate, or lock-step, which waits for the file",
+                               dropped));
+}
+
 std::string ratio_text(const Json& summary) {
   const int least = summary["ratio"].get<int>(), most = summary["ratio_most"].get<int>();
   if (least == most) return fmt::format("r = {}", least);
@@ -446,6 +460,7 @@ void print_summary(const Json& summary) {
         "fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
         slowed_s, world["clock_factor_mean"].get<double>(), world["stuck_s"].get<double>());
   }
+  if (world.contains("body_history")) print_body_history(world["body_history"]);
   const bool realtime = summary["mode"] == "realtime";
   if (realtime) print_stages(world["stages"]);
   if (summary.contains("calibration")) {

@@ -35,8 +35,26 @@ DevicePorts::DevicePorts(const Options& options, const Scene& scene_file)
 DeviceMeasures::DeviceMeasures(const std::string& folder, const std::string& trace, int user, const History::Say& say)
     : user_(user),
       history_(folder.empty() ? "" : fmt::format("{}/device_{}.csv", folder, user),
-               {"time_s", "x_m", "y_m", "z_m", "velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s", "force_x_n",
-                "force_y_n", "force_z_n"},
+               {"time_s",
+                "x_m",
+                "y_m",
+                "z_m",
+                "velocity_x_m_s",
+                "velocity_y_m_s",
+                "velocity_z_m_s",
+                "force_x_n",
+                "force_y_n",
+                "force_z_n",
+                "qw",
+                "qx",
+                "qy",
+                "qz",
+                "angular_velocity_x_rad_s",
+                "angular_velocity_y_rad_s",
+                "angular_velocity_z_rad_s",
+                "torque_x_n_m",
+                "torque_y_n_m",
+                "torque_z_n_m"},
                say),
       trace_(trace, {fmt::format("device_sim {}", user), 200 + user}, kDeviceStages, say) {}
 
@@ -55,7 +73,11 @@ void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, const 
   const Vec3& x = state.pose.position;
   const Vec3& v = state.linear_velocity;
   const Vec3& f = wrench.force;
-  history_.row({state.stamp_s, x.x(), x.y(), x.z(), v.x(), v.y(), v.z(), f.x(), f.y(), f.z()});
+  const Quat& q = state.pose.orientation;
+  const Vec3& w = state.angular_velocity;
+  const Vec3& torque = wrench.torque;
+  history_.row({state.stamp_s, x.x(), x.y(), x.z(), v.x(), v.y(), v.z(), f.x(),      f.y(),      f.z(),
+                q.w(),         q.x(), q.y(), q.z(), w.x(), w.y(), w.z(), torque.x(), torque.y(), torque.z()});
 }
 
 Json DeviceMeasures::json(const DeviceGuard& guard) {

@@ -37,7 +37,9 @@ int main(int argc, char** argv) {
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     WorldPorts ports(options, scene);
     if (realtime) leave_realtime();
-    WorldMeasures measures(options.out, options.trace, [&](std::string text) { ports.status.note(std::move(text)); });
+    WorldMeasures measures(
+        options.out, options.trace, [&](std::string text) { ports.status.note(std::move(text)); },
+        body_recording(options, scene));
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
     ports.status.enter("loading");
     World world(scene, [&](double part) { ports.status.done(part); });
@@ -57,10 +59,12 @@ int main(int argc, char** argv) {
     if (!world.settle(settling)) return;
     const double settle_s = to_seconds(Clock::now() - begin);
     if (gather(ports, options)) {
+      measures.bodies().record_now(world);
       Ending ending = realtime ? run_realtime(ports, world, measures, exchange, scene, options.wait_s)
                                : run_lockstep(ports, world, measures, exchange, scene);
       ports.status.enter("stopping");
       Json part = measures.json(world, scene.bodies.size(), settle_s);
+      if (const Json written = measures.bodies().json(); !written.is_null()) part["world"]["body_history"] = written;
       part["world"]["dds"] = ports.bus->effective_settings();
       part["world"]["events"] = to_json(ports.status.events_of_run());
       part["world"]["refused"] = ports.refused();

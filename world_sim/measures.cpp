@@ -7,11 +7,13 @@
 
 namespace subworld {
 
-WorldMeasures::WorldMeasures(const std::string& folder, const std::string& trace, const History::Say& say)
+WorldMeasures::WorldMeasures(const std::string& folder, const std::string& trace, const History::Say& say,
+                             const BodyRecording& recording)
     : history_(folder.empty() ? "" : folder + "/world.csv",
                {"time_s", "kinetic_energy_j", "potential_energy_j", "energy_excess_j", "step_s", "lateness_s",
                 "clock_factor", "ratio", "substeps"},
                say),
+      bodies_(folder, recording, say),
       trace_(trace, {"world_sim", 1}, kWorldStages, say) {}
 
 void WorldMeasures::end_cycle() noexcept {

@@ -7,6 +7,7 @@
 #include "rt/histogram.hpp"
 #include "rt/stages.hpp"
 #include "wire/status.hpp"
+#include "world_sim/body_history.hpp"
 #include "world_sim/world.hpp"
 
 #include <array>
@@ -36,9 +37,11 @@ static_assert(kWorldStages.size() == Stages<WorldStage>::kCount);
 class WorldMeasures {
  public:
   /// `folder` and `trace` may be empty: nothing is written.
-  WorldMeasures(const std::string& folder, const std::string& trace, const History::Say& say);
+  WorldMeasures(const std::string& folder, const std::string& trace, const History::Say& say,
+                const BodyRecording& recording = {});
 
   [[nodiscard]] Stages<WorldStage>& stages() noexcept { return stages_; }
+  [[nodiscard]] BodyHistory& bodies() noexcept { return bodies_; }
 
   /// After every cycle. `wall_s`: its period on a clock that runs at `clock_factor`; 0 in lock-step.
   void cycle(const World& world, const StepTimes& times, double clock_factor, double wall_s) noexcept;
@@ -59,11 +62,12 @@ class WorldMeasures {
   }
   /// After the last cycle.
   [[nodiscard]] Json json(const World& world, std::size_t bodies, double settle_s);
-  /// Why the history could not be written; empty: it could.
-  [[nodiscard]] std::string fault() const { return history_.fault(); }
+  /// Why a history could not be written; empty: all could.
+  [[nodiscard]] std::string fault() const { return history_.fault().empty() ? bodies_.fault() : history_.fault(); }
 
  private:
   History history_;
+  BodyHistory bodies_;
   Stages<WorldStage> stages_;
   Trace trace_;
   double newest_lateness_s_ = 0.0, newest_clock_factor_ = 1.0;

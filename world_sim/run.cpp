@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace subworld {
 
@@ -292,6 +293,7 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
     last = over(world, scene.settings) || stop_signal() != 0 || conductor.stopped();
     publish_frames(ports, world, last, 0.0, 1.0);
     measures.cycle(world, {to_seconds(stages.mark(WorldStage::send) - begin)}, 1.0, 0.0);
+    measures.bodies().record(world, std::numeric_limits<double>::infinity());
     if (snapshots.wanted(world.time_s()) || last) {
       world.look(view);
       snapshots.publish(view, last);
@@ -301,6 +303,7 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
     measures.end_cycle();
     check_finite(world);
   }
+  measures.bodies().record_now(world);
   if (world.scheme().border() != Border::none && receive_due()) world.synchronise();
   world.close();
   acknowledge(ports);
@@ -399,6 +402,7 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
         claim_realtime(priority::kWorld);
       }
     }
+    measures.bodies().record(world, to_seconds(loop.deadline() - Clock::now()));
     snapshots.renew(world, pace.clock_factor());
     ports.status.update(measures.state(world, pace.clock_factor()));
     stages.mark(WorldStage::display);
@@ -406,6 +410,7 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
     check_finite(world);
   }
   measures.loop_ends();
+  measures.bodies().record_now(world);
   snapshots.finish();
   world.close();
   acknowledge(ports);

@@ -18,6 +18,7 @@ namespace subworld {
 namespace {
 
 constexpr std::chrono::milliseconds kWriteEvery{100};
+constexpr std::chrono::milliseconds kLookForRoom{1};
 constexpr std::size_t kPiece = 8192;  // bytes for the kernel at once
 
 History::Format csv(const std::vector<std::string>& columns) {
@@ -41,11 +42,11 @@ History::History(const std::string& path, Format format, Say say)
     throw Error(ExitCode::failed, fmt::format("{}: {}; choose another folder with --out", path, std::strerror(errno)));
   }
   text_ = format_.head;
-  ring_.resize(kRows * format_.width);
+  ring_.resize(format_.rows * format_.width);
   thread_ = std::thread([this] {
     while (!stop_.load(std::memory_order_acquire)) {
       write_out();
-      std::this_thread::sleep_for(kWriteEvery);
+      pause();
     }
     write_out();
     text_ += format_.tail;
@@ -61,18 +62,30 @@ History::~History() {
 void History::finish() {
   if (!thread_.joinable()) return;
   stop_.store(true, std::memory_order_release);
+  hurry();
   thread_.join();
 }
 
 void History::row(std::initializer_list<double> values) noexcept {
   if (file_ < 0) return;
   const std::size_t head = head_.load(std::memory_order_relaxed);
-  if (values.size() != format_.width || head - tail_.load(std::memory_order_acquire) >= kRows) {
+  if (values.size() != format_.width || head - tail_.load(std::memory_order_acquire) >= format_.rows) {
     ++dropped_;
     return;
   }
-  std::copy(values.begin(), values.end(), ring_.begin() + static_cast<std::ptrdiff_t>((head % kRows) * format_.width));
+  std::copy(values.begin(), values.end(),
+            ring_.begin() + static_cast<std::ptrdiff_t>((head % format_.rows) * format_.width));
   head_.store(head + 1, std::memory_order_release);
+}
+
+bool History::make_room(std::size_t rows, bool may_wait) noexcept {
+  if (file_ < 0) return true;
+  while (format_.rows - waiting() < rows) {
+    if (!may_wait || rows > format_.rows || error_.load() != 0) return false;
+    hurry();
+    std::this_thread::sleep_for(kLookForRoom);
+  }
+  return true;
 }
 
 std::string History::fault() const {
@@ -85,10 +98,26 @@ void History::write_out() {
   const std::size_t head = head_.load(std::memory_order_acquire);
   while (write_text() && tail != head) {
     for (; tail != head && text_.size() < kPiece; ++tail) {
-      format_.row(text_, std::span(ring_).subspan((tail % kRows) * format_.width, format_.width));
+      format_.row(text_, std::span(ring_).subspan((tail % format_.rows) * format_.width, format_.width));
     }
     tail_.store(tail, std::memory_order_release);
   }
+}
+
+/// Until the next rows are due, or somebody waits for room; not where many have come meanwhile.
+void History::pause() {
+  std::unique_lock lock(mutex_);
+  if (waiting() > format_.rows / 2 && error_.load() == 0) return;
+  wake_.wait_for(lock, kWriteEvery, [this] { return hurried_; });
+  hurried_ = false;
+}
+
+void History::hurry() noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    hurried_ = true;
+  }
+  wake_.notify_one();
 }
 
 /// False where text is left over, to be tried again.

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <atomic>
+#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <initializer_list>
+#include <mutex>
 #include <span>
 #include <string>
 #include <thread>
@@ -19,12 +21,15 @@ class History {
  public:
   using Say = std::function<void(std::string)>;
 
+  static constexpr std::size_t kRows = 1 << 16;
+
   /// What rows of `width` numbers become, after the head of the file and before its tail.
   struct Format {
     std::size_t width = 0;
     std::string head;
     std::function<void(std::string& text, std::span<const double> row)> row;
     std::string tail = {};
+    std::size_t rows = kRows;  ///< that can wait for the thread
   };
 
   /// Throws `Error` (failed) where the file cannot be opened. An empty path: rows go nowhere. `say` is told, from the
@@ -38,6 +43,9 @@ class History {
 
   /// One row; as many numbers as there are columns. One thread. Allocates nothing.
   void row(std::initializer_list<double> values) noexcept;
+  /// Whether so many rows fit now, for rows that are worth nothing without each other. `may_wait`: waits until they
+  /// fit, unless the file cannot be written. The thread of `row`.
+  [[nodiscard]] bool make_room(std::size_t rows, bool may_wait) noexcept;
   /// Writes what is left. No row may follow.
   void finish();
 
@@ -48,8 +56,10 @@ class History {
  private:
   void write_out();
   bool write_text();
+  void pause();
+  void hurry() noexcept;
+  [[nodiscard]] std::size_t waiting() const noexcept { return head_.load() - tail_.load(); }
 
-  static constexpr std::size_t kRows = 1 << 16;
   std::string path_;
   Format format_;
   Say say_;
@@ -58,6 +68,9 @@ class History {
   std::atomic<std::size_t> tail_{0};  ///< rows taken by the thread
   std::atomic<bool> stop_{false};
   std::atomic<int> error_{0};  ///< the last errno of a write
+  std::mutex mutex_;           ///< of hurried_
+  std::condition_variable wake_;
+  bool hurried_ = false;  ///< somebody waits for the thread
   std::uint64_t dropped_ = 0;
   int file_ = -1;
   std::string text_;           ///< of rows taken that are not written yet

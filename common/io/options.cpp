@@ -1,6 +1,8 @@
 #include "io/options.hpp"
 
+#include "io/command_line.hpp"
 #include "io/results.hpp"
+#include "io/scene_name.hpp"
 #include "model/error.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
@@ -54,11 +56,33 @@ std::string not_finite(const std::string& text) {
   return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : fmt::format("{} is not a finite number", text);
 }
 
+/// Two ratios in either order, as in 4-12 or 12-4.
+std::optional<RatioBounds> parse_two_ratios(const std::string& text) {
+  const std::size_t dash = text.find('-');
+  if (dash == std::string::npos) return std::nullopt;
+  const auto bounds = parse_ratio(text);
+  return bounds ? bounds : parse_ratio(text.substr(dash + 1) + "-" + text.substr(0, dash));
+}
+
 }  // namespace
+
+std::string ratio_fault(const std::string& text) {
+  if (parse_ratio(text)) return {};
+  if (const auto turned = parse_two_ratios(text))
+    return fmt::format("{}: the smaller ratio comes first: {}", text, to_text(*turned));
+  return fmt::format("{} is neither a whole number from 1 to {} nor two as in 4-12", text, kMostRatio);
+}
+
+std::string fixed_ratio_fault(const std::string& text) {
+  if (const auto two = parse_two_ratios(text))
+    return fmt::format("{} is not one ratio; one that adapts is --ratio {} --ratio-most {}", text, two->least,
+                       two->most);
+  return parse_ratio(text) ? "" : fmt::format("{} is not a whole number from 1 to {}", text, kMostRatio);
+}
 
 void add_run_options(CLI::App& app, Options& o) {
   app.option_defaults()->take_last();  // a script's defaults come first, what its caller adds wins
-  app.add_option("scene", o.scene, "scene file (YAML)")->required();
+  app.add_option("scene", o.scene, "scene file (YAML), or the name of a scene in deploy/scenes")->required();
   app.add_option("--mode", o.mode, "lockstep: nobody looks at a clock; realtime: nobody waits")
       ->check(CLI::IsMember({"lockstep", "realtime"}));
   app.add_option("--users", o.users, "how many of the scene's users take part")->check(CLI::Range(1, 64));
@@ -71,11 +95,7 @@ void add_run_options(CLI::App& app, Options& o) {
   app.add_option(
          "--ratio", o.ratio,
          "simulation ratio r = T / h; as 4-12 it adapts between these to what is felt and to what the world costs")
-      ->check([](const std::string& text) {
-        return parse_ratio(text)
-                   ? std::string()
-                   : fmt::format("{} is neither a whole number from 1 to {} nor two as in 4-12", text, kMostRatio);
-      });
+      ->check(ratio_fault);
   app.add_option("--budget", o.budget_ratio,
                  "part of the haptic step that simulating a sub-world may take: of the bodies in its box, those that "
                  "matter most and fit (default: the scene's, or 0.4)")
@@ -117,6 +137,19 @@ void add_trace_option(CLI::App& app, Options& o) {
                  "speedscope): about 3 MB a second for each user at 1 kHz");
 }
 
+void add_bodies_options(CLI::App& app, Options& o) {
+  CLI::Option* bodies =
+      app.add_option("--bodies", o.bodies,
+                     "bodies whose states over time go to DIR/bodies.csv: names of the scene, separated by commas,\n"
+                     "patterns such as 'cube*', or all that can move");
+  app.add_option("--bodies-rate", o.bodies_rate_hz,
+                 "how often a simulated second, Hz, at most once a cycle of the world (default: each cycle, or less\n"
+                 "often so that no more than 10,000 rows a second come together)")
+      ->check(CLI::Range(1e-3, 1e6))
+      ->check(not_finite)
+      ->needs(bodies);
+}
+
 /// Knobs whose use depends on the machine (bench_wake_up measures it): of single programs, so also by the environment.
 void add_tuning(CLI::App& app, const char* program, Options& o) {
   const auto variable = [&](const char* what) {
@@ -149,6 +182,7 @@ Parsed parse_options(Program program, int argc, const char* const* argv) {
   }
   if (program != Program::gui_headless) add_trace_option(app, o);
   add_tuning(app, me.name, o);
+  if (program == Program::world_sim) add_bodies_options(app, o);
   if (program == Program::world_sim)
     app.add_flag("--await-display", o.await_display, "start only when a display looks, so that it misses nothing");
   if (program == Program::gui_headless) {
@@ -156,18 +190,12 @@ Parsed parse_options(Program program, int argc, const char* const* argv) {
         ->check(CLI::NonNegativeNumber)
         ->check(not_finite);
   }
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& done) {
-    parsed.exit_code = app.exit(done);
-  } catch (const CLI::ParseError& wrong) {
-    throw Error(ExitCode::usage, fmt::format("{}; see {} --help", wrong.what(), me.name));
-  }
+  parsed.exit_code = parse_arguments(app, argc, argv);
   return parsed;
 }
 
 Scene load_scene(const Options& o) {
-  Scene scene = load_scene(o.scene);
+  Scene scene = load_scene(scene_file(o.scene));
   Settings& s = scene.settings;
   if (o.mode) s.mode = *o.mode == "realtime" ? Mode::realtime : Mode::lockstep;
   override_with(s.scheme, o.scheme);

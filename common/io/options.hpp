@@ -32,6 +32,8 @@ struct Options {
   std::optional<double> budget_ratio;
   std::optional<double> duration_s;
   std::string out;               ///< folder for results; empty: none are written
+  std::optional<std::string> bodies;     ///< world_sim: whose states are written down; choose_bodies() reads it
+  std::optional<double> bodies_rate_hz;  ///< world_sim: how often
   std::vector<int> cores;        ///< that all threads of the program stay on; none: any
   double spin_s = 0.0;           ///< haptic_sim, device_sim: looks at the clock instead of sleeping before a release
   std::string trace;             ///< file for what the loops did when; empty: none. Not of the display
@@ -67,8 +69,16 @@ namespace subworld {
 /// Adds the options that the launcher and all programs share.
 void add_run_options(CLI::App& app, Options& options);
 
+/// Why a text is no simulation ratio, fixed or as in 4-12, with the cure; empty: it is one.
+[[nodiscard]] std::string ratio_fault(const std::string& text);
+/// The same for one of a list of fixed ratios, beside an option --ratio-most.
+[[nodiscard]] std::string fixed_ratio_fault(const std::string& text);
+
 /// Adds --trace.
 void add_trace_option(CLI::App& app, Options& options);
+
+/// Adds --bodies and --bodies-rate.
+void add_bodies_options(CLI::App& app, Options& options);
 
 /// Runs a program's body and turns what it throws into a message on stderr and an exit code.
 int guarded(const char* program, const std::function<int()>& body) noexcept;

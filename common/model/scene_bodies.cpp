@@ -1,3 +1,4 @@
+#include "model/nearest.hpp"
 #include "model/scene_reader.hpp"
 #include "model/trigonometry.hpp"
 

@@ -1,6 +1,7 @@
 #include "model/yaml_reader.hpp"
 
 #include "model/error.hpp"
+#include "model/nearest.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,7 +9,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <numeric>
 #include <set>
 
 namespace subworld {
@@ -43,42 +43,9 @@ bool inside(const Limits& limits, double value) {
          (limits.below ? value < limits.most : value <= limits.most);
 }
 
-/// Levenshtein's distance.
-std::size_t edits(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0]++;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t changed = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({changed, diagonal + 1, row[j] + 1});
-    }
-  }
-  return row.back();
-}
-
-std::string_view stem(std::string_view key) { return key.substr(0, key.find('_')); }
-
 constexpr std::size_t kShownWords = 80;  // characters of a wrong word that a message repeats
 
 }  // namespace
-
-std::string_view nearest(std::string_view word, const std::vector<std::string_view>& candidates) {
-  std::string_view best;
-  std::size_t least = std::max<std::size_t>(2, word.size() / 2);
-  if (word.size() > kShownWords) return best;
-  for (std::string_view candidate : candidates) {
-    std::size_t distance = edits(word, candidate);
-    // A wrong or missing unit is the commonest slip: the same word before the unit counts as near.
-    if (stem(word) == stem(candidate)) distance = std::min<std::size_t>(distance, 2);
-    if (distance < least || (distance == least && best.empty())) {
-      least = distance;
-      best = candidate;
-    }
-  }
-  return best;
-}
 
 void YamlValue::fail(std::string_view what) const {
   throw Error(ExitCode::usage, fmt::format("{}:{}:{}: {}{}{}", *file_, mark_.line, mark_.column, path_,

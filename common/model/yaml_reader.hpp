@@ -105,7 +105,4 @@ class YamlMap {
   std::vector<YamlValue::Named> entries_;
 };
 
-/// The candidate that needs the fewest edits to become `word`; empty if none is near.
-[[nodiscard]] std::string_view nearest(std::string_view word, const std::vector<std::string_view>& candidates);
-
 }  // namespace subworld

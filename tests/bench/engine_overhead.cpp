@@ -3,12 +3,12 @@
 // each from the same settled states; CPU time of this thread.
 #include "bench/dense_heap.hpp"
 #include "bench/direct_bullet.hpp"
+#include "io/command_line.hpp"
 #include "io/options.hpp"
 #include "io/results.hpp"
 #include "lab/cpu_time.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
-#include "support/arguments.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>

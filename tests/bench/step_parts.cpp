@@ -2,10 +2,10 @@
 // contacts to and from it, in adding contacts up, and in the friction estimate for who asks.
 
 #include "bench/dense_heap.hpp"
+#include "io/command_line.hpp"
 #include "io/options.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
-#include "support/arguments.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>

@@ -3,12 +3,12 @@
 // An earlier build: copy its libsubworld_engine_bullet.so to before/libsubworld_engine_before.so, then
 //   SUBWORLD_ENGINES=before bench_step_ratio bullet before
 #include "bench/dense_heap.hpp"
+#include "io/command_line.hpp"
 #include "io/options.hpp"
 #include "lab/cpu_time.hpp"
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
 #include "physics/engine.hpp"
-#include "support/arguments.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>

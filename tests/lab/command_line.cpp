@@ -1,5 +1,6 @@
 #include "lab/command_line.hpp"
 
+#include "io/scene_name.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 
@@ -12,22 +13,6 @@
 #include <ctime>
 
 namespace subworld {
-
-namespace fs = std::filesystem;
-
-fs::path scenes_folder() {
-  for (fs::path folder = fs::read_symlink("/proc/self/exe").parent_path(); folder.has_relative_path();
-       folder = folder.parent_path()) {
-    if (fs::is_directory(folder / "deploy/scenes")) return folder / "deploy/scenes";
-  }
-  return {};
-}
-
-std::string scene_file(const std::string& scene) {
-  if (fs::exists(scene)) return scene;
-  const fs::path file = scenes_folder() / (scene + ".yaml");
-  return scene.find('/') == std::string::npos && fs::exists(file) ? file.string() : scene;
-}
 
 std::vector<std::string> scene_files(const std::vector<std::string>& names) {
   if (scenes_folder().empty()) {

@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 
 #include <chrono>
-#include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
@@ -14,10 +13,6 @@
 /// What the command lines of the labs have in common.
 namespace subworld {
 
-/// deploy/scenes of the checkout that this program was built in; empty where there is none.
-[[nodiscard]] std::filesystem::path scenes_folder();
-/// A file, or the name of one in the scenes folder.
-[[nodiscard]] std::string scene_file(const std::string& scene);
 /// The files of these names. Throws `Error` (usage) where there is no scenes folder.
 [[nodiscard]] std::vector<std::string> scene_files(const std::vector<std::string>& names);
 

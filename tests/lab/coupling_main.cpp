@@ -1,5 +1,7 @@
 #include "coupling/scheme.hpp"
+#include "io/command_line.hpp"
 #include "io/options.hpp"
+#include "io/scene_name.hpp"
 #include "lab/analysis.hpp"
 #include "lab/command_line.hpp"
 #include "lab/measure.hpp"
@@ -8,7 +10,6 @@
 #include "lab/variants.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
-#include "support/arguments.hpp"
 
 #include <fmt/format.h>
 
@@ -60,7 +61,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
            "(default: paper_literal,paper,reduced)")
       ->check(CLI::IsMember({"direct", "paper", "paper_literal", "reduced"}));
   CLI::Option* ratio = add_list(app, "--ratio", sweep.ratios, "simulation ratios r = T / h (default: 1,4,10,20)");
-  ratio->check(CLI::Range(1, 1000));
+  ratio->check(fixed_ratio_fault);
   add_list(
       app, "--ratio-most", sweep.ratios_most,
       "the ratio may rise to so much where nothing that crosses a border is felt, or where the world costs more than "

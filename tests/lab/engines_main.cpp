@@ -1,4 +1,6 @@
+#include "io/command_line.hpp"
 #include "io/options.hpp"
+#include "io/scene_name.hpp"
 #include "lab/command_line.hpp"
 #include "lab/engine_progress.hpp"
 #include "lab/engine_report.hpp"
@@ -6,7 +8,6 @@
 #include "lab/engine_sweep.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
-#include "support/arguments.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -14,6 +14,7 @@ TEST_F(CommandLine, WrongFlagsAreNamedWithTheirChoices) {
   const std::vector<std::pair<Words, Words>> wrong{
       {{"--ratio", "0"}, {"--ratio", "1", "1000"}},
       {{"--ratio", "2.5"}, {"--ratio"}},
+      {{"--ratio", "5-2"}, {"--ratio", "2-5"}},
       {{"--mode", "foo"}, {"--mode", "foo", "lockstep", "realtime"}},
       {{"--users", "9"}, {"--users 9", "declares 1 user"}},
       {{"--users", "0"}, {"--users"}},
@@ -30,7 +31,9 @@ TEST_F(CommandLine, WrongFlagsAreNamedWithTheirChoices) {
       {{"--duration", "inf"}, {"--duration"}},
       {{"--wait", "nan"}, {"--wait"}},
       {{"--duration"}, {"--duration"}},
-      {{"--colour", "red"}, {"--colour"}}};
+      {{"--duraton", "3"}, {"unknown option --duraton", "did you mean --duration?"}},
+      {{"--duraton=3", "-x"}, {"unknown option --duraton;", "did you mean --duration?"}},
+      {{"--colour", "red"}, {"unknown option --colour;", "subworld run --help"}}};
   for (const auto& [flags, fragments] : wrong) {
     SCOPED_TRACE(flags.front() + " " + flags.back());
     const Ended ended = run(scene("press"), flags);
@@ -52,6 +55,38 @@ TEST_F(CommandLine, WrongCommandsAreNamed) {
   expect_says(subworld({"run"}), {"scene"});
   expect_says(subworld({"plan"}), {"scene"});
   expect_says(subworld({"plan", scene("row"), "--scheme", "papers"}), {"papers", "direct, paper"});
+}
+
+TEST_F(CommandLine, ASceneIsGivenByItsFileOrItsName) {
+  ASSERT_EQ(run("press", {"--duration", "0.05"}).code, 0);
+  EXPECT_EQ(summary()["scene_file"], scene("press"));
+  EXPECT_EQ(finish({program("subworld"), "plan", "press"}).out,
+            finish({program("subworld"), "plan", scene("press")}).out);
+  for (const Words& command : {Words{program("subworld"), "run"}, Words{program("subworld"), "plan"},
+                               Words{program("world_sim")}, Words{program("subworld"), "lab", "coupling"}}) {
+    const auto refused = [&](const std::string& name, const Words& fragments) {
+      Words words = command;
+      words.push_back(name);
+      const Ended ended = finish(words);
+      EXPECT_EQ(ended.code, 2) << ended.err;
+      expect_says(ended, fragments);
+    };
+    refused("pres", {"\"pres\"", "deploy/scenes", "did you mean \"press\"?"});
+    refused("press.yaml", {"\"press.yaml\"", "did you mean \"press\"?"});
+    refused("xyzxyz", {"\"xyzxyz\"", "card_house", "tower_press"});
+    refused("deploy/pres.yaml", {"deploy/pres.yaml", "no such file"});
+  }
+}
+
+TEST_F(CommandLine, ARunOfFewCyclesIsWarnedOf) {
+  const auto warned = [&](const std::string& ratio) {
+    const Ended ended = finish({program("subworld"), "plan", "row", "--ratio", ratio});
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    return ended.err;
+  };
+  EXPECT_NE(warned("1000").find("only 3 times in the 3 s"), std::string::npos) << warned("1000");
+  EXPECT_EQ(warned("100"), "");
+  EXPECT_EQ(warned("4-1000"), "") << "it is as short as it has to be";
 }
 
 TEST_F(CommandLine, EveryProgramHelps) {

@@ -7,6 +7,12 @@
 namespace subworld::test {
 namespace {
 
+/// A word as a shell hands it on.
+std::string unquoted(std::string word) {
+  std::erase(word, '\'');
+  return word;
+}
+
 /// The command lines of the ```sh blocks of a page, also of those in lists: continued lines joined, comments cut off.
 std::vector<Words> commands_of(const std::string& text) {
   std::vector<Words> commands;
@@ -27,7 +33,7 @@ std::vector<Words> commands_of(const std::string& text) {
     std::istringstream words(joined + line.substr(0, line.find(" #")));
     joined.clear();
     Words command;
-    for (std::string word; words >> word;) command.push_back(word);
+    for (std::string word; words >> word;) command.push_back(unquoted(word));
     if (!command.empty() && !command.front().starts_with('#')) commands.push_back(command);
   }
   return commands;
@@ -136,8 +142,8 @@ TEST(DocsReader, TakesVariablesOffTheFront) {
 
 TEST(DocsReader, JoinsLinesAndSkipsWhatIsNoCommand) {
   const auto found =
-      commands_of("subworld no\n  ```sh\n# no\nsubworld run \\\n  a.yaml  # why\n\nx\n```\nno\n```yaml\nno\n```\n");
-  EXPECT_EQ(found, (std::vector<Words>{{"subworld", "run", "a.yaml"}, {"x"}}));
+      commands_of("subworld no\n  ```sh\n# no\nsubworld run \\\n  'a*'  # why\n\nx\n```\nno\n```yaml\nno\n```\n");
+  EXPECT_EQ(found, (std::vector<Words>{{"subworld", "run", "a*"}, {"x"}}));
 }
 
 }  // namespace

@@ -126,11 +126,14 @@ TEST_F(Lab, VariantsOfASceneHaveReferencesOfTheirOwn) {
 
 TEST_F(Lab, WrongOptionsAreNamedWithTheCure) {
   expect_refused({{{"press", "--scheme", "papers"}, {"--scheme", "papers", "reduced"}},
-                  {{"press", "--ratio", "4,0"}, {"--ratio", "0"}},
+                  {{"press", "--ratio", "4,0"}, {"--ratio", "0", "1000"}},
+                  {{"press", "--ratio", "4-12"}, {"--ratio 4 --ratio-most 12"}},
+                  {{"press", "--ratio", "5-2"}, {"--ratio 2 --ratio-most 5"}},
                   {{"press", "--variants", "-1"}, {"--variants", "-1"}},
                   {{"press", "--latency", "0,nan"}, {"--latency", "nan"}},
                   {{"press", "--engine", "havoc"}, {"havoc", "bullet"}},
                   {{"no_such_scene"}, {"no_such_scene"}},
+                  {{"press", "--durations", "1"}, {"did you mean --duration?"}},
                   {{"press", "--colour", "red"}, {"--colour", "--help"}}});
 }
 

@@ -61,7 +61,9 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
   SubWorld sub(scene, 0);
   EmulatedDevice device(scene.users[0].device, 0);
   const TemporaryFolder folder;
-  WorldMeasures world_measures(folder.path(), folder.path() + "/world_trace.json", {});
+  Options options;
+  options.bodies = "all";
+  WorldMeasures world_measures(folder.path(), folder.path() + "/world_trace.json", {}, body_recording(options, scene));
   HapticMeasures haptic_measures(folder.path(), folder.path() + "/haptic_trace.json", 0,
                                  limits_of(scene.users[0].device), scene.settings.h_s, {});
   Topic<WorldFrame> frames;
@@ -93,6 +95,7 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
     world.step();
     world_measures.stages().mark(WorldStage::simulate);
     world_measures.cycle(world, {1e-3, 1e-5, 1e-5, Miss::none}, 1.0, scene.settings.shortest_cycle_s());
+    world_measures.bodies().record(world, scene.settings.shortest_cycle_s());
     world_measures.end_cycle();
   };
   for (int i = 0; i < kWarmUpCycles; ++i) cycle();

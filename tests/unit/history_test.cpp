@@ -1,0 +1,99 @@
+// What becomes of rows that the file does not take: a pipe whose reader is slow.
+#include "io/history.hpp"
+
+#include "support/temporary_folder.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <string>
+#include <thread>
+
+namespace subworld {
+namespace {
+
+constexpr std::size_t kRing = 100;
+constexpr std::size_t kTogether = 10;
+
+/// Rows of 10 kB, of which a pipe holds a few.
+History::Format wide_rows() {
+  return {.width = 1,
+          .head = "",
+          .row = [](std::string& text, std::span<const double> row) { text += fmt::format("{:10000}\n", row[0]); },
+          .rows = kRing};
+}
+
+class SlowFile : public ::testing::Test {
+ protected:
+  SlowFile() : path_(folder_.path() + "/pipe") {
+    mkfifo(path_.c_str(), 0600);
+    reader_ = open(path_.c_str(), O_RDONLY | O_NONBLOCK);
+  }
+  ~SlowFile() override { close(reader_); }
+
+  /// Ten rows that belong together.
+  static bool put(History& history, bool may_wait) {
+    if (!history.make_room(kTogether, may_wait)) return false;
+    for (std::size_t i = 0; i < kTogether; ++i) history.row({static_cast<double>(i)});
+    return true;
+  }
+  /// Reads until nobody writes any more; the number of rows.
+  std::size_t drain() const {
+    fcntl(reader_, F_SETFL, 0);
+    std::array<char, 65536> piece{};
+    std::size_t rows = 0;
+    for (ssize_t got = 1; got > 0;) {
+      got = read(reader_, piece.data(), piece.size());
+      rows += static_cast<std::size_t>(std::count(piece.begin(), piece.begin() + std::max<ssize_t>(got, 0), '\n'));
+    }
+    return rows;
+  }
+
+  const TemporaryFolder folder_;
+  const std::string path_;
+  int reader_ = -1;
+};
+
+TEST_F(SlowFile, RowsThatBelongTogetherAreThereTogetherOrNotAtAll) {
+  std::size_t written = 0, rows = 0;
+  auto history = std::make_unique<History>(path_, wide_rows(), nullptr);
+  for (int i = 0; i < 50; ++i) written += put(*history, false) ? kTogether : 0;
+  EXPECT_GE(written, kRing);
+  EXPECT_LT(written, 50 * kTogether);
+  EXPECT_FALSE(put(*history, false));
+  std::thread reader([&] { rows = drain(); });
+  history.reset();
+  reader.join();
+  EXPECT_EQ(rows, written);
+}
+
+TEST_F(SlowFile, WhoMayWaitLosesNothing) {
+  std::size_t rows = 0;
+  auto history = std::make_unique<History>(path_, wide_rows(), nullptr);
+  std::thread reader([&] { rows = drain(); });
+  for (int i = 0; i < 50; ++i) EXPECT_TRUE(put(*history, true));
+  EXPECT_EQ(history->dropped(), 0U);
+  EXPECT_FALSE(history->make_room(kRing + 1, true)) << "more than there ever is";
+  history.reset();
+  reader.join();
+  EXPECT_EQ(rows, 50 * kTogether);
+}
+
+TEST(FullDisk, IsNotWaitedFor) {
+  History history("/dev/full", wide_rows(), nullptr);
+  std::size_t written = 0;
+  for (; written < 10 * kRing && history.make_room(1, true); ++written) history.row({0.0});
+  EXPECT_GE(written, kRing);
+  EXPECT_LT(written, 10 * kRing);
+  history.finish();
+  EXPECT_NE(history.fault().find("/dev/full"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace subworld
