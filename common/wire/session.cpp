@@ -37,8 +37,8 @@ std::string gone_text(ProgramKind program, std::uint32_t instance) {
 
 std::string replaced_text(ProgramKind program, std::uint32_t instance) {
   return fmt::format(
-      "{} belongs to another run or serves another program: one was started again, or two of a kind are on this "
-      "domain; start all programs of the run anew, or give one of the two another --domain",
+      "{} was started again, or two of them are on this domain: what it sends belongs to another run or is for another "
+      "program; start all programs of the run anew, or give one of the two another --domain",
       label_of(program, instance));
 }
 

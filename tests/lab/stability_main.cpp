@@ -1,3 +1,4 @@
+#include "io/command_line.hpp"
 #include "io/options.hpp"
 #include "lab/command_line.hpp"
 #include "lab/engine_choice.hpp"
@@ -8,7 +9,6 @@
 #include "model/error.hpp"
 #include "physics/engine.hpp"
 #include "rt/stop.hpp"
-#include "support/arguments.hpp"
 
 #include <fmt/format.h>
 

@@ -4,7 +4,7 @@
 #include "lab/stability_cases.hpp"
 #include "lab/tables.hpp"
 #include "model/error.hpp"
-#include "model/yaml_reader.hpp"
+#include "model/nearest.hpp"
 
 #include <fmt/format.h>
 
