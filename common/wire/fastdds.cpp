@@ -129,6 +129,9 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
 
   ~FastWriter() override {
     writer_->set_listener(nullptr);
+    // Fast DDS 2.9 empties a history while its heartbeats still read it, and may count for ever what is missing there.
+    std::size_t removed = 0;
+    writer_->clear_history(&removed);
     publisher_->delete_datawriter(writer_);
     participant_->delete_publisher(publisher_);
   }
