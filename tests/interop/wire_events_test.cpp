@@ -1,3 +1,4 @@
+#include "support/process.hpp"
 #include "support/wire_pairs.hpp"
 #include "wire/bus.hpp"
 
@@ -15,13 +16,14 @@ namespace subworld {
 namespace {
 
 using test::config_of;
-using test::domain_of;
+using test::TestDomain;
 using test::until;
 
 class WireEvents : public ::testing::TestWithParam<test::VendorPair> {};
 
 TEST_P(WireEvents, a_silent_writer_misses_its_deadline) {
-  const int domain = domain_of(220, GetParam());
+  const TestDomain held;
+  const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
   const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
   auto writer = sender->writer<WorldFrame>();
@@ -47,7 +49,8 @@ TEST_P(WireEvents, who_sends_in_time_misses_no_deadline) {
   using Clock = std::chrono::steady_clock;
   constexpr std::chrono::microseconds kGap{1200}, kSilence{2000};
   constexpr std::uint64_t kSamples = 800;
-  const int domain = domain_of(212, GetParam());
+  const TestDomain held;
+  const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
   const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
   auto writer = sender->writer<DeviceState>();
@@ -84,7 +87,8 @@ pid_t start_helper(Vendor vendor, int domain) {
 }
 
 TEST_P(WireEvents, a_killed_writer_is_noticed) {
-  const int domain = domain_of(224, GetParam());
+  const TestDomain held;
+  const int domain = held.number();
   const pid_t child = start_helper(GetParam().first, domain);
   ASSERT_GT(child, 0);
   const auto bus = open_bus(config_of(GetParam().second, domain));
@@ -103,7 +107,8 @@ TEST_P(WireEvents, a_killed_writer_is_noticed) {
 }
 
 TEST_P(WireEvents, modes_that_do_not_fit_name_topic_and_policy) {
-  const int domain = domain_of(216, GetParam());
+  const TestDomain held;
+  const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
   const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::lockstep));
   auto writer = sender->writer<WorldSnapshot>();
@@ -123,7 +128,8 @@ TEST_P(WireEvents, modes_that_do_not_fit_name_topic_and_policy) {
 }
 
 TEST_P(WireEvents, a_writer_that_leaves_unmatches_and_the_wait_returns_for_it) {
-  const int domain = domain_of(208, GetParam());
+  const TestDomain held;
+  const int domain = held.number();
   auto sender = open_bus(config_of(GetParam().first, domain));
   const auto receiver = open_bus(config_of(GetParam().second, domain));
   auto reader = receiver->reader<Control>();

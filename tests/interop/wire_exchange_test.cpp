@@ -1,3 +1,4 @@
+#include "support/process.hpp"
 #include "support/wire_pairs.hpp"
 #include "support/wire_samples.hpp"
 #include "wire/bus.hpp"
@@ -10,17 +11,16 @@ namespace subworld {
 namespace {
 
 using test::config_of;
-using test::domain_of;
 using test::numbers_of;
 using test::SampleMaker;
+using test::TestDomain;
 using test::until;
 
 class WireExchange : public ::testing::TestWithParam<test::VendorPair> {
  protected:
-  void open(int first_domain, Mode mode = Mode::lockstep) {
-    const int domain = domain_of(first_domain, GetParam());
-    sender = open_bus(config_of(GetParam().first, domain, mode));
-    receiver = open_bus(config_of(GetParam().second, domain, mode));
+  void open(Mode mode = Mode::lockstep) {
+    sender = open_bus(config_of(GetParam().first, domain_.number(), mode));
+    receiver = open_bus(config_of(GetParam().second, domain_.number(), mode));
   }
 
   template <class M>
@@ -50,12 +50,13 @@ class WireExchange : public ::testing::TestWithParam<test::VendorPair> {
     EXPECT_LT(reader.received_bytes(), writer.sent_bytes() + 20 * 4);
   }
 
+  const TestDomain domain_;
   std::unique_ptr<Bus> sender;
   std::unique_ptr<Bus> receiver;
 };
 
 TEST_P(WireExchange, every_topic_arrives_as_it_was_sent) {
-  open(200);
+  open();
   exchange<SceneDescription>();
   exchange<DeviceState>();
   exchange<DeviceCommand>();
@@ -69,7 +70,7 @@ TEST_P(WireExchange, every_topic_arrives_as_it_was_sent) {
 }
 
 TEST_P(WireExchange, partitions_separate_users_and_a_star_reads_all) {
-  open(204);
+  open();
   auto first = sender->writer<WorldFrame>("user0");
   auto second = sender->writer<WorldFrame>("user1");
   auto only_first = receiver->reader<WorldFrame>("user0");
@@ -101,7 +102,7 @@ TEST_P(WireExchange, partitions_separate_users_and_a_star_reads_all) {
 }
 
 TEST_P(WireExchange, keys_are_instances_in_real_time_each_keeps_its_newest) {
-  open(208, Mode::realtime);
+  open(Mode::realtime);
   auto writer = sender->writer<Status>();
   auto reader = receiver->reader<Status>();
   ASSERT_TRUE(connected(writer, reader));
@@ -135,7 +136,8 @@ TEST_P(WireExchange, keys_are_instances_in_real_time_each_keeps_its_newest) {
 }
 
 TEST_P(WireExchange, a_late_joiner_gets_a_scene_of_two_megabytes) {
-  const int domain = domain_of(212, GetParam());
+  const TestDomain held;
+  const int domain = held.number();
   sender = open_bus(config_of(GetParam().first, domain));
   auto writer = sender->writer<SceneDescription>();
   SceneDescription scene = SampleMaker(5).make<SceneDescription>();
@@ -159,7 +161,7 @@ TEST_P(WireExchange, a_late_joiner_gets_a_scene_of_two_megabytes) {
 }
 
 TEST_P(WireExchange, ten_thousand_frames_in_lockstep_are_neither_lost_nor_doubled_nor_reordered) {
-  open(216);
+  open();
   auto writer = sender->writer<WorldFrame>("user0");
   auto reader = receiver->reader<WorldFrame>("user0");
   ASSERT_TRUE(connected(writer, reader));
@@ -189,7 +191,8 @@ TEST_P(WireExchange, ten_thousand_frames_in_lockstep_are_neither_lost_nor_double
 }
 
 TEST_P(WireExchange, in_lockstep_the_first_frame_arrives_whenever_it_is_written) {
-  const int domain = domain_of(212, GetParam());
+  const TestDomain held;
+  const int domain = held.number();
   sender = open_bus(config_of(GetParam().first, domain));
   receiver = open_bus(config_of(GetParam().second, domain));
   auto writer = sender->writer<WorldFrame>();

@@ -1,3 +1,4 @@
+#include "support/process.hpp"
 #include "support/wire_pairs.hpp"
 #include "wire/bus.hpp"
 
@@ -27,7 +28,7 @@ class WireOpen : public ::testing::TestWithParam<Vendor> {
     return (folder_ / name).string();
   }
 
-  BusConfig config() const { return config_of(GetParam(), 228 + static_cast<int>(GetParam())); }
+  BusConfig config() const { return config_of(GetParam(), domain_.number()); }
 
   /// Opening must throw a middleware error that names all of these.
   static void expect_error(const BusConfig& config, const std::vector<std::string>& words) {
@@ -42,6 +43,7 @@ class WireOpen : public ::testing::TestWithParam<Vendor> {
     }
   }
 
+  const test::TestDomain domain_;
   std::filesystem::path folder_;
   const std::string own_ = std::to_string(getpid());  // partition: tests of one domain may run at once
 };

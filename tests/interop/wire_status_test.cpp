@@ -1,3 +1,4 @@
+#include "support/process.hpp"
 #include "support/wire_pairs.hpp"
 #include "wire/status.hpp"
 
@@ -10,7 +11,7 @@ namespace subworld {
 namespace {
 
 using test::config_of;
-using test::domain_of;
+using test::TestDomain;
 using test::until;
 
 class WireStatus : public ::testing::TestWithParam<test::VendorPair> {
@@ -32,7 +33,8 @@ class WireStatus : public ::testing::TestWithParam<test::VendorPair> {
 
 // A loop that stands updates nothing, and its thread may be publishing just then.
 TEST_P(WireStatus, what_a_standing_loop_says_is_heard) {
-  const int domain = domain_of(204, GetParam());
+  const TestDomain held;
+  const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
   const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
   auto reader = receiver->reader<Status>();
@@ -51,7 +53,8 @@ TEST_P(WireStatus, what_a_standing_loop_says_is_heard) {
 }
 
 TEST_P(WireStatus, a_late_reader_hears_what_was_said) {
-  const int domain = domain_of(200, GetParam());
+  const TestDomain held;
+  const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
   StatusBeacon beacon(*sender, ProgramKind::world_sim, 0, "test");
   beacon.answer(7, "done");
@@ -62,7 +65,8 @@ TEST_P(WireStatus, a_late_reader_hears_what_was_said) {
 }
 
 TEST_P(WireStatus, an_order_reaches_who_listens_only_later) {
-  const int domain = domain_of(228, GetParam());
+  const TestDomain held;
+  const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::lockstep));
   auto writer = sender->writer<Control>();
   Control order;

@@ -52,12 +52,12 @@ class LockStep : public ProcessTest, public ::testing::WithParamInterface<Case> 
     Words flags = GetParam().flags;
     flags.insert(flags.end(), {"--mode", "lockstep", "--duration", "0.4", "--dds", dds});
     const Ended ended = run(scene(GetParam().scene), flags);
-    EXPECT_EQ(ended.code, 0) << ended.err;
+    EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
     const Json json = summary();
     if (json.is_discarded()) return {};
     expect_complete(json);
     EXPECT_EQ(json["dds"], dds);
-    EXPECT_EQ(json["verdict"], "ok");
+    EXPECT_EQ(json["verdict"], "ok") << ended.out;
     EXPECT_NE(ended.out.find(json["state_hash"].get<std::string>()), std::string::npos);
     expect_histories(json);
     return json;

@@ -68,13 +68,14 @@ struct Running {
 /// The DDS vendors' files in /dev/shm.
 [[nodiscard]] std::set<std::string> shared_memory_files();
 
-/// A DDS domain of 150 .. 198 that no other test holds, whatever runs beside this one; held until this object goes.
+/// A DDS domain of 1 .. 59 that no other test holds, whatever runs beside this one; held until this object goes.
 class TestDomain {
  public:
   TestDomain();
   ~TestDomain();
   TestDomain(const TestDomain&) = delete;
   TestDomain& operator=(const TestDomain&) = delete;
+  [[nodiscard]] int number() const { return domain_; }
   [[nodiscard]] std::string text() const { return std::to_string(domain_); }
 
  private:

@@ -21,11 +21,6 @@ inline const auto kAllPairs = ::testing::Values(
     VendorPair{Vendor::fastdds, Vendor::fastdds}, VendorPair{Vendor::fastdds, Vendor::cyclonedds},
     VendorPair{Vendor::cyclonedds, Vendor::fastdds}, VendorPair{Vendor::cyclonedds, Vendor::cyclonedds});
 
-/// A domain of its own for each vendor pair of a test that has four from `first` on.
-inline int domain_of(int first, VendorPair pair) {
-  return first + 2 * static_cast<int>(pair.first) + static_cast<int>(pair.second);
-}
-
 inline BusConfig config_of(Vendor vendor, int domain, Mode mode = Mode::lockstep) {
   BusConfig config;
   config.vendor = vendor;
