@@ -30,7 +30,7 @@ double rms_at(std::span<const Vec3> force, std::span<const Vec3> reference, std:
 double roughness(std::span<const Vec3> force, std::span<const Vec3> mean) noexcept {
   double sum = 0.0;
   for (std::size_t i = 0; i < force.size(); ++i) sum += (force[i] - mean[i]).squaredNorm();
-  return std::sqrt(sum);
+  return std::sqrt(sum / static_cast<double>(force.size()));
 }
 
 }  // namespace
@@ -48,6 +48,8 @@ std::vector<Vec3> smoothed(std::span<const Vec3> force, int window) {
   }
   return means;
 }
+
+double noise_n(std::span<const Vec3> force) { return roughness(force, smoothed(force, kWindow)); }
 
 ForceError force_error(std::span<const Vec3> force, std::span<const Vec3> reference, double h_s) {
   ForceError error;

@@ -14,12 +14,15 @@ struct ForceError {
   double max = 0.0;            ///< likewise
   double time_offset_s = 0.0;  ///< lag of F behind R that makes the RMS least; to a haptic step, refined by a parabola
   double value_offset = 0.0;   ///< the RMS that is left then
-  double jitter_ratio = 0.0;   ///< RMS of F minus its centred 41-sample mean, over the same of R
+  double jitter_ratio = 0.0;   ///< noise_n of F over that of R
   double smoothed_rms = 0.0;   ///< `rms` of the centred 41-sample means
 };
 
 /// Over the common length. Forces in N, h in s. Not finite where F is not.
 [[nodiscard]] ForceError force_error(std::span<const Vec3> force, std::span<const Vec3> reference, double h_s);
+
+/// RMS of the force minus its centred 41-sample mean, N: what trembles faster than a hand moves.
+[[nodiscard]] double noise_n(std::span<const Vec3> force);
 
 /// Centred mean over `window` samples (odd); fewer at the ends.
 [[nodiscard]] std::vector<Vec3> smoothed(std::span<const Vec3> force, int window);

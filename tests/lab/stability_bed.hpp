@@ -16,9 +16,6 @@ inline constexpr double kMu = 0.5;
 inline constexpr double kPi = 3.14159265358979323846;
 inline constexpr double kDegree = kPi / 180.0;
 
-/// A signal asked to stop.
-struct Interrupted {};
-
 /// Movable bodies of uniform density, for `add`; a mass of 0 fixes them.
 [[nodiscard]] Body box_body(const Vec3& size_m, double mass_kg, const Material& material = {});
 [[nodiscard]] Body cube_body(double side_m, double mass_kg, const Material& material = {});

@@ -19,6 +19,9 @@ struct Setting {
   friend bool operator==(const Setting&, const Setting&) = default;
 };
 
+/// A signal asked to stop.
+struct Interrupted {};
+
 /// How the error of a measurement is counted.
 enum class Compare : std::uint8_t {
   relative,  ///< |measured - expected| / |expected|
@@ -55,6 +58,7 @@ struct StabilityCase {
   std::function<double(double value)> expected = [](double) { return 0.0; };
   std::function<Measurement(const Setting& setting, double value)> measure;
   bool own_step = false;  ///< it chooses its steps itself, so one step of the setting is enough
+  bool once = false;      ///< engines have no part in it, so one setting is enough
 };
 
 }  // namespace subworld

@@ -96,8 +96,9 @@ std::vector<StabilityPoint> points_of(const StabilityRequest& request) {
     for (const std::string& preset : presets_of(request.presets, engine)) {
       for (const double dt_s : steps_s) {
         for (const StabilityCase* one : cases) {
-          if (!one->own_step || dt_s == steps_s.front())
-            add_points(*one, {engine, preset, dt_s}, request.quick, points);
+          if (one->own_step && dt_s != steps_s.front()) continue;
+          if (one->once && !points.empty() && points.front().setting != Setting{engine, preset, dt_s}) continue;
+          add_points(*one, {engine, preset, dt_s}, request.quick, points);
         }
       }
     }

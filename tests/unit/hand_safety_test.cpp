@@ -6,7 +6,7 @@
 #include "coupling/stiffness.hpp"
 #include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
-#include "lab/coupled_run.hpp"
+#include "lab/hand_bed.hpp"
 
 #include <gtest/gtest.h>
 
@@ -181,23 +181,15 @@ TEST(OscillationWatch, TellsABuzzFromAHandAndFromAnImpact) {
   EXPECT_LT(watched([](double t) { return 20.0 * std::exp(-20 * t) * std::sin(2 * M_PI * 50 * t); }), 0.01);
 }
 
-Scene scene_with_hand(const std::string& name, DeviceKind kind) {
-  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml");
-  keep_users(scene, 1);
-  scene.users[0].device.kind = kind;
-  scene.users[0].device.hand = HandSpec{};
-  return scene;
-}
-
 struct Delayed {
   const char* scene;
   DeviceKind kind;
   const char* scheme;
-  bool at_device;
+  Side side;
 };
 void PrintTo(const Delayed& one, std::ostream* out) {
   *out << one.scene << (one.kind == DeviceKind::impedance ? "_impedance_" : "_admittance_") << one.scheme
-       << (one.at_device ? "_device" : "_world");
+       << (one.side == Side::device ? "_device" : "_world");
 }
 
 std::vector<Delayed> delayed() {
@@ -205,7 +197,7 @@ std::vector<Delayed> delayed() {
   for (const char* scene : {"press", "row"}) {
     for (const DeviceKind kind : {DeviceKind::impedance, DeviceKind::admittance}) {
       for (const char* scheme : {"direct", "paper", "reduced"}) {
-        for (const bool at_device : {false, true}) all.push_back({scene, kind, scheme, at_device});
+        for (const Side side : {Side::world, Side::device}) all.push_back({scene, kind, scheme, side});
       }
     }
   }
@@ -215,11 +207,7 @@ std::vector<Delayed> delayed() {
 Scene delayed_scene(const Delayed& one) {
   Scene scene = scene_with_hand(one.scene, one.kind);
   scene.settings.scheme = one.scheme;
-  DelaySettings& delay = scene.settings.delay;
-  (one.at_device ? delay.from_device_s : delay.up_s) = 0.1;
-  (one.at_device ? delay.to_device_s : delay.down_s) = 0.1;
-  delay.jitter_s = 0.02;
-  delay.loss_ratio = 0.05;
+  lengthen(scene, one.side, 0.2);
   return scene;
 }
 
@@ -235,7 +223,7 @@ TEST_P(Passivity200ms, NoHandGetsEnergyThatItDidNotPutIn) {
 INSTANTIATE_TEST_SUITE_P(Links, Passivity200ms, ::testing::ValuesIn(delayed()));
 
 TEST(Passivity, IsNeededThere) {
-  Scene scene = delayed_scene({"press", DeviceKind::impedance, "reduced", true});
+  Scene scene = delayed_scene({"press", DeviceKind::impedance, "reduced", Side::device});
   scene.settings.passivity = Passivity::off;
   CoupledRun run(scene);
   ASSERT_TRUE(run.run());
@@ -260,11 +248,10 @@ TEST(Admittance, InFreeSpaceStaysSlow) {
   for (const char* scheme : {"direct", "paper", "reduced"}) {
     for (const int ratio : {1, 4, 20}) {
       for (const double latency_s : {0.0, 0.005, 0.1}) {
-        Scene scene = scene_with_hand("press", DeviceKind::admittance);
-        scene.initial[index(scene.users[0].proxy)].position.z() += 2.0;
+        Scene scene = free_scene(DeviceKind::admittance);
         scene.settings.scheme = scheme;
         scene.settings.set_ratio({ratio, ratio});
-        scene.settings.delay.up_s = scene.settings.delay.down_s = 0.5 * latency_s;
+        lengthen(scene, Side::world, latency_s, 0.0, 0.0);
         CoupledRun run(scene);
         double fastest = 0.0;
         while (run.finite() && run.world.time_s() < scene.settings.duration_s) {
