@@ -1,13 +1,11 @@
 #include "launch.hpp"
 
-#include "coupling/scheme.hpp"
 #include "ends.hpp"
 #include "file_lock.hpp"
 #include "io/results.hpp"
 #include "io/trace.hpp"
-#include "model/body_choice.hpp"
+#include "limits.hpp"
 #include "model/error.hpp"
-#include "physics/engine.hpp"
 #include "placement.hpp"
 #include "progress.hpp"
 #include "rt/calibration.hpp"
@@ -42,11 +40,10 @@ namespace subworld {
 
 namespace {
 
-// Domains that a run picks by itself, the last first. Their ports, from 7400 + 250 times the domain on, lie below 32768,
-// from which on Linux hands out ports to anybody: a socket of another domain could get one of them.
+// Domains that a run picks by itself, the last first. Their ports, from 7400 + 250 times the domain on, lie below
+// 32768, from which on Linux hands out ports to anybody: a socket of another domain could get one of them.
 constexpr int kFirstDomain = 60;
 constexpr int kLastDomain = 100;
-constexpr int kMostParticipants = 32;  // of one domain on one host, as the back ends number them
 
 /// A domain that no other run on this machine holds; held until this object goes.
 class DomainClaim {
@@ -243,27 +240,6 @@ std::vector<Sighting> sightings(const Supervisor& programs) {
   return seen;
 }
 
-/// Throws for what no program could follow, before any is started.
-void check_choices(const Scene& scene, const RunRequest& request) {
-  const int participants = 2 + 2 * scene.settings.users + (request.gui ? 1 : 0);  // with this one
-  if (participants > kMostParticipants) {
-    throw Error(
-        ExitCode::usage,
-        fmt::format(
-            "--users {}: that needs {} processes, and a DDS domain holds {} on one machine; take fewer users, or start "
-            "some programs by hand on other machines",
-            scene.settings.users, participants, kMostParticipants));
-  }
-  for (const std::string& peer : request.options.network.peers) {
-    if (peer.starts_with("-"))
-      throw Error(ExitCode::usage, fmt::format("--peers: \"{}\" is no host; give hosts, separated by commas", peer));
-  }
-  if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);
-  (void)make_scheme(scene.settings);
-  (void)make_engine(scene.settings.world, {});
-  (void)make_engine(scene.settings.haptic, {});
-}
-
 }  // namespace
 
 std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
@@ -272,8 +248,8 @@ int run(const RunRequest& request) {
   end_at_stop_signals();
   Options options = request.options;
   const Scene scene = load_scene(options);
-  check_choices(scene, request);
-  warn_of_settings(scene);
+  check_request(scene, request);
+  warn_of_limits(scene);
   FileLock folder;
   claim_folder(options.out, scene.name, folder);
   if (!options.trace.empty()) {

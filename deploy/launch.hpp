@@ -34,11 +34,7 @@ void send_control(const Network& network, const std::string& verb, const EngineO
 /// Throws `Error` (failed) where that program is missing.
 void become_lab(const std::string& name, char** arguments);
 
-/// Tells, on the error output, of bodies that a chosen engine cannot hold, of a stiffness that a device
-/// cannot render and of a run of a few cycles.
-void warn_of_settings(const Scene& scene);
-
-/// Prints what a scene needs and what is left out, with the reasons.
-void print_plan(const Scene& scene, bool gui);
+/// Prints what a scene needs and what is left out, with the reasons. Throws `Error` (usage) for what `run` refuses.
+void print_plan(const RunRequest& request);
 
 }  // namespace subworld

@@ -1,7 +1,7 @@
 #include "coupling/passivity.hpp"
 #include "coupling/scheme.hpp"
-#include "coupling/stiffness.hpp"
 #include "launch.hpp"
+#include "limits.hpp"
 #include "physics/plugin.hpp"
 
 #include <fmt/format.h>
@@ -43,54 +43,6 @@ std::string describe_engine(const char* where, const EngineSettings& settings) {
       can.deterministic ? "deterministic" : "not deterministic", settings.length_unit_m);
 }
 
-void warn_of_small_boxes(const char* where, const EngineSettings& settings, const Scene& scene) {
-  const double smallest_m = engine_plugin(settings.name).smallest_box * settings.length_unit_m;
-  const auto small = std::ranges::find_if(scene.bodies, [&](const Body& body) {
-    return body.shape.kind == ShapeKind::box && 2.0 * body.shape.half_extents.minCoeff() < smallest_m;
-  });
-  if (small == scene.bodies.end()) return;
-  fmt::print(stderr,
-             "subworld: {0}: {1} does not hold boxes with a side below {2:g} m in a unit of length of {3:g} m, as {4} "
-             "has; it may fall through the floor. Set {0}.length_unit_m: {5:g}, or choose another engine\n",
-             where, settings.name, smallest_m, settings.length_unit_m, small->name, 0.1 * settings.length_unit_m);
-}
-
-/// A wall is the hardest that a coupling can meet.
-void warn_of_stiffness(const UserSpec& user, const Settings& settings) {
-  if (user.device.kind != DeviceKind::impedance) return;
-  const double most_n_m = largest_stiffness(user, settings);
-  const double wanted_n_m = user.coupling.stiffness_n_m;
-  if (wanted_n_m <= most_n_m) return;
-  fmt::print(stderr,
-             "subworld: {}: coupling.stiffness_n_m {:g} is more than a wall can have at this rate and delay before the "
-             "device ({:g} kg, {:g} N s/m) swings: {:.3g} N/m at most with a damping of {:g} N s/m. Lower it, shorten h_s "
-             "or the delay, or expect the passivity bound to soften it\n",
-             user.name, wanted_n_m, user.device.mass_kg, user.device.damping_n_s_m, most_n_m,
-             user.coupling.damping_n_s_m);
-}
-
-/// World and sub-worlds hear of each other once a cycle.
-void warn_of_few_cycles(const Settings& s) {
-  constexpr double kFew = 5.0;
-  const double cycles = std::max(1.0, std::round(s.duration_s / s.shortest_cycle_s()));
-  if (cycles >= kFew) return;
-  fmt::print(stderr,
-             "subworld: a cycle of the world takes {:g} s at ratio {}: world and sub-worlds exchange their states only "
-             "{} time{} in the {:g} s of the run; take a lower ratio or a longer duration\n",
-             s.shortest_cycle_s(), s.ratio, cycles, cycles == 1.0 ? "" : "s", s.duration_s);
-}
-
-}  // namespace
-
-void warn_of_settings(const Scene& scene) {
-  warn_of_small_boxes("world", scene.settings.world, scene);
-  warn_of_small_boxes("haptic", scene.settings.haptic, scene);
-  warn_of_few_cycles(scene.settings);
-  for (const UserSpec& user : scene.users) warn_of_stiffness(user, scene.settings);
-}
-
-namespace {
-
 std::string cycle_text(const Settings& s) {
   if (!s.adapts_ratio()) return fmt::format("{:g} ms", 1e3 * s.shortest_cycle_s());
   return fmt::format("{:g} to {:g} ms, by what the hand feels and what the world costs", 1e3 * s.shortest_cycle_s(),
@@ -99,9 +51,12 @@ std::string cycle_text(const Settings& s) {
 
 }  // namespace
 
-void print_plan(const Scene& scene, bool gui) {
+void print_plan(const RunRequest& request) {
+  const Scene scene = load_scene(request.options);
   const Settings& s = scene.settings;
-  warn_of_settings(scene);
+  const bool gui = request.gui;
+  check_request(scene, request);
+  warn_of_limits(scene);
   const auto scheme = make_scheme(s);
   const std::string engines = describe_engine("world", s.world) + describe_engine("sub-worlds", s.haptic);
   const auto fixed = std::count_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& b) { return b.fixed(); });

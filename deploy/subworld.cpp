@@ -65,12 +65,11 @@ int main_of(int argc, char** argv) {
       ->capture_default_str();
   run_command->add_flag("--strict", request.strict, "end with 4 when a quality gate is missed");
 
-  Options plan_options;
-  bool plan_gui = false;
+  RunRequest plan_request;
   CLI::App* plan_command =
       app.add_subcommand("plan", "Prints what a scene needs and what is left out, with the reasons");
-  add_run_options(*plan_command, plan_options);
-  plan_command->add_flag("--gui", plan_gui, "with the display");
+  add_run_options(*plan_command, plan_request.options);
+  plan_command->add_flag("--gui", plan_request.gui, "with the display");
 
   Network control_network;
   std::string control_verb;
@@ -136,7 +135,7 @@ int main_of(int argc, char** argv) {
     send_control(control_network, control_verb, control_engine, control_wait_s);
     return static_cast<int>(ExitCode::done);
   }
-  print_plan(load_scene(plan_options), plan_gui);
+  print_plan(plan_request);
   return static_cast<int>(ExitCode::done);
 }
 

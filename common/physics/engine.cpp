@@ -1,6 +1,7 @@
 #include "physics/engine.hpp"
 
 #include "model/error.hpp"
+#include "model/nearest.hpp"
 #include "physics/plugin.hpp"
 #include "physics/scaled_engine.hpp"
 
@@ -113,8 +114,11 @@ const EnginePlugin& engine_plugin(std::string_view name) {
                                              "SUBWORLD_ENGINES_ALL=1 deploy/build",
                                              name));
   }
+  const std::vector<std::string> names = engine_names();
+  const std::string_view meant = nearest(name, {names.begin(), names.end()});
   throw Error(ExitCode::usage,
-              fmt::format("engine \"{}\" is unknown; choose one of: {}", name, fmt::join(engine_names(), ", ")));
+              fmt::format("engine \"{}\" is unknown; {}choose one of: {}", name,
+                          meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant), fmt::join(names, ", ")));
 }
 
 StepCost EngineCost::step(double dt) const noexcept {

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 namespace subworld {
@@ -19,6 +20,12 @@ std::size_t find_preset(const EnginePlugin& plugin, std::string_view name) {
   }
   throw Error(ExitCode::usage, fmt::format("engine {} has no preset \"{}\"; choose one of: {}", plugin.name, name,
                                            fmt::join(known, ", ")));
+}
+
+double heaviest_on_light(const HeavyOnLight& ratio, double dt) noexcept {
+  if (!std::isfinite(ratio.at_1_ms) || !std::isfinite(ratio.at_4_ms)) return std::numeric_limits<double>::infinity();
+  const double exponent = std::log(ratio.at_4_ms / ratio.at_1_ms) / std::log(4.0);
+  return ratio.at_1_ms * std::pow(1e3 * dt, exponent);
 }
 
 int substep_count(double dt, std::optional<int> fixed, double longest_s) noexcept {

@@ -18,6 +18,13 @@ struct SubstepCost {
   double contact_iteration_s = 0.0;  ///< for each contact point and iteration of the solver
 };
 
+/// The mass of a cube over that of a cube on which it rests, at which the lower one gives way (`subworld lab
+/// stability`, case heavy_carried).
+struct HeavyOnLight {
+  double at_1_ms = std::numeric_limits<double>::infinity();
+  double at_4_ms = std::numeric_limits<double>::infinity();
+};
+
 /// A named choice of an engine's own settings.
 struct EnginePreset {
   std::string_view name;
@@ -26,6 +33,17 @@ struct EnginePreset {
   double longest_substep_s = std::numeric_limits<double>::infinity();
   double longest_iteration_s = std::numeric_limits<double>::infinity();  ///< where each is a time step of its own
   SubstepCost cost = {};
+  HeavyOnLight heavy_on_light = {};
+};
+
+/// What an engine does not hold; each as measured by `subworld lab stability`, or set by the engine itself.
+struct EngineLimits {
+  double smallest_box = 0.0;  ///< sides of boxes below it, in units of length, are not held
+  double plane_half_side_m = std::numeric_limits<double>::infinity();  ///< a plane ends so far from its position
+  double speed_m_s = std::numeric_limits<double>::infinity();          ///< nothing moves faster
+  double spin_rad_s = std::numeric_limits<double>::infinity();         ///< nothing turns faster
+  int iterations = std::numeric_limits<int>::max();  ///< the solver makes no more; 0: as many as it chooses itself
+  bool continuous = false;  ///< what moves through a thin body within one step is held nevertheless
 };
 
 /// What an engine's library tells of itself and how it is made.
@@ -34,12 +52,15 @@ struct EnginePlugin {
   std::string_view version;  ///< of the engine and its precision
   std::string_view licence;  ///< of the engine
   std::span<const EnginePreset> presets;
-  double smallest_box = 0.0;  ///< sides of boxes below it, in units of length, are not held; 0: no such limit
+  EngineLimits limits = {};
   std::unique_ptr<Engine> (*make)(const EngineSettings& settings, std::span<const Mesh> meshes);
 };
 
 /// The preset that the settings name, as an index into `presets`. Throws `Error` (usage) that names those there are.
 [[nodiscard]] std::size_t find_preset(const EnginePlugin& plugin, std::string_view name);
+
+/// Interpolated in the logarithms of step and mass ratio; beyond 1 and 4 ms likewise.
+[[nodiscard]] double heaviest_on_light(const HeavyOnLight& ratio, double dt) noexcept;
 
 /// In how many sub-steps an engine divides a step of `dt` (s): as many as the settings say, or else so many that none
 /// is longer than `longest_s`.
@@ -49,7 +70,7 @@ struct EnginePlugin {
 [[nodiscard]] int iteration_count(double h, std::optional<int> fixed, int least, double longest_s) noexcept;
 
 /// Changes whenever a type that crosses between a program and an engine's library changes.
-inline constexpr int kEnginePluginInterface = 6;
+inline constexpr int kEnginePluginInterface = 7;
 
 }  // namespace subworld
 

@@ -58,7 +58,7 @@ struct StabilityCase {
   std::function<double(double value)> expected = [](double) { return 0.0; };
   std::function<Measurement(const Setting& setting, double value)> measure;
   bool own_step = false;  ///< it chooses its steps itself, so one step of the setting is enough
-  bool once = false;      ///< engines have no part in it, so one setting is enough
+  bool once = false;      ///< engines have no part in it: measured for none of them
 };
 
 }  // namespace subworld

@@ -34,6 +34,7 @@ std::optional<int> parse(int argc, char** argv, Command& command) {
       "Examples:\n"
       "  subworld lab stability --quick --out out/quick\n"
       "  subworld lab stability sliding slip_angle --engine bullet --dt 1/1000 --out out/sliding\n"
+      "  subworld lab stability hand delay --engine bullet,physx --preset fast\n"
       "  subworld lab stability stack card_house heavy_on_light --preset quality --dt 1/60,1/250,1/1000\n"
       "DIR/report.html shows the map and a section for each case with its formula and source; DIR/results.csv and\n"
       "results.json hold a row for each measurement. A missed tolerance is a result: it does not change the exit "
@@ -42,7 +43,7 @@ std::optional<int> parse(int argc, char** argv, Command& command) {
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.",
       cases_text()));
   app.add_option("case", request.names, "names of cases or groups (default: all)");
-  add_list(app, "--engine", request.engines, "engines (default: all there are)");
+  add_list(app, "--engine", request.engines, "engines, separated by commas (default: all there are)");
   add_list(app, "--preset", request.presets, "presets of the engines (default: all)");
   add_list(app, "--dt", command.steps, "time steps, s, as in 1/60 or 0.01 (default: 1/1000,1/250,1/60)");
   app.add_flag("--quick", request.quick,

@@ -59,8 +59,10 @@ std::vector<const StabilityCase*> chosen_cases(const std::vector<std::string>& n
   const std::vector<std::string_view> known = known_names();
   for (const std::string& name : names) {
     if (std::ranges::find(known, name) == known.end()) {
-      throw Error(ExitCode::usage, fmt::format("\"{}\" is no case and no group; did you mean \"{}\"? All of them:\n{}",
-                                               name, nearest(name, known), cases_text()));
+      const std::string_view meant = nearest(name, known);
+      throw Error(ExitCode::usage,
+                  fmt::format("\"{}\" is no case and no group{} All of them:\n{}", name,
+                              meant.empty() ? "." : fmt::format("; did you mean \"{}\"?", meant), cases_text()));
     }
   }
   const auto asked = [&](const std::string& name) { return std::ranges::find(names, name) != names.end(); };
@@ -96,12 +98,15 @@ std::vector<StabilityPoint> points_of(const StabilityRequest& request) {
     for (const std::string& preset : presets_of(request.presets, engine)) {
       for (const double dt_s : steps_s) {
         for (const StabilityCase* one : cases) {
-          if (one->own_step && dt_s != steps_s.front()) continue;
-          if (one->once && !points.empty() && points.front().setting != Setting{engine, preset, dt_s}) continue;
+          if (one->once || (one->own_step && dt_s != steps_s.front())) continue;
           add_points(*one, {engine, preset, dt_s}, request.quick, points);
         }
       }
     }
+  }
+  for (const StabilityCase* one : cases) {
+    if (one->once)
+      add_points(*one, {.engine = "any engine", .preset = "", .dt_s = steps_s.front()}, request.quick, points);
   }
   return points;
 }

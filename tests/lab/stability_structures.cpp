@@ -53,12 +53,24 @@ Measurement card_house(const Setting& setting, double stages) {
   return moved_mm(bed, kWatch_s, 0.5);
 }
 
-/// Whether the upper of two cubes rests on the lower one: neither moves by more than 1 % of the side, nor trembles.
-bool rests(const Setting& setting, double lower_kg, double upper_kg) {
-  TestBed bed(setting);
+void pile_two(TestBed& bed, double lower_kg, double upper_kg) {
   bed.add_floor();
   bed.add(cube_body(kSide_m, lower_kg), Vec3(0, 0, 0.5 * kSide_m));
   bed.add(cube_body(kSide_m, upper_kg), Vec3(0, 0, 1.5 * kSide_m));
+}
+
+/// Whether the lower of two cubes neither gives way nor lets the upper one fall.
+bool carries(const Setting& setting, double lower_kg, double upper_kg) {
+  constexpr double kGaveWay = 0.1;  // of the side
+  TestBed bed(setting);
+  pile_two(bed, lower_kg, upper_kg);
+  return bed.run(kStandFor_s, [&] { return bed.moved_m() <= kGaveWay * kSide_m; });
+}
+
+/// Whether the upper of two cubes rests on the lower one: neither moves by more than 1 % of the side, nor trembles.
+bool rests(const Setting& setting, double lower_kg, double upper_kg) {
+  TestBed bed(setting);
+  pile_two(bed, lower_kg, upper_kg);
   return bed.run(kStandFor_s, [&] {
     const bool settled = bed.time_s() > kStandFor_s - kTrembleFor_s;
     return bed.moved_m() <= kMoved * kSide_m && !(settled && bed.fastest_m_s() > kTremble_m_s);
@@ -101,6 +113,22 @@ std::vector<StabilityCase> limit_cases() {
        .measure =
            [ratios](const Setting& s, double) {
              return limit_proven(find_limit(ratios, [&](double ratio) { return rests(s, 1.0, ratio); }));
+           }},
+      {.name = "heavy_carried",
+       .shows =
+           "The heaviest cube that one of 1 kg carries for 5 s: neither moves by a tenth of the side, however they "
+           "tremble. The warnings of `subworld run` and `plan` come from here.",
+       .quantity = "mass ratio",
+       .unit = "",
+       .formula = "no limit in statics; 100 is asked for",
+       .source = kStatics,
+       .compare = Compare::at_least,
+       .tolerance = 1.0,
+       .why = "a tool of 10 kg on a part of 100 g",
+       .expected = [](double) { return 100.0; },
+       .measure =
+           [ratios](const Setting& s, double) {
+             return limit_proven(find_limit(ratios, [&](double ratio) { return carries(s, 1.0, ratio); }));
            }},
       {.name = "light_on_heavy",
        .shows = "The same with the heavy cube below.",

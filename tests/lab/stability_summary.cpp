@@ -91,7 +91,8 @@ std::vector<std::string> missed_by_all(const Rows& rows) {
 }  // namespace
 
 std::string setting_of(const Json& row) {
-  return row.at("engine").get<std::string>() + " " + row.at("preset").get<std::string>();
+  const auto preset = row.at("preset").get<std::string>();
+  return row.at("engine").get<std::string>() + (preset.empty() ? "" : " " + preset);
 }
 
 std::vector<std::string> settings_of(const Rows& rows) {

@@ -101,8 +101,11 @@ int attack(const std::string& vendor, int domain, const std::string& mode, const
   auto state = bus->reader<DeviceState>(device_partition(0));
   auto command = bus->reader<DeviceCommand>(device_partition(0));
   auto report = bus->reader<HapticReport>(user_partition(0));
-  // Until the run runs.
-  for (int heard = 0; heard < 5 || of.frame.clock_factor <= 0.0;) {
+  // Until the run runs: the haptic loop has chosen its device.
+  const auto runs = [&] {
+    return of.frame.clock_factor > 0.0 && of.state.sender != 0 && of.command.served == of.state.sender;
+  };
+  for (int heard = 0; heard < 5 || !runs();) {
     heard += listen(scene, of.scene) + listen(frame, of.frame) + listen(state, of.state) + listen(command, of.command) +
              listen(report, of.report);
     std::this_thread::sleep_for(1ms);

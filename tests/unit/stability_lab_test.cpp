@@ -10,6 +10,7 @@
 
 #include <cmath>
 #include <limits>
+#include <map>
 #include <set>
 
 namespace subworld {
@@ -197,8 +198,19 @@ TEST(StabilityPlan, QuickMeasuresLessAndStepsOfItsOwnOnce) {
   std::set<double> steps;
   for (const StabilityPoint& point : whole) steps.insert(point.setting.dt_s);
   EXPECT_EQ(steps.size(), 3U);
-  const auto own = std::ranges::count_if(whole, [](const StabilityPoint& point) { return point.one->own_step; });
-  EXPECT_EQ(own, std::ranges::count_if(stability_cases(), &StabilityCase::own_step));
+  std::map<const StabilityCase*, std::set<double>> steps_of;
+  for (const StabilityPoint& point : whole) steps_of[point.one].insert(point.setting.dt_s);
+  for (const StabilityCase& one : stability_cases()) {
+    EXPECT_EQ(steps_of[&one].size(), one.own_step || one.once ? 1U : 3U) << one.name;
+  }
+}
+
+TEST(StabilityPlan, WhatNoEngineHasAPartInIsMeasuredOnce) {
+  const auto whole =
+      points_of({.names = {}, .engines = {"bullet", "ode"}, .presets = {}, .steps_s = {}, .quick = false});
+  std::map<const StabilityCase*, std::set<std::string>> engines_of;
+  for (const StabilityPoint& point : whole) engines_of[point.one].insert(point.setting.engine);
+  for (const StabilityCase& one : stability_cases()) EXPECT_EQ(engines_of[&one].size(), one.once ? 1U : 2U) << one.name;
 }
 
 // A body in free fall keeps its energy, whatever the step: what the bed reports is not an error of its own.

@@ -37,12 +37,17 @@ struct PresetValues {
 
 constexpr SubstepCost kCost{.step_s = 4e-6, .body_s = 0.3e-6, .contact_s = 0.6e-6, .contact_iteration_s = 0.09e-6};
 constexpr EnginePreset kPresets[] = {
-    {.name = "fast", .what = "10 iterations, no sub-steps: what haptic steps need", .iterations = 10, .cost = kCost},
+    {.name = "fast",
+     .what = "10 iterations, no sub-steps: what haptic steps need",
+     .iterations = 10,
+     .cost = kCost,
+     .heavy_on_light = {700, 170}},
     {.name = "quality",
      .what = "20 iterations, sub-steps of at most 0.7 ms, friction goes on from step to step: holds what is stacked",
      .iterations = 20,
      .longest_substep_s = 0.7e-3,
-     .cost = kCost},
+     .cost = kCost,
+     .heavy_on_light = {480, 480}},
 };
 // Friction that starts from zero in each step lets what it holds creep by a part of each step, so the faster the longer
 // the steps are. Friction that goes on from step to step holds a card house, but with few iterations per second it

@@ -15,11 +15,15 @@ using namespace havok;
 // be more exact.
 constexpr SubstepCost kCost{.step_s = 3e-6, .body_s = 0.4e-6, .contact_s = 2.6e-6};
 constexpr EnginePreset kPresets[] = {
-    {.name = "fast", .what = "no sub-steps; the number of iterations is Havok's own", .cost = kCost},
+    {.name = "fast",
+     .what = "no sub-steps; the number of iterations is Havok's own",
+     .cost = kCost,
+     .heavy_on_light = {860, 200}},
     {.name = "quality",
      .what = "sub-steps of at most 1 ms; the number of iterations is Havok's own",
      .longest_substep_s = 1.05e-3,
-     .cost = kCost},
+     .cost = kCost,
+     .heavy_on_light = {860, 860}},
 };
 
 extern const EnginePlugin kPlugin;
@@ -191,7 +195,12 @@ const EnginePlugin kPlugin{
     .version = "Havok Physics of @babylonjs/havok 1.3.14, single precision",
     .licence = "MIT",
     .presets = kPresets,
-    .smallest_box = 0.035,  // what is smaller may fall through what it lies on
+    .limits = {.smallest_box = 0.035,  // what is smaller may fall through what it lies on
+               .plane_half_side_m = 0.5 * kPlaneSide_m,
+               .speed_m_s = kSpeedLimit,
+               .spin_rad_s = kSpeedLimit,
+               .iterations = 0,
+               .continuous = true},
     .make = [](const EngineSettings& settings, std::span<const Mesh> meshes) -> std::unique_ptr<Engine> {
       return std::make_unique<Havok>(settings, meshes);
     }};

@@ -12,9 +12,7 @@ namespace {
 
 constexpr std::uint32_t kScratchBytes = 1024;
 
-// A plane is a box. In single precision a larger one would lose micrometres where it is tilted.
-constexpr double kPlaneSide = 100.0;  ///< m
-constexpr double kPlaneDepth = 10.0;  ///< m
+constexpr double kPlaneDepth_m = 10.0;
 
 /// Copies an array to the module's memory.
 template <class T>
@@ -121,8 +119,8 @@ Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> mesh
       result = w2c_havok_HP_Shape_CreateCylinder(module.get(), end(-1.0), end(1.0), radius, out);
       break;
     case ShapeKind::plane:
-      result = make_box(module, {0, 0, -0.5 * kPlaneDepth / unit_m},
-                        0.5 / unit_m * Vec3(kPlaneSide, kPlaneSide, kPlaneDepth), scratch, out);
+      result = make_box(module, {0, 0, -0.5 * kPlaneDepth_m / unit_m},
+                        0.5 / unit_m * Vec3(kPlaneSide_m, kPlaneSide_m, kPlaneDepth_m), scratch, out);
       break;
     case ShapeKind::convex:
     case ShapeKind::mesh:

@@ -54,6 +54,9 @@ inline constexpr std::uint32_t kStatic = 1, kDynamic = 4;
 inline constexpr std::uint32_t kAlwaysActive = 1;
 inline constexpr std::uint32_t kStarted = 1, kContinued = 2;
 
+/// A plane is a box. In single precision a larger one would lose micrometres where it is tilted.
+inline constexpr double kPlaneSide_m = 100.0;
+
 /// One instance of the module, with a memory of its own.
 class Module {
  public:

@@ -28,12 +28,17 @@ using ode::state_of;
 // QuickStep starts from zero at every step, so tall stacks need short steps as much as iterations.
 constexpr SubstepCost kCost{.step_s = 4e-6, .body_s = 0.3e-6, .contact_s = 1.0e-6, .contact_iteration_s = 0.05e-6};
 constexpr EnginePreset kPresets[] = {
-    {.name = "fast", .what = "20 iterations, no sub-steps: a heap at haptic rates", .iterations = 20, .cost = kCost},
+    {.name = "fast",
+     .what = "20 iterations, no sub-steps: a heap at haptic rates",
+     .iterations = 20,
+     .cost = kCost,
+     .heavy_on_light = {30, 6}},
     {.name = "quality",
      .what = "60 iterations, sub-steps of at most 1 ms: stacks of ten",
      .iterations = 60,
      .longest_substep_s = 1.05e-3,
-     .cost = kCost},
+     .cost = kCost,
+     .heavy_on_light = {56, 56}},
 };
 
 extern const EnginePlugin kPlugin;

@@ -19,12 +19,14 @@ constexpr EnginePreset kPresets[] = {
     {.name = "fast",
      .what = "4 iterations, no sub-steps: each iteration of TGS is a small time step of its own",
      .iterations = 4,
-     .cost = kCost},
+     .cost = kCost,
+     .heavy_on_light = {1700, 270}},
     {.name = "quality",
      .what = "16 iterations, sub-steps of at most 2 ms: holds stacks and houses of cards",
      .iterations = 16,
      .longest_substep_s = 2.1e-3,
-     .cost = kCost},
+     .cost = kCost,
+     .heavy_on_light = {1700, 1700}},
 };
 
 extern const EnginePlugin kPlugin;
@@ -209,6 +211,7 @@ const EnginePlugin kPlugin{
     .version = "PhysX 5.6.1 of physx-js-webidl 2.7.3, single precision, TGS",
     .licence = "BSD-3-Clause",
     .presets = kPresets,
+    .limits = {.spin_rad_s = kTurnLimit, .iterations = kMostIterations},
     .make = [](const EngineSettings& settings, std::span<const Mesh> meshes) -> std::unique_ptr<Engine> {
       return std::make_unique<Physx>(settings, meshes);
     }};

@@ -35,13 +35,15 @@ constexpr EnginePreset kPresets[] = {
      .iterations = 1,
      .longest_substep_s = kLongestSubstep_s,
      .longest_iteration_s = 0.525e-3,
-     .cost = kCost},
+     .cost = kCost,
+     .heavy_on_light = {2700, 2700}},
     {.name = "quality",
      .what = "iterations of at most 0.25 ms, each a small time step of its own; contacts are springs of 1000 Hz",
      .iterations = 1,
      .longest_substep_s = kLongestSubstep_s,
      .longest_iteration_s = 0.2625e-3,
-     .cost = kCost},
+     .cost = kCost,
+     .heavy_on_light = {10000, 10000}},
 };
 
 extern const EnginePlugin kPlugin;
@@ -304,6 +306,7 @@ const EnginePlugin kPlugin{
     .version = "Rapier of @dimforge/rapier3d-simd 0.20.0, single precision, TGS with soft contacts",
     .licence = "Apache-2.0",
     .presets = kPresets,
+    .limits = {.continuous = true},
     .make = [](const EngineSettings& settings, std::span<const Mesh> meshes) -> std::unique_ptr<Engine> {
       return std::make_unique<Rapier>(settings, meshes);
     }};

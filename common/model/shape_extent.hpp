@@ -1,0 +1,15 @@
+#pragma once
+
+#include "model/body.hpp"
+
+#include <span>
+
+namespace subworld {
+
+/// The axis-aligned box around a shape in this pose, m. A plane is everywhere.
+[[nodiscard]] Box bounds(const Shape& shape, const BodyState& state, std::span<const Mesh> meshes);
+
+/// The shape's least extent along the axes of the body frame, m: infinite for a plane, zero for a triangle mesh.
+[[nodiscard]] double thickness(const Shape& shape, std::span<const Mesh> meshes);
+
+}  // namespace subworld

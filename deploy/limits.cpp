@@ -1,0 +1,249 @@
+#include "limits.hpp"
+
+#include "coupling/scheme.hpp"
+#include "coupling/stiffness.hpp"
+#include "launch.hpp"
+#include "model/body_choice.hpp"
+#include "model/error.hpp"
+#include "model/shape_extent.hpp"
+#include "physics/plugin.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+namespace subworld {
+
+namespace {
+
+/// An engine of the scene, where it acts and in which steps.
+struct Place {
+  const char* name;  ///< as in `settings`
+  const EngineSettings& settings;
+  const EnginePlugin& plugin;
+  double step_s;
+};
+
+void warn_of_small_boxes(const Scene& scene, const Place& at, std::vector<std::string>& out) {
+  const double unit_m = at.settings.length_unit_m;
+  const double smallest_m = at.plugin.limits.smallest_box * unit_m;
+  const auto small = std::ranges::find_if(scene.bodies, [&](const Body& body) {
+    return body.shape.kind == ShapeKind::box && 2.0 * body.shape.half_extents.minCoeff() < smallest_m;
+  });
+  if (small == scene.bodies.end()) return;
+  out.push_back(fmt::format(
+      "{0}: {1} does not hold boxes with a side below {2:g} m in a unit of length of {3:g} m, as {4} has; it may fall "
+      "through the floor. Set {0}.length_unit_m: {5:g}, or choose another engine",
+      at.name, at.plugin.name, smallest_m, unit_m, small->name, 0.1 * unit_m));
+}
+
+/// A body that begins beside the end of a plane.
+void warn_of_the_planes_end(const Scene& scene, const Place& at, std::vector<std::string>& out) {
+  const double half_m = at.plugin.limits.plane_half_side_m;
+  if (std::isinf(half_m)) return;
+  for (const Body& plane : scene.bodies) {
+    if (plane.shape.kind != ShapeKind::plane) continue;
+    const BodyState& place = scene.initial[index(plane.id)];
+    for (const Body& body : scene.bodies) {
+      const Vec3 from = place.orientation.conjugate() * (scene.initial[index(body.id)].position - place.position);
+      if (body.fixed() || from.head<2>().cwiseAbs().maxCoeff() <= half_m) continue;
+      out.push_back(
+          fmt::format("{}: in {} the plane {} ends {:g} m from its position, and {} begins beyond. Move the "
+                      "scene towards the plane's position, or choose another engine",
+                      at.name, at.plugin.name, plane.name, half_m, body.name));
+      return;
+    }
+  }
+}
+
+void warn_of_iterations(const Place& at, std::vector<std::string>& out) {
+  const int most = at.plugin.limits.iterations;
+  if (!at.settings.iterations || *at.settings.iterations <= most) return;
+  if (most == 0) {
+    out.push_back(
+        fmt::format("{0}: {1} chooses the number of its iterations itself: {0}.iterations {2} changes "
+                    "nothing. Set {0}.substeps instead",
+                    at.name, at.plugin.name, *at.settings.iterations));
+  } else {
+    out.push_back(fmt::format("{0}: {1} makes at most {2} iterations, not {3}. Set {0}.substeps for more", at.name,
+                              at.plugin.name, most, *at.settings.iterations));
+  }
+}
+
+/// A body that lies on another at the start, and is so many times as heavy.
+struct HeavyPair {
+  const Body* upper;
+  const Body* lower;
+  double ratio;
+};
+
+/// The pair of the largest ratio above `limit`: boxes around them meet, and one centre is above the other.
+std::optional<HeavyPair> heaviest_on_light_pair(const Scene& scene, const Vec3& gravity, double limit) {
+  constexpr double kTouching = 0.02;  // of the lower body's thickness
+  std::vector<const Body*> movable;
+  for (const Body& body : scene.bodies) {
+    if (!body.fixed()) movable.push_back(&body);
+  }
+  const auto by_mass = std::ranges::minmax_element(movable, {}, &Body::mass);
+  if (movable.empty() || (*by_mass.max)->mass <= limit * (*by_mass.min)->mass) return {};
+
+  std::vector<Box> boxes(scene.bodies.size());
+  for (const Body* body : movable) {
+    Box& box = boxes[index(body->id)] = bounds(body->shape, scene.initial[index(body->id)], scene.meshes);
+    const Vec3 margin = Vec3::Constant(kTouching * thickness(body->shape, scene.meshes));
+    box = {box.lower - margin, box.upper + margin};
+  }
+  const auto left = [&](const Body* body) { return boxes[index(body->id)].lower.x(); };
+  std::ranges::sort(movable, {}, left);
+  std::optional<HeavyPair> worst;
+  for (std::size_t i = 0; i < movable.size(); ++i) {
+    const Box& box = boxes[index(movable[i]->id)];
+    for (std::size_t j = i + 1; j < movable.size() && left(movable[j]) <= box.upper.x(); ++j) {
+      const Body *upper = movable[i], *lower = movable[j];
+      if (upper->mass < lower->mass) std::swap(upper, lower);
+      const double ratio = upper->mass / lower->mass;
+      if (ratio <= (worst ? worst->ratio : limit) ||
+          !box.meets(boxes[index(lower == movable[j] ? lower->id : upper->id)]))
+        continue;
+      const Vec3 up = scene.initial[index(upper->id)].position - scene.initial[index(lower->id)].position;
+      if (up.dot(gravity) < 0.0) worst = HeavyPair{upper, lower, ratio};
+    }
+  }
+  return worst;
+}
+
+void warn_of_heavy_on_light(const Scene& scene, const Place& at, std::vector<std::string>& out) {
+  const EnginePreset& preset = at.plugin.presets[find_preset(at.plugin, at.settings.preset)];
+  const double limit = heaviest_on_light(preset.heavy_on_light, at.step_s);
+  if (std::isinf(limit)) return;
+  const auto pair = heaviest_on_light_pair(scene, at.settings.gravity, limit);
+  if (!pair) return;
+  out.push_back(fmt::format(
+      "{}: {} lies on {} and is {:.3g} times as heavy; {} {} holds about {:.2g} times in steps of {:g} ms, then the "
+      "lower body sinks in. Choose another preset or engine (subworld lab stability, case heavy_carried), a shorter "
+      "step, "
+      "or a heavier {}",
+      at.name, pair->upper->name, pair->lower->name, pair->ratio, at.plugin.name, preset.name, limit, 1e3 * at.step_s,
+      pair->lower->name));
+}
+
+/// The thinnest body but this one; null where there is no other.
+const Body* thinnest_other(const Scene& scene, const Body& body) {
+  const Body* thinnest = nullptr;
+  for (const Body& other : scene.bodies) {
+    if (&other == &body) continue;
+    if (!thinnest || thickness(other.shape, scene.meshes) < thickness(thinnest->shape, scene.meshes)) thinnest = &other;
+  }
+  return thinnest;
+}
+
+/// A body that jumps past the thinnest other one within a step, or is faster than the engine lets it be.
+void warn_of_speed(const Scene& scene, const Place& at, std::vector<std::string>& out) {
+  const EngineLimits& limits = at.plugin.limits;
+  const auto speed = [&](const Body& body) { return scene.initial[index(body.id)].linear_velocity.norm(); };
+  const auto spin = [&](const Body& body) { return scene.initial[index(body.id)].angular_velocity.norm(); };
+  for (const Body& body : scene.bodies) {
+    const double jump_m = speed(body) * at.step_s;
+    if (limits.continuous || jump_m <= 0.5 * thickness(body.shape, scene.meshes)) continue;
+    const Body* thin = thinnest_other(scene, body);
+    if (!thin || jump_m <= thickness(thin->shape, scene.meshes) + 0.5 * thickness(body.shape, scene.meshes)) continue;
+    out.push_back(fmt::format(
+        "{}: {} moves {:.3g} m within a step of {:g} ms and may pass through {}, which is {:.3g} m thick: {} finds "
+        "contacts where a step ends, not on the way. Shorten the step, thicken {}, or choose an engine that follows "
+        "fast bodies (subworld lab stability, case tunnel_speed)",
+        at.name, body.name, jump_m, 1e3 * at.step_s, thin->name, thickness(thin->shape, scene.meshes), at.plugin.name,
+        thin->name));
+    break;
+  }
+  for (const Body& body : scene.bodies) {
+    if (speed(body) <= limits.speed_m_s && spin(body) <= limits.spin_rad_s) continue;
+    out.push_back(
+        fmt::format("{}: {} begins with {:g} m/s and {:g} rad/s; {} slows it down to {:g} m/s and {:g} rad/s. "
+                    "Choose another engine",
+                    at.name, body.name, speed(body), spin(body), at.plugin.name, limits.speed_m_s, limits.spin_rad_s));
+    break;
+  }
+}
+
+/// A wall is the hardest that a coupling can meet.
+void warn_of_stiffness(const UserSpec& user, const Settings& settings, std::vector<std::string>& out) {
+  if (user.device.kind != DeviceKind::impedance) return;
+  const double most_n_m = largest_stiffness(user, settings);
+  const double wanted_n_m = user.coupling.stiffness_n_m;
+  if (wanted_n_m <= most_n_m) return;
+  out.push_back(fmt::format(
+      "{}: coupling.stiffness_n_m {:g} is more than a wall can have at this rate and delay before the device ({:g} kg, "
+      "{:g} N s/m) swings: {:.3g} N/m at most with a damping of {:g} N s/m. Lower it, shorten h_s or the delay, or "
+      "expect the passivity bound to soften it",
+      user.name, wanted_n_m, user.device.mass_kg, user.device.damping_n_s_m, most_n_m, user.coupling.damping_n_s_m));
+}
+
+constexpr int kMostParticipants = 32;  // of one domain on one host, as the back ends number them
+
+/// That there is such an engine and preset. Throws `Error` (usage) that names the place.
+void check_engine(const EngineSettings& settings, const std::string& where) {
+  try {
+    (void)make_engine(settings, {});
+  } catch (const Error& error) {
+    throw Error(error.code(), fmt::format("{}: {}", where, error.what()));
+  }
+}
+
+/// World and sub-worlds hear of each other once a cycle.
+void warn_of_few_cycles(const Settings& s, std::vector<std::string>& out) {
+  constexpr double kFew = 5.0;
+  const double cycles = std::max(1.0, std::round(s.duration_s / s.shortest_cycle_s()));
+  if (cycles >= kFew) return;
+  out.push_back(
+      fmt::format("a cycle of the world takes {:g} s at ratio {}: world and sub-worlds exchange their states only {} "
+                  "time{} in the {:g} s of the run; take a lower ratio or a longer duration",
+                  s.shortest_cycle_s(), s.ratio, cycles, cycles == 1.0 ? "" : "s", s.duration_s));
+}
+
+}  // namespace
+
+std::vector<std::string> beyond_limits(const Scene& scene) {
+  const Settings& s = scene.settings;
+  std::vector<std::string> out;
+  for (const Place& at : {Place{"world", s.world, engine_plugin(s.world.name), s.shortest_cycle_s()},
+                          Place{"haptic", s.haptic, engine_plugin(s.haptic.name), s.h_s}}) {
+    warn_of_small_boxes(scene, at, out);
+    warn_of_the_planes_end(scene, at, out);
+    warn_of_iterations(at, out);
+    warn_of_heavy_on_light(scene, at, out);
+    warn_of_speed(scene, at, out);
+  }
+  for (const UserSpec& user : scene.users) warn_of_stiffness(user, s, out);
+  warn_of_few_cycles(s, out);
+  return out;
+}
+
+void check_request(const Scene& scene, const RunRequest& request) {
+  const int participants = 2 + 2 * scene.settings.users + (request.gui ? 1 : 0);  // with this one
+  if (participants > kMostParticipants) {
+    throw Error(
+        ExitCode::usage,
+        fmt::format(
+            "--users {}: that needs {} processes, and a DDS domain holds {} on one machine; take fewer users, or start "
+            "some programs by hand on other machines",
+            scene.settings.users, participants, kMostParticipants));
+  }
+  for (const std::string& peer : request.options.network.peers) {
+    if (peer.starts_with("-"))
+      throw Error(ExitCode::usage, fmt::format("--peers: \"{}\" is no host; give hosts, separated by commas", peer));
+  }
+  if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);
+  (void)make_scheme(scene.settings);
+  check_engine(scene.settings.world, request.options.engine ? "--engine" : scene.file + ": settings.world");
+  check_engine(scene.settings.haptic,
+               request.options.haptic_engine ? "--haptic-engine" : scene.file + ": settings.haptic");
+}
+
+void warn_of_limits(const Scene& scene) {
+  for (const std::string& warning : beyond_limits(scene)) fmt::print(stderr, "subworld: {}\n", warning);
+}
+
+}  // namespace subworld

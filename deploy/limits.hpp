@@ -1,0 +1,22 @@
+#pragma once
+
+#include "model/scene.hpp"
+
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+struct RunRequest;
+
+/// Throws `Error` (usage) for what no program could follow, before any is started; it names the place and the cure.
+void check_request(const Scene& scene, const RunRequest& request);
+
+/// What of a scene lies beyond what its engines, its rates or its devices hold, each with the cure; a sentence or two
+/// each. Throws `Error` (usage) where the settings name no engine or preset.
+[[nodiscard]] std::vector<std::string> beyond_limits(const Scene& scene);
+
+/// Prints them on the error output.
+void warn_of_limits(const Scene& scene);
+
+}  // namespace subworld
