@@ -60,9 +60,9 @@ Json describe(const UserSpec& user) {
               {"rate_hz", d.rate_hz},
               {"force_limit_n", d.force_limit_n},
               {"torque_limit_n_m", d.torque_limit_n_m},
-               {"force_rate_limit_n_s", d.force_rate_limit_n_s.value_or(d.force_limit_n / DeviceSpec::kFullScale_s)},
-               {"power_limit_w", d.power_limit_w.value_or(d.force_limit_n * DeviceSpec::kFastestPush_m_s)},
-               {"speed_limit_m_s", d.speed_limit_m_s},
+              {"force_rate_limit_n_s", d.force_rate_limit_n_s.value_or(d.force_limit_n / DeviceSpec::kFullScale_s)},
+              {"power_limit_w", d.power_limit_w.value_or(d.force_limit_n * DeviceSpec::kFastestPush_m_s)},
+              {"speed_limit_m_s", d.speed_limit_m_s},
               {"mass_kg", d.mass_kg},
               {"damping_n_s_m", d.damping_n_s_m},
               {"friction_n", d.friction_n},
@@ -85,24 +85,23 @@ Json describe(const Scene& scene) {
   for (const UserSpec& user : scene.users) users.push_back(describe(user));
   Json haptic_engine = describe(s.haptic);
   haptic_engine["part_s"] = make_engine(s.haptic, {})->part_s(s.h_s);  // in which it integrates
-  return {
-      {"world_engine", describe(s.world)},
-      {"haptic_engine", haptic_engine},
-      {"settle_s", s.settle_s},
-      {"settle_step_s", s.settle_step_s},
-      {"paper",
-       {{"device_force_in_world", s.paper.device_force_in_world},
-        {"device_impulse_threshold_n_s", s.paper.device_impulse_threshold_n_s}}},
-      {"delay",
-       {{"up_s", s.delay.up_s},
-        {"down_s", s.delay.down_s},
-        {"from_device_s", s.delay.from_device_s},
-        {"to_device_s", s.delay.to_device_s},
-        {"jitter_s", s.delay.jitter_s},
-        {"loss_ratio", s.delay.loss_ratio},
-        {"seed", s.delay.seed}}},
-      {"passivity", std::array{"automatic", "on", "off"}[static_cast<std::size_t>(s.passivity)]},
-      {"users", users}};
+  return {{"world_engine", describe(s.world)},
+          {"haptic_engine", haptic_engine},
+          {"settle_s", s.settle_s},
+          {"settle_step_s", s.settle_step_s},
+          {"paper",
+           {{"device_force_in_world", s.paper.device_force_in_world},
+            {"device_impulse_threshold_n_s", s.paper.device_impulse_threshold_n_s}}},
+          {"delay",
+           {{"up_s", s.delay.up_s},
+            {"down_s", s.delay.down_s},
+            {"from_device_s", s.delay.from_device_s},
+            {"to_device_s", s.delay.to_device_s},
+            {"jitter_s", s.delay.jitter_s},
+            {"loss_ratio", s.delay.loss_ratio},
+            {"seed", s.delay.seed}}},
+          {"passivity", std::array{"automatic", "on", "off"}[static_cast<std::size_t>(s.passivity)]},
+          {"users", users}};
 }
 
 /// How many bare wake-ups were later than what a step of the haptic loop leaves of its period.
@@ -161,12 +160,7 @@ std::string why_we_missed(const Json& haptic, double h_s) {
 
 Gate machine_gate(const std::string& who, const Json& haptic, double periods, const Json& summary) {
   const double missed = haptic["missed_by_machine"].get<double>();
-  Gate gate{who + "missed by the machine",
-            missed / periods,
-            kMissedRatio,
-            true,
-            "% of steps",
-            100.0};
+  Gate gate{who + "missed by the machine", missed / periods, kMissedRatio, true, "% of steps", 100.0};
   if (kept_by_ours(haptic, missed * summary["h_s"].get<double>(), summary["users"] > 1, summary)) {
     gate.why = fmt::format(
         "the programs of the run keep each other from the cores (this loop was ready for {:.0f} ms without one; {}); "
@@ -199,16 +193,39 @@ Gate energy_gate(const std::string& who, const Json& haptic, const Json& device,
                       energy["least_j"].get<double>())};
 }
 
-Gate oscillation_gate(const std::string& who, const Json& device, double force_limit_n) {
-  return {who + "oscillation of the force",
-          device["oscillation_n"].get<double>(),
-          kOscillationRatio * force_limit_n,
+/// Energy that the bodies gained and that neither hands nor their own fall had. What an engine gains and loses in
+/// contacts is let pass.
+Gate world_energy_gate(const Json& summary) {
+  constexpr double kOfTheWork = 0.25, kOfTheFall = 0.05;
+  const Json& world = summary["world"];
+  double work_j = 0.0;
+  for (const Json& haptic : summary["haptic"]) work_j += std::abs(haptic["device_work_j"].get<double>());
+  const double allowed_j = world["contact_slack_j"].get<double>() + std::max(kLeastEnergy_j, kOfTheWork * work_j) +
+                           kOfTheFall * world["released_j"].get<double>();
+  const bool late_paper = summary.value("scheme", "") == "paper";
+  return {"energy that the bodies gained",
+          summary["haptic"][0]["energy_excess_j"].get<double>(),
+          allowed_j,
           true,
-          "N rms",
+          "J",
           1.0,
           Culprit::unstable,
-          "the force swings faster than a hand moves: a lower coupling stiffness_n_m or damping_n_s_m, a smaller --ratio "
-          "or h_s, or the scheme reduced"};
+          late_paper
+              ? "nobody put it in: with late messages the scheme paper creates it; --scheme reduced, or less delay"
+              : "nobody put it in: a smaller --ratio, --preset quality, or another --engine"};
+}
+
+Gate oscillation_gate(const std::string& who, const Json& device, double force_limit_n) {
+  return {
+      who + "oscillation of the force",
+      device["oscillation_n"].get<double>(),
+      kOscillationRatio * force_limit_n,
+      true,
+      "N rms",
+      1.0,
+      Culprit::unstable,
+      "the force swings faster than a hand moves: a lower coupling stiffness_n_m or damping_n_s_m, a smaller --ratio "
+      "or h_s, or the scheme reduced"};
 }
 
 /// Samples of programs that do not belong to the run.
@@ -222,8 +239,8 @@ void add_stranger_gates(std::vector<Gate>& all, const std::string& who, const Js
                                 Sender{"device_command", "haptic_sim"}};
   for (const Sender& sender : kSenders) {
     if (!refused.contains(sender.topic)) continue;
-    all.push_back({fmt::format("{}{} from a stranger", who, sender.topic), refused[sender.topic].get<double>(), 0.0, true,
-                   "", 1.0, Culprit::stranger,
+    all.push_back({fmt::format("{}{} from a stranger", who, sender.topic), refused[sender.topic].get<double>(), 0.0,
+                   true, "", 1.0, Culprit::stranger,
                    fmt::format("another program sent them as {}, and they were refused; end it, or give it another "
                                "--domain",
                                sender.program)});
@@ -351,6 +368,7 @@ std::vector<Gate> gates(const Json& summary) {
   const bool realtime = summary["mode"] == "realtime";
   const double h_s = summary["h_s"].get<double>();
   add_stranger_gates(all, "", summary["world"]["refused"]);
+  all.push_back(world_energy_gate(summary));
   for (const Json& haptic : summary["haptic"]) {
     const std::string who = fmt::format("user {}: ", haptic["user"].get<int>());
     const Json& device = summary["device"][haptic["user"].get<std::size_t>()];
@@ -384,15 +402,15 @@ std::vector<Gate> gates(const Json& summary) {
     const bool has_own_core = !summary["placement"]["world"].empty();
     const double cycle_s = h_s * world["ratio"]["mean"].get<double>();
     const bool ours = by_us > by_machine || kept_by_ours(world, by_machine * cycle_s, !has_own_core, summary);
-    all.push_back({"world clock factor", world["clock_factor_min"].get<double>(), 1.0, false, "", 1.0,
-                   ours ? Culprit::us : Culprit::machine,
-                   ours
-                       ? fmt::format("the world's step takes {:.2f} ms (p99 {:.2f}) of cycles of {:.3g} ms; a higher ratio, fewer "
-                                     "bodies, or a faster preset or engine",
-                                     milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]),
-                                     1e3 * cycle_s)
-                       : fmt::format("the world was woken late or pre-empted ({}); run again when the machine is quiet",
-                                     load_text(summary))});
+    all.push_back(
+        {"world clock factor", world["clock_factor_min"].get<double>(), 1.0, false, "", 1.0,
+         ours ? Culprit::us : Culprit::machine,
+         ours ? fmt::format(
+                    "the world's step takes {:.2f} ms (p99 {:.2f}) of cycles of {:.3g} ms; a higher ratio, fewer "
+                    "bodies, or a faster preset or engine",
+                    milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]), 1e3 * cycle_s)
+              : fmt::format("the world was woken late or pre-empted ({}); run again when the machine is quiet",
+                            load_text(summary))});
   }
   return all;
 }
@@ -499,7 +517,8 @@ void print_summary(const Json& summary) {
         "cycle\n",
         milliseconds(haptic["sync_s"]["p50"]), milliseconds(haptic["sync_s"]["p99"]),
         milliseconds(device["round_trip_s"]["p50"]), milliseconds(device["round_trip_s"]["p99"]),
-        missed == 0 ? "" : fmt::format(", {} of its own deadlines missed", missed), 1e-3 * haptic["bytes_per_cycle"].get<double>());
+        missed == 0 ? "" : fmt::format(", {} of its own deadlines missed", missed),
+        1e-3 * haptic["bytes_per_cycle"].get<double>());
     if (realtime) print_stages(haptic["stages"]);
   }
 }

@@ -2,6 +2,7 @@
 
 #include "coupling/approach.hpp"
 #include "coupling/virtual_coupling.hpp"
+#include "model/shape_extent.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -330,6 +331,16 @@ void World::account() {
   const double energy_j = kinetic_j_ + potential_j_;
   if (stamp_ > 0) released_j_ += std::max(0.0, energy_j_[(stamp_ - 1) % remembered_] - energy_j);
   energy_j_[stamp_ % remembered_] = energy_j;
+}
+
+double World::contact_slack_j() const {
+  constexpr double kOverlap = 0.02;  // of a body's thickness
+  double sum_j = 0.0;
+  for (const Body& body : scene_.bodies) {
+    if (body.fixed() || !body.gravity) continue;
+    sum_j += body.mass * scene_.settings.world.gravity.norm() * kOverlap * thickness(body.shape, scene_.meshes);
+  }
+  return sum_j;
 }
 
 void World::balance() {

@@ -99,9 +99,11 @@ class World {
   [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
-  /// Most that the energy rose above its start plus the work of the devices, so far, J.
   /// Kinetic and potential energy that the bodies have lost so far, J: most that they can have given to hands.
   [[nodiscard]] double released_j() const noexcept { return released_j_; }
+  /// What lifts every body by as much as engines let contacts overlap, J.
+  [[nodiscard]] double contact_slack_j() const;
+  /// Most that the energy rose above its start plus the work of the devices, so far, J.
   [[nodiscard]] double energy_excess_j() const noexcept { return energy_excess_j_; }
   [[nodiscard]] double kinetic_energy_j() const noexcept { return kinetic_j_; }
   [[nodiscard]] double potential_energy_j() const noexcept { return potential_j_; }

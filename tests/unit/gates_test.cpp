@@ -26,6 +26,7 @@ Json late_run(int users, bool placed, double queued_s) {
              {"step_s", {{"p50", 0.002}, {"p99", 0.003}}},
              {"machine", share(queued_s)},
              {"released_j", 0.0},
+             {"contact_slack_j", 0.02},
              {"refused", {{"haptic_report", 0}, {"scene", 0}}}}},
            {"settings", {{"users", Json::array()}}},
            {"device", Json::array()},
@@ -43,6 +44,7 @@ Json late_run(int users, bool placed, double queued_s) {
                              {"lost_frames", 0},
                              {"at_limit_ratio", 0.0},
                              {"device_work_j", 0.2},
+                             {"energy_excess_j", 0.0},
                              {"refused", {{"device_state", 0}, {"world_frame", 0}}},
                              {"machine", share(queued_s)}});
     run["device"].push_back({{"user", u},
@@ -99,6 +101,14 @@ TEST(Gates, EnergyThatNobodyPutInIsUnstable) {
   EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: created energy at the hand 0.02 J")) << verdict(run);
   run["world"]["released_j"] = 0.03;
   EXPECT_EQ(verdict(run), "ok") << "bodies that fell may have brought it";
+}
+
+TEST(Gates, EnergyThatTheBodiesGainedIsUnstable) {
+  Json run = quiet_run();
+  run["haptic"][0]["energy_excess_j"] = 0.08;
+  EXPECT_TRUE(verdict(run).starts_with("unstable: energy that the bodies gained 0.08 J")) << verdict(run);
+  run["world"]["released_j"] = 0.4;
+  EXPECT_EQ(verdict(run), "ok") << "what falls may come out of an engine with a little more";
 }
 
 TEST(Gates, AForceThatSwingsIsUnstable) {
