@@ -74,6 +74,10 @@ void print_plan(const RunRequest& request) {
   decide(scheme->border() != Border::none, "sub-worlds", fmt::format("scheme {}", scheme->name()));
   decide(realtime, "DDS deadlines", realtime ? "armed in real time" : "in lock-step nobody is late");
   decide(gui, "world_state", gui ? "the display reads it" : "nobody reads it, so no snapshot is gathered");
+  const bool rests = s.leaves_out(Saving::rest);
+  decide(!rests, "bodies that rest (rest)",
+         rests ? "the world does not simulate, tell or send those that nothing can reach; --keep rest simulates them"
+               : "as --keep says");
   decide(s.users > 1, "shared bodies", s.users > 1 ? "several sub-worlds may hold the same body" : "one user");
   for (int u = 0; u < s.users; ++u) {
     const UserSpec& user = scene.users[static_cast<std::size_t>(u)];

@@ -101,6 +101,7 @@ Json describe(const Scene& scene) {
             {"loss_ratio", s.delay.loss_ratio},
             {"seed", s.delay.seed}}},
           {"passivity", std::array{"automatic", "on", "off"}[static_cast<std::size_t>(s.passivity)]},
+          {"keep", kept_names(s.keep)},
           {"users", users}};
 }
 

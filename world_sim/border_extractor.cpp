@@ -45,9 +45,9 @@ class GhostBorder final : public BorderExtractor {
     }
     std::optional<Box> where = reach;
     while (where) {
-      for (const Body& body : scene_.bodies) {
-        if (!approach_.may_come(body.id)) continue;
-        approach_.outside(body.id, now.motions[index(body.id)].state, now.engine.bounds(body.id), *where);
+      for (const BodyId id : now.awake) {
+        if (!approach_.may_come(id)) continue;
+        approach_.outside(id, now.motions[index(id)].state, now.engine.bounds(id), *where);
       }
       where = approach_.find(inside.membership, now.graph, border);
     }

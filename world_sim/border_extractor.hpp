@@ -23,6 +23,7 @@ struct WorldNow {
   double cycle_s = 0.0;  ///< length of the cycle that ended here
   const Timetable& timetable;
   const Engine& engine;
+  std::span<const BodyId> awake;      ///< movable bodies that are simulated, ascending
   std::span<const Contact> contacts;  ///< totals over the last cycle
   const ContactGraph& graph;          ///< of the contacts
   std::span<const Motion> motions;    ///< by body

@@ -82,6 +82,7 @@ Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s
             {"stuck_s", stuck_s_},
             {"released_j", world.released_j()},
             {"contact_slack_j", world.contact_slack_j()},
+            {"asleep_at_end", world.asleep()},
             {"selections", selections},
             {"lost_reports", lost_reports_},
             {"refused_reports", refused_reports_},

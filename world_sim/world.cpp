@@ -37,6 +37,12 @@ EngineSettings without_substeps(EngineSettings settings) {
   return settings;
 }
 
+std::vector<BodyId> proxies_of(const Scene& scene) {
+  std::vector<BodyId> proxies;
+  for (const UserSpec& user : scene.users) proxies.push_back(user.proxy);
+  return proxies;
+}
+
 /// Below, m/s, nothing moves that a hand could feel.
 constexpr double kStill_m_s = 5e-3;
 
@@ -48,15 +54,14 @@ constexpr double kContactReachRatio = 0.025;
 World::World(const Scene& scene, const std::function<void(double)>& progress)
     : scene_(scene),
       scheme_(make_scheme(scene.settings)),
-      engine_(std::make_unique<LiveEngine>(make_engine(without_substeps(scene.settings.world), scene.meshes))),
+      live_(make_engine(without_substeps(scene.settings.world), scene.meshes)),
+      engine_(live_, scene, proxies_of(scene), scene.settings.leaves_out(Saving::rest)),
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
       remembered_(remembered_cycles(scene.settings, *scheme_)),
       timetable_(scene.settings.ratio, remembered_),
       ratio_control_(scene.settings),
       engine_cost_(engine_cost(without_substeps(scene.settings.world))),
-      movable_(static_cast<std::size_t>(
-          std::ranges::count_if(scene.bodies, [](const Body& body) { return !body.fixed(); }))),
       cycle_s_(scene.settings.shortest_cycle_s()),
       motions_(scene.bodies.size()),
       frames_(scene, *scheme_, remembered_),
@@ -73,7 +78,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress)
     return std::ranges::any_of(scene.users, [&](const UserSpec& user) { return user.joins_late && user.proxy == id; });
   };
   for (const Body& body : scene.bodies) {
-    if (!later(body.id)) engine_->add(body, scene.initial[index(body.id)]);
+    if (!later(body.id)) engine_.add(body, scene.initial[index(body.id)]);
     if (progress) progress(static_cast<double>(index(body.id) + 1) / static_cast<double>(scene.bodies.size()));
   }
   for (std::size_t u = 0; u < users_.size(); ++u) {
@@ -103,14 +108,15 @@ bool World::settle(const std::function<bool(double)>& progress) {
       const DevicePose device{{start.position, start.orientation}, Vec3::Zero(), Vec3::Zero()};
       hold(user, device, limits_of(user.spec->device), dt);
     }
-    engine_->step(dt);
+    engine_.step(dt);
+    if (i + 1 < steps) rest(dt);  // the contacts of the last step are read below
     if (!progress(static_cast<double>(i + 1) / steps)) return false;
   }
   for (const User& user : users_) {
     const Body& proxy = scene_.body(user.spec->proxy);
-    if (!user.spec->joins_late) engine_->set_inertia(proxy.id, proxy.mass, proxy.inertia);
+    if (!user.spec->joins_late) engine_.set_inertia(proxy.id, proxy.mass, proxy.inertia);
   }
-  const std::span<const Contact> now = engine_->contacts_with_friction();
+  const std::span<const Contact> now = engine_.contacts_with_friction();
   settled_.assign(now.begin(), now.end());
   for (Contact& c : settled_) {
     c.normal_impulse *= cycle_s_ / dt;
@@ -118,7 +124,7 @@ bool World::settle(const std::function<bool(double)>& progress) {
   }
   contacts_ = settled_;
   for (const UserSpec& user : scene_.users) {
-    if (user.joins_late) engine_->add(scene_.body(user.proxy), scene_.initial[index(user.proxy)]);
+    if (user.joins_late) engine_.add(scene_.body(user.proxy), scene_.initial[index(user.proxy)]);
   }
   account();
   make_frames();
@@ -131,20 +137,20 @@ std::string World::change_engine(EngineExchange& exchange, const EngineOrder& or
   if (order.engine != settings.name) settings.iterations = settings.substeps = std::nullopt;  // meant for that one
   settings.name = order.engine;
   settings.preset = order.preset;
-  const bool begun = exchange.begin(settings, *engine_, cycle_s_ / substeps_, order.number);
+  const bool begun = exchange.begin(settings, live_, cycle_s_ / substeps_, order.number);
   if (begun) next_engine_ = settings;
   return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
 }
 
 bool World::exchange_engine(EngineExchange& exchange) {
-  if (!exchange.poll(*engine_)) return false;
+  if (!exchange.poll(live_)) return false;
   contacts_ = {};
   engine_cost_ = engine_cost(next_engine_);
   return true;
 }
 
 double World::published_cost_s(double cycle_s, int parts) const noexcept {
-  return parts * engine_cost_.step(cycle_s / parts).of(movable_, contacts_.size());
+  return parts * engine_cost_.step(cycle_s / parts).of(engine_.awake().size(), contacts_.size());
 }
 
 void World::begin_cycle() {
@@ -152,7 +158,7 @@ void World::begin_cycle() {
   // A scheme that minds the world's step minds what the engine makes of it.
   const double for_scheme_s = scheme_->longest_world_step_s();
   const double longest_s =
-      std::isfinite(for_scheme_s) ? std::min(for_scheme_s, engine_->capabilities().longest_step_s) : for_scheme_s;
+      std::isfinite(for_scheme_s) ? std::min(for_scheme_s, engine_.capabilities().longest_step_s) : for_scheme_s;
   const auto lead = static_cast<std::uint64_t>(scheme_->lead_cycles());
   const double time_s = seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp_ + lead)));
   substeps_ = ratio_control_.choose_parts(substeps_, cycle_s_, longest_s, time_s, cycle_cost_);
@@ -164,8 +170,8 @@ bool World::border_is_felt(std::size_t user) {
   const double until_s = static_cast<double>(planned_cycles(scene_.settings, *scheme_)) * cycle_s_;
   const BodyId proxy = users_[user].spec->proxy;
   const BodyState& now = motions_[index(proxy)].state;
-  const Box reach = swept_bounds(now, engine_->bounds(proxy), scene_.settings.world.gravity.norm(), until_s);
-  engine_->overlap(reach, near_);
+  const Box reach = swept_bounds(now, engine_.bounds(proxy), scene_.settings.world.gravity.norm(), until_s);
+  engine_.overlap(reach, near_);
   const auto is_other = [&](BodyId id) { return id != proxy && !scene_.body(id).fixed(); };
   const auto moves = [&](BodyId id) { return motions_[index(id)].state.linear_velocity.norm() > kStill_m_s; };
   return std::ranges::any_of(near_, is_other) && std::ranges::any_of(frame.members, moves);
@@ -221,7 +227,9 @@ void World::apply(std::size_t user, const HapticReport& report) {
   for (const PairShift& pair : users_[user].synchroniser->synchronise(said, report, INFINITY)) {
     const int n = frames_.holders(pair.id);
     const Shift shift = n > 1 ? scaled(pair.world, 1.0 / n) : pair.world;
-    engine_->set_state(pair.id, shifted(engine_->state(pair.id), shift));
+    const BodyState to = shifted(engine_.state(pair.id), shift);
+    if (engine_.asleep(pair.id) && engine_.negligible(pair.id, to)) continue;  // the sub-world's last word of it
+    engine_.set_state(pair.id, to);
   }
 }
 
@@ -230,18 +238,18 @@ void World::set_rate(User& user, double rate) {
   if (user.rate == before) return;
   const BodyId id = user.spec->proxy;
   user.tool = tool_at(user.rate, *user.spec, scene_.body(id));
-  const BodyState proxy = at_rate(engine_->state(id), before, user.rate);
-  engine_->set_velocity(id, proxy.linear_velocity, proxy.angular_velocity);
-  engine_->set_inertia(id, user.tool.body.mass, user.tool.body.inertia);
+  const BodyState proxy = at_rate(engine_.state(id), before, user.rate);
+  engine_.set_velocity(id, proxy.linear_velocity, proxy.angular_velocity);
+  engine_.set_inertia(id, user.tool.body.mass, user.tool.body.inertia);
 }
 
 void World::hold(const User& user, const DevicePose& target, const ForceLimits& limits, double dt) {
   const BodyId id = user.spec->proxy;
   const ImplicitStep coupling =
-      implicit_step(user.tool.coupling, limits, user.tool.body, engine_->state(id), target, dt);
-  engine_->set_inertia(id, coupling.mass, coupling.inertia);
-  engine_->set_velocity(id, coupling.start.linear_velocity, coupling.start.angular_velocity);
-  engine_->apply_force(id, coupling.wrench.force, coupling.wrench.torque);
+      implicit_step(user.tool.coupling, limits, user.tool.body, engine_.state(id), target, dt);
+  engine_.set_inertia(id, coupling.mass, coupling.inertia);
+  engine_.set_velocity(id, coupling.start.linear_velocity, coupling.start.angular_velocity);
+  engine_.apply_force(id, coupling.wrench.force, coupling.wrench.torque);
 }
 
 void World::drive_proxies(double until_s, double dt) {
@@ -253,12 +261,12 @@ void World::drive_proxies(double until_s, double dt) {
     set_rate(user, now.clock_rate);
     const ProxyDrive drive = scheme_->drive(*user.spec, before, now, until_s + half_step_offset_s());
     if (drive.target) hold(user, *drive.target, drive.limits, dt);
-    engine_->apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
+    engine_.apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
   }
 }
 
 std::span<const Contact> World::contacts_of_step() {
-  return scheme_->border() == Border::none ? engine_->contacts() : engine_->contacts_with_friction();
+  return scheme_->border() == Border::none ? engine_.contacts() : engine_.contacts_with_friction();
 }
 
 void World::simulate_cycle() {
@@ -266,14 +274,14 @@ void World::simulate_cycle() {
   totals_.clear();
   for (int i = 0; i < substeps_; ++i) {
     drive_proxies(time_s() + (i + 1) * dt, dt);
-    engine_->step(dt);
+    engine_.step(dt);
     if (substeps_ == 1) {
       contacts_ = contacts_of_step();
       return;
     }
     for (const Contact& c : contacts_of_step()) {
       const auto size = [&](BodyId id) {
-        const Box box = engine_->bounds(id);
+        const Box box = engine_.bounds(id);
         return (box.upper - box.lower).minCoeff();
       };
       totals_.add(c, i, kContactReachRatio * std::min(size(c.a), size(c.b)));
@@ -283,7 +291,25 @@ void World::simulate_cycle() {
   contacts_ = totals_.contacts();
 }
 
+void World::rest(double dt) {
+  engine_.follow(dt, horizon_s());
+  const auto potential_j = [this](BodyId id) {
+    const Body& body = scene_.body(id);
+    return body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
+  };
+  for (const BodyId id : engine_.woke()) resting_j_ -= potential_j(id);
+  for (const BodyId id : engine_.fell_asleep()) {
+    motions_[index(id)] = {.state = engine_.state(id)};
+    resting_j_ += potential_j(id);
+  }
+}
+
+double World::horizon_s() const {
+  return static_cast<double>(1 + planned_cycles(scene_.settings, *scheme_)) * cycle_s_;
+}
+
 void World::simulate() {
+  rest(cycle_s_);
   begin_cycle();
   simulate_cycle();
   ++stamp_;
@@ -301,7 +327,7 @@ void World::make_frames() {
   graph_.build(contacts_, scene_.bodies.size());
   for (std::size_t u = 0; u < users_.size(); ++u)
     heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(stamp_)};
-  frames_.make({stamp_, time_s(), cycle_s_, timetable_, *engine_, contacts_, graph_, motions_}, heard_,
+  frames_.make({stamp_, time_s(), cycle_s_, timetable_, engine_, engine_.awake(), contacts_, graph_, motions_}, heard_,
                -half_step_offset_s());
 }
 
@@ -311,11 +337,12 @@ double World::half_step_offset_s() const {
 }
 
 void World::account() {
-  kinetic_j_ = potential_j_ = 0.0;
+  kinetic_j_ = 0.0;
+  potential_j_ = resting_j_;
   const Vec3& gravity = scene_.settings.world.gravity;
-  for (const Body& body : scene_.bodies) {
-    if (body.fixed()) continue;
-    const BodyState s = engine_->state(body.id);
+  for (const BodyId id : engine_.awake()) {
+    const Body& body = scene_.body(id);
+    const BodyState s = engine_.state(body.id);
     Motion& motion = motions_[index(body.id)];
     if (stamp_ > 0) motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / cycle_s_;
     motion.state = s;
@@ -363,7 +390,7 @@ SceneDescription World::description(std::uint64_t settings_hash) const {
   description.meshes = scene_.meshes;
   description.bodies = scene_.bodies;
   for (const Body& body : scene_.bodies) {
-    description.states.push_back(engine_->contains(body.id) ? engine_->state(body.id) : scene_.initial[index(body.id)]);
+    description.states.push_back(engine_.contains(body.id) ? engine_.state(body.id) : scene_.initial[index(body.id)]);
   }
   return description;
 }
@@ -371,7 +398,7 @@ SceneDescription World::description(std::uint64_t settings_hash) const {
 void World::look(WorldView& view) const {
   view.stamp_s = time_s();
   view.states.resize(scene_.bodies.size());
-  for (const Body& body : scene_.bodies) view.states[index(body.id)] = engine_->state(body.id);
+  for (const Body& body : scene_.bodies) view.states[index(body.id)] = engine_.state(body.id);
   view.users.resize(users_.size());
   for (std::size_t u = 0; u < users_.size(); ++u) {
     const User& user = users_[u];

@@ -11,6 +11,7 @@
 #include "model/scene.hpp"
 #include "physics/contact_totals.hpp"
 #include "physics/engine_exchange.hpp"
+#include "physics/resting_engine.hpp"
 #include "world_sim/frame_maker.hpp"
 
 #include <functional>
@@ -90,12 +91,13 @@ class World {
     return stamp_ == 0 ? scene_.settings.ratio : timetable_.ratio(stamp_ - 1);
   }
   [[nodiscard]] std::uint64_t ratio_changes() const noexcept { return ratio_changes_; }
-  [[nodiscard]] const Engine& engine() const noexcept { return *engine_; }
+  [[nodiscard]] std::size_t asleep() const noexcept { return engine_.asleep_count(); }
+  [[nodiscard]] const Engine& engine() const noexcept { return engine_; }
   [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
   /// Steps of the engine in the last cycle.
   [[nodiscard]] int substeps() const noexcept { return substeps_; }
   /// Length of the parts in which the engine integrated.
-  [[nodiscard]] double part_s() const { return engine_->part_s(cycle_s_ / substeps_); }
+  [[nodiscard]] double part_s() const { return engine_.part_s(cycle_s_ / substeps_); }
   [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
@@ -147,6 +149,10 @@ class World {
   /// Whether a hand feels what crosses its border, or may before a change of the ratio takes effect.
   [[nodiscard]] bool border_is_felt(std::size_t user);
   void begin_cycle();
+  /// Lets sleep what rests and wakes what may be reached before the next look, after `dt` of simulation.
+  void rest(double dt);
+  /// For how long a sub-world may act before the world looks again.
+  [[nodiscard]] double horizon_s() const;
   void plan_ratio();
   void simulate_cycle();
   /// With friction where somebody reads it.
@@ -155,7 +161,8 @@ class World {
 
   const Scene& scene_;
   std::unique_ptr<Scheme> scheme_;
-  std::unique_ptr<LiveEngine> engine_;
+  LiveEngine live_;
+  RestingEngine engine_;
   std::vector<User> users_;
   std::uint64_t stamp_ = 0;
   std::uint64_t hash_;
@@ -163,9 +170,8 @@ class World {
   Timetable timetable_;
   RatioControl ratio_control_;
   std::uint64_t ratio_changes_ = 0;  ///< planned
-  EngineCost engine_cost_;      ///< of the engine in use
-  EngineSettings next_engine_;  ///< that was asked for
-  std::size_t movable_;
+  EngineCost engine_cost_;           ///< of the engine in use
+  EngineSettings next_engine_;       ///< that was asked for
   CostCorrection correction_{kTracking};
   CycleCost cycle_cost_;
   double cycle_s_;  ///< of the last cycle, or the one under way
@@ -182,6 +188,7 @@ class World {
   double start_energy_j_ = 0.0;
   double kinetic_j_ = 0.0;
   double potential_j_ = 0.0;
+  double resting_j_ = 0.0;  ///< of what sleeps
   double energy_excess_j_ = 0.0;
   double released_j_ = 0.0;
   bool finite_ = true;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace subworld {
 
@@ -48,6 +49,7 @@ double smallest(const Box& bounds) noexcept { return (bounds.upper - bounds.lowe
 
 ApproachFinder::ApproachFinder(const Scene& scene)
     : scene_(scene), places_(scene.bodies.size()), hooks_(scene.bodies.size()), told_(scene.bodies.size()) {
+  touched_.reserve(2 * scene.bodies.size());
   pushers_.reserve(scene.bodies.size());
   near_.reserve(scene.bodies.size());
   linked_.reserve(scene.bodies.size());
@@ -69,12 +71,19 @@ void ApproachFinder::begin(double time_s) {
   pushers_.clear();
   done_ = 0;
   near_.clear();
-  places_.assign(places_.size(), Place::apart);
-  told_.assign(told_.size(), false);
+  for (const BodyId id : touched_) {
+    places_[index(id)] = Place::apart;
+    told_[index(id)] = false;
+  }
+  touched_.clear();
+}
+
+void ApproachFinder::put(BodyId id, Place place) {
+  if (std::exchange(places_[index(id)], place) == Place::apart) touched_.push_back(id);
 }
 
 void ApproachFinder::inside(BodyId id, const BodyState& state, const Box& bounds) {
-  places_[index(id)] = Place::inside;
+  put(id, Place::inside);
   pushers_.push_back(mover(id, state, bounds));
 }
 
@@ -86,7 +95,7 @@ void ApproachFinder::hang_on(std::size_t first, const Membership& membership, co
   for (std::size_t k = first; k < linked_.size(); ++k) {
     for (const auto& [next, outwards, impulse, i] : graph.neighbours(linked_[k])) {
       if (places_[index(next)] != Place::apart || scene_.body(next).fixed() || membership.holds(next)) continue;
-      places_[index(next)] = Place::hanging;
+      put(next, Place::hanging);
       hooks_[index(next)] = i;
       linked_.push_back(next);
     }
@@ -98,7 +107,7 @@ std::span<const BodyId> ApproachFinder::touching(const Membership& membership, c
   linked_.clear();
   for (const BorderPair& pair : contacts) {
     if (places_[index(pair.outside)] != Place::apart) continue;
-    places_[index(pair.outside)] = Place::touching;
+    put(pair.outside, Place::touching);
     linked_.push_back(pair.outside);
   }
   hang_on(0, membership, graph);
@@ -117,7 +126,7 @@ bool ApproachFinder::pushed(const BorderPair& pair, const ContactGraph& graph) c
 
 void ApproachFinder::unhang(BodyId hanging, const ContactGraph& graph, std::vector<BorderPair>& border) {
   while (places_[index(hanging)] == Place::hanging) {
-    places_[index(hanging)] = Place::found;
+    put(hanging, Place::found);
     const Contact& hook = graph.contact(hooks_[index(hanging)]);
     const BodyId pusher = hook.a == hanging ? hook.b : hook.a;
     for (const Neighbour& n : graph.neighbours(hanging)) {
@@ -136,6 +145,7 @@ void ApproachFinder::outside(BodyId id, const BodyState& state, const Box& bound
   const Mover comes = mover(id, state, bounds);
   if (!comes.swept().meets(where)) return;
   told_[index(id)] = true;
+  touched_.push_back(id);
   near_.push_back(comes);
 }
 
@@ -203,7 +213,7 @@ std::optional<Box> ApproachFinder::find(const Membership& membership, const Cont
       unhang(pusher.id, graph, border);
       border.push_back(*pair);
       if (places_[index(other.id)] != Place::apart) continue;
-      places_[index(other.id)] = Place::found;
+      put(other.id, Place::found);
       linked_.push_back(other.id);
       hang_on(linked_.size() - 1, membership, graph);
       pushers_.push_back(other);

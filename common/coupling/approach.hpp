@@ -61,6 +61,7 @@ class ApproachFinder {
   enum class Place : std::uint8_t { apart, hanging, found, touching, inside };
 
   [[nodiscard]] Mover mover(BodyId id, const BodyState& state, const Box& bounds) const noexcept;
+  void put(BodyId id, Place place);
   /// What hangs by contacts on the linked bodies from `first` on goes with them.
   void hang_on(std::size_t first, const Membership& membership, const ContactGraph& graph);
   [[nodiscard]] double reach_m(const Mover& mover, const Vec3& along) const;
@@ -77,6 +78,7 @@ class ApproachFinder {
   std::vector<Mover> pushers_;  ///< members, then ghosts, then what has been found
   std::size_t done_ = 0;        ///< of the pushers
   std::vector<Mover> near_;
+  std::vector<BodyId> touched_;       ///< whose place or `told_` may be another than at the start
   std::vector<Place> places_;         ///< by body
   std::vector<std::uint32_t> hooks_;  ///< by body: the contact by which it hangs
   std::vector<bool> told_;            ///< by body: it is in `near_`

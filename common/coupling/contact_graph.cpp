@@ -2,25 +2,34 @@
 
 #include <algorithm>
 #include <numeric>
+#include <utility>
 
 namespace subworld {
 
 void ContactGraph::build(std::span<const Contact> contacts, std::size_t bodies) {
   contacts_ = contacts;
-  begin_.assign(bodies + 1, 0);
+  begin_.resize(bodies);
+  count_.resize(bodies);
+  for (const BodyId id : touched_) begin_[index(id)] = count_[index(id)] = 0;
+  touched_.clear();
+  const auto count = [this](BodyId id) {
+    if (count_[index(id)]++ == 0) touched_.push_back(id);
+  };
   for (const Contact& c : contacts) {
-    ++begin_[index(c.a)];
-    ++begin_[index(c.b)];
+    count(c.a);
+    count(c.b);
   }
-  std::exclusive_scan(begin_.begin(), begin_.end(), begin_.begin(), 0U);
-  entries_.resize(2 * contacts.size());
-  // Filling moves each body's begin to its end, which is the next body's begin: shifted back afterwards.
+  std::uint32_t end = 0;
+  for (const BodyId id : touched_) {
+    begin_[index(id)] = end;
+    end += std::exchange(count_[index(id)], 0);
+  }
+  entries_.resize(end);
+  const auto enter = [this](BodyId id, std::uint32_t i) { entries_[begin_[index(id)] + count_[index(id)]++] = i; };
   for (std::uint32_t i = 0; i < contacts.size(); ++i) {
-    entries_[begin_[index(contacts[i].a)]++] = i;
-    entries_[begin_[index(contacts[i].b)]++] = i;
+    enter(contacts[i].a, i);
+    enter(contacts[i].b, i);
   }
-  std::shift_right(begin_.begin(), begin_.end(), 1);
-  begin_.front() = 0;
 }
 
 void Islands::begin(std::span<const BodyId> ids) {

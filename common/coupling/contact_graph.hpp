@@ -24,14 +24,17 @@ struct Neighbour {
 /// Which contacts a body has. Refers to the contacts it was made from.
 class ContactGraph {
  public:
-  ContactGraph() { entries_.reserve(kUsualContacts); }
+  ContactGraph() {
+    entries_.reserve(kUsualContacts);
+    touched_.reserve(kUsualContacts);
+  }
 
-  /// Ids of both bodies of every contact must be below `bodies`.
+  /// Ids of both bodies of every contact must be below `bodies`. Costs nothing for bodies without contacts.
   void build(std::span<const Contact> contacts, std::size_t bodies);
 
   /// One for each contact point.
   [[nodiscard]] auto neighbours(BodyId id) const noexcept {
-    const auto entries = std::span(entries_).subspan(begin_[index(id)], begin_[index(id) + 1] - begin_[index(id)]);
+    const auto entries = std::span(entries_).subspan(begin_[index(id)], count_[index(id)]);
     return entries | std::views::transform([this, id](std::uint32_t i) {
              const Contact& c = contacts_[i];
              return c.a == id ? Neighbour{c.b, -c.normal, c.normal_impulse, i}
@@ -42,7 +45,8 @@ class ContactGraph {
 
  private:
   std::span<const Contact> contacts_;
-  std::vector<std::uint32_t> begin_;  ///< by body, into entries_; one more than bodies
+  std::vector<std::uint32_t> begin_, count_;  ///< by body: its place in entries_; zero for who has no contact
+  std::vector<BodyId> touched_;               ///< bodies with contacts
   std::vector<std::uint32_t> entries_;
 };
 

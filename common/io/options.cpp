@@ -119,11 +119,17 @@ void add_run_options(CLI::App& app, Options& o) {
                  "whether a device gives its hand only energy that the hand has put in: automatic (where messages are "
                  "delayed), on or off")
       ->check(CLI::IsMember({"automatic", "on", "off"}));
+  app.add_option("--keep", o.keep,
+                 "items that `subworld plan` leaves out and that are kept in, for comparison: names, separated by "
+                 "commas, or all")
+      ->delimiter(',')
+      ->take_all();
   app.add_option("--duration", o.duration_s, "simulated time, s")->check(CLI::Range(0.001, 1e6))->check(not_finite);
   app.add_option("--peers", o.network.peers, "hosts of the other programs, for networks without multicast")
       ->delimiter(',')
       ->take_all();
-  app.add_option("--interface", o.network.interface_address, "network interface, by name or address (default: loopback)");
+  app.add_option("--interface", o.network.interface_address,
+                 "network interface, by name or address (default: loopback)");
   app.add_option("--qos", o.network.qos_file, "the DDS vendor's settings file");
   app.add_option("--out", o.out, "folder for results");
   app.add_option("--wait", o.wait_s, "how long to wait for the other programs, s")
@@ -210,10 +216,9 @@ Scene load_scene(const Options& o) {
   if (o.device_latency_s) s.delay.from_device_s = s.delay.to_device_s = 0.5 * *o.device_latency_s;
   override_with(s.delay.loss_ratio, o.loss_ratio);
   if (o.passivity) {
-    s.passivity = *o.passivity == "on"    ? Passivity::on
-                  : *o.passivity == "off" ? Passivity::off
-                                          : Passivity::automatic;
+    s.passivity = *o.passivity == "on" ? Passivity::on : *o.passivity == "off" ? Passivity::off : Passivity::automatic;
   }
+  s.keep |= parse_kept(o.keep);
   if (s.mode == Mode::realtime && s.delay.any()) {
     throw Error(ExitCode::usage,
                 fmt::format("{}: artificial delay and loss are for lock-step; remove settings.delay, --latency, "
@@ -255,6 +260,7 @@ std::vector<std::string> flags_of(const Options& o) {
   add("--device-latency", o.device_latency_s);
   add("--loss", o.loss_ratio);
   add("--passivity", o.passivity);
+  if (!o.keep.empty()) flags.insert(flags.end(), {"--keep", fmt::format("{}", fmt::join(o.keep, ","))});
   add("--engine", o.engine);
   add("--haptic-engine", o.haptic_engine);
   add("--preset", o.preset);

@@ -23,6 +23,7 @@ struct Options {
   std::optional<double> device_latency_s;
   std::optional<double> loss_ratio;
   std::optional<std::string> passivity;
+  std::vector<std::string> keep;  ///< parse_kept() reads it
   std::optional<std::string> engine;
   std::optional<std::string> haptic_engine;
   std::optional<std::string> preset;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "model/body.hpp"
+#include "model/saving.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -161,6 +162,9 @@ struct Settings {
   Passivity passivity = Passivity::automatic;  ///< automatic: where messages are delayed
   EngineSettings world;
   EngineSettings haptic;
+  Kept keep = kKeepNothing;  ///< though the scene does not need it
+
+  [[nodiscard]] bool leaves_out(Saving saving) const noexcept { return (keep & kept(saving)) == 0; }
 
   void set_ratio(const RatioBounds& bounds) noexcept {
     ratio = bounds.least;

@@ -77,7 +77,7 @@ class Hasher {
   }
   void put(const Settings& s) {
     add(s.h_s, s.ratio, s.ratio_most, s.settle_s, s.settle_step_s, s.users, s.mode, s.scheme);
-    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.passivity, s.world, s.haptic);
+    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.passivity, s.keep, s.world, s.haptic);
   }
 
   void byte(unsigned char b) { value_ = (value_ ^ b) * 0x100000001b3U; }

@@ -60,9 +60,13 @@ class ClosedScene : public testing::TestWithParam<Closed> {};
 // what a cube does after it left the box is the world's own truncation.
 TEST_P(ClosedScene, IsFeltWithoutError) {
   const Closed& c = GetParam();
-  CoupledRun reference(scene_of(c.scene, "direct", 1));
+  // What sleeps and wakes is solved from another first guess, and in `scatter` any difference grows.
+  Scene whole = scene_of(c.scene, "direct", 1);
+  whole.settings.keep = kept(Saving::rest);
+  CoupledRun reference(whole);
   ASSERT_TRUE(reference.run());
   Scene scene = scene_of(c.scene, c.scheme, c.ratio);
+  scene.settings.keep = kept(Saving::rest);
   scene.settings.world.substeps = c.ratio > 4 ? 4 : 1;
   scene.users[0].box_half_m = c.box_half_m;
   CoupledRun coupled(scene);

@@ -1,0 +1,234 @@
+#include "physics/resting_engine.hpp"
+
+#include "model/shape_extent.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace subworld {
+
+namespace {
+
+constexpr double kLookEvery_s = 0.05;  ///< for who may sleep
+/// As a hand may change its speed: fast reaching movements come to 5 g. Others fall, or are pushed.
+constexpr double kHand_m_s2 = 50.0;
+/// What is hit by something heavier leaves twice as fast.
+constexpr double kHit = 2.0;
+
+Box grown(const Box& box, double by_m) noexcept {
+  return {box.lower - Vec3::Constant(by_m), box.upper + Vec3::Constant(by_m)};
+}
+
+double gap_m(const Box& a, const Box& b) noexcept {
+  return (a.lower - b.upper).cwiseMax(b.lower - a.upper).cwiseMax(0.0).norm();
+}
+
+}  // namespace
+
+RestingEngine::RestingEngine(Engine& inner, const Scene& scene, std::span<const BodyId> restless, bool rests)
+    : inner_(inner),
+      scene_(scene),
+      rests_(rests),
+      gravity_m_s2_(scene.settings.world.gravity.norm()),
+      things_(scene.bodies.size()),
+      still_(rests ? scene.bodies.size() : 0) {
+  for (const BodyId id : restless) things_[index(id)].restless = true;
+  for (std::vector<BodyId>* list : {&awake_, &waking_, &woke_, &drowsy_, &slept_}) list->reserve(scene.bodies.size());
+  frontier_.reserve(scene.bodies.size() + 1);
+  reached_.reserve(scene.bodies.size());
+}
+
+void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
+  inner_.add(body, state, role);
+  if (body.fixed()) return;
+  Thing& thing = things_[index(body.id)];
+  thing.anchor = state;
+  thing.still_s = 0.0;
+  const Box box = subworld::bounds(body.shape, {}, scene_.meshes);
+  thing.arm_m = box.lower.cwiseAbs().cwiseMax(box.upper.cwiseAbs()).norm();
+  thing.drift_m = kDrift * thickness(body.shape, scene_.meshes);
+  awake_.insert(std::ranges::lower_bound(awake_, body.id), body.id);
+}
+
+void RestingEngine::remove(BodyId id) {
+  wake_before(id);
+  inner_.remove(id);
+  if (rests_ && still_.contains(index(id))) still_.remove(index(id));
+  std::erase(awake_, id);
+}
+
+bool RestingEngine::set_state(BodyId id, const BodyState& state) {
+  wake_before(id);
+  return inner_.set_state(id, state);
+}
+
+bool RestingEngine::set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) {
+  wake_before(id);
+  return inner_.set_velocity(id, linear, angular);
+}
+
+void RestingEngine::set_inertia(BodyId id, double mass, const Vec3& inertia) {
+  wake_before(id);
+  inner_.set_inertia(id, mass, inertia);
+}
+
+bool RestingEngine::apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) {
+  wake_before(id);
+  return inner_.apply_impulse(id, impulse, point);
+}
+
+bool RestingEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque) {
+  wake_before(id);
+  return inner_.apply_force(id, force, torque);
+}
+
+bool RestingEngine::negligible(BodyId id, const BodyState& to) const {
+  const Thing& thing = things_[index(id)];
+  return (to.position - thing.anchor.position).norm() +
+             thing.arm_m * to.orientation.angularDistance(thing.anchor.orientation) <=
+         thing.drift_m;
+}
+
+void RestingEngine::step(double dt) {
+  inner_.step(dt);
+  if (!rests_) return;
+  since_look_s_ += dt;
+  if (since_look_s_ < kLookEvery_s) return;
+  since_look_s_ = 0.0;
+  find_drowsy();  // while the contacts are there
+}
+
+void RestingEngine::follow(double dt, double horizon_s) {
+  slept_.clear();
+  woke_.clear();
+  if (!rests_) return;
+  for (const BodyId id : awake_) watch(id, dt);
+  reached_.clear();
+  for (const BodyId id : awake_) {
+    if (!still_.contains(index(id))) reach_from(id, horizon_s);
+  }
+  for (const std::uint32_t i : reached_) {
+    things_[i].reached = false;
+    things_[i].unreached_s = 0.0;
+  }
+  std::swap(woke_, waking_);
+  if (!woke_.empty()) {
+    awake_.insert(awake_.end(), woke_.begin(), woke_.end());
+    std::ranges::sort(awake_);
+  }
+  put_to_sleep();
+}
+
+void RestingEngine::watch(BodyId id, double dt) {
+  Thing& thing = things_[index(id)];
+  const BodyState now = inner_.state(id);
+  if (!negligible(id, now)) {
+    thing.anchor = now;
+    thing.still_s = thing.unreached_s = 0.0;
+    if (still_.contains(index(id))) still_.remove(index(id));
+    return;
+  }
+  thing.still_s += dt;
+  thing.unreached_s += dt;
+  if (thing.restless || thing.still_s < kStillFor_s || still_.contains(index(id))) return;
+  thing.bounds = inner_.bounds(id);
+  still_.insert(index(id), grown(thing.bounds, thing.drift_m));
+}
+
+void RestingEngine::reach_from(BodyId mover, double horizon_s) {
+  const Thing& thing = things_[index(mover)];
+  const BodyState now = inner_.state(mover);
+  const double acceleration_m_s2 = thing.restless ? kHand_m_s2 : gravity_m_s2_;
+  const double travel_m = horizon_s * (now.linear_velocity.norm() + thing.arm_m * now.angular_velocity.norm()) +
+                          0.5 * horizon_s * horizon_s * acceleration_m_s2 + thing.drift_m;
+  frontier_.assign(1, {inner_.bounds(mover), travel_m});
+  double hit = kHit;  // of what the mover itself hits; from there on, all is counted as so fast already
+  while (!frontier_.empty()) {
+    const Reach reach = frontier_.back();
+    frontier_.pop_back();
+    const std::size_t first = reached_.size();
+    still_.find(grown(reach.from, reach.travel_m), [&](std::uint32_t item) {
+      Thing& other = things_[item];
+      const double left_m = reach.travel_m - gap_m(reach.from, still_.box(item));
+      if (other.reached || left_m < 0.0) return;
+      other.reached = true;
+      reached_.push_back(item);
+      frontier_.push_back({still_.box(item), hit * left_m});
+    });
+    hit = 1.0;
+    for (std::size_t i = first; i < reached_.size(); ++i) {
+      if (things_[reached_[i]].asleep) wake(reached_[i]);
+    }
+  }
+}
+
+void RestingEngine::wake(std::uint32_t one) {
+  // In the order of their ids, so that equal runs stay equal.
+  const std::size_t first = waking_.size();
+  std::uint32_t i = one;
+  do {
+    waking_.push_back(BodyId{i});
+    i = things_[i].next;
+  } while (i != one);
+  std::ranges::sort(waking_.begin() + static_cast<std::ptrdiff_t>(first), waking_.end());
+  for (std::size_t k = first; k < waking_.size(); ++k) {
+    const BodyId id = waking_[k];
+    Thing& thing = things_[index(id)];
+    thing.asleep = false;
+    thing.unreached_s = 0.0;
+    inner_.add(scene_.body(id), thing.anchor, Role::body);
+    --asleep_count_;
+  }
+}
+
+std::uint32_t RestingEngine::root(std::uint32_t i) noexcept {
+  while (things_[i].parent != i) i = things_[i].parent = things_[things_[i].parent].parent;
+  return i;
+}
+
+bool RestingEngine::may_sleep(std::uint32_t i) const {
+  return still_.contains(i) && things_[i].unreached_s >= kStillFor_s;
+}
+
+void RestingEngine::find_drowsy() {
+  for (const BodyId id : awake_) {
+    Thing& thing = things_[index(id)];
+    thing.parent = thing.next = index(id);
+    thing.kept_awake = !may_sleep(index(id));
+  }
+  for (const Contact& c : inner_.contacts()) {
+    if (scene_.body(c.a).fixed() || scene_.body(c.b).fixed()) continue;
+    const std::uint32_t a = root(index(c.a)), b = root(index(c.b));
+    if (a == b) continue;
+    things_[b].parent = a;
+    things_[a].kept_awake |= things_[b].kept_awake;
+    std::swap(things_[a].next, things_[b].next);  // joins two rings
+  }
+  drowsy_.clear();
+  for (const BodyId id : awake_) {
+    if (!things_[root(index(id))].kept_awake) drowsy_.push_back(id);
+  }
+}
+
+void RestingEngine::put_to_sleep() {
+  if (drowsy_.empty()) return;
+  for (const BodyId id : drowsy_) things_[root(index(id))].kept_awake |= !may_sleep(index(id));
+  for (const BodyId id : drowsy_) {
+    if (!things_[root(index(id))].kept_awake) slept_.push_back(id);
+  }
+  drowsy_.clear();
+  for (const BodyId id : slept_) sleep(index(id));
+  std::erase_if(awake_, [this](BodyId id) { return asleep(id); });
+}
+
+void RestingEngine::sleep(std::uint32_t one) {
+  Thing& thing = things_[one];
+  const BodyState now = inner_.state(BodyId{one});
+  thing.anchor = {now.position, now.orientation, Vec3::Zero(), Vec3::Zero()};
+  thing.asleep = true;
+  inner_.remove(BodyId{one});
+  ++asleep_count_;
+}
+
+}  // namespace subworld

@@ -1,0 +1,115 @@
+#pragma once
+
+#include "model/scene.hpp"
+#include "physics/box_tree.hpp"
+#include "physics/engine.hpp"
+
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// An engine that does not simulate what rests. Bodies that hang together by contacts and have stayed where they are
+/// leave the inner engine together, whichever it is, and come back before anything can reach them: they cost no step,
+/// no contact and no message. Meanwhile they are asked for as before: where they were, without velocity.
+///
+/// A body is *still* while it stays within `kDrift` of its thickness of one place. Still bodies sleep when all that
+/// they touch are still too and nothing has come near for `kStillFor_s`. They wake, with all that they sleep with,
+/// * when a moving body may reach them within the time that `follow` is told: with a box around all places that it may
+/// get
+///   to, by its velocity, by turning and by falling, and by what it pushes in turn;
+/// * when somebody sets their state, their velocity or their inertia, or pushes them.
+/// What a sleeping body stands on either is fixed, or sleeps and wakes with it. With `rests` false nothing sleeps.
+class RestingEngine final : public Engine {
+ public:
+  /// `restless` never sleep and always count as moving. `inner` and `scene` must outlive this object.
+  RestingEngine(Engine& inner, const Scene& scene, std::span<const BodyId> restless, bool rests);
+
+  /// Once after each step or several of together `dt` (s): who is still, who wakes and who sleeps. `horizon_s` is the
+  /// time for which nobody will look again.
+  void follow(double dt, double horizon_s);
+  /// Movable bodies that are simulated, ascending.
+  [[nodiscard]] std::span<const BodyId> awake() const noexcept { return awake_; }
+  [[nodiscard]] bool asleep(BodyId id) const noexcept { return things_[index(id)].asleep; }
+  [[nodiscard]] std::size_t asleep_count() const noexcept { return asleep_count_; }
+  /// Of the last follow(), and what woke since the one before.
+  [[nodiscard]] std::span<const BodyId> fell_asleep() const noexcept { return slept_; }
+  [[nodiscard]] std::span<const BodyId> woke() const noexcept { return woke_; }
+  /// Whether a shift is so small that it tells nothing of a sleeping body.
+  [[nodiscard]] bool negligible(BodyId id, const BodyState& to) const;
+
+  std::string_view name() const noexcept override { return inner_.name(); }
+  Capabilities capabilities() const noexcept override { return inner_.capabilities(); }
+  using Engine::add;
+  void add(const Body& body, const BodyState& state, Role role) override;
+  void remove(BodyId id) override;
+  bool contains(BodyId id) const noexcept override { return asleep(id) || inner_.contains(id); }
+  BodyState state(BodyId id) const override { return asleep(id) ? things_[index(id)].anchor : inner_.state(id); }
+  bool set_state(BodyId id, const BodyState& state) override;
+  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override;
+  void set_inertia(BodyId id, double mass, const Vec3& inertia) override;
+  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override;
+  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
+  void step(double dt) override;
+  double part_s(double dt) const noexcept override { return inner_.part_s(dt); }
+  void time_parts(EngineTimes* times) noexcept override { inner_.time_parts(times); }
+  std::span<const Contact> contacts() const noexcept override { return inner_.contacts(); }
+  std::span<const Contact> contacts_with_friction() override { return inner_.contacts_with_friction(); }
+  Box bounds(BodyId id) const override { return asleep(id) ? things_[index(id)].bounds : inner_.bounds(id); }
+  /// Of those that are awake, and of fixed bodies.
+  void overlap(const Box& box, std::vector<BodyId>& out) const override { inner_.overlap(box, out); }
+  Checkpoint checkpoint() const override { return inner_.checkpoint(); }
+  void restore(const Checkpoint& checkpoint) override { inner_.restore(checkpoint); }
+
+  static constexpr double kStillFor_s = 0.25;
+  static constexpr double kDrift = 1e-3;  ///< of the thickness
+
+ private:
+  struct Thing {
+    BodyState anchor;          ///< where it has been still, or sleeps
+    Box bounds;                ///< there
+    double still_s = 0.0;      ///< for so long it has been
+    double unreached_s = 0.0;  ///< and nothing came near
+    double drift_m = 0.0;      ///< that counts as still
+    double arm_m = 0.0;        ///< from the centre to the farthest point
+    std::uint32_t next = 0;    ///< of those that sleep together: a ring
+    std::uint32_t parent = 0;  ///< while islands are looked for
+    bool restless = false;
+    bool asleep = false;
+    bool reached = false;
+    bool kept_awake = false;  ///< of roots: those that hang together may not sleep
+  };
+  /// A place that something may get to, from which it may push on.
+  struct Reach {
+    Box from;
+    double travel_m = 0.0;
+  };
+
+  [[nodiscard]] std::uint32_t root(std::uint32_t i) noexcept;
+  void watch(BodyId id, double dt);
+  void reach_from(BodyId mover, double horizon_s);
+  void wake(std::uint32_t one);
+  void wake_before(BodyId id) {
+    if (asleep(id)) wake(index(id));
+  }
+  [[nodiscard]] bool may_sleep(std::uint32_t i) const;
+  void find_drowsy();
+  void put_to_sleep();
+  void sleep(std::uint32_t one);
+
+  Engine& inner_;
+  const Scene& scene_;
+  bool rests_;
+  double gravity_m_s2_;
+  std::vector<Thing> things_;  ///< by body
+  BoxTree still_;              ///< still bodies, asleep or not
+  std::vector<BodyId> awake_;
+  std::vector<BodyId> drowsy_;  ///< may sleep if nothing comes near by the next follow()
+  std::vector<BodyId> waking_, woke_, slept_;
+  std::vector<Reach> frontier_;
+  std::vector<std::uint32_t> reached_;
+  double since_look_s_ = 0.0;
+  std::size_t asleep_count_ = 0;
+};
+
+}  // namespace subworld

@@ -1,0 +1,160 @@
+// What rests leaves its engine, and is back before anything can reach it.
+#include "physics/resting_engine.hpp"
+
+#include "lab/coupled_run.hpp"
+#include "lab/metrics.hpp"
+#include "support/engines.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+namespace subworld {
+namespace {
+
+constexpr double kStep_s = 0.004, kHorizon_s = 0.016;
+
+TEST(BoxTree, FindsWhatALoopOverAllFinds) {
+  constexpr std::uint32_t kCount = 300;
+  std::mt19937 draw(7);
+  const auto number = [&](double most) { return most * static_cast<double>(draw()) / 4294967295.0; };
+  const auto any_box = [&] {
+    const Vec3 lower(number(10), number(10), number(1));
+    return Box{lower, lower + Vec3(number(1), number(1), number(1))};
+  };
+  BoxTree tree(kCount);
+  std::vector<std::optional<Box>> all(kCount);
+  for (int round = 0; round < 4000; ++round) {
+    const std::uint32_t item = draw() % kCount;
+    if (all[item]) {
+      tree.remove(item);
+      all[item].reset();
+    } else {
+      all[item] = any_box();
+      tree.insert(item, *all[item]);
+    }
+    if (round % 50 != 0) continue;
+    const Box where = any_box();
+    std::vector<std::uint32_t> found, expected;
+    tree.find(where, [&](std::uint32_t i) { found.push_back(i); });
+    for (std::uint32_t i = 0; i < kCount; ++i) {
+      if (all[i] && all[i]->meets(where)) expected.push_back(i);
+    }
+    std::ranges::sort(found);
+    ASSERT_EQ(found, expected);
+  }
+}
+
+/// A floor, a stack of two cubes and a ball.
+class Resting : public ::testing::TestWithParam<test::Tested> {
+ protected:
+  static constexpr BodyId kFloor{0}, kLower{1}, kUpper{2}, kBall{3};
+
+  Resting() {
+    add(test::floor_plane(kFloor), BodyState{});
+    add(test::cube(kLower), test::at(0, 0, 0.05));
+    add(test::cube(kUpper), test::at(0, 0, 0.15));
+    Body ball = test::ball_proxy(kBall, 0.05, 0.5);
+    ball.gravity = ball.rotates = true;
+    add(ball, test::at(2, 0, 0.05));
+  }
+  void add(const Body& body, const BodyState& state) {
+    scene.bodies.push_back(body);
+    scene.initial.push_back(state);
+  }
+  RestingEngine& begin(bool rests = true) {
+    inner = GetParam().make();
+    engine = std::make_unique<RestingEngine>(*inner, scene, std::span<const BodyId>{}, rests);
+    for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
+    return *engine;
+  }
+  void run(double seconds) {
+    for (double t = 0.0; t < seconds; t += kStep_s) {
+      engine->follow(kStep_s, kHorizon_s);
+      engine->step(kStep_s);
+    }
+  }
+
+  Scene scene;
+  std::unique_ptr<Engine> inner;
+  std::unique_ptr<RestingEngine> engine;
+};
+
+TEST_P(Resting, WhatRestsLeavesTheEngineAndIsStillThere) {
+  begin();
+  run(1.0);
+  EXPECT_EQ(engine->asleep_count(), 3U);
+  EXPECT_FALSE(inner->contains(kUpper));
+  EXPECT_TRUE(engine->contains(kUpper));
+  EXPECT_NEAR(engine->state(kUpper).position.z(), 0.15, 1e-3);
+  EXPECT_TRUE(engine->state(kUpper).linear_velocity.isZero());
+  EXPECT_NEAR(engine->bounds(kUpper).upper.z(), 0.2, 2e-3);
+  EXPECT_TRUE(engine->awake().empty());
+}
+
+TEST_P(Resting, ThoseThatHangTogetherWakeBeforeABallReachesThem) {
+  begin();
+  run(1.0);
+  ASSERT_TRUE(engine->asleep(kLower));
+  engine->set_velocity(kBall, {-4.0, 0, 0}, Vec3::Zero());
+  EXPECT_FALSE(engine->asleep(kBall)) << "by being pushed";
+  while (engine->asleep(kLower)) {
+    run(kStep_s);
+    ASSERT_GT(engine->state(kBall).position.x(), 0.1) << "it is inside of the cube";
+  }
+  EXPECT_FALSE(engine->asleep(kUpper));
+  run(0.2);
+  EXPECT_LT(engine->state(kLower).position.x(), -0.001) << "it was hit";
+}
+
+TEST_P(Resting, AStackStandsThroughSleepAndWaking) {
+  begin();
+  for (int i = 0; i < 5; ++i) {
+    run(0.8);
+    ASSERT_TRUE(engine->asleep(kUpper)) << i;
+    engine->set_state(kUpper, engine->state(kUpper));
+    ASSERT_FALSE(engine->asleep(kLower));
+  }
+  EXPECT_NEAR(engine->state(kUpper).position.z(), 0.15, 1e-3);
+  EXPECT_NEAR(engine->state(kUpper).position.x(), 0.0, 1e-3);
+}
+
+TEST_P(Resting, WhatFallsOrCreepsStaysAwake) {
+  scene.bodies[index(kUpper)].gravity = false;
+  scene.initial[index(kUpper)] = test::at(0.5, 0, 1.0);
+  scene.initial[index(kUpper)].linear_velocity = {1e-3, 0, 0};
+  begin();
+  run(2.0);
+  EXPECT_FALSE(engine->asleep(kUpper));
+  EXPECT_TRUE(engine->asleep(kLower));
+}
+
+TEST_P(Resting, NothingSleepsWhereItIsKeptAwake) {
+  begin(false);
+  run(1.0);
+  EXPECT_EQ(engine->asleep_count(), 0U);
+  EXPECT_EQ(engine->awake().size(), 3U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Engines, Resting, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),
+                         test::name_of);
+
+// Before the tool comes, a row costs nothing; then it is felt as if it had never slept, but for what its solver's first
+// guess makes of it: less than steps of half the length do.
+TEST(RestingWorld, ARowThatSleptIsFeltAsOneThatDidNot) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
+  keep_users(scene, 1);
+  CoupledRun asleep(scene);
+  asleep.cycle();
+  EXPECT_EQ(asleep.world.asleep(), 10U);
+  ASSERT_TRUE(asleep.run());
+  scene.settings.keep = kKeepAll;
+  CoupledRun awake(scene);
+  ASSERT_TRUE(awake.run());
+  EXPECT_EQ(awake.world.asleep(), 0U);
+  EXPECT_LT(force_error(asleep.felt[0].force, awake.felt[0].force, scene.settings.h_s).rms, 0.005);
+}
+
+}  // namespace
+}  // namespace subworld
