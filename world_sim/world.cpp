@@ -45,10 +45,10 @@ constexpr double kContactReachRatio = 0.025;
 
 }  // namespace
 
-World::World(const Scene& scene, const std::function<void(double)>& progress)
+World::World(const Scene& scene, const std::function<void(double)>& progress, const EngineMaker& make)
     : scene_(scene),
       scheme_(make_scheme(scene.settings)),
-      engine_(std::make_unique<LiveEngine>(make_engine(without_substeps(scene.settings.world), scene.meshes))),
+      engine_(std::make_unique<LiveEngine>(make(without_substeps(scene.settings.world), scene.meshes))),
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
       remembered_(remembered_cycles(scene.settings, *scheme_)),

@@ -33,7 +33,8 @@ class World {
  public:
   /// Creates all bodies; `progress` is called with the part done, 0 .. 1. Throws `Error` (usage) for an engine or
   /// scheme that does not exist.
-  explicit World(const Scene& scene, const std::function<void(double)>& progress = {});
+  explicit World(const Scene& scene, const std::function<void(double)>& progress = {},
+                 const EngineMaker& make = make_engine);
 
   /// Lets the world come to rest before t = 0, every proxy held by its coupling at its start pose. `progress` is called
   /// with the part done, 0 .. 1; returns early, false, when it returns false.
@@ -163,8 +164,8 @@ class World {
   Timetable timetable_;
   RatioControl ratio_control_;
   std::uint64_t ratio_changes_ = 0;  ///< planned
-  EngineCost engine_cost_;      ///< of the engine in use
-  EngineSettings next_engine_;  ///< that was asked for
+  EngineCost engine_cost_;           ///< of the engine in use
+  EngineSettings next_engine_;       ///< that was asked for
   std::size_t movable_;
   CostCorrection correction_{kTracking};
   CycleCost cycle_cost_;
