@@ -51,10 +51,10 @@ constexpr double kContactReachRatio = 0.025;
 
 }  // namespace
 
-World::World(const Scene& scene, const std::function<void(double)>& progress)
+World::World(const Scene& scene, const std::function<void(double)>& progress, const EngineMaker& make)
     : scene_(scene),
       scheme_(make_scheme(scene.settings)),
-      live_(make_engine(without_substeps(scene.settings.world), scene.meshes)),
+      live_(make(without_substeps(scene.settings.world), scene.meshes)),
       engine_(live_, scene, proxies_of(scene), scene.settings.leaves_out(Saving::rest)),
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),

@@ -34,7 +34,8 @@ class World {
  public:
   /// Creates all bodies; `progress` is called with the part done, 0 .. 1. Throws `Error` (usage) for an engine or
   /// scheme that does not exist.
-  explicit World(const Scene& scene, const std::function<void(double)>& progress = {});
+  explicit World(const Scene& scene, const std::function<void(double)>& progress = {},
+                 const EngineMaker& make = make_engine);
 
   /// Lets the world come to rest before t = 0, every proxy held by its coupling at its start pose. `progress` is called
   /// with the part done, 0 .. 1; returns early, false, when it returns false.

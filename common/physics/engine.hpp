@@ -7,6 +7,7 @@
 #include "physics/engine_times.hpp"
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -105,6 +106,8 @@ class Engine {
 /// Each engine is a library of its own, `libsubworld_engine_NAME.so`, which is loaded when it is first asked for: from
 /// the folders of the environment variable SUBWORLD_ENGINES, else from beside the program. Thread-safe.
 [[nodiscard]] std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes);
+/// make_engine(), or who puts something between an engine and its user.
+using EngineMaker = std::function<std::unique_ptr<Engine>(const EngineSettings&, std::span<const Mesh>)>;
 
 /// The engines that can be asked for here, by name.
 [[nodiscard]] std::vector<std::string> engine_names();

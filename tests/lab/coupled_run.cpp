@@ -7,16 +7,16 @@
 
 namespace subworld {
 
-CoupledRun::CoupledRun(const Scene& scene)
-    : scene_(scene), world(scene_), felt(static_cast<std::size_t>(scene_.settings.users)) {
+CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
+    : scene_(scene), world(scene_, {}, make), felt(static_cast<std::size_t>(scene_.settings.users)) {
   world.settle([](double) { return true; });
   const Scheme& scheme = world.scheme();
   for (std::size_t u = 0; u < felt.size(); ++u) {
     subs.push_back(std::make_unique<SubWorld>(scene_, u));
     devices.push_back(std::make_unique<EmulatedDevice>(scene_.users[u].device, static_cast<std::uint32_t>(u)));
     const UserSpec& user = scene_.users[u];
-    guards.push_back(
-        std::make_unique<DeviceGuard>(user, scene_.body(user.proxy), needs_passivity(scene_.settings, user.device), 0.0));
+    guards.push_back(std::make_unique<DeviceGuard>(user, scene_.body(user.proxy),
+                                                   needs_passivity(scene_.settings, user.device), 0.0));
     const auto number = static_cast<std::uint32_t>(u);
     Link link{.delay = Delay(scene_.settings, scheme.lead_cycles(), number),
               .states = DelayLine<DeviceState>(scene_.settings, Direction::from_device, number),

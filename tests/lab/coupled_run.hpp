@@ -31,7 +31,8 @@ struct CpuTimes {
 /// delays of the settings.
 class CoupledRun {
  public:
-  explicit CoupledRun(const Scene& scene);
+  /// `make`: who makes the world's engine.
+  explicit CoupledRun(const Scene& scene, const EngineMaker& make = make_engine);
 
   /// r steps of every user, and the cycle of the world that is due.
   void cycle();

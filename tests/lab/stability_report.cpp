@@ -2,6 +2,7 @@
 
 #include "lab/engine_choice.hpp"
 #include "lab/page.hpp"
+#include "lab/random_report.hpp"
 #include "lab/stability_cases.hpp"
 #include "lab/stability_map.hpp"
 #include "lab/stability_run.hpp"
@@ -164,7 +165,9 @@ std::string advice_text(const Json& summary) {
 void write_stability_report(const std::string& path, const Rows& rows, const Json& summary) {
   Page page(path, "Stability: what the engines hold, with margins");
   page.intro(summary.at("about"), summary);
-  page.add(advice_text(summary) + kHowToRead);
+  page.add(advice_text(summary) + (rows.empty() ? "" : kHowToRead));
+  if (summary.contains("random")) add_random_section(page, summary.at("random"));
+  if (rows.empty()) return page.close();
   page.heading("Map");
   page.add("<div class=wide>" + stability_legend() + "</div>\n");
   std::vector<std::string> groups;
@@ -175,12 +178,10 @@ void write_stability_report(const std::string& path, const Rows& rows, const Jso
   for (const std::string& group : groups)
     page.add(fmt::format("<h3>{}</h3><div class=wide>{}</div>\n", escaped(group),
                          stability_map(rows, chosen(rows, "group", group))));
-  if (!rows.empty()) {
-    page.heading("How many rows pass");
-    const std::vector<std::string> pictures = svg_of(plots_of(rows));
-    page.plots(pictures.data(), pictures.size());
-    page.add(passed_table(summary));
-  }
+  page.heading("How many rows pass");
+  const std::vector<std::string> pictures = svg_of(plots_of(rows));
+  page.plots(pictures.data(), pictures.size());
+  page.add(passed_table(summary));
   for (const std::string& group : groups) {
     page.heading(group);
     for (const StabilityCase& one : stability_cases()) {

@@ -1,10 +1,9 @@
 #include "lab/variants.hpp"
 
+#include "lab/draw.hpp"
+
 #include <algorithm>
-#include <cmath>
-#include <cstdint>
 #include <numbers>
-#include <random>
 
 namespace subworld {
 
@@ -13,24 +12,6 @@ namespace {
 constexpr double kMostTurn_rad = 6.0 * std::numbers::pi / 180.0;
 constexpr double kMostAside = 0.08;    ///< of the longest move
 constexpr double kLeastAside_s = 0.1;  ///< how long going aside takes where a path begins at once
-
-/// Draws that are the same everywhere; the standard's distributions are not.
-class Draw {
- public:
-  explicit Draw(int variant) : bits_(static_cast<std::uint64_t>(variant)) {}
-  double between(double low, double high) {
-    return low + (high - low) * (static_cast<double>(bits_() >> 11) * 0x1p-53);
-  }
-  double factor(double low, double high) { return std::exp(between(std::log(low), std::log(high))); }
-  Vec3 direction() {
-    const double z = between(-1.0, 1.0), angle = between(0.0, 2.0 * std::numbers::pi);
-    const double across = std::sqrt(1.0 - z * z);
-    return {across * std::cos(angle), across * std::sin(angle), z};
-  }
-
- private:
-  std::mt19937_64 bits_;
-};
 
 PathSegment turned(PathSegment s, const Quat& by, double stretch) {
   s.displacement = stretch * (by * s.displacement);
@@ -61,7 +42,7 @@ PathSegment aside(const std::vector<PathSegment>& path, const Vec3& direction, d
 Variation variation(int variant) {
   Variation v;
   if (variant == 0) return v;
-  Draw draw(variant);
+  Draw draw(static_cast<std::uint64_t>(variant));
   v.friction = draw.factor(0.8, 1.25);
   v.mass = draw.factor(0.7, 1.4);
   const Vec3 axis = draw.direction();

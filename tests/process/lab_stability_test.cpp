@@ -77,11 +77,36 @@ TEST_F(StabilityLab, AMissedToleranceIsAFailedRow) {
   EXPECT_EQ(summary()["verdict"], "2 measurements: 1 pass, 1 miss their tolerance, 0 of these could not be measured");
 }
 
+// Three scenes of a seed that bullet holds: counts, rows, page, and no measurement of a case.
+TEST_F(StabilityLab, RandomScenesAreRunAloneAndCounted) {
+  const Ended ended = finish(lab_words(
+      {"--random", "3", "--seed", "1", "--engine", "bullet", "--preset", "fast", "--strict", "--out", out()}));
+  ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
+  EXPECT_NE(ended.out.find("3 runs of random scenes: 3 held, 0 failed"), std::string::npos) << ended.out;
+  EXPECT_TRUE(results().empty());
+  const Json random = summary()["random"];
+  EXPECT_EQ(random["seed"], 1);
+  EXPECT_EQ(random["settings"][0]["scenes"], 3);
+  EXPECT_TRUE(random["failures"].empty());
+  EXPECT_NE(read_text(out() + "/report.html").find("Random scenes"), std::string::npos);
+  EXPECT_TRUE(std::filesystem::exists(out() + "/random.csv"));
+}
+
+TEST_F(StabilityLab, OneRandomSceneIsRepeatedWithItsDetails) {
+  const Ended ended = finish(lab_words(
+      {"--random", "--seed", "1", "--scene-index", "2", "--engine", "bullet", "--preset", "fast", "--out", out()}));
+  ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
+  EXPECT_NE(ended.out.find("bullet fast, scene 2 of the seed 1: holds"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("put_in_j"), std::string::npos);
+}
+
 TEST_F(StabilityLab, WrongOptionsAreNamedWithTheCure) {
   expect_refused({{{"slip_angel"}, {"slip_angel", "did you mean \"slip_angle\"", "sliding:"}},
                   {{"slip_angle", "--engine", "bulet"}, {"bulet", "bullet"}},
                   {{"slip_angle", "--preset", "fastest"}, {"fastest", "fast", "quality"}},
                   {{"slip_angle", "--dt", "1/0"}, {"--dt 1/0", "1/60"}},
+                  {{"--random", "0"}, {"--random", "1"}},
+                  {{"--seed", "2"}, {"--seed", "--random"}},
                   {{"slip_angle", "--colour", "red"}, {"--colour", "--help"}}});
 }
 

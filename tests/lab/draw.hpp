@@ -1,0 +1,60 @@
+#pragma once
+
+#include "model/types.hpp"
+
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <initializer_list>
+#include <numbers>
+#include <random>
+
+#include <fmt/format.h>
+
+namespace subworld {
+
+/// Draws that are the same everywhere: the generator's numbers are fixed by the standard, its distributions are not.
+class Draw {
+ public:
+  explicit Draw(std::uint64_t seed) : bits_(seed) {}
+  /// One of many from one seed, independent of its neighbours (SplitMix64, Steele, Lea, Flood 2014).
+  Draw(std::uint64_t seed, std::uint64_t index) : Draw(mixed(mixed(seed) + index)) {}
+
+  double between(double low, double high) {
+    return low + (high - low) * (static_cast<double>(bits_() >> 11) * 0x1p-53);
+  }
+  /// Uniform in the logarithm.
+  double factor(double low, double high) { return std::exp(between(std::log(low), std::log(high))); }
+  /// Both ends included.
+  int whole(int low, int high) { return low + static_cast<int>(bits_() % static_cast<std::uint64_t>(high - low + 1)); }
+  bool chance(double probability) { return between(0.0, 1.0) < probability; }
+  template <class T>
+  T one_of(std::initializer_list<T> choices) {
+    return *(choices.begin() + whole(0, static_cast<int>(choices.size()) - 1));
+  }
+  Vec3 direction() {
+    const double z = between(-1.0, 1.0), angle = between(0.0, 2.0 * std::numbers::pi);
+    const double across = std::sqrt(1.0 - z * z);
+    return {across * std::cos(angle), across * std::sin(angle), z};
+  }
+
+ private:
+  static std::uint64_t mixed(std::uint64_t x) noexcept {
+    x += 0x9e3779b97f4a7c15ULL;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
+    return x ^ (x >> 31);
+  }
+
+  std::mt19937_64 bits_;
+};
+
+/// To so many significant digits: what reads well in a file, and hides the last bit of a C library.
+[[nodiscard]] inline double rounded(double value, int digits = 3) {
+  return std::strtod(fmt::format("{:.{}g}", value, digits).c_str(), nullptr);
+}
+[[nodiscard]] inline Vec3 rounded(const Vec3& v, int digits = 3) {
+  return {rounded(v.x(), digits), rounded(v.y(), digits), rounded(v.z(), digits)};
+}
+
+}  // namespace subworld

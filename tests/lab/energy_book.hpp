@@ -1,0 +1,109 @@
+#pragma once
+
+#include "model/scene.hpp"
+#include "physics/engine.hpp"
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+namespace subworld {
+
+/// The energy of the bodies in one engine, and who put it there.
+///
+///   m, I    kg, kg m^2   mass and principal inertia of a body, as it was added
+///   M       kg           mass while the engine steps, as set_inertia() left it: a coupling is implicit by M > m
+///   v0, v1  m/s          velocity before a step, and after it
+///   vs      m/s          velocity with which the step begins, as set_velocity() left it
+///   F       N            force on the body in the step of length dt
+///   x, g    m, m/s^2     position, gravity
+///   a       s            half of an integration part: so much is a position ahead of what the forces account for
+///
+/// Energy:         E = sum of m v^2 / 2 + w I w / 2 - m g (x - a v).                           (1)
+/// User's impulse: J = dt F + (M vs - m v0) - (M - m) v1,                                      (2)
+///                 what the step makes of m v0 beside contacts and weight; (2) of a linearly implicit spring is its
+///                 mean force on the proxy times dt.
+/// User's work:    W = J (v0 + v1) / 2 where nothing touches the body: then its velocity changes evenly;
+///                 where something does, a contact may have stopped it anywhere in the step: by the velocity that
+///                 is left nothing can gain, W = J v1. An engine that keeps bodies apart may place them by another
+///                 velocity than the one that it tells: if W = J (x1 - x0) / dt explains more, that counts. Rotation
+///                 likewise, by w1.                                                            (3)
+///                 An implicit coupling begins with vs < v0. In a step of several parts the body then comes less far
+///                 than (v0 + v1) / 2: what its weight does less counts as the user's work.
+/// Correction:     C = E after set_state() - E before it.                                      (4)
+/// Contacts, friction and damping can only take energy: E - sum of W - sum of C never rises. What it rises by above
+/// its begin is unexplained.
+struct EnergyBook {
+  double begin_j = 0.0;      ///< E
+  double kinetic_j = 0.0;    ///< of it: what moved at the begin
+  double energy_j = 0.0;     ///< E now
+  double work_j = 0.0;       ///< W so far
+  double corrected_j = 0.0;  ///< C so far
+  double given_j = 0.0;      ///< positive parts of W and C
+  double released_j = 0.0;   ///< potential energy that bodies have lost, each by itself, step by step
+  double reading_j = 0.0;    ///< sum of m g |a v|: a contact within the last part may have come at any time of it
+
+  [[nodiscard]] double unexplained_j() const noexcept { return energy_j - begin_j - work_j - corrected_j; }
+  /// What the scene, users, corrections and gravity have put in.
+  [[nodiscard]] double put_in_j() const noexcept { return kinetic_j + given_j + released_j; }
+};
+
+/// An engine as it is, with a book of its energy.
+class BookedEngine final : public Engine {
+ public:
+  BookedEngine(std::unique_ptr<Engine> inner, const Vec3& gravity) : inner_(std::move(inner)), gravity_(gravity) {}
+
+  /// From here on energy counts.
+  void begin();
+  [[nodiscard]] const EnergyBook& book() const noexcept { return book_; }
+
+  std::string_view name() const noexcept override { return inner_->name(); }
+  Capabilities capabilities() const noexcept override { return inner_->capabilities(); }
+  using Engine::add;
+  void add(const Body& body, const BodyState& state, Role role) override;
+  void remove(BodyId id) override;
+  bool contains(BodyId id) const noexcept override { return inner_->contains(id); }
+  BodyState state(BodyId id) const override { return inner_->state(id); }
+  bool set_state(BodyId id, const BodyState& state) override;
+  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override;
+  void set_inertia(BodyId id, double mass, const Vec3& inertia) override;
+  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override;
+  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
+  void step(double dt) override;
+  void time_parts(EngineTimes* times) noexcept override { inner_->time_parts(times); }
+  double part_s(double dt) const noexcept override { return inner_->part_s(dt); }
+  std::span<const Contact> contacts() const noexcept override { return inner_->contacts(); }
+  std::span<const Contact> contacts_with_friction() override { return inner_->contacts_with_friction(); }
+  Box bounds(BodyId id) const override { return inner_->bounds(id); }
+  void overlap(const Box& box, std::vector<BodyId>& out) const override { inner_->overlap(box, out); }
+  Checkpoint checkpoint() const override { return inner_->checkpoint(); }
+  void restore(const Checkpoint& checkpoint) override { inner_->restore(checkpoint); }
+
+ private:
+  struct Entry {
+    Body body;  ///< m, I
+    double mass = 0.0;
+    Vec3 inertia = Vec3::Zero();  ///< M
+    BodyState before;             ///< v0; the pose of the last step or correction
+    Vec3 force = Vec3::Zero(), torque = Vec3::Zero();
+    double potential_j = 0.0;
+    bool touched = false;  ///< in the last step
+  };
+  [[nodiscard]] double potential_j(const Entry& entry, const BodyState& state) const noexcept;
+  [[nodiscard]] double work_j(const Entry& entry, const BodyState& start, const BodyState& after, double dt) const;
+  /// Notes which bodies have contacts that push.
+  void find_touched();
+  void total() noexcept;
+  /// The energy is counted otherwise from now on: its begin moves with it.
+  void rebase() noexcept;
+  [[nodiscard]] Entry* find(BodyId id) noexcept;
+
+  std::unique_ptr<Engine> inner_;
+  Vec3 gravity_;
+  double ahead_s_ = 0.0;                       ///< a, of the last step
+  std::vector<std::optional<Entry>> entries_;  ///< of the movable bodies, by id
+  std::vector<BodyState> starts_;              ///< with vs, by id
+  EnergyBook book_;
+};
+
+}  // namespace subworld
