@@ -34,6 +34,9 @@ extern const EnginePlugin kPlugin;
 /// PhysX's own limit (100 rad/s) would stop a small part that a hand flicks.
 constexpr float kTurnLimit = 1000.0F;  ///< rad/s
 
+/// As fast are bodies that overlap pushed apart, m/s. Without a limit an overlap of 4 mm throws a brick.
+constexpr float kPushedApart = 0.3F;
+
 /// A velocity iteration takes away the speed that pushing out of a penetration left, without it a high stack creeps;
 /// but it also brakes what is about to touch, so a body that bounces has none. Of bodies that touch, the most counts.
 constexpr std::uint32_t velocity_iterations(const Material& material) { return material.restitution > 0.0 ? 0 : 1; }
@@ -93,6 +96,7 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
       put_inertia(slot);
       w2c_physx_emscripten_bind_PxRigidBody_setAngularDamping_1(m, actor, 0.0F);
       w2c_physx_emscripten_bind_PxRigidBody_setMaxAngularVelocity_1(m, actor, kTurnLimit);
+      w2c_physx_emscripten_bind_PxRigidBody_setMaxDepenetrationVelocity_1(m, actor, kPushedApart);
       w2c_physx_emscripten_bind_PxRigidDynamic_setSleepThreshold_1(m, actor, 0.0F);
       w2c_physx_emscripten_bind_PxRigidDynamic_setSolverIterationCounts_2(m, actor, iterations_,
                                                                           velocity_iterations(body.material));
