@@ -2,6 +2,7 @@
 
 #include "common/physics/bullet/box_box.hpp"
 #include "common/physics/bullet/box_plane.hpp"
+#include "common/physics/bullet/convex_contacts.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -19,12 +20,13 @@ using bullet::to_bullet;
 DirectBullet::DirectBullet(const Vec3& gravity, double dt)
     : dt_(dt),
       shapes_({}),
+      configuration_(bullet::collision_settings()),
       dispatcher_(&configuration_),
       world_(&dispatcher_, &broadphase_, &solver_, &configuration_) {
   gContactBreakingThreshold = scalar(0.005);
   bullet::register_box_box(dispatcher_);
+  bullet::register_convex_contacts(dispatcher_);
   bullet::register_box_plane(dispatcher_);
-  configuration_.setPlaneConvexMultipointIterations(4, 5);
   auto& info = world_.getSolverInfo();
   info.m_numIterations = 10;
   solver_.set_friction_relaxation(scalar(1.3));

@@ -64,13 +64,13 @@ TEST_F(StabilityLab, BulletHoldsTheFormulasAtOneMillisecond) {
 
 // A tolerance that is missed is a result: it is shown with who does better, and does not change the exit code.
 TEST_F(StabilityLab, AMissedToleranceIsAFailedRow) {
-  const Ended ended = finish(
-      lab_words({"tunnel_speed", "--engine", "bullet", "--preset", "fast", "--dt", "1/1000,1/60", "--out", out()}));
+  const Ended ended =
+      finish(lab_words({"tunnel_speed", "--engine", "ode", "--preset", "fast", "--dt", "1/1000,1/60", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json rows = results();
   ASSERT_EQ(rows.size(), 2U);
   EXPECT_EQ(rows[0]["pass"], true);
-  EXPECT_EQ(rows[1]["pass"], false) << "a ball of 5 mm flies 80 mm in 1/60 s, and bullet does not look ahead";
+  EXPECT_EQ(rows[1]["pass"], false) << "a ball of 5 mm flies 80 mm in 1/60 s, and ode does not look ahead";
   EXPECT_GT(rows[1]["error_over_tolerance"], 2.0);
   EXPECT_LT(rows[1]["measured"], rows[0]["measured"]);
   EXPECT_NE(ended.out.find("It misses most: tunnel_speed at 1/60 s"), std::string::npos) << ended.out;

@@ -37,11 +37,6 @@ constexpr Restless kRestless[] = {
     {"rapier", ShapeKind::cylinder, ShapeKind::mesh, 100.0, "a lying cylinder finds its points one by one and rolls"},
     {"rapier", ShapeKind::cylinder, ShapeKind::box, 100.0, "the same"},
     {"ode", ShapeKind::convex, ShapeKind::mesh, 10.0, "ODE makes a hull's points on triangles by tilting it a little"},
-    {"bullet", ShapeKind::cylinder, ShapeKind::mesh, 10.0,
-     "Bullet finds a lying cylinder's points one by one, step by step"},
-    {"bullet_float", ShapeKind::cylinder, ShapeKind::mesh, 100.0, "the same; rounding sets it rolling"},
-    {"bullet_float", ShapeKind::capsule, ShapeKind::mesh, 2.0, "rounding sets it rolling"},
-    {"bullet_float", ShapeKind::cylinder, ShapeKind::box, 50.0, "the same; rounding sets it rolling"},
 };
 
 double room(std::string_view engine, ShapeKind shape, ShapeKind floor) {

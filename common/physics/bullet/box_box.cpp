@@ -1,5 +1,9 @@
 #include "box_box.hpp"
 
+#include "contact_points.hpp"
+#include "convex_contacts.hpp"
+#include "sweep.hpp"
+
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 
 #include <array>
@@ -12,7 +16,6 @@ namespace subworld::bullet {
 
 namespace {
 
-constexpr std::size_t kMostPoints = 4;   ///< of a pair, in Bullet
 constexpr std::size_t kMostCorners = 8;  ///< of two rectangles' common part
 
 /// What is chosen stays chosen until another choice is better by this, so that noise does not choose.
@@ -109,18 +112,6 @@ Direction least_deep(const Relation& boxes, int last, btScalar reach) {
   return edge.gap > face.gap + (last >= 6 ? 1 : 2) * better ? edge : face;
 }
 
-struct Point {
-  btVector3 on_b;     ///< m, world
-  btScalar distance;  ///< m
-  int feature;        ///< the same for the same pair of edges or corners
-};
-
-struct Points {
-  btVector3 normal;  ///< from b to a
-  std::array<Point, kMostPoints> points;
-  std::size_t count = 0;
-};
-
 /// A corner of the common part of two faces, in the frame of the one that cuts.
 struct Corner {
   btScalar x, y, height;  ///< m; height above that face
@@ -215,7 +206,8 @@ class Polygon {
 
 /// The common part of a face of one box and the face of the other that looks at it.
 template <class IsBefore>
-Points meet_on_face(const Cuboid& a, const Cuboid& b, int number, btScalar reach, const IsBefore& before) {
+Points meet_on_face(const Cuboid& a, const Cuboid& b, int number, btScalar reach, btScalar deeper,
+                    const IsBefore& before) {
   const bool of_a = number < 3;
   const Cuboid& cutting = of_a ? a : b;
   const Cuboid& cut = of_a ? b : a;
@@ -243,7 +235,7 @@ Points meet_on_face(const Cuboid& a, const Cuboid& b, int number, btScalar reach
   for (int side = 0; side < 4; ++side) common.cut(side, cutting.half[(k + 1 + side / 2) % 3]);
   common.remove_above(reach);
   const auto feature = [&](int corner) { return 64 * faces + corner; };
-  common.reduce([&](int corner) { return before(feature(corner)); }, kBetterGap * reach);
+  common.reduce([&](int corner) { return before(feature(corner)); }, deeper);
 
   Points all;
   all.normal = of_a ? -normal : normal;
@@ -281,14 +273,6 @@ Points meet_on_edges(const Cuboid& a, const Cuboid& b, int number) {
   return all;
 }
 
-/// What a point of the step before leaves to the next.
-struct LastPoint {
-  btVector3 local_b;
-  btScalar impulse, lateral_1, lateral_2;
-  int feature;
-  int life_time;
-};
-
 class BoxBox final : public btCollisionAlgorithm {
  public:
   BoxBox(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject* first,
@@ -298,37 +282,42 @@ class BoxBox final : public btCollisionAlgorithm {
         half_a_(half_of(*first)),
         half_b_(half_of(*second)),
         reach_(manifold_->getContactBreakingThreshold()),
-        same_(kReach * btMin(half_a_.length(), half_b_.length())) {}
+        same_(kReach * btMin(half_a_.length(), half_b_.length())),
+        pair_(*first, *second) {}
   ~BoxBox() override { m_dispatcher->releaseManifold(manifold_); }
 
   void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
-                        const btDispatcherInfo&, btManifoldResult* result) override {
+                        const btDispatcherInfo& info, btManifoldResult* result) override {
     result->setPersistentManifold(manifold_);
     const Cuboid a{first->getWorldTransform(), half_a_}, b{second->getWorldTransform(), half_b_};
     const Relation boxes(a, b);
-    if (separating_ >= 0 && boxes.is_apart(separating_, reach_)) return;  // as in the step before
+    if (separating_ >= 0 && boxes.is_apart(separating_, reach_)) {  // as in the step before
+      return leave(*first->getCollisionObject(), *second->getCollisionObject(), info.m_timeStep);
+    }
     const Direction direction = least_deep(boxes, last_, reach_);
     if (direction.gap >= reach_) {
       separating_ = direction.number;
       last_ = -1;
-      manifold_->clearManifold();
-      return;
+      return leave(*first->getCollisionObject(), *second->getCollisionObject(), info.m_timeStep);
     }
     separating_ = -1;
     last_ = direction.number;
 
     std::array<LastPoint, kMostPoints> before;
-    const std::span<const LastPoint> old = take_points(before);
+    ManifoldWriter writer(*manifold_, reach_, same_);
+    const std::span<const LastPoint> old = writer.take(before);
     const auto is_old = [&](int feature) {
       for (const LastPoint& point : old) {
         if (point.feature == feature) return true;
       }
       return false;
     };
-    put_points(direction.is_edge() ? meet_on_edges(a, b, direction.number)
-                                   : meet_on_face(a, b, direction.number, reach_, is_old),
-               *first->getCollisionObject(), *second->getCollisionObject());
-    go_on_from(old);
+    const btCollisionObject &one = *first->getCollisionObject(), &other = *second->getCollisionObject();
+    const btScalar reach = btMax(reach_, btScalar(pair_.way(one, other, info.m_timeStep)));
+    writer.put(direction.is_edge() ? meet_on_edges(a, b, direction.number)
+                                   : meet_on_face(a, b, direction.number, reach, kBetterGap * reach_, is_old),
+               one, other, reach);
+    writer.go_on_from(old);
   }
 
   btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
@@ -342,108 +331,25 @@ class BoxBox final : public btCollisionAlgorithm {
     return static_cast<const btBoxShape*>(object.getCollisionShape())->getHalfExtentsWithMargin();
   }
 
-  /// Empties the manifold.
-  std::span<const LastPoint> take_points(std::array<LastPoint, kMostPoints>& into) {
-    const auto count = static_cast<std::size_t>(manifold_->getNumContacts());
-    for (std::size_t i = 0; i < count; ++i) {
-      const btManifoldPoint& point = manifold_->getContactPoint(static_cast<int>(i));
-      into[i] = {
-          point.m_localPointB, point.m_appliedImpulse, point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2,
-          point.m_index0,      point.m_lifeTime};
-    }
-    manifold_->clearManifold();
-    return {into.data(), count};
-  }
-
-  /// As btManifoldResult::addContactPoint, with what all points have in common computed once, and written where they
-  /// stay: what is not set here is as it was constructed. Of points that are nearer to each other than the breaking
-  /// threshold the last one stays.
-  void put_points(const Points& found, const btCollisionObject& first, const btCollisionObject& second) {
-    const btScalar friction = btManifoldResult::calculateCombinedFriction(&first, &second);
-    const btScalar restitution = btManifoldResult::calculateCombinedRestitution(&first, &second);
-    btVector3 lateral_1, lateral_2;
-    btPlaneSpace1(found.normal, lateral_1, lateral_2);
-    for (std::size_t i = 0; i < found.count; ++i) {
-      const auto& [on_b, distance, feature] = found.points[i];
-      if (distance > reach_) continue;
-      const btVector3 on_a = on_b + found.normal * distance;
-      const btVector3 local_a = first.getWorldTransform().invXform(on_a);
-      btManifoldPoint& point = manifold_->getContactPoint(place_for(local_a));
-      point.m_localPointA = local_a;
-      point.m_localPointB = second.getWorldTransform().invXform(on_b);
-      point.m_positionWorldOnA = on_a;
-      point.m_positionWorldOnB = on_b;
-      point.m_normalWorldOnB = found.normal;
-      point.m_distance1 = distance;
-      point.m_combinedFriction = friction;
-      point.m_combinedRestitution = restitution;
-      point.m_combinedRollingFriction = point.m_combinedSpinningFriction = 0;
-      point.m_index0 = feature;
-      point.m_lateralFrictionDir1 = lateral_1;
-      point.m_lateralFrictionDir2 = lateral_2;
-      point.m_contactPointFlags = BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
-      point.m_appliedImpulse = point.m_appliedImpulseLateral1 = point.m_appliedImpulseLateral2 = 0;
-      point.m_lifeTime = 0;
-    }
-  }
-
-  /// In the manifold: that of the point which is nearest on the first box, within the breaking threshold, or a new one.
-  int place_for(const btVector3& local_a) {
-    btScalar shortest = reach_ * reach_;
-    int place = -1;
-    for (int i = 0; i < manifold_->getNumContacts(); ++i) {
-      const btScalar distance = (manifold_->getContactPoint(i).m_localPointA - local_a).length2();
-      if (distance >= shortest) continue;
-      shortest = distance;
-      place = i;
-    }
-    if (place >= 0) return place;
-    place = manifold_->getNumContacts();
-    manifold_->setNumContacts(place + 1);
-    return place;
-  }
-
-  /// Gives each point what the same one, or else the nearest that is left, carried in the step before.
-  void go_on_from(std::span<const LastPoint> old) {
-    std::array<bool, kMostPoints> given{};
-    std::array<bool, kMostPoints> taken{};
-    const auto take = [&](int to, std::size_t from) {
-      btManifoldPoint& point = manifold_->getContactPoint(to);
-      point.m_appliedImpulse = old[from].impulse;
-      point.m_appliedImpulseLateral1 = old[from].lateral_1;
-      point.m_appliedImpulseLateral2 = old[from].lateral_2;
-      point.m_lifeTime = old[from].life_time + 1;
-      given[static_cast<std::size_t>(to)] = taken[from] = true;
-    };
-    for (int i = 0; i < manifold_->getNumContacts(); ++i) {
-      for (std::size_t k = 0; k < old.size(); ++k) {
-        if (!taken[k] && old[k].feature == manifold_->getContactPoint(i).m_index0) {
-          take(i, k);
-          break;
-        }
-      }
-    }
-    for (int i = 0; i < manifold_->getNumContacts(); ++i) {
-      if (given[static_cast<std::size_t>(i)]) continue;
-      btScalar nearest = same_ * same_;
-      std::optional<std::size_t> from;
-      for (std::size_t k = 0; k < old.size(); ++k) {
-        const btScalar distance = (old[k].local_b - manifold_->getContactPoint(i).m_localPointB).length2();
-        if (taken[k] || distance >= nearest) continue;
-        nearest = distance;
-        from = k;
-      }
-      if (from) take(i, *from);
+  /// The boxes are apart.
+  void leave(const btCollisionObject& a, const btCollisionObject& b, double dt) {
+    if (const double way = pair_.way(a, b, dt); way > 0.0) {
+      look_ahead(*manifold_, a, b, way, dt);
+    } else if (manifold_->getNumContacts() > 0) {
+      manifold_->clearManifold();
     }
   }
 
   btPersistentManifold* manifold_;
   btVector3 half_a_, half_b_;
-  btScalar reach_;       ///< from here on there are no points, m
-  btScalar same_;        ///< within it a point goes on with another's impulses, m
+  btScalar reach_;  ///< from here on there are no points, m
+  btScalar same_;   ///< within it a point goes on with another's impulses, m
+  FastPair pair_;
   int last_ = -1;        ///< number of the direction of the step before
   int separating_ = -1;  ///< number of the direction that kept the boxes apart in the step before
 };
+
+static_assert(sizeof(BoxBox) <= kMostAlgorithmBytes);
 
 struct MakeBoxBox final : btCollisionAlgorithmCreateFunc {
   btCollisionAlgorithm* CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,

@@ -1,11 +1,13 @@
 #include "box_box.hpp"
 #include "box_plane.hpp"
 #include "contact_solver.hpp"
+#include "convex_contacts.hpp"
 #include "model/error.hpp"
 #include "physics/contact_totals.hpp"
 #include "physics/gyroscope.hpp"
 #include "physics/plugin.hpp"
 #include "shapes.hpp"
+#include "small_steps.hpp"
 
 #include <fmt/format.h>
 
@@ -27,14 +29,6 @@ using bullet::from_bullet;
 using bullet::scalar;
 using bullet::to_bullet;
 
-struct PresetValues {
-  double relaxation;  ///< what an iteration takes of each correction; above 1, loads reach a stack's foot sooner
-  double friction_relaxation;         ///< likewise of friction
-  double contact_breaking_threshold;  ///< relative to the size of the smaller body
-  double friction_forgotten_s;        ///< of each step: what is left of it, friction takes over from the step before
-  double push_out_s;                  ///< time to push penetration out; 0: Bullet's own part of it in each step
-};
-
 constexpr SubstepCost kCost{.step_s = 4e-6, .body_s = 0.3e-6, .contact_s = 0.6e-6, .contact_iteration_s = 0.09e-6};
 constexpr EnginePreset kPresets[] = {
     {.name = "fast",
@@ -43,31 +37,34 @@ constexpr EnginePreset kPresets[] = {
      .cost = kCost,
      .heavy_on_light = {700, 170}},
     {.name = "quality",
-     .what = "20 iterations, sub-steps of at most 0.7 ms, friction goes on from step to step: holds what is stacked",
-     .iterations = 20,
+     .what = "sub-steps of at most 0.7 ms, 16 iterations in 8 parts of each: holds what is stacked high",
+     .iterations = 16,
      .longest_substep_s = 0.7e-3,
      .cost = kCost,
-     .heavy_on_light = {480, 480}},
+     .heavy_on_light = {70000, 70000}},
 };
-// Friction that starts from zero in each step lets what it holds creep by a part of each step, so the faster the longer
-// the steps are. Friction that goes on from step to step holds a card house, but with few iterations per second it
-// keeps a tower swaying: it answers late, as a spring does. Between the two, a long step creeps as fast as one of 3 ms
-// does, and a tower of twenty stands in steps of 5 ms; with 1 ms a hand feels half the error at 4 ms, but the tower
-// wanders.
+struct PresetValues {
+  bool small_steps;                   ///< a sub-step is solved in parts (small_steps.hpp)
+  double contact_breaking_threshold;  ///< relative to the size of the smaller body
+};
 constexpr PresetValues kPresetValues[] = {
-    {1.0, 1.3, 0.005, 3e-3, 0.0},
-    {1.5, 1.0, 0.002, 0.0, 0.2},
+    {false, 0.005},
+    {true, 0.002},
 };
+
+// Without small steps. Friction that starts from zero in each step lets what it holds creep by a part of each step, so
+// the faster the longer the steps are. Friction that goes on from step to step holds a card house, but with few
+// iterations per second it keeps a tower swaying: it answers late, as a spring does. Between the two, a long step
+// creeps as fast as one of 3 ms does, and a tower of twenty stands in steps of 5 ms; with 1 ms a hand feels half the
+// error at 4 ms, but the tower wanders.
+constexpr double kFrictionForgotten_s = 3e-3;  ///< of each step: what is left, friction takes over from the step before
+constexpr double kFrictionRelaxation = 1.3;    ///< what an iteration takes of each correction of friction
+constexpr double kPushOutRatio = 0.2;          ///< of a penetration, that a step pushes out
 
 extern const EnginePlugin kPlugin;
 
 /// Makes the compiler emit this library's own copies of Bullet's shared static objects (see CMakeLists.txt).
 [[gnu::used]] const void* const kOwnStatics[] = {&btTransform::getIdentity(), &btMatrix3x3::getIdentity()};
-
-/// Bullet's own: a step pushes out this part of a penetration. Pushing knows no friction: where steps are short and
-/// many, leaning bodies slide apart for as long as they stand.
-constexpr double kPushOutRatio = 0.2;
-constexpr int kManifoldPoints = 4;  ///< most that Bullet keeps for a pair
 
 /// The tree of bounds is left alone while a body moves within this part of its size. Bullet's own 5 cm would make every
 /// cube of a heap a candidate for its neighbours' neighbours.
@@ -105,17 +102,23 @@ class Bullet final : public Engine {
         values_(kPresetValues[find_preset(kPlugin, settings.preset)]),
         gravity_(settings.gravity),
         fixed_substeps_(settings.substeps),
+        iterations_(settings.iterations.value_or(preset_.iterations)),
         shapes_(meshes),
+        configuration_(bullet::collision_settings()),
         dispatcher_(&configuration_),
-        world_(&dispatcher_, &broadphase_, &solver_, &configuration_) {
+        world_(&dispatcher_, &broadphase_, chosen_solver(), &configuration_) {
     bullet::register_box_box(dispatcher_);
-    bullet::register_box_plane(dispatcher_);
-    configuration_.setPlaneConvexMultipointIterations(kManifoldPoints, kManifoldPoints + 1);  // other shapes: likewise
+    bullet::register_convex_contacts(dispatcher_);
+    // Points that stay where they are in Bullet's list suit a solver that begins friction anew in each step; small
+    // steps need points that remember the last part.
+    if (!values_.small_steps) bullet::register_box_plane(dispatcher_);
+    if (values_.small_steps) world_.leave_moving_to_solver();
     auto& info = world_.getSolverInfo();
-    info.m_numIterations = settings.iterations.value_or(preset_.iterations);
-    info.m_sor = scalar(values_.relaxation);
-    solver_.set_friction_forgotten(scalar(values_.friction_forgotten_s));
-    solver_.set_friction_relaxation(scalar(values_.friction_relaxation));
+    info.m_numIterations = iterations_;
+    info.m_sor = 1;
+    info.m_erp2 = scalar(kPushOutRatio);
+    solver_.set_friction_forgotten(scalar(kFrictionForgotten_s));
+    solver_.set_friction_relaxation(scalar(kFrictionRelaxation));
     // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.
     world_.setGravity(btVector3(0, 0, 0));
   }
@@ -233,14 +236,13 @@ class Bullet final : public Engine {
   }
 
   double part_s(double dt) const noexcept override {
-    return dt / substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
+    const double substep = dt / substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
+    return values_.small_steps ? substep / bullet::SmallStepSolver::parts(iterations_) : substep;
   }
   void step(double dt) override {
     const int substeps = substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
     claim_globals();
     contacts_.clear();
-    const double haste = values_.push_out_s > 0.0 ? dt / substeps / values_.push_out_s : kPushOutRatio;
-    world_.getSolverInfo().m_erp2 = scalar(std::min(haste, kPushOutRatio));
     clock_.start();
     for (int i = 0; i < substeps; ++i) {
       for (const std::uint32_t id : movable_) {
@@ -332,6 +334,11 @@ class Bullet final : public Engine {
     return slots_[index(id)];
   }
 
+  btConstraintSolver* chosen_solver() {
+    if (values_.small_steps) return &small_steps_;
+    return &solver_;
+  }
+
   void claim_globals() const {
     gContactBreakingThreshold = scalar(values_.contact_breaking_threshold);
     gDbvtMargin = scalar(tree_margin_);
@@ -389,12 +396,14 @@ class Bullet final : public Engine {
   Vec3 gravity_;
   double tree_margin_ = 0.05;  ///< m
   std::optional<int> fixed_substeps_;
+  int iterations_;
   bullet::ShapeStore shapes_;
   btDefaultCollisionConfiguration configuration_;
   btCollisionDispatcher dispatcher_;
   btDbvtBroadphase broadphase_;
   bullet::ContactSolver solver_;
-  btDiscreteDynamicsWorld world_;
+  bullet::SmallStepSolver small_steps_;
+  bullet::SmallStepWorld world_;
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
   ContactTotals contacts_;
@@ -410,6 +419,7 @@ const EnginePlugin kPlugin{
 #endif
     .licence = "zlib",
     .presets = kPresets,
+    .limits = {.continuous = true},
     .make = [](const EngineSettings& settings, std::span<const Mesh> meshes) -> std::unique_ptr<Engine> {
       return std::make_unique<Bullet>(settings, meshes);
     }};

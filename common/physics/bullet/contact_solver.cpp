@@ -95,15 +95,14 @@ void ContactSolver::prepare_bodies(std::span<btCollisionObject* const> bodies, b
 
 ContactSolver::PairState ContactSolver::state_of(const Mover& a, const Mover& b) {
   const btVector3 none(0, 0, 0);
-  const btVector3 spin_a = a.body ? a.body->getAngularVelocity() : none;
-  const btVector3 spin_b = b.body ? b.body->getAngularVelocity() : none;
+  const btVector3 spin_a = a.body ? a.body->getAngularVelocity() + a.by_torque : none;
+  const btVector3 spin_b = b.body ? b.body->getAngularVelocity() + b.by_torque : none;
   const btVector3 speed_a = a.body ? a.body->getLinearVelocity() + a.by_force : none;
   const btVector3 speed_b = b.body ? b.body->getLinearVelocity() + b.by_force : none;
   return {{Both{a.inverse_mass, b.inverse_mass},
            {of_both(a.inverse_inertia[0], b.inverse_inertia[0]), of_both(a.inverse_inertia[1], b.inverse_inertia[1]),
             of_both(a.inverse_inertia[2], b.inverse_inertia[2])}},
-          {of_both(speed_a, -speed_b), of_both(spin_a + a.by_torque, -(spin_b + b.by_torque))},
-          of_both(spin_a, -spin_b)};
+          {of_both(speed_a, -speed_b), of_both(spin_a, -spin_b)}};
 }
 
 void ContactSolver::prepare_pair(btPersistentManifold& manifold, const btContactSolverInfo& info) {
@@ -192,7 +191,7 @@ void ContactSolver::prepare_friction(btManifoldPoint& point, const Both3& arm, c
   const btScalar half = (first - second) / 2;
   const btScalar step = friction_relaxation_ / ((first + second) / 2 + btSqrt(half * half + across * across));
   for (Row& row : rows) {
-    const Both speeds = linear_speed(row, before.motion) + dot(row.arm, before.angular_without_torque);
+    const Both speeds = linear_speed(row, before.motion) + angular_speed(row, before.motion);
     row.rhs = -(speeds[0] + speeds[1]) * row.step;
     row.rhs *= step / row.step;
     row.step = step;

@@ -71,15 +71,14 @@ class ContactSolver final : public btConstraintSolver {
     std::size_t a, b;        ///< in movers_
     std::size_t begin, end;  ///< in normals_, frictions_ and pushes_
     Both inverse_mass;
-    btScalar friction;  ///< mu; Bullet's own of a contact is 10 at most
+    btScalar friction;  ///< mu, as given
     bool penetrates;
   };
 
   /// Of two bodies before the step.
   struct PairState {
     BothInertia inertia;
-    BothMotion motion;             ///< with what forces add in this step
-    Both3 angular_without_torque;  ///< without what torques add: Bullet's friction leaves them out
+    BothMotion motion;  ///< with what forces and torques add in this step
   };
 
   void prepare_bodies(std::span<btCollisionObject* const> bodies, btScalar dt);

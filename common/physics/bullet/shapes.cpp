@@ -4,19 +4,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 namespace subworld::bullet {
-
-namespace {
-
-/// GJK works on the shape less its margin, so a thin one keeps edges sharp; below it contacts would need the slower
-/// EPA.
-constexpr double kMarginRatio = 0.04;
-
-btScalar margin_of(double smallest_half_size) { return scalar(kMarginRatio * smallest_half_size); }
-
-}  // namespace
 
 const Mesh& ShapeStore::mesh(const Shape& shape) const {
   if (shape.mesh >= meshes_.size()) {
@@ -32,7 +20,7 @@ std::unique_ptr<btCollisionShape> ShapeStore::make(const Shape& shape) {
       return std::make_unique<btSphereShape>(scalar(shape.radius));
     case ShapeKind::box: {
       auto box = std::make_unique<btBoxShape>(to_bullet(shape.half_extents));
-      box->setMargin(margin_of(shape.half_extents.minCoeff()));
+      box->setMargin(0);
       return box;
     }
     case ShapeKind::capsule:
@@ -40,26 +28,18 @@ std::unique_ptr<btCollisionShape> ShapeStore::make(const Shape& shape) {
     case ShapeKind::cylinder: {
       auto cylinder =
           std::make_unique<btCylinderShapeZ>(to_bullet(Vec3(shape.radius, shape.radius, shape.half_length)));
-      cylinder->setMargin(margin_of(std::min(shape.radius, shape.half_length)));
+      cylinder->setMargin(0);
       return cylinder;
     }
     case ShapeKind::plane:
       return std::make_unique<btStaticPlaneShape>(btVector3(0, 0, 1), 0.0);
     case ShapeKind::convex: {
       auto hull = std::make_unique<btConvexHullShape>();
-      Box bounds{Vec3::Constant(1e30), Vec3::Constant(-1e30)};
-      for (const Vec3& v : mesh(shape).vertices) bounds.extend({v, v});
-      const btScalar margin = margin_of(0.5 * (bounds.upper - bounds.lower).minCoeff());
-      // Bullet adds the margin outside a hull: draw the vertices in by as much.
-      const Vec3 half = (0.5 * (bounds.upper - bounds.lower)).cwiseMax(2.0 * double{margin});
-      const Vec3 scale = (half.array() - double{margin}) / half.array();
-      const Vec3 centre = 0.5 * (bounds.upper + bounds.lower);
-      for (const Vec3& v : mesh(shape).vertices) {
-        hull->addPoint(to_bullet(centre + scale.cwiseProduct(v - centre)), false);
-      }
+      const Convex& exact = surfaces_.emplace_back(std::make_unique<ConvexStorage>(mesh(shape)))->get();
+      for (const Vec3& v : exact.vertices) hull->addPoint(to_bullet(v), false);
+      hull->setMargin(0);
       hull->recalcLocalAabb();
-      hull->optimizeConvexHull();
-      hull->setMargin(margin);
+      hull->setUserPointer(const_cast<Convex*>(&exact));
       return hull;
     }
     case ShapeKind::mesh: {
@@ -83,7 +63,13 @@ btCollisionShape* ShapeStore::get(const Shape& shape) {
                 shape.half_extents.z(),          shape.radius,           shape.half_length,
                 static_cast<double>(shape.mesh)};
   auto& found = shapes_[key];
-  if (!found) found = make(shape);
+  if (found) return found.get();
+  found = make(shape);
+  const bool simple =
+      shape.kind != ShapeKind::plane && shape.kind != ShapeKind::convex && shape.kind != ShapeKind::mesh;
+  if (simple) {
+    found->setUserPointer(const_cast<Convex*>(&surfaces_.emplace_back(std::make_unique<ConvexStorage>(shape))->get()));
+  }
   return found.get();
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "convex.hpp"
 #include "model/body.hpp"
 
 #include <btBulletDynamicsCommon.h>
@@ -18,6 +19,11 @@ inline btQuaternion to_bullet(const Quat& q) { return {scalar(q.x()), scalar(q.y
 inline Vec3 from_bullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 inline Quat from_bullet(const btQuaternion& q) { return {q.w(), q.x(), q.y(), q.z()}; }
 
+/// The exact surface of a convex shape that a ShapeStore made.
+inline const Convex& convex_of(const btCollisionShape& shape) {
+  return *static_cast<const Convex*>(shape.getUserPointer());
+}
+
 /// Bullet's shapes by value: bodies of equal shape share one.
 class ShapeStore {
  public:
@@ -33,6 +39,7 @@ class ShapeStore {
 
   std::vector<Mesh> meshes_;
   std::vector<std::unique_ptr<btTriangleMesh>> triangles_;
+  std::vector<std::unique_ptr<ConvexStorage>> surfaces_;
   std::map<Key, std::unique_ptr<btCollisionShape>> shapes_;
 };
 

@@ -1,0 +1,442 @@
+#include "convex_contacts.hpp"
+
+#include "contact_points.hpp"
+#include "patch.hpp"
+#include "shapes.hpp"
+#include "sweep.hpp"
+
+#include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
+
+#include <algorithm>
+#include <new>
+
+namespace subworld::bullet {
+
+namespace {
+
+/// What no choice among contacts depends on: this part of the breaking threshold.
+constexpr double kFine = 0.1;
+/// A point that another one replaces goes on with its impulses within this part of the smaller body.
+constexpr double kSame = 0.1;
+
+/// A body's shape where it is, in a frame at `origin` with the axes of the world: near it, numbers are small.
+Placed placed(const btCollisionObject& object, const btVector3& origin) {
+  const btTransform& pose = object.getWorldTransform();
+  Placed at{convex_of(*object.getCollisionShape()), {}, from_bullet(pose.getOrigin() - origin)};
+  for (int i = 0; i < 3; ++i) at.turn.row(i) = from_bullet(pose.getBasis()[i]);
+  return at;
+}
+
+/// The points of a patch in the world, for Bullet.
+Points in_world(const Patch& patch, const btVector3& origin) {
+  Points points;
+  points.normal = to_bullet(patch.normal);
+  for (const PatchPoint& p : patch.all()) {
+    points.points[points.count++] = {to_bullet(p.on_b) + origin, scalar(p.distance), p.feature};
+  }
+  return points;
+}
+
+Point seen_from_now(const Ahead& ahead, const Vec3& normal, int feature, const btVector3& origin) {
+  const Vec3 aside = ahead.on_a - ahead.on_b - ahead.distance * normal;
+  return {to_bullet(ahead.on_b) + origin, scalar(ahead.distance), feature, to_bullet(aside)};
+}
+
+btScalar same_within(const btCollisionObject& a, const btCollisionObject& b) {
+  const auto size = [](const btCollisionObject& object) {
+    const btCollisionShape& shape = *object.getCollisionShape();
+    return shape.getUserPointer() != nullptr ? convex_of(shape).outer_radius : 1e30;
+  };
+  return scalar(kSame * std::min(size(a), size(b)));
+}
+
+void write(btPersistentManifold& manifold, const Points& points, const btCollisionObject& a, const btCollisionObject& b,
+           btScalar same) {
+  const btScalar reach = manifold.getContactBreakingThreshold();
+  ManifoldWriter writer(manifold, reach, same);
+  std::array<LastPoint, kMostPoints> before;
+  const auto old = writer.take(before);
+  if (points.count == 0) return;
+  writer.put(points, a, b, BT_LARGE_FLOAT);
+  writer.go_on_from(old);
+}
+
+/// What all algorithms here have in common: the first object is convex, and never the other way round.
+class Contacts : public btCollisionAlgorithm {
+ public:
+  Contacts(const btCollisionAlgorithmConstructionInfo& info, bool swapped)
+      : btCollisionAlgorithm(info), swapped_(swapped) {}
+
+  void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
+                        const btDispatcherInfo& info, btManifoldResult* /*result*/) override {
+    const btCollisionObject &one = *first->getCollisionObject(), &other = *second->getCollisionObject();
+    if (swapped_) {
+      update(other, one, info);
+    } else {
+      update(one, other, info);
+    }
+  }
+  btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
+                                 btManifoldResult*) override {
+    return btScalar(1);
+  }
+
+ private:
+  virtual void update(const btCollisionObject& a, const btCollisionObject& b, const btDispatcherInfo& info) = 0;
+
+  bool swapped_;
+};
+
+/// Contacts that one manifold holds.
+class OneManifold : public Contacts {
+ public:
+  OneManifold(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& a, const btCollisionObject& b,
+              bool swapped)
+      : Contacts(info, swapped),
+        manifold_(m_dispatcher->getNewManifold(&a, &b)),
+        reach_(manifold_->getContactBreakingThreshold()),
+        same_(same_within(a, b)),
+        pair_(a, b) {}
+  ~OneManifold() override { m_dispatcher->releaseManifold(manifold_); }
+  void getAllContactManifolds(btManifoldArray& all) override { all.push_back(manifold_); }
+
+ protected:
+  btPersistentManifold* manifold_;
+  double reach_;  ///< from here on there are no points, m
+  btScalar same_;
+  FastPair pair_;
+  PatchMemory memory_;
+};
+
+class ConvexConvex final : public OneManifold {
+ public:
+  using OneManifold::OneManifold;
+
+ private:
+  void update(const btCollisionObject& a, const btCollisionObject& b, const btDispatcherInfo& info) override {
+    const btVector3& origin = b.getWorldTransform().getOrigin();
+    const Placed at_a = placed(a, origin), at_b = placed(b, origin);
+    Patch patch = touch(at_a, at_b, reach_, kFine * reach_, memory_);
+    const double way = pair_.way(a, b, info.m_timeStep);
+    if (way > reach_) {
+      if (patch.count == 0) return look_ahead(*manifold_, a, b, way, info.m_timeStep);
+      patch = touch(at_a, at_b, way, kFine * reach_, memory_);
+    }
+    if (patch.count > 0 || manifold_->getNumContacts() > 0) write(*manifold_, in_world(patch, origin), a, b, same_);
+  }
+};
+
+class ConvexPlane final : public OneManifold {
+ public:
+  using OneManifold::OneManifold;
+
+ private:
+  void update(const btCollisionObject& a, const btCollisionObject& b, const btDispatcherInfo& info) override {
+    const auto& plane = *static_cast<const btStaticPlaneShape*>(b.getCollisionShape());
+    const btTransform& pose = b.getWorldTransform();
+    const btVector3 normal = pose.getBasis() * plane.getPlaneNormal();
+    const btVector3& origin = a.getWorldTransform().getOrigin();
+    const double offset = plane.getPlaneConstant() - normal.dot(origin - pose.getOrigin());
+    const double reach = std::max(reach_, pair_.way(a, b, info.m_timeStep));
+    const Patch patch = touch_plane(placed(a, origin), from_bullet(normal), offset, reach, kFine * reach_, memory_);
+    if (patch.count == 0 && manifold_->getNumContacts() == 0) return;
+    Points points = in_world(patch, origin);
+    points.normal = normal;
+    write(*manifold_, points, a, b, same_);
+  }
+};
+
+/// Contacts of a convex body with the triangles of a mesh: a manifold for each direction in which they push.
+class ConvexMesh final : public Contacts {
+ public:
+  ConvexMesh(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& a, const btCollisionObject& b,
+             bool swapped)
+      : Contacts(info, swapped), same_(same_within(a, b)), pair_(a, b) {
+    for (auto& manifold : manifolds_) manifold = m_dispatcher->getNewManifold(&a, &b);
+    reach_ = manifolds_[0]->getContactBreakingThreshold();
+  }
+  ~ConvexMesh() override {
+    for (auto* manifold : manifolds_) m_dispatcher->releaseManifold(manifold);
+  }
+  void getAllContactManifolds(btManifoldArray& all) override {
+    for (auto* manifold : manifolds_) all.push_back(manifold);
+  }
+
+ private:
+  static constexpr std::size_t kDirections = 4;
+  static constexpr double kSameDirection = 0.999;  ///< cosine
+  static constexpr std::size_t kMostFound = 64;
+
+  /// Points of all triangles that push in one direction.
+  struct Group {
+    Vec3 normal;
+    std::array<PatchPoint, kMostFound> points;
+    std::size_t count = 0;
+    double deepest = 0.0;
+  };
+
+  void update(const btCollisionObject& a, const btCollisionObject& b, const btDispatcherInfo& info) override {
+    const btVector3& origin = a.getWorldTransform().getOrigin();
+    const Placed now = placed(a, origin);
+    const double way = pair_.way(a, b, info.m_timeStep);
+    gather(now, b, origin, way);
+    const bool ahead = groups_ == 0 && way > 0.0;
+    const Placed then = ahead ? first_at(now, a, b, origin, way, info.m_timeStep) : now;
+    write_groups(now, then, a, b, origin);
+  }
+
+  /// Calls `visit(triangle, number)` for those that the box, in the frame at `origin`, meets.
+  template <class Visit>
+  static void for_triangles(const btCollisionObject& mesh, const Vec3& lower, const Vec3& upper,
+                            const btVector3& origin, const Visit& visit) {
+    struct Callback final : btTriangleCallback {
+      void processTriangle(btVector3* corners, int /*part*/, int number) override {
+        std::array<Vec3, 3> at;
+        for (std::size_t i = 0; i < 3; ++i) at[i] = from_bullet((*pose)(corners[i]) - origin);
+        const ConvexTriangle triangle(at[0], at[1], at[2]);
+        if (!triangle.normal().isZero()) (*visit)(triangle, number);
+      }
+      const Visit* visit = nullptr;
+      const btTransform* pose = nullptr;
+      btVector3 origin;
+    } callback;
+    callback.visit = &visit;
+    callback.pose = &mesh.getWorldTransform();
+    callback.origin = origin;
+    const btVector3 half = to_bullet(0.5 * (upper - lower)), middle = to_bullet(0.5 * (upper + lower)) + origin;
+    const btTransform to_mesh = mesh.getWorldTransform().inverse();
+    const btVector3 local = to_mesh * middle;
+    const btMatrix3x3 turn = to_mesh.getBasis().absolute();
+    const btVector3 room(turn[0].dot(half), turn[1].dot(half), turn[2].dot(half));
+    static_cast<const btConcaveShape*>(mesh.getCollisionShape())
+        ->processAllTriangles(&callback, local - room, local + room);
+  }
+
+  /// The box around a body and all within reach of it.
+  static Box box_around(const Placed& body, double reach) {
+    Box box;
+    for (int i = 0; i < 3; ++i) {
+      box.lower[i] = -body.reach(-Vec3::Unit(i)) - reach;
+      box.upper[i] = body.reach(Vec3::Unit(i)) + reach;
+    }
+    return box;
+  }
+
+  /// Of a direction in which the body touches now, all points within `way` count.
+  void gather(const Placed& body, const btCollisionObject& mesh, const btVector3& origin, double way) {
+    groups_ = 0;
+    const double reach = std::max(reach_, way);
+    const Box box = box_around(body, reach);
+    for_triangles(mesh, box.lower, box.upper, origin,
+                  [&](const ConvexTriangle& triangle, int number) { touch_triangle(body, triangle, number, reach); });
+    const auto end = std::remove_if(group_.begin(), group_.begin() + groups_,
+                                    [&](const Group& group) { return group.deepest > reach_; });
+    groups_ = static_cast<std::size_t>(end - group_.begin());
+  }
+
+  /// Where the body first touches a triangle within the step, with that contact gathered; else where it is.
+  Placed first_at(const Placed& now, const btCollisionObject& a, const btCollisionObject& mesh, const btVector3& origin,
+                  double way, double dt) {
+    const Sweep sweep(a), still(mesh);
+    Box box = box_around(now, reach_);
+    box.extend(box_around(sweep.after(now, dt), reach_));
+    double first = dt;
+    bool any = false;
+    for_triangles(mesh, box.lower, box.upper, origin, [&](const ConvexTriangle& triangle, int /*number*/) {
+      const Placed fixed{triangle.get(), Eigen::Matrix3d::Identity(), Vec3::Zero()};
+      const auto when = first_touch(now, sweep, fixed, still, first, kFine * reach_);
+      if (!when) return;
+      first = *when;
+      any = true;
+    });
+    if (!any) return now;
+    const Placed then = sweep.after(now, first);
+    gather(then, mesh, origin, way);
+    return then;
+  }
+
+  void touch_triangle(const Placed& body, const ConvexTriangle& triangle, int number, double reach) {
+    const Placed placed_triangle{triangle.get(), Eigen::Matrix3d::Identity(), Vec3::Zero()};
+    PatchMemory memory;
+    const Patch patch = touch(body, placed_triangle, reach, kFine * reach_, memory);
+    if (patch.count == 0) return;
+    double deepest = patch.points[0].distance;
+    for (const PatchPoint& p : patch.all()) deepest = std::min(deepest, p.distance);
+    // What is farther than usual counts if it lies in a plane that the body touches now.
+    const bool flat = std::abs(patch.normal.dot(triangle.normal())) > kSameDirection;
+    const double above = -body.reach(-patch.normal) - patch.normal.dot(triangle.get().centre);
+    if (deepest > reach_ && !(flat && above <= reach_)) return;
+    Group* group = group_for(patch.normal, deepest);
+    if (group == nullptr) return;
+    group->deepest = std::min(group->deepest, deepest);
+    for (const PatchPoint& p : patch.all()) {
+      const bool there =
+          std::any_of(group->points.begin(), group->points.begin() + group->count,
+                      [&](const PatchPoint& q) { return (q.on_b - p.on_b).squaredNorm() < reach_ * reach_; });
+      if (there || group->count == kMostFound) continue;
+      group->points[group->count++] = {p.on_b, p.distance, (number << 6) ^ p.feature};
+    }
+  }
+
+  /// Where there are too many directions, the shallowest gives way.
+  Group* group_for(const Vec3& normal, double deepest) {
+    for (std::size_t i = 0; i < groups_; ++i) {
+      if (group_[i].normal.dot(normal) > kSameDirection) return &group_[i];
+    }
+    Group* free = nullptr;
+    if (groups_ < kDirections) {
+      free = &group_[groups_++];
+    } else {
+      free = &*std::max_element(group_.begin(), group_.end(),
+                                [](const Group& x, const Group& y) { return x.deepest < y.deepest; });
+      if (free->deepest <= deepest) return nullptr;
+    }
+    free->normal = normal;
+    free->count = 0;
+    free->deepest = deepest;
+    return free;
+  }
+
+  /// The deepest point, and three more that span the most.
+  Points four_of(const Group& group, const Placed& now, const Placed& then, const btVector3& origin) const {
+    static const Convex kNothing{};
+    static const Placed fixed_here{kNothing, Eigen::Matrix3d::Identity(), Vec3::Zero()};
+    Points chosen;
+    chosen.normal = to_bullet(group.normal);
+    std::array<std::size_t, kMostPoints> pick{};
+    std::size_t picked = 0;
+    const auto farthest = [&](auto&& measure) {
+      std::size_t best = 0;
+      double most = -1e30;
+      for (std::size_t i = 0; i < group.count; ++i) {
+        if (std::find(pick.begin(), pick.begin() + picked, i) != pick.begin() + picked) continue;
+        const double m = measure(group.points[i]);
+        if (m <= most * (1.0 + 1e-6)) continue;
+        most = m;
+        best = i;
+      }
+      pick[picked++] = best;
+    };
+    if (group.count <= kMostPoints) {
+      for (; picked < group.count; ++picked) pick[picked] = picked;
+    } else {
+      const auto at = [&](std::size_t i) -> const Vec3& { return group.points[pick[i]].on_b; };
+      farthest([&](const PatchPoint& p) {
+        return p.distance <= group.deepest + kFine * reach_ ? p.on_b.squaredNorm() : -1.0;
+      });
+      farthest([&](const PatchPoint& p) { return (p.on_b - at(0)).squaredNorm(); });
+      farthest([&](const PatchPoint& p) { return std::abs((at(1) - at(0)).cross(p.on_b - at(0)).dot(group.normal)); });
+      const double side = (at(1) - at(0)).cross(at(2) - at(0)).dot(group.normal);
+      farthest([&](const PatchPoint& p) {
+        return -std::copysign(1.0, side) * (at(1) - at(0)).cross(p.on_b - at(0)).dot(group.normal);
+      });
+    }
+    for (std::size_t i = 0; i < picked; ++i) {
+      const PatchPoint& p = group.points[pick[i]];
+      const Ahead ahead{p.on_b + p.distance * group.normal, p.on_b, p.distance};
+      const bool later = then.at != now.at || then.turn != now.turn;
+      chosen.points[chosen.count++] =
+          seen_from_now(later ? back_from(p, group.normal, then, now, fixed_here, fixed_here) : ahead, group.normal,
+                        p.feature, origin);
+    }
+    return chosen;
+  }
+
+  /// Each direction goes to the manifold that had it in the step before.
+  void write_groups(const Placed& now, const Placed& then, const btCollisionObject& a, const btCollisionObject& b,
+                    const btVector3& origin) {
+    std::array<bool, kDirections> used{};
+    std::array<std::size_t, kDirections> place;
+    place.fill(kDirections);
+    for (std::size_t i = 0; i < groups_; ++i) {
+      for (std::size_t m = 0; m < kDirections; ++m) {
+        if (used[m] || manifolds_[m]->getNumContacts() == 0) continue;
+        const Vec3 normal = from_bullet(manifolds_[m]->getContactPoint(0).m_normalWorldOnB);
+        if (normal.dot(group_[i].normal) < kSameDirection) continue;
+        used[m] = true;
+        place[i] = m;
+        break;
+      }
+    }
+    for (std::size_t i = 0; i < groups_; ++i) {
+      for (std::size_t m = 0; m < kDirections && place[i] == kDirections; ++m) {
+        if (used[m]) continue;
+        used[m] = true;
+        place[i] = m;
+      }
+      write(*manifolds_[place[i]], four_of(group_[i], now, then, origin), a, b, same_);
+    }
+    for (std::size_t m = 0; m < kDirections; ++m) {
+      if (!used[m] && manifolds_[m]->getNumContacts() > 0) manifolds_[m]->clearManifold();
+    }
+  }
+
+  std::array<btPersistentManifold*, kDirections> manifolds_;
+  double reach_ = 0.0;  ///< from here on there are no points, m
+  btScalar same_;
+  FastPair pair_;
+  std::size_t groups_ = 0;
+  static thread_local std::array<Group, kDirections> group_;  ///< used by one algorithm after the other
+};
+thread_local std::array<ConvexMesh::Group, ConvexMesh::kDirections> ConvexMesh::group_;
+
+template <class Algorithm>
+struct Make final : btCollisionAlgorithmCreateFunc {
+  explicit Make(bool swapped) { m_swapped = swapped; }
+  btCollisionAlgorithm* CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
+                                                 const btCollisionObjectWrapper* first,
+                                                 const btCollisionObjectWrapper* second) override {
+    static_assert(sizeof(Algorithm) <= kMostAlgorithmBytes);
+    void* memory = info.m_dispatcher1->allocateCollisionAlgorithm(sizeof(Algorithm));
+    const auto &one = *first->getCollisionObject(), &other = *second->getCollisionObject();
+    return m_swapped ? new (memory) Algorithm(info, other, one, true) : new (memory) Algorithm(info, one, other, false);
+  }
+};
+
+}  // namespace
+
+btDefaultCollisionConstructionInfo collision_settings() {
+  btDefaultCollisionConstructionInfo info;
+  info.m_customCollisionAlgorithmMaxElementSize = kMostAlgorithmBytes;
+  return info;
+}
+
+void look_ahead(btPersistentManifold& manifold, const btCollisionObject& a, const btCollisionObject& b, double way,
+                double dt) {
+  const btVector3& origin = b.getWorldTransform().getOrigin();
+  const Placed a_now = placed(a, origin), b_now = placed(b, origin);
+  const Sweep sweep_a(a), sweep_b(b);
+  const double reach = manifold.getContactBreakingThreshold(), fine = kFine * reach;
+  Points points;
+  if (const auto when = first_touch(a_now, sweep_a, b_now, sweep_b, dt, fine)) {
+    const Placed a_then = sweep_a.after(a_now, *when), b_then = sweep_b.after(b_now, *when);
+    PatchMemory memory;
+    const Patch patch = touch(a_then, b_then, std::max(reach, way), fine, memory);
+    points.normal = to_bullet(patch.normal);
+    for (const PatchPoint& p : patch.all()) {
+      points.points[points.count++] =
+          seen_from_now(back_from(p, patch.normal, a_then, a_now, b_then, b_now), patch.normal, p.feature, origin);
+    }
+  }
+  if (points.count > 0 || manifold.getNumContacts() > 0) write(manifold, points, a, b, same_within(a, b));
+}
+
+void register_convex_contacts(btCollisionDispatcher& dispatcher) {
+  static Make<ConvexConvex> convex(false);
+  static Make<ConvexPlane> plane(false), swapped_plane(true);
+  static Make<ConvexMesh> mesh(false), swapped_mesh(true);
+  constexpr int kAll[] = {SPHERE_SHAPE_PROXYTYPE, CAPSULE_SHAPE_PROXYTYPE, CYLINDER_SHAPE_PROXYTYPE,
+                          CONVEX_HULL_SHAPE_PROXYTYPE, BOX_SHAPE_PROXYTYPE};
+  for (const int one : kAll) {
+    for (const int other : kAll) {
+      if (one == BOX_SHAPE_PROXYTYPE && other == BOX_SHAPE_PROXYTYPE) continue;
+      dispatcher.registerCollisionCreateFunc(one, other, &convex);
+    }
+    dispatcher.registerCollisionCreateFunc(one, TRIANGLE_MESH_SHAPE_PROXYTYPE, &mesh);
+    dispatcher.registerCollisionCreateFunc(TRIANGLE_MESH_SHAPE_PROXYTYPE, one, &swapped_mesh);
+    dispatcher.registerCollisionCreateFunc(one, STATIC_PLANE_PROXYTYPE, &plane);
+    dispatcher.registerCollisionCreateFunc(STATIC_PLANE_PROXYTYPE, one, &swapped_plane);
+  }
+}
+
+}  // namespace subworld::bullet
