@@ -15,10 +15,9 @@ namespace {
 
 /// A row, as in known_misses.txt.
 std::string key_of(const Json& row) {
-  const double value = row.at("value").is_number() ? row.at("value").get<double>() : 0.0;
-  return fmt::format("{} {:g} {} {:g}", row.at("case").get<std::string>(), value,
-                     row.at("engine").get<std::string>() + "/" + row.at("preset").get<std::string>(),
-                     1e3 * row.at("step_s").get<double>());
+  return fmt::format("{} {}: {:g} ms", row.at("engine").get<std::string>(), row.at("preset").get<std::string>(),
+                     1e3 * row.at("step_s").get<double>()) +
+         " " + label_of(row);
 }
 
 // The list shrinks when an engine gets better; a row that is not in it must hold.

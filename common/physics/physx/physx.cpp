@@ -35,7 +35,7 @@ extern const EnginePlugin kPlugin;
 constexpr float kTurnLimit = 1000.0F;  ///< rad/s
 
 /// As fast are bodies that overlap pushed apart, m/s. Without a limit an overlap of 4 mm throws a brick.
-constexpr float kPushedApart = 0.3F;
+constexpr double kPushedApart = 0.5;
 
 /// A velocity iteration takes away the speed that pushing out of a penetration left, without it a high stack creeps;
 /// but it also brakes what is about to touch, so a body that bounces has none. Of bodies that touch, the most counts.
@@ -74,6 +74,7 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
       : ModuleEngine(settings, preset.longest_substep_s),
         iterations_(
             static_cast<std::uint32_t>(std::min(settings.iterations.value_or(preset.iterations), kMostIterations))),
+        pushed_apart_(static_cast<float>(kPushedApart / settings.length_unit_m)),
         meshes_(meshes.begin(), meshes.end()),
         module_(*this),
         points_(module_.allocate(kMostPoints * sizeof(ContactPoint))) {}
@@ -96,7 +97,7 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
       put_inertia(slot);
       w2c_physx_emscripten_bind_PxRigidBody_setAngularDamping_1(m, actor, 0.0F);
       w2c_physx_emscripten_bind_PxRigidBody_setMaxAngularVelocity_1(m, actor, kTurnLimit);
-      w2c_physx_emscripten_bind_PxRigidBody_setMaxDepenetrationVelocity_1(m, actor, kPushedApart);
+      w2c_physx_emscripten_bind_PxRigidBody_setMaxDepenetrationVelocity_1(m, actor, pushed_apart_);
       w2c_physx_emscripten_bind_PxRigidDynamic_setSleepThreshold_1(m, actor, 0.0F);
       w2c_physx_emscripten_bind_PxRigidDynamic_setSolverIterationCounts_2(m, actor, iterations_,
                                                                           velocity_iterations(body.material));
@@ -204,6 +205,7 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
   }
 
   std::uint32_t iterations_;
+  float pushed_apart_;  ///< units of length a second
   std::vector<Mesh> meshes_;
   mutable physx::Module module_;  ///< also to read from it, the module writes to its memory
   Address points_;                ///< room for the contact points of a pair
