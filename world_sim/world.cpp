@@ -79,6 +79,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
   };
   for (const Body& body : scene.bodies) {
     if (!later(body.id)) engine_.add(body, scene.initial[index(body.id)]);
+    if (engine_.asleep(body.id)) count_asleep(body.id);
     if (progress) progress(static_cast<double>(index(body.id) + 1) / static_cast<double>(scene.bodies.size()));
   }
   for (std::size_t u = 0; u < users_.size(); ++u) {
@@ -102,6 +103,7 @@ bool World::settle(const std::function<bool(double)>& progress) {
   const double dt = scene_.settings.settle_step_s;
   const auto steps = static_cast<int>(std::lround(scene_.settings.settle_s / dt));
   for (int i = 0; i < steps; ++i) {
+    rest(dt);
     for (const User& user : users_) {
       if (user.spec->joins_late) continue;
       const BodyState& start = scene_.initial[index(user.spec->proxy)];
@@ -109,7 +111,6 @@ bool World::settle(const std::function<bool(double)>& progress) {
       hold(user, device, limits_of(user.spec->device), dt);
     }
     engine_.step(dt);
-    if (i + 1 < steps) rest(dt);  // the contacts of the last step are read below
     if (!progress(static_cast<double>(i + 1) / steps)) return false;
   }
   for (const User& user : users_) {
@@ -293,15 +294,18 @@ void World::simulate_cycle() {
 
 void World::rest(double dt) {
   engine_.follow(dt, horizon_s());
-  const auto potential_j = [this](BodyId id) {
-    const Body& body = scene_.body(id);
-    return body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
-  };
   for (const BodyId id : engine_.woke()) resting_j_ -= potential_j(id);
-  for (const BodyId id : engine_.fell_asleep()) {
-    motions_[index(id)] = {.state = engine_.state(id)};
-    resting_j_ += potential_j(id);
-  }
+  for (const BodyId id : engine_.fell_asleep()) count_asleep(id);
+}
+
+void World::count_asleep(BodyId id) {
+  motions_[index(id)] = {.state = engine_.state(id)};
+  resting_j_ += potential_j(id);
+}
+
+double World::potential_j(BodyId id) const noexcept {
+  const Body& body = scene_.body(id);
+  return body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
 }
 
 double World::horizon_s() const {
@@ -339,7 +343,6 @@ double World::half_step_offset_s() const {
 void World::account() {
   kinetic_j_ = 0.0;
   potential_j_ = resting_j_;
-  const Vec3& gravity = scene_.settings.world.gravity;
   for (const BodyId id : engine_.awake()) {
     const Body& body = scene_.body(id);
     const BodyState s = engine_.state(body.id);
@@ -349,7 +352,7 @@ void World::account() {
     mix(hash_, s);
     finite_ = finite_ && subworld::finite(s);
     kinetic_j_ += kinetic_energy(body, s);
-    if (body.gravity) potential_j_ -= body.mass * gravity.dot(s.position);
+    potential_j_ += potential_j(id);
   }
   for (const User& user : users_) {
     const BodyState& s = motions_[index(user.spec->proxy)].state;

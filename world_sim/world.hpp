@@ -152,6 +152,9 @@ class World {
   void begin_cycle();
   /// Lets sleep what rests and wakes what may be reached before the next look, after `dt` of simulation.
   void rest(double dt);
+  void count_asleep(BodyId id);
+  /// By its motion, J.
+  [[nodiscard]] double potential_j(BodyId id) const noexcept;
   /// For how long a sub-world may act before the world looks again.
   [[nodiscard]] double horizon_s() const;
   void plan_ratio();

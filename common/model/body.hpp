@@ -49,7 +49,8 @@ struct Body {
   double mass = 0.0;            ///< kg; 0: fixed to the world
   Vec3 inertia = Vec3::Zero();  ///< principal moments about the centre of mass, kg m^2; the body frame is principal
   bool gravity = true;
-  bool rotates = true;  ///< false: translates only
+  bool rotates = true;   ///< false: translates only
+  bool at_rest = false;  ///< at the start: with all at rest that it touches, until something can reach it
 
   [[nodiscard]] bool fixed() const noexcept { return mass == 0.0; }
 };

@@ -19,7 +19,7 @@ const std::initializer_list<std::string_view> kBodyKeys = {
     "length_m",   "wall_m",   "file",          "scale",
     "material",   "mass_kg",  "density_kg_m3", "fixed",
     "position_m", "rotation", "velocity_m_s",  "angular_velocity_rad_s",
-    "gravity",    "rotates",  "repeat"};
+    "gravity",    "rotates",  "at_rest",       "repeat"};
 const std::initializer_list<std::string_view> kProxyKeys = {
     "body",     "shape",   "size_m",        "radius_m",   "length_m", "file",         "scale",
     "material", "mass_kg", "density_kg_m3", "position_m", "rotation", "velocity_m_s", "angular_velocity_rad_s",
@@ -94,11 +94,13 @@ BodyReader::Template BodyReader::read_template(const YamlMap& map, const SolidSh
   made.body.material = read_material(map);
   read_mass(map, solid, made.body);
   if (made.body.fixed()) {
-    map.forbid({"velocity_m_s", "angular_velocity_rad_s", "gravity", "rotates"}, "the body is fixed");
+    map.forbid({"velocity_m_s", "angular_velocity_rad_s", "gravity", "rotates", "at_rest"}, "the body is fixed");
     made.body.gravity = false;
   }
   map.read("gravity", made.body.gravity);
   map.read("rotates", made.body.rotates);
+  map.read("at_rest", made.body.at_rest);
+  if (made.body.at_rest) map.forbid({"velocity_m_s", "angular_velocity_rad_s"}, "the body is at rest");
   if (!made.body.rotates) map.forbid({"angular_velocity_rad_s"}, "the body does not rotate");
   if (const auto v = map.find("position_m")) made.state.position = v->vec3(kPlace);
   if (const auto v = map.find("velocity_m_s")) made.state.linear_velocity = v->vec3(kSpeed);

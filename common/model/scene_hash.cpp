@@ -48,7 +48,7 @@ class Hasher {
   void put(const Mesh& m) { add(m.vertices, m.triangles); }
   void put(const Body& b) {
     add(b.id, b.name, b.shape.kind, b.shape.half_extents, b.shape.radius, b.shape.half_length, b.shape.mesh);
-    add(b.material.friction, b.material.restitution, b.mass, b.inertia, b.gravity, b.rotates);
+    add(b.material.friction, b.material.restitution, b.mass, b.inertia, b.gravity, b.rotates, b.at_rest);
   }
   void put(const BodyState& s) { add(s.position, s.orientation, s.linear_velocity, s.angular_velocity); }
   void put(const PathSegment& s) {

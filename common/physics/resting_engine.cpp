@@ -40,15 +40,37 @@ RestingEngine::RestingEngine(Engine& inner, const Scene& scene, std::span<const 
 }
 
 void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
-  inner_.add(body, state, role);
-  if (body.fixed()) return;
   Thing& thing = things_[index(body.id)];
+  const bool sleeps = rests_ && body.at_rest && !thing.restless;
+  if (!sleeps) inner_.add(body, state, role);
+  if (body.fixed()) return;
   thing.anchor = state;
   thing.still_s = 0.0;
   const Box box = subworld::bounds(body.shape, {}, scene_.meshes);
   thing.arm_m = box.lower.cwiseAbs().cwiseMax(box.upper.cwiseAbs()).norm();
   thing.drift_m = kDrift * thickness(body.shape, scene_.meshes);
-  awake_.insert(std::ranges::lower_bound(awake_, body.id), body.id);
+  if (sleeps) {
+    lay_asleep(index(body.id));
+  } else {
+    awake_.insert(std::ranges::lower_bound(awake_, body.id), body.id);
+  }
+}
+
+void RestingEngine::lay_asleep(std::uint32_t one) {
+  Thing& thing = things_[one];
+  thing.bounds = subworld::bounds(scene_.bodies[one].shape, thing.anchor, scene_.meshes);
+  thing.parent = thing.next = one;
+  thing.asleep = true;
+  thing.still_s = thing.unreached_s = kStillFor_s;
+  const Box box = grown(thing.bounds, thing.drift_m);
+  still_.find(box, [&](std::uint32_t other) {
+    const std::uint32_t a = root(one), b = root(other);
+    if (a == b || !things_[other].asleep) return;
+    things_[b].parent = a;
+    std::swap(things_[a].next, things_[b].next);  // joins two rings
+  });
+  still_.insert(one, box);
+  ++asleep_count_;
 }
 
 void RestingEngine::remove(BodyId id) {

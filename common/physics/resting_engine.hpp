@@ -19,6 +19,7 @@ namespace subworld {
 /// get
 ///   to, by its velocity, by turning and by falling, and by what it pushes in turn;
 /// * when somebody sets their state, their velocity or their inertia, or pushes them.
+/// Bodies that the scene says are at rest sleep from the start; those whose boxes touch wake together.
 /// What a sleeping body stands on either is fixed, or sleeps and wakes with it. With `rests` false nothing sleeps.
 class RestingEngine final : public Engine {
  public:
@@ -92,6 +93,7 @@ class RestingEngine final : public Engine {
   void wake_before(BodyId id) {
     if (asleep(id)) wake(index(id));
   }
+  void lay_asleep(std::uint32_t one);
   [[nodiscard]] bool may_sleep(std::uint32_t i) const;
   void find_drowsy();
   void put_to_sleep();

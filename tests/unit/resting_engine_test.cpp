@@ -26,7 +26,7 @@ TEST(BoxTree, FindsWhatALoopOverAllFinds) {
   BoxTree tree(kCount);
   std::vector<std::optional<Box>> all(kCount);
   for (int round = 0; round < 4000; ++round) {
-    const std::uint32_t item = draw() % kCount;
+    const auto item = static_cast<std::uint32_t>(draw() % kCount);
     if (all[item]) {
       tree.remove(item);
       all[item].reset();
@@ -128,6 +128,19 @@ TEST_P(Resting, WhatFallsOrCreepsStaysAwake) {
   run(2.0);
   EXPECT_FALSE(engine->asleep(kUpper));
   EXPECT_TRUE(engine->asleep(kLower));
+}
+
+TEST_P(Resting, WhatIsAtRestFromTheStartWakesWithWhatItTouches) {
+  for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
+  begin();
+  EXPECT_EQ(engine->asleep_count(), 2U);
+  EXPECT_FALSE(inner->contains(kLower));
+  run(0.1);
+  EXPECT_EQ(engine->asleep_count(), 2U);
+  engine->apply_impulse(kUpper, {0.02, 0, 0}, engine->state(kUpper).position);
+  EXPECT_TRUE(inner->contains(kLower)) << "else the upper one would fall";
+  run(0.3);
+  EXPECT_NEAR(engine->state(kUpper).position.z(), 0.15, 2e-3);
 }
 
 TEST_P(Resting, NothingSleepsWhereItIsKeptAwake) {
