@@ -1,0 +1,63 @@
+// What resting cubes far from the hand cost a cycle: `row` beside fields of them, with `rest` left out and kept in,
+// cycle by cycle in turn, in one run.
+
+#include "lab/coupled_run.hpp"
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace subworld;
+
+/// `row` with `side` times `side` cubes beside it, at rest.
+Scene row_beside(int side) {
+  constexpr double kSpacing_m = 0.15, kAway_m = 3.0;
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
+  keep_users(scene, 1);
+  const std::size_t pattern = 1;  // the row's first cube
+  for (int i = 0; i < side * side; ++i) {
+    Body cube = scene.bodies[pattern];
+    cube.id = BodyId{static_cast<std::uint32_t>(scene.bodies.size())};
+    cube.name = fmt::format("field/{}", i);
+    cube.at_rest = true;
+    BodyState state;
+    state.position = Vec3(kSpacing_m * (i % side), kAway_m + kSpacing_m * (i / side), 0.05);
+    scene.bodies.push_back(cube);
+    scene.initial.push_back(state);
+  }
+  return scene;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"A cycle of the world, and a haptic step, beside fields of resting cubes: median and p99, us"};
+  std::vector<int> sides{16, 45, 90};
+  int cycles = 250;
+  app.add_option("--side", sides, "cubes along a side of the field")->delimiter(',')->capture_default_str();
+  app.add_option("--cycles", cycles, "of the world")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  fmt::print("cubes,rest,world_p50_us,world_p99_us,haptic_p50_us,ratio_to_kept_p50\n");
+  for (const int side : sides) {
+    Scene scene = row_beside(side);
+    CoupledRun left_out(scene);
+    scene.settings.keep = kept(Saving::rest);
+    CoupledRun kept_in(scene);
+    for (int i = 0; i < cycles; ++i) {
+      left_out.cycle();
+      kept_in.cycle();
+    }
+    const double kept_s = kept_in.cpu.world.quantile_s(0.5);
+    for (const CoupledRun* run : {&left_out, &kept_in}) {
+      const double p50_s = run->cpu.world.quantile_s(0.5);
+      fmt::print("{},{},{:.0f},{:.0f},{:.0f},{:.3f}\n", side * side, run == &left_out ? "left out" : "kept in",
+                 1e6 * p50_s, 1e6 * run->cpu.world.quantile_s(0.99), 1e6 * run->cpu.haptic.quantile_s(0.5),
+                 p50_s / kept_s);
+    }
+  }
+}
