@@ -138,6 +138,7 @@ std::string World::change_engine(EngineExchange& exchange, const EngineOrder& or
   if (order.engine != settings.name) settings.iterations = settings.substeps = std::nullopt;  // meant for that one
   settings.name = order.engine;
   settings.preset = order.preset;
+  engine_.wake_all();  // the other engine must be able to hold those too that sleep
   const bool begun = exchange.begin(settings, live_, cycle_s_ / substeps_, order.number);
   if (begun) next_engine_ = settings;
   return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "model/exchange.hpp"
-#include "physics/engine.hpp"
+#include "physics/engine_shell.hpp"
 
 #include <memory>
 #include <optional>
@@ -33,7 +33,7 @@ struct PreparedEngine {
                                             std::vector<HeldBody> content, double warm_up_s);
 
 /// An engine that can give its place to another one between two steps.
-class LiveEngine final : public Engine {
+class LiveEngine final : public EngineShell {
  public:
   explicit LiveEngine(std::unique_ptr<Engine> engine) : engine_(std::move(engine)) {}
 
@@ -45,36 +45,18 @@ class LiveEngine final : public Engine {
   /// applied. Throws `Error` where the other engine cannot hold a body that came since.
   std::unique_ptr<Engine> exchange(PreparedEngine prepared);
 
-  std::string_view name() const noexcept override { return engine_->name(); }
-  Capabilities capabilities() const noexcept override { return engine_->capabilities(); }
-  using Engine::add;
+  using EngineShell::add;
   void add(const Body& body, const BodyState& state, Role role) override;
   void remove(BodyId id) override;
-  bool contains(BodyId id) const noexcept override { return engine_->contains(id); }
-  BodyState state(BodyId id) const override { return engine_->state(id); }
-  bool set_state(BodyId id, const BodyState& state) override { return engine_->set_state(id, state); }
-  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
-    return engine_->set_velocity(id, linear, angular);
-  }
   void set_inertia(BodyId id, double mass, const Vec3& inertia) override;
-  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
-    return engine_->apply_impulse(id, impulse, point);
-  }
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
-  double part_s(double dt) const noexcept override { return engine_->part_s(dt); }
   void step(double dt) override {
     engine_->step(dt);
     ++steps_;
   }
-  void time_parts(EngineTimes* times) noexcept override { engine_->time_parts(times); }
-  std::span<const Contact> contacts() const noexcept override { return engine_->contacts(); }
-  std::span<const Contact> contacts_with_friction() override { return engine_->contacts_with_friction(); }
-  Box bounds(BodyId id) const override { return engine_->bounds(id); }
-  void overlap(const Box& box, std::vector<BodyId>& out) const override { engine_->overlap(box, out); }
-  Checkpoint checkpoint() const override { return engine_->checkpoint(); }
-  void restore(const Checkpoint& checkpoint) override { engine_->restore(checkpoint); }
 
  private:
+  Engine& inner() const noexcept override { return *engine_; }
   std::unique_ptr<Engine> engine_;
   std::vector<std::optional<HeldBody>> held_;  ///< by id; states are the engine's
   std::uint64_t added_ = 0;

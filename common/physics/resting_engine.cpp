@@ -199,8 +199,16 @@ void RestingEngine::wake(std::uint32_t one) {
     Thing& thing = things_[index(id)];
     thing.asleep = false;
     thing.unreached_s = 0.0;
+    thing.parent = thing.next = index(id);
+    thing.kept_awake = true;
     inner_.add(scene_.body(id), thing.anchor, Role::body);
     --asleep_count_;
+  }
+}
+
+void RestingEngine::wake_all() {
+  for (std::uint32_t i = 0; i < things_.size(); ++i) {
+    if (things_[i].asleep) wake(i);
   }
 }
 

@@ -2,7 +2,7 @@
 
 #include "model/scene.hpp"
 #include "physics/box_tree.hpp"
-#include "physics/engine.hpp"
+#include "physics/engine_shell.hpp"
 
 #include <span>
 #include <vector>
@@ -11,7 +11,8 @@ namespace subworld {
 
 /// An engine that does not simulate what rests. Bodies that hang together by contacts and have stayed where they are
 /// leave the inner engine together, whichever it is, and come back before anything can reach them: they cost no step,
-/// no contact and no message. Meanwhile they are asked for as before: where they were, without velocity.
+/// no contact and no message. Meanwhile they are asked for as before: where they were, without velocity; overlap() does
+/// not name them.
 ///
 /// A body is *still* while it stays within `kDrift` of its thickness of one place. Still bodies sleep when all that
 /// they touch are still too and nothing has come near for `kStillFor_s`. They wake, with all that they sleep with,
@@ -21,7 +22,7 @@ namespace subworld {
 /// * when somebody sets their state, their velocity or their inertia, or pushes them.
 /// Bodies that the scene says are at rest sleep from the start; those whose boxes touch wake together.
 /// What a sleeping body stands on either is fixed, or sleeps and wakes with it. With `rests` false nothing sleeps.
-class RestingEngine final : public Engine {
+class RestingEngine final : public EngineShell {
  public:
   /// `restless` never sleep and always count as moving. `inner` and `scene` must outlive this object.
   RestingEngine(Engine& inner, const Scene& scene, std::span<const BodyId> restless, bool rests);
@@ -36,12 +37,12 @@ class RestingEngine final : public Engine {
   /// Of the last follow(), and what woke since the one before.
   [[nodiscard]] std::span<const BodyId> fell_asleep() const noexcept { return slept_; }
   [[nodiscard]] std::span<const BodyId> woke() const noexcept { return woke_; }
+  /// For who must see every body in the inner engine, as an exchange of engines does.
+  void wake_all();
   /// Whether a shift is so small that it tells nothing of a sleeping body.
   [[nodiscard]] bool negligible(BodyId id, const BodyState& to) const;
 
-  std::string_view name() const noexcept override { return inner_.name(); }
-  Capabilities capabilities() const noexcept override { return inner_.capabilities(); }
-  using Engine::add;
+  using EngineShell::add;
   void add(const Body& body, const BodyState& state, Role role) override;
   void remove(BodyId id) override;
   bool contains(BodyId id) const noexcept override { return asleep(id) || inner_.contains(id); }
@@ -52,20 +53,13 @@ class RestingEngine final : public Engine {
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override;
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
   void step(double dt) override;
-  double part_s(double dt) const noexcept override { return inner_.part_s(dt); }
-  void time_parts(EngineTimes* times) noexcept override { inner_.time_parts(times); }
-  std::span<const Contact> contacts() const noexcept override { return inner_.contacts(); }
-  std::span<const Contact> contacts_with_friction() override { return inner_.contacts_with_friction(); }
   Box bounds(BodyId id) const override { return asleep(id) ? things_[index(id)].bounds : inner_.bounds(id); }
-  /// Of those that are awake, and of fixed bodies.
-  void overlap(const Box& box, std::vector<BodyId>& out) const override { inner_.overlap(box, out); }
-  Checkpoint checkpoint() const override { return inner_.checkpoint(); }
-  void restore(const Checkpoint& checkpoint) override { inner_.restore(checkpoint); }
 
   static constexpr double kStillFor_s = 0.25;
   static constexpr double kDrift = 1e-3;  ///< of the thickness
 
  private:
+  Engine& inner() const noexcept override { return inner_; }
   struct Thing {
     BodyState anchor;          ///< where it has been still, or sleeps
     Box bounds;                ///< there

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "physics/engine.hpp"
+#include "physics/engine_shell.hpp"
 
 #include <memory>
 #include <span>
@@ -11,17 +11,14 @@ namespace subworld {
 /// Any engine, in another unit of length: it is shown a world that is 1 / unit_m times as large and falls as fast,
 /// while who calls stays in metres. Engines hold tolerances, margins and velocity thresholds in units of length, and
 /// small parts fall below those of some. Mass and time keep their units.
-class ScaledEngine final : public Engine {
+class ScaledEngine final : public EngineShell {
  public:
   /// `inner` was made with scaled() settings and meshes.
   ScaledEngine(std::unique_ptr<Engine> inner, double unit_m) : inner_(std::move(inner)), unit_m_(unit_m) {}
 
-  std::string_view name() const noexcept override { return inner_->name(); }
-  Capabilities capabilities() const noexcept override { return inner_->capabilities(); }
-  using Engine::add;
+  using EngineShell::add;
   void add(const Body& body, const BodyState& state, Role role) override;
   void remove(BodyId id) override;
-  bool contains(BodyId id) const noexcept override { return inner_->contains(id); }
   BodyState state(BodyId id) const override;
   bool set_state(BodyId id, const BodyState& state) override;
   bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override;
@@ -29,16 +26,14 @@ class ScaledEngine final : public Engine {
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override;
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
   void step(double dt) override;
-  double part_s(double dt) const noexcept override { return inner_->part_s(dt); }
-  void time_parts(EngineTimes* times) noexcept override { inner_->time_parts(times); }
   std::span<const Contact> contacts() const noexcept override { return contacts_; }
   std::span<const Contact> contacts_with_friction() override;
   Box bounds(BodyId id) const override;
   void overlap(const Box& box, std::vector<BodyId>& out) const override;
-  Checkpoint checkpoint() const override { return inner_->checkpoint(); }
   void restore(const Checkpoint& checkpoint) override;
 
  private:
+  Engine& inner() const noexcept override { return *inner_; }
   void take(std::span<const Contact> large);
   [[nodiscard]] BodyState shown(const BodyState& state) const;
 

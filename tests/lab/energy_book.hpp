@@ -1,7 +1,7 @@
 #pragma once
 
 #include "model/scene.hpp"
-#include "physics/engine.hpp"
+#include "physics/engine_shell.hpp"
 
 #include <memory>
 #include <optional>
@@ -49,7 +49,7 @@ struct EnergyBook {
 };
 
 /// An engine as it is, with a book of its energy.
-class BookedEngine final : public Engine {
+class BookedEngine final : public EngineShell {
  public:
   BookedEngine(std::unique_ptr<Engine> inner, const Vec3& gravity) : inner_(std::move(inner)), gravity_(gravity) {}
 
@@ -57,29 +57,18 @@ class BookedEngine final : public Engine {
   void begin();
   [[nodiscard]] const EnergyBook& book() const noexcept { return book_; }
 
-  std::string_view name() const noexcept override { return inner_->name(); }
-  Capabilities capabilities() const noexcept override { return inner_->capabilities(); }
-  using Engine::add;
+  using EngineShell::add;
   void add(const Body& body, const BodyState& state, Role role) override;
   void remove(BodyId id) override;
-  bool contains(BodyId id) const noexcept override { return inner_->contains(id); }
-  BodyState state(BodyId id) const override { return inner_->state(id); }
   bool set_state(BodyId id, const BodyState& state) override;
   bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override;
   void set_inertia(BodyId id, double mass, const Vec3& inertia) override;
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override;
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
   void step(double dt) override;
-  void time_parts(EngineTimes* times) noexcept override { inner_->time_parts(times); }
-  double part_s(double dt) const noexcept override { return inner_->part_s(dt); }
-  std::span<const Contact> contacts() const noexcept override { return inner_->contacts(); }
-  std::span<const Contact> contacts_with_friction() override { return inner_->contacts_with_friction(); }
-  Box bounds(BodyId id) const override { return inner_->bounds(id); }
-  void overlap(const Box& box, std::vector<BodyId>& out) const override { inner_->overlap(box, out); }
-  Checkpoint checkpoint() const override { return inner_->checkpoint(); }
-  void restore(const Checkpoint& checkpoint) override { inner_->restore(checkpoint); }
 
  private:
+  Engine& inner() const noexcept override { return *inner_; }
   struct Entry {
     Body body;  ///< m, I
     double mass = 0.0;

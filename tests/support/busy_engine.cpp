@@ -1,6 +1,7 @@
 // Bullet, but slow on any machine. Preset `fast`: between one and two simulated seconds each step takes much longer, as
 // where a heap falls into a scene; a world with it is overloaded, and then no more. It sleeps, so that the test loads
 // nobody. Preset `always`: each step computes for longer than a haptic period.
+#include "physics/engine_shell.hpp"
 #include "physics/plugin.hpp"
 
 #include <chrono>
@@ -20,28 +21,11 @@ void compute_for(std::chrono::microseconds time) {
   }
 }
 
-class BusyEngine final : public Engine {
+class BusyEngine final : public EngineShell {
  public:
   BusyEngine(std::unique_ptr<Engine> inner, bool always) : inner_(std::move(inner)), always_(always) {}
 
   std::string_view name() const noexcept override { return "busy"; }
-  Capabilities capabilities() const noexcept override { return inner_->capabilities(); }
-  using Engine::add;
-  void add(const Body& body, const BodyState& state, Role role) override { inner_->add(body, state, role); }
-  void remove(BodyId id) override { inner_->remove(id); }
-  bool contains(BodyId id) const noexcept override { return inner_->contains(id); }
-  BodyState state(BodyId id) const override { return inner_->state(id); }
-  bool set_state(BodyId id, const BodyState& state) override { return inner_->set_state(id, state); }
-  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
-    return inner_->set_velocity(id, linear, angular);
-  }
-  void set_inertia(BodyId id, double mass, const Vec3& inertia) override { inner_->set_inertia(id, mass, inertia); }
-  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
-    return inner_->apply_impulse(id, impulse, point);
-  }
-  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override {
-    return inner_->apply_force(id, force, torque);
-  }
   void step(double dt) override {
     time_s_ += dt;
     if (always_) {
@@ -51,14 +35,9 @@ class BusyEngine final : public Engine {
     }
     inner_->step(dt);
   }
-  double part_s(double dt) const noexcept override { return inner_->part_s(dt); }
-  std::span<const Contact> contacts() const noexcept override { return inner_->contacts(); }
-  Box bounds(BodyId id) const override { return inner_->bounds(id); }
-  void overlap(const Box& box, std::vector<BodyId>& out) const override { inner_->overlap(box, out); }
-  Checkpoint checkpoint() const override { return inner_->checkpoint(); }
-  void restore(const Checkpoint& checkpoint) override { inner_->restore(checkpoint); }
 
  private:
+  Engine& inner() const noexcept override { return *inner_; }
   std::unique_ptr<Engine> inner_;
   bool always_;
   double time_s_ = 0.0;  ///< of settling and run

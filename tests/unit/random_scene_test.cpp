@@ -166,27 +166,18 @@ TEST_F(RandomScenes, TextHoldsTheScenesOfTheLibrary) {
 }
 
 /// An engine that makes what moves a little faster in each step; where the gain is no number, the first one is lost.
-class GainingEngine final : public Engine {
+class GainingEngine final : public EngineShell {
  public:
   GainingEngine(std::unique_ptr<Engine> inner, double gain) : inner_(std::move(inner)), gain_(gain) {}
-  std::string_view name() const noexcept override { return inner_->name(); }
-  Capabilities capabilities() const noexcept override { return inner_->capabilities(); }
   void add(const Body& body, const BodyState& state, Role role) override {
     inner_->add(body, state, role);
     if (!body.fixed()) ids_.push_back(body.id);
   }
-  void remove(BodyId id) override { inner_->remove(id); }
-  bool contains(BodyId id) const noexcept override { return inner_->contains(id); }
   BodyState state(BodyId id) const override {
     BodyState s = inner_->state(id);
     if (std::isnan(gain_) && id == ids_.front() && steps_ > 100) s.position.x() = gain_;
     return s;
   }
-  bool set_state(BodyId id, const BodyState& s) override { return inner_->set_state(id, s); }
-  bool set_velocity(BodyId id, const Vec3& v, const Vec3& w) override { return inner_->set_velocity(id, v, w); }
-  void set_inertia(BodyId id, double m, const Vec3& i) override { inner_->set_inertia(id, m, i); }
-  bool apply_impulse(BodyId id, const Vec3& j, const Vec3& at) override { return inner_->apply_impulse(id, j, at); }
-  bool apply_force(BodyId id, const Vec3& f, const Vec3& t) override { return inner_->apply_force(id, f, t); }
   void step(double dt) override {
     ++steps_;
     inner_->step(dt);
@@ -195,14 +186,9 @@ class GainingEngine final : public Engine {
       inner_->set_velocity(id, gain_ * s.linear_velocity, gain_ * s.angular_velocity);
     }
   }
-  double part_s(double dt) const noexcept override { return inner_->part_s(dt); }
-  std::span<const Contact> contacts() const noexcept override { return inner_->contacts(); }
-  Box bounds(BodyId id) const override { return inner_->bounds(id); }
-  void overlap(const Box& box, std::vector<BodyId>& out) const override { inner_->overlap(box, out); }
-  Checkpoint checkpoint() const override { return inner_->checkpoint(); }
-  void restore(const Checkpoint& checkpoint) override { inner_->restore(checkpoint); }
 
  private:
+  Engine& inner() const noexcept override { return *inner_; }
   std::unique_ptr<Engine> inner_;
   double gain_;
   int steps_ = 0;

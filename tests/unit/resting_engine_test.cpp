@@ -8,6 +8,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <optional>
 #include <random>
 
 namespace subworld {
@@ -167,6 +169,57 @@ TEST(RestingWorld, ARowThatSleptIsFeltAsOneThatDidNot) {
   ASSERT_TRUE(awake.run());
   EXPECT_EQ(awake.world.asleep(), 0U);
   EXPECT_LT(force_error(asleep.felt[0].force, awake.felt[0].force, scene.settings.h_s).rms, 0.005);
+}
+
+/// `row` after a few cycles, asleep.
+class SleepingRow : public ::testing::Test {
+ protected:
+  static Scene row() {
+    Scene scene = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
+    keep_users(scene, 1);
+    return scene;
+  }
+  void SetUp() override {
+    const std::string folders = std::string(EXAMPLE_ENGINES_FOLDER) + ":" + ENGINES_FOLDER;
+    setenv("SUBWORLD_ENGINES", folders.c_str(), 1);
+    for (int i = 0; i < 5; ++i) run.cycle();
+    ASSERT_EQ(run.world.asleep(), 10U);
+  }
+
+  Scene scene = row();
+  CoupledRun run{scene};
+  EngineExchange exchange{EngineExchange::Preparation::at_once, {}};
+};
+
+TEST_F(SleepingRow, IsHandedToAnotherEngineToo) {
+  run.world.change_engine(exchange, {EngineOrder::Target::world, "ode", "fast"});
+  while (!run.world.exchange_engine(exchange)) run.cycle();
+  ASSERT_TRUE(run.run());
+  EXPECT_EQ(run.world.engine().name(), "ode");
+  double most = 0.0;
+  for (const Vec3& f : run.felt[0].force) most = std::max(most, std::abs(f.x()));
+  EXPECT_GT(most, 0.8 * 10 * 0.5 * 0.2 * 9.81) << "mu m g of all ten";
+}
+
+TEST_F(SleepingRow, RefusesAnEngineThatCannotHoldIt) {
+  run.world.change_engine(exchange, {EngineOrder::Target::world, "spheres", "fast"});
+  EXPECT_FALSE(run.world.exchange_engine(exchange));
+  EXPECT_FALSE(exchange.take_failure().empty()) << "else the run would end when the row wakes";
+  ASSERT_TRUE(run.run());
+  EXPECT_EQ(run.world.engine().name(), "bullet");
+}
+
+// What sleeps keeps its share of the energy: coming and going may not look like work.
+TEST_F(SleepingRow, KeepsTheEnergyOfTheWorld) {
+  Scene awake = scene;
+  awake.settings.keep = kKeepAll;
+  CoupledRun other(awake);
+  for (int i = 0; i < 5; ++i) other.cycle();
+  EXPECT_NEAR(run.world.potential_energy_j(), other.world.potential_energy_j(), 1e-3);
+  ASSERT_TRUE(run.run());
+  ASSERT_TRUE(other.run());
+  EXPECT_NEAR(run.world.potential_energy_j(), other.world.potential_energy_j(), 1e-3);
+  EXPECT_LT(run.world.energy_excess_j(), 1e-3);
 }
 
 }  // namespace

@@ -1,0 +1,42 @@
+#pragma once
+
+#include "physics/engine.hpp"
+
+namespace subworld {
+
+/// An engine in front of another one: all that it does not do itself, the inner one does.
+class EngineShell : public Engine {
+ public:
+  std::string_view name() const noexcept override { return inner().name(); }
+  Capabilities capabilities() const noexcept override { return inner().capabilities(); }
+  using Engine::add;
+  void add(const Body& body, const BodyState& state, Role role) override { inner().add(body, state, role); }
+  void remove(BodyId id) override { inner().remove(id); }
+  bool contains(BodyId id) const noexcept override { return inner().contains(id); }
+  BodyState state(BodyId id) const override { return inner().state(id); }
+  bool set_state(BodyId id, const BodyState& state) override { return inner().set_state(id, state); }
+  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
+    return inner().set_velocity(id, linear, angular);
+  }
+  void set_inertia(BodyId id, double mass, const Vec3& inertia) override { inner().set_inertia(id, mass, inertia); }
+  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
+    return inner().apply_impulse(id, impulse, point);
+  }
+  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override {
+    return inner().apply_force(id, force, torque);
+  }
+  void step(double dt) override { inner().step(dt); }
+  void time_parts(EngineTimes* times) noexcept override { inner().time_parts(times); }
+  double part_s(double dt) const noexcept override { return inner().part_s(dt); }
+  std::span<const Contact> contacts() const noexcept override { return inner().contacts(); }
+  std::span<const Contact> contacts_with_friction() override { return inner().contacts_with_friction(); }
+  Box bounds(BodyId id) const override { return inner().bounds(id); }
+  void overlap(const Box& box, std::vector<BodyId>& out) const override { inner().overlap(box, out); }
+  Checkpoint checkpoint() const override { return inner().checkpoint(); }
+  void restore(const Checkpoint& checkpoint) override { inner().restore(checkpoint); }
+
+ protected:
+  [[nodiscard]] virtual Engine& inner() const noexcept = 0;
+};
+
+}  // namespace subworld
