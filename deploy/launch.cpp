@@ -2,6 +2,7 @@
 
 #include "ends.hpp"
 #include "file_lock.hpp"
+#include "gates.hpp"
 #include "io/results.hpp"
 #include "io/trace.hpp"
 #include "limits.hpp"

@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -102,12 +103,11 @@ std::optional<HeavyPair> heaviest_on_light_pair(const Scene& scene, const Vec3& 
   for (std::size_t i = 0; i < movable.size(); ++i) {
     const Box& box = boxes[index(movable[i]->id)];
     for (std::size_t j = i + 1; j < movable.size() && left(movable[j]) <= box.upper.x(); ++j) {
+      if (!box.meets(boxes[index(movable[j]->id)])) continue;
       const Body *upper = movable[i], *lower = movable[j];
       if (upper->mass < lower->mass) std::swap(upper, lower);
       const double ratio = upper->mass / lower->mass;
-      if (ratio <= (worst ? worst->ratio : limit) ||
-          !box.meets(boxes[index(lower == movable[j] ? lower->id : upper->id)]))
-        continue;
+      if (ratio <= (worst ? worst->ratio : limit)) continue;
       const Vec3 up = scene.initial[index(upper->id)].position - scene.initial[index(lower->id)].position;
       if (up.dot(gravity) < 0.0) worst = HeavyPair{upper, lower, ratio};
     }
@@ -130,25 +130,32 @@ void warn_of_heavy_on_light(const Scene& scene, const Place& at, std::vector<std
       pair->lower->name));
 }
 
-/// The thinnest body but this one; null where there is no other.
-const Body* thinnest_other(const Scene& scene, const Body& body) {
-  const Body* thinnest = nullptr;
-  for (const Body& other : scene.bodies) {
-    if (&other == &body) continue;
-    if (!thinnest || thickness(other.shape, scene.meshes) < thickness(thinnest->shape, scene.meshes)) thinnest = &other;
+/// The two thinnest bodies, the thinner first; null where there are fewer.
+std::array<const Body*, 2> thinnest_two(const Scene& scene) {
+  std::array<const Body*, 2> two{};
+  const auto thinner = [&](const Body& body, const Body* than) {
+    return than == nullptr || thickness(body.shape, scene.meshes) < thickness(than->shape, scene.meshes);
+  };
+  for (const Body& body : scene.bodies) {
+    if (thinner(body, two[0])) {
+      two = {&body, two[0]};
+    } else if (thinner(body, two[1])) {
+      two[1] = &body;
+    }
   }
-  return thinnest;
+  return two;
 }
 
 /// A body that jumps past the thinnest other one within a step, or is faster than the engine lets it be.
 void warn_of_speed(const Scene& scene, const Place& at, std::vector<std::string>& out) {
   const EngineLimits& limits = at.plugin.limits;
   const auto speed = [&](const Body& body) { return scene.initial[index(body.id)].linear_velocity.norm(); };
+  const std::array<const Body*, 2> thinnest = thinnest_two(scene);
   const auto spin = [&](const Body& body) { return scene.initial[index(body.id)].angular_velocity.norm(); };
   for (const Body& body : scene.bodies) {
     const double jump_m = speed(body) * at.step_s;
     if (limits.continuous || jump_m <= 0.5 * thickness(body.shape, scene.meshes)) continue;
-    const Body* thin = thinnest_other(scene, body);
+    const Body* thin = thinnest[thinnest[0] == &body ? 1 : 0];
     if (!thin || jump_m <= thickness(thin->shape, scene.meshes) + 0.5 * thickness(body.shape, scene.meshes)) continue;
     out.push_back(fmt::format(
         "{}: {} moves {:.3g} m within a step of {:g} ms and may pass through {}, which is {:.3g} m thick: {} finds "
@@ -158,14 +165,14 @@ void warn_of_speed(const Scene& scene, const Place& at, std::vector<std::string>
         thin->name));
     break;
   }
-  for (const Body& body : scene.bodies) {
-    if (speed(body) <= limits.speed_m_s && spin(body) <= limits.spin_rad_s) continue;
-    out.push_back(
-        fmt::format("{}: {} begins with {:g} m/s and {:g} rad/s; {} slows it down to {:g} m/s and {:g} rad/s. "
-                    "Choose another engine",
-                    at.name, body.name, speed(body), spin(body), at.plugin.name, limits.speed_m_s, limits.spin_rad_s));
-    break;
-  }
+  const auto limit = [&](const char* verb, const auto& of, double most, const char* unit) {
+    const auto over = std::ranges::find_if(scene.bodies, [&](const Body& body) { return of(body) > most; });
+    if (over == scene.bodies.end()) return;
+    out.push_back(fmt::format("{}: {} {} with {:g} {}, and {} allows {:g}: it is slowed down. Choose another engine",
+                              at.name, over->name, verb, of(*over), unit, at.plugin.name, most));
+  };
+  limit("moves", speed, limits.speed_m_s, "m/s");
+  limit("turns", spin, limits.spin_rad_s, "rad/s");
 }
 
 /// A wall is the hardest that a coupling can meet.

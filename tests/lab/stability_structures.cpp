@@ -96,54 +96,41 @@ bool stands_at(Setting setting, double dt_s) {
 
 const char* const kStatics = "Statics: every body carries those above it and stays";
 
+/// The largest ratio of the masses of two cubes, one on the other, for which they `hold`.
+StabilityCase mass_case(const char* name, const char* shows, double asked_for, const char* why,
+                        bool (*hold)(const Setting&, double ratio)) {
+  static constexpr Search kRatios{.from = 1.0, .to = 1e6, .stride = 10.0, .precision = 1.2};
+  return {.name = name,
+          .shows = shows,
+          .quantity = "mass ratio",
+          .unit = "",
+          .formula = "no limit in statics; so much is asked for",
+          .source = kStatics,
+          .compare = Compare::at_least,
+          .tolerance = 1.0,
+          .why = why,
+          .expected = [asked_for](double) { return asked_for; },
+          .measure =
+              [hold](const Setting& s, double) {
+                return limit_proven(find_limit(kRatios, [&](double ratio) { return hold(s, ratio); }));
+              }};
+}
+
 std::vector<StabilityCase> limit_cases() {
-  const Search ratios{.from = 1.0, .to = 1e6, .stride = 10.0, .precision = 1.2};
   return {
-      {.name = "heavy_on_light",
-       .shows = "The heaviest cube that rests for 5 s on one of 1 kg: both stay within 1 % of the side and tremble by "
+      mass_case("heavy_on_light",
+                "The heaviest cube that rests for 5 s on one of 1 kg: both stay within 1 % of the side and tremble by "
                 "less than 1 mm/s.",
-       .quantity = "mass ratio",
-       .unit = "",
-       .formula = "no limit in statics; 100 is asked for",
-       .source = kStatics,
-       .compare = Compare::at_least,
-       .tolerance = 1.0,
-       .why = "a tool of 10 kg on a part of 100 g",
-       .expected = [](double) { return 100.0; },
-       .measure =
-           [ratios](const Setting& s, double) {
-             return limit_proven(find_limit(ratios, [&](double ratio) { return rests(s, 1.0, ratio); }));
-           }},
-      {.name = "heavy_carried",
-       .shows =
-           "The heaviest cube that one of 1 kg carries for 5 s: neither moves by a tenth of the side, however they "
-           "tremble. The warnings of `subworld run` and `plan` come from here.",
-       .quantity = "mass ratio",
-       .unit = "",
-       .formula = "no limit in statics; 100 is asked for",
-       .source = kStatics,
-       .compare = Compare::at_least,
-       .tolerance = 1.0,
-       .why = "a tool of 10 kg on a part of 100 g",
-       .expected = [](double) { return 100.0; },
-       .measure =
-           [ratios](const Setting& s, double) {
-             return limit_proven(find_limit(ratios, [&](double ratio) { return carries(s, 1.0, ratio); }));
-           }},
-      {.name = "light_on_heavy",
-       .shows = "The same with the heavy cube below.",
-       .quantity = "mass ratio",
-       .unit = "",
-       .formula = "no limit in statics; 1000 is asked for",
-       .source = kStatics,
-       .compare = Compare::at_least,
-       .tolerance = 1.0,
-       .why = "a screw of 10 g on a part of 10 kg",
-       .expected = [](double) { return 1000.0; },
-       .measure =
-           [ratios](const Setting& s, double) {
-             return limit_proven(find_limit(ratios, [&](double ratio) { return rests(s, ratio, 1.0); }));
-           }},
+                100.0, "a tool of 10 kg on a part of 100 g",
+                [](const Setting& s, double ratio) { return rests(s, 1.0, ratio); }),
+      mass_case("light_on_heavy", "The same with the heavy cube below.", 1000.0, "a screw of 10 g on a part of 10 kg",
+                [](const Setting& s, double ratio) { return rests(s, ratio, 1.0); }),
+      mass_case(
+          "heavy_carried",
+          "The heaviest cube that one of 1 kg carries for 5 s: neither moves by a tenth of the side, however they "
+          "tremble. The warnings of `subworld run` and `plan` come from here.",
+          100.0, "a tool of 10 kg on a part of 100 g",
+          [](const Setting& s, double ratio) { return carries(s, 1.0, ratio); }),
       {.name = "smallest_cube",
        .shows = "The smallest cube that rests on a plane for 1 s without moving by more than 1 % of its side.",
        .quantity = "side",

@@ -1,5 +1,6 @@
 // What every engine owes where an adapter keeps books beside its engine's: loads that change, orders, fast bodies.
 
+#include "physics/plugin.hpp"
 #include "support/engines.hpp"
 
 #include <gtest/gtest.h>
@@ -81,8 +82,9 @@ TEST_P(Loads, ATorqueAloneTurnsAndEnds) {
   EXPECT_NEAR(engine->state(kCube).angular_velocity.z(), expected, 1e-3 * expected);
 }
 
-TEST_P(Loads, OfBeforeACheckpointDoNotComeBackWithIt) {
-  if (engine->capabilities().checkpoint != Fidelity::exact) GTEST_SKIP() << "no exact checkpoint";
+class ExactCheckpoints : public Loads {};
+
+TEST_P(ExactCheckpoints, DoNotBringLoadsOfBeforeBack) {
   engine->add(floor_plane(kFloor), BodyState{});
   engine->add(cube(kCube), at(0, 0, 0.05));
   run(*engine, 0.5, kStill);
@@ -106,35 +108,49 @@ TEST_P(Loads, AFastBodyStaysFast) {
   EXPECT_NEAR(engine->state(kCube).position.x(), 600.0 * dt, 0.01 * 600.0 * dt);
 }
 
+std::vector<test::Tested> with_exact_checkpoints() {
+  std::vector<test::Tested> all = test::tested_engines({0.001, 0.004}, {0.001});
+  std::erase_if(all, [](const test::Tested& t) { return t.make()->capabilities().checkpoint != Fidelity::exact; });
+  return all;
+}
+
+INSTANTIATE_TEST_SUITE_P(Engines, ExactCheckpoints, testing::ValuesIn(with_exact_checkpoints()), test::name_of);
 INSTANTIATE_TEST_SUITE_P(Engines, Loads, testing::ValuesIn(test::tested_engines({0.001, 0.004}, {0.001})),
                          test::name_of);
 
-/// A ball of 5 mm does not pass a plate of 10 mm, movable or not, where an engine looks ahead.
-TEST(LookingAhead, AShotMeetsAPlate) {
-  const auto names = engine_names();
-  if (std::ranges::count(names, "rapier") == 0) GTEST_SKIP() << "rapier is not built, the others do not look ahead";
-  for (const double dt : {0.001, 0.004}) {
-    for (const double speed : {2.0, 5.0, 10.0, 30.0, 100.0}) {
-      for (const double plate_kg : {0.0, 5.0}) {
-        SCOPED_TRACE(testing::Message() << dt << " s, " << speed << " m/s, plate of " << plate_kg << " kg");
-        const auto range = test::Tested{"rapier", "fast"}.make();
-        Body plate = cube(kFloor, 0.4, plate_kg);
-        plate.shape.half_extents = {0.005, 0.2, 0.2};
-        plate.gravity = false;
-        BodyState start = at(-0.1033, 0, 0);
-        start.linear_velocity = {speed, 0, 0};
-        range->add(plate, BodyState{});
-        range->add(test::ball_proxy(kCube, 0.0025, 1e-3), start);
-        test::run(*range, static_cast<int>(0.2 / dt), dt);
-        EXPECT_LT(range->state(kCube).position.x(), range->state(kFloor).position.x());
-        if (plate_kg == 0.0) continue;
-        // Nothing but the ball's momentum moves it.
-        const double expected = 1e-3 * speed / (plate_kg + 1e-3);
-        EXPECT_NEAR(range->state(kFloor).linear_velocity.x(), expected, 0.02 * expected);
-      }
+class LookingAhead : public testing::TestWithParam<test::Tested> {};
+
+// Where an engine says so, a ball of 5 mm does not pass a plate of 10 mm, movable or not.
+TEST_P(LookingAhead, AShotMeetsAPlate) {
+  const double dt = GetParam().dt;
+  for (const double speed : {2.0, 5.0, 10.0, 30.0, 100.0}) {
+    for (const double plate_kg : {0.0, 5.0}) {
+      SCOPED_TRACE(testing::Message() << speed << " m/s, plate of " << plate_kg << " kg");
+      const auto range = GetParam().make();
+      Body plate = cube(kFloor, 0.4, plate_kg);
+      plate.shape.half_extents = {0.005, 0.2, 0.2};
+      plate.gravity = false;
+      BodyState start = at(-0.1033, 0, 0);
+      start.linear_velocity = {speed, 0, 0};
+      range->add(plate, BodyState{});
+      range->add(test::ball_proxy(kCube, 0.0025, 1e-3), start);
+      test::run(*range, static_cast<int>(0.2 / dt), dt);
+      EXPECT_LT(range->state(kCube).position.x(), range->state(kFloor).position.x());
+      if (plate_kg == 0.0) continue;
+      // Nothing but the ball's momentum moves it.
+      const double expected = 1e-3 * speed / (plate_kg + 1e-3);
+      EXPECT_NEAR(range->state(kFloor).linear_velocity.x(), expected, 0.02 * expected);
     }
   }
 }
+
+std::vector<test::Tested> that_look_ahead() {
+  std::vector<test::Tested> all = test::tested_engines({0.001, 0.004}, {0.001, 0.004});
+  std::erase_if(all, [](const test::Tested& t) { return !engine_plugin(t.engine).limits.continuous; });
+  return all;
+}
+
+INSTANTIATE_TEST_SUITE_P(Engines, LookingAhead, testing::ValuesIn(that_look_ahead()), test::name_of);
 
 }  // namespace
 }  // namespace subworld

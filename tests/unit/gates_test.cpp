@@ -1,5 +1,5 @@
 // Who is to blame for a missed gate, by what a run has measured.
-#include "summary.hpp"
+#include "gates.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,274 @@
+#include "gates.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace subworld {
+
+double milliseconds(const Json& seconds) { return 1e3 * seconds.get<double>(); }
+
+std::string load_text(const Json& summary) {
+  const Json& load = summary["machine_load"];
+  return fmt::format("of {} cores our programs used {:.2f}, others {:.2f}, the hypervisor {:.2f}",
+                     summary["machine"]["cores"].get<int>(), load["own_cores"].get<double>(),
+                     load["other_cores"].get<double>(), load["stolen_cores"].get<double>());
+}
+
+std::string calibration_text(const Json& summary) {
+  if (!summary.contains("calibration")) return {};
+  const Json& calibration = summary["calibration"];
+  return fmt::format("calibration: {} in {} bare wake-ups", calibration["late"].get<std::uint64_t>(),
+                     calibration["wake_ups"].get<std::uint64_t>());
+}
+
+namespace {
+
+constexpr double kMissedRatio = 0.001;
+constexpr double kLatenessP99_s = 0.25e-3;
+constexpr double kAtLimitRatio = 0.01;
+/// Least energy that counts, J: a device of 0.1 kg at 0.3 m/s, or a coupling of 1000 N/m that is stretched by 3 mm.
+constexpr double kLeastEnergy_j = 0.005;
+constexpr double kUnexplainedRatio = 0.01;  ///< of the energy that users put in
+constexpr double kOscillationRatio = 0.05;  ///< of the device's force limit
+
+constexpr double kFullCores = 0.8;   ///< share of the cores that our programs use: they hold each other up
+constexpr double kQuietCores = 0.1;  ///< cores that others or the hypervisor take
+
+/// Whether the loops of the run, more than anything else, kept this loop from its core for `lost_s`. Where nothing else
+/// runs, who waits in the queue of a core with a real-time priority waits for another loop of ours, if there is one of
+/// at least its priority: a rival.
+bool kept_by_ours(const Json& loop, double lost_s, bool has_rivals, const Json& summary) {
+  const Json& load = summary["machine_load"];
+  const bool quiet = load["other_cores"].get<double>() + load["stolen_cores"].get<double>() < kQuietCores;
+  const bool full = load["own_cores"] > kFullCores * summary["machine"]["cores"].get<double>();
+  return quiet && (full || (has_rivals && loop["machine"]["run_queue_delay_s"].get<double>() > lost_s));
+}
+
+/// Why a loop's own steps miss deadlines.
+std::string why_we_missed(const Json& haptic, double h_s) {
+  const double us = haptic["missed_by_us"].get<double>();
+  if (haptic["missed_waiting"].get<double>() > 0.5 * us) {
+    return "steps slept or waited for a lock, most likely in the middleware: look for a network that is slow, or try "
+           "the "
+           "other --dds";
+  }
+  return fmt::format(
+      "steps take {:.2f} ms (p99 {:.2f}) of {:g} ms; fewer members: a lower budget_ratio or a smaller box_half_m; a "
+      "faster preset or engine; "
+      "or a "
+      "longer h_s",
+      milliseconds(haptic["step_s"]["p50"]), milliseconds(haptic["step_s"]["p99"]), 1e3 * h_s);
+}
+
+Gate machine_gate(const std::string& who, const Json& haptic, double periods, const Json& summary) {
+  const double missed = haptic["missed_by_machine"].get<double>();
+  Gate gate{who + "missed by the machine", missed / periods, kMissedRatio, true, "% of steps", 100.0};
+  if (kept_by_ours(haptic, missed * summary["h_s"].get<double>(), summary["users"] > 1, summary)) {
+    gate.why = fmt::format(
+        "the programs of the run keep each other from the cores (this loop was ready for {:.0f} ms without one; {}); "
+        "fewer members or users, more cores, a higher ratio, or a longer h_s",
+        milliseconds(haptic["machine"]["run_queue_delay_s"]), load_text(summary));
+  } else {
+    gate.culprit = Culprit::machine;
+    gate.why = fmt::format("the loop was woken late or pre-empted ({}; {}); run again when the machine is quiet",
+                           calibration_text(summary), load_text(summary));
+    if (!haptic["machine"]["fifo"].get<bool>()) gate.why += ", or with real-time rights";
+  }
+  return gate;
+}
+
+/// Energy that a hand was given and that neither it nor the bodies had.
+Gate energy_gate(const std::string& who, const Json& haptic, const Json& device, const Json& world) {
+  const Json& energy = device["hand_energy"];
+  const double work_j = haptic["device_work_j"].get<double>();
+  const double allowed_j =
+      world["released_j"].get<double>() + std::max(kLeastEnergy_j, kUnexplainedRatio * std::abs(work_j));
+  return {who + "created energy at the hand",
+          energy["created_j"].get<double>(),
+          allowed_j,
+          true,
+          "J",
+          1.0,
+          Culprit::unstable,
+          fmt::format("the hand was given energy that nobody had put in (at least {:.3g} J net): a lower coupling "
+                      "stiffness_n_m, less delay, a smaller --ratio, or --passivity on",
+                      energy["least_j"].get<double>())};
+}
+
+/// Energy that the bodies gained and that neither hands nor their own fall had. What an engine gains and loses in
+/// contacts is let pass.
+Gate world_energy_gate(const Json& summary) {
+  constexpr double kOfTheWork = 0.25, kOfTheFall = 0.05;
+  const Json& world = summary["world"];
+  double work_j = 0.0;
+  for (const Json& haptic : summary["haptic"]) work_j += std::abs(haptic["device_work_j"].get<double>());
+  const double allowed_j = world["contact_slack_j"].get<double>() + std::max(kLeastEnergy_j, kOfTheWork * work_j) +
+                           kOfTheFall * world["released_j"].get<double>();
+  const bool late_paper = summary.value("scheme", "") == "paper";
+  return {"energy that the bodies gained",
+          summary["haptic"][0]["energy_excess_j"].get<double>(),
+          allowed_j,
+          true,
+          "J",
+          1.0,
+          Culprit::unstable,
+          late_paper
+              ? "nobody put it in: with late messages the scheme paper creates it; --scheme reduced, or less delay"
+              : "nobody put it in: a smaller --ratio, --preset quality, or another --engine"};
+}
+
+Gate oscillation_gate(const std::string& who, const Json& device, double force_limit_n) {
+  return {
+      who + "oscillation of the force",
+      device["oscillation_n"].get<double>(),
+      kOscillationRatio * force_limit_n,
+      true,
+      "N rms",
+      1.0,
+      Culprit::unstable,
+      "the force swings faster than a hand moves: a lower coupling stiffness_n_m or damping_n_s_m, a smaller --ratio "
+      "or h_s, or the scheme reduced"};
+}
+
+/// Samples of programs that do not belong to the run.
+void add_stranger_gates(std::vector<Gate>& all, const std::string& who, const Json& refused) {
+  struct Sender {
+    const char* topic;
+    const char* program;
+  };
+  constexpr std::array kSenders{Sender{"scene", "world_sim"}, Sender{"world_frame", "world_sim"},
+                                Sender{"haptic_report", "haptic_sim"}, Sender{"device_state", "device_sim"},
+                                Sender{"device_command", "haptic_sim"}};
+  for (const Sender& sender : kSenders) {
+    if (!refused.contains(sender.topic)) continue;
+    all.push_back({fmt::format("{}{} from a stranger", who, sender.topic), refused[sender.topic].get<double>(), 0.0,
+                   true, "", 1.0, Culprit::stranger,
+                   fmt::format("another program sent them as {}, and they were refused; end it, or give it another "
+                               "--domain",
+                               sender.program)});
+  }
+}
+
+const char* name_of(Culprit culprit) {
+  switch (culprit) {
+    case Culprit::us:
+      return "us";
+    case Culprit::machine:
+      return "machine";
+    case Culprit::unstable:
+      return "unstable";
+    case Culprit::stranger:
+      return "stranger";
+    case Culprit::scene:
+      break;
+  }
+  return "scene";
+}
+
+}  // namespace
+
+std::string Gate::line() const {
+  const std::string held = fmt::format("{} {:.4g}{}{} {} {:.4g}{}{}", name, scale * value, *unit ? " " : "", unit,
+                                       at_most ? "<=" : ">=", scale * bar, *unit ? " " : "", unit);
+  if (ok()) return held + ": ok";
+  return fmt::format("{}: {}{}{}", held, spoils_verdict() ? "MISSED" : "warning", why.empty() ? "" : ": ", why);
+}
+
+Json to_json(const Gate& gate) {
+  Json json{{"name", gate.name},
+            {"value", gate.value},
+            {"bound", gate.bar},
+            {"at_most", gate.at_most},
+            {"unit", gate.scale == 100.0 ? "ratio"
+                     : gate.scale == 1e3 ? "s"
+                                         : "1"},
+            {"ok", gate.ok()},
+            {"warning", !gate.ok() && !gate.spoils_verdict()}};
+  if (!gate.ok()) {
+    json["missed_by"] = name_of(gate.culprit);
+    json["why"] = gate.why;
+  }
+  return json;
+}
+
+std::vector<Gate> gates(const Json& summary) {
+  std::vector<Gate> all;  // causes before what follows from them: a verdict gives the first reason
+  const bool realtime = summary["mode"] == "realtime";
+  const double h_s = summary["h_s"].get<double>();
+  add_stranger_gates(all, "", summary["world"]["refused"]);
+  all.push_back(world_energy_gate(summary));
+  for (const Json& haptic : summary["haptic"]) {
+    const std::string who = fmt::format("user {}: ", haptic["user"].get<int>());
+    const Json& device = summary["device"][haptic["user"].get<std::size_t>()];
+    const Json& spec = summary["settings"]["users"][haptic["user"].get<std::size_t>()]["device"];
+    add_stranger_gates(all, who, haptic["refused"]);
+    add_stranger_gates(all, who, device["refused"]);
+    all.push_back(energy_gate(who, haptic, device, summary["world"]));
+    all.push_back(oscillation_gate(who, device, spec["force_limit_n"].get<double>()));
+    if (realtime) {
+      const double periods = std::max(1.0, haptic["steps"].get<double>() + haptic["skipped_steps"].get<double>());
+      const std::string why_us = why_we_missed(haptic, h_s);
+      all.push_back({who + "missed by us", haptic["missed_by_us"].get<double>() / periods, kMissedRatio, true,
+                     "% of steps", 100.0, Culprit::us, why_us});
+      const Gate by_machine = machine_gate(who, haptic, periods, summary);
+      all.push_back(by_machine);
+      const bool woken_late = haptic["woken_late_s"]["p99"].get<double>() > kLatenessP99_s;
+      all.push_back({who + "lateness p99", haptic["lateness_s"]["p99"].get<double>(), kLatenessP99_s, true, "ms", 1e3,
+                     woken_late ? by_machine.culprit : Culprit::us, woken_late ? by_machine.why : why_us});
+    }
+    all.push_back({who + "lost frames", haptic["lost_frames"].get<double>(), 0.0, true, "", 1.0, Culprit::us,
+                   "frames of the world were lost on the way: the network, or a sub-world that was halted"});
+    all.push_back(
+        {who + "at the device's limit", haptic["at_limit_ratio"].get<double>(), kAtLimitRatio, true, "% of steps",
+         100.0, Culprit::scene,
+         "the hand feels the limit, not the scene: move the device less far into bodies, lower the coupling's "
+         "stiffness, or raise the device's force_limit_n"});
+  }
+  if (realtime) {
+    const Json& world = summary["world"];
+    const double by_us = world["late_by_us"].get<double>(), by_machine = world["late_by_machine"].get<double>();
+    const bool has_own_core = !summary["placement"]["world"].empty();
+    const double cycle_s = h_s * world["ratio"]["mean"].get<double>();
+    const bool ours = by_us > by_machine || kept_by_ours(world, by_machine * cycle_s, !has_own_core, summary);
+    all.push_back(
+        {"world clock factor", world["clock_factor_min"].get<double>(), 1.0, false, "", 1.0,
+         ours ? Culprit::us : Culprit::machine,
+         ours ? fmt::format(
+                    "the world's step takes {:.2f} ms (p99 {:.2f}) of cycles of {:.3g} ms; a higher ratio, fewer "
+                    "bodies, or a faster preset or engine",
+                    milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]), 1e3 * cycle_s)
+              : fmt::format("the world was woken late or pre-empted ({}); run again when the machine is quiet",
+                            load_text(summary))});
+  }
+  return all;
+}
+
+std::string verdict_of(const std::vector<Gate>& gates, const Json& summary) {
+  std::vector<std::string> unstable, ours, machines;
+  for (const Gate& gate : gates) {
+    if (!gate.spoils_verdict()) continue;
+    std::vector<std::string>& words = gate.culprit == Culprit::unstable  ? unstable
+                                      : gate.culprit == Culprit::machine ? machines
+                                                                         : ours;
+    const std::string text = fmt::format("{} {:.4g}{}{}: {}", gate.name, gate.scale * gate.value, *gate.unit ? " " : "",
+                                         gate.unit, gate.why);
+    words.push_back(text);
+  }
+  // One reason is enough; all of them are in the gates.
+  if (!unstable.empty()) return "unstable: " + unstable.front();
+  if (!ours.empty()) return "quality gate missed: " + ours.front();
+  if (!machines.empty()) return "quality gate missed by the machine: " + machines.front();
+  std::uint64_t late = 0, periods = 0;
+  for (const Json& haptic : summary["haptic"]) {
+    late += haptic["missed_by_machine"].get<std::uint64_t>();
+    periods += haptic["steps"].get<std::uint64_t>() + haptic["skipped_steps"].get<std::uint64_t>();
+  }
+  if (late == 0) return "ok";
+  return fmt::format("ok; the machine itself was late {} time{} in {} steps ({})", late, late == 1 ? "" : "s", periods,
+                     calibration_text(summary));
+}
+
+}  // namespace subworld
