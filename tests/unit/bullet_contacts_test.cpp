@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <numbers>
 #include <string>
@@ -41,10 +42,10 @@ Mesh prism(int sides, double radius, double half_length) {
   return mesh;
 }
 
-enum MeshId : std::uint32_t { kTable, kWall, kPrism, kSmall };
+enum MeshId : std::uint32_t { kTable, kWall, kPrism, kSmall, kCoin };
 const std::vector<Mesh>& meshes() {
   static const std::vector<Mesh> kAll{box_mesh(Vec3(0.5, 0.5, kTable_m)), box_mesh(Vec3(0.005, 0.2, 0.2)),
-                                      prism(12, 0.05, 0.04), box_mesh(Vec3::Constant(0.0025))};
+                                      prism(12, 0.05, 0.04), box_mesh(Vec3::Constant(0.0025)), prism(150, 0.05, 0.01)};
   return kAll;
 }
 
@@ -118,6 +119,32 @@ TEST_P(BulletContacts, AnOverhangingCylinderLiesStill) {
                                state_at(Vec3(0.1, 0.46, 0.05), kLying));
   test::run(*engine, GetParam().steps(3.0), GetParam().dt);
   EXPECT_LT((engine->state(kBody).position - Vec3(0.1, 0.46, 0.55)).norm(), 3e-4);
+}
+
+/// Two of a hull, one turned on the other, on a plane; s for 300 steps.
+double stack_of_two(const test::Tested& tested, MeshId mesh, double half_height) {
+  const auto engine = tested.make(meshes());
+  const Shape hull{.kind = ShapeKind::convex, .mesh = mesh};
+  engine->add(body_of(kFloor, {.kind = ShapeKind::plane}, 0.0), BodyState{});
+  const Quat turned(Eigen::AngleAxisd(0.05, Vec3::UnitZ()));
+  engine->add(body_of(kBody, hull, 1.0), state_at(Vec3(0, 0, half_height)));
+  engine->add(body_of(BodyId{2}, hull, 1.0), state_at(Vec3(0, 0, 3.0 * half_height), turned));
+  const auto begin = std::chrono::steady_clock::now();
+  test::run(*engine, 300, tested.dt);
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  EXPECT_LT((engine->state(BodyId{2}).position - Vec3(0, 0, 3.0 * half_height)).norm(), 1e-4);
+  EXPECT_LT(engine->state(BodyId{2}).orientation.angularDistance(turned), 1e-3);
+  return took.count();
+}
+
+// A face of 150 corners touches all around, at a cost that does not grow with their fours.
+TEST_P(BulletContacts, FacesOfManyCornersRestAndCostLittle) {
+  std::vector<double> ratios;
+  for (int i = 0; i < 5; ++i)
+    ratios.push_back(stack_of_two(GetParam(), kCoin, 0.01) / stack_of_two(GetParam(), kPrism, 0.04));
+  std::ranges::sort(ratios);
+  EXPECT_LT(ratios[2], 15.0);
+  RecordProperty("cost_ratio", std::to_string(ratios[2]));
 }
 
 TEST_P(BulletContacts, WhatRollsKeepsItsSpeed) {

@@ -21,7 +21,8 @@ constexpr double kParallel = 1e-4;    ///< edges closer to parallel (squared sin
 constexpr int kDiscCorners = 8;       ///< of a cap that touches
 constexpr int kDiscSides = 32;        ///< of a cap that is touched: half a percent larger than the disc at most
 constexpr double kCap = 0.7;          ///< a cylinder whose axis is this near (cosine) to the normal touches by its cap
-constexpr std::size_t kMostCorners = 48;
+constexpr std::size_t kMostCorners = 64;
+constexpr std::uint32_t kMostFaceCorners = 24;  ///< of a face with more, as many are taken all around it
 
 /// Corners of the part of a surface that looks in a direction: a polygon, a line or a point.
 struct Corner {
@@ -31,8 +32,13 @@ struct Corner {
 };
 class Corners {
  public:
+  /// Where there is no room for one more, every second one goes: what is left still goes all around.
   void add(const Corner& corner) {
-    if (count_ < kMostCorners) corners_[count_++] = corner;
+    if (count_ == kMostCorners) {
+      count_ /= 2;
+      for (std::size_t i = 1; i < count_; ++i) corners_[i] = corners_[2 * i];
+    }
+    corners_[count_++] = corner;
   }
   void clear() { count_ = 0; }
   [[nodiscard]] std::size_t size() const { return count_; }
@@ -120,8 +126,9 @@ std::uint32_t face_at(const Placed& s, std::uint32_t vertex, const Vec3& down) {
 
 void add_face(const Placed& s, std::uint32_t number, Corners& out) {
   const ConvexFace& face = s.shape.faces[number];
-  for (std::uint32_t k = 0; k < face.corners; ++k) {
-    const std::uint32_t vertex = s.shape.rings[face.first + k];
+  const std::uint32_t count = std::min(face.corners, kMostFaceCorners);
+  for (std::uint32_t k = 0; k < count; ++k) {
+    const std::uint32_t vertex = s.shape.rings[face.first + k * face.corners / count];
     const int name = static_cast<int>(vertex % 32);
     out.add({s.vertex(vertex), name, name});
   }
@@ -244,9 +251,44 @@ struct Found {
   int feature;
 };
 
+/// Leaves the points that four may be chosen from: those of the last step, the deepest, and the farthest in each of
+/// some directions. All fours of many points would cost more than the rest of a step.
+void thin(std::array<Found, kMostCorners>& found, std::size_t& count, const Vec3& normal, const PatchMemory& memory) {
+  constexpr std::size_t kFew = 10;
+  constexpr int kDirections = 8;
+  if (count <= kFew) return;
+  std::array<bool, kMostCorners> kept{};
+  const auto keep_most = [&](const auto& of) {
+    std::size_t most = 0;
+    for (std::size_t i = 1; i < count; ++i) {
+      if (of(found[i]) > of(found[most])) most = i;
+    }
+    kept[most] = true;
+  };
+  const Vec3 u = across(normal), v = normal.cross(u);
+  for (int k = 0; k < kDirections; ++k) {
+    const double angle = 2.0 * M_PI * k / kDirections;
+    const Vec3 along = std::cos(angle) * u + std::sin(angle) * v;
+    keep_most([&](const Found& f) { return along.dot(f.point); });
+  }
+  keep_most([](const Found& f) { return -f.height; });
+  for (const int feature : memory.features) {
+    const auto was = std::find_if(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(count),
+                                  [feature](const Found& f) { return f.feature == feature; });
+    if (was != found.begin() + static_cast<std::ptrdiff_t>(count))
+      kept[static_cast<std::size_t>(was - found.begin())] = true;
+  }
+  std::size_t left = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (kept[i]) found[left++] = found[i];
+  }
+  count = left;
+}
+
 /// Those of the last step unless others span a larger area or are deeper by `deeper`.
 void reduce(std::array<Found, kMostCorners>& found, std::size_t& count, const Vec3& normal, double deeper,
             const PatchMemory& memory) {
+  thin(found, count, normal, memory);
   if (count <= Patch::kMost) return;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < count; ++i) least = std::min(least, found[i].height);
