@@ -12,24 +12,23 @@ namespace subworld {
 /// The energy of the bodies in one engine, and who put it there.
 ///
 ///   m, I    kg, kg m^2   mass and principal inertia of a body, as it was added
-///   M       kg           mass while the engine steps, as set_inertia() left it: a coupling is implicit by M > m
+///   M       kg           mass while the engine steps, as set_inertia() left it; M > m in an implicit coupling
 ///   v0, v1  m/s          velocity before a step, and after it
 ///   vs      m/s          velocity with which the step begins, as set_velocity() left it
 ///   F       N            force on the body in the step of length dt
 ///   x, g    m, m/s^2     position, gravity
-///   a       s            half of an integration part: so much is a position ahead of what the forces account for
+///   a       s            half of an integration part; a position is so far ahead of the forces
 ///
 /// Energy:         E = sum of m v^2 / 2 + w I w / 2 - m g (x - a v).                           (1)
-/// User's impulse: J = dt F + (M vs - m v0) - (M - m) v1,                                      (2)
-///                 what the step makes of m v0 beside contacts and weight; (2) of a linearly implicit spring is its
-///                 mean force on the proxy times dt.
-/// User's work:    W = J (v0 + v1) / 2 where nothing touches the body: then its velocity changes evenly;
-///                 where something does, a contact may have stopped it anywhere in the step: by the velocity that
-///                 is left nothing can gain, W = J v1. An engine that keeps bodies apart may place them by another
-///                 velocity than the one that it tells: if W = J (x1 - x0) / dt explains more, that counts. Rotation
-///                 likewise, by w1.                                                            (3)
+/// User's impulse: J = dt F + (M vs - m v0) - (M - m) v1.                                      (2)
+///                 A step makes this much momentum without contacts and weight. For a linearly implicit spring it is
+///                 the mean force on the proxy times dt.
+/// User's work:    W = J (v0 + v1) / 2, where nothing touches the body: its velocity then changes evenly.
+///                 W = J v1, where a contact touches it: the contact may have stopped it anywhere in the step. Some
+///                 engines place such a body by another velocity than they report, so W = J (x1 - x0) / dt counts where
+///                 that is more. Rotation likewise, by w1.                                     (3)
 ///                 An implicit coupling begins with vs < v0. In a step of several parts the body then comes less far
-///                 than (v0 + v1) / 2: what its weight does less counts as the user's work.
+///                 than dt (v0 + v1) / 2. What its weight does less for that counts as the user's work.
 /// Correction:     C = E after set_state() - E before it.                                      (4)
 /// Contacts, friction and damping can only take energy: E - sum of W - sum of C never rises. What it rises by above
 /// its begin is unexplained.

@@ -6,18 +6,6 @@ namespace subworld::bullet {
 
 namespace {
 
-// Room that no usual scene outgrows, so that steps allocate nothing.
-constexpr std::size_t kUsualBodies = 1024;
-constexpr std::size_t kUsualPairs = 4096;
-constexpr std::size_t kUsualPoints = 4096;
-
-constexpr std::size_t kFixed = 0;  ///< number of the mover that stands for all fixed bodies
-
-/// The solver's number of a body, which `prepare_bodies` has left with it.
-std::size_t mover_of(const btCollisionObject& body) {
-  return body.getCompanionId() > 0 ? static_cast<std::size_t>(body.getCompanionId()) : kFixed;
-}
-
 /// The rate (m/s) at which two bodies leave each other after they have met at `speed`.
 btScalar bounce(btScalar speed, btScalar restitution, btScalar threshold) {
   return btFabs(speed) < threshold ? btScalar(0) : btMax(restitution * -speed, btScalar(0));
@@ -55,7 +43,9 @@ btScalar ContactSolver::solveGroup(btCollisionObject** bodies, int body_count, b
                                    int manifold_count, btTypedConstraint** /*constraints*/, int /*constraint_count*/,
                                    const btContactSolverInfo& info, btIDebugDraw* /*drawer*/,
                                    btDispatcher* /*dispatcher*/) {
-  prepare_bodies({bodies, static_cast<std::size_t>(body_count)}, info.m_timeStep);
+  list_movers({bodies, static_cast<std::size_t>(body_count)}, info.m_timeStep, movers_);
+  motions_.assign(movers_.size(), Motion{});
+  pushed_.assign(movers_.size(), Motion{});
   pairs_.clear();
   normals_.clear();
   frictions_.clear();
@@ -72,25 +62,6 @@ btScalar ContactSolver::solveGroup(btCollisionObject** bodies, int body_count, b
   write_impulses();
   write_motions(info);
   return 0;
-}
-
-void ContactSolver::prepare_bodies(std::span<btCollisionObject* const> bodies, btScalar dt) {
-  movers_.assign(1, Mover{});
-  for (btCollisionObject* object : bodies) {
-    btRigidBody* body = btRigidBody::upcast(object);
-    object->setCompanionId(-1);
-    if (body == nullptr || body->getInvMass() == 0) continue;
-    object->setCompanionId(static_cast<int>(movers_.size()));
-    Mover& mover = movers_.emplace_back();
-    mover.body = body;
-    mover.inverse_mass = body->getInvMass();
-    mover.immovable = btVector3(mover.inverse_mass, mover.inverse_mass, mover.inverse_mass).fuzzyZero();
-    mover.by_force = body->getTotalForce() * body->getInvMass() * dt;
-    mover.by_torque = body->getTotalTorque() * body->getInvInertiaTensorWorld() * dt;
-    mover.inverse_inertia = body->getInvInertiaTensorWorld();
-  }
-  motions_.assign(movers_.size(), Motion{});
-  pushed_.assign(movers_.size(), Motion{});
 }
 
 ContactSolver::PairState ContactSolver::state_of(const Mover& a, const Mover& b) {

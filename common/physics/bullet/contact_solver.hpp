@@ -1,6 +1,7 @@
 #pragma once
 
 #include "contact_rows.hpp"
+#include "movers.hpp"
 
 #include <btBulletDynamicsCommon.h>
 
@@ -42,15 +43,6 @@ class ContactSolver final : public btConstraintSolver {
   btConstraintSolverType getSolverType() const override { return BT_SEQUENTIAL_IMPULSE_SOLVER; }
 
  private:
-  struct Mover {
-    btRigidBody* body = nullptr;  ///< none: fixed
-    btScalar inverse_mass = 0;    ///< 1/kg
-    bool immovable = true;
-    btVector3 by_force{0, 0, 0};   ///< what forces add to the velocity in this step, m/s
-    btVector3 by_torque{0, 0, 0};  ///< rad/s
-    btMatrix3x3 inverse_inertia{0, 0, 0, 0, 0, 0, 0, 0, 0};
-  };
-
   struct Normal : Row {
     btScalar friction;  ///< mu
     bool held;          ///< some of the friction is not 0
@@ -81,7 +73,6 @@ class ContactSolver final : public btConstraintSolver {
     BothMotion motion;  ///< with what forces and torques add in this step
   };
 
-  void prepare_bodies(std::span<btCollisionObject* const> bodies, btScalar dt);
   [[nodiscard]] static PairState state_of(const Mover& a, const Mover& b);
   void prepare_pair(btPersistentManifold& manifold, const btContactSolverInfo& info);
   void prepare_normal(const btManifoldPoint& point, const Both3& arm, const Pair& pair, const PairState& before,

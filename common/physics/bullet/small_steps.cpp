@@ -8,13 +8,6 @@ namespace subworld::bullet {
 
 namespace {
 
-// Room that no usual scene outgrows, so that steps allocate nothing.
-constexpr std::size_t kUsualBodies = 1024;
-constexpr std::size_t kUsualPairs = 4096;
-constexpr std::size_t kUsualPoints = 4096;
-
-constexpr std::size_t kFixed = 0;  ///< number of the mover that stands for all fixed bodies
-
 /// Oscillations of a contact's spring in a part: the stiffest that a pass still follows (Catto 2024).
 constexpr auto kOscillations = btScalar(0.25);
 /// Damping ratio. With 1 or 10 heaps of unequal masses win some more energy, or a cube on one of a thousandth trembles.
@@ -32,17 +25,10 @@ constexpr auto kEnough = btScalar(5);
 /// Nor by more than this part of the greatest speed: all that is known of worlds without forces.
 constexpr auto kEnoughOfSpeed = btScalar(1e-4);
 
-/// The solver's number of a body, which `prepare_bodies` has left with it.
-std::size_t mover_of(const btCollisionObject& body) {
-  return body.getCompanionId() > 0 ? static_cast<std::size_t>(body.getCompanionId()) : kFixed;
-}
-
 btScalar speed_of(const Row& row, const BothMotion& motion) {
   const Both speeds = linear_speed(row, motion) + angular_speed(row, motion);
   return speeds[0] + speeds[1];
 }
-
-btVector3 vector(const btScalar (&v)[3]) { return {v[0], v[1], v[2]}; }
 
 }  // namespace
 
@@ -62,7 +48,8 @@ btScalar SmallStepSolver::solveGroup(btCollisionObject** bodies, int body_count,
                                      btDispatcher* /*dispatcher*/) {
   const int count = parts(info.m_numIterations);
   const btScalar h = info.m_timeStep / btScalar(count);
-  prepare_bodies({bodies, static_cast<std::size_t>(body_count)}, h);
+  list_movers({bodies, static_cast<std::size_t>(body_count)}, h, movers_);
+  prepare_motions();
   pairs_.clear();
   points_.clear();
   for (int i = 0; i < manifold_count; ++i) prepare_pair(*manifolds[i]);
@@ -91,21 +78,10 @@ SmallStepSolver::Spring SmallStepSolver::spring_for(btScalar h) {
   return {w / s, c / (1 + c), 1 / (1 + c)};
 }
 
-void SmallStepSolver::prepare_bodies(std::span<btCollisionObject* const> bodies, btScalar h) {
-  movers_.assign(kFixed + 1, Mover{});
+void SmallStepSolver::prepare_motions() {
   motions_.assign(kFixed + 1, Motion{});
-  for (btCollisionObject* object : bodies) {
-    btRigidBody* body = btRigidBody::upcast(object);
-    object->setCompanionId(-1);
-    if (body == nullptr || body->getInvMass() == 0) continue;
-    object->setCompanionId(static_cast<int>(movers_.size()));
-    Mover& mover = movers_.emplace_back();
-    mover.body = body;
-    mover.inverse_mass = body->getInvMass();
-    mover.by_force = body->getTotalForce() * (body->getInvMass() * h);
-    mover.by_torque = body->getTotalTorque() * body->getInvInertiaTensorWorld() * h;
-    mover.inverse_inertia = body->getInvInertiaTensorWorld();
-    const btVector3 &linear = body->getLinearVelocity(), &angular = body->getAngularVelocity();
+  for (const Mover& mover : std::span(movers_).subspan(kFixed + 1)) {
+    const btVector3 &linear = mover.body->getLinearVelocity(), &angular = mover.body->getAngularVelocity();
     motions_.push_back({{linear.x(), linear.y(), linear.z()}, {angular.x(), angular.y(), angular.z()}});
   }
   moved_.assign(movers_.size(), Motion{});

@@ -2,6 +2,7 @@
 
 #include "contact_points.hpp"
 #include "contact_rows.hpp"
+#include "movers.hpp"
 
 #include <btBulletDynamicsCommon.h>
 
@@ -42,14 +43,6 @@ class SmallStepSolver final : public btConstraintSolver {
   btConstraintSolverType getSolverType() const override { return BT_SEQUENTIAL_IMPULSE_SOLVER; }
 
  private:
-  struct Mover {
-    btRigidBody* body = nullptr;   ///< none: fixed
-    btScalar inverse_mass = 0;     ///< 1/kg
-    btVector3 by_force{0, 0, 0};   ///< what forces add to the velocity in a part, m/s
-    btVector3 by_torque{0, 0, 0};  ///< rad/s
-    btMatrix3x3 inverse_inertia{0, 0, 0, 0, 0, 0, 0, 0, 0};
-  };
-
   /// Impulses of the rows are those of one part.
   struct Point {
     Row normal;
@@ -86,7 +79,7 @@ class SmallStepSolver final : public btConstraintSolver {
 
   enum class Contacts : std::uint8_t { springs, rigid };
 
-  void prepare_bodies(std::span<btCollisionObject* const> bodies, btScalar h);
+  void prepare_motions();
   void prepare_pair(btPersistentManifold& manifold);
   void prepare_point(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia);
   /// Change of a velocity (m/s) that needs no further pass.

@@ -1,0 +1,26 @@
+#include "movers.hpp"
+
+namespace subworld::bullet {
+
+void list_movers(std::span<btCollisionObject* const> bodies, btScalar dt, std::vector<Mover>& movers) {
+  movers.assign(kFixed + 1, Mover{});
+  for (btCollisionObject* object : bodies) {
+    btRigidBody* body = btRigidBody::upcast(object);
+    object->setCompanionId(-1);
+    if (body == nullptr || body->getInvMass() == 0) continue;
+    object->setCompanionId(static_cast<int>(movers.size()));
+    Mover& mover = movers.emplace_back();
+    mover.body = body;
+    mover.inverse_mass = body->getInvMass();
+    mover.immovable = btVector3(mover.inverse_mass, mover.inverse_mass, mover.inverse_mass).fuzzyZero();
+    mover.by_force = body->getTotalForce() * body->getInvMass() * dt;
+    mover.by_torque = body->getTotalTorque() * body->getInvInertiaTensorWorld() * dt;
+    mover.inverse_inertia = body->getInvInertiaTensorWorld();
+  }
+}
+
+std::size_t mover_of(const btCollisionObject& body) {
+  return body.getCompanionId() > 0 ? static_cast<std::size_t>(body.getCompanionId()) : kFixed;
+}
+
+}  // namespace subworld::bullet
