@@ -4,7 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <utility>
 
 namespace subworld {
 
@@ -34,7 +34,7 @@ RestingEngine::RestingEngine(Engine& inner, const Scene& scene, std::span<const 
       things_(scene.bodies.size()),
       still_(rests ? scene.bodies.size() : 0) {
   for (const BodyId id : restless) things_[index(id)].restless = true;
-  for (std::vector<BodyId>* list : {&awake_, &waking_, &woke_, &drowsy_, &slept_}) list->reserve(scene.bodies.size());
+  for (std::vector<BodyId>* list : {&awake_, &waking_, &woke_, &slept_}) list->reserve(scene.bodies.size());
   frontier_.reserve(scene.bodies.size() + 1);
   reached_.reserve(scene.bodies.size());
 }
@@ -46,6 +46,7 @@ void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
   if (body.fixed()) return;
   thing.anchor = state;
   thing.still_s = 0.0;
+  thing.parent = thing.next = index(body.id);
   const Box box = subworld::bounds(body.shape, {}, scene_.meshes);
   thing.arm_m = box.lower.cwiseAbs().cwiseMax(box.upper.cwiseAbs()).norm();
   thing.drift_m = kDrift * thickness(body.shape, scene_.meshes);
@@ -59,15 +60,11 @@ void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
 void RestingEngine::lay_asleep(std::uint32_t one) {
   Thing& thing = things_[one];
   thing.bounds = subworld::bounds(scene_.bodies[one].shape, thing.anchor, scene_.meshes);
-  thing.parent = thing.next = one;
   thing.asleep = true;
   thing.still_s = thing.unreached_s = kStillFor_s;
   const Box box = grown(thing.bounds, thing.drift_m);
   still_.find(box, [&](std::uint32_t other) {
-    const std::uint32_t a = root(one), b = root(other);
-    if (a == b || !things_[other].asleep) return;
-    things_[b].parent = a;
-    std::swap(things_[a].next, things_[b].next);  // joins two rings
+    if (things_[other].asleep) join(one, other);
   });
   still_.insert(one, box);
   ++asleep_count_;
@@ -118,7 +115,7 @@ void RestingEngine::step(double dt) {
   since_look_s_ += dt;
   if (since_look_s_ < kLookEvery_s) return;
   since_look_s_ = 0.0;
-  find_drowsy();  // while the contacts are there
+  find_islands();  // while the contacts are there
 }
 
 void RestingEngine::follow(double dt, double horizon_s) {
@@ -200,7 +197,6 @@ void RestingEngine::wake(std::uint32_t one) {
     thing.asleep = false;
     thing.unreached_s = 0.0;
     thing.parent = thing.next = index(id);
-    thing.kept_awake = true;
     inner_.add(scene_.body(id), thing.anchor, Role::body);
     --asleep_count_;
   }
@@ -221,33 +217,28 @@ bool RestingEngine::may_sleep(std::uint32_t i) const {
   return still_.contains(i) && things_[i].unreached_s >= kStillFor_s;
 }
 
-void RestingEngine::find_drowsy() {
-  for (const BodyId id : awake_) {
-    Thing& thing = things_[index(id)];
-    thing.parent = thing.next = index(id);
-    thing.kept_awake = !may_sleep(index(id));
-  }
+void RestingEngine::find_islands() {
+  for (const BodyId id : awake_) things_[index(id)].parent = things_[index(id)].next = index(id);
   for (const Contact& c : inner_.contacts()) {
-    if (scene_.body(c.a).fixed() || scene_.body(c.b).fixed()) continue;
-    const std::uint32_t a = root(index(c.a)), b = root(index(c.b));
-    if (a == b) continue;
-    things_[b].parent = a;
-    things_[a].kept_awake |= things_[b].kept_awake;
-    std::swap(things_[a].next, things_[b].next);  // joins two rings
+    if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) join(index(c.a), index(c.b));
   }
-  drowsy_.clear();
-  for (const BodyId id : awake_) {
-    if (!things_[root(index(id))].kept_awake) drowsy_.push_back(id);
-  }
+  islands_known_ = true;
+}
+
+void RestingEngine::join(std::uint32_t one, std::uint32_t other) noexcept {
+  const std::uint32_t a = root(one), b = root(other);
+  if (a == b) return;
+  things_[b].parent = a;
+  std::swap(things_[a].next, things_[b].next);  // joins two rings
 }
 
 void RestingEngine::put_to_sleep() {
-  if (drowsy_.empty()) return;
-  for (const BodyId id : drowsy_) things_[root(index(id))].kept_awake |= !may_sleep(index(id));
-  for (const BodyId id : drowsy_) {
+  if (!std::exchange(islands_known_, false)) return;
+  for (const BodyId id : awake_) things_[root(index(id))].kept_awake = false;
+  for (const BodyId id : awake_) things_[root(index(id))].kept_awake |= !may_sleep(index(id));
+  for (const BodyId id : awake_) {
     if (!things_[root(index(id))].kept_awake) slept_.push_back(id);
   }
-  drowsy_.clear();
   for (const BodyId id : slept_) sleep(index(id));
   std::erase_if(awake_, [this](BodyId id) { return asleep(id); });
 }

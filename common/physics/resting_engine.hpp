@@ -81,6 +81,7 @@ class RestingEngine final : public EngineShell {
   };
 
   [[nodiscard]] std::uint32_t root(std::uint32_t i) noexcept;
+  void join(std::uint32_t one, std::uint32_t other) noexcept;
   void watch(BodyId id, double dt);
   void reach_from(BodyId mover, double horizon_s);
   void wake(std::uint32_t one);
@@ -89,7 +90,8 @@ class RestingEngine final : public EngineShell {
   }
   void lay_asleep(std::uint32_t one);
   [[nodiscard]] bool may_sleep(std::uint32_t i) const;
-  void find_drowsy();
+  /// Of those that hang together by contacts.
+  void find_islands();
   void put_to_sleep();
   void sleep(std::uint32_t one);
 
@@ -100,11 +102,11 @@ class RestingEngine final : public EngineShell {
   std::vector<Thing> things_;  ///< by body
   BoxTree still_;              ///< still bodies, asleep or not
   std::vector<BodyId> awake_;
-  std::vector<BodyId> drowsy_;  ///< may sleep if nothing comes near by the next follow()
   std::vector<BodyId> waking_, woke_, slept_;
   std::vector<Reach> frontier_;
   std::vector<std::uint32_t> reached_;
   double since_look_s_ = 0.0;
+  bool islands_known_ = false;  ///< of the last step
   std::size_t asleep_count_ = 0;
 };
 

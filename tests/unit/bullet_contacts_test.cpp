@@ -1,5 +1,6 @@
 // What exact contacts, made new in each step, and a look ahead give to Bullet.
 
+#include "common/physics/bullet/corners.hpp"
 #include "model/mass_properties.hpp"
 #include "support/engines.hpp"
 
@@ -42,10 +43,11 @@ Mesh prism(int sides, double radius, double half_length) {
   return mesh;
 }
 
-enum MeshId : std::uint32_t { kTable, kWall, kPrism, kSmall, kCoin };
+enum MeshId : std::uint32_t { kTable, kWall, kPrism, kSmall, kCoin, kPlate };
 const std::vector<Mesh>& meshes() {
-  static const std::vector<Mesh> kAll{box_mesh(Vec3(0.5, 0.5, kTable_m)), box_mesh(Vec3(0.005, 0.2, 0.2)),
-                                      prism(12, 0.05, 0.04), box_mesh(Vec3::Constant(0.0025)), prism(150, 0.05, 0.01)};
+  static const std::vector<Mesh> kAll{
+      box_mesh(Vec3(0.5, 0.5, kTable_m)), box_mesh(Vec3(0.005, 0.2, 0.2)), prism(12, 0.05, 0.04),
+      box_mesh(Vec3::Constant(0.0025)),   prism(150, 0.05, 0.01),          prism(24, 0.1, 0.01)};
   return kAll;
 }
 
@@ -145,6 +147,64 @@ TEST_P(BulletContacts, FacesOfManyCornersRestAndCostLittle) {
   std::ranges::sort(ratios);
   EXPECT_LT(ratios[2], 15.0);
   RecordProperty("cost_ratio", std::to_string(ratios[2]));
+}
+
+// The plate's face cut to the coin's has more corners than there is room for.
+TEST_P(BulletContacts, APlateRestsOnACoinOfManyCorners) {
+  const auto engine = GetParam().make(meshes());
+  engine->add(body_of(kFloor, {.kind = ShapeKind::convex, .mesh = kCoin}, 0.0), BodyState{});
+  const Vec3 at(0.046, 0, 0.02);  // just inside of the coin's edge
+  engine->add(body_of(kBody, {.kind = ShapeKind::convex, .mesh = kPlate}, 1.0), state_at(at));
+  for (double angle = 0.0; angle < 6.2; angle += 0.4) {
+    const Vec3 turned = Eigen::AngleAxisd(angle, Vec3::UnitZ()) * at;
+    engine->set_state(kBody, state_at(turned));
+    test::run(*engine, GetParam().steps(0.3), GetParam().dt);
+    EXPECT_LT((engine->state(kBody).position - turned).norm(), 2e-4) << angle;
+    EXPECT_LT(engine->state(kBody).orientation.angularDistance(Quat::Identity()), 0.03)
+        << angle << ": four points follow it as it leans";
+  }
+}
+
+TEST(BulletCorners, GoAllAroundWhereThereIsNoRoomForAll) {
+  bullet::Corners corners;
+  const auto on_circle = [](int i) {
+    const double angle = 2.0 * std::numbers::pi * i / 200;
+    return Vec3(std::cos(angle), std::sin(angle), 0.0);
+  };
+  for (int i = 0; i < 200; ++i) corners.add({on_circle(i), i, i});
+  for (int i = 0; i < 200; ++i) {
+    double nearest = 2.0;
+    for (const bullet::Corner& c : corners) nearest = std::min(nearest, (c.point - on_circle(i)).norm());
+    EXPECT_LT(nearest, 0.15) << i;
+  }
+}
+
+// A torque rolls a ball that does not slip: a = (t / r) / (m + I / r^2).
+TEST_P(BulletContacts, ATorqueRollsABall) {
+  const Shape ball{.kind = ShapeKind::sphere, .radius = 0.05};
+  const auto engine = on_table(tables()[0].shape, body_of(kBody, ball, 1.0), state_at(Vec3(0, 0, 0.05)));
+  test::run(*engine, GetParam().steps(0.2), GetParam().dt);
+  const double torque = 0.05, seconds = 0.5;
+  for (int i = 0; i < GetParam().steps(seconds); ++i) {
+    engine->apply_force(kBody, Vec3::Zero(), Vec3(0, torque, 0));
+    engine->step(GetParam().dt);
+  }
+  const double expected = seconds * (torque / 0.05) / (1.0 + 0.4);
+  EXPECT_NEAR(engine->state(kBody).linear_velocity.x(), expected, 0.01 * expected);
+  EXPECT_NEAR(engine->state(kBody).angular_velocity.y(), expected / 0.05, 0.01 * expected / 0.05);
+}
+
+// Friction holds a cube against a torque about the vertical of half of what turns it.
+TEST_P(BulletContacts, ATorqueBelowFrictionTurnsNothing) {
+  const Shape cube{.kind = ShapeKind::box, .half_extents = Vec3::Constant(0.05)};
+  const auto engine = on_table(tables()[0].shape, body_of(kBody, cube, 1.0), state_at(Vec3(0, 0, 0.05)));
+  test::run(*engine, GetParam().steps(0.2), GetParam().dt);
+  const double torque = 0.5 * 0.5 * test::kG * 0.05 * std::numbers::sqrt2;
+  for (int i = 0; i < GetParam().steps(1.0); ++i) {
+    engine->apply_force(kBody, Vec3::Zero(), Vec3(0, 0, torque));
+    engine->step(GetParam().dt);
+  }
+  EXPECT_LT(engine->state(kBody).orientation.angularDistance(Quat::Identity()), 2e-3);
 }
 
 TEST_P(BulletContacts, WhatRollsKeepsItsSpeed) {

@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <optional>
 #include <random>
+#include <utility>
 
 namespace subworld {
 namespace {
@@ -65,9 +66,9 @@ class Resting : public ::testing::TestWithParam<test::Tested> {
     scene.bodies.push_back(body);
     scene.initial.push_back(state);
   }
-  RestingEngine& begin(bool rests = true) {
+  RestingEngine& begin(bool rests = true, std::span<const BodyId> restless = {}) {
     inner = GetParam().make();
-    engine = std::make_unique<RestingEngine>(*inner, scene, std::span<const BodyId>{}, rests);
+    engine = std::make_unique<RestingEngine>(*inner, scene, restless, rests);
     for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
     return *engine;
   }
@@ -145,6 +146,60 @@ TEST_P(Resting, WhatIsAtRestFromTheStartWakesWithWhatItTouches) {
   EXPECT_NEAR(engine->state(kUpper).position.z(), 0.15, 2e-3);
 }
 
+// A look is for several steps: what is hit in the first may hit the next one in the last.
+TEST_P(Resting, WhatIsPushedOnWakesWhatItMayReach) {
+  for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
+  scene.initial[index(kUpper)] = test::at(-0.11, 0, 0.05);  // 10 mm behind the lower one
+  scene.initial[index(kBall)] = test::at(0.12, 0, 0.05);    // 20 mm before it
+  scene.initial[index(kBall)].linear_velocity = {-2, 0, 0};
+  begin();
+  engine->follow(kStep_s, kHorizon_s);
+  EXPECT_FALSE(engine->asleep(kLower)) << "32 mm in the time of the look";
+  EXPECT_FALSE(engine->asleep(kUpper)) << "what is left of them, and the blow may double it";
+}
+
+TEST_P(Resting, WhatDoesNotComeSoFarWakesNobody) {
+  for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
+  scene.initial[index(kUpper)] = test::at(-0.11, 0, 0.05);
+  scene.initial[index(kBall)] = test::at(0.12, 0, 0.05);
+  scene.initial[index(kBall)].linear_velocity = {-0.5, 0, 0};
+  begin();
+  engine->follow(kStep_s, kHorizon_s);
+  EXPECT_EQ(engine->asleep_count(), 2U) << "8 mm";
+}
+
+TEST_P(Resting, WhatFallsWakesWhatIsBelow) {
+  scene.bodies[index(kLower)].at_rest = true;
+  scene.initial[index(kUpper)] = test::at(0, 0, 0.151);
+  begin();
+  engine->follow(kStep_s, kHorizon_s);
+  EXPECT_FALSE(engine->asleep(kLower)) << "g t^2 / 2 is 1.3 mm";
+}
+
+TEST_P(Resting, AHandMayMoveOffWithFiveG) {
+  for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
+  scene.bodies[index(kBall)].gravity = false;
+  const std::vector<BodyId> hand{kBall};
+  for (const auto& [gap_m, wakes] : {std::pair{0.005, true}, std::pair{0.010, false}}) {
+    scene.initial[index(kBall)] = test::at(0.1 + gap_m, 0, 0.05);
+    begin(true, hand);
+    engine->follow(kStep_s, kHorizon_s);
+    EXPECT_EQ(!engine->asleep(kLower), wakes) << gap_m << " m, of 6.4 mm";
+  }
+}
+
+TEST_P(Resting, OneThatCreepsKeepsAwakeWhatItTouches) {
+  for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].material.friction = 0.0;
+  for (const BodyId creeping : {kLower, kUpper}) {
+    for (const BodyId id : {kLower, kUpper})
+      scene.initial[index(id)].linear_velocity = {id == creeping ? 2e-3 : 0.0, 0, 0};
+    begin();
+    run(1.5);
+    EXPECT_FALSE(engine->asleep(kUpper)) << index(creeping);
+    EXPECT_FALSE(engine->asleep(kLower)) << index(creeping);
+  }
+}
+
 TEST_P(Resting, NothingSleepsWhereItIsKeptAwake) {
   begin(false);
   run(1.0);
@@ -207,6 +262,17 @@ TEST_F(SleepingRow, RefusesAnEngineThatCannotHoldIt) {
   EXPECT_FALSE(exchange.take_failure().empty()) << "else the run would end when the row wakes";
   ASSERT_TRUE(run.run());
   EXPECT_EQ(run.world.engine().name(), "bullet");
+}
+
+// What the sub-world last said of a body that has fallen asleep since wakes nobody.
+TEST_F(SleepingRow, SleepsAgainWhenTheHandHasGone) {
+  while (run.world.time_s() < 2.0) run.cycle();
+  ASSERT_EQ(run.world.asleep(), 0U) << "it is pushed";
+  while (run.world.time_s() < 4.0 && run.world.asleep() < 10) run.cycle();
+  for (int i = 0; i < 100; ++i) {
+    run.cycle();
+    ASSERT_EQ(run.world.asleep(), 10U) << i;
+  }
 }
 
 // What sleeps keeps its share of the energy: coming and going may not look like work.

@@ -66,7 +66,7 @@ void Corners::cut(const Vec3& outwards, double offset, int number) {
   if (!any) return;
   const Corners whole = *this;
   const bool closed = whole.count_ > 2;
-  count_ = 0;
+  clear();
   for (std::size_t i = 0; i < whole.count_; ++i) {
     if (out[i] <= 0.0) add(whole[i]);
     const std::size_t next = i + 1 < whole.count_ ? i + 1 : 0;

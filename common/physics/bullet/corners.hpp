@@ -18,15 +18,20 @@ struct Corner {
 };
 class Corners {
  public:
-  /// Where there is no room for one more, every second one goes: what is left still goes all around.
+  /// Where there is no room for all, only every second one counts, of those to come too: what is left goes all around.
   void add(const Corner& corner) {
+    if (offered_++ % stride_ != 0) return;
     if (count_ == kMostCorners) {
       count_ /= 2;
+      stride_ *= 2;
       for (std::size_t i = 1; i < count_; ++i) corners_[i] = corners_[2 * i];
     }
     corners_[count_++] = corner;
   }
-  void clear() { count_ = 0; }
+  void clear() {
+    count_ = offered_ = 0;
+    stride_ = 1;
+  }
   [[nodiscard]] std::size_t size() const { return count_; }
   [[nodiscard]] Corner& operator[](std::size_t i) { return corners_[i]; }
   [[nodiscard]] const Corner& operator[](std::size_t i) const { return corners_[i]; }
@@ -39,6 +44,7 @@ class Corners {
  private:
   std::array<Corner, kMostCorners> corners_;
   std::size_t count_ = 0;
+  std::size_t offered_ = 0, stride_ = 1;
 };
 
 /// Some unit vector across a direction.
