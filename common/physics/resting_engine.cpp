@@ -1,5 +1,6 @@
 #include "physics/resting_engine.hpp"
 
+#include "model/error.hpp"
 #include "model/shape_extent.hpp"
 
 #include <algorithm>
@@ -75,7 +76,20 @@ void RestingEngine::remove(BodyId id) {
   inner_.remove(id);
   if (rests_ && still_.contains(index(id))) still_.remove(index(id));
   std::erase(awake_, id);
+  std::erase(waking_, id);
 }
+
+Capabilities RestingEngine::capabilities() const noexcept {
+  Capabilities can = inner_.capabilities();
+  can.checkpoint = Fidelity::absent;
+  return can;
+}
+
+Checkpoint RestingEngine::checkpoint() const {
+  throw Error(ExitCode::failed, "an engine in which bodies sleep has no checkpoints; take those of its inner engine");
+}
+
+void RestingEngine::restore(const Checkpoint&) { (void)checkpoint(); }
 
 bool RestingEngine::set_state(BodyId id, const BodyState& state) {
   wake_before(id);

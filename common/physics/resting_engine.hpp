@@ -42,6 +42,8 @@ class RestingEngine final : public EngineShell {
   /// Whether a shift is so small that it tells nothing of a sleeping body.
   [[nodiscard]] bool negligible(BodyId id, const BodyState& to) const;
 
+  /// Without checkpoints: the inner engine's would not hold what sleeps.
+  Capabilities capabilities() const noexcept override;
   using EngineShell::add;
   void add(const Body& body, const BodyState& state, Role role) override;
   void remove(BodyId id) override;
@@ -54,6 +56,9 @@ class RestingEngine final : public EngineShell {
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
   void step(double dt) override;
   Box bounds(BodyId id) const override { return asleep(id) ? things_[index(id)].bounds : inner_.bounds(id); }
+
+  Checkpoint checkpoint() const override;
+  void restore(const Checkpoint& checkpoint) override;
 
   static constexpr double kStillFor_s = 0.25;
   static constexpr double kDrift = 1e-3;  ///< of the thickness

@@ -3,6 +3,7 @@
 
 #include "lab/coupled_run.hpp"
 #include "lab/metrics.hpp"
+#include "model/error.hpp"
 #include "support/engines.hpp"
 
 #include <gtest/gtest.h>
@@ -198,6 +199,23 @@ TEST_P(Resting, OneThatCreepsKeepsAwakeWhatItTouches) {
     EXPECT_FALSE(engine->asleep(kUpper)) << index(creeping);
     EXPECT_FALSE(engine->asleep(kLower)) << index(creeping);
   }
+}
+
+TEST_P(Resting, WhatIsRemovedInItsSleepIsGone) {
+  begin();
+  run(1.0);
+  ASSERT_TRUE(engine->asleep(kUpper));
+  engine->remove(kUpper);
+  EXPECT_FALSE(engine->contains(kUpper));
+  run(0.1);
+  EXPECT_EQ(std::ranges::count(engine->awake(), kUpper), 0);
+  EXPECT_NEAR(engine->state(kLower).position.z(), 0.05, 1e-3);
+}
+
+TEST_P(Resting, HasNoCheckpoints) {
+  begin();
+  EXPECT_EQ(engine->capabilities().checkpoint, Fidelity::absent);
+  EXPECT_THROW((void)engine->checkpoint(), Error);
 }
 
 TEST_P(Resting, NothingSleepsWhereItIsKeptAwake) {
