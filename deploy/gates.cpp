@@ -247,18 +247,21 @@ std::vector<Gate> gates(const Json& summary) {
 }
 
 std::string verdict_of(const std::vector<Gate>& gates, const Json& summary) {
-  std::vector<std::string> unstable, ours, machines;
+  std::vector<std::string> unstable, strangers, ours, machines;
   for (const Gate& gate : gates) {
     if (!gate.spoils_verdict()) continue;
-    std::vector<std::string>& words = gate.culprit == Culprit::unstable  ? unstable
-                                      : gate.culprit == Culprit::machine ? machines
-                                                                         : ours;
+    std::vector<std::string>& words = gate.culprit == Culprit::unstable   ? unstable
+                                      : gate.culprit == Culprit::stranger ? strangers
+                                      : gate.culprit == Culprit::machine  ? machines
+                                                                          : ours;
     const std::string text = fmt::format("{} {:.4g}{}{}: {}", gate.name, gate.scale * gate.value, *gate.unit ? " " : "",
                                          gate.unit, gate.why);
     words.push_back(text);
   }
-  // One reason is enough; all of them are in the gates.
-  if (!unstable.empty()) return "unstable: " + unstable.front();
+  // One reason is enough; all of them are in the gates. A stranger may be the reason, and is named in any case.
+  if (!unstable.empty())
+    return "unstable: " + unstable.front() + (strangers.empty() ? "" : "; also " + strangers.front());
+  if (!strangers.empty()) return "quality gate missed: " + strangers.front();
   if (!ours.empty()) return "quality gate missed: " + ours.front();
   if (!machines.empty()) return "quality gate missed by the machine: " + machines.front();
   std::uint64_t late = 0, periods = 0;

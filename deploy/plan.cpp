@@ -1,5 +1,3 @@
-#include "coupling/passivity.hpp"
-#include "coupling/scheme.hpp"
 #include "launch.hpp"
 #include "limits.hpp"
 #include "physics/plugin.hpp"
@@ -9,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <vector>
 
 namespace subworld {
 
@@ -28,7 +27,7 @@ const char* to_text(Fidelity fidelity) {
 
 /// A line of what the engine is and one of what matters of it here. Throws `Error` (usage) where the settings name no
 /// engine or preset.
-std::string describe_engine(const char* where, const EngineSettings& settings) {
+std::string describe_engine(const EngineSettings& settings) {
   const EnginePlugin& plugin = engine_plugin(settings.name);
   const std::size_t preset = find_preset(plugin, settings.preset);
   std::string asked;
@@ -36,9 +35,9 @@ std::string describe_engine(const char* where, const EngineSettings& settings) {
   if (settings.substeps) asked += fmt::format("; here {} sub-steps", *settings.substeps);
   const Capabilities can = make_engine(settings, {})->capabilities();
   return fmt::format(
-      "  {}: engine {} ({}; licence {}), preset {}: {}{}\n"
+      "engine {} ({}; licence {}), preset {}: {}{}\n"
       "    normal impulses {}, friction impulses {}, gyroscopic torque {}, checkpoint {}, {}; unit of length {:g} m\n",
-      where, plugin.name, plugin.version, plugin.licence, settings.preset, plugin.presets[preset].what, asked,
+      plugin.name, plugin.version, plugin.licence, settings.preset, plugin.presets[preset].what, asked,
       to_text(can.normal_impulse), to_text(can.tangential_impulse), to_text(can.gyroscopic), to_text(can.checkpoint),
       can.deterministic ? "deterministic" : "not deterministic", settings.length_unit_m);
 }
@@ -49,6 +48,71 @@ std::string cycle_text(const Settings& s) {
                      1e3 * s.longest_cycle_s());
 }
 
+/// What it saves, by the published costs of the engine; empty: nothing is published.
+std::string estimate(const Scene& scene, Saving saving) {
+  if (saving != Saving::rest) return "";
+  constexpr std::size_t kContacts = 4;  // of a body on others
+  const Settings& s = scene.settings;
+  const StepCost cost = engine_cost(s.world).step(s.shortest_cycle_s());
+  const auto movable =
+      static_cast<std::size_t>(std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); }));
+  const auto hands = static_cast<std::size_t>(s.users);
+  const double all_s = cost.of(movable, kContacts * movable), least_s = cost.of(hands, 0);
+  return fmt::format(" ({:.2g} of {:.2g} ms of the engine's step are left when all rest)", 1e3 * least_s, 1e3 * all_s);
+}
+
+/// A thing that a scene needs or not.
+struct Line {
+  bool in;
+  std::string name;  ///< for --keep; empty: there is no such thing to keep
+  std::string text;
+};
+
+std::vector<Line> lines_of(const Scene& scene, bool gui) {
+  const Settings& s = scene.settings;
+  const bool realtime = s.mode == Mode::realtime;
+  std::vector<Line> lines;
+  const auto of_user = [&](std::size_t u) { return s.users > 1 ? fmt::format("user {}: ", u) : std::string(); };
+  for (const PlannedItem& planned : plan_of(scene)) {
+    const SavingItem& item = *planned.item;
+    const bool in = !planned.decision.left_out;
+    const std::string what = in ? "" : fmt::format("no {}: ", item.what);
+    lines.push_back({in, std::string(item.name),
+                     (item.of_user ? of_user(planned.user) : "") + what + planned.decision.because +
+                         (in ? "" : estimate(scene, item.saving))});
+  }
+  lines.push_back(
+      {s.has_sub_worlds(), "", fmt::format("{}sub-worlds: scheme {}", s.has_sub_worlds() ? "" : "no ", s.scheme)});
+  lines.push_back(
+      {realtime, "", realtime ? "DDS deadlines: real time" : "no DDS deadlines: in lock-step nobody is late"});
+  lines.push_back(
+      {gui, "",
+       gui ? "snapshots of the world: the display reads them" : "no snapshots of the world: no display reads them"});
+  if (s.users > 1) lines.push_back({true, "", "shared bodies: several sub-worlds may hold one"});
+  for (std::size_t u = 0; u < static_cast<std::size_t>(s.users); ++u) {
+    const DeviceSpec& device = scene.users[u].device;
+    lines.push_back({device.degrees_of_freedom == 6, "",
+                     fmt::format("{}{}torques: {} degrees of freedom", of_user(u),
+                                 device.degrees_of_freedom == 6 ? "" : "no ", device.degrees_of_freedom)});
+    const bool spring = device.kind == DeviceKind::impedance;
+    lines.push_back(
+        {spring, "",
+         of_user(u) + (spring ? "virtual coupling: impedance device"
+                              : "no virtual coupling: the force of an admittance device acts on the proxy")});
+  }
+  return lines;
+}
+
+/// Left out first, then what the scene needs.
+void print(const std::vector<Line>& lines) {
+  for (const bool in : {false, true}) {
+    fmt::print("  {}\n", in ? "needed:" : "left out (--keep NAME keeps in what has a name):");
+    for (const Line& line : lines) {
+      if (line.in == in) fmt::print("    {:<10} {}\n", line.name, line.text);
+    }
+  }
+}
+
 }  // namespace
 
 void print_plan(const RunRequest& request) {
@@ -57,8 +121,7 @@ void print_plan(const RunRequest& request) {
   const bool gui = request.gui;
   check_request(scene, request);
   warn_of_limits(scene);
-  const auto scheme = make_scheme(s);
-  const std::string engines = describe_engine("world", s.world) + describe_engine("sub-worlds", s.haptic);
+  const std::string of_world = describe_engine(s.world), of_haptic = describe_engine(s.haptic);
   const auto fixed = std::count_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& b) { return b.fixed(); });
   const bool realtime = s.mode == Mode::realtime;
   fmt::print("{}: {} movable and {} fixed bodies, {} of {} users\n", scene.name,
@@ -66,33 +129,12 @@ void print_plan(const RunRequest& request) {
   fmt::print("  processes: world_sim, {0} haptic_sim, {0} device_sim{1}\n", s.users, gui ? ", gui_headless" : "");
   fmt::print("  clock: {}; h = {:g} ms, r = {}, T = {}\n", realtime ? "real time" : "lock-step", 1e3 * s.h_s,
              to_text(s.ratio_bounds()), cycle_text(s));
-  fmt::print("{}", engines);
-
-  const auto decide = [](bool in, const char* what, const std::string& why) {
-    fmt::print("  {} {}: {}\n", in ? "with   " : "without", what, why);
-  };
-  decide(scheme->border() != Border::none, "sub-worlds", fmt::format("scheme {}", scheme->name()));
-  decide(realtime, "DDS deadlines", realtime ? "armed in real time" : "in lock-step nobody is late");
-  decide(gui, "world_state", gui ? "the display reads it" : "nobody reads it, so no snapshot is gathered");
-  const bool rests = s.leaves_out(Saving::rest);
-  decide(!rests, "bodies that rest (rest)",
-         rests ? "the world does not simulate, tell or send those that nothing can reach; --keep rest simulates them"
-               : "as --keep says");
-  decide(s.users > 1, "shared bodies", s.users > 1 ? "several sub-worlds may hold the same body" : "one user");
-  for (int u = 0; u < s.users; ++u) {
-    const UserSpec& user = scene.users[static_cast<std::size_t>(u)];
-    const bool torques = user.device.degrees_of_freedom == 6;
-    decide(torques, fmt::format("torques for user {}", u).c_str(),
-           fmt::format("{} degrees of freedom", user.device.degrees_of_freedom));
-    const bool spring = user.device.kind == DeviceKind::impedance;
-    const bool passive = needs_passivity(s, user.device);
-    decide(passive, fmt::format("passivity bound for user {}", u).c_str(),
-           s.passivity != Passivity::automatic ? "as the scene or --passivity says"
-           : passive                           ? "messages are delayed: a device could give its hand energy of nobody's"
-                                               : "nothing is delayed: the bound would change nothing");
-    decide(spring, fmt::format("virtual coupling for user {}", u).c_str(),
-           spring ? "impedance device" : "admittance device: its force acts on the proxy");
+  if (of_world == of_haptic) {
+    fmt::print("  world and sub-worlds: {}", of_world);
+  } else {
+    fmt::print("  world: {}  sub-worlds: {}", of_world, of_haptic);
   }
+  print(lines_of(scene, gui));
 }
 
 }  // namespace subworld

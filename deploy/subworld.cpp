@@ -38,6 +38,7 @@ int main_of(int argc, char** argv) {
       "  subworld lab coupling --quick\n"
       "  subworld lab engines --quick\n"
       "  subworld lab stability --quick\n"
+      "  subworld lab plan --quick\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
       "            4 a quality gate was missed (--strict).");
 
@@ -104,6 +105,7 @@ int main_of(int argc, char** argv) {
       "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
       "  subworld lab engines --quick --out out/engines\n"
       "  subworld lab stability --quick --out out/stability\n"
+      "  subworld lab plan --quick --out out/plan\n"
       "  subworld lab coupling --help");
   lab_command->add_subcommand("coupling", "The error of the felt force against the run time of each coupling scheme")
       ->prefix_command()
@@ -112,6 +114,10 @@ int main_of(int argc, char** argv) {
       ->prefix_command()
       ->set_help_flag();
   lab_command->add_subcommand("stability", "How far each engine is from formulas and limits of mechanics, with margins")
+      ->prefix_command()
+      ->set_help_flag();
+
+  lab_command->add_subcommand("plan", "What it saves to leave out what a scene does not need, and what it changes")
       ->prefix_command()
       ->set_help_flag();
 

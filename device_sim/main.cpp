@@ -1,4 +1,3 @@
-#include "coupling/passivity.hpp"
 #include "device_sim/run.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
@@ -13,7 +12,7 @@ int main(int argc, char** argv) {
     const UserSpec& user = scene.users[static_cast<std::size_t>(options.user)];
     EmulatedDevice device(user.device, static_cast<std::uint32_t>(options.user));
     const bool far = scene.settings.passivity == Passivity::automatic && realtime && !options.network.peers.empty();
-    DeviceGuard guard(user, scene.body(user.proxy), far || needs_passivity(scene.settings, user.device),
+    DeviceGuard guard(user, scene.body(user.proxy), far || !leaves_out(scene, Saving::passivity, static_cast<std::size_t>(options.user)),
                       realtime ? kFadeIn_s : 0.0);
     watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it

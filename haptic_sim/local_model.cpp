@@ -64,6 +64,7 @@ class SimulatedNeighbourhood final : public LocalModel {
         proxy_(scene.users[user].proxy),
         engine_(make_engine(scene.settings.haptic, scene.meshes)),
         synchroniser_(scheme, remembered_cycles(scene.settings, scheme), proxy_, peers_of(scene, user)),
+        reads_friction_(!leaves_out(scene, Saving::impulses)),
         border_(make_border_model(scheme, scene, remembered_cycles(scene.settings, scheme))) {
     for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
     left_.reserve(kUsualMembers);
@@ -249,9 +250,7 @@ class SimulatedNeighbourhood final : public LocalModel {
 
   void observe_contacts(Indicators& indicators) {
     std::uint32_t on_proxy = 0;
-    // Impulses decide where the border is frozen.
-    const bool decides = scheme_.border() == Border::frozen;
-    for (const Contact& c : decides ? engine_.contacts_with_friction() : engine_.contacts()) {
+    for (const Contact& c : reads_friction_ ? engine_.contacts_with_friction() : engine_.contacts()) {
       const double magnitude = c.normal_impulse + c.tangential_impulse.norm();
       indicators.total_impulse_n_s += magnitude;
       if (c.a != proxy_ && c.b != proxy_) continue;
@@ -267,6 +266,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   LiveEngine engine_;
   GradualShifts gradual_;
   Synchroniser synchroniser_;
+  bool reads_friction_;  ///< of contacts
   std::unique_ptr<BorderModel> border_;
   std::vector<BodyId> members_, fixed_;  ///< ascending
   std::vector<PeerDevice> peers_;

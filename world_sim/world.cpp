@@ -55,7 +55,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
     : scene_(scene),
       scheme_(make_scheme(scene.settings)),
       live_(make(without_substeps(scene.settings.world), scene.meshes)),
-      engine_(live_, scene, proxies_of(scene), scene.settings.leaves_out(Saving::rest)),
+      engine_(live_, scene, proxies_of(scene), leaves_out(scene, Saving::rest)),
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
       remembered_(remembered_cycles(scene.settings, *scheme_)),
@@ -63,6 +63,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
       ratio_control_(scene.settings),
       engine_cost_(engine_cost(without_substeps(scene.settings.world))),
       cycle_s_(scene.settings.shortest_cycle_s()),
+      reads_friction_(scene.settings.has_sub_worlds() || !leaves_out(scene, Saving::impulses)),
       motions_(scene.bodies.size()),
       frames_(scene, *scheme_, remembered_),
       heard_(users_.size()),
@@ -268,7 +269,7 @@ void World::drive_proxies(double until_s, double dt) {
 }
 
 std::span<const Contact> World::contacts_of_step() {
-  return scheme_->border() == Border::none ? engine_.contacts() : engine_.contacts_with_friction();
+  return reads_friction_ ? engine_.contacts_with_friction() : engine_.contacts();
 }
 
 void World::simulate_cycle() {

@@ -184,6 +184,7 @@ class World {
   ContactTotals totals_;               ///< of the sub-steps
   std::vector<Contact> settled_;       ///< as if the last step of settling had been a cycle
   std::span<const Contact> contacts_;  ///< of the last cycle
+  bool reads_friction_;                ///< somebody does
   ContactGraph graph_;
   std::vector<Motion> motions_;  ///< by body, in the last cycle
   FrameMaker frames_;

@@ -1,7 +1,5 @@
 #include "coupling/passivity.hpp"
 
-#include "coupling/scheme.hpp"
-
 #include <algorithm>
 #include <cmath>
 
@@ -16,12 +14,6 @@ Vec3 shortened(const Vec3& v, double most) noexcept {
 }
 
 }  // namespace
-
-bool needs_passivity(const Settings& settings, const DeviceSpec& device) {
-  if (settings.passivity != Passivity::automatic) return settings.passivity == Passivity::on;
-  const bool follows_world = make_scheme(settings)->border() == Border::none && settings.largest_ratio() > 1;
-  return settings.delay.any() || (follows_world && device.kind == DeviceKind::admittance);
-}
 
 Vec3 passive_force(const Vec3& wanted_n, const Vec3& velocity_m_s, double stored_j, double stiffness_n_m,
                    double dt) noexcept {

@@ -27,10 +27,6 @@ namespace subworld {
 /// the first was tried: on an empty port it cuts the force at the first motion along it and lets it return when that
 /// stops.
 
-/// Whether a device's energy is to be bounded: where messages are delayed, and for an admittance device whose proxy
-/// lives in the world alone, which is a delay of its cycle. Everywhere else nothing is changed, bit by bit.
-[[nodiscard]] bool needs_passivity(const Settings& settings, const DeviceSpec& device);
-
 [[nodiscard]] Vec3 passive_force(const Vec3& wanted_n, const Vec3& velocity_m_s, double stored_j, double stiffness_n_m,
                                  double dt) noexcept;
 [[nodiscard]] Vec3 passive_velocity(const Vec3& wanted_m_s, const Vec3& hand_n, double stored_j, double mass_kg,

@@ -218,7 +218,7 @@ Scene load_scene(const Options& o) {
   if (o.passivity) {
     s.passivity = *o.passivity == "on" ? Passivity::on : *o.passivity == "off" ? Passivity::off : Passivity::automatic;
   }
-  s.keep |= parse_kept(o.keep);
+  s.keep_in(parse_kept(o.keep));
   if (s.mode == Mode::realtime && s.delay.any()) {
     throw Error(ExitCode::usage,
                 fmt::format("{}: artificial delay and loss are for lock-step; remove settings.delay, --latency, "

@@ -2,21 +2,90 @@
 
 #include "model/error.hpp"
 #include "model/nearest.hpp"
+#include "model/scene.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 
 namespace subworld {
 
+namespace {
+
+Decision decide_rest(const Scene& scene, std::size_t) {
+  const auto movable = std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); });
+  const auto others = movable - scene.settings.users;
+  if (others == 0) return {false, false, "nothing moves but the proxies"};
+  return {true, false, fmt::format("{} may come to rest", others == 1 ? "a body" : fmt::format("{} bodies", others))};
+}
+
+Decision decide_friction(const Scene& scene, std::size_t) {
+  const auto rough = std::ranges::count_if(scene.bodies, [](const Body& b) { return b.material.friction > 0.0; });
+  const auto all = static_cast<long>(scene.bodies.size());
+  if (rough == all) return {false, false, "all bodies have friction"};
+  if (rough < 2) return {true, false, "no two bodies have friction"};
+  return {true, false, fmt::format("{} of {} bodies have no friction", all - rough, all)};
+}
+
+Decision decide_impulses(const Scene& scene, std::size_t) {
+  if (scene.settings.blends_by_impulses()) return {false, false, "scheme paper weighs the impulses of all contacts"};
+  if (!scene.settings.has_sub_worlds()) return {true, false, "without sub-worlds there is no border that needs them"};
+  return {true, false, "the world alone needs them, for borders"};
+}
+
+Decision decide_passivity(const Scene& scene, std::size_t user) {
+  const Settings& s = scene.settings;
+  if (s.passivity == Passivity::on) return {false, true, "as the scene or --passivity says"};
+  if (s.passivity == Passivity::off) return {true, true, "as the scene or --passivity says"};
+  if (s.delay.any()) return {false, false, "messages are delayed: a device could give energy of nobody's to its hand"};
+  const bool follows_world = !s.has_sub_worlds() && s.largest_ratio() > 1;
+  if (follows_world && scene.users[user].device.kind == DeviceKind::admittance)
+    return {false, false, "the proxy of an admittance device lives in the world alone: a delay of its cycle"};
+  return {true, false, "nothing is delayed: the bound would change nothing"};
+}
+
+constexpr std::array kItems{
+    SavingItem{Saving::rest, "rest", "world",
+               "steps, contacts and messages of bodies that rest where nothing can reach them", false, decide_rest},
+    SavingItem{Saving::friction, "friction", "world, sub-worlds", "friction of contacts that have none", false,
+               decide_friction},
+    SavingItem{Saving::impulses, "impulses", "sub-worlds", "friction impulses of contacts that nobody reads", false,
+               decide_impulses},
+    SavingItem{Saving::passivity, "passivity", "device", "bound on the energy that the hand gets", true,
+               decide_passivity}};
+
+}  // namespace
+
+std::span<const SavingItem> saving_items() noexcept { return kItems; }
+
+Decision decision(const Scene& scene, Saving saving, std::size_t user) {
+  Decision decision = kItems[static_cast<std::size_t>(saving)].decide(scene, user);
+  if (decision.left_out && !decision.ordered && keeps(scene.settings.keep, saving)) {
+    decision = {false, true, "as --keep says"};
+  }
+  return decision;
+}
+
+std::vector<PlannedItem> plan_of(const Scene& scene) {
+  std::vector<PlannedItem> plan;
+  for (const SavingItem& item : kItems) {
+    const int decisions = item.of_user ? scene.settings.users : 1;
+    for (std::size_t u = 0; u < static_cast<std::size_t>(decisions); ++u) {
+      plan.push_back({&item, u, decision(scene, item.saving, u)});
+    }
+  }
+  return plan;
+}
+
 Kept parse_kept(const std::vector<std::string>& names) {
   std::vector<std::string_view> known{"all"};
-  for (const SavingName& one : kSavings) known.push_back(one.name);
+  for (const SavingItem& item : kItems) known.push_back(item.name);
   Kept set = kKeepNothing;
   for (const std::string& name : names) {
-    const auto found = std::ranges::find(kSavings, name, &SavingName::name);
-    if (found == kSavings.end() && name != "all") {
+    const auto found = std::ranges::find(kItems, name, &SavingItem::name);
+    if (found == kItems.end() && name != "all") {
       const std::string_view meant = nearest(name, known);
       throw Error(ExitCode::usage, fmt::format("--keep: there is no item \"{}\"; {}choose of: {}", name,
                                                meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant),
@@ -29,8 +98,8 @@ Kept parse_kept(const std::vector<std::string>& names) {
 
 std::vector<std::string_view> kept_names(Kept set) {
   std::vector<std::string_view> names;
-  for (const SavingName& one : kSavings) {
-    if ((set & kept(one.saving)) != 0) names.push_back(one.name);
+  for (const SavingItem& item : kItems) {
+    if (keeps(set, item.saving)) names.push_back(item.name);
   }
   return names;
 }

@@ -107,6 +107,7 @@ struct EngineSettings {
   std::optional<int> substeps;    ///< parts of a step; world: each with a force of its own on the proxies
   Vec3 gravity{0.0, 0.0, -9.81};  ///< m/s^2
   double length_unit_m = 1.0;     ///< that the engine computes in; some engines need a smaller one for small bodies
+  Kept keep = kKeepNothing;       ///< as in Settings
 };
 
 /// Thresholds of the scheme `paper` (paper 4.3).
@@ -162,9 +163,13 @@ struct Settings {
   Passivity passivity = Passivity::automatic;  ///< automatic: where messages are delayed
   EngineSettings world;
   EngineSettings haptic;
-  Kept keep = kKeepNothing;  ///< though the scene does not need it
+  Kept keep = kKeepNothing;  ///< though the scene does not need it; keep_in() sets it
 
-  [[nodiscard]] bool leaves_out(Saving saving) const noexcept { return (keep & kept(saving)) == 0; }
+  void keep_in(Kept items) noexcept { keep = world.keep = haptic.keep = keep | items; }
+  /// Else the proxies live in the world alone.
+  [[nodiscard]] bool has_sub_worlds() const noexcept { return scheme != "direct"; }
+  /// Whether the scheme weighs sub-world against world by the impulses of all contacts (paper 4.3).
+  [[nodiscard]] bool blends_by_impulses() const noexcept { return scheme == "paper"; }
 
   void set_ratio(const RatioBounds& bounds) noexcept {
     ratio = bounds.least;

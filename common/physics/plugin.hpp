@@ -70,7 +70,7 @@ struct EnginePlugin {
 [[nodiscard]] int iteration_count(double h, std::optional<int> fixed, int least, double longest_s) noexcept;
 
 /// Changes whenever a type that crosses between a program and an engine's library changes.
-inline constexpr int kEnginePluginInterface = 7;
+inline constexpr int kEnginePluginInterface = 8;
 
 }  // namespace subworld
 

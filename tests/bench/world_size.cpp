@@ -46,7 +46,7 @@ int main(int argc, char** argv) {
   for (const int side : sides) {
     Scene scene = row_beside(side);
     CoupledRun left_out(scene);
-    scene.settings.keep = kept(Saving::rest);
+    scene.settings.keep_in(kept(Saving::rest));
     CoupledRun kept_in(scene);
     for (int i = 0; i < cycles; ++i) {
       left_out.cycle();

@@ -1,6 +1,5 @@
 #include "lab/coupled_run.hpp"
 
-#include "coupling/passivity.hpp"
 #include "lab/cpu_time.hpp"
 
 #include <algorithm>
@@ -15,8 +14,8 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
     subs.push_back(std::make_unique<SubWorld>(scene_, u));
     devices.push_back(std::make_unique<EmulatedDevice>(scene_.users[u].device, static_cast<std::uint32_t>(u)));
     const UserSpec& user = scene_.users[u];
-    guards.push_back(std::make_unique<DeviceGuard>(user, scene_.body(user.proxy),
-                                                   needs_passivity(scene_.settings, user.device), 0.0));
+    guards.push_back(
+        std::make_unique<DeviceGuard>(user, scene_.body(user.proxy), !leaves_out(scene_, Saving::passivity, u), 0.0));
     const auto number = static_cast<std::uint32_t>(u);
     Link link{.delay = Delay(scene_.settings, scheme.lead_cycles(), number),
               .states = DelayLine<DeviceState>(scene_.settings, Direction::from_device, number),

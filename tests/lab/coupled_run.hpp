@@ -41,6 +41,10 @@ class CoupledRun {
   [[nodiscard]] bool finite() const noexcept;
 
   [[nodiscard]] WorldFrame& frame(std::size_t user = 0) { return world.frame(user); }
+  /// The newest that the user's sub-world sent.
+  [[nodiscard]] const HapticReport& report(std::size_t user = 0) const {
+    return links_[user].reports[links_[user].newest_report % links_[user].reports.size()];
+  }
 
  private:
   struct Link {

@@ -1,7 +1,6 @@
 #include "lab/measure.hpp"
 
 #include "lab/analysis.hpp"
-#include "lab/metrics.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/format.h>
@@ -87,8 +86,7 @@ Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
 }
 
 void add_errors(Json& row, const Scene& scene, const Outcome& run, const Reference& reference) {
-  const Joined both = joined(run.felt, reference.run.felt);
-  const ForceError e = run.finite ? force_error(both.a, both.b, scene.settings.h_s)
+  const ForceError e = run.finite ? force_error(run.felt, reference.run.felt, scene.settings.h_s)
                                   : ForceError{kNone, kNone, kNone, kNone, kNone, kNone, kNone};
   const double drift_m = run.finite ? drift_max_m(scene, run, reference.run) : kNone;
   row.update({{"survived", run.finite && std::isfinite(drift_m)},
@@ -152,17 +150,26 @@ std::optional<Outcome> run_out(const Scene& scene) {
   return out;
 }
 
+std::optional<Reference> reference_of(const Scene& scene) {
+  std::optional<Outcome> run = run_out(scene);
+  if (!run) return std::nullopt;
+  const std::optional<Outcome> fine = run_out(refined(scene, kFiner));
+  if (!fine) return std::nullopt;
+  const Joined both = joined(run->felt, fine->felt, kFiner);
+  const double floor = force_error(both.a, both.b, scene.settings.h_s).rms;
+  return Reference{std::move(*run), floor};
+}
+
+ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference, double h_s) {
+  const Joined both = joined(felt, reference);
+  return force_error(both.a, both.b, h_s);
+}
+
 const Reference* References::of(const Point& point) {
   const std::string key = reference_key(point);
   if (const auto found = known_.find(key); found != known_.end()) return &found->second;
-  const Scene scene = reference_scene_of(point);
-  std::optional<Outcome> run = run_out(scene);
-  if (!run) return nullptr;
-  const std::optional<Outcome> fine = run_out(refined(scene, kFiner));
-  if (!fine) return nullptr;
-  const Joined both = joined(run->felt, fine->felt, kFiner);
-  const double floor = force_error(both.a, both.b, scene.settings.h_s).rms;
-  return &known_.emplace(key, Reference{std::move(*run), floor}).first->second;
+  std::optional<Reference> reference = reference_of(reference_scene_of(point));
+  return reference ? &known_.emplace(key, std::move(*reference)).first->second : nullptr;
 }
 
 std::optional<Measured> measure(const Point& point, References& references) {

@@ -2,6 +2,7 @@
 
 #include "io/results.hpp"
 #include "lab/coupled_run.hpp"
+#include "lab/metrics.hpp"
 #include "lab/sweep.hpp"
 
 #include <map>
@@ -36,6 +37,13 @@ struct Reference {
   Outcome run;
   double floor = 0.0;  ///< RMS force error of the reference against itself at h / 4
 };
+
+/// Of a scene in one world (lab/sweep). Empty where a signal asked to stop.
+[[nodiscard]] std::optional<Reference> reference_of(const Scene& scene);
+
+/// Of what the hands felt in two runs of one scene.
+[[nodiscard]] ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference,
+                                     double h_s);
 
 /// Each reference is computed once.
 class References {

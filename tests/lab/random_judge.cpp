@@ -1,7 +1,6 @@
 #include "lab/random_judge.hpp"
 
 #include "coupling/force_guard.hpp"
-#include "coupling/passivity.hpp"
 #include "lab/coupled_run.hpp"
 #include "lab/energy_book.hpp"
 #include "lab/random_scene.hpp"
@@ -120,13 +119,12 @@ class Trial {
   }
 
   void check_port(std::size_t user, Verdict& verdict) const {
-    const UserSpec& spec = scene_.users[user];
     const HandPort& port = run_.guards[user]->port();
     // Bodies that fall or fly into a hand give it what they have.
     const double from_nowhere_j = port.created_j() - run_.world.released_j();
     verdict.at_hand_j = std::max(verdict.at_hand_j, from_nowhere_j);
     const double most_j = kMostAtHand_j + kMostAtHand * std::abs(port.net_j());
-    if (!needs_passivity(scene_.settings, spec.device) || from_nowhere_j <= most_j) return;
+    if (leaves_out(scene_, Saving::passivity, user) || from_nowhere_j <= most_j) return;
     fail(verdict, Fault::port, scene_.settings.duration_s,
          fmt::format("hand {} got {:.3g} J that neither it nor the bodies had, with passivity on; {:.3g} J are allowed",
                      user, from_nowhere_j, most_j));

@@ -108,8 +108,9 @@ Scene scene_of(const Point& point) {
   return scene;
 }
 
-Scene reference_scene_of(const Point& point) {
-  Scene scene = loaded(point);
+Scene reference_scene_of(const Point& point) { return in_one_world(loaded(point)); }
+
+Scene in_one_world(Scene scene) {
   scene.settings.scheme = "direct";
   scene.settings.set_ratio({1, 1});
   scene.settings.world.substeps = 1;

@@ -58,6 +58,8 @@ struct Point {
 [[nodiscard]] Scene scene_of(const Point& point);
 /// What the point is compared with: the whole scene in one world of the same engine at step h, without delay.
 [[nodiscard]] Scene reference_scene_of(const Point& point);
+/// The whole scene in one world at step h, without delay.
+[[nodiscard]] Scene in_one_world(Scene scene);
 /// The same at h / `parts`.
 [[nodiscard]] Scene refined(Scene scene, int parts);
 /// Equal for points with the same reference.

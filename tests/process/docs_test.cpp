@@ -125,7 +125,7 @@ TEST_P(Docs, EveryCommandWorks) {
 
 INSTANTIATE_TEST_SUITE_P(Pages, Docs,
                          ::testing::Values("README.md", "deploy/scenes/README.md", "common/coupling/README.md",
-                                           "common/physics/README.md"),
+                                           "common/physics/README.md", "tests/bench/README.md"),
                          [](const auto& one) {
                            std::string name = one.param;
                            std::ranges::replace_if(

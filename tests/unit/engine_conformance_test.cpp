@@ -503,6 +503,19 @@ TEST_P(Conformance, RefusesWhatIsNotFinite) {
   EXPECT_TRUE(finite(engine->state(kCube)));
 }
 
+/// Speeds beyond all numbers are finite, and so not refused. What comes of them may be an error, never the end of the
+/// process.
+TEST_P(Conformance, SurvivesWhatIsFlungBeyondAllNumbers) {
+  for (const auto& [linear, angular] : {std::pair(Vec3(1e200, 0, 0), Vec3(0, 0, 0)), {{0, 0, 0}, {0, 1e200, 1e200}}}) {
+    try {
+      engine->set_velocity(kCube, linear, angular);
+      for (int i = 0; i < 5; ++i) engine->step(dt);
+    } catch (const Error& said) {
+      EXPECT_EQ(said.code(), ExitCode::failed) << said.what();
+    }
+  }
+}
+
 TEST_P(Conformance, RefusesBodiesThatAreNotThere) {
   EXPECT_THROW(engine->add(cube(kCube), at(0, 0, 1)), Error);
   EXPECT_THROW((void)engine->state(kOther), Error);

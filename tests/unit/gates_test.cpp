@@ -123,6 +123,9 @@ TEST(Gates, AStrangerIsNamed) {
   EXPECT_TRUE(verdict(run).starts_with("quality gate missed: user 0: device_command from a stranger 12"))
       << verdict(run);
   EXPECT_NE(verdict(run).find("haptic_sim"), std::string::npos);
+  run["device"][0]["oscillation_n"] = 2.5;
+  EXPECT_TRUE(verdict(run).starts_with("unstable: ")) << verdict(run);
+  EXPECT_NE(verdict(run).find("; also user 0: device_command from a stranger 12"), std::string::npos) << verdict(run);
 }
 
 }  // namespace

@@ -237,7 +237,7 @@ TEST(RestingWorld, ARowThatSleptIsFeltAsOneThatDidNot) {
   asleep.cycle();
   EXPECT_EQ(asleep.world.asleep(), 10U);
   ASSERT_TRUE(asleep.run());
-  scene.settings.keep = kKeepAll;
+  scene.settings.keep_in(kKeepAll);
   CoupledRun awake(scene);
   ASSERT_TRUE(awake.run());
   EXPECT_EQ(awake.world.asleep(), 0U);
@@ -296,7 +296,7 @@ TEST_F(SleepingRow, SleepsAgainWhenTheHandHasGone) {
 // What sleeps keeps its share of the energy: coming and going may not look like work.
 TEST_F(SleepingRow, KeepsTheEnergyOfTheWorld) {
   Scene awake = scene;
-  awake.settings.keep = kKeepAll;
+  awake.settings.keep_in(kKeepAll);
   CoupledRun other(awake);
   for (int i = 0; i < 5; ++i) other.cycle();
   EXPECT_NEAR(run.world.potential_energy_j(), other.world.potential_energy_j(), 1e-3);

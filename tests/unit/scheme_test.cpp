@@ -62,11 +62,11 @@ TEST_P(ClosedScene, IsFeltWithoutError) {
   const Closed& c = GetParam();
   // What sleeps and wakes is solved from another first guess, and in `scatter` any difference grows.
   Scene whole = scene_of(c.scene, "direct", 1);
-  whole.settings.keep = kept(Saving::rest);
+  whole.settings.keep_in(kept(Saving::rest));
   CoupledRun reference(whole);
   ASSERT_TRUE(reference.run());
   Scene scene = scene_of(c.scene, c.scheme, c.ratio);
-  scene.settings.keep = kept(Saving::rest);
+  scene.settings.keep_in(kept(Saving::rest));
   scene.settings.world.substeps = c.ratio > 4 ? 4 : 1;
   scene.users[0].box_half_m = c.box_half_m;
   CoupledRun coupled(scene);

@@ -119,6 +119,8 @@ class Bullet final : public Engine {
     info.m_erp2 = scalar(kPushOutRatio);
     solver_.set_friction_forgotten(scalar(kFrictionForgotten_s));
     solver_.set_friction_relaxation(scalar(kFrictionRelaxation));
+    solver_.keep_frictionless(keeps(settings.keep, Saving::friction));
+    small_steps_.keep_frictionless(keeps(settings.keep, Saving::friction));
     // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.
     world_.setGravity(btVector3(0, 0, 0));
   }

@@ -91,14 +91,18 @@ void ContactSolver::prepare_pair(btPersistentManifold& manifold, const btContact
           .end = normals_.size(),
           .inverse_mass = Both{mover_a.inverse_mass, mover_b.inverse_mass},
           .friction = first.getFriction() * second.getFriction(),
+          .rubs = false,
           .penetrates = false};
+  pair.rubs = pair.friction > 0 || keeps_frictionless_;
   const PairState before = state_of(mover_a, mover_b);
   const btVector3 &centre_a = first.getWorldTransform().getOrigin(), &centre_b = second.getWorldTransform().getOrigin();
   for (int i = 0; i < manifold.getNumContacts(); ++i) {
     btManifoldPoint& point = manifold.getContactPoint(i);
     const Both3 arm = of_both(point.getPositionWorldOnA() - centre_a, point.getPositionWorldOnB() - centre_b);
     prepare_normal(point, arm, pair, before, info);
-    prepare_friction(point, arm, before, info.m_sor);
+    set_tangents(point);
+    Friction& friction = frictions_.emplace_back();
+    if (pair.rubs) prepare_friction(point, arm, before, info.m_sor, friction);
     pair.penetrates = pair.penetrates || pushes_.back().rhs != 0;
   }
   pair.end = normals_.size();
@@ -145,13 +149,15 @@ void ContactSolver::prepare_normal(const btManifoldPoint& point, const Both3& ar
   pushes_.push_back({distance > 0 ? btScalar(0) : -distance * info.m_erp2 * per_s * normal.step, 0});
 }
 
-void ContactSolver::prepare_friction(btManifoldPoint& point, const Both3& arm, const PairState& before,
-                                     btScalar relaxation) {
-  if (!(point.m_contactPointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED)) {
-    btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
-    point.m_contactPointFlags |= BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
-  }
-  auto& rows = frictions_.emplace_back().rows;
+void ContactSolver::set_tangents(btManifoldPoint& point) {
+  if (point.m_contactPointFlags & BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED) return;
+  btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
+  point.m_contactPointFlags |= BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
+}
+
+void ContactSolver::prepare_friction(const btManifoldPoint& point, const Both3& arm, const PairState& before,
+                                     btScalar relaxation, Friction& friction) {
+  auto& rows = friction.rows;
   rows[0] = make_row(point.m_lateralFrictionDir1, arm, before.inertia, relaxation);
   rows[1] = make_row(point.m_lateralFrictionDir2, arm, before.inertia, relaxation);
   // The two directions take equal steps: only then does what is drawn back to mu N point against the motion. The
@@ -172,6 +178,7 @@ void ContactSolver::prepare_friction(btManifoldPoint& point, const Both3& arm, c
 void ContactSolver::start_from_last_friction(btScalar part) {
   if (part <= 0) return;
   for (const Pair& pair : pairs_) {
+    if (!pair.rubs) continue;
     BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);
     for (std::size_t i = pair.begin; i < pair.end; ++i) {
       const btManifoldPoint& point = pair.manifold->getContactPoint(static_cast<int>(i - pair.begin));
@@ -212,6 +219,7 @@ ContactSolver::Active ContactSolver::solve_normals(Active active) {
 
 void ContactSolver::solve_friction() {
   for (const Pair& pair : pairs_) {
+    if (!pair.rubs) continue;
     BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);
     bool applied = false;
     for (std::size_t i = pair.begin; i < pair.end; ++i) {

@@ -35,6 +35,8 @@ class ContactSolver final : public btConstraintSolver {
   void set_friction_forgotten(btScalar forgotten_s) { friction_forgotten_s_ = forgotten_s; }
   /// What an iteration takes of each correction of friction, 0 to 2; those of normal impulses take Bullet's m_sor.
   void set_friction_relaxation(btScalar relaxation) { friction_relaxation_ = relaxation; }
+  /// Also contacts without friction get its rows, for comparison.
+  void keep_frictionless(bool keep) { keeps_frictionless_ = keep; }
 
   btScalar solveGroup(btCollisionObject** bodies, int body_count, btPersistentManifold** manifolds, int manifold_count,
                       btTypedConstraint** constraints, int constraint_count, const btContactSolverInfo& info,
@@ -64,6 +66,7 @@ class ContactSolver final : public btConstraintSolver {
     std::size_t begin, end;  ///< in normals_, frictions_ and pushes_
     Both inverse_mass;
     btScalar friction;  ///< mu, as given
+    bool rubs;          ///< friction has rows
     bool penetrates;
   };
 
@@ -77,7 +80,9 @@ class ContactSolver final : public btConstraintSolver {
   void prepare_pair(btPersistentManifold& manifold, const btContactSolverInfo& info);
   void prepare_normal(const btManifoldPoint& point, const Both3& arm, const Pair& pair, const PairState& before,
                       const btContactSolverInfo& info);
-  void prepare_friction(btManifoldPoint& point, const Both3& arm, const PairState& before, btScalar relaxation);
+  static void set_tangents(btManifoldPoint& point);
+  void prepare_friction(const btManifoldPoint& point, const Both3& arm, const PairState& before, btScalar relaxation,
+                        Friction& friction);
   void start_from_last_friction(btScalar part);
 
   /// Whether passes over the normals still change anything.
@@ -100,6 +105,7 @@ class ContactSolver final : public btConstraintSolver {
   std::vector<Push> pushes_;         ///< of normals_[i]
   btScalar friction_forgotten_s_ = 0;
   btScalar friction_relaxation_ = 1;
+  bool keeps_frictionless_ = false;
 };
 
 }  // namespace subworld::bullet

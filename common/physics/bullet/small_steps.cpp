@@ -111,7 +111,9 @@ void SmallStepSolver::prepare_pair(btPersistentManifold& manifold) {
           .end = points_.size(),
           .inverse_mass = Both{mover_a.inverse_mass, mover_b.inverse_mass},
           .friction = first.getFriction() * second.getFriction(),
-          .restitution = btManifoldResult::calculateCombinedRestitution(&first, &second)};
+          .restitution = btManifoldResult::calculateCombinedRestitution(&first, &second),
+          .rubs = false};
+  pair.rubs = pair.friction > 0 || keeps_frictionless_;
   const BothInertia inertia{pair.inverse_mass,
                             {of_both(mover_a.inverse_inertia[0], mover_b.inverse_inertia[0]),
                              of_both(mover_a.inverse_inertia[1], mover_b.inverse_inertia[1]),
@@ -120,14 +122,13 @@ void SmallStepSolver::prepare_pair(btPersistentManifold& manifold) {
   for (int i = 0; i < manifold.getNumContacts(); ++i) {
     const btManifoldPoint& point = manifold.getContactPoint(i);
     prepare_point(point, of_both(point.getPositionWorldOnA() - centre_a, point.getPositionWorldOnB() - centre_b),
-                  inertia);
+                  inertia, pair.rubs);
   }
   pair.end = points_.size();
 }
 
-void SmallStepSolver::prepare_point(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia) {
-  Point& p = points_.emplace_back();
-  p.normal = make_row(point.m_normalWorldOnB, arm, inertia, 1);
+void SmallStepSolver::prepare_friction(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia,
+                                       Point& p) {
   p.sides[0] = make_row(point.m_lateralFrictionDir1, arm, inertia, 1);
   p.sides[1] = make_row(point.m_lateralFrictionDir2, arm, inertia, 1);
   // The two directions take equal steps: only then does what is drawn back to mu N point against the motion.
@@ -135,6 +136,13 @@ void SmallStepSolver::prepare_point(const btManifoldPoint& point, const Both3& a
   const Both products = dot(p.sides[1].arm, p.sides[0].turn);
   const btScalar mixed = products[0] + products[1];
   p.sides[0].step = p.sides[1].step = 1 / ((first + second) / 2 + btSqrt(half * half + mixed * mixed));
+}
+
+void SmallStepSolver::prepare_point(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia,
+                                    bool rubs) {
+  Point& p = points_.emplace_back();
+  p.normal = make_row(point.m_normalWorldOnB, arm, inertia, 1);
+  if (rubs) prepare_friction(point, arm, inertia, p);
   // Within what rounding makes of places, contacts are rigid: a spring would follow the noise.
   const btVector3 place = point.getPositionWorldOnB().absolute();
   p.noise = kRounding * place[place.maxAxis()];
@@ -196,7 +204,7 @@ void SmallStepSolver::until_quiet(int most, btScalar enough, const Visit& visit)
 void SmallStepSolver::solve(Contacts as, int most, btScalar h, btScalar enough) {
   const Spring spring = spring_for(h);
   until_quiet(most, enough, [&](const Pair& pair, BothMotion& motion) {
-    solve_friction(pair, motion);
+    if (pair.rubs) solve_friction(pair, motion);
     return as == Contacts::springs ? solve_normals<Contacts::springs>(pair, spring, h, motion)
                                    : solve_normals<Contacts::rigid>(pair, spring, h, motion);
   });

@@ -33,6 +33,9 @@ class SmallStepSolver final : public btConstraintSolver {
  public:
   SmallStepSolver();
 
+  /// Also contacts without friction get its rows, for comparison.
+  void keep_frictionless(bool keep) { keeps_frictionless_ = keep; }
+
   /// In how many parts a step is taken.
   [[nodiscard]] static int parts(int iterations) { return iterations < 4 ? 1 : iterations / 2; }
 
@@ -65,6 +68,7 @@ class SmallStepSolver final : public btConstraintSolver {
     Both inverse_mass;
     btScalar friction;  ///< mu
     btScalar restitution;
+    bool rubs;  ///< friction has rows
   };
 
   /// A contact as a damped spring, implicit in a part. With w = 2 pi f, damping ratio z and length h:
@@ -81,7 +85,8 @@ class SmallStepSolver final : public btConstraintSolver {
 
   void prepare_motions();
   void prepare_pair(btPersistentManifold& manifold);
-  void prepare_point(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia);
+  void prepare_point(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia, bool rubs);
+  static void prepare_friction(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia, Point& p);
   /// Change of a velocity (m/s) that needs no further pass.
   [[nodiscard]] btScalar enough() const;
 
@@ -108,6 +113,7 @@ class SmallStepSolver final : public btConstraintSolver {
   std::vector<Pair> pairs_;
   std::vector<Point> points_;
   std::vector<std::uint8_t> busy_, busy_next_;  ///< of movers_[i]
+  bool keeps_frictionless_ = false;
 };
 
 /// Bullet's own world, which leaves it to a solver that moves bodies in parts of a step to do so. (To set them back by

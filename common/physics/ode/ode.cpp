@@ -13,6 +13,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdarg>
+#include <cstdio>
 #include <mutex>
 #include <utility>
 
@@ -47,9 +49,22 @@ constexpr int kCorrectionRounds = 8;  ///< of the position correction
 constexpr unsigned long kSeed = 1;
 constexpr double kEverywhere = 1e18;  ///< m, reach of a plane's bounds
 
+/// ODE ends the process where a number of its own is not finite; here the run ends with a word instead.
+void report_failure(int /*number*/, const char* format, va_list arguments) {
+  std::array<char, 200> text{};
+  std::vsnprintf(text.data(), text.size(), format, arguments);
+  throw Error(ExitCode::failed, fmt::format("ode: a state is no longer finite ({}); take shorter steps, preset quality "
+                                            "or another engine",
+                                            text.data()));
+}
+
 /// ODE keeps data for each thread; called wherever an engine may meet a new one.
 void enter_thread() {
-  static const int ready = dInitODE2(dInitFlagManualThreadCleanup);
+  static const int ready = [] {
+    dSetDebugHandler(report_failure);
+    dSetErrorHandler(report_failure);
+    return dInitODE2(dInitFlagManualThreadCleanup);
+  }();
   struct ThreadData {
     ThreadData() { dAllocateODEDataForThread(dAllocateMaskAll); }
     ~ThreadData() { dCleanupODEAllDataForThread(); }

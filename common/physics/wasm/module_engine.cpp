@@ -219,15 +219,19 @@ std::span<const Contact> ModuleEngine::contacts_with_friction() {
 }
 
 void ModuleEngine::estimate_friction() {
+  friction_.clear();
+  for (const Contact& c : found_) {
+    friction_.push_back(std::sqrt(slots_[index(c.a)].friction * slots_[index(c.b)].friction));
+  }
+  if (!keeps_frictionless_ && std::ranges::all_of(friction_, [](double mu) { return mu == 0.0; })) {
+    for (Contact& c : found_) c.tangential_impulse.setZero();
+    return;
+  }
   changes_.assign(slots_.size(), {});
   for (const std::uint32_t id : movable_) {
     const Stepped& step = stepped_[id];
     changes_[id] = open_change(step.mass, step.inertia, slots_[id].rotates, step.loaded);
     close(changes_[id], slots_[id].after);
-  }
-  friction_.clear();
-  for (const Contact& c : found_) {
-    friction_.push_back(std::sqrt(slots_[index(c.a)].friction * slots_[index(c.b)].friction));
   }
   estimate_.estimate(changes_, friction_, found_);
 }

@@ -64,7 +64,10 @@ class ModuleEngine : public Engine {
 
   /// `longest_substep_s`: step() divides its dt until no part is longer.
   ModuleEngine(const EngineSettings& settings, double longest_substep_s)
-      : gravity_(settings.gravity), fixed_substeps_(settings.substeps), longest_substep_s_(longest_substep_s) {}
+      : gravity_(settings.gravity),
+        fixed_substeps_(settings.substeps),
+        longest_substep_s_(longest_substep_s),
+        keeps_frictionless_(keeps(settings.keep, Saving::friction)) {}
 
   [[nodiscard]] virtual wasm_rt_memory_t& memory() const = 0;
   /// Makes the body in the module, in the pose of `state`, and sets the slot's handles.
@@ -122,6 +125,7 @@ class ModuleEngine : public Engine {
   Vec3 gravity_;
   std::optional<int> fixed_substeps_;
   double longest_substep_s_;
+  bool keeps_frictionless_;              ///< for comparison
   std::uint64_t count_ = 0;              ///< bodies
   std::vector<std::uint32_t> movable_;   ///< ids, in the order of adding
   double reach_ = 0.05;                  ///< m

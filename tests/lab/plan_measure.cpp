@@ -1,0 +1,157 @@
+#include "lab/plan_measure.hpp"
+
+#include "lab/apart.hpp"
+#include "lab/coupled_run.hpp"
+#include "lab/cpu_time.hpp"
+#include "lab/measure.hpp"
+#include "lab/sweep.hpp"
+#include "model/error.hpp"
+#include "wire/codec.hpp"
+
+#include <fmt/format.h>
+#include <malloc.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+
+namespace subworld {
+
+namespace {
+
+constexpr double kMost_s = 600.0;  ///< for a run
+constexpr double kNone = NAN;
+
+/// The figures that are compared, and the columns of their ratios.
+struct Figure {
+  const char* key;
+  const char* ratio;
+};
+constexpr std::array kFigures{Figure{"world_cpu_s", "world_cpu_ratio"}, Figure{"haptic_cpu_s", "haptic_cpu_ratio"},
+                              Figure{"bytes_per_cycle", "bytes_ratio"}, Figure{"memory_bytes", "memory_ratio"},
+                              Figure{"start_cpu_s", "start_ratio"}};
+
+double allocated_bytes() {
+  const struct mallinfo2 heap = mallinfo2();
+  return static_cast<double>(heap.uordblks + heap.hblkhd);
+}
+
+double sum_s(const Histogram& times) { return times.mean_s() * static_cast<double>(times.count()); }
+
+std::uint64_t hash_of(const CoupledRun& run) {
+  std::uint64_t hash = run.world.state_hash();
+  for (const FeltHistory& felt : run.felt) {
+    for (const Vec3& force : felt.hand) {
+      for (int i = 0; i < 3; ++i) hash = (hash ^ std::bit_cast<std::uint64_t>(force[i])) * 0x100000001b3ULL;
+    }
+  }
+  return hash;
+}
+
+/// In a process of its own.
+Json figures_of(const Scene& scene) {
+  const double before_bytes = allocated_bytes(), before_s = thread_cpu_s();
+  CoupledRun run(scene);
+  const double start_s = thread_cpu_s() - before_s;
+  Codec<WorldFrame> frames;
+  Codec<HapticReport> reports;
+  double bytes = 0.0;
+  std::uint64_t cycles = 0;
+  while (run.finite() && run.world.time_s() < scene.settings.duration_s - 1e-9) {
+    run.cycle();
+    for (std::size_t u = 0; u < run.subs.size(); ++u) {
+      bytes += static_cast<double>(frames.encode(run.frame(u)).size() + reports.encode(run.report(u)).size());
+    }
+    ++cycles;
+  }
+  if (!run.finite()) throw Error(ExitCode::failed, "a state is not finite");
+  Json felt = Json::array();
+  for (const FeltHistory& user : run.felt) {
+    Json forces = Json::array();
+    for (const Vec3& f : user.force) forces.insert(forces.end(), {f.x(), f.y(), f.z()});
+    felt.push_back(std::move(forces));
+  }
+  return {{"world_cpu_s", sum_s(run.cpu.world)},
+          {"haptic_cpu_s", sum_s(run.cpu.haptic) + sum_s(run.cpu.synchronise)},
+          {"bytes_per_cycle", cycles == 0 ? 0.0 : bytes / static_cast<double>(cycles)},
+          {"memory_bytes", allocated_bytes() - before_bytes},
+          {"start_cpu_s", start_s},
+          {"hash", fmt::format("{:016x}", hash_of(run))},
+          {"felt", std::move(felt)}};
+}
+
+Json run_apart(const PlanPoint& point, const Scene& scene) {
+  const Apart run = apart(kMost_s, [&] { return figures_of(scene); });
+  if (!run.answer) {
+    throw Error(ExitCode::failed, fmt::format("{}, {} {}: the run ended with {}", point.scene, point.item,
+                                              scene.settings.keep == kKeepNothing ? "left out" : "kept in", run.end));
+  }
+  return *run.answer;
+}
+
+void keep_least(Json& best, const Json& run) {
+  for (const Figure& figure : kFigures) best[figure.key] = std::min(number(best, figure.key), number(run, figure.key));
+}
+
+std::vector<FeltHistory> felt_of(const Json& run) {
+  std::vector<FeltHistory> felt;
+  for (const Json& forces : run.at("felt")) {
+    FeltHistory& user = felt.emplace_back();
+    for (std::size_t i = 0; i + 2 < forces.size(); i += 3)
+      user.force.emplace_back(forces[i].get<double>(), forces[i + 1].get<double>(), forces[i + 2].get<double>());
+  }
+  return felt;
+}
+
+/// Of the item, or of the first that is left out of all.
+Decision decision_of(const Scene& scene, const std::string& item) {
+  Decision first{false, false, "nothing is left out"};
+  for (const PlannedItem& planned : plan_of(scene)) {
+    if (item != "all" && planned.item->name != item) continue;
+    if (planned.decision.left_out && !planned.decision.ordered) {
+      return item == "all" ? Decision{true, false, "all that the plan leaves out"} : planned.decision;
+    }
+    if (item != "all") first = planned.decision;
+  }
+  return first;
+}
+
+}  // namespace
+
+Json measured_plan_row(const PlanPoint& point, int repeats) {
+  const Scene without = point.load();
+  const Decision decision = decision_of(without, point.item);
+  Json row = {
+      {"scene", point.scene}, {"item", point.item}, {"left_out", decision.left_out}, {"reason", decision.because}};
+  for (const Figure& figure : kFigures) row[figure.ratio] = kNone;
+  row.update({{"hash_equal", true}, {"force_difference_rms", 0.0}, {"reference_floor", kNone}, {"held", true}});
+  if (!decision.left_out) return row;
+
+  Scene with = without;
+  with.settings.keep_in(parse_kept({point.item}));
+  Json out = run_apart(point, without), kept = run_apart(point, with);
+  for (int i = 1; i < repeats; ++i) {
+    keep_least(out, run_apart(point, without));
+    keep_least(kept, run_apart(point, with));
+  }
+  for (const Figure& figure : kFigures) {
+    row[figure.ratio] = number(out, figure.key) / number(kept, figure.key);
+    row[fmt::format("{}_kept", figure.key)] = kept.at(figure.key);
+  }
+  row["hash_equal"] = out.at("hash") == kept.at("hash");
+  if (row.at("hash_equal").get<bool>()) return row;
+  const double difference = force_error(felt_of(out), felt_of(kept), without.settings.h_s).rms;
+  row["force_difference_rms"] = difference;
+  if (difference == 0.0) return row;
+  const Apart floor = apart(kMost_s, [&]() -> Json {
+    const std::optional<Reference> reference = reference_of(in_one_world(with));
+    return reference ? Json(reference->floor) : Json(nullptr);
+  });
+  row["reference_floor"] = floor.answer.value_or(nullptr);
+  // Where nothing is felt there is nothing to compare.
+  row["held"] = !std::isfinite(difference) || difference <= number(row, "reference_floor");
+  return row;
+}
+
+}  // namespace subworld
