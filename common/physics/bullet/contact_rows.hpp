@@ -88,6 +88,15 @@ struct Motion {
   btScalar angular[3] = {};
 };
 
+inline Motion sum(const Motion& a, const Motion& b, btScalar times = 1) {
+  Motion both;
+  for (int i = 0; i < 3; ++i) {
+    both.linear[i] = a.linear[i] + times * b.linear[i];
+    both.angular[i] = a.angular[i] + times * b.angular[i];
+  }
+  return both;
+}
+
 inline BothMotion gather(const Motion& a, const Motion& b) {
   return {{Both{a.linear[0], -b.linear[0]}, Both{a.linear[1], -b.linear[1]}, Both{a.linear[2], -b.linear[2]}},
           {Both{a.angular[0], -b.angular[0]}, Both{a.angular[1], -b.angular[1]}, Both{a.angular[2], -b.angular[2]}}};

@@ -2,6 +2,8 @@
 
 #include <LinearMath/btTransformUtil.h>
 
+#include <algorithm>
+
 namespace subworld::bullet {
 
 namespace {
@@ -53,15 +55,43 @@ btScalar ContactSolver::solveGroup(btCollisionObject** bodies, int body_count, b
   for (int i = 0; i < manifold_count; ++i) prepare_pair(*manifolds[i], info);
   start_from_last_friction(1 - friction_forgotten_s_ / info.m_timeStep);
 
-  Active active;
-  for (int i = 0; i < info.m_numIterations && (active.pushes || active.impulses); ++i) {
+  iterate(info.m_numIterations, {});
+  limit_bounces(info.m_numIterations);
+  write_impulses();
+  write_motions(info);
+  return 0;
+}
+
+void ContactSolver::iterate(int most, Active active) {
+  for (int i = 0; i < most && (active.pushes || active.impulses); ++i) {
     const bool friction = active.impulses;
     active = solve_normals(active);
     if (friction) solve_friction();
   }
-  write_impulses();
-  write_motions(info);
-  return 0;
+}
+
+void ContactSolver::limit_bounces(int most) {
+  const auto bounces = [](const Normal& row) { return row.bounce != 0; };
+  if (std::ranges::none_of(normals_, bounces)) return;
+  bounce_limit_.begin(movers_);
+  for (const Pair& pair : pairs_) {
+    const auto rows = std::span(normals_).subspan(pair.begin, pair.end - pair.begin);
+    bounce_limit_.join(pair.a, pair.b, std::ranges::any_of(rows, bounces));
+  }
+  before_.assign(movers_.size(), Motion{});
+  for (std::size_t i = kFixed + 1; i < movers_.size(); ++i)
+    before_[i] = sum(motion_of(movers_[i]), by_loads(movers_[i]));
+  after_.resize(movers_.size());
+  for (int tries = 1; tries <= BounceLimit::kMostTries; ++tries) {
+    for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) after_[i] = sum(before_[i], motions_[i]);
+    if (!bounce_limit_.lower(before_, after_, tries == BounceLimit::kMostTries)) return;
+    for (const Pair& pair : pairs_) {
+      const btScalar part = bounce_limit_.part(pair.a, pair.b);
+      for (std::size_t i = pair.begin; i < pair.end; ++i)
+        normals_[i].rhs = normals_[i].plastic + part * normals_[i].bounce;
+    }
+    iterate(most, {.pushes = false, .impulses = true});
+  }
 }
 
 ContactSolver::PairState ContactSolver::state_of(const Mover& a, const Mover& b) {
@@ -120,12 +150,13 @@ void ContactSolver::prepare_normal(const btManifoldPoint& point, const Both3& ar
   const btVector3& axis = point.m_normalWorldOnB;
   const btScalar distance = point.getDistance(), restitution = point.m_combinedRestitution;
   const btScalar per_s = btScalar(1) / info.m_timeStep;
-  Normal normal{make_row(axis, arm, before.inertia, info.m_sor), pair.friction, false};
+  Normal normal{make_row(axis, arm, before.inertia, info.m_sor), 0, 0, pair.friction, false};
   normal.impulse = point.m_appliedImpulse;
 
   const Both speeds = linear_speed(normal, before.motion) + angular_speed(normal, before.motion);
   const btScalar speed = speeds[0] + speeds[1];
   btScalar wanted = -speed;
+  normal.plastic = (wanted - (distance > 0 ? distance * per_s : btScalar(0))) * normal.step;
   if (restitution > 0) {
     const Mover &a = movers_[pair.a], &b = movers_[pair.b];
     const auto velocity = [](const Mover& mover, const Both3& at, int which) {
@@ -145,6 +176,7 @@ void ContactSolver::prepare_normal(const btManifoldPoint& point, const Both3& ar
     const btScalar to_touch = distance / info.m_timeStep;
     normal.rhs += (approach > to_touch ? to_touch : -restitution * approach) * normal.step;
   }
+  normal.bounce = restitution > 0 ? normal.rhs - normal.plastic : btScalar(0);
   normals_.push_back(normal);
   pushes_.push_back({distance > 0 ? btScalar(0) : -distance * info.m_erp2 * per_s * normal.step, 0});
 }

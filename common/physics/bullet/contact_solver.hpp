@@ -1,5 +1,6 @@
 #pragma once
 
+#include "bounce_limit.hpp"
 #include "contact_rows.hpp"
 #include "movers.hpp"
 
@@ -46,6 +47,8 @@ class ContactSolver final : public btConstraintSolver {
 
  private:
   struct Normal : Row {
+    btScalar plastic;   ///< rhs without restitution
+    btScalar bounce;    ///< what restitution adds to it
     btScalar friction;  ///< mu
     bool held;          ///< some of the friction is not 0
   };
@@ -91,11 +94,16 @@ class ContactSolver final : public btConstraintSolver {
     bool impulses = true;
   };
   Active solve_normals(Active active);
+  void iterate(int most, Active active);
+  void limit_bounces(int most);
   void solve_friction();
 
   void write_impulses() const;
   void write_motions(const btContactSolverInfo& info);
 
+  BounceLimit bounce_limit_;
+  std::vector<Motion> before_;   ///< velocities of movers_[i], with what forces add in this step
+  std::vector<Motion> after_;    ///< with what impulses add too
   std::vector<Mover> movers_;    ///< the first stands for all fixed bodies
   std::vector<Motion> motions_;  ///< what impulses have changed of movers_[i]
   std::vector<Motion> pushed_;   ///< what pushes move movers_[i] by, as a velocity for the length of the step

@@ -23,4 +23,14 @@ std::size_t mover_of(const btCollisionObject& body) {
   return body.getCompanionId() > 0 ? static_cast<std::size_t>(body.getCompanionId()) : kFixed;
 }
 
+Motion motion_of(const Mover& mover) {
+  const btVector3 &linear = mover.body->getLinearVelocity(), &angular = mover.body->getAngularVelocity();
+  return {{linear.x(), linear.y(), linear.z()}, {angular.x(), angular.y(), angular.z()}};
+}
+
+Motion by_loads(const Mover& mover) {
+  const btVector3 &linear = mover.by_force, &angular = mover.by_torque;
+  return {{linear.x(), linear.y(), linear.z()}, {angular.x(), angular.y(), angular.z()}};
+}
+
 }  // namespace subworld::bullet

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "contact_rows.hpp"
+
 #include <btBulletDynamicsCommon.h>
 
 #include <cstddef>
@@ -26,6 +28,10 @@ inline constexpr std::size_t kFixed = 0;  ///< number of the mover that stands f
 void list_movers(std::span<btCollisionObject* const> bodies, btScalar dt, std::vector<Mover>& movers);
 /// That number.
 [[nodiscard]] std::size_t mover_of(const btCollisionObject& body);
+
+/// Its velocities, and what forces and torques add to them in a step.
+[[nodiscard]] Motion motion_of(const Mover& mover);
+[[nodiscard]] Motion by_loads(const Mover& mover);
 
 inline btVector3 vector(const btScalar (&v)[3]) { return {v[0], v[1], v[2]}; }
 

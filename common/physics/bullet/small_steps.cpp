@@ -66,7 +66,7 @@ btScalar SmallStepSolver::solveGroup(btCollisionObject** bodies, int body_count,
       for (int k = 0; k < 2; ++k) p.across[k] += p.sides[k].impulse;
     }
   }
-  bounce(info.m_restitutionVelocityThreshold, change);
+  bounce_within_energy(count, info.m_restitutionVelocityThreshold, change);
   write_impulses();
   write_motions(info);
   return 0;
@@ -80,10 +80,7 @@ SmallStepSolver::Spring SmallStepSolver::spring_for(btScalar h) {
 
 void SmallStepSolver::prepare_motions() {
   motions_.assign(kFixed + 1, Motion{});
-  for (const Mover& mover : std::span(movers_).subspan(kFixed + 1)) {
-    const btVector3 &linear = mover.body->getLinearVelocity(), &angular = mover.body->getAngularVelocity();
-    motions_.push_back({{linear.x(), linear.y(), linear.z()}, {angular.x(), angular.y(), angular.z()}});
-  }
+  for (const Mover& mover : std::span(movers_).subspan(kFixed + 1)) motions_.push_back(motion_of(mover));
   moved_.assign(movers_.size(), Motion{});
 }
 
@@ -271,15 +268,40 @@ void SmallStepSolver::move(btScalar h) {
 }
 
 // Newton's restitution, of the speed before the step. What bounces does not start the next step with this blow.
+void SmallStepSolver::bounce_within_energy(int parts, btScalar threshold, btScalar enough) {
+  const auto bounces = [&](const Pair& pair) {
+    const auto points = std::span(points_).subspan(pair.begin, pair.end - pair.begin);
+    const auto met = [&](const Point& p) { return p.met <= -threshold && p.total != 0; };
+    return pair.restitution > 0 && std::ranges::any_of(points, met);
+  };
+  if (std::ranges::none_of(pairs_, bounces)) return;
+  bounce_limit_.begin(movers_);
+  for (const Pair& pair : pairs_) bounce_limit_.join(pair.a, pair.b, bounces(pair));
+  before_.resize(movers_.size());
+  for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) {
+    before_[i] = sum(motion_of(movers_[i]), by_loads(movers_[i]), btScalar(parts));
+  }
+  plastic_ = motions_;
+  plastic_points_ = points_;
+  for (int tries = 1; tries <= BounceLimit::kMostTries + 1; ++tries) {
+    bounce(threshold, enough);
+    if (tries > BounceLimit::kMostTries || !bounce_limit_.lower(before_, motions_, tries == BounceLimit::kMostTries))
+      return;
+    motions_ = plastic_;
+    points_ = plastic_points_;
+  }
+}
+
 void SmallStepSolver::bounce(btScalar threshold, btScalar enough) {
   until_quiet(kMostRigidPasses, enough, [&](const Pair& pair, BothMotion& motion) {
     btScalar change = 0;
     if (pair.restitution == 0) return change;
+    const btScalar restitution = bounce_limit_.part(pair.a, pair.b) * pair.restitution;
     for (std::size_t i = pair.begin; i < pair.end; ++i) {
       Point& p = points_[i];
       if (p.met > -threshold || p.total == 0) continue;
       p.bounced = true;
-      const btScalar missing = -pair.restitution * p.met - speed_of(p.normal, motion);
+      const btScalar missing = -restitution * p.met - speed_of(p.normal, motion);
       const btScalar by = btMax(missing * p.normal.step, -p.normal.impulse);
       p.normal.impulse += by;
       p.total += by;

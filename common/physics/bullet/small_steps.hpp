@@ -1,5 +1,6 @@
 #pragma once
 
+#include "bounce_limit.hpp"
 #include "contact_points.hpp"
 #include "contact_rows.hpp"
 #include "movers.hpp"
@@ -98,6 +99,8 @@ class SmallStepSolver final : public btConstraintSolver {
   template <Contacts kAs>
   btScalar solve_normals(const Pair& pair, const Spring& spring, btScalar h, BothMotion& motion);
   void move(btScalar h);
+  /// With restitution, so much of it that it wins no energy over the step of so many `parts`.
+  void bounce_within_energy(int parts, btScalar threshold, btScalar enough);
   void bounce(btScalar threshold, btScalar enough);
   /// Calls `visit(pair, motion)`, which returns the largest change of a velocity, for every pair, and then, `most`
   /// times in all, for those whose bodies changed by more than `enough`.
@@ -107,9 +110,13 @@ class SmallStepSolver final : public btConstraintSolver {
   void write_impulses() const;
   void write_motions(const btContactSolverInfo& info);
 
-  std::vector<Mover> movers_;    ///< the first stands for all fixed bodies
-  std::vector<Motion> motions_;  ///< velocities
-  std::vector<Motion> moved_;    ///< since the step began, m and rad
+  BounceLimit bounce_limit_;
+  std::vector<Motion> before_;         ///< velocities before the step, with what forces add in it
+  std::vector<Motion> plastic_;        ///< motions_ before bounces
+  std::vector<Point> plastic_points_;  ///< points_ before bounces
+  std::vector<Mover> movers_;          ///< the first stands for all fixed bodies
+  std::vector<Motion> motions_;        ///< velocities
+  std::vector<Motion> moved_;          ///< since the step began, m and rad
   std::vector<Pair> pairs_;
   std::vector<Point> points_;
   std::vector<std::uint8_t> busy_, busy_next_;  ///< of movers_[i]

@@ -1,0 +1,73 @@
+#include "bounce_limit.hpp"
+
+#include <numeric>
+
+namespace subworld::bullet {
+
+namespace {
+
+constexpr btScalar kRounding = btScalar(1e-5);  ///< of the energy, that is no gain
+constexpr btScalar kBeyond = btScalar(0.02);    ///< of a correction, so that few tries remain just above
+
+}  // namespace
+
+btScalar kinetic_energy(const Mover& mover, const Motion& motion) {
+  if (mover.body == nullptr || mover.inverse_mass == 0) return 0;
+  btScalar twice = vector(motion.linear).length2() / mover.inverse_mass;
+  if (mover.inverse_inertia.determinant() != 0) {
+    const btVector3 spin = vector(motion.angular);
+    twice += spin.dot(mover.inverse_inertia.inverse() * spin);
+  }
+  return twice / 2;
+}
+
+void BounceLimit::begin(std::span<const Mover> movers) {
+  movers_ = movers;
+  any_ = false;
+  parents_.resize(movers.size());
+  std::iota(parents_.begin(), parents_.end(), 0U);
+  islands_.assign(movers.size(), {});
+}
+
+std::size_t BounceLimit::root(std::size_t i) noexcept {
+  while (parents_[i] != i) i = parents_[i] = parents_[parents_[i]];
+  return i;
+}
+
+void BounceLimit::join(std::size_t a, std::size_t b, bool bounces) {
+  // What is fixed joins nothing.
+  const std::size_t one = root(a == kFixed ? b : a), other = root(b == kFixed ? a : b);
+  islands_[one].bounces |= bounces || islands_[other].bounces;
+  parents_[other] = static_cast<std::uint32_t>(one);
+  any_ |= bounces;
+}
+
+bool BounceLimit::lower(std::span<const Motion> before, std::span<const Motion> after, bool last) {
+  for (Island& island : islands_) island.had_j = island.gain_j = 0;
+  for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) {
+    Island& island = islands_[root(i)];
+    if (!island.bounces) continue;
+    const btScalar had_j = kinetic_energy(movers_[i], before[i]);
+    island.had_j += had_j;
+    island.gain_j += kinetic_energy(movers_[i], after[i]) - had_j;
+  }
+  bool any = false;
+  for (Island& island : islands_) {
+    if (!island.bounces || island.part == 0 || island.gain_j <= kRounding * island.had_j) continue;
+    any = true;
+    // Before a second try: as if without bounce nothing were left.
+    const btScalar from = island.tried ? island.last_part : btScalar(0);
+    const btScalar from_j = island.tried ? island.last_gain_j : -island.had_j;
+    const btScalar slope = (island.gain_j - from_j) / (island.part - from);
+    const btScalar next = slope > 0 ? island.part - (1 + kBeyond) * island.gain_j / slope : btScalar(0);
+    island.last_part = island.part;
+    island.last_gain_j = island.gain_j;
+    island.tried = true;
+    island.part = last ? btScalar(0) : btMax(btScalar(0), next);
+  }
+  return any;
+}
+
+btScalar BounceLimit::part(std::size_t a, std::size_t b) noexcept { return islands_[root(a == kFixed ? b : a)].part; }
+
+}  // namespace subworld::bullet
