@@ -1,5 +1,7 @@
 #include "gates.hpp"
 
+#include "coupling/oscillation.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -80,12 +82,26 @@ Gate machine_gate(const std::string& who, const Json& haptic, double periods, co
   return gate;
 }
 
+/// Whether the energy that the hand gets is bounded.
+bool passivity_acts(const Json& summary, const Json& user) {
+  for (const Json& item : summary["settings"].value("plan", Json::array())) {
+    if (item["item"] == "passivity" && item["user"] == user) return !item["left_out"].get<bool>();
+  }
+  return false;
+}
+
+const char* cure_of(const Json& spec) {
+  return spec["kind"] == "admittance" ? "a heavier proxy, less delay or a smaller --ratio"
+                                      : "a lower coupling stiffness_n_m, less delay or a smaller --ratio";
+}
+
 /// Energy that a hand was given and that neither it nor the bodies had.
-Gate energy_gate(const std::string& who, const Json& haptic, const Json& device, const Json& world) {
+Gate energy_gate(const std::string& who, const Json& haptic, const Json& device, const Json& spec,
+                 const Json& summary) {
   const Json& energy = device["hand_energy"];
   const double work_j = haptic["device_work_j"].get<double>();
   const double allowed_j =
-      world["released_j"].get<double>() + std::max(kLeastEnergy_j, kUnexplainedRatio * std::abs(work_j));
+      summary["world"]["released_j"].get<double>() + std::max(kLeastEnergy_j, kUnexplainedRatio * std::abs(work_j));
   return {who + "created energy at the hand",
           energy["created_j"].get<double>(),
           allowed_j,
@@ -93,9 +109,27 @@ Gate energy_gate(const std::string& who, const Json& haptic, const Json& device,
           "J",
           1.0,
           Culprit::unstable,
-          fmt::format("the hand was given energy that nobody had put in (at least {:.3g} J net): a lower coupling "
-                      "stiffness_n_m, less delay, a smaller --ratio, or --passivity on",
-                      energy["least_j"].get<double>())};
+          fmt::format("neither the hand nor the bodies had it: {}{}", cure_of(spec),
+                      passivity_acts(summary, haptic["user"]) ? "" : ", or --passivity on")};
+}
+
+/// An admittance device that its proxy leaves behind: nothing holds the proxy any more.
+Gate runaway_gate(const std::string& who, const Json& haptic, const Json& spec, const Json& summary) {
+  constexpr double kFree_m = 0.1, kRounds = 2.0;
+  const Json& delay = summary["settings"]["delay"];
+  double late_s = summary["h_s"].get<double>() * summary["ratio_most"].get<double>();
+  for (const char* way : {"up_s", "down_s", "from_device_s", "to_device_s", "jitter_s"})
+    late_s += delay[way].get<double>();
+  const double speed_m_s = spec["speed_limit_m_s"].get<double>();
+  return {who + "distance between proxy and device",
+          haptic["proxy_apart_max_m"].get<double>(),
+          kFree_m + kRounds * late_s * speed_m_s,
+          true,
+          "m",
+          1.0,
+          Culprit::unstable,
+          fmt::format("the proxy ran away from its device, which moves at most at {:g} m/s: {}{}", speed_m_s,
+                      cure_of(spec), passivity_acts(summary, haptic["user"]) ? "" : ", or --passivity on")};
 }
 
 /// Energy that the bodies gained and that neither hands nor their own fall had. What an engine gains and loses in
@@ -120,9 +154,12 @@ Gate world_energy_gate(const Json& summary) {
               : "nobody put it in: a smaller --ratio, --preset quality, or another --engine"};
 }
 
-Gate oscillation_gate(const std::string& who, const Json& device, double force_limit_n) {
+Gate oscillation_gate(const std::string& who, const Json& device, double force_limit_n, double simulated_s) {
+  constexpr double kLeast_s = OscillationWatch::kBlock_s * (1.0 + OscillationWatch::kLasting);
   return {
-      who + "oscillation of the force",
+      fmt::format(
+          "{}oscillation of the force{}", who,
+          simulated_s < kLeast_s ? fmt::format(" (a run of less than {:g} s is too short to tell)", kLeast_s) : ""),
       device["oscillation_n"].get<double>(),
       kOscillationRatio * force_limit_n,
       true,
@@ -184,6 +221,7 @@ Json to_json(const Gate& gate) {
             {"at_most", gate.at_most},
             {"unit", gate.scale == 100.0 ? "ratio"
                      : gate.scale == 1e3 ? "s"
+                     : *gate.unit        ? gate.unit
                                          : "1"},
             {"ok", gate.ok()},
             {"warning", !gate.ok() && !gate.spoils_verdict()}};
@@ -206,8 +244,10 @@ std::vector<Gate> gates(const Json& summary) {
     const Json& spec = summary["settings"]["users"][haptic["user"].get<std::size_t>()]["device"];
     add_stranger_gates(all, who, haptic["refused"]);
     add_stranger_gates(all, who, device["refused"]);
-    all.push_back(energy_gate(who, haptic, device, summary["world"]));
-    all.push_back(oscillation_gate(who, device, spec["force_limit_n"].get<double>()));
+    if (spec["kind"] == "admittance") all.push_back(runaway_gate(who, haptic, spec, summary));
+    all.push_back(energy_gate(who, haptic, device, spec, summary));
+    all.push_back(
+        oscillation_gate(who, device, spec["force_limit_n"].get<double>(), summary["simulated_s"].get<double>()));
     if (realtime) {
       const double periods = std::max(1.0, haptic["steps"].get<double>() + haptic["skipped_steps"].get<double>());
       const std::string why_us = why_we_missed(haptic, h_s);
@@ -269,9 +309,13 @@ std::string verdict_of(const std::vector<Gate>& gates, const Json& summary) {
     late += haptic["missed_by_machine"].get<std::uint64_t>();
     periods += haptic["steps"].get<std::uint64_t>() + haptic["skipped_steps"].get<std::uint64_t>();
   }
-  if (late == 0) return "ok";
-  return fmt::format("ok; the machine itself was late {} time{} in {} steps ({})", late, late == 1 ? "" : "s", periods,
-                     calibration_text(summary));
+  std::string text = "ok";
+  for (const Gate& gate : gates) {
+    if (!gate.ok()) text += fmt::format("; {} {:.4g} {}", gate.name, gate.scale * gate.value, gate.unit);
+  }
+  if (late == 0) return text;
+  return text + fmt::format("; the machine itself was late {} time{} in {} steps ({})", late, late == 1 ? "" : "s",
+                            periods, calibration_text(summary));
 }
 
 }  // namespace subworld

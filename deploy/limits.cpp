@@ -176,16 +176,63 @@ void warn_of_speed(const Scene& scene, const Place& at, std::vector<std::string>
 }
 
 /// A wall is the hardest that a coupling can meet.
-void warn_of_stiffness(const UserSpec& user, const Settings& settings, std::vector<std::string>& out) {
+void warn_of_stiffness(const UserSpec& user, const Settings& settings, bool bound, std::vector<std::string>& out) {
   if (user.device.kind != DeviceKind::impedance) return;
   const double most_n_m = largest_stiffness(user, settings);
   const double wanted_n_m = user.coupling.stiffness_n_m;
   if (wanted_n_m <= most_n_m) return;
+  const std::string bounded = bound ? ", or expect the passivity bound to soften it" : "";
+  if (most_n_m == 0.0) {
+    out.push_back(fmt::format(
+        "{}: coupling.damping_n_s_m {:g} alone makes the device ({:g} kg, {:g} N s/m) swing in a wall at this rate and "
+        "delay, whatever the stiffness. Lower it first, shorten h_s or the delay{}",
+        user.name, user.coupling.damping_n_s_m, user.device.mass_kg, user.device.damping_n_s_m, bounded));
+    return;
+  }
   out.push_back(fmt::format(
       "{}: coupling.stiffness_n_m {:g} is more than a wall can have at this rate and delay before the device ({:g} kg, "
-      "{:g} N s/m) swings: {:.3g} N/m at most with a damping of {:g} N s/m. Lower it, shorten h_s or the delay, or "
-      "expect the passivity bound to soften it",
-      user.name, wanted_n_m, user.device.mass_kg, user.device.damping_n_s_m, most_n_m, user.coupling.damping_n_s_m));
+      "{:g} N s/m) swings: {:.3g} N/m at most with a damping of {:g} N s/m. Lower it, shorten h_s or the delay{}",
+      user.name, wanted_n_m, user.device.mass_kg, user.device.damping_n_s_m, most_n_m, user.coupling.damping_n_s_m,
+      bounded));
+}
+
+/// What engine bullet finds in contact at the start: bodies that overlap, and bodies at rest that nothing holds.
+void warn_of_the_start(const Scene& scene, std::vector<std::string>& out) {
+  constexpr std::size_t kMostBodies = 5000;  // more take too long for a warning
+  constexpr double kDeep = 0.05;             // of the thinner one's thickness
+  constexpr double kInstant_s = 1e-6;
+  if (scene.bodies.size() > kMostBodies) return;
+  EngineSettings settings;
+  settings.gravity = scene.settings.world.gravity;
+  const auto engine = make_engine(settings, scene.meshes);
+  for (const Body& body : scene.bodies) {
+    const bool later = std::ranges::any_of(
+        scene.users, [&](const UserSpec& user) { return user.joins_late && user.proxy == body.id; });
+    if (!later) engine->add(body, scene.initial[index(body.id)]);
+  }
+  engine->step(kInstant_s);
+  const Contact* deepest = nullptr;
+  std::vector<bool> touches(scene.bodies.size());
+  for (const Contact& c : engine->contacts()) {
+    touches[index(c.a)] = touches[index(c.b)] = true;
+    const double thin_m =
+        std::min(thickness(scene.body(c.a).shape, scene.meshes), thickness(scene.body(c.b).shape, scene.meshes));
+    if (-c.distance > kDeep * thin_m && (!deepest || c.distance < deepest->distance)) deepest = &c;
+  }
+  if (deepest) {
+    out.push_back(
+        fmt::format("{} and {} overlap by {:.2g} m at the start: engines push them apart, which may throw them. "
+                    "Move one of them",
+                    scene.body(deepest->a).name, scene.body(deepest->b).name, -deepest->distance));
+  }
+  const auto hangs = std::ranges::find_if(
+      scene.bodies, [&](const Body& body) { return body.at_rest && body.gravity && !touches[index(body.id)]; });
+  if (hangs != scene.bodies.end()) {
+    out.push_back(
+        fmt::format("{} is at_rest and touches nothing: it hangs in the air until something comes near. Lower "
+                    "it, or leave at_rest out",
+                    hangs->name));
+  }
 }
 
 constexpr int kMostParticipants = 32;  // of one domain on one host, as the back ends number them
@@ -223,7 +270,10 @@ std::vector<std::string> beyond_limits(const Scene& scene) {
     warn_of_heavy_on_light(scene, at, out);
     warn_of_speed(scene, at, out);
   }
-  for (const UserSpec& user : scene.users) warn_of_stiffness(user, s, out);
+  for (std::size_t u = 0; u < scene.users.size(); ++u) {
+    warn_of_stiffness(scene.users[u], s, !leaves_out(scene, Saving::passivity, u), out);
+  }
+  warn_of_the_start(scene, out);
   warn_of_few_cycles(s, out);
   return out;
 }

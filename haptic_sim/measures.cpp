@@ -58,6 +58,7 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   const Vec3& torque = felt.felt.torque;
   const Vec3 p = sub.proxy().position;
   const Vec3& d = sub.device().pose.position;
+  apart_m_ = std::max(apart_m_, (p - d).norm());
   history_.row({sub.time_s(),
                 f.x(),
                 f.y(),
@@ -150,6 +151,7 @@ Json HapticMeasures::json(const SubWorld& sub, double bytes_per_cycle) {
           {"force_step_mean_n", force_step_.mean()},
           {"force_step_max_n", force_step_.max},
           {"at_limit_ratio", static_cast<double>(at_limit_) / steps},
+          {"proxy_apart_max_m", apart_m_},
           {"coupling_force_rms_n", std::sqrt(coupling_squares_ / steps)},
           {"coupling_force_max_n", coupling_max_},
           {"members", mean_max(members_)},

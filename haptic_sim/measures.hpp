@@ -99,6 +99,7 @@ class HapticMeasures {
   double coupling_squares_ = 0.0, coupling_max_ = 0.0;
   double last_hand_n_ = 0.0;
   std::uint64_t at_limit_ = 0;  ///< steps
+  double apart_m_ = 0.0;        ///< proxy and device, at most
 
   static constexpr std::size_t kForceStepWindow = 20;  ///< haptic steps before and after a change of engine
   void watch_force(const Vec3& force) noexcept;

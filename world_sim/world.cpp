@@ -356,12 +356,18 @@ void World::account() {
     kinetic_j_ += kinetic_energy(body, s);
     potential_j_ += potential_j(id);
   }
+  double of_hands_j = 0.0;
   for (const User& user : users_) {
     const BodyState& s = motions_[index(user.spec->proxy)].state;
-    kinetic_j_ += kinetic_energy(user.tool.body, s) - kinetic_energy(scene_.body(user.spec->proxy), s);
+    const double proxy_j = kinetic_energy(user.tool.body, s);
+    kinetic_j_ += proxy_j - kinetic_energy(scene_.body(user.spec->proxy), s);
+    of_hands_j += proxy_j;
   }
   const double energy_j = kinetic_j_ + potential_j_;
-  if (stamp_ > 0) released_j_ += std::max(0.0, energy_j_[(stamp_ - 1) % remembered_] - energy_j);
+  // How a proxy moves is its hand's work, to and fro.
+  const double of_bodies_j = energy_j - of_hands_j;
+  released_j_ += stamp_ > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_hands_j;
+  of_bodies_j_ = of_bodies_j;
   energy_j_[stamp_ % remembered_] = energy_j;
 }
 

@@ -102,7 +102,8 @@ class World {
   [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
-  /// Kinetic and potential energy that the bodies have lost so far, J: most that they can have given to hands.
+  /// Energy that the bodies have lost so far, but for the proxies' motion after the start, J: most that they can have
+  /// given to hands.
   [[nodiscard]] double released_j() const noexcept { return released_j_; }
   /// What lifts every body by as much as engines let contacts overlap, J.
   [[nodiscard]] double contact_slack_j() const;
@@ -196,6 +197,7 @@ class World {
   double resting_j_ = 0.0;  ///< of what sleeps
   double energy_excess_j_ = 0.0;
   double released_j_ = 0.0;
+  double of_bodies_j_ = 0.0;  ///< kinetic and potential, without the proxies' motion
   bool finite_ = true;
 };
 

@@ -43,7 +43,7 @@ Decision decide_passivity(const Scene& scene, std::size_t user) {
   const bool follows_world = !s.has_sub_worlds() && s.largest_ratio() > 1;
   if (follows_world && scene.users[user].device.kind == DeviceKind::admittance)
     return {false, false, "the proxy of an admittance device lives in the world alone: a delay of its cycle"};
-  return {true, false, "nothing is delayed: the bound would change nothing"};
+  return {true, false, "nothing is delayed, and a coupling that is stable needs no bound"};
 }
 
 constexpr std::array kItems{
@@ -79,7 +79,7 @@ std::vector<PlannedItem> plan_of(const Scene& scene) {
   return plan;
 }
 
-Kept parse_kept(const std::vector<std::string>& names) {
+Kept parse_kept(const std::vector<std::string>& names, std::string_view flag) {
   std::vector<std::string_view> known{"all"};
   for (const SavingItem& item : kItems) known.push_back(item.name);
   Kept set = kKeepNothing;
@@ -87,7 +87,7 @@ Kept parse_kept(const std::vector<std::string>& names) {
     const auto found = std::ranges::find(kItems, name, &SavingItem::name);
     if (found == kItems.end() && name != "all") {
       const std::string_view meant = nearest(name, known);
-      throw Error(ExitCode::usage, fmt::format("--keep: there is no item \"{}\"; {}choose of: {}", name,
+      throw Error(ExitCode::usage, fmt::format("{}: there is no item \"{}\"; {}choose of: {}", flag, name,
                                                meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant),
                                                fmt::join(known, ", ")));
     }

@@ -50,8 +50,8 @@ struct PlannedItem {
 /// A set of them: those that are kept in, for comparison.
 using Kept = std::uint32_t;
 inline constexpr Kept kKeepNothing = 0, kKeepAll = ~Kept{0};
-/// Names as in saving_items(), or "all". Throws `Error` (usage) that names those there are.
-[[nodiscard]] Kept parse_kept(const std::vector<std::string>& names);
+/// Names as in saving_items(), or "all". Throws `Error` (usage) that names the flag and those there are.
+[[nodiscard]] Kept parse_kept(const std::vector<std::string>& names, std::string_view flag = "--keep");
 [[nodiscard]] std::vector<std::string_view> kept_names(Kept set);
 [[nodiscard]] constexpr Kept kept(Saving saving) noexcept { return Kept{1} << static_cast<unsigned>(saving); }
 [[nodiscard]] constexpr bool keeps(Kept set, Saving saving) noexcept { return (set & kept(saving)) != 0; }

@@ -28,6 +28,11 @@ std::string not_finite(const std::string& text) {
   return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : fmt::format("{} is not a finite number", text);
 }
 
+CLI::Option* add_seed(CLI::App& app, std::uint64_t& seed) {
+  constexpr double kMost = 9e15;  // what every program that reads a table can hold
+  return app.add_option("--seed", seed, "seed of the random scenes (default: 1)")->check(CLI::Range(0.0, kMost));
+}
+
 void add_out(CLI::App& app, const std::string& lab, std::string& out) {
   app.add_option("--out", out, fmt::format("folder for the results (default: out/lab_{}-TIME)", lab));
 }

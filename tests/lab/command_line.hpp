@@ -27,6 +27,8 @@ inline void add_numbers(CLI::App& app, const char* flag, std::vector<double>& va
                         double low, double high) {
   add_list(app, flag, values, what)->check(CLI::Range(low, high))->check(not_finite);
 }
+/// --seed of random scenes.
+CLI::Option* add_seed(CLI::App& app, std::uint64_t& seed);
 void add_out(CLI::App& app, const std::string& lab, std::string& out);
 /// out/lab_NAME-TIME
 [[nodiscard]] std::string default_out(const std::string& lab);

@@ -69,15 +69,21 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       ->check(CLI::Range(0.05, 1e4))
       ->check(not_finite);
   CLI::Option* random =
-      app.add_option("--random", request.random, "so many random scenes of `subworld lab stability` instead")
+      app.add_option("--random", request.random,
+                     "so many random scenes of `subworld lab stability`, and only those scenes that are named")
           ->check(CLI::Range(1, 1'000'000));
-  app.add_option("--seed", request.seed, "seed of the random scenes (default: 1)")->needs(random);
+  add_seed(app, request.seed)->needs(random);
   app.add_flag("--quick", request.quick,
                fmt::format("a first look: scenes {}, {:g} s, one run of each kind, where nothing else is asked",
                            fmt::join(kQuickScenes, " "), kQuickDuration_s));
   add_out(app, "plan", request.out);
   if (const auto code = parse_arguments(app, argc, argv)) return code;
-  (void)parse_kept(request.items);
+  (void)parse_kept(request.items, "--item");
+  std::vector<std::string> once;
+  for (const std::string& item : request.items) {
+    if (std::ranges::find(once, item) == once.end()) once.push_back(item);
+  }
+  request.items = once;
   if (request.quick && !request.duration_s && request.scenes.empty()) request.duration_s = kQuickDuration_s;
   if (request.quick && app.count("--repeat") == 0) request.repeats = 1;
   if (request.random == 0) {

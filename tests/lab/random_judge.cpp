@@ -87,10 +87,9 @@ class Trial {
   void judge_energy(Verdict& verdict) const {
     if (above_s_ < 0.0) return;
     fail(verdict, Fault::energy, above_s_,
-         fmt::format("{:.3g} J from nowhere, {:.3g} % of the {:.3g} J that were put in (users {:.3g} J, corrections "
-                     "{:.3g} J, released by gravity {:.3g} J), first above the bound at {:.4g} s",
-                     verdict.unexplained_j, 1e2 * verdict.gain, verdict.put_in_j, verdict.users_j, verdict.corrected_j,
-                     verdict.released_j, above_s_));
+         fmt::format("{:.3g} J from nowhere, {:.3g} % of the {:.3g} J that users, corrections, gravity and the first "
+                     "motion put in; first above the bound at {:.4g} s",
+                     verdict.unexplained_j, 1e2 * verdict.gain, verdict.put_in_j, above_s_));
   }
 
   void check_hand(std::size_t user, Verdict& verdict) const {

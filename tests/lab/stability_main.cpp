@@ -33,13 +33,13 @@ void add_random(CLI::App& app, Command& command, int& only) {
   RandomRequest& random = command.random;
   CLI::Option* scenes =
       app.add_option("--random", random.scenes,
-                     fmt::format("run so many random scenes in each engine and preset (default: {}); alone, without "
-                                 "the cases",
+                     fmt::format("run so many random scenes in each engine and preset (default: {}), and of the cases "
+                                 "only those that are named",
                                  kRandomScenes))
           ->expected(0, 1)
           ->default_str(std::to_string(kRandomScenes))
           ->check(CLI::Range(1, 1'000'000));
-  app.add_option("--seed", random.seed, "seed of the random scenes (default: 1)")->needs(scenes);
+  add_seed(app, random.seed)->needs(scenes);
   app.add_option("--scene-index", only, "of the random scenes only this one, from 0, with its details")
       ->needs(scenes)
       ->check(CLI::Range(0, 1'000'000'000));
@@ -115,7 +115,8 @@ int run_lab(int argc, char** argv) {
   const std::vector<StabilityPoint> points = command.cases ? points_of(command.request) : std::vector<StabilityPoint>{};
   make_folder(command.out);
   watch_stop_signals();
-  fmt::print("subworld lab stability: {} measurements, results in {}\n", points.size(), command.out);
+  fmt::print("subworld lab stability: {} measurements{}, results in {}\n", points.size(),
+             command.random.scenes > 0 ? " and random scenes" : "", command.out);
   std::fflush(stdout);
 
   const Rows rows = measure(points, command.out);

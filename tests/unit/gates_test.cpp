@@ -12,25 +12,30 @@ Json share(double run_queue_delay_s) { return {{"fifo", true}, {"run_queue_delay
 
 /// A run of 10 s at 1 kHz on a quiet machine whose loops miss 20 steps and a cycle by what was kept from them.
 Json late_run(int users, bool placed, double queued_s) {
-  Json run{{"mode", "realtime"},
-           {"h_s", 0.001},
-           {"users", users},
-           {"machine", {{"cores", 2}}},
-           {"machine_load", {{"own_cores", 1.0}, {"other_cores", 0.0}, {"stolen_cores", 0.0}}},
-           {"placement", {{"world", placed ? std::vector<int>{1} : std::vector<int>{}}}},
-           {"world",
-            {{"late_by_us", 0},
-             {"late_by_machine", 1},
-             {"clock_factor_min", 0.5},
-             {"ratio", {{"mean", 4.0}}},
-             {"step_s", {{"p50", 0.002}, {"p99", 0.003}}},
-             {"machine", share(queued_s)},
-             {"released_j", 0.0},
-             {"contact_slack_j", 0.02},
-             {"refused", {{"haptic_report", 0}, {"scene", 0}}}}},
-           {"settings", {{"users", Json::array()}}},
-           {"device", Json::array()},
-           {"haptic", Json::array()}};
+  Json run{
+      {"mode", "realtime"},
+      {"h_s", 0.001},
+      {"users", users},
+      {"simulated_s", 10.0},
+      {"ratio_most", 4},
+      {"machine", {{"cores", 2}}},
+      {"machine_load", {{"own_cores", 1.0}, {"other_cores", 0.0}, {"stolen_cores", 0.0}}},
+      {"placement", {{"world", placed ? std::vector<int>{1} : std::vector<int>{}}}},
+      {"world",
+       {{"late_by_us", 0},
+        {"late_by_machine", 1},
+        {"clock_factor_min", 0.5},
+        {"ratio", {{"mean", 4.0}}},
+        {"step_s", {{"p50", 0.002}, {"p99", 0.003}}},
+        {"machine", share(queued_s)},
+        {"released_j", 0.0},
+        {"contact_slack_j", 0.02},
+        {"refused", {{"haptic_report", 0}, {"scene", 0}}}}},
+      {"settings",
+       {{"users", Json::array()},
+        {"delay", {{"up_s", 0.0}, {"down_s", 0.0}, {"from_device_s", 0.0}, {"to_device_s", 0.0}, {"jitter_s", 0.0}}}}},
+      {"device", Json::array()},
+      {"haptic", Json::array()}};
   for (int u = 0; u < users; ++u) {
     run["haptic"].push_back({{"user", u},
                              {"steps", 10000},
@@ -43,6 +48,7 @@ Json late_run(int users, bool placed, double queued_s) {
                              {"step_s", {{"p50", 0.0002}, {"p99", 0.0005}}},
                              {"lost_frames", 0},
                              {"at_limit_ratio", 0.0},
+                             {"proxy_apart_max_m", 0.02},
                              {"device_work_j", 0.2},
                              {"energy_excess_j", 0.0},
                              {"refused", {{"device_state", 0}, {"world_frame", 0}}},
@@ -51,7 +57,8 @@ Json late_run(int users, bool placed, double queued_s) {
                              {"hand_energy", {{"net_j", 0.1}, {"least_j", 0.0}, {"created_j", 0.0}}},
                              {"oscillation_n", 0.5},
                              {"refused", {{"device_command", 0}}}});
-    run["settings"]["users"].push_back({{"device", {{"force_limit_n", 40.0}}}});
+    run["settings"]["users"].push_back(
+        {{"device", {{"kind", "impedance"}, {"force_limit_n", 40.0}, {"speed_limit_m_s", 0.4}}}});
   }
   return run;
 }
@@ -115,6 +122,30 @@ TEST(Gates, AForceThatSwingsIsUnstable) {
   Json run = quiet_run();
   run["device"][0]["oscillation_n"] = 2.5;
   EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: oscillation of the force 2.5 N rms")) << verdict(run);
+}
+
+TEST(Gates, AnAdmittanceDeviceThatItsProxyLeavesIsUnstable) {
+  Json run = quiet_run();
+  run["haptic"][0]["proxy_apart_max_m"] = 3.0;
+  EXPECT_EQ(verdict(run), "ok") << "the spring of an impedance device holds it, up to its limit";
+  run["settings"]["users"][0]["device"]["kind"] = "admittance";
+  EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: distance between proxy and device 3 m")) << verdict(run);
+  run["settings"]["delay"]["to_device_s"] = 5.0;
+  EXPECT_EQ(verdict(run), "ok") << "a late device is behind";
+}
+
+TEST(Gates, WhatAShortRunCannotTellIsSaid) {
+  Json run = quiet_run();
+  run["simulated_s"] = 1.0;
+  bool said = false;
+  for (const Gate& gate : gates(run)) said = said || gate.name.find("too short to tell") != std::string::npos;
+  EXPECT_TRUE(said);
+}
+
+TEST(Gates, AGoodVerdictTellsOfTheDevicesLimit) {
+  Json run = quiet_run();
+  run["haptic"][0]["at_limit_ratio"] = 0.83;
+  EXPECT_EQ(verdict(run), "ok; user 0: at the device's limit 83 % of steps");
 }
 
 TEST(Gates, AStrangerIsNamed) {

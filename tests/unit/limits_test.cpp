@@ -124,6 +124,31 @@ TEST_F(Limits, IterationsThatAreNotMade) {
   EXPECT_THAT(warnings(), ElementsAre(HasSubstr("narrow makes at most 20 iterations, not 21")));
 }
 
+TEST_F(Limits, BodiesThatOverlapAtTheStart) {
+  scene.initial[2].position = {0.096, 0, 0.05};
+  EXPECT_THAT(warnings(), IsEmpty()) << "4 mm of 100: less than a twentieth";
+  scene.initial[2].position = {0.09, 0, 0.05};
+  EXPECT_THAT(warnings(), ElementsAre(AllOf(HasSubstr("first"), HasSubstr("second"), HasSubstr("overlap by 0.01 m"))));
+}
+
+TEST_F(Limits, ABodyAtRestThatNothingHolds) {
+  scene.bodies[2].at_rest = true;
+  EXPECT_THAT(warnings(), IsEmpty());
+  scene.initial[2].position.z() = 0.2;
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("second is at_rest and touches nothing")));
+  scene.bodies[2].gravity = false;
+  EXPECT_THAT(warnings(), IsEmpty()) << "it may hang";
+}
+
+TEST_F(Limits, ADampingThatIsUnstableByItself) {
+  UserSpec user;
+  user.name = "hand";
+  user.coupling.damping_n_s_m = 1e4;
+  scene.users.push_back(user);
+  scene.settings.users = 1;
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("hand: coupling.damping_n_s_m 10000 alone")));
+}
+
 TEST_F(Limits, AStiffCouplingAndFewCycles) {
   scene.users.emplace_back().name = "anna";
   scene.users[0].coupling.stiffness_n_m = 1e6;
