@@ -4,15 +4,19 @@
 #include "lab/coupled_run.hpp"
 #include "lab/metrics.hpp"
 #include "model/error.hpp"
+#include "model/mass_properties.hpp"
 #include "support/engines.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cstdlib>
+#include <functional>
 #include <optional>
 #include <random>
+#include <string>
 #include <utility>
+#include <vector>
 
 namespace subworld {
 namespace {
@@ -304,6 +308,76 @@ TEST_F(SleepingRow, KeepsTheEnergyOfTheWorld) {
   ASSERT_TRUE(other.run());
   EXPECT_NEAR(run.world.potential_energy_j(), other.world.potential_energy_j(), 1e-3);
   EXPECT_LT(run.world.energy_excess_j(), 1e-3);
+}
+
+/// A scene that changes while it runs, with all that the plan leaves out and with all of it kept in.
+class PlanOfAChangingScene : public ::testing::Test {
+ protected:
+  void SetUp() override { setenv("SUBWORLD_ENGINES", ENGINES_FOLDER, 1); }
+
+  /// RMS difference of the felt forces. `change` is called before every cycle.
+  double difference(const std::function<void(CoupledRun&)>& change = [](CoupledRun&) {}) const {
+    std::vector<std::vector<Vec3>> felt;
+    for (const Kept kept : {kKeepNothing, kKeepAll}) {
+      Scene one = scene;
+      one.settings.keep_in(kept);
+      CoupledRun run(one);
+      while (run.finite() && run.world.time_s() < one.settings.duration_s) {
+        change(run);
+        run.cycle();
+      }
+      EXPECT_TRUE(run.finite());
+      felt.push_back(std::move(run.felt[0].force));
+    }
+    return force_error(felt[0], felt[1], scene.settings.h_s).rms;
+  }
+  /// Flies along x and meets the row's far end while the hand pushes.
+  void shoot_a_ball(double friction) {
+    Body ball;
+    ball.id = BodyId{static_cast<std::uint32_t>(scene.bodies.size())};
+    ball.name = "ball";
+    ball.shape = {.kind = ShapeKind::sphere, .half_extents = Vec3::Zero(), .radius = 0.04};
+    ball.mass = 0.1;
+    ball.inertia = principal_inertia(ball.shape, ball.mass);
+    ball.gravity = false;
+    ball.material.friction = friction;
+    BodyState state;
+    state.position = {5.0, 0.0, 0.05};
+    state.linear_velocity = {-3.0, 0.0, 0.0};
+    scene.bodies.push_back(ball);
+    scene.initial.push_back(state);
+  }
+
+  Scene scene = [] {
+    Scene row = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
+    keep_users(row, 1);
+    return row;
+  }();
+};
+
+TEST_F(PlanOfAChangingScene, ABodyIsShotIntoWhatRests) {
+  shoot_a_ball(0.5);
+  EXPECT_LT(difference(), 0.02);
+}
+
+TEST_F(PlanOfAChangingScene, TheFirstBodyWithFrictionComes) {
+  for (Body& body : scene.bodies) body.material.friction = body.name == "floor" ? 0.5 : 0.0;
+  shoot_a_ball(0.5);
+  EXPECT_TRUE(leaves_out(scene, Saving::friction));
+  EXPECT_LT(difference(), 0.02);
+}
+
+TEST_F(PlanOfAChangingScene, TheWorldGetsAnotherEngineWhileItRests) {
+  EngineExchange exchange{EngineExchange::Preparation::at_once, {}};
+  const CoupledRun* of = nullptr;
+  EXPECT_LT(difference([&](CoupledRun& run) {
+              if (&run != of && run.world.time_s() > 0.1) {
+                of = &run;
+                run.world.change_engine(exchange, {EngineOrder::Target::world, "bullet_float", "fast"});
+              }
+              (void)run.world.exchange_engine(exchange);
+            }),
+            0.02);
 }
 
 }  // namespace
