@@ -48,10 +48,11 @@ std::string cycle_text(const Settings& s) {
                      1e3 * s.longest_cycle_s());
 }
 
+constexpr std::size_t kContacts = 4;  ///< of a body on others, for estimates
+
 /// What it saves, by the published costs of the engine; empty: nothing is published.
 std::string estimate(const Scene& scene, Saving saving) {
   if (saving != Saving::rest) return "";
-  constexpr std::size_t kContacts = 4;  // of a body on others
   const Settings& s = scene.settings;
   const StepCost cost = engine_cost(s.world).step(s.shortest_cycle_s());
   const auto movable =
@@ -59,6 +60,28 @@ std::string estimate(const Scene& scene, Saving saving) {
   const auto hands = static_cast<std::size_t>(s.users);
   const double all_s = cost.of(movable, kContacts * movable), least_s = cost.of(hands, 0);
   return fmt::format(" ({:.2g} of {:.2g} ms of the engine's step are left when all rest)", 1e3 * least_s, 1e3 * all_s);
+}
+
+/// What to choose otherwise, by the published costs of the engine while everything moves.
+std::vector<std::string> advice(const Scene& scene) {
+  constexpr double kRoom = 0.7;  // of a cycle, for the engine
+  const Settings& s = scene.settings;
+  const auto movable =
+      static_cast<std::size_t>(std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); }));
+  const EngineCost cost = engine_cost(s.world);
+  const auto step_s = [&](double cycle_s) { return cost.step(cycle_s).of(movable, kContacts * movable); };
+  const double longest_s = s.longest_cycle_s();
+  if (step_s(longest_s) <= kRoom * longest_s) return {};
+  const std::string problem =
+      fmt::format("while all bodies move, the engine's step takes about {:.2g} ms of cycles of {:g} ms",
+                  1e3 * step_s(longest_s), 1e3 * longest_s);
+  int ratio = s.largest_ratio();
+  while (ratio <= kMostRatio && step_s(ratio * s.h_s) > kRoom * ratio * s.h_s) ++ratio;
+  constexpr double kLongest_s = 0.05;  // beyond, a hand feels another world
+  return {ratio * s.h_s > kLongest_s ? problem +
+                                           ": in real time the world's clock slows until most of them rest; a faster "
+                                           "engine or preset, or fewer bodies"
+                                     : fmt::format("{}: for real time take --ratio {}-{}", problem, s.ratio, ratio)};
 }
 
 /// A thing that a scene needs or not.
@@ -135,6 +158,7 @@ void print_plan(const RunRequest& request) {
     fmt::print("  world: {}  sub-worlds: {}", of_world, of_haptic);
   }
   print(lines_of(scene, gui));
+  for (const std::string& line : advice(scene)) fmt::print("  advice: {}\n", line);
 }
 
 }  // namespace subworld

@@ -116,6 +116,30 @@ TEST_F(CommandLine, APlanNamesItsReasons) {
   EXPECT_TRUE(running(folder_.path()).empty());
 }
 
+TEST_F(CommandLine, APlanListsWhatIsLeftOutAndTakesKeep) {
+  const auto planned = [&](const Words& flags) {
+    Words words{program("subworld"), "plan", scene("row")};
+    words.insert(words.end(), flags.begin(), flags.end());
+    const Ended ended = finish(words);
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    const std::size_t needed = ended.out.find("needed:");
+    EXPECT_NE(needed, std::string::npos) << ended.out;
+    return std::pair(ended.out.substr(0, needed), ended.out.substr(needed));
+  };
+  const auto [out, in] = planned({});
+  for (const char* item : {"rest ", "impulses ", "passivity "}) EXPECT_NE(out.find(item), std::string::npos) << item;
+  EXPECT_NE(in.find("friction "), std::string::npos) << "the row has some: " << in;
+  const auto [fewer, more] = planned({"--keep", "rest,passivity"});
+  EXPECT_EQ(fewer.find("rest "), std::string::npos) << fewer;
+  EXPECT_NE(more.find("as --keep says"), std::string::npos) << more;
+}
+
+TEST_F(CommandLine, APlanAdvisesWhereTheWorldCannotKeepUp) {
+  EXPECT_EQ(finish({program("subworld"), "plan", scene("row")}).out.find("advice:"), std::string::npos);
+  EXPECT_NE(finish({program("subworld"), "plan", scene("basin")}).out.find("advice: while all bodies move"),
+            std::string::npos);
+}
+
 TEST_F(CommandLine, APlanNamesItsEngines) {
   const Ended ended =
       finish({program("subworld"), "plan", scene("row"), "--engine", "ode", "--haptic-preset", "quality"});
