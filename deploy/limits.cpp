@@ -196,24 +196,35 @@ void warn_of_stiffness(const UserSpec& user, const Settings& settings, bool boun
       bounded));
 }
 
-/// What engine bullet finds in contact at the start: bodies that overlap, and bodies at rest that nothing holds.
+/// What engine bullet finds in contact at the start; nothing where it is not there or cannot hold a body.
+std::vector<Contact> contacts_at_the_start(const Scene& scene) {
+  constexpr double kInstant_s = 1e-6;
+  EngineSettings settings;
+  settings.gravity = scene.settings.world.gravity;
+  try {
+    const auto engine = make_engine(settings, scene.meshes);
+    for (const Body& body : scene.bodies) {
+      const bool later = std::ranges::any_of(
+          scene.users, [&](const UserSpec& user) { return user.joins_late && user.proxy == body.id; });
+      if (!later) engine->add(body, scene.initial[index(body.id)]);
+    }
+    engine->step(kInstant_s);
+    return {engine->contacts().begin(), engine->contacts().end()};
+  } catch (const Error&) {
+    return {};  // the scene's own engines decide whether it runs
+  }
+}
+
+/// Bodies that overlap, and bodies at rest that nothing holds.
 void warn_of_the_start(const Scene& scene, std::vector<std::string>& out) {
   constexpr std::size_t kMostBodies = 5000;  // more take too long for a warning
   constexpr double kDeep = 0.05;             // of the thinner one's thickness
-  constexpr double kInstant_s = 1e-6;
   if (scene.bodies.size() > kMostBodies) return;
-  EngineSettings settings;
-  settings.gravity = scene.settings.world.gravity;
-  const auto engine = make_engine(settings, scene.meshes);
-  for (const Body& body : scene.bodies) {
-    const bool later = std::ranges::any_of(
-        scene.users, [&](const UserSpec& user) { return user.joins_late && user.proxy == body.id; });
-    if (!later) engine->add(body, scene.initial[index(body.id)]);
-  }
-  engine->step(kInstant_s);
+  const std::vector<Contact> contacts = contacts_at_the_start(scene);
+  if (contacts.empty()) return;
   const Contact* deepest = nullptr;
   std::vector<bool> touches(scene.bodies.size());
-  for (const Contact& c : engine->contacts()) {
+  for (const Contact& c : contacts) {
     touches[index(c.a)] = touches[index(c.b)] = true;
     const double thin_m =
         std::min(thickness(scene.body(c.a).shape, scene.meshes), thickness(scene.body(c.b).shape, scene.meshes));

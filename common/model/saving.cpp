@@ -55,6 +55,9 @@ constexpr std::array kItems{
                decide_impulses},
     SavingItem{Saving::passivity, "passivity", "device", "bound on the energy that the hand gets", true,
                decide_passivity}};
+static_assert(std::ranges::is_sorted(kItems, {}, &SavingItem::saving) &&
+                  kItems.size() == static_cast<std::size_t>(Saving::passivity) + 1,
+              "an item is found by its number");
 
 }  // namespace
 

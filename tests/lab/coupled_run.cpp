@@ -3,6 +3,7 @@
 #include "lab/cpu_time.hpp"
 
 #include <algorithm>
+#include <bit>
 
 namespace subworld {
 
@@ -96,6 +97,16 @@ void CoupledRun::cycle() {
 
 bool CoupledRun::finite() const noexcept {
   return world.finite() && std::ranges::all_of(subs, [](const auto& sub) { return sub->finite(); });
+}
+
+std::uint64_t CoupledRun::hash() const noexcept {
+  std::uint64_t hash = world.state_hash();
+  for (const FeltHistory& user : felt) {
+    for (const Vec3& force : user.hand) {
+      for (int i = 0; i < 3; ++i) hash = (hash ^ std::bit_cast<std::uint64_t>(force[i])) * 0x100000001b3ULL;
+    }
+  }
+  return hash;
 }
 
 bool CoupledRun::run() {

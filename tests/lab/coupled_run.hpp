@@ -39,6 +39,8 @@ class CoupledRun {
   /// Until the world has come to the scene's duration, or something is no longer finite. False then.
   bool run();
   [[nodiscard]] bool finite() const noexcept;
+  /// Of the world's states and of all forces on hands.
+  [[nodiscard]] std::uint64_t hash() const noexcept;
 
   [[nodiscard]] WorldFrame& frame(std::size_t user = 0) { return world.frame(user); }
   /// The newest that the user's sub-world sent.

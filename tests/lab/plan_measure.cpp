@@ -13,7 +13,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 
 namespace subworld {
@@ -38,16 +37,6 @@ double allocated_bytes() {
 }
 
 double sum_s(const Histogram& times) { return times.mean_s() * static_cast<double>(times.count()); }
-
-std::uint64_t hash_of(const CoupledRun& run) {
-  std::uint64_t hash = run.world.state_hash();
-  for (const FeltHistory& felt : run.felt) {
-    for (const Vec3& force : felt.hand) {
-      for (int i = 0; i < 3; ++i) hash = (hash ^ std::bit_cast<std::uint64_t>(force[i])) * 0x100000001b3ULL;
-    }
-  }
-  return hash;
-}
 
 /// In a process of its own.
 Json figures_of(const Scene& scene) {
@@ -77,7 +66,7 @@ Json figures_of(const Scene& scene) {
           {"bytes_per_cycle", cycles == 0 ? 0.0 : bytes / static_cast<double>(cycles)},
           {"memory_bytes", allocated_bytes() - before_bytes},
           {"start_cpu_s", start_s},
-          {"hash", fmt::format("{:016x}", hash_of(run))},
+          {"hash", fmt::format("{:016x}", run.hash())},
           {"felt", std::move(felt)}};
 }
 

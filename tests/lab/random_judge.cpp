@@ -7,7 +7,6 @@
 
 #include <fmt/format.h>
 
-#include <bit>
 #include <cmath>
 #include <ctime>
 
@@ -55,17 +54,7 @@ class Trial {
     for (std::size_t u = 0; u < run_.felt.size(); ++u) check_port(u, verdict);
   }
 
-  /// Of the world's states and of all forces.
-  [[nodiscard]] std::uint64_t hash() const {
-    std::uint64_t hash = run_.world.state_hash();
-    const auto mix = [&](double value) { hash = (hash ^ std::bit_cast<std::uint64_t>(value)) * 0x100000001b3ULL; };
-    for (const FeltHistory& felt : run_.felt) {
-      for (const Vec3& force : felt.hand) {
-        for (int i = 0; i < 3; ++i) mix(force[i]);
-      }
-    }
-    return hash;
-  }
+  [[nodiscard]] std::uint64_t hash() const { return run_.hash(); }
 
  private:
   void weigh(Verdict& verdict) {

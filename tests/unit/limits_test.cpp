@@ -140,6 +140,12 @@ TEST_F(Limits, ABodyAtRestThatNothingHolds) {
   EXPECT_THAT(warnings(), IsEmpty()) << "it may hang";
 }
 
+TEST_F(Limits, TheSceneNeedsNoOtherEngineThanItsOwn) {
+  setenv("SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER, 1);
+  scene.settings.haptic.name = "narrow";
+  EXPECT_THAT(warnings(), IsEmpty()) << "bullet, which looks for overlaps, is not there";
+}
+
 TEST_F(Limits, ADampingThatIsUnstableByItself) {
   UserSpec user;
   user.name = "hand";

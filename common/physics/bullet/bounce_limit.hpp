@@ -25,9 +25,9 @@ class BounceLimit {
   [[nodiscard]] bool any() const noexcept { return any_; }
 
   /// Of the velocities that the movers had, with what forces add, and of those that impulses leave them with: whether
-  /// some win energy, and part(i) is lower than before. `last`: there is no further try, they do not bounce.
+  /// some win energy, and part() is lower than before. `last`: there is no further try, they do not bounce.
   bool lower(std::span<const Motion> before, std::span<const Motion> after, bool last);
-  /// Of its restitution that a mover's contacts keep, 0 .. 1.
+  /// Of its restitution that the contacts of two movers keep, 0 .. 1.
   [[nodiscard]] btScalar part(std::size_t a, std::size_t b) noexcept;
 
  private:
