@@ -1,3 +1,4 @@
+#include "common/physics/bullet/bounce_limit.hpp"
 #include "common/physics/bullet/contact_solver.hpp"
 
 #include <btBulletDynamicsCommon.h>
@@ -76,6 +77,37 @@ int equal_steps(int steps) {
   }
   EXPECT_GT(world.dispatcher.getNumManifolds(), kBoxes / 2) << "too few contacts to prove anything";
   return steps;
+}
+
+/// A body that leaves 1.25 times as fast as it came, times the part of its restitution: it keeps its energy at 0.8.
+TEST(BounceLimit, FindsThePartThatKeepsTheEnergy) {
+  btBoxShape shape({0.1, 0.1, 0.1});
+  btRigidBody body(btRigidBody::btRigidBodyConstructionInfo(1, nullptr, &shape, {1, 1, 1}));
+  std::vector<Mover> movers(2);
+  movers[1].body = &body;
+  movers[1].inverse_mass = 1;
+  movers[1].immovable = false;
+  std::vector<Motion> before(2), after(2);
+  before[1].linear[2] = -1;
+  BounceLimit limit;
+  limit.begin(movers);
+  limit.join(kFixed, 1, true);
+  int tries = 0;
+  do {
+    after[1].linear[2] = 1.25 * limit.part(kFixed, 1);
+  } while (limit.lower(before, after, false) && ++tries < BounceLimit::kMostTries);
+  EXPECT_LT(tries, BounceLimit::kMostTries);
+  EXPECT_LE(limit.part(kFixed, 1), 0.8 + 1e-5);
+  EXPECT_GT(limit.part(kFixed, 1), 0.7);
+}
+
+TEST(BounceLimit, LeavesBouncesThatWinNothing) {
+  std::vector<Mover> movers(2);
+  BounceLimit limit;
+  limit.begin(movers);
+  limit.join(1, kFixed, true);
+  EXPECT_FALSE(limit.lower(std::vector<Motion>(2), std::vector<Motion>(2), false));
+  EXPECT_EQ(limit.part(1, kFixed), 1);
 }
 
 TEST(BulletSolver, WithoutFrictionMovesBodiesAsBulletsOwnBitByBit) { EXPECT_EQ(equal_steps(500), 500); }

@@ -231,6 +231,18 @@ TEST(Passivity, IsNeededThere) {
   EXPECT_GT(run.guards[0]->port().created_j(), 1.0);
 }
 
+// A hand that speeds up and stops gives its proxy what it takes back: nothing that bodies had.
+TEST(ReleasedEnergy, IsNotThatOfAProxyInTheAir) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
+  keep_users(scene, 1);
+  scene.settings.duration_s = 0.4;
+  scene.users[0].device.path = {{.from_s = 0.1, .to_s = 0.3, .displacement = {-0.1, 0, 0}}};
+  CoupledRun run(scene);
+  ASSERT_TRUE(run.run());
+  ASSERT_LT(run.felt[0].proxy.back().position.x(), -0.19) << "it moved with 0.5 m/s: 12 mJ";
+  EXPECT_LT(run.world.released_j(), 1e-4);
+}
+
 TEST(Passivity, ChangesNothingWithoutDelay) {
   for (const DeviceKind kind : {DeviceKind::impedance, DeviceKind::admittance}) {
     Scene scene = scene_with_hand("press", kind);

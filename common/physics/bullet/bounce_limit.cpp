@@ -55,15 +55,17 @@ bool BounceLimit::lower(std::span<const Motion> before, std::span<const Motion> 
   for (Island& island : islands_) {
     if (!island.bounces || island.part == 0 || island.gain_j <= kRounding * island.had_j) continue;
     any = true;
-    // Before a second try: as if without bounce nothing were left.
-    const btScalar from = island.tried ? island.last_part : btScalar(0);
-    const btScalar from_j = island.tried ? island.last_gain_j : -island.had_j;
-    const btScalar slope = (island.gain_j - from_j) / (island.part - from);
-    const btScalar next = slope > 0 ? island.part - (1 + kBeyond) * island.gain_j / slope : btScalar(0);
+    // At first as if nothing were left without bounce: then the energy goes with the square of the part.
+    btScalar wanted = island.part * btSqrt(island.had_j / (island.had_j + island.gain_j));
+    if (island.tried) {
+      const btScalar slope = (island.gain_j - island.last_gain_j) / (island.part - island.last_part);
+      wanted = slope > 0 ? island.part - island.gain_j / slope : btScalar(0);
+    }
+    const btScalar next = wanted - kBeyond * (island.part - wanted);
     island.last_part = island.part;
     island.last_gain_j = island.gain_j;
     island.tried = true;
-    island.part = last ? btScalar(0) : btMax(btScalar(0), next);
+    island.part = last || !(next > 0) ? btScalar(0) : next;  // also where a number is not finite
   }
   return any;
 }

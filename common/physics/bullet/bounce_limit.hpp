@@ -13,7 +13,7 @@ namespace subworld::bullet {
 /// met. Where friction acts in the same blow, or several contacts bounce at once, bodies may then leave with more
 /// energy than they came with (Kane and Levinson 1985; Stronge 1990 asks for a restitution that energy bounds). So the
 /// bodies that hang together by contacts share a part of their restitution: 1, or what leaves them the energy that they
-/// had. It is searched by the secant method: the energy is nearly a parabola in it.
+/// had. It is searched: the first guess takes the energy for a parabola in it, the others are by the secant method.
 class BounceLimit {
  public:
   static constexpr int kMostTries = 5;
