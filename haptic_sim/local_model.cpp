@@ -1,6 +1,5 @@
 #include "haptic_sim/local_model.hpp"
 
-#include "coupling/border.hpp"
 #include "coupling/contact_graph.hpp"
 #include "coupling/selection.hpp"
 #include "coupling/synchroniser.hpp"
@@ -63,9 +62,9 @@ class SimulatedNeighbourhood final : public LocalModel {
         scene_(scene),
         proxy_(scene.users[user].proxy),
         engine_(make_engine(scene.settings.haptic, scene.meshes)),
-        synchroniser_(scheme, remembered_cycles(scene.settings, scheme), proxy_, peers_of(scene, user)),
+        synchroniser_(scheme, remembered_cycles(scene, scheme), proxy_, peers_of(scene, user)),
         reads_friction_(!leaves_out(scene, Saving::impulses)),
-        border_(make_border_model(scheme, scene, remembered_cycles(scene.settings, scheme))) {
+        border_(make_border_model(scheme, scene, remembered_cycles(scene, scheme))) {
     for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
     left_.reserve(kUsualMembers);
     peers_.reserve(scene.users.size());
@@ -233,8 +232,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   void follow_border(const WorldFrame& frame, const Age& age, int parts) {
     const Correction part = scheme_.correction({.lag_cycles = age.cycles}, {});
     border_->follow(frame, left_, engine_, {.lag_s = age.s, .gain = part.sub, .parts = parts});
-    border_bodies(frame.border, scratch_);
-    border_bodies_ = static_cast<std::uint32_t>(scratch_.size());
+    border_bodies_ = frame.border_bodies;
     compares_islands_ = !frame.islands.empty();
     peers_ = frame.peers;
     peers_stamp_s_ = frame.stamp_s;

@@ -32,8 +32,8 @@ constexpr int kTimesLast = 5;                ///< the last command is sent in re
 constexpr double kLastAcknowledged_s = 1.0;  ///< that the last command may take to arrive on a busy machine
 constexpr std::chrono::milliseconds kLastAgain{5};
 constexpr std::uint64_t kFarAhead = 10'000;  ///< cycles after the newest frame: no world skips so many
-constexpr std::size_t kMostWaiting = 16;    ///< frames ahead of the sub-world
-constexpr std::uint64_t kTooFarBehind = 8;  ///< cycles; then the sub-world starts again from the world's states
+constexpr std::size_t kMostWaiting = 16;     ///< frames ahead of the sub-world
+constexpr std::uint64_t kTooFarBehind = 8;   ///< cycles; then the sub-world starts again from the world's states
 
 /// More than once where one may get lost.
 void send_last(HapticPorts& ports, const DeviceState& state, int times) {
@@ -101,7 +101,8 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
   reserve(frame, kUsualMembers);
   Ending ending{.session = ports.session, .from_s = sub.time_s(), .by = "last frame"};
   const auto send_report = [&] {
-    if (!ports.send(sub.report(to_ns(Clock::now()))))
+    HapticReport* const report = sub.close_cycle(to_ns(Clock::now()));
+    if (report != nullptr && !ports.send(*report))
       throw Error(ExitCode::failed, "haptic_report could not be sent; is world_sim stuck?");
     stages.mark(HapticStage::report);
   };
@@ -115,6 +116,7 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
   /// Takes the frames that are due now. False after the last one, or when asked to stop.
   const auto follow_world = [&] {
     for (; delay.frame_due(next_frame, sub.timetable()) <= step; ++next_frame) {
+      if (sub.passes_frame(next_frame)) continue;
       const auto ours = [&](const WorldFrame& came) { return came.session == ports.session; };
       if (!await(*ports.bus, ports.status, ports.frames, frame, stages, {ProgramKind::world_sim, 0}, ours, stopped))
         return false;
@@ -313,7 +315,8 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     if (silent && !said_alone) ports.status.note("waits for world_sim: no frame for 2 s; the force has faded");
     if (!silent && said_alone) ports.status.note("world_sim is there again");
     said_alone = silent;
-    const bool trusted = fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < std::max(kStale_s, 5.0 * device_period_s);
+    const bool trusted =
+        fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < std::max(kStale_s, 5.0 * device_period_s);
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     stages.mark(HapticStage::feel);
     ports.command.write(sub.command_for(device, felt.to_hand));

@@ -2,6 +2,8 @@
 
 #include "coupling/carried.hpp"
 #include "coupling/synchroniser.hpp"
+#include "model/reach.hpp"
+#include "model/shape_extent.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -28,8 +30,11 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       port_(spec_),
       clutch_(scene.initial[index(spec_.proxy)]),
       tool_(tool_at(rate_, spec_, scene.body(spec_.proxy))),
-      timetable_(scene.settings.ratio, remembered_cycles(scene.settings, *scheme_)),
-      reports_(remembered_cycles(scene.settings, *scheme_)) {
+      may_be_silent_(leaves_out(scene, Saving::silence)),
+      silence_(scheme_->lead_cycles()),
+      timetable_(scene.settings.ratio, remembered_cycles(scene, *scheme_)),
+      reports_(remembered_cycles(scene, *scheme_)) {
+  if (scene.settings.mode != Mode::realtime) return;
   for (HapticReport& report : reports_) reserve(report, kUsualMembers);
 }
 
@@ -152,9 +157,41 @@ FeltStep SubWorld::step(const DeviceState& device, bool trusted, double dt) {
   return felt;
 }
 
+bool SubWorld::is_silent() const {
+  if (!may_be_silent_ || !silence_.may_lack_report(stamp_ + 1)) return false;
+  const double ahead_s = static_cast<double>(1 + planned_cycles(scene_.settings, *scheme_)) * cycle_s();
+  const BodyState now = proxy();
+  const Box there = bounds(scene_.body(spec_.proxy).shape, now, scene_.meshes);
+  const double arm_m = 0.5 * (there.upper - there.lower).norm();
+  return silence_.place().holds(there.grown(reach_m(now, arm_m, kHand_m_s2, ahead_s)));
+}
+
+void SubWorld::begin_cycle() {
+  impulse_total_.force += impulse_.force;
+  impulse_total_.torque += impulse_.torque;
+  indicators_ = {};
+  impulse_ = {};
+  steps_ = 0;
+}
+
+HapticReport* SubWorld::close_cycle(std::int64_t sent_ns) {
+  if (!is_silent()) return &report(sent_ns);
+  ++stamp_;
+  in_cycle_s_ = 0.0;
+  begin_cycle();
+  return nullptr;
+}
+
+bool SubWorld::passes_frame(std::uint64_t stamp) noexcept {
+  if (!silence_.lacks_frame(stamp)) return false;
+  frame_stamp_ = stamp;
+  return true;
+}
+
 HapticReport& SubWorld::report(std::int64_t sent_ns) {
   if (steps_ > 0) ++stamp_;
   in_cycle_s_ = 0.0;
+  silence_.end(stamp_);
   HapticReport& report = reports_[stamp_ % reports_.size()];
   report.user = UserId{static_cast<std::uint32_t>(user_)};
   report.stamp = stamp_;
@@ -163,9 +200,7 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.sent_ns = sent_ns;
   report.confirmed_stamp = frame_stamp_;
   report.impulse = impulse_;
-  impulse_total_.force += impulse_.force;
-  impulse_total_.torque += impulse_.torque;
-  report.impulse_total = impulse_total_;
+  report.impulse_total = {impulse_total_.force + impulse_.force, impulse_total_.torque + impulse_.torque};
   report.device_work_j = device_work_j_;
   report.proxy = proxy();
   const bool spring = spec_.device.kind == DeviceKind::impedance;
@@ -181,9 +216,7 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.timing = {timed_steps_ > 0 ? took_s_ / timed_steps_ : 0.0, took_max_s_};
   took_s_ = took_max_s_ = 0.0;
   timed_steps_ = 0;
-  indicators_ = {};
-  impulse_ = {};
-  steps_ = 0;
+  begin_cycle();
   return report;
 }
 
@@ -203,7 +236,8 @@ bool SubWorld::knows(const WorldFrame& frame) const noexcept {
 void SubWorld::note(const WorldFrame& frame) noexcept {
   framed_ = true;
   frame_stamp_ = frame.stamp;
-  border_pairs_ = static_cast<std::size_t>(std::ranges::count_if(frame.border, touches));
+  border_pairs_ = frame.border_contacts;
+  if (may_be_silent_) silence_.begin(frame);
 }
 
 std::uint64_t SubWorld::apply(const WorldFrame& frame) {
@@ -235,6 +269,7 @@ bool SubWorld::adopt(const WorldFrame& frame) {
   stamp_ = frame.stamp;
   in_cycle_s_ = 0.0;
   steps_ = 0;
+  silence_.forget();
   felt_now_ = false;
   indicators_ = {};
   impulse_ = {};

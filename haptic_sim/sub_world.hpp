@@ -4,6 +4,7 @@
 #include "coupling/force_guard.hpp"
 #include "coupling/motion_guard.hpp"
 #include "coupling/scheme.hpp"
+#include "coupling/silence.hpp"
 #include "coupling/timetable.hpp"
 #include "haptic_sim/clutch.hpp"
 #include "haptic_sim/local_model.hpp"
@@ -68,8 +69,13 @@ class SubWorld {
   [[nodiscard]] bool accepts(std::uint64_t frame_stamp) const noexcept {
     return !model_->reports_afterwards() || frame_stamp <= stamp_;
   }
-  /// Closes the cycle; the reference lives for several cycles. `sent_ns` is the caller's clock.
+  /// Closes the cycle. Its report, which lives for several cycles; null where nobody waits for one (coupling/silence).
+  /// `sent_ns` is the caller's clock.
+  HapticReport* close_cycle(std::int64_t sent_ns);
+  /// The same, with a report in any case.
   HapticReport& report(std::int64_t sent_ns);
+  /// Whether no frame of this stamp will come; counts as used then.
+  bool passes_frame(std::uint64_t stamp) noexcept;
 
   /// Uses a frame whose stamp is not ahead of stamp(): blends, bodies that enter and leave, border.
   /// Returns the number of frames that are missing before it; a frame that is older than the newest one, or names
@@ -115,6 +121,9 @@ class SubWorld {
   [[nodiscard]] bool knows(const WorldFrame& frame) const noexcept;
   /// Length of the cycle under way.
   [[nodiscard]] double cycle_s() const noexcept { return scene_.settings.h_s * timetable_.ratio(stamp_); }
+  /// Whether the world waits for no report of the cycle that ends now.
+  [[nodiscard]] bool is_silent() const;
+  void begin_cycle();
   /// Notes which frame is in use.
   void note(const WorldFrame& frame) noexcept;
 
@@ -139,6 +148,8 @@ class SubWorld {
   bool framed_ = false;            ///< a frame has been used
   std::uint64_t frame_stamp_ = 0;  ///< of the newest used
   std::size_t border_pairs_ = 0;
+  bool may_be_silent_;
+  SilentCycles silence_;
 
   Timetable timetable_;
   std::uint64_t stamp_ = 0;

@@ -10,14 +10,14 @@ namespace {
 
 class NoBorder final : public BorderExtractor {
  public:
-  void extract(const WorldNow&, const Inside&, WorldFrame&) override {}
+  void extract(const WorldNow&, const Inside&, std::vector<BorderPair>&, WorldFrame&) override {}
 };
 
 /// Contacts with their impulses (paper 4.2).
 class FrozenBorder final : public BorderExtractor {
  public:
-  void extract(const WorldNow& now, const Inside& inside, WorldFrame& frame) override {
-    extract_border(now.contacts, inside.membership, frame.border);
+  void extract(const WorldNow& now, const Inside& inside, std::vector<BorderPair>& border, WorldFrame&) override {
+    extract_border(now.contacts, inside.membership, border);
   }
 };
 
@@ -26,10 +26,10 @@ class GhostBorder final : public BorderExtractor {
  public:
   explicit GhostBorder(const Scene& scene) : scene_(scene), approach_(scene), modeller_(scene) {}
 
-  void extract(const WorldNow& now, const Inside& inside, WorldFrame& frame) override {
-    extract_border(now.contacts, inside.membership, frame.border);
-    find_approaching(now, inside, frame.border);
-    modeller_.model(frame.border, {inside.membership, now.graph, now.motions, now.cycle_s}, frame.ghosts);
+  void extract(const WorldNow& now, const Inside& inside, std::vector<BorderPair>& border, WorldFrame& frame) override {
+    extract_border(now.contacts, inside.membership, border);
+    find_approaching(now, inside, border);
+    modeller_.model(border, {inside.membership, now.graph, now.motions, now.cycle_s}, frame.ghosts);
     label_islands(now, inside, frame.islands);
   }
 
@@ -45,7 +45,7 @@ class GhostBorder final : public BorderExtractor {
     }
     std::optional<Box> where = reach;
     while (where) {
-      for (const BodyId id : now.awake) {
+      for (const BodyId id : now.engine.awake()) {
         if (!approach_.may_come(id)) continue;
         approach_.outside(id, now.motions[index(id)].state, now.engine.bounds(id), *where);
       }

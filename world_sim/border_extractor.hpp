@@ -8,7 +8,7 @@
 #include "coupling/timetable.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
-#include "physics/engine.hpp"
+#include "physics/resting_engine.hpp"
 
 #include <functional>
 #include <memory>
@@ -22,8 +22,7 @@ struct WorldNow {
   double stamp_s = 0.0;
   double cycle_s = 0.0;  ///< length of the cycle that ended here
   const Timetable& timetable;
-  const Engine& engine;
-  std::span<const BodyId> awake;      ///< movable bodies that are simulated, ascending
+  const RestingEngine& engine;
   std::span<const Contact> contacts;  ///< totals over the last cycle
   const ContactGraph& graph;          ///< of the contacts
   std::span<const Motion> motions;    ///< by body
@@ -41,8 +40,9 @@ struct Inside {
 class BorderExtractor {
  public:
   virtual ~BorderExtractor() = default;
-  /// Fills border, ghosts and islands of the frame.
-  virtual void extract(const WorldNow& now, const Inside& inside, WorldFrame& frame) = 0;
+  /// Fills `border`, and ghosts and islands of the frame.
+  virtual void extract(const WorldNow& now, const Inside& inside, std::vector<BorderPair>& border,
+                       WorldFrame& frame) = 0;
 };
 
 [[nodiscard]] std::unique_ptr<BorderExtractor> make_border_extractor(const Scheme& scheme, const Scene& scene);

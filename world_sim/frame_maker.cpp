@@ -2,6 +2,10 @@
 
 #include "coupling/approach.hpp"
 #include "coupling/blend.hpp"
+#include "coupling/border.hpp"
+#include "coupling/silence.hpp"
+#include "coupling/synchroniser.hpp"
+#include "model/reach.hpp"
 
 #include <algorithm>
 
@@ -29,7 +33,9 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t r
       remembered_(remembered_cycles),
       users_(static_cast<std::size_t>(scene.settings.users)),
       border_(make_border_extractor(scheme, scene)),
-      budget_(scene) {
+      budget_(scene),
+      tells_all_pairs_(!leaves_out(scene, Saving::pairs)),
+      may_be_silent_(leaves_out(scene, Saving::silence)) {
   const Settings& s = scene.settings;
   scratch_.reserve(scene.bodies.size() + remembered_ * kUsualMembers);
   before_.reserve(kUsualMembers);
@@ -40,7 +46,10 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t r
                    .cost = engine_cost(s.haptic).step(s.h_s),
                    .simulates_border = scheme.border() == Border::ghosts};
     user.frames.resize(remembered_);
-    for (WorldFrame& frame : user.frames) reserve(frame, kUsualMembers);
+    user.border.reserve(4 * kUsualMembers);
+    if (s.mode == Mode::realtime) {
+      for (WorldFrame& frame : user.frames) reserve(frame, kUsualMembers);
+    }
   }
 }
 
@@ -48,6 +57,10 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
   const std::function<bool(BodyId)> shared = [this](BodyId id) { return holders(id) > 1; };
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
+    if (heard[u].silent) {
+      frame(u, now.stamp) = frame(u, now.stamp - 1);  // what the sub-world has
+      continue;
+    }
     const double until_heard_s = horizon_s(now, heard[u]);
     const Box reach = select(user, now, until_heard_s);
     WorldFrame& told = frame(u, now.stamp);
@@ -61,9 +74,12 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
     told.echoed_stamp = heard[u].newest->stamp;
     told.members = user.membership.members;
     told.fixed = user.membership.fixed;
-    border_->extract(now, {user.membership, reach, until_heard_s, shared}, told);
+    border_->extract(now, {user.membership, reach, until_heard_s, shared}, user.border, told);
     if (scheme_.replicates_peers()) list_peers(user, now, heard, told);
     list_unconfirmed(user, now, heard[u], offset_s, told);
+    tell_border(user, now, heard[u], told);
+    told.silence.reset();
+    if (may_be_silent_ && heard[u].any) told.silence = find_silence(user, now, told);
   }
 }
 
@@ -123,6 +139,83 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
   }
 }
 
+std::uint64_t FrameMaker::first_unconfirmed(const WorldNow& now, const Heard& heard) const noexcept {
+  const std::uint64_t first_remembered = now.stamp >= remembered_ ? now.stamp - remembered_ + 1 : 0;
+  return std::max(heard.newest->confirmed_stamp, first_remembered);
+}
+
+void FrameMaker::tell_border(const User& user, const WorldNow& now, const Heard& heard, WorldFrame& frame) {
+  frame.border_contacts = static_cast<std::uint32_t>(std::ranges::count_if(user.border, touches));
+  border_bodies(user.border, scratch_);
+  frame.border_bodies = static_cast<std::uint32_t>(scratch_.size());
+  frame.border = user.border;
+  if (tells_all_pairs_) return;
+  // A ghost begins clear of what it touches; then its model is enough.
+  const std::uint64_t oldest = first_unconfirmed(now, heard);
+  const bool any_confirmed = heard.any && oldest < now.stamp;
+  const auto begins = [&](const GhostModel& ghost) {
+    const auto is_as_before = [&](std::uint64_t stamp) {
+      const std::vector<GhostModel>& ghosts = user.frames[stamp % remembered_].ghosts;
+      const auto before = std::ranges::lower_bound(ghosts, ghost.outside, {}, &GhostModel::outside);
+      return before != ghosts.end() && before->outside == ghost.outside &&
+             before->carried.has_value() == ghost.carried.has_value();
+    };
+    bool known = any_confirmed;
+    for (std::uint64_t j = oldest; j < now.stamp && known; ++j) known = is_as_before(j);
+    return !known;
+  };
+  scratch_.clear();
+  for (const GhostModel& ghost : frame.ghosts) {
+    if (begins(ghost)) scratch_.push_back(ghost.outside);
+  }
+  std::erase_if(frame.border, [&](const BorderPair& p) { return !std::ranges::binary_search(scratch_, p.outside); });
+}
+
+std::optional<Silence> FrameMaker::find_silence(const User& user, const WorldNow& now, const WorldFrame& frame) {
+  if (frame.states.size() > 1 || !frame.entering.empty() || !frame.ghosts.empty() || !user.border.empty()) return {};
+  const Settings& s = scene_.settings;
+  const BodyId proxy = user.spec->proxy;
+  const double cycle_s = s.h_s * now.timetable.ratio(now.stamp);
+  const double ahead_s = static_cast<double>(1 + planned_cycles(s, scheme_)) * cycle_s;
+  const auto arm_m = [&](const Box& bounds) { return 0.5 * (bounds.upper - bounds.lower).norm(); };
+  const BodyState hand = now.engine.state(proxy);
+  const Box there = now.engine.bounds(proxy);
+  const Box reach = there.grown(reach_m(hand, arm_m(there), kHand_m_s2, ahead_s));
+  // Whatever moves may hit whatever else.
+  before_ = {now.engine.awake().begin(), now.engine.awake().end()};
+  std::erase(before_, proxy);
+  const std::span<const BodyId> others = before_;
+  BodyState fastest;
+  double longest_arm_m = 0.0;
+  for (const BodyId id : others) {
+    const BodyState& state = now.motions[index(id)].state;
+    fastest.linear_velocity.x() = std::max(fastest.linear_velocity.x(), kHit * state.linear_velocity.norm());
+    fastest.angular_velocity.x() = std::max(fastest.angular_velocity.x(), kHit * state.angular_velocity.norm());
+    longest_arm_m = std::max(longest_arm_m, arm_m(now.engine.bounds(id)));
+  }
+  const double left_cycles = std::floor((s.duration_s - now.stamp_s) / cycle_s + 0.5);
+  const auto shortest = static_cast<std::uint64_t>(scheme_.lead_cycles()) + 2;
+  const Box around = selection_box(hand.position, user.spec->box_half_m);
+  for (std::uint64_t cycles = std::min(kMostSilentCycles, static_cast<std::uint64_t>(std::max(0.0, left_cycles)));
+       cycles >= shortest; cycles /= 2) {
+    const double time_s = static_cast<double>(cycles) * cycle_s + ahead_s;
+    const double comes_m = others.empty() ? 0.0 : reach_m(fastest, longest_arm_m, s.world.gravity.norm(), time_s);
+    obstacles_.clear();
+    for (const BodyId id : others) obstacles_.push_back(now.engine.bounds(id).grown(comes_m));
+    const bool pushes = std::ranges::any_of(obstacles_, [&](const Box& box) {
+      now.engine.asleep_in(box, scratch_);
+      return !scratch_.empty();
+    });
+    const double pushed_m = pushes ? comes_m : 0.0;
+    now.engine.asleep_in(around.grown(pushed_m), scratch_);
+    for (const BodyId id : scratch_) obstacles_.push_back(now.engine.bounds(id).grown(pushed_m));
+    const Box place = free_place(around, reach, obstacles_);
+    if (place.holds(reach)) return Silence{now.stamp + cycles, place};
+    if (others.empty()) break;
+  }
+  return {};
+}
+
 void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s,
                                   WorldFrame& frame) {
   const auto told = [&](BodyId id) { return advanced(now.engine.state(id), offset_s); };
@@ -131,8 +224,7 @@ void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const H
   // what every frame since then lists. States go out for all that any of them lists.
   std::vector<BodyId>& wanted = scratch_;
   wanted = frame.members;
-  const std::uint64_t first_remembered = now.stamp >= remembered_ ? now.stamp - remembered_ + 1 : 0;
-  const std::uint64_t oldest = std::max(heard.newest->confirmed_stamp, first_remembered);
+  const std::uint64_t oldest = first_unconfirmed(now, heard);
   const bool any_confirmed = heard.any && oldest < now.stamp;
   frame.entering.clear();
   const auto list = [&](BodyId id) {

@@ -9,6 +9,7 @@
 #include "world_sim/border_extractor.hpp"
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -19,6 +20,7 @@ struct Heard {
   bool any = false;
   const HapticReport* newest = nullptr;    ///< the newest used
   const HapticReport* at_stamp = nullptr;  ///< of the present stamp, or else the newest used
+  bool silent = false;                     ///< no frame of the present stamp is wanted
 };
 
 /// How a user's sub-world was chosen.
@@ -49,6 +51,8 @@ class FrameMaker {
   [[nodiscard]] const WorldFrame& frame(std::size_t user, std::uint64_t stamp) const {
     return users_[user].frames[stamp % users_[user].frames.size()];
   }
+  /// Between the sub-world's bodies and others, at the newest stamp: contacts, and what may become one.
+  [[nodiscard]] const std::vector<BorderPair>& border(std::size_t user) const noexcept { return users_[user].border; }
   [[nodiscard]] const Membership& membership(std::size_t user) const noexcept { return users_[user].membership; }
   [[nodiscard]] SelectionFacts selection(std::size_t user) const noexcept {
     return {users_[user].left_out, users_[user].expected_s, users_[user].correction.factor()};
@@ -60,6 +64,7 @@ class FrameMaker {
   struct User {
     const UserSpec* spec = nullptr;
     Membership membership;
+    std::vector<BorderPair> border;
     Budget budget;
     CostCorrection correction;
     std::size_t left_out = 0;        ///< of the box's bodies
@@ -71,6 +76,11 @@ class FrameMaker {
   Box select(User& user, const WorldNow& now, double horizon_s);
   void list_peers(const User& user, const WorldNow& now, std::span<const Heard> heard, WorldFrame& frame) const;
   void list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s, WorldFrame& frame);
+  void tell_border(const User& user, const WorldNow& now, const Heard& heard, WorldFrame& frame);
+  /// For how long, and where, the proxy will be alone.
+  [[nodiscard]] std::optional<Silence> find_silence(const User& user, const WorldNow& now, const WorldFrame& frame);
+  /// The oldest frame of those after which the sub-world may not know of a body, at most the present one.
+  [[nodiscard]] std::uint64_t first_unconfirmed(const WorldNow& now, const Heard& heard) const noexcept;
   [[nodiscard]] double horizon_s(const WorldNow& now, const Heard& heard) const;
 
   const Scene& scene_;
@@ -79,7 +89,10 @@ class FrameMaker {
   std::vector<User> users_;
   std::unique_ptr<BorderExtractor> border_;
   BudgetSelector budget_;
+  bool tells_all_pairs_;
+  bool may_be_silent_;
   std::vector<BodyId> scratch_, before_;
+  std::vector<Box> obstacles_;
 };
 
 }  // namespace subworld

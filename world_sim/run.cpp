@@ -46,6 +46,7 @@ void step(World& world, Stages<WorldStage>& stages) {
 
 void publish_frames(WorldPorts& ports, World& world, bool last, double start_in_s, double clock_factor) {
   for (std::size_t u = 0; u < world.user_count(); ++u) {
+    if (!last && !world.tells(u)) continue;
     WorldFrame& frame = world.frame(u);
     frame.session = ports.session;
     frame.served = ports.served[u];
@@ -257,10 +258,11 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
     for (std::size_t u = 0; u < world.user_count(); ++u) {
       const Delay delay(scene.settings, world.scheme().lead_cycles(), static_cast<std::uint32_t>(u));
       for (; delay.report_due(next[u], world.stamp(), world.timetable()); ++next[u]) {
+        if (world.has_report(u, next[u])) continue;
         const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(u)};
         const auto ours = [&](const HapticReport& came) { return ports.accept(u, came); };
         if (!await(*ports.bus, ports.status, ports.reports[u], report, stages, haptic, ours, gives_up)) return false;
-        if (!world.receive(std::move(report))) {
+        if (!world.receive(std::move(report)) || !world.has_report(u, next[u])) {
           throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of "
                                                     "them on this domain?",
                                                     u, world.stamp()));

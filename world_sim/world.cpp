@@ -58,7 +58,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
       engine_(live_, scene, proxies_of(scene), leaves_out(scene, Saving::rest)),
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
-      remembered_(remembered_cycles(scene.settings, *scheme_)),
+      remembered_(remembered_cycles(scene, *scheme_)),
       timetable_(scene.settings.ratio, remembered_),
       ratio_control_(scene.settings),
       engine_cost_(engine_cost(without_substeps(scene.settings.world))),
@@ -92,6 +92,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
     }
     users_[u].synchroniser =
         std::make_unique<Synchroniser>(*scheme_, remembered_, scene.users[u].proxy, std::move(peers));
+    users_[u].silence = SilentCycles(scheme_->lead_cycles());
     users_[u].inbox.resize(remembered_);
     users_[u].waiting.resize(remembered_);
     for (HapticReport& report : users_[u].inbox) reserve(report, kUsualMembers);
@@ -169,7 +170,7 @@ void World::begin_cycle() {
 
 bool World::border_is_felt(std::size_t user) {
   const WorldFrame& frame = frames_.frame(user, stamp_ == 0 ? 0 : stamp_ - 1);
-  if (frame.border.empty()) return false;
+  if (frames_.border(user).empty()) return false;
   const double until_s = static_cast<double>(planned_cycles(scene_.settings, *scheme_)) * cycle_s_;
   const BodyId proxy = users_[user].spec->proxy;
   const BodyState& now = motions_[index(proxy)].state;
@@ -201,6 +202,7 @@ bool World::receive(HapticReport&& report) {
   const std::size_t slot = report.stamp % remembered_;
   std::swap(user.inbox[slot], report);  // the caller goes on with the old one's memory
   user.waiting[slot] = true;
+  user.silence.end(user.inbox[slot].stamp);
   return true;
 }
 
@@ -332,9 +334,12 @@ void World::make_frames() {
   plan_ratio();
   graph_.build(contacts_, scene_.bodies.size());
   for (std::size_t u = 0; u < users_.size(); ++u)
-    heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(stamp_)};
-  frames_.make({stamp_, time_s(), cycle_s_, timetable_, engine_, engine_.awake(), contacts_, graph_, motions_}, heard_,
+    heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(stamp_), !tells(u)};
+  frames_.make({stamp_, time_s(), cycle_s_, timetable_, engine_, contacts_, graph_, motions_}, heard_,
                -half_step_offset_s());
+  for (std::size_t u = 0; u < users_.size(); ++u) {
+    if (tells(u)) users_[u].silence.begin(frames_.frame(u, stamp_));
+  }
 }
 
 double World::half_step_offset_s() const {
@@ -418,7 +423,7 @@ void World::look(WorldView& view) const {
     seen.proxy = user.spec->proxy;
     seen.members = frames_.membership(u).members;
     seen.border.clear();
-    std::ranges::copy_if(frames_.frame(u, stamp_).border, std::back_inserter(seen.border), touches);
+    std::ranges::copy_if(frames_.border(u), std::back_inserter(seen.border), touches);
     seen.wrench = {user.report.impulse.force / cycle_s_, user.report.impulse.torque / cycle_s_};
   }
 }

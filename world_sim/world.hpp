@@ -4,6 +4,7 @@
 #include "coupling/ghost.hpp"
 #include "coupling/ratio_control.hpp"
 #include "coupling/scheme.hpp"
+#include "coupling/silence.hpp"
 #include "coupling/synchroniser.hpp"
 #include "coupling/timetable.hpp"
 #include "coupling/tool.hpp"
@@ -50,6 +51,13 @@ class World {
   /// `account` and `make_frames`, for who does not time them.
   void step();
 
+  /// Whether the frame of the present stamp is to be sent: its user's sub-world waits for it.
+  [[nodiscard]] bool tells(std::size_t user) const noexcept { return !users_[user].silence.lacks_frame(stamp_); }
+  /// Whether the report of this stamp is here and not used yet, or will not come.
+  [[nodiscard]] bool has_report(std::size_t user, std::uint64_t stamp) const noexcept {
+    return users_[user].holds(stamp) || users_[user].silence.lacks_report(stamp);
+  }
+
   /// The stamp of the newest report that the next step uses if it is there.
   [[nodiscard]] std::uint64_t wants() const noexcept { return stamp_ + scheme_->lead_cycles(); }
 
@@ -76,6 +84,8 @@ class World {
 
   /// The world at the present stamp as user u sees it; new after each step().
   [[nodiscard]] WorldFrame& frame(std::size_t user) { return frames_.frame(user, stamp_); }
+  /// The border of user u's sub-world, at the present stamp.
+  [[nodiscard]] const std::vector<BorderPair>& border(std::size_t user) const noexcept { return frames_.border(user); }
   /// How user u's sub-world was chosen, at the present stamp.
   [[nodiscard]] SelectionFacts selection(std::size_t user) const noexcept { return frames_.selection(user); }
   [[nodiscard]] SceneDescription description(std::uint64_t settings_hash) const;
@@ -127,11 +137,16 @@ class World {
     HapticReport report;              ///< newest used
     HapticReport before;              ///< the one used before it
     bool heard = false;
+    SilentCycles silence{0};
 
-    /// The report of a stamp, or the newest used.
-    [[nodiscard]] const HapticReport& at(std::uint64_t stamp) const {
+    [[nodiscard]] bool holds(std::uint64_t stamp) const noexcept {
       const std::size_t slot = stamp % inbox.size();
-      return waiting[slot] && inbox[slot].stamp == stamp ? inbox[slot] : report;
+      return waiting[slot] && inbox[slot].stamp == stamp;
+    }
+    /// The report of a stamp, or that which ends the silence in which it lies, or the newest used.
+    [[nodiscard]] const HapticReport& at(std::uint64_t stamp) const noexcept {
+      while (silence.lacks_report(stamp)) ++stamp;
+      return holds(stamp) ? inbox[stamp % inbox.size()] : report;
     }
   };
 

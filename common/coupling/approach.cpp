@@ -39,10 +39,6 @@ double any_way(const BodyState& state, const Box& bounds, double gravity_m_s2, d
   return time_s * (arm_m * state.angular_velocity.norm() + 0.5 * time_s * gravity_m_s2);
 }
 
-Box grown(const Box& bounds, double by_m) noexcept {
-  return {bounds.lower - Vec3::Constant(by_m), bounds.upper + Vec3::Constant(by_m)};
-}
-
 double smallest(const Box& bounds) noexcept { return (bounds.upper - bounds.lower).minCoeff(); }
 
 }  // namespace
@@ -56,10 +52,10 @@ ApproachFinder::ApproachFinder(const Scene& scene)
 }
 
 Box swept_bounds(const BodyState& state, const Box& bounds, double gravity_m_s2, double time_s) noexcept {
-  return grown(bounds, any_way(state, bounds, gravity_m_s2, time_s) + time_s * state.linear_velocity.norm());
+  return bounds.grown(any_way(state, bounds, gravity_m_s2, time_s) + time_s * state.linear_velocity.norm());
 }
 
-Box ApproachFinder::Mover::swept() const noexcept { return grown(bounds, travel_m); }
+Box ApproachFinder::Mover::swept() const noexcept { return bounds.grown(travel_m); }
 
 ApproachFinder::Mover ApproachFinder::mover(BodyId id, const BodyState& state, const Box& bounds) const noexcept {
   const double any_way_m = any_way(state, bounds, scene_.settings.world.gravity.norm(), time_s_);

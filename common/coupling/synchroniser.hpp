@@ -3,6 +3,7 @@
 #include "coupling/blend.hpp"
 #include "coupling/contact_graph.hpp"
 #include "coupling/scheme.hpp"
+#include "model/scene.hpp"
 
 #include <span>
 #include <vector>
@@ -10,7 +11,7 @@
 namespace subworld {
 
 /// How far back either side keeps what it said, in cycles.
-[[nodiscard]] std::uint64_t remembered_cycles(const Settings& settings, const Scheme& scheme) noexcept;
+[[nodiscard]] std::uint64_t remembered_cycles(const Scene& scene, const Scheme& scheme);
 /// How far ahead a change of the simulation ratio is planned, in cycles: so that no sub-world has begun the first cycle
 /// that it concerns, and some of the frames that tell it may get lost.
 [[nodiscard]] std::uint64_t planned_cycles(const Settings& settings, const Scheme& scheme) noexcept;

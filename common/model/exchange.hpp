@@ -122,6 +122,12 @@ struct PeerDevice {
   Vec3 angular_velocity = Vec3::Zero();
 };
 
+/// Until when, and in which place of the proxy, neither side has anything to tell (coupling/silence).
+struct Silence {
+  std::uint64_t until = 0;  ///< the stamp of the next frame and the next report
+  Box place;                ///< where nothing but the proxy is or comes until then
+};
+
 /// From the cycle that begins at `stamp` on, each cycle has `ratio` haptic steps.
 struct RatioChange {
   std::uint64_t stamp = 0;
@@ -149,9 +155,12 @@ struct WorldFrame {
   std::vector<std::uint32_t> islands;  ///< of members, as the world's contacts make them (coupling/contact_graph)
   std::vector<EnteringBody> entering;  ///< not yet confirmed by a report
   std::vector<StampedBody> states;     ///< the world's own result, before any blend: members, bodies just left, ghosts
-  std::vector<BorderPair> border;
+  std::uint32_t border_contacts = 0;   ///< between what is inside and what is outside
+  std::uint32_t border_bodies = 0;     ///< members that have one, or may soon
+  std::vector<BorderPair> border;      ///< those that the sub-world needs
   std::vector<GhostModel> ghosts;
   std::vector<PeerDevice> peers;
+  std::optional<Silence> silence;  ///< after this frame
 };
 
 /// Room for a usual sub-world, so that a loop need not find it.

@@ -35,6 +35,23 @@ Decision decide_impulses(const Scene& scene, std::size_t) {
   return {true, false, "the world alone needs them, for borders"};
 }
 
+Decision decide_pairs(const Scene& scene, std::size_t) {
+  if (scene.settings.blends_by_impulses()) return {false, false, "scheme paper has the impulses of its whole border"};
+  if (!scene.settings.has_sub_worlds()) return {false, false, "there are no sub-worlds"};
+  return {true, false, "where a sub-world has the body already, two counts of them are enough"};
+}
+
+Decision decide_silence(const Scene& scene, std::size_t) {
+  const Settings& s = scene.settings;
+  if (!s.has_sub_worlds() || s.blends_by_impulses())
+    return {false, false, fmt::format("scheme {} needs every message", s.scheme)};
+  if (s.mode == Mode::realtime) return {false, false, "in real time they tell the clock, and that everybody is there"};
+  if (s.users > 1) return {false, false, "hands hear of each other by them"};
+  if (s.delay.any()) return {false, false, "with a delay they are on their way when something happens"};
+  if (s.adapts_ratio()) return {false, false, "they tell changes of the simulation ratio"};
+  return {true, false, "while nothing is near the only hand they tell nothing"};
+}
+
 Decision decide_passivity(const Scene& scene, std::size_t user) {
   const Settings& s = scene.settings;
   if (s.passivity == Passivity::on) return {false, true, "as the scene or --passivity says"};
@@ -53,6 +70,9 @@ constexpr std::array kItems{
                decide_friction},
     SavingItem{Saving::impulses, "impulses", "sub-worlds", "friction impulses of contacts that nobody reads", false,
                decide_impulses},
+    SavingItem{Saving::pairs, "pairs", "frames", "border pairs of bodies that the sub-world has", false, decide_pairs},
+    SavingItem{Saving::silence, "silence", "frames, reports", "messages of cycles in which a hand is alone", false,
+               decide_silence},
     SavingItem{Saving::passivity, "passivity", "device", "bound on the energy that the hand gets", true,
                decide_passivity}};
 static_assert(std::ranges::is_sorted(kItems, {}, &SavingItem::saving) &&

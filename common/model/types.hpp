@@ -31,9 +31,15 @@ struct Box {
   [[nodiscard]] bool meets(const Box& other) const noexcept {
     return (lower.array() <= other.upper.array()).all() && (other.lower.array() <= upper.array()).all();
   }
+  [[nodiscard]] bool holds(const Box& other) const noexcept {
+    return (lower.array() <= other.lower.array()).all() && (other.upper.array() <= upper.array()).all();
+  }
   void extend(const Box& other) noexcept {
     lower = lower.cwiseMin(other.lower);
     upper = upper.cwiseMax(other.upper);
+  }
+  [[nodiscard]] Box grown(double by_m) const noexcept {
+    return {lower - Vec3::Constant(by_m), upper + Vec3::Constant(by_m)};
   }
 };
 

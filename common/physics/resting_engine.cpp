@@ -1,6 +1,7 @@
 #include "physics/resting_engine.hpp"
 
 #include "model/error.hpp"
+#include "model/reach.hpp"
 #include "model/shape_extent.hpp"
 
 #include <algorithm>
@@ -12,15 +13,6 @@ namespace subworld {
 namespace {
 
 constexpr double kLookEvery_s = 0.05;  ///< for who may sleep
-/// As a hand may change its speed: fast reaching movements come to 5 g. Others fall, or are pushed.
-constexpr double kHand_m_s2 = 50.0;
-/// What is hit by something heavier leaves twice as fast.
-constexpr double kHit = 2.0;
-
-Box grown(const Box& box, double by_m) noexcept {
-  return {box.lower - Vec3::Constant(by_m), box.upper + Vec3::Constant(by_m)};
-}
-
 double gap_m(const Box& a, const Box& b) noexcept {
   return (a.lower - b.upper).cwiseMax(b.lower - a.upper).cwiseMax(0.0).norm();
 }
@@ -63,7 +55,7 @@ void RestingEngine::lay_asleep(std::uint32_t one) {
   thing.bounds = subworld::bounds(scene_.bodies[one].shape, thing.anchor, scene_.meshes);
   thing.asleep = true;
   thing.still_s = thing.unreached_s = kStillFor_s;
-  const Box box = grown(thing.bounds, thing.drift_m);
+  const Box box = thing.bounds.grown(thing.drift_m);
   still_.find(box, [&](std::uint32_t other) {
     if (things_[other].asleep) join(one, other);
   });
@@ -123,6 +115,14 @@ bool RestingEngine::negligible(BodyId id, const BodyState& to) const {
          thing.drift_m;
 }
 
+void RestingEngine::asleep_in(const Box& box, std::vector<BodyId>& out) const {
+  out.clear();
+  if (!rests_) return;
+  still_.find(box, [&](std::uint32_t item) {
+    if (things_[item].asleep) out.push_back(BodyId{item});
+  });
+}
+
 void RestingEngine::step(double dt) {
   inner_.step(dt);
   if (!rests_) return;
@@ -166,22 +166,21 @@ void RestingEngine::watch(BodyId id, double dt) {
   thing.unreached_s += dt;
   if (thing.restless || thing.still_s < kStillFor_s || still_.contains(index(id))) return;
   thing.bounds = inner_.bounds(id);
-  still_.insert(index(id), grown(thing.bounds, thing.drift_m));
+  still_.insert(index(id), thing.bounds.grown(thing.drift_m));
 }
 
 void RestingEngine::reach_from(BodyId mover, double horizon_s) {
   const Thing& thing = things_[index(mover)];
   const BodyState now = inner_.state(mover);
-  const double acceleration_m_s2 = thing.restless ? kHand_m_s2 : gravity_m_s2_;
-  const double travel_m = horizon_s * (now.linear_velocity.norm() + thing.arm_m * now.angular_velocity.norm()) +
-                          0.5 * horizon_s * horizon_s * acceleration_m_s2 + thing.drift_m;
+  const double acceleration_m_s2 = thing.restless ? kHand_m_s2 : gravity_m_s2_;  // others fall, or are pushed
+  const double travel_m = reach_m(now, thing.arm_m, acceleration_m_s2, horizon_s) + thing.drift_m;
   frontier_.assign(1, {inner_.bounds(mover), travel_m});
   double hit = kHit;  // of what the mover itself hits; from there on, all is counted as so fast already
   while (!frontier_.empty()) {
     const Reach reach = frontier_.back();
     frontier_.pop_back();
     const std::size_t first = reached_.size();
-    still_.find(grown(reach.from, reach.travel_m), [&](std::uint32_t item) {
+    still_.find(reach.from.grown(reach.travel_m), [&](std::uint32_t item) {
       Thing& other = things_[item];
       const double left_m = reach.travel_m - gap_m(reach.from, still_.box(item));
       if (other.reached || left_m < 0.0) return;

@@ -39,6 +39,8 @@ class RestingEngine final : public EngineShell {
   [[nodiscard]] std::span<const BodyId> woke() const noexcept { return woke_; }
   /// For who must see every body in the inner engine, as an exchange of engines does.
   void wake_all();
+  /// Sleeping bodies whose boxes meet this one, in no order.
+  void asleep_in(const Box& box, std::vector<BodyId>& out) const;
   /// Whether a shift is so small that it tells nothing of a sleeping body.
   [[nodiscard]] bool negligible(BodyId id, const BodyState& to) const;
 

@@ -7,11 +7,13 @@ namespace subworld {
 using parts::get;
 using parts::get_all;
 using parts::get_ghosts;
+using parts::get_one;
 using parts::get_positive;
 using parts::get_ratio;
 using parts::put;
 using parts::put_all;
 using parts::put_ghosts;
+using parts::put_one;
 
 namespace {
 
@@ -122,9 +124,12 @@ void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
   out.islands() = in.islands;
   put_all(in.entering, out.entering());
   put_all(in.states, out.states());
+  out.border_contacts(in.border_contacts);
+  out.border_bodies(in.border_bodies);
   put_all(in.border, out.border());
   put_ghosts(in.ghosts, out);
   put_all(in.peers, out.peers());
+  put_one(in.silence, out.silence());
 }
 
 bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
@@ -137,12 +142,14 @@ bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
   out.echoed_stamp = in.echoed_stamp();
   out.last = in.last();
   out.planned.stamp = in.planned_stamp();
+  out.border_contacts = in.border_contacts();
+  out.border_bodies = in.border_bodies();
   return get_positive(in.stamp_s(), out.stamp_s) && get(in.start_in_s(), out.start_in_s) &&
          get_positive(in.cycle_s(), out.cycle_s) && get_ratio(in.ratio(), out.ratio) &&
          get_ratio(in.planned_ratio(), out.planned.ratio) && get_positive(in.clock_factor(), out.clock_factor) &&
          get_all(in.members(), out.members) && get_all(in.fixed_bodies(), out.fixed) &&
          get_all(in.entering(), out.entering) && get_all(in.states(), out.states) && get_all(in.border(), out.border) &&
-         get_ghosts(in, out.ghosts) && get_all(in.peers(), out.peers);
+         get_ghosts(in, out.ghosts) && get_all(in.peers(), out.peers) && get_one(in.silence(), out.silence);
 }
 
 void to_wire(const HapticReport& in, msg::HapticReport& out) {
@@ -258,7 +265,7 @@ bool from_wire(const msg::Status& in, Status& out) {
   out.missed_deadlines = in.missed_deadlines();
   out.missed_by_machine = in.missed_by_machine();
   out.events = {in.matched(),          in.unmatched(), in.deadline_missed(), in.liveliness_lost(),
-                in.incompatible_qos(), in.lost(),      in.rejected(),       in.refused()};
+                in.incompatible_qos(), in.lost(),      in.rejected(),        in.refused()};
   out.text = in.text();
   return get(in.time_s(), out.time_s) && get(in.rate_hz(), out.rate_hz) && get(in.step_s(), out.step_s) &&
          get(in.force_n(), out.force_n) && get(in.clock_factor(), out.clock_factor) &&

@@ -268,6 +268,17 @@ bool get(const msg::PeerDevice& in, PeerDevice& out) {
          get(in.angular_velocity(), out.angular_velocity);
 }
 
+void put(const Silence& in, msg::Silence& out) {
+  out.until_stamp(in.until);
+  put(in.place.lower, out.lower());
+  put(in.place.upper, out.upper());
+}
+
+bool get(const msg::Silence& in, Silence& out) {
+  out.until = in.until_stamp();
+  return get(in.lower(), out.place.lower) && get(in.upper(), out.place.upper);
+}
+
 void put(const UserView& in, msg::UserView& out) {
   out.user(index(in.user));
   out.proxy(index(in.proxy));

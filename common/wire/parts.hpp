@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 /// What topics are made of, to the types of the IDL and back; only `convert.cpp` needs it. `get` returns false for
@@ -31,6 +32,7 @@ void put(const GhostAxis& in, msg::GhostAxis& out);
 /// With what lies flat in the frame: axes and carried bodies.
 void put_ghosts(const std::vector<GhostModel>& in, msg::WorldFrame& out);
 void put(const PeerDevice& in, msg::PeerDevice& out);
+void put(const Silence& in, msg::Silence& out);
 void put(const UserView& in, msg::UserView& out);
 
 [[nodiscard]] bool get(double in, double& out);
@@ -54,7 +56,21 @@ void put(const UserView& in, msg::UserView& out);
 [[nodiscard]] bool get(const msg::GhostAxis& in, GhostAxis& out);
 [[nodiscard]] bool get_ghosts(const msg::WorldFrame& in, std::vector<GhostModel>& out);
 [[nodiscard]] bool get(const msg::PeerDevice& in, PeerDevice& out);
+[[nodiscard]] bool get(const msg::Silence& in, Silence& out);
 [[nodiscard]] bool get(const msg::UserView& in, UserView& out);
+
+/// None or one, on the wire a sequence.
+template <class In, class Out>
+void put_one(const std::optional<In>& in, std::vector<Out>& out) {
+  out.resize(in ? 1 : 0);
+  if (in) put(*in, out.front());
+}
+
+template <class In, class Out>
+[[nodiscard]] bool get_one(const std::vector<In>& in, std::optional<Out>& out) {
+  out.reset();
+  return in.empty() || (in.size() == 1 && get(in.front(), out.emplace()));
+}
 
 template <class In, class Out>
 void put_all(const std::vector<In>& in, std::vector<Out>& out) {

@@ -23,7 +23,7 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
               .commands = DelayLine<DeviceCommand>(scene_.settings, Direction::to_device, number),
               .reports = {},
               .frames = {}};
-    link.reports.resize(remembered_cycles(scene_.settings, scheme));
+    link.reports.resize(remembered_cycles(scene_, scheme));
     link.frames.resize(link.reports.size());
     links_.push_back(std::move(link));
     subs[u]->apply(world.frame(u));
@@ -33,15 +33,29 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
 
 void CoupledRun::send_report(std::size_t user) {
   Link& link = links_[user];
-  const HapticReport& report = subs[user]->report(1);
-  link.newest_report = report.stamp;
-  link.reports[report.stamp % link.reports.size()] = report;
+  const HapticReport* const report = subs[user]->close_cycle(1);
+  if (report == nullptr) return;
+  link.reported = true;
+  link.newest_report = report->stamp;
+  link.reports[report->stamp % link.reports.size()] = *report;
+}
+
+void CoupledRun::deliver_reports(std::size_t user) {
+  Link& link = links_[user];
+  while (link.next_report <= link.newest_report &&
+         link.delay.report_due(link.next_report, world.stamp(), world.timetable())) {
+    const HapticReport* report = &link.reports[link.next_report % link.reports.size()];
+    if (report->stamp != link.next_report) report = &this->report(user);  // it ends a silence
+    link.next_report = report->stamp + 1;
+    world.receive(HapticReport(*report));
+  }
 }
 
 void CoupledRun::deliver_frames(std::size_t user, std::uint64_t step) {
   Link& link = links_[user];
-  for (; link.next_frame <= world.stamp() && link.delay.frame_due(link.next_frame, subs[user]->timetable()) <= step;
-       ++link.next_frame) {
+  for (; link.delay.frame_due(link.next_frame, subs[user]->timetable()) <= step; ++link.next_frame) {
+    if (subs[user]->passes_frame(link.next_frame)) continue;
+    if (link.next_frame > world.stamp()) break;
     const CpuTimer timer(cpu.synchronise);
     subs[user]->apply(link.frames[link.next_frame % link.frames.size()]);
   }
@@ -51,7 +65,8 @@ void CoupledRun::haptic_cycle(std::size_t user) {
   const double h = scene_.settings.h_s;
   SubWorld& sub = *subs[user];
   EmulatedDevice& device = *devices[user];
-  const std::uint64_t begin = sub.timetable().start(cycle_), end = sub.timetable().start(cycle_ + 1);
+  const std::uint64_t cycle = links_[user].cycle++;
+  const std::uint64_t begin = sub.timetable().start(cycle), end = sub.timetable().start(cycle + 1);
   for (std::uint64_t step = begin; step < end; ++step) {
     if (step > begin) deliver_frames(user, step);
     const DeviceState state = device.state();
@@ -71,19 +86,20 @@ void CoupledRun::haptic_cycle(std::size_t user) {
     felt[user].proxy.push_back(sub.proxy());
     if (sub.report_due()) send_report(user);
   }
+  deliver_frames(user, end);
 }
 
 void CoupledRun::cycle() {
-  for (std::size_t u = 0; u < subs.size(); ++u) haptic_cycle(u);
+  for (std::size_t u = 0; u < subs.size(); ++u) {
+    links_[u].reported = false;
+    if (links_[u].cycle > cycle_) continue;
+    do haptic_cycle(u);
+    while (!links_[u].reported);
+  }
   const auto lead = static_cast<std::uint64_t>(world.scheme().lead_cycles());
   ++cycle_;
   if (cycle_ > lead) {
-    for (Link& link : links_) {
-      while (link.next_report <= link.newest_report &&
-             link.delay.report_due(link.next_report, world.stamp(), world.timetable())) {
-        world.receive(HapticReport(link.reports[link.next_report++ % link.reports.size()]));
-      }
-    }
+    for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
     {
       const CpuTimer timer(cpu.world);
       world.step();
@@ -92,7 +108,7 @@ void CoupledRun::cycle() {
       links_[u].frames[world.stamp() % links_[u].frames.size()] = world.frame(u);
     }
   }
-  for (std::size_t u = 0; u < subs.size(); ++u) deliver_frames(u, subs[u]->timetable().start(cycle_));
+  for (std::size_t u = 0; u < subs.size(); ++u) deliver_frames(u, subs[u]->timetable().start(links_[u].cycle));
 }
 
 bool CoupledRun::finite() const noexcept {

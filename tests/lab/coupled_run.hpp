@@ -43,6 +43,9 @@ class CoupledRun {
   [[nodiscard]] std::uint64_t hash() const noexcept;
 
   [[nodiscard]] WorldFrame& frame(std::size_t user = 0) { return world.frame(user); }
+  /// Whether the last cycle sent them.
+  [[nodiscard]] bool sent_frame(std::size_t user = 0) const { return world.tells(user); }
+  [[nodiscard]] bool sent_report(std::size_t user = 0) const { return links_[user].reported; }
   /// The newest that the user's sub-world sent.
   [[nodiscard]] const HapticReport& report(std::size_t user = 0) const {
     return links_[user].reports[links_[user].newest_report % links_[user].reports.size()];
@@ -58,8 +61,11 @@ class CoupledRun {
     std::uint64_t next_report = 0;      ///< for the world
     std::uint64_t newest_report = 0;
     std::uint64_t next_frame = 1;  ///< for the sub-world
+    std::uint64_t cycle = 0;       ///< of the sub-world, which is ahead where it is silent
+    bool reported = false;         ///< in the last cycle of the run
   };
   void haptic_cycle(std::size_t user);
+  void deliver_reports(std::size_t user);
   void send_report(std::size_t user);
   void deliver_frames(std::size_t user, std::uint64_t step);
 

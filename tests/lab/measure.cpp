@@ -136,7 +136,7 @@ std::optional<Outcome> run_out(const Scene& scene) {
       const WorldFrame& frame = run->frame(u);
       out.members.add(static_cast<double>(frame.members.size()));
       out.ghosts.add(static_cast<double>(frame.ghosts.size()));
-      out.border_pairs.add(static_cast<double>(frame.border.size()));
+      out.border_pairs.add(static_cast<double>(run->world.border(u).size()));
     }
   }
   out.finite = run->finite();

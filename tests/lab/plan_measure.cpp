@@ -50,7 +50,8 @@ Json figures_of(const Scene& scene) {
   while (run.finite() && run.world.time_s() < scene.settings.duration_s - 1e-9) {
     run.cycle();
     for (std::size_t u = 0; u < run.subs.size(); ++u) {
-      bytes += static_cast<double>(frames.encode(run.frame(u)).size() + reports.encode(run.report(u)).size());
+      if (run.sent_frame(u)) bytes += static_cast<double>(frames.encode(run.frame(u)).size());
+      if (run.sent_report(u)) bytes += static_cast<double>(reports.encode(run.report(u)).size());
     }
     ++cycles;
   }

@@ -127,7 +127,8 @@ TEST_F(CommandLine, APlanListsWhatIsLeftOutAndTakesKeep) {
     return std::pair(ended.out.substr(0, needed), ended.out.substr(needed));
   };
   const auto [out, in] = planned({});
-  for (const char* item : {"rest ", "impulses ", "passivity "}) EXPECT_NE(out.find(item), std::string::npos) << item;
+  for (const char* item : {"rest ", "impulses ", "pairs ", "silence ", "passivity "})
+    EXPECT_NE(out.find(item), std::string::npos) << item;
   EXPECT_NE(in.find("friction "), std::string::npos) << "the row has some: " << in;
   const auto [fewer, more] = planned({"--keep", "rest,passivity"});
   EXPECT_EQ(fewer.find("rest "), std::string::npos) << fewer;

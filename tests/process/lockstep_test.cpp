@@ -129,5 +129,17 @@ TEST_F(LockStepHash, DiffersBetweenRunsThatDiffer) {
   EXPECT_EQ(hashes.size(), 2U);
 }
 
+class Silence : public ProcessTest {};
+
+TEST_F(Silence, OfAHandInTheAirSavesMessagesAndChangesNoForce) {
+  std::vector<Json> hands;
+  for (const char* item : {"silence", "passivity"}) {  // kept in; the second has nothing to do with messages
+    ASSERT_EQ(run(scene("scatter"), {"--duration", "0.2", "--keep", item}).code, 0);
+    hands.push_back(summary()["haptic"][0]);
+  }
+  EXPECT_LT(hands[1]["bytes_per_cycle"], 0.25 * hands[0]["bytes_per_cycle"].get<double>());
+  for (const char* same : {"steps", "force_rms_n", "force_max_n"}) EXPECT_EQ(hands[0][same], hands[1][same]) << same;
+}
+
 }  // namespace
 }  // namespace subworld::test

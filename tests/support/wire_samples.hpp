@@ -150,9 +150,12 @@ class SampleMaker {
     fill_all(to.islands);
     fill_all(to.entering);
     fill_all(to.states);
+    to.border_contacts = word();
+    to.border_bodies = word();
     fill_all(to.border);
     fill_all(to.ghosts);
     fill_all(to.peers);
+    if (coin()) to.silence = {long_word(), {vector(), vector()}};
   }
   void fill(HapticReport& to) {
     to.user = UserId{word()};
@@ -275,7 +278,9 @@ struct Walk {
   }
   void operator()(const WorldFrame& f) {
     all(f.user, f.session, f.served, f.stamp, f.stamp_s, f.start_in_s, f.clock_factor, f.echoed_sent_ns, f.echoed_stamp,
-        f.last, f.members, f.fixed, f.islands, f.entering, f.states, f.border, f.ghosts, f.peers);
+        f.last, f.members, f.fixed, f.islands, f.entering, f.states, f.border_contacts, f.border_bodies, f.border,
+        f.ghosts, f.peers, f.silence.has_value());
+    if (f.silence) all(f.silence->until, f.silence->place.lower, f.silence->place.upper);
   }
   void operator()(const HapticReport& r) {
     all(r.user, r.session, r.sender, r.stamp, r.stamp_s, r.clock_rate, r.sent_ns, r.confirmed_stamp, r.impulse,
@@ -289,8 +294,8 @@ struct Walk {
   void operator()(const Status& s) {
     all(static_cast<std::uint32_t>(s.program), s.instance, s.state, s.time_s, s.rate_hz, s.steps, s.missed_deadlines,
         s.missed_by_machine, s.step_s, s.force_n, s.clock_factor, s.done_ratio, s.events.matched, s.events.unmatched,
-        s.events.deadline_missed, s.events.liveliness_lost, s.events.incompatible_qos, s.events.lost, s.events.rejected, s.events.refused,
-        s.text);
+        s.events.deadline_missed, s.events.liveliness_lost, s.events.incompatible_qos, s.events.lost, s.events.rejected,
+        s.events.refused, s.text);
   }
   template <class T>
   void operator()(const std::vector<T>& elements) {

@@ -1,0 +1,20 @@
+#pragma once
+
+#include "model/body.hpp"
+
+namespace subworld {
+
+/// As a hand may change its speed: fast reaching movements come to 5 g.
+inline constexpr double kHand_m_s2 = 50.0;
+/// What is hit by something heavier leaves twice as fast.
+inline constexpr double kHit = 2.0;
+
+/// How far any point of a body may get within `time_s`, m: as it moves, by turning, and by an acceleration. `arm_m` is
+/// the distance of its farthest point from its centre.
+[[nodiscard]] inline double reach_m(const BodyState& state, double arm_m, double acceleration_m_s2,
+                                    double time_s) noexcept {
+  return time_s * (state.linear_velocity.norm() + arm_m * state.angular_velocity.norm()) +
+         0.5 * time_s * time_s * acceleration_m_s2;
+}
+
+}  // namespace subworld

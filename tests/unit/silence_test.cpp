@@ -1,0 +1,142 @@
+#include "coupling/silence.hpp"
+#include "lab/coupled_run.hpp"
+#include "lab/metrics.hpp"
+#include "model/mass_properties.hpp"
+#include "model/saving.hpp"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+
+/// Cycles without messages: both sides know which do not come, and a hand feels what it feels with all of them.
+namespace subworld {
+namespace {
+
+Box cube(double half_m, double x, double y, double z) {
+  return {Vec3(x, y, z) - Vec3::Constant(half_m), Vec3(x, y, z) + Vec3::Constant(half_m)};
+}
+
+WorldFrame frame_with(std::uint64_t stamp, std::uint64_t until) {
+  WorldFrame frame;
+  frame.stamp = stamp;
+  frame.silence = Silence{until, cube(1.0, 0, 0, 0)};
+  return frame;
+}
+
+TEST(SilentCycles, LackAllMessagesUntilTheyEnd) {
+  SilentCycles silence(1);
+  EXPECT_FALSE(silence.lacks_frame(1));
+  silence.begin(frame_with(10, 20));
+  EXPECT_FALSE(silence.may_lack_report(11)) << "it was on its way when the frame came";
+  EXPECT_TRUE(silence.may_lack_report(12));
+  EXPECT_TRUE(silence.may_lack_report(19));
+  EXPECT_FALSE(silence.may_lack_report(20));
+  EXPECT_FALSE(silence.lacks_report(12)) << "it may come yet";
+  silence.end(11);
+  EXPECT_TRUE(silence.lacks_frame(19));
+  silence.end(15);
+  EXPECT_TRUE(silence.lacks_report(14));
+  EXPECT_FALSE(silence.lacks_report(15));
+  EXPECT_TRUE(silence.lacks_frame(14));
+  EXPECT_FALSE(silence.lacks_frame(15));
+}
+
+TEST(SilentCycles, AreNeverMoreThanAreRemembered) {
+  SilentCycles silence(1);
+  silence.begin(frame_with(10, 1'000'000));
+  EXPECT_FALSE(silence.lacks_frame(10 + kMostSilentCycles));
+}
+
+TEST(FreePlace, IsCutWhereTheWayIsLongest) {
+  const Box obstacle = cube(0.1, 0.5, 0.2, 0.0);
+  const Box place = free_place(cube(1.0, 0, 0, 0), cube(0.05, 0, 0, 0), std::span(&obstacle, 1));
+  EXPECT_DOUBLE_EQ(place.upper.x(), 0.4);
+  EXPECT_DOUBLE_EQ(place.upper.y(), 1.0);
+  EXPECT_TRUE(place.holds(cube(0.05, 0, 0, 0)));
+}
+
+TEST(FreePlace, DoesNotHoldWhatMeetsAnObstacle) {
+  const Box obstacle = cube(0.1, 0.1, 0.0, 0.0);
+  EXPECT_FALSE(free_place(cube(1.0, 0, 0, 0), cube(0.05, 0, 0, 0), std::span(&obstacle, 1)).holds(cube(0.05, 0, 0, 0)));
+}
+
+class SilentHand : public ::testing::Test {
+ protected:
+  SilentHand() { scene.settings.duration_s = 1.0; }
+
+  struct Seen {
+    std::vector<Vec3> felt;
+    std::uint64_t cycles = 0, frames = 0, reports = 0;
+  };
+  Seen run(Kept kept) const {
+    Scene one = scene;
+    one.settings.keep_in(kept);
+    CoupledRun coupled(one);
+    Seen seen;
+    while (coupled.finite() && coupled.world.time_s() < one.settings.duration_s - 1e-9) {
+      coupled.cycle();
+      ++seen.cycles;
+      seen.frames += coupled.sent_frame();
+      seen.reports += coupled.sent_report();
+    }
+    EXPECT_TRUE(coupled.finite());
+    seen.felt = std::move(coupled.felt[0].force);
+    return seen;
+  }
+  /// RMS of the felt force without silence, N, and of the difference that it makes, of that.
+  std::pair<double, double> compare() const {
+    const Seen out = run(kKeepNothing), in = run(kept(Saving::silence));
+    EXPECT_EQ(in.reports, in.cycles);
+    EXPECT_LT(out.reports, out.cycles);
+    EXPECT_EQ(out.felt.size(), in.felt.size());
+    double sum = 0.0;
+    for (const Vec3& f : in.felt) sum += f.squaredNorm();
+    return {std::sqrt(sum / static_cast<double>(in.felt.size())),
+            force_error(out.felt, in.felt, scene.settings.h_s).rms};
+  }
+
+  Scene scene = [] {
+    Scene row = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
+    keep_users(row, 1);
+    return row;
+  }();
+};
+
+TEST_F(SilentHand, SendsAFewMessagesASecond) {
+  scene.users[0].device.path.clear();
+  const Seen seen = run(kKeepNothing);
+  EXPECT_EQ(seen.cycles, 251U) << "the hand is a cycle ahead";
+  EXPECT_LT(seen.frames, 20U);
+  EXPECT_LT(seen.reports, 30U);
+}
+
+TEST_F(SilentHand, IsHeardBeforeItTouches) {
+  // A dash that no frame foresees.
+  scene.users[0].device.path = {{.from_s = 0.31, .to_s = 0.36, .displacement = {0.05, 0, 0}}};
+  const auto [force_n, difference] = compare();
+  EXPECT_GT(force_n, 1.0);
+  EXPECT_LT(difference, 0.005);
+}
+
+TEST_F(SilentHand, FeelsABodyThatIsThrownAtIt) {
+  scene.users[0].device.path.clear();
+  Body ball;
+  ball.id = BodyId{static_cast<std::uint32_t>(scene.bodies.size())};
+  ball.name = "ball";
+  ball.shape = {.kind = ShapeKind::sphere, .half_extents = Vec3::Zero(), .radius = 0.04};
+  ball.mass = 0.1;
+  ball.inertia = principal_inertia(ball.shape, ball.mass);
+  ball.gravity = false;
+  BodyState state;
+  state.position =
+      scene.initial[index(scene.users[0].proxy)].position - Vec3(4.5, 0.0, 0.0);  // 2 m when the run begins
+  state.linear_velocity = {5.0, 0.0, 0.0};
+  scene.bodies.push_back(ball);
+  scene.initial.push_back(state);
+  const auto [force_n, difference] = compare();
+  EXPECT_GT(force_n, 1.0);
+  EXPECT_LT(difference, 0.005);
+}
+
+}  // namespace
+}  // namespace subworld
