@@ -140,7 +140,7 @@ Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& gua
     state.sender = ports.identity;
     state.sent_ns = to_ns(sent);
     if (!ports.states.write(state))
-      throw Error(ExitCode::failed, "device_state could not be sent; is haptic_sim stuck?");
+      throw Error(ExitCode::failed, unsent_text("device_state", ports.commands, ports.status, haptic));
     stages.mark(DeviceStage::send);
     const auto ours = [&](const DeviceCommand& came) {
       return came.session == session && came.served == ports.identity && (came.last || came.sequence == state.sequence);

@@ -96,6 +96,7 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
   const auto stopped = [] { return stop_signal() != 0; };
   Stages<HapticStage>& stages = measures.stages();
   const auto user = static_cast<std::uint32_t>(sub.user());
+  const Peer world_sim{ProgramKind::world_sim, 0}, device_sim{ProgramKind::device_sim, user};
   DeviceState device;
   WorldFrame frame;
   reserve(frame, kUsualMembers);
@@ -103,7 +104,7 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
   const auto send_report = [&] {
     HapticReport* const report = sub.close_cycle(to_ns(Clock::now()));
     if (report != nullptr && !ports.send(*report))
-      throw Error(ExitCode::failed, "haptic_report could not be sent; is world_sim stuck?");
+      throw Error(ExitCode::failed, unsent_text("haptic_report", ports.frames, ports.status, world_sim));
     stages.mark(HapticStage::report);
   };
 
@@ -118,7 +119,7 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     for (; delay.frame_due(next_frame, sub.timetable()) <= step; ++next_frame) {
       if (sub.passes_frame(next_frame)) continue;
       const auto ours = [&](const WorldFrame& came) { return came.session == ports.session; };
-      if (!await(*ports.bus, ports.status, ports.frames, frame, stages, {ProgramKind::world_sim, 0}, ours, stopped))
+      if (!await(*ports.bus, ports.status, ports.frames, frame, stages, world_sim, ours, stopped))
         return false;
       if (ports.refused_by(frame)) throw Error(ExitCode::failed, refused_text(user));
       const TimePoint begin = stages.now();
@@ -139,7 +140,7 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     const auto ours = [&](const DeviceState& came) {
       return came.session == ports.session && (held == 0 || came.sender == held);
     };
-    if (!await(*ports.bus, ports.status, ports.device, device, stages, {ProgramKind::device_sim, user}, ours, stopped))
+    if (!await(*ports.bus, ports.status, ports.device, device, stages, device_sim, ours, stopped))
       break;
     held = device.sender;
     ports.device.trust_sender();
@@ -152,7 +153,7 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     command.echoed_sent_ns = device.sent_ns;
     stages.mark(HapticStage::feel);
     if (!ports.command.write(command)) {
-      throw Error(ExitCode::failed, "device_command could not be sent; is device_sim stuck?");
+      throw Error(ExitCode::failed, unsent_text("device_command", ports.device, ports.status, device_sim));
     }
     stages.mark(HapticStage::send);
     if (sub.report_due()) send_report();

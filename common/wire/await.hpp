@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <string>
 
 namespace subworld {
 
@@ -17,10 +18,20 @@ struct Peer {
   std::uint32_t instance = 0;
 };
 
+inline constexpr const char* kEndsWithoutIt = "; a run in lock-step ends without it";
+
 /// Whether a peer may be there though nothing comes from it: its writer is alive, and itself too.
 template <class M>
 bool alive(const Reader<M>& reader, const StatusBeacon& status, const Peer& peer) noexcept {
   return reader.alive_writers() > 0 && status.hears(peer.program, peer.instance);
+}
+
+/// Why a message to a peer could not be sent in lock-step, where that waits for readers that lag behind. `reader` is of
+/// what comes from it.
+template <class M>
+std::string unsent_text(const char* topic, const Reader<M>& reader, const StatusBeacon& status, const Peer& peer) {
+  if (!alive(reader, status, peer)) return gone_text(peer.program, peer.instance) + kEndsWithoutIt;
+  return std::string(topic) + " could not be sent; is " + label_of(peer.program, peer.instance) + " stuck?";
 }
 
 /// Waits in lock-step for the next sample that is `ours`; others are dropped. Marks the loop's stages `wake`, until it
@@ -51,7 +62,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
     if (silent > kPatience) {
       throw Error(ExitCode::failed,
                   strangers ? replaced_text(peer.program, peer.instance)
-                            : gone_text(peer.program, peer.instance) + "; a run in lock-step ends without it");
+                            : gone_text(peer.program, peer.instance) + kEndsWithoutIt);
     }
     if (waited > 2s && !said) {
       status.note("waits for " + label_of(peer.program, peer.instance));
