@@ -1,3 +1,4 @@
+#include "coupling/scheme.hpp"
 #include "launch.hpp"
 #include "limits.hpp"
 #include "physics/plugin.hpp"
@@ -50,16 +51,30 @@ std::string cycle_text(const Settings& s) {
 
 constexpr std::size_t kContacts = 4;  ///< of a body on others, for estimates
 
+/// Two digits are all that an estimate has.
+std::string short_text(double value) {
+  return value < 99.5 ? fmt::format("{:.2g}", value) : fmt::format("{:.0f}", value);
+}
+
+/// What the engine's part of a cycle costs by its published costs, in as many steps as the scheme wants, s.
+double cycle_cost_s(const Settings& settings, double cycle_s, std::size_t bodies, std::size_t contacts) {
+  const double longest_s = make_scheme(settings)->longest_world_step_s();
+  const double parts = std::max(1.0, std::ceil(cycle_s / longest_s - 1e-9));
+  return parts * engine_cost(settings.world).step(cycle_s / parts).of(bodies, contacts);
+}
+
 /// What it saves, by the published costs of the engine; empty: nothing is published.
 std::string estimate(const Scene& scene, Saving saving) {
   if (saving != Saving::rest) return "";
   const Settings& s = scene.settings;
-  const StepCost cost = engine_cost(s.world).step(s.shortest_cycle_s());
   const auto movable =
       static_cast<std::size_t>(std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); }));
   const auto hands = static_cast<std::size_t>(s.users);
-  const double all_s = cost.of(movable, kContacts * movable), least_s = cost.of(hands, 0);
-  return fmt::format(" ({:.2g} of {:.2g} ms of the engine's step are left when all rest)", 1e3 * least_s, 1e3 * all_s);
+  const auto cost_ms = [&](std::size_t bodies, std::size_t contacts) {
+    return 1e3 * cycle_cost_s(s, s.shortest_cycle_s(), bodies, contacts);
+  };
+  return fmt::format(" (of the engine's {} ms a cycle {} are left when all rest)",
+                     short_text(cost_ms(movable, kContacts * movable)), short_text(cost_ms(hands, 0)));
 }
 
 /// What to choose otherwise, by the published costs of the engine while everything moves.
@@ -68,13 +83,11 @@ std::vector<std::string> advice(const Scene& scene) {
   const Settings& s = scene.settings;
   const auto movable =
       static_cast<std::size_t>(std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); }));
-  const EngineCost cost = engine_cost(s.world);
-  const auto step_s = [&](double cycle_s) { return cost.step(cycle_s).of(movable, kContacts * movable); };
+  const auto step_s = [&](double cycle_s) { return cycle_cost_s(s, cycle_s, movable, kContacts * movable); };
   const double longest_s = s.longest_cycle_s();
   if (step_s(longest_s) <= kRoom * longest_s) return {};
-  const std::string problem =
-      fmt::format("while all bodies move, the engine's step takes about {:.2g} ms of cycles of {:g} ms",
-                  1e3 * step_s(longest_s), 1e3 * longest_s);
+  const std::string problem = fmt::format("while all bodies move, the engine takes about {} ms of cycles of {:g} ms",
+                                          short_text(1e3 * step_s(longest_s)), 1e3 * longest_s);
   int ratio = s.largest_ratio();
   while (ratio <= kMostRatio && step_s(ratio * s.h_s) > kRoom * ratio * s.h_s) ++ratio;
   constexpr double kLongest_s = 0.05;  // beyond, a hand feels another world

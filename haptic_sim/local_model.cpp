@@ -62,9 +62,9 @@ class SimulatedNeighbourhood final : public LocalModel {
         scene_(scene),
         proxy_(scene.users[user].proxy),
         engine_(make_engine(scene.settings.haptic, scene.meshes)),
-        synchroniser_(scheme, remembered_cycles(scene, scheme), proxy_, peers_of(scene, user)),
+        synchroniser_(scheme, remembered_cycles(scene.settings, scheme), proxy_, peers_of(scene, user)),
         reads_friction_(!leaves_out(scene, Saving::impulses)),
-        border_(make_border_model(scheme, scene, remembered_cycles(scene, scheme))) {
+        border_(make_border_model(scheme, scene, remembered_cycles(scene.settings, scheme))) {
     for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
     left_.reserve(kUsualMembers);
     peers_.reserve(scene.users.size());

@@ -32,8 +32,8 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       tool_(tool_at(rate_, spec_, scene.body(spec_.proxy))),
       may_be_silent_(leaves_out(scene, Saving::silence)),
       silence_(scheme_->lead_cycles()),
-      timetable_(scene.settings.ratio, remembered_cycles(scene, *scheme_)),
-      reports_(remembered_cycles(scene, *scheme_)) {
+      timetable_(scene.settings.ratio, remembered_cycles(scene.settings, *scheme_)),
+      reports_(remembered_cycles(scene.settings, *scheme_)) {
   if (scene.settings.mode != Mode::realtime) return;
   for (HapticReport& report : reports_) reserve(report, kUsualMembers);
 }

@@ -58,7 +58,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
       engine_(live_, scene, proxies_of(scene), leaves_out(scene, Saving::rest)),
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
-      remembered_(remembered_cycles(scene, *scheme_)),
+      remembered_(remembered_cycles(scene.settings, *scheme_)),
       timetable_(scene.settings.ratio, remembered_),
       ratio_control_(scene.settings),
       engine_cost_(engine_cost(without_substeps(scene.settings.world))),
@@ -93,9 +93,12 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
     users_[u].synchroniser =
         std::make_unique<Synchroniser>(*scheme_, remembered_, scene.users[u].proxy, std::move(peers));
     users_[u].silence = SilentCycles(scheme_->lead_cycles());
-    users_[u].inbox.resize(remembered_);
-    users_[u].waiting.resize(remembered_);
-    for (HapticReport& report : users_[u].inbox) reserve(report, kUsualMembers);
+    // A silence ends with a report that is so much ahead.
+    users_[u].inbox.resize(remembered_ + (leaves_out(scene, Saving::silence) ? kMostSilentCycles : 0));
+    users_[u].waiting.resize(users_[u].inbox.size());
+    if (scene.settings.mode == Mode::realtime) {
+      for (HapticReport& report : users_[u].inbox) reserve(report, kUsualMembers);
+    }
     reserve(users_[u].report, kUsualMembers);
     reserve(users_[u].before, kUsualMembers);
   }
@@ -195,11 +198,12 @@ bool World::receive(HapticReport&& report) {
   if (index(report.user) >= users_.size()) return false;
   User& user = users_[index(report.user)];
   if (user.heard && report.stamp <= user.report.stamp) return false;
-  if (report.stamp > stamp_ + remembered_ / 2 || report.stamp + remembered_ <= stamp_) return false;
+  const std::uint64_t most_ahead = user.inbox.size() - remembered_ / 2;
+  if (report.stamp > stamp_ + most_ahead || report.stamp + remembered_ <= stamp_) return false;
   // A sub-world that has missed a change of the ratio counts other cycles.
   const double stamp_s = seconds(timetable_.start(report.stamp));
   if (std::abs(report.stamp_s - stamp_s) > 0.5 * scene_.settings.h_s) return false;
-  const std::size_t slot = report.stamp % remembered_;
+  const std::size_t slot = report.stamp % user.inbox.size();
   std::swap(user.inbox[slot], report);  // the caller goes on with the old one's memory
   user.waiting[slot] = true;
   user.silence.end(user.inbox[slot].stamp);
@@ -211,7 +215,7 @@ void World::synchronise() {
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
     for (std::uint64_t j = oldest; j <= stamp_; ++j) {
-      const std::size_t slot = j % remembered_;
+      const std::size_t slot = j % user.inbox.size();
       if (!user.waiting[slot] || user.inbox[slot].stamp != j) continue;
       user.waiting[slot] = false;
       if (user.heard && j <= user.report.stamp) continue;

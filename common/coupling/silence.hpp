@@ -1,8 +1,6 @@
 #pragma once
 
-#include "coupling/scheme.hpp"
 #include "model/exchange.hpp"
-#include "model/scene.hpp"
 
 #include <span>
 

@@ -1,16 +1,13 @@
 #include "coupling/synchroniser.hpp"
 
 #include "coupling/delay.hpp"
-#include "coupling/silence.hpp"
-#include "model/saving.hpp"
 
 #include <algorithm>
 
 namespace subworld {
 
-std::uint64_t remembered_cycles(const Scene& scene, const Scheme& scheme) {
-  const std::uint64_t silent = leaves_out(scene, Saving::silence) ? 2 * kMostSilentCycles : 0;
-  return 16 + silent + Delay(scene.settings, scheme.lead_cycles(), 0).longest_cycles();
+std::uint64_t remembered_cycles(const Settings& settings, const Scheme& scheme) noexcept {
+  return 16 + Delay(settings, scheme.lead_cycles(), 0).longest_cycles();
 }
 
 std::uint64_t planned_cycles(const Settings& settings, const Scheme& scheme) noexcept {

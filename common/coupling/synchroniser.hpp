@@ -3,7 +3,6 @@
 #include "coupling/blend.hpp"
 #include "coupling/contact_graph.hpp"
 #include "coupling/scheme.hpp"
-#include "model/scene.hpp"
 
 #include <span>
 #include <vector>
@@ -11,7 +10,7 @@
 namespace subworld {
 
 /// How far back either side keeps what it said, in cycles.
-[[nodiscard]] std::uint64_t remembered_cycles(const Scene& scene, const Scheme& scheme);
+[[nodiscard]] std::uint64_t remembered_cycles(const Settings& settings, const Scheme& scheme) noexcept;
 /// How far ahead a change of the simulation ratio is planned, in cycles: so that no sub-world has begun the first cycle
 /// that it concerns, and some of the frames that tell it may get lost.
 [[nodiscard]] std::uint64_t planned_cycles(const Settings& settings, const Scheme& scheme) noexcept;

@@ -23,7 +23,7 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
               .commands = DelayLine<DeviceCommand>(scene_.settings, Direction::to_device, number),
               .reports = {},
               .frames = {}};
-    link.reports.resize(remembered_cycles(scene_, scheme));
+    link.reports.resize(remembered_cycles(scene_.settings, scheme));
     link.frames.resize(link.reports.size());
     links_.push_back(std::move(link));
     subs[u]->apply(world.frame(u));
