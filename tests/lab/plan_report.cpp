@@ -18,7 +18,7 @@ namespace {
 constexpr const char* kHowToRead = R"(<p>Each scene is run twice in lock-step in one process: with an item of its plan
 left out, as always, and with the item kept in (<code>--keep ITEM</code>). A <b>ratio</b> is what is left out over what
 is kept in: 0.1 means that leaving the item out leaves a tenth of the cost, 1 that it saves nothing. Runs take turns and
-the least CPU time of each kind counts; world and haptic are CPU times of all their steps, bytes those of a frame and a
+the least CPU time of each kind counts; world and haptic are CPU times of all their steps, less what the clock takes itself, bytes those of a frame and a
 report, memory what is allocated at the end, start the CPU time until the first step. <b>Same</b>: all states of the
 world and all forces on hands are equal bit by bit; <b>same force</b>: the forces are. Else the difference of the felt force (RMS) stands beside the floor
 of the scene: how far its reference at step h is from that at h / 4. Below the floor nobody can tell the two
