@@ -27,8 +27,15 @@ class GhostBorder final : public BorderExtractor {
   explicit GhostBorder(const Scene& scene) : scene_(scene), approach_(scene), modeller_(scene) {}
 
   void extract(const WorldNow& now, const Inside& inside, std::vector<BorderPair>& border, WorldFrame& frame) override {
-    extract_border(now.contacts, inside.membership, border);
+    // Friction of contacts costs an engine that estimates it time, and nobody but a border reads it.
+    const auto find_contacts = [&] { extract_border(now.contacts, inside.membership, border); };
+    find_contacts();
+    if (!border.empty() && now.find_friction()) find_contacts();
     find_approaching(now, inside, border);
+    if (!border.empty() && now.find_friction()) {  // what comes hangs on contacts
+      find_contacts();
+      find_approaching(now, inside, border);
+    }
     modeller_.model(border, {inside.membership, now.graph, now.motions, now.cycle_s}, frame.ghosts);
     label_islands(now, inside, frame.islands);
   }

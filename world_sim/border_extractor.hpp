@@ -23,9 +23,10 @@ struct WorldNow {
   double cycle_s = 0.0;  ///< length of the cycle that ended here
   const Timetable& timetable;
   const RestingEngine& engine;
-  std::span<const Contact> contacts;  ///< totals over the last cycle
-  const ContactGraph& graph;          ///< of the contacts
-  std::span<const Motion> motions;    ///< by body
+  const std::span<const Contact>& contacts;    ///< totals over the last cycle
+  const std::function<bool()>& find_friction;  ///< of the contacts; false where it was there
+  const ContactGraph& graph;                   ///< of the contacts
+  std::span<const Motion> motions;             ///< by body
 };
 
 /// One user's sub-world within it.

@@ -64,6 +64,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
       engine_cost_(engine_cost(without_substeps(scene.settings.world))),
       cycle_s_(scene.settings.shortest_cycle_s()),
       reads_friction_(scene.settings.has_sub_worlds() || !leaves_out(scene, Saving::impulses)),
+      reads_friction_later_(scene.settings.has_sub_worlds() && leaves_out(scene, Saving::impulses)),
       motions_(scene.bodies.size()),
       frames_(scene, *scheme_, remembered_),
       heard_(users_.size()),
@@ -275,7 +276,18 @@ void World::drive_proxies(double until_s, double dt) {
 }
 
 std::span<const Contact> World::contacts_of_step() {
-  return reads_friction_ ? engine_.contacts_with_friction() : engine_.contacts();
+  lacks_friction_ = !reads_friction_;
+  if (reads_friction_later_ && substeps_ == 1) {
+    lacks_friction_ = engine_.capabilities().tangential_impulse == Fidelity::estimated;
+  }
+  return lacks_friction_ ? engine_.contacts() : engine_.contacts_with_friction();
+}
+
+bool World::find_friction() {
+  if (!std::exchange(lacks_friction_, false)) return false;
+  contacts_ = engine_.contacts_with_friction();
+  graph_.build(contacts_, scene_.bodies.size());
+  return true;
 }
 
 void World::simulate_cycle() {
@@ -339,7 +351,8 @@ void World::make_frames() {
   graph_.build(contacts_, scene_.bodies.size());
   for (std::size_t u = 0; u < users_.size(); ++u)
     heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(stamp_), !tells(u)};
-  frames_.make({stamp_, time_s(), cycle_s_, timetable_, engine_, contacts_, graph_, motions_}, heard_,
+  const std::function<bool()> friction = [this] { return find_friction(); };
+  frames_.make({stamp_, time_s(), cycle_s_, timetable_, engine_, contacts_, friction, graph_, motions_}, heard_,
                -half_step_offset_s());
   for (std::size_t u = 0; u < users_.size(); ++u) {
     if (tells(u)) users_[u].silence.begin(frames_.frame(u, stamp_));

@@ -177,6 +177,8 @@ class World {
   void simulate_cycle();
   /// With friction where somebody reads it.
   [[nodiscard]] std::span<const Contact> contacts_of_step();
+  /// Of the last step's contacts, if they lack it; false if not.
+  bool find_friction();
   void balance();
 
   const Scene& scene_;
@@ -200,7 +202,9 @@ class World {
   ContactTotals totals_;               ///< of the sub-steps
   std::vector<Contact> settled_;       ///< as if the last step of settling had been a cycle
   std::span<const Contact> contacts_;  ///< of the last cycle
-  bool reads_friction_;                ///< somebody does
+  bool reads_friction_;                ///< somebody may
+  bool reads_friction_later_;          ///< and knows only when the step is over
+  bool lacks_friction_ = false;        ///< contacts_ does
   ContactGraph graph_;
   std::vector<Motion> motions_;  ///< by body, in the last cycle
   FrameMaker frames_;

@@ -32,7 +32,7 @@ Decision decide_friction(const Scene& scene, std::size_t) {
 Decision decide_impulses(const Scene& scene, std::size_t) {
   if (scene.settings.blends_by_impulses()) return {false, false, "scheme paper weighs the impulses of all contacts"};
   if (!scene.settings.has_sub_worlds()) return {true, false, "without sub-worlds there is no border that needs them"};
-  return {true, false, "the world alone needs them, for borders"};
+  return {true, false, "only the border of a sub-world needs them, while it has one"};
 }
 
 Decision decide_pairs(const Scene& scene, std::size_t) {
@@ -68,8 +68,8 @@ constexpr std::array kItems{
                "steps, contacts and messages of bodies that rest where nothing can reach them", false, decide_rest},
     SavingItem{Saving::friction, "friction", "world, sub-worlds", "friction of contacts that have none", false,
                decide_friction},
-    SavingItem{Saving::impulses, "impulses", "sub-worlds", "friction impulses of contacts that nobody reads", false,
-               decide_impulses},
+    SavingItem{Saving::impulses, "impulses", "world, sub-worlds", "friction impulses of contacts that nobody reads",
+               false, decide_impulses},
     SavingItem{Saving::pairs, "pairs", "frames", "border pairs of bodies that the sub-world has", false, decide_pairs},
     SavingItem{Saving::silence, "silence", "frames, reports", "messages of cycles in which a hand is alone", false,
                decide_silence},

@@ -5,6 +5,7 @@
 #include "lab/metrics.hpp"
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
+#include "physics/engine_shell.hpp"
 #include "support/engines.hpp"
 
 #include <gtest/gtest.h>
@@ -12,6 +13,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <random>
 #include <string>
@@ -382,6 +384,44 @@ TEST_F(PlanOfAChangingScene, TheWorldGetsAnotherEngineWhileItRests) {
                          (void)run.world.exchange_engine(exchange);
                        }),
             0.05);
+}
+
+/// Says that it estimates friction, and counts how often.
+class EstimatingEngine final : public EngineShell {
+ public:
+  EstimatingEngine(std::unique_ptr<Engine> inner, int& estimates) : inner_(std::move(inner)), estimates_(estimates) {}
+  Capabilities capabilities() const noexcept override {
+    Capabilities can = EngineShell::capabilities();
+    can.tangential_impulse = Fidelity::estimated;
+    return can;
+  }
+  std::span<const Contact> contacts_with_friction() override {
+    ++estimates_;
+    return EngineShell::contacts_with_friction();
+  }
+
+ private:
+  Engine& inner() const noexcept override { return *inner_; }
+  std::unique_ptr<Engine> inner_;
+  int& estimates_;
+};
+
+TEST_F(PlanOfAChangingScene, FrictionIsEstimatedOnlyWhileABorderReadsIt) {
+  for (const Kept kept_in : {kKeepNothing, kept(Saving::impulses)}) {
+    scene.settings.keep_in(kept_in);
+    int estimates = 0;
+    CoupledRun run(scene, [&](const EngineSettings& settings, std::span<const Mesh> meshes) {
+      return std::make_unique<EstimatingEngine>(make_engine(settings, meshes), estimates);
+    });
+    const auto estimates_in = [&](int cycles) {
+      estimates = 0;
+      for (int i = 0; i < cycles; ++i) run.cycle();
+      return estimates;
+    };
+    EXPECT_EQ(estimates_in(26), kept_in == kKeepNothing ? 0 : 25) << "the hand is in the air";
+    while (run.world.time_s() < 1.5) run.cycle();
+    EXPECT_EQ(estimates_in(25), 25) << "it pushes";
+  }
 }
 
 }  // namespace
