@@ -123,6 +123,13 @@ std::vector<PlanPoint> points_of(const Request& request) {
   return points;
 }
 
+/// Which is nearer to the reference, where the two differ by more than its floor.
+std::string errors_text(const Json& row) {
+  if (!(number(row, "force_difference_rms") > number(row, "reference_floor"))) return "";
+  return fmt::format(", errors {:.2g} % left out and {:.2g} % kept in", 1e2 * number(row, "error_left_out_rms"),
+                     1e2 * number(row, "error_kept_in_rms"));
+}
+
 void print(const Json& row, std::size_t done, std::size_t all, const std::string& left) {
   std::string text = row.at("reason");
   if (row.at("left_out").get<bool>()) {
@@ -130,8 +137,8 @@ void print(const Json& row, std::size_t done, std::size_t all, const std::string
         row.at("hash_equal").get<bool>()             ? std::string("the same bit by bit")
         : number(row, "force_difference_rms") == 0.0 ? std::string("the same force")
         : std::isfinite(number(row, "force_difference_rms"))
-            ? fmt::format("differs by {:.2g} %, floor {:.2g} %", 1e2 * number(row, "force_difference_rms"),
-                          1e2 * number(row, "reference_floor"))
+            ? fmt::format("differs by {:.2g} %, floor {:.2g} %{}", 1e2 * number(row, "force_difference_rms"),
+                          1e2 * number(row, "reference_floor"), errors_text(row))
             : std::string("no force felt");
     text = fmt::format("world {:.3f}, haptic {:.3f}, bytes {:.3f} of kept in; {}", number(row, "world_cpu_ratio"),
                        number(row, "haptic_cpu_ratio"), number(row, "bytes_ratio"), difference);

@@ -15,7 +15,7 @@ const std::vector<std::string> kColumns{
     "bytes_ratio", "memory_ratio", "start_ratio", "hash_equal", "force_difference_rms", "reference_floor",
     "held"};
 
-TEST_F(PlanLab, EveryItemIsTheSameOrBelowTheFloor) {
+TEST_F(PlanLab, EveryItemIsTheSameOrNoWorse) {
   const Ended ended = finish(lab_words({"press", "scatter", "--duration", "1", "--repeat", "1", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json rows = results();
