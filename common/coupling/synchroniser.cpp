@@ -58,8 +58,10 @@ std::span<const PairShift> Synchroniser::synchronise(const WorldFrame& frame, co
                           .closed = islands && !islands_.is_open(sub.id),
                           .lag_cycles = lag_cycles};
     const Correction part = scheme_->correction(copies, report.indicators);
-    blend.pairs.push_back(
-        {sub.id, scaled(difference(theirs, ours), part.world), scaled(difference(ours, theirs), part.sub)});
+    const auto shift = [](const BodyState& from, const BodyState& to, double part) {
+      return part > 0.0 ? scaled(difference(from, to), part) : Shift{};
+    };
+    blend.pairs.push_back({sub.id, shift(theirs, ours, part.world), shift(ours, theirs, part.sub)});
   }
   return blend.pairs;
 }
