@@ -10,7 +10,6 @@ namespace subworld {
 GradualShifts::GradualShifts() { pending_.reserve(4 * kUsualMembers); }
 
 void GradualShifts::begin(Engine& engine, BodyId id, const Shift& shift, int parts) {
-  if (shift.none()) return;
   const Shift part = parts == 1 ? shift : scaled(shift, 1.0 / parts);
   engine.set_state(id, shifted(engine.state(id), part));
   if (parts > 1) pending_.push_back({id, part, parts - 1});

@@ -30,6 +30,7 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       port_(spec_),
       clutch_(scene.initial[index(spec_.proxy)]),
       tool_(tool_at(rate_, spec_, scene.body(spec_.proxy))),
+      reports_device_(!leaves_out(scene, Saving::device)),
       may_be_silent_(leaves_out(scene, Saving::silence)),
       silence_(scheme_->lead_cycles()),
       timetable_(scene.settings.ratio, remembered_cycles(scene.settings, *scheme_)),
@@ -139,8 +140,8 @@ void SubWorld::advance(double dt) {
       model_->advance({spec_.device.kind, tool_, limits_, device(), applied_, felt_}, time_s(), dt, indicators_);
   const BodyState moved = proxy();
   finite_ = finite_ && subworld::finite(moved);
-  impulse_.force += dt * mean.force;
-  impulse_.torque += dt * mean.torque;
+  impulse_total_.force += dt * mean.force;
+  impulse_total_.torque += dt * mean.torque;
   indicators_.device_impulse_n_s += dt * mean.force.norm();
   // A spring's other end moves with the device; an admittance device presses the proxy itself.
   const bool spring = spec_.device.kind == DeviceKind::impedance;
@@ -167,10 +168,7 @@ bool SubWorld::is_silent() const {
 }
 
 void SubWorld::begin_cycle() {
-  impulse_total_.force += impulse_.force;
-  impulse_total_.torque += impulse_.torque;
   indicators_ = {};
-  impulse_ = {};
   steps_ = 0;
 }
 
@@ -199,16 +197,15 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.clock_rate = rate_;
   report.sent_ns = sent_ns;
   report.confirmed_stamp = frame_stamp_;
-  report.impulse = impulse_;
-  report.impulse_total = {impulse_total_.force + impulse_.force, impulse_total_.torque + impulse_.torque};
+  report.impulse_total = impulse_total_;
   report.device_work_j = device_work_j_;
   report.proxy = proxy();
   const bool spring = spec_.device.kind == DeviceKind::impedance;
   report.coupling_energy_j = spring ? coupling_energy(spec_.coupling, limits_, report.proxy, device()) : 0.0;
-  report.device_pose = device().pose;
-  report.device_linear_velocity = device().linear_velocity;
-  report.device_angular_velocity = device().angular_velocity;
-  report.device_applied = applied_;
+  report.device.reset();
+  if (reports_device_) {
+    report.device = {device().pose, device().linear_velocity, device().angular_velocity, applied_};
+  }
   report.members.clear();
   report.islands.clear();
   report.indicators = indicators_;
@@ -268,11 +265,9 @@ bool SubWorld::adopt(const WorldFrame& frame) {
   finite_ = true;
   stamp_ = frame.stamp;
   in_cycle_s_ = 0.0;
-  steps_ = 0;
+  begin_cycle();
   silence_.forget();
   felt_now_ = false;
-  indicators_ = {};
-  impulse_ = {};
   note(frame);
   return has_proxy;
 }

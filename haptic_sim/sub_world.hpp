@@ -148,6 +148,7 @@ class SubWorld {
   bool framed_ = false;            ///< a frame has been used
   std::uint64_t frame_stamp_ = 0;  ///< of the newest used
   std::size_t border_pairs_ = 0;
+  bool reports_device_;
   bool may_be_silent_;
   SilentCycles silence_;
 
@@ -157,7 +158,6 @@ class SubWorld {
   int steps_ = 0;
   bool felt_now_ = false;  ///< between feel() and advance()
   Indicators indicators_;
-  Wrench impulse_;
   Wrench impulse_total_;
   double device_work_j_ = 0.0;
   Wrench felt_;

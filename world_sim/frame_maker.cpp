@@ -133,7 +133,8 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
     if (&users_[p] == &user || spec.device.kind != DeviceKind::impedance) continue;
     if (!heard[p].any || !std::ranges::binary_search(frame.members, spec.proxy)) continue;
     const HapticReport& report = *heard[p].at_stamp;
-    PeerDevice device{spec.proxy, report.device_pose, report.device_linear_velocity, report.device_angular_velocity};
+    if (!report.device) continue;
+    PeerDevice device{spec.proxy, report.device->pose, report.device->linear_velocity, report.device->angular_velocity};
     device.pose.position += (now.stamp_s - report.stamp_s) * device.linear_velocity;
     frame.peers.push_back(device);
   }

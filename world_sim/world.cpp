@@ -235,7 +235,6 @@ void World::apply(std::size_t user, const HapticReport& report) {
   if (said.stamp != report.stamp) return;
   // What the sub-world makes of this frame is not known here: as if it were too old to correct anything.
   for (const PairShift& pair : users_[user].synchroniser->synchronise(said, report, INFINITY)) {
-    if (pair.world.none()) continue;
     const int n = frames_.holders(pair.id);
     const Shift shift = n > 1 ? scaled(pair.world, 1.0 / n) : pair.world;
     const BodyState to = shifted(engine_.state(pair.id), shift);
@@ -442,7 +441,7 @@ void World::look(WorldView& view) const {
     seen.members = frames_.membership(u).members;
     seen.border.clear();
     std::ranges::copy_if(frames_.border(u), std::back_inserter(seen.border), touches);
-    seen.wrench = {user.report.impulse.force / cycle_s_, user.report.impulse.torque / cycle_s_};
+    seen.wrench = mean_wrench(user.before, user.report);
   }
 }
 

@@ -18,11 +18,6 @@ struct Shift {
   Quat rotation = Quat::Identity();      ///< applied on the left
   Vec3 linear_velocity = Vec3::Zero();   ///< m/s
   Vec3 angular_velocity = Vec3::Zero();  ///< rad/s
-
-  [[nodiscard]] bool none() const noexcept {
-    return position.isZero(0.0) && linear_velocity.isZero(0.0) && angular_velocity.isZero(0.0) &&
-           rotation.coeffs() == Quat::Identity().coeffs();
-  }
 };
 
 [[nodiscard]] Shift difference(const BodyState& from, const BodyState& to) noexcept;

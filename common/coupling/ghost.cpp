@@ -14,7 +14,6 @@ constexpr double kOnSupport = 0.3;  ///< cosine; a push that is steeper to a sup
 constexpr double kSameWay = 0.7;    ///< cosine; border contacts of one axis
 constexpr double kDistinct = 0.5;   ///< sine; what is closer to the axes there are than this is no axis of its own
 constexpr double kWallMass_kg = 1e5;
-constexpr double kWallLimit_n = 1e9;
 constexpr double kCreep_m_s = 1e-3;  ///< of a wall towards what it ought to carry
 /// Of a wall away from a load that nothing in the scene can exert. With 0.01 to 0.2 m/s, and none of the two bodies
 /// moved, the force on a hand in a heap between engines of unequal stiffness is as smooth as between equal ones.

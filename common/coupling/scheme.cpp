@@ -14,18 +14,6 @@ namespace subworld {
 
 namespace {
 
-DevicePose device_of(const HapticReport& report) noexcept {
-  return {report.device_pose, report.device_linear_velocity, report.device_angular_velocity};
-}
-
-/// Mean over what lies between two reports; survives a report that was lost.
-Wrench mean_wrench(const HapticReport& before, const HapticReport& now) noexcept {
-  const double dt = now.stamp_s - before.stamp_s;
-  if (dt <= 0.0) return {};
-  return {(now.impulse_total.force - before.impulse_total.force) / dt,
-          (now.impulse_total.torque - before.impulse_total.torque) / dt};
-}
-
 /// No sub-world: the world holds the proxy by an implicit coupling to the device's newest pose.
 class Direct final : public Scheme {
  public:
@@ -36,8 +24,10 @@ class Direct final : public Scheme {
   int lead_cycles() const noexcept override { return 0; }
   double longest_world_step_s() const noexcept override { return INFINITY; }
   ProxyDrive drive(const UserSpec& user, const HapticReport&, const HapticReport& now, double) const override {
-    if (user.device.kind == DeviceKind::admittance) return {now.device_applied, std::nullopt, {}};
-    return {{}, device_of(now), limits_of(user.device)};
+    if (!now.device) return {};
+    const ReportedDevice& device = *now.device;
+    if (user.device.kind == DeviceKind::admittance) return {device.applied, std::nullopt, {}};
+    return {{}, DevicePose{device.pose, device.linear_velocity, device.angular_velocity}, limits_of(user.device)};
   }
   bool corrects_gradually() const noexcept override { return false; }
   Correction correction(const CopyPair&, const Indicators&) const noexcept override { return {}; }
@@ -124,6 +114,13 @@ constexpr std::array kMakers{Maker{"direct", make<Direct>}, Maker{"paper", make<
                              Maker{"reduced", make<Reduced>}};
 
 }  // namespace
+
+Wrench mean_wrench(const HapticReport& before, const HapticReport& now) noexcept {
+  const double dt = now.stamp_s - before.stamp_s;
+  if (dt <= 0.0) return {};
+  return {(now.impulse_total.force - before.impulse_total.force) / dt,
+          (now.impulse_total.torque - before.impulse_total.torque) / dt};
+}
 
 std::unique_ptr<Scheme> make_scheme(const Settings& settings) {
   std::string known;

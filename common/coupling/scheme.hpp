@@ -19,6 +19,9 @@ struct ProxyDrive {
   ForceLimits limits;                ///< of that spring
 };
 
+/// What the user exerted on the proxy, mean over what lies between two reports; zero where nothing does.
+[[nodiscard]] Wrench mean_wrench(const HapticReport& before, const HapticReport& now) noexcept;
+
 /// The two copies of one body when they are made one.
 struct CopyPair {
   bool proxy = false;       ///< the user's own

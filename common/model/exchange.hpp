@@ -63,11 +63,14 @@ struct DeviceCommand {
   bool last = false;  ///< the run is over
 };
 
+/// A Coulomb limit that no load in a scene exceeds: what cannot give way.
+inline constexpr double kWallLimit_n = 1e9;
+
 /// What pushing an outside body along one direction meets.
 struct GhostAxis {
   Vec3 normal = Vec3::UnitZ();   ///< towards the inside bodies, or a free way; the axes of a ghost are orthogonal
   double force_n = 0.0;          ///< along `normal`
-  double coulomb_limit_n = 0.0;  ///< under the model's load
+  double coulomb_limit_n = 0.0;  ///< under the model's load; kWallLimit_n: a wall
   Vec3 grip = Vec3::Zero();      ///< N/N, by which the limit grows with the force of the inside on the outside
 };
 
@@ -188,6 +191,13 @@ struct StepTiming {
   double max_s = 0.0;
 };
 
+struct ReportedDevice {
+  Pose pose;                             ///< in scene coordinates
+  Vec3 linear_velocity = Vec3::Zero();   ///< in simulated time
+  Vec3 angular_velocity = Vec3::Zero();  ///< in simulated time
+  Wrench applied;                        ///< admittance devices
+};
+
 /// Topic `haptic_report`, keyed by user: the sub-world at t = stamp_s, and what happened in the cycle before.
 struct HapticReport {
   UserId user{};
@@ -198,17 +208,13 @@ struct HapticReport {
   double clock_rate = 1.0;  ///< simulated seconds per second in its newest step, > 0
   std::int64_t sent_ns = 0;
   std::uint64_t confirmed_stamp = 0;  ///< newest frame whose bodies are in the sub-world
-  Wrench impulse;                     ///< that the user injected in the cycle, N s and N m s
-  Wrench impulse_total;               ///< since t = 0; the difference of two reports survives a lost one
+  Wrench impulse_total;               ///< that the user has injected since t = 0, N s and N m s
   double device_work_j = 0.0;         ///< since t = 0
   double coupling_energy_j = 0.0;     ///< stored in the coupling's springs
   BodyState proxy;
-  Pose device_pose;  ///< in scene coordinates; its velocities in simulated time
-  Vec3 device_linear_velocity = Vec3::Zero();
-  Vec3 device_angular_velocity = Vec3::Zero();
-  Wrench device_applied;               ///< admittance devices
-  std::vector<StampedBody> members;    ///< the sub-world's own result, before any blend
-  std::vector<std::uint32_t> islands;  ///< of members, as the sub-world's contacts make them
+  std::optional<ReportedDevice> device;  ///< where somebody reads it
+  std::vector<StampedBody> members;      ///< the sub-world's own result, before any blend
+  std::vector<std::uint32_t> islands;    ///< of members, as the sub-world's contacts make them
   Indicators indicators;
   StepTiming timing;
 };

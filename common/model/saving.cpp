@@ -41,6 +41,13 @@ Decision decide_pairs(const Scene& scene, std::size_t) {
   return {true, false, "where a sub-world has the body already, two counts of them are enough"};
 }
 
+Decision decide_device(const Scene& scene, std::size_t) {
+  const Settings& s = scene.settings;
+  if (!s.has_sub_worlds()) return {false, false, "scheme direct holds the proxy by it"};
+  if (s.users > 1 && !s.blends_by_impulses()) return {false, false, "other hands' sub-worlds move the proxy by it"};
+  return {true, false, "nobody but its own sub-world reads it"};
+}
+
 Decision decide_silence(const Scene& scene, std::size_t) {
   const Settings& s = scene.settings;
   if (!s.has_sub_worlds() || s.blends_by_impulses())
@@ -71,6 +78,7 @@ constexpr std::array kItems{
     SavingItem{Saving::impulses, "impulses", "world, sub-worlds", "friction impulses of contacts that nobody reads",
                false, decide_impulses},
     SavingItem{Saving::pairs, "pairs", "frames", "border pairs of bodies that the sub-world has", false, decide_pairs},
+    SavingItem{Saving::device, "device", "reports", "motion of the device", false, decide_device},
     SavingItem{Saving::silence, "silence", "frames, reports", "messages of cycles in which a hand is alone", false,
                decide_silence},
     SavingItem{Saving::passivity, "passivity", "device", "bound on the energy that the hand gets", true,

@@ -87,6 +87,7 @@ void make_room(msg::WorldFrame& frame) {
 void make_room(msg::HapticReport& report) {
   report.members().reserve(kUsualMembers);
   report.islands().reserve(kUsualMembers);
+  report.device().reserve(1);
 }
 
 }  // namespace

@@ -161,15 +161,11 @@ void to_wire(const HapticReport& in, msg::HapticReport& out) {
   out.clock_rate(in.clock_rate);
   out.sent_ns(in.sent_ns);
   out.confirmed_stamp(in.confirmed_stamp);
-  put(in.impulse, out.impulse());
   put(in.impulse_total, out.impulse_total());
   out.device_work_j(in.device_work_j);
   out.coupling_energy_j(in.coupling_energy_j);
   put(BodyId{}, in.proxy, out.proxy());
-  put(in.device_pose, out.device_pose());
-  put(in.device_linear_velocity, out.device_linear_velocity());
-  put(in.device_angular_velocity, out.device_angular_velocity());
-  put(in.device_applied, out.device_applied());
+  put_one(in.device, out.device());
   put_all(in.members, out.members());
   out.islands() = in.islands;
   out.indicators().proxy_impulse_n_s(in.indicators.proxy_impulse_n_s);
@@ -192,12 +188,9 @@ bool from_wire(const msg::HapticReport& in, HapticReport& out) {
   out.indicators.border_bodies = in.indicators().border_bodies();
   out.indicators.proxy_contacts = in.indicators().proxy_contacts();
   return get(in.stamp_s(), out.stamp_s) && get_positive(in.clock_rate(), out.clock_rate) && out.clock_rate > 0.0 &&
-         get(in.impulse(), out.impulse) && get(in.impulse_total(), out.impulse_total) &&
-         get(in.device_work_j(), out.device_work_j) && get(in.coupling_energy_j(), out.coupling_energy_j) &&
-         get(in.proxy(), out.proxy) && get(in.device_pose(), out.device_pose) &&
-         get(in.device_linear_velocity(), out.device_linear_velocity) &&
-         get(in.device_angular_velocity(), out.device_angular_velocity) &&
-         get(in.device_applied(), out.device_applied) && get_all(in.members(), out.members) &&
+         get(in.impulse_total(), out.impulse_total) && get(in.device_work_j(), out.device_work_j) &&
+         get(in.coupling_energy_j(), out.coupling_energy_j) && get(in.proxy(), out.proxy) &&
+         get_one(in.device(), out.device) && get_all(in.members(), out.members) &&
          get(in.indicators().proxy_impulse_n_s(), out.indicators.proxy_impulse_n_s) &&
          get(in.indicators().total_impulse_n_s(), out.indicators.total_impulse_n_s) &&
          get(in.indicators().device_impulse_n_s(), out.indicators.device_impulse_n_s) &&

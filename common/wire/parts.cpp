@@ -279,6 +279,18 @@ bool get(const msg::Silence& in, Silence& out) {
   return get(in.lower(), out.place.lower) && get(in.upper(), out.place.upper);
 }
 
+void put(const ReportedDevice& in, msg::ReportedDevice& out) {
+  put(in.pose, out.pose());
+  put(in.linear_velocity, out.linear_velocity());
+  put(in.angular_velocity, out.angular_velocity());
+  put(in.applied, out.applied());
+}
+
+bool get(const msg::ReportedDevice& in, ReportedDevice& out) {
+  return get(in.pose(), out.pose) && get(in.linear_velocity(), out.linear_velocity) &&
+         get(in.angular_velocity(), out.angular_velocity) && get(in.applied(), out.applied);
+}
+
 void put(const UserView& in, msg::UserView& out) {
   out.user(index(in.user));
   out.proxy(index(in.proxy));

@@ -33,6 +33,7 @@ void put(const GhostAxis& in, msg::GhostAxis& out);
 void put_ghosts(const std::vector<GhostModel>& in, msg::WorldFrame& out);
 void put(const PeerDevice& in, msg::PeerDevice& out);
 void put(const Silence& in, msg::Silence& out);
+void put(const ReportedDevice& in, msg::ReportedDevice& out);
 void put(const UserView& in, msg::UserView& out);
 
 [[nodiscard]] bool get(double in, double& out);
@@ -57,6 +58,7 @@ void put(const UserView& in, msg::UserView& out);
 [[nodiscard]] bool get_ghosts(const msg::WorldFrame& in, std::vector<GhostModel>& out);
 [[nodiscard]] bool get(const msg::PeerDevice& in, PeerDevice& out);
 [[nodiscard]] bool get(const msg::Silence& in, Silence& out);
+[[nodiscard]] bool get(const msg::ReportedDevice& in, ReportedDevice& out);
 [[nodiscard]] bool get(const msg::UserView& in, UserView& out);
 
 /// None or one, on the wire a sequence.

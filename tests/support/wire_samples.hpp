@@ -166,15 +166,17 @@ class SampleMaker {
     to.clock_rate = positive();
     to.sent_ns = static_cast<std::int64_t>(long_word());
     to.confirmed_stamp = long_word();
-    fill(to.impulse);
     fill(to.impulse_total);
     to.device_work_j = number();
     to.coupling_energy_j = number();
     fill(to.proxy);
-    fill(to.device_pose);
-    to.device_linear_velocity = vector();
-    to.device_angular_velocity = vector();
-    fill(to.device_applied);
+    if (coin()) {
+      to.device.emplace();
+      fill(to.device->pose);
+      to.device->linear_velocity = vector();
+      to.device->angular_velocity = vector();
+      fill(to.device->applied);
+    }
     fill_all(to.members);
     fill_all(to.islands);
     to.indicators = {positive(), positive(), positive(), word(), word()};
@@ -283,11 +285,11 @@ struct Walk {
     if (f.silence) all(f.silence->until, f.silence->place.lower, f.silence->place.upper);
   }
   void operator()(const HapticReport& r) {
-    all(r.user, r.session, r.sender, r.stamp, r.stamp_s, r.clock_rate, r.sent_ns, r.confirmed_stamp, r.impulse,
-        r.impulse_total, r.device_work_j, r.coupling_energy_j, r.proxy, r.device_pose, r.device_linear_velocity,
-        r.device_angular_velocity, r.device_applied, r.members, r.islands, r.indicators.proxy_impulse_n_s,
-        r.indicators.total_impulse_n_s, r.indicators.device_impulse_n_s, r.indicators.border_bodies,
-        r.indicators.proxy_contacts, r.timing.mean_s, r.timing.max_s);
+    all(r.user, r.session, r.sender, r.stamp, r.stamp_s, r.clock_rate, r.sent_ns, r.confirmed_stamp, r.impulse_total,
+        r.device_work_j, r.coupling_energy_j, r.proxy, r.device.has_value(), r.members, r.islands,
+        r.indicators.proxy_impulse_n_s, r.indicators.total_impulse_n_s, r.indicators.device_impulse_n_s,
+        r.indicators.border_bodies, r.indicators.proxy_contacts, r.timing.mean_s, r.timing.max_s);
+    if (r.device) all(r.device->pose, r.device->linear_velocity, r.device->angular_velocity, r.device->applied);
   }
   void operator()(const WorldSnapshot& s) { all(s.sequence, s.stamp_s, s.clock_factor, s.moved, s.users); }
   void operator()(const Control& c) { all(c.number, static_cast<std::uint32_t>(c.verb), c.argument); }
