@@ -160,11 +160,9 @@ FeltStep SubWorld::step(const DeviceState& device, bool trusted, double dt) {
 
 bool SubWorld::is_silent() const {
   if (!may_be_silent_ || !silence_.may_lack_report(stamp_ + 1)) return false;
-  const double ahead_s = static_cast<double>(1 + planned_cycles(scene_.settings, *scheme_)) * cycle_s();
   const BodyState now = proxy();
   const Box there = bounds(scene_.body(spec_.proxy).shape, now, scene_.meshes);
-  const double arm_m = 0.5 * (there.upper - there.lower).norm();
-  return silence_.place().holds(there.grown(reach_m(now, arm_m, kHand_m_s2, ahead_s)));
+  return silence_.place().holds(hand_reach(there, now, looked_ahead_s(scene_.settings, *scheme_, cycle_s())));
 }
 
 void SubWorld::begin_cycle() {

@@ -3,9 +3,6 @@
 #include "coupling/approach.hpp"
 #include "coupling/blend.hpp"
 #include "coupling/border.hpp"
-#include "coupling/silence.hpp"
-#include "coupling/synchroniser.hpp"
-#include "model/reach.hpp"
 
 #include <algorithm>
 
@@ -35,6 +32,7 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t r
       border_(make_border_extractor(scheme, scene)),
       budget_(scene),
       tells_all_pairs_(!leaves_out(scene, Saving::pairs)),
+      silence_(scene, scheme),
       may_be_silent_(leaves_out(scene, Saving::silence)) {
   const Settings& s = scene.settings;
   scratch_.reserve(scene.bodies.size() + remembered_ * kUsualMembers);
@@ -79,7 +77,8 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
     list_unconfirmed(user, now, heard[u], offset_s, told);
     tell_border(user, now, heard[u], told);
     told.silence.reset();
-    if (may_be_silent_ && heard[u].any) told.silence = find_silence(user, now, told);
+    const bool alone = told.states.size() == 1 && told.entering.empty() && told.ghosts.empty() && user.border.empty();
+    if (may_be_silent_ && heard[u].any && alone) told.silence = silence_.find(*user.spec, now);
   }
 }
 
@@ -170,51 +169,6 @@ void FrameMaker::tell_border(const User& user, const WorldNow& now, const Heard&
     if (begins(ghost)) scratch_.push_back(ghost.outside);
   }
   std::erase_if(frame.border, [&](const BorderPair& p) { return !std::ranges::binary_search(scratch_, p.outside); });
-}
-
-std::optional<Silence> FrameMaker::find_silence(const User& user, const WorldNow& now, const WorldFrame& frame) {
-  if (frame.states.size() > 1 || !frame.entering.empty() || !frame.ghosts.empty() || !user.border.empty()) return {};
-  const Settings& s = scene_.settings;
-  const BodyId proxy = user.spec->proxy;
-  const double cycle_s = s.h_s * now.timetable.ratio(now.stamp);
-  const double ahead_s = static_cast<double>(1 + planned_cycles(s, scheme_)) * cycle_s;
-  const auto arm_m = [&](const Box& bounds) { return 0.5 * (bounds.upper - bounds.lower).norm(); };
-  const BodyState hand = now.engine.state(proxy);
-  const Box there = now.engine.bounds(proxy);
-  const Box reach = there.grown(reach_m(hand, arm_m(there), kHand_m_s2, ahead_s));
-  // Whatever moves may hit whatever else.
-  before_ = {now.engine.awake().begin(), now.engine.awake().end()};
-  std::erase(before_, proxy);
-  const std::span<const BodyId> others = before_;
-  BodyState fastest;
-  double longest_arm_m = 0.0;
-  for (const BodyId id : others) {
-    const BodyState& state = now.motions[index(id)].state;
-    fastest.linear_velocity.x() = std::max(fastest.linear_velocity.x(), kHit * state.linear_velocity.norm());
-    fastest.angular_velocity.x() = std::max(fastest.angular_velocity.x(), kHit * state.angular_velocity.norm());
-    longest_arm_m = std::max(longest_arm_m, arm_m(now.engine.bounds(id)));
-  }
-  const double left_cycles = std::floor((s.duration_s - now.stamp_s) / cycle_s + 0.5);
-  const auto shortest = static_cast<std::uint64_t>(scheme_.lead_cycles()) + 2;
-  const Box around = selection_box(hand.position, user.spec->box_half_m);
-  for (std::uint64_t cycles = std::min(kMostSilentCycles, static_cast<std::uint64_t>(std::max(0.0, left_cycles)));
-       cycles >= shortest; cycles /= 2) {
-    const double time_s = static_cast<double>(cycles) * cycle_s + ahead_s;
-    const double comes_m = others.empty() ? 0.0 : reach_m(fastest, longest_arm_m, s.world.gravity.norm(), time_s);
-    obstacles_.clear();
-    for (const BodyId id : others) obstacles_.push_back(now.engine.bounds(id).grown(comes_m));
-    const bool pushes = std::ranges::any_of(obstacles_, [&](const Box& box) {
-      now.engine.asleep_in(box, scratch_);
-      return !scratch_.empty();
-    });
-    const double pushed_m = pushes ? comes_m : 0.0;
-    now.engine.asleep_in(around.grown(pushed_m), scratch_);
-    for (const BodyId id : scratch_) obstacles_.push_back(now.engine.bounds(id).grown(pushed_m));
-    const Box place = free_place(around, reach, obstacles_);
-    if (place.holds(reach)) return Silence{now.stamp + cycles, place};
-    if (others.empty()) break;
-  }
-  return {};
 }
 
 void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s,

@@ -7,9 +7,9 @@
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "world_sim/border_extractor.hpp"
+#include "world_sim/silence_finder.hpp"
 
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -77,8 +77,6 @@ class FrameMaker {
   void list_peers(const User& user, const WorldNow& now, std::span<const Heard> heard, WorldFrame& frame) const;
   void list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s, WorldFrame& frame);
   void tell_border(const User& user, const WorldNow& now, const Heard& heard, WorldFrame& frame);
-  /// For how long, and where, the proxy will be alone.
-  [[nodiscard]] std::optional<Silence> find_silence(const User& user, const WorldNow& now, const WorldFrame& frame);
   /// The oldest frame of those after which the sub-world may not know of a body, at most the present one.
   [[nodiscard]] std::uint64_t first_unconfirmed(const WorldNow& now, const Heard& heard) const noexcept;
   [[nodiscard]] double horizon_s(const WorldNow& now, const Heard& heard) const;
@@ -90,9 +88,9 @@ class FrameMaker {
   std::unique_ptr<BorderExtractor> border_;
   BudgetSelector budget_;
   bool tells_all_pairs_;
+  SilenceFinder silence_;
   bool may_be_silent_;
   std::vector<BodyId> scratch_, before_;
-  std::vector<Box> obstacles_;
 };
 
 }  // namespace subworld

@@ -328,9 +328,7 @@ double World::potential_j(BodyId id) const noexcept {
   return body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
 }
 
-double World::horizon_s() const {
-  return static_cast<double>(1 + planned_cycles(scene_.settings, *scheme_)) * cycle_s_;
-}
+double World::horizon_s() const { return looked_ahead_s(scene_.settings, *scheme_, cycle_s_); }
 
 void World::simulate() {
   rest(cycle_s_);

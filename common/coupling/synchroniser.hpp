@@ -15,6 +15,11 @@ namespace subworld {
 /// that it concerns, and some of the frames that tell it may get lost.
 [[nodiscard]] std::uint64_t planned_cycles(const Settings& settings, const Scheme& scheme) noexcept;
 
+/// For how long neither side looks again, s: what may touch a sub-world within that time is told to it.
+[[nodiscard]] inline double looked_ahead_s(const Settings& settings, const Scheme& scheme, double cycle_s) noexcept {
+  return static_cast<double>(1 + planned_cycles(settings, scheme)) * cycle_s;
+}
+
 struct PairShift {
   BodyId id{};
   Shift world;  ///< of the world's copy

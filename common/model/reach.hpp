@@ -17,4 +17,12 @@ inline constexpr double kHit = 2.0;
          0.5 * time_s * time_s * acceleration_m_s2;
 }
 
+/// At most, from the centre of a body with these bounds to its farthest point.
+[[nodiscard]] inline double arm_m(const Box& bounds) noexcept { return 0.5 * (bounds.upper - bounds.lower).norm(); }
+
+/// Where a proxy may get within `time_s`, whatever its hand does.
+[[nodiscard]] inline Box hand_reach(const Box& bounds, const BodyState& state, double time_s) noexcept {
+  return bounds.grown(reach_m(state, arm_m(bounds), kHand_m_s2, time_s));
+}
+
 }  // namespace subworld
