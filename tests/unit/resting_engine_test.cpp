@@ -6,6 +6,7 @@
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
 #include "physics/engine_shell.hpp"
+#include "support/bodies.hpp"
 #include "support/engines.hpp"
 
 #include <gtest/gtest.h>
@@ -336,19 +337,7 @@ class PlanOfAChangingScene : public ::testing::Test {
   }
   /// Flies along x and meets the row's far end while the hand pushes.
   void shoot_a_ball(double friction) {
-    Body ball;
-    ball.id = BodyId{static_cast<std::uint32_t>(scene.bodies.size())};
-    ball.name = "ball";
-    ball.shape = {.kind = ShapeKind::sphere, .half_extents = Vec3::Zero(), .radius = 0.04};
-    ball.mass = 0.1;
-    ball.inertia = principal_inertia(ball.shape, ball.mass);
-    ball.gravity = false;
-    ball.material.friction = friction;
-    BodyState state;
-    state.position = {5.0, 0.0, 0.05};
-    state.linear_velocity = {-3.0, 0.0, 0.0};
-    scene.bodies.push_back(ball);
-    scene.initial.push_back(state);
+    test::throw_ball(scene, {5.0, 0.0, 0.05}, {-3.0, 0.0, 0.0}).material.friction = friction;
   }
 
   Scene scene = [] {

@@ -1,8 +1,8 @@
 #include "coupling/silence.hpp"
 #include "lab/coupled_run.hpp"
 #include "lab/metrics.hpp"
-#include "model/mass_properties.hpp"
 #include "model/saving.hpp"
+#include "support/bodies.hpp"
 
 #include <gtest/gtest.h>
 
@@ -110,6 +110,23 @@ TEST_F(SilentHand, SendsAFewMessagesASecond) {
   EXPECT_LT(seen.reports, 30U);
 }
 
+// The world has one mean force for all of a silence, and a spring to the way between its ends.
+TEST_F(SilentHand, IsAboutWhereItIsInTheWorldToo) {
+  constexpr double kApart_m = 5e-3;  // of 32 mm in the longest silence
+  scene.users[0].device.path = {{.from_s = 0.1, .to_s = 0.5, .displacement = {-0.1, 0, 0}}};
+  CoupledRun run(scene);
+  const BodyId proxy = scene.users[0].proxy;
+  std::uint64_t silent = 0;
+  while (run.world.time_s() < 0.8) {
+    run.cycle();
+    if (run.world.stamp() == 0) continue;
+    silent += !run.sent_frame();
+    const BodyState& there = run.felt[0].proxy.at(run.world.timetable().start(run.world.stamp()) - 1);
+    EXPECT_LT((run.world.engine().state(proxy).position - there.position).norm(), kApart_m) << run.world.time_s();
+  }
+  EXPECT_GT(silent, 100U);
+}
+
 TEST_F(SilentHand, IsHeardBeforeItTouches) {
   // A dash that no frame foresees.
   scene.users[0].device.path = {{.from_s = 0.31, .to_s = 0.36, .displacement = {0.05, 0, 0}}};
@@ -120,19 +137,8 @@ TEST_F(SilentHand, IsHeardBeforeItTouches) {
 
 TEST_F(SilentHand, FeelsABodyThatIsThrownAtIt) {
   scene.users[0].device.path.clear();
-  Body ball;
-  ball.id = BodyId{static_cast<std::uint32_t>(scene.bodies.size())};
-  ball.name = "ball";
-  ball.shape = {.kind = ShapeKind::sphere, .half_extents = Vec3::Zero(), .radius = 0.04};
-  ball.mass = 0.1;
-  ball.inertia = principal_inertia(ball.shape, ball.mass);
-  ball.gravity = false;
-  BodyState state;
-  state.position =
-      scene.initial[index(scene.users[0].proxy)].position - Vec3(4.5, 0.0, 0.0);  // 2 m when the run begins
-  state.linear_velocity = {5.0, 0.0, 0.0};
-  scene.bodies.push_back(ball);
-  scene.initial.push_back(state);
+  const Vec3 hand = scene.initial[index(scene.users[0].proxy)].position;
+  test::throw_ball(scene, hand - Vec3(4.5, 0.0, 0.0), {5.0, 0.0, 0.0});  // 2 m away when the run begins
   const auto [force_n, difference] = compare();
   EXPECT_GT(force_n, 1.0);
   EXPECT_LT(difference, 0.005);
