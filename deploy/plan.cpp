@@ -34,6 +34,8 @@ std::string describe_engine(const EngineSettings& settings) {
   std::string asked;
   if (settings.iterations) asked += fmt::format("; here {} iterations", *settings.iterations);
   if (settings.substeps) asked += fmt::format("; here {} sub-steps", *settings.substeps);
+  if (settings.longest_substep_s)
+    asked += fmt::format("; here sub-steps of at most {:g} ms", 1e3 * *settings.longest_substep_s);
   const Capabilities can = make_engine(settings, {})->capabilities();
   return fmt::format(
       "engine {} ({}; licence {}), preset {}: {}{}\n"

@@ -24,6 +24,7 @@ Json describe(const EngineSettings& engine) {
   if (preset != plugin.presets.end()) json["preset_means"] = preset->what;
   if (engine.iterations) json["iterations"] = *engine.iterations;
   if (engine.substeps) json["substeps"] = *engine.substeps;
+  if (engine.longest_substep_s) json["longest_substep_s"] = *engine.longest_substep_s;
   return json;
 }
 

@@ -55,7 +55,8 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
     : scene_(scene),
       scheme_(make_scheme(scene.settings)),
       live_(make(without_substeps(scene.settings.world), scene.meshes)),
-      engine_(live_, scene, proxies_of(scene), leaves_out(scene, Saving::rest)),
+      engine_(live_, scene, proxies_of(scene), leaves_out(scene, Saving::rest),
+              leaves_out(scene, Saving::sway)),
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
       remembered_(remembered_cycles(scene.settings, *scheme_)),
@@ -141,7 +142,10 @@ bool World::settle(const std::function<bool(double)>& progress) {
 
 std::string World::change_engine(EngineExchange& exchange, const EngineOrder& order) {
   EngineSettings settings = without_substeps(scene_.settings.world);
-  if (order.engine != settings.name) settings.iterations = settings.substeps = std::nullopt;  // meant for that one
+  if (order.engine != settings.name) {  // what is meant for that one
+    settings.iterations = settings.substeps = std::nullopt;
+    settings.longest_substep_s.reset();
+  }
   settings.name = order.engine;
   settings.preset = order.preset;
   engine_.wake_all();  // the other engine must be able to hold those too that sleep

@@ -205,6 +205,9 @@ Scene load_scene(const Options& o) {
   Settings& s = scene.settings;
   if (o.mode) s.mode = *o.mode == "realtime" ? Mode::realtime : Mode::lockstep;
   override_with(s.scheme, o.scheme);
+  // A scene's longest sub-step is meant for the engine and preset that it names.
+  if (o.engine || o.preset) s.world.longest_substep_s.reset();
+  if (o.haptic_engine || o.haptic_preset) s.haptic.longest_substep_s.reset();
   override_with(s.world.name, o.engine);
   override_with(s.haptic.name, o.haptic_engine);
   override_with(s.world.preset, o.preset);

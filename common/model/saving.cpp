@@ -21,6 +21,13 @@ Decision decide_rest(const Scene& scene, std::size_t) {
   return {true, false, fmt::format("{} may come to rest", others == 1 ? "a body" : fmt::format("{} bodies", others))};
 }
 
+Decision decide_sway(const Scene& scene, std::size_t) {
+  if (keeps(scene.settings.keep, Saving::rest)) return {false, true, "nothing comes to rest: rest is kept in"};
+  if (scene.settings.world.gravity.isZero()) return {false, false, "without weight nothing stands"};
+  if (!decide_rest(scene, 0).left_out) return {false, false, "nothing moves but the proxies"};
+  return {true, false, "where no hand reaches it, what stands may come to rest"};
+}
+
 Decision decide_friction(const Scene& scene, std::size_t) {
   const auto rough = std::ranges::count_if(scene.bodies, [](const Body& b) { return b.material.friction > 0.0; });
   const auto all = static_cast<long>(scene.bodies.size());
@@ -73,6 +80,8 @@ Decision decide_passivity(const Scene& scene, std::size_t user) {
 constexpr std::array kItems{
     SavingItem{Saving::rest, "rest", "world",
                "steps, contacts and messages of bodies that rest where nothing can reach them", false, decide_rest},
+    SavingItem{Saving::sway, "sway", "world", "swaying that cannot lift a body by 1 % of its thickness", false,
+               decide_sway},
     SavingItem{Saving::friction, "friction", "world, sub-worlds", "friction of contacts that have none", false,
                decide_friction},
     SavingItem{Saving::impulses, "impulses", "world, sub-worlds", "friction impulses of contacts that nobody reads",

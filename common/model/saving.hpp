@@ -13,7 +13,7 @@ struct Scene;
 
 /// What a scene may not need, and is left out then: the plan. An item is a row of saving_items() and a place that asks
 /// leaves_out().
-enum class Saving : std::uint8_t { rest, friction, impulses, pairs, device, silence, passivity };
+enum class Saving : std::uint8_t { rest, sway, friction, impulses, pairs, device, silence, passivity };
 
 /// Whether a scene needs it.
 struct Decision {

@@ -105,7 +105,8 @@ struct EngineSettings {
   std::string preset = "fast";
   std::optional<int> iterations;  ///< instead of the preset's
   std::optional<int> substeps;    ///< parts of a step; world: each with a force of its own on the proxies
-  Vec3 gravity{0.0, 0.0, -9.81};  ///< m/s^2
+  std::optional<double> longest_substep_s;  ///< instead of the preset's: the engine divides its steps by it
+  Vec3 gravity{0.0, 0.0, -9.81};            ///< m/s^2
   double length_unit_m = 1.0;     ///< that the engine computes in; some engines need a smaller one for small bodies
   Kept keep = kKeepNothing;       ///< as in Settings
 };

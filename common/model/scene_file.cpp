@@ -19,11 +19,13 @@ const std::initializer_list<std::string_view> kPresets = {"fast", "quality"};
 
 /// The engine itself is looked up where it is made: this room knows no engines.
 void read_engine(const YamlValue& value, EngineSettings& engine) {
-  const YamlMap map(value, {"engine", "preset", "iterations", "substeps", "length_unit_m"});
+  const YamlMap map(value, {"engine", "preset", "iterations", "substeps", "longest_substep_s", "length_unit_m"});
   if (const auto name = map.find("engine")) engine.name = name->name();
   if (const auto preset = map.find("preset")) engine.preset = *(kPresets.begin() + preset->choice(kPresets));
   if (const auto iterations = map.find("iterations")) engine.iterations = iterations->integer(1, 100'000);
   if (const auto substeps = map.find("substeps")) engine.substeps = substeps->integer(1, 1000);
+  if (const auto longest = map.find("longest_substep_s"))
+    engine.longest_substep_s = longest->number({.least = 1e-5, .most = 1.0});
   if (const auto unit = map.find("length_unit_m")) engine.length_unit_m = unit->number({.least = 1e-6, .most = 1e6});
 }
 

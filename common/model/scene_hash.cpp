@@ -71,13 +71,16 @@ class Hasher {
     add(u.name, u.proxy, u.joins_late, u.selection, u.box_half_m, u.contact_depth, u.budget_ratio, u.coupling,
         u.device);
   }
-  void put(const EngineSettings& e) { add(e.name, e.preset, e.iterations, e.substeps, e.gravity, e.length_unit_m); }
+  void put(const EngineSettings& e) {
+    add(e.name, e.preset, e.iterations, e.substeps, e.longest_substep_s, e.gravity, e.length_unit_m);
+  }
   void put(const DelaySettings& d) {
     add(d.up_s, d.down_s, d.from_device_s, d.to_device_s, d.jitter_s, d.loss_ratio, d.seed);
   }
   void put(const Settings& s) {
     add(s.h_s, s.ratio, s.ratio_most, s.settle_s, s.settle_step_s, s.users, s.mode, s.scheme);
-    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.passivity, s.keep, s.world, s.haptic);
+    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.passivity, s.keep, s.world,
+        s.haptic);
   }
 
   void byte(unsigned char b) { value_ = (value_ ^ b) * 0x100000001b3U; }

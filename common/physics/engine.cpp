@@ -134,7 +134,7 @@ EngineCost engine_cost(const EngineSettings& settings) {
   return {.substep = {cost.step_s, cost.body_s, cost.contact_s},
           .contact_iteration_s = cost.contact_iteration_s,
           .substeps = settings.substeps,
-          .longest_substep_s = preset.longest_substep_s,
+          .longest_substep_s = settings.longest_substep_s.value_or(preset.longest_substep_s),
           .iterations = settings.iterations,
           .least_iterations = preset.iterations,
           .longest_iteration_s = preset.longest_iteration_s};

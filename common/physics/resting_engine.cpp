@@ -12,17 +12,25 @@ namespace subworld {
 
 namespace {
 
-constexpr double kLookEvery_s = 0.05;  ///< for who may sleep
+constexpr double kLookEvery_s = 0.05;   ///< for who may sleep, and who settles
+constexpr double kLeastFriction = 0.1;  ///< of what settles: it brakes what slides more than the damping does
+
+bool rolls(const Shape& shape) noexcept {
+  return shape.kind == ShapeKind::sphere || shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder;
+}
+
 double gap_m(const Box& a, const Box& b) noexcept {
   return (a.lower - b.upper).cwiseMax(b.lower - a.upper).cwiseMax(0.0).norm();
 }
 
 }  // namespace
 
-RestingEngine::RestingEngine(Engine& inner, const Scene& scene, std::span<const BodyId> restless, bool rests)
+RestingEngine::RestingEngine(Engine& inner, const Scene& scene, std::span<const BodyId> restless, bool rests,
+                             bool settles)
     : inner_(inner),
       scene_(scene),
       rests_(rests),
+      settles_(rests && settles),
       gravity_m_s2_(scene.settings.world.gravity.norm()),
       things_(scene.bodies.size()),
       still_(rests ? scene.bodies.size() : 0) {
@@ -42,7 +50,11 @@ void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
   thing.parent = thing.next = index(body.id);
   const Box box = subworld::bounds(body.shape, {}, scene_.meshes);
   thing.arm_m = box.lower.cwiseAbs().cwiseMax(box.upper.cwiseAbs()).norm();
-  thing.drift_m = kDrift * thickness(body.shape, scene_.meshes);
+  const double thickness_m = thickness(body.shape, scene_.meshes);
+  thing.drift_m = kDrift * thickness_m;
+  const bool may_settle = settles_ && !thing.restless && body.gravity && !rolls(body.shape);
+  thing.calm_m_s = may_settle ? std::sqrt(2.0 * gravity_m_s2_ * kLift * thickness_m) : 0.0;
+  thing.calm_s = 0.0;
   if (sleeps) {
     lay_asleep(index(body.id));
   } else {
@@ -110,9 +122,11 @@ bool RestingEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque
 
 bool RestingEngine::negligible(BodyId id, const BodyState& to) const {
   const Thing& thing = things_[index(id)];
-  return (to.position - thing.anchor.position).norm() +
-             thing.arm_m * to.orientation.angularDistance(thing.anchor.orientation) <=
-         thing.drift_m;
+  return thing.moved_m(thing.anchor, to) <= thing.drift_m;
+}
+
+double RestingEngine::Thing::moved_m(const BodyState& from, const BodyState& to) const {
+  return (to.position - from.position).norm() + arm_m * to.orientation.angularDistance(from.orientation);
 }
 
 void RestingEngine::asleep_in(const Box& box, std::vector<BodyId>& out) const {
@@ -150,12 +164,25 @@ void RestingEngine::follow(double dt, double horizon_s) {
     awake_.insert(awake_.end(), woke_.begin(), woke_.end());
     std::ranges::sort(awake_);
   }
-  put_to_sleep();
+  if (std::exchange(islands_known_, false)) {
+    find_settling(horizon_s);
+    put_to_sleep();
+  }
+  settle(dt);
 }
 
 void RestingEngine::watch(BodyId id, double dt) {
   Thing& thing = things_[index(id)];
   const BodyState now = inner_.state(id);
+  const double speed_m_s = now.linear_velocity.norm() + thing.arm_m * now.angular_velocity.norm();
+  thing.calm_s = speed_m_s < thing.calm_m_s ? thing.calm_s + dt : 0.0;
+  if (thing.settles) {
+    thing.settled_s += dt;
+    if (thing.moved_m(thing.place, now) > kSettlingPlace / kDrift * thing.drift_m) {
+      thing.calm_s = 0.0;
+      thing.patience_s *= 2.0;
+    }
+  }
   if (!negligible(id, now)) {
     thing.anchor = now;
     thing.still_s = thing.unreached_s = 0.0;
@@ -209,6 +236,7 @@ void RestingEngine::wake(std::uint32_t one) {
     Thing& thing = things_[index(id)];
     thing.asleep = false;
     thing.unreached_s = 0.0;
+    thing.settles = false;
     thing.parent = thing.next = index(id);
     inner_.add(scene_.body(id), thing.anchor, Role::body);
     --asleep_count_;
@@ -227,15 +255,58 @@ std::uint32_t RestingEngine::root(std::uint32_t i) noexcept {
 }
 
 bool RestingEngine::may_sleep(std::uint32_t i) const {
-  return still_.contains(i) && things_[i].unreached_s >= kStillFor_s;
+  const Thing& thing = things_[i];
+  return (still_.contains(i) && thing.unreached_s >= kStillFor_s) ||
+         (thing.settles && thing.settled_s >= kSettledFor_s);
 }
 
 void RestingEngine::find_islands() {
-  for (const BodyId id : awake_) things_[index(id)].parent = things_[index(id)].next = index(id);
+  for (const BodyId id : awake_) {
+    Thing& thing = things_[index(id)];
+    thing.parent = thing.next = index(id);
+    thing.held = thing.slips = false;
+  }
   for (const Contact& c : inner_.contacts()) {
-    if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) join(index(c.a), index(c.b));
+    const Body &a = scene_.body(c.a), &b = scene_.body(c.b);
+    if (!a.fixed() && !b.fixed()) join(index(c.a), index(c.b));
+    const bool rubs = a.material.friction * b.material.friction >= kLeastFriction * kLeastFriction;
+    for (const BodyId id : {c.a, c.b}) {
+      things_[index(id)].held = true;
+      things_[index(id)].slips |= !rubs;
+    }
   }
   islands_known_ = true;
+}
+
+void RestingEngine::find_settling(double horizon_s) {
+  if (!settles_) return;
+  for (const BodyId id : awake_) things_[root(index(id))].settles = true;
+  for (const BodyId id : awake_) {
+    const Thing& thing = things_[index(id)];
+    if (thing.calm_s < thing.patience_s || !thing.held || thing.slips) things_[root(index(id))].settles = false;
+    if (!thing.restless) continue;
+    const double travel_m = reach_m(inner_.state(id), thing.arm_m, kHand_m_s2, kLookEvery_s + horizon_s);
+    inner_.overlap(inner_.bounds(id).grown(travel_m), near_hands_);
+    for (const BodyId near : near_hands_) {
+      if (!scene_.body(near).fixed()) things_[root(index(near))].settles = false;
+    }
+  }
+  for (const BodyId id : awake_) {
+    Thing& thing = things_[index(id)];
+    thing.settles = things_[root(index(id))].settles;
+    if (!thing.settles) thing.settled_s = 0.0;
+    if (thing.settled_s == 0.0) thing.place = inner_.state(id);
+  }
+}
+
+void RestingEngine::settle(double dt) {
+  if (!settles_) return;
+  const double left = std::exp(-kSettling_per_s * dt);
+  for (const BodyId id : awake_) {
+    if (!things_[index(id)].settles) continue;
+    const BodyState now = inner_.state(id);
+    inner_.set_velocity(id, left * now.linear_velocity, left * now.angular_velocity);
+  }
 }
 
 void RestingEngine::join(std::uint32_t one, std::uint32_t other) noexcept {
@@ -246,7 +317,6 @@ void RestingEngine::join(std::uint32_t one, std::uint32_t other) noexcept {
 }
 
 void RestingEngine::put_to_sleep() {
-  if (!std::exchange(islands_known_, false)) return;
   for (const BodyId id : awake_) things_[root(index(id))].kept_awake = false;
   for (const BodyId id : awake_) things_[root(index(id))].kept_awake |= !may_sleep(index(id));
   for (const BodyId id : awake_) {
@@ -261,6 +331,10 @@ void RestingEngine::sleep(std::uint32_t one) {
   const BodyState now = inner_.state(BodyId{one});
   thing.anchor = {now.position, now.orientation, Vec3::Zero(), Vec3::Zero()};
   thing.asleep = true;
+  if (!still_.contains(one)) {
+    thing.bounds = inner_.bounds(BodyId{one});
+    still_.insert(one, thing.bounds.grown(thing.drift_m));
+  }
   inner_.remove(BodyId{one});
   ++asleep_count_;
 }

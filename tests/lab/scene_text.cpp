@@ -123,6 +123,7 @@ Map engine_map(const EngineSettings& engine) {
   map.add("engine", engine.name).add("preset", engine.preset);
   if (engine.iterations) map.add("iterations", *engine.iterations);
   if (engine.substeps) map.add("substeps", *engine.substeps);
+  if (engine.longest_substep_s) map.add("longest_substep_s", *engine.longest_substep_s);
   if (engine.length_unit_m != 1.0) map.add("length_unit_m", engine.length_unit_m);
   return map;
 }

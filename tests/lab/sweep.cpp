@@ -34,7 +34,10 @@ Scene loaded(const Point& point) {
   options.mode = "lockstep";
   Scene scene = load_scene(options);
   Settings& s = scene.settings;
-  if (!point.engine.empty()) s.world.name = point.engine;
+  if (!point.engine.empty()) {
+    s.world.name = point.engine;
+    s.world.longest_substep_s.reset();
+  }
   if (!point.haptic_engine.empty()) s.haptic.name = point.haptic_engine;
   if (point.duration_s) s.duration_s = *point.duration_s;
   if (point.h_s > 0.0) {

@@ -127,7 +127,7 @@ TEST_F(CommandLine, APlanListsWhatIsLeftOutAndTakesKeep) {
     return std::pair(ended.out.substr(0, needed), ended.out.substr(needed));
   };
   const auto [out, in] = planned({});
-  for (const char* item : {"rest ", "impulses ", "pairs ", "device ", "silence ", "passivity "})
+  for (const char* item : {"rest ", "sway ", "impulses ", "pairs ", "device ", "silence ", "passivity "})
     EXPECT_NE(out.find(item), std::string::npos) << item;
   EXPECT_NE(in.find("friction "), std::string::npos) << "the row has some: " << in;
   const auto [fewer, more] = planned({"--keep", "rest,passivity"});

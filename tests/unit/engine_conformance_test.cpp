@@ -154,6 +154,13 @@ TEST_P(Conformance, TellsInWhichPartsItIntegrates) {
   }
 }
 
+TEST_P(Conformance, TakesTheLongestSubStepThatItIsGiven) {
+  EngineSettings settings = GetParam().settings();
+  const double before_s = make_engine(settings, {})->part_s(dt);
+  settings.longest_substep_s = before_s / 3.5;
+  EXPECT_LE(make_engine(settings, {})->part_s(dt), before_s / 3.0);
+}
+
 TEST_P(Conformance, InertiaLeavesTheWeightAlone) {
   ASSERT_TRUE(engine->set_state(kCube, at(0, 0, 5)));
   engine->set_inertia(kCube, 0.4, Vec3::Constant(0.01));

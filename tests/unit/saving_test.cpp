@@ -43,24 +43,27 @@ const auto kAsItIs = [](Settings&) {};
 const auto kDirect = [](Settings& s) { s.scheme = "direct"; };
 const auto kPaper = [](Settings& s) { s.scheme = "paper"; };
 
-INSTANTIATE_TEST_SUITE_P(Items, Facts,
-                         testing::Values(Fact{"silence", Saving::silence, true, "row", 1, kAsItIs},
-                                         Fact{"silence_direct", Saving::silence, false, "row", 1, kDirect},
-                                         Fact{"silence_paper", Saving::silence, false, "row", 1, kPaper},
-                                         Fact{"silence_realtime", Saving::silence, false, "row", 1,
-                                              [](Settings& s) { s.mode = Mode::realtime; }},
-                                         Fact{"silence_two_hands", Saving::silence, false, "lift", 2, kAsItIs},
-                                         Fact{"silence_delay", Saving::silence, false, "row", 1,
-                                              [](Settings& s) { s.delay.up_s = 0.01; }},
-                                         Fact{"silence_ratio", Saving::silence, false, "heap", 1, kAsItIs},
-                                         Fact{"device", Saving::device, true, "row", 1, kAsItIs},
-                                         Fact{"device_direct", Saving::device, false, "row", 1, kDirect},
-                                         Fact{"device_two_hands", Saving::device, false, "lift", 2, kAsItIs},
-                                         Fact{"device_two_hands_paper", Saving::device, true, "lift", 2, kPaper},
-                                         Fact{"pairs", Saving::pairs, true, "row", 1, kAsItIs},
-                                         Fact{"pairs_paper", Saving::pairs, false, "row", 1, kPaper},
-                                         Fact{"pairs_direct", Saving::pairs, false, "row", 1, kDirect}),
-                         [](const auto& one) { return std::string(one.param.name); });
+INSTANTIATE_TEST_SUITE_P(
+    Items, Facts,
+    testing::Values(
+        Fact{"sway", Saving::sway, true, "row", 1, kAsItIs},
+        Fact{"sway_weightless", Saving::sway, false, "row", 1, [](Settings& s) { s.world.gravity.setZero(); }},
+        Fact{"sway_kept_awake", Saving::sway, false, "row", 1, [](Settings& s) { s.keep_in(kept(Saving::rest)); }},
+        Fact{"silence", Saving::silence, true, "row", 1, kAsItIs},
+        Fact{"silence_direct", Saving::silence, false, "row", 1, kDirect},
+        Fact{"silence_paper", Saving::silence, false, "row", 1, kPaper},
+        Fact{"silence_realtime", Saving::silence, false, "row", 1, [](Settings& s) { s.mode = Mode::realtime; }},
+        Fact{"silence_two_hands", Saving::silence, false, "lift", 2, kAsItIs},
+        Fact{"silence_delay", Saving::silence, false, "row", 1, [](Settings& s) { s.delay.up_s = 0.01; }},
+        Fact{"silence_ratio", Saving::silence, false, "heap", 1, kAsItIs},
+        Fact{"device", Saving::device, true, "row", 1, kAsItIs},
+        Fact{"device_direct", Saving::device, false, "row", 1, kDirect},
+        Fact{"device_two_hands", Saving::device, false, "lift", 2, kAsItIs},
+        Fact{"device_two_hands_paper", Saving::device, true, "lift", 2, kPaper},
+        Fact{"pairs", Saving::pairs, true, "row", 1, kAsItIs},
+        Fact{"pairs_paper", Saving::pairs, false, "row", 1, kPaper},
+        Fact{"pairs_direct", Saving::pairs, false, "row", 1, kDirect}),
+    [](const auto& one) { return std::string(one.param.name); });
 
 class SameMessages : public testing::TestWithParam<const char*> {};
 

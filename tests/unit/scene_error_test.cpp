@@ -116,6 +116,8 @@ std::vector<Broken> broken_scenes() {
       settings("preset", "{world: {preset: best}}", "2:28",
                "settings.world.preset: unknown \"best\"; choose one of fast, quality"),
       settings("engine_empty", "{world: {engine: \"\"}}", "2:28", "settings.world.engine: must not be empty"),
+      settings("longest_substep", "{haptic: {longest_substep_s: 0}}", "2:40",
+               "settings.haptic.longest_substep_s: must be at least 1e-05"),
       settings("iterations", "{haptic: {iterations: 0}}", "2:33", "settings.haptic.iterations: must be at least 1"),
       settings("too_many_users", "{users: 2}", "2:19", "settings.users: must be at most the 1 users"),
       settings("gravity_length", "{gravity_m_s2: [0, -9.81]}", "2:26",

@@ -102,6 +102,7 @@ class Bullet final : public Engine {
         values_(kPresetValues[find_preset(kPlugin, settings.preset)]),
         gravity_(settings.gravity),
         fixed_substeps_(settings.substeps),
+        longest_substep_s_(settings.longest_substep_s.value_or(preset_.longest_substep_s)),
         iterations_(settings.iterations.value_or(preset_.iterations)),
         shapes_(meshes),
         configuration_(bullet::collision_settings()),
@@ -170,6 +171,7 @@ class Bullet final : public Engine {
                                  : body.fixed()        ? kFixed
                                                        : kMovable;
     world_.addRigidBody(slot.body.get(), kind.group, kind.meets);
+    world_.left_contacts().came(*slot.body);
     contacts_.clear();
     if (body.fixed()) return;
     movable_.push_back(id);
@@ -179,6 +181,7 @@ class Bullet final : public Engine {
 
   void remove(BodyId id) override {
     Slot& slot = at(id);
+    world_.left_contacts().keep(*slot.body, dispatcher_);
     world_.removeRigidBody(slot.body.get());
     slot.body.reset();
     std::erase(movable_, index(id));
@@ -238,11 +241,11 @@ class Bullet final : public Engine {
   }
 
   double part_s(double dt) const noexcept override {
-    const double substep = dt / substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
+    const double substep = dt / substep_count(dt, fixed_substeps_, longest_substep_s_);
     return values_.small_steps ? substep / bullet::SmallStepSolver::parts(iterations_) : substep;
   }
   void step(double dt) override {
-    const int substeps = substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
+    const int substeps = substep_count(dt, fixed_substeps_, longest_substep_s_);
     claim_globals();
     contacts_.clear();
     clock_.start();
@@ -398,6 +401,7 @@ class Bullet final : public Engine {
   Vec3 gravity_;
   double tree_margin_ = 0.05;  ///< m
   std::optional<int> fixed_substeps_;
+  double longest_substep_s_;
   int iterations_;
   bullet::ShapeStore shapes_;
   btDefaultCollisionConfiguration configuration_;

@@ -3,6 +3,7 @@
 #include "bounce_limit.hpp"
 #include "contact_points.hpp"
 #include "contact_rows.hpp"
+#include "left_contacts.hpp"
 #include "movers.hpp"
 
 #include <btBulletDynamicsCommon.h>
@@ -129,12 +130,18 @@ class SmallStepWorld final : public btDiscreteDynamicsWorld {
  public:
   using btDiscreteDynamicsWorld::btDiscreteDynamicsWorld;
   void leave_moving_to_solver() { solver_moves_ = true; }
+  [[nodiscard]] LeftContacts& left_contacts() { return left_contacts_; }
 
  private:
+  void solveConstraints(btContactSolverInfo& info) override {
+    left_contacts_.give_back(*getDispatcher());
+    btDiscreteDynamicsWorld::solveConstraints(info);
+  }
   void integrateTransforms(btScalar dt) override {
     if (!solver_moves_) btDiscreteDynamicsWorld::integrateTransforms(dt);
   }
 
+  LeftContacts left_contacts_;
   bool solver_moves_ = false;
 };
 

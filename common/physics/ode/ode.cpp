@@ -80,6 +80,7 @@ class Ode final : public Engine {
       : preset_(kPresets[find_preset(kPlugin, settings.preset)]),
         gravity_(settings.gravity),
         fixed_substeps_(settings.substeps),
+        longest_substep_s_(settings.longest_substep_s.value_or(preset_.longest_substep_s)),
         shapes_(meshes),
         world_((enter_thread(), dWorldCreate())),
         space_(dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ)),
@@ -204,11 +205,11 @@ class Ode final : public Engine {
   }
 
   double part_s(double dt) const noexcept override {
-    return dt / substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
+    return dt / substep_count(dt, fixed_substeps_, longest_substep_s_);
   }
   void step(double dt) override {
     enter_thread();
-    const int substeps = substep_count(dt, fixed_substeps_, preset_.longest_substep_s);
+    const int substeps = substep_count(dt, fixed_substeps_, longest_substep_s_);
     contacts_.clear();
     clock_.start();
     for (int i = 0; i < substeps; ++i) substep(dt / substeps, i);
@@ -373,6 +374,7 @@ class Ode final : public Engine {
   const EnginePreset& preset_;
   Vec3 gravity_;
   std::optional<int> fixed_substeps_;
+  double longest_substep_s_;
   ode::ShapeStore shapes_;
   dWorldID world_;
   dSpaceID space_;

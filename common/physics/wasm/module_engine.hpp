@@ -62,11 +62,11 @@ class ModuleEngine : public Engine {
     bool known = false;  ///< of a movable body: `after` is what the module has
   };
 
-  /// `longest_substep_s`: step() divides its dt until no part is longer.
+  /// `longest_substep_s`: step() divides its dt until no part is longer, unless the settings say it.
   ModuleEngine(const EngineSettings& settings, double longest_substep_s)
       : gravity_(settings.gravity),
         fixed_substeps_(settings.substeps),
-        longest_substep_s_(longest_substep_s),
+        longest_substep_s_(settings.longest_substep_s.value_or(longest_substep_s)),
         keeps_frictionless_(keeps(settings.keep, Saving::friction)) {}
 
   [[nodiscard]] virtual wasm_rt_memory_t& memory() const = 0;
