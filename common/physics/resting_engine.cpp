@@ -38,6 +38,7 @@ RestingEngine::RestingEngine(Engine& inner, const Scene& scene, std::span<const 
   for (std::vector<BodyId>* list : {&awake_, &waking_, &woke_, &slept_}) list->reserve(scene.bodies.size());
   frontier_.reserve(scene.bodies.size() + 1);
   reached_.reserve(scene.bodies.size());
+  near_hands_.reserve(scene.bodies.size());
 }
 
 void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
@@ -50,10 +51,10 @@ void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
   thing.parent = thing.next = index(body.id);
   const Box box = subworld::bounds(body.shape, {}, scene_.meshes);
   thing.arm_m = box.lower.cwiseAbs().cwiseMax(box.upper.cwiseAbs()).norm();
-  const double thickness_m = thickness(body.shape, scene_.meshes);
-  thing.drift_m = kDrift * thickness_m;
+  thing.thickness_m = thickness(body.shape, scene_.meshes);
+  thing.drift_m = kDrift * thing.thickness_m;
   const bool may_settle = settles_ && !thing.restless && body.gravity && !rolls(body.shape);
-  thing.calm_m_s = may_settle ? std::sqrt(2.0 * gravity_m_s2_ * kLift * thickness_m) : 0.0;
+  thing.calm_m_s = may_settle ? std::sqrt(2.0 * gravity_m_s2_ * kLift * thing.thickness_m) : 0.0;
   thing.calm_s = 0.0;
   if (sleeps) {
     lay_asleep(index(body.id));
@@ -178,12 +179,12 @@ void RestingEngine::watch(BodyId id, double dt) {
   thing.calm_s = speed_m_s < thing.calm_m_s ? thing.calm_s + dt : 0.0;
   if (thing.settles) {
     thing.settled_s += dt;
-    if (thing.moved_m(thing.place, now) > kSettlingPlace / kDrift * thing.drift_m) {
+    if (thing.moved_m(thing.place, now) > kSettlingPlace * thing.thickness_m) {
       thing.calm_s = 0.0;
       thing.patience_s *= 2.0;
     }
   }
-  if (!negligible(id, now)) {
+  if (thing.moved_m(thing.anchor, now) > thing.still_drift_m()) {
     thing.anchor = now;
     thing.still_s = thing.unreached_s = 0.0;
     if (still_.contains(index(id))) still_.remove(index(id));
@@ -193,7 +194,7 @@ void RestingEngine::watch(BodyId id, double dt) {
   thing.unreached_s += dt;
   if (thing.restless || thing.still_s < kStillFor_s || still_.contains(index(id))) return;
   thing.bounds = inner_.bounds(id);
-  still_.insert(index(id), thing.bounds.grown(thing.drift_m));
+  still_.insert(index(id), thing.bounds.grown(thing.still_drift_m()));
 }
 
 void RestingEngine::reach_from(BodyId mover, double horizon_s) {
@@ -255,9 +256,7 @@ std::uint32_t RestingEngine::root(std::uint32_t i) noexcept {
 }
 
 bool RestingEngine::may_sleep(std::uint32_t i) const {
-  const Thing& thing = things_[i];
-  return (still_.contains(i) && thing.unreached_s >= kStillFor_s) ||
-         (thing.settles && thing.settled_s >= kSettledFor_s);
+  return still_.contains(i) && things_[i].unreached_s >= kStillFor_s;
 }
 
 void RestingEngine::find_islands() {
@@ -331,10 +330,6 @@ void RestingEngine::sleep(std::uint32_t one) {
   const BodyState now = inner_.state(BodyId{one});
   thing.anchor = {now.position, now.orientation, Vec3::Zero(), Vec3::Zero()};
   thing.asleep = true;
-  if (!still_.contains(one)) {
-    thing.bounds = inner_.bounds(BodyId{one});
-    still_.insert(one, thing.bounds.grown(thing.drift_m));
-  }
   inner_.remove(BodyId{one});
   ++asleep_count_;
 }

@@ -29,8 +29,8 @@ namespace subworld {
 /// `kLift` of its thickness for `kStillFor_s`, and no restless body may reach one of them: their velocities are damped
 /// then at the rate `kSettling_per_s`. Never damped is what glides, rolls, floats or flies: bodies without weight,
 /// friction or contacts, and round ones. What begins to slide leaves its place by `kSettlingPlace`; it must be calm for
-/// twice as long from then on, and so gets away. What has settled for `kSettledFor_s` sleeps: by then, only the solver
-/// moves it.
+/// twice as long from then on, and so gets away. What has settled for `kSettledFor_s` counts as still while it stays
+/// within `kTremble` of one place: by then, only the solver moves it.
 class RestingEngine final : public EngineShell {
  public:
   /// `restless` never sleep and always count as moving. `inner` and `scene` must outlive this object.
@@ -76,15 +76,17 @@ class RestingEngine final : public EngineShell {
   static constexpr double kLift = 0.01;          ///< of the thickness
   static constexpr double kSettlingPlace = 0.2;  ///< of the thickness
   static constexpr double kSettledFor_s = 5.0;
+  static constexpr double kTremble = 0.02;        ///< of the thickness
   static constexpr double kSettling_per_s = 4.0;  ///< of velocities: critical for a sway of 3 s; 16 makes creep last
 
  private:
   Engine& inner() const noexcept override { return inner_; }
   struct Thing {
-    BodyState anchor;                 ///< where it has been still, or sleeps
-    Box bounds;                       ///< there
-    double still_s = 0.0;             ///< for so long it has been
-    double unreached_s = 0.0;         ///< and nothing came near
+    BodyState anchor;          ///< where it has been still, or sleeps
+    Box bounds;                ///< there
+    double still_s = 0.0;      ///< for so long it has been
+    double unreached_s = 0.0;  ///< and nothing came near
+    double thickness_m = 0.0;
     double drift_m = 0.0;             ///< that counts as still
     double arm_m = 0.0;               ///< from the centre to the farthest point
     double calm_m_s = 0.0;            ///< the speed that lifts it by `kLift`
@@ -104,6 +106,7 @@ class RestingEngine final : public EngineShell {
 
     /// The farthest that any of its points moves between two states.
     [[nodiscard]] double moved_m(const BodyState& from, const BodyState& to) const;
+    [[nodiscard]] double still_drift_m() const { return settled_s < kSettledFor_s ? drift_m : kTremble * thickness_m; }
   };
   /// A place that something may get to, from which it may push on.
   struct Reach {

@@ -247,13 +247,13 @@ class Watched final : public EngineShell {
   Engine& inner_;
 };
 
-/// Trembles by 2 % of a cube's size, as a solver without an end to its errors.
+/// Trembles by 0.8 % of a cube's size, as a solver without an end to its errors.
 class Trembling final : public EngineShell {
  public:
   explicit Trembling(Engine& inner) : inner_(inner) {}
   BodyState state(BodyId id) const override {
     BodyState now = inner_.state(id);
-    if (id == BodyId{2}) now.position.x() += (++asked_ / 4 % 2 == 0 ? 1e-3 : -1e-3);
+    if (id == BodyId{2}) now.position.x() += (++asked_ / 4 % 2 == 0 ? 4e-4 : -4e-4);
     return now;
   }
 
