@@ -180,7 +180,8 @@ void RestingEngine::watch(BodyId id, double dt) {
   if (thing.settles) {
     thing.settled_s += dt;
     if (thing.moved_m(thing.place, now) > kSettlingPlace * thing.thickness_m) {
-      thing.calm_s = 0.0;
+      thing.settles = false;
+      thing.calm_s = thing.settled_s = 0.0;
       thing.patience_s *= 2.0;
     }
   }
@@ -279,21 +280,26 @@ void RestingEngine::find_islands() {
 
 void RestingEngine::find_settling(double horizon_s) {
   if (!settles_) return;
-  for (const BodyId id : awake_) things_[root(index(id))].settles = true;
+  for (const BodyId id : awake_) {
+    things_[root(index(id))].settles = true;
+    things_[root(index(id))].in_hand = false;
+  }
+  const auto is_calm = [](const Thing& thing) { return thing.calm_s >= thing.patience_s && !thing.slips; };
   for (const BodyId id : awake_) {
     const Thing& thing = things_[index(id)];
-    if (thing.calm_s < thing.patience_s || !thing.held || thing.slips) things_[root(index(id))].settles = false;
+    if (!is_calm(thing) || !thing.held) things_[root(index(id))].settles = false;
     if (!thing.restless) continue;
     const double travel_m = reach_m(inner_.state(id), thing.arm_m, kHand_m_s2, kLookEvery_s + horizon_s);
     inner_.overlap(inner_.bounds(id).grown(travel_m), near_hands_);
     for (const BodyId near : near_hands_) {
-      if (!scene_.body(near).fixed()) things_[root(index(near))].settles = false;
+      if (!scene_.body(near).fixed()) things_[root(index(near))].in_hand = true;
     }
   }
   for (const BodyId id : awake_) {
     Thing& thing = things_[index(id)];
-    thing.settles = things_[root(index(id))].settles;
-    if (!thing.settles) thing.settled_s = 0.0;
+    const Thing& all = things_[root(index(id))];
+    if (all.in_hand || !is_calm(thing)) thing.settled_s = 0.0;
+    thing.settles = all.settles && !all.in_hand;
     if (thing.settled_s == 0.0) thing.place = inner_.state(id);
   }
 }

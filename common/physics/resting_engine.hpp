@@ -74,7 +74,7 @@ class RestingEngine final : public EngineShell {
   static constexpr double kStillFor_s = 0.25;
   static constexpr double kDrift = 1e-3;         ///< of the thickness
   static constexpr double kLift = 0.01;          ///< of the thickness
-  static constexpr double kSettlingPlace = 0.2;  ///< of the thickness
+  static constexpr double kSettlingPlace = 0.3;  ///< of the thickness
   static constexpr double kSettledFor_s = 5.0;
   static constexpr double kTremble = 0.02;        ///< of the thickness
   static constexpr double kSettling_per_s = 4.0;  ///< of velocities: critical for a sway of 3 s; 16 makes creep last
@@ -102,6 +102,7 @@ class RestingEngine final : public EngineShell {
     bool kept_awake = false;  ///< of roots: those that hang together may not sleep
     bool held = false;        ///< has contacts
     bool slips = false;       ///< one of them without friction
+    bool in_hand = false;     ///< of roots: a restless body may reach one of those that hang together
     bool settles = false;     ///< of roots while islands are looked for, then of all in them
 
     /// The farthest that any of its points moves between two states.
