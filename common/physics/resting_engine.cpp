@@ -282,11 +282,12 @@ void RestingEngine::find_settling(double horizon_s) {
   if (!settles_) return;
   for (const BodyId id : awake_) {
     things_[root(index(id))].settles = true;
-    things_[root(index(id))].in_hand = false;
+    things_[root(index(id))].in_hand = things_[root(index(id))].sways = false;
   }
   const auto is_calm = [](const Thing& thing) { return thing.calm_s >= thing.patience_s && !thing.slips; };
   for (const BodyId id : awake_) {
     const Thing& thing = things_[index(id)];
+    if (!still_.contains(index(id))) things_[root(index(id))].sways = true;
     if (!is_calm(thing) || !thing.held) things_[root(index(id))].settles = false;
     if (!thing.restless) continue;
     const double travel_m = reach_m(inner_.state(id), thing.arm_m, kHand_m_s2, kLookEvery_s + horizon_s);
@@ -299,7 +300,7 @@ void RestingEngine::find_settling(double horizon_s) {
     Thing& thing = things_[index(id)];
     const Thing& all = things_[root(index(id))];
     if (all.in_hand || !is_calm(thing)) thing.settled_s = 0.0;
-    thing.settles = all.settles && !all.in_hand;
+    thing.settles = all.settles && all.sways && !all.in_hand;
     if (thing.settled_s == 0.0) thing.place = inner_.state(id);
   }
 }

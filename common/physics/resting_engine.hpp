@@ -26,11 +26,11 @@ namespace subworld {
 /// With `settles`, what sways comes to rest. Solvers hold a pile as springs of their own stiffness would, which lose
 /// next to nothing: a column of 25 cubes sways for minutes, in some engines more and more, and keeps all that it
 /// touches awake. Bodies that hang together by contacts *settle* while none of them has had the energy to rise by
-/// `kLift` of its thickness for `kStillFor_s`, and no restless body may reach one of them: their velocities are damped
-/// then at the rate `kSettling_per_s`. Never damped is what glides, rolls, floats or flies: bodies without weight,
-/// friction or contacts, and round ones. What begins to slide leaves its place by `kSettlingPlace`; it must be calm for
-/// twice as long from then on, and so gets away. What has settled for `kSettledFor_s` counts as still while it stays
-/// within `kTremble` of one place: by then, only the solver moves it.
+/// `kLift` of its thickness for `kStillFor_s`, one is not still, and no restless body may reach any of them: their
+/// velocities are damped then at the rate `kSettling_per_s`. Never damped is what glides, rolls, floats or flies:
+/// bodies without weight, friction or contacts, and round ones. What begins to slide leaves its place by
+/// `kSettlingPlace`; it must be calm for twice as long from then on, and so gets away. What has settled for
+/// `kSettledFor_s` counts as still while it stays within `kTremble` of one place: by then, only the solver moves it.
 class RestingEngine final : public EngineShell {
  public:
   /// `restless` never sleep and always count as moving. `inner` and `scene` must outlive this object.
@@ -103,6 +103,7 @@ class RestingEngine final : public EngineShell {
     bool held = false;        ///< has contacts
     bool slips = false;       ///< one of them without friction
     bool in_hand = false;     ///< of roots: a restless body may reach one of those that hang together
+    bool sways = false;       ///< of roots: one of them is not still
     bool settles = false;     ///< of roots while islands are looked for, then of all in them
 
     /// The farthest that any of its points moves between two states.

@@ -273,7 +273,8 @@ class Settling : public Resting {
     scene.initial[index(kBall)].linear_velocity.y() = 1.0;
     const std::vector<BodyId> restless{hand.id};
     inner = GetParam().make();
-    Watched watched(*inner);
+    Trembling trembling(*inner);
+    Watched watched(trembling);
     engine = std::make_unique<RestingEngine>(watched, scene, restless, true, asked);
     for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
     run(seconds);

@@ -153,7 +153,7 @@ INSTANTIATE_TEST_SUITE_P(Design10, CanonicalScene,
                                          Canon{"loose", 5, 1, 0.30, 3.0}, Canon{"toppling", 2, 1, 0.15, 2.5},
                                          Canon{"tower_base", 8, 1, 0.12, 3.0}, Canon{"heap", 250, 2, 0.20, 10.0},
                                          Canon{"lift", 1, 2, 0.20, 2.8}, Canon{"stack", 50, 1, 0.20, 10.0},
-                                         Canon{"card_house", 89, 1, 0.20, 10.0}, Canon{"basin", 8000, 1, 0.20, 18.0}),
+                                         Canon{"card_house", 89, 1, 0.20, 10.0}, Canon{"basin", 8000, 1, 0.20, 24.0}),
                          [](const auto& at) { return std::string(at.param.scene); });
 
 TEST(SceneLibrary, EveryFileIsTested) {

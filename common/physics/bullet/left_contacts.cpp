@@ -35,7 +35,7 @@ LeftContacts::LeftContacts() { pairs_.reserve(kUsualLeft); }
 
 void LeftContacts::keep(const btCollisionObject& body, btDispatcher& dispatcher) {
   if (away_.size() <= number(body)) away_.resize(number(body) + std::size_t{1});
-  away_[number(body)] = true;
+  away_[number(body)] = body.getWorldTransform().getOrigin();
   for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
     const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(m);
     if (manifold.getBody0() != &body && manifold.getBody1() != &body) continue;
@@ -57,8 +57,11 @@ void LeftContacts::keep(const btCollisionObject& body, btDispatcher& dispatcher)
 
 void LeftContacts::came(const btCollisionObject& body) {
   if (!is_away(number(body))) return;
-  away_[number(body)] = false;
+  const bool where_it_was = (*away_[number(body)] - body.getWorldTransform().getOrigin()).isZero();
+  away_[number(body)].reset();
   expects_ = true;
+  if (where_it_was) return;
+  std::erase_if(pairs_, [&](const Pair& pair) { return pair.low == number(body) || pair.high == number(body); });
 }
 
 void LeftContacts::give_back(btDispatcher& dispatcher) {

@@ -7,11 +7,13 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 namespace subworld::bullet {
 
-/// Impulses of bodies that leave the engine, for when they come back to the same place, as bodies do that have slept.
+/// Impulses of bodies that leave the engine, for when they come back to exactly the same place, as bodies do that have
+/// slept. Elsewhere other forces hold them.
 /// A solver that begins without them takes many steps to find what carries a pile: meanwhile the pile sinks in and is
 /// thrown back.
 class LeftContacts {
@@ -39,11 +41,11 @@ class LeftContacts {
     std::size_t count;
     std::array<Left, kMostPoints> points;
   };
-  [[nodiscard]] bool is_away(std::uint32_t body) const { return body < away_.size() && away_[body]; }
+  [[nodiscard]] bool is_away(std::uint32_t body) const { return body < away_.size() && away_[body].has_value(); }
 
   std::vector<Pair> pairs_;
-  std::vector<bool> away_;
-  bool expects_ = false;  ///< bodies have come since the last step
+  std::vector<std::optional<btVector3>> away_;  ///< where those are that have left, by number
+  bool expects_ = false;                        ///< bodies have come since the last step
 };
 
 }  // namespace subworld::bullet
