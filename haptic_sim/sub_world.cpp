@@ -43,12 +43,7 @@ std::string SubWorld::change_engine(EngineExchange& exchange, const EngineOrder&
   const LiveEngine* engine = model_->engine();
   if (engine == nullptr) return "refused: this scheme has no sub-world and so no engine in it";
   EngineSettings settings = scene_.settings.haptic;
-  if (order.engine != settings.name) {  // what is meant for that one
-    settings.iterations = settings.substeps = std::nullopt;
-    settings.longest_substep_s.reset();
-  }
-  settings.name = order.engine;
-  settings.preset = order.preset;
+  settings.change_to(order.engine, order.preset);
   const bool begun = exchange.begin(settings, *engine, scene_.settings.h_s, order.number);
   return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
 }

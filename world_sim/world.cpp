@@ -142,12 +142,7 @@ bool World::settle(const std::function<bool(double)>& progress) {
 
 std::string World::change_engine(EngineExchange& exchange, const EngineOrder& order) {
   EngineSettings settings = without_substeps(scene_.settings.world);
-  if (order.engine != settings.name) {  // what is meant for that one
-    settings.iterations = settings.substeps = std::nullopt;
-    settings.longest_substep_s.reset();
-  }
-  settings.name = order.engine;
-  settings.preset = order.preset;
+  settings.change_to(order.engine, order.preset);
   engine_.wake_all();  // the other engine must be able to hold those too that sleep
   const bool begun = exchange.begin(settings, live_, cycle_s_ / substeps_, order.number);
   if (begun) next_engine_ = settings;

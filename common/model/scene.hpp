@@ -109,6 +109,14 @@ struct EngineSettings {
   Vec3 gravity{0.0, 0.0, -9.81};            ///< m/s^2
   double length_unit_m = 1.0;     ///< that the engine computes in; some engines need a smaller one for small bodies
   Kept keep = kKeepNothing;       ///< as in Settings
+
+  /// Names another engine or preset: without what was set for the one before.
+  void change_to(const std::string& engine, const std::string& other_preset) {
+    if (engine != name) iterations = substeps = std::nullopt;
+    if (engine != name || other_preset != preset) longest_substep_s.reset();
+    name = engine;
+    preset = other_preset;
+  }
 };
 
 /// Thresholds of the scheme `paper` (paper 4.3).

@@ -52,7 +52,7 @@ void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
   const Box box = subworld::bounds(body.shape, {}, scene_.meshes);
   thing.arm_m = box.lower.cwiseAbs().cwiseMax(box.upper.cwiseAbs()).norm();
   thing.thickness_m = thickness(body.shape, scene_.meshes);
-  thing.drift_m = kDrift * thing.thickness_m;
+  thing.drift_m = thing.tolerance_m = kDrift * thing.thickness_m;
   const bool may_settle = settles_ && !thing.restless && body.gravity && !rolls(body.shape);
   thing.calm_m_s = may_settle ? std::sqrt(2.0 * gravity_m_s2_ * kLift * thing.thickness_m) : 0.0;
   thing.calm_s = 0.0;
@@ -181,12 +181,14 @@ void RestingEngine::watch(BodyId id, double dt) {
     thing.settled_s += dt;
     if (thing.moved_m(thing.place, now) > kSettlingPlace * thing.thickness_m) {
       thing.settles = false;
-      thing.calm_s = thing.settled_s = 0.0;
+      thing.calm_s = 0.0;
+      thing.unsettle();
       thing.patience_s *= 2.0;
     }
   }
-  if (thing.moved_m(thing.anchor, now) > thing.still_drift_m()) {
+  if (thing.moved_m(thing.anchor, now) > thing.tolerance_m) {
     thing.anchor = now;
+    thing.tolerance_m = thing.settled_s < kSettledFor_s ? thing.drift_m : kTremble * thing.thickness_m;
     thing.still_s = thing.unreached_s = 0.0;
     if (still_.contains(index(id))) still_.remove(index(id));
     return;
@@ -195,7 +197,7 @@ void RestingEngine::watch(BodyId id, double dt) {
   thing.unreached_s += dt;
   if (thing.restless || thing.still_s < kStillFor_s || still_.contains(index(id))) return;
   thing.bounds = inner_.bounds(id);
-  still_.insert(index(id), thing.bounds.grown(thing.still_drift_m()));
+  still_.insert(index(id), thing.bounds.grown(2.0 * thing.tolerance_m));  // from one side of the anchor to the other
 }
 
 void RestingEngine::reach_from(BodyId mover, double horizon_s) {
@@ -264,16 +266,13 @@ void RestingEngine::find_islands() {
   for (const BodyId id : awake_) {
     Thing& thing = things_[index(id)];
     thing.parent = thing.next = index(id);
-    thing.held = thing.slips = false;
+    thing.slips = false;
   }
   for (const Contact& c : inner_.contacts()) {
     const Body &a = scene_.body(c.a), &b = scene_.body(c.b);
     if (!a.fixed() && !b.fixed()) join(index(c.a), index(c.b));
     const bool rubs = a.material.friction * b.material.friction >= kLeastFriction * kLeastFriction;
-    for (const BodyId id : {c.a, c.b}) {
-      things_[index(id)].held = true;
-      things_[index(id)].slips |= !rubs;
-    }
+    for (const BodyId id : {c.a, c.b}) things_[index(id)].slips |= !rubs;
   }
   islands_known_ = true;
 }
@@ -288,7 +287,7 @@ void RestingEngine::find_settling(double horizon_s) {
   for (const BodyId id : awake_) {
     const Thing& thing = things_[index(id)];
     if (!still_.contains(index(id))) things_[root(index(id))].sways = true;
-    if (!is_calm(thing) || !thing.held) things_[root(index(id))].settles = false;
+    if (!is_calm(thing)) things_[root(index(id))].settles = false;
     if (!thing.restless) continue;
     const double travel_m = reach_m(inner_.state(id), thing.arm_m, kHand_m_s2, kLookEvery_s + horizon_s);
     inner_.overlap(inner_.bounds(id).grown(travel_m), near_hands_);
@@ -299,8 +298,9 @@ void RestingEngine::find_settling(double horizon_s) {
   for (const BodyId id : awake_) {
     Thing& thing = things_[index(id)];
     const Thing& all = things_[root(index(id))];
-    if (all.in_hand || !is_calm(thing)) thing.settled_s = 0.0;
-    thing.settles = all.settles && all.sways && !all.in_hand;
+    if (all.in_hand || !is_calm(thing)) thing.unsettle();
+    thing.settles = all.settles && !all.in_hand;
+    thing.sways = all.sways;
     if (thing.settled_s == 0.0) thing.place = inner_.state(id);
   }
 }
@@ -309,7 +309,7 @@ void RestingEngine::settle(double dt) {
   if (!settles_) return;
   const double left = std::exp(-kSettling_per_s * dt);
   for (const BodyId id : awake_) {
-    if (!things_[index(id)].settles) continue;
+    if (!things_[index(id)].settles || !things_[index(id)].sways) continue;
     const BodyState now = inner_.state(id);
     inner_.set_velocity(id, left * now.linear_velocity, left * now.angular_velocity);
   }
@@ -336,7 +336,9 @@ void RestingEngine::sleep(std::uint32_t one) {
   Thing& thing = things_[one];
   const BodyState now = inner_.state(BodyId{one});
   thing.anchor = {now.position, now.orientation, Vec3::Zero(), Vec3::Zero()};
+  thing.bounds = inner_.bounds(BodyId{one});
   thing.asleep = true;
+  thing.patience_s = kStillFor_s;
   inner_.remove(BodyId{one});
   ++asleep_count_;
 }

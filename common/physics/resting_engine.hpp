@@ -24,13 +24,14 @@ namespace subworld {
 /// What a sleeping body stands on either is fixed, or sleeps and wakes with it. With `rests` false nothing sleeps.
 ///
 /// With `settles`, what sways comes to rest. Solvers hold a pile as springs of their own stiffness would, which lose
-/// next to nothing: a column of 25 cubes sways for minutes, in some engines more and more, and keeps all that it
-/// touches awake. Bodies that hang together by contacts *settle* while none of them has had the energy to rise by
+/// next to nothing: a column of 25 cubes sways on, with `bullet` at `fast` more and more, and keeps all that it touches
+/// awake. Bodies that hang together by contacts *settle* while none of them has had the energy to rise by
 /// `kLift` of its thickness for `kStillFor_s`, one is not still, and no restless body may reach any of them: their
 /// velocities are damped then at the rate `kSettling_per_s`. Never damped is what glides, rolls, floats or flies:
-/// bodies without weight, friction or contacts, and round ones. What begins to slide leaves its place by
-/// `kSettlingPlace`; it must be calm for twice as long from then on, and so gets away. What has settled for
-/// `kSettledFor_s` counts as still while it stays within `kTremble` of one place: by then, only the solver moves it.
+/// bodies without weight or friction, round ones, and what falls, which is soon too fast. What begins to slide leaves
+/// its place by `kSettlingPlace`; it must be calm for twice as long from then on, and so gets away. What has settled
+/// for `kSettledFor_s` counts as still while it stays within `kTremble` of one place: by then, only the solver moves
+/// it.
 class RestingEngine final : public EngineShell {
  public:
   /// `restless` never sleep and always count as moving. `inner` and `scene` must outlive this object.
@@ -87,7 +88,8 @@ class RestingEngine final : public EngineShell {
     double still_s = 0.0;      ///< for so long it has been
     double unreached_s = 0.0;  ///< and nothing came near
     double thickness_m = 0.0;
-    double drift_m = 0.0;             ///< that counts as still
+    double drift_m = 0.0;             ///< that tells nothing
+    double tolerance_m = 0.0;         ///< around the anchor, that counts as still
     double arm_m = 0.0;               ///< from the centre to the farthest point
     double calm_m_s = 0.0;            ///< the speed that lifts it by `kLift`
     double calm_s = 0.0;              ///< for so long it has been slower
@@ -100,15 +102,18 @@ class RestingEngine final : public EngineShell {
     bool asleep = false;
     bool reached = false;
     bool kept_awake = false;  ///< of roots: those that hang together may not sleep
-    bool held = false;        ///< has contacts
-    bool slips = false;       ///< one of them without friction
+    bool slips = false;       ///< has a contact without friction
     bool in_hand = false;     ///< of roots: a restless body may reach one of those that hang together
-    bool sways = false;       ///< of roots: one of them is not still
-    bool settles = false;     ///< of roots while islands are looked for, then of all in them
+    // Of roots while islands are looked for, then of all in them.
+    bool sways = false;    ///< one of them is not still
+    bool settles = false;  ///< all are calm, and no hand reaches them
 
+    void unsettle() {
+      settled_s = 0.0;
+      tolerance_m = drift_m;
+    }
     /// The farthest that any of its points moves between two states.
     [[nodiscard]] double moved_m(const BodyState& from, const BodyState& to) const;
-    [[nodiscard]] double still_drift_m() const { return settled_s < kSettledFor_s ? drift_m : kTremble * thickness_m; }
   };
   /// A place that something may get to, from which it may push on.
   struct Reach {
@@ -125,7 +130,8 @@ class RestingEngine final : public EngineShell {
   void wake_before(BodyId id) {
     if (!asleep(id)) return;
     wake(index(id));
-    things_[index(id)].calm_s = things_[index(id)].settled_s = 0.0;
+    things_[index(id)].calm_s = 0.0;
+    things_[index(id)].unsettle();
   }
   void lay_asleep(std::uint32_t one);
   [[nodiscard]] bool may_sleep(std::uint32_t i) const;

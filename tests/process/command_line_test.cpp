@@ -141,6 +141,12 @@ TEST_F(CommandLine, APlanAdvisesWhereTheWorldCannotKeepUp) {
             std::string::npos);
 }
 
+TEST_F(CommandLine, AnotherEngineDropsTheLongestSubStepOfTheScene) {
+  const std::string part = "here sub-steps of at most 4.2 ms";
+  EXPECT_NE(finish({program("subworld"), "plan", scene("basin")}).out.find(part), std::string::npos);
+  EXPECT_EQ(finish({program("subworld"), "plan", scene("basin"), "--engine", "ode"}).out.find(part), std::string::npos);
+}
+
 TEST_F(CommandLine, APlanNamesItsEngines) {
   const Ended ended =
       finish({program("subworld"), "plan", scene("row"), "--engine", "ode", "--haptic-preset", "quality"});

@@ -8,6 +8,7 @@
 #include "physics/engine_shell.hpp"
 #include "support/bodies.hpp"
 #include "support/engines.hpp"
+#include "support/resting_stack.hpp"
 
 #include <gtest/gtest.h>
 
@@ -23,8 +24,6 @@
 
 namespace subworld {
 namespace {
-
-constexpr double kStep_s = 0.004, kHorizon_s = 0.016;
 
 TEST(BoxTree, FindsWhatALoopOverAllFinds) {
   constexpr std::uint32_t kCount = 300;
@@ -57,40 +56,8 @@ TEST(BoxTree, FindsWhatALoopOverAllFinds) {
   }
 }
 
-/// A floor, a stack of two cubes and a ball.
-class Resting : public ::testing::TestWithParam<test::Tested> {
- protected:
-  static constexpr BodyId kFloor{0}, kLower{1}, kUpper{2}, kBall{3};
-
-  Resting() {
-    add(test::floor_plane(kFloor), BodyState{});
-    add(test::cube(kLower), test::at(0, 0, 0.05));
-    add(test::cube(kUpper), test::at(0, 0, 0.15));
-    Body ball = test::ball_proxy(kBall, 0.05, 0.5);
-    ball.gravity = ball.rotates = true;
-    add(ball, test::at(2, 0, 0.05));
-  }
-  void add(const Body& body, const BodyState& state) {
-    scene.bodies.push_back(body);
-    scene.initial.push_back(state);
-  }
-  RestingEngine& begin(bool rests = true, std::span<const BodyId> restless = {}, bool settles = false) {
-    inner = GetParam().make();
-    engine = std::make_unique<RestingEngine>(*inner, scene, restless, rests, settles);
-    for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
-    return *engine;
-  }
-  void run(double seconds) {
-    for (double t = 0.0; t < seconds; t += kStep_s) {
-      engine->follow(kStep_s, kHorizon_s);
-      engine->step(kStep_s);
-    }
-  }
-
-  Scene scene;
-  std::unique_ptr<Engine> inner;
-  std::unique_ptr<RestingEngine> engine;
-};
+using test::kHorizon_s, test::kStep_s;
+class Resting : public test::RestingStack {};
 
 TEST_P(Resting, WhatRestsLeavesTheEngineAndIsStillThere) {
   begin();
@@ -231,141 +198,6 @@ TEST_P(Resting, NothingSleepsWhereItIsKeptAwake) {
   EXPECT_EQ(engine->asleep_count(), 0U);
   EXPECT_EQ(engine->awake().size(), 3U);
 }
-
-/// Counts who is set in motion.
-class Watched final : public EngineShell {
- public:
-  explicit Watched(Engine& inner) : inner_(inner) {}
-  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
-    damped.push_back(id);
-    return inner_.set_velocity(id, linear, angular);
-  }
-  std::vector<BodyId> damped;
-
- private:
-  Engine& inner() const noexcept override { return inner_; }
-  Engine& inner_;
-};
-
-/// Trembles by 0.8 % of a cube's size, as a solver without an end to its errors.
-class Trembling final : public EngineShell {
- public:
-  explicit Trembling(Engine& inner) : inner_(inner) {}
-  BodyState state(BodyId id) const override {
-    BodyState now = inner_.state(id);
-    if (id == BodyId{2}) now.position.x() += (++asked_ / 4 % 2 == 0 ? 4e-4 : -4e-4);
-    return now;
-  }
-
- private:
-  Engine& inner() const noexcept override { return inner_; }
-  Engine& inner_;
-  mutable int asked_ = 0;
-};
-
-/// Whether the stack's upper cube has settled within `seconds`, with a hand at `hand_x_m`.
-class Settling : public Resting {
- protected:
-  bool settles(double seconds, double hand_x_m, bool asked = true) {
-    const Body hand = test::ball_proxy(BodyId{4}, 0.03, 0.1);
-    add(hand, test::at(hand_x_m, 0, 0.25));
-    scene.initial[index(kBall)] = test::at(0.11, -0.25, 0.05);  // passes by, so that the stack stays awake
-    scene.initial[index(kBall)].linear_velocity.y() = 1.0;
-    const std::vector<BodyId> restless{hand.id};
-    inner = GetParam().make();
-    Trembling trembling(*inner);
-    Watched watched(trembling);
-    engine = std::make_unique<RestingEngine>(watched, scene, restless, true, asked);
-    for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
-    run(seconds);
-    EXPECT_FALSE(std::ranges::count(watched.damped, kBall)) << "it rolls";
-    EXPECT_FALSE(std::ranges::count(watched.damped, hand.id));
-    const bool settled = std::ranges::count(watched.damped, kUpper) > 0;
-    EXPECT_EQ(settled, std::ranges::count(watched.damped, kLower) > 0) << "they hang together";
-    engine.reset();
-    return settled;
-  }
-};
-
-TEST_P(Settling, WhatStandsWhereNoHandReachesIt) { EXPECT_TRUE(settles(0.5, 3.0)); }
-TEST_P(Settling, NotBeforeItHasBeenCalm) { EXPECT_FALSE(settles(0.2, 3.0)); }
-TEST_P(Settling, NotWhereAHandReachesIt) { EXPECT_FALSE(settles(0.5, 0.1)); }
-TEST_P(Settling, NotWhereItIsKeptIn) { EXPECT_FALSE(settles(0.5, 3.0, false)); }
-TEST_P(Settling, NotWhatGlides) {
-  scene.bodies[index(kUpper)].material.friction = 0.0;
-  EXPECT_FALSE(settles(0.5, 3.0));
-}
-TEST_P(Settling, NotWhatFalls) {
-  for (const BodyId id : {kLower, kUpper}) scene.initial[index(id)].position.z() += 5.0;
-  EXPECT_FALSE(settles(0.5, 3.0));
-}
-
-TEST_P(Settling, WhatHasLongSettledSleepsThoughItTrembles) {
-  inner = GetParam().make();
-  Trembling trembling(*inner);
-  engine = std::make_unique<RestingEngine>(trembling, scene, std::span<const BodyId>{}, true, true);
-  for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
-  run(4.5);
-  EXPECT_FALSE(engine->asleep(kUpper));
-  EXPECT_FALSE(engine->asleep(kLower)) << "what it touches trembles";
-  run(1.5);
-  EXPECT_TRUE(engine->asleep(kUpper));
-  engine->set_velocity(kUpper, {0.01, 0, 0}, Vec3::Zero());
-  run(1.0);
-  EXPECT_FALSE(engine->asleep(kUpper)) << "who is moved by somebody settles anew";
-  engine.reset();
-}
-
-INSTANTIATE_TEST_SUITE_P(Engines, Settling, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),
-                         test::name_of);
-
-/// What a stack does in the first steps after its bodies have come, m/s.
-double jolt_m_s(Engine& engine, int cubes) {
-  double fastest = 0.0;
-  for (int i = 0; i < 10; ++i) {
-    engine.step(kStep_s);
-    for (int k = 1; k <= cubes; ++k) {
-      const BodyState now = engine.state(BodyId{static_cast<std::uint32_t>(k)});
-      fastest = std::max(fastest, now.linear_velocity.norm());
-    }
-  }
-  return fastest;
-}
-
-class WokenStack : public testing::TestWithParam<test::Tested> {};
-
-TEST_P(WokenStack, StandsOnTheImpulsesWithWhichItFellAsleep) {
-  constexpr int kCubes = 12;
-  const auto fill = [&](Engine& engine, const std::function<BodyState(BodyId)>& state) {
-    for (int k = 1; k <= kCubes; ++k) {
-      const BodyId id{static_cast<std::uint32_t>(k)};
-      engine.add(test::cube(id), state(id));
-    }
-  };
-  const auto engine = GetParam().make(), stranger = GetParam().make();
-  for (Engine* one : {engine.get(), stranger.get()}) one->add(test::floor_plane(BodyId{0}), BodyState{});
-  fill(*engine, [](BodyId id) { return test::at(0, 0, 0.1 * index(id) - 0.05); });
-  test::run(*engine, 500, kStep_s);
-  std::vector<BodyState> slept(kCubes + 1);
-  for (int k = kCubes; k >= 1; --k) {
-    const BodyId id{static_cast<std::uint32_t>(k)};
-    slept[index(id)] = engine->state(id);
-    slept[index(id)].linear_velocity = slept[index(id)].angular_velocity = Vec3::Zero();
-    engine->remove(id);
-  }
-  engine->step(kStep_s);
-  const auto as_it_slept = [&](BodyId id) { return slept[index(id)]; };
-  fill(*engine, as_it_slept);
-  fill(*stranger, as_it_slept);
-  const double with = jolt_m_s(*engine, kCubes), without = jolt_m_s(*stranger, kCubes);
-  EXPECT_LT(with, 0.75 * without) << "of an engine that has never seen the stack";
-}
-
-INSTANTIATE_TEST_SUITE_P(Bullet, WokenStack,
-                         testing::Values(test::Tested{"bullet", "fast", kStep_s},
-                                         test::Tested{"bullet", "quality", kStep_s},
-                                         test::Tested{"bullet_float", "fast", kStep_s}),
-                         test::name_of);
 
 INSTANTIATE_TEST_SUITE_P(Engines, Resting, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),
                          test::name_of);

@@ -8,6 +8,8 @@ namespace subworld::bullet {
 
 namespace {
 
+/// Of a place, in a unit of length of the engine's own and back.
+constexpr auto kRounding = 16 * SIMD_EPSILON;
 constexpr std::size_t kUsualLeft = 256;  ///< pairs that wait: room for them, so that steps allocate nothing
 
 std::uint32_t number(const btCollisionObject& body) { return static_cast<std::uint32_t>(body.getUserIndex()); }
@@ -57,10 +59,12 @@ void LeftContacts::keep(const btCollisionObject& body, btDispatcher& dispatcher)
 
 void LeftContacts::came(const btCollisionObject& body) {
   if (!is_away(number(body))) return;
-  const bool where_it_was = (*away_[number(body)] - body.getWorldTransform().getOrigin()).isZero();
-  away_[number(body)].reset();
-  expects_ = true;
-  if (where_it_was) return;
+  const btVector3 left = *std::exchange(away_[number(body)], std::nullopt);
+  const btVector3& here = body.getWorldTransform().getOrigin();
+  if ((here - left).length() <= kRounding * here.length()) {
+    expects_ = true;
+    return;
+  }
   std::erase_if(pairs_, [&](const Pair& pair) { return pair.low == number(body) || pair.high == number(body); });
 }
 

@@ -13,9 +13,8 @@
 namespace subworld::bullet {
 
 /// Impulses of bodies that leave the engine, for when they come back to exactly the same place, as bodies do that have
-/// slept. Elsewhere other forces hold them.
-/// A solver that begins without them takes many steps to find what carries a pile: meanwhile the pile sinks in and is
-/// thrown back.
+/// slept. Elsewhere other forces hold them. A solver that begins without them takes many steps to find what carries a
+/// pile: meanwhile the pile sinks in and is thrown back.
 class LeftContacts {
  public:
   LeftContacts();
@@ -45,7 +44,7 @@ class LeftContacts {
 
   std::vector<Pair> pairs_;
   std::vector<std::optional<btVector3>> away_;  ///< where those are that have left, by number
-  bool expects_ = false;                        ///< bodies have come since the last step
+  bool expects_ = false;                        ///< some are back where they were, since the last step
 };
 
 }  // namespace subworld::bullet

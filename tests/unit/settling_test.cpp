@@ -1,0 +1,134 @@
+// What sways where no hand reaches it is damped, and sleeps.
+#include "physics/engine_shell.hpp"
+#include "physics/resting_engine.hpp"
+#include "support/bodies.hpp"
+#include "support/engines.hpp"
+#include "support/resting_stack.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace subworld {
+namespace {
+
+using test::kHorizon_s, test::kStep_s;
+
+/// Notes whose velocity is set, and to what.
+class Watched final : public EngineShell {
+ public:
+  explicit Watched(Engine& inner) : inner_(inner) {}
+  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
+    damped.push_back(id);
+    const double before_m_s = inner_.state(id).linear_velocity.norm();
+    if (before_m_s > 1e-9) most_left = std::max(most_left, linear.norm() / before_m_s);
+    return inner_.set_velocity(id, linear, angular);
+  }
+  std::vector<BodyId> damped;
+  double most_left = 0.0;  ///< of a velocity
+
+ private:
+  Engine& inner() const noexcept override { return inner_; }
+  Engine& inner_;
+};
+
+/// Trembles by 0.8 % of a cube's size, as a solver without an end to its errors.
+class Trembling final : public EngineShell {
+ public:
+  explicit Trembling(Engine& inner) : inner_(inner) {}
+  BodyState state(BodyId id) const override {
+    BodyState now = inner_.state(id);
+    if (id == BodyId{2}) now.position.x() += (++asked_ / 4 % 2 == 0 ? 4e-4 : -4e-4);
+    return now;
+  }
+
+ private:
+  Engine& inner() const noexcept override { return inner_; }
+  Engine& inner_;
+  mutable int asked_ = 0;
+};
+
+/// Whether the stack's upper cube has settled within `seconds`, with a hand at `hand_x_m`.
+class Settling : public test::RestingStack {
+ protected:
+  bool settles(double seconds, double hand_x_m, bool asked = true) {
+    const Body hand = test::ball_proxy(BodyId{4}, 0.03, 0.1);
+    add(hand, test::at(hand_x_m, 0, 0.25));
+    scene.initial[index(kBall)] = test::at(0.11, -0.25, 0.05);  // passes by, so that the stack stays awake
+    scene.initial[index(kBall)].linear_velocity.y() = 1.0;
+    const std::vector<BodyId> restless{hand.id};
+    inner = GetParam().make();
+    Trembling trembling(*inner);
+    Watched watched(trembling);
+    engine = std::make_unique<RestingEngine>(watched, scene, restless, true, asked);
+    for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
+    run(seconds);
+    EXPECT_FALSE(std::ranges::count(watched.damped, kBall)) << "it rolls";
+    EXPECT_FALSE(std::ranges::count(watched.damped, hand.id));
+    const bool settled = std::ranges::count(watched.damped, kUpper) > 0;
+    EXPECT_EQ(settled, std::ranges::count(watched.damped, kLower) > 0) << "they hang together";
+    EXPECT_LE(watched.most_left, std::exp(-RestingEngine::kSettling_per_s * kStep_s) + 1e-9);
+    engine.reset();
+    return settled;
+  }
+};
+
+TEST_P(Settling, WhatStandsWhereNoHandReachesIt) { EXPECT_TRUE(settles(0.5, 3.0)); }
+TEST_P(Settling, NotBeforeItHasBeenCalm) { EXPECT_FALSE(settles(0.2, 3.0)); }
+TEST_P(Settling, NotWhereAHandReachesIt) { EXPECT_FALSE(settles(0.5, 0.1)); }
+TEST_P(Settling, NotWhereItIsKeptIn) { EXPECT_FALSE(settles(0.5, 3.0, false)); }
+TEST_P(Settling, NotWhatGlides) {
+  scene.bodies[index(kUpper)].material.friction = 0.0;
+  EXPECT_FALSE(settles(0.5, 3.0));
+}
+TEST_P(Settling, NotWhatFalls) {
+  for (const BodyId id : {kLower, kUpper}) scene.initial[index(id)].position.z() += 5.0;
+  EXPECT_FALSE(settles(0.5, 3.0));
+}
+
+TEST_P(Settling, WhatHasLongSettledSleepsThoughItTrembles) {
+  inner = GetParam().make();
+  Trembling trembling(*inner);
+  engine = std::make_unique<RestingEngine>(trembling, scene, std::span<const BodyId>{}, true, true);
+  for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
+  run(4.5);
+  EXPECT_FALSE(engine->asleep(kUpper));
+  EXPECT_FALSE(engine->asleep(kLower)) << "what it touches trembles";
+  run(1.5);
+  EXPECT_TRUE(engine->asleep(kUpper));
+  engine->set_velocity(kUpper, {0.01, 0, 0}, Vec3::Zero());
+  run(1.0);
+  EXPECT_FALSE(engine->asleep(kUpper)) << "who is moved by somebody settles anew";
+  engine.reset();
+}
+
+// Steeper than its friction angle by 0.8 degrees: damped, it would slide with 0.04 m/s for ever.
+TEST(Sliding, GetsAway) {
+  constexpr double kNet_m_s2 = 0.15, kFriction = 0.5, kG = 9.81;
+  const double angle = std::atan(kFriction) + std::asin(kNet_m_s2 / kG / std::sqrt(1.0 + kFriction * kFriction));
+  constexpr BodyId kCube{1};
+  Scene scene;
+  scene.bodies = {test::floor_plane(BodyId{0}), test::cube(kCube)};
+  for (Body& body : scene.bodies) body.material.friction = kFriction;
+  scene.initial = {BodyState{}, test::at(0, 0, 0.05)};
+  EngineSettings& settings = scene.settings.world;
+  settings.gravity = kG * Vec3(std::sin(angle), 0, -std::cos(angle));
+  const auto inner = make_engine(settings, {});
+  RestingEngine engine(*inner, scene, {}, true, true);
+  for (const Body& body : scene.bodies) engine.add(body, scene.initial[index(body.id)]);
+  for (double t = 0.0; t < 6.0; t += kStep_s) {
+    engine.follow(kStep_s, kHorizon_s);
+    engine.step(kStep_s);
+  }
+  EXPECT_GT(engine.state(kCube).linear_velocity.x(), 0.3) << "of 0.9 m/s without damping";
+}
+
+INSTANTIATE_TEST_SUITE_P(Engines, Settling, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),
+                         test::name_of);
+
+}  // namespace
+}  // namespace subworld
