@@ -169,24 +169,24 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
   Shift shift;
   const Logged& then = ghost.log[frame.stamp % remembered_];
   if (then.written && then.stamp == frame.stamp) {
-    const Shift error = difference(then.state, world);
-    shift = scaled(error, how.gain);
     if (ghost.carried) {
+      shift = scaled(difference(then.state, world), how.gain);
       ghost.carried->velocity.head<3>() += shift.linear_velocity;
       ghost.carried->velocity.tail<3>() += shift.angular_velocity;
     } else {
       const double gain_of_velocity = blow_is_due(ghost, world, frame) ? 0.0 : kVelocityGain;
-      shift = {.position = motion.along(shift.position),
-               .linear_velocity = gain_of_velocity * motion.along(error.linear_velocity)};
+      shift.position = motion.along(how.gain * (world.position - then.state.position));
+      shift.linear_velocity = gain_of_velocity * motion.along(world.linear_velocity - then.state.linear_velocity);
     }
-    for (Logged& entry : ghost.log) {
-      if (entry.written && entry.stamp >= frame.stamp) entry.state = shifted(entry.state, shift);
+    for (std::uint64_t stamp = frame.stamp; stamp <= logged_; ++stamp) {
+      Logged& entry = ghost.log[stamp % remembered_];
+      if (entry.written && entry.stamp == stamp) entry.state = shifted(entry.state, shift);
     }
   }
   ghost.motion.world_velocity = world.linear_velocity;
   ghost.spin = world.angular_velocity;
-  if (!ghost.carried) engine.set_state(ghost.id, constrained(motion, engine.state(ghost.id), world, how.lag_s));
-  gradual_.begin(engine, ghost.id, shift, how.parts);
+  const BodyState now = engine.state(ghost.id);
+  gradual_.begin(engine, ghost.id, ghost.carried ? now : constrained(motion, now, world, how.lag_s), shift, how.parts);
 }
 
 std::optional<BodyState> Ghosts::release(BodyId id, Engine& engine) {
@@ -231,6 +231,7 @@ void Ghosts::end(const Engine& engine, double dt) {
 }
 
 void Ghosts::log(std::uint64_t stamp, const Engine& engine) {
+  logged_ = stamp;
   for (Ghost& ghost : ghosts_) {
     BodyState state = gradual_.completed(ghost.id, engine.state(ghost.id));
     if (ghost.carried) {

@@ -73,6 +73,7 @@ class Ghosts final : public BorderModel {
   std::uint64_t remembered_;
   std::vector<Ghost> ghosts_;  ///< by id
   GradualShifts gradual_;
+  std::uint64_t logged_ = 0;  ///< latest stamp in the logs
   std::vector<std::vector<Logged>> spare_logs_;  ///< of ghosts that have gone: a loop does not allocate
 };
 

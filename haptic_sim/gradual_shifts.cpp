@@ -9,9 +9,9 @@ namespace subworld {
 
 GradualShifts::GradualShifts() { pending_.reserve(4 * kUsualMembers); }
 
-void GradualShifts::begin(Engine& engine, BodyId id, const Shift& shift, int parts) {
+void GradualShifts::begin(Engine& engine, BodyId id, const BodyState& from, const Shift& shift, int parts) {
   const Shift part = parts == 1 ? shift : scaled(shift, 1.0 / parts);
-  engine.set_state(id, shifted(engine.state(id), part));
+  engine.set_state(id, shifted(from, part));
   if (parts > 1) pending_.push_back({id, part, parts - 1});
 }
 

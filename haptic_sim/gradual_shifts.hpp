@@ -14,8 +14,8 @@ class GradualShifts {
  public:
   GradualShifts();
 
-  /// Shifts a body that is in the engine.
-  void begin(Engine& engine, BodyId id, const Shift& shift, int parts);
+  /// Shifts a body that is in the engine, from its state or from another one.
+  void begin(Engine& engine, BodyId id, const BodyState& from, const Shift& shift, int parts);
   /// Before each step of the engine.
   void step(Engine& engine);
 

@@ -109,7 +109,7 @@ class SimulatedNeighbourhood final : public LocalModel {
       for (const PairShift& pair : pairs) {
         if (!engine_.contains(pair.id)) continue;
         const bool member = std::ranges::binary_search(members_, pair.id);
-        gradual_.begin(engine_, pair.id, pair.sub, member ? parts : 1);
+        gradual_.begin(engine_, pair.id, engine_.state(pair.id), pair.sub, member ? parts : 1);
       }
     }
     let_peers_go();

@@ -5,6 +5,23 @@
 
 namespace subworld {
 
+namespace {
+
+/// Sine of half a turn below which the series of sin(part * asin(sine)) / sine is used: two terms, exact to 1e-11.
+constexpr double kSmallTurn = 0.03;
+
+/// `part` of a turn: what slerp returns, without its three trigonometric functions where the turn is small.
+Quat turned_partly(const Quat& turn, double part) noexcept {
+  const double sine2 = turn.vec().squaredNorm();
+  if (sine2 > kSmallTurn * kSmallTurn) return Quat::Identity().slerp(part, turn);
+  const double p2 = part * part;
+  const double ratio = part * (1.0 + (1.0 - p2) / 6.0 * sine2 * (1.0 + (9.0 - p2) / 20.0 * sine2));
+  const Vec3 v = (turn.w() < 0.0 ? -ratio : ratio) * turn.vec();
+  return Quat(std::sqrt(1.0 - v.squaredNorm()), v.x(), v.y(), v.z());
+}
+
+}  // namespace
+
 double blend_weight(const Indicators& in, const PaperSettings& settings) noexcept {
   if (in.border_bodies == 0) return 1.0;
   if (in.proxy_contacts == 0) return 0.0;
@@ -24,7 +41,7 @@ BodyState shifted(const BodyState& state, const Shift& shift) noexcept {
 }
 
 Shift scaled(const Shift& shift, double part) noexcept {
-  return {part * shift.position, Quat::Identity().slerp(part, shift.rotation), part * shift.linear_velocity,
+  return {part * shift.position, turned_partly(shift.rotation, part), part * shift.linear_velocity,
           part * shift.angular_velocity};
 }
 

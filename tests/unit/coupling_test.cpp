@@ -125,6 +125,19 @@ TEST(Blend, ShiftIsTheDifferenceAndStatesMeetInTheMiddle) {
   EXPECT_NEAR(half.orientation.angularDistance(a.orientation), 0.25, 1e-7);
 }
 
+TEST(Blend, APartOfATurnIsThatOfASlerp) {
+  for (const double angle : {0.0, 1e-9, 1e-3, 0.059, 0.061, 2.0, -0.05}) {
+    for (const double part : {0.0, 0.1, 0.8, 1.0}) {
+      const Quat turn(Eigen::AngleAxisd(angle, Vec3(1, -2, 2).normalized()));
+      for (const Quat& same : {turn, Quat(-turn.coeffs())}) {
+        const Quat expected = Quat::Identity().slerp(part, same);
+        const Quat found = scaled({.rotation = same}, part).rotation;
+        EXPECT_LT((found.coeffs() - expected.coeffs()).norm(), 1e-12) << angle << " rad, " << part;
+      }
+    }
+  }
+}
+
 TEST(VirtualCoupling, IsASpringAndDamperUpToTheLimit) {
   const CouplingSettings k{.stiffness_n_m = 1000, .damping_n_s_m = 20};
   const ForceLimits limits{.force_n = 40};

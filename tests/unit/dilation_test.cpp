@@ -276,26 +276,46 @@ TEST(SlowedClock, AnAdmittanceDeviceFollowsInWallTime) {
 struct Felt {
   const char* scene;
   std::vector<int> changes;  ///< steps at which the clock begins to slow: the hand holds, pushes, moves freely
-  bool touches_often =
-      false;  ///< and other bodies on another clock: its touches are compared with all of the steady run
+  /// Other bodies touch the hand too, at another time on another clock: so its steps are compared with all of the
+  /// steady run, and the median of several starts counts, nanometres apart. Each touch of a heap is a matter of chance:
+  /// over eight starts, the largest step of a steady run was 2.1 to 5.9 N.
+  bool touches_often = false;
 };
 
 class DilationFelt : public testing::TestWithParam<Felt> {};
 
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
 // The same run twice, of which one clock slows to a fifth and goes back to full speed: its force has no larger steps
 // than the other's, which come from touching and sliding.
 TEST_P(DilationFelt, NoStepInTheForceComesFromTheClock) {
+  constexpr double kApart_m = 1e-9;
   const Felt& felt = GetParam();
-  const SceneRun steady = run_scene(felt.scene, Slowing{felt.changes.back()}.end, constant(1.0));
+  const int starts = felt.touches_often ? 5 : 1;
+  const double most = felt.touches_often ? 1.5 : 1.0;  // times the steady run's: medians of five differ by so much
+  const std::size_t count = felt.changes.size();
+  std::vector<std::vector<double>> steady_n(count), slowed_n(count);
   double felt_n = 0.0;
-  for (const int change : felt.changes) {
-    const Slowing slowing{change};
-    const SceneRun slowed = run_scene(felt.scene, slowing.end, slowing);
-    EXPECT_LT(largest_step_n(slowed.forces, change, slowing.end),
-              largest_step_n(steady.forces, felt.touches_often ? 1 : change, slowing.end) + 0.3)
-        << "N, from step " << change << " on";
-    EXPECT_LE(slowed.energy_excess_j, 0.02 * slowed.device_work_j + 1e-4) << "J, from step " << change << " on";
-    felt_n = std::max(felt_n, slowed.forces.back().norm());
+  for (int start = 0; start < starts; ++start) {
+    Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + felt.scene + ".yaml");
+    for (BodyState& state : scene.initial) state.position.z() += kApart_m * start;
+    const SceneRun steady = run_scene(scene, Slowing{felt.changes.back()}.end, constant(1.0));
+    for (std::size_t i = 0; i < count; ++i) {
+      const int change = felt.changes[i];
+      const Slowing slowing{change};
+      const SceneRun slowed = run_scene(scene, slowing.end, slowing);
+      slowed_n[i].push_back(largest_step_n(slowed.forces, change, slowing.end));
+      steady_n[i].push_back(largest_step_n(steady.forces, felt.touches_often ? 1 : change, slowing.end));
+      EXPECT_LE(slowed.energy_excess_j, 0.02 * slowed.device_work_j + 1e-4) << "J, from step " << change << " on";
+      felt_n = std::max(felt_n, slowed.forces.back().norm());
+    }
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    EXPECT_LT(median(slowed_n[i]), most * median(steady_n[i]) + 0.3) << "N, from step " << felt.changes[i] << " on";
   }
   EXPECT_GT(felt_n, 1.0) << "nothing was felt at all";
 }

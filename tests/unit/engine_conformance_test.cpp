@@ -385,6 +385,12 @@ TEST_P(Conformance, OverlapUsesTheBodysOwnBounds) {
   EXPECT_EQ(found, std::vector{kFloor});  // a plane is everywhere
   engine->overlap({Vec3(0.06, -0.1, -0.01), Vec3(0.26, 0.1, 0.1)}, found);
   EXPECT_EQ(found, (std::vector{kFloor, kOther}));
+  ASSERT_TRUE(engine->set_state(kOther, at(5.0, 0, 0.05)));
+  engine->overlap({Vec3(4.9, -0.1, -0.01), Vec3(5.1, 0.1, 0.1)}, found);
+  EXPECT_EQ(found, (std::vector{kFloor, kOther})) << "moved there since the last step";
+  engine->overlap({Vec3(0.06, -0.1, -0.01), Vec3(0.26, 0.1, 0.1)}, found);
+  EXPECT_EQ(found, std::vector{kFloor});
+  engine->set_state(kOther, at(0.3, 0, 0.05));
   engine->remove(kOther);
   engine->overlap({Vec3(0.06, -0.1, -0.01), Vec3(0.26, 0.1, 0.1)}, found);
   EXPECT_EQ(found, std::vector{kFloor});

@@ -17,13 +17,20 @@ struct Shifted : testing::Test {
   Shifted() { engine->add(test::cube(kCube, 0.1, 1.0), {}); }
   [[nodiscard]] double x() const { return engine->state(kCube).position.x(); }
 
-  std::unique_ptr<Engine> engine = make_engine({.name = "bullet", .gravity = Vec3::Zero()}, {});
+  static EngineSettings weightless() {
+    EngineSettings settings;
+    settings.name = "bullet";
+    settings.gravity = Vec3::Zero();
+    return settings;
+  }
+
+  std::unique_ptr<Engine> engine = make_engine(weightless(), {});
   GradualShifts gradual;
   Shift shift{.position = Vec3(4e-3, 0, 0)};
 };
 
 TEST_F(Shifted, ABodyMovesInEqualPartsOneBeforeEachStep) {
-  gradual.begin(*engine, kCube, shift, 4);
+  gradual.begin(*engine, kCube, engine->state(kCube), shift, 4);
   for (int part = 1; part <= 6; ++part) {
     gradual.step(*engine);
     EXPECT_NEAR(x(), 1e-3 * std::min(part, 4), 1e-9);
@@ -33,15 +40,15 @@ TEST_F(Shifted, ABodyMovesInEqualPartsOneBeforeEachStep) {
 }
 
 TEST_F(Shifted, AShiftOfOnePartIsMadeAtOnce) {
-  gradual.begin(*engine, kCube, shift, 1);
+  gradual.begin(*engine, kCube, engine->state(kCube), shift, 1);
   EXPECT_NEAR(x(), 4e-3, 1e-9);
   gradual.step(*engine);
   EXPECT_NEAR(x(), 4e-3, 1e-9);
 }
 
 TEST_F(Shifted, ASecondShiftComesOnTopAndABodyThatGoesIsForgotten) {
-  gradual.begin(*engine, kCube, shift, 4);
-  gradual.begin(*engine, kCube, shift, 2);
+  gradual.begin(*engine, kCube, engine->state(kCube), shift, 4);
+  gradual.begin(*engine, kCube, engine->state(kCube), shift, 2);
   EXPECT_NEAR(x(), 3e-3, 1e-9);
   EXPECT_NEAR(gradual.completed(kCube, engine->state(kCube)).position.x(), 8e-3, 1e-9);
   gradual.forget(kCube);

@@ -198,10 +198,9 @@ class Bullet final : public Engine {
 
   bool set_state(BodyId id, const BodyState& state) override {
     if (!finite(state)) return false;
-    claim_globals();
     btRigidBody& body = *at(id).body;
     place(body, state);
-    world_.updateSingleAabb(&body);
+    moved_.push_back(id);
     return true;
   }
 
@@ -248,6 +247,7 @@ class Bullet final : public Engine {
     const int substeps = substep_count(dt, fixed_substeps_, longest_substep_s_);
     claim_globals();
     contacts_.clear();
+    moved_.clear();  // a step begins with the bounds of all bodies
     clock_.start();
     for (int i = 0; i < substeps; ++i) {
       for (const std::uint32_t id : movable_) {
@@ -291,6 +291,7 @@ class Bullet final : public Engine {
       std::vector<BodyId>* out = nullptr;
     } collect;
     out.clear();
+    follow_moved();
     collect.box = &box;
     collect.out = &out;
     const_cast<btDbvtBroadphase&>(broadphase_).aabbTest(to_bullet(box.lower), to_bullet(box.upper), collect);
@@ -347,6 +348,15 @@ class Bullet final : public Engine {
   void claim_globals() const {
     gContactBreakingThreshold = scalar(values_.contact_breaking_threshold);
     gDbvtMargin = scalar(tree_margin_);
+  }
+
+  /// The tree of bounds as the bodies are that have been moved since the last step.
+  void follow_moved() const {
+    claim_globals();
+    for (const BodyId id : moved_) {
+      if (contains(id)) const_cast<bullet::SmallStepWorld&>(world_).updateSingleAabb(at(id).body.get());
+    }
+    moved_.clear();
   }
 
   static void turn_freely(Slot& slot, double dt) {
@@ -413,6 +423,7 @@ class Bullet final : public Engine {
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
   ContactTotals contacts_;
+  mutable std::vector<BodyId> moved_;  ///< set since the last step: the tree does not know yet
 };
 
 const EnginePlugin kPlugin{
