@@ -12,12 +12,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kLookEvery_s = 0.05;   ///< for who may sleep, and who settles
-constexpr double kLeastFriction = 0.1;  ///< of what settles: it brakes what slides more than the damping does
-
-bool rolls(const Shape& shape) noexcept {
-  return shape.kind == ShapeKind::sphere || shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder;
-}
+constexpr double kLookEvery_s = 0.05;  ///< for who may sleep, and who settles
 
 double gap_m(const Box& a, const Box& b) noexcept {
   return (a.lower - b.upper).cwiseMax(b.lower - a.upper).cwiseMax(0.0).norm();
@@ -30,15 +25,17 @@ RestingEngine::RestingEngine(Engine& inner, const Scene& scene, std::span<const 
     : inner_(inner),
       scene_(scene),
       rests_(rests),
-      settles_(rests && settles),
       gravity_m_s2_(scene.settings.world.gravity.norm()),
+      settling_(scene, rests && settles),
       things_(scene.bodies.size()),
       still_(rests ? scene.bodies.size() : 0) {
   for (const BodyId id : restless) things_[index(id)].restless = true;
   for (std::vector<BodyId>* list : {&awake_, &waking_, &woke_, &slept_}) list->reserve(scene.bodies.size());
   frontier_.reserve(scene.bodies.size() + 1);
   reached_.reserve(scene.bodies.size());
-  near_hands_.reserve(scene.bodies.size());
+  near_.reserve(scene.bodies.size());
+  islands_.reserve(scene.bodies.size());
+  together_.reserve(scene.bodies.size());
 }
 
 void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
@@ -53,9 +50,7 @@ void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
   thing.arm_m = box.lower.cwiseAbs().cwiseMax(box.upper.cwiseAbs()).norm();
   thing.thickness_m = thickness(body.shape, scene_.meshes);
   thing.drift_m = thing.tolerance_m = kDrift * thing.thickness_m;
-  const bool may_settle = settles_ && !thing.restless && body.gravity && !rolls(body.shape);
-  thing.calm_m_s = may_settle ? std::sqrt(2.0 * gravity_m_s2_ * kLift * thing.thickness_m) : 0.0;
-  thing.calm_s = 0.0;
+  settling_.add(body, thing.thickness_m, thing.arm_m, !thing.restless);
   if (sleeps) {
     lay_asleep(index(body.id));
   } else {
@@ -123,11 +118,7 @@ bool RestingEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque
 
 bool RestingEngine::negligible(BodyId id, const BodyState& to) const {
   const Thing& thing = things_[index(id)];
-  return thing.moved_m(thing.anchor, to) <= thing.drift_m;
-}
-
-double RestingEngine::Thing::moved_m(const BodyState& from, const BodyState& to) const {
-  return (to.position - from.position).norm() + arm_m * to.orientation.angularDistance(from.orientation);
+  return moved_m(thing.anchor, to, thing.arm_m) <= thing.drift_m;
 }
 
 void RestingEngine::asleep_in(const Box& box, std::vector<BodyId>& out) const {
@@ -166,35 +157,28 @@ void RestingEngine::follow(double dt, double horizon_s) {
     std::ranges::sort(awake_);
   }
   if (std::exchange(islands_known_, false)) {
-    find_settling(horizon_s);
-    put_to_sleep();
+    find_hands(horizon_s);
+    judge_islands();
   }
-  settle(dt);
+  settling_.damp(awake_, inner_, dt);
 }
 
 void RestingEngine::watch(BodyId id, double dt) {
   Thing& thing = things_[index(id)];
   const BodyState now = inner_.state(id);
-  const double speed_m_s = now.linear_velocity.norm() + thing.arm_m * now.angular_velocity.norm();
-  thing.calm_s = speed_m_s < thing.calm_m_s ? thing.calm_s + dt : 0.0;
-  if (thing.settles) {
-    thing.settled_s += dt;
-    if (thing.moved_m(thing.place, now) > kSettlingPlace * thing.thickness_m) {
-      thing.settles = false;
-      thing.calm_s = 0.0;
-      thing.unsettle();
-      thing.patience_s *= 2.0;
-    }
-  }
-  if (thing.moved_m(thing.anchor, now) > thing.tolerance_m) {
-    thing.anchor = now;
-    thing.tolerance_m = thing.settled_s < kSettledFor_s ? thing.drift_m : kTremble * thing.thickness_m;
-    thing.still_s = thing.unreached_s = 0.0;
-    if (still_.contains(index(id))) still_.remove(index(id));
-    return;
-  }
+  settling_.watch(id, now, now.linear_velocity.norm() + thing.arm_m * now.angular_velocity.norm(), dt);
+  const bool settled = settling_.has_settled(id);
+  if (!settled) thing.tolerance_m = thing.drift_m;
   thing.still_s += dt;
   thing.unreached_s += dt;
+  if (moved_m(thing.anchor, now, thing.arm_m) > thing.tolerance_m) {
+    const bool creeps = settled && thing.still_s >= Settling::kCreep_s;
+    thing.anchor = now;
+    if (settled) thing.tolerance_m = Settling::kTremble * thing.thickness_m;
+    thing.still_s = creeps ? kStillFor_s : 0.0;
+    if (!creeps) thing.unreached_s = 0.0;
+    if (still_.contains(index(id))) still_.remove(index(id));
+  }
   if (thing.restless || thing.still_s < kStillFor_s || still_.contains(index(id))) return;
   thing.bounds = inner_.bounds(id);
   still_.insert(index(id), thing.bounds.grown(2.0 * thing.tolerance_m));  // from one side of the anchor to the other
@@ -240,7 +224,7 @@ void RestingEngine::wake(std::uint32_t one) {
     Thing& thing = things_[index(id)];
     thing.asleep = false;
     thing.unreached_s = 0.0;
-    thing.settles = false;
+    settling_.wakes(id);
     thing.parent = thing.next = index(id);
     inner_.add(scene_.body(id), thing.anchor, Role::body);
     --asleep_count_;
@@ -258,60 +242,26 @@ std::uint32_t RestingEngine::root(std::uint32_t i) noexcept {
   return i;
 }
 
-bool RestingEngine::may_sleep(std::uint32_t i) const {
-  return still_.contains(i) && things_[i].unreached_s >= kStillFor_s;
-}
-
 void RestingEngine::find_islands() {
-  for (const BodyId id : awake_) {
-    Thing& thing = things_[index(id)];
-    thing.parent = thing.next = index(id);
-    thing.slips = false;
-  }
+  for (const BodyId id : awake_) things_[index(id)].parent = things_[index(id)].next = index(id);
+  settling_.begin_contacts(awake_);
   for (const Contact& c : inner_.contacts()) {
-    const Body &a = scene_.body(c.a), &b = scene_.body(c.b);
-    if (!a.fixed() && !b.fixed()) join(index(c.a), index(c.b));
-    const bool rubs = a.material.friction * b.material.friction >= kLeastFriction * kLeastFriction;
-    for (const BodyId id : {c.a, c.b}) things_[index(id)].slips |= !rubs;
+    if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) join(index(c.a), index(c.b));
+    settling_.touches(c);
   }
   islands_known_ = true;
 }
 
-void RestingEngine::find_settling(double horizon_s) {
-  if (!settles_) return;
-  for (const BodyId id : awake_) {
-    things_[root(index(id))].settles = true;
-    things_[root(index(id))].in_hand = things_[root(index(id))].sways = false;
-  }
-  const auto is_calm = [](const Thing& thing) { return thing.calm_s >= thing.patience_s && !thing.slips; };
+void RestingEngine::find_hands(double horizon_s) {
+  for (const BodyId id : awake_) things_[root(index(id))].in_hand = false;
   for (const BodyId id : awake_) {
     const Thing& thing = things_[index(id)];
-    if (!still_.contains(index(id))) things_[root(index(id))].sways = true;
-    if (!is_calm(thing)) things_[root(index(id))].settles = false;
     if (!thing.restless) continue;
     const double travel_m = reach_m(inner_.state(id), thing.arm_m, kHand_m_s2, kLookEvery_s + horizon_s);
-    inner_.overlap(inner_.bounds(id).grown(travel_m), near_hands_);
-    for (const BodyId near : near_hands_) {
+    inner_.overlap(inner_.bounds(id).grown(travel_m), near_);
+    for (const BodyId near : near_) {
       if (!scene_.body(near).fixed()) things_[root(index(near))].in_hand = true;
     }
-  }
-  for (const BodyId id : awake_) {
-    Thing& thing = things_[index(id)];
-    const Thing& all = things_[root(index(id))];
-    if (all.in_hand || !is_calm(thing)) thing.unsettle();
-    thing.settles = all.settles && !all.in_hand;
-    thing.sways = all.sways;
-    if (thing.settled_s == 0.0) thing.place = inner_.state(id);
-  }
-}
-
-void RestingEngine::settle(double dt) {
-  if (!settles_) return;
-  const double left = std::exp(-kSettling_per_s * dt);
-  for (const BodyId id : awake_) {
-    if (!things_[index(id)].settles || !things_[index(id)].sways) continue;
-    const BodyState now = inner_.state(id);
-    inner_.set_velocity(id, left * now.linear_velocity, left * now.angular_velocity);
   }
 }
 
@@ -322,12 +272,22 @@ void RestingEngine::join(std::uint32_t one, std::uint32_t other) noexcept {
   std::swap(things_[a].next, things_[b].next);  // joins two rings
 }
 
-void RestingEngine::put_to_sleep() {
-  for (const BodyId id : awake_) things_[root(index(id))].kept_awake = false;
-  for (const BodyId id : awake_) things_[root(index(id))].kept_awake |= !may_sleep(index(id));
-  for (const BodyId id : awake_) {
-    if (!things_[root(index(id))].kept_awake) slept_.push_back(id);
+void RestingEngine::judge_islands() {
+  islands_.clear();
+  for (const BodyId id : awake_) islands_.emplace_back(root(index(id)), id);
+  std::ranges::sort(islands_);
+  for (auto one = islands_.begin(); one != islands_.end();) {
+    const std::uint32_t island = one->first;
+    together_.clear();
+    for (; one != islands_.end() && one->first == island; ++one) together_.push_back(one->second);
+    const auto is_still = [this](BodyId id) { return still_.contains(index(id)); };
+    const auto is_unreached = [this](BodyId id) { return things_[index(id)].unreached_s >= kStillFor_s; };
+    const bool sways = !std::ranges::all_of(together_, is_still);
+    settling_.judge(together_, sways, things_[island].in_hand, inner_);
+    if (sways || !std::ranges::all_of(together_, is_unreached)) continue;
+    slept_.insert(slept_.end(), together_.begin(), together_.end());
   }
+  std::ranges::sort(slept_);
   for (const BodyId id : slept_) sleep(index(id));
   std::erase_if(awake_, [this](BodyId id) { return asleep(id); });
 }
@@ -338,7 +298,7 @@ void RestingEngine::sleep(std::uint32_t one) {
   thing.anchor = {now.position, now.orientation, Vec3::Zero(), Vec3::Zero()};
   thing.bounds = inner_.bounds(BodyId{one});
   thing.asleep = true;
-  thing.patience_s = kStillFor_s;
+  settling_.sleeps(BodyId{one});
   inner_.remove(BodyId{one});
   ++asleep_count_;
 }

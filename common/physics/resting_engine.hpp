@@ -3,8 +3,10 @@
 #include "model/scene.hpp"
 #include "physics/box_tree.hpp"
 #include "physics/engine_shell.hpp"
+#include "physics/settling.hpp"
 
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace subworld {
@@ -23,15 +25,8 @@ namespace subworld {
 /// Bodies that the scene says are at rest sleep from the start; those whose boxes touch wake together.
 /// What a sleeping body stands on either is fixed, or sleeps and wakes with it. With `rests` false nothing sleeps.
 ///
-/// With `settles`, what sways comes to rest. Solvers hold a pile as springs of their own stiffness would, which lose
-/// next to nothing: a column of 25 cubes sways on, with `bullet` at `fast` more and more, and keeps all that it touches
-/// awake. Bodies that hang together by contacts *settle* while none of them has had the energy to rise by
-/// `kLift` of its thickness for `kStillFor_s`, one is not still, and no restless body may reach any of them: their
-/// velocities are damped then at the rate `kSettling_per_s`. Never damped is what glides, rolls, floats or flies:
-/// bodies without weight or friction, round ones, and what falls, which is soon too fast. What begins to slide leaves
-/// its place by `kSettlingPlace`; it must be calm for twice as long from then on, and so gets away. What has settled
-/// for `kSettledFor_s` counts as still while it stays within `kTremble` of one place: by then, only the solver moves
-/// it.
+/// With `settles`, what sways where no hand reaches it is damped, and what has long been is still although it trembles
+/// (Settling).
 class RestingEngine final : public EngineShell {
  public:
   /// `restless` never sleep and always count as moving. `inner` and `scene` must outlive this object.
@@ -73,12 +68,7 @@ class RestingEngine final : public EngineShell {
   void restore(const Checkpoint& checkpoint) override;
 
   static constexpr double kStillFor_s = 0.25;
-  static constexpr double kDrift = 1e-3;         ///< of the thickness
-  static constexpr double kLift = 0.01;          ///< of the thickness
-  static constexpr double kSettlingPlace = 0.3;  ///< of the thickness
-  static constexpr double kSettledFor_s = 5.0;
-  static constexpr double kTremble = 0.02;        ///< of the thickness
-  static constexpr double kSettling_per_s = 4.0;  ///< of velocities: critical for a sway of 3 s; 16 makes creep last
+  static constexpr double kDrift = 1e-3;  ///< of the thickness
 
  private:
   Engine& inner() const noexcept override { return inner_; }
@@ -88,32 +78,15 @@ class RestingEngine final : public EngineShell {
     double still_s = 0.0;      ///< for so long it has been
     double unreached_s = 0.0;  ///< and nothing came near
     double thickness_m = 0.0;
-    double drift_m = 0.0;             ///< that tells nothing
-    double tolerance_m = 0.0;         ///< around the anchor, that counts as still
-    double arm_m = 0.0;               ///< from the centre to the farthest point
-    double calm_m_s = 0.0;            ///< the speed that lifts it by `kLift`
-    double calm_s = 0.0;              ///< for so long it has been slower
-    double patience_s = kStillFor_s;  ///< before it settles
-    double settled_s = 0.0;
-    BodyState place;           ///< where it began to settle
+    double drift_m = 0.0;      ///< that tells nothing
+    double tolerance_m = 0.0;  ///< around the anchor, that counts as still
+    double arm_m = 0.0;        ///< from the centre to the farthest point
     std::uint32_t next = 0;    ///< of those that sleep together: a ring
     std::uint32_t parent = 0;  ///< while islands are looked for
     bool restless = false;
     bool asleep = false;
     bool reached = false;
-    bool kept_awake = false;  ///< of roots: those that hang together may not sleep
-    bool slips = false;       ///< has a contact without friction
-    bool in_hand = false;     ///< of roots: a restless body may reach one of those that hang together
-    // Of roots while islands are looked for, then of all in them.
-    bool sways = false;    ///< one of them is not still
-    bool settles = false;  ///< all are calm, and no hand reaches them
-
-    void unsettle() {
-      settled_s = 0.0;
-      tolerance_m = drift_m;
-    }
-    /// The farthest that any of its points moves between two states.
-    [[nodiscard]] double moved_m(const BodyState& from, const BodyState& to) const;
+    bool in_hand = false;  ///< of roots: a restless body may reach one of those that hang together
   };
   /// A place that something may get to, from which it may push on.
   struct Reach {
@@ -130,29 +103,31 @@ class RestingEngine final : public EngineShell {
   void wake_before(BodyId id) {
     if (!asleep(id)) return;
     wake(index(id));
-    things_[index(id)].calm_s = 0.0;
-    things_[index(id)].unsettle();
+    settling_.begin_anew(id);
   }
   void lay_asleep(std::uint32_t one);
-  [[nodiscard]] bool may_sleep(std::uint32_t i) const;
   /// Of those that hang together by contacts.
   void find_islands();
-  void find_settling(double horizon_s);
-  void settle(double dt);
-  void put_to_sleep();
+  /// Which of them a hand may reach.
+  void find_hands(double horizon_s);
+  /// Which of them settle, and which fall asleep.
+  void judge_islands();
   void sleep(std::uint32_t one);
 
   Engine& inner_;
   const Scene& scene_;
-  bool rests_, settles_;
+  bool rests_;
   double gravity_m_s2_;
+  Settling settling_;
   std::vector<Thing> things_;  ///< by body
   BoxTree still_;              ///< still bodies, asleep or not
   std::vector<BodyId> awake_;
   std::vector<BodyId> waking_, woke_, slept_;
   std::vector<Reach> frontier_;
   std::vector<std::uint32_t> reached_;
-  std::vector<BodyId> near_hands_;
+  std::vector<BodyId> near_;
+  std::vector<std::pair<std::uint32_t, BodyId>> islands_;  ///< root and body
+  std::vector<BodyId> together_;
   double since_look_s_ = 0.0;
   bool islands_known_ = false;  ///< of the last step
   std::size_t asleep_count_ = 0;

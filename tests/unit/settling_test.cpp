@@ -52,8 +52,33 @@ class Trembling final : public EngineShell {
   mutable int asked_ = 0;
 };
 
+/// Lets twelve cubes creep by 2.2 % of their size each `period_s`, one after the other.
+class Creeping final : public EngineShell {
+ public:
+  static constexpr std::uint32_t kFirst = 4, kCount = 12;
+  static constexpr double kStride_m = 2.2e-3;
+
+  Creeping(Engine& inner, double period_s) : inner_(inner), period_s_(period_s) {}
+  void step(double dt) override {
+    time_s_ += dt;
+    inner_.step(dt);
+  }
+  BodyState state(BodyId id) const override {
+    BodyState now = inner_.state(id);
+    const std::uint32_t turn = index(id) - kFirst;
+    if (turn < kCount) now.position.x() += kStride_m * std::floor(time_s_ / period_s_ + double(turn) / kCount);
+    return now;
+  }
+
+ private:
+  Engine& inner() const noexcept override { return inner_; }
+  Engine& inner_;
+  double period_s_;
+  double time_s_ = 0.0;
+};
+
 /// Whether the stack's upper cube has settled within `seconds`, with a hand at `hand_x_m`.
-class Settling : public test::RestingStack {
+class SettlingStack : public test::RestingStack {
  protected:
   bool settles(double seconds, double hand_x_m, bool asked = true) {
     const Body hand = test::ball_proxy(BodyId{4}, 0.03, 0.1);
@@ -71,26 +96,26 @@ class Settling : public test::RestingStack {
     EXPECT_FALSE(std::ranges::count(watched.damped, hand.id));
     const bool settled = std::ranges::count(watched.damped, kUpper) > 0;
     EXPECT_EQ(settled, std::ranges::count(watched.damped, kLower) > 0) << "they hang together";
-    EXPECT_LE(watched.most_left, std::exp(-RestingEngine::kSettling_per_s * kStep_s) + 1e-9);
+    EXPECT_LE(watched.most_left, std::exp(-Settling::kSettling_per_s * kStep_s) + 1e-9);
     engine.reset();
     return settled;
   }
 };
 
-TEST_P(Settling, WhatStandsWhereNoHandReachesIt) { EXPECT_TRUE(settles(0.5, 3.0)); }
-TEST_P(Settling, NotBeforeItHasBeenCalm) { EXPECT_FALSE(settles(0.2, 3.0)); }
-TEST_P(Settling, NotWhereAHandReachesIt) { EXPECT_FALSE(settles(0.5, 0.1)); }
-TEST_P(Settling, NotWhereItIsKeptIn) { EXPECT_FALSE(settles(0.5, 3.0, false)); }
-TEST_P(Settling, NotWhatGlides) {
+TEST_P(SettlingStack, WhatStandsWhereNoHandReachesIt) { EXPECT_TRUE(settles(0.5, 3.0)); }
+TEST_P(SettlingStack, NotBeforeItHasBeenCalm) { EXPECT_FALSE(settles(0.2, 3.0)); }
+TEST_P(SettlingStack, NotWhereAHandReachesIt) { EXPECT_FALSE(settles(0.5, 0.1)); }
+TEST_P(SettlingStack, NotWhereItIsKeptIn) { EXPECT_FALSE(settles(0.5, 3.0, false)); }
+TEST_P(SettlingStack, NotWhatGlides) {
   scene.bodies[index(kUpper)].material.friction = 0.0;
   EXPECT_FALSE(settles(0.5, 3.0));
 }
-TEST_P(Settling, NotWhatFalls) {
+TEST_P(SettlingStack, NotWhatFalls) {
   for (const BodyId id : {kLower, kUpper}) scene.initial[index(id)].position.z() += 5.0;
   EXPECT_FALSE(settles(0.5, 3.0));
 }
 
-TEST_P(Settling, WhatHasLongSettledSleepsThoughItTrembles) {
+TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItTrembles) {
   inner = GetParam().make();
   Trembling trembling(*inner);
   engine = std::make_unique<RestingEngine>(trembling, scene, std::span<const BodyId>{}, true, true);
@@ -104,6 +129,29 @@ TEST_P(Settling, WhatHasLongSettledSleepsThoughItTrembles) {
   run(1.0);
   EXPECT_FALSE(engine->asleep(kUpper)) << "who is moved by somebody settles anew";
   engine.reset();
+}
+
+// Twelve cubes under one plank, of which one has always moved on within the time that bodies must be still.
+TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItCreeps) {
+  for (std::uint32_t i = 0; i < Creeping::kCount; ++i) {
+    add(test::cube(BodyId{Creeping::kFirst + i}), test::at(0.15 * i, 1, 0.05));
+  }
+  const BodyId plank{Creeping::kFirst + Creeping::kCount};
+  Body long_box = test::cube(plank);
+  long_box.shape.half_extents.x() = 1.0;
+  long_box.rotates = false;
+  add(long_box, test::at(0.825, 1, 0.15));
+  for (const double period_s : {1.1 * Settling::kCreep_s, 0.9 * Settling::kCreep_s}) {
+    inner = GetParam().make();
+    Creeping creeping(*inner, period_s);
+    engine = std::make_unique<RestingEngine>(creeping, scene, std::span<const BodyId>{}, true, true);
+    for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
+    run(4.5);
+    EXPECT_FALSE(engine->asleep(plank));
+    run(3.5);
+    EXPECT_EQ(engine->asleep(plank), period_s > Settling::kCreep_s) << period_s << " s a stride";
+    engine.reset();
+  }
 }
 
 // Steeper than its friction angle by 0.8 degrees: damped, it would slide with 0.04 m/s for ever.
@@ -127,7 +175,7 @@ TEST(Sliding, GetsAway) {
   EXPECT_GT(engine.state(kCube).linear_velocity.x(), 0.3) << "of 0.9 m/s without damping";
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, Settling, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),
+INSTANTIATE_TEST_SUITE_P(Engines, SettlingStack, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),
                          test::name_of);
 
 }  // namespace
