@@ -268,6 +268,17 @@ void warn_of_few_cycles(const Settings& s, std::vector<std::string>& out) {
                   s.shortest_cycle_s(), s.ratio, cycles, cycles == 1.0 ? "" : "s", s.duration_s));
 }
 
+/// What is asked for and not done.
+void warn_of_kept(const Scene& scene, std::vector<std::string>& out) {
+  if (scene.settings.keep == kKeepAll) return;
+  for (const PlannedItem& planned : plan_of(scene)) {
+    const bool asked = keeps(scene.settings.keep, planned.item->saving);
+    if (!asked || !planned.decision.left_out || planned.user != 0) continue;
+    out.push_back(fmt::format("--keep {} changes nothing: it is left out, {}. Leave one of the two away",
+                              planned.item->name, planned.decision.because));
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> beyond_limits(const Scene& scene) {
@@ -286,6 +297,7 @@ std::vector<std::string> beyond_limits(const Scene& scene) {
   }
   warn_of_the_start(scene, out);
   warn_of_few_cycles(s, out);
+  warn_of_kept(scene, out);
   return out;
 }
 

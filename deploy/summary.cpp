@@ -70,16 +70,6 @@ Json describe(const UserSpec& user) {
   return json;
 }
 
-Json describe_plan(const Scene& scene) {
-  Json plan = Json::array();
-  for (const PlannedItem& planned : plan_of(scene)) {
-    plan.push_back(
-        {{"item", planned.item->name}, {"left_out", planned.decision.left_out}, {"because", planned.decision.because}});
-    if (planned.item->of_user) plan.back()["user"] = planned.user;
-  }
-  return plan;
-}
-
 Json describe(const Scene& scene) {
   const Settings& s = scene.settings;
   Json users = Json::array();
@@ -103,7 +93,7 @@ Json describe(const Scene& scene) {
             {"seed", s.delay.seed}}},
           {"passivity", std::array{"automatic", "on", "off"}[static_cast<std::size_t>(s.passivity)]},
           {"keep", kept_names(s.keep)},
-          {"plan", describe_plan(scene)},
+          {"plan", to_json(plan_of(scene))},
           {"users", users}};
 }
 

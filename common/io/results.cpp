@@ -62,6 +62,16 @@ Json to_json(const EngineChange& change) {
           {"force_step_before_n", change.force_step_before_n}};
 }
 
+Json to_json(std::span<const PlannedItem> plan) {
+  Json json = Json::array();
+  for (const PlannedItem& planned : plan) {
+    json.push_back(
+        {{"item", planned.item->name}, {"left_out", planned.decision.left_out}, {"because", planned.decision.because}});
+    if (planned.item->of_user) json.back()["user"] = planned.user;
+  }
+  return json;
+}
+
 void make_folder(const std::string& folder) {
   std::error_code wrong;
   std::filesystem::create_directories(folder, wrong);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "model/exchange.hpp"
+#include "model/saving.hpp"
 #include "rt/histogram.hpp"
 
 #include <nlohmann/json.hpp>
@@ -52,6 +53,9 @@ struct EngineChange {
 
 [[nodiscard]] std::string to_text(const EngineChange& change);
 [[nodiscard]] Json to_json(const EngineChange& change);
+
+/// What each item of the plan decides, and why.
+[[nodiscard]] Json to_json(std::span<const PlannedItem> plan);
 
 /// Creates the folder. Throws `Error` (failed) with the cure.
 void make_folder(const std::string& folder);

@@ -248,6 +248,8 @@ Json summary_of(const Request& request, const Findings& found, std::size_t plann
     point.scene = scene;
     point.duration_s = request.sweep.duration_s;
     summary["scenes"].push_back(effective(reference_scene_of(point)));
+    point.scheme = request.sweep.schemes.front();
+    summary["scenes"].back()["plan"] = to_json(plan_of(scene_of(point)));
   }
   summary["traces"] = Json::array();
   for (const Trace& t : found.traces) summary["traces"].push_back("traces/" + t.name + ".csv");

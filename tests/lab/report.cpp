@@ -138,6 +138,17 @@ std::string facts_of(const Json& scene) {
       scene.at("coupling_damping_n_s_m").get<double>(), engine(scene.at("world")), engine(scene.at("haptic")));
 }
 
+std::string plan_of(const Json& scene) {
+  std::string names;
+  for (const Json& item : scene.at("plan")) {
+    if (!item.at("left_out").get<bool>() || item.value("user", 0) != 0) continue;
+    names += fmt::format("{}<span title=\"{}\">{}</span>", names.empty() ? "" : ", ",
+                         escaped(item.at("because").get<std::string>()), item.at("item").get<std::string>());
+  }
+  if (names.empty()) return "";
+  return fmt::format("<p class=facts>Left out, as the scene does not need it (subworld plan): {}.</p>\n", names);
+}
+
 /// Where the reference itself depends on the step.
 std::string doubt_of(const Rows& rows) {
   if (!comparable(rows.front())) {
@@ -221,9 +232,9 @@ void write_report(const std::string& path, const Findings& found) {
   for (const Section& section : sections) {
     const std::string scene = section.rows.front().at("scene");
     page.heading(scene);
-    page.add(facts_of(*std::ranges::find_if(found.summary.at("scenes"),
-                                            [&](const Json& s) { return s.at("scene") == scene; })) +
-             doubt_of(section.rows) + choices_of(section.rows));
+    const Json& facts =
+        *std::ranges::find_if(found.summary.at("scenes"), [&](const Json& s) { return s.at("scene") == scene; });
+    page.add(facts_of(facts) + plan_of(facts) + doubt_of(section.rows) + choices_of(section.rows));
     page.plots(pictures.data() + section.first_plot, section.plots);
     page.add(list_of(kOrders, orders_of(found.summary.at("convergence"), section.rows)) +
              list_of(kVariants, variants_of(found.summary.at("over_variants"), section.rows)) + table_of(section.rows));

@@ -117,6 +117,17 @@ TEST_F(Limits, ABodyBeyondTheEndOfAPlane) {
   EXPECT_THAT(warnings(), IsEmpty()) << "from the plane's position";
 }
 
+TEST_F(Limits, AnItemThatIsKeptAndSwitchedOff) {
+  scene.settings.users = 1;
+  scene.users.emplace_back().coupling = {.stiffness_n_m = 10, .damping_n_s_m = 1};
+  scene.settings.keep = kept(Saving::passivity);
+  EXPECT_THAT(warnings(), IsEmpty());
+  scene.settings.passivity = Passivity::off;
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("--keep passivity changes nothing")));
+  scene.settings.keep = kKeepAll;
+  EXPECT_THAT(warnings(), IsEmpty()) << "nobody asked for it by name";
+}
+
 TEST_F(Limits, IterationsThatAreNotMade) {
   scene.settings.world.iterations = 20;
   EXPECT_THAT(warnings(), IsEmpty());
