@@ -1,9 +1,11 @@
 // What sways where no hand reaches it is damped, and sleeps.
+#include "lab/coupled_run.hpp"
 #include "physics/engine_shell.hpp"
 #include "physics/resting_engine.hpp"
 #include "support/bodies.hpp"
 #include "support/engines.hpp"
 #include "support/resting_stack.hpp"
+#include "support/scene_text.hpp"
 
 #include <gtest/gtest.h>
 
@@ -173,6 +175,51 @@ TEST(Sliding, GetsAway) {
     engine.step(kStep_s);
   }
   EXPECT_GT(engine.state(kCube).linear_velocity.x(), 0.3) << "of 0.9 m/s without damping";
+}
+
+// Sixteen columns that lean on each other and on the walls, stepped as coarsely as `basin`.
+TEST(Pile, SleepsAsAWhole) {
+  Scene scene = load_text(R"(name: pile
+settings:
+  h_s: 0.001
+  ratio: 16
+  settle: {duration_s: 0}
+  world: {engine: bullet, preset: fast}
+  haptic: {engine: bullet, preset: fast}
+materials:
+  plain: {friction: 0.5, restitution: 0}
+bodies:
+  - {name: floor, shape: plane, fixed: true, material: plain}
+  - {name: basin, shape: bin, size_m: [6, 6, 40], wall_m: 2, fixed: true, material: plain}
+  - name: cube
+    shape: box
+    size_m: [1, 1, 1]
+    mass_kg: 1000
+    material: plain
+    position_m: [0, 0, 0.5]
+    repeat: {heap: {count: 250, area_m: [6, 6], seed: 1, max_tilt_deg: 10}}
+users:
+  - name: watcher
+    proxy:
+      shape: sphere
+      radius_m: 0.03
+      mass_kg: 0.1
+      position_m: [-16, 0, 0.5]
+      rotates: false
+      gravity: false
+      material: plain
+    coupling: {stiffness_n_m: 1000, damping_n_s_m: 20}
+    box_half_m: 0.2
+    device: {force_limit_n: 40}
+)");
+  const auto asleep_after = [&](double seconds) {
+    CoupledRun run(scene);
+    while (run.world.time_s() < seconds) run.cycle();
+    return run.world.asleep();
+  };
+  EXPECT_EQ(asleep_after(25.0), 250U);
+  scene.settings.keep_in(kept(Saving::sway));
+  EXPECT_LT(asleep_after(25.0), 250U) << "kept in, it sways";
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, SettlingStack, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),
