@@ -133,6 +133,25 @@ TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItTrembles) {
   engine.reset();
 }
 
+TEST_P(SettlingStack, AHandThatComesByLetsItSettleAnew) {
+  const Body hand = test::ball_proxy(BodyId{4}, 0.03, 0.1);
+  add(hand, test::at(3.0, 0, 0.25));
+  const std::vector<BodyId> restless{hand.id};
+  inner = GetParam().make();
+  Trembling trembling(*inner);
+  engine = std::make_unique<RestingEngine>(trembling, scene, restless, true, true);
+  for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
+  run(4.0);
+  engine->set_state(hand.id, test::at(0.1, 0, 0.25));
+  run(0.2);
+  engine->set_state(hand.id, test::at(3.0, 0, 0.25));
+  run(3.0);
+  EXPECT_FALSE(engine->asleep(kUpper));
+  run(4.0);
+  EXPECT_TRUE(engine->asleep(kUpper));
+  engine.reset();
+}
+
 // Twelve cubes under one plank, of which one has always moved on within the time that bodies must be still.
 TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItCreeps) {
   for (std::uint32_t i = 0; i < Creeping::kCount; ++i) {
