@@ -18,15 +18,14 @@ namespace subworld {
 ///
 /// A body is *still* while it stays within `kDrift` of its thickness of one place. Still bodies sleep when all that
 /// they touch are still too and nothing has come near for `kStillFor_s`. They wake, with all that they sleep with,
-/// * when a moving body may reach them within the time that `follow` is told: with a box around all places that it may
-/// get
-///   to, by its velocity, by turning and by falling, and by what it pushes in turn;
+/// * when a moving body may reach them within the time that `follow` is told. Counted is a box around all places to
+///   which it may get by its velocity, by turning and by falling, and what it may push in turn;
 /// * when somebody sets their state, their velocity or their inertia, or pushes them.
 /// Bodies that the scene says are at rest sleep from the start; those whose boxes touch wake together.
 /// What a sleeping body stands on either is fixed, or sleeps and wakes with it. With `rests` false nothing sleeps.
 ///
-/// With `settles`, what sways where no hand reaches it is damped, and what has long been is still although it trembles
-/// (Settling).
+/// With `settles`, what sways where no hand reaches it is damped. What has been damped for long is still although it
+/// trembles or creeps (Settling).
 class RestingEngine final : public EngineShell {
  public:
   /// `restless` never sleep and always count as moving. `inner` and `scene` must outlive this object.

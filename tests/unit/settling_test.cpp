@@ -79,9 +79,13 @@ class Creeping final : public EngineShell {
   double time_s_ = 0.0;
 };
 
-/// Whether the stack's upper cube has settled within `seconds`, with a hand at `hand_x_m`.
 class SettlingStack : public test::RestingStack {
  protected:
+  void settle_in(Engine& shown, std::span<const BodyId> restless = {}, bool asked = true) {
+    engine = std::make_unique<RestingEngine>(shown, scene, restless, true, asked);
+    for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
+  }
+  /// Whether the stack's upper cube has settled within `seconds`, with a hand at `hand_x_m`.
   bool settles(double seconds, double hand_x_m, bool asked = true) {
     const Body hand = test::ball_proxy(BodyId{4}, 0.03, 0.1);
     add(hand, test::at(hand_x_m, 0, 0.25));
@@ -91,8 +95,7 @@ class SettlingStack : public test::RestingStack {
     inner = GetParam().make();
     Trembling trembling(*inner);
     Watched watched(trembling);
-    engine = std::make_unique<RestingEngine>(watched, scene, restless, true, asked);
-    for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
+    settle_in(watched, restless, asked);
     run(seconds);
     EXPECT_FALSE(std::ranges::count(watched.damped, kBall)) << "it rolls";
     EXPECT_FALSE(std::ranges::count(watched.damped, hand.id));
@@ -120,8 +123,7 @@ TEST_P(SettlingStack, NotWhatFalls) {
 TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItTrembles) {
   inner = GetParam().make();
   Trembling trembling(*inner);
-  engine = std::make_unique<RestingEngine>(trembling, scene, std::span<const BodyId>{}, true, true);
-  for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
+  settle_in(trembling);
   run(4.5);
   EXPECT_FALSE(engine->asleep(kUpper));
   EXPECT_FALSE(engine->asleep(kLower)) << "what it touches trembles";
@@ -139,8 +141,7 @@ TEST_P(SettlingStack, AHandThatComesByLetsItSettleAnew) {
   const std::vector<BodyId> restless{hand.id};
   inner = GetParam().make();
   Trembling trembling(*inner);
-  engine = std::make_unique<RestingEngine>(trembling, scene, restless, true, true);
-  for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
+  settle_in(trembling, restless);
   run(4.0);
   engine->set_state(hand.id, test::at(0.1, 0, 0.25));
   run(0.2);
@@ -165,8 +166,7 @@ TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItCreeps) {
   for (const double period_s : {1.1 * Settling::kCreep_s, 0.9 * Settling::kCreep_s}) {
     inner = GetParam().make();
     Creeping creeping(*inner, period_s);
-    engine = std::make_unique<RestingEngine>(creeping, scene, std::span<const BodyId>{}, true, true);
-    for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
+    settle_in(creeping);
     run(4.5);
     EXPECT_FALSE(engine->asleep(plank));
     run(3.5);
