@@ -130,4 +130,12 @@ bool CoupledRun::run() {
   return finite();
 }
 
+void CoupledRun::close() {
+  if (world.scheme().border() != Border::none) {
+    for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
+    world.synchronise();
+  }
+  world.close();
+}
+
 }  // namespace subworld

@@ -38,6 +38,8 @@ class CoupledRun {
   void cycle();
   /// Until the world has come to the scene's duration, or something is no longer finite. False then.
   bool run();
+  /// After the last cycle: what the sub-worlds report of it corrects the world, as at the end of a run of the programs.
+  void close();
   [[nodiscard]] bool finite() const noexcept;
   /// Of the world's states and of all forces on hands.
   [[nodiscard]] std::uint64_t hash() const noexcept;
