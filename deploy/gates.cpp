@@ -42,7 +42,7 @@ constexpr double kQuietCores = 0.1;  ///< cores that others or the hypervisor ta
 /// Whether the loops of the run, more than anything else, kept this loop from its core for `lost_s`. Where nothing else
 /// runs, who waits in the queue of a core with a real-time priority waits for another loop of ours, if there is one of
 /// at least its priority: a rival.
-bool kept_by_ours(const Json& loop, double lost_s, bool has_rivals, const Json& summary) {
+bool delayed_by_the_run(const Json& loop, double lost_s, bool has_rivals, const Json& summary) {
   const Json& load = summary["machine_load"];
   const bool quiet = load["other_cores"].get<double>() + load["stolen_cores"].get<double>() < kQuietCores;
   const bool full = load["own_cores"] > kFullCores * summary["machine"]["cores"].get<double>();
@@ -50,8 +50,8 @@ bool kept_by_ours(const Json& loop, double lost_s, bool has_rivals, const Json& 
 }
 
 /// Why a loop's own steps miss deadlines.
-std::string why_we_missed(const Json& haptic, double h_s) {
-  const double us = haptic["missed_by_us"].get<double>();
+std::string why_the_run_missed(const Json& haptic, double h_s) {
+  const double us = haptic["missed_by_run"].get<double>();
   if (haptic["missed_waiting"].get<double>() > 0.5 * us) {
     return "steps slept or waited for a lock, most likely in the middleware: look for a network that is slow, or try "
            "the "
@@ -65,16 +65,16 @@ std::string why_we_missed(const Json& haptic, double h_s) {
       milliseconds(haptic["step_s"]["p50"]), milliseconds(haptic["step_s"]["p99"]), 1e3 * h_s);
 }
 
-Gate machine_gate(const std::string& who, const Json& haptic, double periods, const Json& summary) {
-  const double missed = haptic["missed_by_machine"].get<double>();
+Gate os_gate(const std::string& who, const Json& haptic, double periods, const Json& summary) {
+  const double missed = haptic["missed_by_os"].get<double>();
   Gate gate{who + "missed by the machine", missed / periods, kMissedRatio, true, "% of steps", 100.0};
-  if (kept_by_ours(haptic, missed * summary["h_s"].get<double>(), summary["users"] > 1, summary)) {
+  if (delayed_by_the_run(haptic, missed * summary["h_s"].get<double>(), summary["users"] > 1, summary)) {
     gate.why = fmt::format(
         "the programs of the run keep each other from the cores (this loop was ready for {:.0f} ms without one; {}); "
         "fewer members or users, more cores, a higher ratio, or a longer h_s",
         milliseconds(haptic["machine"]["run_queue_delay_s"]), load_text(summary));
   } else {
-    gate.culprit = Culprit::machine;
+    gate.culprit = Culprit::os;
     gate.why = fmt::format("the loop was woken late or pre-empted ({}; {}); run again when the machine is quiet",
                            calibration_text(summary), load_text(summary));
     if (!haptic["machine"]["fifo"].get<bool>()) gate.why += ", or with real-time rights";
@@ -85,7 +85,7 @@ Gate machine_gate(const std::string& who, const Json& haptic, double periods, co
 /// Whether the energy that the hand gets is bounded.
 bool passivity_acts(const Json& summary, const Json& user) {
   for (const Json& item : summary["settings"].value("plan", Json::array())) {
-    if (item["item"] == "passivity" && item["user"] == user) return !item["left_out"].get<bool>();
+    if (item["item"] == "passivity" && item["user"] == user) return !item["enabled"].get<bool>();
   }
   return false;
 }
@@ -98,7 +98,7 @@ const char* cure_of(const Json& spec) {
 /// Energy that a hand was given and that neither it nor the bodies had.
 Gate energy_gate(const std::string& who, const Json& haptic, const Json& device, const Json& spec,
                  const Json& summary) {
-  const Json& energy = device["hand_energy"];
+  const Json& energy = device["operator_energy"];
   const double work_j = haptic["device_work_j"].get<double>();
   const double allowed_j =
       summary["world"]["released_j"].get<double>() + std::max(kLeastEnergy_j, kUnexplainedRatio * std::abs(work_j));
@@ -171,7 +171,7 @@ Gate oscillation_gate(const std::string& who, const Json& device, double force_l
 }
 
 /// Samples of programs that do not belong to the run.
-void add_stranger_gates(std::vector<Gate>& all, const std::string& who, const Json& refused) {
+void add_foreign_writer_gates(std::vector<Gate>& all, const std::string& who, const Json& refused) {
   struct Sender {
     const char* topic;
     const char* program;
@@ -182,7 +182,7 @@ void add_stranger_gates(std::vector<Gate>& all, const std::string& who, const Js
   for (const Sender& sender : kSenders) {
     if (!refused.contains(sender.topic)) continue;
     all.push_back({fmt::format("{}{} from a stranger", who, sender.topic), refused[sender.topic].get<double>(), 0.0,
-                   true, "", 1.0, Culprit::stranger,
+                   true, "", 1.0, Culprit::foreign_writer,
                    fmt::format("another program sent them as {}, and they were refused; end it, or give it another "
                                "--domain",
                                sender.program)});
@@ -191,13 +191,13 @@ void add_stranger_gates(std::vector<Gate>& all, const std::string& who, const Js
 
 const char* name_of(Culprit culprit) {
   switch (culprit) {
-    case Culprit::us:
+    case Culprit::run:
       return "us";
-    case Culprit::machine:
+    case Culprit::os:
       return "machine";
     case Culprit::unstable:
       return "unstable";
-    case Culprit::stranger:
+    case Culprit::foreign_writer:
       return "stranger";
     case Culprit::scene:
       break;
@@ -236,30 +236,30 @@ std::vector<Gate> gates(const Json& summary) {
   std::vector<Gate> all;  // causes before what follows from them: a verdict gives the first reason
   const bool realtime = summary["mode"] == "realtime";
   const double h_s = summary["h_s"].get<double>();
-  add_stranger_gates(all, "", summary["world"]["refused"]);
+  add_foreign_writer_gates(all, "", summary["world"]["refused"]);
   all.push_back(world_energy_gate(summary));
   for (const Json& haptic : summary["haptic"]) {
     const std::string who = fmt::format("user {}: ", haptic["user"].get<int>());
     const Json& device = summary["device"][haptic["user"].get<std::size_t>()];
     const Json& spec = summary["settings"]["users"][haptic["user"].get<std::size_t>()]["device"];
-    add_stranger_gates(all, who, haptic["refused"]);
-    add_stranger_gates(all, who, device["refused"]);
+    add_foreign_writer_gates(all, who, haptic["refused"]);
+    add_foreign_writer_gates(all, who, device["refused"]);
     if (spec["kind"] == "admittance") all.push_back(runaway_gate(who, haptic, spec, summary));
     all.push_back(energy_gate(who, haptic, device, spec, summary));
     all.push_back(
         oscillation_gate(who, device, spec["force_limit_n"].get<double>(), summary["simulated_s"].get<double>()));
     if (realtime) {
       const double periods = std::max(1.0, haptic["steps"].get<double>() + haptic["skipped_steps"].get<double>());
-      const std::string why_us = why_we_missed(haptic, h_s);
-      all.push_back({who + "missed by us", haptic["missed_by_us"].get<double>() / periods, kMissedRatio, true,
-                     "% of steps", 100.0, Culprit::us, why_us});
-      const Gate by_machine = machine_gate(who, haptic, periods, summary);
-      all.push_back(by_machine);
+      const std::string why_us = why_the_run_missed(haptic, h_s);
+      all.push_back({who + "missed by us", haptic["missed_by_run"].get<double>() / periods, kMissedRatio, true,
+                     "% of steps", 100.0, Culprit::run, why_us});
+      const Gate by_os = os_gate(who, haptic, periods, summary);
+      all.push_back(by_os);
       const bool woken_late = haptic["woken_late_s"]["p99"].get<double>() > kLatenessP99_s;
       all.push_back({who + "lateness p99", haptic["lateness_s"]["p99"].get<double>(), kLatenessP99_s, true, "ms", 1e3,
-                     woken_late ? by_machine.culprit : Culprit::us, woken_late ? by_machine.why : why_us});
+                     woken_late ? by_os.culprit : Culprit::run, woken_late ? by_os.why : why_us});
     }
-    all.push_back({who + "lost frames", haptic["lost_frames"].get<double>(), 0.0, true, "", 1.0, Culprit::us,
+    all.push_back({who + "lost frames", haptic["lost_frames"].get<double>(), 0.0, true, "", 1.0, Culprit::run,
                    "frames of the world were lost on the way: the network, or a sub-world that was halted"});
     all.push_back(
         {who + "at the device's limit", haptic["at_limit_ratio"].get<double>(), kAtLimitRatio, true, "% of steps",
@@ -269,13 +269,13 @@ std::vector<Gate> gates(const Json& summary) {
   }
   if (realtime) {
     const Json& world = summary["world"];
-    const double by_us = world["late_by_us"].get<double>(), by_machine = world["late_by_machine"].get<double>();
+    const double by_run = world["late_by_run"].get<double>(), by_os = world["late_by_os"].get<double>();
     const bool has_own_core = !summary["placement"]["world"].empty();
     const double cycle_s = h_s * world["ratio"]["mean"].get<double>();
-    const bool ours = by_us > by_machine || kept_by_ours(world, by_machine * cycle_s, !has_own_core, summary);
+    const bool ours = by_run > by_os || delayed_by_the_run(world, by_os * cycle_s, !has_own_core, summary);
     all.push_back(
-        {"world clock factor", world["clock_factor_min"].get<double>(), 1.0, false, "", 1.0,
-         ours ? Culprit::us : Culprit::machine,
+        {"world real-time factor", world["real_time_factor_min"].get<double>(), 1.0, false, "", 1.0,
+         ours ? Culprit::run : Culprit::os,
          ours ? fmt::format(
                     "the world's step takes {:.2f} ms (p99 {:.2f}) of cycles of {:.3g} ms; a higher ratio, fewer "
                     "bodies, or a faster preset or engine",
@@ -287,26 +287,25 @@ std::vector<Gate> gates(const Json& summary) {
 }
 
 std::string verdict_of(const std::vector<Gate>& gates, const Json& summary) {
-  std::vector<std::string> unstable, strangers, ours, machines;
+  std::vector<std::string> unstable, foreign, ours, machines;
   for (const Gate& gate : gates) {
     if (!gate.spoils_verdict()) continue;
-    std::vector<std::string>& words = gate.culprit == Culprit::unstable   ? unstable
-                                      : gate.culprit == Culprit::stranger ? strangers
-                                      : gate.culprit == Culprit::machine  ? machines
-                                                                          : ours;
+    std::vector<std::string>& words = gate.culprit == Culprit::unstable         ? unstable
+                                      : gate.culprit == Culprit::foreign_writer ? foreign
+                                      : gate.culprit == Culprit::os             ? machines
+                                                                                : ours;
     const std::string text = fmt::format("{} {:.4g}{}{}: {}", gate.name, gate.scale * gate.value, *gate.unit ? " " : "",
                                          gate.unit, gate.why);
     words.push_back(text);
   }
   // One reason is enough; all of them are in the gates. A stranger may be the reason, and is named in any case.
-  if (!unstable.empty())
-    return "unstable: " + unstable.front() + (strangers.empty() ? "" : "; also " + strangers.front());
-  if (!strangers.empty()) return "quality gate missed: " + strangers.front();
+  if (!unstable.empty()) return "unstable: " + unstable.front() + (foreign.empty() ? "" : "; also " + foreign.front());
+  if (!foreign.empty()) return "quality gate missed: " + foreign.front();
   if (!ours.empty()) return "quality gate missed: " + ours.front();
   if (!machines.empty()) return "quality gate missed by the machine: " + machines.front();
   std::uint64_t late = 0, periods = 0;
   for (const Json& haptic : summary["haptic"]) {
-    late += haptic["missed_by_machine"].get<std::uint64_t>();
+    late += haptic["missed_by_os"].get<std::uint64_t>();
     periods += haptic["steps"].get<std::uint64_t>() + haptic["skipped_steps"].get<std::uint64_t>();
   }
   std::string text = "ok";

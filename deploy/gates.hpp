@@ -10,7 +10,7 @@ namespace subworld {
 
 /// Who is to blame for a missed gate. `unstable`: energy or swings that nobody has put in; `stranger`: a program that
 /// does not belong to the run.
-enum class Culprit : std::uint8_t { us, machine, scene, unstable, stranger };
+enum class Culprit : std::uint8_t { us, machine, scene, unstable, foreign_writer };
 
 /// One measured quantity against its bar.
 struct Gate {
@@ -20,7 +20,7 @@ struct Gate {
   bool at_most = true;
   const char* unit = "";
   double scale = 1.0;  ///< from SI to the unit
-  Culprit culprit = Culprit::us;
+  Culprit culprit = Culprit::run;
   std::string why = {};  ///< for a reader of a missed gate: the reason and the cure
 
   [[nodiscard]] bool ok() const noexcept { return at_most ? value <= bar : value >= bar; }

@@ -269,12 +269,12 @@ void warn_of_few_cycles(const Settings& s, std::vector<std::string>& out) {
 }
 
 /// What is asked for and not done.
-void warn_of_kept(const Scene& scene, std::vector<std::string>& out) {
-  if (scene.settings.keep == kKeepAll) return;
+void warn_of_disabled(const Scene& scene, std::vector<std::string>& out) {
+  if (scene.settings.disabled == kDisableAll) return;
   for (const PlannedItem& planned : plan_of(scene)) {
-    const bool asked = keeps(scene.settings.keep, planned.item->saving);
-    if (!asked || !planned.decision.left_out || planned.user != 0) continue;
-    out.push_back(fmt::format("--keep {} changes nothing: it is left out, {}. Leave one of the two away",
+    const bool asked = disables(scene.settings.disabled, planned.item->optimisation);
+    if (!asked || !planned.decision.enabled || planned.user != 0) continue;
+    out.push_back(fmt::format("--disable {} changes nothing: it is left out, {}. Leave one of the two away",
                               planned.item->name, planned.decision.because));
   }
 }
@@ -293,11 +293,11 @@ std::vector<std::string> beyond_limits(const Scene& scene) {
     warn_of_speed(scene, at, out);
   }
   for (std::size_t u = 0; u < scene.users.size(); ++u) {
-    warn_of_stiffness(scene.users[u], s, !leaves_out(scene, Saving::passivity, u), out);
+    warn_of_stiffness(scene.users[u], s, !enabled(scene, Optimisation::passivity, u), out);
   }
   warn_of_the_start(scene, out);
   warn_of_few_cycles(s, out);
-  warn_of_kept(scene, out);
+  warn_of_disabled(scene, out);
   return out;
 }
 

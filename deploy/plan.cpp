@@ -66,17 +66,17 @@ double cycle_cost_s(const Settings& settings, double cycle_s, std::size_t bodies
 }
 
 /// What it saves, by the published costs of the engine; empty: nothing is published.
-std::string estimate(const Scene& scene, Saving saving) {
-  if (saving != Saving::rest) return "";
+std::string estimate(const Scene& scene, Optimisation optimisation) {
+  if (optimisation != Optimisation::rest) return "";
   const Settings& s = scene.settings;
   const auto movable =
       static_cast<std::size_t>(std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); }));
-  const auto hands = static_cast<std::size_t>(s.users);
+  const auto proxies = static_cast<std::size_t>(s.users);
   const auto cost_ms = [&](std::size_t bodies, std::size_t contacts) {
     return 1e3 * cycle_cost_s(s, s.shortest_cycle_s(), bodies, contacts);
   };
   return fmt::format(" (of the engine's {} ms a cycle {} are left when all rest)",
-                     short_text(cost_ms(movable, kContacts * movable)), short_text(cost_ms(hands, 0)));
+                     short_text(cost_ms(movable, kContacts * movable)), short_text(cost_ms(proxies, 0)));
 }
 
 /// What to choose otherwise, by the published costs of the engine while everything moves.
@@ -102,7 +102,7 @@ std::vector<std::string> advice(const Scene& scene) {
 /// A thing that a scene needs or not.
 struct Line {
   bool in;
-  std::string name;  ///< for --keep; empty: there is no such thing to keep
+  std::string name;  ///< for --disable; empty: there is no such thing to keep
   std::string text;
 };
 
@@ -112,12 +112,12 @@ std::vector<Line> lines_of(const Scene& scene, bool gui) {
   std::vector<Line> lines;
   const auto of_user = [&](std::size_t u) { return s.users > 1 ? fmt::format("user {}: ", u) : std::string(); };
   for (const PlannedItem& planned : plan_of(scene)) {
-    const SavingItem& item = *planned.item;
-    const bool in = !planned.decision.left_out;
+    const OptimisationItem& item = *planned.item;
+    const bool in = !planned.decision.enabled;
     const std::string what = in ? "" : fmt::format("no {}: ", item.what);
     lines.push_back({in, std::string(item.name),
                      (item.of_user ? of_user(planned.user) : "") + what + planned.decision.because +
-                         (in ? "" : estimate(scene, item.saving))});
+                         (in ? "" : estimate(scene, item.optimisation))});
   }
   lines.push_back(
       {s.has_sub_worlds(), "", fmt::format("{}sub-worlds: scheme {}", s.has_sub_worlds() ? "" : "no ", s.scheme)});
@@ -144,7 +144,7 @@ std::vector<Line> lines_of(const Scene& scene, bool gui) {
 /// Left out first, then what the scene needs.
 void print(const std::vector<Line>& lines) {
   for (const bool in : {false, true}) {
-    fmt::print("  {}\n", in ? "needed:" : "left out (--keep NAME keeps in what has a name):");
+    fmt::print("  {}\n", in ? "needed:" : "left out (--disable NAME keeps in what has a name):");
     for (const Line& line : lines) {
       if (line.in == in) fmt::print("    {:<10} {}\n", line.name, line.text);
     }

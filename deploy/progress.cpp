@@ -13,7 +13,7 @@ namespace subworld {
 namespace {
 
 constexpr int kCallsPerLine = 50;  ///< where lines are not rewritten
-constexpr double kSlow = 0.9;      ///< clock factor below which the time that is left is told
+constexpr double kSlow = 0.9;      ///< real-time factor below which the time that is left is told
 
 std::string name_of(const Status& status) {
   switch (status.program) {
@@ -43,13 +43,13 @@ std::string progress_line(const Statuses& statuses, const Settings& settings, st
   if (world->second.state != "running" || world->second.steps == 0) return starting_line(world->second, bodies);
   const bool realtime = settings.mode == Mode::realtime;
   double rate_hz = 0.0;
-  std::uint64_t missed = 0, by_machine = 0;
+  std::uint64_t missed = 0, by_os = 0;
   std::vector<std::string> forces;
   for (const auto& [who, status] : statuses) {
     if (who.first != ProgramKind::haptic_sim) continue;
     rate_hz = forces.empty() ? status.rate_hz : std::min(rate_hz, status.rate_hz);
     missed += status.missed_deadlines;
-    by_machine += status.missed_by_machine;
+    by_os += status.missed_by_os;
     forces.push_back(fmt::format("{:.1f}", status.force_n));
   }
   std::string line =
@@ -57,11 +57,10 @@ std::string progress_line(const Statuses& statuses, const Settings& settings, st
   if (forces.empty()) return line;
   line += fmt::format("; {:.0f} Hz; force {} N", rate_hz, fmt::join(forces, ", "));
   if (realtime) {
-    line +=
-        fmt::format("; missed {}{}; clock {:.2f}", missed,
-                    by_machine == 0 ? "" : fmt::format(" ({} by the machine)", by_machine), world->second.clock_factor);
+    line += fmt::format("; missed {}{}; clock {:.2f}", missed,
+                        by_os == 0 ? "" : fmt::format(" ({} by the machine)", by_os), world->second.real_time_factor);
     const double left_s = settings.duration_s - world->second.time_s;
-    const double factor = world->second.clock_factor;
+    const double factor = world->second.real_time_factor;
     if (factor > 0.0 && factor < kSlow && left_s > 0.0) line += fmt::format(", {:.0f} s to go", left_s / factor);
   }
   return line;

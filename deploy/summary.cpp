@@ -59,13 +59,13 @@ Json describe(const UserSpec& user) {
               {"friction_n", d.friction_n},
               {"position_resolution_m", d.position_resolution_m},
               {"path_segments", d.path.size()}}}};
-  if (d.hand) {
-    json["device"]["hand"] = {{"mass_kg", d.hand->mass_kg},
-                              {"damping_n_s_m", d.hand->damping_n_s_m},
-                              {"stiffness_n_m", d.hand->stiffness_n_m},
-                              {"inertia_kg_m2", d.hand->inertia_kg_m2},
-                              {"rotational_damping_n_m_s", d.hand->rotational_damping_n_m_s},
-                              {"rotational_stiffness_n_m", d.hand->rotational_stiffness_n_m}};
+  if (d.operator_model) {
+    json["device"]["hand"] = {{"mass_kg", d.operator_model->mass_kg},
+                              {"damping_n_s_m", d.operator_model->damping_n_s_m},
+                              {"stiffness_n_m", d.operator_model->stiffness_n_m},
+                              {"inertia_kg_m2", d.operator_model->inertia_kg_m2},
+                              {"rotational_damping_n_m_s", d.operator_model->rotational_damping_n_m_s},
+                              {"rotational_stiffness_n_m", d.operator_model->rotational_stiffness_n_m}};
   }
   return json;
 }
@@ -75,7 +75,8 @@ Json describe(const Scene& scene) {
   Json users = Json::array();
   for (const UserSpec& user : scene.users) users.push_back(describe(user));
   Json haptic_engine = describe(s.haptic);
-  haptic_engine["part_s"] = make_engine(s.haptic, {})->part_s(s.h_s);  // in which it integrates
+  haptic_engine["integration_substep_s"] =
+      make_engine(s.haptic, {})->integration_substep_s(s.h_s);  // in which it integrates
   return {{"world_engine", describe(s.world)},
           {"haptic_engine", haptic_engine},
           {"settle_s", s.settle_s},
@@ -92,7 +93,7 @@ Json describe(const Scene& scene) {
             {"loss_ratio", s.delay.loss_ratio},
             {"seed", s.delay.seed}}},
           {"passivity", std::array{"automatic", "on", "off"}[static_cast<std::size_t>(s.passivity)]},
-          {"keep", kept_names(s.keep)},
+          {"disabled", disabled_names(s.disabled)},
           {"plan", to_json(plan_of(scene))},
           {"users", users}};
 }
@@ -211,16 +212,17 @@ void print_summary(const Json& summary) {
              summary["users"] == 1 ? "" : "s", summary["scheme"].get<std::string>(), ratio_text(summary),
              summary["dds"].get<std::string>());
   fmt::print(
-      "  world: {} cycles, step p50 {:.2f} ms, p99 {:.2f} ms, late {}, clock factor >= {:.3f}, energy excess {:.2g} "
+      "  world: {} cycles, step p50 {:.2f} ms, p99 {:.2f} ms, late {}, real-time factor >= {:.3f}, energy excess "
+      "{:.2g} "
       "J\n",
       world["cycles"].get<std::uint64_t>(), milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]),
-      world["late_cycles"].get<std::uint64_t>(), world["clock_factor_min"].get<double>(),
+      world["late_cycles"].get<std::uint64_t>(), world["real_time_factor_min"].get<double>(),
       summary["haptic"][0]["energy_excess_j"].get<double>());
   if (const double slowed_s = world["slowed_s"].get<double>(); slowed_s > 0.0) {
     fmt::print(
         "    its clock was slowed for {:.2f} s, mean factor {:.2f}; stuck beyond its slowest clock for {:.2f} s; cure: "
         "fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
-        slowed_s, world["clock_factor_mean"].get<double>(), world["stuck_s"].get<double>());
+        slowed_s, world["real_time_factor_mean"].get<double>(), world["stuck_s"].get<double>());
   }
   if (world.contains("body_history")) print_body_history(world["body_history"]);
   const bool realtime = summary["mode"] == "realtime";
@@ -237,8 +239,8 @@ void print_summary(const Json& summary) {
         "{:.3f} "
         "ms p99 {:.3f} ms\n",
         haptic["user"].get<int>(), 1.0 / summary["h_s"].get<double>(), haptic["steps"].get<std::uint64_t>(),
-        haptic["missed_deadlines"].get<std::uint64_t>(), haptic["missed_by_us"].get<std::uint64_t>(),
-        haptic["missed_by_machine"].get<std::uint64_t>(), milliseconds(haptic["lateness_s"]["p99"]),
+        haptic["missed_deadlines"].get<std::uint64_t>(), haptic["missed_by_run"].get<std::uint64_t>(),
+        haptic["missed_by_os"].get<std::uint64_t>(), milliseconds(haptic["lateness_s"]["p99"]),
         milliseconds(haptic["step_s"]["p50"]), milliseconds(haptic["step_s"]["p99"]));
     if (realtime) {
       const Json& kernel = haptic["machine"];

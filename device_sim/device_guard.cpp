@@ -21,7 +21,7 @@ DeviceGuard::DeviceGuard(const UserSpec& user, const Body& proxy, bool passive, 
       proxy_mass_kg_(proxy.mass),
       proxy_inertia_kg_m2_(proxy.inertia.minCoeff()),
       passive_(passive),
-      force_(hand_limits_of(user.device), fade_in_s),
+      force_(operator_limits_of(user.device), fade_in_s),
       motion_(user.device.speed_limit_m_s, user.device.speed_limit_m_s / kTurnRadius_m),
       port_(user) {}
 

@@ -21,7 +21,7 @@ class DeviceGuard {
   [[nodiscard]] DeviceCommand pass(const DeviceCommand& received, const DeviceState& now, bool trusted,
                                    double dt) noexcept;
 
-  [[nodiscard]] const HandPort& port() const noexcept { return port_; }
+  [[nodiscard]] const OperatorPort& port() const noexcept { return port_; }
   [[nodiscard]] const OscillationWatch& oscillation() const noexcept { return oscillation_; }
   /// Part of the steps in which the energy was bounded.
   [[nodiscard]] double bounded_ratio() const noexcept { return steps_ > 0 ? double(bounded_) / double(steps_) : 0.0; }
@@ -38,7 +38,7 @@ class DeviceGuard {
   MotionGuard motion_;
   DeviceMotion moved_;  ///< by the bound, where it acts
   bool apart_ = false;  ///< that motion is not yet the commanded one again
-  HandPort port_;
+  OperatorPort port_;
   OscillationWatch oscillation_;
   std::uint64_t steps_ = 0, bounded_ = 0;
 };

@@ -34,7 +34,7 @@ void rotate(Quat& q, const Vec3& rate, double dt) noexcept {
 }  // namespace
 
 EmulatedDevice::EmulatedDevice(const DeviceSpec& spec, std::uint32_t device)
-    : spec_(spec), hand_(spec.hand.value_or(HandSpec{})) {
+    : spec_(spec), operator_(spec.operator_model.value_or(OperatorSpec{})) {
   state_.device = device;
   const PathPoint start = evaluate(spec_.path, 0.0);
   handle_.position = start.offset.position;
@@ -76,7 +76,7 @@ void EmulatedDevice::step(const DeviceCommand& command, double dt) noexcept {
 }
 
 void EmulatedDevice::move(double dt) noexcept {
-  if (!spec_.hand && spec_.kind == DeviceKind::impedance) {
+  if (!spec_.operator_model && spec_.kind == DeviceKind::impedance) {
     time_s_ += dt;
     const PathPoint at = evaluate(spec_.path, time_s_);
     handle_ = {at.offset.position, at.offset.orientation, at.linear_velocity, at.angular_velocity};
@@ -85,8 +85,8 @@ void EmulatedDevice::move(double dt) noexcept {
   const int substeps = std::max(1, static_cast<int>(std::ceil(dt / kLongestSubstep_s - kSameTime)));
   for (int i = 0; i < substeps; ++i) {
     if (spec_.kind == DeviceKind::impedance) {
-      step_hand(dt / substeps);
-      if (spec_.degrees_of_freedom == 6) turn_hand(dt / substeps);
+      step_operator(dt / substeps);
+      if (spec_.degrees_of_freedom == 6) turn_operator(dt / substeps);
     } else {
       follow_command(dt / substeps);
     }
@@ -96,13 +96,13 @@ void EmulatedDevice::move(double dt) noexcept {
 
 const EmulatedDevice::Motion& EmulatedDevice::motion(double dt) noexcept {
   if (std::abs(dt - motion_dt_) <= kSameTime * dt) return motion_;
-  const double mass = hand_.mass_kg + spec_.mass_kg;
+  const double mass = operator_.mass_kg + spec_.mass_kg;
   Motion rate = Motion::Zero();
   rate(0, 1) = 1.0;
-  rate(1, 0) = -hand_.stiffness_n_m / mass;
-  rate(1, 1) = -(hand_.damping_n_s_m + spec_.damping_n_s_m) / mass;
-  rate(1, 2) = hand_.stiffness_n_m / mass;
-  rate(1, 3) = hand_.damping_n_s_m / mass;
+  rate(1, 0) = -operator_.stiffness_n_m / mass;
+  rate(1, 1) = -(operator_.damping_n_s_m + spec_.damping_n_s_m) / mass;
+  rate(1, 2) = operator_.stiffness_n_m / mass;
+  rate(1, 3) = operator_.damping_n_s_m / mass;
   rate(1, 4) = 1.0;
   rate(2, 3) = 1.0;
   motion_ = Motion(rate * dt).exp();
@@ -110,9 +110,9 @@ const EmulatedDevice::Motion& EmulatedDevice::motion(double dt) noexcept {
   return motion_;
 }
 
-void EmulatedDevice::step_hand(double dt) noexcept {
+void EmulatedDevice::step_operator(double dt) noexcept {
   const Motion& m = motion(dt);
-  const double mass = hand_.mass_kg + spec_.mass_kg;
+  const double mass = operator_.mass_kg + spec_.mass_kg;
   const PathPoint wish = evaluate(spec_.path, time_s_);
   const Vec3 way = handle_.position - wish.offset.position;
   const Vec3 push = held_.wrench.force / mass;
@@ -131,13 +131,13 @@ void EmulatedDevice::step_hand(double dt) noexcept {
   handle_.position = position;
 }
 
-void EmulatedDevice::turn_hand(double dt) noexcept {
+void EmulatedDevice::turn_operator(double dt) noexcept {
   const PathPoint wish = evaluate(spec_.path, time_s_ + dt);
   const Vec3 twist =
-      hand_.rotational_stiffness_n_m * rotation_vector(wish.offset.orientation * handle_.orientation.conjugate()) +
-      hand_.rotational_damping_n_m_s * wish.angular_velocity + held_.wrench.torque;
-  handle_.angular_velocity = (hand_.inertia_kg_m2 * handle_.angular_velocity + dt * twist) /
-                             (hand_.inertia_kg_m2 + dt * hand_.rotational_damping_n_m_s);
+      operator_.rotational_stiffness_n_m * rotation_vector(wish.offset.orientation * handle_.orientation.conjugate()) +
+      operator_.rotational_damping_n_m_s * wish.angular_velocity + held_.wrench.torque;
+  handle_.angular_velocity = (operator_.inertia_kg_m2 * handle_.angular_velocity + dt * twist) /
+                             (operator_.inertia_kg_m2 + dt * operator_.rotational_damping_n_m_s);
   rotate(handle_.orientation, handle_.angular_velocity, dt);
 }
 
@@ -158,13 +158,13 @@ void EmulatedDevice::follow_command(double dt) noexcept {
 
 void EmulatedDevice::press() noexcept {
   const PathPoint wish = evaluate(spec_.path, time_s_);
-  state_.applied.force = bounded(hand_.stiffness_n_m * (wish.offset.position - handle_.position) +
-                                     hand_.damping_n_s_m * (wish.linear_velocity - handle_.linear_velocity),
+  state_.applied.force = bounded(operator_.stiffness_n_m * (wish.offset.position - handle_.position) +
+                                     operator_.damping_n_s_m * (wish.linear_velocity - handle_.linear_velocity),
                                  spec_.force_limit_n);
   if (spec_.degrees_of_freedom != 6) return;
   state_.applied.torque = bounded(
-      hand_.rotational_stiffness_n_m * rotation_vector(wish.offset.orientation * handle_.orientation.conjugate()) +
-          hand_.rotational_damping_n_m_s * (wish.angular_velocity - handle_.angular_velocity),
+      operator_.rotational_stiffness_n_m * rotation_vector(wish.offset.orientation * handle_.orientation.conjugate()) +
+          operator_.rotational_damping_n_m_s * (wish.angular_velocity - handle_.angular_velocity),
       spec_.torque_limit_n_m);
 }
 

@@ -7,7 +7,7 @@ namespace subworld {
 
 /// A haptic device and what holds it.
 ///  * scripted: the device follows its path whatever it feels;
-///  * hand, impedance device: arm and device move as one mass m = m_hand + m_device,
+///  * hand, impedance device: arm and device move as one mass m = m_operator + m_device,
 ///      m a = K (x_path - x) + B (v_path - v) - b v - friction + force of the command                        (1)
 ///  * hand, admittance device: the device is servoed to the commanded pose and reports what the hand presses,
 ///      K (x_path - x) + B (v_path - v), within the force limit.
@@ -34,15 +34,15 @@ class EmulatedDevice {
   void take(const DeviceCommand& command) noexcept;
   /// Without a tick on the way.
   void move(double dt) noexcept;
-  void step_hand(double dt) noexcept;
-  void turn_hand(double dt) noexcept;
+  void step_operator(double dt) noexcept;
+  void turn_operator(double dt) noexcept;
   void follow_command(double dt) noexcept;
   void press() noexcept;
   void read_sensors() noexcept;
   [[nodiscard]] const Motion& motion(double dt) noexcept;
 
   DeviceSpec spec_;
-  HandSpec hand_;
+  OperatorSpec operator_;
   double time_s_ = 0.0;
   std::uint64_t ticks_ = 0;
   bool command_due_ = true;  ///< at the tick that was just reached

@@ -86,10 +86,10 @@ Json DeviceMeasures::json(const DeviceGuard& guard) {
           {"steps", steps_},
           {"round_trip_s", quantiles(round_trip_)},
           {"missed_deadlines", misses_.all()},
-          {"missed_by_machine", misses_.by_machine},
-          {"missed_by_us", misses_.by_us},
+          {"missed_by_os", misses_.by_os},
+          {"missed_by_run", misses_.by_run},
           {"step_s", quantiles(step_)},
-          {"hand_energy", hand_energy(guard.port().net_j(), guard.port().least_j(), guard.port().created_j())},
+          {"operator_energy", operator_energy(guard.port().net_j(), guard.port().least_j(), guard.port().created_j())},
           {"energy_bounded_ratio", guard.bounded_ratio()},
           {"oscillation_n", guard.oscillation().worst_n()},
           {"woken_late_s", quantiles(woken_late_)},
@@ -217,25 +217,25 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& gua
     stages.mark(DeviceStage::account);
     measures.end_step();
   };
-  bool strangers = false;  // the newest command was for another device, of another run or of another haptic process
+  bool foreign = false;  // the newest command was for another device, of another run or of another haptic process
   while (stop_signal() == 0) {
     const TimePoint begin = wake();
     const std::uint64_t refused = ports.commands.refused();
     while (take(ports.commands, came, stages) == Take::sample) {
-      strangers = came.session != session || (came.served != ports.identity && !(came.last && came.served == 0));
-      if (strangers) continue;
+      foreign = came.session != session || (came.served != ports.identity && !(came.last && came.served == 0));
+      if (foreign) continue;
       if (came.served == ports.identity) ports.commands.trust_sender();
       command = came;
       if (command.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - command.echoed_sent_ns));
       heard = begin;
     }
-    strangers = strangers || (heard != begin && ports.commands.refused() > refused);
+    foreign = foreign || (heard != begin && ports.commands.refused() > refused);
     if (command.last) break;
-    haptic.observe(heard == begin, !strangers && alive(ports.commands, ports.status, haptic_sim), period_s);
+    haptic.observe(heard == begin, !foreign && alive(ports.commands, ports.status, haptic_sim), period_s);
     if (haptic.gone()) {
-      ending.fault = strangers ? replaced_text(ProgramKind::haptic_sim, device.state().device)
-                               : gone_text(ProgramKind::haptic_sim, device.state().device);
+      ending.fault = foreign ? replaced_text(ProgramKind::haptic_sim, device.state().device)
+                             : gone_text(ProgramKind::haptic_sim, device.state().device);
       break;
     }
     const bool fresh = heard != TimePoint{} && to_seconds(begin - heard) < std::max(kStale_s, 5.0 * period_s);

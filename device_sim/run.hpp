@@ -47,7 +47,7 @@ class DeviceMeasures {
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   /// What the status shows.
   [[nodiscard]] LoopState state(double time_s) const noexcept {
-    return {time_s, steps_, misses_.all(), misses_.by_machine, step_.sum_s()};
+    return {time_s, steps_, misses_.all(), misses_.by_os, step_.sum_s()};
   }
   /// Around a loop in real time, in its thread.
   void loop_begins(const Scheduling& granted) { machine_.begin(granted); }

@@ -200,7 +200,7 @@ void place(const std::vector<Item>& items, Figure& figure) {
 
 }  // namespace
 
-bool pushes_member(const UserView& user, const BorderPair& pair) {
+bool pushes_member(const UserView& user, const BoundaryContact& pair) {
   return std::ranges::find(user.members, pair.inside) != user.members.end();
 }
 
@@ -214,7 +214,7 @@ Figure compose(const Picture& picture, PictureSize size) {
   figure.camera =
       picture.camera ? *picture.camera : fit_camera(visible, focus, static_cast<double>(size.width) / size.height);
   figure.origin = figure.movable.centre;
-  figure.left_out = picture.bodies.size() - items.size();
+  figure.omitted = picture.bodies.size() - items.size();
   figure.grid_m = std::pow(10.0, std::round(std::log10(std::max(1e-6, figure.movable.radius / 4.0))));
   place(items, figure);
   add_impulse_lines(picture, size, figure);

@@ -52,11 +52,11 @@ struct Figure {
   std::vector<Ground> grounds;
   double line_m_per_n_s = 0.0;
   double grid_m = 1.0;
-  std::size_t left_out = 0;
+  std::size_t omitted = 0;
 };
 
 /// Whether the pair's inside body is inside: at a contact that may come, what pushes may be a ghost.
-[[nodiscard]] bool pushes_member(const UserView& user, const BorderPair& pair);
+[[nodiscard]] bool pushes_member(const UserView& user, const BoundaryContact& pair);
 
 /// Throws `Error` (usage) if the given camera looks nowhere.
 [[nodiscard]] Figure compose(const Picture& picture, PictureSize size);

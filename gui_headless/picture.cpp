@@ -41,7 +41,7 @@ Drawing Renderer::draw(const Picture& picture) {
   const Figure figure = compose(picture, parts_->size);
   const GlContext::Current current(parts_->context);
   return {parts_->painter->paint(figure, picture.meshes, picture.bodies.size()), figure.camera, figure.line_m_per_n_s,
-          figure.grid_m, figure.left_out};
+          figure.grid_m, figure.omitted};
 }
 
 }  // namespace subworld

@@ -32,7 +32,7 @@ struct Drawing {
   Camera camera;                ///< that was used; given back in the next picture it keeps the view still
   double line_m_per_n_s = 0.0;  ///< length of the red lines per impulse; 0 if there are none
   double grid_m = 0.0;          ///< between two lines of the ground grid
-  std::size_t left_out = 0;     ///< bodies without a finite state, orientation or shape
+  std::size_t omitted = 0;      ///< bodies without a finite state, orientation or shape
 };
 
 /// Draws the scene as the paper's figure 13 does: the proxy red, the members of a sub-world blue, border bodies yellow

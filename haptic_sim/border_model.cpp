@@ -35,7 +35,7 @@ class FrozenBorder final : public BorderModel {
 
  private:
   double cycle_s_ = 1.0;  ///< over which the world had these impulses
-  std::vector<BorderPair> border_;
+  std::vector<BoundaryContact> border_;
   std::vector<PointImpulse> impulses_;
   double for_step_s_ = 0.0;  ///< the step that the impulses are for
 };

@@ -33,8 +33,8 @@ class BorderModel {
   [[nodiscard]] virtual std::optional<BodyState> release(BodyId id, Engine& engine) = 0;
   virtual void clear(Engine& engine) = 0;
 
-  /// Before and after each step of `dt`. `hands_n`: how hard all hands together press on what is in the engine.
-  virtual void begin(Engine& engine, double dt, double hands_n) = 0;
+  /// Before and after each step of `dt`. `operators_n`: how hard all hands together press on what is in the engine.
+  virtual void begin(Engine& engine, double dt, double operators_n) = 0;
   virtual void end(const Engine& engine, double dt) = 0;
   /// Writes down where the border's bodies are at a stamp.
   virtual void log(std::uint64_t stamp, const Engine& engine) = 0;

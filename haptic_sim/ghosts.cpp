@@ -12,10 +12,10 @@ namespace subworld {
 namespace {
 
 constexpr double kVelocityGain = 0.8;  ///< of the error along the normal
-constexpr double kBlow_m_s2 = 5.0;     ///< copies whose speeds change so differently: one has had a blow, one not yet
+constexpr double kImpact_m_s2 = 5.0;   ///< copies whose speeds change so differently: one has had a blow, one not yet
 /// What a wall may have to carry beyond its load in the world, which is a cycle old or more: so many times what the
 /// hands press with now, wedges included, and so many times the weight of its body, for what topples.
-constexpr double kSpareHands = 2.0;
+constexpr double kSpareForces = 2.0;
 constexpr double kSpareWeights = 4.0;
 constexpr double kSpinInertia = 1000.0;  ///< times the body's own: a ghost turns as the world's body does
 
@@ -24,7 +24,7 @@ const BodyState* state_in(const WorldFrame& frame, BodyId id) noexcept {
   return at != frame.states.end() && at->id == id ? &at->state : nullptr;
 }
 
-Role role_of(const GhostModel& model) noexcept { return model.loose ? Role::loose : Role::ghost; }
+Role role_of(const GhostModel& model) noexcept { return model.approaching ? Role::approaching : Role::ghost; }
 
 }  // namespace
 
@@ -85,7 +85,7 @@ Body Ghosts::as_ghost(const GhostModel& model) const {
 void Ghosts::adapt(Ghost& ghost, const GhostModel& model, Engine& engine) {
   const Body& body = scene_.body(ghost.id);
   GhostMotion& motion = ghost.motion;
-  if (motion.model.loose != model.loose) {
+  if (motion.model.approaching != model.approaching) {
     const BodyState now = engine.state(ghost.id);
     engine.remove(ghost.id);
     engine.add(as_ghost(model), now, role_of(model));
@@ -153,14 +153,14 @@ void Ghosts::replace(Ghost& ghost, const BodyState& world, const WorldFrame& fra
   for (Logged& entry : ghost.log) entry.written = false;
 }
 
-bool Ghosts::blow_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const {
+bool Ghosts::impact_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const {
   const std::uint64_t stamp = frame.stamp;
   const Logged& now = ghost.log[stamp % remembered_];
   const Logged& before = ghost.log[(stamp - 1) % remembered_];
   if (stamp == 0 || !before.written || before.stamp != stamp - 1) return false;
   const Vec3 ours = now.state.linear_velocity - before.state.linear_velocity;
   const Vec3 theirs = world.linear_velocity - ghost.motion.world_velocity;
-  return ghost.motion.along(theirs - ours).norm() > kBlow_m_s2 * frame.cycle_s;
+  return ghost.motion.along(theirs - ours).norm() > kImpact_m_s2 * frame.cycle_s;
 }
 
 void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine,
@@ -174,7 +174,7 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
       ghost.carried->velocity.head<3>() += shift.linear_velocity;
       ghost.carried->velocity.tail<3>() += shift.angular_velocity;
     } else {
-      const double gain_of_velocity = blow_is_due(ghost, world, frame) ? 0.0 : kVelocityGain;
+      const double gain_of_velocity = impact_is_due(ghost, world, frame) ? 0.0 : kVelocityGain;
       shift.position = motion.along(how.gain * (world.position - then.state.position));
       shift.linear_velocity = gain_of_velocity * motion.along(world.linear_velocity - then.state.linear_velocity);
     }
@@ -201,7 +201,7 @@ void Ghosts::clear(Engine& engine) {
   while (!ghosts_.empty()) drop(ghosts_.end() - 1, engine);
 }
 
-void Ghosts::begin(Engine& engine, double dt, double hands_n) {
+void Ghosts::begin(Engine& engine, double dt, double operators_n) {
   gradual_.step(engine);
   const double gravity_m_s2 = scene_.settings.world.gravity.norm();
   for (Ghost& ghost : ghosts_) {
@@ -209,7 +209,7 @@ void Ghosts::begin(Engine& engine, double dt, double hands_n) {
     if (ghost.carried) {
       ghost.start = ghost.carried->begin(scene_.body(ghost.id), now.orientation, dt);
     } else {
-      const double spare_n = kSpareHands * hands_n + kSpareWeights * gravity_m_s2 * scene_.body(ghost.id).mass;
+      const double spare_n = kSpareForces * operators_n + kSpareWeights * gravity_m_s2 * scene_.body(ghost.id).mass;
       ghost.start << ghost.motion.begin(now.linear_velocity, dt, spare_n), ghost.spin;
       engine.apply_force(ghost.id, ghost.motion.force(), Vec3::Zero());
     }

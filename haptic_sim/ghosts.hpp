@@ -25,7 +25,7 @@ class Ghosts final : public BorderModel {
               const Following& how) override;
   [[nodiscard]] std::optional<BodyState> release(BodyId id, Engine& engine) override;
   void clear(Engine& engine) override;
-  void begin(Engine& engine, double dt, double hands_n) override;
+  void begin(Engine& engine, double dt, double operators_n) override;
   void end(const Engine& engine, double dt) override;
   void log(std::uint64_t stamp, const Engine& engine) override;
 
@@ -66,14 +66,14 @@ class Ghosts final : public BorderModel {
   void adapt(Ghost& ghost, const GhostModel& model, Engine& engine);
   /// Whether a blow came sooner in one copy than in the other. Its timing is no error of the velocity: to correct it
   /// would give the ghost, and by now what it pushes as well, the blow once more or take it back.
-  [[nodiscard]] bool blow_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const;
+  [[nodiscard]] bool impact_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const;
   void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, const Following& how);
 
   const Scene& scene_;
   std::uint64_t remembered_;
   std::vector<Ghost> ghosts_;  ///< by id
   GradualShifts gradual_;
-  std::uint64_t logged_ = 0;  ///< latest stamp in the logs
+  std::uint64_t logged_ = 0;                     ///< latest stamp in the logs
   std::vector<std::vector<Logged>> spare_logs_;  ///< of ghosts that have gone: a loop does not allocate
 };
 

@@ -67,10 +67,10 @@ std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& s
       if (ports.refused_by(first.frame))
         throw Error(ExitCode::failed, refused_text(static_cast<std::uint32_t>(sub.user())));
       first.received = Clock::now();
-      if (!joined) joined = sub.adopt(first.frame);
+      if (!joined) joined = sub.reset_from(first.frame);
       if (joined) ports.frames.trust_sender();
       if (!joined) continue;  // not answered: a standing world tells again
-      if (first.frame.clock_factor > 0.0) return true;
+      if (first.frame.real_time_factor > 0.0) return true;
       ports.send(sub.report(to_ns(first.received)));
     }
     return false;

@@ -35,11 +35,11 @@ class MirroredProxy final : public LocalModel {
 
   Wrench advance(const Drive& drive, double, double, Indicators&) override { return drive.felt; }
   void change_rate(double before, double after) override { proxy_ = at_rate(proxy_, before, after); }
-  void follow(const WorldFrame& frame, const HapticReport*, const Age&) override { (void)adopt(frame); }
-  bool adopt(const WorldFrame& frame) override {
-    const auto told = std::ranges::find(frame.states, id_, &StampedBody::id);
-    if (told == frame.states.end()) return false;
-    proxy_ = told->state;
+  void follow(const WorldFrame& frame, const HapticReport*, const Age&) override { (void)reset_from(frame); }
+  bool reset_from(const WorldFrame& frame) override {
+    const auto published_state = std::ranges::find(frame.states, id_, &StampedBody::id);
+    if (published_state == frame.states.end()) return false;
+    proxy_ = published_state->state;
     return true;
   }
   void describe(HapticReport&) override {}
@@ -63,7 +63,7 @@ class SimulatedNeighbourhood final : public LocalModel {
         proxy_(scene.users[user].proxy),
         engine_(make_engine(scene.settings.haptic, scene.meshes)),
         synchroniser_(scheme, remembered_cycles(scene.settings, scheme), proxy_, peers_of(scene, user)),
-        reads_friction_(!leaves_out(scene, Saving::impulses)),
+        reads_friction_(!enabled(scene, Optimisation::impulses)),
         border_(make_border_model(scheme, scene, remembered_cycles(scene.settings, scheme))) {
     for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
     left_.reserve(kUsualMembers);
@@ -73,9 +73,9 @@ class SimulatedNeighbourhood final : public LocalModel {
   Wrench advance(const Drive& drive, double time_s, double dt, Indicators& indicators) override {
     Wrench mean = drive.felt;
     gradual_.step(engine_);
-    const Wrench& hand = drive.kind == DeviceKind::admittance ? drive.applied : drive.felt;
+    const Wrench& exerted = drive.kind == DeviceKind::admittance ? drive.applied : drive.felt;
     const double peers_n = move_peers(time_s, dt);
-    border_->begin(engine_, dt, hand.force.norm() + peers_n);
+    border_->begin(engine_, dt, exerted.force.norm() + peers_n);
     if (drive.kind == DeviceKind::admittance) {
       engine_.apply_force(proxy_, drive.applied.force, drive.applied.torque);
       engine_.step(dt);
@@ -97,7 +97,7 @@ class SimulatedNeighbourhood final : public LocalModel {
       if (!engine_.contains(user.proxy)) continue;
       const BodyState proxy = at_rate(engine_.state(user.proxy), before, after);
       engine_.set_velocity(user.proxy, proxy.linear_velocity, proxy.angular_velocity);
-      let_go(user);
+      declutch(user);
     }
   }
 
@@ -117,7 +117,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     follow_border(frame, age, parts);
   }
 
-  bool adopt(const WorldFrame& frame) override {
+  bool reset_from(const WorldFrame& frame) override {
     let_peers_go();
     gradual_.clear();
     for (const StampedBody& s : frame.states) {
@@ -181,7 +181,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   }
 
   /// The proxy without what an implicit step of its coupling adds to it.
-  void let_go(const UserSpec& user) {
+  void declutch(const UserSpec& user) {
     const Body body = tool_at(rate_, user, scene_.body(user.proxy)).body;
     engine_.set_inertia(body.id, body.mass, body.inertia);
   }
@@ -189,7 +189,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   void let_peers_go() {
     for (const PeerDevice& peer : peers_) {
       const UserSpec* user = user_of(peer.proxy);
-      if (user != nullptr && engine_.contains(peer.proxy)) let_go(*user);
+      if (user != nullptr && engine_.contains(peer.proxy)) declutch(*user);
     }
   }
 
@@ -224,7 +224,7 @@ class SimulatedNeighbourhood final : public LocalModel {
       const std::vector<BodyId>& want = entering.body.fixed() ? frame.fixed : frame.members;
       if (engine_.contains(id) || !std::ranges::binary_search(want, id)) continue;
       engine_.add(entering.body, advanced(entering.state, lag_s));
-      if (const UserSpec* user = user_of(id)) let_go(*user);
+      if (const UserSpec* user = user_of(id)) declutch(*user);
       have.insert(std::ranges::lower_bound(have, id), id);
     }
   }

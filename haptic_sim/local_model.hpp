@@ -40,7 +40,7 @@ class LocalModel {
   /// Uses a frame. `mine` is what was reported of the same stamp, or null.
   virtual void follow(const WorldFrame& frame, const HapticReport* mine, const Age& age) = 0;
   /// Gives up what there is and begins with a frame. False where it brings no proxy.
-  virtual bool adopt(const WorldFrame& frame) = 0;
+  virtual bool reset_from(const WorldFrame& frame) = 0;
   /// Adds members and islands to a report, and remembers the rest.
   virtual void describe(HapticReport& report) = 0;
 

@@ -10,10 +10,10 @@ namespace subworld {
 namespace {
 
 /// Whether the device is asked for all that it can give.
-bool at_limit(const Wrench& to_hand, const ForceLimits& limits) noexcept {
+bool at_limit(const Wrench& to_operator, const ForceLimits& limits) noexcept {
   constexpr double kAll = 1.0 - 1e-6;  // a saturated wrench is the limit up to rounding
-  return to_hand.force.norm() >= kAll * limits.force_n ||
-         (limits.torques && to_hand.torque.norm() >= kAll * limits.torque_n_m);
+  return to_operator.force.norm() >= kAll * limits.force_n ||
+         (limits.torques && to_operator.torque.norm() >= kAll * limits.torque_n_m);
 }
 
 }  // namespace
@@ -22,10 +22,28 @@ HapticMeasures::HapticMeasures(const std::string& folder, const std::string& tra
                                const ForceLimits& limits, double h_s, const History::Say& say)
     : user_(user),
       history_(folder.empty() ? "" : fmt::format("{}/haptic_{}.csv", folder, user),
-               {"time_s",         "force_x_n",    "force_y_n",    "force_z_n",    "hand_force_x_n", "hand_force_y_n",
-                "hand_force_z_n", "torque_x_n_m", "torque_y_n_m", "torque_z_n_m", "proxy_x_m",      "proxy_y_m",
-                "proxy_z_m",      "device_x_m",   "device_y_m",   "device_z_m",   "members",        "contacts",
-                "border_pairs",   "step_s",       "lateness_s",   "skipped"},
+               {"time_s",
+                "force_x_n",
+                "force_y_n",
+                "force_z_n",
+                "operator_force_x_n",
+                "operator_force_y_n",
+                "operator_force_z_n",
+                "torque_x_n_m",
+                "torque_y_n_m",
+                "torque_z_n_m",
+                "proxy_x_m",
+                "proxy_y_m",
+                "proxy_z_m",
+                "device_x_m",
+                "device_y_m",
+                "device_z_m",
+                "members",
+                "contacts",
+                "border_pairs",
+                "step_s",
+                "lateness_s",
+                "skipped"},
                say),
       trace_(trace, {fmt::format("haptic_sim {}", user), 100 + static_cast<int>(user)}, kHapticStages, say),
       limits_(limits),
@@ -48,13 +66,13 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   border_.add(border);
   coupling_squares_ += felt.felt.force.squaredNorm();
   coupling_max_ = std::max(coupling_max_, felt.felt.force.norm());
-  hand_squares_ += felt.to_hand.force.squaredNorm();
-  hand_max_ = std::max(hand_max_, felt.to_hand.force.norm());
-  at_limit_ += at_limit(felt.to_hand, limits_);
-  watch_force(felt.to_hand.force);
-  oscillation_.step(felt.to_hand.force, h_s_);
+  operator_squares_ += felt.to_operator.force.squaredNorm();
+  operator_max_ = std::max(operator_max_, felt.to_operator.force.norm());
+  at_limit_ += at_limit(felt.to_operator, limits_);
+  watch_force(felt.to_operator.force);
+  oscillation_.step(felt.to_operator.force, h_s_);
   const Vec3& f = felt.felt.force;
-  const Vec3& hand = felt.to_hand.force;
+  const Vec3& commanded = felt.to_operator.force;
   const Vec3& torque = felt.felt.torque;
   const Vec3 p = sub.proxy().position;
   const Vec3& d = sub.device().pose.position;
@@ -63,9 +81,9 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
                 f.x(),
                 f.y(),
                 f.z(),
-                hand.x(),
-                hand.y(),
-                hand.z(),
+                commanded.x(),
+                commanded.y(),
+                commanded.z(),
                 torque.x(),
                 torque.y(),
                 torque.z(),
@@ -94,10 +112,10 @@ void HapticMeasures::end_step() noexcept {
   traced_ = {};
 }
 
-void HapticMeasures::skipped(int periods, int by_machine) noexcept {
+void HapticMeasures::skipped(int periods, int by_os) noexcept {
   traced_.missed = traced_.missed || periods > 0;
   skipped_ += static_cast<std::uint64_t>(periods);
-  misses_.skip(periods, by_machine);
+  misses_.skip(periods, by_os);
   skipped_before_step_ += periods;
 }
 
@@ -138,16 +156,16 @@ Json HapticMeasures::json(const SubWorld& sub, double bytes_per_cycle) {
           {"steps", steps_},
           {"skipped_steps", skipped_},
           {"missed_deadlines", misses_.all()},
-          {"missed_by_machine", misses_.by_machine},
-          {"missed_by_us", misses_.by_us},
+          {"missed_by_os", misses_.by_os},
+          {"missed_by_run", misses_.by_run},
           {"missed_waiting", misses_.waiting},
           {"lateness_s", quantiles(lateness_)},
           {"woken_late_s", quantiles(woken_late_)},
           {"machine", machine_.json()},
           {"step_s", quantiles(step_)},
           {"stages", subworld::stages(stages_.times(), kHapticStages)},
-          {"force_rms_n", std::sqrt(hand_squares_ / steps)},
-          {"force_max_n", hand_max_},
+          {"force_rms_n", std::sqrt(operator_squares_ / steps)},
+          {"force_max_n", operator_max_},
           {"force_step_mean_n", force_step_.mean()},
           {"force_step_max_n", force_step_.max},
           {"at_limit_ratio", static_cast<double>(at_limit_) / steps},
@@ -160,13 +178,14 @@ Json HapticMeasures::json(const SubWorld& sub, double bytes_per_cycle) {
           {"sync_s", quantiles(sync_)},
           {"round_trip_s", quantiles(round_trip_)},
           {"bytes_per_cycle", bytes_per_cycle},
-          {"hand_energy", hand_energy(sub.hand_port().net_j(), sub.hand_port().least_j(), sub.hand_port().created_j())},
+          {"operator_energy", operator_energy(sub.operator_port().net_j(), sub.operator_port().least_j(),
+                                              sub.operator_port().created_j())},
           {"device_work_j", sub.device_work_j()},
           {"oscillation_n", oscillation_.worst_n()},
           {"device_jumps", sub.jumps()},
           {"lost_frames", lost_frames_},
           {"refused_frames", refused_frames_},
-          {"resynchronisations", adoptions_},
+          {"resynchronisations", resets_},
           {"engine_changes", engine_changes_},
           {"history_rows_dropped", history_.dropped()},
           {"trace_events_dropped", trace_.dropped()}};

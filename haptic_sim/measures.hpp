@@ -48,14 +48,14 @@ class HapticMeasures {
   void step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept;
   /// Closes the step's stages: the last of all.
   void end_step() noexcept;
-  /// Periods that were over before their steps could begin: missed deadlines, and no steps. `by_machine`: of these.
-  void skipped(int periods, int by_machine) noexcept;
+  /// Periods that were over before their steps could begin: missed deadlines, and no steps. `by_os`: of these.
+  void skipped(int periods, int by_os) noexcept;
   /// Around a loop in real time, in its thread.
   void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
   void loop_ends() { machine_.end(); }
   void synchronised(double seconds, std::uint64_t lost_frames) noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
-  void resynchronised() noexcept { ++adoptions_; }
+  void resynchronised() noexcept { ++resets_; }
   /// A frame whose stamp no world has that goes on from the last one.
   void refused_frame() noexcept { ++refused_frames_; }
   /// The engine has just been exchanged; what the force does in the next steps is added to it.
@@ -68,7 +68,7 @@ class HapticMeasures {
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
   /// What the status shows; missed deadlines with those of the steps that were left out.
   [[nodiscard]] LoopState state(double time_s) const noexcept {
-    return {time_s, steps_, misses_.all(), misses_.by_machine, step_.sum_s(), last_force_.norm()};
+    return {time_s, steps_, misses_.all(), misses_.by_os, step_.sum_s(), last_force_.norm()};
   }
 
   /// After the last step.
@@ -91,13 +91,13 @@ class HapticMeasures {
   Misses misses_;
   MachineShare machine_;
   MeanMax members_, contacts_, border_;
-  std::uint64_t steps_ = 0, skipped_ = 0, lost_frames_ = 0, adoptions_ = 0, refused_frames_ = 0;
+  std::uint64_t steps_ = 0, skipped_ = 0, lost_frames_ = 0, resets_ = 0, refused_frames_ = 0;
   int skipped_before_step_ = 0;
   ForceLimits limits_;
   double h_s_;
-  double hand_squares_ = 0.0, hand_max_ = 0.0;  ///< force sent to the device, N^2 and N
+  double operator_squares_ = 0.0, operator_max_ = 0.0;  ///< force sent to the device, N^2 and N
   double coupling_squares_ = 0.0, coupling_max_ = 0.0;
-  double last_hand_n_ = 0.0;
+  double last_operator_n_ = 0.0;
   std::uint64_t at_limit_ = 0;  ///< steps
   double apart_m_ = 0.0;        ///< proxy and device, at most
 
@@ -107,7 +107,7 @@ class HapticMeasures {
   Vec3 last_force_ = Vec3::Zero();
   std::array<double, kForceStepWindow> force_steps_{};  ///< N, between two commands; the newest ones
   OscillationWatch oscillation_;
-  MeanMax force_step_;                                  ///< N, all of them
+  MeanMax force_step_;  ///< N, all of them
   std::optional<EngineChange> open_change_, settled_change_;
   std::uint64_t change_settles_at_ = 0;  ///< step
   Json engine_changes_ = Json::array();

@@ -8,8 +8,8 @@ namespace subworld {
 /// The haptic clock against the world's, in real time. At full speed the haptic loop keeps its own pace, slewed by a
 /// few ppm; on a slowed clock its steps cover less simulated time:
 ///   rate = f (1 + kFollow e) b,
-/// f the world's clock factor, e (cycles) by how much the haptic clock is late, b <= 1 a brake where frames stay away.
-/// The rate changes a little in each step, so that no step of the clock is felt.
+/// f the world's real-time factor, e (cycles) by how much the haptic clock is late, b <= 1 a brake where frames stay
+/// away. The rate changes a little in each step, so that no step of the clock is felt.
 class Phase {
  public:
   static constexpr double kFollow = 0.2;          ///< of a cycle of lateness, made up for in a cycle
@@ -26,11 +26,11 @@ class Phase {
 
   /// A frame has come. `lead_s`: by how much the haptic clock is to be ahead of the world's when that shows the frame's
   /// stamp; `until_s`: wall time until it does, s; `haptic_s`: the haptic clock now.
-  void observe(double stamp_s, double lead_s, double until_s, double clock_factor, double haptic_s) noexcept {
-    const double late_s = stamp_s + lead_s - clock_factor * until_s - haptic_s;
+  void observe(double stamp_s, double ahead_s, double until_s, double real_time_factor, double haptic_s) noexcept {
+    const double late_s = stamp_s + ahead_s - real_time_factor * until_s - haptic_s;
     late_cycles_ = late_s / cycle_s_;
     newest_stamp_s_ = seen_ ? std::max(newest_stamp_s_, stamp_s) : stamp_s;
-    factor_ = clock_factor;
+    factor_ = real_time_factor;
     // A clock that is slowed, or far away, is followed until the haptic clock is where it should be.
     following_ = factor_ < 1.0 || std::abs(late_cycles_) > (following_ ? kCaughtUp_cycles : kFar_cycles);
     estimate_s_ = seen_ && !following_ ? estimate_s_ + kFilter * (late_s - estimate_s_) : late_s;
@@ -49,7 +49,7 @@ class Phase {
   }
 
   [[nodiscard]] double rate() const noexcept { return rate_; }
-  [[nodiscard]] double clock_factor() const noexcept { return factor_; }
+  [[nodiscard]] double real_time_factor() const noexcept { return factor_; }
   /// By which the period is stretched while the clock runs at full speed.
   [[nodiscard]] double slew_ppm() const noexcept {
     return following_ ? 0.0 : std::clamp(-1e6 * estimate_s_, -kSlewLimit_ppm, kSlewLimit_ppm);

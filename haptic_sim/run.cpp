@@ -119,15 +119,14 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     for (; delay.frame_due(next_frame, sub.timetable()) <= step; ++next_frame) {
       if (sub.passes_frame(next_frame)) continue;
       const auto ours = [&](const WorldFrame& came) { return came.session == ports.session; };
-      if (!await(*ports.bus, ports.status, ports.frames, frame, stages, world_sim, ours, stopped))
-        return false;
+      if (!await(*ports.bus, ports.status, ports.frames, frame, stages, world_sim, ours, stopped)) return false;
       if (ports.refused_by(frame)) throw Error(ExitCode::failed, refused_text(user));
       const TimePoint begin = stages.now();
       if (frame.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - frame.echoed_sent_ns));
       last = frame.last;
       const std::uint64_t lost = sub.apply(frame);
-      measures.synchronised(to_seconds(stages.mark(HapticStage::apply) - begin), lost);
+      measures.synchronised(to_seconds(stages.mark(HapticStage::synchronise) - begin), lost);
       if (last) return false;
     }
     return true;
@@ -140,15 +139,14 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     const auto ours = [&](const DeviceState& came) {
       return came.session == ports.session && (held == 0 || came.sender == held);
     };
-    if (!await(*ports.bus, ports.status, ports.device, device, stages, device_sim, ours, stopped))
-      break;
+    if (!await(*ports.bus, ports.status, ports.device, device, stages, device_sim, ours, stopped)) break;
     held = device.sender;
     ports.device.trust_sender();
     orders.follow();
     const TimePoint begin = stages.mark(HapticStage::control);
     const DeviceState& known = states.pass(device, step);
     const FeltStep felt = sub.feel(known, true, h);
-    DeviceCommand command = commands.pass(sub.command_for(known, felt.to_hand), step);
+    DeviceCommand command = commands.pass(sub.command_for(known, felt.to_operator), step);
     command.sequence = device.sequence;  // each step of the device waits for its own answer
     command.echoed_sent_ns = device.sent_ns;
     stages.mark(HapticStage::feel);
@@ -195,7 +193,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
   TimePoint heard{};
   const Peer world_sim{ProgramKind::world_sim, 0}, device_sim{ProgramKind::device_sim, user};
   Presence world_there, device_there;
-  bool strangers = false;  // the newest frame was of another run
+  bool foreign = false;  // the newest frame was of another run
   bool said_alone = false;
   std::array<WorldFrame, kMostWaiting> waiting;  // frames that came before their stamp
   for (WorldFrame& frame : waiting) reserve(frame, kUsualMembers);
@@ -229,14 +227,14 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     const double lateness_s = to_seconds(loop.wait());
     const TimePoint begin = Clock::now();
     // What the machine has slept through is over: its forces would come too late to be felt.
-    const int over_by_machine = lateness.begin(loop.released(), asked, begin, from_seconds(h));
+    const int over_by_os = lateness.begin(loop.released(), asked, begin, from_seconds(h));
     const int over = loop.skip(begin);
     lateness.skipped_to(loop.released());
-    measures.skipped(over, over_by_machine);
+    measures.skipped(over, over_by_os);
     stages.begin(loop.released(), begin);
     arrears.owe(over * h * phase.rate());
     // What is there after a long sleep may be as old as that: the hand is let go, and met again from zero.
-    if (lateness_s > kLongSleep_s) sub.begin_anew();
+    if (lateness_s > kLongSleep_s) sub.re_engage();
     fading += last || stop_signal() != 0;
 
     while (take(ports.device, from_device, stages) == Take::sample) {
@@ -249,8 +247,8 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     const std::uint64_t refused = ports.frames.refused();
     while (waiting_count < waiting.size()) {
       if (take(ports.frames, waiting[waiting_count], stages) != Take::sample) break;
-      strangers = waiting[waiting_count].session != ports.session;
-      if (strangers) continue;
+      foreign = waiting[waiting_count].session != ports.session;
+      if (foreign) continue;
       // A world's stamps neither fall nor leap: what does is none to follow.
       const std::uint64_t stamp = waiting[waiting_count].stamp;
       if (stamp < newest_stamp || stamp > newest_stamp + kFarAhead) {
@@ -267,11 +265,11 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
       const WorldFrame& came = waiting[waiting_count++];
       framed = begin;
       const double until_s = to_seconds(begin - loop.released()) + came.start_in_s;
-      phase.observe(came.stamp_s, ahead_s(came.stamp), until_s, came.clock_factor, sub.time_s() + arrears.owed_s());
+      phase.observe(came.stamp_s, ahead_s(came.stamp), until_s, came.real_time_factor, sub.time_s() + arrears.owed_s());
       last = last || came.last;
       if (came.echoed_sent_ns != 0) measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - came.echoed_sent_ns));
     }
-    strangers = strangers || (framed != begin && ports.frames.refused() > refused);
+    foreign = foreign || (framed != begin && ports.frames.refused() > refused);
     // Who has fallen too far behind goes on from the newest frame, and leaves undone what was missed.
     const bool behind = waiting_count > 0 && waiting[waiting_count - 1].stamp > sub.stamp() + kTooFarBehind;
     std::size_t used = behind ? waiting_count - 1 : 0;
@@ -282,14 +280,14 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
       const TimePoint start = stages.now();
       std::uint64_t lost = 0;
       if (lost_track) {
-        sub.adopt(due);
+        sub.reset_from(due);
         loop.shift(std::max(Duration::zero(), std::chrono::duration_cast<Duration>(start - loop.deadline())));
         arrears.forget();
         measures.resynchronised();
       } else {
         lost = sub.apply(due);
       }
-      measures.synchronised(to_seconds(stages.mark(HapticStage::apply) - start), lost);
+      measures.synchronised(to_seconds(stages.mark(HapticStage::synchronise) - start), lost);
     }
     std::rotate(waiting.begin(), waiting.begin() + static_cast<std::ptrdiff_t>(used), waiting.end());
     waiting_count -= used;
@@ -297,19 +295,19 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     orders.follow();
     stages.mark(HapticStage::control);
 
-    world_there.observe(framed == begin, !strangers && alive(ports.frames, ports.status, world_sim), h);
+    world_there.observe(framed == begin, !foreign && alive(ports.frames, ports.status, world_sim), h);
     device_there.observe(heard == begin, alive(ports.device, ports.status, device_sim), h);
     if (ending.fault.empty() && world_there.gone()) {
-      ending.fault = strangers ? replaced_text(ProgramKind::world_sim, 0) : gone_text(ProgramKind::world_sim, 0);
+      ending.fault = foreign ? replaced_text(ProgramKind::world_sim, 0) : gone_text(ProgramKind::world_sim, 0);
     } else if (ending.fault.empty() && device_there.gone()) {
       ending.fault = gone_text(ProgramKind::device_sim, user);
     }
     last = last || !ending.fault.empty();
 
     // Without the world it stands: what a border is frozen to does not hold for long.
-    const double frame_period_s = longest_cycle_s / std::max(phase.clock_factor(), kSlowestClock);
+    const double frame_period_s = longest_cycle_s / std::max(phase.real_time_factor(), kLeastRealTimeFactor);
     const bool alone = to_seconds(begin - framed) > std::max(kAlone_s, 4.0 * frame_period_s);
-    sub.stand(alone || phase.clock_factor() <= 0.0);
+    sub.stand(alone || phase.real_time_factor() <= 0.0);
     const double rate = alone ? 0.0 : phase.step(sub.time_s());
     sub.set_rate(rate);
     const bool silent = begin - framed > from_seconds(kGone_s);
@@ -320,7 +318,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
         fading == 0 && heard != TimePoint{} && to_seconds(begin - heard) < std::max(kStale_s, 5.0 * device_period_s);
     const FeltStep felt = heard == TimePoint{} ? FeltStep{} : sub.feel(device, trusted, h);
     stages.mark(HapticStage::feel);
-    ports.command.write(sub.command_for(device, felt.to_hand));
+    ports.command.write(sub.command_for(device, felt.to_operator));
     const TimePoint left = stages.mark(HapticStage::send);  // the force; missed: after its period
     const Miss miss = left > loop.deadline() ? lateness.judge(left, loop.deadline(), thread_use()) : Miss::none;
     if (sub.report_due()) send_report();

@@ -14,7 +14,7 @@ namespace subworld {
 namespace {
 
 /// No hand moves a device faster: fast reaching movements come to 3 m/s, throws to more, but not with a device.
-constexpr double kFastestHand_m_s = 10.0;
+constexpr double kFastestOperator_m_s = 10.0;
 
 }  // namespace
 
@@ -25,14 +25,14 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       scheme_(make_scheme(scene.settings)),
       model_(make_local_model(*scheme_, scene, user)),
       limits_(limits_of(spec_.device)),
-      guard_(hand_limits_of(spec_.device), spec_.coupling.ramp_s),
+      guard_(operator_limits_of(spec_.device), spec_.coupling.ramp_s),
       motion_(spec_.device.speed_limit_m_s, spec_.device.speed_limit_m_s / kTurnRadius_m),
       port_(spec_),
-      clutch_(scene.initial[index(spec_.proxy)]),
+      declutch_(scene.initial[index(spec_.proxy)]),
       tool_(tool_at(rate_, spec_, scene.body(spec_.proxy))),
-      reports_device_(!leaves_out(scene, Saving::device)),
-      may_be_silent_(leaves_out(scene, Saving::silence)),
-      silence_(scheme_->lead_cycles()),
+      reports_device_(!enabled(scene, Optimisation::device)),
+      may_suppress_(enabled(scene, Optimisation::suppression)),
+      suppression_(scheme_->lead_cycles()),
       timetable_(scene.settings.ratio, remembered_cycles(scene.settings, *scheme_)),
       reports_(remembered_cycles(scene.settings, *scheme_)) {
   if (scene.settings.mode != Mode::realtime) return;
@@ -79,9 +79,9 @@ void SubWorld::set_rate(double rate) {
 bool SubWorld::jumped(const DeviceState& state, double wall_s) const noexcept {
   if (!heard_) return false;
   const double passed_s = std::max({state.stamp_s - before_.stamp_s, wall_s, 1.0 / spec_.device.rate_hz});
-  const double most_m = kFastestHand_m_s * passed_s + 2.0 * spec_.device.position_resolution_m;
+  const double most_m = kFastestOperator_m_s * passed_s + 2.0 * spec_.device.position_resolution_m;
   return (state.pose.position - before_.pose.position).norm() > most_m ||
-         state.linear_velocity.norm() > kFastestHand_m_s;
+         state.linear_velocity.norm() > kFastestOperator_m_s;
 }
 
 FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double wall_s) {
@@ -89,28 +89,28 @@ FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double wall_s) {
   if (jump) {
     // Met where it is now, from zero.
     ++jumps_;
-    guard_.let_go();
+    guard_.declutch();
   }
-  const bool stands = clutch_.is_open();
-  clutch_.open(stands || jump);
-  clutch_.follow(state, rate_);
-  clutch_.open(stands);
+  const bool stands = declutch_.is_open();
+  declutch_.open(stands || jump);
+  declutch_.follow(state, rate_);
+  declutch_.open(stands);
   before_ = state;
   heard_ = true;
   wall_s_ = wall_s;
   applied_ = saturated(state.applied, limits_);
   const bool admittance = spec_.device.kind == DeviceKind::admittance;
   felt_ = admittance ? applied_ : coupling_wrench(tool_.coupling, limits_, proxy(), device());
-  trusted_ = trusted && finite_ && !clutch_.is_open();
+  trusted_ = trusted && finite_ && !declutch_.is_open();
   port_.step(state);
-  const Wrench to_hand =
+  const Wrench to_operator =
       guard_.pass({-felt_.force, -felt_.torque}, jump ? Vec3(Vec3::Zero()) : state.linear_velocity, trusted_, wall_s);
-  port_.hold(to_hand);
+  port_.hold(to_operator);
   felt_now_ = true;
-  return {felt_, to_hand};
+  return {felt_, to_operator};
 }
 
-DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_hand) {
+DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_operator) {
   DeviceCommand command;
   command.device = device.device;
   command.session = device.session;
@@ -118,10 +118,10 @@ DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_
   command.sequence = device.sequence;
   command.stamp_s = time_s();
   command.echoed_sent_ns = device.sent_ns;
-  command.wrench = to_hand;
+  command.wrench = to_operator;
   const BodyState now = proxy();
   const BodyState& start = scene_.initial[index(spec_.proxy)];
-  DeviceMotion motion{{now.position - clutch_.offset(), now.orientation * start.orientation.conjugate()},
+  DeviceMotion motion{{now.position - declutch_.offset(), now.orientation * start.orientation.conjugate()},
                       rate_ * now.linear_velocity,
                       rate_ * now.angular_velocity};
   if (spec_.device.kind == DeviceKind::admittance) motion = motion_.pass(motion, trusted_, wall_s_);
@@ -145,7 +145,7 @@ void SubWorld::advance(double dt) {
   const bool spring = spec_.device.kind == DeviceKind::impedance;
   device_work_j_ += dt * (mean.force.dot(spring ? device().linear_velocity : moved.linear_velocity) +
                           mean.torque.dot(spring ? device().angular_velocity : moved.angular_velocity));
-  clutch_.advance(dt);  // where the hand is when the step ends, as far as is known
+  declutch_.advance(dt);  // where the hand is when the step ends, as far as is known
   in_cycle_s_ += dt;
   ++steps_;
 }
@@ -156,11 +156,11 @@ FeltStep SubWorld::step(const DeviceState& device, bool trusted, double dt) {
   return felt;
 }
 
-bool SubWorld::is_silent() const {
-  if (!may_be_silent_ || !silence_.may_lack_report(stamp_ + 1)) return false;
+bool SubWorld::suppresses_report() const {
+  if (!may_suppress_ || !suppression_.may_lack_report(stamp_ + 1)) return false;
   const BodyState now = proxy();
   const Box there = bounds(scene_.body(spec_.proxy).shape, now, scene_.meshes);
-  return silence_.place().holds(hand_reach(there, now, looked_ahead_s(scene_.settings, *scheme_, cycle_s())));
+  return suppression_.place().holds(operator_reach(there, now, looked_ahead_s(scene_.settings, *scheme_, cycle_s())));
 }
 
 void SubWorld::begin_cycle() {
@@ -169,7 +169,7 @@ void SubWorld::begin_cycle() {
 }
 
 HapticReport* SubWorld::close_cycle(std::int64_t sent_ns) {
-  if (!is_silent()) return &report(sent_ns);
+  if (!suppresses_report()) return &report(sent_ns);
   ++stamp_;
   in_cycle_s_ = 0.0;
   begin_cycle();
@@ -177,7 +177,7 @@ HapticReport* SubWorld::close_cycle(std::int64_t sent_ns) {
 }
 
 bool SubWorld::passes_frame(std::uint64_t stamp) noexcept {
-  if (!silence_.lacks_frame(stamp)) return false;
+  if (!suppression_.lacks_frame(stamp)) return false;
   frame_stamp_ = stamp;
   return true;
 }
@@ -185,7 +185,7 @@ bool SubWorld::passes_frame(std::uint64_t stamp) noexcept {
 HapticReport& SubWorld::report(std::int64_t sent_ns) {
   if (steps_ > 0) ++stamp_;
   in_cycle_s_ = 0.0;
-  silence_.end(stamp_);
+  suppression_.end(stamp_);
   HapticReport& report = reports_[stamp_ % reports_.size()];
   report.user = UserId{static_cast<std::uint32_t>(user_)};
   report.stamp = stamp_;
@@ -230,7 +230,7 @@ void SubWorld::note(const WorldFrame& frame) noexcept {
   framed_ = true;
   frame_stamp_ = frame.stamp;
   border_pairs_ = frame.border_contacts;
-  if (may_be_silent_) silence_.begin(frame);
+  if (may_suppress_) suppression_.begin(frame);
 }
 
 std::uint64_t SubWorld::apply(const WorldFrame& frame) {
@@ -252,17 +252,17 @@ bool SubWorld::agrees(const WorldFrame& frame) const noexcept {
          (planned.stamp > stamp_ || timetable_.ratio(planned.stamp) == planned.ratio);
 }
 
-bool SubWorld::adopt(const WorldFrame& frame) {
+bool SubWorld::reset_from(const WorldFrame& frame) {
   if (!knows(frame)) return false;
   timetable_.restart(frame.stamp, static_cast<std::uint64_t>(std::llround(frame.stamp_s / scene_.settings.h_s)),
                      frame.ratio);
   timetable_.plan(frame.planned);
-  const bool has_proxy = model_->adopt(frame);
+  const bool has_proxy = model_->reset_from(frame);
   finite_ = true;
   stamp_ = frame.stamp;
   in_cycle_s_ = 0.0;
   begin_cycle();
-  silence_.forget();
+  suppression_.forget();
   felt_now_ = false;
   note(frame);
   return has_proxy;

@@ -4,9 +4,9 @@
 #include "coupling/force_guard.hpp"
 #include "coupling/motion_guard.hpp"
 #include "coupling/scheme.hpp"
-#include "coupling/silence.hpp"
+#include "coupling/suppression.hpp"
 #include "coupling/timetable.hpp"
-#include "haptic_sim/clutch.hpp"
+#include "haptic_sim/declutch.hpp"
 #include "haptic_sim/local_model.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
@@ -20,8 +20,8 @@ namespace subworld {
 
 /// What one haptic step brought.
 struct FeltStep {
-  Wrench felt;     ///< on the proxy, by the coupling at the start of the step
-  Wrench to_hand;  ///< for the device: bounded, finite, ramped
+  Wrench felt;         ///< on the proxy, by the coupling at the start of the step
+  Wrench to_operator;  ///< for the device: bounded, finite, ramped
 };
 
 /// One user's haptic sub-world: a small copy of the world around the proxy, stepped at the haptic rate, coupled to the
@@ -38,7 +38,7 @@ class SubWorld {
   [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double wall_s);
   /// The answer to the device: the force for its hand, and, for an admittance device, where the proxy is and how it
   /// moves in wall time.
-  [[nodiscard]] DeviceCommand command_for(const DeviceState& device, const Wrench& to_hand);
+  [[nodiscard]] DeviceCommand command_for(const DeviceState& device, const Wrench& to_operator);
   void advance(double dt);
   /// The rate of the clock, simulated seconds per second, from the step on that begins now (coupling/tool). A clock
   /// that stands, 0, changes nothing: the tool goes on from the rate that it had.
@@ -50,11 +50,11 @@ class SubWorld {
     ++timed_steps_;
   }
   /// What the hand feels fades out, and it is met again from zero.
-  void let_go() noexcept { guard_.let_go(); }
+  void declutch() noexcept { guard_.declutch(); }
   /// The same after a sleep that was long enough for the device to let it go by itself.
-  void begin_anew() noexcept { guard_.restart(); }
+  void re_engage() noexcept { guard_.restart(); }
   /// While the sub-world's clock stands: the hand may go where it likes, and is met there when the clock goes on.
-  void stand(bool stands) noexcept { clutch_.open(stands); }
+  void stand(bool stands) noexcept { declutch_.open(stands); }
 
   /// True when the steps since the last boundary fill a cycle: `report` is due.
   [[nodiscard]] bool at_boundary() const noexcept;
@@ -81,11 +81,11 @@ class SubWorld {
   /// Returns the number of frames that are missing before it; a frame that is older than the newest one, or names
   /// bodies that the scene does not have, does nothing.
   std::uint64_t apply(const WorldFrame& frame);
-  /// Whether the frame counts cycles as the sub-world does. If not, a change of the ratio was missed: adopt().
+  /// Whether the frame counts cycles as the sub-world does. If not, a change of the ratio was missed: reset_from().
   [[nodiscard]] bool agrees(const WorldFrame& frame) const noexcept;
   /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind or is not finite.
   /// False where the frame brings no proxy: it is no beginning.
-  bool adopt(const WorldFrame& frame);
+  bool reset_from(const WorldFrame& frame);
 
   /// Asks for another engine. Returns what came of it, in words; exchange_engine() hands over between two steps,
   /// when the other one is ready, and lets the hand feel it gently.
@@ -102,13 +102,13 @@ class SubWorld {
   [[nodiscard]] bool finite() const noexcept { return finite_; }
   [[nodiscard]] BodyState proxy() const { return model_->proxy(); }
   /// In simulated time.
-  [[nodiscard]] const DevicePose& device() const noexcept { return clutch_.device(); }
+  [[nodiscard]] const DevicePose& device() const noexcept { return declutch_.device(); }
   [[nodiscard]] std::size_t members() const noexcept { return model_->members(); }
   [[nodiscard]] std::size_t contacts() const noexcept { return model_->contacts(); }
   [[nodiscard]] std::size_t border_pairs() const noexcept { return border_pairs_; }
   [[nodiscard]] double device_work_j() const noexcept { return device_work_j_; }
   /// What has crossed between the hand and this side of the device's link.
-  [[nodiscard]] const HandPort& hand_port() const noexcept { return port_; }
+  [[nodiscard]] const OperatorPort& operator_port() const noexcept { return port_; }
   /// States of the device that no hand can have come to since the one before.
   [[nodiscard]] std::uint64_t jumps() const noexcept { return jumps_; }
   /// Of the engine that simulates it; empty where none does.
@@ -122,7 +122,7 @@ class SubWorld {
   /// Length of the cycle under way.
   [[nodiscard]] double cycle_s() const noexcept { return scene_.settings.h_s * timetable_.ratio(stamp_); }
   /// Whether the world waits for no report of the cycle that ends now.
-  [[nodiscard]] bool is_silent() const;
+  [[nodiscard]] bool suppresses_report() const;
   void begin_cycle();
   /// Notes which frame is in use.
   void note(const WorldFrame& frame) noexcept;
@@ -135,8 +135,8 @@ class SubWorld {
   ForceLimits limits_;
   ForceGuard guard_;
   MotionGuard motion_;
-  HandPort port_;
-  Clutch clutch_;
+  OperatorPort port_;
+  Declutch declutch_;
   std::uint64_t jumps_ = 0;
   DeviceState before_;  ///< the device in the step before
   bool heard_ = false;
@@ -149,8 +149,8 @@ class SubWorld {
   std::uint64_t frame_stamp_ = 0;  ///< of the newest used
   std::size_t border_pairs_ = 0;
   bool reports_device_;
-  bool may_be_silent_;
-  SilentCycles silence_;
+  bool may_suppress_;
+  SuppressedCycles suppression_;
 
   Timetable timetable_;
   std::uint64_t stamp_ = 0;

@@ -10,13 +10,13 @@ namespace {
 
 class NoBorder final : public BorderExtractor {
  public:
-  void extract(const WorldNow&, const Inside&, std::vector<BorderPair>&, WorldFrame&) override {}
+  void extract(const WorldNow&, const Inside&, std::vector<BoundaryContact>&, WorldFrame&) override {}
 };
 
 /// Contacts with their impulses (paper 4.2).
 class FrozenBorder final : public BorderExtractor {
  public:
-  void extract(const WorldNow& now, const Inside& inside, std::vector<BorderPair>& border, WorldFrame&) override {
+  void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border, WorldFrame&) override {
     extract_border(now.contacts, inside.membership, border);
   }
 };
@@ -26,7 +26,8 @@ class GhostBorder final : public BorderExtractor {
  public:
   explicit GhostBorder(const Scene& scene) : scene_(scene), approach_(scene), modeller_(scene) {}
 
-  void extract(const WorldNow& now, const Inside& inside, std::vector<BorderPair>& border, WorldFrame& frame) override {
+  void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border,
+               WorldFrame& frame) override {
     // Friction of contacts costs an engine that estimates it time, and nobody but a border reads it.
     const auto find_contacts = [&] { extract_border(now.contacts, inside.membership, border); };
     find_contacts();
@@ -41,7 +42,7 @@ class GhostBorder final : public BorderExtractor {
   }
 
  private:
-  void find_approaching(const WorldNow& now, const Inside& inside, std::vector<BorderPair>& border) {
+  void find_approaching(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border) {
     Box reach = inside.reach;
     approach_.begin(inside.horizon_s);
     for (const BodyId id : inside.membership.members) {

@@ -42,7 +42,7 @@ class BorderExtractor {
  public:
   virtual ~BorderExtractor() = default;
   /// Fills `border`, and ghosts and islands of the frame.
-  virtual void extract(const WorldNow& now, const Inside& inside, std::vector<BorderPair>& border,
+  virtual void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border,
                        WorldFrame& frame) = 0;
 };
 

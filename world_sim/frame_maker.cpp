@@ -31,9 +31,9 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t r
       users_(static_cast<std::size_t>(scene.settings.users)),
       border_(make_border_extractor(scheme, scene)),
       budget_(scene),
-      tells_all_pairs_(!leaves_out(scene, Saving::pairs)),
-      silence_(scene, scheme),
-      may_be_silent_(leaves_out(scene, Saving::silence)) {
+      tells_all_pairs_(!enabled(scene, Optimisation::pairs)),
+      suppression_(scene, scheme),
+      may_suppress_(enabled(scene, Optimisation::suppression)) {
   const Settings& s = scene.settings;
   scratch_.reserve(scene.bodies.size() + remembered_ * kUsualMembers);
   before_.reserve(kUsualMembers);
@@ -61,24 +61,25 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
     }
     const double until_heard_s = horizon_s(now, heard[u]);
     const Box reach = select(user, now, until_heard_s);
-    WorldFrame& told = frame(u, now.stamp);
-    told.user = UserId{static_cast<std::uint32_t>(u)};
-    told.stamp = now.stamp;
-    told.stamp_s = now.stamp_s;
-    told.cycle_s = now.cycle_s;
-    told.ratio = now.timetable.ratio(now.stamp);
-    told.planned = now.timetable.newest();
-    told.echoed_sent_ns = heard[u].newest->sent_ns;
-    told.echoed_stamp = heard[u].newest->stamp;
-    told.members = user.membership.members;
-    told.fixed = user.membership.fixed;
-    border_->extract(now, {user.membership, reach, until_heard_s, shared}, user.border, told);
-    if (scheme_.replicates_peers()) list_peers(user, now, heard, told);
-    list_unconfirmed(user, now, heard[u], offset_s, told);
-    tell_border(user, now, heard[u], told);
-    told.silence.reset();
-    const bool alone = told.states.size() == 1 && told.entering.empty() && told.ghosts.empty() && user.border.empty();
-    if (may_be_silent_ && heard[u].any && alone) told.silence = silence_.find(*user.spec, now);
+    WorldFrame& published_state = frame(u, now.stamp);
+    published_state.user = UserId{static_cast<std::uint32_t>(u)};
+    published_state.stamp = now.stamp;
+    published_state.stamp_s = now.stamp_s;
+    published_state.cycle_s = now.cycle_s;
+    published_state.ratio = now.timetable.ratio(now.stamp);
+    published_state.planned = now.timetable.newest();
+    published_state.echoed_sent_ns = heard[u].newest->sent_ns;
+    published_state.echoed_stamp = heard[u].newest->stamp;
+    published_state.members = user.membership.members;
+    published_state.fixed = user.membership.fixed;
+    border_->extract(now, {user.membership, reach, until_heard_s, shared}, user.border, published_state);
+    if (scheme_.replicates_peers()) list_peers(user, now, heard, published_state);
+    list_unconfirmed(user, now, heard[u], offset_s, published_state);
+    tell_border(user, now, heard[u], published_state);
+    published_state.suppression.reset();
+    const bool alone = published_state.states.size() == 1 && published_state.entering.empty() &&
+                       published_state.ghosts.empty() && user.border.empty();
+    if (may_suppress_ && heard[u].any && alone) published_state.suppression = suppression_.find(*user.spec, now);
   }
 }
 
@@ -101,7 +102,7 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
     budget.limit_s /= user.correction.factor();
     budget_.limit(spec.proxy, before_, now.graph, now.cycle_s, bounds, budget, chosen.members);
     user.expected_s = budget_.cost_s();
-    user.left_out = budget_.left_out();
+    user.omitted = budget_.omitted();
   }
   Box reach = box;
   const double gravity_m_s2 = scene_.settings.world.gravity.norm();
@@ -168,12 +169,13 @@ void FrameMaker::tell_border(const User& user, const WorldNow& now, const Heard&
   for (const GhostModel& ghost : frame.ghosts) {
     if (begins(ghost)) scratch_.push_back(ghost.outside);
   }
-  std::erase_if(frame.border, [&](const BorderPair& p) { return !std::ranges::binary_search(scratch_, p.outside); });
+  std::erase_if(frame.border,
+                [&](const BoundaryContact& p) { return !std::ranges::binary_search(scratch_, p.outside); });
 }
 
 void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s,
                                   WorldFrame& frame) {
-  const auto told = [&](BodyId id) { return advanced(now.engine.state(id), offset_s); };
+  const auto published_state = [&](BodyId id) { return advanced(now.engine.state(id), offset_s); };
   const auto past = [&](std::uint64_t stamp) -> const WorldFrame& { return user.frames[stamp % remembered_]; };
   // A body may have left and come back since the last frame that the haptic process confirmed: what counts as there is
   // what every frame since then lists. States go out for all that any of them lists.
@@ -185,7 +187,7 @@ void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const H
   const auto list = [&](BodyId id) {
     bool there = any_confirmed;
     for (std::uint64_t j = oldest; j < now.stamp && there; ++j) there = names(past(j), id);
-    if (!there) frame.entering.push_back({nameless(scene_.body(id)), told(id)});
+    if (!there) frame.entering.push_back({nameless(scene_.body(id)), published_state(id)});
   };
   if (scheme_.border() != Border::none) {
     std::ranges::for_each(frame.members, list);
@@ -198,7 +200,7 @@ void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const H
   }
   sort_unique(wanted);
   frame.states.clear();
-  for (const BodyId id : wanted) frame.states.push_back({id, told(id)});
+  for (const BodyId id : wanted) frame.states.push_back({id, published_state(id)});
 }
 
 }  // namespace subworld

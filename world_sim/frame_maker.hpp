@@ -7,7 +7,7 @@
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "world_sim/border_extractor.hpp"
-#include "world_sim/silence_finder.hpp"
+#include "world_sim/suppression_finder.hpp"
 
 #include <memory>
 #include <span>
@@ -25,7 +25,7 @@ struct Heard {
 
 /// How a user's sub-world was chosen.
 struct SelectionFacts {
-  std::size_t left_out = 0;  ///< of the box's bodies, for the budget
+  std::size_t omitted = 0;   ///< of the box's bodies, for the budget
   double expected_s = 0.0;   ///< of a haptic step, by the published costs
   double cost_factor = 1.0;  ///< by which steps were seen to cost more
 };
@@ -52,10 +52,12 @@ class FrameMaker {
     return users_[user].frames[stamp % users_[user].frames.size()];
   }
   /// Between the sub-world's bodies and others, at the newest stamp: contacts, and what may become one.
-  [[nodiscard]] const std::vector<BorderPair>& border(std::size_t user) const noexcept { return users_[user].border; }
+  [[nodiscard]] const std::vector<BoundaryContact>& border(std::size_t user) const noexcept {
+    return users_[user].border;
+  }
   [[nodiscard]] const Membership& membership(std::size_t user) const noexcept { return users_[user].membership; }
   [[nodiscard]] SelectionFacts selection(std::size_t user) const noexcept {
-    return {users_[user].left_out, users_[user].expected_s, users_[user].correction.factor()};
+    return {users_[user].omitted, users_[user].expected_s, users_[user].correction.factor()};
   }
   /// How many sub-worlds hold a body.
   [[nodiscard]] int holders(BodyId id) const;
@@ -64,10 +66,10 @@ class FrameMaker {
   struct User {
     const UserSpec* spec = nullptr;
     Membership membership;
-    std::vector<BorderPair> border;
+    std::vector<BoundaryContact> border;
     Budget budget;
     CostCorrection correction;
-    std::size_t left_out = 0;        ///< of the box's bodies
+    std::size_t omitted = 0;         ///< of the box's bodies
     double expected_s = 0.0;         ///< of a haptic step, by the published costs
     std::vector<WorldFrame> frames;  ///< by stamp
   };
@@ -88,8 +90,8 @@ class FrameMaker {
   std::unique_ptr<BorderExtractor> border_;
   BudgetSelector budget_;
   bool tells_all_pairs_;
-  SilenceFinder silence_;
-  bool may_be_silent_;
+  SuppressionFinder suppression_;
+  bool may_suppress_;
   std::vector<BodyId> scratch_, before_;
 };
 

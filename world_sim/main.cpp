@@ -58,7 +58,7 @@ int main(int argc, char** argv) {
     };
     if (!world.settle(settling)) return;
     const double settle_s = to_seconds(Clock::now() - begin);
-    if (gather(ports, options)) {
+    if (await_peers(ports, options)) {
       measures.bodies().record_now(world);
       Ending ending = realtime ? run_realtime(ports, world, measures, exchange, scene, options.wait_s)
                                : run_lockstep(ports, world, measures, exchange, scene);

@@ -11,7 +11,7 @@ WorldMeasures::WorldMeasures(const std::string& folder, const std::string& trace
                              const BodyRecording& recording)
     : history_(folder.empty() ? "" : folder + "/world.csv",
                {"time_s", "kinetic_energy_j", "potential_energy_j", "energy_excess_j", "step_s", "lateness_s",
-                "clock_factor", "ratio", "substeps"},
+                "real_time_factor", "ratio", "substeps"},
                say),
       bodies_(folder, recording, say),
       trace_(trace, {"world_sim", 1}, kWorldStages, say) {}
@@ -19,42 +19,42 @@ WorldMeasures::WorldMeasures(const std::string& folder, const std::string& trace
 void WorldMeasures::end_cycle() noexcept {
   const StageStep step = stages_.end();
   trace_.counter(Trace::Name::lateness_s, step.begin, newest_lateness_s_);
-  trace_.counter(Trace::Name::clock_factor, step.begin, newest_clock_factor_);
+  trace_.counter(Trace::Name::real_time_factor, step.begin, newest_real_time_factor_);
   if (newest_late_) trace_.instant(Trace::Name::missed_deadline, step.begin);
   trace_.step(step);
 }
 
-void WorldMeasures::cycle(const World& world, const StepTimes& times, double clock_factor, double wall_s) noexcept {
+void WorldMeasures::cycle(const World& world, const StepTimes& times, double real_time_factor, double wall_s) noexcept {
   ++cycles_;
   late_.add(times.miss);
   step_.add(times.step_s);
   lateness_.add(times.lateness_s);
   woken_late_.add(times.woken_late_s);
-  left_out_.resize(world.user_count());
-  for (std::size_t u = 0; u < left_out_.size(); ++u) {
-    left_out_[u].add(static_cast<double>(world.selection(u).left_out));
+  omitted_.resize(world.user_count());
+  for (std::size_t u = 0; u < omitted_.size(); ++u) {
+    omitted_[u].add(static_cast<double>(world.selection(u).omitted));
   }
   const double ratio = world.ratio(), substeps = world.substeps();
   ratio_.add(ratio);
   substeps_.add(substeps);
   newest_late_ = times.miss != Miss::none;
   newest_lateness_s_ = times.lateness_s;
-  newest_clock_factor_ = clock_factor;
-  clock_factor_min_ = std::min(clock_factor_min_, clock_factor);
-  simulated_s_ += clock_factor * wall_s;
+  newest_real_time_factor_ = real_time_factor;
+  real_time_factor_min_ = std::min(real_time_factor_min_, real_time_factor);
+  simulated_s_ += real_time_factor * wall_s;
   wall_s_ += wall_s;
-  if (clock_factor < 1.0) slowed_s_ += wall_s;
+  if (real_time_factor < 1.0) slowed_s_ += wall_s;
   history_.row({world.time_s(), world.kinetic_energy_j(), world.potential_energy_j(), world.energy_excess_j(),
-                times.step_s, times.lateness_s, clock_factor, ratio, substeps});
+                times.step_s, times.lateness_s, real_time_factor, ratio, substeps});
 }
 
 Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s) {
   history_.finish();
   Json selections = Json::array();
-  for (std::size_t u = 0; u < left_out_.size(); ++u) {
+  for (std::size_t u = 0; u < omitted_.size(); ++u) {
     const SelectionFacts last = world.selection(u);
     selections.push_back({{"user", u},
-                          {"left_out", mean_max(left_out_[u])},
+                          {"omitted", mean_max(omitted_[u])},
                           {"expected_step_s", last.expected_s},
                           {"cost_factor", last.cost_factor}});
   }
@@ -67,17 +67,17 @@ Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s
             {"ratio", mean_max(ratio_)},
             {"ratio_changes", world.ratio_changes()},
             {"substeps", mean_max(substeps_)},
-            {"part_s", world.part_s()},
+            {"integration_substep_s", world.integration_substep_s()},
             {"late_cycles", late_.all()},
-            {"late_by_machine", late_.by_machine},
-            {"late_by_us", late_.by_us},
+            {"late_by_os", late_.by_os},
+            {"late_by_run", late_.by_run},
             {"woken_late_s", quantiles(woken_late_)},
             {"machine", machine_.json()},
             {"step_s", quantiles(step_)},
             {"stages", subworld::stages(stages_.times(), kWorldStages)},
             {"lateness_s", quantiles(lateness_)},
-            {"clock_factor_min", clock_factor_min_},
-            {"clock_factor_mean", wall_s_ > 0.0 ? simulated_s_ / wall_s_ : 1.0},
+            {"real_time_factor_min", real_time_factor_min_},
+            {"real_time_factor_mean", wall_s_ > 0.0 ? simulated_s_ / wall_s_ : 1.0},
             {"slowed_s", slowed_s_},
             {"stuck_s", stuck_s_},
             {"released_j", world.released_j()},

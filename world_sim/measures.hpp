@@ -43,8 +43,8 @@ class WorldMeasures {
   [[nodiscard]] Stages<WorldStage>& stages() noexcept { return stages_; }
   [[nodiscard]] BodyHistory& bodies() noexcept { return bodies_; }
 
-  /// After every cycle. `wall_s`: its period on a clock that runs at `clock_factor`; 0 in lock-step.
-  void cycle(const World& world, const StepTimes& times, double clock_factor, double wall_s) noexcept;
+  /// After every cycle. `wall_s`: its period on a clock that runs at `real_time_factor`; 0 in lock-step.
+  void cycle(const World& world, const StepTimes& times, double real_time_factor, double wall_s) noexcept;
   /// Closes the cycle's stages: the last of all.
   void end_cycle() noexcept;
   /// Wall time for which the world needed more than its slowest clock gave it.
@@ -57,8 +57,8 @@ class WorldMeasures {
   void refused_report() noexcept { ++refused_reports_; }
 
   /// What the status shows.
-  [[nodiscard]] LoopState state(const World& world, double clock_factor) const noexcept {
-    return {world.time_s(), world.stamp(), late_.all(), late_.by_machine, step_.sum_s(), 0.0, clock_factor};
+  [[nodiscard]] LoopState state(const World& world, double real_time_factor) const noexcept {
+    return {world.time_s(), world.stamp(), late_.all(), late_.by_os, step_.sum_s(), 0.0, real_time_factor};
   }
   /// After the last cycle.
   [[nodiscard]] Json json(const World& world, std::size_t bodies, double settle_s);
@@ -70,17 +70,17 @@ class WorldMeasures {
   BodyHistory bodies_;
   Stages<WorldStage> stages_;
   Trace trace_;
-  double newest_lateness_s_ = 0.0, newest_clock_factor_ = 1.0;
+  double newest_lateness_s_ = 0.0, newest_real_time_factor_ = 1.0;
   bool newest_late_ = false;
   Histogram step_, lateness_, woken_late_;
   Misses late_;
   MachineShare machine_;
   std::uint64_t cycles_ = 0, lost_reports_ = 0, refused_reports_ = 0;
-  std::vector<MeanMax> left_out_;  ///< bodies, by user
+  std::vector<MeanMax> omitted_;  ///< bodies, by user
   MeanMax ratio_, substeps_;
-  double clock_factor_min_ = 1.0;
+  double real_time_factor_min_ = 1.0;
   double simulated_s_ = 0.0, wall_s_ = 0.0;  ///< of all cycles
-  double slowed_s_ = 0.0, stuck_s_ = 0.0;    ///< wall time with a clock factor below 1, and below its floor
+  double slowed_s_ = 0.0, stuck_s_ = 0.0;    ///< wall time with a real-time factor below 1, and below its floor
   Json engine_changes_ = Json::array();
 };
 

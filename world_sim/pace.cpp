@@ -32,7 +32,7 @@ double Pace::cycle(double cost_s, double late_s) noexcept {
 
   double slip_s = 0.0;
   if (slowed_) {
-    const double target = std::clamp(kShare * cycle_s_ / cost_s_, kSlowestClock, 1.0);
+    const double target = std::clamp(kShare * cycle_s_ / cost_s_, kLeastRealTimeFactor, 1.0);
     const bool near_target = factor_ <= kRecovers * target;
     at_target_s_ = near_target ? at_target_s_ + period : 0.0;
     if (factor_ > kHard * target) {

@@ -11,7 +11,7 @@ namespace subworld {
 
 /// How fast a world's clock runs in real time. A world that needs more than its cycle keeps its step and slows its
 /// clock for everybody (time dilation) to the factor
-///   f = kShare T / C,  C the smoothed cost of a cycle, kSlowestClock <= f <= 1,
+///   f = kShare T / C,  C the smoothed cost of a cycle, kLeastRealTimeFactor <= f <= 1,
 /// which changes by at most kStep a cycle, and falls at once where the cost has trebled: then a cycle may take so long
 /// that small steps would take minutes. A single late cycle is caught up with and does not slow the clock.
 class Pace {
@@ -29,13 +29,13 @@ class Pace {
   /// Returns by how much the coming releases move, s: lateness that is not caught up with.
   double cycle(double cost_s, double late_s) noexcept;
 
-  [[nodiscard]] double clock_factor() const noexcept { return factor_; }
+  [[nodiscard]] double real_time_factor() const noexcept { return factor_; }
   /// Wall time of a cycle, s.
   [[nodiscard]] double period_s() const noexcept { return cycle_s_ / factor_; }
   /// Smoothed cost of a cycle, s.
   [[nodiscard]] double cost_s() const noexcept { return cost_s_; }
   /// The world needs more than a cycle even of the slowest clock.
-  [[nodiscard]] bool stuck() const noexcept { return slowed_ && kShare * cycle_s_ < kSlowestClock * cost_s_; }
+  [[nodiscard]] bool stuck() const noexcept { return slowed_ && kShare * cycle_s_ < kLeastRealTimeFactor * cost_s_; }
   /// What a user should be told, once; a clock that slows again within a second of recovery is no news.
   [[nodiscard]] News take_news() noexcept;
 

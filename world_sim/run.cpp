@@ -8,8 +8,8 @@
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
-#include "world_sim/conductor.hpp"
 #include "world_sim/pace.hpp"
+#include "world_sim/run_control.hpp"
 #include "world_sim/snapshots.hpp"
 
 #include <fmt/format.h>
@@ -44,7 +44,7 @@ void step(World& world, Stages<WorldStage>& stages) {
   stages.mark(WorldStage::extract);
 }
 
-void publish_frames(WorldPorts& ports, World& world, bool last, double start_in_s, double clock_factor) {
+void publish_frames(WorldPorts& ports, World& world, bool last, double start_in_s, double real_time_factor) {
   for (std::size_t u = 0; u < world.user_count(); ++u) {
     if (!last && !world.tells(u)) continue;
     WorldFrame& frame = world.frame(u);
@@ -52,7 +52,7 @@ void publish_frames(WorldPorts& ports, World& world, bool last, double start_in_
     frame.served = ports.served[u];
     frame.last = last;
     frame.start_in_s = start_in_s;
-    frame.clock_factor = clock_factor;
+    frame.real_time_factor = real_time_factor;
     ports.frames[u].write(frame);
   }
 }
@@ -64,11 +64,11 @@ void check_finite(const World& world) {
                           world.time_s()));
 }
 
-void take_orders(WorldPorts& ports, Conductor& conductor, World& world, EngineExchange& exchange) {
+void take_orders(WorldPorts& ports, RunControl& run_control, World& world, EngineExchange& exchange) {
   Control order;
   while (ports.control.take(order) == Take::sample) {
     if (order.verb != ControlVerb::set_engine) {
-      ports.status.answer(order.number, conductor.follow(order));
+      ports.status.answer(order.number, run_control.follow(order));
       continue;
     }
     const auto wanted = parse_engine_order(order);
@@ -105,7 +105,7 @@ void tell_of_second_world(WorldPorts& ports) {
 
 /// Publishes standing frames until every haptic process has answered one: a reader that has only just been matched may
 /// miss what comes first. False when asked to stop.
-bool rouse(WorldPorts& ports, World& world, double wait_s) {
+bool handshake(WorldPorts& ports, World& world, double wait_s) {
   HapticReport report;
   std::vector<bool> answered(world.user_count(), false);
   const TimePoint until = Clock::now() + from_seconds(wait_s);
@@ -138,13 +138,13 @@ void tell_pace(WorldPorts& ports, Pace& pace, double cycle_s) {
       break;
     case Pace::News::slowed:
       ports.status.note(fmt::format("the world needs {:.1f} ms of a {:g} ms cycle: its clock runs at {:.2f}; {}",
-                                    1e3 * pace.cost_s(), 1e3 * cycle_s, pace.clock_factor(), cure));
+                                    1e3 * pace.cost_s(), 1e3 * cycle_s, pace.real_time_factor(), cure));
       break;
     case Pace::News::stuck:
       ports.status.note(
           fmt::format("the world needs {:.0f} ms of a {:g} ms cycle, more than its slowest clock ({:g}) "
                       "gives it: it stops and goes; {}",
-                      1e3 * pace.cost_s(), 1e3 * cycle_s, kSlowestClock, cure));
+                      1e3 * pace.cost_s(), 1e3 * cycle_s, kLeastRealTimeFactor, cure));
       break;
     case Pace::News::recovered:
       ports.status.note("the world keeps up again: its clock runs at full speed");
@@ -152,12 +152,12 @@ void tell_pace(WorldPorts& ports, Pace& pace, double cycle_s) {
   }
 }
 
-Ending ending_of(const WorldPorts& ports, const World& world, const Conductor& conductor, const Settings& settings) {
+Ending ending_of(const WorldPorts& ports, const World& world, const RunControl& run_control, const Settings& settings) {
   return {.session = ports.session,
           .to_s = world.time_s(),
-          .by = over(world, settings) ? "duration"
-                : conductor.stopped() ? "control"
-                                      : name_of_signal(stop_signal()),
+          .by = over(world, settings)   ? "duration"
+                : run_control.stopped() ? "control"
+                                        : name_of_signal(stop_signal()),
           .fault = {}};
 }
 
@@ -200,7 +200,7 @@ void acknowledge(WorldPorts& ports) {
 
 }  // namespace
 
-bool gather(WorldPorts& ports, const Options& options) {
+bool await_peers(WorldPorts& ports, const Options& options) {
   ports.status.enter("waiting");
   const TimePoint until = Clock::now() + from_seconds(options.wait_s);
   const auto wait_for = [&](const auto& there, const std::string& missing, const std::string& cure) {
@@ -272,7 +272,7 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
     return true;
   };
 
-  Conductor conductor;
+  RunControl run_control;
   publish_frames(ports, world, false, 0.0, 1.0);
   bool last = false;
   stages.begin();
@@ -282,17 +282,17 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
       break;
     }
     tell_of_second_world(ports);
-    take_orders(ports, conductor, world, exchange);
-    while (!conductor.may_step() && !conductor.stopped() && stop_signal() == 0) {
+    take_orders(ports, run_control, world, exchange);
+    while (!run_control.may_step() && !run_control.stopped() && stop_signal() == 0) {
       ports.bus->wait(0.05);
-      take_orders(ports, conductor, world, exchange);
+      take_orders(ports, run_control, world, exchange);
       exchange_engine(ports, world, exchange, measures);
     }
     exchange_engine(ports, world, exchange, measures);
     const TimePoint begin = stages.mark(WorldStage::control);
     step(world, stages);
     // A stop takes effect between cycles, and as a last frame: so everybody ends in order.
-    last = over(world, scene.settings) || stop_signal() != 0 || conductor.stopped();
+    last = over(world, scene.settings) || stop_signal() != 0 || run_control.stopped();
     publish_frames(ports, world, last, 0.0, 1.0);
     measures.cycle(world, {to_seconds(stages.mark(WorldStage::send) - begin)}, 1.0, 0.0);
     measures.bodies().record(world, std::numeric_limits<double>::infinity());
@@ -309,7 +309,7 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
   if (world.scheme().border() != Border::none && receive_due()) world.synchronise();
   world.close();
   acknowledge(ports);
-  return ending_of(ports, world, conductor, scene.settings);
+  return ending_of(ports, world, run_control, scene.settings);
 }
 
 Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
@@ -324,7 +324,7 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
 
   Stages<WorldStage>& stages = measures.stages();
   BackgroundSnapshots snapshots(ports.snapshots, world);
-  Conductor conductor;
+  RunControl run_control;
   HapticReport report;
   reserve(report, kUsualMembers);
   std::vector<std::uint64_t> newest(world.user_count(), 0);
@@ -333,9 +333,9 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
   bool yielding = false;
   Users users(world.user_count());
   bool last = false;
-  if (!rouse(ports, world, wait_s)) return ending_of(ports, world, conductor, scene.settings);
+  if (!handshake(ports, world, wait_s)) return ending_of(ports, world, run_control, scene.settings);
   const double start_in_s = kStartIn_s + h * static_cast<double>(world.timetable().start(lead));
-  publish_frames(ports, world, false, start_in_s, pace.clock_factor());
+  publish_frames(ports, world, false, start_in_s, pace.real_time_factor());
   Cyclic loop(Clock::now() + from_seconds(start_in_s), from_seconds(first_cycle_s));
   Lateness lateness(thread_use());
   measures.loop_begins(scheduling);
@@ -362,12 +362,12 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
       }
     }
     tell_of_second_world(ports);
-    take_orders(ports, conductor, world, exchange);
+    take_orders(ports, run_control, world, exchange);
     exchange_engine(ports, world, exchange, measures);
     users.observe(ports, world.time_s(), period_s);
     stages.mark(WorldStage::control);
-    last = stop_signal() != 0 || conductor.stopped() || users.all_gone();
-    if (!conductor.may_step() && !last) {
+    last = stop_signal() != 0 || run_control.stopped() || users.all_gone();
+    if (!run_control.may_step() && !last) {
       // The haptic processes hold their sub-worlds still while the world's clock stands.
       publish_frames(ports, world, false, cycle_s, 0.0);
       ports.status.update(measures.state(world, 0.0));
@@ -384,7 +384,7 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
     const double slip_s =
         pace.cycle(to_seconds(stepped - begin) + publish_s, to_seconds(stepped - deadline) + publish_s);
     loop.shift(from_seconds(slip_s));
-    publish_frames(ports, world, last, to_seconds(loop.deadline() - Clock::now()), pace.clock_factor());
+    publish_frames(ports, world, last, to_seconds(loop.deadline() - Clock::now()), pace.real_time_factor());
     const TimePoint end = stages.mark(WorldStage::send);
     publish_s = to_seconds(end - stepped);
     const ThreadUse use = thread_use();
@@ -405,8 +405,8 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
       }
     }
     measures.bodies().record(world, to_seconds(loop.deadline() - Clock::now()));
-    snapshots.renew(world, pace.clock_factor());
-    ports.status.update(measures.state(world, pace.clock_factor()));
+    snapshots.renew(world, pace.real_time_factor());
+    ports.status.update(measures.state(world, pace.real_time_factor()));
     stages.mark(WorldStage::display);
     measures.end_cycle();
     check_finite(world);
@@ -416,7 +416,7 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
   snapshots.finish();
   world.close();
   acknowledge(ports);
-  Ending ending = ending_of(ports, world, conductor, scene.settings);
+  Ending ending = ending_of(ports, world, run_control, scene.settings);
   ending.fault = users.fault();
   if (users.all_gone()) ending.by = "fault";
   return ending;

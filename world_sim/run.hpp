@@ -9,7 +9,7 @@ namespace subworld {
 
 /// Waits until every user's haptic process has joined. False when asked to stop. Throws `Error` (failed) that names
 /// who is missing.
-[[nodiscard]] bool gather(WorldPorts& ports, const Options& options);
+[[nodiscard]] bool await_peers(WorldPorts& ports, const Options& options);
 
 /// Each cycle waits for every user's report. Throws `Error` (failed) when a haptic process dies or is started again, or
 /// the world is no longer finite.

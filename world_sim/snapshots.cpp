@@ -23,7 +23,7 @@ void Snapshots::publish(const WorldView& view, bool complete) {
   complete = complete || view.stamp_s >= next_complete_s_;
   shown_.resize(view.states.size());
   snapshot_.stamp_s = view.stamp_s;
-  snapshot_.clock_factor = view.clock_factor;
+  snapshot_.real_time_factor = view.real_time_factor;
   snapshot_.users = view.users;
   snapshot_.moved.clear();
   for (std::uint32_t i = 0; i < view.states.size(); ++i) {
@@ -62,11 +62,11 @@ void BackgroundSnapshots::work() {
   }
 }
 
-void BackgroundSnapshots::renew(const World& world, double clock_factor) {
+void BackgroundSnapshots::renew(const World& world, double real_time_factor) {
   if (writer_.matched() == 0) return;
   newest_.renew([&](WorldView& view) {
     world.look(view);
-    view.clock_factor = clock_factor;
+    view.real_time_factor = real_time_factor;
   });
 }
 

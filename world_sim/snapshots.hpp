@@ -37,7 +37,7 @@ class BackgroundSnapshots {
   BackgroundSnapshots& operator=(const BackgroundSnapshots&) = delete;
 
   /// After each step, from the loop. Does not wait.
-  void renew(const World& world, double clock_factor);
+  void renew(const World& world, double real_time_factor);
   /// Publishes how it ended, whole.
   void finish();
 

@@ -55,8 +55,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
     : scene_(scene),
       scheme_(make_scheme(scene.settings)),
       live_(make(without_substeps(scene.settings.world), scene.meshes)),
-      engine_(live_, scene, proxies_of(scene), leaves_out(scene, Saving::rest),
-              leaves_out(scene, Saving::sway)),
+      engine_(live_, scene, proxies_of(scene), enabled(scene, Optimisation::rest), enabled(scene, Optimisation::sway)),
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
       remembered_(remembered_cycles(scene.settings, *scheme_)),
@@ -64,8 +63,8 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
       ratio_control_(scene.settings),
       engine_cost_(engine_cost(without_substeps(scene.settings.world))),
       cycle_s_(scene.settings.shortest_cycle_s()),
-      reads_friction_(scene.settings.has_sub_worlds() || !leaves_out(scene, Saving::impulses)),
-      reads_friction_later_(scene.settings.has_sub_worlds() && leaves_out(scene, Saving::impulses)),
+      reads_friction_(scene.settings.has_sub_worlds() || !enabled(scene, Optimisation::impulses)),
+      reads_friction_later_(scene.settings.has_sub_worlds() && enabled(scene, Optimisation::impulses)),
       motions_(scene.bodies.size()),
       frames_(scene, *scheme_, remembered_),
       heard_(users_.size()),
@@ -94,9 +93,9 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
     }
     users_[u].synchroniser =
         std::make_unique<Synchroniser>(*scheme_, remembered_, scene.users[u].proxy, std::move(peers));
-    users_[u].silence = SilentCycles(scheme_->lead_cycles());
+    users_[u].suppression = SuppressedCycles(scheme_->lead_cycles());
     // A silence ends with a report that is so much ahead.
-    users_[u].inbox.resize(remembered_ + (leaves_out(scene, Saving::silence) ? kMostSilentCycles : 0));
+    users_[u].inbox.resize(remembered_ + (enabled(scene, Optimisation::suppression) ? kMostSuppressedCycles : 0));
     users_[u].waiting.resize(users_[u].inbox.size());
     if (scene.settings.mode == Mode::realtime) {
       for (HapticReport& report : users_[u].inbox) reserve(report, kUsualMembers);
@@ -168,7 +167,7 @@ void World::begin_cycle() {
       std::isfinite(for_scheme_s) ? std::min(for_scheme_s, engine_.capabilities().longest_step_s) : for_scheme_s;
   const auto lead = static_cast<std::uint64_t>(scheme_->lead_cycles());
   const double time_s = seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp_ + lead)));
-  substeps_ = ratio_control_.choose_parts(substeps_, cycle_s_, longest_s, time_s, cycle_cost_);
+  substeps_ = ratio_control_.choose_substeps(substeps_, cycle_s_, longest_s, time_s, cycle_cost_);
 }
 
 bool World::border_is_felt(std::size_t user) {
@@ -206,7 +205,7 @@ bool World::receive(HapticReport&& report) {
   const std::size_t slot = report.stamp % user.inbox.size();
   std::swap(user.inbox[slot], report);  // the caller goes on with the old one's memory
   user.waiting[slot] = true;
-  user.silence.end(user.inbox[slot].stamp);
+  user.suppression.end(user.inbox[slot].stamp);
   return true;
 }
 
@@ -352,13 +351,13 @@ void World::make_frames() {
   frames_.make({stamp_, time_s(), cycle_s_, timetable_, engine_, contacts_, friction, graph_, motions_}, heard_,
                -half_step_offset_s());
   for (std::size_t u = 0; u < users_.size(); ++u) {
-    if (tells(u)) users_[u].silence.begin(frames_.frame(u, stamp_));
+    if (tells(u)) users_[u].suppression.begin(frames_.frame(u, stamp_));
   }
 }
 
 double World::half_step_offset_s() const {
   if (scheme_->lead_cycles() == 0) return 0.0;
-  return 0.5 * (part_s() - scene_.settings.h_s);
+  return 0.5 * (integration_substep_s() - scene_.settings.h_s);
 }
 
 void World::account() {
@@ -375,17 +374,17 @@ void World::account() {
     kinetic_j_ += kinetic_energy(body, s);
     potential_j_ += potential_j(id);
   }
-  double of_hands_j = 0.0;
+  double of_operators_j = 0.0;
   for (const User& user : users_) {
     const BodyState& s = motions_[index(user.spec->proxy)].state;
     const double proxy_j = kinetic_energy(user.tool.body, s);
     kinetic_j_ += proxy_j - kinetic_energy(scene_.body(user.spec->proxy), s);
-    of_hands_j += proxy_j;
+    of_operators_j += proxy_j;
   }
   const double energy_j = kinetic_j_ + potential_j_;
   // How a proxy moves is its hand's work, to and fro.
-  const double of_bodies_j = energy_j - of_hands_j;
-  released_j_ += stamp_ > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_hands_j;
+  const double of_bodies_j = energy_j - of_operators_j;
+  released_j_ += stamp_ > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_operators_j;
   of_bodies_j_ = of_bodies_j;
   energy_j_[stamp_ % remembered_] = energy_j;
 }

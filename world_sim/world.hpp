@@ -4,7 +4,7 @@
 #include "coupling/ghost.hpp"
 #include "coupling/ratio_control.hpp"
 #include "coupling/scheme.hpp"
-#include "coupling/silence.hpp"
+#include "coupling/suppression.hpp"
 #include "coupling/synchroniser.hpp"
 #include "coupling/timetable.hpp"
 #include "coupling/tool.hpp"
@@ -24,7 +24,7 @@ namespace subworld {
 /// What can be seen of the world at one stamp.
 struct WorldView {
   double stamp_s = 0.0;
-  double clock_factor = 1.0;
+  double real_time_factor = 1.0;
   std::vector<BodyState> states;  ///< by body id
   std::vector<UserView> users;
 };
@@ -52,10 +52,10 @@ class World {
   void step();
 
   /// Whether the frame of the present stamp is to be sent: its user's sub-world waits for it.
-  [[nodiscard]] bool tells(std::size_t user) const noexcept { return !users_[user].silence.lacks_frame(stamp_); }
+  [[nodiscard]] bool tells(std::size_t user) const noexcept { return !users_[user].suppression.lacks_frame(stamp_); }
   /// Whether the report of this stamp is here and not used yet, or will not come.
   [[nodiscard]] bool has_report(std::size_t user, std::uint64_t stamp) const noexcept {
-    return users_[user].holds(stamp) || users_[user].silence.lacks_report(stamp);
+    return users_[user].holds(stamp) || users_[user].suppression.lacks_report(stamp);
   }
 
   /// The stamp of the newest report that the next step uses if it is there.
@@ -85,7 +85,9 @@ class World {
   /// The world at the present stamp as user u sees it; new after each step().
   [[nodiscard]] WorldFrame& frame(std::size_t user) { return frames_.frame(user, stamp_); }
   /// The border of user u's sub-world, at the present stamp.
-  [[nodiscard]] const std::vector<BorderPair>& border(std::size_t user) const noexcept { return frames_.border(user); }
+  [[nodiscard]] const std::vector<BoundaryContact>& border(std::size_t user) const noexcept {
+    return frames_.border(user);
+  }
   /// How user u's sub-world was chosen, at the present stamp.
   [[nodiscard]] SelectionFacts selection(std::size_t user) const noexcept { return frames_.selection(user); }
   [[nodiscard]] SceneDescription description(std::uint64_t settings_hash) const;
@@ -108,7 +110,7 @@ class World {
   /// Steps of the engine in the last cycle.
   [[nodiscard]] int substeps() const noexcept { return substeps_; }
   /// Length of the parts in which the engine integrated.
-  [[nodiscard]] double part_s() const { return engine_.part_s(cycle_s_ / substeps_); }
+  [[nodiscard]] double integration_substep_s() const { return engine_.integration_substep_s(cycle_s_ / substeps_); }
   [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
@@ -137,7 +139,7 @@ class World {
     HapticReport report;              ///< newest used
     HapticReport before;              ///< the one used before it
     bool heard = false;
-    SilentCycles silence{0};
+    SuppressedCycles suppression{0};
 
     [[nodiscard]] bool holds(std::uint64_t stamp) const noexcept {
       const std::size_t slot = stamp % inbox.size();
@@ -145,7 +147,7 @@ class World {
     }
     /// The report of a stamp, or that which ends the silence in which it lies, or the newest used.
     [[nodiscard]] const HapticReport& at(std::uint64_t stamp) const noexcept {
-      while (silence.lacks_report(stamp)) ++stamp;
+      while (suppression.lacks_report(stamp)) ++stamp;
       return holds(stamp) ? inbox[stamp % inbox.size()] : report;
     }
   };

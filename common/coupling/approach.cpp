@@ -87,7 +87,7 @@ Box ApproachFinder::ghost(BodyId id, const BodyState& state, const Box& bounds) 
   return pushers_.emplace_back(mover(id, state, bounds)).swept();
 }
 
-void ApproachFinder::hang_on(std::size_t first, const Membership& membership, const ContactGraph& graph) {
+void ApproachFinder::attach(std::size_t first, const Membership& membership, const ContactGraph& graph) {
   for (std::size_t k = first; k < linked_.size(); ++k) {
     for (const auto& [next, outwards, impulse, i] : graph.neighbours(linked_[k])) {
       if (places_[index(next)] != Place::apart || scene_.body(next).fixed() || membership.holds(next)) continue;
@@ -99,18 +99,18 @@ void ApproachFinder::hang_on(std::size_t first, const Membership& membership, co
 }
 
 std::span<const BodyId> ApproachFinder::touching(const Membership& membership, const ContactGraph& graph,
-                                                 std::span<const BorderPair> contacts) {
+                                                 std::span<const BoundaryContact> contacts) {
   linked_.clear();
-  for (const BorderPair& pair : contacts) {
+  for (const BoundaryContact& pair : contacts) {
     if (places_[index(pair.outside)] != Place::apart) continue;
     put(pair.outside, Place::touching);
     linked_.push_back(pair.outside);
   }
-  hang_on(0, membership, graph);
+  attach(0, membership, graph);
   return linked_;
 }
 
-bool ApproachFinder::pushed(const BorderPair& pair, const ContactGraph& graph) const {
+bool ApproachFinder::pushed(const BoundaryContact& pair, const ContactGraph& graph) const {
   BodyId pusher = pair.inside;
   while (places_[index(pusher)] == Place::hanging) {
     const Contact& hook = graph.contact(hooks_[index(pusher)]);
@@ -120,7 +120,7 @@ bool ApproachFinder::pushed(const BorderPair& pair, const ContactGraph& graph) c
   return pusher != pair.outside;
 }
 
-void ApproachFinder::unhang(BodyId hanging, const ContactGraph& graph, std::vector<BorderPair>& border) {
+void ApproachFinder::unhang(BodyId hanging, const ContactGraph& graph, std::vector<BoundaryContact>& border) {
   while (places_[index(hanging)] == Place::hanging) {
     put(hanging, Place::found);
     const Contact& hook = graph.contact(hooks_[index(hanging)]);
@@ -155,7 +155,7 @@ ApproachFinder::Gap ApproachFinder::gap_along(Vec3 normal, const Mover& one, con
   return {normal, normal.dot(apart) - reach_m(one, -normal) - reach_m(other, normal)};
 }
 
-std::optional<BorderPair> ApproachFinder::meet(const Mover& pusher, const Mover& other) const {
+std::optional<BoundaryContact> ApproachFinder::meet(const Mover& pusher, const Mover& other) const {
   const Vec3 apart = pusher.state.position - other.state.position;
   const Eigen::Matrix3d mine = pusher.state.orientation.toRotationMatrix();
   const Eigen::Matrix3d theirs = other.state.orientation.toRotationMatrix();
@@ -173,17 +173,17 @@ std::optional<BorderPair> ApproachFinder::meet(const Mover& pusher, const Mover&
   const double edge_m = kEdge * std::min(smallest(pusher.bounds), smallest(other.bounds));
   const auto beside = [&](const Gap& g) { return std::abs(g.normal.dot(gap.normal)) < kAcross && left_m(g) > -edge_m; };
   if (std::any_of(gaps.begin() + 1, gaps.end(), beside)) return std::nullopt;
-  return BorderPair{.inside = pusher.id,
-                    .outside = other.id,
-                    .point = pusher.state.position - reach_m(pusher, -gap.normal) * gap.normal,
-                    .normal = gap.normal,
-                    .distance = std::max(0.0, gap.distance)};
+  return BoundaryContact{.inside = pusher.id,
+                         .outside = other.id,
+                         .point = pusher.state.position - reach_m(pusher, -gap.normal) * gap.normal,
+                         .normal = gap.normal,
+                         .distance = std::max(0.0, gap.distance)};
 }
 
 std::optional<Box> ApproachFinder::find(const Membership& membership, const ContactGraph& graph,
-                                        std::vector<BorderPair>& border) {
+                                        std::vector<BoundaryContact>& border) {
   const auto known = [&](BodyId in, BodyId out) {
-    return std::ranges::any_of(border, [&](const BorderPair& p) { return p.inside == in && p.outside == out; });
+    return std::ranges::any_of(border, [&](const BoundaryContact& p) { return p.inside == in && p.outside == out; });
   };
   const auto wanted = [&](const Mover& pusher, const Mover& other) {
     const bool member = places_[index(pusher.id)] == Place::inside;
@@ -204,14 +204,14 @@ std::optional<Box> ApproachFinder::find(const Membership& membership, const Cont
     const Box swept = pusher.swept();
     for (const Mover& other : near_) {
       if (!swept.meets(other.swept()) || !wanted(pusher, other)) continue;
-      const std::optional<BorderPair> pair = meet(pusher, other);
+      const std::optional<BoundaryContact> pair = meet(pusher, other);
       if (!pair || !pushed(*pair, graph)) continue;
       unhang(pusher.id, graph, border);
       border.push_back(*pair);
       if (places_[index(other.id)] != Place::apart) continue;
       put(other.id, Place::found);
       linked_.push_back(other.id);
-      hang_on(linked_.size() - 1, membership, graph);
+      attach(linked_.size() - 1, membership, graph);
       pushers_.push_back(other);
       if (!where) where = other.swept();
       where->extend(other.swept());

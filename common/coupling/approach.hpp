@@ -32,7 +32,7 @@ class ApproachFinder {
   /// `contacts` are the border's, `graph` that of all the world's. Returns the outside bodies that touch the inside and
   /// those that hang on them; each is to be told by `ghost`, which returns the bounds of all places that it may reach.
   std::span<const BodyId> touching(const Membership& membership, const ContactGraph& graph,
-                                   std::span<const BorderPair> contacts);
+                                   std::span<const BoundaryContact> contacts);
   Box ghost(BodyId id, const BodyState& state, const Box& bounds);
   /// A body that `may_come`, and does so if it gets to `where`.
   void outside(BodyId id, const BodyState& state, const Box& bounds, const Box& where);
@@ -41,7 +41,8 @@ class ApproachFinder {
   /// Adds to `border`, which holds the contacts, pairs that may become ones, without impulses. Their normals are those
   /// of the faces, or the line between the centres, that part them most. The contacts by which what hangs is pushed
   /// into something are added as well. Returns where to look for what they may meet.
-  std::optional<Box> find(const Membership& membership, const ContactGraph& graph, std::vector<BorderPair>& border);
+  std::optional<Box> find(const Membership& membership, const ContactGraph& graph,
+                          std::vector<BoundaryContact>& border);
 
  private:
   struct Mover {
@@ -63,15 +64,15 @@ class ApproachFinder {
   [[nodiscard]] Mover mover(BodyId id, const BodyState& state, const Box& bounds) const noexcept;
   void put(BodyId id, Place place);
   /// What hangs by contacts on the linked bodies from `first` on goes with them.
-  void hang_on(std::size_t first, const Membership& membership, const ContactGraph& graph);
+  void attach(std::size_t first, const Membership& membership, const ContactGraph& graph);
   [[nodiscard]] double reach_m(const Mover& mover, const Vec3& along) const;
   [[nodiscard]] Gap gap_along(Vec3 normal, const Mover& one, const Mover& other) const;
   /// Whether the pair's first body, if it hangs, is pushed towards the second by what it hangs on.
-  [[nodiscard]] bool pushed(const BorderPair& pair, const ContactGraph& graph) const;
+  [[nodiscard]] bool pushed(const BoundaryContact& pair, const ContactGraph& graph) const;
   /// Takes a hanging body, and those between it and what it hangs on, to the border.
-  void unhang(BodyId hanging, const ContactGraph& graph, std::vector<BorderPair>& border);
+  void unhang(BodyId hanging, const ContactGraph& graph, std::vector<BoundaryContact>& border);
   /// The pair, if it may become a contact.
-  [[nodiscard]] std::optional<BorderPair> meet(const Mover& pusher, const Mover& other) const;
+  [[nodiscard]] std::optional<BoundaryContact> meet(const Mover& pusher, const Mover& other) const;
 
   const Scene& scene_;
   double time_s_ = 0.0;

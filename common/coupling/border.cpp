@@ -4,7 +4,7 @@
 
 namespace subworld {
 
-BorderPair pair_of(const Contact& contact, BodyId inside) {
+BoundaryContact pair_of(const Contact& contact, BodyId inside) {
   const bool a_inside = contact.a == inside;
   const double sign = a_inside ? 1.0 : -1.0;
   return {.inside = inside,
@@ -16,7 +16,8 @@ BorderPair pair_of(const Contact& contact, BodyId inside) {
           .tangential_impulse = sign * contact.tangential_impulse};
 }
 
-void extract_border(std::span<const Contact> contacts, const Membership& membership, std::vector<BorderPair>& out) {
+void extract_border(std::span<const Contact> contacts, const Membership& membership,
+                    std::vector<BoundaryContact>& out) {
   out.clear();
   const auto movable_member = [&](BodyId id) {
     return std::binary_search(membership.members.begin(), membership.members.end(), id);
@@ -29,16 +30,16 @@ void extract_border(std::span<const Contact> contacts, const Membership& members
   }
 }
 
-void border_bodies(std::span<const BorderPair> border, std::vector<BodyId>& out) {
+void border_bodies(std::span<const BoundaryContact> border, std::vector<BodyId>& out) {
   out.clear();
-  for (const BorderPair& pair : border) out.push_back(pair.inside);
+  for (const BoundaryContact& pair : border) out.push_back(pair.inside);
   std::sort(out.begin(), out.end());
   out.erase(std::unique(out.begin(), out.end()), out.end());
 }
 
-void frozen_impulses(std::span<const BorderPair> border, double fraction, std::vector<PointImpulse>& out) {
+void frozen_impulses(std::span<const BoundaryContact> border, double fraction, std::vector<PointImpulse>& out) {
   out.clear();
-  for (const BorderPair& pair : border) {
+  for (const BoundaryContact& pair : border) {
     out.push_back({pair.inside, fraction * (pair.normal_impulse * pair.normal + pair.tangential_impulse), pair.point});
   }
 }

@@ -10,14 +10,14 @@
 namespace subworld {
 
 /// A contact as a border contact of the one of its bodies that is inside. Its impulses are turned to act on that one.
-[[nodiscard]] BorderPair pair_of(const Contact& contact, BodyId inside);
+[[nodiscard]] BoundaryContact pair_of(const Contact& contact, BodyId inside);
 
 /// Border contacts: those of the world's last step between a member and a body that is not in the sub-world
 /// (paper 4.2).
-void extract_border(std::span<const Contact> contacts, const Membership& membership, std::vector<BorderPair>& out);
+void extract_border(std::span<const Contact> contacts, const Membership& membership, std::vector<BoundaryContact>& out);
 
 /// Members with at least one border contact, ascending, each once.
-void border_bodies(std::span<const BorderPair> border, std::vector<BodyId>& out);
+void border_bodies(std::span<const BoundaryContact> border, std::vector<BodyId>& out);
 
 struct PointImpulse {
   BodyId body{};
@@ -27,6 +27,6 @@ struct PointImpulse {
 
 /// The impulses that stand for the outside during one haptic step: the world's, divided by the ratio (paper 4.2).
 /// `fraction` is the part of a world step that a haptic step covers, 1 / r.
-void frozen_impulses(std::span<const BorderPair> border, double fraction, std::vector<PointImpulse>& out);
+void frozen_impulses(std::span<const BoundaryContact> border, double fraction, std::vector<PointImpulse>& out);
 
 }  // namespace subworld

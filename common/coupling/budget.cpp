@@ -113,7 +113,7 @@ void BudgetSelector::limit(BodyId proxy, std::span<const BodyId> present, const 
   }
   offers_.clear();
   cost_s_ = budget.cost.of(size.bodies, size.contacts);
-  left_out_ = std::erase_if(members, [&](BodyId id) { return !standings_[index(id)].member; });
+  omitted_ = std::erase_if(members, [&](BodyId id) { return !standings_[index(id)].member; });
   for (const BodyId id : touched_) standings_[index(id)] = {};
   touched_.clear();
 }

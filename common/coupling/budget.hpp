@@ -58,7 +58,7 @@ class BudgetSelector {
 
   /// What the step of the chosen ones costs by the coefficients, s.
   [[nodiscard]] double cost_s() const noexcept { return cost_s_; }
-  [[nodiscard]] std::size_t left_out() const noexcept { return left_out_; }
+  [[nodiscard]] std::size_t omitted() const noexcept { return omitted_; }
 
  private:
   /// What is known of a body during a selection.
@@ -91,7 +91,7 @@ class BudgetSelector {
   std::vector<Offer> offers_;        ///< a heap, the most important first
   std::vector<BodyId> new_ghosts_;
   double cost_s_ = 0.0;
-  std::size_t left_out_ = 0;
+  std::size_t omitted_ = 0;
 };
 
 }  // namespace subworld

@@ -11,8 +11,9 @@ namespace subworld {
 ///
 /// What a hand gets back, it must have put in before: a passive system. The net energy alone tells little, because what
 /// friction has used up would count as still there. So the level is that of a tank which holds no more than the virtual
-/// coupling can store; what is taken from the empty tank has been created. A coupling at its limit is a constant force that
-/// stores what is put in. Bodies that fall or fly into the hand bring energy of their own: only the world knows how much.
+/// coupling can store; what is taken from the empty tank has been created. A coupling at its limit is a constant force
+/// that stores what is put in. Bodies that fall or fly into the hand bring energy of their own: only the world knows
+/// how much.
 class EnergyPort {
  public:
   explicit EnergyPort(double capacity_j) noexcept : capacity_j_(capacity_j) {}
@@ -55,9 +56,9 @@ class EnergyPort {
 }
 
 /// The port between a device and a hand.
-class HandPort {
+class OperatorPort {
  public:
-  explicit HandPort(const UserSpec& user) noexcept
+  explicit OperatorPort(const UserSpec& user) noexcept
       : kind_(user.device.kind),
         force_limit_n_(user.device.force_limit_n),
         torque_limit_n_m_(user.device.torque_limit_n_m),
@@ -67,21 +68,22 @@ class HandPort {
   /// Once per step, with the device as it is now: what has crossed since the last step. An impedance device has held
   /// the wrench on the hand since then; of an admittance device the hand's own counts, as it is measured.
   void step(const DeviceState& now) noexcept {
-    const Wrench of_hand = kind_ == DeviceKind::impedance ? Wrench{-held_.force, -held_.torque}
-                                                          : Wrench{0.5 * (before_.applied.force + now.applied.force),
-                                                                   0.5 * (before_.applied.torque + now.applied.torque)};
+    const Wrench of_operator = kind_ == DeviceKind::impedance
+                                   ? Wrench{-held_.force, -held_.torque}
+                                   : Wrench{0.5 * (before_.applied.force + now.applied.force),
+                                            0.5 * (before_.applied.torque + now.applied.torque)};
     if (begun_) {
       constexpr double kAll = 0.999;
-      linear_.flow(of_hand.force.dot(now.pose.position - before_.pose.position),
-                   of_hand.force.norm() >= kAll * force_limit_n_);
-      angular_.flow(of_hand.torque.dot(turn(before_.pose.orientation, now.pose.orientation)),
-                    of_hand.torque.norm() >= kAll * torque_limit_n_m_);
+      linear_.flow(of_operator.force.dot(now.pose.position - before_.pose.position),
+                   of_operator.force.norm() >= kAll * force_limit_n_);
+      angular_.flow(of_operator.torque.dot(turn(before_.pose.orientation, now.pose.orientation)),
+                    of_operator.torque.norm() >= kAll * torque_limit_n_m_);
     }
     begun_ = true;
     before_ = now;
   }
   /// The wrench on the hand from now on.
-  void hold(const Wrench& on_hand) noexcept { held_ = on_hand; }
+  void hold(const Wrench& on_operator) noexcept { held_ = on_operator; }
 
   [[nodiscard]] const EnergyPort& linear() const noexcept { return linear_; }
   [[nodiscard]] const EnergyPort& angular() const noexcept { return angular_; }

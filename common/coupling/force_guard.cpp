@@ -23,7 +23,7 @@ Vec3 with_power(const Vec3& force, const Vec3& velocity, double most_w) noexcept
 
 }  // namespace
 
-HandLimits hand_limits_of(const DeviceSpec& device) noexcept {
+OperatorLimits operator_limits_of(const DeviceSpec& device) noexcept {
   return {.wrench = limits_of(device),
           .force_rate_n_s = device.force_rate_limit_n_s.value_or(device.force_limit_n / DeviceSpec::kFullScale_s),
           .torque_rate_n_m_s = device.torque_limit_n_m / DeviceSpec::kFullScale_s,

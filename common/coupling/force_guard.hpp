@@ -5,14 +5,14 @@
 namespace subworld {
 
 /// What a hand may get from a device.
-struct HandLimits {
+struct OperatorLimits {
   ForceLimits wrench;
   double force_rate_n_s = 0.0;     ///< by which the force changes
   double torque_rate_n_m_s = 0.0;  ///< by which the torque changes
   double power_w = 0.0;            ///< of the force where it moves the hand
 };
 
-[[nodiscard]] HandLimits hand_limits_of(const DeviceSpec& device) noexcept;
+[[nodiscard]] OperatorLimits operator_limits_of(const DeviceSpec& device) noexcept;
 
 /// The last thing before a hand, on each side of the wire and without trust in the other: whatever goes in, what comes
 /// out is finite, within the limits of force, of its rate and of its power, and rises from zero. While the source is
@@ -22,7 +22,7 @@ class ForceGuard {
  public:
   static constexpr double kFadeOut_s = 0.02;
 
-  ForceGuard(const HandLimits& limits, double ramp_s) noexcept : limits_(limits), ramp_s_(ramp_s) {}
+  ForceGuard(const OperatorLimits& limits, double ramp_s) noexcept : limits_(limits), ramp_s_(ramp_s) {}
 
   /// Call once per step of `dt` seconds, with the wrench on the hand and the hand's velocity, m/s.
   [[nodiscard]] Wrench pass(const Wrench& wanted, const Vec3& velocity, bool trusted, double dt) noexcept;
@@ -31,7 +31,7 @@ class ForceGuard {
   void soften() noexcept { soft_s_ = kSoft_s; }
 
   /// The wrench fades out, and ramps in anew.
-  void let_go() noexcept { letting_go_ = true; }
+  void declutch() noexcept { letting_go_ = true; }
 
   /// Nothing was sent for long enough that the hand feels none any more: begins at zero.
   void restart() noexcept {
@@ -44,7 +44,7 @@ class ForceGuard {
   [[nodiscard]] Wrench follow(const Wrench& wanted, double dt) noexcept;
 
   static constexpr double kSoft_s = 0.1;  ///< at least so long
-  HandLimits limits_;
+  OperatorLimits limits_;
   double ramp_s_;
   double soft_s_ = 0.0;  ///< > 0: soft
   double gain_ = 0.0;

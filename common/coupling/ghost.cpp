@@ -35,7 +35,7 @@ GhostModeller::GhostModeller(const Scene& scene) : scene_(scene), carried_(scene
   counted_.reserve(scene.bodies.size());
   holds_.reserve(64);
   pushed_.reserve(4 * scene.bodies.size());
-  loose_.reserve(scene.bodies.size());
+  approaching_.reserve(scene.bodies.size());
 }
 
 bool GhostModeller::grounded(BodyId id, const ContactGraph& graph) const {
@@ -61,7 +61,7 @@ bool GhostModeller::push(BodyId from, const Vec3& along, const Surroundings& aro
 }
 
 bool GhostModeller::in_engine(BodyId id, const Surroundings& around) const {
-  return std::ranges::binary_search(around.membership.members, id) || std::ranges::binary_search(loose_, id);
+  return std::ranges::binary_search(around.membership.members, id) || std::ranges::binary_search(approaching_, id);
 }
 
 bool GhostModeller::pushed_by_another(BodyId body, BodyId from, const Vec3& along) const {
@@ -95,9 +95,9 @@ std::optional<GhostModeller::Rolling> GhostModeller::rolling(BodyId id, const Ve
   return found;
 }
 
-GhostModeller::Walk GhostModeller::walk(BodyId from, const Vec3& along, const Surroundings& around) {
+GhostModeller::EffectiveMass GhostModeller::walk(BodyId from, const Vec3& along, const Surroundings& around) {
   if (!push(from, along, around)) return {.mass_kg = kWallMass_kg, .wall = true};
-  Walk found;
+  EffectiveMass found;
   const auto count = [&](BodyId id) {
     if (std::ranges::find(counted_, id) != counted_.end()) return;
     counted_.push_back(id);
@@ -130,11 +130,11 @@ GhostModeller::Walk GhostModeller::walk(BodyId from, const Vec3& along, const Su
       }
     }
   }
-  found.grip = grip();
+  found.load_dependent_friction = load_dependent_friction();
   return found;
 }
 
-Vec3 GhostModeller::grip() const {
+Vec3 GhostModeller::load_dependent_friction() const {
   Vec3 sum = Vec3::Zero();
   for (const Hold& hold : holds_) {
     double all_this_way = 0.0;
@@ -146,7 +146,7 @@ Vec3 GhostModeller::grip() const {
   return sum;
 }
 
-Vec3 GhostModeller::blocked_way(BodyId id, const Vec3& along, const ContactGraph& graph) const {
+Vec3 GhostModeller::support_direction(BodyId id, const Vec3& along, const ContactGraph& graph) const {
   double most = kOnSupport;
   Vec3 way = along;
   for (const Neighbour& n : graph.neighbours(id)) {
@@ -158,19 +158,20 @@ Vec3 GhostModeller::blocked_way(BodyId id, const Vec3& along, const ContactGraph
   return way;
 }
 
-void GhostModeller::find_axes(std::span<const BorderPair> border, const ContactGraph& graph, GhostModel& ghost) const {
+void GhostModeller::find_axes(std::span<const BoundaryContact> border, const ContactGraph& graph,
+                              GhostModel& ghost) const {
   // The contact with the largest impulse that no axis serves yet begins the next one.
   ghost.axis_count = 0;
   while (ghost.axis_count < kMostGhostAxes) {
-    const BorderPair* first = nullptr;
-    for (const BorderPair& pair : border) {
+    const BoundaryContact* first = nullptr;
+    for (const BoundaryContact& pair : border) {
       if (pair.outside != ghost.outside || across(ghost, pair.normal).norm() < kSameWay) continue;
       if (first == nullptr || pair.normal_impulse > first->normal_impulse) first = &pair;
     }
     if (first == nullptr) return;
     Vec3 pressed = Vec3::Zero();
     Vec3 touch = Vec3::Zero();
-    for (const BorderPair& pair : border) {
+    for (const BoundaryContact& pair : border) {
       const double way = pair.outside == ghost.outside ? pair.normal.dot(first->normal) : 0.0;
       if (std::abs(way) < kSameWay) continue;
       pressed += pair.normal_impulse * pair.normal;
@@ -180,15 +181,15 @@ void GhostModeller::find_axes(std::span<const BorderPair> border, const ContactG
     const Vec3 mean = pressed.norm() > 0.0 ? pressed : touch;
     const bool distinct = across(ghost, mean).norm() > kDistinct * mean.norm();
     const Vec3 way = across(ghost, distinct ? mean : first->normal).normalized();
-    const Vec3 held = across(ghost, -blocked_way(ghost.outside, -way, graph));
+    const Vec3 held = across(ghost, -support_direction(ghost.outside, -way, graph));
     ghost.axes[ghost.axis_count++] = {.normal = held.norm() > kDistinct ? held.normalized() : way};
   }
 }
 
-void GhostModeller::add_free_ways(const Motion& motion, const Surroundings& around, GhostModel& ghost) {
+void GhostModeller::add_unconstrained_directions(const Motion& motion, const Surroundings& around, GhostModel& ghost) {
   if (ghost.mass_kg >= kWallMass_kg) return;
   const auto held = [&](const Vec3& along) {
-    const Walk found = walk(ghost.outside, along, around);
+    const EffectiveMass found = walk(ghost.outside, along, around);
     return found.wall || found.limit_n > 0.0;
   };
   for (int i = 0; i < 3; ++i) {
@@ -202,23 +203,23 @@ void GhostModeller::add_free_ways(const Motion& motion, const Surroundings& arou
   }
 }
 
-void GhostModeller::model(std::span<const BorderPair> border, const Surroundings& around,
+void GhostModeller::model(std::span<const BoundaryContact> border, const Surroundings& around,
                           std::vector<GhostModel>& out) {
   out.clear();
-  for (const BorderPair& pair : border) {
+  for (const BoundaryContact& pair : border) {
     const auto at = std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside);
     if (at == out.end() || at->outside != pair.outside) out.insert(at, GhostModel{.outside = pair.outside, .axes = {}});
   }
-  loose_.clear();
+  approaching_.clear();
   for (GhostModel& ghost : out) {
-    const auto touched = [&](const BorderPair& pair) {
+    const auto touched = [&](const BoundaryContact& pair) {
       return pair.outside == ghost.outside && touches(pair) &&
              std::ranges::binary_search(around.membership.members, pair.inside);
     };
-    ghost.loose = std::ranges::none_of(border, touched);
-    if (ghost.loose) loose_.push_back(ghost.outside);
+    ghost.approaching = std::ranges::none_of(border, touched);
+    if (ghost.approaching) approaching_.push_back(ghost.outside);
   }
-  for (const BorderPair& pair : border) {
+  for (const BoundaryContact& pair : border) {
     const Vec3 on_inside_n = (pair.normal_impulse * pair.normal + pair.tangential_impulse) / around.step_s;
     std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside)->load_n -= on_inside_n;
     const auto pusher = std::ranges::lower_bound(out, pair.inside, {}, &GhostModel::outside);
@@ -227,7 +228,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Surroundings
   pushed_.clear();
   for (GhostModel& ghost : out) {
     find_axes(border, around.graph, ghost);
-    if (ghost.loose) continue;  // it meets what it pushes
+    if (ghost.approaching) continue;  // it meets what it pushes
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       const Vec3 along = -ghost.axes[i].normal;
       if (!push(ghost.outside, along, around)) continue;
@@ -243,7 +244,7 @@ void GhostModeller::model(std::span<const BorderPair> border, const Surroundings
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       GhostAxis& axis = ghost.axes[i];
       const double load_n = -ghost.load_n.dot(axis.normal);
-      const Walk found = walk(ghost.outside, -axis.normal, around);
+      const EffectiveMass found = walk(ghost.outside, -axis.normal, around);
       if (found.wall) {
         axis.force_n = std::max(0.0, load_n);
         axis.coulomb_limit_n = kWallLimit_n;
@@ -257,20 +258,20 @@ void GhostModeller::model(std::span<const BorderPair> border, const Surroundings
       f = std::clamp(f, q - c, q + c);
       axis.force_n = f;
       axis.coulomb_limit_n = c;
-      axis.grip = found.grip;
+      axis.load_dependent_friction = found.load_dependent_friction;
       if (ghost.mass_kg == 0.0) ghost.mass_kg = found.mass_kg;  // the heaviest loaded way that gives
     }
     if (ghost.mass_kg == 0.0) ghost.mass_kg = kWallMass_kg;
-    if (!ghost.carried) add_free_ways(motion, around, ghost);
+    if (!ghost.carried) add_unconstrained_directions(motion, around, ghost);
   }
 }
 
-Vec3 clearance(const GhostModel& ghost, std::span<const BorderPair> border,
+Vec3 clearance(const GhostModel& ghost, std::span<const BoundaryContact> border,
                const std::function<Vec3(BodyId)>& offset_of) {
   Vec3 move = Vec3::Zero();
   for (std::size_t i = 0; i < ghost.axis_count; ++i) {
     double deepest = 0.0;
-    for (const BorderPair& pair : border) {
+    for (const BoundaryContact& pair : border) {
       if (pair.outside != ghost.outside || pair.normal.dot(ghost.axes[i].normal) < kSameWay) continue;
       deepest = std::min(deepest, pair.distance + pair.normal.dot(offset_of(pair.inside)));
     }
@@ -305,7 +306,8 @@ Vec3 GhostMotion::begin(const Vec3& velocity, double dt, double spare_n) const n
       start -= (end - std::clamp(end, -kCreep_m_s, kCreep_m_s) + yields) * axis.normal;
       continue;
     }
-    const double limit_n = std::max(0.0, axis.coulomb_limit_n + axis.grip.dot(load_n - model.load_n));
+    const double limit_n =
+        std::max(0.0, axis.coulomb_limit_n + axis.load_dependent_friction.dot(load_n - model.load_n));
     const double limit = limit_n / model.mass_kg * dt;
     start -= std::clamp(end, -limit, limit) * axis.normal;
   }

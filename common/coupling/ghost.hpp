@@ -51,15 +51,15 @@ class GhostModeller {
   explicit GhostModeller(const Scene& scene);
 
   /// Ascending by `outside`.
-  void model(std::span<const BorderPair> border, const Surroundings& around, std::vector<GhostModel>& out);
+  void model(std::span<const BoundaryContact> border, const Surroundings& around, std::vector<GhostModel>& out);
 
  private:
-  struct Walk {
+  struct EffectiveMass {
     double mass_kg = 0.0;
     double heavy_kg = 0.0;  ///< of it, what gravity acts on
     double limit_n = 0.0;
-    Vec3 inertial_n = Vec3::Zero();  ///< N, mass times acceleration
-    Vec3 grip = Vec3::Zero();        ///< N/N
+    Vec3 inertial_n = Vec3::Zero();               ///< N, mass times acceleration
+    Vec3 load_dependent_friction = Vec3::Zero();  ///< N/N
     bool wall = false;
   };
   /// A contact of the ghost itself with what holds it back by friction.
@@ -69,9 +69,9 @@ class GhostModeller {
     double friction = 0.0;
   };
   /// Fills the normals.
-  void find_axes(std::span<const BorderPair> border, const ContactGraph& graph, GhostModel& ghost) const;
+  void find_axes(std::span<const BoundaryContact> border, const ContactGraph& graph, GhostModel& ghost) const;
   /// Where a push `along` presses the body on something fixed, the way which that blocks; else `along`.
-  [[nodiscard]] Vec3 blocked_way(BodyId id, const Vec3& along, const ContactGraph& graph) const;
+  [[nodiscard]] Vec3 support_direction(BodyId id, const Vec3& along, const ContactGraph& graph) const;
   /// A body that is pushed along, when the ghost `from` is.
   struct Pushed {
     BodyId body{};
@@ -87,12 +87,12 @@ class GhostModeller {
   };
   /// Nothing where it does not roll: not round that way, on no or more than one support, or sliding is easier.
   [[nodiscard]] std::optional<Rolling> rolling(BodyId id, const Vec3& along, const Surroundings& around) const;
-  [[nodiscard]] Walk walk(BodyId from, const Vec3& along, const Surroundings& around);
+  [[nodiscard]] EffectiveMass walk(BodyId from, const Vec3& along, const Surroundings& around);
   /// Ways across the axes in which the inside alone holds the outside become axes without friction of their own: what
   /// lies on a member goes with it at once, not as the world says a cycle later.
-  void add_free_ways(const Motion& motion, const Surroundings& around, GhostModel& ghost);
+  void add_unconstrained_directions(const Motion& motion, const Surroundings& around, GhostModel& ghost);
   /// What a force on the ghost adds to the friction of `holds_`: contacts that face one way share what presses on them.
-  [[nodiscard]] Vec3 grip() const;
+  [[nodiscard]] Vec3 load_dependent_friction() const;
   /// Whether the sub-world itself has the contacts of a ghost with this body.
   [[nodiscard]] bool in_engine(BodyId id, const Surroundings& around) const;
   [[nodiscard]] bool pushed_by_another(BodyId body, BodyId from, const Vec3& along) const;
@@ -100,16 +100,16 @@ class GhostModeller {
 
   const Scene& scene_;
   CarriedModeller carried_;
-  std::vector<BodyId> way_;      ///< what a push moves, in the order of its discovery
-  std::vector<BodyId> counted_;  ///< of the walk in hand
-  std::vector<Hold> holds_;      ///< of the walk in hand
-  std::vector<Pushed> pushed_;   ///< by all ghosts' axes, by body
-  std::vector<BodyId> loose_;    ///< ghosts that meet ghosts
+  std::vector<BodyId> way_;          ///< what a push moves, in the order of its discovery
+  std::vector<BodyId> counted_;      ///< of the walk in hand
+  std::vector<Hold> holds_;          ///< of the walk in hand
+  std::vector<Pushed> pushed_;       ///< by all ghosts' axes, by body
+  std::vector<BodyId> approaching_;  ///< ghosts that meet ghosts
 };
 
 /// The displacement, m, that takes a new ghost out of what it would penetrate: the world's gaps at the outside body,
 /// corrected for how an inside body has moved against the outside one since. `offset_of` is that difference.
-[[nodiscard]] Vec3 clearance(const GhostModel& ghost, std::span<const BorderPair> border,
+[[nodiscard]] Vec3 clearance(const GhostModel& ghost, std::span<const BoundaryContact> border,
                              const std::function<Vec3(BodyId)>& offset_of);
 
 /// A ghost while it runs: a point mass with friction along its axes, the world's body across them. What it feels is a

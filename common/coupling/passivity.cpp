@@ -26,11 +26,12 @@ Vec3 passive_force(const Vec3& wanted_n, const Vec3& velocity_m_s, double stored
   return shortened(wanted_n, along_m_s > 0.0 ? std::min(most_n, stored_j / (along_m_s * dt)) : most_n);
 }
 
-Vec3 passive_velocity(const Vec3& wanted_m_s, const Vec3& hand_n, double stored_j, double mass_kg, double dt) noexcept {
+Vec3 passive_velocity(const Vec3& wanted_m_s, const Vec3& operator_n, double stored_j, double mass_kg,
+                      double dt) noexcept {
   const double size_m_s = wanted_m_s.norm();
   const double bound_m_s = std::sqrt(2.0 * stored_j / mass_kg);
   if (!(size_m_s > bound_m_s)) return wanted_m_s;
-  const double pushed_n = std::max(0.0, hand_n.dot(wanted_m_s) / size_m_s);
+  const double pushed_n = std::max(0.0, operator_n.dot(wanted_m_s) / size_m_s);
   return shortened(wanted_m_s, bound_m_s + pushed_n * dt / mass_kg);
 }
 

@@ -29,7 +29,7 @@ namespace subworld {
 
 [[nodiscard]] Vec3 passive_force(const Vec3& wanted_n, const Vec3& velocity_m_s, double stored_j, double stiffness_n_m,
                                  double dt) noexcept;
-[[nodiscard]] Vec3 passive_velocity(const Vec3& wanted_m_s, const Vec3& hand_n, double stored_j, double mass_kg,
+[[nodiscard]] Vec3 passive_velocity(const Vec3& wanted_m_s, const Vec3& operator_n, double stored_j, double mass_kg,
                                     double dt) noexcept;
 
 inline constexpr double kBlend_m_s = 0.01;

@@ -31,10 +31,10 @@ int RatioControl::choose_ratio(int present, bool border_is_felt, double cycle_s,
   return cheap_s_ > kSettled_s ? comfortable : present;
 }
 
-int RatioControl::choose_parts(int present, double cycle_s, double longest_part_s, double time_s,
-                               const CycleCost& cost) const {
+int RatioControl::choose_substeps(int present, double cycle_s, double longest_substep_s, double time_s,
+                                  const CycleCost& cost) const {
   if (given_parts_ > 0) return given_parts_;
-  const int wanted = std::max(1, static_cast<int>(std::ceil(cycle_s / longest_part_s - 1e-9)));
+  const int wanted = std::max(1, static_cast<int>(std::ceil(cycle_s / longest_substep_s - 1e-9)));
   const auto affordable = [&](int parts, double share) { return cost(cycle_s, parts) <= share * time_s; };
   if (present <= wanted && !affordable(present, kOverShare)) present = 1;
   int parts = wanted;

@@ -30,10 +30,10 @@ class RatioControl {
 
   /// After a cycle of `cycle_s`: the ratio that should follow the present one.
   [[nodiscard]] int choose_ratio(int present, bool border_is_felt, double cycle_s, const CycleCost& cost);
-  /// Parts of a cycle; `longest_part_s`: what the scheme wants; `time_s`: wall time for it on a clock at full speed.
+  /// Parts of a cycle; `longest_substep_s`: what the scheme wants; `time_s`: wall time for it on a clock at full speed.
   /// That is the length of the cycle which a sub-world ahead simulates meanwhile: another one where the ratio changes.
-  [[nodiscard]] int choose_parts(int present, double cycle_s, double longest_part_s, double time_s,
-                                 const CycleCost& cost) const;
+  [[nodiscard]] int choose_substeps(int present, double cycle_s, double longest_substep_s, double time_s,
+                                    const CycleCost& cost) const;
 
  private:
   [[nodiscard]] int smallest_affordable(double share, const CycleCost& cost) const;

@@ -119,7 +119,7 @@ void add_run_options(CLI::App& app, Options& o) {
                  "whether a device gives its hand only energy that the hand has put in: automatic (where messages are "
                  "delayed), on or off")
       ->check(CLI::IsMember({"automatic", "on", "off"}));
-  app.add_option("--keep", o.keep,
+  app.add_option("--disable", o.disabled,
                  "items that `subworld plan` leaves out and that are kept in, for comparison: names, separated by "
                  "commas, or all")
       ->delimiter(',')
@@ -221,7 +221,7 @@ Scene load_scene(const Options& o) {
   if (o.passivity) {
     s.passivity = *o.passivity == "on" ? Passivity::on : *o.passivity == "off" ? Passivity::off : Passivity::automatic;
   }
-  s.keep_in(parse_kept(o.keep));
+  s.disable(parse_disabled(o.disabled));
   if (s.mode == Mode::realtime && s.delay.any()) {
     throw Error(ExitCode::usage,
                 fmt::format("{}: artificial delay and loss are for lock-step; remove settings.delay, --latency, "
@@ -263,7 +263,7 @@ std::vector<std::string> flags_of(const Options& o) {
   add("--device-latency", o.device_latency_s);
   add("--loss", o.loss_ratio);
   add("--passivity", o.passivity);
-  if (!o.keep.empty()) flags.insert(flags.end(), {"--keep", fmt::format("{}", fmt::join(o.keep, ","))});
+  if (!o.disabled.empty()) flags.insert(flags.end(), {"--disable", fmt::format("{}", fmt::join(o.disabled, ","))});
   add("--engine", o.engine);
   add("--haptic-engine", o.haptic_engine);
   add("--preset", o.preset);

@@ -23,7 +23,7 @@ struct Options {
   std::optional<double> device_latency_s;
   std::optional<double> loss_ratio;
   std::optional<std::string> passivity;
-  std::vector<std::string> keep;  ///< parse_kept() reads it
+  std::vector<std::string> disabled;  ///< parse_disabled() reads it
   std::optional<std::string> engine;
   std::optional<std::string> haptic_engine;
   std::optional<std::string> preset;
@@ -32,10 +32,10 @@ struct Options {
   std::optional<int> users;
   std::optional<double> budget_ratio;
   std::optional<double> duration_s;
-  std::string out;               ///< folder for results; empty: none are written
+  std::string out;                       ///< folder for results; empty: none are written
   std::optional<std::string> bodies;     ///< world_sim: whose states are written down; choose_bodies() reads it
   std::optional<double> bodies_rate_hz;  ///< world_sim: how often
-  std::vector<int> cores;        ///< that all threads of the program stay on; none: any
+  std::vector<int> cores;                ///< that all threads of the program stay on; none: any
   double spin_s = 0.0;           ///< haptic_sim, device_sim: looks at the clock instead of sleeping before a release
   std::string trace;             ///< file for what the loops did when; empty: none. Not of the display
   int user = 0;                  ///< haptic_sim, device_sim

@@ -35,7 +35,7 @@ Json stages(std::span<const Histogram> times, std::span<const char* const> names
 
 Json mean_max(const MeanMax& values) { return {{"mean", values.mean()}, {"max", values.max}}; }
 
-Json hand_energy(double net_j, double least_j, double created_j) {
+Json operator_energy(double net_j, double least_j, double created_j) {
   return {{"net_j", net_j}, {"least_j", least_j}, {"created_j", created_j}};
 }
 
@@ -66,7 +66,7 @@ Json to_json(std::span<const PlannedItem> plan) {
   Json json = Json::array();
   for (const PlannedItem& planned : plan) {
     json.push_back(
-        {{"item", planned.item->name}, {"left_out", planned.decision.left_out}, {"because", planned.decision.because}});
+        {{"item", planned.item->name}, {"enabled", planned.decision.enabled}, {"because", planned.decision.because}});
     if (planned.item->of_user) json.back()["user"] = planned.user;
   }
   return json;

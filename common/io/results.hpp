@@ -1,7 +1,7 @@
 #pragma once
 
 #include "model/exchange.hpp"
-#include "model/saving.hpp"
+#include "model/optimisation.hpp"
 #include "rt/histogram.hpp"
 
 #include <nlohmann/json.hpp>
@@ -47,7 +47,7 @@ struct EngineChange {
 };
 /// Energy that has crossed from a hand: the rest of it at the end, its least value on the way, and how much was given
 /// back that was not there any more (coupling/energy_port).
-[[nodiscard]] Json hand_energy(double net_j, double least_j, double created_j);
+[[nodiscard]] Json operator_energy(double net_j, double least_j, double created_j);
 /// What the middleware reported while a loop ran.
 [[nodiscard]] Json to_json(const EventCounts& events);
 

@@ -15,7 +15,7 @@ namespace subworld {
 
 namespace {
 
-constexpr std::array kNames{"force_n", "members", "lateness_s", "clock_factor", "missed deadline", "lost frames"};
+constexpr std::array kNames{"force_n", "members", "lateness_s", "real_time_factor", "missed deadline", "lost frames"};
 
 /// A row: what it is, its name, when it begins in ns, and a duration in ns or a value.
 enum class Kind : std::uint8_t { step, stage, counter, instant };

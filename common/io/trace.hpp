@@ -28,7 +28,7 @@ class Trace {
   /// A step with what it consisted of.
   void step(const StageStep& step) noexcept;
   /// A number that holds from `at` on, and an event: the step's begin, before `step`.
-  enum class Name : std::uint8_t { force_n, members, lateness_s, clock_factor, missed_deadline, lost_frames };
+  enum class Name : std::uint8_t { force_n, members, lateness_s, real_time_factor, missed_deadline, lost_frames };
   void counter(Name name, TimePoint at, double value) noexcept;
   void instant(Name name, TimePoint at) noexcept;
 

@@ -71,7 +71,8 @@ struct GhostAxis {
   Vec3 normal = Vec3::UnitZ();   ///< towards the inside bodies, or a free way; the axes of a ghost are orthogonal
   double force_n = 0.0;          ///< along `normal`
   double coulomb_limit_n = 0.0;  ///< under the model's load; kWallLimit_n: a wall
-  Vec3 grip = Vec3::Zero();      ///< N/N, by which the limit grows with the force of the inside on the outside
+  Vec3 load_dependent_friction =
+      Vec3::Zero();  ///< N/N, by which the limit grows with the force of the inside on the outside
 };
 
 inline constexpr std::size_t kMostGhostAxes = 3;
@@ -92,12 +93,12 @@ struct GhostModel {
   std::size_t axis_count = 0;
   std::array<GhostAxis, kMostGhostAxes> axes;  ///< the heaviest loaded first
   std::optional<CarriedBody> carried = {};     ///< moves as this says; the axes only tell where it is touched
-  bool loose = false;                          ///< touches no member: it meets ghosts as well
+  bool approaching = false;                    ///< touches no member: it meets ghosts as well
 };
 
 /// A contact between a body inside the sub-world and one outside (paper 4.2). Impulses act on `inside`. Or what may
 /// become one soon (coupling/approach); there, what pushes may be a ghost.
-struct BorderPair {
+struct BoundaryContact {
   BodyId inside{};
   BodyId outside{};
   Vec3 point = Vec3::Zero();
@@ -108,7 +109,7 @@ struct BorderPair {
 };
 
 /// Whether the pair is a contact already.
-[[nodiscard]] inline bool touches(const BorderPair& pair) noexcept {
+[[nodiscard]] inline bool touches(const BoundaryContact& pair) noexcept {
   return pair.normal_impulse > 0.0 || pair.distance < 0.0;
 }
 
@@ -126,7 +127,7 @@ struct PeerDevice {
 };
 
 /// Until when, and in which place of the proxy, neither side has anything to tell (coupling/silence).
-struct Silence {
+struct Suppression {
   std::uint64_t until = 0;  ///< the stamp of the next frame and the next report
   Box place;                ///< where nothing but the proxy is or comes until then
 };
@@ -146,24 +147,24 @@ struct WorldFrame {
   double stamp_s = 0.0;
   double start_in_s =
       0.0;  ///< real time: seconds from sending until the world's clock reaches this stamp; may be negative
-  double clock_factor = 1.0;        ///< world seconds per second
+  double real_time_factor = 1.0;    ///< world seconds per second
   std::int64_t echoed_sent_ns = 0;  ///< of the newest report that the world has used
   std::uint64_t echoed_stamp = 0;
   bool last = false;
-  double cycle_s = 0.0;                ///< length of the cycle that ended here, to which impulses belong
-  int ratio = 1;                       ///< haptic steps in the cycle that begins here
-  RatioChange planned;                 ///< the newest; may be of the past
-  std::vector<BodyId> members;         ///< movable bodies of the sub-world from this stamp on, proxy included
-  std::vector<BodyId> fixed;           ///< fixed bodies of the sub-world
-  std::vector<std::uint32_t> islands;  ///< of members, as the world's contacts make them (coupling/contact_graph)
-  std::vector<EnteringBody> entering;  ///< not yet confirmed by a report
-  std::vector<StampedBody> states;     ///< the world's own result, before any blend: members, bodies just left, ghosts
-  std::uint32_t border_contacts = 0;   ///< between what is inside and what is outside
-  std::uint32_t border_bodies = 0;     ///< members that have one, or may soon
-  std::vector<BorderPair> border;      ///< those that the sub-world needs
+  double cycle_s = 0.0;                 ///< length of the cycle that ended here, to which impulses belong
+  int ratio = 1;                        ///< haptic steps in the cycle that begins here
+  RatioChange planned;                  ///< the newest; may be of the past
+  std::vector<BodyId> members;          ///< movable bodies of the sub-world from this stamp on, proxy included
+  std::vector<BodyId> fixed;            ///< fixed bodies of the sub-world
+  std::vector<std::uint32_t> islands;   ///< of members, as the world's contacts make them (coupling/contact_graph)
+  std::vector<EnteringBody> entering;   ///< not yet confirmed by a report
+  std::vector<StampedBody> states;      ///< the world's own result, before any blend: members, bodies just left, ghosts
+  std::uint32_t border_contacts = 0;    ///< between what is inside and what is outside
+  std::uint32_t border_bodies = 0;      ///< members that have one, or may soon
+  std::vector<BoundaryContact> border;  ///< those that the sub-world needs
   std::vector<GhostModel> ghosts;
   std::vector<PeerDevice> peers;
-  std::optional<Silence> silence;  ///< after this frame
+  std::optional<Suppression> suppression;  ///< after this frame
 };
 
 /// Room for a usual sub-world, so that a loop need not find it.
@@ -231,7 +232,7 @@ struct UserView {
   UserId user{};
   BodyId proxy{};
   std::vector<BodyId> members;
-  std::vector<BorderPair> border;
+  std::vector<BoundaryContact> border;
   Wrench wrench;  ///< mean over the last cycle, on the proxy
 };
 
@@ -239,7 +240,7 @@ struct UserView {
 struct WorldSnapshot {
   std::uint64_t sequence = 0;
   double stamp_s = 0.0;
-  double clock_factor = 1.0;
+  double real_time_factor = 1.0;
   std::vector<StampedBody> moved;  ///< since the last snapshot; all of them once a second
   std::vector<UserView> users;
 };
@@ -286,11 +287,11 @@ struct Status {
   double rate_hz = 0.0;
   std::uint64_t steps = 0;
   std::uint64_t missed_deadlines = 0;
-  std::uint64_t missed_by_machine = 0;  ///< of these (rt/lateness)
-  double step_s = 0.0;                  ///< mean over the last second
-  double force_n = 0.0;                 ///< haptic_sim: on the hand
-  double clock_factor = 1.0;            ///< world_sim; 1 elsewhere
-  double done_ratio = 0.0;              ///< of `state`, where it comes to an end: loading, settling
+  std::uint64_t missed_by_os = 0;  ///< of these (rt/lateness)
+  double step_s = 0.0;             ///< mean over the last second
+  double force_n = 0.0;            ///< haptic_sim: on the hand
+  double real_time_factor = 1.0;   ///< world_sim; 1 elsewhere
+  double done_ratio = 0.0;         ///< of `state`, where it comes to an end: loading, settling
   EventCounts events;
   std::string text;  ///< what happened since the last status, in words
 };

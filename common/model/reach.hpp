@@ -5,7 +5,7 @@
 namespace subworld {
 
 /// As a hand may change its speed: fast reaching movements come to 5 g.
-inline constexpr double kHand_m_s2 = 50.0;
+inline constexpr double kOperator_m_s2 = 50.0;
 /// What is hit by something heavier leaves twice as fast.
 inline constexpr double kHit = 2.0;
 
@@ -21,8 +21,8 @@ inline constexpr double kHit = 2.0;
 [[nodiscard]] inline double arm_m(const Box& bounds) noexcept { return 0.5 * (bounds.upper - bounds.lower).norm(); }
 
 /// Where a proxy may get within `time_s`, whatever its hand does.
-[[nodiscard]] inline Box hand_reach(const Box& bounds, const BodyState& state, double time_s) noexcept {
-  return bounds.grown(reach_m(state, arm_m(bounds), kHand_m_s2, time_s));
+[[nodiscard]] inline Box operator_reach(const Box& bounds, const BodyState& state, double time_s) noexcept {
+  return bounds.grown(reach_m(state, arm_m(bounds), kOperator_m_s2, time_s));
 }
 
 }  // namespace subworld

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "model/body.hpp"
-#include "model/saving.hpp"
+#include "model/optimisation.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -41,7 +41,7 @@ struct PathPoint {
 enum class DeviceKind : std::uint8_t { impedance, admittance };
 
 /// A hand that follows its intention (the path) through the impedance of an arm and feels the force.
-struct HandSpec {
+struct OperatorSpec {
   double mass_kg = 1.0;
   double damping_n_s_m = 10.0;
   double stiffness_n_m = 300.0;
@@ -68,7 +68,7 @@ struct DeviceSpec {
   double friction_n = 0.1;             ///< Coulomb
   double position_resolution_m = 0.0;  ///< 0: exact
   std::vector<PathSegment> path;
-  std::optional<HandSpec> hand;  ///< none: the device follows the path whatever it feels
+  std::optional<OperatorSpec> operator_model;  ///< none: the device follows the path whatever it feels
 };
 
 /// Virtual coupling between device and proxy (Colgate 1995).
@@ -103,12 +103,12 @@ struct UserSpec {
 struct EngineSettings {
   std::string name = "bullet";
   std::string preset = "fast";
-  std::optional<int> iterations;  ///< instead of the preset's
-  std::optional<int> substeps;    ///< parts of a step; world: each with a force of its own on the proxies
+  std::optional<int> iterations;            ///< instead of the preset's
+  std::optional<int> substeps;              ///< parts of a step; world: each with a force of its own on the proxies
   std::optional<double> longest_substep_s;  ///< instead of the preset's: the engine divides its steps by it
   Vec3 gravity{0.0, 0.0, -9.81};            ///< m/s^2
-  double length_unit_m = 1.0;     ///< that the engine computes in; some engines need a smaller one for small bodies
-  Kept keep = kKeepNothing;       ///< as in Settings
+  double length_unit_m = 1.0;       ///< that the engine computes in; some engines need a smaller one for small bodies
+  Disabled disabled = kDisableNothing;  ///< as in Settings
 
   /// Names another engine or preset: without what was set for the one before.
   void change_to(const std::string& engine, const std::string& other_preset) {
@@ -128,12 +128,12 @@ struct PaperSettings {
 /// Artificial delay of messages in lock-step, and their loss. World and sub-world send reliably: a lost message comes a
 /// round trip later. Device and sub-world do not: it never comes, and the newest one that did counts.
 struct DelaySettings {
-  double up_s = 0.0;              ///< from the sub-world to the world
-  double down_s = 0.0;            ///< from the world to the sub-world
-  double from_device_s = 0.0;     ///< to the sub-world
-  double to_device_s = 0.0;       ///< from the sub-world
-  double jitter_s = 0.0;          ///< most that a single message takes longer, uniform
-  double loss_ratio = 0.0;        ///< of the messages
+  double up_s = 0.0;           ///< from the sub-world to the world
+  double down_s = 0.0;         ///< from the world to the sub-world
+  double from_device_s = 0.0;  ///< to the sub-world
+  double to_device_s = 0.0;    ///< from the sub-world
+  double jitter_s = 0.0;       ///< most that a single message takes longer, uniform
+  double loss_ratio = 0.0;     ///< of the messages
   std::uint64_t seed = 1;
 
   [[nodiscard]] bool any() const noexcept {
@@ -172,9 +172,9 @@ struct Settings {
   Passivity passivity = Passivity::automatic;  ///< automatic: where messages are delayed
   EngineSettings world;
   EngineSettings haptic;
-  Kept keep = kKeepNothing;  ///< though the scene does not need it; keep_in() sets it
+  Disabled disabled = kDisableNothing;  ///< though the scene does not need it; disable() sets it
 
-  void keep_in(Kept items) noexcept { keep = world.keep = haptic.keep = keep | items; }
+  void disable(Disabled items) noexcept { disabled = world.disabled = haptic.disabled = disabled | items; }
   /// Else the proxies live in the world alone.
   [[nodiscard]] bool has_sub_worlds() const noexcept { return scheme != "direct"; }
   /// Whether the scheme weighs sub-world against world by the impulses of all contacts (paper 4.3).

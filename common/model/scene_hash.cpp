@@ -55,14 +55,14 @@ class Hasher {
     add(s.kind, s.from_s, s.to_s, s.every_s, s.displacement, s.axis, s.angle, s.radius, s.period_s, s.along, s.across,
         s.amplitude, s.wavenumber);
   }
-  void put(const HandSpec& h) {
+  void put(const OperatorSpec& h) {
     add(h.mass_kg, h.damping_n_s_m, h.stiffness_n_m, h.inertia_kg_m2, h.rotational_damping_n_m_s,
         h.rotational_stiffness_n_m);
   }
   void put(const DeviceSpec& d) {
     add(d.kind, d.degrees_of_freedom, d.rate_hz, d.force_limit_n, d.torque_limit_n_m, d.force_rate_limit_n_s,
         d.power_limit_w, d.speed_limit_m_s, d.mass_kg, d.damping_n_s_m, d.friction_n, d.position_resolution_m, d.path,
-        d.hand);
+        d.operator_model);
   }
   void put(const CouplingSettings& c) {
     add(c.stiffness_n_m, c.damping_n_s_m, c.rotational_stiffness_n_m, c.rotational_damping_n_m_s, c.ramp_s);
@@ -79,7 +79,7 @@ class Hasher {
   }
   void put(const Settings& s) {
     add(s.h_s, s.ratio, s.ratio_most, s.settle_s, s.settle_step_s, s.users, s.mode, s.scheme);
-    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.passivity, s.keep, s.world,
+    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.passivity, s.disabled, s.world,
         s.haptic);
   }
 

@@ -93,17 +93,17 @@ void read_coupling(const YamlValue& value, CouplingSettings& coupling) {
   map.read("ramp_s", coupling.ramp_s, kTime);
 }
 
-HandSpec read_hand(const YamlValue& value) {
+OperatorSpec read_operator(const YamlValue& value) {
   const YamlMap map(value, {"mass_kg", "damping_n_s_m", "stiffness_n_m", "inertia_kg_m2",
                             "rotational_damping_n_m_s_rad", "rotational_stiffness_n_m_rad"});
-  HandSpec hand;
-  map.read("mass_kg", hand.mass_kg, kLargePositive);
-  map.read("damping_n_s_m", hand.damping_n_s_m, kLarge);
-  map.read("stiffness_n_m", hand.stiffness_n_m, kLarge);
-  map.read("inertia_kg_m2", hand.inertia_kg_m2, kLargePositive);
-  map.read("rotational_damping_n_m_s_rad", hand.rotational_damping_n_m_s, kLarge);
-  map.read("rotational_stiffness_n_m_rad", hand.rotational_stiffness_n_m, kLarge);
-  return hand;
+  OperatorSpec model;
+  map.read("mass_kg", model.mass_kg, kLargePositive);
+  map.read("damping_n_s_m", model.damping_n_s_m, kLarge);
+  map.read("stiffness_n_m", model.stiffness_n_m, kLarge);
+  map.read("inertia_kg_m2", model.inertia_kg_m2, kLargePositive);
+  map.read("rotational_damping_n_m_s_rad", model.rotational_damping_n_m_s, kLarge);
+  map.read("rotational_stiffness_n_m_rad", model.rotational_stiffness_n_m, kLarge);
+  return model;
 }
 
 void read_device(const YamlValue& value, DeviceSpec& device) {
@@ -136,7 +136,7 @@ void read_device(const YamlValue& value, DeviceSpec& device) {
       }
     }
   }
-  if (const auto hand = map.find("hand")) device.hand = read_hand(*hand);
+  if (const auto model = map.find("operator")) device.operator_model = read_operator(*model);
 }
 
 }  // namespace

@@ -32,8 +32,8 @@ struct Capabilities {
 
 enum class Role : std::uint8_t {
   body,
-  ghost,  ///< meets movable bodies only, and no other ghost
-  loose,  ///< meets movable bodies and ghosts
+  ghost,        ///< meets movable bodies only, and no other ghost
+  approaching,  ///< meets movable bodies and ghosts
 };
 
 /// An opaque saved state; only the engine that made it can read it.
@@ -78,7 +78,7 @@ class Engine {
   virtual void time_parts(EngineTimes* times) noexcept { clock_.follow(times); }
   /// Length (s) of the parts in which step(dt) integrates. All of them move with the velocity that a part ends with, so
   /// a position is ahead of what the forces account for by half a part.
-  [[nodiscard]] virtual double part_s(double dt) const noexcept = 0;
+  [[nodiscard]] virtual double integration_substep_s(double dt) const noexcept = 0;
 
   /// Of the last step, ordered by bodies: equal worlds list equal contacts. Valid until the next change. Friction
   /// impulses are there where the engine itself solves them, and may be zero where it estimates them (capabilities()).

@@ -27,7 +27,7 @@ class EngineShell : public Engine {
   }
   void step(double dt) override { inner().step(dt); }
   void time_parts(EngineTimes* times) noexcept override { inner().time_parts(times); }
-  double part_s(double dt) const noexcept override { return inner().part_s(dt); }
+  double integration_substep_s(double dt) const noexcept override { return inner().integration_substep_s(dt); }
   std::span<const Contact> contacts() const noexcept override { return inner().contacts(); }
   std::span<const Contact> contacts_with_friction() override { return inner().contacts_with_friction(); }
   Box bounds(BodyId id) const override { return inner().bounds(id); }

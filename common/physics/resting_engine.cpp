@@ -157,7 +157,7 @@ void RestingEngine::follow(double dt, double horizon_s) {
     std::ranges::sort(awake_);
   }
   if (std::exchange(islands_known_, false)) {
-    find_hands(horizon_s);
+    find_operators(horizon_s);
     judge_islands();
   }
   settling_.damp(awake_, inner_, dt);
@@ -187,7 +187,7 @@ void RestingEngine::watch(BodyId id, double dt) {
 void RestingEngine::reach_from(BodyId mover, double horizon_s) {
   const Thing& thing = things_[index(mover)];
   const BodyState now = inner_.state(mover);
-  const double acceleration_m_s2 = thing.restless ? kHand_m_s2 : gravity_m_s2_;  // others fall, or are pushed
+  const double acceleration_m_s2 = thing.restless ? kOperator_m_s2 : gravity_m_s2_;  // others fall, or are pushed
   const double travel_m = reach_m(now, thing.arm_m, acceleration_m_s2, horizon_s) + thing.drift_m;
   frontier_.assign(1, {inner_.bounds(mover), travel_m});
   double hit = kHit;  // of what the mover itself hits; from there on, all is counted as so fast already
@@ -252,12 +252,12 @@ void RestingEngine::find_islands() {
   islands_known_ = true;
 }
 
-void RestingEngine::find_hands(double horizon_s) {
+void RestingEngine::find_operators(double horizon_s) {
   for (const BodyId id : awake_) things_[root(index(id))].in_hand = false;
   for (const BodyId id : awake_) {
     const Thing& thing = things_[index(id)];
     if (!thing.restless) continue;
-    const double travel_m = reach_m(inner_.state(id), thing.arm_m, kHand_m_s2, kLookEvery_s + horizon_s);
+    const double travel_m = reach_m(inner_.state(id), thing.arm_m, kOperator_m_s2, kLookEvery_s + horizon_s);
     inner_.overlap(inner_.bounds(id).grown(travel_m), near_);
     for (const BodyId near : near_) {
       if (!scene_.body(near).fixed()) things_[root(index(near))].in_hand = true;

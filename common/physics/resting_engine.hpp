@@ -102,13 +102,13 @@ class RestingEngine final : public EngineShell {
   void wake_before(BodyId id) {
     if (!asleep(id)) return;
     wake(index(id));
-    settling_.begin_anew(id);
+    settling_.re_engage(id);
   }
   void lay_asleep(std::uint32_t one);
   /// Of those that hang together by contacts.
   void find_islands();
   /// Which of them a hand may reach.
-  void find_hands(double horizon_s);
+  void find_operators(double horizon_s);
   /// Which of them settle, and which fall asleep.
   void judge_islands();
   void sleep(std::uint32_t one);

@@ -38,11 +38,11 @@ void Settling::watch(BodyId id, const BodyState& now, double speed_m_s, double d
   thing.settled_s += dt;
   if (moved_m(thing.place, now, thing.arm_m) <= thing.place_m) return;
   thing.settles = false;
-  begin_anew(id);
+  re_engage(id);
   thing.patience_s *= 2.0;
 }
 
-void Settling::begin_anew(BodyId id) { things_[index(id)].calm_s = things_[index(id)].settled_s = 0.0; }
+void Settling::re_engage(BodyId id) { things_[index(id)].calm_s = things_[index(id)].settled_s = 0.0; }
 
 void Settling::begin_contacts(std::span<const BodyId> awake) {
   for (const BodyId id : awake) things_[index(id)].slips = false;

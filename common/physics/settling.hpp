@@ -30,7 +30,7 @@ class Settling {
   /// After each step: how calm it is, and whether it has left its place. `speed_m_s`: of its fastest point.
   void watch(BodyId id, const BodyState& now, double speed_m_s, double dt);
   /// Who is moved by somebody settles anew.
-  void begin_anew(BodyId id);
+  void re_engage(BodyId id);
   /// Who wakes is not damped before it has been looked at.
   void wakes(BodyId id) { things_[index(id)].settles = false; }
   void sleeps(BodyId id) { things_[index(id)].patience_s = kPatience_s; }

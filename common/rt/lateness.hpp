@@ -52,7 +52,7 @@ class Lateness {
   /// Who missed the deadline of what was done at `now`; `use`: of the thread then.
   [[nodiscard]] Miss judge(TimePoint now, TimePoint deadline, const ThreadUse& use) const noexcept {
     if (now <= deadline) return Miss::none;
-    if (now - kept_ - preempted(now, use) <= deadline) return Miss::machine;
+    if (now - kept_ - preempted(now, use) <= deadline) return Miss::os;
     return waited(use) ? Miss::waiting : Miss::computing;
   }
   /// The step is over.
@@ -82,22 +82,22 @@ class Lateness {
 
 /// Missed deadlines by who missed them.
 struct Misses {
-  std::uint64_t by_machine = 0;
-  std::uint64_t by_us = 0;
+  std::uint64_t by_os = 0;
+  std::uint64_t by_run = 0;
   std::uint64_t waiting = 0;  ///< of ours: the step slept or waited for a lock
 
   void add(Miss miss) noexcept {
-    by_machine += miss == Miss::machine;
-    by_us += miss == Miss::computing || miss == Miss::waiting;
+    by_os += miss == Miss::os;
+    by_run += miss == Miss::computing || miss == Miss::waiting;
     waiting += miss == Miss::waiting;
   }
-  /// Periods left out, `by_machine` of them.
-  void skip(int all, int of_machine) noexcept {
-    const int machines = std::clamp(of_machine, 0, all);
-    by_machine += static_cast<std::uint64_t>(machines);
-    by_us += static_cast<std::uint64_t>(all - machines);
+  /// Periods left out, `by_os` of them.
+  void skip(int all, int of_os) noexcept {
+    const int machines = std::clamp(of_os, 0, all);
+    by_os += static_cast<std::uint64_t>(machines);
+    by_run += static_cast<std::uint64_t>(all - machines);
   }
-  [[nodiscard]] std::uint64_t all() const noexcept { return by_machine + by_us; }
+  [[nodiscard]] std::uint64_t all() const noexcept { return by_os + by_run; }
 };
 
 }  // namespace subworld

@@ -46,7 +46,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
   using WallClock = std::chrono::steady_clock;
   constexpr auto kPatience = 700ms;
   WallClock::duration waited{}, silent{};
-  bool strangers = false, said = false;
+  bool foreign = false, said = false;
   const std::uint64_t refused = reader.refused();
   const auto take_next = [&] { return take(reader, sample, stages, Stages::Stage::wake); };
   for (auto last = WallClock::now();;) {
@@ -55,14 +55,13 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
         if (said) status.note(label_of(peer.program, peer.instance) + " is there again");
         return true;
       }
-      strangers |= taken == Take::sample;
+      foreign |= taken == Take::sample;
     }
-    strangers |= reader.refused() > refused;
+    foreign |= reader.refused() > refused;
     if (stopped()) return false;
     if (silent > kPatience) {
-      throw Error(ExitCode::failed,
-                  strangers ? replaced_text(peer.program, peer.instance)
-                            : gone_text(peer.program, peer.instance) + kEndsWithoutIt);
+      throw Error(ExitCode::failed, foreign ? replaced_text(peer.program, peer.instance)
+                                            : gone_text(peer.program, peer.instance) + kEndsWithoutIt);
     }
     if (waited > 2s && !said) {
       status.note("waits for " + label_of(peer.program, peer.instance));
@@ -73,7 +72,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
     const auto step = std::min<WallClock::duration>(now - last, 100ms);
     last = now;
     waited += step;
-    silent = !strangers && alive(reader, status, peer) ? WallClock::duration{} : silent + step;
+    silent = !foreign && alive(reader, status, peer) ? WallClock::duration{} : silent + step;
   }
 }
 

@@ -272,7 +272,7 @@ Reader<M> Bus::reader(const std::string& partition) {
 bool Bus::wait(double timeout_s) noexcept { return impl_->events.wait(timeout_s); }
 EventCounts Bus::events() const noexcept { return impl_->events.counts(); }
 std::string Bus::take_event_text(EventKind kind) { return impl_->events.take_text(kind); }
-void Bus::forget_silence() noexcept { impl_->events.forget(EventKind::silence); }
+void Bus::forget_silence() noexcept { impl_->events.forget(EventKind::suppression); }
 const std::string& Bus::effective_settings() const noexcept { return impl_->settings; }
 
 std::unique_ptr<Bus> open_bus(const BusConfig& config) { return std::make_unique<Bus>(config); }

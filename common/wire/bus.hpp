@@ -94,7 +94,7 @@ class Reader {
 
 /// Two kinds of what the middleware reports: what should never happen, and silence or loss, which is normal where
 /// programs come and go. That they do is counted, and needs no words.
-enum class EventKind : std::uint8_t { fault, silence };
+enum class EventKind : std::uint8_t { fault, suppression };
 
 /// One participant in a DDS domain. Loads the vendor's plug-in, so that a process needs only the vendor that it uses.
 class Bus {
@@ -119,7 +119,7 @@ class Bus {
   /// Events of that kind since the last call in words a user understands; each is said once for a topic, and then only
   /// counted. Empty if there is nothing to say.
   [[nodiscard]] std::string take_event_text(EventKind kind);
-  /// Silence up to now needs no words.
+  /// Suppression up to now needs no words.
   void forget_silence() noexcept;
   /// What is in force, on one line.
   [[nodiscard]] const std::string& effective_settings() const noexcept;

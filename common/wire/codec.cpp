@@ -81,7 +81,7 @@ void make_room(msg::WorldFrame& frame) {
   frame.ghosts().reserve(kUsualMembers);
   frame.ghost_axes().reserve(kMostGhostAxes * kUsualMembers);
   frame.carried_bodies().reserve(kUsualMembers);
-  frame.silence().reserve(1);
+  frame.suppression().reserve(1);
 }
 
 void make_room(msg::HapticReport& report) {

@@ -111,7 +111,7 @@ void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
   out.stamp(in.stamp);
   out.stamp_s(in.stamp_s);
   out.start_in_s(in.start_in_s);
-  out.clock_factor(in.clock_factor);
+  out.real_time_factor(in.real_time_factor);
   out.echoed_sent_ns(in.echoed_sent_ns);
   out.echoed_stamp(in.echoed_stamp);
   out.last(in.last);
@@ -129,7 +129,7 @@ void to_wire(const WorldFrame& in, msg::WorldFrame& out) {
   put_all(in.border, out.border());
   put_ghosts(in.ghosts, out);
   put_all(in.peers, out.peers());
-  put_one(in.silence, out.silence());
+  put_one(in.suppression, out.suppression());
 }
 
 bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
@@ -146,10 +146,11 @@ bool from_wire(const msg::WorldFrame& in, WorldFrame& out) {
   out.border_bodies = in.border_bodies();
   return get_positive(in.stamp_s(), out.stamp_s) && get(in.start_in_s(), out.start_in_s) &&
          get_positive(in.cycle_s(), out.cycle_s) && get_ratio(in.ratio(), out.ratio) &&
-         get_ratio(in.planned_ratio(), out.planned.ratio) && get_positive(in.clock_factor(), out.clock_factor) &&
-         get_all(in.members(), out.members) && get_all(in.fixed_bodies(), out.fixed) &&
-         get_all(in.entering(), out.entering) && get_all(in.states(), out.states) && get_all(in.border(), out.border) &&
-         get_ghosts(in, out.ghosts) && get_all(in.peers(), out.peers) && get_one(in.silence(), out.silence);
+         get_ratio(in.planned_ratio(), out.planned.ratio) &&
+         get_positive(in.real_time_factor(), out.real_time_factor) && get_all(in.members(), out.members) &&
+         get_all(in.fixed_bodies(), out.fixed) && get_all(in.entering(), out.entering) &&
+         get_all(in.states(), out.states) && get_all(in.border(), out.border) && get_ghosts(in, out.ghosts) &&
+         get_all(in.peers(), out.peers) && get_one(in.suppression(), out.suppression);
 }
 
 void to_wire(const HapticReport& in, msg::HapticReport& out) {
@@ -200,14 +201,14 @@ bool from_wire(const msg::HapticReport& in, HapticReport& out) {
 void to_wire(const WorldSnapshot& in, msg::WorldState& out) {
   out.sequence_number(in.sequence);
   out.stamp_s(in.stamp_s);
-  out.clock_factor(in.clock_factor);
+  out.real_time_factor(in.real_time_factor);
   put_all(in.moved, out.moved());
   put_all(in.users, out.users());
 }
 
 bool from_wire(const msg::WorldState& in, WorldSnapshot& out) {
   out.sequence = in.sequence_number();
-  return get(in.stamp_s(), out.stamp_s) && get_positive(in.clock_factor(), out.clock_factor) &&
+  return get(in.stamp_s(), out.stamp_s) && get_positive(in.real_time_factor(), out.real_time_factor) &&
          get_all(in.moved(), out.moved) && get_all(in.users(), out.users);
 }
 
@@ -233,10 +234,10 @@ void to_wire(const Status& in, msg::Status& out) {
   out.rate_hz(in.rate_hz);
   out.steps(in.steps);
   out.missed_deadlines(in.missed_deadlines);
-  out.missed_by_machine(in.missed_by_machine);
+  out.missed_by_os(in.missed_by_os);
   out.step_s(in.step_s);
   out.force_n(in.force_n);
-  out.clock_factor(in.clock_factor);
+  out.real_time_factor(in.real_time_factor);
   out.done_ratio(in.done_ratio);
   out.matched(in.events.matched);
   out.unmatched(in.events.unmatched);
@@ -256,12 +257,12 @@ bool from_wire(const msg::Status& in, Status& out) {
   out.state = in.state();
   out.steps = in.steps();
   out.missed_deadlines = in.missed_deadlines();
-  out.missed_by_machine = in.missed_by_machine();
+  out.missed_by_os = in.missed_by_os();
   out.events = {in.matched(),          in.unmatched(), in.deadline_missed(), in.liveliness_lost(),
                 in.incompatible_qos(), in.lost(),      in.rejected(),        in.refused()};
   out.text = in.text();
   return get(in.time_s(), out.time_s) && get(in.rate_hz(), out.rate_hz) && get(in.step_s(), out.step_s) &&
-         get(in.force_n(), out.force_n) && get(in.clock_factor(), out.clock_factor) &&
+         get(in.force_n(), out.force_n) && get(in.real_time_factor(), out.real_time_factor) &&
          get(in.done_ratio(), out.done_ratio);
 }
 

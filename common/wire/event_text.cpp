@@ -31,8 +31,8 @@ const Stream* stream_of(std::string_view topic) {
 }  // namespace
 
 EventKind kind_of(Event event) noexcept {
-  const bool silence = event == Event::deadline_missed || event == Event::liveliness_lost || event == Event::lost;
-  return silence ? EventKind::silence : EventKind::fault;
+  const bool suppression = event == Event::deadline_missed || event == Event::liveliness_lost || event == Event::lost;
+  return suppression ? EventKind::suppression : EventKind::fault;
 }
 
 std::string explain(Event event, std::string_view side, std::string_view topic, std::string_view detail) {

@@ -130,7 +130,7 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
         publisher_(publisher),
         name_(spec.topic.name),
         events_(events),
-        keeps_all_(spec.qos.keep_all) {
+        disables_all_(spec.qos.keep_all) {
     writer_ = publisher->create_datawriter(topic, qos, this, dds::StatusMask::all());
     if (writer_ == nullptr) fail(fmt::format("no writer of {}; see its log lines above", name_));
   }
@@ -147,7 +147,7 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   bool write(std::span<const std::uint8_t> cdr) noexcept override {
     sample_.sent = cdr;
     try {
-      if (keeps_all_ && ++kept_ >= kMostKept) forget();
+      if (disables_all_ && ++kept_ >= kMostKept) forget();
       return writer_->write(&sample_);
     } catch (const std::exception&) {
       return false;
@@ -185,7 +185,7 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   dds::Publisher* publisher_;
   const char* name_;
   EventSink& events_;
-  bool keeps_all_;
+  bool disables_all_;
   int kept_ = 0;
   std::atomic<int> matched_ = 0;
   Sample sample_;

@@ -153,7 +153,7 @@ bool get(const msg::EnteringBody& in, EnteringBody& out) {
   return in.state().body() == in.body().id() && get(in.body(), out.body) && get(in.state(), out.state);
 }
 
-void put(const BorderPair& in, msg::BorderPair& out) {
+void put(const BoundaryContact& in, msg::BoundaryContact& out) {
   out.inside(index(in.inside));
   out.outside(index(in.outside));
   put(in.point, out.point());
@@ -163,7 +163,7 @@ void put(const BorderPair& in, msg::BorderPair& out) {
   put(in.tangential_impulse, out.tangential_impulse());
 }
 
-bool get(const msg::BorderPair& in, BorderPair& out) {
+bool get(const msg::BoundaryContact& in, BoundaryContact& out) {
   out.inside = BodyId{in.inside()};
   out.outside = BodyId{in.outside()};
   return get(in.point(), out.point) && get(in.normal(), out.normal) && get(in.distance(), out.distance) &&
@@ -201,12 +201,13 @@ void put(const GhostAxis& in, msg::GhostAxis& out) {
   put(in.normal, out.normal());
   out.force_n(in.force_n);
   out.coulomb_limit_n(in.coulomb_limit_n);
-  put(in.grip, out.grip());
+  put(in.load_dependent_friction, out.load_dependent_friction());
 }
 
 bool get(const msg::GhostAxis& in, GhostAxis& out) {
   return get(in.normal(), out.normal) && get(in.force_n(), out.force_n) &&
-         get_positive(in.coulomb_limit_n(), out.coulomb_limit_n) && get(in.grip(), out.grip);
+         get_positive(in.coulomb_limit_n(), out.coulomb_limit_n) &&
+         get(in.load_dependent_friction(), out.load_dependent_friction);
 }
 
 void put_ghosts(const std::vector<GhostModel>& in, msg::WorldFrame& out) {
@@ -223,7 +224,7 @@ void put_ghosts(const std::vector<GhostModel>& in, msg::WorldFrame& out) {
     put(ghost.load_n, wire.load_n());
     wire.axis_count(static_cast<std::uint8_t>(ghost.axis_count));
     wire.carried(ghost.carried.has_value());
-    wire.loose(ghost.loose);
+    wire.approaching(ghost.approaching);
     for (std::size_t i = 0; i < ghost.axis_count; ++i) put(ghost.axes[i], out.ghost_axes()[axes++]);
     if (ghost.carried) put(*ghost.carried, out.carried_bodies()[carried++]);
   }
@@ -240,7 +241,7 @@ bool get_ghosts(const msg::WorldFrame& in, std::vector<GhostModel>& out) {
     GhostModel& ghost = out[g];
     ghost.outside = BodyId{wire.outside()};
     ghost.axis_count = wire.axis_count();
-    ghost.loose = wire.loose();
+    ghost.approaching = wire.approaching();
     if (ghost.axis_count > kMostGhostAxes || ghost.axis_count > in.ghost_axes().size() - axes ||
         !get_positive(wire.mass_kg(), ghost.mass_kg) || ghost.mass_kg == 0.0 || !get(wire.load_n(), ghost.load_n))
       return false;
@@ -268,13 +269,13 @@ bool get(const msg::PeerDevice& in, PeerDevice& out) {
          get(in.angular_velocity(), out.angular_velocity);
 }
 
-void put(const Silence& in, msg::Silence& out) {
+void put(const Suppression& in, msg::Suppression& out) {
   out.until_stamp(in.until);
   put(in.place.lower, out.lower());
   put(in.place.upper, out.upper());
 }
 
-bool get(const msg::Silence& in, Silence& out) {
+bool get(const msg::Suppression& in, Suppression& out) {
   out.until = in.until_stamp();
   return get(in.lower(), out.place.lower) && get(in.upper(), out.place.upper);
 }

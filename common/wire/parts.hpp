@@ -25,14 +25,14 @@ void put(const Vec3& in, msg::Point& out);
 void put(const Mesh& in, msg::Mesh& out);
 void put(const Body& in, msg::Body& out);
 void put(const EnteringBody& in, msg::EnteringBody& out);
-void put(const BorderPair& in, msg::BorderPair& out);
+void put(const BoundaryContact& in, msg::BoundaryContact& out);
 void put(const Eigen::Matrix3d& in, msg::SymmetricTensor& out);
 void put(const CarriedBody& in, msg::CarriedBody& out);
 void put(const GhostAxis& in, msg::GhostAxis& out);
 /// With what lies flat in the frame: axes and carried bodies.
 void put_ghosts(const std::vector<GhostModel>& in, msg::WorldFrame& out);
 void put(const PeerDevice& in, msg::PeerDevice& out);
-void put(const Silence& in, msg::Silence& out);
+void put(const Suppression& in, msg::Suppression& out);
 void put(const ReportedDevice& in, msg::ReportedDevice& out);
 void put(const UserView& in, msg::UserView& out);
 
@@ -51,13 +51,13 @@ void put(const UserView& in, msg::UserView& out);
 [[nodiscard]] bool get(const msg::Mesh& in, Mesh& out);
 [[nodiscard]] bool get(const msg::Body& in, Body& out);
 [[nodiscard]] bool get(const msg::EnteringBody& in, EnteringBody& out);
-[[nodiscard]] bool get(const msg::BorderPair& in, BorderPair& out);
+[[nodiscard]] bool get(const msg::BoundaryContact& in, BoundaryContact& out);
 [[nodiscard]] bool get(const msg::SymmetricTensor& in, Eigen::Matrix3d& out);
 [[nodiscard]] bool get(const msg::CarriedBody& in, CarriedBody& out);
 [[nodiscard]] bool get(const msg::GhostAxis& in, GhostAxis& out);
 [[nodiscard]] bool get_ghosts(const msg::WorldFrame& in, std::vector<GhostModel>& out);
 [[nodiscard]] bool get(const msg::PeerDevice& in, PeerDevice& out);
-[[nodiscard]] bool get(const msg::Silence& in, Silence& out);
+[[nodiscard]] bool get(const msg::Suppression& in, Suppression& out);
 [[nodiscard]] bool get(const msg::ReportedDevice& in, ReportedDevice& out);
 [[nodiscard]] bool get(const msg::UserView& in, UserView& out);
 

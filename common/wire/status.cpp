@@ -71,17 +71,17 @@ void StatusBeacon::update(const LoopState& loop) noexcept {
   time_s_.store(loop.time_s, std::memory_order_relaxed);
   steps_.store(loop.steps, std::memory_order_relaxed);
   missed_.store(loop.missed, std::memory_order_relaxed);
-  missed_by_machine_.store(loop.missed_by_machine, std::memory_order_relaxed);
+  missed_by_os_.store(loop.missed_by_os, std::memory_order_relaxed);
   busy_s_.store(loop.busy_s, std::memory_order_relaxed);
   force_n_.store(loop.force_n, std::memory_order_relaxed);
-  clock_factor_.store(loop.clock_factor, std::memory_order_relaxed);
+  real_time_factor_.store(loop.real_time_factor, std::memory_order_relaxed);
 }
 
 void StatusBeacon::enter(const std::string& state) {
   const std::lock_guard lock(mutex_);
   status_.state = state;
   done(0.0);
-  silence_.clear();
+  suppression_.clear();
   bus_->forget_silence();
   if (state == kRunning) at_start_ = bus_->events();
   publish(0.0);
@@ -96,7 +96,7 @@ std::string StatusBeacon::take_events() {
   std::string text = bus_->take_event_text(EventKind::fault);
   if (counted_steps_ == 0) bus_->forget_silence();  // no step had been made when the last status went out
   if (status_.state != kRunning) return text;
-  append(text, std::exchange(silence_, bus_->take_event_text(EventKind::silence)));
+  append(text, std::exchange(suppression_, bus_->take_event_text(EventKind::suppression)));
   return text;
 }
 
@@ -132,9 +132,9 @@ void StatusBeacon::publish(double passed_s) {
   status_.time_s = time_s_.load(std::memory_order_relaxed);
   status_.steps = steps;
   status_.missed_deadlines = missed_.load(std::memory_order_relaxed);
-  status_.missed_by_machine = missed_by_machine_.load(std::memory_order_relaxed);
+  status_.missed_by_os = missed_by_os_.load(std::memory_order_relaxed);
   status_.force_n = force_n_.load(std::memory_order_relaxed);
-  status_.clock_factor = clock_factor_.load(std::memory_order_relaxed);
+  status_.real_time_factor = real_time_factor_.load(std::memory_order_relaxed);
   status_.done_ratio = done_ratio_.load(std::memory_order_relaxed);
   status_.events = bus_->events();
   append(text, take_notes());

@@ -24,11 +24,11 @@ inline constexpr double kSilent_s = 2.0;
 struct LoopState {
   double time_s = 0.0;
   std::uint64_t steps = 0;
-  std::uint64_t missed = 0;             ///< deadlines
-  std::uint64_t missed_by_machine = 0;  ///< of these
-  double busy_s = 0.0;                  ///< spent in all steps
-  double force_n = 0.0;                 ///< on the hand
-  double clock_factor = 1.0;
+  std::uint64_t missed = 0;        ///< deadlines
+  std::uint64_t missed_by_os = 0;  ///< of these
+  double busy_s = 0.0;             ///< spent in all steps
+  double force_n = 0.0;            ///< on the hand
+  double real_time_factor = 1.0;
 };
 
 /// Publishes a program's `status` once a second, prints what the middleware reports in between and listens to the
@@ -71,8 +71,8 @@ class StatusBeacon {
   void listen();
   /// What was noted since the last call, in order, joined by "; ".
   std::string take_notes();
-  /// What the middleware reported, in words. Silence of a peer is worth no word while programs come and go: it is said
-  /// only where the loop ran before and still runs a status later.
+  /// What the middleware reported, in words. Suppression of a peer is worth no word while programs come and go: it is
+  /// said only where the loop ran before and still runs a status later.
   std::string take_events();
 
   Bus* bus_;
@@ -82,8 +82,8 @@ class StatusBeacon {
   static constexpr std::size_t kPrograms = 4, kInstances = 64;
   std::array<std::atomic<std::uint32_t>, kPrograms * kInstances> silent_ticks_{};
   std::string label_;
-  std::atomic<double> time_s_{0.0}, busy_s_{0.0}, force_n_{0.0}, clock_factor_{1.0}, done_ratio_{0.0};
-  std::atomic<std::uint64_t> steps_{0}, missed_{0}, missed_by_machine_{0};
+  std::atomic<double> time_s_{0.0}, busy_s_{0.0}, force_n_{0.0}, real_time_factor_{1.0}, done_ratio_{0.0};
+  std::atomic<std::uint64_t> steps_{0}, missed_{0}, missed_by_os_{0};
   std::atomic<Note*> newest_note_{nullptr};
   std::counting_semaphore<> wake_{0};
   std::atomic<bool> stop_{false};
@@ -92,7 +92,7 @@ class StatusBeacon {
   std::uint64_t counted_steps_ = 0;  ///< when the rate was last taken
   double counted_busy_s_ = 0.0;      ///< likewise
   EventCounts at_start_;             ///< when the loop began to run
-  std::string silence_;              ///< said if the loop still runs at the next status
+  std::string suppression_;          ///< said if the loop still runs at the next status
   std::string unsent_;               ///< texts that no status has carried yet
   std::thread thread_;
 };

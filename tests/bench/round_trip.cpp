@@ -127,7 +127,7 @@ void answer(const Scene& scene, const BusConfig& config, int cycles, Shared& sha
     do {
       const DeviceState state = device.state();
       const FeltStep felt = sub.step(state, true, h);
-      device.step(sub.command_for(state, felt.to_hand), h);
+      device.step(sub.command_for(state, felt.to_operator), h);
     } while (!sub.report_due());
     const TimePoint begin = Clock::now();
     const HapticReport& report = sub.report(0);

@@ -42,20 +42,20 @@ int main(int argc, char** argv) {
   app.add_option("--side", sides, "cubes along a side of the field")->delimiter(',')->capture_default_str();
   app.add_option("--cycles", cycles, "of the world")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
-  fmt::print("cubes,rest,world_p50_us,world_p99_us,haptic_p50_us,ratio_to_kept_p50\n");
+  fmt::print("cubes,rest,world_p50_us,world_p99_us,haptic_p50_us,ratio_to_disabled_p50\n");
   for (const int side : sides) {
     Scene scene = row_beside(side);
-    CoupledRun left_out(scene);
-    scene.settings.keep_in(kept(Saving::rest));
-    CoupledRun kept_in(scene);
+    CoupledRun enabled(scene);
+    scene.settings.disable(disabled(Optimisation::rest));
+    CoupledRun disabled(scene);
     for (int i = 0; i < cycles; ++i) {
-      left_out.cycle();
-      kept_in.cycle();
+      enabled.cycle();
+      disabled.cycle();
     }
-    const double kept_s = kept_in.cpu.world.quantile_s(0.5);
-    for (const CoupledRun* run : {&left_out, &kept_in}) {
+    const double kept_s = disabled.cpu.world.quantile_s(0.5);
+    for (const CoupledRun* run : {&enabled, &disabled}) {
       const double p50_s = run->cpu.world.quantile_s(0.5);
-      fmt::print("{},{},{:.0f},{:.0f},{:.0f},{:.3f}\n", side * side, run == &left_out ? "left out" : "kept in",
+      fmt::print("{},{},{:.0f},{:.0f},{:.0f},{:.3f}\n", side * side, run == &enabled ? "left out" : "kept in",
                  1e6 * p50_s, 1e6 * run->cpu.world.quantile_s(0.99), 1e6 * run->cpu.haptic.quantile_s(0.5),
                  p50_s / kept_s);
     }

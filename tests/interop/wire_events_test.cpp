@@ -36,12 +36,12 @@ TEST_P(WireEvents, a_silent_writer_misses_its_deadline) {
   ASSERT_TRUE(until(*receiver, [&] { return receiver->events().deadline_missed > 0; }));
   ASSERT_TRUE(until(*sender, [&] { return sender->events().deadline_missed > 0; }));
   EXPECT_TRUE(receiver->take_event_text(EventKind::fault).empty());
-  const std::string text = receiver->take_event_text(EventKind::silence);
+  const std::string text = receiver->take_event_text(EventKind::suppression);
   EXPECT_NE(text.find("no world_frame for two periods: world_sim or the network was late"), std::string::npos) << text;
-  EXPECT_TRUE(sender->take_event_text(EventKind::silence).empty()) << "a writer's own loop counts its deadlines";
+  EXPECT_TRUE(sender->take_event_text(EventKind::suppression).empty()) << "a writer's own loop counts its deadlines";
   const auto missed = receiver->events().deadline_missed;
   ASSERT_TRUE(until(*receiver, [&] { return receiver->events().deadline_missed > missed; }));
-  EXPECT_TRUE(receiver->take_event_text(EventKind::silence).empty()) << "once is enough";
+  EXPECT_TRUE(receiver->take_event_text(EventKind::suppression).empty()) << "once is enough";
 }
 
 // A timer that a vendor arms too short would call each of these samples late.
@@ -57,7 +57,7 @@ TEST_P(WireEvents, who_sends_in_time_misses_no_deadline) {
   auto reader = receiver->reader<DeviceState>();
   ASSERT_TRUE(until(*receiver, [&] { return writer.matched() > 0 && reader.matched() > 0; }));
   DeviceState state;
-  std::uint64_t by_machine = 0, received = 0;
+  std::uint64_t by_os = 0, received = 0;
   auto before = Clock::now();
   for (auto next = before; state.sequence < kSamples; next = std::max(next + kGap, before)) {
     std::this_thread::sleep_until(next);
@@ -65,12 +65,12 @@ TEST_P(WireEvents, who_sends_in_time_misses_no_deadline) {
     ASSERT_TRUE(writer.write(state));
     received += reader.take(state) == Take::sample;
     const auto now = Clock::now();
-    by_machine += static_cast<std::uint64_t>((now - before) / kSilence);
+    by_os += static_cast<std::uint64_t>((now - before) / kSilence);
     before = now;
   }
   EXPECT_GT(received, kSamples / 2);
-  EXPECT_LE(sender->events().deadline_missed, by_machine + kSamples / 4);
-  EXPECT_LE(receiver->events().deadline_missed, by_machine + kSamples / 4);
+  EXPECT_LE(sender->events().deadline_missed, by_os + kSamples / 4);
+  EXPECT_LE(receiver->events().deadline_missed, by_os + kSamples / 4);
 }
 
 /// The helper lies beside the test.
@@ -102,7 +102,7 @@ TEST_P(WireEvents, a_killed_writer_is_noticed) {
   EXPECT_TRUE(until(
       *bus, [&] { return reader.alive_writers() == 0; }, 2.0));
   EXPECT_GT(bus->events().liveliness_lost, lost_before);
-  const std::string text = bus->take_event_text(EventKind::silence);
+  const std::string text = bus->take_event_text(EventKind::suppression);
   EXPECT_NE(text.find("device_sim was not heard of for 100 ms"), std::string::npos) << text;
 }
 

@@ -19,7 +19,7 @@ const std::vector<std::string> kSetting{
 
 /// Under a telling floor nothing can be told apart.
 double told_error(const Json& row) {
-  const double floor = number(row, "reference_floor");
+  const double floor = number(row, "reference_error");
   const double rms = number(row, "force_error_rms");
   return telling(floor) ? std::max(rms, floor) : rms;
 }
@@ -27,14 +27,14 @@ double told_error(const Json& row) {
 bool ranked(const Json& row) { return row.at("survived").get<bool>() && comparable(row); }
 
 bool fits(const Json& row) {
-  return ranked(row) && !row.at("at_floor").get<bool>() && number(row, "latency_s") == 0.0 &&
+  return ranked(row) && !row.at("at_reference_error").get<bool>() && number(row, "latency_s") == 0.0 &&
          number(row, "jitter_s") == 0.0 && number(row, "force_error_rms") > 0.0;
 }
 
 }  // namespace
 
 bool comparable(const Json& row) {
-  return std::isfinite(number(row, "force_error_rms")) && std::isfinite(number(row, "reference_floor"));
+  return std::isfinite(number(row, "force_error_rms")) && std::isfinite(number(row, "reference_error"));
 }
 
 bool imperceptible(const Json& row) {
@@ -96,8 +96,8 @@ Json over_variants(const Rows& rows) {
     if (std::ranges::any_of(all, [&](const Json& done) { return alike(done, row, fixed); })) continue;
     std::vector<double> errors, floors;
     for (const Json& other : rows) {
-      if (!alike(row, other, fixed) || !std::isfinite(number(other, "reference_floor"))) continue;
-      floors.push_back(number(other, "reference_floor"));
+      if (!alike(row, other, fixed) || !std::isfinite(number(other, "reference_error"))) continue;
+      floors.push_back(number(other, "reference_error"));
       if (ranked(other)) errors.push_back(number(other, "force_error_rms"));
     }
     if (errors.empty()) continue;
@@ -109,8 +109,8 @@ Json over_variants(const Rows& rows) {
     over["survived"] = n;
     over["force_error_rms_median"] = 0.5 * (errors[(n - 1) / 2] + errors[n / 2]);
     over["force_error_rms_max"] = errors.back();
-    over["reference_floor_min"] = std::ranges::min(floors);
-    over["reference_floor_max"] = std::ranges::max(floors);
+    over["reference_error_min"] = std::ranges::min(floors);
+    over["reference_error_max"] = std::ranges::max(floors);
     all.push_back(over);
   }
   return all;

@@ -15,8 +15,8 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
     subs.push_back(std::make_unique<SubWorld>(scene_, u));
     devices.push_back(std::make_unique<EmulatedDevice>(scene_.users[u].device, static_cast<std::uint32_t>(u)));
     const UserSpec& user = scene_.users[u];
-    guards.push_back(
-        std::make_unique<DeviceGuard>(user, scene_.body(user.proxy), !leaves_out(scene_, Saving::passivity, u), 0.0));
+    guards.push_back(std::make_unique<DeviceGuard>(user, scene_.body(user.proxy),
+                                                   !enabled(scene_, Optimisation::passivity, u), 0.0));
     const auto number = static_cast<std::uint32_t>(u);
     Link link{.delay = Delay(scene_.settings, scheme.lead_cycles(), number),
               .states = DelayLine<DeviceState>(scene_.settings, Direction::from_device, number),
@@ -79,9 +79,9 @@ void CoupledRun::haptic_cycle(std::size_t user) {
       sub.advance(h);
     }
     felt[user].force.push_back(now.felt.force);
-    const DeviceCommand& arrived = links_[user].commands.pass(sub.command_for(known, now.to_hand), step);
+    const DeviceCommand& arrived = links_[user].commands.pass(sub.command_for(known, now.to_operator), step);
     const DeviceCommand safe = guards[user]->pass(arrived, state, true, h);
-    felt[user].hand.push_back(safe.wrench.force);
+    felt[user].on_operator.push_back(safe.wrench.force);
     device.step(safe, h);
     felt[user].proxy.push_back(sub.proxy());
     if (sub.report_due()) send_report(user);
@@ -118,7 +118,7 @@ bool CoupledRun::finite() const noexcept {
 std::uint64_t CoupledRun::hash() const noexcept {
   std::uint64_t hash = world.state_hash();
   for (const FeltHistory& user : felt) {
-    for (const Vec3& force : user.hand) {
+    for (const Vec3& force : user.on_operator) {
       for (int i = 0; i < 3; ++i) hash = (hash ^ std::bit_cast<std::uint64_t>(force[i])) * 0x100000001b3ULL;
     }
   }

@@ -15,8 +15,8 @@ namespace subworld {
 
 /// What one user felt, one entry per haptic step, on the proxy.
 struct FeltHistory {
-  std::vector<Vec3> force;  ///< N, by the coupling, before the ramp
-  std::vector<Vec3> hand;   ///< N, as the device shows it, on the hand
+  std::vector<Vec3> force;        ///< N, by the coupling, before the ramp
+  std::vector<Vec3> on_operator;  ///< N, as the device shows it, on the hand
   std::vector<BodyState> proxy;
 };
 

@@ -167,7 +167,7 @@ std::string verdict_of(const Rows& rows, std::size_t planned) {
   const auto count = [&](const auto& holds) { return std::ranges::count_if(rows, holds); };
   std::string verdict =
       fmt::format("{} points: {} imperceptible, {} at the floor of their reference, {} did not survive", rows.size(),
-                  count(imperceptible), count([](const Json& row) { return row.at("at_floor").get<bool>(); }),
+                  count(imperceptible), count([](const Json& row) { return row.at("at_reference_error").get<bool>(); }),
                   count([](const Json& row) { return !row.at("survived").get<bool>(); }));
   return verdict + stopped_text(rows.size(), planned);
 }
@@ -189,8 +189,8 @@ class Progress {
                !row.at("survived").get<bool>() ? "did not survive"
                : comparable(row)               ? percent("force_error_rms")
                                                : "unknown, the reference felt no force",
-               percent("reference_floor"), row.at("at_floor").get<bool>() ? " at the floor" : "", total_cpu(row),
-               left_.text(static_cast<double>(rows.size())));
+               percent("reference_error"), row.at("at_reference_error").get<bool>() ? " at the floor" : "",
+               total_cpu(row), left_.text(static_cast<double>(rows.size())));
     std::fflush(stdout);
   }
 

@@ -147,7 +147,7 @@ void BookedEngine::step(double dt) {
   for (std::size_t i = 0; i < entries_.size(); ++i) {
     if (entries_[i]) starts_[i] = inner_->state(entries_[i]->body.id);
   }
-  if (const double ahead_s = 0.5 * inner_->part_s(dt); ahead_s != ahead_s_) {
+  if (const double ahead_s = 0.5 * inner_->integration_substep_s(dt); ahead_s != ahead_s_) {
     // Parts of another length place the bodies otherwise: no energy.
     ahead_s_ = ahead_s;
     for (auto& entry : entries_) {

@@ -102,8 +102,8 @@ void add_errors(Json& row, const Scene& scene, const Outcome& run, const Referen
               {"energy_excess_j", run.energy_excess_j},
               {"reference_energy_excess_j", reference.run.energy_excess_j},
               {"device_work_j", run.device_work_j},
-              {"reference_floor", reference.floor},
-              {"at_floor", e.rms <= reference.floor && telling(reference.floor)}});
+              {"reference_error", reference.floor},
+              {"at_reference_error", e.rms <= reference.floor && telling(reference.floor)}});
 }
 
 void add_run_times(Json& row, const Outcome& run) {

@@ -51,7 +51,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "always, and kept in.",
       "subworld lab plan"};
   std::string items;
-  for (const SavingItem& item : saving_items())
+  for (const OptimisationItem& item : optimisation_items())
     items += fmt::format("  {:<10} {} ({})\n", item.name, item.what, item.where);
   app.footer("Items, and \"all\" for all together:\n" + items +
              "\nExamples:\n"
@@ -78,7 +78,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
                            fmt::join(kQuickScenes, " "), kQuickDuration_s));
   add_out(app, "plan", request.out);
   if (const auto code = parse_arguments(app, argc, argv)) return code;
-  (void)parse_kept(request.items, "--item");
+  (void)parse_disabled(request.items, "--item");
   std::vector<std::string> once;
   for (const std::string& item : request.items) {
     if (std::ranges::find(once, item) == once.end()) once.push_back(item);
@@ -106,7 +106,7 @@ Scene loaded(const std::string& file, const std::optional<double>& duration_s) {
 std::vector<PlanPoint> points_of(const Request& request) {
   std::vector<std::string> items = request.items;
   if (items.empty()) {
-    for (const SavingItem& item : saving_items()) items.emplace_back(item.name);
+    for (const OptimisationItem& item : optimisation_items()) items.emplace_back(item.name);
     items.emplace_back("all");
   }
   std::vector<PlanPoint> points;
@@ -125,20 +125,20 @@ std::vector<PlanPoint> points_of(const Request& request) {
 
 /// Which is nearer to the reference, where the two differ by more than its floor.
 std::string errors_text(const Json& row) {
-  if (!(number(row, "force_difference_rms") > number(row, "reference_floor"))) return "";
-  return fmt::format(", errors {:.2g} % left out and {:.2g} % kept in", 1e2 * number(row, "error_left_out_rms"),
-                     1e2 * number(row, "error_kept_in_rms"));
+  if (!(number(row, "force_difference_rms") > number(row, "reference_error"))) return "";
+  return fmt::format(", errors {:.2g} % left out and {:.2g} % kept in", 1e2 * number(row, "error_enabled_rms"),
+                     1e2 * number(row, "error_disabled_rms"));
 }
 
 void print(const Json& row, std::size_t done, std::size_t all, const std::string& left) {
   std::string text = row.at("reason");
-  if (row.at("left_out").get<bool>()) {
+  if (row.at("enabled").get<bool>()) {
     const auto difference =
         row.at("hash_equal").get<bool>()             ? std::string("the same bit by bit")
         : number(row, "force_difference_rms") == 0.0 ? std::string("the same force")
         : std::isfinite(number(row, "force_difference_rms"))
             ? fmt::format("differs by {:.2g} %, floor {:.2g} %{}", 1e2 * number(row, "force_difference_rms"),
-                          1e2 * number(row, "reference_floor"), errors_text(row))
+                          1e2 * number(row, "reference_error"), errors_text(row))
             : std::string("no force felt");
     text = fmt::format("world {:.3f}, haptic {:.3f}, bytes {:.3f} of kept in; {}", number(row, "world_cpu_ratio"),
                        number(row, "haptic_cpu_ratio"), number(row, "bytes_ratio"), difference);

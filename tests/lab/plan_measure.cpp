@@ -85,8 +85,9 @@ Json figures_of(const Scene& scene) {
 Json run_apart(const PlanPoint& point, const Scene& scene) {
   const Apart run = apart(kMost_s, [&] { return figures_of(scene); });
   if (!run.answer) {
-    throw Error(ExitCode::failed, fmt::format("{}, {} {}: the run ended with {}", point.scene, point.item,
-                                              scene.settings.keep == kKeepNothing ? "left out" : "kept in", run.end));
+    throw Error(ExitCode::failed,
+                fmt::format("{}, {} {}: the run ended with {}", point.scene, point.item,
+                            scene.settings.disabled == kDisableNothing ? "left out" : "kept in", run.end));
   }
   return *run.answer;
 }
@@ -110,7 +111,7 @@ Decision decision_of(const Scene& scene, const std::string& item) {
   Decision first{false, false, "nothing is left out"};
   for (const PlannedItem& planned : plan_of(scene)) {
     if (item != "all" && planned.item->name != item) continue;
-    if (planned.decision.left_out && !planned.decision.ordered) {
+    if (planned.decision.enabled && !planned.decision.ordered) {
       return item == "all" ? Decision{true, false, "all that the plan leaves out"} : planned.decision;
     }
     if (item != "all") first = planned.decision;
@@ -124,18 +125,18 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
   const Scene without = point.load();
   const Decision decision = decision_of(without, point.item);
   Json row = {
-      {"scene", point.scene}, {"item", point.item}, {"left_out", decision.left_out}, {"reason", decision.because}};
+      {"scene", point.scene}, {"item", point.item}, {"enabled", decision.enabled}, {"reason", decision.because}};
   for (const Figure& figure : kFigures) row[figure.ratio] = kNone;
   row.update({{"hash_equal", true},
               {"force_difference_rms", 0.0},
-              {"reference_floor", kNone},
-              {"error_left_out_rms", kNone},
-              {"error_kept_in_rms", kNone},
+              {"reference_error", kNone},
+              {"error_enabled_rms", kNone},
+              {"error_disabled_rms", kNone},
               {"held", true}});
-  if (!decision.left_out) return row;
+  if (!decision.enabled) return row;
 
   Scene with = without;
-  with.settings.keep_in(parse_kept({point.item}));
+  with.settings.disable(parse_disabled({point.item}));
   Json out = run_apart(point, without), kept = run_apart(point, with);
   for (int i = 1; i < repeats; ++i) {
     keep_least(out, run_apart(point, without));
@@ -153,7 +154,7 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
   // Nothing is left out of the reference but a bound on energy, which is no physics of the scene.
   Scene all = with;
   for (std::size_t u = 0; u < all.users.size(); ++u) {
-    if (leaves_out(without, Saving::passivity, u)) all.settings.passivity = Passivity::off;
+    if (enabled(without, Optimisation::passivity, u)) all.settings.passivity = Passivity::off;
   }
   const Apart judged = apart(kMost_s, [&]() -> Json {
     const std::optional<Reference> reference = reference_of(in_one_world(all));
@@ -161,16 +162,16 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
     const auto error_of = [&](const Json& run) {
       return force_error(felt_of(run), reference->run.felt, without.settings.h_s).rms;
     };
-    return {{"reference_floor", reference->floor},
-            {"error_left_out_rms", error_of(out)},
-            {"error_kept_in_rms", error_of(kept)}};
+    return {{"reference_error", reference->floor},
+            {"error_enabled_rms", error_of(out)},
+            {"error_disabled_rms", error_of(kept)}};
   });
   if (judged.answer && judged.answer->is_object()) row.update(*judged.answer);
   // Where nothing is felt there is nothing to compare; and of two unlike runs none is worse where neither is farther
   // from the reference, by more than that is sure of.
-  const double floor = number(row, "reference_floor");
+  const double floor = number(row, "reference_error");
   row["held"] = !std::isfinite(difference) || difference <= floor ||
-                number(row, "error_left_out_rms") <= number(row, "error_kept_in_rms") + floor;
+                number(row, "error_enabled_rms") <= number(row, "error_disabled_rms") + floor;
   return row;
 }
 

@@ -14,7 +14,7 @@ namespace subworld {
 struct PlanPoint {
   std::string scene;            ///< name, as in the row
   std::function<Scene()> load;  ///< throws `Error` (usage)
-  std::string item;             ///< as in --keep, or "all"
+  std::string item;             ///< as in --disable, or "all"
 };
 
 /// One flat row: what the item costs, as ratios of left out over kept in, and what it changes. Runs take turns, each in

@@ -2,7 +2,7 @@
 
 #include "lab/command_line.hpp"
 #include "lab/page.hpp"
-#include "model/saving.hpp"
+#include "model/optimisation.hpp"
 
 #include <fmt/format.h>
 
@@ -16,7 +16,7 @@ namespace subworld {
 namespace {
 
 constexpr const char* kHowToRead = R"(<p>Each scene is run twice in lock-step in one process: with an item of its plan
-left out, as always, and with the item kept in (<code>--keep ITEM</code>). A <b>ratio</b> is what is left out over what
+left out, as always, and with the item kept in (<code>--disable ITEM</code>). A <b>ratio</b> is what is left out over what
 is kept in: 0.1 means that leaving the item out leaves a tenth of the cost, 1 that it saves nothing. Runs take turns and
 the least CPU time of each kind counts; world and haptic are CPU times of all their steps, less what the clock takes itself, bytes those of a frame and a
 report, memory what is allocated at the end, start the CPU time until the first step. <b>Same</b>: all states of the
@@ -30,21 +30,21 @@ constexpr std::array kColumns{Column{"world CPU", "world_cpu_ratio", 1.0, 3},
                               Column{"haptic CPU", "haptic_cpu_ratio", 1.0, 3}, Column{"bytes", "bytes_ratio", 1.0, 3},
                               Column{"memory", "memory_ratio", 1.0, 3}, Column{"start", "start_ratio", 1.0, 3}};
 
-bool left_out(const Json& row) { return row.at("left_out").get<bool>(); }
+bool enabled(const Json& row) { return row.at("enabled").get<bool>(); }
 bool hash_equal(const Json& row) { return row.at("hash_equal").get<bool>(); }
 bool held(const Json& row) { return row.at("held").get<bool>(); }
 
 std::string difference_text(const Json& row) {
-  if (!left_out(row)) return "&ndash;";
+  if (!enabled(row)) return "&ndash;";
   if (hash_equal(row)) return "<span class=good>same</span>";
   const double difference = number(row, "force_difference_rms");
   if (!std::isfinite(difference)) return "no force felt";
   if (difference == 0.0) return "<span class=good>same force</span>";
-  const double floor = number(row, "reference_floor");
+  const double floor = number(row, "reference_error");
   const std::string text = fmt::format("{:.2g} % of {:.2g} %", 1e2 * difference, 1e2 * floor);
   if (difference <= floor) return text;
-  return fmt::format("{}: error {:.2g} % left out, {:.2g} % kept in{}", text, 1e2 * number(row, "error_left_out_rms"),
-                     1e2 * number(row, "error_kept_in_rms"), held(row) ? "" : " <b>worse</b>");
+  return fmt::format("{}: error {:.2g} % left out, {:.2g} % kept in{}", text, 1e2 * number(row, "error_enabled_rms"),
+                     1e2 * number(row, "error_disabled_rms"), held(row) ? "" : " <b>worse</b>");
 }
 
 std::string table_of(const Rows& rows, const std::string& item) {
@@ -85,9 +85,9 @@ std::vector<std::string> items_of(const Rows& rows) {
 }
 
 std::string what(const std::string& item) {
-  const auto found = std::ranges::find(saving_items(), std::string_view(item), &SavingItem::name);
-  return found == saving_items().end() ? "everything that the plan leaves out"
-                                       : fmt::format("{} ({})", found->what, found->where);
+  const auto found = std::ranges::find(optimisation_items(), std::string_view(item), &OptimisationItem::name);
+  return found == optimisation_items().end() ? "everything that the plan leaves out"
+                                             : fmt::format("{} ({})", found->what, found->where);
 }
 
 Plot plot_of(const Rows& rows, const std::string& item) {
@@ -98,7 +98,7 @@ Plot plot_of(const Rows& rows, const std::string& item) {
   constexpr std::array kColours{"#0072b2", "#c04f00", "#00704f"};
   std::vector<const Json*> mine;
   for (const Json& row : rows) {
-    if (row.at("item") == item && left_out(row)) mine.push_back(&row);
+    if (row.at("item") == item && enabled(row)) mine.push_back(&row);
   }
   std::ranges::sort(mine, {}, [](const Json* row) { return number(*row, "world_cpu_ratio"); });
   for (std::size_t k = 0; k < kColours.size(); ++k) {
@@ -121,14 +121,14 @@ Json plan_summary(const Rows& rows, std::size_t planned) {
     };
     Json one = {{"item", item},
                 {"what", what(item)},
-                {"left_out", count(left_out)},
-                {"hash_equal", count([](const Json& row) { return left_out(row) && hash_equal(row); })},
+                {"enabled", count(enabled)},
+                {"hash_equal", count([](const Json& row) { return enabled(row) && hash_equal(row); })},
                 {"worse", count([](const Json& row) { return !held(row); })}};
     for (const Column& column : kColumns) one[column.key] = mean_ratio(rows, item, column.key);
     summary["items"].push_back(std::move(one));
   }
-  const auto out = std::ranges::count_if(rows, left_out);
-  const auto same = std::ranges::count_if(rows, [](const Json& row) { return left_out(row) && hash_equal(row); });
+  const auto out = std::ranges::count_if(rows, enabled);
+  const auto same = std::ranges::count_if(rows, [](const Json& row) { return enabled(row) && hash_equal(row); });
   const auto above = std::ranges::count_if(rows, [](const Json& row) { return !held(row); });
   summary["verdict"] = fmt::format(
       "{} comparisons of scenes with an item left out: {} equal bit by bit, {} below the floor or no farther "
@@ -147,7 +147,7 @@ void write_plan_report(const std::string& path, const Rows& rows, const Json& su
   items.head.emplace_back("what");
   for (const Json& one : summary.at("items")) {
     auto& cells = items.rows.emplace_back();
-    cells = {escaped(one.at("item")), fmt::format("{} scenes", one.at("left_out").get<int>()),
+    cells = {escaped(one.at("item")), fmt::format("{} scenes", one.at("enabled").get<int>()),
              fmt::format("{}", one.at("hash_equal").get<int>()), fmt::format("{}", one.at("worse").get<int>())};
     for (const Column& column : kColumns) cells.push_back(cell_of(column, one));
     cells.push_back(escaped(one.at("what")));
@@ -157,7 +157,7 @@ void write_plan_report(const std::string& path, const Rows& rows, const Json& su
   for (const std::string& item : items_of(rows)) {
     page.heading(item);
     page.add(fmt::format("<p>Left out: {}.</p>\n", escaped(what(item))));
-    if (std::ranges::count_if(rows, [&](const Json& row) { return row.at("item") == item && left_out(row); }) > 1) {
+    if (std::ranges::count_if(rows, [&](const Json& row) { return row.at("item") == item && enabled(row); }) > 1) {
       const std::vector<std::string> pictures = svg_of({plot_of(rows, item)});
       page.plots(pictures.data(), pictures.size());
     }

@@ -49,7 +49,7 @@ class Trial {
       }
       weigh(verdict);
     }
-    for (std::size_t u = 0; u < run_.felt.size(); ++u) check_hand(u, verdict);
+    for (std::size_t u = 0; u < run_.felt.size(); ++u) check_operator(u, verdict);
     judge_energy(verdict);
     for (std::size_t u = 0; u < run_.felt.size(); ++u) check_port(u, verdict);
   }
@@ -81,13 +81,13 @@ class Trial {
                      verdict.unexplained_j, 1e2 * verdict.gain, verdict.put_in_j, above_s_));
   }
 
-  void check_hand(std::size_t user, Verdict& verdict) const {
+  void check_operator(std::size_t user, Verdict& verdict) const {
     constexpr double kRounding = 1e-9;
-    const HandLimits limits = hand_limits_of(scene_.users[user].device);
+    const OperatorLimits limits = operator_limits_of(scene_.users[user].device);
     const double h = scene_.settings.h_s;
     const double most_step_n = limits.force_rate_n_s * h + kRounding * limits.wrench.force_n;
     Vec3 before = Vec3::Zero();
-    const std::vector<Vec3>& forces = run_.felt[user].hand;
+    const std::vector<Vec3>& forces = run_.felt[user].on_operator;
     for (std::size_t i = 0; i < forces.size(); ++i) {
       const double t_s = h * static_cast<double>(i), size_n = forces[i].norm(), step_n = (forces[i] - before).norm();
       if (!forces[i].allFinite()) {
@@ -107,12 +107,12 @@ class Trial {
   }
 
   void check_port(std::size_t user, Verdict& verdict) const {
-    const HandPort& port = run_.guards[user]->port();
+    const OperatorPort& port = run_.guards[user]->port();
     // Bodies that fall or fly into a hand give it what they have.
     const double from_nowhere_j = port.created_j() - run_.world.released_j();
-    verdict.at_hand_j = std::max(verdict.at_hand_j, from_nowhere_j);
-    const double most_j = kMostAtHand_j + kMostAtHand * std::abs(port.net_j());
-    if (leaves_out(scene_, Saving::passivity, user) || from_nowhere_j <= most_j) return;
+    verdict.at_operator_j = std::max(verdict.at_operator_j, from_nowhere_j);
+    const double most_j = kMostAtOperator_j + kMostAtOperator * std::abs(port.net_j());
+    if (enabled(scene_, Optimisation::passivity, user) || from_nowhere_j <= most_j) return;
     fail(verdict, Fault::port, scene_.settings.duration_s,
          fmt::format("hand {} got {:.3g} J that neither it nor the bodies had, with passivity on; {:.3g} J are allowed",
                      user, from_nowhere_j, most_j));
@@ -139,7 +139,7 @@ Json to_json(const Verdict& v) {
           {"users_j", v.users_j},
           {"corrected_j", v.corrected_j},
           {"released_j", v.released_j},
-          {"at_hand_j", v.at_hand_j},
+          {"at_operator_j", v.at_operator_j},
           {"force_n", v.force_n},
           {"seconds", v.seconds},
           {"hash", v.hash}};
@@ -158,7 +158,7 @@ Verdict verdict_of(const Json& json) {
   v.users_j = number("users_j");
   v.corrected_j = number("corrected_j");
   v.released_j = number("released_j");
-  v.at_hand_j = number("at_hand_j");
+  v.at_operator_j = number("at_operator_j");
   v.force_n = number("force_n");
   v.seconds = number("seconds");
   return v;

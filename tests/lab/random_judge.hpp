@@ -21,7 +21,7 @@ inline constexpr double kMostGain = 0.01;
 inline constexpr double kRestDepth_m = 1e-5;
 inline constexpr double kLeastGain_j = 1e-6;
 /// Energy at the hand's port that may come from nowhere where passivity is on, and as a part of its work.
-inline constexpr double kMostAtHand_j = 1e-3, kMostAtHand = 0.01;
+inline constexpr double kMostAtOperator_j = 1e-3, kMostAtOperator = 0.01;
 
 struct Verdict {
   Fault fault = Fault::none;
@@ -30,12 +30,12 @@ struct Verdict {
   double gain = 0.0;           ///< largest unexplained energy above the floor, over what was put in until then
   double unexplained_j = 0.0;  ///< then, as the next ones; at the end where there was none
   double put_in_j = 0.0;
-  double users_j = 0.0;      ///< net work of the users
-  double corrected_j = 0.0;  ///< net
-  double released_j = 0.0;   ///< by gravity
-  double at_hand_j = 0.0;    ///< most that a hand got from nowhere
-  double force_n = 0.0;      ///< most on a hand
-  double seconds = 0.0;      ///< CPU time
+  double users_j = 0.0;        ///< net work of the users
+  double corrected_j = 0.0;    ///< net
+  double released_j = 0.0;     ///< by gravity
+  double at_operator_j = 0.0;  ///< most that a hand got from nowhere
+  double force_n = 0.0;        ///< most on a hand
+  double seconds = 0.0;        ///< CPU time
   std::string hash;
 };
 [[nodiscard]] Json to_json(const Verdict& verdict);

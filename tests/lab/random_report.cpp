@@ -30,7 +30,7 @@ constexpr Count kCounts[] = {{"crashes", "crashes", Fault::crash},
                              {"hash", "hash", Fault::hash},
                              {"force", "force", Fault::force},
                              {"energy", "energy", Fault::energy},
-                             {"hand energy", "hand_energy", Fault::port}};
+                             {"hand energy", "operator_energy", Fault::port}};
 
 Json counts_of(const Rows& rows, const std::string& setting) {
   Json counts = {{"setting", setting}, {"scenes", 0}};

@@ -3,7 +3,7 @@
 #include "lab/apart.hpp"
 #include "lab/command_line.hpp"
 #include "lab/engine_choice.hpp"
-#include "lab/hand_bed.hpp"
+#include "lab/operator_bed.hpp"
 #include "lab/random_scene.hpp"
 #include "lab/scene_text.hpp"
 #include "lab/shrink.hpp"
@@ -79,7 +79,7 @@ Json row_of(const RandomRequest& request, int number, const Setting& setting, co
           {"users_j", v.users_j},
           {"corrected_j", v.corrected_j},
           {"released_j", v.released_j},
-          {"hand_energy_j", v.at_hand_j},
+          {"operator_energy_j", v.at_operator_j},
           {"force_max_n", v.force_n},
           {"cpu_s", v.seconds},
           {"run_hash", v.hash},

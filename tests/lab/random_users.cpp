@@ -133,22 +133,22 @@ DeviceSpec draw_device(Draw& draw) {
   return device;
 }
 
-HandSpec draw_hand(Draw& draw, const DeviceSpec& device, const Body& tool) {
-  HandSpec hand;
-  hand.mass_kg = rounded(draw.factor(0.2, 2.0), 2);
-  hand.damping_n_s_m = rounded(draw.factor(3.0, 30.0), 2);
-  hand.stiffness_n_m = rounded(draw.factor(50.0, 600.0), 2);
-  if (device.kind == DeviceKind::impedance) return hand;
+OperatorSpec draw_operator(Draw& draw, const DeviceSpec& device, const Body& tool) {
+  OperatorSpec model;
+  model.mass_kg = rounded(draw.factor(0.2, 2.0), 2);
+  model.damping_n_s_m = rounded(draw.factor(3.0, 30.0), 2);
+  model.stiffness_n_m = rounded(draw.factor(50.0, 600.0), 2);
+  if (device.kind == DeviceKind::impedance) return model;
   // An admittance device follows with the lag of its drives, 50 Hz: a hand that is too stiff for the mass of its tool
   // cannot hold it still, whatever is simulated. So it swings at 5 Hz at most.
   constexpr double kFastest_rad_s = 2.0 * M_PI * 5.0;
   const double part = draw.factor(0.1, 1.0), inertia = tool.inertia.minCoeff();
-  hand.stiffness_n_m = rounded(part * kFastest_rad_s * kFastest_rad_s * tool.mass, 2);
-  hand.damping_n_s_m = rounded(draw.between(0.5, 1.5) * std::sqrt(hand.stiffness_n_m * tool.mass), 2);
-  hand.rotational_stiffness_n_m = rounded(part * kFastest_rad_s * kFastest_rad_s * inertia, 2);
-  hand.rotational_damping_n_m_s =
-      rounded(draw.between(0.5, 1.5) * std::sqrt(hand.rotational_stiffness_n_m * inertia), 2);
-  return hand;
+  model.stiffness_n_m = rounded(part * kFastest_rad_s * kFastest_rad_s * tool.mass, 2);
+  model.damping_n_s_m = rounded(draw.between(0.5, 1.5) * std::sqrt(model.stiffness_n_m * tool.mass), 2);
+  model.rotational_stiffness_n_m = rounded(part * kFastest_rad_s * kFastest_rad_s * inertia, 2);
+  model.rotational_damping_n_m_s =
+      rounded(draw.between(0.5, 1.5) * std::sqrt(model.rotational_stiffness_n_m * inertia), 2);
+  return model;
 }
 
 Body draw_tool(Draw& draw, Builder& builder, double size_m, bool rotates) {
@@ -200,7 +200,7 @@ void add_user(Draw& draw, Builder& builder, const BodyRanges& ranges, Scene& sce
   const Body& proxy = scene.body(user.proxy);
   user.coupling = draw_coupling(draw, proxy.mass, proxy.inertia);
   if (user.device.kind == DeviceKind::admittance || draw.chance(0.5))
-    user.device.hand = draw_hand(draw, user.device, proxy);
+    user.device.operator_model = draw_operator(draw, user.device, proxy);
   draw_selection(draw, ranges.size_m, user);
   scene.users.push_back(std::move(user));
 }

@@ -73,7 +73,7 @@ std::string marks_of(const Json& row, bool is_dominated) {
     if (holds) marks += fmt::format("{}{}", marks.empty() ? "" : ", ", text);
   };
   add(!row.at("survived").get<bool>(), "did not survive");
-  add(row.at("at_floor").get<bool>(), "<span class=good>at the floor</span>");
+  add(row.at("at_reference_error").get<bool>(), "<span class=good>at the floor</span>");
   add(imperceptible(row), "<span class=good>imperceptible</span>");
   add(row.at("survived").get<bool>() && is_dominated, "dominated");
   return marks;
@@ -141,7 +141,7 @@ std::string facts_of(const Json& scene) {
 std::string plan_of(const Json& scene) {
   std::string names;
   for (const Json& item : scene.at("plan")) {
-    if (!item.at("left_out").get<bool>() || item.value("user", 0) != 0) continue;
+    if (!item.at("enabled").get<bool>() || item.value("user", 0) != 0) continue;
     names += fmt::format("{}<span title=\"{}\">{}</span>", names.empty() ? "" : ", ",
                          escaped(item.at("because").get<std::string>()), item.at("item").get<std::string>());
   }
@@ -154,7 +154,7 @@ std::string doubt_of(const Rows& rows) {
   if (!comparable(rows.front())) {
     return "<p class=doubt>The reference felt no force in this time, so there is no relative error. Run longer.</p>\n";
   }
-  const double floor = rows.front().at("reference_floor").get<double>();
+  const double floor = rows.front().at("reference_error").get<double>();
   if (telling(floor)) return "";
   return fmt::format(
       "<p class=doubt>The floor is {:.2g} %: the reference itself changes with its step, because contacts then follow "
@@ -198,7 +198,7 @@ std::vector<std::string> variants_of(const Json& over_variants, const Rows& rows
     lines.push_back(
         fmt::format("{}{}median {:.2g} %, worst {:.2g} % of {} (floors {:.2g} to {:.2g} %){}", what,
                     what.empty() ? "" : ": ", percent("force_error_rms_median"), percent("force_error_rms_max"),
-                    over.at("variants").get<int>(), percent("reference_floor_min"), percent("reference_floor_max"),
+                    over.at("variants").get<int>(), percent("reference_error_min"), percent("reference_error_max"),
                     over.at("survived") == over.at("variants")
                         ? ""
                         : fmt::format("; ONLY {} SURVIVED, the errors are theirs", over.at("survived").get<int>())));

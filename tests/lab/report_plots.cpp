@@ -64,8 +64,8 @@ const Swept& about(const std::string& column) {
 
 std::vector<Level> levels_of(const Json& row) {
   return {
-      {fmt::format("floor of the reference {:.2g} %", 100.0 * row.at("reference_floor").get<double>()), kFloorColour,
-       100.0 * row.at("reference_floor").get<double>()},
+      {fmt::format("floor of the reference {:.2g} %", 100.0 * row.at("reference_error").get<double>()), kFloorColour,
+       100.0 * row.at("reference_error").get<double>()},
       {fmt::format("imperceptible {:g} %", 100.0 * kImperceptibleRms), kThresholdColour, 100.0 * kImperceptibleRms}};
 }
 
@@ -106,7 +106,8 @@ double error_percent(const Json& row) {
 std::vector<const Json*> slice(const Rows& rows, std::vector<std::string> columns, const std::set<std::string>& free) {
   std::vector<int> ratios;
   for (const Json& row : rows) ratios.push_back(row.at("ratio"));
-  const Json& model = *std::ranges::find(rows, shown_ratio(ratios), [](const Json& r) { return r.at("ratio").get<int>(); });
+  const Json& model =
+      *std::ranges::find(rows, shown_ratio(ratios), [](const Json& r) { return r.at("ratio").get<int>(); });
   std::erase_if(columns, [&](const std::string& c) { return free.contains(c); });
   std::vector<const Json*> kept;
   for (const Json& row : rows) {

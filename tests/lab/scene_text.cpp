@@ -209,14 +209,14 @@ std::string device_text(const DeviceSpec& d) {
   line("position_resolution_m", d.position_resolution_m);
   if (!d.path.empty()) lines += "      path:\n";
   for (const PathSegment& s : d.path) lines += fmt::format("        - {}\n", segment_map(s).str());
-  if (d.hand) {
+  if (d.operator_model) {
     line("hand", Map()
-                     .add("mass_kg", d.hand->mass_kg)
-                     .add("damping_n_s_m", d.hand->damping_n_s_m)
-                     .add("stiffness_n_m", d.hand->stiffness_n_m)
-                     .add("inertia_kg_m2", d.hand->inertia_kg_m2)
-                     .add("rotational_damping_n_m_s_rad", d.hand->rotational_damping_n_m_s)
-                     .add("rotational_stiffness_n_m_rad", d.hand->rotational_stiffness_n_m)
+                     .add("mass_kg", d.operator_model->mass_kg)
+                     .add("damping_n_s_m", d.operator_model->damping_n_s_m)
+                     .add("stiffness_n_m", d.operator_model->stiffness_n_m)
+                     .add("inertia_kg_m2", d.operator_model->inertia_kg_m2)
+                     .add("rotational_damping_n_m_s_rad", d.operator_model->rotational_damping_n_m_s)
+                     .add("rotational_stiffness_n_m_rad", d.operator_model->rotational_stiffness_n_m)
                      .str());
   }
   return lines;

@@ -121,7 +121,7 @@ bool Shrinker::device(std::size_t u) {
     if (std::ranges::any_of(plain.path, [](const PathSegment& p) { return p.kind == PathSegment::Kind::turn; }))
       plain.degrees_of_freedom = 6;
     DeviceSpec& d = s.users[u].device;
-    const bool differs = d.kind != plain.kind || d.hand || d.degrees_of_freedom != plain.degrees_of_freedom ||
+    const bool differs = d.kind != plain.kind || d.operator_model || d.degrees_of_freedom != plain.degrees_of_freedom ||
                          d.force_limit_n != plain.force_limit_n || d.rate_hz != plain.rate_hz;
     d = plain;
     return differs;
@@ -129,7 +129,7 @@ bool Shrinker::device(std::size_t u) {
   // The hand at an admittance device fits its tool.
   any |= attempt([&](Scene& s) {
     DeviceSpec& d = s.users[u].device;
-    return d.kind == DeviceKind::impedance && d.hand && (d.hand.reset(), true);
+    return d.kind == DeviceKind::impedance && d.operator_model && (d.operator_model.reset(), true);
   });
   any |= attempt([&](Scene& s) {
     const CouplingSettings plain;

@@ -104,7 +104,7 @@ bool TestBed::run(double seconds, const std::function<bool()>& goes_on) {
 }
 
 double TestBed::energy_j() const {
-  const double ahead_s = 0.5 * engine_->part_s(dt_s_);
+  const double ahead_s = 0.5 * engine_->integration_substep_s(dt_s_);
   double sum_j = 0.0;
   for (const Body& body : bodies_) {
     if (body.fixed()) continue;

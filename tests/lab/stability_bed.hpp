@@ -56,7 +56,8 @@ class TestBed {
   [[nodiscard]] double dt_s() const { return dt_s_; }
   [[nodiscard]] double time_s() const { return steps_ * dt_s_; }
   /// Kinetic and potential, of all movable bodies, J. A position is ahead of its velocity by half a part of a step
-  /// (Engine::part_s); the potential energy is taken where the two agree, or free fall would seem to change it.
+  /// (Engine::integration_substep_s); the potential energy is taken where the two agree, or free fall would seem to
+  /// change it.
   [[nodiscard]] double energy_j() const;
   /// The farthest that a movable body is from where it was added, m.
   [[nodiscard]] double moved_m() const;

@@ -13,7 +13,7 @@ namespace subworld {
 [[nodiscard]] std::vector<StabilityCase> rotation_cases();
 [[nodiscard]] std::vector<StabilityCase> structure_cases();
 [[nodiscard]] std::vector<StabilityCase> extreme_cases();
-[[nodiscard]] std::vector<StabilityCase> hand_cases();
+[[nodiscard]] std::vector<StabilityCase> operator_cases();
 [[nodiscard]] std::vector<StabilityCase> delay_cases();
 
 /// All of them, in the order of the page.

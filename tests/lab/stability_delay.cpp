@@ -1,6 +1,6 @@
 // What late and lost messages may do to a hand: give it no energy that it did not put in.
 
-#include "lab/hand_bed.hpp"
+#include "lab/operator_bed.hpp"
 #include "lab/stability_cases.hpp"
 
 #include <algorithm>
@@ -51,7 +51,7 @@ Measurement free_force(DeviceKind kind, const char* scheme, Side side, double de
 }
 
 /// The fastest that an admittance device moves a hand in the air, whatever the scheme and the ratio.
-Measurement fastest_hand(double delay_ms) {
+Measurement fastest_operator(double delay_ms) {
   double fastest_m_s = 0.0;
   for (const char* scheme : kSchemes) {
     for (const int ratio : {1, 4, 20}) {
@@ -119,9 +119,9 @@ std::vector<StabilityCase> delay_cases() {
                   "late at the device or at the world, by up to 20 ms more, 5 % of them lost; the worst of all.",
                   free_scene),
       energy_case("energy_press", "The same where the hand presses a cube against a wall.",
-                  [](DeviceKind kind) { return scene_with_hand("press", kind); }),
+                  [](DeviceKind kind) { return scene_with_operator("press", kind); }),
       energy_case("energy_row", "The same where it pushes a row of ten cubes.",
-                  [](DeviceKind kind) { return scene_with_hand("row", kind); }),
+                  [](DeviceKind kind) { return scene_with_operator("row", kind); }),
       force_case("force_free", "What the hand feels in the air, with reduced, messages late at the device.",
                  DeviceKind::impedance, "reduced", Side::device),
       force_case("force_free_paper", "The same with paper, messages late at the world.", DeviceKind::impedance, "paper",
@@ -145,7 +145,7 @@ std::vector<StabilityCase> delay_cases() {
        .tolerance = 1.0,
        .why = "the limit itself",
        .expected = [](double) { return 0.5; },
-       .measure = [](const Setting&, double ms) { return fastest_hand(ms); },
+       .measure = [](const Setting&, double ms) { return fastest_operator(ms); },
        .once = true},
   };
 }

@@ -130,9 +130,9 @@ TEST_F(CommandLine, APlanListsWhatIsLeftOutAndTakesKeep) {
   for (const char* item : {"rest ", "sway ", "impulses ", "pairs ", "device ", "silence ", "passivity "})
     EXPECT_NE(out.find(item), std::string::npos) << item;
   EXPECT_NE(in.find("friction "), std::string::npos) << "the row has some: " << in;
-  const auto [fewer, more] = planned({"--keep", "rest,passivity"});
+  const auto [fewer, more] = planned({"--disable", "rest,passivity"});
   EXPECT_EQ(fewer.find("rest "), std::string::npos) << fewer;
-  EXPECT_NE(more.find("as --keep says"), std::string::npos) << more;
+  EXPECT_NE(more.find("as --disable says"), std::string::npos) << more;
 }
 
 TEST_F(CommandLine, APlanAdvisesWhereTheWorldCannotKeepUp) {

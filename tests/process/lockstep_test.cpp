@@ -18,7 +18,7 @@ void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
 
 const Words kRunKeys{"scene", "mode",       "scheme",     "engine",  "haptic_engine", "dds",    "h_s",   "ratio",
                      "users", "duration_s", "state_hash", "verdict", "world",         "haptic", "device"};
-const Words kWorldKeys{"bodies", "cycles", "late_cycles", "step_s", "clock_factor_min"};
+const Words kWorldKeys{"bodies", "cycles", "late_cycles", "step_s", "real_time_factor_min"};
 const Words kHapticKeys{"user",         "steps",           "skipped_steps", "missed_deadlines",
                         "lateness_s",   "step_s",          "force_rms_n",   "force_max_n",
                         "members",      "contacts",        "border_pairs",  "sync_s",
@@ -129,16 +129,16 @@ TEST_F(LockStepHash, DiffersBetweenRunsThatDiffer) {
   EXPECT_EQ(hashes.size(), 2U);
 }
 
-class Silence : public ProcessTest {};
+class Suppression : public ProcessTest {};
 
-TEST_F(Silence, OfAHandInTheAirSavesMessagesAndChangesNoForce) {
-  std::vector<Json> hands;
-  for (const char* item : {"silence", "passivity"}) {  // kept in; the second has nothing to do with messages
-    ASSERT_EQ(run(scene("scatter"), {"--duration", "0.2", "--keep", item}).code, 0);
-    hands.push_back(summary()["haptic"][0]);
+TEST_F(Suppression, OfAHandInTheAirSavesMessagesAndChangesNoForce) {
+  std::vector<Json> users;
+  for (const char* item : {"suppression", "passivity"}) {  // kept in; the second has nothing to do with messages
+    ASSERT_EQ(run(scene("scatter"), {"--duration", "0.2", "--disable", item}).code, 0);
+    users.push_back(summary()["haptic"][0]);
   }
-  EXPECT_LT(hands[1]["bytes_per_cycle"], 0.25 * hands[0]["bytes_per_cycle"].get<double>());
-  for (const char* same : {"steps", "force_rms_n", "force_max_n"}) EXPECT_EQ(hands[0][same], hands[1][same]) << same;
+  EXPECT_LT(users[1]["bytes_per_cycle"], 0.25 * users[0]["bytes_per_cycle"].get<double>());
+  for (const char* same : {"steps", "force_rms_n", "force_max_n"}) EXPECT_EQ(users[0][same], users[1][same]) << same;
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ TEST_F(Summary, TellsWhatTheHandGotAndHowOftenTheDeviceWasAtItsLimit) {
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json haptic = summary()["haptic"][0];
   const Table table = read_table(out() + "/haptic_0.csv");
-  const std::size_t x = table.column("hand_force_x_n");
+  const std::size_t x = table.column("operator_force_x_n");
   double squares = 0.0, most = 0.0, largest_step = 0.0;
   int at_limit = 0;
   std::vector<double> before(table.columns.size(), 0.0);
@@ -89,8 +89,8 @@ TEST_F(Summary, IsACompleteRecord) {
   EXPECT_NE(json["haptic"][0]["dds"].get<std::string>().find("cyclonedds"), std::string::npos);
   EXPECT_NE(json["device"][0]["dds"].get<std::string>().find("fastdds"), std::string::npos);
   EXPECT_GE(json["world"]["substeps"], 1);
-  EXPECT_GT(json["world"]["part_s"], 0.0);
-  EXPECT_NEAR(settings["haptic_engine"]["part_s"].get<double>(), 0.001, 1e-9);
+  EXPECT_GT(json["world"]["integration_substep_s"], 0.0);
+  EXPECT_NEAR(settings["haptic_engine"]["integration_substep_s"].get<double>(), 0.001, 1e-9);
 }
 
 // Every missed deadline is somebody's; the bare loop was measured, and so was what the kernel did to each loop.
@@ -102,9 +102,9 @@ TEST_F(Summary, TellsTheMachinesLatenessFromOurs) {
   EXPECT_LE(json["calibration"]["late"], json["calibration"]["wake_ups"]);
   const Json& haptic = json["haptic"][0];
   EXPECT_EQ(haptic["missed_deadlines"].get<int>(),
-            haptic["missed_by_us"].get<int>() + haptic["missed_by_machine"].get<int>());
+            haptic["missed_by_run"].get<int>() + haptic["missed_by_os"].get<int>());
   EXPECT_EQ(json["world"]["late_cycles"].get<int>(),
-            json["world"]["late_by_us"].get<int>() + json["world"]["late_by_machine"].get<int>());
+            json["world"]["late_by_run"].get<int>() + json["world"]["late_by_os"].get<int>());
   for (const Json* loop : {&json["world"], &haptic, &json["device"][0]}) {
     expect_keys((*loop)["machine"],
                 {"scheduling", "cpu_s", "run_queue_delay_s", "involuntary_switches", "voluntary_switches", "stolen_s"},
@@ -126,7 +126,7 @@ TEST_F(Summary, BlamesTheStepsWhereTheyTakeTooLong) {
   const auto verdict = json["verdict"].get<std::string>();
   EXPECT_TRUE(verdict.starts_with("quality gate missed: ")) << verdict;
   EXPECT_NE(verdict.find("steps take "), std::string::npos) << verdict;
-  EXPECT_GT(json["haptic"][0]["missed_by_us"], json["haptic"][0]["missed_by_machine"]);
+  EXPECT_GT(json["haptic"][0]["missed_by_run"], json["haptic"][0]["missed_by_os"]);
   EXPECT_NE(ended.out.find("cannot keep up: a step takes"), std::string::npos) << ended.out;
 }
 

@@ -56,7 +56,7 @@ TEST_P(WorldEngine, TellsTheFrictionAtTheBorder) {
   double normal = 0.0, tangential = 0.0;
   while (run.world.time_s() < 1.5) {
     run.cycle();
-    for (const BorderPair& pair : run.world.border(0)) {
+    for (const BoundaryContact& pair : run.world.border(0)) {
       normal += pair.normal_impulse;
       tangential += pair.tangential_impulse.norm();
     }

@@ -43,7 +43,7 @@ struct Attack {
     command.sequence += n;
     if (kind == "old_frame") frame.stamp = 1, frame.stamp_s = 0.004;
     if (kind == "far_frame") frame.stamp += 1'000'000, frame.stamp_s += 4000.0;
-    if (kind == "standing_frame") frame.stamp += n, frame.clock_factor = 0.0;
+    if (kind == "standing_frame") frame.stamp += n, frame.real_time_factor = 0.0;
     if (kind == "last_frame") frame.stamp += n, frame.last = true;
     if (kind == "moved_frame") {
       frame.stamp += n;
@@ -103,7 +103,7 @@ int attack(const std::string& vendor, int domain, const std::string& mode, const
   auto report = bus->reader<HapticReport>(user_partition(0));
   // Until the run runs: the haptic loop has chosen its device.
   const auto runs = [&] {
-    return of.frame.clock_factor > 0.0 && of.state.sender != 0 && of.command.served == of.state.sender;
+    return of.frame.real_time_factor > 0.0 && of.state.sender != 0 && of.command.served == of.state.sender;
   };
   for (int heard = 0; heard < 5 || !runs();) {
     heard += listen(scene, of.scene) + listen(frame, of.frame) + listen(state, of.state) + listen(command, of.command) +

@@ -29,7 +29,7 @@ struct Outside {
   std::vector<GhostModel> models(std::vector<BodyId> members, const Vec3& velocity = Vec3::Zero(),
                                  const Vec3& acceleration = Vec3::Zero(), const std::vector<BodyId>& unhung = {}) {
     const Membership membership{std::move(members), {kFloor}};
-    std::vector<BorderPair> border;
+    std::vector<BoundaryContact> border;
     extract_border(contacts, membership, border);
     for (const Contact& c : contacts) {
       if (std::ranges::find(unhung, c.b) != unhung.end()) border.push_back(pair_of(c, c.a));

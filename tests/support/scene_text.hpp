@@ -45,7 +45,7 @@ users:
       path:
         - {turn: {axis: [0, 0, 1], angle_deg: 20}, during_s: [0.1, 0.5]}
         - {move: [0.02, 0, 0], during_s: [0.1, 0.5]}
-      hand: {mass_kg: 1, damping_n_s_m: 10, stiffness_n_m: 300, inertia_kg_m2: 0.005, rotational_damping_n_m_s_rad: 0.1, rotational_stiffness_n_m_rad: 3}
+      operator: {mass_kg: 1, damping_n_s_m: 10, stiffness_n_m: 300, inertia_kg_m2: 0.005, rotational_damping_n_m_s_rad: 0.1, rotational_stiffness_n_m_rad: 3}
 )";
 
 }  // namespace test

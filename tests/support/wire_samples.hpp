@@ -31,7 +31,7 @@ class SampleMaker {
   }
   void fill(std::uint32_t& to) { to = word(); }
   void fill(BodyId& to) { to = BodyId{word()}; }
-  void fill(BorderPair& to) {
+  void fill(BoundaryContact& to) {
     to = {BodyId{word()}, BodyId{word()}, vector(), vector().normalized(), number(), number(), vector()};
   }
   void fill(GhostModel& to) {
@@ -42,7 +42,7 @@ class SampleMaker {
           .axes = {}};
     for (std::size_t i = 0; i < to.axis_count; ++i)
       to.axes[i] = {vector().normalized(), number(), positive(), vector()};
-    to.loose = coin();
+    to.approaching = coin();
     if (coin()) {
       CarriedBody& carried = to.carried.emplace();
       carried.mass_kg = 0.1 + positive();
@@ -141,7 +141,7 @@ class SampleMaker {
     to.stamp = long_word();
     to.stamp_s = positive();
     to.start_in_s = number();
-    to.clock_factor = positive();
+    to.real_time_factor = positive();
     to.echoed_sent_ns = static_cast<std::int64_t>(long_word());
     to.echoed_stamp = long_word();
     to.last = coin();
@@ -155,7 +155,7 @@ class SampleMaker {
     fill_all(to.border);
     fill_all(to.ghosts);
     fill_all(to.peers);
-    if (coin()) to.silence = {long_word(), {vector(), vector()}};
+    if (coin()) to.suppression = {long_word(), {vector(), vector()}};
   }
   void fill(HapticReport& to) {
     to.user = UserId{word()};
@@ -185,7 +185,7 @@ class SampleMaker {
   void fill(WorldSnapshot& to) {
     to.sequence = long_word();
     to.stamp_s = number();
-    to.clock_factor = positive();
+    to.real_time_factor = positive();
     fill_all(to.moved);
     fill_all(to.users);
   }
@@ -198,10 +198,10 @@ class SampleMaker {
     to.rate_hz = number();
     to.steps = long_word();
     to.missed_deadlines = long_word();
-    to.missed_by_machine = long_word();
+    to.missed_by_os = long_word();
     to.step_s = number();
     to.force_n = number();
-    to.clock_factor = number();
+    to.real_time_factor = number();
     to.done_ratio = number();
     to.events = {long_word(), long_word(), long_word(), long_word(), long_word(), long_word(), long_word()};
     to.text = text();
@@ -252,13 +252,13 @@ struct Walk {
         b.rotates);
   }
   void operator()(const EnteringBody& e) { all(e.body, e.state); }
-  void operator()(const BorderPair& b) {
+  void operator()(const BoundaryContact& b) {
     all(b.inside, b.outside, b.point, b.normal, b.distance, b.normal_impulse, b.tangential_impulse);
   }
   void operator()(const GhostModel& g) {
-    all(g.outside, g.mass_kg, g.load_n, g.loose);
+    all(g.outside, g.mass_kg, g.load_n, g.approaching);
     for (std::size_t i = 0; i < g.axis_count; ++i) {
-      all(g.axes[i].normal, g.axes[i].force_n, g.axes[i].coulomb_limit_n, g.axes[i].grip);
+      all(g.axes[i].normal, g.axes[i].force_n, g.axes[i].coulomb_limit_n, g.axes[i].load_dependent_friction);
     }
     if (g.carried) {
       all(g.carried->mass_kg, g.carried->centre_m, g.carried->drive);
@@ -279,10 +279,10 @@ struct Walk {
         d.angular_velocity, d.last);
   }
   void operator()(const WorldFrame& f) {
-    all(f.user, f.session, f.served, f.stamp, f.stamp_s, f.start_in_s, f.clock_factor, f.echoed_sent_ns, f.echoed_stamp,
-        f.last, f.members, f.fixed, f.islands, f.entering, f.states, f.border_contacts, f.border_bodies, f.border,
-        f.ghosts, f.peers, f.silence.has_value());
-    if (f.silence) all(f.silence->until, f.silence->place.lower, f.silence->place.upper);
+    all(f.user, f.session, f.served, f.stamp, f.stamp_s, f.start_in_s, f.real_time_factor, f.echoed_sent_ns,
+        f.echoed_stamp, f.last, f.members, f.fixed, f.islands, f.entering, f.states, f.border_contacts, f.border_bodies,
+        f.border, f.ghosts, f.peers, f.suppression.has_value());
+    if (f.suppression) all(f.suppression->until, f.suppression->place.lower, f.suppression->place.upper);
   }
   void operator()(const HapticReport& r) {
     all(r.user, r.session, r.sender, r.stamp, r.stamp_s, r.clock_rate, r.sent_ns, r.confirmed_stamp, r.impulse_total,
@@ -291,11 +291,11 @@ struct Walk {
         r.indicators.border_bodies, r.indicators.proxy_contacts, r.timing.mean_s, r.timing.max_s);
     if (r.device) all(r.device->pose, r.device->linear_velocity, r.device->angular_velocity, r.device->applied);
   }
-  void operator()(const WorldSnapshot& s) { all(s.sequence, s.stamp_s, s.clock_factor, s.moved, s.users); }
+  void operator()(const WorldSnapshot& s) { all(s.sequence, s.stamp_s, s.real_time_factor, s.moved, s.users); }
   void operator()(const Control& c) { all(c.number, static_cast<std::uint32_t>(c.verb), c.argument); }
   void operator()(const Status& s) {
     all(static_cast<std::uint32_t>(s.program), s.instance, s.state, s.time_s, s.rate_hz, s.steps, s.missed_deadlines,
-        s.missed_by_machine, s.step_s, s.force_n, s.clock_factor, s.done_ratio, s.events.matched, s.events.unmatched,
+        s.missed_by_os, s.step_s, s.force_n, s.real_time_factor, s.done_ratio, s.events.matched, s.events.unmatched,
         s.events.deadline_missed, s.events.liveliness_lost, s.events.incompatible_qos, s.events.lost, s.events.rejected,
         s.events.refused, s.text);
   }

@@ -79,16 +79,16 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
     entered += frames.received.entering.size();
     border_pairs += frames.received.border_contacts;
     sub.apply(frames.received);
-    haptic_measures.stages().mark(HapticStage::apply);
+    haptic_measures.stages().mark(HapticStage::synchronise);
     haptic_measures.synchronised(1e-4, 0);
     for (int i = 0; i < scene.settings.ratio; ++i) {
       states.send(device.state());
       const FeltStep felt = sub.feel(states.received, true, scene.settings.h_s);
-      commands.send(sub.command_for(states.received, felt.to_hand));
+      commands.send(sub.command_for(states.received, felt.to_operator));
       device.step(commands.received, scene.settings.h_s);
       sub.advance(scene.settings.h_s);
       haptic_measures.stages().mark(HapticStage::advance);
-      haptic_measures.step(sub, felt, {1e-4, 1e-5, 1e-5, Miss::machine});
+      haptic_measures.step(sub, felt, {1e-4, 1e-5, 1e-5, Miss::os});
       haptic_measures.end_step();
     }
     reports.send(sub.report(1));

@@ -20,7 +20,7 @@ struct Two {
     scene.bodies = {test::cube(BodyId{0}, kSide_m), test::cube(BodyId{1}, kSide_m)};
     states.resize(2);
   }
-  std::vector<BorderPair> near(double gravity_m_s2 = 0.0) {
+  std::vector<BoundaryContact> near(double gravity_m_s2 = 0.0) {
     scene.settings.world.gravity = Vec3(0, 0, -gravity_m_s2);
     const Membership membership{{BodyId{0}}, {}};
     ContactGraph graph;
@@ -34,7 +34,7 @@ struct Two {
     const auto state = [&](BodyId id) { return states[index(id)]; };
     finder.inside(BodyId{0}, state(BodyId{0}), bounds(BodyId{0}));
     Box reach = swept_bounds(state(BodyId{0}), bounds(BodyId{0}), gravity_m_s2, kTime_s);
-    std::vector<BorderPair> border;
+    std::vector<BoundaryContact> border;
     extract_border(contacts, membership, border);
     for (const BodyId id : finder.touching(membership, graph, border)) {
       reach.extend(finder.ghost(id, state(id), bounds(id)));

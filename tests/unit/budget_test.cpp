@@ -52,14 +52,14 @@ std::vector<BodyId> ids(std::initializer_list<std::uint32_t> numbers) {
 TEST_F(Budgets, WhatFitsIsEverything) {
   make(4);
   EXPECT_EQ(chosen({.limit_s = 4.0, .cost = kCountBodies}), candidates);
-  EXPECT_EQ(selector->left_out(), 0U);
+  EXPECT_EQ(selector->omitted(), 0U);
   EXPECT_DOUBLE_EQ(selector->cost_s(), 4.0);
 }
 
 TEST_F(Budgets, TheProxyStaysWhateverItCosts) {
   make(3);
   EXPECT_EQ(chosen({.limit_s = 1e-9, .cost = kCountBodies}), ids({1}));
-  EXPECT_EQ(selector->left_out(), 2U);
+  EXPECT_EQ(selector->omitted(), 2U);
 }
 
 TEST_F(Budgets, ARowEntersFromTheProxyOn) {

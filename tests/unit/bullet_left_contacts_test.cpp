@@ -23,7 +23,7 @@ class WokenStack : public testing::TestWithParam<test::Tested> {
   WokenStack() {
     EngineSettings settings = GetParam().settings();
     settings.gravity = test::kG * Vec3(kSlope, kSlope, -1.0);
-    for (std::unique_ptr<Engine>* one : {&engine, &stranger}) {
+    for (std::unique_ptr<Engine>* one : {&engine, &foreign_writer}) {
       *one = make_engine(settings, {});
       (*one)->add(test::floor_plane(BodyId{0}), BodyState{});
     }
@@ -52,19 +52,19 @@ class WokenStack : public testing::TestWithParam<test::Tested> {
     return fastest;
   }
 
-  std::unique_ptr<Engine> engine, stranger;  ///< the stranger has never had the stack
+  std::unique_ptr<Engine> engine, foreign_writer;  ///< the stranger has never had the stack
   std::vector<BodyState> slept;
 };
 
 TEST_P(WokenStack, StandsOnTheImpulsesWithWhichItFellAsleep) {
-  const Vec3 with = jolt(*engine, slept), without = jolt(*stranger, slept);
+  const Vec3 with = jolt(*engine, slept), without = jolt(*foreign_writer, slept);
   for (const int across : {0, 1}) EXPECT_LT(with[across], 0.1 * without[across]) << across;
   EXPECT_LT(with.z(), 0.3 * without.z());
 }
 
 TEST_P(WokenStack, StartsAnewElsewhere) {
   for (BodyState& state : slept) state.position.y() += 1e-4;
-  const Vec3 with = jolt(*engine, slept), without = jolt(*stranger, slept);
+  const Vec3 with = jolt(*engine, slept), without = jolt(*foreign_writer, slept);
   EXPECT_NEAR(with.z(), without.z(), 0.05 * without.z());
 }
 

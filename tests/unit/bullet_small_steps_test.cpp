@@ -41,7 +41,7 @@ class BulletSmallSteps : public testing::TestWithParam<test::Tested> {
 
   /// J; positions taken where they agree with velocities.
   [[nodiscard]] double energy() const {
-    const double ahead_s = 0.5 * engine->part_s(GetParam().dt);
+    const double ahead_s = 0.5 * engine->integration_substep_s(GetParam().dt);
     double sum = 0.0;
     for (const Body& body : bodies) {
       if (body.fixed()) continue;

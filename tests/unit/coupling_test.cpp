@@ -57,7 +57,7 @@ TEST(Border, Figure9CountsContactsThatCrossTheBoundary) {
   const Membership m{.members = {BodyId{1}, BodyId{2}, BodyId{3}}, .fixed = {BodyId{0}}};
   const std::vector contacts{contact(0, 1, 1.0), contact(1, 2, 2.0), contact(2, 5, 3.0, {0.5, 0, 0}),
                              contact(3, 4, 4.0), contact(4, 5, 5.0)};
-  std::vector<BorderPair> border;
+  std::vector<BoundaryContact> border;
   extract_border(contacts, m, border);
   ASSERT_EQ(border.size(), 2U);
   EXPECT_EQ(border[0].inside, BodyId{2});
@@ -71,7 +71,7 @@ TEST(Border, Figure9CountsContactsThatCrossTheBoundary) {
 
 TEST(Border, ImpulsesActOnTheInsideBodyWhicheverSideItIs) {
   const Membership m{.members = {BodyId{5}}, .fixed = {}};
-  std::vector<BorderPair> border;
+  std::vector<BoundaryContact> border;
   extract_border(std::vector{contact(2, 5, 3.0, {0.5, 0, 0})}, m, border);
   ASSERT_EQ(border.size(), 1U);
   EXPECT_EQ(border[0].normal, Vec3(0, 0, -1));
@@ -84,7 +84,7 @@ TEST(Border, ImpulsesActOnTheInsideBodyWhicheverSideItIs) {
 // Figure 8 a: members that touch only one another and the floor have no border.
 TEST(Border, Figure8aClosedSubWorldHasNone) {
   const Membership m{.members = {BodyId{1}, BodyId{2}}, .fixed = {BodyId{0}}};
-  std::vector<BorderPair> border;
+  std::vector<BoundaryContact> border;
   extract_border(std::vector{contact(0, 1, 1.0), contact(1, 2, 1.0), contact(3, 4, 1.0)}, m, border);
   EXPECT_TRUE(border.empty());
 }
@@ -281,10 +281,10 @@ TEST(Tool, KeepsItsEnergyWhenTheRateChanges) {
               1e-12);
 }
 
-constexpr HandLimits kLimits{.wrench = {.force_n = 10, .torque_n_m = 1, .torques = true},
-                             .force_rate_n_s = 2500,
-                             .torque_rate_n_m_s = 250,
-                             .power_w = 10};
+constexpr OperatorLimits kLimits{.wrench = {.force_n = 10, .torque_n_m = 1, .torques = true},
+                                 .force_rate_n_s = 2500,
+                                 .torque_rate_n_m_s = 250,
+                                 .power_w = 10};
 
 TEST(ForceGuard, ChangesNoFasterThanTheLimit) {
   ForceGuard guard(kLimits, 0.0);
@@ -315,7 +315,7 @@ TEST(ForceGuard, MeetsAHandThatItLetGoFromZero) {
   ForceGuard guard(kLimits, 0.1);
   const Wrench wanted{Vec3(8, 0, 0), Vec3::Zero()};
   for (int i = 0; i < 200; ++i) EXPECT_LE(guard.pass(wanted, Vec3::Zero(), true, 0.001).force.norm(), 8.0);
-  guard.let_go();
+  guard.declutch();
   double before = 8.0;
   for (int i = 0; i < 20; ++i) {
     const double now = guard.pass(wanted, Vec3::Zero(), true, 0.001).force.norm();

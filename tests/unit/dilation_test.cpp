@@ -23,7 +23,7 @@ namespace {
 using Load = std::function<double(double wall_s)>;  // cost of a cycle that begins then, in cycles
 
 struct Frame {
-  double sent_s, stamp_s, start_in_s, clock_factor;
+  double sent_s, stamp_s, start_in_s, real_time_factor;
 };
 
 /// Frames of a world whose cycles cost so much, as run_realtime publishes them.
@@ -36,7 +36,7 @@ std::vector<Frame> world_frames(double cycle_s, double wall_s, const Load& load)
     const double deadline = release + pace.period_s();
     now = begin + load(begin) * cycle_s;
     release = deadline + pace.cycle(now - begin, now - deadline);
-    frames.push_back({now, static_cast<double>(stamp) * cycle_s, release - now, pace.clock_factor()});
+    frames.push_back({now, static_cast<double>(stamp) * cycle_s, release - now, pace.real_time_factor()});
   }
   return frames;
 }
@@ -53,23 +53,24 @@ struct Follower {
   /// The haptic loop's clock while it takes those frames.
   [[nodiscard]] std::vector<Followed> follow(const std::vector<Frame>& frames, double wall_s) const {
     const double cycle_s = ratio * h;
-    const double lead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
+    const double ahead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
     Phase phase(cycle_s, lead_cycles);
     Arrears arrears;
     std::vector<Followed> seen;
-    double haptic_s = lead_s, in_cycle_s = 0.0;
+    double haptic_s = ahead_s, in_cycle_s = 0.0;
     std::size_t next = 0;
     for (double now = 0.0; now < wall_s; now += h) {
       for (; next < frames.size() && frames[next].sent_s <= now; ++next) {
         const Frame& f = frames[next];
-        phase.observe(f.stamp_s, lead_s, f.sent_s + f.start_in_s - now, f.clock_factor, haptic_s + arrears.owed_s());
+        phase.observe(f.stamp_s, ahead_s, f.sent_s + f.start_in_s - now, f.real_time_factor,
+                      haptic_s + arrears.owed_s());
       }
       const double dt = arrears.step(h * phase.step(haptic_s), cycle_s - in_cycle_s);
       double ahead = 0.0;
       if (next > 0) {
         const Frame& f = frames[next - 1];
-        const double past_s = f.clock_factor * (now - f.sent_s - f.start_in_s);
-        ahead = (haptic_s - lead_s - f.stamp_s - std::min(past_s, cycle_s)) / cycle_s;
+        const double past_s = f.real_time_factor * (now - f.sent_s - f.start_in_s);
+        ahead = (haptic_s - ahead_s - f.stamp_s - std::min(past_s, cycle_s)) / cycle_s;
       }
       seen.push_back({now, haptic_s, phase.rate(), ahead});
       haptic_s += dt;
@@ -176,9 +177,9 @@ SceneRun run_scene(Scene scene, int steps, const Rate& rate) {
     }
     sub.set_rate(rate(step));
     const FeltStep felt = sub.feel(device.state(), true, h);
-    run.forces.push_back(felt.to_hand.force);
+    run.forces.push_back(felt.to_operator.force);
     run.device.push_back(device.state().pose);
-    device.step(sub.command_for(device.state(), felt.to_hand), h);
+    device.step(sub.command_for(device.state(), felt.to_operator), h);
     sub.advance(arrears.step(h * rate(step), sub.cycle_left_s()));
     if (!sub.at_boundary()) continue;
     reports.push_back(sub.report(1));

@@ -143,7 +143,7 @@ TEST_P(Conformance, TellsInWhichPartsItIntegrates) {
   free.gravity = false;
   engine->add(free, at(0, 0, 2));
   for (const double step : {dt, 4.0 * dt}) {
-    const double part = engine->part_s(step);
+    const double part = engine->integration_substep_s(step);
     EXPECT_GT(part, 0.0);
     EXPECT_LE(part, step);
     engine->set_state(kOther, at(0, 0, 2));
@@ -156,9 +156,9 @@ TEST_P(Conformance, TellsInWhichPartsItIntegrates) {
 
 TEST_P(Conformance, TakesTheLongestSubStepThatItIsGiven) {
   EngineSettings settings = GetParam().settings();
-  const double before_s = make_engine(settings, {})->part_s(dt);
+  const double before_s = make_engine(settings, {})->integration_substep_s(dt);
   settings.longest_substep_s = before_s / 3.5;
-  EXPECT_LE(make_engine(settings, {})->part_s(dt), before_s / 3.0);
+  EXPECT_LE(make_engine(settings, {})->integration_substep_s(dt), before_s / 3.0);
 }
 
 TEST_P(Conformance, InertiaLeavesTheWeightAlone) {
@@ -353,12 +353,12 @@ TEST_P(Conformance, LooseBodiesMeetGhostsAndMovableBodiesOnly) {
   held.gravity = false;
   held.mass = 100.0;
   engine->add(held, at(0, 0, 1), Role::ghost);
-  engine->add(cube(BodyId{3}), at(0, 0, 1.12), Role::loose);  // stays on the ghost
+  engine->add(cube(BodyId{3}), at(0, 0, 1.12), Role::approaching);  // stays on the ghost
   held.id = BodyId{4};
-  engine->add(held, at(1, 0, 1), Role::loose);
-  engine->add(cube(BodyId{5}), at(1, 0, 1.12), Role::loose);  // stays on the loose one
-  engine->add(cube(BodyId{6}), at(2, 0, 0.1), Role::loose);   // falls through the floor
-  engine->add(cube(BodyId{7}), at(0, 0, 0.2), Role::loose);   // falls onto the cube
+  engine->add(held, at(1, 0, 1), Role::approaching);
+  engine->add(cube(BodyId{5}), at(1, 0, 1.12), Role::approaching);  // stays on the loose one
+  engine->add(cube(BodyId{6}), at(2, 0, 0.1), Role::approaching);   // falls through the floor
+  engine->add(cube(BodyId{7}), at(0, 0, 0.2), Role::approaching);   // falls onto the cube
   run(0.5);
   EXPECT_GT(engine->state(BodyId{3}).position.z(), 1.05);
   EXPECT_GT(engine->state(BodyId{5}).position.z(), 1.05);

@@ -81,7 +81,7 @@ TEST_P(Pairs, ThePressedHandFeelsNoJump) {
     ASSERT_TRUE(run.world.exchange_engine(world_exchange)) << world_exchange.take_failure();
   }
   ASSERT_GT(changed_at, 0U);
-  const std::vector<Vec3>& force = run.felt[0].hand;
+  const std::vector<Vec3>& force = run.felt[0].on_operator;
   ASSERT_GT(force[changed_at - 1].norm(), 5.0) << "nothing was pressed";
   // Later the new engine speaks for itself.
   constexpr std::size_t kSteps = 100;

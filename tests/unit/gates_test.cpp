@@ -22,9 +22,9 @@ Json late_run(int users, bool placed, double queued_s) {
       {"machine_load", {{"own_cores", 1.0}, {"other_cores", 0.0}, {"stolen_cores", 0.0}}},
       {"placement", {{"world", placed ? std::vector<int>{1} : std::vector<int>{}}}},
       {"world",
-       {{"late_by_us", 0},
-        {"late_by_machine", 1},
-        {"clock_factor_min", 0.5},
+       {{"late_by_run", 0},
+        {"late_by_os", 1},
+        {"real_time_factor_min", 0.5},
         {"ratio", {{"mean", 4.0}}},
         {"step_s", {{"p50", 0.002}, {"p99", 0.003}}},
         {"machine", share(queued_s)},
@@ -40,8 +40,8 @@ Json late_run(int users, bool placed, double queued_s) {
     run["haptic"].push_back({{"user", u},
                              {"steps", 10000},
                              {"skipped_steps", 0},
-                             {"missed_by_us", 0},
-                             {"missed_by_machine", 20},
+                             {"missed_by_run", 0},
+                             {"missed_by_os", 20},
                              {"missed_waiting", 0},
                              {"lateness_s", {{"p99", 0.0001}}},
                              {"woken_late_s", {{"p99", 0.0001}}},
@@ -54,7 +54,7 @@ Json late_run(int users, bool placed, double queued_s) {
                              {"refused", {{"device_state", 0}, {"world_frame", 0}}},
                              {"machine", share(queued_s)}});
     run["device"].push_back({{"user", u},
-                             {"hand_energy", {{"net_j", 0.1}, {"least_j", 0.0}, {"created_j", 0.0}}},
+                             {"operator_energy", {{"net_j", 0.1}, {"least_j", 0.0}, {"created_j", 0.0}}},
                              {"oscillation_n", 0.5},
                              {"refused", {{"device_command", 0}}}});
     run["settings"]["users"].push_back(
@@ -72,23 +72,23 @@ Culprit culprit_of(const Json& run, const std::string& gate) {
 }
 
 constexpr const char* kMissed = "user 0: missed by the machine";
-constexpr const char* kClock = "world clock factor";
+constexpr const char* kClock = "world real-time factor";
 
 TEST(Gates, ALoopThatWaitedForAnotherOneOfTheRunIsOurs) {
-  EXPECT_EQ(culprit_of(late_run(2, true, 0.5), kMissed), Culprit::us);
-  EXPECT_EQ(culprit_of(late_run(2, true, 0.001), kMissed), Culprit::machine) << "it hardly waited";
-  EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kMissed), Culprit::machine) << "there is no other";
+  EXPECT_EQ(culprit_of(late_run(2, true, 0.5), kMissed), Culprit::run);
+  EXPECT_EQ(culprit_of(late_run(2, true, 0.001), kMissed), Culprit::os) << "it hardly waited";
+  EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kMissed), Culprit::os) << "there is no other";
   Json busy = late_run(2, true, 0.5);
   busy["machine_load"]["other_cores"] = 0.5;
-  EXPECT_EQ(culprit_of(busy, kMissed), Culprit::machine) << "others may have had the core";
+  EXPECT_EQ(culprit_of(busy, kMissed), Culprit::os) << "others may have had the core";
 }
 
 TEST(Gates, AWorldWithACoreOfItsOwnWaitsForNobody) {
-  EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kClock), Culprit::machine);
-  EXPECT_EQ(culprit_of(late_run(1, false, 0.5), kClock), Culprit::us);
+  EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kClock), Culprit::os);
+  EXPECT_EQ(culprit_of(late_run(1, false, 0.5), kClock), Culprit::run);
   Json slow = late_run(1, true, 0.0);
-  slow["world"]["late_by_us"] = 5;
-  EXPECT_EQ(culprit_of(slow, kClock), Culprit::us);
+  slow["world"]["late_by_run"] = 5;
+  EXPECT_EQ(culprit_of(slow, kClock), Culprit::run);
 }
 
 std::string verdict(const Json& run) { return verdict_of(gates(run), run); }
@@ -96,15 +96,15 @@ std::string verdict(const Json& run) { return verdict_of(gates(run), run); }
 /// A run that misses nothing.
 Json quiet_run() {
   Json run = late_run(1, true, 0.0);
-  run["haptic"][0]["missed_by_machine"] = 0;
-  run["world"]["clock_factor_min"] = 1.0;
+  run["haptic"][0]["missed_by_os"] = 0;
+  run["world"]["real_time_factor_min"] = 1.0;
   return run;
 }
 
 TEST(Gates, EnergyThatNobodyPutInIsUnstable) {
   Json run = quiet_run();
   ASSERT_EQ(verdict(run), "ok");
-  run["device"][0]["hand_energy"]["created_j"] = 0.02;
+  run["device"][0]["operator_energy"]["created_j"] = 0.02;
   EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: created energy at the hand 0.02 J")) << verdict(run);
   run["world"]["released_j"] = 0.03;
   EXPECT_EQ(verdict(run), "ok") << "bodies that fell may have brought it";
@@ -148,7 +148,7 @@ TEST(Gates, AGoodVerdictTellsOfTheDevicesLimit) {
   EXPECT_EQ(verdict(run), "ok; user 0: at the device's limit 83 % of steps");
 }
 
-TEST(Gates, AStrangerIsNamed) {
+TEST(Gates, AForeignWriterIsNamed) {
   Json run = quiet_run();
   run["device"][0]["refused"]["device_command"] = 12;
   EXPECT_TRUE(verdict(run).starts_with("quality gate missed: user 0: device_command from a stranger 12"))

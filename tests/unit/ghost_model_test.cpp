@@ -43,12 +43,12 @@ TEST(GhostModel, ARowBehindTheBorderIsItsMassAndItsFriction) {
 TEST(GhostModel, WhatIsPushedButIsAGhostItselfIsNotPartOfItsPusher) {
   const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0), Vec3::Zero(), {BodyId{3}});
   ASSERT_EQ(models.size(), 2U);
-  EXPECT_FALSE(models[0].loose);
+  EXPECT_FALSE(models[0].approaching);
   EXPECT_NEAR(models[0].mass_kg, kCube_kg, 1e-12);
   EXPECT_LT((models[0].load_n - Vec3(1.5, 0, 0)).norm(), 1e-12) << "what 3 takes of the push";
   EXPECT_NEAR(models[0].axes[0].coulomb_limit_n, 1.5, 1e-9);
   EXPECT_EQ(models[1].outside, BodyId{3});
-  EXPECT_TRUE(models[1].loose);
+  EXPECT_TRUE(models[1].approaching);
   EXPECT_NEAR(models[1].axes[0].coulomb_limit_n, 1.5, 1e-9);
 }
 
@@ -92,7 +92,7 @@ TEST(GhostModel, WhatRollsIsHeldByWhatItTurnsOn) {
         pushed_round(kind, Vec3(0, 1, 0), 0.4).models({BodyId{1}}, Vec3(0.05, 0, 0), acceleration).at(0);
     EXPECT_NEAR(ghost.mass_kg, mass_kg, 1e-12);
     EXPECT_NEAR(ghost.axes[0].coulomb_limit_n, 0.5 * 0.4, 1e-12);
-    EXPECT_LT((ghost.axes[0].grip - Vec3(0.5, 0, 0)).norm(), 1e-12);
+    EXPECT_LT((ghost.axes[0].load_dependent_friction - Vec3(0.5, 0, 0)).norm(), 1e-12);
   }
 }
 
@@ -101,7 +101,7 @@ TEST(GhostModel, WhatIsNotRoundThatWayOrPressedTooHardSlides) {
     const GhostModel ghost = o.models({BodyId{1}}).at(0);
     EXPECT_NEAR(ghost.mass_kg, kCube_kg, 1e-12);
     EXPECT_GE(ghost.axes[0].coulomb_limit_n, 0.5 * kWeight_n - 1e-12);
-    EXPECT_LT(ghost.axes[0].grip.x(), 1e-12);
+    EXPECT_LT(ghost.axes[0].load_dependent_friction.x(), 1e-12);
   };
   slides(pushed_round(ShapeKind::cylinder, Vec3(1, 0, 0), 0.4));  // it lies along the push
   slides(pushed_round(ShapeKind::cylinder, Vec3(0, 0, 1), 0.4));  // it stands
@@ -115,7 +115,7 @@ TEST(GhostModel, WhatPressesTheOutsideDownHoldsIt) {
   o.contacts[3].tangential_impulse = Vec3(0, 0, 0.3 * kStep_s);
   const GhostModel ghost = o.models({BodyId{1}}).at(0);
   EXPECT_LT((ghost.load_n - Vec3(3, 0, -0.3)).norm(), 1e-12);
-  EXPECT_LT((ghost.axes[0].grip - Vec3(0, 0, -0.5)).norm(), 1e-12);
+  EXPECT_LT((ghost.axes[0].load_dependent_friction - Vec3(0, 0, -0.5)).norm(), 1e-12);
 }
 
 // However contacts lie and whatever they carry: loads may sum up to nothing new across the axes there are.
@@ -165,7 +165,7 @@ TEST(GhostModel, WhatIsPressedAslantOnItsSupportSlidesAlongIt) {
 TEST(GhostModel, WhatCameTooNearSinceBeginsWhereItTouches) {
   GhostModel ghost{.outside = BodyId{2}, .axis_count = 1, .axes = {}};
   ghost.axes[0].normal = -Vec3::UnitX();
-  const std::vector<BorderPair> border{
+  const std::vector<BoundaryContact> border{
       {.inside = BodyId{1}, .outside = BodyId{2}, .normal = -Vec3::UnitX(), .distance = 0.02}};
   const auto moved_by = [&](double x) { return clearance(ghost, border, [x](BodyId) { return Vec3(x, 0, 0); }); };
   EXPECT_LT((moved_by(0.05) - Vec3(0.03, 0, 0)).norm(), 1e-12);

@@ -52,7 +52,7 @@ TEST(GhostMotion, HoldsHarderWhatIsPressedDown) {
   const auto slowed = [&](double down_n) {
     GhostMotion ghost = sticking(5.0);
     ghost.model.load_n = Vec3(8, 0, -1);
-    ghost.model.axes[0].grip = Vec3(0, 0, -0.5);
+    ghost.model.axes[0].load_dependent_friction = Vec3(0, 0, -0.5);
     ghost.load_n = Vec3(8, 0, -down_n);
     return (1.0 - ghost.begin(Vec3(1, 0, 0), h, kNoLimit_n).x()) * ghost.model.mass_kg / h;
   };

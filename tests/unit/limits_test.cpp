@@ -120,11 +120,11 @@ TEST_F(Limits, ABodyBeyondTheEndOfAPlane) {
 TEST_F(Limits, AnItemThatIsKeptAndSwitchedOff) {
   scene.settings.users = 1;
   scene.users.emplace_back().coupling = {.stiffness_n_m = 10, .damping_n_s_m = 1};
-  scene.settings.keep = kept(Saving::passivity);
+  scene.settings.disabled = disabled(Optimisation::passivity);
   EXPECT_THAT(warnings(), IsEmpty());
   scene.settings.passivity = Passivity::off;
-  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("--keep passivity changes nothing")));
-  scene.settings.keep = kKeepAll;
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("--disable passivity changes nothing")));
+  scene.settings.disabled = kDisableAll;
   EXPECT_THAT(warnings(), IsEmpty()) << "nobody asked for it by name";
 }
 

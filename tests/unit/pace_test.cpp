@@ -14,7 +14,7 @@ constexpr double kCycle_s = 0.004;
 /// A world whose n-th cycle costs so much, on releases that its pace sets; as run_realtime does it.
 struct Simulation {
   struct Cycle {
-    double clock_factor, late_s, idle_s, wall_s;
+    double real_time_factor, late_s, idle_s, wall_s;
   };
   std::vector<Cycle> run(int cycles, const std::function<double(int)>& cost_s) {
     std::vector<Cycle> seen;
@@ -26,7 +26,7 @@ struct Simulation {
       now_s = begin + cost;
       const double next = deadline + pace.cycle(cost, now_s - deadline);
       news.push_back(pace.take_news());
-      seen.push_back({pace.clock_factor(), now_s - deadline, idle_s, next - release_s});
+      seen.push_back({pace.real_time_factor(), now_s - deadline, idle_s, next - release_s});
       release_s = next;
     }
     return seen;
@@ -49,17 +49,17 @@ using Told = std::vector<Pace::News>;
 void expect_smooth(const std::vector<Simulation::Cycle>& cycles) {
   double before = 1.0;
   for (std::size_t n = 0; n < cycles.size(); ++n) {
-    EXPECT_LE(std::abs(cycles[n].clock_factor / before - 1.0), Pace::kStep + 1e-9) << "cycle " << n;
-    EXPECT_GE(cycles[n].clock_factor, kSlowestClock);
-    EXPECT_LE(cycles[n].clock_factor, 1.0);
-    before = cycles[n].clock_factor;
+    EXPECT_LE(std::abs(cycles[n].real_time_factor / before - 1.0), Pace::kStep + 1e-9) << "cycle " << n;
+    EXPECT_GE(cycles[n].real_time_factor, kLeastRealTimeFactor);
+    EXPECT_LE(cycles[n].real_time_factor, 1.0);
+    before = cycles[n].real_time_factor;
   }
 }
 
 TEST(Pace, AWorldThatKeepsUpHasAClockOfOne) {
   Simulation s;
   for (const auto& c : s.run(1000, [](int) { return 0.95 * kCycle_s; })) {
-    ASSERT_EQ(c.clock_factor, 1.0);
+    ASSERT_EQ(c.real_time_factor, 1.0);
     ASSERT_NEAR(c.wall_s, kCycle_s, 1e-12);
   }
   EXPECT_TRUE(s.said().empty());
@@ -68,7 +68,7 @@ TEST(Pace, AWorldThatKeepsUpHasAClockOfOne) {
 TEST(Pace, ASingleLateCycleIsCaughtUpWith) {
   Simulation s;
   for (const auto& c : s.run(1000, [](int n) { return (n % 50 == 25 ? 2.8 : 0.6) * kCycle_s; })) {
-    ASSERT_EQ(c.clock_factor, 1.0);
+    ASSERT_EQ(c.real_time_factor, 1.0);
     ASSERT_NEAR(c.wall_s, kCycle_s, 1e-12);
   }
   EXPECT_TRUE(s.said().empty());
@@ -78,7 +78,7 @@ TEST(Pace, AHardStallIsNotCaughtUpWithAndSlowsNothing) {
   Simulation s;
   const auto cycles = s.run(200, [](int n) { return n == 100 ? 0.5 : 0.6 * kCycle_s; });
   EXPECT_NEAR(cycles[100].wall_s, 0.5 - 2.0 * kCycle_s, 1e-9);
-  EXPECT_EQ(cycles.back().clock_factor, 1.0);
+  EXPECT_EQ(cycles.back().real_time_factor, 1.0);
   expect_smooth(cycles);
   EXPECT_TRUE(s.said().empty());
 }
@@ -87,7 +87,7 @@ TEST(Pace, ALastingLoadSlowsTheClockToWhatTheWorldCanDoAndLeavesATenth) {
   Simulation s;
   const auto cycles = s.run(1000, [](int n) { return (n < 100 ? 0.5 : 2.275) * kCycle_s; });
   expect_smooth(cycles);
-  EXPECT_NEAR(cycles.back().clock_factor, 0.9 / 2.275, 1e-3);
+  EXPECT_NEAR(cycles.back().real_time_factor, 0.9 / 2.275, 1e-3);
   for (std::size_t n = 200; n < cycles.size(); ++n) {
     EXPECT_LE(cycles[n].late_s, 0.0) << "a slowed clock is kept";
     EXPECT_GE(cycles[n].idle_s, 0.099 * cycles[n].wall_s) << "others must get a part of the processor";
@@ -98,7 +98,7 @@ TEST(Pace, ALastingLoadSlowsTheClockToWhatTheWorldCanDoAndLeavesATenth) {
 TEST(Pace, AHeavyLoadIsFollowedAtOnce) {
   Simulation s;
   const auto cycles = s.run(130, [](int n) { return (n < 100 ? 0.5 : 20.0) * kCycle_s; });
-  EXPECT_NEAR(cycles[110].clock_factor, 0.9 / 20.0, 1e-3) << "ten cycles of 80 ms must not become minutes";
+  EXPECT_NEAR(cycles[110].real_time_factor, 0.9 / 20.0, 1e-3) << "ten cycles of 80 ms must not become minutes";
 }
 
 TEST(Pace, RecoversToExactlyOne) {
@@ -106,9 +106,9 @@ TEST(Pace, RecoversToExactlyOne) {
   s.run(500, [](int) { return 20.0 * kCycle_s; });
   const auto cycles = s.run(2000, [](int) { return 0.5 * kCycle_s; });
   double slow_s = 0.0;
-  for (const auto& c : cycles) slow_s += c.clock_factor < 1.0 ? c.wall_s : 0.0;
+  for (const auto& c : cycles) slow_s += c.real_time_factor < 1.0 ? c.wall_s : 0.0;
   EXPECT_LT(slow_s, 2.0);
-  EXPECT_EQ(cycles.back().clock_factor, 1.0);
+  EXPECT_EQ(cycles.back().real_time_factor, 1.0);
   EXPECT_NEAR(cycles.back().wall_s, kCycle_s, 1e-12);
   EXPECT_EQ(s.said(), (Told{Pace::News::slowed, Pace::News::recovered}));
 }
@@ -119,8 +119,8 @@ TEST(Pace, ALoadAroundACycleDoesNotMakeTheClockSwing) {
   expect_smooth(cycles);
   int turns = 0;
   for (std::size_t n = 502; n < cycles.size(); ++n) {
-    const double now = cycles[n].clock_factor - cycles[n - 1].clock_factor;
-    const double before = cycles[n - 1].clock_factor - cycles[n - 2].clock_factor;
+    const double now = cycles[n].real_time_factor - cycles[n - 1].real_time_factor;
+    const double before = cycles[n - 1].real_time_factor - cycles[n - 2].real_time_factor;
     turns += now * before < 0.0;
   }
   EXPECT_LT(turns, 10);
@@ -134,8 +134,8 @@ TEST(Pace, FollowsASlowSwingOfTheLoad) {
   expect_smooth(cycles);
   for (std::size_t n = 400; n < cycles.size(); ++n) {
     const double possible = std::min(1.0, 1.0 / load(static_cast<int>(n)));
-    EXPECT_LT(cycles[n].clock_factor, 1.25 * possible) << "cycle " << n;
-    EXPECT_GT(cycles[n].clock_factor, 0.6 * possible) << "cycle " << n;
+    EXPECT_LT(cycles[n].real_time_factor, 1.25 * possible) << "cycle " << n;
+    EXPECT_GT(cycles[n].real_time_factor, 0.6 * possible) << "cycle " << n;
   }
   EXPECT_LE(s.said().size(), 1U) << "news at each swing is noise";
 }
@@ -143,13 +143,13 @@ TEST(Pace, FollowsASlowSwingOfTheLoad) {
 TEST(Pace, SaysWhereEvenTheSlowestClockIsTooFastAndStillYields) {
   Simulation s;
   const auto cycles = s.run(300, [](int) { return 100.0 * kCycle_s; });
-  EXPECT_EQ(cycles.back().clock_factor, kSlowestClock);
+  EXPECT_EQ(cycles.back().real_time_factor, kLeastRealTimeFactor);
   EXPECT_TRUE(s.pace.stuck());
   EXPECT_GE(cycles.back().idle_s, 9.9 * kCycle_s);
   EXPECT_FALSE(s.said().empty());
   EXPECT_EQ(s.said().back(), Pace::News::stuck);
   const auto after = s.run(3000, [](int) { return 0.5 * kCycle_s; });
-  EXPECT_EQ(after.back().clock_factor, 1.0);
+  EXPECT_EQ(after.back().real_time_factor, 1.0);
   EXPECT_EQ(s.said().back(), Pace::News::recovered);
 }
 

@@ -44,8 +44,8 @@ struct TestScene {
   [[nodiscard]] Picture picture() const { return {bodies, states, meshes, users, std::nullopt, std::nullopt}; }
 };
 
-BorderPair border_pair(BodyId inside, const Vec3& impulse) {
-  BorderPair pair;
+BoundaryContact border_pair(BodyId inside, const Vec3& impulse) {
+  BoundaryContact pair;
   pair.inside = inside;
   pair.normal = impulse.normalized();
   pair.normal_impulse = impulse.norm();
@@ -219,11 +219,11 @@ TEST(Picture, LeavesOutWhatCannotBeDrawn) {
   scene.meshes.push_back({"broken", {Vec3::UnitX(), Vec3::UnitY(), Vec3(nan, 0.0, 0.0)}, {{0, 1, 2}, {0, 1, 9}}});
   scene.add({.kind = ShapeKind::mesh, .mesh = 0}, 0.0, Vec3::Zero());
   const auto drawing = renderer().draw(scene.picture());
-  EXPECT_EQ(drawing.left_out, 6U);
+  EXPECT_EQ(drawing.omitted, 6U);
   EXPECT_GT(count(drawing.image, is_grey), 10000);
   EXPECT_GT(count(drawing.image, is_yellow), 1000);
   for (auto& state : scene.states) state.position.setConstant(nan);
-  EXPECT_EQ(renderer().draw(scene.picture()).left_out, scene.bodies.size());
+  EXPECT_EQ(renderer().draw(scene.picture()).omitted, scene.bodies.size());
   EXPECT_EQ(renderer().draw({}).image.width, 640);
 }
 
@@ -252,7 +252,7 @@ TEST(Picture, ShowsEveryShape) {
   const auto drawn = [&](const Vec3& point) {
     return std::abs(pixel_at(drawing, point)[0] - pixel_at(background, point)[0]) > 5;
   };
-  EXPECT_EQ(drawing.left_out, 0U);
+  EXPECT_EQ(drawing.omitted, 0U);
   for (const auto& state : scene.states) EXPECT_TRUE(drawn(state.position)) << state.position.x();
   EXPECT_TRUE(drawn(Vec3(0.5, 0.0, -0.074)));
   EXPECT_FALSE(drawn(Vec3(0.527, 0.0, -0.074))) << "a capsule's end is round";

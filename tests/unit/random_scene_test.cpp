@@ -52,7 +52,7 @@ TEST_F(RandomScenes, CoverTheFormat) {
   std::set<std::string> schemes;
   std::set<int> users, kinds, freedoms, structures;
   double heaviest = 0.0, lightest = INFINITY, largest = 0.0, smallest = INFINITY, friction = 0.0, restitution = 0.0;
-  int ratio = 0, delayed = 0, hands = 0, moving = 0;
+  int ratio = 0, delayed = 0, operators = 0, moving = 0;
   double latest_s = 0.0;
   constexpr int kScenes = 400;
   for (std::uint64_t i = 0; i < kScenes; ++i) {
@@ -75,7 +75,7 @@ TEST_F(RandomScenes, CoverTheFormat) {
       tools.insert(scene.body(user.proxy).shape.kind);
       kinds.insert(static_cast<int>(user.device.kind));
       freedoms.insert(user.device.degrees_of_freedom);
-      hands += user.device.hand.has_value();
+      operators += user.device.operator_model.has_value();
       EXPECT_FALSE(user.device.path.empty());
     }
     schemes.insert(scene.settings.scheme);
@@ -101,7 +101,7 @@ TEST_F(RandomScenes, CoverTheFormat) {
   EXPECT_EQ(ratio, 20);
   EXPECT_GT(latest_s, 0.05);
   EXPECT_LE(latest_s, 0.1);
-  for (const int some : {delayed, hands, moving}) EXPECT_GT(some, kScenes / 20);
+  for (const int some : {delayed, operators, moving}) EXPECT_GT(some, kScenes / 20);
 }
 
 TEST_F(RandomScenes, BeginWithoutDeepOverlap) {

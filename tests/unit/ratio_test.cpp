@@ -106,7 +106,7 @@ TEST(RatioControl, FixedStaysFixed) {
 TEST(RatioControl, PartsAreWhatIsWantedAndAffordable) {
   const RatioControl control(adaptive(4, 16));
   const auto parts = [&](int present, double step_s, double time_s = 0.016) {
-    return control.choose_parts(present, 0.016, 0.005, time_s, [step_s](double, int n) { return n * step_s; });
+    return control.choose_substeps(present, 0.016, 0.005, time_s, [step_s](double, int n) { return n * step_s; });
   };
   EXPECT_EQ(parts(1, 0.0), 4);
   EXPECT_EQ(parts(1, 1e-3), 4);
@@ -120,7 +120,7 @@ TEST(RatioControl, PartsAreWhatIsWantedAndAffordable) {
 TEST(RatioControl, PartsThatASceneNamesStay) {
   Settings settings = adaptive(4, 16);
   settings.world.substeps = 3;
-  EXPECT_EQ(RatioControl(settings).choose_parts(1, 0.016, 0.005, 0.016, [](double, int) { return 1.0; }), 3);
+  EXPECT_EQ(RatioControl(settings).choose_substeps(1, 0.016, 0.005, 0.016, [](double, int) { return 1.0; }), 3);
 }
 
 Scene scene_of(const std::string& name, const RatioBounds& ratio) {
@@ -255,7 +255,7 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeSaysSoAndBeginsAnew) {
   World world(scene);
   world.settle([](double) { return true; });
   SubWorld sub(scene, 0);
-  ASSERT_TRUE(sub.adopt(world.frame(0)));
+  ASSERT_TRUE(sub.reset_from(world.frame(0)));
   const DeviceState device;
   WorldFrame before, after;
   // Frames stay away from the sub-world until the change is over: without a hand the ratio grows.
@@ -271,7 +271,7 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeSaysSoAndBeginsAnew) {
   EXPECT_FALSE(world.receive(HapticReport(sub.report(1)))) << "its stamps are of other times";
   EXPECT_FALSE(sub.agrees(before)) << "it is of a time before the change, and tells it";
   ASSERT_FALSE(sub.agrees(after));
-  ASSERT_TRUE(sub.adopt(after));
+  ASSERT_TRUE(sub.reset_from(after));
   EXPECT_TRUE(sub.agrees(after));
   EXPECT_NEAR(sub.time_s(), world.time_s(), 1e-9);
   EXPECT_NEAR(sub.cycle_left_s(), scene.settings.longest_cycle_s(), 1e-9);

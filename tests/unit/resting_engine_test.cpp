@@ -154,10 +154,10 @@ TEST_P(Resting, WhatFallsWakesWhatIsBelow) {
 TEST_P(Resting, AHandMayMoveOffWithFiveG) {
   for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
   scene.bodies[index(kBall)].gravity = false;
-  const std::vector<BodyId> hand{kBall};
+  const std::vector<BodyId> tool{kBall};
   for (const auto& [gap_m, wakes] : {std::pair{0.005, true}, std::pair{0.010, false}}) {
     scene.initial[index(kBall)] = test::at(0.1 + gap_m, 0, 0.05);
-    begin(true, hand);
+    begin(true, tool);
     engine->follow(kStep_s, kHorizon_s);
     EXPECT_EQ(!engine->asleep(kLower), wakes) << gap_m << " m, of 6.4 mm";
   }
@@ -211,7 +211,7 @@ TEST(RestingWorld, ARowThatSleptIsFeltAsOneThatDidNot) {
   asleep.cycle();
   EXPECT_EQ(asleep.world.asleep(), 10U);
   ASSERT_TRUE(asleep.run());
-  scene.settings.keep_in(kKeepAll);
+  scene.settings.disable(kDisableAll);
   CoupledRun awake(scene);
   ASSERT_TRUE(awake.run());
   EXPECT_EQ(awake.world.asleep(), 0U);
@@ -270,7 +270,7 @@ TEST_F(SleepingRow, SleepsAgainWhenTheHandHasGone) {
 // What sleeps keeps its share of the energy: coming and going may not look like work.
 TEST_F(SleepingRow, KeepsTheEnergyOfTheWorld) {
   Scene awake = scene;
-  awake.settings.keep_in(kKeepAll);
+  awake.settings.disable(kDisableAll);
   CoupledRun other(awake);
   for (int i = 0; i < 5; ++i) other.cycle();
   EXPECT_NEAR(run.world.potential_energy_j(), other.world.potential_energy_j(), 1e-3);
@@ -287,11 +287,11 @@ class PlanOfAChangingScene : public ::testing::Test {
 
   /// RMS difference of the felt forces. `change` is called before every cycle.
   double difference(
-      Kept all = kKeepAll, const std::function<void(CoupledRun&)>& change = [](CoupledRun&) {}) const {
+      Disabled all = kDisableAll, const std::function<void(CoupledRun&)>& change = [](CoupledRun&) {}) const {
     std::vector<std::vector<Vec3>> felt;
-    for (const Kept kept : {kKeepNothing, all}) {
+    for (const Disabled kept : {kDisableNothing, all}) {
       Scene one = scene;
-      one.settings.keep_in(kept);
+      one.settings.disable(kept);
       CoupledRun run(one);
       while (run.finite() && run.world.time_s() < one.settings.duration_s) {
         change(run);
@@ -322,8 +322,8 @@ TEST_F(PlanOfAChangingScene, ABodyIsShotIntoWhatRests) {
 TEST_F(PlanOfAChangingScene, TheFirstBodyWithFrictionComes) {
   for (Body& body : scene.bodies) body.material.friction = body.name == "floor" ? 0.5 : 0.0;
   shoot_a_ball(0.5);
-  EXPECT_TRUE(leaves_out(scene, Saving::friction));
-  EXPECT_EQ(difference(kept(Saving::friction)), 0.0);
+  EXPECT_TRUE(enabled(scene, Optimisation::friction));
+  EXPECT_EQ(difference(disabled(Optimisation::friction)), 0.0);
 }
 
 // Bodies that sleep and wake come into the new engine in another order, and the order of a solver makes a percent: of
@@ -331,7 +331,7 @@ TEST_F(PlanOfAChangingScene, TheFirstBodyWithFrictionComes) {
 TEST_F(PlanOfAChangingScene, TheWorldGetsAnotherEngineWhileItRests) {
   EngineExchange exchange{EngineExchange::Preparation::at_once, {}};
   const CoupledRun* of = nullptr;
-  EXPECT_LT(difference(kKeepAll,
+  EXPECT_LT(difference(kDisableAll,
                        [&](CoupledRun& run) {
                          if (&run != of && run.world.time_s() > 0.1) {
                            of = &run;
@@ -363,8 +363,8 @@ class EstimatingEngine final : public EngineShell {
 };
 
 TEST_F(PlanOfAChangingScene, FrictionIsEstimatedOnlyWhileABorderReadsIt) {
-  for (const Kept kept_in : {kKeepNothing, kept(Saving::impulses)}) {
-    scene.settings.keep_in(kept_in);
+  for (const Disabled disabled : {kDisableNothing, disabled(Optimisation::impulses)}) {
+    scene.settings.disable(disabled);
     int estimates = 0;
     CoupledRun run(scene, [&](const EngineSettings& settings, std::span<const Mesh> meshes) {
       return std::make_unique<EstimatingEngine>(make_engine(settings, meshes), estimates);
@@ -374,7 +374,7 @@ TEST_F(PlanOfAChangingScene, FrictionIsEstimatedOnlyWhileABorderReadsIt) {
       for (int i = 0; i < cycles; ++i) run.cycle();
       return estimates;
     };
-    EXPECT_EQ(estimates_in(26), kept_in == kKeepNothing ? 0 : 25) << "the hand is in the air";
+    EXPECT_EQ(estimates_in(26), disabled == kDisableNothing ? 0 : 25) << "the hand is in the air";
     while (run.world.time_s() < 1.5) run.cycle();
     EXPECT_EQ(estimates_in(25), 25) << "it pushes";
   }

@@ -100,7 +100,7 @@ class LatenessOf1kHz : public ::testing::Test {
 
   Miss step(int release, const Step& s) {
     const TimePoint released = at(1000 * release);
-    skipped_by_machine_ = lateness_.begin(released, at(s.asked_us), at(s.woke_us), 1ms);
+    skipped_by_os_ = lateness_.begin(released, at(s.asked_us), at(s.woke_us), 1ms);
     use_.cpu += std::chrono::microseconds(s.cpu_us);
     use_.blocked += (s.asked_us < 1000 * release ? 1 : 0) + s.waits;
     const Miss miss = lateness_.judge(at(s.done_us), released + 1ms, use_);
@@ -111,26 +111,26 @@ class LatenessOf1kHz : public ::testing::Test {
 
   ThreadUse use_;
   Lateness lateness_{use_};
-  int skipped_by_machine_ = 0;
+  int skipped_by_os_ = 0;
 };
 
 TEST_F(LatenessOf1kHz, WhatIsInTimeIsNoMiss) { EXPECT_EQ(step(0, {-500, 10, 900, 890}), Miss::none); }
 
-TEST_F(LatenessOf1kHz, ALateWakeUpIsTheMachines) { EXPECT_EQ(step(0, {-500, 700, 1100, 400}), Miss::machine); }
+TEST_F(LatenessOf1kHz, ALateWakeUpIsTheMachines) { EXPECT_EQ(step(0, {-500, 700, 1100, 400}), Miss::os); }
 
 // Without the 50 us it would have been late all the same.
 TEST_F(LatenessOf1kHz, ALongStepIsOursThoughItsWakeUpWasALittleLate) {
   EXPECT_EQ(step(0, {-500, 50, 1350, 1300}), Miss::computing);
 }
 
-TEST_F(LatenessOf1kHz, APreEmptionIsTheMachines) { EXPECT_EQ(step(0, {-500, 10, 1100, 400}), Miss::machine); }
+TEST_F(LatenessOf1kHz, APreEmptionIsTheMachines) { EXPECT_EQ(step(0, {-500, 10, 1100, 400}), Miss::os); }
 
 TEST_F(LatenessOf1kHz, AStepThatWaitsForALockIsOurs) { EXPECT_EQ(step(0, {-500, 10, 1100, 400, 1}), Miss::waiting); }
 
 // What made one step late makes the next one late as well, and is still the same one's.
 TEST_F(LatenessOf1kHz, WhoMadeAStepLateIsToBlameForTheNextOne) {
-  EXPECT_EQ(step(0, {-500, 1500, 1900, 400}), Miss::machine);
-  EXPECT_EQ(step(1, {1901, 1902, 2302, 400}), Miss::machine);
+  EXPECT_EQ(step(0, {-500, 1500, 1900, 400}), Miss::os);
+  EXPECT_EQ(step(1, {1901, 1902, 2302, 400}), Miss::os);
   EXPECT_EQ(step(2, {2303, 2304, 2704, 400}), Miss::none);
   EXPECT_EQ(step(3, {2705, 3010, 4910, 1900}), Miss::computing);
   EXPECT_EQ(step(4, {4911, 4912, 5312, 400}), Miss::computing);
@@ -138,19 +138,19 @@ TEST_F(LatenessOf1kHz, WhoMadeAStepLateIsToBlameForTheNextOne) {
 
 TEST_F(LatenessOf1kHz, PeriodsThatPassAreSharedOut) {
   step(0, {-500, 3200, 3300, 100});
-  EXPECT_EQ(skipped_by_machine_, 3) << "woken 3.2 ms late";
+  EXPECT_EQ(skipped_by_os_, 3) << "woken 3.2 ms late";
   step(4, {3400, 4010, 6900, 2890});
   step(5, {6901, 6902, 7000, 90});
-  EXPECT_EQ(skipped_by_machine_, 0) << "a step of 2.9 ms is ours";
+  EXPECT_EQ(skipped_by_os_, 0) << "a step of 2.9 ms is ours";
 }
 
 TEST(Misses, AreCountedOnceAndForOne) {
   Misses misses;
-  for (const Miss miss : {Miss::none, Miss::machine, Miss::computing, Miss::waiting}) misses.add(miss);
+  for (const Miss miss : {Miss::none, Miss::os, Miss::computing, Miss::waiting}) misses.add(miss);
   misses.skip(5, 3);
   EXPECT_EQ(misses.all(), 8U);
-  EXPECT_EQ(misses.by_machine, 4U);
-  EXPECT_EQ(misses.by_us, 4U);
+  EXPECT_EQ(misses.by_os, 4U);
+  EXPECT_EQ(misses.by_run, 4U);
   EXPECT_EQ(misses.waiting, 1U);
 }
 

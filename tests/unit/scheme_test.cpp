@@ -61,11 +61,11 @@ TEST_P(ClosedScene, IsFeltWithoutError) {
   const Closed& c = GetParam();
   // What sleeps and wakes is solved from another first guess, and in `scatter` any difference grows.
   Scene whole = scene_of(c.scene, "direct", 1);
-  whole.settings.keep_in(kept(Saving::rest));
+  whole.settings.disable(disabled(Optimisation::rest));
   CoupledRun reference(whole);
   ASSERT_TRUE(reference.run());
   Scene scene = scene_of(c.scene, c.scheme, c.ratio);
-  scene.settings.keep_in(kept(Saving::rest));
+  scene.settings.disable(disabled(Optimisation::rest));
   scene.settings.world.substeps = c.ratio > 4 ? 4 : 1;
   scene.users[0].box_half_m = c.box_half_m;
   CoupledRun coupled(scene);
@@ -196,9 +196,9 @@ TEST(Reduced, FeelsAtOnceWhatStandsLooseBehindTheBorder) {
     return scene;
   };
   for (const double box_half_m : {0.4, 0.3, 0.2}) {
-    EXPECT_LE(error_of(loose(20, box_half_m, 0.0)), 0.025) << box_half_m;
-    EXPECT_LE(error_of(loose(5, box_half_m, 0.02)), 0.01) << box_half_m;
-    EXPECT_LE(error_of(loose(5, box_half_m, 0.1)), 0.02) << box_half_m;
+    EXPECT_LE(error_of(approaching(20, box_half_m, 0.0)), 0.025) << box_half_m;
+    EXPECT_LE(error_of(approaching(5, box_half_m, 0.02)), 0.01) << box_half_m;
+    EXPECT_LE(error_of(approaching(5, box_half_m, 0.1)), 0.02) << box_half_m;
   }
 }
 
@@ -255,7 +255,8 @@ TEST(Figure8b, BorderImpulsesCarryTheStackOutside) {
   ASSERT_FALSE(frame.border.empty());
   Vec3 up = Vec3::Zero();
   Vec3 down = Vec3::Zero();
-  for (const BorderPair& pair : frame.border) (pair.normal.z() > 0.0 ? up : down) += pair.normal_impulse * pair.normal;
+  for (const BoundaryContact& pair : frame.border)
+    (pair.normal.z() > 0.0 ? up : down) += pair.normal_impulse * pair.normal;
   const double cycle_s = 0.004;
   std::size_t below = 0, above = 0;
   double lowest = 1e9, highest = -1e9;
@@ -281,7 +282,7 @@ TEST(Figure9, BorderContactsCrossTheBoundary) {
   for (int i = 0; i < 100; ++i) run.cycle();
   const WorldFrame& frame = run.frame();
   ASSERT_FALSE(frame.border.empty());
-  for (const BorderPair& pair : frame.border) {
+  for (const BoundaryContact& pair : frame.border) {
     EXPECT_TRUE(std::binary_search(frame.members.begin(), frame.members.end(), pair.inside));
     EXPECT_FALSE(std::binary_search(frame.members.begin(), frame.members.end(), pair.outside));
     EXPECT_FALSE(std::binary_search(frame.fixed.begin(), frame.fixed.end(), pair.outside));
@@ -299,7 +300,7 @@ TEST(Figure10, TheBaseFeelsTheTowerAboveIt) {
   ASSERT_LT(frame.members.size(), movable);
   ASSERT_FALSE(frame.border.empty());
   double pressed = 0.0;
-  for (const BorderPair& pair : frame.border) pressed -= pair.normal_impulse * pair.normal.z();
+  for (const BoundaryContact& pair : frame.border) pressed -= pair.normal_impulse * pair.normal.z();
   const double outside = static_cast<double>(movable - frame.members.size()) * 0.2 * 9.81 * 0.004;
   EXPECT_NEAR(pressed, outside, 0.1 * outside);
 }
@@ -376,8 +377,8 @@ TEST(Join, AFrameWithoutTheProxyIsNoBeginning) {
   SubWorld late(scene, 0);
   ASSERT_FALSE(frame.entering.empty());
   frame.entering.clear();
-  EXPECT_FALSE(late.adopt(frame));
-  EXPECT_TRUE(late.adopt(run.frame()));
+  EXPECT_FALSE(late.reset_from(frame));
+  EXPECT_TRUE(late.reset_from(run.frame()));
 }
 
 // Finite, but no world's: the ghost flies off, what the hand feels stays bounded, and nothing stops.
@@ -393,8 +394,8 @@ TEST(Reduced, ADriveBeyondReasonLeavesTheHandItsBounds) {
     sub.apply(frame);
     for (int i = 0; i < 200; ++i) {
       const FeltStep felt = sub.step({}, true, 0.001);
-      ASSERT_TRUE(felt.to_hand.force.allFinite());
-      ASSERT_LE(felt.to_hand.force.norm(), 40.0 + 1e-9);
+      ASSERT_TRUE(felt.to_operator.force.allFinite());
+      ASSERT_LE(felt.to_operator.force.norm(), 40.0 + 1e-9);
     }
   }
 }

@@ -85,20 +85,20 @@ class SettlingStack : public test::RestingStack {
     engine = std::make_unique<RestingEngine>(shown, scene, restless, true, asked);
     for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
   }
-  /// Whether the stack's upper cube has settled within `seconds`, with a hand at `hand_x_m`.
-  bool settles(double seconds, double hand_x_m, bool asked = true) {
-    const Body hand = test::ball_proxy(BodyId{4}, 0.03, 0.1);
-    add(hand, test::at(hand_x_m, 0, 0.25));
+  /// Whether the stack's upper cube has settled within `seconds`, with a hand at `tool_x_m`.
+  bool settles(double seconds, double tool_x_m, bool asked = true) {
+    const Body tool = test::ball_proxy(BodyId{4}, 0.03, 0.1);
+    add(tool, test::at(tool_x_m, 0, 0.25));
     scene.initial[index(kBall)] = test::at(0.11, -0.25, 0.05);  // passes by, so that the stack stays awake
     scene.initial[index(kBall)].linear_velocity.y() = 1.0;
-    const std::vector<BodyId> restless{hand.id};
+    const std::vector<BodyId> restless{tool.id};
     inner = GetParam().make();
     Trembling trembling(*inner);
     Watched watched(trembling);
     settle_in(watched, restless, asked);
     run(seconds);
     EXPECT_FALSE(std::ranges::count(watched.damped, kBall)) << "it rolls";
-    EXPECT_FALSE(std::ranges::count(watched.damped, hand.id));
+    EXPECT_FALSE(std::ranges::count(watched.damped, tool.id));
     const bool settled = std::ranges::count(watched.damped, kUpper) > 0;
     EXPECT_EQ(settled, std::ranges::count(watched.damped, kLower) > 0) << "they hang together";
     EXPECT_LE(watched.most_left, std::exp(-Settling::kSettling_per_s * kStep_s) + 1e-9);
@@ -136,16 +136,16 @@ TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItTrembles) {
 }
 
 TEST_P(SettlingStack, AHandThatComesByLetsItSettleAnew) {
-  const Body hand = test::ball_proxy(BodyId{4}, 0.03, 0.1);
-  add(hand, test::at(3.0, 0, 0.25));
-  const std::vector<BodyId> restless{hand.id};
+  const Body tool = test::ball_proxy(BodyId{4}, 0.03, 0.1);
+  add(tool, test::at(3.0, 0, 0.25));
+  const std::vector<BodyId> restless{tool.id};
   inner = GetParam().make();
   Trembling trembling(*inner);
   settle_in(trembling, restless);
   run(4.0);
-  engine->set_state(hand.id, test::at(0.1, 0, 0.25));
+  engine->set_state(tool.id, test::at(0.1, 0, 0.25));
   run(0.2);
-  engine->set_state(hand.id, test::at(3.0, 0, 0.25));
+  engine->set_state(tool.id, test::at(3.0, 0, 0.25));
   run(3.0);
   EXPECT_FALSE(engine->asleep(kUpper));
   run(4.0);
@@ -237,7 +237,7 @@ users:
     return run.world.asleep();
   };
   EXPECT_EQ(asleep_after(25.0), 250U);
-  scene.settings.keep_in(kept(Saving::sway));
+  scene.settings.disable(disabled(Optimisation::sway));
   EXPECT_LT(asleep_after(25.0), 250U) << "kept in, it sways";
 }
 

@@ -58,9 +58,9 @@ TEST_F(Shifted, ASecondShiftComesOnTopAndABodyThatGoesIsForgotten) {
 
 /// Bullet at 4 ms lets the cubes of a heap overlap by half a millimetre, stiffer engines by micrometres. With their
 /// corrections made at once and walls that hold any load, the hand felt steps of up to 37 N here.
-struct HandInHeap : testing::TestWithParam<std::string> {};
+struct OperatorInHeap : testing::TestWithParam<std::string> {};
 
-TEST_P(HandInHeap, FeelsNoJoltBetweenTwoEngines) {
+TEST_P(OperatorInHeap, FeelsNoJoltBetweenTwoEngines) {
   constexpr double kFromTouch_s = 0.3;
   constexpr double kJolt_n = 8.0;
   Scene scene = load_scene(std::string(SCENES_FOLDER) + "/heap_press.yaml");
@@ -80,7 +80,7 @@ TEST_P(HandInHeap, FeelsNoJoltBetweenTwoEngines) {
   EXPECT_LT(largest_n, kJolt_n);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, HandInHeap, testing::ValuesIn(engine_names()),
+INSTANTIATE_TEST_SUITE_P(Engines, OperatorInHeap, testing::ValuesIn(engine_names()),
                          [](const auto& engine) { return engine.param; });
 
 }  // namespace

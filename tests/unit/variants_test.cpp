@@ -89,7 +89,7 @@ TEST(Variants, OneThatDoesNotSurviveIsCounted) {
              {"world_substeps", 1},
              {"latency_s", 0.0},
              {"jitter_s", 0.0},
-             {"reference_floor", 0.01},
+             {"reference_error", 0.01},
              {"survived", v != 2},
              {"force_error_rms", 0.01 * (v + 1)},
              {"coupling_stiffness_n_m", 1000.0}};

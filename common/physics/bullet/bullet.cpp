@@ -78,7 +78,7 @@ struct CollisionClass {
 constexpr CollisionClass kMovable{1, 1 | 2 | 4 | 8};
 constexpr CollisionClass kFixed{2, 1};
 constexpr CollisionClass kGhosts{4, 1 | 8};
-constexpr CollisionClass kLoose{8, 1 | 4 | 8};
+constexpr CollisionClass kApproaching{8, 1 | 4 | 8};
 
 struct Slot {
   std::unique_ptr<btRigidBody> body;
@@ -120,8 +120,8 @@ class Bullet final : public Engine {
     info.m_erp2 = scalar(kPushOutRatio);
     solver_.set_friction_forgotten(scalar(kFrictionForgotten_s));
     solver_.set_friction_relaxation(scalar(kFrictionRelaxation));
-    solver_.keep_frictionless(keeps(settings.keep, Saving::friction));
-    small_steps_.keep_frictionless(keeps(settings.keep, Saving::friction));
+    solver_.keep_frictionless(disables(settings.disabled, Optimisation::friction));
+    small_steps_.keep_frictionless(disables(settings.disabled, Optimisation::friction));
     // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.
     world_.setGravity(btVector3(0, 0, 0));
   }
@@ -166,10 +166,10 @@ class Bullet final : public Engine {
     slot.inertia = body.inertia;
     slot.gyroscopic = body.rotates && !body.fixed() && feels_gyroscopic_torque(body.inertia);
     place(*slot.body, state);
-    const CollisionClass& kind = role == Role::ghost   ? kGhosts
-                                 : role == Role::loose ? kLoose
-                                 : body.fixed()        ? kFixed
-                                                       : kMovable;
+    const CollisionClass& kind = role == Role::ghost         ? kGhosts
+                                 : role == Role::approaching ? kApproaching
+                                 : body.fixed()              ? kFixed
+                                                             : kMovable;
     world_.addRigidBody(slot.body.get(), kind.group, kind.meets);
     world_.left_contacts().came(*slot.body);
     contacts_.clear();
@@ -239,7 +239,7 @@ class Bullet final : public Engine {
     return true;
   }
 
-  double part_s(double dt) const noexcept override {
+  double integration_substep_s(double dt) const noexcept override {
     const double substep = dt / substep_count(dt, fixed_substeps_, longest_substep_s_);
     return values_.small_steps ? substep / bullet::SmallStepSolver::parts(iterations_) : substep;
   }

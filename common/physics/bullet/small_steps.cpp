@@ -240,7 +240,7 @@ btScalar SmallStepSolver::solve_normals(const Pair& pair, const Spring& spring, 
       by -= row.step * p.gap / h;  // it may close
     } else if (kAs == Contacts::springs && p.gap < -p.noise) {
       const btScalar depth = -p.gap - p.noise;
-      const btScalar push = spring.mass_scale * spring.bias_rate * depth * row.step - spring.let_go * row.impulse;
+      const btScalar push = spring.mass_scale * spring.bias_rate * depth * row.step - spring.declutch * row.impulse;
       by = spring.mass_scale * by + btMin(push, kFastestPush * row.step);
     }
     by = btMax(by, -row.impulse);

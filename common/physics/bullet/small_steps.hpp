@@ -79,7 +79,7 @@ class SmallStepSolver final : public btConstraintSolver {
   struct Spring {
     btScalar bias_rate;   ///< of the penetration, 1/s
     btScalar mass_scale;  ///< of the impulse that would stop the motion
-    btScalar let_go;      ///< of the impulse so far
+    btScalar declutch;    ///< of the impulse so far
   };
   [[nodiscard]] static Spring spring_for(btScalar h);
 

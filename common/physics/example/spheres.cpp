@@ -136,7 +136,7 @@ class Spheres final : public Engine {
     return true;
   }
 
-  double part_s(double dt) const noexcept override { return dt / substeps_; }
+  double integration_substep_s(double dt) const noexcept override { return dt / substeps_; }
   void step(double dt) override {
     contacts_.clear();
     for (int i = 0; i < substeps_; ++i) substep(i, dt / substeps_);

@@ -16,7 +16,7 @@ struct CollisionClass {
 inline constexpr CollisionClass kMovable{1, 1 | 2 | 4 | 8};
 inline constexpr CollisionClass kFixed{2, 0};
 inline constexpr CollisionClass kGhosts{4, 0};
-inline constexpr CollisionClass kLoose{8, 4 | 8};
+inline constexpr CollisionClass kApproaching{8, 4 | 8};
 
 struct Slot {
   bool used = false;

@@ -132,10 +132,10 @@ class Ode final : public Engine {
     slot = {};
     slot.used = true;
     slot.spec = body;
-    slot.kind = role == Role::ghost   ? ode::kGhosts
-                : role == Role::loose ? ode::kLoose
-                : body.fixed()        ? ode::kFixed
-                                      : ode::kMovable;
+    slot.kind = role == Role::ghost         ? ode::kGhosts
+                : role == Role::approaching ? ode::kApproaching
+                : body.fixed()              ? ode::kFixed
+                                            : ode::kMovable;
     slot.geom = geom;
     slot.mass = body.mass;
     slot.inertia = body.inertia;
@@ -204,7 +204,7 @@ class Ode final : public Engine {
     return true;
   }
 
-  double part_s(double dt) const noexcept override {
+  double integration_substep_s(double dt) const noexcept override {
     return dt / substep_count(dt, fixed_substeps_, longest_substep_s_);
   }
   void step(double dt) override {

@@ -58,7 +58,9 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
       : Physx(settings, meshes, kPresets[find_preset(kPlugin, settings.preset)]) {}
 
   std::string_view name() const noexcept override { return "physx"; }
-  double part_s(double dt) const noexcept override { return ModuleEngine::part_s(dt) / iterations_; }
+  double integration_substep_s(double dt) const noexcept override {
+    return ModuleEngine::integration_substep_s(dt) / iterations_;
+  }
 
   Capabilities capabilities() const noexcept override {
     return {.normal_impulse = Fidelity::exact,

@@ -68,8 +68,8 @@ class Rapier final : public wasm::ModuleEngine {
       : Rapier(settings, meshes, kPresets[find_preset(kPlugin, settings.preset)]) {}
 
   std::string_view name() const noexcept override { return "rapier"; }
-  double part_s(double dt) const noexcept override {
-    const double h = ModuleEngine::part_s(dt);
+  double integration_substep_s(double dt) const noexcept override {
+    const double h = ModuleEngine::integration_substep_s(dt);
     return h / iterations(h);
   }
 
@@ -138,14 +138,19 @@ class Rapier final : public wasm::ModuleEngine {
     w2c_rapier* m = module_.get();
     Known& known = known_[slot.id];
     const bool hurries = load.h * load.loaded.linear_velocity.norm() > 0.5 * kPrediction;
-    if (known.told && known.hurries == hurries && known.force == load.force && known.torque == slot.torque) return;
+    if (known.published_state && known.hurries == hurries && known.force == load.force && known.torque == slot.torque)
+      return;
     const Handle body = handle(slot);
     w2c_rapier_rawrigidbodyset_rbSetSoftCcdPrediction(m, module_.bodies(), body, hurries ? kFar : 0.0F);
     w2c_rapier_rawrigidbodyset_rbResetForces(m, module_.bodies(), body, 0);
     w2c_rapier_rawrigidbodyset_rbResetTorques(m, module_.bodies(), body, 0);
     w2c_rapier_rawrigidbodyset_rbAddForce(m, module_.bodies(), body, module_.first(load.force), 1);
     w2c_rapier_rawrigidbodyset_rbAddTorque(m, module_.bodies(), body, module_.second(slot.torque), 1);
-    known = {.bounds = known.bounds, .told = true, .hurries = hurries, .force = load.force, .torque = slot.torque};
+    known = {.bounds = known.bounds,
+             .published_state = true,
+             .hurries = hurries,
+             .force = load.force,
+             .torque = slot.torque};
   }
 
   BodyState read(const Slot& slot) const override {
@@ -247,7 +252,7 @@ class Rapier final : public wasm::ModuleEngine {
   void restored() override {
     for (const Slot& slot : slots()) {
       if (slot.body == 0) continue;
-      known_[slot.id].told = false;
+      known_[slot.id].published_state = false;
       identify(slot);
     }
   }
@@ -285,9 +290,9 @@ class Rapier final : public wasm::ModuleEngine {
   static Handle handle(const Slot& slot) { return std::bit_cast<Handle>(slot.body - 1); }
 
   struct Known {
-    Box bounds;            ///< in the body's frame
-    bool told = false;     ///< the module has what follows
-    bool hurries = false;  ///< contacts are looked for farther ahead
+    Box bounds;                    ///< in the body's frame
+    bool published_state = false;  ///< the module has what follows
+    bool hurries = false;          ///< contacts are looked for farther ahead
     Vec3 force = Vec3::Zero();
     Vec3 torque = Vec3::Zero();
   };

@@ -18,7 +18,7 @@ namespace {
 constexpr Filter kMovable{1, 1 | 2 | 4 | 8};
 constexpr Filter kFixed{2, 1};
 constexpr Filter kGhosts{4, 1 | 8};
-constexpr Filter kLoose{8, 1 | 4 | 8};
+constexpr Filter kApproaching{8, 1 | 4 | 8};
 
 /// A point is taken for the same one in the next sub-step if it lies within this part of the smallest body's size.
 constexpr double kReachRatio = 0.1;
@@ -57,10 +57,10 @@ void ModuleEngine::add(const Body& body, const BodyState& state, Role role) {
   slot.mass = body.mass;
   slot.inertia = body.inertia;
   if (body.gravity && !body.fixed()) slot.weight = body.mass * gravity_;
-  const Filter& filter = role == Role::ghost   ? kGhosts
-                         : role == Role::loose ? kLoose
-                         : body.fixed()        ? kFixed
-                                               : kMovable;
+  const Filter& filter = role == Role::ghost         ? kGhosts
+                         : role == Role::approaching ? kApproaching
+                         : body.fixed()              ? kFixed
+                                                     : kMovable;
   create(body.id, slot, body, state, filter);
   set_velocities(slot, state.linear_velocity, state.angular_velocity);
   slots_[id] = slot;
@@ -157,7 +157,7 @@ bool ModuleEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque)
   return true;
 }
 
-double ModuleEngine::part_s(double dt) const noexcept {
+double ModuleEngine::integration_substep_s(double dt) const noexcept {
   return dt / substep_count(dt, fixed_substeps_, longest_substep_s_);
 }
 

@@ -35,7 +35,7 @@ class ModuleEngine : public Engine {
   void set_inertia(BodyId id, double mass, const Vec3& inertia) final;
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) final;
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) final;
-  double part_s(double dt) const noexcept override;
+  double integration_substep_s(double dt) const noexcept override;
   void step(double dt) final;
   std::span<const Contact> contacts() const noexcept final { return contacts_.contacts(); }
   std::span<const Contact> contacts_with_friction() final;
@@ -67,7 +67,7 @@ class ModuleEngine : public Engine {
       : gravity_(settings.gravity),
         fixed_substeps_(settings.substeps),
         longest_substep_s_(settings.longest_substep_s.value_or(longest_substep_s)),
-        keeps_frictionless_(keeps(settings.keep, Saving::friction)) {}
+        keeps_frictionless_(disables(settings.disabled, Optimisation::friction)) {}
 
   [[nodiscard]] virtual wasm_rt_memory_t& memory() const = 0;
   /// Makes the body in the module, in the pose of `state`, and sets the slot's handles.

@@ -1,4 +1,4 @@
-#include "lab/hand_bed.hpp"
+#include "lab/operator_bed.hpp"
 
 #include "io/scene_name.hpp"
 #include "rt/stop.hpp"
@@ -7,17 +7,17 @@
 
 namespace subworld {
 
-Scene scene_with_hand(const std::string& name, DeviceKind kind) {
+Scene scene_with_operator(const std::string& name, DeviceKind kind) {
   Scene scene = load_scene(scene_file(name));
   keep_users(scene, 1);
   scene.users[0].device.kind = kind;
-  scene.users[0].device.hand = HandSpec{};
+  scene.users[0].device.operator_model = OperatorSpec{};
   return scene;
 }
 
 Scene free_scene(DeviceKind kind) {
   constexpr double kAbove_m = 2.0;
-  Scene scene = scene_with_hand("press", kind);
+  Scene scene = scene_with_operator("press", kind);
   scene.initial[index(scene.users[0].proxy)].position.z() += kAbove_m;
   return scene;
 }
@@ -51,7 +51,8 @@ Scene wall_scene(const SampledWall& wall, double stiffness_n_m, const Sensor& se
   device.force_limit_n = kAnyForce_n;
   device.mass_kg = 0.5 * wall.mass_kg;
   device.damping_n_s_m = 0.5 * wall.damping_n_s_m;
-  device.hand = HandSpec{.mass_kg = device.mass_kg, .damping_n_s_m = device.damping_n_s_m, .stiffness_n_m = kSoft_n_m};
+  device.operator_model =
+      OperatorSpec{.mass_kg = device.mass_kg, .damping_n_s_m = device.damping_n_s_m, .stiffness_n_m = kSoft_n_m};
   device.path = {{.from_s = kJerkAt_s, .to_s = kJerkAt_s + wall.period_s, .displacement = Vec3(kJerk_m, 0, 0)}};
   return scene;
 }

@@ -1,8 +1,8 @@
-#include "world_sim/conductor.hpp"
+#include "world_sim/run_control.hpp"
 
 namespace subworld {
 
-std::string Conductor::follow(const Control& order) {
+std::string RunControl::follow(const Control& order) {
   switch (order.verb) {
     case ControlVerb::stop:
       stopped_ = true;
@@ -26,7 +26,7 @@ std::string Conductor::follow(const Control& order) {
   return "refused: this world follows stop, pause, resume and step; start a new run for anything else";
 }
 
-bool Conductor::may_step() noexcept {
+bool RunControl::may_step() noexcept {
   if (!paused_) return true;
   if (granted_ == 0) return false;
   --granted_;

@@ -7,7 +7,7 @@
 namespace subworld {
 
 /// What `control` asked of the world's clock.
-class Conductor {
+class RunControl {
  public:
   /// Follows one order. Returns what it did, or why not, in words.
   std::string follow(const Control& order);

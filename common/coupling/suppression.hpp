@@ -7,16 +7,16 @@
 namespace subworld {
 
 /// Longest silence, in cycles.
-inline constexpr std::uint64_t kMostSilentCycles = 32;
+inline constexpr std::uint64_t kMostSuppressedCycles = 32;
 
 /// Cycles without messages. While a sub-world holds nothing but its proxy, and nothing can come near that, neither side
 /// has anything to tell. A frame says until which stamp, and in which place of the proxy. The sub-world reports then,
 /// or at the end of the first cycle after which its proxy may leave that place; frames go on at the stamp of that
 /// report. Both sides count by this class, so each knows which messages do not come. A report that the sub-world had
 /// sent before it saw the frame is none of these.
-class SilentCycles {
+class SuppressedCycles {
  public:
-  explicit SilentCycles(int lead_cycles) noexcept : lead_(static_cast<std::uint64_t>(lead_cycles)) {}
+  explicit SuppressedCycles(int lead_cycles) noexcept : lead_(static_cast<std::uint64_t>(lead_cycles)) {}
 
   /// A frame that both sides use.
   void begin(const WorldFrame& frame) noexcept;

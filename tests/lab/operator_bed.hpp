@@ -11,7 +11,7 @@
 namespace subworld {
 
 /// One of deploy/scenes with its first user alone, whose device a hand holds.
-[[nodiscard]] Scene scene_with_hand(const std::string& name, DeviceKind kind);
+[[nodiscard]] Scene scene_with_operator(const std::string& name, DeviceKind kind);
 /// `press` with the hand in the air.
 [[nodiscard]] Scene free_scene(DeviceKind kind);
 

@@ -1,4 +1,4 @@
-#include "model/saving.hpp"
+#include "model/optimisation.hpp"
 
 #include "model/error.hpp"
 #include "model/nearest.hpp"
@@ -22,9 +22,10 @@ Decision decide_rest(const Scene& scene, std::size_t) {
 }
 
 Decision decide_sway(const Scene& scene, std::size_t) {
-  if (keeps(scene.settings.keep, Saving::rest)) return {false, true, "nothing comes to rest: rest is kept in"};
+  if (disables(scene.settings.disabled, Optimisation::rest))
+    return {false, true, "nothing comes to rest: rest is kept in"};
   if (scene.settings.world.gravity.isZero()) return {false, false, "without weight nothing stands"};
-  if (!decide_rest(scene, 0).left_out) return {false, false, "nothing moves but the proxies"};
+  if (!decide_rest(scene, 0).enabled) return {false, false, "nothing moves but the proxies"};
   return {true, false, "where no hand reaches it, what stands may come to rest"};
 }
 
@@ -55,7 +56,7 @@ Decision decide_device(const Scene& scene, std::size_t) {
   return {true, false, "nobody but its own sub-world reads it"};
 }
 
-Decision decide_silence(const Scene& scene, std::size_t) {
+Decision decide_suppression(const Scene& scene, std::size_t) {
   const Settings& s = scene.settings;
   if (!s.has_sub_worlds() || s.blends_by_impulses())
     return {false, false, fmt::format("scheme {} needs every message", s.scheme)};
@@ -78,68 +79,70 @@ Decision decide_passivity(const Scene& scene, std::size_t user) {
 }
 
 constexpr std::array kItems{
-    SavingItem{Saving::rest, "rest", "world",
-               "steps, contacts and messages of bodies that rest where nothing can reach them", false, decide_rest},
-    SavingItem{Saving::sway, "sway", "world", "swaying that cannot lift a body by 1 % of its thickness", false,
-               decide_sway},
-    SavingItem{Saving::friction, "friction", "world, sub-worlds", "friction of contacts that have none", false,
-               decide_friction},
-    SavingItem{Saving::impulses, "impulses", "world, sub-worlds", "friction impulses of contacts that nobody reads",
-               false, decide_impulses},
-    SavingItem{Saving::pairs, "pairs", "frames", "border pairs of bodies that the sub-world has", false, decide_pairs},
-    SavingItem{Saving::device, "device", "reports", "motion of the device", false, decide_device},
-    SavingItem{Saving::silence, "silence", "frames, reports", "messages of cycles in which a hand is alone", false,
-               decide_silence},
-    SavingItem{Saving::passivity, "passivity", "device", "bound on the energy that the hand gets", true,
-               decide_passivity}};
-static_assert(std::ranges::is_sorted(kItems, {}, &SavingItem::saving) &&
-                  kItems.size() == static_cast<std::size_t>(Saving::passivity) + 1,
+    OptimisationItem{Optimisation::rest, "rest", "world",
+                     "steps, contacts and messages of bodies that rest where nothing can reach them", false,
+                     decide_rest},
+    OptimisationItem{Optimisation::sway, "sway", "world", "swaying that cannot lift a body by 1 % of its thickness",
+                     false, decide_sway},
+    OptimisationItem{Optimisation::friction, "friction", "world, sub-worlds", "friction of contacts that have none",
+                     false, decide_friction},
+    OptimisationItem{Optimisation::impulses, "impulses", "world, sub-worlds",
+                     "friction impulses of contacts that nobody reads", false, decide_impulses},
+    OptimisationItem{Optimisation::pairs, "pairs", "frames", "border pairs of bodies that the sub-world has", false,
+                     decide_pairs},
+    OptimisationItem{Optimisation::device, "device", "reports", "motion of the device", false, decide_device},
+    OptimisationItem{Optimisation::suppression, "suppression", "frames, reports",
+                     "messages of cycles in which a hand is alone", false, decide_suppression},
+    OptimisationItem{Optimisation::passivity, "passivity", "device", "bound on the energy that the hand gets", true,
+                     decide_passivity}};
+static_assert(std::ranges::is_sorted(kItems, {}, &OptimisationItem::optimisation) &&
+                  kItems.size() == static_cast<std::size_t>(Optimisation::passivity) + 1,
               "an item is found by its number");
 
 }  // namespace
 
-std::span<const SavingItem> saving_items() noexcept { return kItems; }
+std::span<const OptimisationItem> optimisation_items() noexcept { return kItems; }
 
-Decision decision(const Scene& scene, Saving saving, std::size_t user) {
-  Decision decision = kItems[static_cast<std::size_t>(saving)].decide(scene, user);
-  if (decision.left_out && !decision.ordered && keeps(scene.settings.keep, saving)) {
-    decision = {false, true, "as --keep says"};
+Decision decision(const Scene& scene, Optimisation optimisation, std::size_t user) {
+  Decision decision = kItems[static_cast<std::size_t>(optimisation)].decide(scene, user);
+  if (decision.enabled && !decision.ordered && disables(scene.settings.disabled, optimisation)) {
+    decision = {false, true, "as --disable says"};
   }
   return decision;
 }
 
 std::vector<PlannedItem> plan_of(const Scene& scene) {
   std::vector<PlannedItem> plan;
-  for (const SavingItem& item : kItems) {
+  for (const OptimisationItem& item : kItems) {
     const int decisions = item.of_user ? scene.settings.users : 1;
     for (std::size_t u = 0; u < static_cast<std::size_t>(decisions); ++u) {
-      plan.push_back({&item, u, decision(scene, item.saving, u)});
+      plan.push_back({&item, u, decision(scene, item.optimisation, u)});
     }
   }
   return plan;
 }
 
-Kept parse_kept(const std::vector<std::string>& names, std::string_view flag) {
+Disabled parse_disabled(const std::vector<std::string>& names, std::string_view flag) {
   std::vector<std::string_view> known{"all"};
-  for (const SavingItem& item : kItems) known.push_back(item.name);
-  Kept set = kKeepNothing;
+  for (const OptimisationItem& item : kItems) known.push_back(item.name);
+  Disabled set = kDisableNothing;
   for (const std::string& name : names) {
-    const auto found = std::ranges::find(kItems, name, &SavingItem::name);
+    const auto found = std::ranges::find(kItems, name, &OptimisationItem::name);
     if (found == kItems.end() && name != "all") {
       const std::string_view meant = nearest(name, known);
       throw Error(ExitCode::usage, fmt::format("{}: there is no item \"{}\"; {}choose of: {}", flag, name,
                                                meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant),
                                                fmt::join(known, ", ")));
     }
-    set |= name == "all" ? kKeepAll : kept(found->saving);
+    set |= name == "all" ? kDisableAll : disabled(found->optimisation);
   }
   return set;
 }
 
-std::vector<std::string_view> kept_names(Kept set) {
+std::vector<std::string_view> disabled_names(Disabled set) {
   std::vector<std::string_view> names;
-  for (const SavingItem& item : kItems) {
-    if (keeps(set, item.saving)) names.push_back(item.name);
+  for (const OptimisationItem& item : kItems) {
+    if (disables(set, item.optimisation)) names.push_back(item.name);
   }
   return names;
 }

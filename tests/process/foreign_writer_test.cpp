@@ -6,33 +6,34 @@
 namespace subworld::test {
 namespace {
 
-struct Stranger {
+struct ForeignWriter {
   std::string kind;
   std::string blamed;  ///< topic in the verdict
 };
-void PrintTo(const Stranger& one, std::ostream* out) { *out << one.kind; }
+void PrintTo(const ForeignWriter& one, std::ostream* out) { *out << one.kind; }
 
-const std::vector<Stranger> kStrangers{{"old_frame", "world_frame"},
-                                       {"far_frame", "world_frame"},
-                                       {"standing_frame", "world_frame"},
-                                       {"last_frame", "world_frame"},
-                                       {"moved_frame", "world_frame"},
-                                       {"served_frame", "world_frame"},
-                                       {"jumping_state", "device_state"},
-                                       {"fast_state", "device_state"},
-                                       {"pressing_state", "device_state"},
-                                       {"second_device", "device_state"},
-                                       {"old_state", "device_state"},
-                                       {"huge_command", "device_command"},
-                                       {"flipping_command", "device_command"},
-                                       {"last_command", "device_command"},
-                                       {"far_command", "device_command"},
-                                       {"huge_report", "haptic_report"},
-                                       {"far_report", "haptic_report"},
-                                       {"second_haptic", "haptic_report"},
-                                       {"second_world", "scene"}};
+const std::vector<ForeignWriter> kForeignWriters{{"old_frame", "world_frame"},
+                                                 {"far_frame", "world_frame"},
+                                                 {"standing_frame", "world_frame"},
+                                                 {"last_frame", "world_frame"},
+                                                 {"moved_frame", "world_frame"},
+                                                 {"served_frame", "world_frame"},
+                                                 {"jumping_state", "device_state"},
+                                                 {"fast_state", "device_state"},
+                                                 {"pressing_state", "device_state"},
+                                                 {"second_device", "device_state"},
+                                                 {"old_state", "device_state"},
+                                                 {"huge_command", "device_command"},
+                                                 {"flipping_command", "device_command"},
+                                                 {"last_command", "device_command"},
+                                                 {"far_command", "device_command"},
+                                                 {"huge_report", "haptic_report"},
+                                                 {"far_report", "haptic_report"},
+                                                 {"second_haptic", "haptic_report"},
+                                                 {"second_world", "scene"}};
 
-class Strangers : public ProcessTest, public ::testing::WithParamInterface<std::tuple<std::string, Stranger>> {
+class ForeignWriters : public ProcessTest,
+                       public ::testing::WithParamInterface<std::tuple<std::string, ForeignWriter>> {
  protected:
   static constexpr double kForceLimit_n = 40.0, kForceStep_n = 10.0;
 
@@ -56,22 +57,23 @@ class Strangers : public ProcessTest, public ::testing::WithParamInterface<std::
   }
 };
 
-TEST_P(Strangers, AreRefusedAndNamed) {
-  const auto& [mode, stranger] = GetParam();
-  const std::string vendor = stranger.kind.size() % 2 == 0 ? "fastdds" : "cyclonedds";
+TEST_P(ForeignWriters, AreRefusedAndNamed) {
+  const auto& [mode, foreign_writer] = GetParam();
+  const std::string vendor = foreign_writer.kind.size() % 2 == 0 ? "fastdds" : "cyclonedds";
   const Words flags{"--mode", mode, "--duration", mode == "realtime" ? "2.5" : "20"};
   Process run(run_words(scene("press"), flags), folder_.path());
   const std::string folder = folder_.path() + "/stranger";
   std::filesystem::create_directories(folder);
-  Process peer({program("hostile_peer"), vendor, domain_.text(), mode, stranger.kind, "1.0"}, folder);
+  Process peer({program("hostile_peer"), vendor, domain_.text(), mode, foreign_writer.kind, "1.0"}, folder);
   ASSERT_EQ(peer.wait(30.0), 0) << peer.err();
   ASSERT_TRUE(run.wait(60.0)) << run.out();
-  const Json told = summary();
-  ASSERT_TRUE(told.is_object());
-  const std::string verdict = told["verdict"];
-  EXPECT_NE(verdict.find(stranger.blamed + " from a stranger"), std::string::npos) << verdict << run.err();
+  const Json published_state = summary();
+  ASSERT_TRUE(published_state.is_object());
+  const std::string verdict = published_state["verdict"];
+  EXPECT_NE(verdict.find(foreign_writer.blamed + " from a stranger"), std::string::npos) << verdict << run.err();
   expect_safe(out());
-  EXPECT_GE(told["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << "it ended early: " << verdict;
+  EXPECT_GE(published_state["simulated_s"].get<double>(), 0.99 * std::stod(flags.back()))
+      << "it ended early: " << verdict;
 }
 
 /// A real program of which the run has one already.
@@ -93,9 +95,9 @@ TEST_P(SecondProgram, IsRefusedAndTheRunGoesOn) {
   EXPECT_NE(second.err().find("two"), std::string::npos) << second.err();
   EXPECT_NE(second.err().find("--domain"), std::string::npos) << second.err();
   ASSERT_TRUE(run.wait(60.0));
-  const Json told = summary();
-  ASSERT_TRUE(told.is_object());
-  EXPECT_GE(told["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << told["verdict"];
+  const Json published_state = summary();
+  ASSERT_TRUE(published_state.is_object());
+  EXPECT_GE(published_state["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << published_state["verdict"];
 }
 
 INSTANTIATE_TEST_SUITE_P(Programs, SecondProgram,
@@ -103,13 +105,13 @@ INSTANTIATE_TEST_SUITE_P(Programs, SecondProgram,
                                             ::testing::Values("world_sim", "haptic_sim", "device_sim")),
                          [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
 
-INSTANTIATE_TEST_SUITE_P(Realtime, Strangers,
-                         ::testing::Combine(::testing::Values("realtime"), ::testing::ValuesIn(kStrangers)),
+INSTANTIATE_TEST_SUITE_P(Realtime, ForeignWriters,
+                         ::testing::Combine(::testing::Values("realtime"), ::testing::ValuesIn(kForeignWriters)),
                          [](const auto& one) { return std::get<1>(one.param).kind; });
-INSTANTIATE_TEST_SUITE_P(Lockstep, Strangers,
+INSTANTIATE_TEST_SUITE_P(Lockstep, ForeignWriters,
                          ::testing::Combine(::testing::Values("lockstep"),
-                                            ::testing::Values(kStrangers[4], kStrangers[9], kStrangers[12],
-                                                              kStrangers[17])),
+                                            ::testing::Values(kForeignWriters[4], kForeignWriters[9],
+                                                              kForeignWriters[12], kForeignWriters[17])),
                          [](const auto& one) { return std::get<1>(one.param).kind; });
 
 }  // namespace

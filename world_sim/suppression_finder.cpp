@@ -1,4 +1,4 @@
-#include "world_sim/silence_finder.hpp"
+#include "world_sim/suppression_finder.hpp"
 
 #include "coupling/selection.hpp"
 #include "coupling/synchroniser.hpp"
@@ -9,7 +9,7 @@
 
 namespace subworld {
 
-void SilenceFinder::look_at_others(BodyId proxy, const WorldNow& now) {
+void SuppressionFinder::look_at_others(BodyId proxy, const WorldNow& now) {
   others_.ids.assign(now.engine.awake().begin(), now.engine.awake().end());
   std::erase(others_.ids, proxy);
   double fastest_m_s = 0.0, fastest_rad_s = 0.0;
@@ -24,7 +24,7 @@ void SilenceFinder::look_at_others(BodyId proxy, const WorldNow& now) {
   others_.fastest.angular_velocity = kHit * fastest_rad_s * Vec3::UnitX();
 }
 
-void SilenceFinder::list_obstacles(const Box& place, double time_s, const WorldNow& now) {
+void SuppressionFinder::list_obstacles(const Box& place, double time_s, const WorldNow& now) {
   obstacles_.clear();
   double pushed_m = 0.0;  // what sleeps
   if (!others_.ids.empty()) {
@@ -41,21 +41,21 @@ void SilenceFinder::list_obstacles(const Box& place, double time_s, const WorldN
   for (const BodyId id : asleep_) obstacles_.push_back(now.engine.bounds(id).grown(pushed_m));
 }
 
-std::optional<Silence> SilenceFinder::find(const UserSpec& user, const WorldNow& now) {
+std::optional<Suppression> SuppressionFinder::find(const UserSpec& user, const WorldNow& now) {
   const Settings& s = scene_.settings;
   const double cycle_s = s.h_s * now.timetable.ratio(now.stamp);
   const double ahead_s = looked_ahead_s(s, scheme_, cycle_s);
-  const BodyState hand = now.engine.state(user.proxy);
-  const Box reach = hand_reach(now.engine.bounds(user.proxy), hand, ahead_s);
-  const Box around = selection_box(hand.position, user.box_half_m);
+  const BodyState proxy = now.engine.state(user.proxy);
+  const Box reach = operator_reach(now.engine.bounds(user.proxy), proxy, ahead_s);
+  const Box around = selection_box(proxy.position, user.box_half_m);
   look_at_others(user.proxy, now);
   const double left_cycles = std::max(0.0, std::floor((s.duration_s - now.stamp_s) / cycle_s + 0.5));
   const auto shortest = static_cast<std::uint64_t>(scheme_.lead_cycles()) + 2;
-  for (auto cycles = std::min(kMostSilentCycles, static_cast<std::uint64_t>(left_cycles)); cycles >= shortest;
+  for (auto cycles = std::min(kMostSuppressedCycles, static_cast<std::uint64_t>(left_cycles)); cycles >= shortest;
        cycles /= 2) {
     list_obstacles(around, static_cast<double>(cycles) * cycle_s + ahead_s, now);
     const Box place = free_place(around, reach, obstacles_);
-    if (place.holds(reach)) return Silence{now.stamp + cycles, place};
+    if (place.holds(reach)) return Suppression{now.stamp + cycles, place};
   }
   return {};
 }

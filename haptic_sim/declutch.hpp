@@ -7,9 +7,9 @@ namespace subworld {
 
 /// Where the device is in the scene: device position + offset. Wherever a device is when it is first heard, that place
 /// is the proxy's start. While the clutch is open the device may move without moving in the scene.
-class Clutch {
+class Declutch {
  public:
-  explicit Clutch(const BodyState& proxy_start) noexcept : start_(proxy_start) {
+  explicit Declutch(const BodyState& proxy_start) noexcept : start_(proxy_start) {
     device_.pose = {start_.position, start_.orientation};
   }
 

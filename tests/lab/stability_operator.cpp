@@ -1,7 +1,7 @@
 // What a hand meets: the stiffness that its device can render, and how still it is then.
 
-#include "lab/hand_bed.hpp"
 #include "lab/metrics.hpp"
+#include "lab/operator_bed.hpp"
 #include "lab/stability_cases.hpp"
 
 #include <algorithm>
@@ -70,7 +70,7 @@ double passive_stiffness(double resolution_um) {
 
 /// `press` in this engine, without the bound on energy that would steady it.
 Scene press_in(const Setting& setting) {
-  Scene scene = in_engine(scene_with_hand("press", DeviceKind::impedance), setting);
+  Scene scene = in_engine(scene_with_operator("press", DeviceKind::impedance), setting);
   scene.settings.passivity = Passivity::off;
   return scene;
 }
@@ -79,8 +79,8 @@ Scene press_in(const Setting& setting) {
 double held_root(const Scene& scene) {
   const UserSpec& user = scene.users[0];
   UserSpec held = user;
-  held.device.mass_kg += user.device.hand->mass_kg;
-  held.device.damping_n_s_m += user.device.hand->damping_n_s_m;
+  held.device.mass_kg += user.device.operator_model->mass_kg;
+  held.device.damping_n_s_m += user.device.operator_model->damping_n_s_m;
   return largest_stiffness(held, scene.settings);
 }
 
@@ -94,7 +94,7 @@ Scene late_press(const Setting& setting, Side where, double delay_ms) {
 double noise_between(const CoupledRun& run, double h_s, double from_s, double to_s) {
   const auto begin = static_cast<std::size_t>(std::lround(from_s / h_s));
   const auto count = static_cast<std::size_t>(std::lround((to_s - from_s) / h_s));
-  return noise_n(std::span(run.felt[0].hand).subspan(begin, count));
+  return noise_n(std::span(run.felt[0].on_operator).subspan(begin, count));
 }
 
 /// The stiffest coupling with which a cube that is pressed and held comes to rest before the hand.
@@ -113,10 +113,10 @@ Measurement stiffest_press(Scene scene) {
 /// The noise of the force while the top of a stack of ten is held down by 0.2 mm.
 Measurement stack_noise(const Setting& setting, const char* scheme) {
   constexpr double kStiffness_n_m = 1e5, kDown_m = 2e-4, kFrom_s = 1.5, kTo_s = 2.5;
-  Scene scene = in_engine(scene_with_hand("tower_press", DeviceKind::impedance), setting);
+  Scene scene = in_engine(scene_with_operator("tower_press", DeviceKind::impedance), setting);
   scene.settings.scheme = scheme;
   UserSpec& user = scene.users[0];
-  user.device.hand.reset();
+  user.device.operator_model.reset();
   user.coupling.stiffness_n_m = kStiffness_n_m;
   user.device.path = {{.from_s = 0.3, .to_s = 1.0, .displacement = Vec3(0, 0, -kDown_m)}};
   CoupledRun run(scene);
@@ -126,7 +126,7 @@ Measurement stack_noise(const Setting& setting, const char* scheme) {
 
 }  // namespace
 
-std::vector<StabilityCase> hand_cases() {
+std::vector<StabilityCase> operator_cases() {
   const char* const root =
       "b (1 - a) / (tau (1 - a) - a T), a = exp(-b T / m), tau = m / b; with delay and damping "
       "the least K with a root of z^n + K G_x(z) + B G_v(z) on the unit circle";

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "coupling/scheme.hpp"
-#include "coupling/silence.hpp"
+#include "coupling/suppression.hpp"
 #include "model/scene.hpp"
 #include "world_sim/border_extractor.hpp"
 
@@ -11,12 +11,12 @@
 namespace subworld {
 
 /// For how long, and in which place, a proxy that is alone in its sub-world will stay alone (coupling/silence).
-class SilenceFinder {
+class SuppressionFinder {
  public:
-  SilenceFinder(const Scene& scene, const Scheme& scheme) : scene_(scene), scheme_(scheme) {}
+  SuppressionFinder(const Scene& scene, const Scheme& scheme) : scene_(scene), scheme_(scheme) {}
 
   /// Empty where something may come so soon that silence is not worth it.
-  std::optional<Silence> find(const UserSpec& user, const WorldNow& now);
+  std::optional<Suppression> find(const UserSpec& user, const WorldNow& now);
 
  private:
   /// What moves but the proxy. Any of it may hit any other, so one motion bounds all.

@@ -6,7 +6,7 @@
 #include "coupling/stiffness.hpp"
 #include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
-#include "lab/hand_bed.hpp"
+#include "lab/operator_bed.hpp"
 
 #include <gtest/gtest.h>
 
@@ -59,7 +59,8 @@ double growth(const SampledWall& wall, double stiffness_n_m, double rate_hz) {
   spec.friction_n = 0.0;
   spec.rate_hz = rate_hz;
   spec.force_limit_n = 1e9;
-  spec.hand = HandSpec{.mass_kg = 0.5 * wall.mass_kg, .damping_n_s_m = 0.5 * wall.damping_n_s_m, .stiffness_n_m = 1e-9};
+  spec.operator_model =
+      OperatorSpec{.mass_kg = 0.5 * wall.mass_kg, .damping_n_s_m = 0.5 * wall.damping_n_s_m, .stiffness_n_m = 1e-9};
   EmulatedDevice device(spec, 0);
   std::deque<DeviceState> past(static_cast<std::size_t>(wall.delay) + 1, device.state());
   DeviceCommand command;
@@ -109,7 +110,7 @@ TEST(EmulatedDevice, WorksAtItsOwnRate) {
 TEST(EmulatedDevice, FrictionStopsAndHolds) {
   DeviceSpec spec;
   spec.friction_n = 0.5;
-  spec.hand = HandSpec{.damping_n_s_m = 1e-9, .stiffness_n_m = 1e-9};
+  spec.operator_model = OperatorSpec{.damping_n_s_m = 1e-9, .stiffness_n_m = 1e-9};
   spec.damping_n_s_m = 0.0;
   EmulatedDevice device(spec, 0);
   DeviceCommand command;
@@ -205,7 +206,7 @@ std::vector<Delayed> delayed() {
 }
 
 Scene delayed_scene(const Delayed& one) {
-  Scene scene = scene_with_hand(one.scene, one.kind);
+  Scene scene = scene_with_operator(one.scene, one.kind);
   scene.settings.scheme = one.scheme;
   lengthen(scene, one.side, 0.2);
   return scene;
@@ -245,13 +246,13 @@ TEST(ReleasedEnergy, IsNotThatOfAProxyInTheAir) {
 
 TEST(Passivity, ChangesNothingWithoutDelay) {
   for (const DeviceKind kind : {DeviceKind::impedance, DeviceKind::admittance}) {
-    Scene scene = scene_with_hand("press", kind);
+    Scene scene = scene_with_operator("press", kind);
     CoupledRun as_needed(scene);
     scene.settings.passivity = Passivity::off;
     CoupledRun off(scene);
     ASSERT_TRUE(as_needed.run() && off.run());
     EXPECT_EQ(as_needed.world.state_hash(), off.world.state_hash());
-    EXPECT_EQ(as_needed.felt[0].hand, off.felt[0].hand);
+    EXPECT_EQ(as_needed.felt[0].on_operator, off.felt[0].on_operator);
   }
 }
 
@@ -278,26 +279,26 @@ TEST(Admittance, InFreeSpaceStaysSlow) {
 }
 
 TEST(SubWorld, MeetsADeviceThatJumpsFromZero) {
-  Scene scene = scene_with_hand("press", DeviceKind::impedance);
+  Scene scene = scene_with_operator("press", DeviceKind::impedance);
   CoupledRun run(scene);
   for (int i = 0; i < 60; ++i) run.cycle();
   SubWorld& sub = *run.subs[0];
   DeviceState state = run.devices[0]->state();
-  Vec3 before = sub.feel(state, true, 1e-3).to_hand.force;
+  Vec3 before = sub.feel(state, true, 1e-3).to_operator.force;
   const Vec3 device = sub.device().pose.position;
   state.pose.position += Vec3(0.5, 0, 0);
   for (int i = 0; i < 40; ++i) {
     state.stamp_s += 1e-3;
     const FeltStep felt = sub.feel(state, true, 1e-3);
     sub.advance(1e-3);
-    EXPECT_LE((felt.to_hand.force - before).norm(), 1.0);
+    EXPECT_LE((felt.to_operator.force - before).norm(), 1.0);
     if (i == 0) {
       EXPECT_LT((sub.device().pose.position - device).norm(), 1e-3) << "it is met where it is";
     }
     if (i == 20) {
-      EXPECT_LT(felt.to_hand.force.norm(), 0.1);
+      EXPECT_LT(felt.to_operator.force.norm(), 0.1);
     }
-    before = felt.to_hand.force;
+    before = felt.to_operator.force;
   }
   EXPECT_EQ(sub.jumps(), 1U);
 }

@@ -1,7 +1,7 @@
-#include "coupling/silence.hpp"
+#include "coupling/suppression.hpp"
 #include "lab/coupled_run.hpp"
 #include "lab/metrics.hpp"
-#include "model/saving.hpp"
+#include "model/optimisation.hpp"
 #include "support/bodies.hpp"
 
 #include <gtest/gtest.h>
@@ -19,32 +19,32 @@ Box cube(double half_m, double x, double y, double z) {
 WorldFrame frame_with(std::uint64_t stamp, std::uint64_t until) {
   WorldFrame frame;
   frame.stamp = stamp;
-  frame.silence = Silence{until, cube(1.0, 0, 0, 0)};
+  frame.suppression = Suppression{until, cube(1.0, 0, 0, 0)};
   return frame;
 }
 
-TEST(SilentCycles, LackAllMessagesUntilTheyEnd) {
-  SilentCycles silence(1);
-  EXPECT_FALSE(silence.lacks_frame(1));
-  silence.begin(frame_with(10, 20));
-  EXPECT_FALSE(silence.may_lack_report(11)) << "it was on its way when the frame came";
-  EXPECT_TRUE(silence.may_lack_report(12));
-  EXPECT_TRUE(silence.may_lack_report(19));
-  EXPECT_FALSE(silence.may_lack_report(20));
-  EXPECT_FALSE(silence.lacks_report(12)) << "it may come yet";
-  silence.end(11);
-  EXPECT_TRUE(silence.lacks_frame(19));
-  silence.end(15);
-  EXPECT_TRUE(silence.lacks_report(14));
-  EXPECT_FALSE(silence.lacks_report(15));
-  EXPECT_TRUE(silence.lacks_frame(14));
-  EXPECT_FALSE(silence.lacks_frame(15));
+TEST(SuppressedCycles, LackAllMessagesUntilTheyEnd) {
+  SuppressedCycles suppression(1);
+  EXPECT_FALSE(suppression.lacks_frame(1));
+  suppression.begin(frame_with(10, 20));
+  EXPECT_FALSE(suppression.may_lack_report(11)) << "it was on its way when the frame came";
+  EXPECT_TRUE(suppression.may_lack_report(12));
+  EXPECT_TRUE(suppression.may_lack_report(19));
+  EXPECT_FALSE(suppression.may_lack_report(20));
+  EXPECT_FALSE(suppression.lacks_report(12)) << "it may come yet";
+  suppression.end(11);
+  EXPECT_TRUE(suppression.lacks_frame(19));
+  suppression.end(15);
+  EXPECT_TRUE(suppression.lacks_report(14));
+  EXPECT_FALSE(suppression.lacks_report(15));
+  EXPECT_TRUE(suppression.lacks_frame(14));
+  EXPECT_FALSE(suppression.lacks_frame(15));
 }
 
-TEST(SilentCycles, AreNeverMoreThanAreRemembered) {
-  SilentCycles silence(1);
-  silence.begin(frame_with(10, 1'000'000));
-  EXPECT_FALSE(silence.lacks_frame(10 + kMostSilentCycles));
+TEST(SuppressedCycles, AreNeverMoreThanAreRemembered) {
+  SuppressedCycles suppression(1);
+  suppression.begin(frame_with(10, 1'000'000));
+  EXPECT_FALSE(suppression.lacks_frame(10 + kMostSuppressedCycles));
 }
 
 TEST(FreePlace, IsCutWhereTheWayIsLongest) {
@@ -60,17 +60,17 @@ TEST(FreePlace, DoesNotHoldWhatMeetsAnObstacle) {
   EXPECT_FALSE(free_place(cube(1.0, 0, 0, 0), cube(0.05, 0, 0, 0), std::span(&obstacle, 1)).holds(cube(0.05, 0, 0, 0)));
 }
 
-class SilentHand : public ::testing::Test {
+class LoneOperator : public ::testing::Test {
  protected:
-  SilentHand() { scene.settings.duration_s = 1.0; }
+  LoneOperator() { scene.settings.duration_s = 1.0; }
 
   struct Seen {
     std::vector<Vec3> felt;
     std::uint64_t cycles = 0, frames = 0, reports = 0;
   };
-  Seen run(Kept kept) const {
+  Seen run(Disabled kept) const {
     Scene one = scene;
-    one.settings.keep_in(kept);
+    one.settings.disable(kept);
     CoupledRun coupled(one);
     Seen seen;
     while (coupled.finite() && coupled.world.time_s() < one.settings.duration_s - 1e-9) {
@@ -85,7 +85,7 @@ class SilentHand : public ::testing::Test {
   }
   /// RMS of the felt force without silence, N, and of the difference that it makes, of that.
   std::pair<double, double> compare() const {
-    const Seen out = run(kKeepNothing), in = run(kept(Saving::silence));
+    const Seen out = run(kDisableNothing), in = run(disabled(Optimisation::suppression));
     EXPECT_EQ(in.reports, in.cycles);
     EXPECT_LT(out.reports, out.cycles);
     EXPECT_EQ(out.felt.size(), in.felt.size());
@@ -102,16 +102,16 @@ class SilentHand : public ::testing::Test {
   }();
 };
 
-TEST_F(SilentHand, SendsAFewMessagesASecond) {
+TEST_F(LoneOperator, SendsAFewMessagesASecond) {
   scene.users[0].device.path.clear();
-  const Seen seen = run(kKeepNothing);
+  const Seen seen = run(kDisableNothing);
   EXPECT_EQ(seen.cycles, 251U) << "the hand is a cycle ahead";
   EXPECT_LT(seen.frames, 20U);
   EXPECT_LT(seen.reports, 30U);
 }
 
 // The world has one mean force for all of a silence, and a spring to the way between its ends.
-TEST_F(SilentHand, IsAboutWhereItIsInTheWorldToo) {
+TEST_F(LoneOperator, IsAboutWhereItIsInTheWorldToo) {
   constexpr double kApart_m = 5e-3;  // of 32 mm in the longest silence
   scene.users[0].device.path = {{.from_s = 0.1, .to_s = 0.5, .displacement = {-0.1, 0, 0}}};
   CoupledRun run(scene);
@@ -127,7 +127,7 @@ TEST_F(SilentHand, IsAboutWhereItIsInTheWorldToo) {
   EXPECT_GT(silent, 100U);
 }
 
-TEST_F(SilentHand, IsHeardBeforeItTouches) {
+TEST_F(LoneOperator, IsHeardBeforeItTouches) {
   // A dash that no frame foresees.
   scene.users[0].device.path = {{.from_s = 0.31, .to_s = 0.36, .displacement = {0.05, 0, 0}}};
   const auto [force_n, difference] = compare();
@@ -135,10 +135,10 @@ TEST_F(SilentHand, IsHeardBeforeItTouches) {
   EXPECT_LT(difference, 0.005);
 }
 
-TEST_F(SilentHand, FeelsABodyThatIsThrownAtIt) {
+TEST_F(LoneOperator, FeelsABodyThatIsThrownAtIt) {
   scene.users[0].device.path.clear();
-  const Vec3 hand = scene.initial[index(scene.users[0].proxy)].position;
-  test::throw_ball(scene, hand - Vec3(4.5, 0.0, 0.0), {5.0, 0.0, 0.0});  // 2 m away when the run begins
+  const Vec3 tool = scene.initial[index(scene.users[0].proxy)].position;
+  test::throw_ball(scene, tool - Vec3(4.5, 0.0, 0.0), {5.0, 0.0, 0.0});  // 2 m away when the run begins
   const auto [force_n, difference] = compare();
   EXPECT_GT(force_n, 1.0);
   EXPECT_LT(difference, 0.005);

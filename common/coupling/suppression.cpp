@@ -1,18 +1,18 @@
-#include "coupling/silence.hpp"
+#include "coupling/suppression.hpp"
 
 #include <algorithm>
 
 namespace subworld {
 
-void SilentCycles::begin(const WorldFrame& frame) noexcept {
-  if (!frame.silence) return;
+void SuppressedCycles::begin(const WorldFrame& frame) noexcept {
+  if (!frame.suppression) return;
   from_ = frame.stamp;
-  until_ = std::min(frame.silence->until, frame.stamp + kMostSilentCycles);
-  place_ = frame.silence->place;
+  until_ = std::min(frame.suppression->until, frame.stamp + kMostSuppressedCycles);
+  place_ = frame.suppression->place;
   ended_ = false;
 }
 
-void SilentCycles::end(std::uint64_t stamp) noexcept {
+void SuppressedCycles::end(std::uint64_t stamp) noexcept {
   if (stamp <= from_ + lead_ || stamp > until_) return;
   until_ = stamp;
   ended_ = true;
