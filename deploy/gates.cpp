@@ -192,13 +192,13 @@ void add_foreign_writer_gates(std::vector<Gate>& all, const std::string& who, co
 const char* name_of(Culprit culprit) {
   switch (culprit) {
     case Culprit::run:
-      return "us";
+      return "run";
     case Culprit::os:
-      return "machine";
+      return "os";
     case Culprit::unstable:
       return "unstable";
     case Culprit::foreign_writer:
-      return "stranger";
+      return "foreign_writer";
     case Culprit::scene:
       break;
   }

@@ -10,7 +10,7 @@ namespace subworld {
 
 /// Who is to blame for a missed gate. `unstable`: energy or swings that nobody has put in; `stranger`: a program that
 /// does not belong to the run.
-enum class Culprit : std::uint8_t { us, machine, scene, unstable, foreign_writer };
+enum class Culprit : std::uint8_t { run, os, scene, unstable, foreign_writer };
 
 /// One measured quantity against its bar.
 struct Gate {

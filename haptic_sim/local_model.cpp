@@ -73,9 +73,9 @@ class SimulatedNeighbourhood final : public LocalModel {
   Wrench advance(const Drive& drive, double time_s, double dt, Indicators& indicators) override {
     Wrench mean = drive.felt;
     gradual_.step(engine_);
-    const Wrench& exerted = drive.kind == DeviceKind::admittance ? drive.applied : drive.felt;
+    const Wrench& pressed = drive.kind == DeviceKind::admittance ? drive.applied : drive.felt;
     const double peers_n = move_peers(time_s, dt);
-    border_->begin(engine_, dt, exerted.force.norm() + peers_n);
+    border_->begin(engine_, dt, pressed.force.norm() + peers_n);
     if (drive.kind == DeviceKind::admittance) {
       engine_.apply_force(proxy_, drive.applied.force, drive.applied.torque);
       engine_.step(dt);

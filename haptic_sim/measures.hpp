@@ -22,7 +22,7 @@ enum class HapticStage : std::uint8_t {
   wake,
   receive,
   decode,
-  apply,
+  synchronise,
   control,
   feel,
   send,
@@ -31,7 +31,7 @@ enum class HapticStage : std::uint8_t {
   account,
   count
 };
-inline constexpr std::array kHapticStages{"wake", "receive", "decode",  "apply",  "control",
+inline constexpr std::array kHapticStages{"wake", "receive", "decode",  "synchronise",  "control",
                                           "feel", "send",    "advance", "report", "account"};
 static_assert(kHapticStages.size() == Stages<HapticStage>::kCount);
 

@@ -57,7 +57,7 @@ inline constexpr Disabled kDisableNothing = 0, kDisableAll = ~Disabled{0};
   return Disabled{1} << static_cast<unsigned>(optimisation);
 }
 [[nodiscard]] constexpr bool disables(Disabled set, Optimisation optimisation) noexcept {
-  return (set & kept(optimisation)) != 0;
+  return (set & disabled(optimisation)) != 0;
 }
 
 }  // namespace subworld

@@ -18,7 +18,7 @@ struct ThreadUse {
 /// Who missed a deadline.
 enum class Miss : std::uint8_t {
   none,
-  machine,    ///< in time, had the kernel let the loop run when it could
+  os,         ///< in time, had the kernel let the loop run when it could
   computing,  ///< the step took too long
   waiting,    ///< the step took too long, and slept or waited for a lock meanwhile
 };

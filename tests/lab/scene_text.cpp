@@ -210,7 +210,7 @@ std::string device_text(const DeviceSpec& d) {
   if (!d.path.empty()) lines += "      path:\n";
   for (const PathSegment& s : d.path) lines += fmt::format("        - {}\n", segment_map(s).str());
   if (d.operator_model) {
-    line("hand", Map()
+    line("operator", Map()
                      .add("mass_kg", d.operator_model->mass_kg)
                      .add("damping_n_s_m", d.operator_model->damping_n_s_m)
                      .add("stiffness_n_m", d.operator_model->stiffness_n_m)
