@@ -108,7 +108,7 @@ Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
     stages.mark(HapticStage::report);
   };
 
-  const Delay delay(scene.settings, sub.scheme().lead_cycles(), user);
+  const Delay delay(scene.settings, sub.scheme().properties.lead_cycles, user);
   DelayLine<DeviceState> states(scene.settings, Direction::from_device, user);
   DelayLine<DeviceCommand> commands(scene.settings, Direction::to_device, user);
   std::uint64_t step = 0;
@@ -209,7 +209,7 @@ Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures,
   };
 
   // A world that trails the sub-world by a cycle has the cycle's report a haptic step before it needs it.
-  const int lead_cycles = sub.scheme().lead_cycles();
+  const int lead_cycles = sub.scheme().properties.lead_cycles;
   // Users' loops are released one after the other, so that those that share a core do not wait for each other.
   const double stagger_s = h * static_cast<double>(sub.user()) / scene.settings.users;
   const auto ahead_s = [&](std::uint64_t stamp) {

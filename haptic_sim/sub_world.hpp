@@ -113,7 +113,7 @@ class SubWorld {
   [[nodiscard]] std::uint64_t jumps() const noexcept { return jumps_; }
   /// Of the engine that simulates it; empty where none does.
   [[nodiscard]] std::string engine_name() const;
-  [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
+  [[nodiscard]] const Scheme& scheme() const noexcept { return scheme_; }
 
  private:
   /// Whether a hand can have moved the device so since the state before.
@@ -130,7 +130,7 @@ class SubWorld {
   const Scene& scene_;
   std::size_t user_;
   const UserSpec& spec_;
-  std::unique_ptr<Scheme> scheme_;
+  const Scheme& scheme_;
   std::unique_ptr<LocalModel> model_;
   ForceLimits limits_;
   ForceGuard guard_;

@@ -256,7 +256,7 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
   /// False when asked to stop and a report does not come.
   const auto receive_due = [&] {
     for (std::size_t u = 0; u < world.user_count(); ++u) {
-      const Delay delay(scene.settings, world.scheme().lead_cycles(), static_cast<std::uint32_t>(u));
+      const Delay delay(scene.settings, world.scheme().properties.lead_cycles, static_cast<std::uint32_t>(u));
       for (; delay.report_due(next[u], world.stamp(), world.timetable()); ++next[u]) {
         if (world.has_report(u, next[u])) continue;
         const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(u)};
@@ -306,7 +306,7 @@ Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, En
     check_finite(world);
   }
   measures.bodies().record_now(world);
-  if (world.scheme().border() != Border::none && receive_due()) world.synchronise();
+  if (world.scheme().properties.has_sub_worlds && receive_due()) world.synchronise();
   world.close();
   acknowledge(ports);
   return ending_of(ports, world, run_control, scene.settings);
@@ -316,7 +316,7 @@ Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, En
                     const Scene& scene, double wait_s) {
   const double h = scene.settings.h_s;
   // The sub-worlds are ahead by so much, and the world must wait for what they do.
-  const auto lead = static_cast<std::uint64_t>(world.scheme().lead_cycles());
+  const auto lead = static_cast<std::uint64_t>(world.scheme().properties.lead_cycles);
   const double first_cycle_s = h * world.timetable().ratio(lead);
   const Scheduling scheduling = claim_realtime(priority::kWorld);
   fmt::print("world_sim: running at {:.1f} Hz, {}\n", 1.0 / first_cycle_s, scheduling.text);

@@ -1,4 +1,5 @@
 #include "lab/coupled_run.hpp"
+#include "coupling/plan.hpp"
 
 #include "lab/cpu_time.hpp"
 
@@ -18,7 +19,7 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
     guards.push_back(std::make_unique<DeviceGuard>(user, scene_.body(user.proxy),
                                                    !enabled(scene_, Optimisation::passivity, u), 0.0));
     const auto number = static_cast<std::uint32_t>(u);
-    Link link{.delay = Delay(scene_.settings, scheme.lead_cycles(), number),
+    Link link{.delay = Delay(scene_.settings, scheme.properties.lead_cycles, number),
               .states = DelayLine<DeviceState>(scene_.settings, Direction::from_device, number),
               .commands = DelayLine<DeviceCommand>(scene_.settings, Direction::to_device, number),
               .reports = {},
@@ -96,7 +97,7 @@ void CoupledRun::cycle() {
     do haptic_cycle(u);
     while (!links_[u].reported);
   }
-  const auto lead = static_cast<std::uint64_t>(world.scheme().lead_cycles());
+  const auto lead = static_cast<std::uint64_t>(world.scheme().properties.lead_cycles);
   ++cycle_;
   if (cycle_ > lead) {
     for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
@@ -131,7 +132,7 @@ bool CoupledRun::run() {
 }
 
 void CoupledRun::close() {
-  if (world.scheme().border() != Border::none) {
+  if (world.scheme().properties.has_sub_worlds) {
     for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
     world.synchronise();
   }

@@ -19,7 +19,7 @@ using Names = std::set<std::string>;
 const std::map<std::string, Names> kMayInclude{
     {"model", {"model"}},
     {"physics", {"model", "physics"}},
-    {"coupling", {"model", "coupling"}},
+    {"coupling", {"model", "physics", "coupling"}},
     {"wire", {"model", "wire"}},
     {"rt", {"rt"}},
     {"io", {"model", "rt", "io"}},

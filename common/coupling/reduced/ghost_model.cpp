@@ -1,6 +1,6 @@
-#include "coupling/ghost.hpp"
+#include "coupling/reduced/ghost_model.hpp"
 
-#include "coupling/rolling.hpp"
+#include "coupling/reduced/rolling.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,9 +1,10 @@
 #pragma once
 
 #include "coupling/border.hpp"
-#include "coupling/carried.hpp"
 #include "coupling/contact_graph.hpp"
+#include "coupling/reduced/carried.hpp"
 #include "coupling/selection.hpp"
+#include "coupling/world_side.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 
@@ -14,12 +15,6 @@
 #include <vector>
 
 namespace subworld {
-
-/// How a body moves: its state at the end of a cycle and its mean acceleration, m/s^2, over it.
-struct Motion {
-  BodyState state;
-  Vec3 acceleration = Vec3::Zero();
-};
 
 /// What is around a sub-world: a cycle of the world.
 struct Surroundings {
