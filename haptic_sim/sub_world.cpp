@@ -65,7 +65,9 @@ double SubWorld::time_s() const noexcept {
   return scene_.settings.h_s * static_cast<double>(timetable_.start(stamp_)) + in_cycle_s_;
 }
 
-double SubWorld::cycle_left_s() const noexcept { return cycle_s() - (at_boundary() ? 0.0 : in_cycle_s_); }
+double SubWorld::cycle_left_s() const noexcept {
+  return at_boundary() ? scene_.settings.h_s * timetable_.ratio(stamp_ + 1) : cycle_s() - in_cycle_s_;
+}
 
 bool SubWorld::at_boundary() const noexcept { return in_cycle_s_ >= cycle_s() - 1e-6 * scene_.settings.h_s; }
 
@@ -151,12 +153,6 @@ void SubWorld::advance(double dt) {
   ++steps_;
 }
 
-FeltStep SubWorld::step(const DeviceState& device, bool trusted, double dt) {
-  const FeltStep felt = feel(device, trusted, dt);
-  advance(dt);
-  return felt;
-}
-
 bool SubWorld::suppresses_report() const {
   if (!may_suppress_ || !suppression_.may_lack_report(stamp_ + 1)) return false;
   const BodyState now = proxy();
@@ -234,7 +230,7 @@ void SubWorld::note(const WorldFrame& frame) noexcept {
   if (may_suppress_) suppression_.begin(frame);
 }
 
-std::uint64_t SubWorld::apply(const WorldFrame& frame) {
+std::uint64_t SubWorld::synchronise_with(const WorldFrame& frame) {
   if (!knows(frame)) return 0;
   if (framed_ && frame.stamp <= frame_stamp_) return 0;
   const std::uint64_t missing = framed_ ? frame.stamp - frame_stamp_ - 1 : 0;

@@ -264,7 +264,8 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeSaysSoAndBeginsAnew) {
     if (world.stamp() + 1 == world.timetable().newest().stamp) before = after;
   }
   while (sub.stamp() <= after.stamp) {
-    (void)sub.step(device, true, scene.settings.h_s);
+    (void)sub.step(
+        {&device, true, scene.settings.h_s, scene.settings.h_s}, [](const FeltStep&) {}, [] {});
     if (sub.report_due()) (void)sub.report(1);
   }
   EXPECT_FALSE(world.receive(HapticReport(sub.report(1)))) << "its stamps are of other times";
