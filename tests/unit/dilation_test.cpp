@@ -165,7 +165,7 @@ SceneRun run_scene(Scene scene, int steps, const Rate& rate) {
   SubWorld sub(scene, 0);
   EmulatedDevice device(scene.users[0].device, 0);
   Arrears arrears;
-  const auto lead = static_cast<std::uint64_t>(sub.scheme().lead_cycles());
+  const auto lead = static_cast<std::uint64_t>(sub.scheme().properties.lead_cycles);
   sub.synchronise_with(world.frame(0));
   std::vector<HapticReport> reports{sub.report(1)};
   std::optional<WorldFrame> on_its_way;

@@ -392,6 +392,7 @@ TEST(Reduced, ADriveBeyondReasonLeavesTheHandItsBounds) {
     ASSERT_TRUE(!frame.ghosts.empty() && frame.ghosts[0].carried);
     frame.ghosts[0].carried->drive = {Vec3(0, 0, force_n), Vec3(0, force_n, 0)};
     sub.synchronise_with(frame);
+    const DeviceState device;
     for (int i = 0; i < 200; ++i) {
       const FeltStep felt = sub.step(
           {&device, true, 0.001, 0.001}, [](const FeltStep&) {}, [] {});
