@@ -107,7 +107,7 @@ struct EngineSettings {
   std::optional<int> substeps;              ///< parts of a step; world: each with a force of its own on the proxies
   std::optional<double> longest_substep_s;  ///< instead of the preset's: the engine divides its steps by it
   Vec3 gravity{0.0, 0.0, -9.81};            ///< m/s^2
-  double length_unit_m = 1.0;       ///< that the engine computes in; some engines need a smaller one for small bodies
+  double length_unit_m = 1.0;  ///< that the engine computes in; some engines need a smaller one for small bodies
   Disabled disabled = kDisableNothing;  ///< as in Settings
 
   /// Names another engine or preset: without what was set for the one before.
@@ -175,10 +175,6 @@ struct Settings {
   Disabled disabled = kDisableNothing;  ///< though the scene does not need it; disable() sets it
 
   void disable(Disabled items) noexcept { disabled = world.disabled = haptic.disabled = disabled | items; }
-  /// Else the proxies live in the world alone.
-  [[nodiscard]] bool has_sub_worlds() const noexcept { return scheme != "direct"; }
-  /// Whether the scheme weighs sub-world against world by the impulses of all contacts (paper 4.3).
-  [[nodiscard]] bool blends_by_impulses() const noexcept { return scheme == "paper"; }
 
   void set_ratio(const RatioBounds& bounds) noexcept {
     ratio = bounds.least;
