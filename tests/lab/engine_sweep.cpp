@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kMostSteps = 1e7;  ///< of a run; more is a slip of the pen
 
-std::vector<Combination> combinations_of(const EngineSweep& sweep, SceneKind kind) {
+std::vector<Combination> swept_combinations(const EngineSweep& sweep, SceneKind kind) {
   const Combination first = kTable1[0];
   std::vector<Combination> all;
   if (sweep.frictions.empty() && sweep.restitutions.empty() && sweep.steps_s.empty()) {
@@ -44,7 +44,7 @@ std::vector<std::string> presets_of(const EngineSweep& sweep, const std::string&
 std::vector<EnginePoint> points_of(const EngineSweep& sweep, const std::deque<LabScene>& scenes) {
   std::vector<EnginePoint> points;
   for (const LabScene& scene : scenes) {
-    for (const Combination& c : combinations_of(sweep, scene.kind)) {
+    for (const Combination& c : swept_combinations(sweep, scene.kind)) {
       if (sweep.duration_s / c.dt_s > kMostSteps) {
         throw Error(ExitCode::usage, fmt::format("{:g} s in steps of {:g} s are more than {:g} steps; take a shorter "
                                                  "--duration or a longer --dt",

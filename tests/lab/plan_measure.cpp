@@ -20,7 +20,7 @@ namespace subworld {
 namespace {
 
 constexpr double kMost_s = 600.0;  ///< for a run
-constexpr double kNone = NAN;
+constexpr double kNotMeasured = NAN;
 
 /// The figures that are compared, and the columns of their ratios.
 struct Figure {
@@ -126,12 +126,12 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
   const Decision decision = decision_of(without, point.item);
   Json row = {
       {"scene", point.scene}, {"item", point.item}, {"enabled", decision.enabled}, {"reason", decision.because}};
-  for (const Figure& figure : kFigures) row[figure.ratio] = kNone;
+  for (const Figure& figure : kFigures) row[figure.ratio] = kNotMeasured;
   row.update({{"hash_equal", true},
               {"force_difference_rms", 0.0},
-              {"reference_error", kNone},
-              {"error_enabled_rms", kNone},
-              {"error_disabled_rms", kNone},
+              {"reference_error", kNotMeasured},
+              {"error_enabled_rms", kNotMeasured},
+              {"error_disabled_rms", kNotMeasured},
               {"held", true}});
   if (!decision.enabled) return row;
 

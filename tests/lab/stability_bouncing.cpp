@@ -10,7 +10,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kRadius_m = 0.05;
+constexpr double kBouncingRadius_m = 0.05;
 constexpr double kDrop_m = 0.5;
 constexpr double kBounceFor_s = 10.0;
 constexpr double kRunaway = 1e5;  ///< percent: nothing more is learned beyond
@@ -19,14 +19,15 @@ constexpr double kRunaway = 1e5;  ///< percent: nothing more is learned beyond
 Measurement bounce(const Setting& setting, double restitution) {
   TestBed bed(setting);
   bed.add_floor({.restitution = 1.0});
-  const BodyId ball = bed.add(ball_body(kRadius_m, 1.0, {.restitution = restitution}), Vec3(0, 0, kRadius_m + kDrop_m));
+  const BodyId ball =
+      bed.add(ball_body(kBouncingRadius_m, 1.0, {.restitution = restitution}), Vec3(0, 0, kBouncingRadius_m + kDrop_m));
   double top_m = 0.0;
   bool rising = false;
   bed.run(2.0, [&] {
     const BodyState now = bed.state(ball);
     const bool was_rising = rising;
     rising = now.linear_velocity.z() > 0.0;
-    if (rising || was_rising) top_m = std::max(top_m, now.position.z() - kRadius_m);
+    if (rising || was_rising) top_m = std::max(top_m, now.position.z() - kBouncingRadius_m);
     return rising || !was_rising;
   });
   return {top_m / kDrop_m};
@@ -104,7 +105,7 @@ std::vector<StabilityCase> bouncing_cases() {
        .why = "5 % is a bounce that is 25 mm higher or lower after ten seconds",
        .measure =
            [](const Setting& s, double) {
-             return energy_change(energy_course(s, plane_body(), ball_body(kRadius_m, 1.0), 0.0, 0.0));
+             return energy_change(energy_course(s, plane_body(), ball_body(kBouncingRadius_m, 1.0), 0.0, 0.0));
            }},
       {.name = "bounce_energy_cube",
        .shows = "The same with a cube that lands on a face, or on a corner and then tumbles.",
@@ -121,7 +122,8 @@ std::vector<StabilityCase> bouncing_cases() {
        .why = "as for the ball",
        .measure =
            [](const Setting& s, double tilt_deg) {
-             return energy_change(energy_course(s, plane_body(), cube_body(2.0 * kRadius_m, 1.0), tilt_deg, 0.0));
+             return energy_change(
+                 energy_course(s, plane_body(), cube_body(2.0 * kBouncingRadius_m, 1.0), tilt_deg, 0.0));
            }},
       {.name = "bounce_gain_cube",
        .shows = "With friction, on a box as large as a room, that cube may lose energy and gains none.",
@@ -138,8 +140,9 @@ std::vector<StabilityCase> bouncing_cases() {
        .why = "as for the ball",
        .measure =
            [](const Setting& s, double tilt_deg) {
-             return Measurement{
-                 energy_course(s, box_body(Vec3(20, 20, 1), 0.0), cube_body(2.0 * kRadius_m, 1.0), tilt_deg, kMu).rise};
+             return Measurement{energy_course(s, box_body(Vec3(20, 20, 1), 0.0),
+                                              cube_body(2.0 * kBouncingRadius_m, 1.0), tilt_deg, kMu)
+                                    .rise};
            }},
       {.name = "newtons_cradle",
        .shows =

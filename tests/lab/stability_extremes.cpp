@@ -11,7 +11,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kSide_m = 0.1;
+constexpr double kExtremeSide_m = 0.1;
 
 /// Whether a ball is stopped by a plate, wherever in a step it meets it.
 bool stopped_by_plate(const Setting& setting, double speed_m_s) {
@@ -32,12 +32,13 @@ bool stopped_by_plate(const Setting& setting, double speed_m_s) {
 /// Two cubes without gravity that overlap by this part of a side.
 struct Overlapping {
   Overlapping(const Setting& setting, double part) : bed(setting, Vec3::Zero()) {
-    for (const double side : {-0.5, 0.5}) bed.add(cube_body(kSide_m, 1.0), Vec3(side * (1.0 - part) * kSide_m, 0, 0));
+    for (const double side : {-0.5, 0.5})
+      bed.add(cube_body(kExtremeSide_m, 1.0), Vec3(side * (1.0 - part) * kExtremeSide_m, 0, 0));
     bed.run(1.0, [&] {
       fastest_m_s = std::max(fastest_m_s, bed.fastest_m_s());
       return true;
     });
-    overlap_m = std::max(0.0, kSide_m - (bed.position(BodyId{1}) - bed.position(BodyId{0})).norm());
+    overlap_m = std::max(0.0, kExtremeSide_m - (bed.position(BodyId{1}) - bed.position(BodyId{0})).norm());
   }
   TestBed bed;
   double fastest_m_s = 0.0;
@@ -46,12 +47,12 @@ struct Overlapping {
 
 /// The largest push, of mu times the weight, under which a thin plate stays: slower than 1 mm/s after 2 s.
 Measurement friction_limit(const Setting& setting, double mu) {
-  constexpr double kSettle_s = 0.2, kPush_s = 2.0, kMoves_m_s = 1e-3, kGone_m_s = 0.1;
+  constexpr double kExtremeSettle_s = 0.2, kPush_s = 2.0, kMoves_m_s = 1e-3, kGone_m_s = 0.1;
   const auto stays = [&](double push) {
     TestBed bed(setting);
     bed.add_floor({.friction = mu});
     const BodyId plate = bed.add(box_body(Vec3(2.0, 2.0, 0.004), 1.0, {.friction = mu}), Vec3(0, 0, 0.002));
-    bed.run(kSettle_s);
+    bed.run(kExtremeSettle_s);
     const auto speed_m_s = [&] { return std::abs(bed.state(plate).linear_velocity.x()); };
     return bed.run(kPush_s, [&] {
       bed.engine().apply_force(plate, push * mu * kG * Vec3::UnitX(), Vec3::Zero());
@@ -64,7 +65,7 @@ Measurement friction_limit(const Setting& setting, double mu) {
 Measurement without_friction(const Setting& setting, double speed_m_s) {
   TestBed bed(setting);
   bed.add_floor({.friction = 0.0});
-  const BodyId cube = bed.add(cube_body(kSide_m, 1.0, {.friction = 0.0}), Vec3(0, 0, 0.5 * kSide_m));
+  const BodyId cube = bed.add(cube_body(kExtremeSide_m, 1.0, {.friction = 0.0}), Vec3(0, 0, 0.5 * kExtremeSide_m));
   bed.engine().set_velocity(cube, Vec3(speed_m_s, 0, 0), Vec3::Zero());
   bed.run(2.0);
   return {bed.state(cube).linear_velocity.x()};
@@ -80,12 +81,13 @@ Measurement heap_energy(const Setting& setting, double decades) {
   const HeapLayout poured{.count = kCubes,
                           .area = {kBin_m, kBin_m},
                           .seed = 1,
-                          .half_extents = Vec3::Constant(0.5 * kSide_m),
-                          .bounding_radius = 0.5 * kSide_m * std::sqrt(3.0)};
+                          .half_extents = Vec3::Constant(0.5 * kExtremeSide_m),
+                          .bounding_radius = 0.5 * kExtremeSide_m * std::sqrt(3.0)};
   double spread = 0.0;
   for (const Pose& pose : lay_out(poured)) {
     spread = std::fmod(spread + kGolden, 1.0);
-    bed.add(cube_body(kSide_m, std::pow(10.0, decades * (spread - 0.5))), placed(pose.position, pose.orientation));
+    bed.add(cube_body(kExtremeSide_m, std::pow(10.0, decades * (spread - 0.5))),
+            placed(pose.position, pose.orientation));
   }
   const double start_j = bed.energy_j();
   double least_j = start_j, most_j = 0.0;

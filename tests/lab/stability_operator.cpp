@@ -32,14 +32,14 @@ bool comes_to_rest(const Scene& scene, double rest_s) {
 }
 
 /// Around what is expected.
-Search around(double stiffness_n_m) {
+Search around_stiffness(double stiffness_n_m) {
   return {.from = 0.1 * stiffness_n_m, .to = 10.0 * stiffness_n_m, .stride = 2.0, .precision = 1.02};
 }
 
 /// The stiffest wall of this kind in which the device comes to rest; its damping B = `damped_s` K.
 Measurement stiffest_wall(SampledWall wall, double expected_n_m, double damped_s = 0.0, const Sensor& sensor = {}) {
   const double rest_s = 8000.0 * (1 + wall.delay) * wall.period_s;
-  return limit_at(find_limit(around(expected_n_m), [&](double k) {
+  return limit_at(find_limit(around_stiffness(expected_n_m), [&](double k) {
     wall.wall_damping_n_s_m = damped_s * k;
     return comes_to_rest(wall_scene(wall, k, sensor), rest_s);
   }));

@@ -12,17 +12,17 @@ namespace subworld {
 
 namespace {
 
-constexpr double kSide_m = 0.1;
-constexpr double kSettle_s = 1.0;
+constexpr double kRestingSide_m = 0.1;
+constexpr double kRestingSettle_s = 1.0;
 constexpr double kLook_s = 1.0;
-constexpr double kRadius_m = 0.05;
+constexpr double kRestingRadius_m = 0.05;
 
 /// A cube on the floor, settled.
 struct Resting {
   Resting(const Setting& setting, double mass_kg) : bed(setting) {
     bed.add_floor();
-    cube = bed.add(cube_body(kSide_m, mass_kg), Vec3(0, 0, 0.5 * kSide_m));
-    bed.run(kSettle_s);
+    cube = bed.add(cube_body(kRestingSide_m, mass_kg), Vec3(0, 0, 0.5 * kRestingSide_m));
+    bed.run(kRestingSettle_s);
   }
   TestBed bed;
   BodyId cube{};
@@ -30,7 +30,7 @@ struct Resting {
 
 Measurement depth(const Setting& setting, double mass_kg) {
   const Resting at_rest(setting, mass_kg);
-  return {1e3 * std::abs(0.5 * kSide_m - at_rest.bed.position(at_rest.cube).z())};
+  return {1e3 * std::abs(0.5 * kRestingSide_m - at_rest.bed.position(at_rest.cube).z())};
 }
 
 Measurement tremble(const Setting& setting, double mass_kg) {
@@ -74,7 +74,7 @@ struct Groove {
                   placed(Vec3::Zero(), turned(side * (90.0 - half_angle_deg) * kDegree, Vec3::UnitY())));
     }
     id = bed.add(body, placed(Vec3(0, 0, height_m), orientation));
-    bed.run(kSettle_s);
+    bed.run(kRestingSettle_s);
     int steps = 0;
     bed.run(kLook_s, [&] {
       for (const int side : {0, 1}) force_n[side] += normal_force_n(bed, walls[side]);
@@ -95,8 +95,8 @@ struct Groove {
 constexpr double kGrooveMass_kg = 1.0;
 
 Groove ball_in_groove(const Setting& setting, double half_angle_deg) {
-  return {setting, half_angle_deg, ball_body(kRadius_m, kGrooveMass_kg, {.friction = 0.0}), Quat::Identity(),
-          groove_height_m(kRadius_m, half_angle_deg)};
+  return {setting, half_angle_deg, ball_body(kRestingRadius_m, kGrooveMass_kg, {.friction = 0.0}), Quat::Identity(),
+          groove_height_m(kRestingRadius_m, half_angle_deg)};
 }
 
 /// How fast a lying cylinder rolls away, mm/s.
@@ -104,10 +104,10 @@ Measurement lying_cylinder(const Setting& setting, const Body& ground, double to
   constexpr double kFor_s = 3.0;
   TestBed bed(setting);
   bed.add(ground, Vec3(0, 0, top_m));
-  const BodyId cylinder = bed.add(cylinder_body(kRadius_m, kSide_m, 1.0),
-                                  placed(Vec3(0.013, 0.007, kRadius_m), turned(0.5 * kPi, Vec3::UnitX())));
+  const BodyId cylinder = bed.add(cylinder_body(kRestingRadius_m, kRestingSide_m, 1.0),
+                                  placed(Vec3(0.013, 0.007, kRestingRadius_m), turned(0.5 * kPi, Vec3::UnitX())));
   bed.run(kFor_s);
-  const Vec3 way = bed.position(cylinder) - Vec3(0.013, 0.007, kRadius_m);
+  const Vec3 way = bed.position(cylinder) - Vec3(0.013, 0.007, kRestingRadius_m);
   return {1e3 * way.head<2>().norm() / kFor_s};
 }
 
@@ -136,7 +136,7 @@ Measurement pile(const Setting& setting, double count) {
   return {1e2 * deepest_m / kBall_m};
 }
 
-const char* const kStatics = "Statics: equal weight and support";
+const char* const kRestingSource = "Statics: equal weight and support";
 
 std::vector<StabilityCase> still_cases() {
   return {
@@ -148,7 +148,7 @@ std::vector<StabilityCase> still_cases() {
        .quantity = "depth or gap",
        .unit = "mm",
        .formula = "0 for rigid bodies",
-       .source = kStatics,
+       .source = kRestingSource,
        .compare = Compare::absolute,
        .tolerance = 0.2,
        .why = "0.2 mm is one pixel where the cube of 100 mm takes 500",
@@ -161,7 +161,7 @@ std::vector<StabilityCase> still_cases() {
        .quantity = "largest speed in 1 s",
        .unit = "mm/s",
        .formula = "0",
-       .source = kStatics,
+       .source = kRestingSource,
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "1 mm/s is the slowest motion that a resting finger and an eye notice",
@@ -174,7 +174,7 @@ std::vector<StabilityCase> still_cases() {
        .quantity = "largest difference from the weight in a step",
        .unit = "%",
        .formula = "N = m g in every step",
-       .source = kStatics,
+       .source = kRestingSource,
        .compare = Compare::absolute,
        .tolerance = 7.0,
        .why = "7 % is the just noticeable difference of a force",
@@ -184,7 +184,7 @@ std::vector<StabilityCase> still_cases() {
        .quantity = "mean speed over 3 s",
        .unit = "mm/s",
        .formula = "0",
-       .source = kStatics,
+       .source = kRestingSource,
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "3 mm in 3 s: the cylinder is elsewhere when the user looks again",
@@ -194,7 +194,7 @@ std::vector<StabilityCase> still_cases() {
        .quantity = "mean speed over 3 s",
        .unit = "mm/s",
        .formula = "0",
-       .source = kStatics,
+       .source = kRestingSource,
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "as on the plane",
@@ -242,7 +242,7 @@ std::vector<StabilityCase> groove_cases() {
        .source = "Geometry: both sides touch",
        .tolerance = 0.01,
        .why = "1 % of the height, as for other bodies that sink",
-       .expected = [](double a) { return groove_height_m(kRadius_m, a); },
+       .expected = [](double a) { return groove_height_m(kRestingRadius_m, a); },
        .measure = [](const Setting& s, double a) { return Measurement{ball_in_groove(s, a).mean_height_m}; }},
       {.name = "groove_cube",
        .shows = "A cube that lies on two faces in a groove of 90 degrees loads both sides equally.",
@@ -255,8 +255,8 @@ std::vector<StabilityCase> groove_cases() {
        .expected = [](double) { return groove_force_n(kGrooveMass_kg * kG, 45.0); },
        .measure =
            [](const Setting& s, double) {
-             const Groove groove(s, 45.0, cube_body(kSide_m, kGrooveMass_kg, {.friction = 0.0}),
-                                 turned(0.25 * kPi, Vec3::UnitY()), kSide_m * std::sqrt(0.5));
+             const Groove groove(s, 45.0, cube_body(kRestingSide_m, kGrooveMass_kg, {.friction = 0.0}),
+                                 turned(0.25 * kPi, Vec3::UnitY()), kRestingSide_m * std::sqrt(0.5));
              return Measurement{std::max(groove.force_n[0], groove.force_n[1])};
            }},
   };

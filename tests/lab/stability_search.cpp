@@ -7,7 +7,7 @@
 namespace subworld {
 
 namespace {
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotBracketed = std::numeric_limits<double>::quiet_NaN();
 }
 
 bool Bracket::inside() const { return std::isfinite(held) && std::isfinite(failed); }
@@ -23,7 +23,7 @@ Bracket find_limit(const Search& search, const std::function<bool(double)>& hold
   const double stride = upwards ? search.stride : 1.0 / search.stride;
   const auto within = [&](double value) { return upwards ? value < search.to : value > search.to; };
 
-  Bracket bracket{.held = kNone, .failed = kNone, .upwards = upwards};
+  Bracket bracket{.held = kNotBracketed, .failed = kNotBracketed, .upwards = upwards};
   for (double value = search.from;;) {
     ++bracket.trials;
     if (!holds(value)) {

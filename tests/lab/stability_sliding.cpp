@@ -10,9 +10,9 @@ namespace subworld {
 
 namespace {
 
-constexpr double kSide_m = 0.1;
-constexpr double kRadius_m = 0.05;
-constexpr double kSettle_s = 0.2;
+constexpr double kSlidingSide_m = 0.1;
+constexpr double kRollingRadius_m = 0.05;
+constexpr double kSlidingSettle_s = 0.2;
 constexpr double kBall = 0.4, kCylinder = 0.5;  ///< I / (m r^2)
 constexpr double kRollFor_s = 1.0;
 /// A cube above the slip angle by 1 % of it has gone five times as far after kSlipFor_s.
@@ -26,8 +26,8 @@ constexpr double kBelowSlip = 0.9;  ///< of mu, the tangent of a slope on which 
 Vec3 slide(const Setting& setting, const Vec3& velocity) {
   TestBed bed(setting);
   bed.add_floor();
-  const BodyId cube = bed.add(cube_body(kSide_m, 1.0), Vec3(0, 0, 0.5 * kSide_m));
-  bed.run(kSettle_s);
+  const BodyId cube = bed.add(cube_body(kSlidingSide_m, 1.0), Vec3(0, 0, 0.5 * kSlidingSide_m));
+  bed.run(kSlidingSettle_s);
   const Vec3 start = bed.position(cube);
   bed.engine().set_velocity(cube, velocity, Vec3::Zero());
   bed.run(velocity.norm() / (kMu * kG) + 0.5);
@@ -40,8 +40,9 @@ Vec3 heading(double degrees) { return {std::cos(degrees * kDegree), std::sin(deg
 struct Roller {
   Roller(const Setting& setting, double k, double speed_m_s, double spin_rad_s) : bed(setting) {
     bed.add_floor();
-    const Body shape = k == kBall ? ball_body(kRadius_m, 1.0) : cylinder_body(kRadius_m, kSide_m, 1.0);
-    body = bed.add(shape, placed(Vec3(0, 0, kRadius_m), turned(0.5 * kPi, Vec3::UnitX())));
+    const Body shape =
+        k == kBall ? ball_body(kRollingRadius_m, 1.0) : cylinder_body(kRollingRadius_m, kSlidingSide_m, 1.0);
+    body = bed.add(shape, placed(Vec3(0, 0, kRollingRadius_m), turned(0.5 * kPi, Vec3::UnitX())));
     bed.engine().set_velocity(body, Vec3(speed_m_s, 0, 0), Vec3(0, spin_rad_s, 0));
     bed.run(kRollFor_s);
   }
@@ -50,7 +51,7 @@ struct Roller {
 };
 
 Measurement rolled_speed(const Setting& setting, double k, double speed_m_s) {
-  const Roller roller(setting, k, speed_m_s, speed_m_s / kRadius_m);
+  const Roller roller(setting, k, speed_m_s, speed_m_s / kRollingRadius_m);
   return {roller.bed.state(roller.body).linear_velocity.x()};
 }
 
@@ -60,7 +61,7 @@ Vec3 tilted_gravity(double degrees) { return kG * Vec3(std::sin(degrees * kDegre
 bool stays_on_slope(const Setting& setting, double mu, double degrees) {
   TestBed bed(setting, tilted_gravity(degrees));
   bed.add_floor({.friction = mu});
-  bed.add(cube_body(kSide_m, 1.0, {.friction = mu}), Vec3(0, 0, 0.5 * kSide_m));
+  bed.add(cube_body(kSlidingSide_m, 1.0, {.friction = mu}), Vec3(0, 0, 0.5 * kSlidingSide_m));
   return bed.run(kSlipFor_s, [&] { return bed.moved_m() < kSlipped_m; });
 }
 
@@ -77,14 +78,14 @@ bool stays_upright(const Setting& setting, double width_over_height, double degr
 Measurement creep(const Setting& setting, double mu) {
   TestBed bed(setting, tilted_gravity(std::atan(kBelowSlip * mu) / kDegree));
   bed.add_floor({.friction = mu});
-  const BodyId cube = bed.add(cube_body(kSide_m, 1.0, {.friction = mu}), Vec3(0, 0, 0.5 * kSide_m));
-  bed.run(kSettle_s);
+  const BodyId cube = bed.add(cube_body(kSlidingSide_m, 1.0, {.friction = mu}), Vec3(0, 0, 0.5 * kSlidingSide_m));
+  bed.run(kSlidingSettle_s);
   const Vec3 start = bed.position(cube);
   bed.run(kCreepFor_s);
   return {1e3 * (bed.position(cube) - start).norm()};
 }
 
-Search around(double expected) {
+Search around_angle(double expected) {
   return {.from = 0.5 * expected, .to = 2.0 * expected, .stride = 1.2, .precision = 1.002};
 }
 
@@ -139,7 +140,7 @@ std::vector<StabilityCase> friction_cases() {
        .expected = slip_angle_deg,
        .measure =
            [](const Setting& s, double mu) {
-             return limit_at(find_limit(around(slip_angle_deg(mu)),
+             return limit_at(find_limit(around_angle(slip_angle_deg(mu)),
                                         [&](double degrees) { return stays_on_slope(s, mu, degrees); }));
            }},
       {.name = "tip_angle",
@@ -157,7 +158,7 @@ std::vector<StabilityCase> friction_cases() {
        .expected = tip_angle_deg,
        .measure =
            [](const Setting& s, double ratio) {
-             return limit_at(find_limit(around(tip_angle_deg(ratio)),
+             return limit_at(find_limit(around_angle(tip_angle_deg(ratio)),
                                         [&](double degrees) { return stays_upright(s, ratio, degrees); }));
            }},
       {.name = "slope_creep",

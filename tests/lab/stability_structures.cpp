@@ -11,7 +11,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kSide_m = 0.1;
+constexpr double kStackedSide_m = 0.1;
 constexpr double kStandFor_s = 5.0;
 constexpr double kTrembleFor_s = 1.0;
 constexpr double kTremble_m_s = 1e-3;
@@ -19,7 +19,7 @@ constexpr double kMoved = 0.01;  ///< of the side
 
 void pile_up(TestBed& bed, int count) {
   bed.add_floor();
-  for (int i = 0; i < count; ++i) bed.add(cube_body(kSide_m, 1.0), Vec3(0, 0, (i + 0.5) * kSide_m));
+  for (int i = 0; i < count; ++i) bed.add(cube_body(kStackedSide_m, 1.0), Vec3(0, 0, (i + 0.5) * kStackedSide_m));
 }
 
 /// The farthest that a body moved; a structure that has moved by `lost_m` has fallen and is not watched to the end.
@@ -35,7 +35,7 @@ Measurement moved_mm(TestBed& bed, double seconds, double lost_m) {
 Measurement stack(const Setting& setting, double cubes) {
   TestBed bed(setting);
   pile_up(bed, static_cast<int>(cubes));
-  return moved_mm(bed, kStandFor_s, kSide_m);
+  return moved_mm(bed, kStandFor_s, kStackedSide_m);
 }
 
 /// As in the scene card_house, with single floors.
@@ -55,8 +55,8 @@ Measurement card_house(const Setting& setting, double stages) {
 
 void pile_two(TestBed& bed, double lower_kg, double upper_kg) {
   bed.add_floor();
-  bed.add(cube_body(kSide_m, lower_kg), Vec3(0, 0, 0.5 * kSide_m));
-  bed.add(cube_body(kSide_m, upper_kg), Vec3(0, 0, 1.5 * kSide_m));
+  bed.add(cube_body(kStackedSide_m, lower_kg), Vec3(0, 0, 0.5 * kStackedSide_m));
+  bed.add(cube_body(kStackedSide_m, upper_kg), Vec3(0, 0, 1.5 * kStackedSide_m));
 }
 
 /// Whether the lower of two cubes neither gives way nor lets the upper one fall.
@@ -64,7 +64,7 @@ bool carries(const Setting& setting, double lower_kg, double upper_kg) {
   constexpr double kGaveWay = 0.1;  // of the side
   TestBed bed(setting);
   pile_two(bed, lower_kg, upper_kg);
-  return bed.run(kStandFor_s, [&] { return bed.moved_m() <= kGaveWay * kSide_m; });
+  return bed.run(kStandFor_s, [&] { return bed.moved_m() <= kGaveWay * kStackedSide_m; });
 }
 
 /// Whether the upper of two cubes rests on the lower one: neither moves by more than 1 % of the side, nor trembles.
@@ -73,7 +73,7 @@ bool rests(const Setting& setting, double lower_kg, double upper_kg) {
   pile_two(bed, lower_kg, upper_kg);
   return bed.run(kStandFor_s, [&] {
     const bool settled = bed.time_s() > kStandFor_s - kTrembleFor_s;
-    return bed.moved_m() <= kMoved * kSide_m && !(settled && bed.fastest_m_s() > kTremble_m_s);
+    return bed.moved_m() <= kMoved * kStackedSide_m && !(settled && bed.fastest_m_s() > kTremble_m_s);
   });
 }
 
@@ -91,10 +91,10 @@ bool stands_at(Setting setting, double dt_s) {
   setting.dt_s = dt_s;
   TestBed bed(setting);
   pile_up(bed, kCubes);
-  return bed.run(3.0, [&] { return bed.moved_m() <= 0.05 * kSide_m; });
+  return bed.run(3.0, [&] { return bed.moved_m() <= 0.05 * kStackedSide_m; });
 }
 
-const char* const kStatics = "Statics: every body carries those above it and stays";
+const char* const kStackedSource = "Statics: every body carries those above it and stays";
 
 /// The largest ratio of the masses of two cubes, one on the other, for which they `hold`.
 StabilityCase mass_case(const char* name, const char* shows, double asked_for, const char* why,
@@ -105,7 +105,7 @@ StabilityCase mass_case(const char* name, const char* shows, double asked_for, c
           .quantity = "mass ratio",
           .unit = "",
           .formula = "no limit in statics; so much is asked for",
-          .source = kStatics,
+          .source = kStackedSource,
           .compare = Compare::at_least,
           .tolerance = 1.0,
           .why = why,
@@ -136,7 +136,7 @@ std::vector<StabilityCase> limit_cases() {
        .quantity = "side",
        .unit = "mm",
        .formula = "no limit in statics; 1 mm is asked for",
-       .source = kStatics,
+       .source = kStackedSource,
        .compare = Compare::at_most,
        .tolerance = 1.0,
        .why = "small screws and washers measure 1 mm",
@@ -152,7 +152,7 @@ std::vector<StabilityCase> limit_cases() {
        .quantity = "step",
        .unit = "ms",
        .formula = "no limit in statics; 1/60 s is asked for",
-       .source = kStatics,
+       .source = kStackedSource,
        .compare = Compare::at_least,
        .tolerance = 1.0,
        .why = "1/60 s is the step of a display",
@@ -177,7 +177,7 @@ std::vector<StabilityCase> structure_cases() {
        .quantity = "farthest that a cube moved",
        .unit = "mm",
        .formula = "0",
-       .source = kStatics,
+       .source = kStackedSource,
        .compare = Compare::absolute,
        .tolerance = 5.0,
        .why = "5 % of the side is a step in the stack's outline",
