@@ -1,5 +1,5 @@
 #include "haptic_sim/ghosts.hpp"
-#include "lab/coupled_run.hpp"
+#include "lab/session/coupled_run.hpp"
 
 #include <gtest/gtest.h>
 

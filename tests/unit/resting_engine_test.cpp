@@ -1,8 +1,8 @@
 // What rests leaves its engine, and is back before anything can reach it.
 #include "physics/resting_engine.hpp"
 
-#include "lab/coupled_run.hpp"
-#include "lab/metrics.hpp"
+#include "lab/session/coupled_run.hpp"
+#include "lab/session/metrics.hpp"
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
 #include "physics/engine_shell.hpp"
