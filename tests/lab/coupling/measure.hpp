@@ -1,9 +1,9 @@
 #pragma once
 
 #include "io/results.hpp"
+#include "lab/coupling/sweep.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
-#include "lab/coupling/sweep.hpp"
 
 #include <map>
 #include <memory>

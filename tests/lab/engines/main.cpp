@@ -1,11 +1,11 @@
 #include "io/command_line.hpp"
 #include "io/options.hpp"
 #include "io/scene_name.hpp"
-#include "lab/page/command_line.hpp"
 #include "lab/engines/progress.hpp"
 #include "lab/engines/report.hpp"
 #include "lab/engines/summary.hpp"
 #include "lab/engines/sweep.hpp"
+#include "lab/page/command_line.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 

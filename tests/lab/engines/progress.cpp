@@ -1,7 +1,7 @@
 #include "lab/engines/progress.hpp"
 
-#include "lab/page/command_line.hpp"
 #include "lab/engines/sweep.hpp"
+#include "lab/page/command_line.hpp"
 
 #include <fmt/format.h>
 

@@ -1,7 +1,7 @@
 #include "lab/engines/run.hpp"
 
-#include "lab/session/cpu_time.hpp"
 #include "lab/page/engine_choice.hpp"
+#include "lab/session/cpu_time.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "lab/page/engine_choice.hpp"
 #include "lab/engines/run.hpp"
+#include "lab/page/engine_choice.hpp"
 
 #include <deque>
 #include <string>

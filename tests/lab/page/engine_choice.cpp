@@ -78,4 +78,17 @@ std::string step_text(double dt_s) {
   return std::abs(parts * dt_s - 1.0) < 1e-6 ? fmt::format("1/{:g}", parts) : fmt::format("{:g}", dt_s);
 }
 
+std::string setting_of(const Json& row) {
+  const auto preset = row.at("preset").get<std::string>();
+  return row.at("engine").get<std::string>() + (preset.empty() ? "" : " " + preset);
+}
+
+std::vector<std::string> settings_of(const Rows& rows) {
+  std::vector<std::string> settings;
+  for (const Json& row : rows) {
+    if (std::ranges::find(settings, setting_of(row)) == settings.end()) settings.push_back(setting_of(row));
+  }
+  return settings;
+}
+
 }  // namespace subworld

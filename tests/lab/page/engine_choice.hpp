@@ -1,6 +1,7 @@
 #pragma once
 
 #include "io/results.hpp"
+#include "lab/page/tables.hpp"
 
 #include <string>
 #include <vector>
@@ -21,5 +22,10 @@ namespace subworld {
 [[nodiscard]] double step_of(const std::string& text);
 /// "1/60" where it is one, else the seconds.
 [[nodiscard]] std::string step_text(double dt_s);
+
+/// Engine and preset of a row.
+[[nodiscard]] std::string setting_of(const Json& row);
+/// Those of all rows, in their order.
+[[nodiscard]] std::vector<std::string> settings_of(const Rows& rows);
 
 }  // namespace subworld

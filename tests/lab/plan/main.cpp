@@ -5,7 +5,7 @@
 #include "lab/plan/measure.hpp"
 #include "lab/plan/report.hpp"
 #include "lab/random/scene.hpp"
-#include "lab/stability/case.hpp"
+#include "lab/session/setting.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 

@@ -1,10 +1,10 @@
 #include "lab/plan/measure.hpp"
 
+#include "lab/coupling/measure.hpp"
+#include "lab/coupling/sweep.hpp"
 #include "lab/session/apart.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/cpu_time.hpp"
-#include "lab/coupling/measure.hpp"
-#include "lab/coupling/sweep.hpp"
 #include "model/error.hpp"
 #include "wire/codec.hpp"
 

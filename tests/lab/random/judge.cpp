@@ -1,9 +1,9 @@
 #include "lab/random/judge.hpp"
 
 #include "coupling/force_guard.hpp"
-#include "lab/session/coupled_run.hpp"
 #include "lab/random/energy_book.hpp"
 #include "lab/random/scene.hpp"
+#include "lab/session/coupled_run.hpp"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
 #include "lab/random/report.hpp"
 
-#include "lab/stability/summary.hpp"
+#include "lab/page/engine_choice.hpp"
 
 #include <fmt/format.h>
 

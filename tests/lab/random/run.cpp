@@ -1,12 +1,12 @@
 #include "lab/random/run.hpp"
 
-#include "lab/session/apart.hpp"
 #include "lab/page/command_line.hpp"
 #include "lab/page/engine_choice.hpp"
-#include "lab/session/operator_bed.hpp"
 #include "lab/random/scene.hpp"
 #include "lab/random/scene_text.hpp"
 #include "lab/random/shrink.hpp"
+#include "lab/session/apart.hpp"
+#include "lab/session/operator_bed.hpp"
 
 #include <fmt/format.h>
 

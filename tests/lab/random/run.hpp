@@ -1,8 +1,8 @@
 #pragma once
 
-#include "lab/random/judge.hpp"
-#include "lab/stability/case.hpp"
 #include "lab/page/tables.hpp"
+#include "lab/random/judge.hpp"
+#include "lab/session/setting.hpp"
 
 #include <cstdint>
 #include <optional>

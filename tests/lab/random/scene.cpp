@@ -1,7 +1,7 @@
 #include "lab/random/scene.hpp"
 
-#include "lab/random/users.hpp"
 #include "lab/random/structures.hpp"
+#include "lab/random/users.hpp"
 #include "physics/engine.hpp"
 
 #include <algorithm>

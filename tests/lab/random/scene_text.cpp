@@ -211,13 +211,13 @@ std::string device_text(const DeviceSpec& d) {
   for (const PathSegment& s : d.path) lines += fmt::format("        - {}\n", segment_map(s).str());
   if (d.operator_model) {
     line("operator", Map()
-                     .add("mass_kg", d.operator_model->mass_kg)
-                     .add("damping_n_s_m", d.operator_model->damping_n_s_m)
-                     .add("stiffness_n_m", d.operator_model->stiffness_n_m)
-                     .add("inertia_kg_m2", d.operator_model->inertia_kg_m2)
-                     .add("rotational_damping_n_m_s_rad", d.operator_model->rotational_damping_n_m_s)
-                     .add("rotational_stiffness_n_m_rad", d.operator_model->rotational_stiffness_n_m)
-                     .str());
+                         .add("mass_kg", d.operator_model->mass_kg)
+                         .add("damping_n_s_m", d.operator_model->damping_n_s_m)
+                         .add("stiffness_n_m", d.operator_model->stiffness_n_m)
+                         .add("inertia_kg_m2", d.operator_model->inertia_kg_m2)
+                         .add("rotational_damping_n_m_s_rad", d.operator_model->rotational_damping_n_m_s)
+                         .add("rotational_stiffness_n_m_rad", d.operator_model->rotational_stiffness_n_m)
+                         .str());
   }
   return lines;
 }

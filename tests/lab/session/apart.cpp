@@ -1,6 +1,6 @@
 #include "lab/session/apart.hpp"
 
-#include "lab/stability/case.hpp"
+#include "lab/session/setting.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 

@@ -2,7 +2,7 @@
 
 #include "coupling/stiffness.hpp"
 #include "lab/session/coupled_run.hpp"
-#include "lab/stability/case.hpp"
+#include "lab/session/setting.hpp"
 #include "model/scene.hpp"
 
 #include <functional>

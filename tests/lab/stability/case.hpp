@@ -1,5 +1,6 @@
 #pragma once
 
+#include "lab/session/setting.hpp"
 #include "lab/stability/search.hpp"
 
 #include <functional>
@@ -8,19 +9,6 @@
 #include <vector>
 
 namespace subworld {
-
-/// An engine with its preset, and the step of its world.
-struct Setting {
-  std::string engine;
-  std::string preset;
-  double dt_s = 0.001;
-
-  [[nodiscard]] std::string name() const { return engine + " " + preset; }
-  friend bool operator==(const Setting&, const Setting&) = default;
-};
-
-/// A signal asked to stop.
-struct Interrupted {};
 
 /// How the error of a measurement is counted.
 enum class Compare : std::uint8_t {

@@ -12,7 +12,7 @@ namespace {
 
 constexpr const char* kSchemes[] = {"direct", "paper", "reduced"};
 constexpr DeviceKind kDevices[] = {DeviceKind::impedance, DeviceKind::admittance};
-constexpr Side kSides[] = {Side::device, Side::world};
+constexpr Side kLateSides[] = {Side::device, Side::world};
 
 const std::vector<double> kDelays_ms{200.0, 0.0, 20.0, 100.0};
 
@@ -35,7 +35,7 @@ Ends whole_run(Scene scene, Side side, double delay_ms) {
 Measurement most_energy(const Scene& scene, double delay_ms) {
   double most_j = 0.0;
   for (const char* scheme : kSchemes) {
-    for (const Side side : kSides) {
+    for (const Side side : kLateSides) {
       Scene one = scene;
       one.settings.scheme = scheme;
       most_j = std::max(most_j, whole_run(one, side, delay_ms).created_j);

@@ -1,8 +1,8 @@
 #include "lab/stability/plan.hpp"
 
 #include "lab/page/engine_choice.hpp"
-#include "lab/stability/cases.hpp"
 #include "lab/page/tables.hpp"
+#include "lab/stability/cases.hpp"
 #include "model/error.hpp"
 #include "model/nearest.hpp"
 

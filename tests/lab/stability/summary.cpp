@@ -90,19 +90,6 @@ std::vector<std::string> missed_by_all(const Rows& rows) {
 
 }  // namespace
 
-std::string setting_of(const Json& row) {
-  const auto preset = row.at("preset").get<std::string>();
-  return row.at("engine").get<std::string>() + (preset.empty() ? "" : " " + preset);
-}
-
-std::vector<std::string> settings_of(const Rows& rows) {
-  std::vector<std::string> settings;
-  for (const Json& row : rows) {
-    if (std::ranges::find(settings, setting_of(row)) == settings.end()) settings.push_back(setting_of(row));
-  }
-  return settings;
-}
-
 Json stability_summary(const StabilityRequest& request, const Rows& rows, std::size_t planned) {
   Json summary = begin_summary("stability", rows.size(), planned);
   summary["engines"] = engines_json(request.engines);
