@@ -21,15 +21,14 @@ namespace subworld {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-using std::chrono::milliseconds;
 
-constexpr milliseconds kPoll{20};
-constexpr milliseconds kHalted{1000};     ///< that a program may be halted
-constexpr milliseconds kWorldAlone{600};  ///< the world ends the others in order
-constexpr milliseconds kGoodbye{30000};   ///< for the others, once the world has ended
-constexpr milliseconds kAll{1500};        ///< after that by force
+constexpr std::chrono::milliseconds kPoll{20};
+constexpr std::chrono::milliseconds kHalted{1000};     ///< that a program may be halted
+constexpr std::chrono::milliseconds kWorldAlone{600};  ///< the world ends the others in order
+constexpr std::chrono::milliseconds kGoodbye{30000};   ///< for the others, once the world has ended
+constexpr std::chrono::milliseconds kAll{1500};        ///< after that by force
 
-double to_seconds(milliseconds time) { return std::chrono::duration<double>(time).count(); }
+double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
 [[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments, int log, pid_t parent) {
   prctl(PR_SET_PDEATHSIG, SIGTERM);
@@ -123,7 +122,7 @@ std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>
     }
     if (Clock::now() >= next_tick) {
       tick();
-      next_tick += milliseconds(100);
+      next_tick += std::chrono::milliseconds(100);
     }
     std::this_thread::sleep_for(kPoll);
     for (Child& child : children_) child.halted_s = child.halted ? child.halted_s + to_seconds(kPoll) : 0.0;
@@ -145,7 +144,7 @@ void Supervisor::stop() {
     if (child.pid > 0 && child.halted) kill(child.pid, SIGKILL);
   }
   const auto begin = Clock::now();
-  const auto wait_until = [&](milliseconds after) {
+  const auto wait_until = [&](std::chrono::milliseconds after) {
     while (any_running(false) && Clock::now() - begin < after) {
       std::this_thread::sleep_for(kPoll);
       reap();

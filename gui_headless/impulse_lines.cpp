@@ -3,6 +3,7 @@
 #include "shape_mesh.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <unordered_map>
 #include <utility>
 
@@ -56,10 +57,18 @@ double scale_of(const std::vector<Line>& lines, double picture_height_m) {
   return std::clamp(3.0 * radius, 0.10 * picture_height_m, 0.25 * picture_height_m) / largest;
 }
 
+/// The shortest turn of z to a unit vector. Quat::FromTwoVectors compiles a singular value decomposition for the one
+/// case of opposite vectors.
+Quat turn_of_z(const Vec3& to) {
+  const double twice_w = std::sqrt(2.0 * (1.0 + to.z()));
+  if (!(twice_w > 1e-6)) return Quat(0.0, 1.0, 0.0, 0.0);
+  return Quat(0.5 * twice_w, -to.y() / twice_w, to.x() / twice_w, 0.0);
+}
+
 Instance rod(Vec3 from, const Vec3& along, double length, double radius, const Colour& colour) {
   Instance instance;
   Eigen::Map<Eigen::Vector3f>(instance.position.data()) = from.cast<float>();
-  const Quat turn = Quat::FromTwoVectors(Vec3::UnitZ(), along);
+  const Quat turn = turn_of_z(along);
   Eigen::Map<Eigen::Vector4f>(instance.orientation.data()) = turn.coeffs().cast<float>();
   instance.scale = {static_cast<float>(radius), static_cast<float>(radius), static_cast<float>(length)};
   instance.colour = colour;

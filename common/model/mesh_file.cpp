@@ -16,7 +16,7 @@ namespace subworld {
 
 namespace {
 
-constexpr std::uintmax_t kLargestFile = 64U << 20U;  // bytes
+constexpr std::uintmax_t kLargestMeshFile = 64U << 20U;  // bytes
 constexpr std::size_t kMostTriangles = 1'000'000;
 
 /// Appends triangles; vertices that are equal to the last bit are one.
@@ -59,8 +59,8 @@ Mesh read_mesh(const std::string& file, double scale) {
   if (!std::filesystem::is_regular_file(file, error)) {
     throw std::runtime_error("no such mesh file; the path is relative to the scene file's folder");
   }
-  if (std::filesystem::file_size(file, error) > kLargestFile) {
-    throw std::runtime_error(fmt::format("is larger than {} MB; simplify it", kLargestFile >> 20U));
+  if (std::filesystem::file_size(file, error) > kLargestMeshFile) {
+    throw std::runtime_error(fmt::format("is larger than {} MB; simplify it", kLargestMeshFile >> 20U));
   }
   Assimp::Importer importer;
   const aiScene* scene = importer.ReadFile(file, aiProcess_Triangulate | aiProcess_PreTransformVertices);

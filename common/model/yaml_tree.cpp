@@ -19,7 +19,7 @@ namespace subworld {
 
 namespace {
 
-constexpr std::uintmax_t kLargestFile = 16U << 20U;  // bytes
+constexpr std::uintmax_t kLargestSceneFile = 16U << 20U;  // bytes
 constexpr std::size_t kMostNodes = 2'000'000;
 constexpr std::size_t kDeepest = 32;
 
@@ -140,8 +140,8 @@ std::string read_text(const std::string& file) {
   if (fs::is_directory(status)) fail(file, {}, "is a directory; give the path of a scene file inside it");
   if (!fs::is_regular_file(status)) fail(file, {}, "is not a regular file; give the path of a scene file");
   const std::uintmax_t size = fs::file_size(file, error);
-  if (!error && size > kLargestFile) {
-    fail(file, {}, fmt::format("is larger than {} MB; use \"repeat\" for many bodies", kLargestFile >> 20U));
+  if (!error && size > kLargestSceneFile) {
+    fail(file, {}, fmt::format("is larger than {} MB; use \"repeat\" for many bodies", kLargestSceneFile >> 20U));
   }
   std::ifstream in(file, std::ios::binary);
   std::ostringstream text;

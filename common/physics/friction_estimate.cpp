@@ -7,7 +7,7 @@ namespace subworld {
 
 namespace {
 
-constexpr std::size_t kUsualContacts = 4096;
+constexpr std::size_t kUsualContactPoints = 4096;
 /// On dense heaps, more sweeps with rotation change the sums over a body by less than 0.02 %.
 constexpr int kMostSweeps = 5, kLinearSweeps = 20;
 /// A sweep that changes less than this part of all impulses is the last.
@@ -44,7 +44,7 @@ void close(VelocityChange& change, const BodyState& after) {
   change.angular += after.angular_velocity;
 }
 
-FrictionEstimate::FrictionEstimate() { points_.reserve(kUsualContacts); }
+FrictionEstimate::FrictionEstimate() { points_.reserve(kUsualContactPoints); }
 
 FrictionEstimate::Point FrictionEstimate::point_of(const Contact& contact, const VelocityChange& a,
                                                    const VelocityChange& b, double friction) const {

@@ -1,6 +1,6 @@
 #include "io/command_line.hpp"
 #include "io/options.hpp"
-#include "lab/tables.hpp"
+#include "lab/page/tables.hpp"
 #include "model/error.hpp"
 
 #include <fmt/format.h>

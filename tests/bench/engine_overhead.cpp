@@ -6,7 +6,7 @@
 #include "io/command_line.hpp"
 #include "io/options.hpp"
 #include "io/results.hpp"
-#include "lab/cpu_time.hpp"
+#include "lab/session/cpu_time.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
 

@@ -5,7 +5,7 @@
 #include "bench/dense_heap.hpp"
 #include "io/command_line.hpp"
 #include "io/options.hpp"
-#include "lab/cpu_time.hpp"
+#include "lab/session/cpu_time.hpp"
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
 #include "physics/engine.hpp"

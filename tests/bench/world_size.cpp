@@ -1,7 +1,7 @@
 // What resting cubes far from the hand cost a cycle: `row` beside fields of them, with `rest` left out and kept in,
 // cycle by cycle in turn, in one run.
 
-#include "lab/coupled_run.hpp"
+#include "lab/session/coupled_run.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>

@@ -15,7 +15,7 @@ constexpr double kEndBound_s = 3.0;  // two seconds and slack for a busy machine
 using Instant = std::chrono::steady_clock::time_point;
 
 Instant now() { return std::chrono::steady_clock::now(); }
-double seconds_since(Instant begin) { return std::chrono::duration<double>(now() - begin).count(); }
+double seconds_after(Instant begin) { return std::chrono::duration<double>(now() - begin).count(); }
 
 /// One program with a folder of its own for what it prints.
 struct Started {
@@ -75,7 +75,7 @@ TEST_P(Waiting, ASignalEndsEveryProgram) {
   const Instant begin = now();
   for (const Started& one : started_) one.process->signal(signal);
   for (const Started& one : started_) EXPECT_EQ(one.process->wait(10.0), 0) << one.name << one.process->err();
-  EXPECT_LT(seconds_since(begin), kEndBound_s);
+  EXPECT_LT(seconds_after(begin), kEndBound_s);
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, Waiting,
@@ -91,7 +91,7 @@ TEST_F(ByHandEnds, ASignalEndsAProgramThatLoads) {
   const Instant begin = now();
   world.signal(SIGTERM);
   EXPECT_EQ(world.wait(10.0), 0) << world.err();
-  EXPECT_LT(seconds_since(begin), kEndBound_s);
+  EXPECT_LT(seconds_after(begin), kEndBound_s);
   EXPECT_EQ(world.out().find("settling"), std::string::npos) << "it had loaded already";
 }
 
@@ -108,7 +108,7 @@ TEST_F(ByHandEnds, ASignalEndsAProgramThatIsBusy) {
   const Instant begin = now();
   world.signal(SIGTERM);
   EXPECT_TRUE(world.wait(10.0));
-  EXPECT_LT(seconds_since(begin), kEndBound_s);
+  EXPECT_LT(seconds_after(begin), kEndBound_s);
 }
 
 class Halted : public ByHandEnds, public ::testing::WithParamInterface<std::string> {};
@@ -122,7 +122,7 @@ TEST_P(Halted, ASignalEndsALockstepWorldThatWaitsForAHapticProcess) {
   const Instant begin = now();
   world_->signal(SIGTERM);
   EXPECT_EQ(world_->wait(10.0), 0) << world_->err();
-  EXPECT_LT(seconds_since(begin), kEndBound_s);
+  EXPECT_LT(seconds_after(begin), kEndBound_s);
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, Halted, ::testing::Values("fastdds", "cyclonedds"),
@@ -229,7 +229,7 @@ class RunEnds : public ProcessTest {
   }
   void expect_failed(const std::string& words, Instant begin) {
     EXPECT_EQ(process_->wait(10.0), 1) << process_->err();
-    EXPECT_LT(seconds_since(begin), kEndBound_s);
+    EXPECT_LT(seconds_after(begin), kEndBound_s);
     const std::string verdict = summary()["verdict"];
     EXPECT_TRUE(verdict.starts_with("failed: " + words)) << verdict;
     EXPECT_NE(process_->out().find("verdict: failed: " + words), std::string::npos) << process_->out();

@@ -1,7 +1,7 @@
 #include "process/hash_cases.hpp"
 
 #include "io/options.hpp"
-#include "lab/coupled_run.hpp"
+#include "lab/session/coupled_run.hpp"
 
 #include <fmt/format.h>
 

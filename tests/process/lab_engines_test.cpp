@@ -8,21 +8,21 @@ class EngineLab : public LabTest {
   EngineLab() : LabTest("engines") {}
 };
 
-const std::vector<std::string> kColumns{"scene",
-                                        "engine",
-                                        "preset",
-                                        "friction",
-                                        "restitution",
-                                        "dt_s",
-                                        "duration_s",
-                                        "held",
-                                        "max_displacement_m",
-                                        "kinetic_energy_j",
-                                        "penetration_max_m",
-                                        "fell_at_s",
-                                        "failure",
-                                        "cpu_s_per_simulated_s",
-                                        "kinetic_energy_max_j"};
+const std::vector<std::string> kEngineColumns{"scene",
+                                              "engine",
+                                              "preset",
+                                              "friction",
+                                              "restitution",
+                                              "dt_s",
+                                              "duration_s",
+                                              "held",
+                                              "max_displacement_m",
+                                              "kinetic_energy_j",
+                                              "penetration_max_m",
+                                              "fell_at_s",
+                                              "failure",
+                                              "cpu_s_per_simulated_s",
+                                              "kinetic_energy_max_j"};
 
 TEST_F(EngineLab, ASweepLeavesTablesHistoriesAndOnePage) {
   const Ended ended = finish(lab_words({"row", "--quick", "--engine", "bullet", "--friction", "0.5,0", "--dt",
@@ -35,7 +35,7 @@ TEST_F(EngineLab, ASweepLeavesTablesHistoriesAndOnePage) {
   ASSERT_EQ(rows.size(), 8U);
   std::set<std::string> points;
   for (const Json& row : rows) {
-    for (const std::string& column : kColumns) EXPECT_TRUE(row.contains(column)) << column;
+    for (const std::string& column : kEngineColumns) EXPECT_TRUE(row.contains(column)) << column;
     for (const char* q : {"p50", "p99", "p99_9", "max", "mean"}) EXPECT_GT(row.at("step_s").at(q), 0.0) << q;
     EXPECT_EQ(row["restitution"], 0.4);
     EXPECT_EQ(row["duration_s"], 1.0);
@@ -45,7 +45,7 @@ TEST_F(EngineLab, ASweepLeavesTablesHistoriesAndOnePage) {
     points.insert(row["preset"].dump() + row["friction"].dump() + row["dt_s"].dump());
   }
   EXPECT_EQ(points.size(), 8U);
-  expect_columns(kColumns);
+  expect_columns(kEngineColumns);
   expect_columns({"step_s_p99_9", "step_s_mean"});
 
   EXPECT_EQ(summary()["engines"][0]["engine"], "bullet");

@@ -10,7 +10,7 @@ class PlanLab : public LabTest {
   PlanLab() : LabTest("plan") {}
 };
 
-const std::vector<std::string> kColumns{
+const std::vector<std::string> kPlanColumns{
     "scene",       "item",         "enabled",     "reason",     "world_cpu_ratio",      "haptic_cpu_ratio",
     "bytes_ratio", "memory_ratio", "start_ratio", "hash_equal", "force_difference_rms", "reference_error",
     "held"};
@@ -22,7 +22,7 @@ TEST_F(PlanLab, EveryItemIsTheSameOrNoWorse) {
   ASSERT_FALSE(rows.empty());
   for (const Json& row : rows) {
     SCOPED_TRACE(row.dump());
-    for (const std::string& column : kColumns) EXPECT_TRUE(row.contains(column)) << column;
+    for (const std::string& column : kPlanColumns) EXPECT_TRUE(row.contains(column)) << column;
     EXPECT_EQ(row["held"], true);
     EXPECT_NE(row["reason"], "");
     if (row["enabled"] == false) {
@@ -39,7 +39,7 @@ TEST_F(PlanLab, EveryItemIsTheSameOrNoWorse) {
       EXPECT_EQ(row["hash_equal"], true);
     }
   }
-  expect_columns(kColumns);
+  expect_columns(kPlanColumns);
   EXPECT_GT(summary()["items"].size(), 3U);
   EXPECT_NE(page().find("The plan"), std::string::npos);
 }

@@ -8,22 +8,22 @@ class StabilityLab : public LabTest {
   StabilityLab() : LabTest("stability") {}
 };
 
-const std::vector<std::string> kColumns{"case",
-                                        "engine",
-                                        "preset",
-                                        "step_s",
-                                        "parameter",
-                                        "value",
-                                        "measured",
-                                        "expected",
-                                        "error",
-                                        "tolerance",
-                                        "pass",
-                                        "source",
-                                        "error_over_tolerance",
-                                        "held_at",
-                                        "failed_at",
-                                        "failure"};
+const std::vector<std::string> kStabilityColumns{"case",
+                                                 "engine",
+                                                 "preset",
+                                                 "step_s",
+                                                 "parameter",
+                                                 "value",
+                                                 "measured",
+                                                 "expected",
+                                                 "error",
+                                                 "tolerance",
+                                                 "pass",
+                                                 "source",
+                                                 "error_over_tolerance",
+                                                 "held_at",
+                                                 "failed_at",
+                                                 "failure"};
 
 // What bullet holds at 1 ms with a wide margin, in each way of measuring: a value, a limit by a formula, a limit that
 // is asked for.
@@ -38,7 +38,7 @@ TEST_F(StabilityLab, BulletHoldsTheFormulasAtOneMillisecond) {
   ASSERT_EQ(rows.size(), 12U);
   for (const Json& row : rows) {
     SCOPED_TRACE(row.dump());
-    for (const std::string& column : kColumns) EXPECT_TRUE(row.contains(column)) << column;
+    for (const std::string& column : kStabilityColumns) EXPECT_TRUE(row.contains(column)) << column;
     EXPECT_EQ(row["pass"], true);
     EXPECT_LE(row["error"], row["tolerance"]);
     EXPECT_NE(row["source"], "");
@@ -55,7 +55,7 @@ TEST_F(StabilityLab, BulletHoldsTheFormulasAtOneMillisecond) {
       EXPECT_NEAR(row["measured"], 0.1019, 0.002);
     }
   }
-  expect_columns(kColumns);
+  expect_columns(kStabilityColumns);
   EXPECT_EQ(summary()["settings"].size(), 2U);
   const std::string text = page();
   for (const char* part : {"atan(mu)", "Coulomb", "error over tolerance", "Source:", "1/1000 s", "slip_angle, 0.5"})

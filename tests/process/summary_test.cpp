@@ -44,7 +44,7 @@ TEST_F(Summary, TellsWhatTheHandGotAndHowOftenTheDeviceWasAtItsLimit) {
       << "a warning is no missed gate: " << summary()["verdict"];
 }
 
-void expect_keys(const Json& json, const Words& keys, const std::string& what) {
+void expect_record_keys(const Json& json, const Words& keys, const std::string& what) {
   for (const std::string& key : keys) EXPECT_TRUE(json.contains(key)) << what << " has no " << key;
 }
 
@@ -53,8 +53,9 @@ TEST_F(Summary, IsACompleteRecord) {
   const Words flags{"--mode", "realtime", "--duration", "1", "--dds", "mixed"};
   ASSERT_EQ(run(scene("press"), flags).code, 0);
   const Json json = summary();
-  expect_keys(json, {"command_line", "date", "version", "machine", "machine_load", "settings", "gates", "calibration"},
-              "summary");
+  expect_record_keys(json,
+                     {"command_line", "date", "version", "machine", "machine_load", "settings", "gates", "calibration"},
+                     "summary");
   const auto command = json["command_line"].get<std::string>();
   EXPECT_NE(command.find("run " + scene("press")), std::string::npos) << command;
   EXPECT_NE(command.find("--mode realtime --duration 1 --dds mixed"), std::string::npos) << command;
@@ -65,20 +66,20 @@ TEST_F(Summary, IsACompleteRecord) {
 
   ASSERT_FALSE(json["gates"].empty());
   for (const Json& gate : json["gates"]) {
-    expect_keys(gate, {"name", "value", "bound", "at_most", "unit", "ok"}, "gate");
+    expect_record_keys(gate, {"name", "value", "bound", "at_most", "unit", "ok"}, "gate");
     EXPECT_EQ(gate["ok"].get<bool>(),
               gate["at_most"].get<bool>() ? gate["value"] <= gate["bound"] : gate["value"] >= gate["bound"]);
     if (gate["ok"].get<bool>()) continue;
-    expect_keys(gate, {"missed_by", "why"}, "missed gate");
+    expect_record_keys(gate, {"missed_by", "why"}, "missed gate");
     EXPECT_FALSE(gate["why"].get<std::string>().empty()) << gate;
   }
 
   const Json& settings = json["settings"];
-  expect_keys(settings, {"world_engine", "haptic_engine", "settle_s", "settle_step_s", "paper", "delay", "users"},
-              "settings");
+  expect_record_keys(
+      settings, {"world_engine", "haptic_engine", "settle_s", "settle_step_s", "paper", "delay", "users"}, "settings");
   for (const char* engine : {"world_engine", "haptic_engine"}) {
-    expect_keys(settings[engine], {"name", "version", "preset", "preset_means", "length_unit_m", "gravity_m_s2"},
-                engine);
+    expect_record_keys(settings[engine], {"name", "version", "preset", "preset_means", "length_unit_m", "gravity_m_s2"},
+                       engine);
     EXPECT_EQ(settings[engine]["iterations"], 50);
   }
   const Json& user = settings["users"][0];
@@ -106,9 +107,10 @@ TEST_F(Summary, TellsTheMachinesLatenessFromOurs) {
   EXPECT_EQ(json["world"]["late_cycles"].get<int>(),
             json["world"]["late_by_run"].get<int>() + json["world"]["late_by_os"].get<int>());
   for (const Json* loop : {&json["world"], &haptic, &json["device"][0]}) {
-    expect_keys((*loop)["machine"],
-                {"scheduling", "cpu_s", "run_queue_delay_s", "involuntary_switches", "voluntary_switches", "stolen_s"},
-                "machine");
+    expect_record_keys(
+        (*loop)["machine"],
+        {"scheduling", "cpu_s", "run_queue_delay_s", "involuntary_switches", "voluntary_switches", "stolen_s"},
+        "machine");
     EXPECT_GT((*loop)["machine"]["voluntary_switches"], 10) << "a loop sleeps between its steps";
   }
   EXPECT_NE(ended.out.find("how late this machine wakes a loop that does nothing"), std::string::npos) << ended.out;

@@ -1,6 +1,6 @@
 // Any engine as the world's, any as the sub-world's: what is felt follows the world engine's own reference.
-#include "lab/coupled_run.hpp"
-#include "lab/metrics.hpp"
+#include "lab/session/coupled_run.hpp"
+#include "lab/session/metrics.hpp"
 #include "physics/engine.hpp"
 
 #include <gtest/gtest.h>

@@ -15,10 +15,11 @@ namespace {
 using test::at;
 using test::cube;
 using test::floor_plane;
+using test::kBody;
+using test::kFloor;
 using test::kG;
 using test::Tested;
 
-constexpr BodyId kFloor{0}, kBody{1};
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kMu = 0.5;
 

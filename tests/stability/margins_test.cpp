@@ -1,6 +1,6 @@
 // The short form of `subworld lab stability` over all engines: what held yesterday holds today.
-#include "lab/stability_plan.hpp"
-#include "lab/stability_run.hpp"
+#include "lab/stability/plan.hpp"
+#include "lab/stability/run.hpp"
 #include "physics/engine.hpp"
 
 #include <fmt/format.h>

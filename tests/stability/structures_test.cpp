@@ -1,6 +1,6 @@
 // Which engine holds which structure with its preset `quality`, at the step of a picture (paper 3.2).
 
-#include "lab/cpu_time.hpp"
+#include "lab/session/cpu_time.hpp"
 #include "model/scene.hpp"
 #include "physics/engine.hpp"
 

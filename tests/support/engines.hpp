@@ -15,6 +15,10 @@ namespace subworld::test {
 
 inline constexpr double kG = 9.81;
 
+/// Bodies of the suites of engines.
+inline constexpr BodyId kFloor{0}, kBody{1}, kCube{1}, kOther{2};
+inline constexpr double kCubeWeight_n = 0.2 * kG;
+
 /// One engine, preset and step that a suite is run with.
 struct Tested {
   std::string engine;

@@ -34,7 +34,7 @@ std::string chosen(std::string_view list) {
   return names;
 }
 
-std::string refusal(std::string_view list) {
+std::string refusal_of(std::string_view list) {
   try {
     (void)choose_bodies(shelf(), list);
   } catch (const Error& wrong) {
@@ -66,7 +66,7 @@ TEST(BodyChoice, AllAreThoseThatCanMove) {
 
 TEST(BodyChoice, AWrongNameIsAnsweredWithTheNearest) {
   const auto answers = [](std::string_view list, const std::string& near) {
-    const std::string said = refusal(list);
+    const std::string said = refusal_of(list);
     EXPECT_NE(said.find("--bodies"), std::string::npos) << said;
     EXPECT_NE(said.find("shelf"), std::string::npos) << said;
     EXPECT_NE(said.find(near), std::string::npos) << said;

@@ -16,10 +16,11 @@
 namespace subworld {
 namespace {
 
-constexpr BodyId kFloor{0}, kBody{1};
+using test::kBody;
+using test::kFloor;
 constexpr double kTable_m = 0.25;
 
-Mesh box_mesh(const Vec3& half) {
+Mesh slab_mesh(const Vec3& half) {
   Mesh mesh;
   mesh.file = "box";
   for (int i = 0; i < 8; ++i) {
@@ -44,10 +45,10 @@ Mesh prism(int sides, double radius, double half_length) {
 }
 
 enum MeshId : std::uint32_t { kTable, kWall, kPrism, kSmall, kCoin, kPlate };
-const std::vector<Mesh>& meshes() {
+const std::vector<Mesh>& bullet_meshes() {
   static const std::vector<Mesh> kAll{
-      box_mesh(Vec3(0.5, 0.5, kTable_m)), box_mesh(Vec3(0.005, 0.2, 0.2)), prism(12, 0.05, 0.04),
-      box_mesh(Vec3::Constant(0.0025)),   prism(150, 0.05, 0.01),          prism(24, 0.1, 0.01)};
+      slab_mesh(Vec3(0.5, 0.5, kTable_m)), slab_mesh(Vec3(0.005, 0.2, 0.2)), prism(12, 0.05, 0.04),
+      slab_mesh(Vec3::Constant(0.0025)),   prism(150, 0.05, 0.01),           prism(24, 0.1, 0.01)};
   return kAll;
 }
 
@@ -89,7 +90,7 @@ class BulletContacts : public testing::TestWithParam<test::Tested> {
  protected:
   /// A world with a table whose top is 0.5 m high, or so deep below the plane.
   std::unique_ptr<Engine> on_table(const Shape& table, const Body& body, const BodyState& from_top) {
-    auto engine = GetParam().make(meshes());
+    auto engine = GetParam().make(bullet_meshes());
     const double top = table.kind == ShapeKind::plane ? 0.0 : 2.0 * kTable_m;
     engine->add(body_of(kFloor, table, 0.0), state_at(Vec3(0, 0, table.kind == ShapeKind::plane ? 0.0 : kTable_m)));
     BodyState start = from_top;
@@ -125,7 +126,7 @@ TEST_P(BulletContacts, AnOverhangingCylinderLiesStill) {
 
 /// Two of a hull, one turned on the other, on a plane; s for 300 steps.
 double stack_of_two(const test::Tested& tested, MeshId mesh, double half_height) {
-  const auto engine = tested.make(meshes());
+  const auto engine = tested.make(bullet_meshes());
   const Shape hull{.kind = ShapeKind::convex, .mesh = mesh};
   engine->add(body_of(kFloor, {.kind = ShapeKind::plane}, 0.0), BodyState{});
   const Quat turned(Eigen::AngleAxisd(0.05, Vec3::UnitZ()));
@@ -151,7 +152,7 @@ TEST_P(BulletContacts, FacesOfManyCornersRestAndCostLittle) {
 
 // The plate's face cut to the coin's has more corners than there is room for.
 TEST_P(BulletContacts, APlateRestsOnACoinOfManyCorners) {
-  const auto engine = GetParam().make(meshes());
+  const auto engine = GetParam().make(bullet_meshes());
   engine->add(body_of(kFloor, {.kind = ShapeKind::convex, .mesh = kCoin}, 0.0), BodyState{});
   const Vec3 at(0.046, 0, 0.02);  // just inside of the coin's edge
   engine->add(body_of(kBody, {.kind = ShapeKind::convex, .mesh = kPlate}, 1.0), state_at(at));
@@ -302,7 +303,7 @@ std::vector<Ground> walls() {
 struct Range {
   Range(const test::Tested& tested, const Shape& shot, const Shape& wall, double wall_kg, double speed, double ahead_m,
         double aside_m, double restitution = 0.0)
-      : engine(tested.make(meshes())) {
+      : engine(tested.make(bullet_meshes())) {
     Body target = body_of(kFloor, wall, wall_kg), bullet = body_of(kBody, shot, 1e-3);
     target.gravity = bullet.gravity = false;
     target.material.restitution = bullet.material.restitution = std::sqrt(restitution);
@@ -368,12 +369,12 @@ TEST_P(BulletContacts, ALookAheadGivesEqualBits) {
   EXPECT_EQ(run(), run());
 }
 
-std::vector<test::Tested> bullets() {
+std::vector<test::Tested> bullets_in_contact() {
   std::vector<test::Tested> all = test::tested_engines({0.001, 0.004}, {0.001, 0.004});
   std::erase_if(all, [](const test::Tested& t) { return !t.engine.starts_with("bullet"); });
   return all;
 }
-INSTANTIATE_TEST_SUITE_P(Engines, BulletContacts, testing::ValuesIn(bullets()), test::name_of);
+INSTANTIATE_TEST_SUITE_P(Engines, BulletContacts, testing::ValuesIn(bullets_in_contact()), test::name_of);
 
 }  // namespace
 }  // namespace subworld

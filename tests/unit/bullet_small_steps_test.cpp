@@ -14,7 +14,7 @@
 namespace subworld {
 namespace {
 
-constexpr BodyId kFloor{0};
+using test::kFloor;
 
 class BulletSmallSteps : public testing::TestWithParam<test::Tested> {
  protected:
@@ -142,12 +142,12 @@ TEST_P(BulletSmallSteps, WhatRestsOnASlopeDoesNotCreep) {
   }
 }
 
-std::vector<test::Tested> bullets() {
+std::vector<test::Tested> bullets_in_small_steps() {
   std::vector<test::Tested> all = test::tested_engines({}, {0.001, 0.004});
   std::erase_if(all, [](const test::Tested& t) { return !t.engine.starts_with("bullet"); });
   return all;
 }
-INSTANTIATE_TEST_SUITE_P(Engines, BulletSmallSteps, testing::ValuesIn(bullets()), test::name_of);
+INSTANTIATE_TEST_SUITE_P(Engines, BulletSmallSteps, testing::ValuesIn(bullets_in_small_steps()), test::name_of);
 
 }  // namespace
 }  // namespace subworld

@@ -81,15 +81,15 @@ struct Follower {
   }
 };
 
-struct Case {
+struct DilationCase {
   const char* name;
   Load load;
   double most_ahead_cycles;
 };
 
-void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
+void PrintTo(const DilationCase& one, std::ostream* out) { *out << one.name; }
 
-class Dilation : public testing::TestWithParam<Case> {};
+class Dilation : public testing::TestWithParam<DilationCase> {};
 
 TEST_P(Dilation, TheHapticClockFollowsWithoutStoppingJumpingOrRunningAhead) {
   constexpr double kWall_s = 19.0;
@@ -119,9 +119,10 @@ const auto kSpikes = [](double t) { return std::fmod(t, 1.0) < 0.004 ? 2.8 : 0.6
 const auto kStalls = [](double t) { return std::fmod(t, 4.0) > 3.99 ? 6.0 : 0.6; };
 
 INSTANTIATE_TEST_SUITE_P(Loads, Dilation,
-                         testing::Values(Case{"light", [](double) { return 0.5; }, 1.5}, Case{"spikes", kSpikes, 2.5},
-                                         Case{"step", kStepUpAndDown, 6.0}, Case{"ramp", kRamp, 4.0},
-                                         Case{"strong", kStrong, 12.0}, Case{"stalls", kStalls, 8.0}),
+                         testing::Values(DilationCase{"light", [](double) { return 0.5; }, 1.5},
+                                         DilationCase{"spikes", kSpikes, 2.5},
+                                         DilationCase{"step", kStepUpAndDown, 6.0}, DilationCase{"ramp", kRamp, 4.0},
+                                         DilationCase{"strong", kStrong, 12.0}, DilationCase{"stalls", kStalls, 8.0}),
                          [](const auto& one) { return std::string(one.param.name); });
 
 TEST(Phase, StopsSoftlyWhereFramesStayAway) {
@@ -274,7 +275,7 @@ TEST(SlowedClock, AnAdmittanceDeviceFollowsInWallTime) {
   }
 }
 
-struct Felt {
+struct FeltClock {
   const char* scene;
   std::vector<int> changes;  ///< steps at which the clock begins to slow: the hand holds, pushes, moves freely
   /// Other bodies touch the hand too, at another time on another clock: so its steps are compared with all of the
@@ -283,7 +284,7 @@ struct Felt {
   bool touches_often = false;
 };
 
-class DilationFelt : public testing::TestWithParam<Felt> {};
+class DilationFelt : public testing::TestWithParam<FeltClock> {};
 
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -295,7 +296,7 @@ double median(std::vector<double> values) {
 // than the other's, which come from touching and sliding.
 TEST_P(DilationFelt, NoStepInTheForceComesFromTheClock) {
   constexpr double kApart_m = 1e-9;
-  const Felt& felt = GetParam();
+  const FeltClock& felt = GetParam();
   const int starts = felt.touches_often ? 5 : 1;
   const double most = felt.touches_often ? 1.5 : 1.0;  // times the steady run's: medians of five differ by so much
   const std::size_t count = felt.changes.size();
@@ -322,8 +323,8 @@ TEST_P(DilationFelt, NoStepInTheForceComesFromTheClock) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, DilationFelt,
-                         testing::Values(Felt{"press", {150, 400, 480, 800}}, Felt{"row", {100, 600, 1500}},
-                                         Felt{"heap", {150, 600, 1400}, true}),
+                         testing::Values(FeltClock{"press", {150, 400, 480, 800}}, FeltClock{"row", {100, 600, 1500}},
+                                         FeltClock{"heap", {150, 600, 1400}, true}),
                          [](const auto& one) { return std::string(one.param.scene); });
 
 }  // namespace

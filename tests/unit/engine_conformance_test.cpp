@@ -17,11 +17,12 @@ namespace {
 using test::at;
 using test::cube;
 using test::floor_plane;
+using test::kCube;
+using test::kCubeWeight_n;
+using test::kFloor;
 using test::kG;
+using test::kOther;
 using test::totals;
-
-constexpr BodyId kFloor{0}, kCube{1}, kOther{2};
-constexpr double kWeight = 0.2 * kG;  ///< of a cube, N
 
 /// A cube on a floor.
 class Conformance : public testing::TestWithParam<test::Tested> {
@@ -196,10 +197,10 @@ TEST_P(Conformance, NormalImpulsesCarryTheWeight) {
   for (int i = 0; i < kSteps; ++i) {
     engine->step(dt);
     const double now = totals(*engine, kCube).normal;
-    EXPECT_NEAR(now, kWeight * dt, 0.05 * kWeight * dt) << "the force on a resting body wanders";
+    EXPECT_NEAR(now, kCubeWeight_n * dt, 0.05 * kCubeWeight_n * dt) << "the force on a resting body wanders";
     normal += now;
   }
-  EXPECT_NEAR(normal, kWeight * dt * kSteps, 0.02 * kWeight * dt * kSteps);
+  EXPECT_NEAR(normal, kCubeWeight_n * dt * kSteps, 0.02 * kCubeWeight_n * dt * kSteps);
 }
 
 TEST_P(Conformance, ContactsSayWhereAndHowTheyAre) {
@@ -240,13 +241,13 @@ TEST_P(Conformance, ASubStepMoreLeavesTheTotals) {
       normal += totals(*parts, kCube).normal;
       EXPECT_LE(parts->contacts().size(), 8U) << "one point listed once for each sub-step";
     }
-    EXPECT_NEAR(normal, 20 * kWeight * dt, 0.02 * 20 * kWeight * dt) << substeps << " sub-steps";
+    EXPECT_NEAR(normal, 20 * kCubeWeight_n * dt, 0.02 * 20 * kCubeWeight_n * dt) << substeps << " sub-steps";
   }
 }
 
 TEST_P(Conformance, FrictionCarriesAForceBelowTheCone) {
   run(1.0);
-  const Vec3 pull = 0.8 * 0.5 * kWeight * Vec3(1, 1, 0).normalized();  // 80 % of mu m g
+  const Vec3 pull = 0.8 * 0.5 * kCubeWeight_n * Vec3(1, 1, 0).normalized();  // 80 % of mu m g
   const BodyState before = engine->state(kCube);
   Vec3 friction = Vec3::Zero();
   for (int i = 0; i < 2 * steps(0.5); ++i) {
@@ -270,7 +271,7 @@ TEST_P(Conformance, SlidingFrictionIsMuTimesNormalInEveryDirection) {
     Vec3 friction = Vec3::Zero();
     double normal = 0.0;
     for (int i = 0; i < steps(0.3); ++i) {
-      engine->apply_force(kCube, 2.0 * 0.5 * kWeight * along, Vec3::Zero());
+      engine->apply_force(kCube, 2.0 * 0.5 * kCubeWeight_n * along, Vec3::Zero());
       engine->step(dt);
       friction += totals(*engine, kCube).tangential;
       normal += totals(*engine, kCube).normal;
@@ -285,7 +286,7 @@ TEST_P(Conformance, SlidingFrictionIsMuTimesNormalInEveryDirection) {
 
 TEST_P(Conformance, WhoAsksForFrictionChangesNothingElse) {
   for (int i = 0; i < steps(0.1); ++i) {
-    engine->apply_force(kCube, {0.3 * kWeight, 0, 0}, Vec3::Zero());
+    engine->apply_force(kCube, {0.3 * kCubeWeight_n, 0, 0}, Vec3::Zero());
     engine->step(dt);
     const std::vector<Contact> before(engine->contacts().begin(), engine->contacts().end());
     const std::vector<double> state = test::bits(*engine, {kCube});
@@ -310,7 +311,7 @@ TEST_P(Conformance, FrictionIsInMetresInEveryUnit) {
   engine->add(floor_plane(kFloor), BodyState{});
   engine->add(cube(kCube), at(0, 0, 0.05));
   run(0.5);
-  const Vec3 pull(0.3 * kWeight, 0, 0);
+  const Vec3 pull(0.3 * kCubeWeight_n, 0, 0);
   Vec3 friction = Vec3::Zero();
   for (int i = 0; i < steps(0.5); ++i) {
     engine->apply_force(kCube, pull, Vec3::Zero());

@@ -1,6 +1,6 @@
 // A running world or sub-world changes its engine without a jump.
 #include "physics/engine_exchange.hpp"
-#include "lab/coupled_run.hpp"
+#include "lab/session/coupled_run.hpp"
 #include "model/error.hpp"
 
 #include <gtest/gtest.h>

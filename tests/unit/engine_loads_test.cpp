@@ -13,10 +13,10 @@ namespace {
 using test::at;
 using test::cube;
 using test::floor_plane;
+using test::kCube;
+using test::kCubeWeight_n;
+using test::kFloor;
 using test::kG;
-
-constexpr BodyId kFloor{0}, kCube{1};
-constexpr double kWeight = 0.2 * kG;  ///< of a cube, N
 
 class Loads : public testing::TestWithParam<test::Tested> {
  protected:
@@ -41,7 +41,7 @@ class Loads : public testing::TestWithParam<test::Tested> {
 TEST_P(Loads, ContactsNameTheLowerIdFirstWhicheverWasAddedFirst) {
   engine->add(cube(kCube), at(0, 0, 0.05));
   engine->add(floor_plane(kFloor), BodyState{});
-  run(*engine, 0.5, [](Engine& e) { e.apply_force(kCube, {0.3 * kWeight, 0, 0}, Vec3::Zero()); });
+  run(*engine, 0.5, [](Engine& e) { e.apply_force(kCube, {0.3 * kCubeWeight_n, 0, 0}, Vec3::Zero()); });
   EXPECT_LE(friction_on_cube(engine->contacts()).x(), 0.0) << "also where it is not asked for";
   const auto contacts = engine->contacts_with_friction();
   ASSERT_FALSE(contacts.empty());
@@ -51,7 +51,7 @@ TEST_P(Loads, ContactsNameTheLowerIdFirstWhicheverWasAddedFirst) {
     EXPECT_NEAR(c.normal.z(), -1.0, 1e-3);
     EXPECT_NEAR(c.point.z(), 0.0, 1e-3);
   }
-  EXPECT_NEAR(friction_on_cube(contacts).x(), -0.3 * kWeight * dt, 0.1 * kWeight * dt);
+  EXPECT_NEAR(friction_on_cube(contacts).x(), -0.3 * kCubeWeight_n * dt, 0.1 * kCubeWeight_n * dt);
 }
 
 /// Where friction is estimated, contacts() may have none, or about what the estimate gives.
@@ -59,7 +59,7 @@ TEST_P(Loads, FrictionThatIsThereWithoutAskingIsAboutRight) {
   engine->add(floor_plane(kFloor), BodyState{});
   engine->add(cube(kCube), at(0, 0, 0.05));
   for (int i = 0; i < GetParam().steps(0.5); ++i) {
-    engine->apply_force(kCube, {2.0 * 0.5 * kWeight, 0, 0}, Vec3::Zero());
+    engine->apply_force(kCube, {2.0 * 0.5 * kCubeWeight_n, 0, 0}, Vec3::Zero());
     engine->step(dt);
   }
   const Vec3 there = friction_on_cube(engine->contacts());
@@ -88,7 +88,7 @@ TEST_P(ExactCheckpoints, DoNotBringLoadsOfBeforeBack) {
   engine->add(floor_plane(kFloor), BodyState{});
   engine->add(cube(kCube), at(0, 0, 0.05));
   run(*engine, 0.5, kStill);
-  run(*engine, 0.1, [](Engine& e) { e.apply_force(kCube, {0.8 * kWeight, 0, 0}, Vec3::Zero()); });
+  run(*engine, 0.1, [](Engine& e) { e.apply_force(kCube, {0.8 * kCubeWeight_n, 0, 0}, Vec3::Zero()); });
   const Checkpoint moving = engine->checkpoint();
   run(*engine, 0.1, kStill);
   const std::vector<double> once = test::bits(*engine, {kCube});

@@ -18,8 +18,8 @@ namespace {
 using test::at;
 using test::cube;
 using test::floor_plane;
-
-constexpr BodyId kFloor{0}, kBody{1};
+using test::kBody;
+using test::kFloor;
 
 /// Pairs that an engine does not hold quite still, how much more room they get, and why.
 struct Restless {

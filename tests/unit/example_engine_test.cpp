@@ -19,11 +19,13 @@ namespace {
 namespace fs = std::filesystem;
 using test::at;
 using test::floor_plane;
+using test::kFloor;
 using test::kG;
+using test::kOther;
 using test::totals;
 
-constexpr BodyId kFloor{0}, kBall{1}, kOther{2};
-constexpr double kRadius = 0.05, kMass = 0.2, kStep = 0.001;
+constexpr BodyId kBall{1};
+constexpr double kBallRadius = 0.05, kBallMass = 0.2, kStep = 0.001;
 
 /// The value of SUBWORLD_ENGINES while it lives.
 class EngineFolders {
@@ -35,7 +37,7 @@ class EngineFolders {
 };
 
 Body ball(BodyId id, double friction = 0.5, double restitution = 0.0) {
-  Body body = test::ball_proxy(id, kRadius, kMass);
+  Body body = test::ball_proxy(id, kBallRadius, kBallMass);
   body.gravity = body.rotates = true;
   body.material = {friction, restitution};
   return body;
@@ -89,11 +91,11 @@ TEST_F(ExampleEngine, IsFoundByItsFolder) {
 }
 
 TEST_F(ExampleEngine, ARestingSphereIsHeldByItsWeight) {
-  engine->add(ball(kBall), at(0, 0, kRadius));
+  engine->add(ball(kBall), at(0, 0, kBallRadius));
   run(0.5);
-  EXPECT_NEAR(totals(*engine, kBall).normal, kMass * kG * kStep, 1e-12);
+  EXPECT_NEAR(totals(*engine, kBall).normal, kBallMass * kG * kStep, 1e-12);
   EXPECT_LT(totals(*engine, kBall).tangential.norm(), 1e-12);
-  EXPECT_NEAR(engine->state(kBall).position.z(), kRadius, 1e-9);
+  EXPECT_NEAR(engine->state(kBall).position.z(), kBallRadius, 1e-9);
 }
 
 TEST_F(ExampleEngine, AFallingSphereFallsAndLandsWithItsMomentum) {
@@ -105,22 +107,22 @@ TEST_F(ExampleEngine, AFallingSphereFallsAndLandsWithItsMomentum) {
     engine->step(kStep);
     impulse += totals(*engine, kBall).normal;
   }
-  EXPECT_NEAR(impulse, kMass * kG * 0.7, 1e-6) << "all momentum that gravity gave went into the floor";
-  EXPECT_NEAR(engine->state(kBall).position.z(), kRadius, 1e-5);
+  EXPECT_NEAR(impulse, kBallMass * kG * 0.7, 1e-6) << "all momentum that gravity gave went into the floor";
+  EXPECT_NEAR(engine->state(kBall).position.z(), kBallRadius, 1e-5);
 }
 
 TEST_F(ExampleEngine, ASphereSlidesByMuNAndRollsAtFiveSeventhsOfItsSpeed) {
   const Vec3 v0 = 2.0 * Vec3(3, 4, 0).normalized();
-  engine->add(ball(kBall), moving(at(0, 0, kRadius), v0));
+  engine->add(ball(kBall), moving(at(0, 0, kBallRadius), v0));
   run(0.05);
-  EXPECT_NEAR(totals(*engine, kBall).normal, kMass * kG * kStep, 1e-9);
-  EXPECT_NEAR(totals(*engine, kBall).tangential.norm(), 0.5 * kMass * kG * kStep, 1e-9);
+  EXPECT_NEAR(totals(*engine, kBall).normal, kBallMass * kG * kStep, 1e-9);
+  EXPECT_NEAR(totals(*engine, kBall).tangential.norm(), 0.5 * kBallMass * kG * kStep, 1e-9);
   EXPECT_LT((engine->state(kBall).linear_velocity - v0 * (1.0 - 0.5 * kG * 0.05 / v0.norm())).norm(), 1e-6);
   // Sliding ends at t = 2 v0 / (7 mu g) with v = 5/7 v0 (solid sphere, I = 2/5 m r^2), here after 0.117 s.
   run(1.0);
   const BodyState rolls = engine->state(kBall);
   EXPECT_LT((rolls.linear_velocity - 5.0 / 7.0 * v0).norm(), 1e-6);
-  EXPECT_LT((rolls.angular_velocity - Vec3::UnitZ().cross(rolls.linear_velocity) / kRadius).norm(), 1e-5);
+  EXPECT_LT((rolls.angular_velocity - Vec3::UnitZ().cross(rolls.linear_velocity) / kBallRadius).norm(), 1e-5);
   EXPECT_LT(totals(*engine, kBall).tangential.norm(), 1e-9) << "rolling needs no friction";
 }
 
@@ -141,7 +143,7 @@ TEST_F(ExampleEngine, AnObliqueHitKeepsMomentum) {
   engine->add(two, moving(at(0.3, 0.04, 5), {-0.5, 0.1, 0}));
   const auto momentum = [&] {
     Vec3 linear = Vec3::Zero();
-    for (const BodyId id : {kBall, kOther}) linear += kMass * engine->state(id).linear_velocity;
+    for (const BodyId id : {kBall, kOther}) linear += kBallMass * engine->state(id).linear_velocity;
     return linear;
   };
   const Vec3 before = momentum();
@@ -182,7 +184,7 @@ TEST_F(ExampleEngine, ACheckpointOfOtherBodiesIsRefusedAndChangesNothing) {
 }
 
 TEST_F(ExampleEngine, GhostsMeetMovableBodiesOnly) {
-  engine->add(ball(kBall), at(0, 0, kRadius));
+  engine->add(ball(kBall), at(0, 0, kBallRadius));
   engine->add(ball(kOther), at(0, 0, 0.2), Role::ghost);     // falls onto the ball
   engine->add(ball(BodyId{3}), at(1, 0, 0.1), Role::ghost);  // falls through the floor
   Body still = ball(BodyId{4});
@@ -230,10 +232,10 @@ TEST_F(ExampleEngine, WorksInAnotherUnitOfLength) {
   settings.length_unit_m = 0.01;
   engine = make_engine(settings, {});
   engine->add(floor_plane(kFloor), BodyState{});
-  engine->add(ball(kBall), moving(at(0, 0, kRadius), {2, 0, 0}));
+  engine->add(ball(kBall), moving(at(0, 0, kBallRadius), {2, 0, 0}));
   run(1.0);
   EXPECT_NEAR(engine->state(kBall).linear_velocity.x(), 10.0 / 7.0, 1e-6);
-  EXPECT_NEAR(totals(*engine, kBall).normal, kMass * kG * kStep, 1e-9);
+  EXPECT_NEAR(totals(*engine, kBall).normal, kBallMass * kG * kStep, 1e-9);
 }
 
 // --- the loader ---

@@ -1,7 +1,7 @@
 // A scheme from outside: one folder and one row, and everything that asks for a scheme knows it.
 #include "support/example_scheme/example_scheme.hpp"
 #include "coupling/plan.hpp"
-#include "lab/coupled_run.hpp"
+#include "lab/session/coupled_run.hpp"
 #include "model/error.hpp"
 
 #include <gtest/gtest.h>

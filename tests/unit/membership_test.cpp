@@ -1,5 +1,5 @@
 #include "coupling/reduced/ghosts.hpp"
-#include "lab/coupled_run.hpp"
+#include "lab/session/coupled_run.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@ namespace {
 constexpr double kForceStep_n = 0.3;  ///< that a hand may get from a change of members
 constexpr double kSlow_s = 1.0, kQuick_s = 1e-9;
 
-struct Case {
+struct MembershipCase {
   const char* scene;
   double change_s;
   double budget_ratio;
@@ -21,12 +21,12 @@ struct Case {
 };
 
 /// What was felt, and who were members by cycle.
-struct Felt {
+struct FeltMembers {
   std::vector<Vec3> force;
   std::vector<std::vector<BodyId>> members;
 };
 
-Felt felt(const Case& c, bool changes) {
+FeltMembers felt(const MembershipCase& c, bool changes) {
   Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + c.scene + ".yaml");
   keep_users(scene, 1);
   scene.settings.scheme = "reduced";
@@ -34,7 +34,7 @@ Felt felt(const Case& c, bool changes) {
   scene.settings.duration_s = c.change_s + 0.5;
   scene.users[0].budget_ratio = c.budget_ratio;
   CoupledRun run(scene);
-  Felt result;
+  FeltMembers result;
   while (run.world.time_s() < scene.settings.duration_s - 1e-9) {
     if (changes && run.world.time_s() >= c.change_s) run.subs[0]->took(c.step_s);
     run.cycle();
@@ -44,12 +44,12 @@ Felt felt(const Case& c, bool changes) {
   return result;
 }
 
-class ChangeOfMembers : public testing::TestWithParam<Case> {};
+class ChangeOfMembers : public testing::TestWithParam<MembershipCase> {};
 
 // Two runs that are the same until the budget of one changes.
 TEST_P(ChangeOfMembers, IsNotFelt) {
-  const Felt same = felt(GetParam(), false);
-  const Felt changed = felt(GetParam(), true);
+  const FeltMembers same = felt(GetParam(), false);
+  const FeltMembers changed = felt(GetParam(), true);
   const std::size_t steps = std::min(same.force.size(), changed.force.size());
   const auto apart = [&](std::size_t n) -> Vec3 { return changed.force[n] - same.force[n]; };
   std::size_t first = 0;
@@ -84,9 +84,11 @@ TEST(Handover, AMemberThatBecomesAGhostGoesOnAsItWas) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, ChangeOfMembers,
-                         testing::Values(Case{"heap_press", 0.5, 0.2, kSlow_s}, Case{"heap_press", 0.5, 0.1, kQuick_s},
-                                         Case{"row", 0.8, 0.15, kSlow_s}, Case{"row", 0.8, 0.03, kQuick_s},
-                                         Case{"pyramid", 0.8, 0.1, kSlow_s}),
+                         testing::Values(MembershipCase{"heap_press", 0.5, 0.2, kSlow_s},
+                                         MembershipCase{"heap_press", 0.5, 0.1, kQuick_s},
+                                         MembershipCase{"row", 0.8, 0.15, kSlow_s},
+                                         MembershipCase{"row", 0.8, 0.03, kQuick_s},
+                                         MembershipCase{"pyramid", 0.8, 0.1, kSlow_s}),
                          [](const auto& one) {
                            return std::string(one.param.scene) + (one.param.step_s == kQuick_s ? "_grows" : "_shrinks");
                          });

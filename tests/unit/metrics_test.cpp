@@ -1,4 +1,4 @@
-#include "lab/metrics.hpp"
+#include "lab/session/metrics.hpp"
 
 #include <gtest/gtest.h>
 

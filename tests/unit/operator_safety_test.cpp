@@ -6,7 +6,7 @@
 #include "coupling/stiffness.hpp"
 #include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
-#include "lab/operator_bed.hpp"
+#include "lab/session/operator_bed.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 #include "coupling/plan.hpp"
 
-#include "lab/coupled_run.hpp"
+#include "lab/session/coupled_run.hpp"
 #include "model/scene.hpp"
 
 #include <gtest/gtest.h>

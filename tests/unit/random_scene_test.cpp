@@ -1,12 +1,12 @@
 // Random scenes: what they cover, that their text is the scene, that a planted fault is found, and made small.
-#include "lab/random_scene.hpp"
-#include "lab/apart.hpp"
-#include "lab/energy_book.hpp"
-#include "lab/random_judge.hpp"
-#include "lab/random_run.hpp"
-#include "lab/scene_text.hpp"
-#include "lab/shrink.hpp"
-#include "lab/structures.hpp"
+#include "lab/random/energy_book.hpp"
+#include "lab/random/judge.hpp"
+#include "lab/random/run.hpp"
+#include "lab/random/scene.hpp"
+#include "lab/random/scene_text.hpp"
+#include "lab/random/shrink.hpp"
+#include "lab/random/structures.hpp"
+#include "lab/session/apart.hpp"
 #include "model/error.hpp"
 
 #include <gtest/gtest.h>

@@ -2,7 +2,7 @@
 #include "coupling/paper/paper.hpp"
 #include "coupling/ratio_control.hpp"
 #include "coupling/timetable.hpp"
-#include "lab/coupled_run.hpp"
+#include "lab/session/coupled_run.hpp"
 
 #include <gtest/gtest.h>
 

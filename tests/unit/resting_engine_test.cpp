@@ -2,8 +2,8 @@
 #include "physics/resting_engine.hpp"
 #include "coupling/plan.hpp"
 
-#include "lab/coupled_run.hpp"
-#include "lab/metrics.hpp"
+#include "lab/session/coupled_run.hpp"
+#include "lab/session/metrics.hpp"
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
 #include "physics/engine_shell.hpp"

@@ -1,7 +1,7 @@
 #include "coupling/border.hpp"
-#include "lab/coupled_run.hpp"
-#include "lab/metrics.hpp"
-#include "lab/variants.hpp"
+#include "lab/session/coupled_run.hpp"
+#include "lab/session/metrics.hpp"
+#include "lab/session/variants.hpp"
 #include "support/scene_text.hpp"
 
 #include <gtest/gtest.h>

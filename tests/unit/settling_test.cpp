@@ -1,5 +1,5 @@
 // What sways where no hand reaches it is damped, and sleeps.
-#include "lab/coupled_run.hpp"
+#include "lab/session/coupled_run.hpp"
 #include "physics/engine_shell.hpp"
 #include "physics/resting_engine.hpp"
 #include "support/bodies.hpp"

@@ -1,6 +1,6 @@
 // What a hand feels where world and sub-world never quite agree: corrections in parts, and heaps between two engines.
 #include "coupling/gradual_shifts.hpp"
-#include "lab/coupled_run.hpp"
+#include "lab/session/coupled_run.hpp"
 #include "support/bodies.hpp"
 
 #include <gtest/gtest.h>

@@ -1,9 +1,9 @@
 // What the stability lab rests on: its searches, its formulas, and that no row of its tables is left half filled.
-#include "lab/stability_bed.hpp"
-#include "lab/stability_cases.hpp"
-#include "lab/stability_formulas.hpp"
-#include "lab/stability_run.hpp"
-#include "lab/tables.hpp"
+#include "lab/page/tables.hpp"
+#include "lab/stability/bed.hpp"
+#include "lab/stability/cases.hpp"
+#include "lab/stability/formulas.hpp"
+#include "lab/stability/run.hpp"
 #include "model/error.hpp"
 
 #include <gtest/gtest.h>

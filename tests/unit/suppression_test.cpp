@@ -1,6 +1,6 @@
 #include "coupling/suppression.hpp"
-#include "lab/coupled_run.hpp"
-#include "lab/metrics.hpp"
+#include "lab/session/coupled_run.hpp"
+#include "lab/session/metrics.hpp"
 #include "model/optimisation.hpp"
 #include "support/bodies.hpp"
 

@@ -1,5 +1,5 @@
-#include "lab/variants.hpp"
-#include "lab/analysis.hpp"
+#include "lab/session/variants.hpp"
+#include "lab/coupling/analysis.hpp"
 
 #include <gtest/gtest.h>
 

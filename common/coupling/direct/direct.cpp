@@ -15,13 +15,13 @@ class DirectWorldSide final : public WorldSide {
   void extract(const WorldNow&, const Inside&, std::vector<BoundaryContact>&, WorldFrame&) override {}
 };
 
-Correction correction(const CopyPair&, const Indicators&, const Settings&) noexcept { return {}; }
+Correction direct_correction(const CopyPair&, const Indicators&, const Settings&) noexcept { return {}; }
 
 }  // namespace
 
 constinit const Scheme kDirect{
     .properties = {.name = "direct", .summary = "no sub-world: the baseline", .has_sub_worlds = false},
-    .correction = correction,
+    .correction = direct_correction,
     .make_world_side = [](const Scene&) -> std::unique_ptr<WorldSide> { return std::make_unique<DirectWorldSide>(); },
     .make_sub_world_side = [](const Scene&, std::uint64_t) -> std::unique_ptr<SubWorldSide> { return nullptr; }};
 

@@ -59,7 +59,7 @@ class FrozenBorder final : public SubWorldSide {
   double for_step_s_ = 0.0;  ///< the step for which `impulses_` were made
 };
 
-Correction correction(const CopyPair& pair, const Indicators& indicators, const Settings& settings) noexcept {
+Correction paper_correction(const CopyPair& pair, const Indicators& indicators, const Settings& settings) noexcept {
   const double s = pair.owner == Owner::peer   ? 0.0
                    : pair.owner == Owner::user ? 1.0
                                                : blend_weight(indicators, settings.paper);
@@ -86,7 +86,7 @@ void frozen_impulses(std::span<const BoundaryContact> border, double fraction, s
 constinit const Scheme kPaper{.properties = {.name = "paper",
                                              .summary = "Glondu et al. 2010: frozen border impulses, blended copies",
                                              .weighs_impulses = true},
-                              .correction = correction,
+                              .correction = paper_correction,
                               .make_world_side = [](const Scene& scene) -> std::unique_ptr<WorldSide> {
                                 return std::make_unique<PaperWorldSide>(scene.settings.paper);
                               },

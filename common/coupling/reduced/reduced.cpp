@@ -25,7 +25,7 @@ BodyState between(const HapticReport& before, const HapticReport& now, double t_
   return on_the_way;
 }
 
-Correction correction(const CopyPair& pair, const Indicators&, const Settings&) noexcept {
+Correction reduced_correction(const CopyPair& pair, const Indicators&, const Settings&) noexcept {
   if (pair.owner == Owner::island) return {.world = 1.0, .sub = 0.0};
   return {.world = 0.0, .sub = std::min(kLargestGain, kDelayGain / std::max(1.0, pair.lag_cycles))};
 }
@@ -47,7 +47,7 @@ constinit const Scheme kReduced{
                    .corrects_gradually = true,
                    .lead_cycles = 1,
                    .longest_world_step_s = 0.005},
-    .correction = correction,
+    .correction = reduced_correction,
     .make_world_side = make_reduced_world_side,
     .make_sub_world_side = [](const Scene& scene, std::uint64_t remembered_cycles) -> std::unique_ptr<SubWorldSide> {
       return std::make_unique<Ghosts>(scene, remembered_cycles);

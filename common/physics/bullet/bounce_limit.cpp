@@ -6,8 +6,8 @@ namespace subworld::bullet {
 
 namespace {
 
-constexpr btScalar kRounding = btScalar(1e-5);  ///< of the energy, that is no gain
-constexpr btScalar kBeyond = btScalar(0.02);    ///< of a correction, so that few tries remain just above
+constexpr btScalar kEnergyRounding = btScalar(1e-5);  ///< of the energy, that is no gain
+constexpr btScalar kBeyond = btScalar(0.02);          ///< of a correction, so that few tries remain just above
 
 }  // namespace
 
@@ -53,7 +53,7 @@ bool BounceLimit::lower(std::span<const Motion> before, std::span<const Motion> 
   }
   bool any = false;
   for (Island& island : islands_) {
-    if (!island.bounces || island.part == 0 || island.gain_j <= kRounding * island.had_j) continue;
+    if (!island.bounces || island.part == 0 || island.gain_j <= kEnergyRounding * island.had_j) continue;
     any = true;
     // At first as if nothing were left without bounce: then the energy goes with the square of the part.
     btScalar wanted = island.part * btSqrt(island.had_j / (island.had_j + island.gain_j));

@@ -16,15 +16,15 @@ namespace subworld::bullet {
 
 namespace {
 
-constexpr std::size_t kMostCorners = 8;  ///< of two rectangles' common part
+constexpr std::size_t kMostRectangleCorners = 8;  ///< of two rectangles' common part
 
 /// What is chosen stays chosen until another choice is better by this, so that noise does not choose.
-constexpr auto kBetterGap = btScalar(0.1);    ///< of the breaking threshold: an axis, a deeper point
-constexpr auto kBetterArea = btScalar(1.05);  ///< ratio: four points
+constexpr auto kBetterGap = btScalar(0.1);       ///< of the breaking threshold: an axis, a deeper point
+constexpr auto kBetterBoxArea = btScalar(1.05);  ///< ratio: four points
 /// A point that another corner replaces goes on with its impulses within this part of the smaller box.
 constexpr auto kReach = btScalar(0.1);
 /// Edges that are closer to parallel (squared sine of their angle) meet as faces do.
-constexpr auto kParallel = btScalar(1e-4);
+constexpr auto kParallelBoxEdges = btScalar(1e-4);
 
 struct Cuboid {
   const btTransform& pose;
@@ -61,7 +61,7 @@ class Relation {
   /// other there than `least` (m).
   [[nodiscard]] std::optional<btScalar> on_edges(int i, int j, btScalar least = -BT_LARGE_FLOAT) const {
     const btScalar square = 1 - r_[i][j] * r_[i][j];
-    if (square < kParallel) return {};
+    if (square < kParallelBoxEdges) return {};
     const int i1 = (i + 1) % 3, i2 = (i + 2) % 3;
     const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
     const btScalar across = btFabs(t_[i2] * r_[i1][j] - t_[i1] * r_[i2][j]) - half_a_[i1] * abs_r_[i2][j] -
@@ -113,7 +113,7 @@ Direction least_deep(const Relation& boxes, int last, btScalar reach) {
 }
 
 /// A corner of the common part of two faces, in the frame of the one that cuts.
-struct Corner {
+struct RectangleCorner {
   btScalar x, y, height;  ///< m; height above that face
   int feature;
   int edge;  ///< that starts here: 0 to 3 one of the cut face, 4 to 7 one of the cutting one
@@ -121,30 +121,30 @@ struct Corner {
 
 class Polygon {
  public:
-  void add(const Corner& corner) { corners_[count_++] = corner; }
+  void add(const RectangleCorner& corner) { corners_[count_++] = corner; }
 
   /// Leaves what is within `half` on one of four sides: +x, -x, +y, -y.
   void cut(int side, btScalar half) {
-    const auto outside = [&](const Corner& c) {
+    const auto outside = [&](const RectangleCorner& c) {
       const btScalar along = side < 2 ? c.x : c.y;
       return (side % 2 == 0 ? along : -along) - half;
     };
-    std::array<btScalar, kMostCorners> out;
+    std::array<btScalar, kMostRectangleCorners> out;
     bool any_out = false;
     for (std::size_t i = 0; i < count_; ++i) {
       out[i] = outside(corners_[i]);
       any_out = any_out || !(out[i] <= 0);
     }
     if (!any_out) return;
-    const std::array<Corner, kMostCorners> whole = corners_;
+    const std::array<RectangleCorner, kMostRectangleCorners> whole = corners_;
     const std::size_t whole_count = count_;
     count_ = 0;
     for (std::size_t i = 0; i < whole_count; ++i) {
       const std::size_t next = i + 1 < whole_count ? i + 1 : 0;
-      const Corner &from = whole[i], &to = whole[next];
+      const RectangleCorner &from = whole[i], &to = whole[next];
       const btScalar out_from = out[i], out_to = out[next];
-      if (out_from <= 0 && count_ < kMostCorners) add(from);
-      if ((out_from <= 0) == (out_to <= 0) || count_ == kMostCorners) continue;
+      if (out_from <= 0 && count_ < kMostRectangleCorners) add(from);
+      if ((out_from <= 0) == (out_to <= 0) || count_ == kMostRectangleCorners) continue;
       const btScalar part = out_from / (out_from - out_to);
       add({from.x + part * (to.x - from.x), from.y + part * (to.y - from.y),
            from.height + part * (to.height - from.height), 4 + 8 * side + from.edge,
@@ -168,7 +168,7 @@ class Polygon {
     for (std::size_t i = 1; i < count_; ++i) {
       if (corners_[i].height < corners_[deepest].height) deepest = i;
     }
-    std::array<bool, kMostCorners> was, deep;
+    std::array<bool, kMostRectangleCorners> was, deep;
     for (std::size_t i = 0; i < count_; ++i) {
       was[i] = before(corners_[i].feature);
       deep[i] = corners_[i].height < corners_[deepest].height + deeper;
@@ -183,9 +183,9 @@ class Polygon {
           for (f[3] = f[2] + 1; f[3] < count_; ++f[3]) {
             if (!deep[f[0]] && !deep[f[1]] && !deep[f[2]] && !deep[f[3]]) continue;
             const bool same = was[f[0]] && was[f[1]] && was[f[2]] && was[f[3]];
-            const Corner &p = corners_[f[0]], &q = corners_[f[1]], &r = corners_[f[2]], &s = corners_[f[3]];
+            const RectangleCorner &p = corners_[f[0]], &q = corners_[f[1]], &r = corners_[f[2]], &s = corners_[f[3]];
             const btScalar area =
-                btFabs((r.x - p.x) * (s.y - q.y) - (r.y - p.y) * (s.x - q.x)) * (same ? kBetterArea : btScalar(1));
+                btFabs((r.x - p.x) * (s.y - q.y) - (r.y - p.y) * (s.x - q.x)) * (same ? kBetterBoxArea : btScalar(1));
             if (area <= most) continue;
             most = area;
             best = f;
@@ -197,10 +197,10 @@ class Polygon {
     count_ = kMostPoints;
   }
 
-  [[nodiscard]] std::span<const Corner> corners() const { return {corners_.data(), count_}; }
+  [[nodiscard]] std::span<const RectangleCorner> corners() const { return {corners_.data(), count_}; }
 
  private:
-  std::array<Corner, kMostCorners> corners_;
+  std::array<RectangleCorner, kMostRectangleCorners> corners_;
   std::size_t count_ = 0;
 };
 
@@ -239,7 +239,7 @@ Points meet_on_face(const Cuboid& a, const Cuboid& b, int number, btScalar reach
 
   Points all;
   all.normal = of_a ? -normal : normal;
-  for (const Corner& c : common.corners()) {
+  for (const RectangleCorner& c : common.corners()) {
     const btVector3 on_face = face + c.x * u + c.y * v;
     all.points[all.count++] = {of_a ? on_face + c.height * normal : on_face, c.height, feature(c.feature)};
   }

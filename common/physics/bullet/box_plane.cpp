@@ -10,9 +10,9 @@ namespace subworld::bullet {
 
 namespace {
 
-constexpr std::size_t kMostPoints = 4;
+constexpr std::size_t kMostBoxPoints = 4;
 /// Farther from the plane than this part of its half diagonal, no corner touches it, whatever is rounded.
-constexpr auto kFar = btScalar(1.001);
+constexpr auto kFarFromPlane = btScalar(1.001);
 
 class BoxPlane final : public btCollisionAlgorithm {
  public:
@@ -34,24 +34,25 @@ class BoxPlane final : public btCollisionAlgorithm {
     const btVector3 half = box.getHalfExtentsWithMargin();
     result->setPersistentManifold(manifold_);
     const btScalar height = normal.dot(box_object.getWorldTransform().getOrigin()) - offset;
-    if (manifold_->getNumContacts() == 0 && height > kFar * half.length() + manifold_->getContactBreakingThreshold()) {
+    if (manifold_->getNumContacts() == 0 &&
+        height > kFarFromPlane * half.length() + manifold_->getContactBreakingThreshold()) {
       return;
     }
 
-    struct Corner {
+    struct BoxCorner {
       btVector3 point;
       btScalar distance;
     };
-    std::array<Corner, 8> corners;
+    std::array<BoxCorner, 8> corners;
     for (unsigned i = 0; i < corners.size(); ++i) {
       const btVector3 sign(btScalar(i & 1 ? 1 : -1), btScalar(i & 2 ? 1 : -1), btScalar(i & 4 ? 1 : -1));
       corners[i].point = box_object.getWorldTransform() * (half * sign);
       corners[i].distance = normal.dot(corners[i].point) - offset;
     }
-    std::partial_sort(corners.begin(), corners.begin() + kMostPoints, corners.end(),
-                      [](const Corner& a, const Corner& b) { return a.distance < b.distance; });
+    std::partial_sort(corners.begin(), corners.begin() + kMostBoxPoints, corners.end(),
+                      [](const BoxCorner& a, const BoxCorner& b) { return a.distance < b.distance; });
 
-    for (std::size_t i = 0; i < kMostPoints; ++i) {
+    for (std::size_t i = 0; i < kMostBoxPoints; ++i) {
       const auto& [point, distance] = corners[i];
       if (distance < manifold_->getContactBreakingThreshold()) {
         result->addContactPoint(normal, point - distance * normal, distance);

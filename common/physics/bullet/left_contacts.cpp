@@ -9,7 +9,7 @@ namespace subworld::bullet {
 namespace {
 
 /// Of a place, in a unit of length of the engine's own and back.
-constexpr auto kRounding = 16 * SIMD_EPSILON;
+constexpr auto kLengthRounding = 16 * SIMD_EPSILON;
 constexpr std::size_t kUsualLeft = 256;  ///< pairs that wait: room for them, so that steps allocate nothing
 
 std::uint32_t number(const btCollisionObject& body) { return static_cast<std::uint32_t>(body.getUserIndex()); }
@@ -61,7 +61,7 @@ void LeftContacts::came(const btCollisionObject& body) {
   if (!is_away(number(body))) return;
   const btVector3 left = *std::exchange(away_[number(body)], std::nullopt);
   const btVector3& here = body.getWorldTransform().getOrigin();
-  if ((here - left).length() <= kRounding * here.length()) {
+  if ((here - left).length() <= kLengthRounding * here.length()) {
     expects_ = true;
     return;
   }

@@ -16,11 +16,12 @@ namespace {
 /// Shapes without a rounded surface are drawn in before their nearest points are looked for, since the direction
 /// between points that all but coincide is noise. If even so they overlap, they are drawn in further.
 constexpr double kKept[] = {1.0, 0.95, 0.6, 0.2, 0.02};
-constexpr double kBetterArea = 1.05;  ///< ratio: four points are chosen instead of those of the last step
-constexpr double kParallel = 1e-4;    ///< edges closer to parallel (squared sine of their angle) touch along a line
+constexpr double kBetterPatchArea = 1.05;  ///< ratio: four points are chosen instead of those of the last step
+constexpr double kParallelPatchEdges =
+    1e-4;  ///< edges closer to parallel (squared sine of their angle) touch along a line
 
 /// Points at a height over a plane, of which at most four are kept.
-struct Found {
+struct PatchCandidate {
   Vec3 point;
   double height;
   int feature;
@@ -28,7 +29,8 @@ struct Found {
 
 /// Leaves the points that four may be chosen from: those of the last step, the deepest, and the farthest in each of
 /// some directions. All fours of many points would cost more than the rest of a step.
-void thin(std::array<Found, kMostCorners>& found, std::size_t& count, const Vec3& normal, const PatchMemory& memory) {
+void thin(std::array<PatchCandidate, kMostCorners>& found, std::size_t& count, const Vec3& normal,
+          const PatchMemory& memory) {
   constexpr std::size_t kFew = 10;
   constexpr int kDirections = 8;
   if (count <= kFew) return;
@@ -44,12 +46,12 @@ void thin(std::array<Found, kMostCorners>& found, std::size_t& count, const Vec3
   for (int k = 0; k < kDirections; ++k) {
     const double angle = 2.0 * M_PI * k / kDirections;
     const Vec3 along = std::cos(angle) * u + std::sin(angle) * v;
-    keep_most([&](const Found& f) { return along.dot(f.point); });
+    keep_most([&](const PatchCandidate& f) { return along.dot(f.point); });
   }
-  keep_most([](const Found& f) { return -f.height; });
+  keep_most([](const PatchCandidate& f) { return -f.height; });
   for (const int feature : memory.features) {
     const auto was = std::find_if(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(count),
-                                  [feature](const Found& f) { return f.feature == feature; });
+                                  [feature](const PatchCandidate& f) { return f.feature == feature; });
     if (was != found.begin() + static_cast<std::ptrdiff_t>(count))
       kept[static_cast<std::size_t>(was - found.begin())] = true;
   }
@@ -61,7 +63,7 @@ void thin(std::array<Found, kMostCorners>& found, std::size_t& count, const Vec3
 }
 
 /// Those of the last step unless others span a larger area or are deeper by `deeper`.
-void reduce(std::array<Found, kMostCorners>& found, std::size_t& count, const Vec3& normal, double deeper,
+void reduce(std::array<PatchCandidate, kMostCorners>& found, std::size_t& count, const Vec3& normal, double deeper,
             const PatchMemory& memory) {
   thin(found, count, normal, memory);
   if (count <= Patch::kMost) return;
@@ -81,7 +83,7 @@ void reduce(std::array<Found, kMostCorners>& found, std::size_t& count, const Ve
           if (!deep[f[0]] && !deep[f[1]] && !deep[f[2]] && !deep[f[3]]) continue;
           const bool same = was[f[0]] && was[f[1]] && was[f[2]] && was[f[3]];
           const Vec3 one = found[f[2]].point - found[f[0]].point, other = found[f[3]].point - found[f[1]].point;
-          const double area = std::abs(one.cross(other).dot(normal)) * (same ? kBetterArea : 1.0);
+          const double area = std::abs(one.cross(other).dot(normal)) * (same ? kBetterPatchArea : 1.0);
           if (area <= most) continue;
           most = area;
           best = f;
@@ -96,7 +98,7 @@ void reduce(std::array<Found, kMostCorners>& found, std::size_t& count, const Ve
 /// The points of `corners` below `reach` over a plane that belongs to b (`up` is the patch's normal) or to a.
 Patch over_plane(const Corners& corners, const Vec3& up, double offset, bool of_a, int name, double reach, double fine,
                  PatchMemory& memory) {
-  std::array<Found, kMostCorners> found;
+  std::array<PatchCandidate, kMostCorners> found;
   std::size_t count = 0;
   for (const Corner& c : corners) {
     const double height = up.dot(c.point) - offset;
@@ -146,7 +148,7 @@ Patch touch_edges(const Placed& a, const Placed& b, const Closest& near, Vec3 no
     const double lengths = along_a.squaredNorm() * along_b.squaredNorm();
     const double square_a = along_a.squaredNorm(), square_b = along_b.squaredNorm();
     const Vec3 apart = of_a[0].point - of_b[0].point;
-    if (cross.squaredNorm() < kParallel * lengths) {
+    if (cross.squaredNorm() < kParallelPatchEdges * lengths) {
       // The part that both have in common, by its place along b.
       const double at_0 = apart.dot(along_b) / square_b, at_1 = at_0 + along_a.dot(along_b) / square_b;
       const double low = std::max(0.0, std::min(at_0, at_1)), high = std::min(1.0, std::max(at_0, at_1));

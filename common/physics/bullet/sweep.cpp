@@ -9,7 +9,7 @@ namespace subworld::bullet {
 namespace {
 
 constexpr int kMostAdvances = 64;
-constexpr double kFar = 0.5;  ///< of what is inside both shapes
+constexpr double kFarOfInner = 0.5;  ///< of what is inside both shapes
 
 const Convex* convex_at(const btCollisionObject& object) {
   return static_cast<const Convex*>(object.getCollisionShape()->getUserPointer());
@@ -39,7 +39,7 @@ FastPair::FastPair(const btCollisionObject& a, const btCollisionObject& b) {
   const auto outer = [](const btCollisionObject& object) {
     return convex_at(object) != nullptr ? convex_at(object)->outer_radius : 0.0;
   };
-  far_ = kFar * (inner(a) + inner(b));
+  far_ = kFarOfInner * (inner(a) + inner(b));
   outer_a_ = outer(a);
   outer_b_ = outer(b);
 }

@@ -1,0 +1,119 @@
+#include "lab/coupling/analysis.hpp"
+
+#include "lab/coupling/measure.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace subworld {
+
+namespace {
+
+/// What is asked of a scheme, whatever it does about it.
+const std::vector<std::string> kConditions{
+    "scene", "variant", "engine", "h_s", "latency_s", "jitter_s", "coupling_stiffness_n_m"};
+/// What is run, but for how long and how late.
+const std::vector<std::string> kSetting{
+    "scene", "variant",       "scheme",       "engine",         "haptic_engine",         "h_s", "ratio", "ratio_most",
+    "box_m", "contact_depth", "budget_ratio", "world_substeps", "coupling_stiffness_n_m"};
+
+/// Under a telling floor nothing can be told apart.
+double told_error(const Json& row) {
+  const double floor = number(row, "reference_error");
+  const double rms = number(row, "force_error_rms");
+  return telling(floor) ? std::max(rms, floor) : rms;
+}
+
+bool ranked(const Json& row) { return row.at("survived").get<bool>() && comparable(row); }
+
+bool fits(const Json& row) {
+  return ranked(row) && !row.at("at_reference_error").get<bool>() && number(row, "latency_s") == 0.0 &&
+         number(row, "jitter_s") == 0.0 && number(row, "force_error_rms") > 0.0;
+}
+
+}  // namespace
+
+bool comparable(const Json& row) {
+  return std::isfinite(number(row, "force_error_rms")) && std::isfinite(number(row, "reference_error"));
+}
+
+bool imperceptible(const Json& row) {
+  return ranked(row) && number(row, "force_error_rms") <= kImperceptibleRms &&
+         number(row, "force_error_p99") <= kImperceptibleP99 &&
+         std::abs(number(row, "time_offset_s")) <= kImperceptibleOffset_s;
+}
+
+bool dominated(const Json& row, const Rows& rows) {
+  if (!ranked(row)) return !row.at("survived").get<bool>();
+  return std::ranges::any_of(rows, [&](const Json& other) {
+    if (!alike(row, other, kConditions) || !ranked(other)) return false;
+    const double less_error = told_error(row) - told_error(other);
+    const double less_cpu = total_cpu(row) - total_cpu(other);
+    return less_error >= 0.0 && less_cpu >= 0.0 && less_error + less_cpu > 0.0;
+  });
+}
+
+const Json* choice(const std::vector<const Json*>& rows, double budget) {
+  const Json* best = nullptr;
+  for (const Json* row : rows) {
+    if (!ranked(*row) || total_cpu(*row) > budget) continue;
+    const auto rank = [](const Json& of) { return std::pair{told_error(of), total_cpu(of)}; };
+    if (best == nullptr || rank(*row) < rank(*best)) best = row;
+  }
+  return best;
+}
+
+Json convergence(const Rows& rows, const std::string& x) {
+  std::vector<std::string> fixed = kSetting;
+  std::erase(fixed, x);
+  Json fitted = Json::array();
+  for (const Json& row : rows) {
+    if (std::ranges::any_of(fitted, [&](const Json& done) { return alike(done, row, fixed); })) continue;
+    LineFit line;
+    for (const Json& other : rows) {
+      if (!alike(row, other, fixed) || !fits(other)) continue;
+      line.add(std::log(number(other, x)), std::log(number(other, "force_error_rms")));
+    }
+    Json fit;
+    for (const std::string& column : fixed) fit[column] = row.at(column);
+    fit["in"] = x;
+    fit["points"] = line.count();
+    const bool known = line.count() >= 2 && line.spread() > 1e-12;
+    fit["order"] = known ? Json(line.slope()) : Json(nullptr);
+    fit["factor"] = known ? Json(std::exp(line.offset())) : Json(nullptr);
+    fitted.push_back(fit);
+  }
+  return fitted;
+}
+
+Json over_variants(const Rows& rows) {
+  std::vector<std::string> fixed = kSetting;
+  fixed.insert(fixed.end(), {"latency_s", "jitter_s"});
+  std::erase(fixed, "variant");
+  Json all = Json::array();
+  if (std::ranges::all_of(rows, [](const Json& row) { return row.at("variant") == 0; })) return all;
+  for (const Json& row : rows) {
+    if (std::ranges::any_of(all, [&](const Json& done) { return alike(done, row, fixed); })) continue;
+    std::vector<double> errors, floors;
+    for (const Json& other : rows) {
+      if (!alike(row, other, fixed) || !std::isfinite(number(other, "reference_error"))) continue;
+      floors.push_back(number(other, "reference_error"));
+      if (ranked(other)) errors.push_back(number(other, "force_error_rms"));
+    }
+    if (errors.empty()) continue;
+    std::ranges::sort(errors);
+    Json over;
+    for (const std::string& column : fixed) over[column] = row.at(column);
+    const std::size_t n = errors.size();
+    over["variants"] = floors.size();
+    over["survived"] = n;
+    over["force_error_rms_median"] = 0.5 * (errors[(n - 1) / 2] + errors[n / 2]);
+    over["force_error_rms_max"] = errors.back();
+    over["reference_error_min"] = std::ranges::min(floors);
+    over["reference_error_max"] = std::ranges::max(floors);
+    all.push_back(over);
+  }
+  return all;
+}
+
+}  // namespace subworld

@@ -1,0 +1,313 @@
+#include "coupling/plan.hpp"
+#include "coupling/scheme.hpp"
+#include "io/command_line.hpp"
+#include "io/options.hpp"
+#include "io/scene_name.hpp"
+#include "lab/coupling/analysis.hpp"
+#include "lab/coupling/measure.hpp"
+#include "lab/coupling/report.hpp"
+#include "lab/coupling/sweep.hpp"
+#include "lab/page/command_line.hpp"
+#include "lab/session/variants.hpp"
+#include "model/error.hpp"
+#include "rt/stop.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+
+namespace {
+
+using namespace subworld;
+
+constexpr std::size_t kMostTraces = 64;
+constexpr double kQuickDuration_s = 1.0;
+const std::vector<std::string> kScenes{"row",   "press",   "scatter", "raft",    "hidden_load", "heavy_outside",
+                                       "slope", "pyramid", "see_saw", "leaning", "loose",       "tower_press"};
+const std::vector<std::string> kQuickScenes{"row", "press"};
+const std::vector<int> kQuickRatios{4, 20};
+
+struct Request {
+  Sweep sweep;
+  int variants = 0;
+  bool quick = false;
+  std::string out;
+};
+
+/// Throws `Error` (usage). An exit code where nothing is left to do.
+std::optional<int> parse(int argc, char** argv, Request& request) {
+  Sweep& sweep = request.sweep;
+  CLI::App app{
+      "Measures what each coupling scheme makes the hand feel, against a reference without coupling, and what it "
+      "costs. "
+      "Every combination of the options is run; each option is a list, separated by commas.",
+      "subworld lab coupling"};
+  app.footer(
+      "Examples:\n"
+      "  subworld lab coupling --quick --out out/quick\n"
+      "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
+      "  subworld lab coupling row heavy_outside --scheme reduced --box 0.15,0.2,0.3 --substeps 1,4\n"
+      "  subworld lab coupling raft pyramid --variants 10 --ratio 4,10\n"
+      "  subworld lab coupling deploy/scenes/row.yaml --latency 0,0.02,0.1 --jitter 0,0.01\n"
+      "DIR/report.html shows the results, DIR/results.csv and results.json hold them, DIR/traces the felt forces.\n"
+      "Ctrl-C writes what has been measured so far.\n"
+      "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
+  app.add_option("scene", sweep.scenes,
+                 fmt::format("scene files, or names in deploy/scenes (default: {})", fmt::join(kScenes, " ")));
+  add_list(app, "--scheme", sweep.schemes,
+           "direct, paper, paper_literal (the device's force acts in the sub-world alone), reduced "
+           "(default: paper_literal,paper,reduced)")
+      ->check(CLI::IsMember({"direct", "paper", "paper_literal", "reduced"}));
+  CLI::Option* ratio = add_list(app, "--ratio", sweep.ratios, "simulation ratios r = T / h (default: 1,4,10,20)");
+  ratio->check(fixed_ratio_fault);
+  add_list(
+      app, "--ratio-most", sweep.ratios_most,
+      "the ratio may rise to so much where nothing that crosses a border is felt, or where the world costs more than "
+      "a cycle by its engine's published costs; 0: it is fixed (default: 0)")
+      ->check(CLI::Range(0, kMostRatio));
+  add_numbers(app, "--box", sweep.boxes_m, "half sides of the box around the proxy, m (default: the scene's)", 1e-3,
+              1e3);
+  add_list(app, "--depth", sweep.contact_depths,
+           "bodies that hang on the proxy by so many contacts belong to the sub-world too (default: the scene's)")
+      ->check(CLI::Range(0, 1000));
+  add_numbers(app, "--budget", sweep.budget_ratios,
+              "parts of the haptic step that simulating the sub-world may take: of the box's bodies, those that matter "
+              "most and fit (default: the scene's)",
+              1e-3, 1e3);
+  add_list(app, "--substeps", sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme wants (default: 1)")
+      ->check(CLI::Range(0, 1000));
+  add_numbers(app, "--latency", sweep.latencies_s, "added to the round trip, half each way, s (default: 0)", 0.0, 10.0);
+  add_numbers(app, "--jitter", sweep.jitters_s, "most that a single message takes longer, s (default: 0)", 0.0, 10.0);
+  add_numbers(app, "--stiffness", sweep.stiffness_factors, "factors on the coupling's stiffness (default: 1)", 1e-3,
+              1e3);
+  add_numbers(app, "--h", sweep.h_s, "haptic steps, s (default: the scene's)", 1e-5, 0.1);
+  add_list(app, "--engine", sweep.engines, "the world's engines (default: the scene's)");
+  add_list(app, "--haptic-engine", sweep.haptic_engines, "the sub-worlds' engines (default: the scene's)");
+  app.add_option("--variants", request.variants,
+                 "so many variants of each scene as well, with other friction, masses and paths: whether an error is "
+                 "that of one lucky scene (default: 0)")
+      ->check(CLI::Range(0, 1000));
+  app.add_option("--duration", sweep.duration_s, "simulated time, s (default: the scene's)")
+      ->check(CLI::Range(0.05, 1e4))
+      ->check(not_finite);
+  app.add_flag("--quick", request.quick,
+               fmt::format("a first look: scenes {}, ratios {}, {:g} s, where nothing else is asked",
+                           fmt::join(kQuickScenes, " "), fmt::join(kQuickRatios, ","), kQuickDuration_s));
+  add_out(app, "coupling", request.out);
+  if (const auto code = parse_arguments(app, argc, argv)) return code;
+  for (int v = 1; v <= request.variants; ++v) sweep.variants.push_back(v);
+  if (request.quick && ratio->count() == 0) sweep.ratios = kQuickRatios;
+  if (request.quick && !sweep.duration_s) sweep.duration_s = kQuickDuration_s;
+  if (sweep.scenes.empty()) sweep.scenes = scene_files(request.quick ? kQuickScenes : kScenes);
+  for (std::string& scene : sweep.scenes) scene = scene_file(scene);
+  if (request.out.empty()) request.out = default_out("coupling");
+  return std::nullopt;
+}
+
+void write_trace(const std::string& folder, const Trace& trace) {
+  Rows rows;
+  for (std::size_t i = 0; i < trace.force.size(); ++i) {
+    const Vec3& f = trace.force[i];
+    const Vec3& r = trace.reference[i];
+    rows.push_back({{"time_s", static_cast<double>(i) * trace.h_s},
+                    {"force_x_n", f.x()},
+                    {"force_y_n", f.y()},
+                    {"force_z_n", f.z()},
+                    {"reference_x_n", r.x()},
+                    {"reference_y_n", r.y()},
+                    {"reference_z_n", r.z()},
+                    {"ratio", trace.ratios[i]}});
+  }
+  write_csv(fmt::format("{}/traces/{}.csv", folder, trace.name), rows);
+}
+
+Json engine_settings(const EngineSettings& e) {
+  return {{"engine", e.name}, {"preset", e.preset}, {"iterations", e.iterations ? Json(*e.iterations) : Json(nullptr)}};
+}
+
+Json effective(const Scene& scene) {
+  const Settings& s = scene.settings;
+  const UserSpec& user = scene.users.front();
+  return {{"scene", scene.name},
+          {"file", scene.file},
+          {"h_s", s.h_s},
+          {"duration_s", s.duration_s},
+          {"settle_s", s.settle_s},
+          {"bodies", scene.bodies.size()},
+          {"users", s.users},
+          {"box_m", user.box_half_m},
+          {"contact_depth", user.contact_depth},
+          {"budget_ratio", user.budget_ratio},
+          {"coupling_stiffness_n_m", user.coupling.stiffness_n_m},
+          {"coupling_damping_n_s_m", user.coupling.damping_n_s_m},
+          {"world", engine_settings(s.world)},
+          {"haptic", engine_settings(s.haptic)}};
+}
+
+Json asked(const Sweep& s) {
+  return {{"variant", s.variants},
+          {"scheme", s.schemes},
+          {"engine", s.engines},
+          {"haptic_engine", s.haptic_engines},
+          {"ratio", s.ratios},
+          {"ratio_most", s.ratios_most},
+          {"box_m", s.boxes_m},
+          {"contact_depth", s.contact_depths},
+          {"budget_ratio", s.budget_ratios},
+          {"world_substeps", s.substeps},
+          {"latency_s", s.latencies_s},
+          {"jitter_s", s.jitters_s},
+          {"stiffness_factor", s.stiffness_factors},
+          {"h_s", s.h_s}};
+}
+
+std::string verdict_of(const Rows& rows, std::size_t planned) {
+  const auto count = [&](const auto& holds) { return std::ranges::count_if(rows, holds); };
+  std::string verdict =
+      fmt::format("{} points: {} imperceptible, {} at the floor of their reference, {} did not survive", rows.size(),
+                  count(imperceptible), count([](const Json& row) { return row.at("at_reference_error").get<bool>(); }),
+                  count([](const Json& row) { return !row.at("survived").get<bool>(); }));
+  return verdict + stopped_text(rows.size(), planned);
+}
+
+/// One line for each point, with the time that the rest may take.
+class Progress {
+ public:
+  Progress(std::size_t points, const Sweep& sweep)
+      : points_(points), sweep_(sweep), left_(static_cast<double>(points)) {}
+  void operator()(const Rows& rows) {
+    const Json& row = rows.back();
+    const auto percent = [&](const char* column) {
+      const double part = row.at(column).get<double>();
+      return std::isfinite(part) ? fmt::format("{:6.2f} %", 100.0 * part) : "unknown";
+    };
+    fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (floor {}){}  {:.3g} CPU s/s{}\n", rows.size(), points_,
+               row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(), row.at("ratio").get<int>(),
+               details(row),
+               !row.at("survived").get<bool>() ? "did not survive"
+               : comparable(row)               ? percent("force_error_rms")
+                                               : "unknown, the reference felt no force",
+               percent("reference_error"), row.at("at_reference_error").get<bool>() ? " at the floor" : "",
+               total_cpu(row), left_.text(static_cast<double>(rows.size())));
+    std::fflush(stdout);
+  }
+
+ private:
+  std::string details(const Json& row) const {
+    std::string text = fmt::format("box {:g} m", row.at("box_m").get<double>());
+    if (const int variant = row.at("variant"); variant != 0) text += fmt::format(", variant {}", variant);
+    if (sweep_.h_s.size() > 1) text += fmt::format(", h {:g} ms", 1e3 * row.at("h_s").get<double>());
+    if (sweep_.stiffness_factors.size() > 1)
+      text += fmt::format(", K {:g} N/m", row.at("coupling_stiffness_n_m").get<double>());
+    if (sweep_.engines.size() > 1 || sweep_.haptic_engines.size() > 1)
+      text +=
+          fmt::format(", {} with {}", row.at("engine").get<std::string>(), row.at("haptic_engine").get<std::string>());
+    if (row.at("contact_depth") != 0) text += fmt::format(", depth {}", row.at("contact_depth").get<int>());
+    if (sweep_.budget_ratios.size() > 1)
+      text += fmt::format(", budget {:g} %, {:.1f} members", 100.0 * row.at("budget_ratio").get<double>(),
+                          row.at("members_mean").get<double>());
+    if (row.at("world_substeps") != 1) text += fmt::format(", {} sub-steps", row.at("world_substeps").get<int>());
+    for (const char* delay : {"latency_s", "jitter_s"}) {
+      if (const double s = row.at(delay).get<double>(); s > 0.0)
+        text += fmt::format(", {} {:g} ms", std::string(delay).substr(0, std::strlen(delay) - 2), 1e3 * s);
+    }
+    return text;
+  }
+
+  std::size_t points_;
+  const Sweep& sweep_;
+  TimeLeft left_;
+};
+
+Findings sweep_all(const Sweep& sweep, const std::vector<Point>& points, const std::string& out) {
+  Findings found;
+  References references;
+  Progress progress(points.size(), sweep);
+  for (const Point& point : points) {
+    std::optional<Measured> measured = measure(point, references);
+    if (!measured) break;
+    found.rows.push_back(std::move(measured->row));
+    if (shown(point, sweep) && found.traces.size() < kMostTraces) {
+      write_trace(out, measured->trace);
+      found.traces.push_back(std::move(measured->trace));
+    }
+    write_json(out + "/results.json", found.rows);
+    progress(found.rows);
+  }
+  return found;
+}
+
+Json summary_of(const Request& request, const Findings& found, std::size_t planned) {
+  Json summary = begin_summary("coupling", found.rows.size(), planned);
+  summary["sweep"] = asked(request.sweep);
+  summary["scenes"] = Json::array();
+  for (const std::string& scene : request.sweep.scenes) {
+    Point point;
+    point.scene = scene;
+    point.duration_s = request.sweep.duration_s;
+    summary["scenes"].push_back(effective(reference_scene_of(point)));
+    point.scheme = request.sweep.schemes.front();
+    summary["scenes"].back()["plan"] = to_json(plan_of(scene_of(point)));
+  }
+  summary["traces"] = Json::array();
+  for (const Trace& t : found.traces) summary["traces"].push_back("traces/" + t.name + ".csv");
+  Json fits = convergence(found.rows, "ratio");
+  if (request.sweep.h_s.size() > 1) {
+    for (Json& fit : convergence(found.rows, "h_s")) fits.push_back(std::move(fit));
+  }
+  summary["convergence"] = fits;
+  summary["over_variants"] = over_variants(found.rows);
+  summary["variants"] = Json::array();
+  for (const int variant : request.sweep.variants) {
+    const Variation v = variation(variant);
+    summary["variants"].push_back({{"variant", variant},
+                                   {"friction_factor", v.friction},
+                                   {"mass_factor", v.mass},
+                                   {"turn_rad", Eigen::AngleAxisd(v.turn).angle()},
+                                   {"stretch_factor", v.stretch},
+                                   {"aside", v.aside}});
+  }
+  summary["verdict"] = verdict_of(found.rows, planned);
+  return summary;
+}
+
+void print_findings(const Findings& found) {
+  for (const Rows& rows : by_scene(found.rows)) {
+    const std::string scene = rows.front().at("scene");
+    for (const std::string& line : orders_of(found.summary.at("convergence"), rows))
+      fmt::print("order, {}: {}\n", scene, line);
+    for (const std::string& line : variants_of(found.summary.at("over_variants"), rows))
+      fmt::print("variants, {}: {}\n", scene, line);
+  }
+}
+
+int run_lab(int argc, char** argv) {
+  Request request;
+  if (const auto code = parse(argc, argv, request)) return *code;
+  const std::vector<Point> points = points_of(request.sweep);
+  for (const Point& point : points) {
+    if (point.ratio == request.sweep.ratios.front()) (void)scene_of(point);
+  }
+  const std::string& out = request.out;
+  make_folder(out + "/traces");
+  for (const auto& old : std::filesystem::directory_iterator(out + "/traces")) {
+    if (old.path().extension() == ".csv") std::filesystem::remove(old.path());
+  }
+  watch_stop_signals();
+  fmt::print("subworld lab coupling: {} points, results in {}\n", points.size(), out);
+  std::fflush(stdout);
+
+  Findings found = sweep_all(request.sweep, points, out);
+  found.summary = summary_of(request, found, points.size());
+  print_findings(found);
+  return end_lab(out, found.rows, found.summary, [&](const std::string& page) { write_report(page, found); });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return guarded("subworld lab coupling", [&] { return run_lab(argc, argv); });
+}

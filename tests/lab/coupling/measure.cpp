@@ -1,0 +1,210 @@
+#include "lab/coupling/measure.hpp"
+
+#include "lab/coupling/analysis.hpp"
+#include "rt/stop.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace subworld {
+
+namespace {
+
+constexpr int kFiner = 4;  ///< the step of the reference's own reference
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+std::vector<Vec3> every(std::span<const Vec3> values, int step) {
+  std::vector<Vec3> kept;
+  for (std::size_t i = 0; i < values.size(); i += static_cast<std::size_t>(step)) kept.push_back(values[i]);
+  return kept;
+}
+
+/// Forces of all users behind each other, each cut to what both runs have. `finer`: steps of b in one of a.
+struct Joined {
+  std::vector<Vec3> a;
+  std::vector<Vec3> b;
+};
+Joined joined(const std::vector<FeltHistory>& a, const std::vector<FeltHistory>& b, int finer = 1) {
+  Joined both;
+  for (std::size_t u = 0; u < a.size(); ++u) {
+    const std::vector<Vec3> of_b = every(b[u].force, finer);
+    const auto n = static_cast<std::ptrdiff_t>(std::min(a[u].force.size(), of_b.size()));
+    both.a.insert(both.a.end(), a[u].force.begin(), a[u].force.begin() + n);
+    both.b.insert(both.b.end(), of_b.begin(), of_b.begin() + n);
+  }
+  return both;
+}
+
+double position_error_rms_m(const std::vector<FeltHistory>& a, const std::vector<FeltHistory>& b) {
+  double sum = 0.0;
+  std::size_t count = 0;
+  for (std::size_t u = 0; u < a.size(); ++u) {
+    const std::size_t n = std::min(a[u].proxy.size(), b[u].proxy.size());
+    for (std::size_t i = 0; i < n; ++i) sum += (a[u].proxy[i].position - b[u].proxy[i].position).squaredNorm();
+    count += n;
+  }
+  return std::sqrt(sum / static_cast<double>(count));
+}
+
+double drift_max_m(const Scene& scene, const Outcome& a, const Outcome& b) {
+  double most = 0.0;
+  for (const Body& body : scene.bodies) {
+    if (body.fixed()) continue;
+    const double drift = (a.end[index(body.id)].position - b.end[index(body.id)].position).norm();
+    if (!(drift <= most)) most = drift;  // one that is no number stays
+    if (std::isnan(most)) break;
+  }
+  return most;
+}
+
+double cpu_s_per_s(const Histogram& h, double simulated_s) {
+  return h.mean_s() * static_cast<double>(h.count()) / simulated_s;
+}
+
+/// What was run.
+Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
+  const Settings& s = scene.settings;
+  return {{"scene", scene.name},
+          {"variant", point.variant},
+          {"scheme", point.scheme},
+          {"engine", s.world.name},
+          {"haptic_engine", s.haptic.name},
+          {"h_s", s.h_s},
+          {"ratio", s.ratio},
+          {"ratio_most", point.ratio_most},
+          {"ratio_mean", run.ratio.mean()},
+          {"box_m", scene.users.front().box_half_m},
+          {"contact_depth", scene.users.front().contact_depth},
+          {"budget_ratio", scene.users.front().budget_ratio},
+          {"world_substeps", run.substeps},
+          {"latency_s", point.latency_s},
+          {"jitter_s", point.jitter_s},
+          {"coupling_stiffness_n_m", scene.users.front().coupling.stiffness_n_m}};
+}
+
+void add_errors(Json& row, const Scene& scene, const Outcome& run, const Reference& reference) {
+  const ForceError e = run.finite ? force_error(run.felt, reference.run.felt, scene.settings.h_s)
+                                  : ForceError{kNone, kNone, kNone, kNone, kNone, kNone, kNone};
+  const double drift_m = run.finite ? drift_max_m(scene, run, reference.run) : kNone;
+  row.update({{"survived", run.finite && std::isfinite(drift_m)},
+              {"force_error_rms", e.rms},
+              {"force_error_p99", e.p99},
+              {"force_error_max", e.max},
+              {"time_offset_s", e.time_offset_s},
+              {"value_offset", e.value_offset},
+              {"jitter_ratio", e.jitter_ratio},
+              {"smoothed_force_error_rms", e.smoothed_rms},
+              {"position_error_rms_m", run.finite ? position_error_rms_m(run.felt, reference.run.felt) : kNone},
+              {"drift_max_m", drift_m},
+              {"energy_excess_j", run.energy_excess_j},
+              {"reference_energy_excess_j", reference.run.energy_excess_j},
+              {"device_work_j", run.device_work_j},
+              {"reference_error", reference.floor},
+              {"at_reference_error", e.rms <= reference.floor && telling(reference.floor)}});
+}
+
+void add_run_times(Json& row, const Outcome& run) {
+  row.update({{"members_mean", run.members.mean()},
+              {"ghosts_mean", run.ghosts.mean()},
+              {"border_pairs_mean", run.border_pairs.mean()},
+              {"world_cpu_s_per_s", cpu_s_per_s(run.cpu.world, run.simulated_s)},
+              {"haptic_cpu_s_per_s", cpu_s_per_s(run.cpu.haptic, run.simulated_s)},
+              {"synchronise_cpu_s_per_s", cpu_s_per_s(run.cpu.synchronise, run.simulated_s)},
+              {"transport_cpu_s_per_s", nullptr},
+              {"world_step_s", quantiles(run.cpu.world)},
+              {"haptic_step_s", quantiles(run.cpu.haptic)},
+              {"synchronise_step_s", quantiles(run.cpu.synchronise)}});
+}
+
+}  // namespace
+
+std::optional<Outcome> run_out(const Scene& scene) {
+  const auto run = std::make_unique<CoupledRun>(scene);
+  Outcome out;
+  while (run->finite() && run->world.time_s() < scene.settings.duration_s - 1e-9) {
+    if (stop_signal() != 0) return std::nullopt;
+    const std::uint64_t stamp = run->world.stamp();
+    run->cycle();
+    if (run->world.stamp() > stamp) {
+      out.ratio.add(run->world.ratio());
+      out.ratios.insert(out.ratios.end(), static_cast<std::size_t>(run->world.ratio()), run->world.ratio());
+    }
+    for (std::size_t u = 0; u < run->subs.size(); ++u) {
+      const WorldFrame& frame = run->frame(u);
+      out.members.add(static_cast<double>(frame.members.size()));
+      out.ghosts.add(static_cast<double>(frame.ghosts.size()));
+      out.border_pairs.add(static_cast<double>(run->world.border(u).size()));
+    }
+  }
+  out.finite = run->finite();
+  out.simulated_s = run->world.time_s();
+  out.substeps = run->world.substeps();
+  out.energy_excess_j = run->world.energy_excess_j();
+  for (const auto& sub : run->subs) out.device_work_j += sub->device_work_j();
+  for (const Body& body : scene.bodies) out.end.push_back(run->world.engine().state(body.id));
+  out.felt = std::move(run->felt);
+  out.cpu = run->cpu;
+  return out;
+}
+
+std::optional<Reference> reference_of(const Scene& scene) {
+  std::optional<Outcome> run = run_out(scene);
+  if (!run) return std::nullopt;
+  const std::optional<Outcome> fine = run_out(refined(scene, kFiner));
+  if (!fine) return std::nullopt;
+  const Joined both = joined(run->felt, fine->felt, kFiner);
+  const double floor = force_error(both.a, both.b, scene.settings.h_s).rms;
+  return Reference{std::move(*run), floor};
+}
+
+ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference, double h_s) {
+  const Joined both = joined(felt, reference);
+  return force_error(both.a, both.b, h_s);
+}
+
+const Reference* References::of(const Point& point) {
+  const std::string key = reference_key(point);
+  if (const auto found = known_.find(key); found != known_.end()) return &found->second;
+  std::optional<Reference> reference = reference_of(reference_scene_of(point));
+  return reference ? &known_.emplace(key, std::move(*reference)).first->second : nullptr;
+}
+
+std::optional<Measured> measure(const Point& point, References& references) {
+  const Reference* reference = references.of(point);
+  if (reference == nullptr) return std::nullopt;
+  const Scene scene = scene_of(point);
+  const std::optional<Outcome> run = run_out(scene);
+  if (!run) return std::nullopt;
+
+  Measured measured{.row = settings_of(point, scene, *run), .trace = {}};
+  add_errors(measured.row, scene, *run, *reference);
+  add_run_times(measured.row, *run);
+  const std::string late = point.latency_s > 0.0 ? fmt::format("_late_{:g}_ms", 1e3 * point.latency_s) : "";
+  const std::string parts = run->substeps > 1 ? fmt::format("_{}_parts", run->substeps) : "";
+  measured.trace = {.scene = scene.name,
+                    .scheme = point.scheme,
+                    .ratio = point.ratio,
+                    .latency_s = point.latency_s,
+                    .name = fmt::format("{}_{}_r{}{}{}", scene.name, point.scheme, point.ratio, parts, late),
+                    .h_s = scene.settings.h_s,
+                    .force = run->felt.front().force,
+                    .reference = reference->run.felt.front().force,
+                    .ratios = run->ratios};
+  const std::size_t n = std::min(measured.trace.force.size(), measured.trace.reference.size());
+  measured.trace.force.resize(n);
+  measured.trace.reference.resize(n);
+  measured.trace.ratios.resize(n, scene.settings.ratio);
+  return measured;
+}
+
+double total_cpu(const Json& row) {
+  double sum = 0.0;
+  for (const char* part : {"world_cpu_s_per_s", "haptic_cpu_s_per_s", "synchronise_cpu_s_per_s"})
+    sum += row.at(part).get<double>();
+  return sum;
+}
+
+}  // namespace subworld

@@ -1,0 +1,82 @@
+#pragma once
+
+#include "io/results.hpp"
+#include "lab/coupling/sweep.hpp"
+#include "lab/session/coupled_run.hpp"
+#include "lab/session/metrics.hpp"
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+/// What a run left.
+struct Outcome {
+  bool finite = true;
+  std::vector<FeltHistory> felt;  ///< by user
+  std::vector<BodyState> end;     ///< of the scene's bodies, in the world
+  double energy_excess_j = 0.0;
+  double device_work_j = 0.0;  ///< of all users
+  int substeps = 1;
+  CpuTimes cpu;
+  double simulated_s = 0.0;
+  MeanMax ratio;            ///< by cycle
+  std::vector<int> ratios;  ///< by haptic step of the world
+  MeanMax members;          ///< per user and cycle, as the next two
+  MeanMax ghosts;
+  MeanMax border_pairs;
+};
+
+/// Empty where a signal asked to stop.
+[[nodiscard]] std::optional<Outcome> run_out(const Scene& scene);
+
+struct Reference {
+  Outcome run;
+  double floor = 0.0;  ///< RMS force error of the reference against itself at h / 4
+};
+
+/// Of a scene in one world (lab/sweep). Empty where a signal asked to stop.
+[[nodiscard]] std::optional<Reference> reference_of(const Scene& scene);
+
+/// Of what the hands felt in two runs of one scene.
+[[nodiscard]] ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference,
+                                     double h_s);
+
+/// Each reference is computed once.
+class References {
+ public:
+  /// Empty where a signal asked to stop.
+  [[nodiscard]] const Reference* of(const Point& point);
+
+ private:
+  std::map<std::string, Reference> known_;
+};
+
+/// What user 0 felt, and should have.
+struct Trace {
+  std::string scene;
+  std::string scheme;
+  int ratio = 1;
+  double latency_s = 0.0;
+  std::string name;  ///< of the file, without its end
+  double h_s = 0.0;
+  std::vector<Vec3> force;  ///< N
+  std::vector<Vec3> reference;
+  std::vector<int> ratios;  ///< by haptic step
+};
+
+struct Measured {
+  Json row;
+  Trace trace;
+};
+
+/// One flat row. Empty where a signal asked to stop.
+[[nodiscard]] std::optional<Measured> measure(const Point& point, References& references);
+
+/// CPU seconds per simulated second, of all parts of a row.
+[[nodiscard]] double total_cpu(const Json& row);
+
+}  // namespace subworld

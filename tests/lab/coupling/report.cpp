@@ -1,0 +1,245 @@
+#include "lab/coupling/report.hpp"
+#include "lab/page/page.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace subworld {
+
+namespace {
+
+constexpr const char* kHowToRead = R"(<p>Each point is the whole system (world, sub-worlds, emulated devices) run in
+lock-step in one process. The <b>felt force</b> is compared with that of a <b>reference</b>: the same scene and engine in
+one world at the haptic step, without any coupling. The <b>error</b> is the root mean square of the difference over that
+of the reference, over all users. The reference is itself not exact: its difference to the same world at a quarter of the
+step is the <b>floor</b>, and an error under the floor means &ldquo;as good as can be told&rdquo;, not &ldquo;better&rdquo;. A
+setting is called <b>imperceptible</b> when the RMS error is at most 3.5 %, its 99th percentile at most 7 % of the largest
+force, and the force at most 5 ms early or late. The best settings are low and to the left: little error for little
+<b>CPU time</b>, which is that of world, sub-worlds and synchronisation in seconds per simulated second, without the
+network. Errors under 0.01 % are drawn at 0.01 %.</p>
+<p class=facts>In the tables: <b>p99</b> and <b>max</b> are of the difference, over the reference's largest force;
+<b>offset</b> is the lag that makes the error least, and <b>RMS without offset</b> what is left then; <b>jitter</b> is the
+force without its 41-step mean, over the same of the reference; <b>smoothed</b> the error of those means; <b>drift</b> the
+most that a body ends away from where the reference has it; <b>energy excess</b> what the world gained beyond the work of the
+devices; <b>ghosts</b> the outside bodies that the scheme <i>reduced</i> models.</p>
+)";
+
+constexpr int kFewestFitted = 3;  ///< points; fewer say nothing of an order
+constexpr const char* kOrders =
+    "Observed order p of error ~ C r<sup>p</sup> (or C h<sup>p</sup>), points above the floor and without latency";
+constexpr const char* kVariants =
+    "Over the variants of the scene, which differ from it in friction, masses and path; the plots are of the scene "
+    "itself";
+
+constexpr Column kColumns[] = {{"variant", "variant", 1, 4, nullptr, true},
+                               {"engine", "engine", 1, 0, nullptr, true},
+                               {"haptic engine", "haptic_engine", 1, 0, nullptr, true},
+                               {"r", "ratio", 1, 4},
+                               {"r at most", "ratio_most", 1, 4, nullptr, true},
+                               {"r mean", "ratio_mean", 1, 3, nullptr, true},
+                               {"h ms", "h_s", 1e3, 4, nullptr, true},
+                               {"box m", "box_m", 1, 4, nullptr, true},
+                               {"contact depth", "contact_depth", 1, 4, nullptr, true},
+                               {"budget % of h", "budget_ratio", 1e2, 4, nullptr, true},
+                               {"world sub-steps", "world_substeps", 1, 4, nullptr, true},
+                               {"latency ms", "latency_s", 1e3, 4, nullptr, true},
+                               {"jitter ms", "jitter_s", 1e3, 4, nullptr, true},
+                               {"K N/m", "coupling_stiffness_n_m", 1, 5, nullptr, true},
+                               {"error RMS %", "force_error_rms", 1e2, 3},
+                               {"p99 %", "force_error_p99", 1e2, 3},
+                               {"max %", "force_error_max", 1e2, 3},
+                               {"offset ms", "time_offset_s", 1e3, 3},
+                               {"RMS without offset %", "value_offset", 1e2, 3},
+                               {"jitter ratio", "jitter_ratio", 1, 3},
+                               {"smoothed RMS %", "smoothed_force_error_rms", 1e2, 3},
+                               {"proxy error RMS mm", "position_error_rms_m", 1e3, 3},
+                               {"drift max mm", "drift_max_m", 1e3, 3},
+                               {"energy excess J", "energy_excess_j", 1, 3},
+                               {"device work J", "device_work_j", 1, 3},
+                               {"members", "members_mean", 1, 3},
+                               {"ghosts", "ghosts_mean", 1, 3},
+                               {"border pairs", "border_pairs_mean", 1, 3},
+                               {"world CPU s/s", "world_cpu_s_per_s", 1, 3},
+                               {"haptic CPU s/s", "haptic_cpu_s_per_s", 1, 3},
+                               {"synchronise CPU s/s", "synchronise_cpu_s_per_s", 1, 3},
+                               {"world step p99 ms", "world_step_s", 1e3, 3, "p99"},
+                               {"haptic step p99 ms", "haptic_step_s", 1e3, 3, "p99"}};
+
+std::string marks_of(const Json& row, bool is_dominated) {
+  std::string marks;
+  const auto add = [&](bool holds, const char* text) {
+    if (holds) marks += fmt::format("{}{}", marks.empty() ? "" : ", ", text);
+  };
+  add(!row.at("survived").get<bool>(), "did not survive");
+  add(row.at("at_reference_error").get<bool>(), "<span class=good>at the floor</span>");
+  add(imperceptible(row), "<span class=good>imperceptible</span>");
+  add(row.at("survived").get<bool>() && is_dominated, "dominated");
+  return marks;
+}
+
+std::string table_of(const Rows& rows) {
+  const std::vector<std::string> columns = swept(rows);
+  std::vector<Column> kept;
+  for (const Column& column : kColumns) {
+    if (!column.only_swept || std::ranges::find(columns, column.key) != columns.end()) kept.push_back(column);
+  }
+  std::string text = "<div class=wide><table><tr><th class=text>scheme</th>";
+  for (const Column& column : kept) text += fmt::format("<th>{}</th>", column.title);
+  text += "<th>CPU s/s</th><th class=text>remarks</th></tr>\n";
+  for (const Json& row : rows) {
+    const bool grey = dominated(row, rows);
+    text += fmt::format("<tr{}><td class=text>{}</td>", grey ? " class=dominated" : "",
+                        escaped(row.at("scheme").get<std::string>()));
+    for (const Column& column : kept) text += fmt::format("<td>{}</td>", cell_of(column, row));
+    text += fmt::format("<td>{:.3g}</td><td class=text>{}</td></tr>\n", total_cpu(row), marks_of(row, grey));
+  }
+  return text +
+         "</table></div>\n<p class=facts>Grey, &ldquo;dominated&rdquo;: another point under the same conditions is "
+         "better in error or CPU time and not worse in the other; errors under the floor are equal.</p>\n";
+}
+
+/// Which setting each budget affords, for the first latency, jitter and stiffness.
+std::string choices_of(const Rows& rows) {
+  if (!comparable(rows.front())) return "";
+  std::vector<const Json*> open;
+  for (const Json& row : rows) {
+    if (alike(row, rows.front(), {"variant", "latency_s", "jitter_s", "coupling_stiffness_n_m", "h_s"}))
+      open.push_back(&row);
+  }
+  const std::vector<std::string> columns = swept(rows);
+  std::string text;
+  for (const double budget : kBudgets) {
+    const Json* best = choice(open, budget);
+    if (best == nullptr) {
+      text += fmt::format("<br>{:g} CPU s per simulated s: nothing is that cheap", budget);
+      continue;
+    }
+    text += fmt::format("<br>{:g} CPU s per simulated s: <b>{}</b>, {:.2g} % for {:.2g} CPU s{}", budget,
+                        escaped(swept_text(*best, columns, "")), 100.0 * best->at("force_error_rms").get<double>(),
+                        total_cpu(*best), imperceptible(*best) ? ", imperceptible" : "");
+  }
+  return "<p class=choice>With a budget of" + text + "</p>\n";
+}
+
+/// What was simulated.
+std::string facts_of(const Json& scene) {
+  const auto engine = [](const Json& e) {
+    return fmt::format("{} ({}{})", e.at("engine").get<std::string>(), e.at("preset").get<std::string>(),
+                       e.at("iterations").is_null() ? "" : fmt::format(", {} iterations", e.at("iterations").dump()));
+  };
+  return fmt::format(
+      "<p class=facts>{}: {:g} s in steps of {:g} ms after {:g} s of settling; {} bodies, {} user(s), box {:g} m; "
+      "coupling {:g} N/m, {:g} N s/m; world {}, sub-worlds {}; where nothing else is swept.</p>\n",
+      escaped(scene.at("file").get<std::string>()), scene.at("duration_s").get<double>(),
+      1e3 * scene.at("h_s").get<double>(), scene.at("settle_s").get<double>(), scene.at("bodies").get<int>(),
+      scene.at("users").get<int>(), scene.at("box_m").get<double>(), scene.at("coupling_stiffness_n_m").get<double>(),
+      scene.at("coupling_damping_n_s_m").get<double>(), engine(scene.at("world")), engine(scene.at("haptic")));
+}
+
+std::string plan_of(const Json& scene) {
+  std::string names;
+  for (const Json& item : scene.at("plan")) {
+    if (!item.at("enabled").get<bool>() || item.value("user", 0) != 0) continue;
+    names += fmt::format("{}<span title=\"{}\">{}</span>", names.empty() ? "" : ", ",
+                         escaped(item.at("because").get<std::string>()), item.at("item").get<std::string>());
+  }
+  if (names.empty()) return "";
+  return fmt::format("<p class=facts>Left out, as the scene does not need it (subworld plan): {}.</p>\n", names);
+}
+
+/// Where the reference itself depends on the step.
+std::string doubt_of(const Rows& rows) {
+  if (!comparable(rows.front())) {
+    return "<p class=doubt>The reference felt no force in this time, so there is no relative error. Run longer.</p>\n";
+  }
+  const double floor = rows.front().at("reference_error").get<double>();
+  if (telling(floor)) return "";
+  return fmt::format(
+      "<p class=doubt>The floor is {:.2g} %: the reference itself changes with its step, because contacts then follow "
+      "another course or because the path's speed jumps. It is one of many that are right, and an error says only how "
+      "well a scheme keeps to this one; no point is called at the floor.</p>\n",
+      100.0 * floor);
+}
+
+std::string list_of(const char* title, const std::vector<std::string>& lines) {
+  if (lines.empty()) return "";
+  std::string text = fmt::format("<p>{}:</p>\n<ul>", title);
+  for (const std::string& line : lines) text += fmt::format("<li>{}</li>\n", escaped(line));
+  return text + "</ul>\n";
+}
+
+}  // namespace
+
+std::vector<std::string> orders_of(const Json& fits, const Rows& rows) {
+  std::vector<std::string> columns = swept(rows);
+  for (const char* other : {"scheme", "latency_s", "jitter_s"}) std::erase(columns, other);
+  std::vector<std::string> lines;
+  for (const Json& fit : fits) {
+    if (!alike(fit, rows.front(), {"scene", "variant"}) || fit.at("order").is_null()) continue;
+    if (fit.at("points").get<int>() < kFewestFitted) continue;
+    const std::string x = fit.at("in");
+    const std::string what = swept_text(fit, columns, x);
+    lines.push_back(fmt::format("{}{}{}: p = {:.2f} in {} over {} points", fit.at("scheme").get<std::string>(),
+                                what.empty() ? "" : ", ", what, fit.at("order").get<double>(), x == "ratio" ? "r" : "h",
+                                fit.at("points").get<int>()));
+  }
+  return lines;
+}
+
+std::vector<std::string> variants_of(const Json& over_variants, const Rows& rows) {
+  const std::vector<std::string> columns = swept(rows);
+  std::vector<std::string> lines;
+  for (const Json& over : over_variants) {
+    if (over.at("scene") != rows.front().at("scene")) continue;
+    const std::string what = swept_text(over, columns, "variant");
+    const auto percent = [&](const char* column) { return 100.0 * over.at(column).get<double>(); };
+    lines.push_back(
+        fmt::format("{}{}median {:.2g} %, worst {:.2g} % of {} (floors {:.2g} to {:.2g} %){}", what,
+                    what.empty() ? "" : ": ", percent("force_error_rms_median"), percent("force_error_rms_max"),
+                    over.at("variants").get<int>(), percent("reference_error_min"), percent("reference_error_max"),
+                    over.at("survived") == over.at("variants")
+                        ? ""
+                        : fmt::format("; ONLY {} SURVIVED, the errors are theirs", over.at("survived").get<int>())));
+  }
+  return lines;
+}
+
+void write_report(const std::string& path, const Findings& found) {
+  struct Section {
+    Rows rows;
+    std::size_t first_plot;
+    std::size_t plots;
+  };
+  std::vector<Section> sections;
+  std::vector<Plot> plots;
+  for (Rows& rows : by_scene(found.rows)) sections.push_back({std::move(rows), 0, 0});
+  for (Section& section : sections) {
+    const std::vector<Plot> mine = plots_of(section.rows, found.traces);
+    section.first_plot = plots.size();
+    section.plots = mine.size();
+    plots.insert(plots.end(), mine.begin(), mine.end());
+  }
+  const std::vector<std::string> pictures = svg_of(plots);
+
+  Page page(path, "Felt-force error against run time");
+  std::string scenes;
+  for (const Json& scene : found.summary.at("scenes"))
+    scenes += fmt::format("{}{}", scenes.empty() ? "" : ", ", scene.at("scene").get<std::string>());
+  page.intro("Scenes: " + scenes, found.summary);
+  page.add(kHowToRead);
+  for (const Section& section : sections) {
+    const std::string scene = section.rows.front().at("scene");
+    page.heading(scene);
+    const Json& facts =
+        *std::ranges::find_if(found.summary.at("scenes"), [&](const Json& s) { return s.at("scene") == scene; });
+    page.add(facts_of(facts) + plan_of(facts) + doubt_of(section.rows) + choices_of(section.rows));
+    page.plots(pictures.data() + section.first_plot, section.plots);
+    page.add(list_of(kOrders, orders_of(found.summary.at("convergence"), section.rows)) +
+             list_of(kVariants, variants_of(found.summary.at("over_variants"), section.rows)) + table_of(section.rows));
+  }
+  page.close();
+}
+
+}  // namespace subworld

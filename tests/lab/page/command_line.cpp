@@ -1,0 +1,81 @@
+#include "lab/page/command_line.hpp"
+
+#include "io/scene_name.hpp"
+#include "model/error.hpp"
+#include "rt/stop.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+
+namespace subworld {
+
+std::vector<std::string> scene_files(const std::vector<std::string>& names) {
+  if (scenes_folder().empty()) {
+    throw Error(ExitCode::usage,
+                "the folder deploy/scenes is not above this program; name the scene files on the command line");
+  }
+  std::vector<std::string> files;
+  for (const std::string& name : names) files.push_back(scene_file(name));
+  return files;
+}
+
+std::string not_finite(const std::string& text) {
+  return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : fmt::format("{} is not a finite number", text);
+}
+
+CLI::Option* add_seed(CLI::App& app, std::uint64_t& seed) {
+  constexpr double kMost = 9e15;  // what every program that reads a table can hold
+  return app.add_option("--seed", seed, "seed of the random scenes (default: 1)")->check(CLI::Range(0.0, kMost));
+}
+
+void add_out(CLI::App& app, const std::string& lab, std::string& out) {
+  app.add_option("--out", out, fmt::format("folder for the results (default: out/lab_{}-TIME)", lab));
+}
+
+std::string default_out(const std::string& lab) {
+  return fmt::format("out/lab_{}-{:%Y%m%d-%H%M%S}", lab, fmt::localtime(std::time(nullptr)));
+}
+
+Json begin_summary(const std::string& lab, std::size_t points, std::size_t planned) {
+  return {{"lab", lab},
+          {"date", fmt::format("{:%Y-%m-%d %H:%M}", fmt::localtime(std::time(nullptr)))},
+          {"points", points},
+          {"planned", planned},
+          {"machine", machine()}};
+}
+
+std::string stopped_text(std::size_t points, std::size_t planned) {
+  return points < planned ? fmt::format("; stopped after {} of {} points", points, planned) : "";
+}
+
+int end_lab(const std::string& out, const Rows& rows, const Json& summary,
+            const std::function<void(const std::string&)>& report) {
+  write_json(out + "/results.json", rows);
+  write_csv(out + "/results.csv", rows);
+  write_json(out + "/summary.json", summary);
+  fmt::print("{}{}\nresults: {}/results.csv\n",
+             stop_signal() != 0 ? fmt::format("stopped by SIG{}: ", sigabbrev_np(stop_signal())) : "",
+             summary.at("verdict").get<std::string>(), out);
+  const std::string page = out + "/report.html";
+  report(page);
+  fmt::print("report: {}\n", page);
+  return static_cast<int>(ExitCode::done);
+}
+
+std::string left_text(double left_s) {
+  if (!(left_s > 0.0)) return "";
+  return left_s < 90.0 ? fmt::format("  about {:.0f} s left", left_s)
+                       : fmt::format("  about {:.0f} min left", left_s / 60.0);
+}
+
+std::string TimeLeft::text(double done) const {
+  const double passed_s = std::chrono::duration<double>(Clock::now() - begin_).count();
+  return left_text(passed_s / done * (work_ - done));
+}
+
+}  // namespace subworld

@@ -1,0 +1,179 @@
+#include "lab/plan/measure.hpp"
+
+#include "coupling/plan.hpp"
+#include "lab/coupling/measure.hpp"
+#include "lab/coupling/sweep.hpp"
+#include "lab/session/apart.hpp"
+#include "lab/session/coupled_run.hpp"
+#include "lab/session/cpu_time.hpp"
+#include "model/error.hpp"
+#include "wire/codec.hpp"
+
+#include <fmt/format.h>
+#include <malloc.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace subworld {
+
+namespace {
+
+constexpr double kMost_s = 600.0;  ///< for a run
+constexpr double kNotMeasured = NAN;
+
+/// The figures that are compared, and the columns of their ratios.
+struct Figure {
+  const char* key;
+  const char* ratio;
+};
+constexpr std::array kFigures{Figure{"world_cpu_s", "world_cpu_ratio"}, Figure{"haptic_cpu_s", "haptic_cpu_ratio"},
+                              Figure{"bytes_per_cycle", "bytes_ratio"}, Figure{"memory_bytes", "memory_ratio"},
+                              Figure{"start_cpu_s", "start_ratio"}};
+
+double allocated_bytes() {
+  const struct mallinfo2 heap = mallinfo2();
+  return static_cast<double>(heap.uordblks + heap.hblkhd);
+}
+
+/// What reading the clock twice adds to a measured time, s: as much as a lone proxy's step.
+double clock_s() {
+  constexpr int kTimes = 20'000;
+  Histogram nothing;
+  for (int i = 0; i < kTimes; ++i) const CpuTimer timer(nothing);
+  return nothing.quantile_s(0.5);
+}
+
+double sum_s(const Histogram& times, double clock_s) {
+  return times.sum_s() - clock_s * static_cast<double>(times.count());
+}
+
+/// In a process of its own.
+Json figures_of(const Scene& scene) {
+  const double before_bytes = allocated_bytes(), before_s = thread_cpu_s();
+  CoupledRun run(scene);
+  const double start_s = thread_cpu_s() - before_s;
+  Codec<WorldFrame> frames;
+  Codec<HapticReport> reports;
+  double bytes = 0.0;
+  std::uint64_t cycles = 0;
+  while (run.finite() && run.world.time_s() < scene.settings.duration_s - 1e-9) {
+    run.cycle();
+    for (std::size_t u = 0; u < run.subs.size(); ++u) {
+      if (run.sent_frame(u)) bytes += static_cast<double>(frames.encode(run.frame(u)).size());
+      if (run.sent_report(u)) bytes += static_cast<double>(reports.encode(run.report(u)).size());
+    }
+    ++cycles;
+  }
+  if (!run.finite()) throw Error(ExitCode::failed, "a state is not finite");
+  Json felt = Json::array();
+  for (const FeltHistory& user : run.felt) {
+    Json forces = Json::array();
+    for (const Vec3& f : user.force) forces.insert(forces.end(), {f.x(), f.y(), f.z()});
+    felt.push_back(std::move(forces));
+  }
+  const double clock = clock_s();
+  return {{"world_cpu_s", sum_s(run.cpu.world, clock)},
+          {"haptic_cpu_s", sum_s(run.cpu.haptic, clock) + sum_s(run.cpu.synchronise, clock)},
+          {"bytes_per_cycle", cycles == 0 ? 0.0 : bytes / static_cast<double>(cycles)},
+          {"memory_bytes", allocated_bytes() - before_bytes},
+          {"start_cpu_s", start_s},
+          {"hash", fmt::format("{:016x}", run.hash())},
+          {"felt", std::move(felt)}};
+}
+
+Json run_apart(const PlanPoint& point, const Scene& scene) {
+  const Apart run = apart(kMost_s, [&] { return figures_of(scene); });
+  if (!run.answer) {
+    throw Error(ExitCode::failed,
+                fmt::format("{}, {} {}: the run ended with {}", point.scene, point.item,
+                            scene.settings.disabled == kDisableNothing ? "left out" : "kept in", run.end));
+  }
+  return *run.answer;
+}
+
+void keep_least(Json& best, const Json& run) {
+  for (const Figure& figure : kFigures) best[figure.key] = std::min(number(best, figure.key), number(run, figure.key));
+}
+
+std::vector<FeltHistory> felt_of(const Json& run) {
+  std::vector<FeltHistory> felt;
+  for (const Json& forces : run.at("felt")) {
+    FeltHistory& user = felt.emplace_back();
+    for (std::size_t i = 0; i + 2 < forces.size(); i += 3)
+      user.force.emplace_back(forces[i].get<double>(), forces[i + 1].get<double>(), forces[i + 2].get<double>());
+  }
+  return felt;
+}
+
+/// Of the item, or of the first that is left out of all.
+Decision decision_of(const Scene& scene, const std::string& item) {
+  Decision first{false, false, "nothing is left out"};
+  for (const PlannedItem& planned : plan_of(scene)) {
+    if (item != "all" && planned.item->name != item) continue;
+    if (planned.decision.enabled && !planned.decision.ordered) {
+      return item == "all" ? Decision{true, false, "all that the plan leaves out"} : planned.decision;
+    }
+    if (item != "all") first = planned.decision;
+  }
+  return first;
+}
+
+}  // namespace
+
+Json measured_plan_row(const PlanPoint& point, int repeats) {
+  const Scene without = point.load();
+  const Decision decision = decision_of(without, point.item);
+  Json row = {
+      {"scene", point.scene}, {"item", point.item}, {"enabled", decision.enabled}, {"reason", decision.because}};
+  for (const Figure& figure : kFigures) row[figure.ratio] = kNotMeasured;
+  row.update({{"hash_equal", true},
+              {"force_difference_rms", 0.0},
+              {"reference_error", kNotMeasured},
+              {"error_enabled_rms", kNotMeasured},
+              {"error_disabled_rms", kNotMeasured},
+              {"held", true}});
+  if (!decision.enabled) return row;
+
+  Scene with = without;
+  with.settings.disable(parse_disabled({point.item}));
+  Json out = run_apart(point, without), kept = run_apart(point, with);
+  for (int i = 1; i < repeats; ++i) {
+    keep_least(out, run_apart(point, without));
+    keep_least(kept, run_apart(point, with));
+  }
+  for (const Figure& figure : kFigures) {
+    row[figure.ratio] = number(out, figure.key) / number(kept, figure.key);
+    row[fmt::format("{}_kept", figure.key)] = kept.at(figure.key);
+  }
+  row["hash_equal"] = out.at("hash") == kept.at("hash");
+  if (row.at("hash_equal").get<bool>()) return row;
+  const double difference = force_error(felt_of(out), felt_of(kept), without.settings.h_s).rms;
+  row["force_difference_rms"] = difference;
+  if (difference == 0.0) return row;
+  // Nothing is left out of the reference but a bound on energy, which is no physics of the scene.
+  Scene all = with;
+  for (std::size_t u = 0; u < all.users.size(); ++u) {
+    if (enabled(without, Optimisation::passivity, u)) all.settings.passivity = Passivity::off;
+  }
+  const Apart judged = apart(kMost_s, [&]() -> Json {
+    const std::optional<Reference> reference = reference_of(in_one_world(all));
+    if (!reference) return nullptr;
+    const auto error_of = [&](const Json& run) {
+      return force_error(felt_of(run), reference->run.felt, without.settings.h_s).rms;
+    };
+    return {{"reference_error", reference->floor},
+            {"error_enabled_rms", error_of(out)},
+            {"error_disabled_rms", error_of(kept)}};
+  });
+  if (judged.answer && judged.answer->is_object()) row.update(*judged.answer);
+  // Where nothing is felt there is nothing to compare; and of two unlike runs none is worse where neither is farther
+  // from the reference, by more than that is sure of.
+  const double floor = number(row, "reference_error");
+  row["held"] = !std::isfinite(difference) || difference <= floor ||
+                number(row, "error_enabled_rms") <= number(row, "error_disabled_rms") + floor;
+  return row;
+}
+
+}  // namespace subworld

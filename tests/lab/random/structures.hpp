@@ -1,0 +1,69 @@
+#pragma once
+
+#include "lab/session/draw.hpp"
+#include "model/scene.hpp"
+
+#include <array>
+#include <string>
+
+/// Things that bodies make, drawn at random, for scenes of any lab.
+namespace subworld {
+
+enum class Structure : std::uint8_t { stack, row, heap, wall, ramp, against_wall, flight, lone };
+inline constexpr std::array kStructureNames{"stack", "row", "heap", "wall", "ramp", "against_wall", "flight", "lone"};
+
+/// What the bodies of a scene are drawn from.
+struct BodyRanges {
+  double least_size_m = 0.005, most_size_m = 0.5;  ///< of a side or diameter
+  double least_mass_kg = 1e-3, most_mass_kg = 10.0;
+  double size_m = 0.1;  ///< usual in this scene
+  double mass_kg = 0.3;
+  double mass_spread = 3.0;  ///< factor around it
+  std::vector<Material> materials{{}};
+};
+
+/// How far a shape reaches from its centre along a unit direction, m. Not for planes.
+[[nodiscard]] double reach_m(const Scene& scene, const Shape& shape, const Quat& orientation, const Vec3& direction);
+[[nodiscard]] Box bounds_of(const Scene& scene, const Body& body, const BodyState& state);
+
+/// Adds bodies to a scene, so that none overlaps another.
+class Builder {
+ public:
+  Builder(Scene& scene, Draw& draw, BodyRanges ranges) : scene_(scene), draw_(draw), ranges_(std::move(ranges)) {}
+
+  BodyId add(Body body, const BodyState& state, const std::string& name);
+  BodyId add_fixed(const Shape& shape, const Pose& pose, const std::string& name);
+  /// The ground: its highest point is z = 0.
+  void add_floor(double half_m);
+  /// At least one body, and at most `most`, on z = 0, all of it at x >= `from_x`. Returns where it ends in x.
+  double build(Structure structure, double from_x, int most);
+
+  /// A movable body of any shape; `flat`: one that another can stand on.
+  [[nodiscard]] Body draw_body(bool flat = false);
+  [[nodiscard]] Shape draw_shape(ShapeKind kind, double size_m);
+  [[nodiscard]] Material draw_material();
+  [[nodiscard]] Quat draw_orientation();
+  [[nodiscard]] Quat draw_yaw();
+  void set_mass(Body& body, double mass_kg) const;
+
+ private:
+  double stack(double from_x, int most);
+  double row(double from_x, int most);
+  double heap(double from_x, int most);
+  double wall(double from_x, int most);
+  double ramp(double from_x, int most);
+  double against_wall(double from_x, int most);
+  double flight(double from_x, int most);
+  double lone(double from_x, int most);
+  [[nodiscard]] std::uint32_t add_hull(double size_m);
+  /// So much is left between two bodies that touch: often nothing.
+  [[nodiscard]] double gap_m();
+  void push(Body& body, BodyState& state);
+
+  Scene& scene_;
+  Draw& draw_;
+  BodyRanges ranges_;
+  int made_ = 0;
+};
+
+}  // namespace subworld

@@ -1,0 +1,140 @@
+#include "lab/session/coupled_run.hpp"
+
+#include "coupling/plan.hpp"
+#include "lab/session/cpu_time.hpp"
+
+#include <algorithm>
+#include <bit>
+
+namespace subworld {
+
+CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
+    : scene_(scene), world(scene_, {}, make), felt(static_cast<std::size_t>(scene_.settings.users)) {
+  world.settle([](double) { return true; });
+  const Scheme& scheme = world.scheme();
+  for (std::size_t u = 0; u < felt.size(); ++u) {
+    subs.push_back(std::make_unique<SubWorld>(scene_, u));
+    devices.push_back(std::make_unique<EmulatedDevice>(scene_.users[u].device, static_cast<std::uint32_t>(u)));
+    const UserSpec& user = scene_.users[u];
+    guards.push_back(std::make_unique<DeviceGuard>(user, scene_.body(user.proxy),
+                                                   !enabled(scene_, Optimisation::passivity, u), 0.0));
+    const auto number = static_cast<std::uint32_t>(u);
+    Link link{.delay = Delay(scene_.settings, scheme.properties.lead_cycles, number),
+              .order = LockstepOrder(scene_, *subs[u]),
+              .reports = {},
+              .frames = {}};
+    link.reports.resize(remembered_cycles(scene_.settings, scheme));
+    link.frames.resize(link.reports.size());
+    links_.push_back(std::move(link));
+    subs[u]->synchronise_with(world.frame(u));
+    if (subs[u]->reports_at_start()) send_report(u);
+  }
+}
+
+void CoupledRun::send_report(std::size_t user) {
+  Link& link = links_[user];
+  const HapticReport* const report = subs[user]->close_cycle(1);
+  if (report == nullptr) return;
+  link.reported = true;
+  link.newest_report = report->stamp;
+  link.reports[report->stamp % link.reports.size()] = *report;
+}
+
+void CoupledRun::deliver_reports(std::size_t user) {
+  Link& link = links_[user];
+  while (link.next_report <= link.newest_report &&
+         link.delay.report_due(link.next_report, world.stamp(), world.timetable())) {
+    const HapticReport* report = &link.reports[link.next_report % link.reports.size()];
+    if (report->stamp != link.next_report) report = &this->report(user);  // it ends a silence
+    link.next_report = report->stamp + 1;
+    world.receive(HapticReport(*report));
+  }
+}
+
+void CoupledRun::deliver_frames(std::size_t user) {
+  Link& link = links_[user];
+  link.order.take_frames(*subs[user], [&](std::uint64_t stamp) {
+    if (stamp > world.stamp()) return false;
+    const CpuTimer timer(cpu.synchronise);
+    subs[user]->synchronise_with(link.frames[stamp % link.frames.size()]);
+    return true;
+  });
+}
+
+void CoupledRun::haptic_cycle(std::size_t user) {
+  const double h = scene_.settings.h_s;
+  SubWorld& sub = *subs[user];
+  EmulatedDevice& device = *devices[user];
+  Link& link = links_[user];
+  const std::uint64_t cycle = link.cycle++;
+  const int steps = sub.timetable().ratio(cycle);
+  for (int step = 0; step < steps; ++step) {
+    deliver_frames(user);
+    const DeviceState state = device.state();
+    DeviceCommand command;
+    FeltStep now;
+    {
+      const CpuTimer timer(cpu.haptic);
+      now = link.order.step(
+          sub, state, [&](const DeviceCommand& arrived, const FeltStep&) { command = arrived; },
+          [&] { send_report(user); });
+    }
+    felt[user].force.push_back(now.felt.force);
+    const DeviceCommand safe = guards[user]->pass(command, state, true, h);
+    felt[user].on_operator.push_back(safe.wrench.force);
+    device.step(safe, h);
+    felt[user].proxy.push_back(sub.proxy());
+  }
+  deliver_frames(user);
+}
+
+void CoupledRun::cycle() {
+  for (std::size_t u = 0; u < subs.size(); ++u) {
+    links_[u].reported = false;
+    if (links_[u].cycle > cycle_) continue;
+    do haptic_cycle(u);
+    while (!links_[u].reported);
+  }
+  const auto lead = static_cast<std::uint64_t>(world.scheme().properties.lead_cycles);
+  ++cycle_;
+  if (cycle_ > lead) {
+    for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
+    {
+      const CpuTimer timer(cpu.world);
+      world.step();
+    }
+    for (std::size_t u = 0; u < subs.size(); ++u) {
+      links_[u].frames[world.stamp() % links_[u].frames.size()] = world.frame(u);
+    }
+  }
+  for (std::size_t u = 0; u < subs.size(); ++u) deliver_frames(u);
+}
+
+bool CoupledRun::finite() const noexcept {
+  return world.finite() && std::ranges::all_of(subs, [](const auto& sub) { return sub->finite(); });
+}
+
+std::uint64_t CoupledRun::hash() const noexcept {
+  std::uint64_t hash = world.state_hash();
+  for (const FeltHistory& user : felt) {
+    for (const Vec3& force : user.on_operator) {
+      for (int i = 0; i < 3; ++i) hash = (hash ^ std::bit_cast<std::uint64_t>(force[i])) * 0x100000001b3ULL;
+    }
+  }
+  return hash;
+}
+
+bool CoupledRun::run() {
+  while (finite() && world.time_s() < scene_.settings.duration_s - 1e-9) cycle();
+  return finite();
+}
+
+void CoupledRun::close() {
+  if (world.scheme().properties.has_sub_worlds) {
+    for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
+    world.synchronise();
+  }
+  world.close();
+}
+
+}  // namespace subworld

@@ -1,0 +1,101 @@
+#include "lab/session/metrics.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace subworld {
+
+namespace {
+
+constexpr int kWindow = 41;         ///< samples
+constexpr double kMostLag_s = 0.2;  ///< beyond it two forces are not the same thing late
+
+struct Sums {
+  double difference = 0.0;
+  double reference = 0.0;
+  [[nodiscard]] double ratio() const noexcept { return std::sqrt(difference / reference); }
+};
+
+/// Of F against R, F taken `lag` samples later.
+double rms_at(std::span<const Vec3> force, std::span<const Vec3> reference, std::ptrdiff_t lag) noexcept {
+  Sums sums;
+  const auto n = static_cast<std::ptrdiff_t>(reference.size());
+  for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(0, -lag); i < std::min(n, n - lag); ++i) {
+    sums.difference += (force[i + lag] - reference[i]).squaredNorm();
+    sums.reference += reference[i].squaredNorm();
+  }
+  return sums.ratio();
+}
+
+double roughness(std::span<const Vec3> force, std::span<const Vec3> mean) noexcept {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < force.size(); ++i) sum += (force[i] - mean[i]).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(force.size()));
+}
+
+}  // namespace
+
+std::vector<Vec3> smoothed(std::span<const Vec3> force, int window) {
+  std::vector<Vec3> means(force.size());
+  const int half = window / 2;
+  const int n = static_cast<int>(force.size());
+  for (int i = 0; i < n; ++i) {
+    const int first = std::max(0, i - half);
+    const int last = std::min(n - 1, i + half);
+    Vec3 sum = Vec3::Zero();
+    for (int k = first; k <= last; ++k) sum += force[k];
+    means[i] = sum / (last - first + 1);
+  }
+  return means;
+}
+
+double noise_n(std::span<const Vec3> force) { return roughness(force, smoothed(force, kWindow)); }
+
+ForceError force_error(std::span<const Vec3> force, std::span<const Vec3> reference, double h_s) {
+  ForceError error;
+  const std::size_t n = std::min(force.size(), reference.size());
+  force = force.first(n);
+  reference = reference.first(n);
+  if (n == 0) return error;
+
+  std::vector<double> distances(n);
+  double largest = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    distances[i] = (force[i] - reference[i]).norm();
+    largest = std::max(largest, reference[i].norm());
+  }
+  error.rms = rms_at(force, reference, 0);
+  error.max = *std::ranges::max_element(distances) / largest;
+  const std::size_t at = std::min(n - 1, static_cast<std::size_t>(0.99 * static_cast<double>(n)));
+  std::ranges::nth_element(distances, distances.begin() + static_cast<std::ptrdiff_t>(at));
+  error.p99 = distances[at] / largest;
+
+  const auto most = std::min(static_cast<std::ptrdiff_t>(kMostLag_s / h_s), static_cast<std::ptrdiff_t>(n / 2));
+  std::ptrdiff_t best = 0;
+  error.value_offset = error.rms;
+  for (std::ptrdiff_t lag = -most; lag <= most; ++lag) {
+    const double rms = rms_at(force, reference, lag);
+    if (rms < error.value_offset) {
+      error.value_offset = rms;
+      best = lag;
+    }
+  }
+  // The square of the RMS is smooth in the lag: its parabola through three points has the least between the samples.
+  double fraction = 0.0;
+  if (std::abs(best) < most) {
+    const double left = std::pow(rms_at(force, reference, best - 1), 2);
+    const double middle = std::pow(error.value_offset, 2);
+    const double right = std::pow(rms_at(force, reference, best + 1), 2);
+    const double bend = left - 2.0 * middle + right;
+    if (bend > 0.0) fraction = std::clamp(0.5 * (left - right) / bend, -0.5, 0.5);
+  }
+  error.time_offset_s = (static_cast<double>(best) + fraction) * h_s;
+
+  const std::vector<Vec3> mean = smoothed(force, kWindow);
+  const std::vector<Vec3> reference_mean = smoothed(reference, kWindow);
+  error.jitter_ratio = roughness(force, mean) / roughness(reference, reference_mean);
+  error.smoothed_rms = rms_at(mean, reference_mean, 0);
+  return error;
+}
+
+}  // namespace subworld

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+
+namespace subworld {
+
+/// An engine with its preset, and the step of its world.
+struct Setting {
+  std::string engine;
+  std::string preset;
+  double dt_s = 0.001;
+
+  [[nodiscard]] std::string name() const { return engine + " " + preset; }
+  friend bool operator==(const Setting&, const Setting&) = default;
+};
+
+/// A signal asked to stop.
+struct Interrupted {};
+
+}  // namespace subworld
