@@ -270,7 +270,7 @@ int run(const RunRequest& request) {
 
   watch_stop_signals();
   const TimePoint begin = Clock::now();
-  const CoreTimes cores = core_times();
+  const MachineUse use = machine_use();
   Supervisor programs;
   // Of several runs at a time the first is placed: two worlds on one core would be worse off than anywhere.
   FileLock first_run;
@@ -299,9 +299,7 @@ int run(const RunRequest& request) {
   }
   programs.stop();
   record.wall_s = to_seconds(Clock::now() - begin);
-  record.own_cpu_s = children_cpu_s();
-  record.other_cpu_s = std::max(0.0, core_times().busy_s - cores.busy_s - record.own_cpu_s);
-  record.stolen_s = core_times().stolen_s - cores.stolen_s;
+  record.load = core_load(use, machine_use(), record.wall_s, machine_cores());
   collect_trace(programs, options);
 
   Json summary = describe_run(scene, record);
@@ -325,12 +323,16 @@ int run(const RunRequest& request) {
 
   print_summary(summary);
   const std::vector<Gate> held = gates(summary);
+  std::size_t fine = 0;
   for (const Gate& gate : held) {
-    fmt::print("  {}\n", gate.line());
     summary["gates"].push_back(to_json(gate));
+    fine += gate.ok();
+    if (!gate.ok()) fmt::print("  {}\n", gate.line());
   }
+  fmt::print("  {} of {} gates ok (details: `gates` in summary.json)\n", fine, held.size());
   summary["verdict"] = verdict_of(held, summary);
   const bool ok = std::ranges::none_of(held, &Gate::spoils_verdict);
+  const std::vector<std::string> strict = request.strict ? missed_strictly(held) : std::vector<std::string>{};
   const double simulated_s = summary["simulated_s"].get<double>();
   if (simulated_s < scene.settings.duration_s - scene.settings.longest_cycle_s()) {
     summary["verdict"] = fmt::format("{} at t = {:.3f} s{}", signal == 0 ? "stopped by control" : stopped, simulated_s,
@@ -355,7 +357,9 @@ int run(const RunRequest& request) {
     fmt::print("{}\n", pictured ? "picture: " + picture : "no picture: see " + options.out + "/logs/gui_headless.log");
   }
   if (!faults.empty()) return static_cast<int>(ExitCode::failed);
-  return static_cast<int>(ok || signal != 0 || !request.strict ? ExitCode::done : ExitCode::quality);
+  if (strict.empty() || signal != 0) return static_cast<int>(ExitCode::done);
+  fmt::print("subworld: exit code 4: --strict counts {}\n", fmt::join(strict, ", "));
+  return static_cast<int>(ExitCode::quality);
 }
 
 }  // namespace subworld
