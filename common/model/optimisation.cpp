@@ -71,7 +71,10 @@ Decision decide_passivity(const Scene& scene, std::size_t user) {
   const Settings& s = scene.settings;
   if (s.passivity == Passivity::on) return {false, true, "as the scene or --passivity says"};
   if (s.passivity == Passivity::off) return {true, true, "as the scene or --passivity says"};
-  if (s.delay.any()) return {false, false, "messages are delayed: a device could give energy of nobody's to its hand"};
+  if (s.delay.any())
+    return {false, false, "messages are delayed: a device could give energy to its operator that nobody put in"};
+  if (s.remote && s.mode == Mode::realtime)
+    return {false, false, "with --peers the network between the hosts may delay messages"};
   const bool follows_world = !s.has_sub_worlds() && s.largest_ratio() > 1;
   if (follows_world && scene.users[user].device.kind == DeviceKind::admittance)
     return {false, false, "the proxy of an admittance device lives in the world alone: a delay of its cycle"};

@@ -107,7 +107,7 @@ struct EngineSettings {
   std::optional<int> substeps;              ///< parts of a step; world: each with a force of its own on the proxies
   std::optional<double> longest_substep_s;  ///< instead of the preset's: the engine divides its steps by it
   Vec3 gravity{0.0, 0.0, -9.81};            ///< m/s^2
-  double length_unit_m = 1.0;       ///< that the engine computes in; some engines need a smaller one for small bodies
+  double length_unit_m = 1.0;  ///< that the engine computes in; some engines need a smaller one for small bodies
   Disabled disabled = kDisableNothing;  ///< as in Settings
 
   /// Names another engine or preset: without what was set for the one before.
@@ -170,6 +170,7 @@ struct Settings {
   PaperSettings paper;
   DelaySettings delay;
   Passivity passivity = Passivity::automatic;  ///< automatic: where messages are delayed
+  bool remote = false;                         ///< programs of the run are on other hosts (--peers)
   EngineSettings world;
   EngineSettings haptic;
   Disabled disabled = kDisableNothing;  ///< though the scene does not need it; disable() sets it
