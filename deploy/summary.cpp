@@ -1,6 +1,7 @@
 #include "summary.hpp"
 
 #include "gates.hpp"
+#include "io/version.hpp"
 #include "physics/plugin.hpp"
 
 #include <fmt/format.h>
@@ -158,7 +159,7 @@ Json describe_run(const Scene& scene, const RunRecord& record) {
           {"placement", {{"world", record.placement.world}, {"others", record.placement.others}}},
           {"machine_load",
            {{"own_cores", record.load.own}, {"other_cores", record.load.other}, {"stolen_cores", record.load.stolen}}},
-          {"version", "0.1.0"}};
+          {"version", version_text()}};
 }
 
 void add_parts(Json& summary, const Scene& scene, const RunRecord& record, const std::string& folder) {
