@@ -19,9 +19,9 @@ struct Placement {
   }
 };
 
-/// A core of its own for the world, in real time. The world computes for milliseconds at a time, and loops with a higher
-/// priority that share its core pre-empt it in each of their periods. Nothing is placed where the other cores have less
-/// room than the haptic loops' budgets ask for.
+/// A core of its own for the world, in real time. The world computes for milliseconds at a time, and loops with a
+/// higher priority that share its core pre-empt it in each of their periods. Nothing is placed where the other cores
+/// have less room than the haptic loops' budgets ask for.
 [[nodiscard]] Placement place(const Scene& scene, std::span<const int> cores);
 
 /// As a list for `--core`; empty where the program may run anywhere.

@@ -4,6 +4,7 @@
 #include "model/scene.hpp"
 #include "placement.hpp"
 #include "rt/calibration.hpp"
+#include "rt/kernel_share.hpp"
 
 #include <optional>
 #include <string>
@@ -19,9 +20,7 @@ struct RunRecord {
   std::optional<Calibration> calibration;
   Placement placement;
   double wall_s = 0.0;
-  double own_cpu_s = 0.0;    ///< of all programs of the run
-  double other_cpu_s = 0.0;  ///< of everything else on the machine meanwhile
-  double stolen_s = 0.0;     ///< by the hypervisor meanwhile
+  CoreLoad load;
 };
 
 /// What ran, with which settings and where: all that does not come from the programs.

@@ -109,8 +109,9 @@ std::optional<std::uint64_t> join(DevicePorts& ports, const Scene& scene, const 
     if (to_seconds(Clock::now() - hope) > options.wait_s) {
       const auto missing = [&](const char* what, const std::string& program) {
         return fmt::format(
-            "no {} on domain {} within {} s; start {} with the same --domain, or name its host with "
-            "--peers",
+            "no {} on domain {} within {} s; start {} with the same --domain; on another host, name it with --peers "
+            "and "
+            "give --interface on both",
             what, options.network.domain, options.wait_s, program);
       };
       throw Error(ExitCode::failed, finder.session() == 0

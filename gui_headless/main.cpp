@@ -31,11 +31,10 @@ void follow(DisplayPorts& ports, Display& display, const Options& options) {
     if (ports.scene.alive_writers() > 0) heard = Clock::now();
     const double silent_s = to_seconds(Clock::now() - heard);
     if (!display.described() && silent_s > options.wait_s) {
-      throw Error(
-          ExitCode::failed,
-          fmt::format(
-              "no world on domain {} within {} s; start world_sim on the same domain, or name its host with --peers",
-              options.network.domain, options.wait_s));
+      throw Error(ExitCode::failed, fmt::format("no world on domain {} within {} s; start world_sim with the same "
+                                                "--domain; on another host, name it with "
+                                                "--peers and give --interface on both",
+                                                options.network.domain, options.wait_s));
     }
     if (display.described() && silent_s > 1.0) return;
     if (options.picture_every_s > 0.0 && !options.out.empty() && display.snapshots() > 0 &&

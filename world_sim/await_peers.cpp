@@ -17,8 +17,8 @@ bool await_peers(WorldPorts& ports, const Options& options) {
       if (stop_signal() != 0) return false;
       if (Clock::now() > until) {
         throw Error(ExitCode::failed,
-                    fmt::format("{} on domain {} within {} s; start {} with the same --domain, or name its host with "
-                                "--peers",
+                    fmt::format("{} on domain {} within {} s; start {} with the same --domain; on another host, "
+                                "name it with --peers and give --interface on both",
                                 missing, options.network.domain, options.wait_s, cure));
       }
       ports.bus->wait(0.05);

@@ -64,6 +64,7 @@ void write_json(const std::string& path, const Json& json);
 /// Throws `Error` (failed) where the file is missing or broken.
 [[nodiscard]] Json read_json(const std::string& path);
 
+[[nodiscard]] int machine_cores();
 /// Machine, kernel and versions, for the summary.
 [[nodiscard]] Json machine();
 

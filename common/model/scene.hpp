@@ -170,6 +170,7 @@ struct Settings {
   PaperSettings paper;
   DelaySettings delay;
   Passivity passivity = Passivity::automatic;  ///< automatic: where messages are delayed
+  bool remote = false;                         ///< programs of the run are on other hosts (--peers)
   EngineSettings world;
   EngineSettings haptic;
   Disabled disabled = kDisableNothing;  ///< though the scene does not need it; disable() sets it

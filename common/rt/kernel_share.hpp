@@ -24,7 +24,25 @@ struct CoreTimes {
 };
 [[nodiscard]] CoreTimes core_times();
 
-/// CPU time of the processes that this one started and that have ended, s.
-[[nodiscard]] double children_cpu_s() noexcept;
+/// CPU time of this process and of those that it started and that have ended, s. The kernel counts it per process id,
+/// also across execve(): only differences have a meaning.
+[[nodiscard]] double own_cpu_s() noexcept;
+
+/// The machine's and the run's CPU time at one instant.
+struct MachineUse {
+  CoreTimes cores;
+  double own_s = 0.0;
+};
+[[nodiscard]] MachineUse machine_use();
+
+/// Mean number of cores in use.
+struct CoreLoad {
+  double own = 0.0;     ///< by the run
+  double other = 0.0;   ///< by other programs
+  double stolen = 0.0;  ///< by the hypervisor
+};
+/// Of the `wall_s` between two instants on a machine of `cores` cores. No part is negative, and the sum is at most
+/// `cores`: the kernel counts the cores in ticks and the programs exactly, and its stolen time may jump.
+[[nodiscard]] CoreLoad core_load(const MachineUse& from, const MachineUse& to, double wall_s, int cores) noexcept;
 
 }  // namespace subworld

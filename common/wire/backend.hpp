@@ -101,5 +101,8 @@ constexpr const char* policy_name(std::uint32_t id) noexcept {
 /// Each plug-in exports this function. Throws `Error` (middleware).
 using OpenBackend = Backend* (*)(const Opening&, EventSink&);
 inline constexpr const char* kOpenBackendName = "subworld_open_backend";
+/// And this one, for `--version`: the vendor's version.
+using BackendVersion = const char* (*)();
+inline constexpr const char* kBackendVersionName = "subworld_backend_version";
 
 }  // namespace subworld::wire

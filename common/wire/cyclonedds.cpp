@@ -611,3 +611,4 @@ extern "C" subworld::wire::Backend* subworld_open_backend(const subworld::wire::
                                                           subworld::wire::EventSink& events) {
   return new subworld::wire::CycloneBackend(opening, events);
 }
+extern "C" const char* subworld_backend_version() { return DDS_VERSION; }

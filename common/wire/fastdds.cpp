@@ -489,3 +489,4 @@ extern "C" subworld::wire::Backend* subworld_open_backend(const subworld::wire::
                                                           subworld::wire::EventSink& events) {
   return new subworld::wire::FastBackend(opening, events);
 }
+extern "C" const char* subworld_backend_version() { return FASTRTPS_VERSION_STR; }

@@ -13,6 +13,9 @@ namespace subworld::wire {
 /// what is missing and the package that has it.
 [[nodiscard]] OpenBackend load_plugin(Vendor vendor);
 
+/// The version of a vendor whose plug-in can be loaded; empty: it cannot.
+[[nodiscard]] std::string installed_version(Vendor vendor);
+
 /// For `effective_settings`: where the settings come from.
 [[nodiscard]] std::string describe_source(const BusConfig& config, const Opening& opening);
 

@@ -4,7 +4,6 @@
 #include "model/error.hpp"
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <array>
@@ -93,11 +92,13 @@ void print(const Rows& table) {
 
 int compare(int argc, char** argv) {
   std::string folder, now = "unknown", before;
-  CLI::App app{"Compares the rounds that tests/bench/run left in FOLDER/rounds: medians, and ratios round by round."};
-  app.add_option("folder", folder, "of tests/bench/run")->required();
-  app.add_option("--version-now", now, "of this tree, for the table");
-  app.add_option("--version-baseline", before, "of the baseline, for the table");
-  if (const auto code = parse_arguments(app, argc, argv)) return *code;
+  CommandLine line(
+      "bench_compare",
+      "Compares the rounds that tests/bench/run left in FOLDER/rounds: medians, and ratios round by round.");
+  line.add("folder", &folder, "folder of tests/bench/run").required();
+  line.add("--version-now", &now, "version of this tree, for the table");
+  line.add("--version-baseline", &before, "version of the baseline, for the table");
+  if (const auto code = line.parse(argc, argv)) return *code;
   const std::vector<Rows> rounds = rounds_of(folder + "/rounds/now");
   if (rounds.empty())
     throw Error(ExitCode::usage, fmt::format("{}/rounds/now/1/results.json is not there; run tests/bench/run", folder));

@@ -11,7 +11,6 @@
 #include "physics/engine.hpp"
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <fstream>
@@ -90,13 +89,13 @@ void write_csv(const std::string& file, const std::string& header, const std::st
 }
 
 int main_of(int argc, char** argv) {
-  CLI::App app{"Measures what the Engine interface costs on a step of 65 dense bodies.", "bench_engine_overhead"};
+  CommandLine line("bench_engine_overhead", "Measures the cost of the Engine interface on a step of 65 dense bodies.");
   std::string out;
   int blocks = 41, steps = 400;
-  app.add_option("--out", out, "CSV file that gets a line more (default: printed)");
-  app.add_option("--blocks", blocks, "of each side")->check(CLI::Range(1, 1000))->capture_default_str();
-  app.add_option("--steps", steps, "counted in a block")->check(CLI::Range(100, 100000))->capture_default_str();
-  if (const auto code = parse_arguments(app, argc, argv)) return *code;
+  line.add("--out", &out, "CSV file that gets one more line").otherwise("it is printed");
+  line.add("--blocks", &blocks, "blocks of each side").range(1, 1000);
+  line.add("--steps", &steps, "steps of a block that are counted").range(100, 100000);
+  if (const auto code = line.parse(argc, argv)) return *code;
 
   bench::HeapWorld world = bench::dense_heap(kCubes);
   const EngineSettings settings;  // Bullet in double precision, preset fast

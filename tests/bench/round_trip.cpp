@@ -4,6 +4,8 @@
 
 #include "device_sim/emulated_device.hpp"
 #include "haptic_sim/sub_world.hpp"
+#include "io/command_line.hpp"
+#include "io/options.hpp"
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/histogram.hpp"
@@ -16,7 +18,6 @@
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
-#include <CLI/CLI.hpp>
 
 #include <atomic>
 #include <condition_variable>
@@ -228,22 +229,22 @@ int run(Scene scene, BusConfig config, int cycles) {
   return code != 0 || !WIFEXITED(status) ? 1 : WEXITSTATUS(status);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  CLI::App app{
-      "Round trip of a frame of the world and its report, beside a bare exchange of as many bytes, in turn.\n"
-      "decode, apply, describe and send are what the sub-world does from a frame to its report, p50 in us."};
+int main_of(int argc, char** argv) {
+  CommandLine line(
+      "bench_round_trip",
+      "Measures the round trip of a frame of the world and its report, beside a bare exchange of as many "
+      "bytes, in turn. The columns decode, apply, describe and send are the stages of the sub-world from a "
+      "frame to its report, p50 in us.");
   std::string scene_name = "heap";
   std::vector<std::string> vendors{"fastdds", "cyclonedds"};
   double box_m = 0.0;
   int cycles = 1000, domain = 97;
-  app.add_option("scene", scene_name, "name in deploy/scenes, or a file")->capture_default_str();
-  app.add_option("--dds", vendors, "vendors")->delimiter(',')->capture_default_str();
-  app.add_option("--box", box_m, "half side of the box that chooses members, m (default: the scene's)");
-  app.add_option("--cycles", cycles, "of the world")->check(CLI::Range(1, 1'000'000))->capture_default_str();
-  app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 232))->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  line.add("scene", &scene_name, "name in deploy/scenes, or a file");
+  line.add("--dds", &vendors, "DDS vendors").one_of({"fastdds", "cyclonedds"});
+  line.add("--box", &box_m, "half side of the box that chooses members").range(0.0, 1e3, "m").otherwise("the scene's");
+  line.add("--cycles", &cycles, "cycles of the world").range(1, 1'000'000);
+  line.add("--domain", &domain, "DDS domain").range(0, 232);
+  if (const auto code = line.parse(argc, argv)) return *code;
   try {
     Scene scene =
         load_scene(scene_name.find('/') == std::string::npos ? std::string(SCENES_FOLDER) + "/" + scene_name + ".yaml"
@@ -270,4 +271,10 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "bench_round_trip: error: {}\n", e.what());
     return static_cast<int>(e.code());
   }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return subworld::guarded("bench_round_trip", [&] { return main_of(argc, argv); });
 }

@@ -10,7 +10,7 @@ namespace {
 class Summary : public ProcessTest {};
 
 // A device of 2 N cannot show a press of 12 N: the figures are those of the device, and the run says so.
-TEST_F(Summary, TellsWhatTheHandGotAndHowOftenTheDeviceWasAtItsLimit) {
+TEST_F(Summary, TellsTheOperatorsForceAndHowOftenTheDeviceWasAtItsLimit) {
   constexpr double kLimit_n = 2.0;
   const Ended ended =
       run(edited("press", "force_limit_n: 40", "force_limit_n: 2"), {"--mode", "lockstep", "--duration", "1"});
@@ -37,9 +37,9 @@ TEST_F(Summary, TellsWhatTheHandGotAndHowOftenTheDeviceWasAtItsLimit) {
   EXPECT_NEAR(haptic["force_rms_n"], std::sqrt(squares / steps), 1e-6);
   EXPECT_NEAR(haptic["force_step_max_n"], largest_step, 1e-6);
   EXPECT_NEAR(haptic["at_limit_ratio"], at_limit / steps, 1e-9);
-  // The hand's force ramps in, the coupling's does not.
+  // The operator's force ramps in, the coupling's does not.
   EXPECT_GE(haptic["coupling_force_rms_n"], haptic["force_rms_n"]);
-  EXPECT_NE(ended.out.find("the hand feels the limit, not the scene"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("the operator feels the limit, not the scene"), std::string::npos) << ended.out;
   EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("ok; user 0: at the device's limit"))
       << "a warning is no missed gate: " << summary()["verdict"];
 }
@@ -94,8 +94,8 @@ TEST_F(Summary, IsACompleteRecord) {
   EXPECT_NEAR(settings["haptic_engine"]["integration_substep_s"].get<double>(), 0.001, 1e-9);
 }
 
-// Every missed deadline is somebody's; the bare loop was measured, and so was what the kernel did to each loop.
-TEST_F(Summary, TellsTheMachinesLatenessFromOurs) {
+// Every missed deadline is attributed; bare loops and the kernel's record of each loop are measured.
+TEST_F(Summary, TellsTheLatenessOfTheOsFromThatOfTheRun) {
   const Ended ended = run(scene("press"), {"--mode", "realtime", "--duration", "2"});
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json json = summary();
@@ -113,11 +113,11 @@ TEST_F(Summary, TellsTheMachinesLatenessFromOurs) {
         "machine");
     EXPECT_GT((*loop)["machine"]["voluntary_switches"], 10) << "a loop sleeps between its steps";
   }
-  EXPECT_NE(ended.out.find("how late this machine wakes a loop that does nothing"), std::string::npos) << ended.out;
-  EXPECT_NE(ended.out.find(" by the machine"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("how late this machine wakes a loop without work"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find(" by the OS)"), std::string::npos) << ended.out;
 }
 
-// Steps that cannot be done in their period: the run says that it is not the machine, and what to do.
+// Steps that take longer than their period: the run is the cause, and the verdict has the cure.
 TEST_F(Summary, BlamesTheStepsWhereTheyTakeTooLong) {
   const Ended ended = run(
       scene("press"), {"--mode", "realtime", "--duration", "2", "--haptic-engine", "busy", "--haptic-preset", "always"},
@@ -170,7 +170,7 @@ TEST_P(Shown, OnATerminalARunShowsHowItGoes) {
   EXPECT_TRUE(shows(" Hz; force ")) << process.read_terminal();
   if (mode == "realtime") {
     EXPECT_TRUE(shows("; missed ")) << process.read_terminal();
-    EXPECT_TRUE(shows("; clock ")) << process.read_terminal();
+    EXPECT_TRUE(shows("; real-time factor ")) << process.read_terminal();
   }
   process.signal(SIGTERM);
   EXPECT_EQ(process.wait(), 0);

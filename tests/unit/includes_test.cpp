@@ -53,7 +53,7 @@ const std::vector<Foreign>& foreign() {
       {"Assimp", std::regex("assimp/.*"), std::regex("common/model/mesh_file\\.cpp")},
       {"Eigen", std::regex("Eigen/.*"), std::regex("(common/(model|physics|coupling|wire)|[a-z]+_[a-z]+)/.*")},
       {"JSON", std::regex("nlohmann/.*"), std::regex("(common/io|deploy)/.*")},
-      {"command lines", std::regex("CLI/.*"), std::regex("(common/io/(command_line|options)|deploy/subworld)\\.cpp")},
+      {"command lines", std::regex("CLI/.*"), std::regex("common/io/command_line\\.cpp")},
       {"OpenGL", std::regex("(epoxy|GL|EGL)/.*"), std::regex("gui_headless/.*")},
       {"PNG", std::regex("png\\.h"), std::regex("gui_headless/png_file\\.cpp")},
   };

@@ -1,12 +1,14 @@
 #include "rt/arrears.hpp"
 #include "rt/calibration.hpp"
 #include "rt/cyclic.hpp"
+#include "rt/kernel_share.hpp"
 #include "rt/lateness.hpp"
 #include "rt/stages.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace subworld {
@@ -220,6 +222,34 @@ TEST(Stages, OfAStepThatDidNotComeHaveNoTime) {
     stages.end();
   }
   EXPECT_EQ(stages.times()[2].count(), 0U);
+}
+
+// The kernel counts a process's children also across execve(), here 1100 s of a build before the run.
+TEST(CoreLoad, CountsTheRunAlone) {
+  const CoreLoad load = core_load({{500.0, 1.0}, 1100.0}, {{512.0, 2.0}, 1109.0}, 10.0, 2);
+  EXPECT_DOUBLE_EQ(load.own, 0.9);
+  EXPECT_DOUBLE_EQ(load.other, 0.3);
+  EXPECT_DOUBLE_EQ(load.stolen, 0.1);
+}
+
+TEST(CoreLoad, IsWithinTheMachine) {
+  for (const auto& [own_s, busy_s, stolen_s, wall_s] :
+       {std::array{30.0, 5.0, 40.0, 10.0}, std::array{-3.0, -5.0, -1.0, 10.0}, std::array{1.0, 90.0, 0.0, 0.0},
+        std::array{0.0, 1000.0, 3.0, 10.0}}) {
+    const CoreLoad load = core_load({}, {{busy_s, stolen_s}, own_s}, wall_s, 2);
+    for (const double part : {load.own, load.other, load.stolen}) EXPECT_GE(part, 0.0);
+    EXPECT_LE(load.own + load.other + load.stolen, 2.0 + 1e-9);
+  }
+}
+
+TEST(CoreLoad, OfThisProcessIsMeasured) {
+  const MachineUse from = machine_use();
+  const TimePoint until = Clock::now() + from_seconds(0.05);
+  while (Clock::now() < until) {
+  }
+  const CoreLoad load = core_load(from, machine_use(), 0.05, 64);
+  EXPECT_GT(load.own, 0.0);
+  EXPECT_LT(load.own, 2.0);
 }
 
 }  // namespace
