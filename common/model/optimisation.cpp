@@ -23,10 +23,10 @@ Decision decide_rest(const Scene& scene, std::size_t) {
 
 Decision decide_sway(const Scene& scene, std::size_t) {
   if (disables(scene.settings.disabled, Optimisation::rest))
-    return {false, true, "nothing comes to rest: rest is kept in"};
-  if (scene.settings.world.gravity.isZero()) return {false, false, "without weight nothing stands"};
+    return {false, true, "optimisation rest is off, so no body comes to rest"};
+  if (scene.settings.world.gravity.isZero()) return {false, false, "there is no gravity, so no structure stands"};
   if (!decide_rest(scene, 0).enabled) return {false, false, "nothing moves but the proxies"};
-  return {true, false, "where no hand reaches it, what stands may come to rest"};
+  return {true, false, "structures that no operator reaches may come to rest"};
 }
 
 Decision decide_friction(const Scene& scene, std::size_t) {
@@ -39,65 +39,66 @@ Decision decide_friction(const Scene& scene, std::size_t) {
 
 Decision decide_impulses(const Scene& scene, std::size_t) {
   if (scene.settings.blends_by_impulses()) return {false, false, "scheme paper weighs the impulses of all contacts"};
-  if (!scene.settings.has_sub_worlds()) return {true, false, "without sub-worlds there is no border that needs them"};
-  return {true, false, "only the border of a sub-world needs them, while it has one"};
+  if (!scene.settings.has_sub_worlds()) return {true, false, "there are no sub-worlds, so no border needs them"};
+  return {true, false, "only the border of a sub-world needs them"};
 }
 
 Decision decide_pairs(const Scene& scene, std::size_t) {
-  if (scene.settings.blends_by_impulses()) return {false, false, "scheme paper has the impulses of its whole border"};
+  if (scene.settings.blends_by_impulses()) return {false, false, "scheme paper needs the impulses of its whole border"};
   if (!scene.settings.has_sub_worlds()) return {false, false, "there are no sub-worlds"};
-  return {true, false, "where a sub-world has the body already, two counts of them are enough"};
+  return {true, false, "the sub-world already has these bodies and needs only the counts"};
 }
 
 Decision decide_device(const Scene& scene, std::size_t) {
   const Settings& s = scene.settings;
-  if (!s.has_sub_worlds()) return {false, false, "scheme direct holds the proxy by it"};
-  if (s.users > 1 && !s.blends_by_impulses()) return {false, false, "other hands' sub-worlds move the proxy by it"};
-  return {true, false, "nobody but its own sub-world reads it"};
+  if (!s.has_sub_worlds()) return {false, false, "scheme direct moves the proxy by it"};
+  if (s.users > 1 && !s.blends_by_impulses())
+    return {false, false, "the sub-worlds of other users move the proxy by it"};
+  return {true, false, "only the user's own sub-world reads it"};
 }
 
 Decision decide_suppression(const Scene& scene, std::size_t) {
   const Settings& s = scene.settings;
   if (!s.has_sub_worlds() || s.blends_by_impulses())
     return {false, false, fmt::format("scheme {} needs every message", s.scheme)};
-  if (s.mode == Mode::realtime) return {false, false, "in real time they tell the clock, and that everybody is there"};
-  if (s.users > 1) return {false, false, "hands hear of each other by them"};
-  if (s.delay.any()) return {false, false, "with a delay they are on their way when something happens"};
-  if (s.adapts_ratio()) return {false, false, "they tell changes of the simulation ratio"};
-  return {true, false, "while nothing is near the only hand they tell nothing"};
+  if (s.mode == Mode::realtime) return {false, false, "in real time they carry the clock and the sign of life"};
+  if (s.users > 1) return {false, false, "they carry the motion of the other users"};
+  if (s.delay.any()) return {false, false, "messages are delayed, so suppression would act late"};
+  if (s.adapts_ratio()) return {false, false, "they carry changes of the simulation ratio"};
+  return {true, false, "no body is near the only proxy, so they carry no information"};
 }
 
 Decision decide_passivity(const Scene& scene, std::size_t user) {
   const Settings& s = scene.settings;
-  if (s.passivity == Passivity::on) return {false, true, "as the scene or --passivity says"};
-  if (s.passivity == Passivity::off) return {true, true, "as the scene or --passivity says"};
-  if (s.delay.any()) return {false, false, "messages are delayed: a device could give energy of nobody's to its hand"};
+  if (s.passivity == Passivity::on) return {false, true, "set by the scene or --passivity"};
+  if (s.passivity == Passivity::off) return {true, true, "set by the scene or --passivity"};
+  if (s.delay.any())
+    return {false, false, "messages are delayed, so a device could deliver energy that the coupling did not store"};
   const bool follows_world = !s.has_sub_worlds() && s.largest_ratio() > 1;
   if (follows_world && scene.users[user].device.kind == DeviceKind::admittance)
-    return {false, false, "the proxy of an admittance device lives in the world alone: a delay of its cycle"};
-  return {true, false, "nothing is delayed, and a coupling that is stable needs no bound"};
+    return {false, false, "the proxy of an admittance device is only in the world, which delays its motion by a cycle"};
+  return {true, false, "no message is delayed, and a stable coupling needs no bound"};
 }
 
 constexpr std::array kItems{
     OptimisationItem{Optimisation::rest, "rest", "world",
-                     "steps, contacts and messages of bodies that rest where nothing can reach them", false,
-                     decide_rest},
-    OptimisationItem{Optimisation::sway, "sway", "world", "swaying that cannot lift a body by 1 % of its thickness",
-                     false, decide_sway},
-    OptimisationItem{Optimisation::friction, "friction", "world, sub-worlds", "friction of contacts that have none",
-                     false, decide_friction},
-    OptimisationItem{Optimisation::impulses, "impulses", "world, sub-worlds",
-                     "friction impulses of contacts that nobody reads", false, decide_impulses},
-    OptimisationItem{Optimisation::pairs, "pairs", "frames", "border pairs of bodies that the sub-world has", false,
-                     decide_pairs},
+                     "steps, contacts and messages of resting bodies that no other body can reach", false, decide_rest},
+    OptimisationItem{Optimisation::sway, "sway", "world",
+                     "oscillation of structures that cannot lift a body by 1 % of its thickness", false, decide_sway},
+    OptimisationItem{Optimisation::friction, "friction", "world, sub-worlds",
+                     "friction rows of contacts without friction", false, decide_friction},
+    OptimisationItem{Optimisation::impulses, "impulses", "world, sub-worlds", "friction impulses that no border reads",
+                     false, decide_impulses},
+    OptimisationItem{Optimisation::pairs, "pairs", "frames", "border pairs of bodies that the sub-world already has",
+                     false, decide_pairs},
     OptimisationItem{Optimisation::device, "device", "reports", "motion of the device", false, decide_device},
     OptimisationItem{Optimisation::suppression, "suppression", "frames, reports",
-                     "messages of cycles in which a hand is alone", false, decide_suppression},
-    OptimisationItem{Optimisation::passivity, "passivity", "device", "bound on the energy that the hand gets", true,
-                     decide_passivity}};
+                     "messages of cycles in which no body is near the only proxy", false, decide_suppression},
+    OptimisationItem{Optimisation::passivity, "passivity", "device", "bound on the energy that the operator receives",
+                     true, decide_passivity}};
 static_assert(std::ranges::is_sorted(kItems, {}, &OptimisationItem::optimisation) &&
                   kItems.size() == static_cast<std::size_t>(Optimisation::passivity) + 1,
-              "an item is found by its number");
+              "the index of an item is its number");
 
 }  // namespace
 
@@ -106,7 +107,7 @@ std::span<const OptimisationItem> optimisation_items() noexcept { return kItems;
 Decision decision(const Scene& scene, Optimisation optimisation, std::size_t user) {
   Decision decision = kItems[static_cast<std::size_t>(optimisation)].decide(scene, user);
   if (decision.enabled && !decision.ordered && disables(scene.settings.disabled, optimisation)) {
-    decision = {false, true, "as --disable says"};
+    decision = {false, true, "disabled by --disable"};
   }
   return decision;
 }

@@ -109,7 +109,7 @@ OperatorSpec read_operator(const YamlValue& value) {
 void read_device(const YamlValue& value, DeviceSpec& device) {
   const YamlMap map(value, {"kind", "degrees_of_freedom", "rate_hz", "force_limit_n", "torque_limit_n_m",
                             "force_rate_limit_n_s", "power_limit_w", "speed_limit_m_s", "mass_kg", "damping_n_s_m",
-                            "friction_n", "position_resolution_m", "path", "hand"});
+                            "friction_n", "position_resolution_m", "path", "operator"});
   if (const auto kind = map.find("kind"))
     device.kind = static_cast<DeviceKind>(kind->choice({"impedance", "admittance"}));
   if (const auto freedom = map.find("degrees_of_freedom")) {
