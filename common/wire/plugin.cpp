@@ -17,7 +17,7 @@
 namespace subworld::wire {
 namespace {
 
-constexpr int kLastDomain = 232;  // the ports of higher ones do not exist
+constexpr int kLastDomain = 232;  // higher domains have no valid ports
 
 struct VendorFacts {
   Vendor vendor;
@@ -70,7 +70,7 @@ std::string resolve_peer(const std::string& host) {
   return address;
 }
 
-/// The IPv4 address of the interface that has this name or address; empty: there is none.
+/// The IPv4 address of the interface with this name or address; empty if there is none.
 std::string find_interface(const std::string& wanted) {
   ifaddrs* all = nullptr;
   if (getifaddrs(&all) != 0) fail(fmt::format("network interfaces: {}", std::strerror(errno)));
@@ -86,15 +86,16 @@ std::string find_interface(const std::string& wanted) {
   return found;
 }
 
-/// Both vendors want the address of an interface; Fast DDS would go on without one and reach nobody.
+/// Both vendors need the address of an interface. Fast DDS would start without one and reach no peer.
 std::string address_of_interface(const std::string& wanted) {
   std::string found = find_interface(wanted);
   std::string ignored;
   if (found.empty()) found = find_interface(try_resolve(wanted, ignored));
   if (found.empty()) {
-    fail(fmt::format("--interface {}: no network interface has it; use a name or an IPv4 address that `ip -brief "
-                     "address` lists",
-                     wanted));
+    fail(
+        fmt::format("--interface {}: no network interface has it; use a name or an IPv4 address that `ip -brief "
+                    "address` lists",
+                    wanted));
   }
   return found;
 }
@@ -142,7 +143,7 @@ OpenBackend load_plugin(Vendor vendor) {
                     "of {} was; or set SUBWORLD_PLUGIN_DIR to the folder that has it",
                     file, wanted.name));
   }
-  // Never unloaded: the vendor's threads and static objects live as long as the process.
+  // Never unloaded, because the vendor's threads and static objects live as long as the process.
   void* handle = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   if (handle == nullptr) {
     fail(fmt::format("{}: {}; install the Debian package {}, or choose the other vendor", file, dlerror(),
@@ -150,7 +151,7 @@ OpenBackend load_plugin(Vendor vendor) {
   }
   void* entry = dlsym(handle, kOpenBackendName);
   if (entry == nullptr)
-    fail(fmt::format("{}: has no {}; it is of another version, install both anew", file, kOpenBackendName));
+    fail(fmt::format("{}: has no {}; it is of another version, install both again", file, kOpenBackendName));
   return reinterpret_cast<OpenBackend>(entry);
 }
 

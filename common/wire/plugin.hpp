@@ -9,11 +9,11 @@ namespace subworld::wire {
 /// Checks domain, interface and peers, resolves host names and finds the settings file. Throws `Error` (middleware).
 [[nodiscard]] Opening prepare(const BusConfig& config);
 
-/// Loads the vendor's plug-in from $SUBWORLD_PLUGIN_DIR or beside the program. Throws `Error` (middleware) that names
-/// what is missing and the package that has it.
+/// Loads the vendor's plug-in from $SUBWORLD_PLUGIN_DIR or from the program's folder. Throws `Error` (middleware) that
+/// names the missing file and its package.
 [[nodiscard]] OpenBackend load_plugin(Vendor vendor);
 
-/// For `effective_settings`: where the settings come from.
+/// The source of the settings, for `effective_settings`.
 [[nodiscard]] std::string describe_source(const BusConfig& config, const Opening& opening);
 
 }  // namespace subworld::wire

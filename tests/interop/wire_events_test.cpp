@@ -36,12 +36,12 @@ TEST_P(WireEvents, a_silent_writer_misses_its_deadline) {
   ASSERT_TRUE(until(*receiver, [&] { return receiver->events().deadline_missed > 0; }));
   ASSERT_TRUE(until(*sender, [&] { return sender->events().deadline_missed > 0; }));
   EXPECT_TRUE(receiver->take_event_text(EventKind::fault).empty());
-  const std::string text = receiver->take_event_text(EventKind::suppression);
+  const std::string text = receiver->take_event_text(EventKind::absence);
   EXPECT_NE(text.find("no world_frame for two periods: world_sim or the network was late"), std::string::npos) << text;
-  EXPECT_TRUE(sender->take_event_text(EventKind::suppression).empty()) << "a writer's own loop counts its deadlines";
+  EXPECT_TRUE(sender->take_event_text(EventKind::absence).empty()) << "a writer's own loop counts its deadlines";
   const auto missed = receiver->events().deadline_missed;
   ASSERT_TRUE(until(*receiver, [&] { return receiver->events().deadline_missed > missed; }));
-  EXPECT_TRUE(receiver->take_event_text(EventKind::suppression).empty()) << "once is enough";
+  EXPECT_TRUE(receiver->take_event_text(EventKind::absence).empty()) << "once is enough";
 }
 
 // A timer that a vendor arms too short would call each of these samples late.
@@ -102,8 +102,8 @@ TEST_P(WireEvents, a_killed_writer_is_noticed) {
   EXPECT_TRUE(until(
       *bus, [&] { return reader.alive_writers() == 0; }, 2.0));
   EXPECT_GT(bus->events().liveliness_lost, lost_before);
-  const std::string text = bus->take_event_text(EventKind::suppression);
-  EXPECT_NE(text.find("device_sim was not heard of for 100 ms"), std::string::npos) << text;
+  const std::string text = bus->take_event_text(EventKind::absence);
+  EXPECT_NE(text.find("no sign of life of device_sim for 100 ms"), std::string::npos) << text;
 }
 
 TEST_P(WireEvents, modes_that_do_not_fit_name_topic_and_policy) {

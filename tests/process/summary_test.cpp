@@ -189,7 +189,7 @@ TEST_F(Summary, ComingAndGoingIsWorthNoLine) {
     ASSERT_EQ(ended.code, 0) << ended.err;
     for (const auto& log : std::filesystem::directory_iterator(out() + "/logs")) {
       const std::string text = read_text(log.path());
-      for (const char* noise : {"matched", "deadline missed", "not heard of", "for two periods"}) {
+      for (const char* noise : {"matched", "deadline missed", "no sign of life", "for two periods"}) {
         EXPECT_EQ(text.find(noise), std::string::npos) << log.path() << ": " << text;
       }
     }
