@@ -18,7 +18,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kStale_s = 0.005;  ///< without a command: the force fades out
+constexpr double kStale_s = 0.005;  ///< age of a command at which the force fades out
 
 }  // namespace
 
@@ -105,7 +105,7 @@ std::optional<std::uint64_t> join(DevicePorts& ports, const Scene& scene, const 
   const auto held = [&] { return ports.states.matched() > 0 && ports.commands.matched() > 0; };
   while (!finder.look(options.scene, options.network.domain) || !held()) {
     if (stop_signal() != 0) return std::nullopt;
-    // A world may take its time to be made, and says every second that it is there.
+    // A world may take long to load; its status arrives every second.
     if (finder.session() == 0 && ports.status.hears(ProgramKind::world_sim, 0)) hope = Clock::now();
     if (to_seconds(Clock::now() - hope) > options.wait_s) {
       const auto missing = [&](const char* what, const std::string& program) {
@@ -185,7 +185,7 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& gua
     loop.wait();
     const TimePoint woke = Clock::now();
     lateness.begin(loop.released(), asked, woke, from_seconds(period_s));
-    // A device that was halted stood: it does not make up for the motion of that time.
+    // A device that was suspended did not move meanwhile: it does not catch up.
     if (to_seconds(woke - loop.deadline()) > kStale_s) {
       (void)loop.skip(woke);
       lateness.skipped_to(loop.released());
@@ -196,7 +196,7 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& gua
   const auto act = [&](bool trusted, TimePoint begin) {
     const DeviceCommand safe = guard.pass(command, device.state(), trusted, period_s);
     felt = safe.wrench;
-    // The path starts when the haptic loop does, whatever the time since the device was switched on.
+    // The path starts with the haptic loop, however long the device has been on.
     if (heard != TimePoint{}) device.step(safe, period_s);
     stages.mark(DeviceStage::advance);
     DeviceState state = device.state();
@@ -207,7 +207,7 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& gua
     const TimePoint end = stages.mark(DeviceStage::send);
     const ThreadUse use = thread_use();
     const Miss miss = lateness.judge(end, loop.deadline(), use);
-    // Until the haptic loop runs, nobody is kept waiting.
+    // Steps before the haptic loop runs do not count.
     if (heard != TimePoint{}) {
       measures.step(state, felt,
                     {.step_s = to_seconds(end - begin), .woken_late_s = lateness.woken_late_s(), .miss = miss});
@@ -217,7 +217,7 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& gua
     stages.mark(DeviceStage::account);
     measures.end_step();
   };
-  bool foreign = false;  // the newest command was for another device, of another run or of another haptic process
+  bool foreign = false;  // the newest command was for another device, or of another run or haptic process
   while (stop_signal() == 0) {
     const TimePoint begin = wake();
     const std::uint64_t refused = ports.commands.refused();
@@ -241,7 +241,7 @@ Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& gua
     const bool fresh = heard != TimePoint{} && to_seconds(begin - heard) < std::max(kStale_s, 5.0 * period_s);
     act(fresh, begin);
   }
-  // The commands of the haptic loop's own fading may have come late or not at all.
+  // The haptic loop's own fading commands may have arrived late or not at all.
   while (!felt.force.isZero() || !felt.torque.isZero()) act(false, wake());
   measures.loop_ends();
   ending.to_s = device.state().stamp_s;

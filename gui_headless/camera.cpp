@@ -15,10 +15,10 @@
 namespace subworld {
 namespace {
 
-constexpr double kMargin = 1.06;  // of the picture, around what must be visible
+constexpr double kMargin = 1.06;  // margin factor around the objects in the picture
 constexpr double kDegree = std::numbers::pi / 180.0;
 
-// The horizontal axis along which the balls extend, if they extend along one more than across it.
+// The horizontal axis along which the balls extend, if they extend further along one axis than across it.
 std::optional<Vec3> long_axis(std::span<const Ball> balls) {
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   for (const auto& ball : balls) mean += ball.centre.head<2>() / static_cast<double>(balls.size());
@@ -47,13 +47,14 @@ double elevation(std::span<const Ball> balls) {
 
 Vec3 turned(const Vec3& v, double angle) { return Eigen::AngleAxisd(angle, Vec3::UnitZ()) * v; }
 
-// From the eye to what is looked at: `right` runs to the right of the picture.
+// Viewing direction: `right` points to the right of the picture.
 Vec3 look_along(const Vec3& right, double elevation) {
   const Vec3 ahead = Vec3::UnitZ().cross(right);
   return std::cos(elevation) * ahead - std::sin(elevation) * Vec3::UnitZ();
 }
 
-// Of a row the nearer end changes sides, but not its direction in the picture; a heap may be seen from four sides.
+// A row may be seen from two sides, a heap from four. Turning a row exchanges its near and its far end, but not its
+// direction in the picture.
 std::vector<double> candidate_turns(bool row) {
   if (row) return {24.0 * kDegree, -24.0 * kDegree};
   return {28.0 * kDegree, 118.0 * kDegree, 208.0 * kDegree, 298.0 * kDegree};
@@ -66,13 +67,14 @@ Vec3 view_direction(std::span<const Ball> balls, const Vec3& focus) {
   Vec3 best = Vec3::Zero();
   for (const double turn : candidate_turns(axis.has_value())) {
     const Vec3 other = look_along(turned(axis.value_or(Vec3::UnitX()), turn), down);
-    // A clearly nearer focus only: a proxy in the middle must not make the camera jump.
+    // Only a clearly nearer focus changes the side. Otherwise a proxy in the middle would make the camera jump.
     if (best.isZero() || aside.dot(other - best) < -1e-3 * aside.norm()) best = other;
   }
   return best;
 }
 
-// One pair of opposite rims of the picture: where the eye must be, at most that far along the view and that far aside.
+// Constraint of one pair of opposite picture edges: the eye may be at most this far along the view and this far
+// sideways.
 struct Fit {
   double along = 0.0;
   double aside = 0.0;
@@ -91,7 +93,7 @@ Fit fit_pair(std::span<const Ball> balls, const Vec3& side, const Vec3& forward,
   return {-(plus + minus) / (2.0 * tangent), (plus - minus) / 2.0};
 }
 
-// How far aside the eye must be so that both rims are equally far from what is seen, by bisection.
+// Sideways position of the eye at which both edges are equally far from the objects, by bisection.
 double centred(std::span<const Ball> balls, const Vec3& side, const Vec3& forward, double along, double guess) {
   const double span = enclosing_ball(balls).radius;
   double low = guess - span;
