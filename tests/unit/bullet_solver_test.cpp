@@ -94,11 +94,11 @@ TEST(BounceLimit, FindsThePartThatKeepsTheEnergy) {
   limit.join(kFixed, 1, true);
   int tries = 0;
   do {
-    after[1].linear[2] = 1.25 * limit.part(kFixed, 1);
+    after[1].linear[2] = 1.25 * limit.factor(kFixed, 1);
   } while (limit.lower(before, after, false) && ++tries < BounceLimit::kMostTries);
   EXPECT_LT(tries, BounceLimit::kMostTries);
-  EXPECT_LE(limit.part(kFixed, 1), 0.8 + 1e-5);
-  EXPECT_GT(limit.part(kFixed, 1), 0.7);
+  EXPECT_LE(limit.factor(kFixed, 1), 0.8 + 1e-5);
+  EXPECT_GT(limit.factor(kFixed, 1), 0.7);
 }
 
 TEST(BounceLimit, LeavesBouncesThatWinNothing) {
@@ -107,7 +107,7 @@ TEST(BounceLimit, LeavesBouncesThatWinNothing) {
   limit.begin(movers);
   limit.join(1, kFixed, true);
   EXPECT_FALSE(limit.lower(std::vector<Motion>(2), std::vector<Motion>(2), false));
-  EXPECT_EQ(limit.part(1, kFixed), 1);
+  EXPECT_EQ(limit.factor(1, kFixed), 1);
 }
 
 TEST(BulletSolver, WithoutFrictionMovesBodiesAsBulletsOwnBitByBit) { EXPECT_EQ(equal_steps(500), 500); }

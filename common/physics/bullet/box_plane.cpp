@@ -11,7 +11,7 @@ namespace subworld::bullet {
 namespace {
 
 constexpr std::size_t kMostPoints = 4;
-/// Farther from the plane than this part of its half diagonal, no corner touches it, whatever is rounded.
+/// A box farther from the plane than this factor times its half diagonal has no touching corner, whatever the rounding.
 constexpr auto kFar = btScalar(1.001);
 
 class BoxPlane final : public btCollisionAlgorithm {
