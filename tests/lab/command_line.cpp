@@ -29,7 +29,7 @@ std::string not_finite(const std::string& text) {
 }
 
 CLI::Option* add_seed(CLI::App& app, std::uint64_t& seed) {
-  constexpr double kMost = 9e15;  // what every program that reads a table can hold
+  constexpr double kMost = 9e15;  // a limit that every program can represent exactly
   return app.add_option("--seed", seed, "seed of the random scenes (default: 1)")->check(CLI::Range(0.0, kMost));
 }
 

@@ -36,7 +36,7 @@ struct Request {
   std::string out;
 };
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Request& request) {
   Sweep& sweep = request.sweep;
   CLI::App app{
@@ -166,13 +166,13 @@ Json asked(const Sweep& s) {
 std::string verdict_of(const Rows& rows, std::size_t planned) {
   const auto count = [&](const auto& holds) { return std::ranges::count_if(rows, holds); };
   std::string verdict =
-      fmt::format("{} points: {} imperceptible, {} at the floor of their reference, {} did not survive", rows.size(),
+      fmt::format("{} points: {} imperceptible, {} at the reference error, {} did not survive", rows.size(),
                   count(imperceptible), count([](const Json& row) { return row.at("at_reference_error").get<bool>(); }),
                   count([](const Json& row) { return !row.at("survived").get<bool>(); }));
   return verdict + stopped_text(rows.size(), planned);
 }
 
-/// One line for each point, with the time that the rest may take.
+/// Prints one line for each point, with the estimated remaining time.
 class Progress {
  public:
   Progress(std::size_t points, const Sweep& sweep)
@@ -183,13 +183,13 @@ class Progress {
       const double part = row.at(column).get<double>();
       return std::isfinite(part) ? fmt::format("{:6.2f} %", 100.0 * part) : "unknown";
     };
-    fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (floor {}){}  {:.3g} CPU s/s{}\n", rows.size(), points_,
-               row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(), row.at("ratio").get<int>(),
-               details(row),
+    fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (reference error {}){}  {:.3g} CPU s/s{}\n", rows.size(),
+               points_, row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(),
+               row.at("ratio").get<int>(), details(row),
                !row.at("survived").get<bool>() ? "did not survive"
                : comparable(row)               ? percent("force_error_rms")
-                                               : "unknown, the reference felt no force",
-               percent("reference_error"), row.at("at_reference_error").get<bool>() ? " at the floor" : "",
+                                               : "unknown, the reference has no felt force",
+               percent("reference_error"), row.at("at_reference_error").get<bool>() ? " at the reference error" : "",
                total_cpu(row), left_.text(static_cast<double>(rows.size())));
     std::fflush(stdout);
   }

@@ -34,7 +34,7 @@ struct Request {
   std::string out;
 };
 
-/// All that are shipped.
+/// All scenes of deploy/scenes.
 std::vector<std::string> shipped_scenes() {
   std::vector<std::string> files;
   for (const auto& entry : std::filesystem::directory_iterator(scenes_folder())) {
@@ -44,7 +44,7 @@ std::vector<std::string> shipped_scenes() {
   return files;
 }
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Request& request) {
   CLI::App app{
       "Measures what each item of the plan saves and what it changes: runs each scene with the item left out, as "
@@ -123,10 +123,10 @@ std::vector<PlanPoint> points_of(const Request& request) {
   return points;
 }
 
-/// Which is nearer to the reference, where the two differ by more than its floor.
+/// The errors of both runs, if their difference exceeds the reference error.
 std::string errors_text(const Json& row) {
   if (!(number(row, "force_difference_rms") > number(row, "reference_error"))) return "";
-  return fmt::format(", errors {:.2g} % left out and {:.2g} % kept in", 1e2 * number(row, "error_enabled_rms"),
+  return fmt::format(", errors {:.2g} % on and {:.2g} % off", 1e2 * number(row, "error_enabled_rms"),
                      1e2 * number(row, "error_disabled_rms"));
 }
 
@@ -137,13 +137,14 @@ void print(const Json& row, std::size_t done, std::size_t all, const std::string
         row.at("hash_equal").get<bool>()             ? std::string("the same bit by bit")
         : number(row, "force_difference_rms") == 0.0 ? std::string("the same force")
         : std::isfinite(number(row, "force_difference_rms"))
-            ? fmt::format("differs by {:.2g} %, floor {:.2g} %{}", 1e2 * number(row, "force_difference_rms"),
+            ? fmt::format("differs by {:.2g} %, reference error {:.2g} %{}", 1e2 * number(row, "force_difference_rms"),
                           1e2 * number(row, "reference_error"), errors_text(row))
             : std::string("no force felt");
-    text = fmt::format("world {:.3f}, haptic {:.3f}, bytes {:.3f} of kept in; {}", number(row, "world_cpu_ratio"),
-                       number(row, "haptic_cpu_ratio"), number(row, "bytes_ratio"), difference);
+    text = fmt::format("world {:.3f}, haptic {:.3f}, bytes {:.3f} of the cost with it off; {}",
+                       number(row, "world_cpu_ratio"), number(row, "haptic_cpu_ratio"), number(row, "bytes_ratio"),
+                       difference);
   } else {
-    text = "needed: " + text;
+    text = "off: " + text;
   }
   fmt::print("[{:3}/{}] {:<18} {:<10} {}{}\n", done, all, row.at("scene").get<std::string>(),
              row.at("item").get<std::string>(), text, left);

@@ -22,13 +22,13 @@ constexpr int kRandomScenes = 100;
 struct Command {
   StabilityRequest request;
   RandomRequest random;
-  bool cases = true;               ///< the cases too, not random scenes alone
-  bool strict = false;             ///< a random scene that fails fails the lab
+  bool cases = true;               ///< run the cases too, and not only random scenes
+  bool strict = false;             ///< a failing random scene fails the lab
   std::vector<std::string> steps;  ///< as written
   std::string out;
 };
 
-/// The options of the random scenes. `asked`: of those, or all.
+/// Options of the random scenes. `only`: index of a single scene, or negative for all.
 void add_random(CLI::App& app, Command& command, int& only) {
   RandomRequest& random = command.random;
   CLI::Option* scenes =
@@ -46,7 +46,7 @@ void add_random(CLI::App& app, Command& command, int& only) {
   app.add_flag("--strict", command.strict, "exit with 4 where a random scene fails")->needs(scenes);
 }
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Command& command) {
   StabilityRequest& request = command.request;
   CLI::App app{
@@ -58,7 +58,7 @@ std::optional<int> parse(int argc, char** argv, Command& command) {
       "Examples:\n"
       "  subworld lab stability --quick --out out/quick\n"
       "  subworld lab stability sliding slip_angle --engine bullet --dt 1/1000 --out out/sliding\n"
-      "  subworld lab stability hand delay --engine bullet,physx --preset fast\n"
+      "  subworld lab stability operator delay --engine bullet,physx --preset fast\n"
       "  subworld lab stability stack card_house heavy_on_light --preset quality --dt 1/60,1/250,1/1000\n"
       "  subworld lab stability --random 300 --seed 7 --engine bullet --preset fast --strict --out out/random\n"
       "DIR/report.html shows the map and a section for each case with its formula and source; DIR/results.csv and\n"
@@ -95,7 +95,7 @@ std::optional<int> parse(int argc, char** argv, Command& command) {
   return std::nullopt;
 }
 
-/// Rows come setting by setting; those of a setting are kept when it is done.
+/// Measures setting by setting, and saves the rows of a setting when it is done.
 Rows measure(const std::vector<StabilityPoint>& points, const std::string& out) {
   Rows rows;
   StabilityProgress progress(points);
