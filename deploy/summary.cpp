@@ -60,7 +60,7 @@ Json describe(const UserSpec& user) {
               {"position_resolution_m", d.position_resolution_m},
               {"path_segments", d.path.size()}}}};
   if (d.operator_model) {
-    json["device"]["hand"] = {{"mass_kg", d.operator_model->mass_kg},
+    json["device"]["operator"] = {{"mass_kg", d.operator_model->mass_kg},
                               {"damping_n_s_m", d.operator_model->damping_n_s_m},
                               {"stiffness_n_m", d.operator_model->stiffness_n_m},
                               {"inertia_kg_m2", d.operator_model->inertia_kg_m2},

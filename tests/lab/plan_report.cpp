@@ -32,12 +32,12 @@ constexpr std::array kColumns{Column{"world CPU", "world_cpu_ratio", 1.0, 3},
                               Column{"haptic CPU", "haptic_cpu_ratio", 1.0, 3}, Column{"bytes", "bytes_ratio", 1.0, 3},
                               Column{"memory", "memory_ratio", 1.0, 3}, Column{"start", "start_ratio", 1.0, 3}};
 
-bool enabled(const Json& row) { return row.at("enabled").get<bool>(); }
+bool is_enabled(const Json& row) { return row.at("enabled").get<bool>(); }
 bool hash_equal(const Json& row) { return row.at("hash_equal").get<bool>(); }
 bool held(const Json& row) { return row.at("held").get<bool>(); }
 
 std::string difference_text(const Json& row) {
-  if (!enabled(row)) return "&ndash;";
+  if (!is_enabled(row)) return "&ndash;";
   if (hash_equal(row)) return "<span class=good>same</span>";
   const double difference = number(row, "force_difference_rms");
   if (!std::isfinite(difference)) return "no force felt";
@@ -100,7 +100,7 @@ Plot plot_of(const Rows& rows, const std::string& item) {
   constexpr std::array kColours{"#0072b2", "#c04f00", "#00704f"};
   std::vector<const Json*> mine;
   for (const Json& row : rows) {
-    if (row.at("item") == item && enabled(row)) mine.push_back(&row);
+    if (row.at("item") == item && is_enabled(row)) mine.push_back(&row);
   }
   std::ranges::sort(mine, {}, [](const Json* row) { return number(*row, "world_cpu_ratio"); });
   for (std::size_t k = 0; k < kColours.size(); ++k) {
@@ -123,14 +123,14 @@ Json plan_summary(const Rows& rows, std::size_t planned) {
     };
     Json one = {{"item", item},
                 {"what", what(item)},
-                {"enabled", count(enabled)},
-                {"hash_equal", count([](const Json& row) { return enabled(row) && hash_equal(row); })},
+                {"enabled", count(is_enabled)},
+                {"hash_equal", count([](const Json& row) { return is_enabled(row) && hash_equal(row); })},
                 {"worse", count([](const Json& row) { return !held(row); })}};
     for (const Column& column : kColumns) one[column.key] = mean_ratio(rows, item, column.key);
     summary["items"].push_back(std::move(one));
   }
-  const auto out = std::ranges::count_if(rows, enabled);
-  const auto same = std::ranges::count_if(rows, [](const Json& row) { return enabled(row) && hash_equal(row); });
+  const auto out = std::ranges::count_if(rows, is_enabled);
+  const auto same = std::ranges::count_if(rows, [](const Json& row) { return is_enabled(row) && hash_equal(row); });
   const auto above = std::ranges::count_if(rows, [](const Json& row) { return !held(row); });
   summary["verdict"] = fmt::format(
       "{} comparisons of scenes with an optimisation on: {} equal bit by bit, {} below the reference error or "
@@ -159,7 +159,7 @@ void write_plan_report(const std::string& path, const Rows& rows, const Json& su
   for (const std::string& item : items_of(rows)) {
     page.heading(item);
     page.add(fmt::format("<p>Skips: {}.</p>\n", escaped(what(item))));
-    if (std::ranges::count_if(rows, [&](const Json& row) { return row.at("item") == item && enabled(row); }) > 1) {
+    if (std::ranges::count_if(rows, [&](const Json& row) { return row.at("item") == item && is_enabled(row); }) > 1) {
       const std::vector<std::string> pictures = svg_of({plot_of(rows, item)});
       page.plots(pictures.data(), pictures.size());
     }

@@ -196,9 +196,9 @@ TEST(Reduced, FeelsAtOnceWhatStandsLooseBehindTheBorder) {
     return scene;
   };
   for (const double box_half_m : {0.4, 0.3, 0.2}) {
-    EXPECT_LE(error_of(approaching(20, box_half_m, 0.0)), 0.025) << box_half_m;
-    EXPECT_LE(error_of(approaching(5, box_half_m, 0.02)), 0.01) << box_half_m;
-    EXPECT_LE(error_of(approaching(5, box_half_m, 0.1)), 0.02) << box_half_m;
+    EXPECT_LE(error_of(loose(20, box_half_m, 0.0)), 0.025) << box_half_m;
+    EXPECT_LE(error_of(loose(5, box_half_m, 0.02)), 0.01) << box_half_m;
+    EXPECT_LE(error_of(loose(5, box_half_m, 0.1)), 0.02) << box_half_m;
   }
 }
 
