@@ -44,7 +44,7 @@ TEST_P(WireEvents, a_silent_writer_misses_its_deadline) {
   EXPECT_TRUE(receiver->take_event_text(EventKind::absence).empty()) << "once is enough";
 }
 
-// A timer that a vendor arms too short would call each of these samples late.
+// A timer that a vendor arms with too short a time would count each of these samples as late.
 TEST_P(WireEvents, who_sends_in_time_misses_no_deadline) {
   using Clock = std::chrono::steady_clock;
   constexpr std::chrono::microseconds kGap{1200}, kSilence{2000};
@@ -73,7 +73,7 @@ TEST_P(WireEvents, who_sends_in_time_misses_no_deadline) {
   EXPECT_LE(receiver->events().deadline_missed, by_os + kSamples / 4);
 }
 
-/// The helper lies beside the test.
+/// The helper is in the test's folder.
 pid_t start_helper(Vendor vendor, int domain) {
   const std::string helper =
       (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "wire_writer_helper").string();

@@ -5,7 +5,7 @@
 namespace subworld::test {
 namespace {
 
-/// A whole scene with one line replaced.
+/// A complete scene with one line replaced.
 struct Lines {
   std::string name = "name: broken";
   std::string settings = "settings: {h_s: 0.001, duration_s: 0.1}";
@@ -96,7 +96,7 @@ TEST_F(BadScene, IsRefusedWithItsPlace) {
   }
 }
 
-/// What is broken above must be broken by the line that was replaced, and by nothing else.
+/// Each fault above must come from the replaced line only.
 TEST_F(BadScene, IsGoodUntilItsLineIsReplaced) {
   const Ended ended = run(folder_.write("scene.yaml", Lines{}.text()), {});
   EXPECT_EQ(ended.code, 0) << ended.err;

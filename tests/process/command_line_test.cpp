@@ -164,7 +164,7 @@ TEST_F(CommandLine, APlanWarnsOfBoxesThatAnEngineDoesNotHold) {
     return ended.err.find("world.length_unit_m: 0.1") != std::string::npos;
   };
   EXPECT_FALSE(warned("card_house", "bullet"));
-  // Havok is the only engine with such a limit, and not in every build.
+  // Havok is the only engine with such a limit, and it is not in every build.
   const Ended asked = finish({program("subworld"), "plan", scene("row"), "--engine", "havok"});
   if (asked.err.find("not in this build") != std::string::npos) return;
   EXPECT_TRUE(warned("card_house", "havok"));

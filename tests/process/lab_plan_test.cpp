@@ -31,7 +31,7 @@ TEST_F(PlanLab, EveryItemIsTheSameOrNoWorse) {
       EXPECT_GT(row["world_cpu_ratio"], 0.0);
       EXPECT_LE(row["bytes_ratio"], 1.0) << "what is left out is not sent";
     }
-    // Most of its cubes rest all the time.
+    // Most of its cubes are always at rest.
     if (row["scene"] == "scatter" && row["item"] == "rest") {
       EXPECT_LT(row["world_cpu_ratio"], 0.8);
     }

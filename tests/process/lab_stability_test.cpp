@@ -25,8 +25,8 @@ const std::vector<std::string> kColumns{"case",
                                         "failed_at",
                                         "failure"};
 
-// What bullet holds at 1 ms with a wide margin, in each way of measuring: a value, a limit by a formula, a limit that
-// is asked for.
+// Cases that bullet passes at 1 ms with a wide margin, one for each kind: a value, a limit with a formula, a required
+// limit.
 TEST_F(StabilityLab, BulletHoldsTheFormulasAtOneMillisecond) {
   const Ended ended =
       finish(lab_words({"slide_stop", "slip_angle", "throw_place_ball", "bounce", "rest_depth", "smallest_cube",
@@ -62,7 +62,7 @@ TEST_F(StabilityLab, BulletHoldsTheFormulasAtOneMillisecond) {
     EXPECT_NE(text.find(part), std::string::npos) << part;
 }
 
-// A tolerance that is missed is a result: it is shown with who does better, and does not change the exit code.
+// A missed tolerance is a result: it is shown with a better engine, and does not change the exit code.
 TEST_F(StabilityLab, AMissedToleranceIsAFailedRow) {
   const Ended ended =
       finish(lab_words({"tunnel_speed", "--engine", "ode", "--preset", "fast", "--dt", "1/1000,1/60", "--out", out()}));
@@ -77,7 +77,7 @@ TEST_F(StabilityLab, AMissedToleranceIsAFailedRow) {
   EXPECT_EQ(summary()["verdict"], "2 measurements: 1 pass, 1 miss their tolerance, 0 of these could not be measured");
 }
 
-// Three scenes of a seed that bullet holds: counts, rows, page, and no measurement of a case.
+// Three scenes of a seed that hold in bullet: counts, rows, page, and no measurement of a case.
 TEST_F(StabilityLab, RandomScenesAreRunAloneAndCounted) {
   const Ended ended = finish(lab_words(
       {"--random", "3", "--seed", "1", "--engine", "bullet", "--preset", "fast", "--strict", "--out", out()}));

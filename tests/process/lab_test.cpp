@@ -87,7 +87,7 @@ TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
   EXPECT_NE(page().find("imperceptible"), std::string::npos);
 }
 
-// The plot of an axis holds all its values at one value of each other axis.
+// The plot of an axis has all its values, with one value of each other axis.
 TEST_F(Lab, SeveralAxesGiveAPlotEach) {
   const Ended ended = finish(lab_words({"press", "--duration", "0.3", "--ratio", "4,10", "--ratio-most", "0,12",
                                         "--substeps", "1,2", "--scheme", "direct", "--out", out()}));

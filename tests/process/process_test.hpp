@@ -27,8 +27,7 @@ struct Ended {
   std::string err;
 };
 
-/// The real programs, each test on a domain and in a folder of its own. Whatever a test does, nothing of it may be
-/// left.
+/// The real programs; each test has its own domain and folder. No process or file may remain after a test.
 class ProcessTest : public ::testing::Test {
  protected:
   void TearDown() override {
@@ -65,7 +64,7 @@ class ProcessTest : public ::testing::Test {
     EXPECT_NE(at, std::string::npos) << passage;
     return folder_.write(name + ".yaml", text.replace(at, passage.size(), by));
   }
-  /// With the haptic preset `quality` its sub-world takes longer than its step on ordinary machines.
+  /// With the haptic preset `quality`, a step of its sub-world takes longer than its period on ordinary machines.
   [[nodiscard]] std::string overloaded_heap() const {
     return edited("heap", "box_half_m: 0.2", "selection: box\n    box_half_m: 0.4");
   }

@@ -1,4 +1,4 @@
-// The bodies that --bodies names.
+// The choice of bodies by --bodies.
 #include "model/body_choice.hpp"
 
 #include "model/error.hpp"

@@ -12,7 +12,7 @@ namespace {
 using test::kFloor;
 using test::kStep_s;
 
-/// One second a body and one a contact point: costs are numbers of what is simulated.
+/// One second a body and one a contact point: costs are counts.
 constexpr StepCost kCountBodies{.body_s = 1.0};
 constexpr StepCost kCountContacts{.contact_s = 1.0};
 
@@ -99,11 +99,11 @@ TEST_F(Budgets, WhatTouchesAMemberIsSimulatedToo) {
   world->touch(1, 2, Vec3::UnitX(), 1.0);
   world->touch(2, 3, Vec3::UnitX(), 1.0);
   const Budget two{.limit_s = 2.5, .cost = kCountBodies, .simulates_border = true};
-  EXPECT_EQ(chosen(two), ids({1}));  // and 2 as its ghost; with 2 as a member, 3 would be one
+  EXPECT_EQ(chosen(two), ids({1}));  // and 2 as its ghost; as a member, 2 would have the ghost 3
   EXPECT_DOUBLE_EQ(selector->cost_s(), 2.0);
   EXPECT_EQ(chosen({.limit_s = 9.0, .cost = kCountBodies, .simulates_border = true}), ids({1, 2, 3}));
-  EXPECT_DOUBLE_EQ(selector->cost_s(), 3.0);  // a ghost that becomes a member was counted already
-  EXPECT_EQ(chosen({.limit_s = 2.5, .cost = kCountBodies}), ids({1, 2}));  // an outside of impulses is not
+  EXPECT_DOUBLE_EQ(selector->cost_s(), 3.0);  // a ghost that becomes a member was already counted
+  EXPECT_EQ(chosen({.limit_s = 2.5, .cost = kCountBodies}), ids({1, 2}));  // without ghosts, the outside costs nothing
 }
 
 TEST_F(Budgets, ContactsAreThoseThatAStepHas) {
@@ -127,7 +127,7 @@ TEST_F(Budgets, NoiseInTheLoadsExchangesNobody) {
   world->touch(1, 3, Vec3::UnitY(), 1.2);
   EXPECT_EQ(chosen(two), ids({1, 3}));
   EXPECT_EQ(chosen(two, ids({1, 2})), ids({1, 2}));
-  world->contacts.back().normal_impulse *= 5.0;  // no noise
+  world->contacts.back().normal_impulse *= 5.0;  // more than noise
   EXPECT_EQ(chosen(two, ids({1, 2})), ids({1, 3}));
 }
 

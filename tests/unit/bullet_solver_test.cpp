@@ -59,7 +59,7 @@ struct World {
   std::vector<std::unique_ptr<btRigidBody>> bodies;
 };
 
-/// Steps two worlds that differ in the solver only, until they differ otherwise; returns how many steps were equal.
+/// Steps two worlds that have different solvers, until their states differ; returns the number of equal steps.
 int equal_steps(int steps) {
   btSequentialImpulseConstraintSolver bullets;
   ContactSolver ours;
@@ -79,7 +79,7 @@ int equal_steps(int steps) {
   return steps;
 }
 
-/// A body that leaves 1.25 times as fast as it came, times the part of its restitution: it keeps its energy at 0.8.
+/// A body that leaves with 1.25 times its speed, times the factor of its restitution: it has its initial energy at 0.8.
 TEST(BounceLimit, FindsThePartThatKeepsTheEnergy) {
   btBoxShape shape({0.1, 0.1, 0.1});
   btRigidBody body(btRigidBody::btRigidBodyConstructionInfo(1, nullptr, &shape, {1, 1, 1}));

@@ -36,7 +36,7 @@ TEST(Selection, MembersAreMovableAndAlwaysHoldTheProxy) {
   EXPECT_EQ(m.fixed, std::vector{BodyId{0}});
   EXPECT_TRUE(m.holds(BodyId{0}));
   EXPECT_FALSE(m.holds(BodyId{1}));
-  // A fixed body that is touched is inside, even where the bounds miss it.
+  // A fixed body in contact with a member is inside, even if its bounds do not reach the box.
   select_fixed({}, std::vector{Contact{.a = BodyId{0}, .b = BodyId{2}}, Contact{.a = BodyId{0}, .b = BodyId{1}}},
                bodies, m);
   EXPECT_EQ(m.fixed, (std::vector{BodyId{0}}));
@@ -81,7 +81,7 @@ TEST(Border, ImpulsesActOnTheInsideBodyWhicheverSideItIs) {
   EXPECT_EQ(impulses[0].impulse, Vec3(-0.125, 0, -0.75));
 }
 
-// Figure 8 a: members that touch only one another and the floor have no border.
+// Figure 8 a: members with contacts only among themselves and with the floor have no border.
 TEST(Border, Figure8aClosedSubWorldHasNone) {
   const Membership m{.members = {BodyId{1}, BodyId{2}}, .fixed = {BodyId{0}}};
   std::vector<BoundaryContact> border;
@@ -175,7 +175,7 @@ TEST(VirtualCoupling, ImplicitStepIsStableAtAnyStep) {
   EXPECT_LT(proxy.position.norm(), 1e-4);
 }
 
-/// A coupling far too stiff for its limit switches between spring and limit at every step; the limit bounds its power.
+/// A coupling far too stiff for its limit switches between spring and limit in every step; the limit bounds its power.
 TEST(VirtualCoupling, SaturationBoundsTheEnergy) {
   const CouplingSettings k{.stiffness_n_m = 1e6, .damping_n_s_m = 20.0};
   const ForceLimits limits{.force_n = 40.0};
@@ -213,8 +213,8 @@ struct ToolMotion {
   std::vector<Wrench> wrench;
 };
 
-/// A free tool of six degrees of freedom whose device swings and turns, in 300 steps of 1 ms of wall time, on a clock
-/// of which step i covers rate(i).
+/// A free tool of six degrees of freedom whose device oscillates and turns, in 300 steps of 1 ms of wall time, on a
+/// clock of which step i covers rate(i).
 template <class Rate>
 ToolMotion swing(Rate&& rate) {
   UserSpec user;
@@ -251,7 +251,7 @@ ToolMotion swing(Rate&& rate) {
   return seen;
 }
 
-// The tool is in the hand: on whatever clock, and while its rate changes, it moves and pulls as at full speed.
+// The proxy runs in wall time: with any clock, and while its rate changes, motion and force are those at full speed.
 TEST(Tool, MovesInWallTimeAsAtFullSpeed) {
   const ToolMotion full = swing([](int) { return 1.0; });
   EXPECT_GT(full.wrench.front().force.norm(), 0.1) << "N";
@@ -391,7 +391,7 @@ TEST(Synchroniser, BothCopiesMeetAndTheProxyFollowsTheSubWorld) {
               -1.0, 1e-15);
 }
 
-// Both sides wrote stamp 2 before they had applied the blend of stamp 1: nothing may be corrected twice.
+// Both sides wrote stamp 2 before they had applied the blend of stamp 1: no correction is applied twice.
 TEST(Synchroniser, LateBlendsAreNotAppliedTwice) {
   const auto scheme = make_scheme(paper());
   Synchroniser s(*scheme, 16, BodyId{9}, {});
@@ -428,7 +428,7 @@ TEST(Islands, AreOpenWhereTheyReachOut) {
   EXPECT_EQ(labels[0], labels[1]);
   EXPECT_EQ(labels[2], kOpenIsland);
   EXPECT_NE(labels[3], labels[0]);
-  // The other side sees 2 touch 3: now all of it is open.
+  // The other side has a contact of 2 and 3: then the whole island is open.
   Islands both;
   both.begin(ids);
   both.join(ids, labels);

@@ -1,4 +1,4 @@
-// Who is to blame for a missed gate, by what a run has measured.
+// Attribution of a missed gate, by the measurements of a run.
 #include "gates.hpp"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@ namespace {
 
 Json share(double run_queue_delay_s) { return {{"fifo", true}, {"run_queue_delay_s", run_queue_delay_s}}; }
 
-/// A run of 10 s at 1 kHz on a quiet machine whose loops miss 20 steps and a cycle by what was kept from them.
+/// A run of 10 s at 1 kHz on a quiet machine whose loops miss 20 steps and a cycle because the OS withheld time.
 Json late_run(int users, bool placed, double queued_s) {
   Json run{
       {"mode", "realtime"},
@@ -93,7 +93,7 @@ TEST(Gates, AWorldWithACoreOfItsOwnWaitsForNobody) {
 
 std::string verdict(const Json& run) { return verdict_of(gates(run), run); }
 
-/// A run that misses nothing.
+/// A run without misses.
 Json quiet_run() {
   Json run = late_run(1, true, 0.0);
   run["haptic"][0]["missed_by_os"] = 0;

@@ -1,4 +1,4 @@
-// What `plan` and `run` say of a scene that lies beyond what an engine or a device holds.
+// Warnings of `plan` and `run` for scenes beyond the limits of an engine or a device.
 #include "limits.hpp"
 
 #include "physics/plugin.hpp"
@@ -17,8 +17,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-/// A floor and two cubes of 10 cm, the second 20 cm beside the first, in an engine that holds little: steps of the
-/// world of 4 ms.
+/// A floor and two cubes of 10 cm, 20 cm apart, in an engine with low limits; the world's step is 4 ms.
 class Limits : public ::testing::Test {
  protected:
   Limits() {

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-// What the plan leaves out by which fact, and that messages without it tell the same.
+// The facts that decide each optimisation, and that messages with less content have the same effect.
 namespace subworld {
 namespace {
 
@@ -70,7 +70,7 @@ INSTANTIATE_TEST_SUITE_P(Items, Facts,
 
 class SameMessages : public testing::TestWithParam<const char*> {};
 
-// Ghosts begin, turn from what the inside alone holds into what stands, and end.
+// Ghosts appear, change from carried to held, and end.
 TEST_P(SameMessages, TellASubWorldTheSame) {
   std::vector<std::uint64_t> hashes;
   for (const Disabled disabled : {kDisableNothing, disabled(Optimisation::pairs) | disabled(Optimisation::device)}) {
@@ -87,7 +87,7 @@ TEST_P(SameMessages, TellASubWorldTheSame) {
 INSTANTIATE_TEST_SUITE_P(Scenes, SameMessages, testing::Values("loose", "see_saw", "toppling", "hidden_load"),
                          [](const auto& one) { return std::string(one.param); });
 
-// A ghost that is held again stands where it touches nothing deeper than the world says: that takes its contacts.
+// A ghost that is held again starts where its contacts are no deeper than in the world: this needs its contacts.
 TEST(Pairs, GoWithGhostsThatAreHeldAgain) {
   std::size_t held_again = 0;
   for (const char* name : {"loose", "see_saw", "toppling", "hidden_load", "card_house", "pyramid", "heap_press"}) {

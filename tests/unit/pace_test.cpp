@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kCycle_s = 0.004;
 
-/// A world whose n-th cycle costs so much, on releases that its pace sets; as run_realtime does it.
+/// A world whose n-th cycle has this cost, with releases from its pace, as run_realtime does.
 struct Simulation {
   struct Cycle {
     double real_time_factor, late_s, idle_s, wall_s;

@@ -1,4 +1,4 @@
-// Where the programs of a run are placed.
+// Placement of a run's programs on cores.
 #include "placement.hpp"
 
 #include <gtest/gtest.h>

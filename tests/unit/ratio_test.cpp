@@ -1,4 +1,4 @@
-// The simulation ratio while it changes: who counts which cycles, what decides, and what a hand feels of it.
+// A changing simulation ratio: the counting of steps, the decision, and the felt force.
 #include "coupling/ratio_control.hpp"
 #include "coupling/timetable.hpp"
 #include "haptic_sim/border_model.hpp"
@@ -61,7 +61,7 @@ Settings adaptive(int least, int most) {
   return settings;
 }
 
-/// The ratio after `cycles` of a world whose step costs so much.
+/// The ratio after `cycles` of a world whose step has this cost.
 int after(RatioControl& control, int ratio, bool felt, double step_s, int cycles) {
   const CycleCost cost = [step_s](double, int parts) { return parts * step_s; };
   for (int i = 0; i < cycles; ++i) ratio = control.choose_ratio(ratio, felt, 1e-3 * ratio, cost);
@@ -152,10 +152,10 @@ TEST(AdaptiveRatio, RepeatsBitByBitAndIsFeltAsTheSmallestRatio) {
   EXPECT_LT(std::sqrt(difference / squares), 0.005);
 }
 
-/// What the first user feels of a world that seems to need `cost_s(time)` for a cycle.
+/// The force that the first user feels with a world whose cycles seem to cost `cost_s(time)`.
 template <class Cost>
 std::vector<Vec3> felt_at_cost(const Scene& scene, double until_s, std::vector<double>& changes_s, const Cost& cost_s) {
-  constexpr int kManyTimes = 200;  // so that what a cycle costs is known at once
+  constexpr int kManyTimes = 200;  // so that the cost of a cycle is known at once
   CoupledRun run(scene);
   int ratio = scene.settings.ratio;
   while (run.world.time_s() < until_s) {
@@ -172,7 +172,7 @@ TEST(AdaptiveRatio, AChangeUnderTheHandIsNoStepInTheForce) {
   constexpr double kMostStep_n = 0.2;
   constexpr double kPressed_s = 1.0, kUntil_s = 2.2;
   const Scene scene = scene_of("row", {4, 12});
-  // The tool pushes from 0.5 s on; from then on nothing but the ratio differs.
+  // The tool pushes from 0.5 s on; from then on only the ratio differs.
   std::vector<double> none, changes_s;
   const auto constant = felt_at_cost(scene, kUntil_s, none, [](double) { return 1e-4; });
   const auto changing = felt_at_cost(scene, kUntil_s, changes_s, [](double t) {
@@ -186,7 +186,8 @@ TEST(AdaptiveRatio, AChangeUnderTheHandIsNoStepInTheForce) {
   }
 }
 
-// The last long cycle before short ones has the time of a short one: the sub-worlds are ahead and already make those.
+// The last long cycle before short ones has the time of a short one: the sub-worlds are ahead and already make short
+// ones.
 TEST(AdaptiveRatio, TheCycleBeforeShorterOnesHasNoMorePartsThanTheirTimeHasRoomFor) {
   constexpr double kPart_s = 1.5e-3;
   const Scene scene = scene_of("row", {4, 12});
@@ -207,7 +208,7 @@ TEST(AdaptiveRatio, TheCycleBeforeShorterOnesHasNoMorePartsThanTheirTimeHasRoomF
 
 TEST(AdaptiveRatio, AHandThatRestsOnWhatItHasPushedNeedsNoShortCycles) {
   Scene scene = scene_of("row", {4, 10});
-  scene.users[0].device.path.pop_back();  // it stays where it has pushed
+  scene.users[0].device.path.pop_back();  // it stays at its pushed position
   CoupledRun run(scene);
   while (run.world.time_s() < 3.0) run.cycle();
   EXPECT_GT(run.felt[0].force.back().norm(), 1.0) << "it leans on the row";
@@ -229,7 +230,7 @@ TEST(AdaptiveRatio, AFrameTellsHowLongItsCycleWas) {
   EXPECT_TRUE(changed);
 }
 
-// Impulses are sums over the cycle that they come from, however long the present one is.
+// Impulses are sums over the cycle in which they occurred, independent of the length of the present one.
 TEST(AdaptiveRatio, AFrozenBorderDividesItsImpulsesOverTheirOwnCycle) {
   const Scene scene = scene_of("row", {4, 10});
   Settings settings = scene.settings;
@@ -258,7 +259,7 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeSaysSoAndBeginsAnew) {
   ASSERT_TRUE(sub.reset_from(world.frame(0)));
   const DeviceState device;
   WorldFrame before, after;
-  // Frames stay away from the sub-world until the change is over: without a hand the ratio grows.
+  // No frames reach the sub-world until the change is over: without an operator the ratio grows.
   while (world.timetable().newest().stamp == 0 || world.stamp() < world.timetable().newest().stamp + 3) {
     world.step();
     after = world.frame(0);

@@ -1,4 +1,4 @@
-// What rests leaves its engine, and is back before anything can reach it.
+// Resting bodies leave their engine, and return before anything can reach them.
 #include "physics/resting_engine.hpp"
 
 #include "lab/coupled_run.hpp"
@@ -121,11 +121,11 @@ TEST_P(Resting, WhatIsAtRestFromTheStartWakesWithWhatItTouches) {
   EXPECT_NEAR(engine->state(kUpper).position.z(), 0.15, 2e-3);
 }
 
-// A look is for several steps: what is hit in the first may hit the next one in the last.
+// One check covers several steps: a body that is hit in the first step may hit the next one in the last step.
 TEST_P(Resting, WhatIsPushedOnWakesWhatItMayReach) {
   for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
-  scene.initial[index(kUpper)] = test::at(-0.11, 0, 0.05);  // 10 mm behind the lower one
-  scene.initial[index(kBall)] = test::at(0.12, 0, 0.05);    // 20 mm before it
+  scene.initial[index(kUpper)] = test::at(-0.11, 0, 0.05);  // 10 mm behind the lower cube
+  scene.initial[index(kBall)] = test::at(0.12, 0, 0.05);  // 20 mm in front of it
   scene.initial[index(kBall)].linear_velocity = {-2, 0, 0};
   begin();
   engine->follow(kStep_s, kHorizon_s);
@@ -202,8 +202,8 @@ TEST_P(Resting, NothingSleepsWhereItIsKeptAwake) {
 INSTANTIATE_TEST_SUITE_P(Engines, Resting, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),
                          test::name_of);
 
-// Before the tool comes, a row costs nothing; then it is felt as if it had never slept, but for what its solver's first
-// guess makes of it: less than steps of half the length do.
+// Before the tool arrives, a row costs nothing. Then the felt force is that of a row that never slept, except for the
+// effect of the solver's first guess: less than that of half the step.
 TEST(RestingWorld, ARowThatSleptIsFeltAsOneThatDidNot) {
   Scene scene = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
   keep_users(scene, 1);
@@ -256,7 +256,7 @@ TEST_F(SleepingRow, RefusesAnEngineThatCannotHoldIt) {
   EXPECT_EQ(run.world.engine().name(), "bullet");
 }
 
-// What the sub-world last said of a body that has fallen asleep since wakes nobody.
+// The last correction of a body that has fallen asleep since wakes no body.
 TEST_F(SleepingRow, SleepsAgainWhenTheHandHasGone) {
   while (run.world.time_s() < 2.0) run.cycle();
   ASSERT_EQ(run.world.asleep(), 0U) << "it is pushed";
@@ -267,7 +267,7 @@ TEST_F(SleepingRow, SleepsAgainWhenTheHandHasGone) {
   }
 }
 
-// What sleeps keeps its share of the energy: coming and going may not look like work.
+// A sleeping body retains its energy: leaving and returning must not count as work.
 TEST_F(SleepingRow, KeepsTheEnergyOfTheWorld) {
   Scene awake = scene;
   awake.settings.disable(kDisableAll);
@@ -280,7 +280,7 @@ TEST_F(SleepingRow, KeepsTheEnergyOfTheWorld) {
   EXPECT_LT(run.world.energy_excess_j(), 1e-3);
 }
 
-/// A scene that changes while it runs, with all that the plan leaves out and with all of it kept in.
+/// A scene that changes while it runs, with all optimisations on and off.
 class PlanOfAChangingScene : public ::testing::Test {
  protected:
   void SetUp() override { setenv("SUBWORLD_ENGINES", ENGINES_FOLDER, 1); }
@@ -302,7 +302,7 @@ class PlanOfAChangingScene : public ::testing::Test {
     }
     return force_error(felt[0], felt[1], scene.settings.h_s).rms;
   }
-  /// Flies along x and meets the row's far end while the hand pushes.
+  /// Flies along x and hits the row's far end while the operator pushes.
   void shoot_a_ball(double friction) {
     test::throw_ball(scene, {5.0, 0.0, 0.05}, {-3.0, 0.0, 0.0}).material.friction = friction;
   }
@@ -326,7 +326,7 @@ TEST_F(PlanOfAChangingScene, TheFirstBodyWithFrictionComes) {
   EXPECT_EQ(difference(disabled(Optimisation::friction)), 0.0);
 }
 
-// Bodies that sleep and wake come into the new engine in another order, and the order of a solver makes a percent: of
+// Bodies that sleep and wake enter the new engine in another order, which changes the solver's result by a percent. Of
 // mu m g of the ten cubes, 9.81 N, one run feels 9.72 N and the other 9.86 N.
 TEST_F(PlanOfAChangingScene, TheWorldGetsAnotherEngineWhileItRests) {
   EngineExchange exchange{EngineExchange::Preparation::at_once, {}};
@@ -342,7 +342,7 @@ TEST_F(PlanOfAChangingScene, TheWorldGetsAnotherEngineWhileItRests) {
             0.05);
 }
 
-/// Says that it estimates friction, and counts how often.
+/// Claims to estimate friction, and counts the estimates.
 class EstimatingEngine final : public EngineShell {
  public:
   EstimatingEngine(std::unique_ptr<Engine> inner, int& estimates) : inner_(std::move(inner)), estimates_(estimates) {}

@@ -69,7 +69,7 @@ TEST(Arrears, AreMadeUpForGently) {
   EXPECT_LT(arrears.owed_s(), 0.05 * h);
 }
 
-// A step that takes longer than its period for good: every other period is lost, and the clock still keeps up.
+// A step that always takes longer than its period: every other period is lost, and the clock still stays correct.
 TEST(Arrears, AStandingOverloadIsCarried) {
   constexpr double h = 1e-3;
   Arrears arrears;
@@ -89,13 +89,13 @@ TEST(Arrears, AClockThatStandsOwesNothing) {
   EXPECT_EQ(arrears.step(1e-3, 4e-3), 1e-3);
 }
 
-/// A loop of 1 ms whose thread's use of the core is made up: each step is (asked, woke, done), in us after the first
-/// release, and the CPU time and the sleeps of it.
+/// A loop of 1 ms with simulated use of the core. Each step is (asked, woke, done), in us after the first release, with
+/// its CPU time and number of sleeps.
 class LatenessOf1kHz : public ::testing::Test {
  protected:
   struct Step {
     int asked_us, woke_us, done_us, cpu_us;
-    std::uint64_t waits = 0;  ///< besides the sleep until the release
+    std::uint64_t waits = 0;  ///< in addition to the sleep until the release
   };
 
   Miss step(int release, const Step& s) {
@@ -118,7 +118,7 @@ TEST_F(LatenessOf1kHz, WhatIsInTimeIsNoMiss) { EXPECT_EQ(step(0, {-500, 10, 900,
 
 TEST_F(LatenessOf1kHz, ALateWakeUpIsTheMachines) { EXPECT_EQ(step(0, {-500, 700, 1100, 400}), Miss::os); }
 
-// Without the 50 us it would have been late all the same.
+// Without the 50 us it would also have been late.
 TEST_F(LatenessOf1kHz, ALongStepIsOursThoughItsWakeUpWasALittleLate) {
   EXPECT_EQ(step(0, {-500, 50, 1350, 1300}), Miss::computing);
 }
@@ -127,7 +127,7 @@ TEST_F(LatenessOf1kHz, APreEmptionIsTheMachines) { EXPECT_EQ(step(0, {-500, 10, 
 
 TEST_F(LatenessOf1kHz, AStepThatWaitsForALockIsOurs) { EXPECT_EQ(step(0, {-500, 10, 1100, 400, 1}), Miss::waiting); }
 
-// What made one step late makes the next one late as well, and is still the same one's.
+// A cause that makes one step late also makes the next one late, and the miss has the same cause.
 TEST_F(LatenessOf1kHz, WhoMadeAStepLateIsToBlameForTheNextOne) {
   EXPECT_EQ(step(0, {-500, 1500, 1900, 400}), Miss::os);
   EXPECT_EQ(step(1, {1901, 1902, 2302, 400}), Miss::os);
@@ -206,7 +206,7 @@ TEST(Stages, DoNotBeginAStepBeforeTheOneBeforeHasEnded) {
   stages.begin(release, release + 1ms);
   const TimePoint end = stages.mark(Stage::work);
   stages.end();
-  stages.begin(release + 1ms, end + 1ms);  // released while the first step went on
+  stages.begin(release + 1ms, end + 1ms);  // released while the first step was still running
   const StageStep step = stages.end();
   EXPECT_EQ(step.begin, end);
   EXPECT_EQ(step.end, end + 1ms);

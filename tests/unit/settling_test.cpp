@@ -1,4 +1,4 @@
-// What sways where no hand reaches it is damped, and sleeps.
+// Oscillating structures that no operator reaches are damped, and sleep.
 #include "lab/coupled_run.hpp"
 #include "physics/engine_shell.hpp"
 #include "physics/resting_engine.hpp"
@@ -20,7 +20,7 @@ namespace {
 
 using test::kHorizon_s, test::kStep_s;
 
-/// Notes whose velocity is set, and to what.
+/// Records which bodies get a velocity, and its value.
 class Watched final : public EngineShell {
  public:
   explicit Watched(Engine& inner) : inner_(inner) {}
@@ -38,7 +38,7 @@ class Watched final : public EngineShell {
   Engine& inner_;
 };
 
-/// Trembles by 0.8 % of a cube's size, as a solver without an end to its errors.
+/// Trembles by 0.8 % of a cube's size, like a solver with a persistent error.
 class Trembling final : public EngineShell {
  public:
   explicit Trembling(Engine& inner) : inner_(inner) {}
@@ -85,7 +85,7 @@ class SettlingStack : public test::RestingStack {
     engine = std::make_unique<RestingEngine>(shown, scene, restless, true, asked);
     for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
   }
-  /// Whether the stack's upper cube has settled within `seconds`, with a hand at `tool_x_m`.
+  /// Whether the stack's upper cube has settled within `seconds`, with an operator at `tool_x_m`.
   bool settles(double seconds, double tool_x_m, bool asked = true) {
     const Body tool = test::ball_proxy(BodyId{4}, 0.03, 0.1);
     add(tool, test::at(tool_x_m, 0, 0.25));
@@ -153,7 +153,7 @@ TEST_P(SettlingStack, AHandThatComesByLetsItSettleAnew) {
   engine.reset();
 }
 
-// Twelve cubes under one plank, of which one has always moved on within the time that bodies must be still.
+// Twelve cubes under one plank, of which one has always moved within the time for which bodies must be still.
 TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItCreeps) {
   for (std::uint32_t i = 0; i < Creeping::kCount; ++i) {
     add(test::cube(BodyId{Creeping::kFirst + i}), test::at(0.15 * i, 1, 0.05));
@@ -175,7 +175,7 @@ TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItCreeps) {
   }
 }
 
-// Steeper than its friction angle by 0.8 degrees: damped, it would slide with 0.04 m/s for ever.
+// Steeper than the friction angle by 0.8 degrees: with damping, it would slide at 0.04 m/s without end.
 TEST(Sliding, GetsAway) {
   constexpr double kNet_m_s2 = 0.15, kFriction = 0.5, kG = 9.81;
   const double angle = std::atan(kFriction) + std::asin(kNet_m_s2 / kG / std::sqrt(1.0 + kFriction * kFriction));

@@ -1,4 +1,5 @@
-// What a hand feels where world and sub-world never quite agree: corrections in parts, and heaps between two engines.
+// The felt force where world and sub-world always differ a little: corrections in several steps, and heaps between two
+// engines.
 #include "haptic_sim/gradual_shifts.hpp"
 #include "lab/coupled_run.hpp"
 #include "support/bodies.hpp"
@@ -56,8 +57,8 @@ TEST_F(Shifted, ASecondShiftComesOnTopAndABodyThatGoesIsForgotten) {
   gradual.step(*engine);  // would throw
 }
 
-/// Bullet at 4 ms lets the cubes of a heap overlap by half a millimetre, stiffer engines by micrometres. With their
-/// corrections made at once and walls that hold any load, the hand felt steps of up to 37 N here.
+/// Bullet at 4 ms lets the cubes of a heap overlap by half a millimetre, stiffer engines by micrometres. With immediate
+/// corrections, and with walls that hold any load, the operator felt steps of up to 37 N here.
 struct OperatorInHeap : testing::TestWithParam<std::string> {};
 
 TEST_P(OperatorInHeap, FeelsNoJoltBetweenTwoEngines) {
