@@ -55,9 +55,8 @@ int main(int argc, char** argv) {
     const double kept_s = disabled.cpu.world.quantile_s(0.5);
     for (const CoupledRun* run : {&enabled, &disabled}) {
       const double p50_s = run->cpu.world.quantile_s(0.5);
-      fmt::print("{},{},{:.0f},{:.0f},{:.0f},{:.3f}\n", side * side, run == &enabled ? "on" : "off",
-                 1e6 * p50_s, 1e6 * run->cpu.world.quantile_s(0.99), 1e6 * run->cpu.haptic.quantile_s(0.5),
-                 p50_s / kept_s);
+      fmt::print("{},{},{:.0f},{:.0f},{:.0f},{:.3f}\n", side * side, run == &enabled ? "on" : "off", 1e6 * p50_s,
+                 1e6 * run->cpu.world.quantile_s(0.99), 1e6 * run->cpu.haptic.quantile_s(0.5), p50_s / kept_s);
     }
   }
 }

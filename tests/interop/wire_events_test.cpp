@@ -21,7 +21,7 @@ using test::until;
 
 class WireEvents : public ::testing::TestWithParam<test::VendorPair> {};
 
-TEST_P(WireEvents, a_silent_writer_misses_its_deadline) {
+TEST_P(WireEvents, a_writer_that_stops_sending_misses_its_deadline) {
   const TestDomain held;
   const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
@@ -45,7 +45,7 @@ TEST_P(WireEvents, a_silent_writer_misses_its_deadline) {
 }
 
 // A timer that a vendor arms with too short a time would count each of these samples as late.
-TEST_P(WireEvents, who_sends_in_time_misses_no_deadline) {
+TEST_P(WireEvents, a_writer_in_time_misses_no_deadline) {
   using Clock = std::chrono::steady_clock;
   constexpr std::chrono::microseconds kGap{1200}, kSilence{2000};
   constexpr std::uint64_t kSamples = 800;

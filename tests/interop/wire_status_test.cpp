@@ -32,7 +32,7 @@ class WireStatus : public ::testing::TestWithParam<test::VendorPair> {
 };
 
 // A paused loop updates nothing, and its thread may be publishing at that time.
-TEST_P(WireStatus, what_a_standing_loop_says_is_heard) {
+TEST_P(WireStatus, notes_of_a_paused_loop_are_published) {
   const TestDomain held;
   const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
@@ -52,7 +52,7 @@ TEST_P(WireStatus, what_a_standing_loop_says_is_heard) {
   }
 }
 
-TEST_P(WireStatus, a_late_reader_hears_what_was_said) {
+TEST_P(WireStatus, a_late_reader_gets_earlier_notes) {
   const TestDomain held;
   const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
@@ -64,7 +64,7 @@ TEST_P(WireStatus, a_late_reader_hears_what_was_said) {
   EXPECT_TRUE(hears(*receiver, reader, "control 7: done"));
 }
 
-TEST_P(WireStatus, an_order_reaches_who_listens_only_later) {
+TEST_P(WireStatus, an_order_reaches_a_reader_that_comes_later) {
   const TestDomain held;
   const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::lockstep));

@@ -198,7 +198,7 @@ TEST_F(Bodies, AreThereInRealTime) {
 
 // A file that accepts nothing during the whole run: rows that fit into memory are written at its end, further ones are
 // counted, and the run continues.
-TEST_F(Bodies, InRealTimeASlowFileHoldsNobodyUp) {
+TEST_F(Bodies, InRealTimeASlowFileDelaysNoLoop) {
   const std::string pipe = folder_.path() + "/pipe";
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
   std::filesystem::create_directory(out());

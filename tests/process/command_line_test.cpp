@@ -116,7 +116,7 @@ TEST_F(CommandLine, APlanNamesItsReasons) {
   EXPECT_TRUE(running(folder_.path()).empty());
 }
 
-TEST_F(CommandLine, APlanListsWhatIsLeftOutAndTakesKeep) {
+TEST_F(CommandLine, APlanListsTheOptimisationsAndTakesDisable) {
   const auto planned = [&](const Words& flags) {
     Words words{program("subworld"), "plan", scene("row")};
     words.insert(words.end(), flags.begin(), flags.end());

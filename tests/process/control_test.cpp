@@ -61,7 +61,7 @@ TEST_F(Control, PausesStepsResumesAndStops) {
 }
 
 // A device moves while the world is paused. This must neither load the coupling nor throw the tool afterwards.
-TEST_F(Control, AHandThatMovesOnDuringAPauseIsMetAnew) {
+TEST_F(Control, AnOperatorThatMovesDuringAPauseReEngagesWithoutAJump) {
   Json haptic;
   // If the machine delays a loop, the operator moves meanwhile, and this is felt: such a run is repeated.
   for (int attempt = 0; attempt < 3; ++attempt) {

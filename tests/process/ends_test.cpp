@@ -152,7 +152,7 @@ class RestartedByHand : public ByHandEnds, public ::testing::WithParamInterface<
 
 // A run consists of the programs with which it began: each peer of a restarted program reports the restart, and so does
 // the restarted program.
-TEST_P(RestartedByHand, IsAnErrorOfEverybodyThatNamesIt) {
+TEST_P(RestartedByHand, IsAnErrorOfEachPeerThatNamesIt) {
   const Loss& loss = GetParam();
   start_run(loss.mode, loss.dds, {"--wait", "3"});
   if (HasFatalFailure()) return;
@@ -178,7 +178,7 @@ INSTANTIATE_TEST_SUITE_P(Programs, RestartedByHand, ::testing::ValuesIn(losses({
 
 class LostByHand : public ByHandEnds, public ::testing::WithParamInterface<Loss> {};
 
-TEST_P(LostByHand, IsNamedByWhomItLeaves) {
+TEST_P(LostByHand, IsNamedByItsPeers) {
   const Loss& loss = GetParam();
   start_run(loss.mode, loss.dds);
   if (HasFatalFailure()) return;

@@ -72,8 +72,7 @@ TEST_P(ForeignWriters, AreRefusedAndNamed) {
   const std::string verdict = results["verdict"];
   EXPECT_NE(verdict.find(foreign_writer.blamed + " from a stranger"), std::string::npos) << verdict << run.err();
   expect_safe(out());
-  EXPECT_GE(results["simulated_s"].get<double>(), 0.99 * std::stod(flags.back()))
-      << "it ended early: " << verdict;
+  EXPECT_GE(results["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << "it ended early: " << verdict;
 }
 
 /// A real program that the run already has.

@@ -117,7 +117,7 @@ TEST_F(StabilityLab, HelpListsTheCasesAndHasExamples) {
     EXPECT_NE(ended.out.find(part), std::string::npos) << ended.out;
 }
 
-TEST_F(StabilityLab, WhatWasMeasuredSurvivesAnInterrupt) {
+TEST_F(StabilityLab, MeasurementsSurviveAnInterrupt) {
   expect_kept_after_interrupt({"slide_stop", "stack", "--engine", "bullet", "--preset", "quality", "--dt", "1/1000"},
                               "[   1/7]", 1, 7);
 }

@@ -148,7 +148,7 @@ TEST_F(Lab, HelpsWithExamples) {
   EXPECT_NE(coupling.out.find("--latency"), std::string::npos);
 }
 
-TEST_F(Lab, WhatWasMeasuredSurvivesAnInterrupt) {
+TEST_F(Lab, MeasurementsSurviveAnInterrupt) {
   expect_kept_after_interrupt({"row", "--ratio", "4,5,6,7,8,9,10,11,12,13,14,15,16", "--substeps", "1,2,3,4,5,6,7,8"},
                               "[  2/", 2, 312);
 }

@@ -131,7 +131,7 @@ TEST_F(LockStepHash, DiffersBetweenRunsThatDiffer) {
 
 class Suppression : public ProcessTest {};
 
-TEST_F(Suppression, OfAHandInTheAirSavesMessagesAndChangesNoForce) {
+TEST_F(Suppression, OfAnOperatorInFreeSpaceSavesMessagesAndChangesNoForce) {
   std::vector<Json> users;
   for (const char* item : {"suppression", "passivity"}) {  // optimisation off; passivity does not affect messages
     ASSERT_EQ(run(scene("scatter"), {"--duration", "0.2", "--disable", item}).code, 0);

@@ -10,7 +10,7 @@ namespace {
 class Summary : public ProcessTest {};
 
 // A device of 2 N cannot render a press of 12 N: the figures are those of the device, and the run reports it.
-TEST_F(Summary, TellsWhatTheHandGotAndHowOftenTheDeviceWasAtItsLimit) {
+TEST_F(Summary, ReportsTheOperatorsForceAndHowOftenTheDeviceWasAtItsLimit) {
   constexpr double kLimit_n = 2.0;
   const Ended ended =
       run(edited("press", "force_limit_n: 40", "force_limit_n: 2"), {"--mode", "lockstep", "--duration", "1"});
@@ -94,7 +94,7 @@ TEST_F(Summary, IsACompleteRecord) {
 }
 
 // Every missed deadline has a cause. The empty loop was measured, and the kernel's effect on each loop.
-TEST_F(Summary, TellsTheMachinesLatenessFromOurs) {
+TEST_F(Summary, SeparatesTheLatenessOfTheOsFromThatOfTheRun) {
   const Ended ended = run(scene("press"), {"--mode", "realtime", "--duration", "2"});
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json json = summary();

@@ -51,7 +51,7 @@ TEST_P(WorldEngine, IsFollowedByEverySubWorldEngine) {
 }
 
 // Also with engines that estimate friction only on request.
-TEST_P(WorldEngine, TellsTheFrictionAtTheBorder) {
+TEST_P(WorldEngine, ReportsTheFrictionAtTheBorder) {
   CoupledRun run(scene_of("pyramid", "reduced", 4, GetParam(), "bullet"));
   double normal = 0.0, tangential = 0.0;
   while (run.world.time_s() < 1.5) {

@@ -75,7 +75,7 @@ TEST_P(Stability, SlidingSpeedOnASlope) {
 
 /// Coulomb with mu > 1: a thin plate, so that the push does not tip it, does not move for F < mu m g; above, v = (F / m
 /// - mu g) t.
-TEST_P(Stability, FrictionIsAsLargeAsItIsSaidToBe) {
+TEST_P(Stability, FrictionIsAsGivenWithLargeMu) {
   constexpr double kLargeMu = 50.0;
   const Vec3 half(1.0, 1.0, 0.002);
   const auto slides = [&](double push) {

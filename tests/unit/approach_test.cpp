@@ -53,7 +53,7 @@ struct Two {
 };
 
 // 10 mm apart, 0.3 m/s: contact in 33 ms.
-TEST(Approach, WhatWillTouchWithinTheTimeIsAtTheBorder) {
+TEST(Approach, ABodyThatWillTouchWithinTheTimeIsAtTheBorder) {
   Two two;
   two.states[1] = test::at(0.11, 0.02, 0);
   two.states[0].linear_velocity.x() = 0.3;
@@ -67,7 +67,7 @@ TEST(Approach, WhatWillTouchWithinTheTimeIsAtTheBorder) {
   EXPECT_EQ(border[0].normal_impulse, 0.0);
 }
 
-TEST(Approach, WhatIsTooSlowOrGoesAwayIsNot) {
+TEST(Approach, ASlowOrRecedingBodyIsNot) {
   Two two;
   two.states[1] = test::at(0.11, 0, 0);
   two.states[0].linear_velocity.x() = 0.2;
@@ -80,7 +80,7 @@ TEST(Approach, WhatIsTooSlowOrGoesAwayIsNot) {
 
 // Both may fall by g t^2 / 2, 7.8 mm.
 // 30 cm away, 8 m/s.
-TEST(Approach, WhatComesFastIsFoundFromAfar) {
+TEST(Approach, AFastBodyIsFoundFromAfar) {
   Two two;
   two.states[1] = test::at(0, 0, 0.4);
   two.states[1].linear_velocity.z() = -8;
@@ -168,7 +168,7 @@ TEST(Approach, AHullReachesToItsVertices) {
   EXPECT_NEAR(border[0].distance, 0.01, 1e-12);
 }
 
-TEST(Approach, WhatTouchesIsThereAlready) {
+TEST(Approach, ATouchingBodyIsAlreadyAtTheBorder) {
   Two two;
   two.states[1] = test::at(0.1, 0, 0);
   two.states[0].linear_velocity.x() = 0.3;
@@ -179,7 +179,7 @@ TEST(Approach, WhatTouchesIsThereAlready) {
 }
 
 // A third cube is near, but stands on the second, which is in contact: the second represents it.
-TEST(Approach, WhatHangsOnTheBorderGoesWithIt) {
+TEST(Approach, ABodyBehindTheBorderIsRepresentedByIt) {
   Two two;
   two.scene.bodies.push_back(test::cube(BodyId{2}, kSide_m));
   two.states = {test::at(0, 0, 0), test::at(0.1, 0, -0.08), test::at(0.11, 0, 0.02)};
@@ -196,7 +196,7 @@ TEST(Approach, WhatHangsOnTheBorderGoesWithIt) {
 
 // The member pushes the second cube, the second pushes the third, and the third is close to the fourth. So the third is
 // at the border itself, by its contact with the second. Bodies that approach from the side do not count.
-TEST(Approach, WhatHangsAndIsPushedIntoSomethingIsAtTheBorder) {
+TEST(Approach, ABodyBehindTheBorderThatIsPushedIntoAnotherIsAtTheBorder) {
   const auto row = [](const Vec3& fourth, const Vec3& velocity) {
     Two two;
     for (const std::uint32_t i : {2U, 3U}) two.scene.bodies.push_back(test::cube(BodyId{i}, kSide_m));
@@ -221,7 +221,7 @@ TEST(Approach, WhatHangsAndIsPushedIntoSomethingIsAtTheBorder) {
 
 // The third cube is out of reach of the member, but within reach of the second, which the member touches and pushes.
 // Then the third is close to a fourth.
-TEST(Approach, WhatTheBorderIsPushedIntoIsFoundToo) {
+TEST(Approach, ABodyThatTheBorderIsPushedIntoIsFoundToo) {
   Two two;
   for (const std::uint32_t i : {2U, 3U}) two.scene.bodies.push_back(test::cube(BodyId{i}, kSide_m));
   two.states = {test::at(0, 0, 0), test::at(0.1, 0, 0), test::at(0.21, 0, 0), test::at(0.311, 0, 0)};

@@ -58,7 +58,7 @@ class BulletBounce : public testing::TestWithParam<test::Tested> {
 };
 
 /// Without the limit, `fast` doubles their energy.
-TEST_P(BulletBounce, BricksThatMeetWithFrictionWinNoEnergy) {
+TEST_P(BulletBounce, BricksThatCollideWithFrictionGainNoEnergy) {
   add({.kind = ShapeKind::plane}, 0.0, {});
   const Vec3 fast(0.817, 0.287, -0.438), slow(-0.261, 0.119, 0.344);
   add_brick({0.08312, 0, 0.03545}, fast);

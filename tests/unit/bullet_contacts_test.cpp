@@ -207,7 +207,7 @@ TEST_P(BulletContacts, ATorqueBelowFrictionTurnsNothing) {
   EXPECT_LT(engine->state(kBody).orientation.angularDistance(Quat::Identity()), 2e-3);
 }
 
-TEST_P(BulletContacts, WhatRollsKeepsItsSpeed) {
+TEST_P(BulletContacts, ARollingBodyKeepsItsSpeed) {
   for (const Ground& table : tables()) {
     for (const Shape& shape : {kCylinder, kCapsule}) {
       for (const double speed : {0.1, 0.3}) {

@@ -62,7 +62,7 @@ TEST_P(WokenStack, StandsOnTheImpulsesWithWhichItFellAsleep) {
   EXPECT_LT(with.z(), 0.3 * without.z());
 }
 
-TEST_P(WokenStack, StartsAnewElsewhere) {
+TEST_P(WokenStack, StartsFromZeroElsewhere) {
   for (BodyState& state : slept) state.position.y() += 1e-4;
   const Vec3 with = jolt(*engine, slept), without = jolt(*other_engine, slept);
   EXPECT_NEAR(with.z(), without.z(), 0.05 * without.z());

@@ -72,7 +72,7 @@ class BulletSmallSteps : public testing::TestWithParam<test::Tested> {
 };
 
 /// Impacts between 3 g and 30 kg gain no significant energy.
-TEST_P(BulletSmallSteps, UnequalHeapsWinNoEnergy) {
+TEST_P(BulletSmallSteps, UnequalHeapsGainNoEnergy) {
   constexpr double kSide = 0.08, kBin = 0.3, kGolden = 0.6180339887;
   add_floor();
   for (int side = 0; side < 4; ++side) {
@@ -124,7 +124,7 @@ TEST_P(BulletSmallSteps, AStackStands) {
   EXPECT_LT(fastest(), GetParam().engine == "bullet" ? 1e-3 : 1e-2);  // single precision oscillates a little
 }
 
-TEST_P(BulletSmallSteps, WhatRestsOnASlopeDoesNotCreep) {
+TEST_P(BulletSmallSteps, ARestingBodyOnASlopeDoesNotCreep) {
   for (const double heading : {0.0, 0.5, 1.6, 3.1}) {
     EngineSettings settings = GetParam().settings();
     const double angle = std::atan(0.9 * 0.5);

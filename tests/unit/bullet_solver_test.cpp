@@ -80,7 +80,7 @@ int equal_steps(int steps) {
 }
 
 /// A body that leaves with 1.25 times its speed, times the factor of its restitution: it has its initial energy at 0.8.
-TEST(BounceLimit, FindsThePartThatKeepsTheEnergy) {
+TEST(BounceLimit, FindsTheFactorThatConservesTheEnergy) {
   btBoxShape shape({0.1, 0.1, 0.1});
   btRigidBody body(btRigidBody::btRigidBodyConstructionInfo(1, nullptr, &shape, {1, 1, 1}));
   std::vector<Mover> movers(2);
@@ -101,7 +101,7 @@ TEST(BounceLimit, FindsThePartThatKeepsTheEnergy) {
   EXPECT_GT(limit.factor(kFixed, 1), 0.7);
 }
 
-TEST(BounceLimit, LeavesBouncesThatWinNothing) {
+TEST(BounceLimit, DoesNotChangeBouncesWithoutGain) {
   std::vector<Mover> movers(2);
   BounceLimit limit;
   limit.begin(movers);

@@ -125,7 +125,7 @@ TEST(Blend, ShiftIsTheDifferenceAndStatesMeetInTheMiddle) {
   EXPECT_NEAR(half.orientation.angularDistance(a.orientation), 0.25, 1e-7);
 }
 
-TEST(Blend, APartOfATurnIsThatOfASlerp) {
+TEST(Blend, AShareOfARotationIsThatOfASlerp) {
   for (const double angle : {0.0, 1e-9, 1e-3, 0.059, 0.061, 2.0, -0.05}) {
     for (const double part : {0.0, 0.1, 0.8, 1.0}) {
       const Quat turn(Eigen::AngleAxisd(angle, Vec3(1, -2, 2).normalized()));
@@ -299,7 +299,7 @@ TEST(ForceGuard, ChangesNoFasterThanTheLimit) {
   }
 }
 
-TEST(ForceGuard, GivesAHandNoMorePowerThanTheLimit) {
+TEST(ForceGuard, DeliversNoMorePowerToTheOperatorThanTheLimit) {
   ForceGuard guard(kLimits, 0.0);
   const Vec3 along(4, 3, 0), velocity(2, 0, 0);
   Vec3 force;
@@ -311,7 +311,7 @@ TEST(ForceGuard, GivesAHandNoMorePowerThanTheLimit) {
   EXPECT_NEAR(force.y(), 6.0, 1e-9) << "what is across stays";
 }
 
-TEST(ForceGuard, MeetsAHandThatItLetGoFromZero) {
+TEST(ForceGuard, ReEngagesFromZeroForceAfterADeclutch) {
   ForceGuard guard(kLimits, 0.1);
   const Wrench wanted{Vec3(8, 0, 0), Vec3::Zero()};
   for (int i = 0; i < 200; ++i) EXPECT_LE(guard.pass(wanted, Vec3::Zero(), true, 0.001).force.norm(), 8.0);

@@ -243,7 +243,7 @@ TEST(SlowedClock, AStandingObstacleFeelsTheSameAtEachRate) {
 
 // At a rate of 0.2 the apparent mass of the row is 50 kg instead of 2 kg: pushing needs more force, but impacts are not
 // harder.
-TEST(SlowedClock, WhatMovesIsHeavierAndNoHarderToTheTouch) {
+TEST(SlowedClock, AMovingBodyIsHeavierWithoutHarderImpacts) {
   constexpr int kSteps = 2000;
   const SceneRun full = run_scene("row", kSteps, constant(1.0));
   for (const double rate : {0.5, 0.2}) {

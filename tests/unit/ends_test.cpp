@@ -72,7 +72,7 @@ std::vector<std::string> watch(Watchdog& watchdog, int seconds, const Sighting& 
   return said;
 }
 
-TEST(WatchdogTest, NamesOnceWhoStands) {
+TEST(WatchdogTest, NamesOnceAProgramThatDoesNotAdvance) {
   Watchdog watchdog;
   const auto said = watch(watchdog, 20, {"haptic_sim_0", 1.5, ""});
   ASSERT_EQ(said.size(), 1U);
@@ -84,7 +84,7 @@ TEST(WatchdogTest, NamesOnceWhoStands) {
   EXPECT_EQ(after[0], "haptic_sim_0 goes on");
 }
 
-TEST(WatchdogTest, LeavesInPeaceWhoWaitsIsPausedOrHasNotBegun) {
+TEST(WatchdogTest, ReportsNoProgramThatWaitsIsPausedOrHasNotBegun) {
   Watchdog watchdog;
   EXPECT_TRUE(watch(watchdog, 20, {"haptic_sim_0", 1.5, "world_sim"}).empty());
   EXPECT_TRUE(watch(watchdog, 20, {"haptic_sim_0", 1.5, ""}, true).empty());

@@ -65,7 +65,7 @@ class Conformance : public testing::TestWithParam<test::Tested> {
 
 // --- bodies and their states ---
 
-TEST_P(Conformance, WhatIsSetAfterAStepIsReadAtOnce) {
+TEST_P(Conformance, AStateSetAfterAStepIsReadAtOnce) {
   run(0.1);
   engine->set_velocity(kCube, {0.3, 0.1, 0}, {0, 0, 0.5});
   expect_near(engine->state(kCube).linear_velocity, {0.3, 0.1, 0});
@@ -138,7 +138,7 @@ TEST_P(Conformance, AForceActsForOneStepOnly) {
 }
 
 // Under a constant force the sub-steps' end velocities add up to a dt (dt + sub-step) / 2.
-TEST_P(Conformance, TellsInWhichPartsItIntegrates) {
+TEST_P(Conformance, ReportsTheSubStepsInWhichItIntegrates) {
   Body free = cube(kOther);
   free.gravity = false;
   engine->add(free, at(0, 0, 2));
@@ -170,7 +170,7 @@ TEST_P(Conformance, InertiaLeavesTheWeightAlone) {
   EXPECT_NEAR(engine->state(kCube).angular_velocity.y(), 0.02 / 0.01 * dt, 10 * rounding());
 }
 
-TEST_P(Conformance, WhatDoesNotRotateDoesNot) {
+TEST_P(Conformance, ABodyThatMayNotRotateDoesNot) {
   Body body = cube(kOther);
   body.rotates = false;
   BodyState start = at(1, 0, 0.1);

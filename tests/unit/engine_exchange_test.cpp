@@ -59,7 +59,7 @@ TEST_P(Pairs, BodiesKeepPoseVelocityAndInertia) {
   EXPECT_NEAR(engine.state(heavy).linear_velocity.z() - before[5].state.linear_velocity.z(), 1.0, 1e-3);
 }
 
-TEST_P(Pairs, ThePressedHandFeelsNoJump) {
+TEST_P(Pairs, ThePressingOperatorFeelsNoJump) {
   Scene scene = load_scene(SCENES_FOLDER "/press.yaml");
   scene.settings.scheme = "reduced";
   scene.settings.users = 1;

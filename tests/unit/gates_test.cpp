@@ -74,7 +74,7 @@ Culprit culprit_of(const Json& run, const std::string& gate) {
 constexpr const char* kMissed = "user 0: missed by the machine";
 constexpr const char* kClock = "world real-time factor";
 
-TEST(Gates, ALoopThatWaitedForAnotherOneOfTheRunIsOurs) {
+TEST(Gates, ALoopThatWaitedForAnotherOneOfTheRunIsTheRuns) {
   EXPECT_EQ(culprit_of(late_run(2, true, 0.5), kMissed), Culprit::run);
   EXPECT_EQ(culprit_of(late_run(2, true, 0.001), kMissed), Culprit::os) << "it hardly waited";
   EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kMissed), Culprit::os) << "there is no other";
@@ -83,7 +83,7 @@ TEST(Gates, ALoopThatWaitedForAnotherOneOfTheRunIsOurs) {
   EXPECT_EQ(culprit_of(busy, kMissed), Culprit::os) << "others may have had the core";
 }
 
-TEST(Gates, AWorldWithACoreOfItsOwnWaitsForNobody) {
+TEST(Gates, AWorldWithACoreOfItsOwnWaitsForNoLoop) {
   EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kClock), Culprit::os);
   EXPECT_EQ(culprit_of(late_run(1, false, 0.5), kClock), Culprit::run);
   Json slow = late_run(1, true, 0.0);
@@ -101,7 +101,7 @@ Json quiet_run() {
   return run;
 }
 
-TEST(Gates, EnergyThatNobodyPutInIsUnstable) {
+TEST(Gates, CreatedEnergyIsUnstable) {
   Json run = quiet_run();
   ASSERT_EQ(verdict(run), "ok");
   run["device"][0]["operator_energy"]["created_j"] = 0.02;
@@ -118,7 +118,7 @@ TEST(Gates, EnergyThatTheBodiesGainedIsUnstable) {
   EXPECT_EQ(verdict(run), "ok") << "what falls may come out of an engine with a little more";
 }
 
-TEST(Gates, AForceThatSwingsIsUnstable) {
+TEST(Gates, AForceThatOscillatesIsUnstable) {
   Json run = quiet_run();
   run["device"][0]["oscillation_n"] = 2.5;
   EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: oscillation of the force 2.5 N rms")) << verdict(run);
@@ -134,7 +134,7 @@ TEST(Gates, AnAdmittanceDeviceThatItsProxyLeavesIsUnstable) {
   EXPECT_EQ(verdict(run), "ok") << "a late device is behind";
 }
 
-TEST(Gates, WhatAShortRunCannotTellIsSaid) {
+TEST(Gates, TheLimitsOfAShortRunAreReported) {
   Json run = quiet_run();
   run["simulated_s"] = 1.0;
   bool said = false;
@@ -142,7 +142,7 @@ TEST(Gates, WhatAShortRunCannotTellIsSaid) {
   EXPECT_TRUE(said);
 }
 
-TEST(Gates, AGoodVerdictTellsOfTheDevicesLimit) {
+TEST(Gates, AGoodVerdictReportsTheDevicesLimit) {
   Json run = quiet_run();
   run["haptic"][0]["at_limit_ratio"] = 0.83;
   EXPECT_EQ(verdict(run), "ok; user 0: at the device's limit 83 % of steps");

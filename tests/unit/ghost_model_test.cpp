@@ -40,7 +40,7 @@ TEST(GhostModel, ARowBehindTheBorderIsItsMassAndItsFriction) {
 }
 
 // Cube 3 is at the border itself, because it may hit another body: the sub-world has its contact with 2.
-TEST(GhostModel, WhatIsPushedButIsAGhostItselfIsNotPartOfItsPusher) {
+TEST(GhostModel, APushedGhostIsNotPartOfItsPusher) {
   const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0), Vec3::Zero(), {BodyId{3}});
   ASSERT_EQ(models.size(), 2U);
   EXPECT_FALSE(models[0].approaching);
@@ -52,20 +52,20 @@ TEST(GhostModel, WhatIsPushedButIsAGhostItselfIsNotPartOfItsPusher) {
   EXPECT_NEAR(models[1].axes[0].coulomb_limit_n, 1.5, 1e-9);
 }
 
-TEST(GhostModel, WhatSlidesIsHeldByWhatItIsPushedWith) {
+TEST(GhostModel, ASlidingBodyResistsWithTheForceThatPushesIt) {
   const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0));
   EXPECT_NEAR(models.at(0).axes[0].coulomb_limit_n, 3.0, 1e-9);
 }
 
 // 3 N push two cubes; their acceleration of 2 m/s^2 takes 0.8 N; the rest is friction.
-TEST(GhostModel, WhatAcceleratesIsNotHeldByItsInertia) {
+TEST(GhostModel, InertiaOfAnAcceleratingBodyIsNoFriction) {
   const Vec3 velocity(0.05, 0, 0);
   EXPECT_NEAR(row(3.0).models({BodyId{1}}, velocity, Vec3(2, 0, 0)).at(0).axes[0].coulomb_limit_n, 2.2, 1e-9);
   EXPECT_NEAR(row(3.0).models({BodyId{1}}, velocity, Vec3(-2, 0, 0)).at(0).axes[0].coulomb_limit_n, 3.8, 1e-9);
 }
 
 // Cube 2 hits 3: the momentum that 2 loses, 3 gains, so neither is friction that holds both.
-TEST(GhostModel, ABlowWithinTheOutsideIsNoFriction) {
+TEST(GhostModel, AnImpactWithinTheOutsideIsNoFriction) {
   Outside o = row(1.0);
   o.accelerations = {Vec3::Zero(), Vec3::Zero(), Vec3(-12, 0, 0), Vec3(12, 0, 0)};
   EXPECT_NEAR(o.models({BodyId{1}}, Vec3(0.05, 0, 0)).at(0).axes[0].coulomb_limit_n, 1.0, 1e-9);
@@ -84,7 +84,7 @@ Outside pushed_round(ShapeKind kind, const Vec3& axis, double load_n) {
 }
 
 // Its rotation rubs on the body that pushes it. This friction resists, in proportion to the push.
-TEST(GhostModel, WhatRollsIsHeldByWhatItTurnsOn) {
+TEST(GhostModel, FrictionAtThePusherResistsARollingBody) {
   for (const auto& [kind, mass_kg] :
        {std::pair{ShapeKind::sphere, 1.4 * kCube_kg}, {ShapeKind::cylinder, 1.5 * kCube_kg}}) {
     const Vec3 acceleration(0.2 / mass_kg, 0, 0);
@@ -96,7 +96,7 @@ TEST(GhostModel, WhatRollsIsHeldByWhatItTurnsOn) {
   }
 }
 
-TEST(GhostModel, WhatIsNotRoundThatWayOrPressedTooHardSlides) {
+TEST(GhostModel, ABodyNotRoundAboutThatAxisOrPressedTooHardSlides) {
   const auto slides = [](Outside o) {
     const GhostModel ghost = o.models({BodyId{1}}).at(0);
     EXPECT_NEAR(ghost.mass_kg, kCube_kg, 1e-12);
@@ -110,7 +110,7 @@ TEST(GhostModel, WhatIsNotRoundThatWayOrPressedTooHardSlides) {
 
 // Friction at the border presses the outside down by 0.3 N. This is part of the load, and half of any increase is
 // friction.
-TEST(GhostModel, WhatPressesTheOutsideDownHoldsIt) {
+TEST(GhostModel, ALoadThatPressesTheOutsideDownAddsFriction) {
   Outside o = row(3.0);
   o.touch(2, 0, Vec3::UnitZ(), kWeight_n / 2);  // its support has two contacts
   o.contacts[3].tangential_impulse = Vec3(0, 0, 0.3 * kStep_s);
@@ -144,7 +144,7 @@ TEST(GhostModel, AxesAreOrthogonal) {
 }
 
 // Cube 3, also inside, leans on the outside body and presses it onto the floor. Along the floor it can be pushed.
-TEST(GhostModel, WhatIsPressedAslantOnItsSupportSlidesAlongIt) {
+TEST(GhostModel, ABodyPressedObliquelyOnItsSupportSlidesAlongIt) {
   for (const double slope : {0.35, 0.8, 1.3}) {
     Outside o(3);
     o.touch(2, 0, Vec3::UnitZ(), 6.0);
@@ -163,7 +163,7 @@ TEST(GhostModel, WhatIsPressedAslantOnItsSupportSlidesAlongIt) {
 }
 
 // The gap was 2 cm, and 5 cm have been covered since: the ghost starts 3 cm further back, in contact.
-TEST(GhostModel, WhatCameTooNearSinceBeginsWhereItTouches) {
+TEST(GhostModel, AnApproachingBodyThatIsTooNearStartsInContact) {
   GhostModel ghost{.outside = BodyId{2}, .axis_count = 1, .axes = {}};
   ghost.axes[0].normal = -Vec3::UnitX();
   const std::vector<BoundaryContact> border{
@@ -198,7 +198,7 @@ TEST(GhostModel, ALoadOnTopWeighsAndASupportBelowIsAWall) {
   EXPECT_GT(below[0].mass_kg, 100.0);
 }
 
-TEST(GhostModel, WhatTheInsideAloneHoldsIsARigidBody) {
+TEST(GhostModel, ABodySupportedOnlyByTheInsideIsARigidBody) {
   const GhostModel ghost = carried().models({BodyId{1}}).at(0);
   ASSERT_TRUE(ghost.carried);
   EXPECT_NEAR(ghost.carried->mass_kg, 2 * kCube_kg, 1e-12);
@@ -211,7 +211,7 @@ TEST(GhostModel, WhatTheInsideAloneHoldsIsARigidBody) {
   EXPECT_LT((ghost.carried->drive.torque - Vec3(0, 0.02 * kWeight_n, 0)).norm(), 1e-12);
 }
 
-TEST(GhostModel, WhatSomethingElseHoldsIsNotCarried) {
+TEST(GhostModel, ABodySupportedFromOutsideIsNotCarried) {
   Outside leans = carried();
   leans.touch(3, 4, Vec3::UnitX(), 0.1);
   EXPECT_TRUE(leans.models({BodyId{1}}).at(0).carried) << "cube 4 hangs on it";

@@ -73,7 +73,7 @@ TEST_F(SlowFile, RowsThatBelongTogetherAreThereTogetherOrNotAtAll) {
   EXPECT_EQ(rows, written);
 }
 
-TEST_F(SlowFile, WhoMayWaitLosesNothing) {
+TEST_F(SlowFile, AWriterThatMayWaitLosesNothing) {
   std::size_t rows = 0;
   auto history = std::make_unique<History>(path_, wide_rows(), nullptr);
   std::thread reader([&] { rows = drain(); });

@@ -93,7 +93,7 @@ TEST_F(Limits, TheThinBodyItselfIsFast) {
   EXPECT_THAT(warnings(), ElementsAre(AllOf(HasSubstr("second moves 0.16 m"), HasSubstr("through first"))));
 }
 
-TEST_F(Limits, WhatIsFasterThanTheEngineAllows) {
+TEST_F(Limits, ABodyFasterThanTheEngineAllows) {
   scene.initial[1].linear_velocity = {0, 0, 60};
   scene.initial[2].angular_velocity = {0, 0, 200};
   EXPECT_THAT(warnings(),
@@ -116,7 +116,7 @@ TEST_F(Limits, ABodyBeyondTheEndOfAPlane) {
   EXPECT_THAT(warnings(), IsEmpty()) << "from the plane's position";
 }
 
-TEST_F(Limits, AnItemThatIsKeptAndSwitchedOff) {
+TEST_F(Limits, AnItemThatIsDisabledAndSetOff) {
   scene.settings.users = 1;
   scene.users.emplace_back().coupling = {.stiffness_n_m = 10, .damping_n_s_m = 1};
   scene.settings.disabled = disabled(Optimisation::passivity);

@@ -170,7 +170,7 @@ TEST(EnergyPort, CountsWhatIsTakenFromAnEmptyStoreAsCreated) {
   EXPECT_NEAR(port.created_j(), 0.2, 1e-12);
 }
 
-TEST(OscillationWatch, TellsABuzzFromAHandAndFromAnImpact) {
+TEST(OscillationWatch, DistinguishesVibrationFromMotionAndImpact) {
   const auto watched = [](auto&& force_n) {
     OscillationWatch watch;
     for (int i = 0; i < 3000; ++i) watch.step(Vec3(force_n(i * 1e-3), 0, 0), 1e-3);
@@ -215,7 +215,7 @@ Scene delayed_scene(const Delayed& one) {
 class Passivity200ms : public ::testing::TestWithParam<Delayed> {};
 
 // Net energy from the operator, computed from the true motion of the device: more than -1 mJ for all links.
-TEST_P(Passivity200ms, NoHandGetsEnergyThatItDidNotPutIn) {
+TEST_P(Passivity200ms, NoOperatorReceivesEnergyThatWasNotPutIn) {
   CoupledRun run(delayed_scene(GetParam()));
   ASSERT_TRUE(run.run());
   EXPECT_GT(run.guards[0]->port().least_j(), -1e-3);

@@ -71,7 +71,7 @@ INSTANTIATE_TEST_SUITE_P(Items, Facts,
 class SameMessages : public testing::TestWithParam<const char*> {};
 
 // Ghosts appear, change from carried to held, and end.
-TEST_P(SameMessages, TellASubWorldTheSame) {
+TEST_P(SameMessages, HaveTheSameEffectOnASubWorld) {
   std::vector<std::uint64_t> hashes;
   for (const Disabled disabled : {kDisableNothing, disabled(Optimisation::pairs) | disabled(Optimisation::device)}) {
     Scene scene = scene_of(GetParam());

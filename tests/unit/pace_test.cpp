@@ -113,7 +113,7 @@ TEST(Pace, RecoversToExactlyOne) {
   EXPECT_EQ(s.said(), (Told{Pace::News::slowed, Pace::News::recovered}));
 }
 
-TEST(Pace, ALoadAroundACycleDoesNotMakeTheClockSwing) {
+TEST(Pace, ALoadAroundACycleDoesNotMakeTheClockOscillate) {
   Simulation s;
   const auto cycles = s.run(3000, [](int n) { return (n % 2 == 0 ? 0.8 : 1.25) * kCycle_s; });
   expect_smooth(cycles);
@@ -127,7 +127,7 @@ TEST(Pace, ALoadAroundACycleDoesNotMakeTheClockSwing) {
   EXPECT_LE(s.said().size(), 1U);
 }
 
-TEST(Pace, FollowsASlowSwingOfTheLoad) {
+TEST(Pace, FollowsASlowOscillationOfTheLoad) {
   Simulation s;
   const auto load = [](int n) { return 2.0 + 1.5 * std::sin(2.0 * M_PI * n / 400.0); };
   const auto cycles = s.run(4000, [&](int n) { return load(n) * kCycle_s; });

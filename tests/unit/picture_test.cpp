@@ -204,7 +204,7 @@ TEST(Picture, DrawsNoBorderBetweenTwoBodiesOutside) {
   EXPECT_TRUE(is_grey(pixel_at(drawing, Vec3::Zero())));
 }
 
-TEST(Picture, LeavesOutWhatCannotBeDrawn) {
+TEST(Picture, OmitsBodiesThatCannotBeDrawn) {
   auto scene = heap();
   const double nan = std::numeric_limits<double>::quiet_NaN();
   scene.states[3].position.x() = nan;

@@ -252,7 +252,7 @@ TEST_F(RandomScenes, BookExplainsFallAndWork) {
   }
 }
 
-TEST_F(RandomScenes, PlantedGainIsFound) {
+TEST_F(RandomScenes, InjectedGainIsFound) {
   const Scene scene = falling();
   const Verdict verdict = judged(scene, gaining(1.002));
   EXPECT_EQ(verdict.fault, Fault::energy) << verdict.reason;
@@ -324,7 +324,7 @@ TEST_F(RandomScenes, ShrinkFindsTheBodyThatMatters) {
 }
 
 // The injected gain through the whole process: it is found, shrunk, and still present after reading the file again.
-TEST_F(RandomScenes, PlantedGainIsMadeSmallAndKept) {
+TEST_F(RandomScenes, InjectedGainIsShrunkAndSaved) {
   Scene scene;
   std::uint64_t index = 0;
   do {

@@ -47,7 +47,7 @@ TEST(Timetable, RemembersAsFarBackAsAsked) {
   }
 }
 
-TEST(Timetable, BeginsAnewInTheMiddle) {
+TEST(Timetable, RestartsInTheMiddle) {
   Timetable table(4, 16);
   table.restart(100, 470, 7);
   EXPECT_EQ(table.start(100), 470U);
@@ -79,7 +79,7 @@ TEST(RatioControl, IsTheSmallestThatTheWorldAffordsWhileABorderIsFelt) {
   EXPECT_EQ(after(control, 4, true, 1.0, 100), 12) << "not above the bound, whatever it costs";
 }
 
-TEST(RatioControl, GrowsWhereNothingIsFeltForAWhile) {
+TEST(RatioControl, GrowsWithoutFeltContactForAWhile) {
   RatioControl control(adaptive(4, 12));
   const int cycles = static_cast<int>(RatioControl::kSettled_s / 4e-3);
   EXPECT_EQ(after(control, 4, false, 1e-3, cycles - 1), 4);
@@ -103,7 +103,7 @@ TEST(RatioControl, FixedStaysFixed) {
   EXPECT_EQ(after(control, 4, false, 1.0, 1000), 4);
 }
 
-TEST(RatioControl, PartsAreWhatIsWantedAndAffordable) {
+TEST(RatioControl, SubStepsAreAsRequestedAndAffordable) {
   const RatioControl control(adaptive(4, 16));
   const auto parts = [&](int present, double step_s, double time_s = 0.016) {
     return control.choose_substeps(present, 0.016, 0.005, time_s, [step_s](double, int n) { return n * step_s; });
@@ -117,7 +117,7 @@ TEST(RatioControl, PartsAreWhatIsWantedAndAffordable) {
   EXPECT_EQ(parts(4, 2e-3, 0.004), 1) << "the last long cycle before short ones has the time of a short one";
 }
 
-TEST(RatioControl, PartsThatASceneNamesStay) {
+TEST(RatioControl, SubStepsThatASceneNamesStay) {
   Settings settings = adaptive(4, 16);
   settings.world.substeps = 3;
   EXPECT_EQ(RatioControl(settings).choose_substeps(1, 0.016, 0.005, 0.016, [](double, int) { return 1.0; }), 3);
@@ -168,7 +168,7 @@ std::vector<Vec3> felt_at_cost(const Scene& scene, double until_s, std::vector<d
   return run.felt[0].force;
 }
 
-TEST(AdaptiveRatio, AChangeUnderTheHandIsNoStepInTheForce) {
+TEST(AdaptiveRatio, AChangeDuringContactIsNoStepInTheForce) {
   constexpr double kMostStep_n = 0.2;
   constexpr double kPressed_s = 1.0, kUntil_s = 2.2;
   const Scene scene = scene_of("row", {4, 12});
@@ -188,7 +188,7 @@ TEST(AdaptiveRatio, AChangeUnderTheHandIsNoStepInTheForce) {
 
 // The last long cycle before short ones has the time of a short one: the sub-worlds are ahead and already make short
 // ones.
-TEST(AdaptiveRatio, TheCycleBeforeShorterOnesHasNoMorePartsThanTheirTimeHasRoomFor) {
+TEST(AdaptiveRatio, TheCycleBeforeShorterOnesHasNoMoreSubStepsThanFitTheirTime) {
   constexpr double kPart_s = 1.5e-3;
   const Scene scene = scene_of("row", {4, 12});
   CoupledRun run(scene);
@@ -206,7 +206,7 @@ TEST(AdaptiveRatio, TheCycleBeforeShorterOnesHasNoMorePartsThanTheirTimeHasRoomF
   EXPECT_EQ(most_parts, 3) << "where there is time, as many as are wanted";
 }
 
-TEST(AdaptiveRatio, AHandThatRestsOnWhatItHasPushedNeedsNoShortCycles) {
+TEST(AdaptiveRatio, AnOperatorAtRestInContactNeedsNoShortCycles) {
   Scene scene = scene_of("row", {4, 10});
   scene.users[0].device.path.pop_back();  // it stays at its pushed position
   CoupledRun run(scene);
@@ -216,7 +216,7 @@ TEST(AdaptiveRatio, AHandThatRestsOnWhatItHasPushedNeedsNoShortCycles) {
   EXPECT_EQ(run.world.ratio(), 10);
 }
 
-TEST(AdaptiveRatio, AFrameTellsHowLongItsCycleWas) {
+TEST(AdaptiveRatio, AFrameHasTheLengthOfItsCycle) {
   CoupledRun run(scene_of("row", {4, 10}));
   double before_s = 0.0;
   bool changed = false;
@@ -251,7 +251,7 @@ TEST(AdaptiveRatio, AFrozenBorderDividesItsImpulsesOverTheirOwnCycle) {
   EXPECT_NEAR(cube->mass * engine->state(cube->id).linear_velocity.x(), 0.05, 1e-9);
 }
 
-TEST(AdaptiveRatio, ASubWorldThatMissedAChangeSaysSoAndBeginsAnew) {
+TEST(AdaptiveRatio, ASubWorldThatMissedAChangeReportsItAndRestarts) {
   const Scene scene = scene_of("row", {4, 12});
   World world(scene);
   world.settle([](double) { return true; });

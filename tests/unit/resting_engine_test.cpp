@@ -59,7 +59,7 @@ TEST(BoxTree, FindsWhatALoopOverAllFinds) {
 using test::kHorizon_s, test::kStep_s;
 class Resting : public test::RestingStack {};
 
-TEST_P(Resting, WhatRestsLeavesTheEngineAndIsStillThere) {
+TEST_P(Resting, ARestingBodyLeavesTheEngineAndIsStillThere) {
   begin();
   run(1.0);
   EXPECT_EQ(engine->asleep_count(), 3U);
@@ -71,7 +71,7 @@ TEST_P(Resting, WhatRestsLeavesTheEngineAndIsStillThere) {
   EXPECT_TRUE(engine->awake().empty());
 }
 
-TEST_P(Resting, ThoseThatHangTogetherWakeBeforeABallReachesThem) {
+TEST_P(Resting, ConnectedBodiesWakeBeforeABallReachesThem) {
   begin();
   run(1.0);
   ASSERT_TRUE(engine->asleep(kLower));
@@ -98,7 +98,7 @@ TEST_P(Resting, AStackStandsThroughSleepAndWaking) {
   EXPECT_NEAR(engine->state(kUpper).position.x(), 0.0, 1e-3);
 }
 
-TEST_P(Resting, WhatFallsOrCreepsStaysAwake) {
+TEST_P(Resting, AFallingOrCreepingBodyStaysAwake) {
   scene.bodies[index(kUpper)].gravity = false;
   scene.initial[index(kUpper)] = test::at(0.5, 0, 1.0);
   scene.initial[index(kUpper)].linear_velocity = {1e-3, 0, 0};
@@ -108,7 +108,7 @@ TEST_P(Resting, WhatFallsOrCreepsStaysAwake) {
   EXPECT_TRUE(engine->asleep(kLower));
 }
 
-TEST_P(Resting, WhatIsAtRestFromTheStartWakesWithWhatItTouches) {
+TEST_P(Resting, BodiesAtRestFromTheStartWakeWithBodiesTheyTouch) {
   for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
   begin();
   EXPECT_EQ(engine->asleep_count(), 2U);
@@ -122,10 +122,10 @@ TEST_P(Resting, WhatIsAtRestFromTheStartWakesWithWhatItTouches) {
 }
 
 // One check covers several steps: a body that is hit in the first step may hit the next one in the last step.
-TEST_P(Resting, WhatIsPushedOnWakesWhatItMayReach) {
+TEST_P(Resting, APushedBodyWakesBodiesItMayReach) {
   for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
   scene.initial[index(kUpper)] = test::at(-0.11, 0, 0.05);  // 10 mm behind the lower cube
-  scene.initial[index(kBall)] = test::at(0.12, 0, 0.05);  // 20 mm in front of it
+  scene.initial[index(kBall)] = test::at(0.12, 0, 0.05);    // 20 mm in front of it
   scene.initial[index(kBall)].linear_velocity = {-2, 0, 0};
   begin();
   engine->follow(kStep_s, kHorizon_s);
@@ -133,7 +133,7 @@ TEST_P(Resting, WhatIsPushedOnWakesWhatItMayReach) {
   EXPECT_FALSE(engine->asleep(kUpper)) << "what is left of them, and the blow may double it";
 }
 
-TEST_P(Resting, WhatDoesNotComeSoFarWakesNobody) {
+TEST_P(Resting, ABodyThatDoesNotComeSoFarWakesNone) {
   for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
   scene.initial[index(kUpper)] = test::at(-0.11, 0, 0.05);
   scene.initial[index(kBall)] = test::at(0.12, 0, 0.05);
@@ -143,7 +143,7 @@ TEST_P(Resting, WhatDoesNotComeSoFarWakesNobody) {
   EXPECT_EQ(engine->asleep_count(), 2U) << "8 mm";
 }
 
-TEST_P(Resting, WhatFallsWakesWhatIsBelow) {
+TEST_P(Resting, AFallingBodyWakesBodiesBelow) {
   scene.bodies[index(kLower)].at_rest = true;
   scene.initial[index(kUpper)] = test::at(0, 0, 0.151);
   begin();
@@ -151,7 +151,7 @@ TEST_P(Resting, WhatFallsWakesWhatIsBelow) {
   EXPECT_FALSE(engine->asleep(kLower)) << "g t^2 / 2 is 1.3 mm";
 }
 
-TEST_P(Resting, AHandMayMoveOffWithFiveG) {
+TEST_P(Resting, AnOperatorMayAccelerateWithFiveG) {
   for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
   scene.bodies[index(kBall)].gravity = false;
   const std::vector<BodyId> tool{kBall};
@@ -175,7 +175,7 @@ TEST_P(Resting, OneThatCreepsKeepsAwakeWhatItTouches) {
   }
 }
 
-TEST_P(Resting, WhatIsRemovedInItsSleepIsGone) {
+TEST_P(Resting, ABodyRemovedInItsSleepIsGone) {
   begin();
   run(1.0);
   ASSERT_TRUE(engine->asleep(kUpper));
@@ -192,7 +192,7 @@ TEST_P(Resting, HasNoCheckpoints) {
   EXPECT_THROW((void)engine->checkpoint(), Error);
 }
 
-TEST_P(Resting, NothingSleepsWhereItIsKeptAwake) {
+TEST_P(Resting, NothingSleepsWithRestDisabled) {
   begin(false);
   run(1.0);
   EXPECT_EQ(engine->asleep_count(), 0U);
@@ -257,7 +257,7 @@ TEST_F(SleepingRow, RefusesAnEngineThatCannotHoldIt) {
 }
 
 // The last correction of a body that has fallen asleep since wakes no body.
-TEST_F(SleepingRow, SleepsAgainWhenTheHandHasGone) {
+TEST_F(SleepingRow, SleepsAgainWhenTheOperatorHasGone) {
   while (run.world.time_s() < 2.0) run.cycle();
   ASSERT_EQ(run.world.asleep(), 0U) << "it is pushed";
   while (run.world.time_s() < 4.0 && run.world.asleep() < 10) run.cycle();
@@ -314,7 +314,7 @@ class PlanOfAChangingScene : public ::testing::Test {
   }();
 };
 
-TEST_F(PlanOfAChangingScene, ABodyIsShotIntoWhatRests) {
+TEST_F(PlanOfAChangingScene, ABodyIsShotIntoRestingBodies) {
   shoot_a_ball(0.5);
   EXPECT_LT(difference(), 0.02);
 }

@@ -14,7 +14,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(Cyclic, LeavesOutWhatIsOverAndKeepsItsGrid) {
+TEST(Cyclic, SkipsPeriodsThatAreOverAndStaysOnItsGrid) {
   const TimePoint start = Clock::now() - 1ms;
   Cyclic loop(start, 1ms);
   loop.wait();
@@ -114,21 +114,23 @@ class LatenessOf1kHz : public ::testing::Test {
   int skipped_by_os_ = 0;
 };
 
-TEST_F(LatenessOf1kHz, WhatIsInTimeIsNoMiss) { EXPECT_EQ(step(0, {-500, 10, 900, 890}), Miss::none); }
+TEST_F(LatenessOf1kHz, AStepInTimeIsNoMiss) { EXPECT_EQ(step(0, {-500, 10, 900, 890}), Miss::none); }
 
-TEST_F(LatenessOf1kHz, ALateWakeUpIsTheMachines) { EXPECT_EQ(step(0, {-500, 700, 1100, 400}), Miss::os); }
+TEST_F(LatenessOf1kHz, ALateWakeUpIsOfTheOs) { EXPECT_EQ(step(0, {-500, 700, 1100, 400}), Miss::os); }
 
 // Without the 50 us it would also have been late.
-TEST_F(LatenessOf1kHz, ALongStepIsOursThoughItsWakeUpWasALittleLate) {
+TEST_F(LatenessOf1kHz, ALongStepIsOfTheRunThoughItsWakeUpWasALittleLate) {
   EXPECT_EQ(step(0, {-500, 50, 1350, 1300}), Miss::computing);
 }
 
-TEST_F(LatenessOf1kHz, APreEmptionIsTheMachines) { EXPECT_EQ(step(0, {-500, 10, 1100, 400}), Miss::os); }
+TEST_F(LatenessOf1kHz, APreEmptionIsOfTheOs) { EXPECT_EQ(step(0, {-500, 10, 1100, 400}), Miss::os); }
 
-TEST_F(LatenessOf1kHz, AStepThatWaitsForALockIsOurs) { EXPECT_EQ(step(0, {-500, 10, 1100, 400, 1}), Miss::waiting); }
+TEST_F(LatenessOf1kHz, AStepThatWaitsForALockIsOfTheRun) {
+  EXPECT_EQ(step(0, {-500, 10, 1100, 400, 1}), Miss::waiting);
+}
 
 // A cause that makes one step late also makes the next one late, and the miss has the same cause.
-TEST_F(LatenessOf1kHz, WhoMadeAStepLateIsToBlameForTheNextOne) {
+TEST_F(LatenessOf1kHz, TheCauseOfALateStepIsTheCauseOfTheNextOne) {
   EXPECT_EQ(step(0, {-500, 1500, 1900, 400}), Miss::os);
   EXPECT_EQ(step(1, {1901, 1902, 2302, 400}), Miss::os);
   EXPECT_EQ(step(2, {2303, 2304, 2704, 400}), Miss::none);

@@ -107,14 +107,14 @@ TEST(Path, MovesThatLeadBackRepeatForEver) {
   expect_velocity_is_derivative(path, 7.0);
 }
 
-TEST(Path, WhatIsMadeAgainComesOnTopOfTheLast) {
+TEST(Path, ARepetitionIsAddedToTheLast) {
   const Path path{move({0, 0, 0.1}, 1.0, 1.5, 1.0), turn(Vec3::UnitX(), 0.2, 0.0, 1.0)};
   EXPECT_NEAR(evaluate(path, 3.6).offset.position.z(), 0.3, 1e-12);
   EXPECT_NEAR(evaluate(path, 3.25).offset.position.z(), 0.25, 1e-12);
   EXPECT_NEAR(evaluate(path, 3.6).offset.orientation.angularDistance(Quat::Identity()), 0.2, 1e-12) << "once";
 }
 
-TEST(Path, CircleStopsWhereItIsTold) {
+TEST(Path, CircleStopsAtItsEnd) {
   PathSegment circle;
   circle.kind = PathSegment::Kind::circle;
   circle.radius = 0.1;

@@ -167,7 +167,7 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& tested) { return std::get<0>(tested.param) + "_" + std::to_string(std::get<1>(tested.param)); });
 
 // If the ghost moved as the world's body, the errors would be 4 and 14 %.
-TEST(Reduced, TipsAndTakesAlongWhatTheInsideCarries) {
+TEST(Reduced, TipsAndMovesBodiesThatTheInsideCarries) {
   EXPECT_LE(error_of(scene_of("see_saw", "reduced", 20)), 0.04);
   Scene late = scene_of("see_saw", "reduced", 5);
   late.settings.delay = {.up_s = 0.05, .down_s = 0.05};
@@ -175,7 +175,7 @@ TEST(Reduced, TipsAndTakesAlongWhatTheInsideCarries) {
 }
 
 // With axes oblique to the floor, both of which hold the cube, the errors would be 14, 26 and 11 %.
-TEST(Reduced, SlidesUnderWhatLeansOnTheOutside) {
+TEST(Reduced, SlidesUnderABodyThatLeansOnTheOutside) {
   const auto smoother = [](Scene scene) {
     for (Body& body : scene.bodies) body.material.friction = body.name == "board" ? 0.2 : 0.3;
     return scene;
@@ -188,7 +188,7 @@ TEST(Reduced, SlidesUnderWhatLeansOnTheOutside) {
 // With the largest box the row hits the heavy cube; with the next one the ghost of the row's last cube does; with the
 // smallest one a cube that the ghost pushes. Without prediction, a sub-world with 0.1 s of delay feels this contact one
 // cycle plus the delay late: 18 %.
-TEST(Reduced, FeelsAtOnceWhatStandsLooseBehindTheBorder) {
+TEST(Reduced, FeelsAnApproachingBodyBehindTheBorderAtOnce) {
   const auto loose = [](int ratio, double box_half_m, double delay_s) {
     Scene scene = scene_of("loose", "reduced", ratio);
     scene.users[0].box_half_m = box_half_m;
@@ -205,7 +205,7 @@ TEST(Reduced, FeelsAtOnceWhatStandsLooseBehindTheBorder) {
 // A brick falls off the slab that the tool has pushed. In a sub-world that is ahead, the ghost of the brick has no
 // floor. When the floor holds it again, it must not start inside the slab: that gave a step of 19 N to an operator
 // without contact.
-TEST(Reduced, WhatFallsOffLeavesTheHandAlone) {
+TEST(Reduced, ABodyThatFallsOffDoesNotPushTheOperator) {
   for (const double delay_s : {0.02, 0.03}) {
     Scene scene = scene_of("toppling", "reduced", 5);
     scene.settings.delay = {.up_s = 0.5 * delay_s, .down_s = 0.5 * delay_s};
@@ -215,7 +215,7 @@ TEST(Reduced, WhatFallsOffLeavesTheHandAlone) {
 
 // A fast impact, at each phase of a cycle. In some phases the world's impact is a cycle later than the sub-world's.
 // Correcting the velocities by that would give an error of 29 % with 100 ms of delay.
-TEST(Reduced, TakesABlowThatOneCopyHasSoonerForNoError) {
+TEST(Reduced, TakesAnEarlierImpactInOneCopyForNoError) {
   for (int phase = 0; phase < 5; ++phase) {
     Scene scene = scene_of("loose", "reduced", 5);
     Body& heavy = *std::ranges::find(scene.bodies, "heavy", &Body::name);
@@ -231,7 +231,7 @@ TEST(Reduced, TakesABlowThatOneCopyHasSoonerForNoError) {
 
 // The row hits a ball, which then rolls in front of it. If the ghost slid instead, and the impact counted as friction,
 // the force error would be 8 % with 20 ms of delay and 29 % with 100 ms.
-TEST(Reduced, FeelsWhatRolls) {
+TEST(Reduced, FeelsARollingBody) {
   const auto rolling = [](int ratio, double delay_s) {
     Scene scene = scene_of("loose", "reduced", ratio);
     const auto ball = std::ranges::find(scene.bodies, "heavy", &Body::name);
@@ -274,7 +274,7 @@ TEST(Figure8b, BorderImpulsesCarryTheStackOutside) {
   ASSERT_GT(above, 0U);
   EXPECT_NEAR(-down.z() / cycle_s, static_cast<double>(above) * 0.2 * 9.81,
               0.1 * static_cast<double>(above) * 0.2 * 9.81);  // the weight above presses down
-  EXPECT_GT(up.z(), -down.z());  // the support below carries more
+  EXPECT_GT(up.z(), -down.z());                                // the support below carries more
 }
 
 // Figure 9: every border contact has exactly one of its bodies inside.
@@ -383,7 +383,7 @@ TEST(Join, AFrameWithoutTheProxyIsNoBeginning) {
 }
 
 // Finite but unphysical: the ghost flies off, the force on the operator stays bounded, and the run continues.
-TEST(Reduced, ADriveBeyondReasonLeavesTheHandItsBounds) {
+TEST(Reduced, AnUnphysicalDriveLeavesTheForceBounded) {
   for (const double force_n : {1e12, 1e308, -1e308}) {
     CoupledRun run(scene_of("see_saw", "reduced", 4));
     for (int i = 0; i < 150; ++i) run.cycle();

@@ -107,20 +107,20 @@ class SettlingStack : public test::RestingStack {
   }
 };
 
-TEST_P(SettlingStack, WhatStandsWhereNoHandReachesIt) { EXPECT_TRUE(settles(0.5, 3.0)); }
+TEST_P(SettlingStack, AStructureThatNoOperatorReaches) { EXPECT_TRUE(settles(0.5, 3.0)); }
 TEST_P(SettlingStack, NotBeforeItHasBeenCalm) { EXPECT_FALSE(settles(0.2, 3.0)); }
-TEST_P(SettlingStack, NotWhereAHandReachesIt) { EXPECT_FALSE(settles(0.5, 0.1)); }
-TEST_P(SettlingStack, NotWhereItIsKeptIn) { EXPECT_FALSE(settles(0.5, 3.0, false)); }
-TEST_P(SettlingStack, NotWhatGlides) {
+TEST_P(SettlingStack, NotWhereAnOperatorReachesIt) { EXPECT_FALSE(settles(0.5, 0.1)); }
+TEST_P(SettlingStack, NotWithSwayDisabled) { EXPECT_FALSE(settles(0.5, 3.0, false)); }
+TEST_P(SettlingStack, NotSlidingBodies) {
   scene.bodies[index(kUpper)].material.friction = 0.0;
   EXPECT_FALSE(settles(0.5, 3.0));
 }
-TEST_P(SettlingStack, NotWhatFalls) {
+TEST_P(SettlingStack, NotFallingBodies) {
   for (const BodyId id : {kLower, kUpper}) scene.initial[index(id)].position.z() += 5.0;
   EXPECT_FALSE(settles(0.5, 3.0));
 }
 
-TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItTrembles) {
+TEST_P(SettlingStack, ALongSettledStructureSleepsThoughItTrembles) {
   inner = GetParam().make();
   Trembling trembling(*inner);
   settle_in(trembling);
@@ -135,7 +135,7 @@ TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItTrembles) {
   engine.reset();
 }
 
-TEST_P(SettlingStack, AHandThatComesByLetsItSettleAnew) {
+TEST_P(SettlingStack, AnOperatorNearbyRestartsSettling) {
   const Body tool = test::ball_proxy(BodyId{4}, 0.03, 0.1);
   add(tool, test::at(3.0, 0, 0.25));
   const std::vector<BodyId> restless{tool.id};
@@ -154,7 +154,7 @@ TEST_P(SettlingStack, AHandThatComesByLetsItSettleAnew) {
 }
 
 // Twelve cubes under one plank, of which one has always moved within the time for which bodies must be still.
-TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItCreeps) {
+TEST_P(SettlingStack, ALongSettledStructureSleepsThoughItCreeps) {
   for (std::uint32_t i = 0; i < Creeping::kCount; ++i) {
     add(test::cube(BodyId{Creeping::kFirst + i}), test::at(0.15 * i, 1, 0.05));
   }

@@ -30,7 +30,7 @@ struct Shifted : testing::Test {
   Shift shift{.position = Vec3(4e-3, 0, 0)};
 };
 
-TEST_F(Shifted, ABodyMovesInEqualPartsOneBeforeEachStep) {
+TEST_F(Shifted, ABodyMovesByEqualSharesOneBeforeEachStep) {
   gradual.begin(*engine, kCube, engine->state(kCube), shift, 4);
   for (int part = 1; part <= 6; ++part) {
     gradual.step(*engine);
@@ -40,7 +40,7 @@ TEST_F(Shifted, ABodyMovesInEqualPartsOneBeforeEachStep) {
   }
 }
 
-TEST_F(Shifted, AShiftOfOnePartIsMadeAtOnce) {
+TEST_F(Shifted, AShiftInOneStepIsMadeAtOnce) {
   gradual.begin(*engine, kCube, engine->state(kCube), shift, 1);
   EXPECT_NEAR(x(), 4e-3, 1e-9);
   gradual.step(*engine);

@@ -205,7 +205,7 @@ TEST(StabilityPlan, QuickMeasuresLessAndStepsOfItsOwnOnce) {
   }
 }
 
-TEST(StabilityPlan, WhatNoEngineHasAPartInIsMeasuredOnce) {
+TEST(StabilityPlan, ACaseWithoutEngineIsMeasuredOnce) {
   const auto whole =
       points_of({.names = {}, .engines = {"bullet", "ode"}, .presets = {}, .steps_s = {}, .quick = false});
   std::map<const StabilityCase*, std::set<std::string>> engines_of;

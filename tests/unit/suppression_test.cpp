@@ -127,7 +127,7 @@ TEST_F(LoneOperator, IsAboutWhereItIsInTheWorldToo) {
   EXPECT_GT(silent, 100U);
 }
 
-TEST_F(LoneOperator, IsHeardBeforeItTouches) {
+TEST_F(LoneOperator, EndsSuppressionBeforeItTouches) {
   // A fast motion that no frame predicts.
   scene.users[0].device.path = {{.from_s = 0.31, .to_s = 0.36, .displacement = {0.05, 0, 0}}};
   const auto [force_n, difference] = compare();

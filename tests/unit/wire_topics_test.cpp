@@ -37,7 +37,7 @@ TEST(WireTopics, realtime_follows_the_table) {
   }
 }
 
-TEST(WireTopics, a_deadline_is_at_least_the_silence_in_whole_milliseconds) {
+TEST(WireTopics, a_deadline_is_at_least_the_interval_in_whole_milliseconds) {
   EXPECT_DOUBLE_EQ(deadline_s(0.0005), 0.0019);
   EXPECT_DOUBLE_EQ(deadline_s(0.001), 0.0019);
   EXPECT_DOUBLE_EQ(deadline_s(2 * 0.0007), 0.0029);
