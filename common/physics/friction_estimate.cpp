@@ -18,7 +18,7 @@ Eigen::Array4f padded(const Vec3& v) {
 }
 
 /// Projects a friction impulse onto the tangent plane and into the friction cone.
-void keep_in_cone(Contact& contact, double friction) {
+void project_to_cone(Contact& contact, double friction) {
   Vec3& impulse = contact.tangential_impulse;
   impulse -= impulse.dot(contact.normal) * contact.normal;
   const double limit = friction * std::max(0.0, contact.normal_impulse);
@@ -122,7 +122,7 @@ void FrictionEstimate::estimate(std::span<const VelocityChange> changes, std::sp
   points_.clear();
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     Contact& contact = contacts[i];
-    keep_in_cone(contact, friction[i]);
+    project_to_cone(contact, friction[i]);
     VelocityChange& a = left_[index(contact.a)];
     VelocityChange& b = left_[index(contact.b)];
     const Vec3 known = contact.normal_impulse * contact.normal + contact.tangential_impulse;
@@ -142,7 +142,7 @@ void FrictionEstimate::estimate(std::span<const VelocityChange> changes, std::sp
     const Vec3 first = contact.normal.unitOrthogonal();
     const Eigen::Vector2d impulse = points_[i].impulse.cast<double>();
     contact.tangential_impulse = impulse[0] * first + impulse[1] * contact.normal.cross(first);
-    keep_in_cone(contact, friction[i]);  // rounding
+    project_to_cone(contact, friction[i]);  // rounding
   }
 }
 

@@ -47,7 +47,7 @@ TEST_P(WireEvents, a_writer_that_stops_sending_misses_its_deadline) {
 // A timer that a vendor arms with too short a time would count each of these samples as late.
 TEST_P(WireEvents, a_writer_in_time_misses_no_deadline) {
   using Clock = std::chrono::steady_clock;
-  constexpr std::chrono::microseconds kGap{1200}, kSilence{2000};
+  constexpr std::chrono::microseconds kGap{1200}, kLongestGap{2000};
   constexpr std::uint64_t kSamples = 800;
   const TestDomain held;
   const int domain = held.number();
@@ -65,7 +65,7 @@ TEST_P(WireEvents, a_writer_in_time_misses_no_deadline) {
     ASSERT_TRUE(writer.write(state));
     received += reader.take(state) == Take::sample;
     const auto now = Clock::now();
-    by_os += static_cast<std::uint64_t>((now - before) / kSilence);
+    by_os += static_cast<std::uint64_t>((now - before) / kLongestGap);
     before = now;
   }
   EXPECT_GT(received, kSamples / 2);

@@ -57,7 +57,7 @@ std::vector<Broken> broken_scenes() {
       {"too many bodies on a grid",
        body(box + "mass_kg: 1, repeat: {grid: {counts: [1000, 1000, 1000], spacing_m: [1, 1, 1]}}"), "at most 100000"},
       {"no user", Lines{.users = "users: []"}.text(), "user"},
-      {"users left out", Lines{.users = ""}.text(), "users"},
+      {"no users", Lines{.users = ""}.text(), "users"},
       {"more users than declared", settings("users: 3"), "users"},
       {"proxy without a body", Lines{.users = "users: [{name: hand, proxy: {body: ghost}}]"}.text(), "ghost"},
       {"negative stiffness", user("coupling: {stiffness_n_m: -1}"), "stiffness_n_m"},

@@ -127,7 +127,7 @@ TEST_F(CommandLine, APlanListsTheOptimisationsAndTakesDisable) {
     return std::pair(ended.out.substr(0, needed), ended.out.substr(needed));
   };
   const auto [out, in] = planned({});
-  for (const char* item : {"rest ", "sway ", "impulses ", "pairs ", "device ", "silence ", "passivity "})
+  for (const char* item : {"rest ", "sway ", "impulses ", "pairs ", "device ", "suppression ", "passivity "})
     EXPECT_NE(out.find(item), std::string::npos) << item;
   EXPECT_NE(in.find("friction "), std::string::npos) << "the row has some: " << in;
   const auto [fewer, more] = planned({"--disable", "rest,passivity"});
@@ -227,7 +227,7 @@ TEST_F(CommandLine, AFolderIsForOneRunAndHoldsItsResultsAlone) {
   ASSERT_EQ(run(scene("press"), {"--duration", "0.05"}).code, 0);
   EXPECT_FALSE(std::filesystem::exists(out() + "/haptic_1.csv")) << "of the run before";
   EXPECT_FALSE(std::filesystem::exists(out() + "/logs/haptic_sim_1.log"));
-  EXPECT_TRUE(std::filesystem::exists(out() + "/notes.txt")) << "not ours";
+  EXPECT_TRUE(std::filesystem::exists(out() + "/notes.txt")) << "a file of the user";
 }
 
 TEST_F(CommandLine, RunsOfOneSecondHaveAFolderEach) {

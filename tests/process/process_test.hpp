@@ -32,10 +32,10 @@ class ProcessTest : public ::testing::Test {
  protected:
   void TearDown() override {
     const auto left = running(folder_.path());
-    EXPECT_TRUE(left.empty()) << left.size() << " programs left, the first is " << left.front().words.front();
+    EXPECT_TRUE(left.empty()) << left.size() << " programs still run, the first is " << left.front().words.front();
     for (const Running& one : left) kill(one.pid, SIGKILL);
     for (const std::string& name : shared_memory_files()) {
-      EXPECT_TRUE(shared_memory_before_.contains(name)) << "left in /dev/shm: " << name;
+      EXPECT_TRUE(shared_memory_before_.contains(name)) << "not removed from /dev/shm: " << name;
     }
   }
 

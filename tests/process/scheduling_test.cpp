@@ -47,7 +47,7 @@ TEST_P(Middleware, ThreadsOutrankTheWorldInEveryProgram) {
     const int of_loop = loop->second;
     ASSERT_TRUE(eventually([&] { return realtime_threads(one.pid)[of_loop] == 1; })) << "the loop itself";
     auto threads = realtime_threads(one.pid);
-    EXPECT_GE(threads[priority::kMiddleware], 3) << "receives, sends again, keeps leases";
+    EXPECT_GE(threads[priority::kMiddleware], 3) << "threads for receiving, retransmission and leases";
     threads.erase(priority::kMiddleware);
     threads.erase(of_loop);
     EXPECT_TRUE(threads.empty()) << "a thread at priority " << threads.begin()->first;

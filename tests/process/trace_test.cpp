@@ -30,10 +30,10 @@ class TraceFile : public ProcessTest, public ::testing::WithParamInterface<std::
 TEST_P(TraceFile, HoldsEveryLoopsStepsAndTheirStages) {
   const Ended ended = run(scene("press"), {"--mode", GetParam(), "--duration", "0.5", "--trace", file()});
   ASSERT_EQ(ended.code, 0) << ended.err;
-  EXPECT_NE(ended.out.find(file()), std::string::npos) << "nobody says where it is";
+  EXPECT_NE(ended.out.find(file()), std::string::npos) << "the output does not name the file";
   const Json trace = Json::parse(read_text(file()), nullptr, false);
   ASSERT_TRUE(trace.is_array());
-  EXPECT_FALSE(std::filesystem::exists(out() + "/trace")) << "parts are left";
+  EXPECT_FALSE(std::filesystem::exists(out() + "/trace")) << "the programs' traces are not removed";
 
   std::map<int, std::string> programs;
   for (const Json& event : trace) {
@@ -67,7 +67,7 @@ TEST_P(TraceFile, HoldsEveryLoopsStepsAndTheirStages) {
       } else {
         ASSERT_GT(steps, 0U);
         ASSERT_NEAR(at_us, stage_end_us, kRounding_us) << "a gap before " << name;
-        ASSERT_LE(end_us, step_end_us + kRounding_us) << name << " goes on after its step";
+        ASSERT_LE(end_us, step_end_us + kRounding_us) << name << " ends after its step";
         stage_end_us = end_us;
         stages.insert(name);
       }

@@ -194,7 +194,7 @@ TEST_P(Stability, SmallPartsStandInAUnitOfTheirOwn) {
   for (const double side : {0.005, 0.002}) {
     EXPECT_TRUE(stands(tested, side, 0.01)) << side;
     if (needs_it) {
-      EXPECT_FALSE(stands(tested, side, 1.0)) << side << ": no unit needed, unlike what the README says";
+      EXPECT_FALSE(stands(tested, side, 1.0)) << side << ": no unit needed, unlike in the README";
     }
   }
 }

@@ -221,7 +221,7 @@ class SampleMaker {
 /// Calls `visit` with every number, text and size of a sample, in order. Templates over const and non-const are not
 /// needed, because it only reads.
 template <class Visit>
-struct Walk {
+struct NumberVisitor {
   Visit& visit;
 
   void operator()(double value) { visit(value); }
@@ -317,7 +317,7 @@ template <class M>
 std::vector<double> numbers_of(const M& sample) {
   std::vector<double> numbers;
   auto collect = [&numbers](double value) { numbers.push_back(value); };
-  Walk<decltype(collect)>{collect}(sample);
+  NumberVisitor<decltype(collect)>{collect}(sample);
   return numbers;
 }
 

@@ -216,7 +216,7 @@ struct ToolMotion {
 /// A free tool of six degrees of freedom whose device oscillates and turns, in 300 steps of 1 ms of wall time, on a
 /// clock of which step i covers rate(i).
 template <class Rate>
-ToolMotion swing(Rate&& rate) {
+ToolMotion oscillate(Rate&& rate) {
   UserSpec user;
   user.coupling = {.stiffness_n_m = 1000, .damping_n_s_m = 5};
   const ForceLimits limits{.force_n = 40, .torque_n_m = 2, .torques = true};
@@ -253,14 +253,14 @@ ToolMotion swing(Rate&& rate) {
 
 // The proxy runs in wall time: with any clock, and while its rate changes, motion and force are those at full speed.
 TEST(Tool, MovesInWallTimeAsAtFullSpeed) {
-  const ToolMotion full = swing([](int) { return 1.0; });
+  const ToolMotion full = oscillate([](int) { return 1.0; });
   EXPECT_GT(full.wrench.front().force.norm(), 0.1) << "N";
   const std::vector<std::function<double(int)>> rates{
       [](int) { return 0.5; }, [](int) { return 0.05; },
       [](int i) { return std::max(0.02, std::pow(0.97, i < 150 ? i : 300 - i)); }};
   for (const auto& rate : rates) {
     SCOPED_TRACE(rate(150));
-    const ToolMotion slowed = swing(rate);
+    const ToolMotion slowed = oscillate(rate);
     for (std::size_t i = 0; i < full.proxy.size(); ++i) {
       ASSERT_LT((slowed.proxy[i].position - full.proxy[i].position).norm(), 1e-12);
       ASSERT_LT((slowed.proxy[i].linear_velocity - full.proxy[i].linear_velocity).norm(), 1e-10);
@@ -308,7 +308,7 @@ TEST(ForceGuard, DeliversNoMorePowerToTheOperatorThanTheLimit) {
   guard.restart();
   for (int i = 0; i < 10; ++i) force = guard.pass({2 * along, Vec3::Zero()}, velocity, true, 0.001).force;
   EXPECT_NEAR(force.dot(velocity), 10.0, 1e-9);
-  EXPECT_NEAR(force.y(), 6.0, 1e-9) << "what is across stays";
+  EXPECT_NEAR(force.y(), 6.0, 1e-9) << "the component across is unchanged";
 }
 
 TEST(ForceGuard, ReEngagesFromZeroForceAfterADeclutch) {

@@ -106,7 +106,7 @@ TEST_P(Dilation, TheHapticClockFollowsWithoutStoppingJumpingOrRunningAhead) {
       ASSERT_LE(std::abs(seen[i].rate - seen[i - 1].rate), Phase::kRateStep * std::max(seen[i - 1].rate, 0.01) + 1e-9)
           << "at " << seen[i].wall_s;
       ASSERT_LT(seen[i].ahead_cycles, GetParam().most_ahead_cycles) << "at " << seen[i].wall_s;
-      ASSERT_GT(seen[i].ahead_cycles, -2.0) << "left behind at " << seen[i].wall_s;
+      ASSERT_GT(seen[i].ahead_cycles, -2.0) << "too far behind at " << seen[i].wall_s;
     }
     EXPECT_NEAR(seen.back().ahead_cycles, 0.0, 1.0);
   }

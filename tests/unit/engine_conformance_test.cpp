@@ -230,15 +230,15 @@ TEST_P(Conformance, ASubStepMoreLeavesTheTotals) {
   for (const int substeps : {1, 3, 8}) {
     EngineSettings settings = GetParam().settings();
     settings.substeps = substeps;
-    auto parts = make_engine(settings, {});
-    parts->add(floor_plane(kFloor), BodyState{});
-    parts->add(cube(kCube), at(0, 0, 0.05));
-    test::run(*parts, steps(0.5), dt);
+    auto split = make_engine(settings, {});
+    split->add(floor_plane(kFloor), BodyState{});
+    split->add(cube(kCube), at(0, 0, 0.05));
+    test::run(*split, steps(0.5), dt);
     double normal = 0.0;
     for (int i = 0; i < 20; ++i) {
-      parts->step(dt);
-      normal += totals(*parts, kCube).normal;
-      EXPECT_LE(parts->contacts().size(), 8U) << "one point listed once for each sub-step";
+      split->step(dt);
+      normal += totals(*split, kCube).normal;
+      EXPECT_LE(split->contacts().size(), 8U) << "one point listed once for each sub-step";
     }
     EXPECT_NEAR(normal, 20 * kWeight * dt, 0.02 * 20 * kWeight * dt) << substeps << " sub-steps";
   }
@@ -556,7 +556,7 @@ TEST_P(Conformance, AddsAndRemovesWithoutTrace) {
   cycles(1000);
   const double before = held_bytes();
   cycles(10000);
-  EXPECT_LT(held_bytes() - before, 100e3) << "10,000 cycles of adding and removing keep memory";
+  EXPECT_LT(held_bytes() - before, 100e3) << "10,000 cycles of adding and removing leak memory";
   engine->step(dt);
   for (const Contact& c : engine->contacts()) EXPECT_NE(c.b, kOther);
 }

@@ -115,7 +115,7 @@ TEST(Gates, EnergyThatTheBodiesGainedIsUnstable) {
   run["haptic"][0]["energy_excess_j"] = 0.08;
   EXPECT_TRUE(verdict(run).starts_with("unstable: energy that the bodies gained 0.08 J")) << verdict(run);
   run["world"]["released_j"] = 0.4;
-  EXPECT_EQ(verdict(run), "ok") << "what falls may come out of an engine with a little more";
+  EXPECT_EQ(verdict(run), "ok") << "an engine may add a little energy to a falling body";
 }
 
 TEST(Gates, AForceThatOscillatesIsUnstable) {

@@ -45,7 +45,7 @@ TEST(GhostModel, APushedGhostIsNotPartOfItsPusher) {
   ASSERT_EQ(models.size(), 2U);
   EXPECT_FALSE(models[0].approaching);
   EXPECT_NEAR(models[0].mass_kg, kCube_kg, 1e-12);
-  EXPECT_LT((models[0].load_n - Vec3(1.5, 0, 0)).norm(), 1e-12) << "what 3 takes of the push";
+  EXPECT_LT((models[0].load_n - Vec3(1.5, 0, 0)).norm(), 1e-12) << "without the share of 3";
   EXPECT_NEAR(models[0].axes[0].coulomb_limit_n, 1.5, 1e-9);
   EXPECT_EQ(models[1].outside, BodyId{3});
   EXPECT_TRUE(models[1].approaching);
@@ -214,9 +214,9 @@ TEST(GhostModel, ABodySupportedOnlyByTheInsideIsARigidBody) {
 TEST(GhostModel, ABodySupportedFromOutsideIsNotCarried) {
   Outside leans = carried();
   leans.touch(3, 4, Vec3::UnitX(), 0.1);
-  EXPECT_TRUE(leans.models({BodyId{1}}).at(0).carried) << "cube 4 hangs on it";
+  EXPECT_TRUE(leans.models({BodyId{1}}).at(0).carried) << "only the inside supports cube 4";
   leans.touch(4, 0, Vec3::UnitZ(), kWeight_n);
-  EXPECT_FALSE(leans.models({BodyId{1}}).at(0).carried) << "cube 4 stands on the floor";
+  EXPECT_FALSE(leans.models({BodyId{1}}).at(0).carried) << "the floor supports cube 4";
   Outside stiff = carried();
   stiff.scene.bodies[3].rotates = false;
   EXPECT_FALSE(stiff.models({BodyId{1}}).at(0).carried);

@@ -124,7 +124,7 @@ TEST_F(Limits, AnItemThatIsDisabledAndSetOff) {
   scene.settings.passivity = Passivity::off;
   EXPECT_THAT(warnings(), ElementsAre(HasSubstr("--disable passivity changes nothing")));
   scene.settings.disabled = kDisableAll;
-  EXPECT_THAT(warnings(), IsEmpty()) << "nobody asked for it by name";
+  EXPECT_THAT(warnings(), IsEmpty()) << "it was not disabled by name";
 }
 
 TEST_F(Limits, IterationsThatAreNotMade) {

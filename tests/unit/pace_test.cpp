@@ -44,7 +44,7 @@ struct Simulation {
   std::vector<Pace::News> news;
 };
 
-using Told = std::vector<Pace::News>;
+using NewsList = std::vector<Pace::News>;
 
 void expect_smooth(const std::vector<Simulation::Cycle>& cycles) {
   double before = 1.0;
@@ -89,10 +89,10 @@ TEST(Pace, ALastingLoadSlowsTheClockToWhatTheWorldCanDoAndLeavesATenth) {
   expect_smooth(cycles);
   EXPECT_NEAR(cycles.back().real_time_factor, 0.9 / 2.275, 1e-3);
   for (std::size_t n = 200; n < cycles.size(); ++n) {
-    EXPECT_LE(cycles[n].late_s, 0.0) << "a slowed clock is kept";
+    EXPECT_LE(cycles[n].late_s, 0.0) << "a slowed clock is met";
     EXPECT_GE(cycles[n].idle_s, 0.099 * cycles[n].wall_s) << "others must get a part of the processor";
   }
-  EXPECT_EQ(s.said(), Told{Pace::News::slowed});
+  EXPECT_EQ(s.said(), NewsList{Pace::News::slowed});
 }
 
 TEST(Pace, AHeavyLoadIsFollowedAtOnce) {
@@ -110,7 +110,7 @@ TEST(Pace, RecoversToExactlyOne) {
   EXPECT_LT(slow_s, 2.0);
   EXPECT_EQ(cycles.back().real_time_factor, 1.0);
   EXPECT_NEAR(cycles.back().wall_s, kCycle_s, 1e-12);
-  EXPECT_EQ(s.said(), (Told{Pace::News::slowed, Pace::News::recovered}));
+  EXPECT_EQ(s.said(), (NewsList{Pace::News::slowed, Pace::News::recovered}));
 }
 
 TEST(Pace, ALoadAroundACycleDoesNotMakeTheClockOscillate) {
@@ -137,7 +137,7 @@ TEST(Pace, FollowsASlowOscillationOfTheLoad) {
     EXPECT_LT(cycles[n].real_time_factor, 1.25 * possible) << "cycle " << n;
     EXPECT_GT(cycles[n].real_time_factor, 0.6 * possible) << "cycle " << n;
   }
-  EXPECT_LE(s.said().size(), 1U) << "news at each swing is noise";
+  EXPECT_LE(s.said().size(), 1U) << "a report at each oscillation is noise";
 }
 
 TEST(Pace, SaysWhereEvenTheSlowestClockIsTooFastAndStillYields) {

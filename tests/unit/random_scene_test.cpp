@@ -257,7 +257,7 @@ TEST_F(RandomScenes, InjectedGainIsFound) {
   const Verdict verdict = judged(scene, gaining(1.002));
   EXPECT_EQ(verdict.fault, Fault::energy) << verdict.reason;
   EXPECT_NE(verdict.reason.find("unexplained"), std::string::npos);
-  EXPECT_EQ(judged(scene, gaining(0.999)).fault, Fault::none) << "what loses energy is no fault";
+  EXPECT_EQ(judged(scene, gaining(0.999)).fault, Fault::none) << "a loss of energy is no fault";
   const Verdict lost = judged(scene, gaining(NAN));
   EXPECT_EQ(lost.fault, Fault::not_finite) << lost.reason;
 }
@@ -320,7 +320,7 @@ TEST_F(RandomScenes, ShrinkFindsTheBodyThatMatters) {
   EXPECT_LE(small.settings.duration_s, 0.05);
   EXPECT_TRUE(small.users[0].device.path.empty());
   EXPECT_LE(tries, 300);
-  EXPECT_NO_THROW((void)as_written(small, folder_)) << "what is kept can be loaded";
+  EXPECT_NO_THROW((void)as_written(small, folder_)) << "the saved scene can be loaded";
 }
 
 // The injected gain through the whole process: it is found, shrunk, and still present after reading the file again.

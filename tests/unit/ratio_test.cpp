@@ -63,7 +63,7 @@ Settings adaptive(int least, int most) {
 
 /// The ratio after `cycles` of a world whose step has this cost.
 int after(RatioControl& control, int ratio, bool felt, double step_s, int cycles) {
-  const CycleCost cost = [step_s](double, int parts) { return parts * step_s; };
+  const CycleCost cost = [step_s](double, int substeps) { return substeps * step_s; };
   for (int i = 0; i < cycles; ++i) ratio = control.choose_ratio(ratio, felt, 1e-3 * ratio, cost);
   return ratio;
 }
@@ -105,16 +105,16 @@ TEST(RatioControl, FixedStaysFixed) {
 
 TEST(RatioControl, SubStepsAreAsRequestedAndAffordable) {
   const RatioControl control(adaptive(4, 16));
-  const auto parts = [&](int present, double step_s, double time_s = 0.016) {
+  const auto substeps = [&](int present, double step_s, double time_s = 0.016) {
     return control.choose_substeps(present, 0.016, 0.005, time_s, [step_s](double, int n) { return n * step_s; });
   };
-  EXPECT_EQ(parts(1, 0.0), 4);
-  EXPECT_EQ(parts(1, 1e-3), 4);
-  EXPECT_EQ(parts(4, 4e-3), 2);
-  EXPECT_EQ(parts(4, 0.1), 1);
-  EXPECT_EQ(parts(4, 2.8e-3), 4) << "those that are there stay a little above the share";
-  EXPECT_LT(parts(1, 2.8e-3), 4) << "and no new one comes";
-  EXPECT_EQ(parts(4, 2e-3, 0.004), 1) << "the last long cycle before short ones has the time of a short one";
+  EXPECT_EQ(substeps(1, 0.0), 4);
+  EXPECT_EQ(substeps(1, 1e-3), 4);
+  EXPECT_EQ(substeps(4, 4e-3), 2);
+  EXPECT_EQ(substeps(4, 0.1), 1);
+  EXPECT_EQ(substeps(4, 2.8e-3), 4) << "the present ones stay a little above the share";
+  EXPECT_LT(substeps(1, 2.8e-3), 4) << "and no new one is added";
+  EXPECT_EQ(substeps(4, 2e-3, 0.004), 1) << "the last long cycle before short ones has the time of a short one";
 }
 
 TEST(RatioControl, SubStepsThatASceneNamesStay) {
@@ -192,18 +192,18 @@ TEST(AdaptiveRatio, TheCycleBeforeShorterOnesHasNoMoreSubStepsThanFitTheirTime) 
   constexpr double kPart_s = 1.5e-3;
   const Scene scene = scene_of("row", {4, 12});
   CoupledRun run(scene);
-  int seen = 0, most_parts = 0;
+  int seen = 0, most_substeps = 0;
   while (run.world.time_s() < 1.0) {
     for (int i = 0; i < 200; ++i) run.world.took(kPart_s * run.world.substeps());
     run.cycle();
     const int ratio = run.world.ratio(), next = run.world.timetable().ratio(run.world.stamp());
-    if (ratio == 12 && next == 12) most_parts = std::max(most_parts, run.world.substeps());
+    if (ratio == 12 && next == 12) most_substeps = std::max(most_substeps, run.world.substeps());
     if (ratio <= next) continue;
     ++seen;
     EXPECT_LE(kPart_s * run.world.substeps(), RatioControl::kOverShare * next * scene.settings.h_s);
   }
   EXPECT_GE(seen, 1);
-  EXPECT_EQ(most_parts, 3) << "where there is time, as many as are wanted";
+  EXPECT_EQ(most_substeps, 3) << "with enough time, the requested number";
 }
 
 TEST(AdaptiveRatio, AnOperatorAtRestInContactNeedsNoShortCycles) {
@@ -270,7 +270,7 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeReportsItAndRestarts) {
     if (sub.report_due()) (void)sub.report(1);
   }
   EXPECT_FALSE(world.receive(HapticReport(sub.report(1)))) << "its stamps are of other times";
-  EXPECT_FALSE(sub.agrees(before)) << "it is of a time before the change, and tells it";
+  EXPECT_FALSE(sub.agrees(before)) << "the report is older than the change, and says so";
   ASSERT_FALSE(sub.agrees(after));
   ASSERT_TRUE(sub.reset_from(after));
   EXPECT_TRUE(sub.agrees(after));

@@ -130,7 +130,7 @@ TEST_P(Resting, APushedBodyWakesBodiesItMayReach) {
   begin();
   engine->follow(kStep_s, kHorizon_s);
   EXPECT_FALSE(engine->asleep(kLower)) << "32 mm in the time of the look";
-  EXPECT_FALSE(engine->asleep(kUpper)) << "what is left of them, and the blow may double it";
+  EXPECT_FALSE(engine->asleep(kUpper)) << "the remaining distance, and the impact may double the speed";
 }
 
 TEST_P(Resting, ABodyThatDoesNotComeSoFarWakesNone) {
@@ -374,7 +374,7 @@ TEST_F(PlanOfAChangingScene, FrictionIsEstimatedOnlyWhileABorderReadsIt) {
       for (int i = 0; i < cycles; ++i) run.cycle();
       return estimates;
     };
-    EXPECT_EQ(estimates_in(26), disabled == kDisableNothing ? 0 : 25) << "the hand is in the air";
+    EXPECT_EQ(estimates_in(26), disabled == kDisableNothing ? 0 : 25) << "the operator is in free space";
     while (run.world.time_s() < 1.5) run.cycle();
     EXPECT_EQ(estimates_in(25), 25) << "it pushes";
   }

@@ -143,7 +143,7 @@ TEST_F(LatenessOf1kHz, PeriodsThatPassAreSharedOut) {
   EXPECT_EQ(skipped_by_os_, 3) << "woken 3.2 ms late";
   step(4, {3400, 4010, 6900, 2890});
   step(5, {6901, 6902, 7000, 90});
-  EXPECT_EQ(skipped_by_os_, 0) << "a step of 2.9 ms is ours";
+  EXPECT_EQ(skipped_by_os_, 0) << "a step of 2.9 ms is missed by the run";
 }
 
 TEST(Misses, AreCountedOnceAndForOne) {

@@ -193,7 +193,7 @@ users:
   EXPECT_NEAR(box.mass, 0.2 * 0.4 * 0.7 * 500, 1e-12);
   EXPECT_LT((mesh.inertia - box.inertia).norm(), 1e-5 * box.inertia.norm());
   EXPECT_LT((scene.initial[1].position - Vec3(1, 3, 3)).norm(), 1e-6);
-  EXPECT_EQ(mesh.shape.mesh, scene.bodies[2].shape.mesh) << "a file is kept once";
+  EXPECT_EQ(mesh.shape.mesh, scene.bodies[2].shape.mesh) << "a file is stored once";
   EXPECT_NEAR(scene.bodies[3].mass, 1e-9 * box.mass, 1e-14 * box.mass);
   EXPECT_EQ(scene.meshes.size(), 3U);
   for (const Vec3& v : scene.meshes[mesh.shape.mesh].vertices) {

@@ -59,7 +59,8 @@ TEST(Path, HeapDigsAgainAndAgainElsewhere) {
     const auto at = [&](double t) { return evaluate(path, 4.0 * dig + t).offset.position; };
     EXPECT_NEAR(at(1.75).z() - at(0.15).z(), -0.22, 0.01) << "dig " << dig;
     EXPECT_NEAR(at(3.35).z() - at(1.75).z(), 0.22, 0.01) << "withdrawn";
-    EXPECT_NEAR(evaluate(path, 4.0 * dig + 1.0).linear_velocity.z(), 0.0, 0.01) << "it rests on what it touched";
+    EXPECT_NEAR(evaluate(path, 4.0 * dig + 1.0).linear_velocity.z(), 0.0, 0.01)
+        << "the device rests at the touched place";
     EXPECT_GT((at(1.75) - at(5.75)).norm(), 0.05) << "the next dig is elsewhere";
   }
 }

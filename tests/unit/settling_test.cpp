@@ -126,12 +126,12 @@ TEST_P(SettlingStack, ALongSettledStructureSleepsThoughItTrembles) {
   settle_in(trembling);
   run(4.5);
   EXPECT_FALSE(engine->asleep(kUpper));
-  EXPECT_FALSE(engine->asleep(kLower)) << "what it touches trembles";
+  EXPECT_FALSE(engine->asleep(kLower)) << "the body that it touches trembles";
   run(1.5);
   EXPECT_TRUE(engine->asleep(kUpper));
   engine->set_velocity(kUpper, {0.01, 0, 0}, Vec3::Zero());
   run(1.0);
-  EXPECT_FALSE(engine->asleep(kUpper)) << "who is moved by somebody settles anew";
+  EXPECT_FALSE(engine->asleep(kUpper)) << "a body that is moved from outside settles again";
   engine.reset();
 }
 
@@ -238,7 +238,7 @@ users:
   };
   EXPECT_EQ(asleep_after(25.0), 250U);
   scene.settings.disable(disabled(Optimisation::sway));
-  EXPECT_LT(asleep_after(25.0), 250U) << "kept in, it sways";
+  EXPECT_LT(asleep_after(25.0), 250U) << "with sway disabled, it oscillates";
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, SettlingStack, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),

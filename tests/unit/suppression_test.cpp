@@ -105,7 +105,7 @@ class LoneOperator : public ::testing::Test {
 TEST_F(LoneOperator, SendsAFewMessagesASecond) {
   scene.users[0].device.path.clear();
   const Seen seen = run(kDisableNothing);
-  EXPECT_EQ(seen.cycles, 251U) << "the hand is a cycle ahead";
+  EXPECT_EQ(seen.cycles, 251U) << "the sub-world is a cycle ahead";
   EXPECT_LT(seen.frames, 20U);
   EXPECT_LT(seen.reports, 30U);
 }

@@ -62,7 +62,7 @@ TEST_F(WasmMemory, OutsideOfItAnAccessIsAnError) {
     expect_outside([&] { read(memory_, 0xffffffff, 0); });
     expect_outside([&] { read(memory_, 0xffffffff, 0xffffffff); });
   }
-  EXPECT_EQ(read(memory_, 0, 0), 0) << "it goes on";
+  EXPECT_EQ(read(memory_, 0, 0), 0) << "the program continues";
 }
 
 TEST_F(WasmMemory, AnErrorBelongsToItsThread) {

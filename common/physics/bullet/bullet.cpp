@@ -243,7 +243,7 @@ class Bullet final : public Engine {
 
   double integration_substep_s(double dt) const noexcept override {
     const double substep = dt / substep_count(dt, fixed_substeps_, longest_substep_s_);
-    return values_.small_steps ? substep / bullet::SmallStepSolver::parts(iterations_) : substep;
+    return values_.small_steps ? substep / bullet::SmallStepSolver::step_count(iterations_) : substep;
   }
   void step(double dt) override {
     const int substeps = substep_count(dt, fixed_substeps_, longest_substep_s_);

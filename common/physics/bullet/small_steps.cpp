@@ -47,7 +47,7 @@ btScalar SmallStepSolver::solveGroup(btCollisionObject** bodies, int body_count,
                                      int manifold_count, btTypedConstraint** /*constraints*/, int /*constraint_count*/,
                                      const btContactSolverInfo& info, btIDebugDraw* /*drawer*/,
                                      btDispatcher* /*dispatcher*/) {
-  const int count = parts(info.m_numIterations);
+  const int count = step_count(info.m_numIterations);
   const btScalar h = info.m_timeStep / btScalar(count);
   list_movers({bodies, static_cast<std::size_t>(body_count)}, h, movers_);
   prepare_motions();
@@ -270,7 +270,7 @@ void SmallStepSolver::move(btScalar h) {
 }
 
 // Newton's restitution, from the speed before the step. The next step does not start from the impulse of a bounce.
-void SmallStepSolver::bounce_within_energy(int parts, btScalar threshold, btScalar enough) {
+void SmallStepSolver::bounce_within_energy(int count, btScalar threshold, btScalar enough) {
   const auto bounces = [&](const Pair& pair) {
     const auto points = std::span(points_).subspan(pair.begin, pair.end - pair.begin);
     const auto met = [&](const Point& p) { return p.met <= -threshold && p.total != 0; };
@@ -281,7 +281,7 @@ void SmallStepSolver::bounce_within_energy(int parts, btScalar threshold, btScal
   for (const Pair& pair : pairs_) bounce_limit_.join(pair.a, pair.b, bounces(pair));
   before_.resize(movers_.size());
   for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) {
-    before_[i] = sum(motion_of(movers_[i]), by_loads(movers_[i]), btScalar(parts));
+    before_[i] = sum(motion_of(movers_[i]), by_loads(movers_[i]), btScalar(count));
   }
   plastic_ = motions_;
   plastic_points_ = points_;

@@ -41,7 +41,7 @@ class SmallStepSolver final : public btConstraintSolver {
   void keep_frictionless(bool keep) { keeps_frictionless_ = keep; }
 
   /// Number of small steps in a step.
-  [[nodiscard]] static int parts(int iterations) { return iterations < 4 ? 1 : iterations / 2; }
+  [[nodiscard]] static int step_count(int iterations) { return iterations < 4 ? 1 : iterations / 2; }
 
   btScalar solveGroup(btCollisionObject** bodies, int body_count, btPersistentManifold** manifolds, int manifold_count,
                       btTypedConstraint** constraints, int constraint_count, const btContactSolverInfo& info,
@@ -102,8 +102,8 @@ class SmallStepSolver final : public btConstraintSolver {
   template <Contacts kAs>
   btScalar solve_normals(const Pair& pair, const Spring& spring, btScalar h, BothMotion& motion);
   void move(btScalar h);
-  /// Applies restitution, reduced so that it gains no energy over the step of `parts` small steps.
-  void bounce_within_energy(int parts, btScalar threshold, btScalar enough);
+  /// Applies restitution, reduced so that it gains no energy over the step of `count` small steps.
+  void bounce_within_energy(int count, btScalar threshold, btScalar enough);
   void bounce(btScalar threshold, btScalar enough);
   /// Calls `visit(pair, motion)`, which returns the largest change of a velocity, for every pair. Then calls it, at
   /// most `most` times in all, for those whose bodies changed by more than `enough`.
