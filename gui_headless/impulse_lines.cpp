@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kLinePixels = 4.5;  // thickness in a picture of 720 rows
 constexpr double kRimShare = 0.8;    // white outline on each side, relative to half the thickness
-// half the thickness, relative to the body's radius, so that many small bodies stay visible
+// Half the thickness, relative to the body's radius, so that many small bodies stay visible.
 constexpr double kThickestShare = 0.09;
 constexpr double kSmallestShare = 0.04;  // relative to the largest impulse; smaller ones are not drawn
 

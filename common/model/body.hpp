@@ -50,7 +50,7 @@ struct Body {
   Vec3 inertia = Vec3::Zero();  ///< principal moments about the centre of mass, kg m^2; the body frame is principal
   bool gravity = true;
   bool rotates = true;  ///< false: translates only
-  /// sleeps at the start with all bodies at rest that it touches, until another body can reach it
+  /// Sleeps at the start with all bodies at rest that it touches, until another body can reach it.
   bool at_rest = false;
 
   [[nodiscard]] bool fixed() const noexcept { return mass == 0.0; }

@@ -68,7 +68,7 @@ inline constexpr double kWallLimit_n = 1e9;
 
 /// Resistance of an outside body to a push along one direction.
 struct GhostAxis {
-  /// towards the inside bodies, or an unconstrained direction; the axes of a ghost are orthogonal
+  /// Towards the inside bodies, or an unconstrained direction; the axes of a ghost are orthogonal.
   Vec3 normal = Vec3::UnitZ();
   double force_n = 0.0;          ///< present force along `normal`
   double coulomb_limit_n = 0.0;  ///< under the model's load; kWallLimit_n: a wall
@@ -94,7 +94,7 @@ struct GhostModel {
   Vec3 load_n = Vec3::Zero();  ///< of the inside bodies on it, friction included, mean over the world's step
   std::size_t axis_count = 0;
   std::array<GhostAxis, kMostGhostAxes> axes;  ///< the most heavily loaded first
-  /// if set, the ghost moves by this; the axes then only give the contact points' directions
+  /// If set, the ghost moves by this; the axes then only give the contact points' directions.
   std::optional<CarriedBody> carried = {};
   bool approaching = false;  ///< touches no member yet; collides with ghosts too
 };
@@ -161,7 +161,7 @@ struct WorldFrame {
   std::vector<BodyId> fixed;           ///< fixed bodies of the sub-world
   std::vector<std::uint32_t> islands;  ///< island of each member, by the world's contacts (coupling/contact_graph)
   std::vector<EnteringBody> entering;  ///< not yet confirmed by a report
-  /// the world's own result, before any blend: members, bodies that just left, ghosts
+  /// The world's own result, before any blend: members, bodies that just left, ghosts.
   std::vector<StampedBody> states;
   std::uint32_t border_contacts = 0;    ///< contacts between inside and outside bodies
   std::uint32_t border_bodies = 0;      ///< members with such a contact, or with one soon

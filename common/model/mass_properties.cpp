@@ -11,7 +11,7 @@ namespace subworld {
 
 namespace {
 
-// mesh files have single precision: a smaller product of inertia is not a tilted axis
+// Mesh files have single precision: a smaller product of inertia is not a tilted axis.
 constexpr double kRoundOff = 1e-6;
 
 }  // namespace

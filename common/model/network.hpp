@@ -9,7 +9,7 @@ namespace subworld {
 struct Network {
   std::string dds = "fastdds";  ///< vendor: fastdds or cyclonedds
   int domain = 0;               ///< 0 .. 232
-  /// hosts of the other programs; empty: this host, or the hosts of the vendor's settings
+  /// Hosts of the other programs; empty: this host, or the hosts of the vendor's settings.
   std::vector<std::string> peers;
   std::string interface_address;  ///< empty: as in the settings, else loopback
   std::string qos_file;           ///< the vendor's settings; empty: its environment variable, else its default

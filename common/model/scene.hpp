@@ -104,7 +104,7 @@ struct EngineSettings {
   std::string name = "bullet";
   std::string preset = "fast";
   std::optional<int> iterations;  ///< overrides the preset
-  /// sub-steps of a step, overrides the preset; in the world the proxies' forces are set in each
+  /// Sub-steps of a step, overrides the preset; in the world the proxies' forces are set in each.
   std::optional<int> substeps;
   std::optional<double> longest_substep_s;  ///< s, overrides the preset: the engine divides its steps by it
   Vec3 gravity{0.0, 0.0, -9.81};            ///< m/s^2

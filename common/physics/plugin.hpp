@@ -31,7 +31,7 @@ struct EnginePreset {
   std::string_view what;  ///< the settings and their purpose, one line
   int iterations = 0;     ///< if the settings give none; a lower bound
   double longest_substep_s = std::numeric_limits<double>::infinity();
-  /// if each iteration is a time step of its own
+  /// If each iteration is a time step of its own.
   double longest_iteration_s = std::numeric_limits<double>::infinity();
   SubstepCost cost = {};
   HeavyOnLight heavy_on_light = {};
@@ -40,11 +40,11 @@ struct EnginePreset {
 /// Limits of an engine, measured by `subworld lab stability` or set by the engine itself.
 struct EngineLimits {
   double smallest_box = 0.0;  ///< smaller sides of boxes, in units of length, are not supported
-  /// a plane ends at this distance from its position
+  /// A plane ends at this distance from its position.
   double plane_half_side_m = std::numeric_limits<double>::infinity();
   double speed_m_s = std::numeric_limits<double>::infinity();   ///< largest speed of any body
   double spin_rad_s = std::numeric_limits<double>::infinity();  ///< largest angular speed of any body
-  /// upper bound of the solver's iterations; 0: the engine chooses the number
+  /// Upper bound of the solver's iterations; 0: the engine chooses the number.
   int iterations = std::numeric_limits<int>::max();
   bool continuous = false;  ///< a body that would pass through a thin body within one step is stopped
 };

@@ -181,7 +181,7 @@ void RestingEngine::watch(BodyId id, double dt) {
   }
   if (thing.restless || thing.still_s < kStillFor_s || still_.contains(index(id))) return;
   thing.bounds = inner_.bounds(id);
-  // the full range of positions around the anchor
+  // The full range of positions around the anchor.
   still_.insert(index(id), thing.bounds.grown(2.0 * thing.tolerance_m));
 }
 

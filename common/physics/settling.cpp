@@ -7,7 +7,7 @@ namespace subworld {
 
 namespace {
 
-/// least friction of bodies that settle: on smooth contacts the damping would brake sliding more than friction does
+/// Least friction of bodies that settle: on smooth contacts the damping would brake sliding more than friction does.
 constexpr double kLeastFriction = 0.1;
 
 bool rolls(const Shape& shape) noexcept {

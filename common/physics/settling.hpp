@@ -50,7 +50,7 @@ class Settling {
   static constexpr double kPatience_s = 0.25;
   static constexpr double kLift = 0.01;  ///< of the thickness
   static constexpr double kPlace = 0.3;  ///< of the thickness
-  /// damping rate of velocities: critical for an oscillation of 3 s; with 16, creep lasts longer
+  /// Damping rate of velocities: critical for an oscillation of 3 s; with 16, creep lasts longer.
   static constexpr double kSettling_per_s = 4.0;
   static constexpr double kSettledFor_s = 5.0;
   static constexpr double kTremble = 0.02;  ///< of the thickness

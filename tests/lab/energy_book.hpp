@@ -40,7 +40,7 @@ struct EnergyBook {
   double corrected_j = 0.0;  ///< C so far
   double given_j = 0.0;      ///< positive parts of W and C
   double released_j = 0.0;   ///< sum of the decreases of each body's potential energy in each step
-  /// sum of m g |a v|: reading error, because a contact may have begun at any time of the last sub-step
+  /// Sum of m g |a v|: reading error, because a contact may have begun at any time of the last sub-step.
   double reading_j = 0.0;
 
   [[nodiscard]] double unexplained_j() const noexcept { return energy_j - begin_j - work_j - corrected_j; }

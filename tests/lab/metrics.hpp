@@ -12,7 +12,7 @@ struct ForceError {
   double rms = 0.0;  ///< sqrt(sum |F - R|^2 / sum |R|^2)
   double p99 = 0.0;  ///< of |F - R|, over max |R|
   double max = 0.0;  ///< likewise
-  /// lag of F behind R with the least RMS; resolution one haptic step, refined by a parabola
+  /// Lag of F behind R with the least RMS; resolution one haptic step, refined by a parabola.
   double time_offset_s = 0.0;
   double value_offset = 0.0;  ///< RMS error at that lag
   double jitter_ratio = 0.0;  ///< noise_n of F over that of R

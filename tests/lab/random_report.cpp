@@ -16,7 +16,8 @@ sub-worlds in the engine and preset of the row. A run fails if it crashes, if a 
 ends with another hash, if the force on an operator leaves its limits, or if the bodies of the world gain unexplained
 energy: more than 1 % of the energy that users, corrections, gravity and the initial motion put in. <b>Bouncing</b> counts
 the failures that disappear without restitution. <b>Worst gain</b> is the largest unexplained energy over the energy put
-in. <b>Operator energy</b> counts operators that received created energy with passivity on. A failing scene is shrunk and saved; <code>subworld run FILE</code> shows it.</p>
+in. <b>Operator energy</b> counts operators that received created energy with passivity on. A failing scene is shrunk and
+saved; <code>subworld run FILE</code> shows it.</p>
 )";
 
 struct Count {

@@ -20,7 +20,7 @@ bool is_clear(const Scene& scene, const Vec3& place, double radius_m) {
   return std::ranges::all_of(scene.bodies, [&](const Body& body) {
     if (body.shape.kind == ShapeKind::plane) return place.z() > radius_m + kClear_m;
     const Box box = bounds_of(scene, body, scene.initial[index(body.id)]);
-    // mesh ground: no place below it
+    // Mesh ground: no place below it.
     if (body.shape.kind == ShapeKind::mesh && place.z() < box.upper.z()) return false;
     return (place - place.cwiseMax(box.lower).cwiseMin(box.upper)).norm() > radius_m + kClear_m;
   });

@@ -43,30 +43,29 @@ const auto kAsItIs = [](Settings&) {};
 const auto kDirect = [](Settings& s) { s.scheme = "direct"; };
 const auto kPaper = [](Settings& s) { s.scheme = "paper"; };
 
-INSTANTIATE_TEST_SUITE_P(Items, Facts,
-                         testing::Values(Fact{"sway", Optimisation::sway, true, "row", 1, kAsItIs},
-                                         Fact{"sway_weightless", Optimisation::sway, false, "row", 1,
-                                              [](Settings& s) { s.world.gravity.setZero(); }},
-                                         Fact{"sway_kept_awake", Optimisation::sway, false, "row", 1,
-                                              [](Settings& s) { s.disable(disabled(Optimisation::rest)); }},
-                                         Fact{"suppression", Optimisation::suppression, true, "row", 1, kAsItIs},
-                                         Fact{"suppression_direct", Optimisation::suppression, false, "row", 1, kDirect},
-                                         Fact{"suppression_paper", Optimisation::suppression, false, "row", 1, kPaper},
-                                         Fact{"suppression_realtime", Optimisation::suppression, false, "row", 1,
-                                              [](Settings& s) { s.mode = Mode::realtime; }},
-                                         Fact{"suppression_two_users", Optimisation::suppression, false, "lift", 2,
-                                              kAsItIs},
-                                         Fact{"suppression_delay", Optimisation::suppression, false, "row", 1,
-                                              [](Settings& s) { s.delay.up_s = 0.01; }},
-                                         Fact{"suppression_ratio", Optimisation::suppression, false, "heap", 1, kAsItIs},
-                                         Fact{"device", Optimisation::device, true, "row", 1, kAsItIs},
-                                         Fact{"device_direct", Optimisation::device, false, "row", 1, kDirect},
-                                         Fact{"device_two_users", Optimisation::device, false, "lift", 2, kAsItIs},
-                                         Fact{"device_two_users_paper", Optimisation::device, true, "lift", 2, kPaper},
-                                         Fact{"pairs", Optimisation::pairs, true, "row", 1, kAsItIs},
-                                         Fact{"pairs_paper", Optimisation::pairs, false, "row", 1, kPaper},
-                                         Fact{"pairs_direct", Optimisation::pairs, false, "row", 1, kDirect}),
-                         [](const auto& one) { return std::string(one.param.name); });
+INSTANTIATE_TEST_SUITE_P(
+    Items, Facts,
+    testing::Values(
+        Fact{"sway", Optimisation::sway, true, "row", 1, kAsItIs},
+        Fact{"sway_weightless", Optimisation::sway, false, "row", 1, [](Settings& s) { s.world.gravity.setZero(); }},
+        Fact{"sway_kept_awake", Optimisation::sway, false, "row", 1,
+             [](Settings& s) { s.disable(disabled(Optimisation::rest)); }},
+        Fact{"suppression", Optimisation::suppression, true, "row", 1, kAsItIs},
+        Fact{"suppression_direct", Optimisation::suppression, false, "row", 1, kDirect},
+        Fact{"suppression_paper", Optimisation::suppression, false, "row", 1, kPaper},
+        Fact{"suppression_realtime", Optimisation::suppression, false, "row", 1,
+             [](Settings& s) { s.mode = Mode::realtime; }},
+        Fact{"suppression_two_users", Optimisation::suppression, false, "lift", 2, kAsItIs},
+        Fact{"suppression_delay", Optimisation::suppression, false, "row", 1, [](Settings& s) { s.delay.up_s = 0.01; }},
+        Fact{"suppression_ratio", Optimisation::suppression, false, "heap", 1, kAsItIs},
+        Fact{"device", Optimisation::device, true, "row", 1, kAsItIs},
+        Fact{"device_direct", Optimisation::device, false, "row", 1, kDirect},
+        Fact{"device_two_users", Optimisation::device, false, "lift", 2, kAsItIs},
+        Fact{"device_two_users_paper", Optimisation::device, true, "lift", 2, kPaper},
+        Fact{"pairs", Optimisation::pairs, true, "row", 1, kAsItIs},
+        Fact{"pairs_paper", Optimisation::pairs, false, "row", 1, kPaper},
+        Fact{"pairs_direct", Optimisation::pairs, false, "row", 1, kDirect}),
+    [](const auto& one) { return std::string(one.param.name); });
 
 class SameMessages : public testing::TestWithParam<const char*> {};
 

@@ -7,7 +7,7 @@ namespace subworld::bullet {
 namespace {
 
 constexpr btScalar kRounding = btScalar(1e-5);  ///< relative energy gain that counts as rounding
-/// share of a correction that is added, so that few tries end just above the bound
+/// Share of a correction that is added, so that few tries end just above the bound.
 constexpr btScalar kBeyond = btScalar(0.02);
 
 }  // namespace

@@ -57,7 +57,7 @@ constexpr PresetValues kPresetValues[] = {
 // iterations per second it makes a tower oscillate: it converges slowly and acts as a spring. A compromise: a long step
 // creeps as fast as one of 3 ms, and a tower of twenty stands in steps of 5 ms. With 1 ms the operator feels half the
 // error at 4 ms, but the tower drifts.
-/// s of each step; only the remaining share of friction continues from the previous step
+/// Friction of this time of each step starts from zero, s; only the remaining share continues from the previous step.
 constexpr double kFrictionForgotten_s = 3e-3;
 constexpr double kFrictionRelaxation = 1.3;  ///< over-relaxation of friction in each iteration
 constexpr double kPushOutRatio = 0.2;        ///< share of a penetration that is removed in a step

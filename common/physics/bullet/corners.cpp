@@ -9,7 +9,7 @@ namespace subworld::bullet {
 namespace {
 
 constexpr int kDiscCorners = 8;  ///< of a touching cap
-/// of the face that represents a touched cap: at most half a percent larger than the disc
+/// Of the face that represents a touched cap: at most half a percent larger than the disc.
 constexpr int kDiscSides = 32;
 constexpr double kCap = 0.7;  ///< least cosine between axis and normal at which a cylinder touches with its cap
 constexpr std::uint32_t kMostFaceCorners = 24;  ///< of a face with more, this many corners around it are used

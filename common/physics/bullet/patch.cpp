@@ -16,7 +16,7 @@ namespace {
 /// Scale factors for shapes without a rounded surface. Their nearest points are searched on scaled shapes, because the
 /// direction between nearly coincident points is noise. If the scaled shapes overlap too, the next factor is used.
 constexpr double kKept[] = {1.0, 0.95, 0.6, 0.2, 0.02};
-/// ratio: four points replace those of the last step if their area is larger by this
+/// Ratio: four points replace those of the last step if their area is larger by this.
 constexpr double kBetterArea = 1.05;
 constexpr double kParallel = 1e-4;  ///< edges closer to parallel (squared sine of their angle) touch along a line
 

@@ -21,7 +21,7 @@ constexpr std::uint32_t kDefaultPairs = 15;            ///< ActiveCollisionTypes
 constexpr std::uint32_t kFixInternalEdges = 128 + 16;  ///< TriMeshFlags
 constexpr std::uint32_t kAlign = 4;
 
-/// rotates the axis y of capsules and cylinders to z
+/// Rotates the axis y of capsules and cylinders to z.
 const Quat kAlongZ = Quat(std::sqrt(0.5), std::sqrt(0.5), 0.0, 0.0);
 
 }  // namespace
