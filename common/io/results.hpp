@@ -48,7 +48,7 @@ struct EngineChange {
 /// Energy balance of an operator (coupling/energy_port), J: final energy, least energy, and the energy delivered to the
 /// operator beyond what the coupling could store.
 [[nodiscard]] Json operator_energy(double net_j, double least_j, double created_j);
-/// What the middleware reported while a loop ran.
+/// Middleware events while a loop ran.
 [[nodiscard]] Json to_json(const EventCounts& events);
 
 [[nodiscard]] std::string to_text(const EngineChange& change);
