@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
     DeviceGuard guard(user, scene.body(user.proxy),
                       !enabled(scene, Optimisation::passivity, static_cast<std::size_t>(options.user)),
                       realtime ? kFadeIn_s : 0.0);
-    watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
+    watch_stop_signals(kLongestEnd_s);                    // from here on an orderly end is needed
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     DevicePorts ports(options, scene);
     if (realtime) leave_realtime();

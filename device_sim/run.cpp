@@ -17,7 +17,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kStale_s = 0.005;  ///< without a command: the force fades out
+constexpr double kStale_s = 0.005;  ///< age of a command at which the force fades out
 
 }  // namespace
 
@@ -104,7 +104,7 @@ std::optional<std::uint64_t> join(DevicePorts& ports, const Scene& scene, const 
   const auto held = [&] { return ports.states.matched() > 0 && ports.commands.matched() > 0; };
   while (!finder.look(options.scene, options.network.domain) || !held()) {
     if (stop_signal() != 0) return std::nullopt;
-    // A world may take its time to be made, and says every second that it is there.
+    // A world may take long to load; its status arrives every second.
     if (finder.session() == 0 && ports.status.hears(ProgramKind::world_sim, 0)) hope = Clock::now();
     if (to_seconds(Clock::now() - hope) > options.wait_s) {
       const auto missing = [&](const char* what, const std::string& program) {

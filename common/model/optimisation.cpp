@@ -15,21 +15,23 @@ namespace {
 
 constexpr std::array kItems{
     OptimisationItem{Optimisation::rest, "rest", "world",
-                     "steps, contacts and messages of bodies that rest where nothing can reach them", false},
-    OptimisationItem{Optimisation::sway, "sway", "world", "swaying that cannot lift a body by 1 % of its thickness",
+                     "steps, contacts and messages of resting bodies that no other body can reach", false},
+    OptimisationItem{Optimisation::sway, "sway", "world",
+                     "oscillation of structures that cannot lift a body by 1 % of its thickness", false},
+    OptimisationItem{Optimisation::friction, "friction", "world, sub-worlds",
+                     "friction rows of contacts without friction", false},
+    OptimisationItem{Optimisation::impulses, "impulses", "world, sub-worlds", "friction impulses that no border reads",
                      false},
-    OptimisationItem{Optimisation::friction, "friction", "world, sub-worlds", "friction of contacts that have none",
+    OptimisationItem{Optimisation::pairs, "pairs", "frames", "border pairs of bodies that the sub-world already has",
                      false},
-    OptimisationItem{Optimisation::impulses, "impulses", "world, sub-worlds",
-                     "friction impulses of contacts that nobody reads", false},
-    OptimisationItem{Optimisation::pairs, "pairs", "frames", "border pairs of bodies that the sub-world has", false},
     OptimisationItem{Optimisation::device, "device", "reports", "motion of the device", false},
     OptimisationItem{Optimisation::suppression, "suppression", "frames, reports",
-                     "messages of cycles in which a hand is alone", false},
-    OptimisationItem{Optimisation::passivity, "passivity", "device", "bound on the energy that the hand gets", true}};
+                     "messages of cycles in which no body is near the only proxy", false},
+    OptimisationItem{Optimisation::passivity, "passivity", "device", "bound on the energy that the operator receives",
+                     true}};
 static_assert(std::ranges::is_sorted(kItems, {}, &OptimisationItem::optimisation) &&
                   kItems.size() == static_cast<std::size_t>(Optimisation::passivity) + 1,
-              "an item is found by its number");
+              "the index of an item is its number");
 
 }  // namespace
 

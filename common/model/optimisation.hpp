@@ -25,13 +25,13 @@ struct OptimisationItem {
 /// Whether an optimisation is on for a scene.
 struct Decision {
   bool enabled = false;
-  bool ordered = false;  ///< by a setting of its own, which --disable does not overrule
+  bool ordered = false;  ///< set by a setting of its own, which --disable does not overrule
   std::string because;   ///< the fact of the scene that decides
 };
 
 struct PlannedItem {
   const OptimisationItem* item = nullptr;
-  std::size_t user = 0;  ///< of those that are decided for each
+  std::size_t user = 0;  ///< 0 for an item without a decision for each user
   Decision decision;
 };
 

@@ -4,20 +4,21 @@
 
 namespace subworld {
 
-/// What the kernel gave to a thread and kept from it, in its own books. Reads files: not for a loop.
+/// CPU time that the kernel gave to a thread and time that it withheld, from the kernel's own statistics. Reads files:
+/// not for a loop.
 struct KernelShare {
   double cpu_s = 0.0;
-  double run_queue_delay_s = 0.0;          ///< ready to run, and without a core
-  std::uint64_t involuntary_switches = 0;  ///< pre-empted
+  double run_queue_delay_s = 0.0;          ///< runnable, but without a core
+  std::uint64_t involuntary_switches = 0;  ///< pre-emptions
   std::uint64_t voluntary_switches = 0;
   double stolen_s = 0.0;  ///< by the hypervisor, from all cores
 
   [[nodiscard]] KernelShare since(const KernelShare& before) const noexcept;
 };
-/// Of the calling thread until now.
+/// Of the calling thread since it started.
 [[nodiscard]] KernelShare kernel_share();
 
-/// What all cores together have done since the machine started, s.
+/// Times of all cores together since the machine started, s.
 struct CoreTimes {
   double busy_s = 0.0;
   double stolen_s = 0.0;  ///< by the hypervisor

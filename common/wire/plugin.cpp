@@ -21,7 +21,7 @@
 namespace subworld::wire {
 namespace {
 
-constexpr int kLastDomain = 232;  // the ports of higher ones do not exist
+constexpr int kLastDomain = 232;  // higher domains have no valid ports
 
 struct VendorFacts {
   Vendor vendor;
@@ -97,7 +97,7 @@ Interface find_interface(const std::string& wanted) {
   return found;
 }
 
-/// Both vendors want the address of a running interface; Fast DDS would continue without one and reach no peer.
+/// Both vendors need the address of an interface. Fast DDS would start without one and reach no peer.
 Interface usable_interface(const std::string& wanted) {
   Interface found = find_interface(wanted);
   std::string ignored;
@@ -200,7 +200,7 @@ OpenBackend load_plugin(Vendor vendor) {
   }
   void* entry = dlsym(handle, kOpenBackendName);
   if (entry == nullptr)
-    fail(fmt::format("{}: has no {}; it is of another version, install both anew", file, kOpenBackendName));
+    fail(fmt::format("{}: has no {}; it is of another version, install both again", file, kOpenBackendName));
   return reinterpret_cast<OpenBackend>(entry);
 }
 

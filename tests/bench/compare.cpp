@@ -14,7 +14,7 @@ namespace {
 
 using namespace subworld;
 
-/// What is compared: an entry of a row of `subworld lab coupling`.
+/// A compared figure: an entry of a row of `subworld lab coupling`.
 struct Figure {
   const char* object;
   const char* quantile;
@@ -23,7 +23,7 @@ constexpr std::array kFigures{Figure{"haptic_step_s", "p50"}, Figure{"haptic_ste
                               Figure{"world_step_s", "p50"}, Figure{"world_step_s", "p99"},
                               Figure{"synchronise_step_s", "p50"}};
 
-/// Rows of each round of one side, in the rounds' order.
+/// Rows of each round of one side, in order.
 std::vector<Rows> rounds_of(const std::string& folder) {
   std::vector<Rows> rounds;
   for (int round = 1;; ++round) {

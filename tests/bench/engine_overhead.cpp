@@ -1,6 +1,6 @@
-// What the Engine interface costs: a step of 65 cubes in a dense heap through make_engine("bullet"), with contacts
-// gathered, merged and sorted, against stepSimulation() of the same world alone. Blocks of both alternate in one run,
-// each from the same settled states; CPU time of this thread.
+// Overhead of the Engine interface: a step of 65 cubes in a dense heap through make_engine("bullet"), with contacts
+// collected, merged and sorted, against stepSimulation() of the same world. Blocks of both alternate in one run, each
+// from the same settled states; CPU time of this thread.
 #include "bench/dense_heap.hpp"
 #include "bench/direct_bullet.hpp"
 #include "io/command_line.hpp"
@@ -50,7 +50,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-/// Of one quantile of the blocks.
+/// For one quantile of the blocks.
 struct Ratio {
   double engine_s = 0.0;
   double direct_s = 0.0;
@@ -107,7 +107,7 @@ int main_of(int argc, char** argv) {
   const auto settling = filled();
   for (double t = 0.0; t < kSettle_s; t += kStep_s) settling->step(kStep_s);
   for (std::size_t i = 0; i < world.bodies.size(); ++i) world.states[i] = settling->state(world.bodies[i].id);
-  // Both sides are filled anew, so that they find and keep the same contacts from the first step on.
+  // Both sides are filled again, so that they have the same contacts from the first step on.
   const auto engine = filled();
   bench::DirectBullet direct(settings.gravity, kStep_s);
   for (std::size_t i = 0; i < world.bodies.size(); ++i) direct.add(world.bodies[i], world.states[i]);

@@ -1,6 +1,6 @@
-// What a frame of the world and its report cost on their way, beside a bare exchange of as many bytes: the same vendor,
-// quality of service and transport, cycle by cycle in turn, in one run. Two processes: a world, and a sub-world that
-// answers each frame as soon as it has it.
+// Cost of a world frame and its report, beside a plain exchange of the same number of bytes: the same vendor, quality
+// of service and transport, alternating cycle by cycle, in one run. Two processes: a world, and a sub-world that
+// answers each frame at once.
 
 #include "device_sim/emulated_device.hpp"
 #include "haptic_sim/sub_world.hpp"
@@ -35,10 +35,10 @@ using namespace subworld;
 
 constexpr double kPatience_s = 20.0;
 
-/// What both processes see.
+/// Shared memory of both processes.
 struct Shared {
   std::atomic<int> answered{-1};  ///< cycles: the sub-world waits for the next one
-  std::atomic<int> received{-1};  ///< cycles whose report the world has
+  std::atomic<int> received{-1};  ///< cycles whose report the world has received
   Histogram decode, apply, describe, send;
 };
 
@@ -64,7 +64,7 @@ class Sink final : public wire::EventSink {
   std::uint64_t changes_ = 0, seen_ = 0;
 };
 
-/// Throws `Error` (failed) where the other side stays away.
+/// Throws `Error` (failed) if the other side does not respond.
 template <class There, class Wait>
 void await(There there, Wait wait) {
   const TimePoint until = Clock::now() + from_seconds(kPatience_s);
@@ -76,7 +76,7 @@ void await(There there, Wait wait) {
 
 void short_sleep() { std::this_thread::sleep_for(std::chrono::microseconds(100)); }
 
-/// Bytes to and fro, as the back end moves them.
+/// Exchange of bytes with the back end only.
 class Bare {
  public:
   Bare(const BusConfig& config, bool asks) : backend_(wire::load_plugin(config.vendor)(wire::prepare(config), sink_)) {
@@ -152,7 +152,7 @@ void answer(const Scene& scene, const BusConfig& config, int cycles, Shared& sha
     shared.decode.add(to_seconds(decoded - received));
     shared.apply.add(to_seconds(applied - decoded));
     shared.send.add(to_seconds(sent - applied));
-    // Its next steps would take the core of a thread that brings the report, on a machine with few.
+    // On a machine with few cores, busy waiting would take the core of the thread that delivers the report.
     await([&] { return shared.received == cycle; }, short_sleep);
   }
   reports.wait_for_acknowledgments(1.0);
@@ -176,7 +176,7 @@ void ask(const Scene& scene, const BusConfig& config, int cycles, Shared& shared
   receive(*bus, reports, report);
   world.receive(std::move(report));
   for (int cycle = 1; cycle <= cycles; ++cycle) {
-    // It sleeps already when it is asked, as a loop does that waits for its next step.
+    // It already sleeps when the message arrives, like a loop that waits for its next step.
     await([&] { return shared.answered == cycle; }, short_sleep);
     std::this_thread::sleep_for(std::chrono::microseconds(200));
     const auto bytes = codec.encode(world.frame(0));
@@ -262,7 +262,7 @@ int main_of(int argc, char** argv) {
       config.vendor = parse_vendor(vendor);
       config.domain = domain;
       config.mode = Mode::realtime;
-      config.cycle_s = 10.0;  // no deadline is of interest here
+      config.cycle_s = 10.0;  // deadlines do not matter here
       if (const int code = run(scene, config, cycles); code != 0) return code;
       std::fflush(stdout);
     }

@@ -1,5 +1,5 @@
-// Where the time of an engine's step goes, on dense heaps: in the engine itself, in what carries states, loads and
-// contacts to and from it, in adding contacts up, and in the friction estimate for who asks.
+// Distribution of the time of an engine's step on dense heaps: the engine itself, the transfer of states, loads and
+// contacts, adding up contacts, and the friction estimate.
 
 #include "bench/dense_heap.hpp"
 #include "io/command_line.hpp"
@@ -29,7 +29,7 @@ void fill(Engine& engine, const bench::HeapWorld& heap) {
   for (std::size_t i = 0; i < heap.bodies.size(); ++i) engine.add(heap.bodies[i], heap.states[i]);
 }
 
-/// At rest, as Bullet has it.
+/// At rest, as simulated by Bullet.
 bench::HeapWorld settled(int cubes) {
   bench::HeapWorld heap = bench::dense_heap(cubes);
   const auto engine = make_engine({}, {});

@@ -75,7 +75,7 @@ class Side {
 
   [[nodiscard]] std::size_t contacts() const { return engine_->contacts().size(); }
 
-  /// The largest distance (m) of a body from where the other side has it; 0 only if all bits are equal.
+  /// The largest distance (m) of a body from its place on the other side; 0 only if all bits are equal.
   [[nodiscard]] double apart(const Side& other) const {
     double most = 0.0;
     for (const Body& body : heap_.world.bodies) {

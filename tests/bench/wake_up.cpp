@@ -1,6 +1,6 @@
-// By how much a loop wakes late: asleep until its release, or looking at the clock for the last part; free to move, or
-// kept to a core. The variants take turns in short blocks, so that whatever else the machine does meets all of them.
-// Prints CSV with the machine, and each variant's p99 as a ratio to the first one's.
+// Wake-up lateness of a loop: asleep until its release, or polling the clock before it; free to migrate, or pinned to a
+// core. The variants alternate in short blocks, so that other load on the machine affects all of them. Prints CSV with
+// the machine, and each variant's p99 as a ratio to the first one's.
 
 #include "io/command_line.hpp"
 #include "io/options.hpp"
@@ -27,7 +27,7 @@ struct Variant {
   std::uint64_t over_half_period = 0;
 };
 
-/// A block of one variant, in a thread of its own, as a program's loop has one.
+/// A block of one variant, in its own thread, like a program's loop.
 void measure(Variant& variant, double period_s, double block_s, int priority) {
   std::thread([&] {
     if (variant.core >= 0) keep_to_cores({&variant.core, 1});

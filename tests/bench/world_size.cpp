@@ -1,5 +1,5 @@
-// What resting cubes far from the hand cost a cycle: `row` beside fields of them, with `rest` left out and kept in,
-// cycle by cycle in turn, in one run.
+// Cost per cycle of resting cubes far from the operator: `row` beside fields of them, with the optimisation `rest` on
+// and off, alternating cycle by cycle, in one run.
 
 #include "io/command_line.hpp"
 #include "io/options.hpp"
@@ -56,9 +56,8 @@ int main_of(int argc, char** argv) {
     const double kept_s = disabled.cpu.world.quantile_s(0.5);
     for (const CoupledRun* run : {&enabled, &disabled}) {
       const double p50_s = run->cpu.world.quantile_s(0.5);
-      fmt::print("{},{},{:.0f},{:.0f},{:.0f},{:.3f}\n", side * side, run == &enabled ? "left out" : "kept in",
-                 1e6 * p50_s, 1e6 * run->cpu.world.quantile_s(0.99), 1e6 * run->cpu.haptic.quantile_s(0.5),
-                 p50_s / kept_s);
+      fmt::print("{},{},{:.0f},{:.0f},{:.0f},{:.3f}\n", side * side, run == &enabled ? "on" : "off", 1e6 * p50_s,
+                 1e6 * run->cpu.world.quantile_s(0.99), 1e6 * run->cpu.haptic.quantile_s(0.5), p50_s / kept_s);
     }
   }
 }

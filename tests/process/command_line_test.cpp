@@ -135,7 +135,7 @@ TEST_F(CommandLine, APlanListsOptimisationsAndTakesDisable) {
   EXPECT_NE(in.find("friction "), std::string::npos) << "the row has some: " << in;
   const auto [fewer, more] = planned({"--disable", "rest,passivity"});
   EXPECT_EQ(fewer.find("rest "), std::string::npos) << fewer;
-  EXPECT_NE(more.find("as --disable says"), std::string::npos) << more;
+  EXPECT_NE(more.find("disabled by --disable"), std::string::npos) << more;
 }
 
 TEST_F(CommandLine, APlanAdvisesWhereTheWorldCannotKeepUp) {
@@ -167,7 +167,7 @@ TEST_F(CommandLine, APlanWarnsOfBoxesThatAnEngineDoesNotHold) {
     return ended.err.find("world.length_unit_m: 0.1") != std::string::npos;
   };
   EXPECT_FALSE(warned("card_house", "bullet"));
-  // Havok is the only engine with such a limit, and not in every build.
+  // Havok is the only engine with such a limit, and it is not in every build.
   const Ended asked = finish({program("subworld"), "plan", scene("row"), "--engine", "havok"});
   if (asked.err.find("not in this build") != std::string::npos) return;
   EXPECT_TRUE(warned("card_house", "havok"));
@@ -230,7 +230,7 @@ TEST_F(CommandLine, AFolderIsForOneRunAndHoldsItsResultsAlone) {
   ASSERT_EQ(run(scene("press"), {"--duration", "0.05"}).code, 0);
   EXPECT_FALSE(std::filesystem::exists(out() + "/haptic_1.csv")) << "of the run before";
   EXPECT_FALSE(std::filesystem::exists(out() + "/logs/haptic_sim_1.log"));
-  EXPECT_TRUE(std::filesystem::exists(out() + "/notes.txt")) << "not ours";
+  EXPECT_TRUE(std::filesystem::exists(out() + "/notes.txt")) << "a file of the user";
 }
 
 TEST_F(CommandLine, RunsOfOneSecondHaveAFolderEach) {

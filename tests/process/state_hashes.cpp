@@ -1,4 +1,4 @@
-// The table of state hashes of the lab's in-process run, to be held against the table of another commit.
+// Prints the table of state hashes of the lab's in-process run, for comparison with that of another commit.
 #include "io/command_line.hpp"
 #include "io/options.hpp"
 #include "model/error.hpp"

@@ -14,7 +14,7 @@ Json ending(const char* by, double to_s) {
   return {{"session", "1"}, {"from_s", 0.0}, {"to_s", to_s}, {"by", by}, {"fault", ""}};
 }
 
-/// What a whole run of one user leaves.
+/// Results of a complete run of one user.
 Json whole_run() {
   return {{"duration_s", 8.0},
           {"h_s", 0.001},
@@ -60,7 +60,7 @@ TEST(Faults, AnOrderedStopIsNone) {
   EXPECT_TRUE(faults_of(run).empty());
 }
 
-/// Looks once a second at a world and a haptic process of which one does not advance.
+/// Observes once a second a world and a haptic process, one of which does not advance.
 std::vector<std::string> watch(Watchdog& watchdog, int seconds, const Sighting& stands, bool paused = false) {
   std::vector<std::string> said;
   static double time_s = 0.0;

@@ -1,4 +1,4 @@
-// The cause of a missed gate, and the verdict, by what a run has measured.
+// Attribution of a missed gate, by the measurements of a run.
 #include "gates.hpp"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@ namespace {
 
 Json share(double run_queue_delay_s) { return {{"fifo", true}, {"run_queue_delay_s", run_queue_delay_s}}; }
 
-/// A run of 10 s at 1 kHz on a quiet machine whose loops the OS delays in 20 steps and a cycle.
+/// A run of 10 s at 1 kHz on a quiet machine whose loops miss 20 steps and a cycle because the OS withheld time.
 Json late_run(int users, bool placed, double queued_s) {
   Json run{
       {"mode", "realtime"},
@@ -163,7 +163,7 @@ TEST(Gates, EnergyThatTheBodiesGainedIsUnstable) {
   run["haptic"][0]["energy_excess_j"] = 0.08;
   EXPECT_TRUE(verdict(run).starts_with("unstable: energy that the bodies gained 0.08 J")) << verdict(run);
   run["world"]["released_j"] = 0.4;
-  EXPECT_EQ(verdict(run), "ok") << "what falls may come out of an engine with a little more";
+  EXPECT_EQ(verdict(run), "ok") << "an engine may add a little energy to a falling body";
 }
 
 TEST(Gates, AForceThatOscillatesIsUnstable) {
@@ -182,7 +182,7 @@ TEST(Gates, AnAdmittanceDeviceThatItsProxyLeavesIsUnstable) {
   EXPECT_EQ(verdict(run), "ok") << "a late device is behind";
 }
 
-TEST(Gates, WhatAShortRunCannotTellIsSaid) {
+TEST(Gates, TheLimitsOfAShortRunAreReported) {
   Json run = quiet_run();
   run["simulated_s"] = 1.0;
   bool said = false;
@@ -190,7 +190,7 @@ TEST(Gates, WhatAShortRunCannotTellIsSaid) {
   EXPECT_TRUE(said);
 }
 
-TEST(Gates, AGoodVerdictTellsOfTheDevicesLimit) {
+TEST(Gates, AGoodVerdictReportsTheDevicesLimit) {
   Json run = quiet_run();
   run["haptic"][0]["at_limit_ratio"] = 0.83;
   EXPECT_EQ(verdict(run), "ok; user 0: at the device's limit 83 % of steps");

@@ -15,7 +15,7 @@ namespace {
 
 using Names = std::set<std::string>;
 
-/// Of which of our rooms each room may include files.
+/// For each room, the rooms whose files it may include.
 const std::map<std::string, Names> kMayInclude{
     {"model", {"model"}},
     {"physics", {"model", "physics"}},
@@ -30,7 +30,7 @@ const std::map<std::string, Names> kMayInclude{
     {"deploy", {"model", "physics", "coupling", "wire", "rt", "io", "deploy"}},
 };
 
-/// Of a library of others: how its includes begin, and which of our files may have them.
+/// A foreign library: the pattern of its includes, and the files that may have them.
 struct Foreign {
   const char* name;
   std::regex includes;
@@ -65,7 +65,7 @@ std::string room_of(const std::string& file) {
   return rest.substr(0, rest.find('/'));
 }
 
-/// What a source includes against the rules, a line each. `file` is relative to the sources.
+/// The includes of a source that break the rules, one line each. `file` is relative to the source folder.
 std::vector<std::string> offences(const std::string& file, const std::string& text) {
   static const std::regex kInclude(R"(^\s*#\s*include\s*([<"])([^>"]+)[>"])");
   std::vector<std::string> found;
@@ -79,7 +79,7 @@ std::vector<std::string> offences(const std::string& file, const std::string& te
     const auto report = [&](const std::string& why) {
       found.push_back(file + ":" + std::to_string(number) + ": " + included + ": " + why);
     };
-    if (included.find("..") != std::string::npos) report("leaves its room by a path");
+    if (included.find("..") != std::string::npos) report("leaves its room by a relative path");
     const std::string path = included.starts_with("common/") ? included.substr(7) : included;
     const std::string other = path.find('/') == std::string::npos ? room : path.substr(0, path.find('/'));
     const bool ours = kMayInclude.contains(other) || other == "tests" || other == "support";
@@ -125,7 +125,7 @@ struct MadeUp {
   bool allowed;
 };
 
-/// The rules can fail, and do so for the right lines.
+/// The rules can fail, and fail for the right lines.
 TEST(Includes, MadeUpSourcesAreJudged) {
   const std::vector<MadeUp> cases{
       {"common/model/a.hpp", "#include \"model/body.hpp\"", true},

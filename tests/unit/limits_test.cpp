@@ -1,4 +1,4 @@
-// The warnings of `plan` and `run` for a scene beyond the limits of an engine or a device.
+// Warnings of `plan` and `run` for scenes beyond the limits of an engine or a device.
 #include "limits.hpp"
 
 #include "physics/plugin.hpp"
@@ -17,8 +17,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-/// A floor and two cubes of 10 cm, the second 20 cm beside the first, in an engine that holds little: steps of the
-/// world of 4 ms.
+/// A floor and two cubes of 10 cm, 20 cm apart, in an engine with low limits; the world's step is 4 ms.
 class Limits : public ::testing::Test {
  protected:
   Limits() {
@@ -94,7 +93,7 @@ TEST_F(Limits, TheThinBodyItselfIsFast) {
   EXPECT_THAT(warnings(), ElementsAre(AllOf(HasSubstr("second moves 0.16 m"), HasSubstr("through first"))));
 }
 
-TEST_F(Limits, WhatIsFasterThanTheEngineAllows) {
+TEST_F(Limits, ABodyFasterThanTheEngineAllows) {
   scene.initial[1].linear_velocity = {0, 0, 60};
   scene.initial[2].angular_velocity = {0, 0, 200};
   EXPECT_THAT(warnings(),
@@ -125,7 +124,7 @@ TEST_F(Limits, AnOptimisationThatIsDisabledAndDecidedOtherwise) {
   scene.settings.passivity = Passivity::off;
   EXPECT_THAT(warnings(), ElementsAre(HasSubstr("--disable passivity changes nothing")));
   scene.settings.disabled = kDisableAll;
-  EXPECT_THAT(warnings(), IsEmpty()) << "nobody asked for it by name";
+  EXPECT_THAT(warnings(), IsEmpty()) << "it was not disabled by name";
 }
 
 TEST_F(Limits, IterationsThatAreNotMade) {

@@ -16,7 +16,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(Cyclic, LeavesOutWhatIsOverAndKeepsItsGrid) {
+TEST(Cyclic, SkipsPeriodsThatAreOverAndStaysOnItsGrid) {
   const TimePoint start = Clock::now() - 1ms;
   Cyclic loop(start, 1ms);
   loop.wait();
@@ -71,7 +71,7 @@ TEST(Arrears, AreMadeUpForGently) {
   EXPECT_LT(arrears.owed_s(), 0.05 * h);
 }
 
-// A step that takes longer than its period for good: every other period is lost, and the clock still keeps up.
+// A step that always takes longer than its period: every other period is lost, and the clock still stays correct.
 TEST(Arrears, AStandingOverloadIsCarried) {
   constexpr double h = 1e-3;
   Arrears arrears;
@@ -91,13 +91,13 @@ TEST(Arrears, AClockThatStandsOwesNothing) {
   EXPECT_EQ(arrears.step(1e-3, 4e-3), 1e-3);
 }
 
-/// A loop of 1 ms whose thread's use of the core is made up: each step is (asked, woke, done), in us after the first
-/// release, and the CPU time and the sleeps of it.
+/// A loop of 1 ms with simulated use of the core. Each step is (asked, woke, done), in us after the first release, with
+/// its CPU time and number of sleeps.
 class LatenessOf1kHz : public ::testing::Test {
  protected:
   struct Step {
     int asked_us, woke_us, done_us, cpu_us;
-    std::uint64_t waits = 0;  ///< besides the sleep until the release
+    std::uint64_t waits = 0;  ///< in addition to the sleep until the release
   };
 
   Miss step(int release, const Step& s) {
@@ -116,21 +116,23 @@ class LatenessOf1kHz : public ::testing::Test {
   int skipped_by_os_ = 0;
 };
 
-TEST_F(LatenessOf1kHz, WhatIsInTimeIsNoMiss) { EXPECT_EQ(step(0, {-500, 10, 900, 890}), Miss::none); }
+TEST_F(LatenessOf1kHz, AStepInTimeIsNoMiss) { EXPECT_EQ(step(0, {-500, 10, 900, 890}), Miss::none); }
 
-TEST_F(LatenessOf1kHz, ALateWakeUpIsTheMachines) { EXPECT_EQ(step(0, {-500, 700, 1100, 400}), Miss::os); }
+TEST_F(LatenessOf1kHz, ALateWakeUpIsOfTheOs) { EXPECT_EQ(step(0, {-500, 700, 1100, 400}), Miss::os); }
 
-// Without the 50 us it would have been late all the same.
-TEST_F(LatenessOf1kHz, ALongStepIsOursThoughItsWakeUpWasALittleLate) {
+// Without the 50 us it would also have been late.
+TEST_F(LatenessOf1kHz, ALongStepIsOfTheRunThoughItsWakeUpWasALittleLate) {
   EXPECT_EQ(step(0, {-500, 50, 1350, 1300}), Miss::computing);
 }
 
-TEST_F(LatenessOf1kHz, APreEmptionIsTheMachines) { EXPECT_EQ(step(0, {-500, 10, 1100, 400}), Miss::os); }
+TEST_F(LatenessOf1kHz, APreEmptionIsOfTheOs) { EXPECT_EQ(step(0, {-500, 10, 1100, 400}), Miss::os); }
 
-TEST_F(LatenessOf1kHz, AStepThatWaitsForALockIsOurs) { EXPECT_EQ(step(0, {-500, 10, 1100, 400, 1}), Miss::waiting); }
+TEST_F(LatenessOf1kHz, AStepThatWaitsForALockIsOfTheRun) {
+  EXPECT_EQ(step(0, {-500, 10, 1100, 400, 1}), Miss::waiting);
+}
 
-// What made one step late makes the next one late as well, and is still the same one's.
-TEST_F(LatenessOf1kHz, WhoMadeAStepLateIsToBlameForTheNextOne) {
+// A cause that makes one step late also makes the next one late, and the miss has the same cause.
+TEST_F(LatenessOf1kHz, TheCauseOfALateStepIsTheCauseOfTheNextOne) {
   EXPECT_EQ(step(0, {-500, 1500, 1900, 400}), Miss::os);
   EXPECT_EQ(step(1, {1901, 1902, 2302, 400}), Miss::os);
   EXPECT_EQ(step(2, {2303, 2304, 2704, 400}), Miss::none);
@@ -143,7 +145,7 @@ TEST_F(LatenessOf1kHz, PeriodsThatPassAreSharedOut) {
   EXPECT_EQ(skipped_by_os_, 3) << "woken 3.2 ms late";
   step(4, {3400, 4010, 6900, 2890});
   step(5, {6901, 6902, 7000, 90});
-  EXPECT_EQ(skipped_by_os_, 0) << "a step of 2.9 ms is ours";
+  EXPECT_EQ(skipped_by_os_, 0) << "a step of 2.9 ms is missed by the run";
 }
 
 TEST(Misses, AreCountedOnceAndForOne) {
@@ -208,7 +210,7 @@ TEST(Stages, DoNotBeginAStepBeforeTheOneBeforeHasEnded) {
   stages.begin(release, release + 1ms);
   const TimePoint end = stages.mark(Stage::work);
   stages.end();
-  stages.begin(release + 1ms, end + 1ms);  // released while the first step went on
+  stages.begin(release + 1ms, end + 1ms);  // released while the first step was still running
   const StageStep step = stages.end();
   EXPECT_EQ(step.begin, end);
   EXPECT_EQ(step.end, end + 1ms);

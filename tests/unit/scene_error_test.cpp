@@ -13,7 +13,7 @@
 namespace subworld {
 namespace {
 
-/// A whole scene with one line of each section replaced. The line numbers are those of the table below.
+/// A complete scene with one line of each section replaced. The line numbers are those of the table below.
 struct Lines {
   std::string settings = "{h_s: 0.001}";                                                       // line 2
   std::string materials = "{wood: {friction: 0.5}}";                                           // line 3
@@ -32,7 +32,7 @@ struct Broken {
   std::string_view label;
   std::string text;
   std::string_view place;     ///< line:column
-  std::string_view fragment;  ///< of what follows the place
+  std::string_view fragment;  ///< of the text after the place
 };
 
 void PrintTo(const Broken& broken, std::ostream* out) { *out << broken.label; }
@@ -281,7 +281,7 @@ TEST(SceneFile, UnreadableFileIsNamed) {
   ASSERT_EQ(chmod(file.c_str(), 0), 0);
   ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
   const uid_t me = geteuid();
-  ASSERT_EQ(seteuid(me == 0 ? 65534 : me), 0);  // root reads everything, nobody does not
+  ASSERT_EQ(seteuid(me == 0 ? 65534 : me), 0);  // root can read everything, nobody cannot
   const std::string message = refusal(file, folder.path());
   ASSERT_EQ(seteuid(me), 0);
   EXPECT_NE(message.find("cannot be read"), std::string::npos) << message;
@@ -306,7 +306,7 @@ TEST(SceneFile, TooManyBodiesFailAtOnce) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
 }
 
-/// Whatever a byte is replaced by, the file loads or is refused: nothing else is thrown and nothing crashes.
+/// With any byte replaced, the file loads or is refused: no other exception and no crash.
 TEST(SceneFile, DamagedFilesAreRefusedOrLoad) {
   const std::string whole = Lines{}.text();
   const TemporaryFolder folder;

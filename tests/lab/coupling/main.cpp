@@ -37,7 +37,7 @@ struct Request {
   std::string out;
 };
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Request& request) {
   Sweep& sweep = request.sweep;
   CommandLine line("subworld lab coupling",
@@ -168,7 +168,7 @@ std::string verdict_of(const Rows& rows, std::size_t planned) {
   return verdict + stopped_text(rows.size(), planned);
 }
 
-/// One line for each point, with the time that the rest may take.
+/// Prints one line for each point, with the estimated remaining time.
 class Progress {
  public:
   Progress(std::size_t points, const Sweep& sweep)

@@ -45,7 +45,7 @@ std::string folded(const std::string& text) {
   return lines;
 }
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Request& request) {
   EngineSweep& sweep = request.sweep;
   CommandLine line(

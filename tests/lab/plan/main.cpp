@@ -34,7 +34,7 @@ struct Request {
   std::string out;
 };
 
-/// All that are shipped.
+/// All scenes of deploy/scenes.
 std::vector<std::string> shipped_scenes() {
   std::vector<std::string> files;
   for (const auto& entry : std::filesystem::directory_iterator(scenes_folder())) {
@@ -44,7 +44,7 @@ std::vector<std::string> shipped_scenes() {
   return files;
 }
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Request& request) {
   CommandLine line("subworld lab plan",
                    "Measures the time that each optimisation of the plan saves, and the difference that it makes: runs "
@@ -121,7 +121,7 @@ std::vector<PlanPoint> points_of(const Request& request) {
   return points;
 }
 
-/// The errors of both, where they differ by more than the reference error.
+/// The errors of both runs, if their difference exceeds the reference error.
 std::string errors_text(const Json& row) {
   if (!(number(row, "force_difference_rms") > number(row, "reference_error"))) return "";
   return fmt::format(", errors {:.2g} % on and {:.2g} % off", 1e2 * number(row, "error_enabled_rms"),

@@ -45,7 +45,8 @@ void CoupledRun::deliver_reports(std::size_t user) {
   while (link.next_report <= link.newest_report &&
          link.delay.report_due(link.next_report, world.stamp(), world.timetable())) {
     const HapticReport* report = &link.reports[link.next_report % link.reports.size()];
-    if (report->stamp != link.next_report) report = &this->report(user);  // it ends a silence
+    // The report that ends a period of message suppression.
+    if (report->stamp != link.next_report) report = &this->report(user);
     link.next_report = report->stamp + 1;
     world.receive(HapticReport(*report));
   }

@@ -22,13 +22,13 @@ constexpr int kRandomScenes = 100;
 struct Command {
   StabilityRequest request;
   RandomRequest random;
-  bool cases = true;               ///< the cases too, not random scenes alone
-  bool strict = false;             ///< a random scene that fails fails the lab
+  bool cases = true;               ///< run the cases too, and not only random scenes
+  bool strict = false;             ///< a failing random scene fails the lab
   std::vector<std::string> steps;  ///< as written
   std::string out;
 };
 
-/// The options of the random scenes.
+/// Options of the random scenes. `only`: index of a single scene, or negative for all.
 void add_random(CommandLine& line, Command& command, int& only) {
   RandomRequest& random = command.random;
   const Option scenes = line.add("--random", &random.scenes,
@@ -46,7 +46,7 @@ void add_random(CommandLine& line, Command& command, int& only) {
   line.flag("--strict", command.strict, "exit code 4 where a random scene fails").needs(scenes);
 }
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Command& command) {
   StabilityRequest& request = command.request;
   CommandLine line(
@@ -96,7 +96,7 @@ std::optional<int> parse(int argc, char** argv, Command& command) {
   return std::nullopt;
 }
 
-/// Rows come setting by setting; those of a setting are kept when it is done.
+/// Measures setting by setting, and saves the rows of a setting when it is done.
 Rows measure(const std::vector<StabilityPoint>& points, const std::string& out) {
   Rows rows;
   StabilityProgress progress(points);
