@@ -29,8 +29,8 @@ void follow(DisplayPorts& ports, Display& display, const Options& options) {
     }
     while (display.described() && ports.snapshots.take(snapshot) == Take::sample) display.show(snapshot);
     if (ports.scene.alive_writers() > 0) heard = Clock::now();
-    const double silent_s = to_seconds(Clock::now() - heard);
-    if (!display.described() && silent_s > options.wait_s) {
+    const double absent_s = to_seconds(Clock::now() - heard);
+    if (!display.described() && absent_s > options.wait_s) {
       throw Error(ExitCode::failed, fmt::format("no world on domain {} within {} s; start world_sim with the same "
                                                 "--domain; on another host, name it with "
                                                 "--peers and give --interface on both",
