@@ -61,6 +61,7 @@ int main_of(int argc, char** argv) {
                  p50_s / kept_s);
     }
   }
+  return 0;
 }
 
 }  // namespace
