@@ -176,10 +176,6 @@ struct Settings {
   Disabled disabled = kDisableNothing;  ///< though the scene does not need it; disable() sets it
 
   void disable(Disabled items) noexcept { disabled = world.disabled = haptic.disabled = disabled | items; }
-  /// Else the proxies live in the world alone.
-  [[nodiscard]] bool has_sub_worlds() const noexcept { return scheme != "direct"; }
-  /// Whether the scheme weighs sub-world against world by the impulses of all contacts (paper 4.3).
-  [[nodiscard]] bool blends_by_impulses() const noexcept { return scheme == "paper"; }
 
   void set_ratio(const RatioBounds& bounds) noexcept {
     ratio = bounds.least;

@@ -1,5 +1,6 @@
 // What rests leaves its engine, and is back before anything can reach it.
 #include "physics/resting_engine.hpp"
+#include "coupling/plan.hpp"
 
 #include "lab/coupled_run.hpp"
 #include "lab/metrics.hpp"

@@ -1,5 +1,5 @@
 // What a hand feels where world and sub-world never quite agree: corrections in parts, and heaps between two engines.
-#include "haptic_sim/gradual_shifts.hpp"
+#include "coupling/gradual_shifts.hpp"
 #include "lab/coupled_run.hpp"
 #include "support/bodies.hpp"
 
