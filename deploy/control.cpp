@@ -128,8 +128,8 @@ void await_answers(Bus& bus, Reader<Status>& statuses, const Reader<SceneDescrip
       fmt::format("no final answer from {} within {} s; wait longer with --wait{}. The order stays in force: see the "
                   "run's summary",
                   answers.missing(), wait_s,
-                  answers.of_sub_worlds() ? ", or, where a world in lock-step is paused, continue it with "
-                                            "`subworld control resume`: its sub-worlds read orders as they step"
+                  answers.of_sub_worlds() ? ", or, where a world in lock-step is paused, continue it with `subworld "
+                                            "control resume`: its sub-worlds read orders as they step"
                                           : ""));
 }
 

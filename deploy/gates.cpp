@@ -46,7 +46,7 @@ constexpr double kOscillationRatio = 0.05;  ///< of the device's force limit
 constexpr double kFullCores = 0.8;   ///< part of the cores; above it the programs of the run delay each other
 constexpr double kQuietCores = 0.1;  ///< cores that other programs and the hypervisor use on a quiet machine
 
-/// Part of its wake-ups that a bare loop had late before the run; 0: not measured.
+/// Late part of the wake-ups of bare loops before the run; 0: not measured.
 double late_bare_ratio(const Json& summary) {
   if (!summary.contains("calibration")) return 0.0;
   const Json& calibration = summary["calibration"];
@@ -245,8 +245,7 @@ void add_foreign_writer_gates(std::vector<Gate>& all, const std::string& who, co
     all.push_back(
         {fmt::format("{}{} from a foreign writer", who, sender.topic), refused[sender.topic].get<double>(), 0.0, true,
          "", 1.0, Culprit::foreign_writer,
-         fmt::format("another program published them as {}, and they were refused; end it, or give it another "
-                     "--domain",
+         fmt::format("another program published them as {}, and they were refused; end it, or give it another --domain",
                      sender.program)});
   }
 }

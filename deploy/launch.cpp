@@ -54,8 +54,8 @@ class DomainClaim {
     if (wanted >= 0) {
       if (!claim(wanted)) {
         throw Error(ExitCode::middleware,
-                    fmt::format("domain {} is in use by another run on this machine; choose another --domain, or "
-                                "omit it: the first free one is taken",
+                    fmt::format("domain {} is in use by another run on this machine; choose another --domain, or omit "
+                                "it: the first free one is taken",
                                 wanted));
       }
       return;

@@ -65,8 +65,7 @@ void warn_of_small_boxes(const Scene& scene, const Place& at, std::vector<std::s
   if (small.empty()) return;
   out.push_back(
       fmt::format("{0}: {1} does not support boxes with a side below {2:g} m in a unit of length of {3:g} m; these may "
-                  "fall through "
-                  "the floor: {4}. Set {0}.length_unit_m: {5:g}, or choose another engine",
+                  "fall through the floor: {4}. Set {0}.length_unit_m: {5:g}, or choose another engine",
                   at.name, at.plugin.name, smallest_m, unit_m, listed(small), 0.1 * unit_m));
 }
 
@@ -94,8 +93,8 @@ void warn_of_iterations(const Place& at, std::vector<std::string>& out) {
   if (!at.settings.iterations || *at.settings.iterations <= most) return;
   if (most == 0) {
     out.push_back(
-        fmt::format("{0}: {1} chooses the number of its iterations itself: {0}.iterations {2} changes "
-                    "nothing. Set {0}.substeps instead",
+        fmt::format("{0}: {1} chooses the number of its iterations itself: {0}.iterations {2} changes nothing. Set "
+                    "{0}.substeps instead",
                     at.name, at.plugin.name, *at.settings.iterations));
   } else {
     out.push_back(fmt::format("{0}: {1} makes at most {2} iterations, not {3}. Set {0}.substeps for more", at.name,
@@ -152,9 +151,8 @@ void warn_of_heavy_on_light(const Scene& scene, const Place& at, std::vector<std
   if (!pair) return;
   out.push_back(fmt::format(
       "{}: {} lies on {} and is {:.3g} times as heavy; {} {} supports about {:.2g} times in steps of {:g} ms; above, "
-      "the "
-      "lower body sinks in. Choose another preset or engine (subworld lab stability, case heavy_carried), a shorter "
-      "step, or a heavier {}",
+      "the lower body sinks in. Choose another preset or engine (subworld lab stability, case heavy_carried), a "
+      "shorter step, or a heavier {}",
       at.name, pair->upper->name, pair->lower->name, pair->ratio, at.plugin.name, preset.name, limit, 1e3 * at.step_s,
       pair->lower->name));
 }
@@ -222,8 +220,7 @@ void warn_of_stiffness(const UserSpec& user, const Settings& settings, bool boun
   if (most_n_m == 0.0) {
     out.push_back(
         fmt::format("{}: coupling.damping_n_s_m {:g} alone makes the device ({:g} kg, {:g} N s/m) oscillate in a wall "
-                    "at this rate and "
-                    "delay, whatever the stiffness. Lower it first, shorten h_s or the delay{}",
+                    "at this rate and delay, whatever the stiffness. Lower it first, shorten h_s or the delay{}",
                     user.name, user.coupling.damping_n_s_m, user.device.mass_kg, user.device.damping_n_s_m, bounded));
     return;
   }
@@ -315,8 +312,8 @@ void warn_of_the_start(const Scene& scene, std::vector<std::string>& out) {
       names_of(scene, [&](const Body& body) { return body.at_rest && body.gravity && !touches[index(body.id)]; });
   if (!hanging.empty()) {
     out.push_back(
-        fmt::format("{} {} at_rest and {} nothing: {} in the air until something comes near. Lower {}, or "
-                    "remove at_rest",
+        fmt::format("{} {} at_rest and {} nothing: {} in the air until something comes near. Lower {}, or remove "
+                    "at_rest",
                     listed(hanging), hanging.size() == 1 ? "is" : "are", hanging.size() == 1 ? "touches" : "touch",
                     hanging.size() == 1 ? "it hangs" : "they hang", hanging.size() == 1 ? "it" : "them"));
   }

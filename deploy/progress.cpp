@@ -122,8 +122,7 @@ void Progress::warn_of_overload(const Status& status) {
   finish();
   fmt::print(
       "{}: cannot keep up: a step takes {:.2f} ms of {:.2f} ms; choose a lower budget_ratio or a smaller box_half_m, "
-      "the "
-      "preset fast, or a longer h_s\n",
+      "the preset fast, or a longer h_s\n",
       name_of(status), 1e3 * status.step_s, 1e3 * scene_.settings.h_s);
 }
 

@@ -193,8 +193,8 @@ void print_body_history(const Json& written) {
              written["rows"].get<std::uint64_t>(),
              dropped == 0
                  ? ""
-                 : fmt::format("; warning: {} rows dropped, which could not be written in time; fewer --bodies, "
-                               "a lower --bodies-rate, or lock-step, which waits for the file",
+                 : fmt::format("; warning: {} rows dropped, which could not be written in time; fewer --bodies, a "
+                               "lower --bodies-rate, or lock-step, which waits for the file",
                                dropped));
 }
 
@@ -212,16 +212,14 @@ void print_summary(const Json& summary) {
              summary["dds"].get<std::string>());
   fmt::print(
       "  world: {} cycles, step p50 {:.2f} ms, p99 {:.2f} ms, late {}, real-time factor >= {:.3f}, energy excess "
-      "{:.2g} "
-      "J\n",
+      "{:.2g} J\n",
       world["cycles"].get<std::uint64_t>(), milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]),
       world["late_cycles"].get<std::uint64_t>(), world["real_time_factor_min"].get<double>(),
       summary["haptic"][0]["energy_excess_j"].get<double>());
   if (const double slowed_s = world["slowed_s"].get<double>(); slowed_s > 0.0) {
     fmt::print(
         "    the clock was slowed for {:.2f} s, mean real-time factor {:.2f}; too slow even for the least factor for "
-        "{:.2f} "
-        "s; cure: fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
+        "{:.2f} s; cure: fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
         slowed_s, world["real_time_factor_mean"].get<double>(), world["stuck_s"].get<double>());
   }
   if (world.contains("body_history")) print_body_history(world["body_history"]);
@@ -229,15 +227,14 @@ void print_summary(const Json& summary) {
   if (realtime) print_stages(world["stages"]);
   if (summary.contains("calibration")) {
     const Json& late = summary["calibration"]["woken_late_s"];
-    fmt::print("  machine: {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(summary), milliseconds(late["p99"]),
+    fmt::print("  {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(summary), milliseconds(late["p99"]),
                milliseconds(late["max"]), load_text(summary));
   }
   for (const Json& haptic : summary["haptic"]) {
     const Json& device = summary["device"][haptic["user"].get<std::size_t>()];
     fmt::print(
         "  user {}: {:.0f} Hz, {} steps, {} missed ({} by the run, {} by the OS), lateness p99 {:.3f} ms, step p50 "
-        "{:.3f} "
-        "ms p99 {:.3f} ms\n",
+        "{:.3f} ms p99 {:.3f} ms\n",
         haptic["user"].get<int>(), 1.0 / summary["h_s"].get<double>(), haptic["steps"].get<std::uint64_t>(),
         haptic["missed_deadlines"].get<std::uint64_t>(), haptic["missed_by_run"].get<std::uint64_t>(),
         haptic["missed_by_os"].get<std::uint64_t>(), milliseconds(haptic["lateness_s"]["p99"]),
@@ -250,8 +247,7 @@ void print_summary(const Json& summary) {
     }
     fmt::print(
         "    force on the operator rms {:.2f} N, max {:.2f} N, largest step {:.2f} N; at the device's limit in {:.2g} "
-        "% of "
-        "steps\n",
+        "% of steps\n",
         haptic["force_rms_n"].get<double>(), haptic["force_max_n"].get<double>(),
         haptic["force_step_max_n"].get<double>(), 100.0 * haptic["at_limit_ratio"].get<double>());
     fmt::print("    members mean {:.1f} max {:.0f}; border pairs mean {:.1f} max {:.0f}; contacts mean {:.1f}\n",

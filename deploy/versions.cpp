@@ -15,7 +15,7 @@ std::string part_versions() {
     try {
       version = engine_plugin(name).version;
     } catch (const Error&) {
-      // The run that asks for it says why.
+      // A run with this engine reports the cause.
     }
     text += fmt::format("engine {}: {}\n", name, version);
   }

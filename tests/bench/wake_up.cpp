@@ -74,6 +74,7 @@ int main_of(int argc, char** argv) {
                us(0.99), us(0.999), 1e6 * v.lateness.max_s(), v.over_half_period,
                v.lateness.quantile_s(0.99) / variants.front().lateness.quantile_s(0.99));
   }
+  return 0;
 }
 
 }  // namespace

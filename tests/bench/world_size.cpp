@@ -60,6 +60,7 @@ int main_of(int argc, char** argv) {
                  1e6 * run->cpu.world.quantile_s(0.99), 1e6 * run->cpu.haptic.quantile_s(0.5), p50_s / kept_s);
     }
   }
+  return 0;
 }
 
 }  // namespace
