@@ -136,7 +136,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   bool reports_afterwards() const noexcept override { return true; }
 
  private:
-  /// As many as it takes until the hand feels none, the same for all bodies: those that touch move together.
+  /// As many as it takes until no step of the force is felt, the same for all bodies: those that touch move together.
   int substeps_of(std::span<const PairShift> pairs, double cycle_s) const {
     const CouplingSettings& coupling = user_of(proxy_)->coupling;
     double felt_n = 0.0;
@@ -257,7 +257,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   std::uint32_t border_bodies_ = 0;
   bool compares_islands_ = false;
   Islands islands_;
-  std::vector<StampedBody> left_;  ///< members that the frame in hand has no more
+  std::vector<StampedBody> left_;  ///< members that the present frame has no more
   std::vector<BodyId> scratch_;
 };
 

@@ -69,7 +69,7 @@ class HapticMeasures {
   }
 
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
-  /// What the status shows; missed deadlines with those of the steps that were left out.
+  /// What the status shows; missed deadlines with those of the skipped steps.
   [[nodiscard]] LoopState state(double time_s) const noexcept {
     return {time_s, steps_, misses_.all(), misses_.by_os, step_.sum_s(), last_force_.norm()};
   }
@@ -89,7 +89,7 @@ class HapticMeasures {
     double members = 0.0;
     bool missed = false;
     bool lost_frames = false;
-  } traced_;  ///< of the step in hand
+  } traced_;  ///< of the present step
   Histogram step_, lateness_, woken_late_, sync_, round_trip_;
   Misses misses_;
   MachineShare machine_;

@@ -14,7 +14,7 @@ namespace subworld {
 
 namespace {
 
-/// No hand moves a device faster: fast reaching movements come to 3 m/s, throws to more, but not with a device.
+/// No operator moves a device faster: fast reaching movements come to 3 m/s, throws to more, but not with a device.
 constexpr double kFastestOperator_m_s = 10.0;
 
 }  // namespace
@@ -148,7 +148,7 @@ void SubWorld::advance(double dt) {
   const bool spring = spec_.device.kind == DeviceKind::impedance;
   device_work_j_ += dt * (mean.force.dot(spring ? device().linear_velocity : moved.linear_velocity) +
                           mean.torque.dot(spring ? device().angular_velocity : moved.angular_velocity));
-  declutch_.advance(dt);  // where the hand is when the step ends, as far as is known
+  declutch_.advance(dt);  // extrapolated to the end of the step
   in_cycle_s_ += dt;
   ++steps_;
 }

@@ -54,7 +54,7 @@ class SubWorld {
   /// The force for the device at the start of a step of `wall_s`, before the sub-world moves: so that it leaves without
   /// delay.
   [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double wall_s);
-  /// The answer to the device: the force for its hand, and, for an admittance device, where the proxy is and how it
+  /// The answer to the device: the force for its operator, and, for an admittance device, where the proxy is and how it
   /// moves in wall time.
   [[nodiscard]] DeviceCommand command_for(const DeviceState& device, const Wrench& to_operator);
   void advance(double dt);
@@ -67,7 +67,7 @@ class SubWorld {
     took_max_s_ = std::max(took_max_s_, step_s);
     ++timed_steps_;
   }
-  /// What the hand feels fades out, and it is met again from zero.
+  /// The force fades to zero, and the coupling re-engages from there.
   void declutch() noexcept { guard_.declutch(); }
   /// The same after a sleep that was long enough for the device to let it go by itself.
   void re_engage() noexcept { guard_.restart(); }
@@ -88,7 +88,7 @@ class SubWorld {
   [[nodiscard]] bool accepts(std::uint64_t frame_stamp) const noexcept {
     return !model_->reports_afterwards() || frame_stamp <= stamp_;
   }
-  /// Closes the cycle. Its report, which lives for several cycles; null where nobody waits for one (coupling/silence).
+  /// Closes the cycle. Its report, which lives for several cycles; null where it is suppressed (coupling/suppression).
   /// `sent_ns` is the caller's clock.
   HapticReport* close_cycle(std::int64_t sent_ns);
   /// The same, with a report in any case.
@@ -107,7 +107,7 @@ class SubWorld {
   bool reset_from(const WorldFrame& frame);
 
   /// Asks for another engine. Returns what came of it, in words; exchange_engine() hands over between two steps,
-  /// when the other one is ready, and lets the hand feel it gently.
+  /// when the other one is ready, and ramps the force.
   std::string change_engine(EngineExchange& exchange, const EngineOrder& order);
   bool exchange_engine(EngineExchange& exchange);
 
@@ -126,16 +126,16 @@ class SubWorld {
   [[nodiscard]] std::size_t contacts() const noexcept { return model_->contacts(); }
   [[nodiscard]] std::size_t border_pairs() const noexcept { return border_pairs_; }
   [[nodiscard]] double device_work_j() const noexcept { return device_work_j_; }
-  /// What has crossed between the hand and this side of the device's link.
+  /// The energy that crossed between the operator and this side of the device's link.
   [[nodiscard]] const OperatorPort& operator_port() const noexcept { return port_; }
-  /// States of the device that no hand can have come to since the one before.
+  /// Device states that no operator can have reached since the one before.
   [[nodiscard]] std::uint64_t jumps() const noexcept { return jumps_; }
   /// Of the engine that simulates it; empty where none does.
   [[nodiscard]] std::string engine_name() const;
   [[nodiscard]] const Scheme& scheme() const noexcept { return scheme_; }
 
  private:
-  /// Whether a hand can have moved the device so since the state before.
+  /// Whether the device moved farther since the state before than an operator can move it.
   [[nodiscard]] bool jumped(const DeviceState& state, double wall_s) const noexcept;
   [[nodiscard]] bool knows(const WorldFrame& frame) const noexcept;
   /// Length of the cycle under way.
@@ -160,7 +160,7 @@ class SubWorld {
   DeviceState before_;  ///< the device in the step before
   bool heard_ = false;
   bool trusted_ = false;
-  double wall_s_ = 0.0;  ///< of the step in hand
+  double wall_s_ = 0.0;  ///< of the present step
   double rate_ = 1.0;    ///< of the clock
   Tool tool_;            ///< at that rate
 

@@ -35,7 +35,7 @@ class FrameMaker {
  public:
   FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side, std::uint64_t remembered_cycles);
 
-  /// Makes the frames of one stamp. `heard` by user; the states told are moved by `offset_s` (may be negative).
+  /// Makes the frames of one stamp. `heard` by user; the published states are moved by `offset_s` (may be negative).
   void make(const WorldNow& now, std::span<const Heard> heard, double offset_s);
 
   /// What a haptic step of a user took, mean over a cycle; 0: not known. Corrects what bodies are thought to cost.

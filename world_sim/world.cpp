@@ -44,7 +44,7 @@ std::vector<BodyId> proxies_of(const Scene& scene) {
   return proxies;
 }
 
-/// Below, m/s, nothing moves that a hand could feel.
+/// Slower motion cannot be felt, m/s.
 constexpr double kStill_m_s = 5e-3;
 
 /// How far a contact point may move in a sub-step, of the smaller body's size.
@@ -91,7 +91,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
     users_[u].tool = tool_at(1.0, scene.users[u], scene.body(scene.users[u].proxy));
     users_[u].synchroniser = std::make_unique<Synchroniser>(scheme_, scene, u);
     users_[u].suppression = SuppressedCycles(scheme_.properties.lead_cycles);
-    // A silence ends with a report that is so much ahead.
+    // A suppression ends with a report that is so much ahead.
     users_[u].inbox.resize(remembered_ + (enabled(scene, Optimisation::suppression) ? kMostSuppressedCycles : 0));
     users_[u].waiting.resize(users_[u].inbox.size());
     if (scene.settings.mode == Mode::realtime) {
@@ -379,7 +379,7 @@ void World::account() {
     of_operators_j += proxy_j;
   }
   const double energy_j = kinetic_j_ + potential_j_;
-  // How a proxy moves is its hand's work, to and fro.
+  // The proxies' kinetic energy is the operators' work.
   const double of_bodies_j = energy_j - of_operators_j;
   released_j_ += stamp_ > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_operators_j;
   of_bodies_j_ = of_bodies_j;

@@ -114,7 +114,7 @@ class World {
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
   /// Energy that the bodies have lost so far, but for the proxies' motion after the start, J: most that they can have
-  /// given to hands.
+  /// given to operators.
   [[nodiscard]] double released_j() const noexcept { return released_j_; }
   /// What lifts every body by as much as engines let contacts overlap, J.
   [[nodiscard]] double contact_slack_j() const;
@@ -144,7 +144,7 @@ class World {
       const std::size_t slot = stamp % inbox.size();
       return waiting[slot] && inbox[slot].stamp == stamp;
     }
-    /// The report of a stamp, or that which ends the silence in which it lies, or the newest used.
+    /// The report of a stamp, or the one that ends the suppression in which it lies, or the newest used.
     [[nodiscard]] const HapticReport& at(std::uint64_t stamp) const noexcept {
       while (suppression.lacks_report(stamp)) ++stamp;
       return holds(stamp) ? inbox[stamp % inbox.size()] : report;
@@ -153,7 +153,7 @@ class World {
 
   void apply(std::size_t user, const HapticReport& report);
   void drive_proxies(double until_s, double dt);
-  /// The proxy as the user's hand has it, at the rate of the haptic clock.
+  /// The proxy's dynamics at the rate of the haptic clock.
   void set_rate(User& user, double rate);
   void hold(const User& user, const DevicePose& target, const ForceLimits& limits, double dt);
   /// By how much the world's positions are ahead of the sub-worlds' where both account for the same forces: half the
@@ -164,7 +164,7 @@ class World {
   }
   /// What a cycle costs by the published coefficients of the engine, s.
   [[nodiscard]] double published_cost_s(double cycle_s, int parts) const noexcept;
-  /// Whether a hand feels what crosses its border, or may before a change of the ratio takes effect.
+  /// Whether forces across the border are felt, or may before a change of the ratio takes effect.
   [[nodiscard]] bool border_is_felt(std::size_t user);
   void begin_cycle();
   /// Lets sleep what rests and wakes what may be reached before the next look, after `dt` of simulation.

@@ -36,7 +36,7 @@ class Option {
   Option& environment(const std::string& name);
   /// Refused without the other one.
   Option& needs(const Option& other);
-  /// Its value may be left out, and is this one then.
+  /// The value is optional; this one is the default.
   Option& implies(const std::string& value);
   /// Not in the help.
   Option& hidden();

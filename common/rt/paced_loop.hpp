@@ -27,7 +27,7 @@ class PacedLoop {
     woke_ = Clock::now();
     return lateness_.begin(cyclic_.released(), asked_, woke_, from_seconds(period_s));
   }
-  /// Leaves out the releases whose period is over; returns how many.
+  /// Skips the releases whose period is over; returns how many.
   int skip_missed() noexcept {
     const int skipped = cyclic_.skip(woke_);
     lateness_.skipped_to(cyclic_.released());

@@ -62,7 +62,7 @@ TEST_P(ForeignWriters, AreRefusedAndNamed) {
   const std::string vendor = foreign_writer.kind.size() % 2 == 0 ? "fastdds" : "cyclonedds";
   const Words flags{"--mode", mode, "--duration", mode == "realtime" ? "2.5" : "20"};
   Process run(run_words(scene("press"), flags), folder_.path());
-  const std::string folder = folder_.path() + "/stranger";
+  const std::string folder = folder_.path() + "/foreign_writer";
   std::filesystem::create_directories(folder);
   Process peer({program("hostile_peer"), vendor, domain_.text(), mode, foreign_writer.kind, "1.0"}, folder);
   ASSERT_EQ(peer.wait(30.0), 0) << peer.err();
@@ -70,7 +70,7 @@ TEST_P(ForeignWriters, AreRefusedAndNamed) {
   const Json results = summary();
   ASSERT_TRUE(results.is_object());
   const std::string verdict = results["verdict"];
-  EXPECT_NE(verdict.find(foreign_writer.blamed + " from a stranger"), std::string::npos) << verdict << run.err();
+  EXPECT_NE(verdict.find(foreign_writer.blamed + " from a foreign writer"), std::string::npos) << verdict << run.err();
   expect_safe(out());
   EXPECT_GE(results["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << "it ended early: " << verdict;
 }

@@ -38,7 +38,7 @@ double smallest(const Box& bounds) noexcept { return (bounds.upper - bounds.lowe
 }  // namespace
 
 ApproachFinder::ApproachFinder(const Scene& scene)
-    : scene_(scene), places_(scene.bodies.size()), hooks_(scene.bodies.size()), told_(scene.bodies.size()) {
+    : scene_(scene), places_(scene.bodies.size()), hooks_(scene.bodies.size()), listed_(scene.bodies.size()) {
   touched_.reserve(2 * scene.bodies.size());
   pushers_.reserve(scene.bodies.size());
   near_.reserve(scene.bodies.size());
@@ -59,7 +59,7 @@ void ApproachFinder::begin(double time_s) {
   near_.clear();
   for (const BodyId id : touched_) {
     places_[index(id)] = Place::apart;
-    told_[index(id)] = false;
+    listed_[index(id)] = false;
   }
   touched_.clear();
 }
@@ -124,13 +124,13 @@ void ApproachFinder::unhang(BodyId hanging, const ContactGraph& graph, std::vect
 
 bool ApproachFinder::may_come(BodyId id) const {
   const Place place = places_[index(id)];
-  return (place == Place::apart || place == Place::touching) && !told_[index(id)] && !scene_.body(id).fixed();
+  return (place == Place::apart || place == Place::touching) && !listed_[index(id)] && !scene_.body(id).fixed();
 }
 
 void ApproachFinder::outside(BodyId id, const BodyState& state, const Box& bounds, const Box& where) {
   const Mover comes = mover(id, state, bounds);
   if (!comes.swept().meets(where)) return;
-  told_[index(id)] = true;
+  listed_[index(id)] = true;
   touched_.push_back(id);
   near_.push_back(comes);
 }

@@ -16,7 +16,7 @@ constexpr double kDistinct = 0.5;   ///< sine; what is closer to the axes there 
 constexpr double kWallMass_kg = 1e5;
 constexpr double kCreep_m_s = 1e-3;  ///< of a wall towards what it ought to carry
 /// Of a wall away from a load that nothing in the scene can exert. With 0.01 to 0.2 m/s, and none of the two bodies
-/// moved, the force on a hand in a heap between engines of unequal stiffness is as smooth as between equal ones.
+/// moved, the felt force in a heap between engines of unequal stiffness is as smooth as between equal ones.
 constexpr double kYield_m_s = 0.02;
 constexpr double kSliding_m_s = -0.002;  ///< faster away from the inside than this: the outside slides
 

@@ -27,9 +27,9 @@ struct Surroundings {
 /// Finds the reduced model of every outside body that touches inside ones: how heavy it is to push along the border's
 /// normals, which force drives it and how much friction holds it. An axis of a model is the impulse-weighted mean of
 /// the border contacts that point one way, or the way across what that presses the outside on, if that is fixed:
-/// pressed aslant, it is the support that holds it, and along the support it slides. Others become further axes, as far
-/// as they are across the first ones, and so do the ways in which nothing but the inside holds the outside. What the
-/// inside alone holds in every way has a model of its own (carried.hpp).
+/// pressed obliquely, it is the support that holds it, and along the support it slides. Others become further axes, as
+/// far as they are across the first ones, and so do the ways in which nothing but the inside holds the outside. What
+/// the inside alone holds in every way has a model of its own (carried.hpp).
 ///
 /// For each axis n the outside is walked from the body along d = -n. What it pushes adds its mass; something fixed
 /// makes a wall. A side contact with the ground, or with a body that stands on the ground, adds mu lambda / T to the
@@ -40,7 +40,7 @@ struct Surroundings {
 /// Force f = M g.n. Where the load p and the outside's motion say more than the walk can see, limit and force give way:
 /// of p, q = p + sum(m a).n is what the inertia of all that is pushed does not take; sliding, c = q - f; at rest, c >=
 /// q - f; and always |q - f| <= c. The limit holds under the load that the inside puts on the outside in the world;
-/// what presses the ghost harder on its supports adds mu times as much (the grip).
+/// what presses the ghost harder on its supports adds mu times as much (load-dependent friction).
 class GhostModeller {
  public:
   explicit GhostModeller(const Scene& scene);
@@ -102,8 +102,8 @@ class GhostModeller {
   const Scene& scene_;
   CarriedModeller carried_;
   std::vector<BodyId> way_;          ///< what a push moves, in the order of its discovery
-  std::vector<BodyId> counted_;      ///< of the walk in hand
-  std::vector<Hold> holds_;          ///< of the walk in hand
+  std::vector<BodyId> counted_;      ///< of the present walk
+  std::vector<Hold> holds_;          ///< of the present walk
   std::vector<Pushed> pushed_;       ///< by all ghosts' axes, by body
   std::vector<BodyId> approaching_;  ///< ghosts that meet ghosts
 };

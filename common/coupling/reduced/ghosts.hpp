@@ -64,8 +64,8 @@ class Ghosts final : public SubWorldSide {
                                              double lag_s);
   /// Makes a ghost follow a new model.
   void adapt(Ghost& ghost, const GhostModel& model, Engine& engine);
-  /// Whether a blow came sooner in one copy than in the other. Its timing is no error of the velocity: to correct it
-  /// would give the ghost, and by now what it pushes as well, the blow once more or take it back.
+  /// Whether one copy met an impact sooner than the other. Its timing is no error of the velocity: to correct it
+  /// would give the ghost, and by now what it pushes as well, the impact once more or take it back.
   [[nodiscard]] bool impact_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const;
   void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, const Following& how);
 

@@ -19,7 +19,7 @@ constexpr auto kFastestPush = btScalar(0.1);
 /// seven stages in single precision creeps by 0.4 mm/s and falls after 20 s.
 constexpr auto kPlaceRounding = 16 * SIMD_EPSILON;
 /// Passes over the contacts of one part at most, as springs and as rigid. Heaps of 3 g to 30 kg win 1.5 % of energy by
-/// blows with 20, 3 % with 8 and 5 % with 1.
+/// impacts with 20, 3 % with 8 and 5 % with 1.
 constexpr int kMostSpringPasses = 4, kMostRigidPasses = 20;
 /// Iterations end when they change no velocity by more than this factor times the change by forces in a small step.
 constexpr auto kEnough = btScalar(5);

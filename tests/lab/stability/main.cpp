@@ -67,7 +67,7 @@ std::optional<int> parse(int argc, char** argv, Command& command) {
       "code.\n"
       "--random runs random scenes instead: twice each, judged by crashes, states that are not finite, hash, energy "
       "and\n"
-      "the force on each operator. What fails is made small and kept in DIR/failures; DIR/random.csv holds a row for "
+      "the force on each operator. Failures are made small and stored in DIR/failures; DIR/random.csv holds a row for "
       "each.\n"
       "Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 4 a random "
