@@ -1,5 +1,6 @@
 #include "limits.hpp"
 
+#include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/stiffness.hpp"
 #include "launch.hpp"
@@ -316,7 +317,7 @@ void check_request(const Scene& scene, const RunRequest& request) {
       throw Error(ExitCode::usage, fmt::format("--peers: \"{}\" is no host; give hosts, separated by commas", peer));
   }
   if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);
-  (void)make_scheme(scene.settings);
+  (void)scheme_of(scene.settings);
   check_engine(scene.settings.world, request.options.engine ? "--engine" : scene.file + ": settings.world");
   check_engine(scene.settings.haptic,
                request.options.haptic_engine ? "--haptic-engine" : scene.file + ": settings.haptic");

@@ -1,3 +1,4 @@
+#include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
 #include "launch.hpp"
 #include "limits.hpp"
@@ -60,7 +61,7 @@ std::string short_text(double value) {
 
 /// What the engine's part of a cycle costs by its published costs, in as many steps as the scheme wants, s.
 double cycle_cost_s(const Settings& settings, double cycle_s, std::size_t bodies, std::size_t contacts) {
-  const double longest_s = make_scheme(settings)->longest_world_step_s();
+  const double longest_s = scheme_of(settings).properties.longest_world_step_s;
   const double parts = std::max(1.0, std::ceil(cycle_s / longest_s - 1e-9));
   return parts * engine_cost(settings.world).step(cycle_s / parts).of(bodies, contacts);
 }
@@ -119,8 +120,8 @@ std::vector<Line> lines_of(const Scene& scene, bool gui) {
                      (item.of_user ? of_user(planned.user) : "") + what + planned.decision.because +
                          (in ? "" : estimate(scene, item.optimisation))});
   }
-  lines.push_back(
-      {s.has_sub_worlds(), "", fmt::format("{}sub-worlds: scheme {}", s.has_sub_worlds() ? "" : "no ", s.scheme)});
+  const bool has_sub_worlds = scheme_of(s).properties.has_sub_worlds;
+  lines.push_back({has_sub_worlds, "", fmt::format("{}sub-worlds: scheme {}", has_sub_worlds ? "" : "no ", s.scheme)});
   lines.push_back(
       {realtime, "", realtime ? "DDS deadlines: real time" : "no DDS deadlines: in lock-step nobody is late"});
   lines.push_back(

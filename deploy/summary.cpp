@@ -1,5 +1,6 @@
 #include "summary.hpp"
 
+#include "coupling/plan.hpp"
 #include "gates.hpp"
 #include "physics/plugin.hpp"
 

@@ -1,3 +1,4 @@
+#include "coupling/plan.hpp"
 #include "device_sim/run.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"

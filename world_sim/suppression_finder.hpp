@@ -3,7 +3,6 @@
 #include "coupling/scheme.hpp"
 #include "coupling/suppression.hpp"
 #include "model/scene.hpp"
-#include "world_sim/border_extractor.hpp"
 
 #include <optional>
 #include <vector>

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "coupling/contact_graph.hpp"
-#include "coupling/ghost.hpp"
 #include "coupling/ratio_control.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/suppression.hpp"
@@ -59,7 +58,7 @@ class World {
   }
 
   /// The stamp of the newest report that the next step uses if it is there.
-  [[nodiscard]] std::uint64_t wants() const noexcept { return stamp_ + scheme_->lead_cycles(); }
+  [[nodiscard]] std::uint64_t wants() const noexcept { return stamp_ + scheme_.properties.lead_cycles; }
 
   /// Applies the blends that are due; on its own for the reports that arrive after the last step.
   void synchronise();
@@ -106,7 +105,7 @@ class World {
   [[nodiscard]] std::uint64_t ratio_changes() const noexcept { return ratio_changes_; }
   [[nodiscard]] std::size_t asleep() const noexcept { return engine_.asleep_count(); }
   [[nodiscard]] const Engine& engine() const noexcept { return engine_; }
-  [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
+  [[nodiscard]] const Scheme& scheme() const noexcept { return scheme_; }
   /// Steps of the engine in the last cycle.
   [[nodiscard]] int substeps() const noexcept { return substeps_; }
   /// Length of the parts in which the engine integrated.
@@ -184,7 +183,8 @@ class World {
   void balance();
 
   const Scene& scene_;
-  std::unique_ptr<Scheme> scheme_;
+  const Scheme& scheme_;
+  std::unique_ptr<WorldSide> side_;  ///< of the scheme
   LiveEngine live_;
   RestingEngine engine_;
   std::vector<User> users_;

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "coupling/authority.hpp"
 #include "coupling/blend.hpp"
-#include "coupling/contact_graph.hpp"
 #include "coupling/scheme.hpp"
 
 #include <span>
@@ -32,8 +32,8 @@ struct PairShift {
 /// those states are first corrected by the shifts that were still to come.
 class Synchroniser {
  public:
-  /// `peers` are the proxies of the other users.
-  Synchroniser(const Scheme& scheme, std::uint64_t remembered_cycles, BodyId proxy, std::vector<BodyId> peers);
+  /// For one user of the scene.
+  Synchroniser(const Scheme& scheme, const Scene& scene, std::size_t user);
 
   /// Both of one stamp; stamps ascend. Bodies that only one side names are left out. `lag_cycles`: age of the frame
   /// when the sub-world uses it. The span lives until the next call.
@@ -51,11 +51,9 @@ class Synchroniser {
                                     Side side) const;
 
   const Scheme* scheme_;
-  BodyId proxy_;
-  std::vector<BodyId> peers_;
+  const Settings* settings_;
+  Authority authority_;
   std::vector<Blend> blends_;  ///< by stamp
-  Islands islands_;
-  std::vector<BodyId> reported_;
 };
 
 }  // namespace subworld

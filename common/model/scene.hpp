@@ -177,10 +177,6 @@ struct Settings {
   Disabled disabled = kDisableNothing;  ///< optimisations that are off; set by disable()
 
   void disable(Disabled items) noexcept { disabled = world.disabled = haptic.disabled = disabled | items; }
-  /// False for the scheme `direct`: the proxies are only in the world.
-  [[nodiscard]] bool has_sub_worlds() const noexcept { return scheme != "direct"; }
-  /// Whether the scheme weighs sub-world against world by the impulses of all contacts (paper 4.3).
-  [[nodiscard]] bool blends_by_impulses() const noexcept { return scheme == "paper"; }
 
   void set_ratio(const RatioBounds& bounds) noexcept {
     ratio = bounds.least;

@@ -121,12 +121,13 @@ void answer(const Scene& scene, const BusConfig& config, int cycles, Shared& sha
   const double h = scene.settings.h_s;
   shared.answered = 0;
   receive(*bus, frames, frame);
-  sub.apply(frame);
+  sub.synchronise_with(frame);
   reports.write(sub.report(0));
   for (int cycle = 1; cycle <= cycles; ++cycle) {
     do {
       const DeviceState state = device.state();
-      const FeltStep felt = sub.step(state, true, h);
+      const FeltStep felt = sub.step(
+          {&state, true, h, h}, [](const FeltStep&) {}, [] {});
       device.step(sub.command_for(state, felt.to_operator), h);
     } while (!sub.report_due());
     const TimePoint begin = Clock::now();
@@ -143,7 +144,7 @@ void answer(const Scene& scene, const BusConfig& config, int cycles, Shared& sha
     const TimePoint received = Clock::now();
     frames.decode(frame);
     const TimePoint decoded = Clock::now();
-    sub.apply(frame);
+    sub.synchronise_with(frame);
     const TimePoint applied = Clock::now();
     reports.write(report);
     const TimePoint sent = Clock::now();

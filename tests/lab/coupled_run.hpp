@@ -3,6 +3,7 @@
 #include "coupling/delay.hpp"
 #include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
+#include "haptic_sim/lockstep_order.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "model/scene.hpp"
 #include "rt/histogram.hpp"
@@ -55,21 +56,19 @@ class CoupledRun {
 
  private:
   struct Link {
-    Delay delay;
-    DelayLine<DeviceState> states;
-    DelayLine<DeviceCommand> commands;
+    Delay delay;  ///< of reports
+    LockstepOrder order;
     std::vector<HapticReport> reports;  ///< by stamp
     std::vector<WorldFrame> frames;     ///< by stamp
     std::uint64_t next_report = 0;      ///< that the world uses
     std::uint64_t newest_report = 0;
-    std::uint64_t next_frame = 1;  ///< that the sub-world uses
-    std::uint64_t cycle = 0;       ///< of the sub-world, which is ahead during message suppression
-    bool reported = false;         ///< in the last cycle of the run
+    std::uint64_t cycle = 0;  ///< of the sub-world, which is ahead during message suppression
+    bool reported = false;    ///< in the last cycle of the run
   };
   void haptic_cycle(std::size_t user);
   void deliver_reports(std::size_t user);
   void send_report(std::size_t user);
-  void deliver_frames(std::size_t user, std::uint64_t step);
+  void deliver_frames(std::size_t user);
 
   Scene scene_;
   std::uint64_t cycle_ = 0;

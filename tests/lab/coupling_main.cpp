@@ -1,3 +1,4 @@
+#include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
 #include "io/command_line.hpp"
 #include "io/options.hpp"

@@ -1,4 +1,5 @@
 #include "lab/plan_measure.hpp"
+#include "coupling/plan.hpp"
 
 #include "lab/apart.hpp"
 #include "lab/coupled_run.hpp"

@@ -1,4 +1,5 @@
 #include "lab/random_judge.hpp"
+#include "coupling/plan.hpp"
 
 #include "coupling/force_guard.hpp"
 #include "lab/coupled_run.hpp"

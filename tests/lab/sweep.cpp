@@ -105,7 +105,7 @@ Scene scene_of(const Point& point) {
       user.budget_ratio = point.budget_ratio;
     }
   }
-  (void)make_scheme(s);
+  (void)scheme_of(s);
   (void)make_engine(s.world, {});
   (void)make_engine(s.haptic, {});
   return scene;

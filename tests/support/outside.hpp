@@ -1,7 +1,7 @@
 #pragma once
 
 #include "coupling/border.hpp"
-#include "coupling/ghost.hpp"
+#include "coupling/reduced/ghost_model.hpp"
 #include "support/bodies.hpp"
 
 #include <algorithm>

@@ -77,7 +77,7 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
     frames.send(world.frame(0));
     entered += frames.received.entering.size();
     border_pairs += frames.received.border_contacts;
-    sub.apply(frames.received);
+    sub.synchronise_with(frames.received);
     haptic_measures.stages().mark(HapticStage::synchronise);
     haptic_measures.synchronised(1e-4, 0);
     for (int i = 0; i < scene.settings.ratio; ++i) {

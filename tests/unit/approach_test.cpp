@@ -1,4 +1,4 @@
-#include "coupling/approach.hpp"
+#include "coupling/reduced/approach.hpp"
 #include "coupling/border.hpp"
 #include "support/bodies.hpp"
 

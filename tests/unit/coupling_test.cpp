@@ -3,6 +3,7 @@
 #include "coupling/contact_graph.hpp"
 #include "coupling/delay.hpp"
 #include "coupling/force_guard.hpp"
+#include "coupling/paper/paper.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/selection.hpp"
 #include "coupling/synchroniser.hpp"
@@ -374,27 +375,42 @@ WorldFrame frame_of(std::uint64_t stamp, std::uint64_t echoed, const BodyState& 
   return f;
 }
 
+/// Body 1 is what both sides hold; the users' proxies are given.
+Scene with_proxies(BodyId own, BodyId other) {
+  Scene scene;
+  scene.settings = paper();
+  scene.settings.users = 2;
+  scene.users.resize(2);
+  scene.users[0].proxy = own;
+  scene.users[1].proxy = other;
+  return scene;
+}
+
 TEST(Synchroniser, BothCopiesMeetAndTheProxyFollowsTheSubWorld) {
-  const auto scheme = make_scheme(paper());
-  Synchroniser s(*scheme, 16, BodyId{9}, {});
+  const Scene scene = with_proxies(BodyId{9}, BodyId{8});
+  const Scheme& scheme = scheme_of(scene.settings);
+  Synchroniser s(scheme, scene, 0);
   const auto pairs = s.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0);
   ASSERT_EQ(pairs.size(), 1U);
   EXPECT_NEAR(pairs[0].world.position.x(), 0.5, 1e-15);
   EXPECT_NEAR(pairs[0].sub.position.x(), -0.5, 1e-15);
 
-  Synchroniser proxy(*scheme, 16, BodyId{1}, {});
+  const Scene of_proxy = with_proxies(BodyId{1}, BodyId{8});
+  Synchroniser proxy(scheme, of_proxy, 0);
   EXPECT_NEAR(
       proxy.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0)[0].world.position.x(), 1.0,
       1e-15);
-  Synchroniser peer(*scheme, 16, BodyId{9}, {BodyId{1}});
+  const Scene of_peer = with_proxies(BodyId{9}, BodyId{1});
+  Synchroniser peer(scheme, of_peer, 0);
   EXPECT_NEAR(peer.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0)[0].sub.position.x(),
               -1.0, 1e-15);
 }
 
 // Both sides wrote stamp 2 before they had applied the blend of stamp 1: no correction is applied twice.
 TEST(Synchroniser, LateBlendsAreNotAppliedTwice) {
-  const auto scheme = make_scheme(paper());
-  Synchroniser s(*scheme, 16, BodyId{9}, {});
+  const Scene scene = with_proxies(BodyId{9}, BodyId{8});
+  const Scheme& scheme = scheme_of(scene.settings);
+  Synchroniser s(scheme, scene, 0);
   (void)s.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0);
   const auto late = s.synchronise(frame_of(2, 0, at(0, 0, 0)), pushing_report(2, 0, at(1, 0, 0)), 1.0);
   EXPECT_NEAR(late[0].world.position.x(), 0.0, 1e-15);
@@ -407,7 +423,7 @@ TEST(Schemes, UnknownNameIsAnErrorThatNamesTheCure) {
   Settings s;
   s.scheme = "papers";
   try {
-    (void)make_scheme(s);
+    (void)scheme_of(s);
     FAIL();
   } catch (const Error& e) {
     EXPECT_NE(std::string(e.what()).find("paper"), std::string::npos);

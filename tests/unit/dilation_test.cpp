@@ -165,14 +165,14 @@ SceneRun run_scene(Scene scene, int steps, const Rate& rate) {
   SubWorld sub(scene, 0);
   EmulatedDevice device(scene.users[0].device, 0);
   Arrears arrears;
-  const auto lead = static_cast<std::uint64_t>(sub.scheme().lead_cycles());
-  sub.apply(world.frame(0));
+  const auto lead = static_cast<std::uint64_t>(sub.scheme().properties.lead_cycles);
+  sub.synchronise_with(world.frame(0));
   std::vector<HapticReport> reports{sub.report(1)};
   std::optional<WorldFrame> on_its_way;
   SceneRun run;
   for (int step = 0; step < steps; ++step) {
     if (on_its_way && sub.cycle_left_s() < 0.6 * scene.settings.shortest_cycle_s()) {
-      sub.apply(*on_its_way);
+      sub.synchronise_with(*on_its_way);
       on_its_way.reset();
     }
     sub.set_rate(rate(step));

@@ -1,4 +1,4 @@
-#include "coupling/ghost.hpp"
+#include "coupling/reduced/ghost_model.hpp"
 #include "support/outside.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
-#include "coupling/carried.hpp"
-#include "coupling/ghost.hpp"
+#include "coupling/reduced/carried.hpp"
+#include "coupling/reduced/ghost_model.hpp"
 #include "support/outside.hpp"
 
 #include <gtest/gtest.h>

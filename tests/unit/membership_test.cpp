@@ -1,4 +1,4 @@
-#include "haptic_sim/ghosts.hpp"
+#include "coupling/reduced/ghosts.hpp"
 #include "lab/coupled_run.hpp"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "model/optimisation.hpp"
+#include "coupling/plan.hpp"
 
 #include "lab/coupled_run.hpp"
 #include "model/scene.hpp"

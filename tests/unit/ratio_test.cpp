@@ -1,7 +1,7 @@
 // A changing simulation ratio: the counting of steps, the decision, and the felt force.
+#include "coupling/paper/paper.hpp"
 #include "coupling/ratio_control.hpp"
 #include "coupling/timetable.hpp"
-#include "haptic_sim/border_model.hpp"
 #include "lab/coupled_run.hpp"
 
 #include <gtest/gtest.h>
@@ -235,11 +235,10 @@ TEST(AdaptiveRatio, AFrozenBorderDividesItsImpulsesOverTheirOwnCycle) {
   const Scene scene = scene_of("row", {4, 10});
   Settings settings = scene.settings;
   settings.scheme = "paper";
-  const auto scheme = make_scheme(settings);
   const auto engine = make_engine(settings.haptic, scene.meshes);
   const auto cube = std::ranges::find_if(scene.bodies, [](const Body& body) { return !body.fixed(); });
   engine->add(*cube, scene.initial[index(cube->id)]);
-  const auto border = make_border_model(*scheme, scene, 16);
+  const auto border = scheme_of(settings).make_sub_world_side(scene, 16);
   WorldFrame frame;
   frame.cycle_s = 0.010;
   frame.border.push_back({.inside = cube->id,
@@ -266,7 +265,8 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeReportsItAndRestarts) {
     if (world.stamp() + 1 == world.timetable().newest().stamp) before = after;
   }
   while (sub.stamp() <= after.stamp) {
-    (void)sub.step(device, true, scene.settings.h_s);
+    (void)sub.step(
+        {&device, true, scene.settings.h_s, scene.settings.h_s}, [](const FeltStep&) {}, [] {});
     if (sub.report_due()) (void)sub.report(1);
   }
   EXPECT_FALSE(world.receive(HapticReport(sub.report(1)))) << "its stamps are of other times";

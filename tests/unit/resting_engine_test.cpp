@@ -1,5 +1,6 @@
 // Resting bodies leave their engine, and return before anything can reach them.
 #include "physics/resting_engine.hpp"
+#include "coupling/plan.hpp"
 
 #include "lab/coupled_run.hpp"
 #include "lab/metrics.hpp"

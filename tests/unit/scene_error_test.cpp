@@ -228,7 +228,7 @@ std::vector<Broken> broken_scenes() {
       device("freedom_four", "{degrees_of_freedom: 4}", "9:34",
              "users[0].device.degrees_of_freedom: must be 3 (translations) or 6, not 4"),
       device("rate_zero", "{rate_hz: 0}", "9:23", "rate_hz: must be at least 1"),
-      device("operator_mass", "{operator: {mass_kg: 0}}", "9:30", "users[0].device.operator.mass_kg: must be above 0"),
+      device("operator_mass", "{operator: {mass_kg: 0}}", "9:34", "users[0].device.operator.mass_kg: must be above 0"),
       path("move_backwards", "{move: [1, 0, 0], during_s: [2, 1]}", "9:49",
            "users[0].device.path[0].during_s: must end after it begins, not [2, 1]"),
       path("move_at_once", "{move: [1, 0, 0], during_s: [1, 1]}", "9:49", "must end after it begins"),

@@ -361,11 +361,11 @@ TEST_P(PeersNonsense, IsRefusedAndTheNextFrameCountsIt) {
           f.ghosts[0].carried = CarriedBody{.mass_kg = 1e-9, .inertia_kg_m2 = Eigen::Matrix3d::Identity(), .drive = {}};
         }),
         broken([&](WorldFrame& f) { f.entering.push_back({}), f.entering.back().body.id = nobody; })}) {
-    EXPECT_EQ(sub.apply(frame), 0U);
+    EXPECT_EQ(sub.synchronise_with(frame), 0U);
   }
   WorldFrame good = run.frame();
   good.stamp += 2;
-  EXPECT_EQ(sub.apply(good), 1U);
+  EXPECT_EQ(sub.synchronise_with(good), 1U);
   sub.advance(0.001);
   EXPECT_TRUE(sub.finite());
 }
@@ -392,9 +392,11 @@ TEST(Reduced, AnUnphysicalDriveLeavesTheForceBounded) {
     ++frame.stamp;
     ASSERT_TRUE(!frame.ghosts.empty() && frame.ghosts[0].carried);
     frame.ghosts[0].carried->drive = {Vec3(0, 0, force_n), Vec3(0, force_n, 0)};
-    sub.apply(frame);
+    sub.synchronise_with(frame);
+    const DeviceState device;
     for (int i = 0; i < 200; ++i) {
-      const FeltStep felt = sub.step({}, true, 0.001);
+      const FeltStep felt = sub.step(
+          {&device, true, 0.001, 0.001}, [](const FeltStep&) {}, [] {});
       ASSERT_TRUE(felt.to_operator.force.allFinite());
       ASSERT_LE(felt.to_operator.force.norm(), 40.0 + 1e-9);
     }

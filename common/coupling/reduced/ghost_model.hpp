@@ -1,9 +1,10 @@
 #pragma once
 
 #include "coupling/border.hpp"
-#include "coupling/carried.hpp"
 #include "coupling/contact_graph.hpp"
+#include "coupling/reduced/carried.hpp"
 #include "coupling/selection.hpp"
+#include "coupling/world_side.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 
@@ -14,12 +15,6 @@
 #include <vector>
 
 namespace subworld {
-
-/// How a body moves: its state at the end of a cycle and its mean acceleration, m/s^2, over it.
-struct Motion {
-  BodyState state;
-  Vec3 acceleration = Vec3::Zero();
-};
 
 /// What is around a sub-world: a cycle of the world.
 struct Surroundings {
@@ -69,6 +64,12 @@ class GhostModeller {
     double friction = 0.0;
   };
   /// Fills the normals.
+  /// One ghost for each outside body of the border, ascending, and which of them only approach.
+  void list(std::span<const BoundaryContact> border, const Membership& membership, std::vector<GhostModel>& out);
+  /// The bodies that each ghost pushes along its axes.
+  void find_pushed(std::span<const GhostModel> ghosts, const Surroundings& around);
+  /// Driving force and friction limit of one axis, and the mass of the ghost if no axis gave it yet.
+  void model_axis(GhostAxis& axis, const Motion& motion, const Surroundings& around, GhostModel& ghost);
   void find_axes(std::span<const BoundaryContact> border, const ContactGraph& graph, GhostModel& ghost) const;
   /// Where a push `along` presses the body on something fixed, the way which that blocks; else `along`.
   [[nodiscard]] Vec3 support_direction(BodyId id, const Vec3& along, const ContactGraph& graph) const;

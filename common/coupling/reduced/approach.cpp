@@ -1,4 +1,4 @@
-#include "coupling/approach.hpp"
+#include "coupling/reduced/approach.hpp"
 
 #include "coupling/border.hpp"
 
@@ -33,12 +33,6 @@ double extent(const Shape& shape, std::span<const Mesh> meshes, const Vec3& alon
   }
 }
 
-/// How far a point of a body may get by turning and by falling, m.
-double any_way(const BodyState& state, const Box& bounds, double gravity_m_s2, double time_s) noexcept {
-  const double arm_m = 0.5 * (bounds.upper - bounds.lower).norm();
-  return time_s * (arm_m * state.angular_velocity.norm() + 0.5 * time_s * gravity_m_s2);
-}
-
 double smallest(const Box& bounds) noexcept { return (bounds.upper - bounds.lower).minCoeff(); }
 
 }  // namespace
@@ -51,14 +45,10 @@ ApproachFinder::ApproachFinder(const Scene& scene)
   linked_.reserve(scene.bodies.size());
 }
 
-Box swept_bounds(const BodyState& state, const Box& bounds, double gravity_m_s2, double time_s) noexcept {
-  return bounds.grown(any_way(state, bounds, gravity_m_s2, time_s) + time_s * state.linear_velocity.norm());
-}
-
 Box ApproachFinder::Mover::swept() const noexcept { return bounds.grown(travel_m); }
 
 ApproachFinder::Mover ApproachFinder::mover(BodyId id, const BodyState& state, const Box& bounds) const noexcept {
-  const double any_way_m = any_way(state, bounds, scene_.settings.world.gravity.norm(), time_s_);
+  const double any_way_m = subworld::any_way_m(state, bounds, scene_.settings.world.gravity.norm(), time_s_);
   return {id, state, bounds, any_way_m, any_way_m + time_s_ * state.linear_velocity.norm()};
 }
 

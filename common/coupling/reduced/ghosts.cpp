@@ -1,4 +1,4 @@
-#include "haptic_sim/ghosts.hpp"
+#include "coupling/reduced/ghosts.hpp"
 
 #include "coupling/blend.hpp"
 
@@ -186,7 +186,8 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
   ghost.motion.world_velocity = world.linear_velocity;
   ghost.spin = world.angular_velocity;
   const BodyState now = engine.state(ghost.id);
-  gradual_.begin(engine, ghost.id, ghost.carried ? now : constrained(motion, now, world, how.lag_s), shift, how.parts);
+  gradual_.begin(engine, ghost.id, ghost.carried ? now : constrained(motion, now, world, how.lag_s), shift,
+                 how.substeps);
 }
 
 std::optional<BodyState> Ghosts::release(BodyId id, Engine& engine) {

@@ -2,6 +2,7 @@
 
 #include "coupling/contact_graph.hpp"
 #include "coupling/selection.hpp"
+#include "coupling/swept_bounds.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 
@@ -10,9 +11,6 @@
 #include <vector>
 
 namespace subworld {
-
-/// Bounds of all places that a body may reach within `time_s`, whichever way it turns and falls.
-[[nodiscard]] Box swept_bounds(const BodyState& state, const Box& bounds, double gravity_m_s2, double time_s) noexcept;
 
 /// Finds what does not touch a sub-world yet but may before it hears of it: the sub-world is ahead of the world, and
 /// would run into a body, or push its ghosts into one, that the world tells it of only after the contact. What is found
