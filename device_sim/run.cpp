@@ -190,7 +190,7 @@ class RealtimeLoop {
       ending.fault = watch();
       if (ending.fault.empty()) act(fresh());
     }
-    // The commands with which the haptic loop fades the force may have come late or not at all.
+    // The commands with which the haptic loop fades the force may have arrived late or not at all.
     while (!felt_.force.isZero() || !felt_.torque.isZero()) {
       wake();
       act(false);
@@ -209,7 +209,7 @@ class RealtimeLoop {
   void wake() {
     loop_.wait();
     loop_.wake(period_s_);
-    // A device that was halted does not make up for the motion of that time.
+    // A device that was suspended did not move meanwhile: it does not catch up.
     if (to_seconds(loop_.woke() - loop_.deadline()) > kStale_s) (void)loop_.skip_missed();
     loop_.begin();
   }
@@ -229,7 +229,7 @@ class RealtimeLoop {
     foreign_ = foreign_ || (heard_ != now && ports_.commands.refused() > refused);
   }
 
-  /// A fault in words where the haptic process has gone; empty otherwise.
+  /// The fault text if the haptic process has gone; empty otherwise.
   std::string watch() {
     const bool alive_now = !foreign_ && alive(ports_.commands, ports_.status, haptic_sim_);
     haptic_.observe(heard_ == loop_.woke(), alive_now, period_s_);
@@ -247,7 +247,7 @@ class RealtimeLoop {
     const TimePoint begin = loop_.woke();
     const DeviceCommand safe = guard_.pass(command_, device_.state(), trusted, period_s_);
     felt_ = safe.wrench;
-    // The path starts when the haptic loop does, whatever the time since the device was switched on.
+    // The path starts with the haptic loop, however long the device has been on.
     if (running()) device_.step(safe, period_s_);
     stages_.mark(DeviceStage::advance);
     DeviceState state = device_.state();
@@ -257,7 +257,7 @@ class RealtimeLoop {
     ports_.states.write(state);
     const TimePoint end = stages_.mark(DeviceStage::send);
     const Miss miss = loop_.judge(end, loop_.deadline());
-    // Until the haptic loop runs, no program waits for the device.
+    // Steps before the haptic loop runs do not count.
     if (running()) {
       measures_.step(state, felt_,
                      {.step_s = to_seconds(end - begin), .woken_late_s = loop_.woken_late_s(), .miss = miss});
@@ -281,7 +281,7 @@ class RealtimeLoop {
   DeviceCommand command_, came_;
   TimePoint heard_{};
   Wrench felt_;
-  bool foreign_ = false;  ///< the newest command was for another device, of another run or of another haptic process
+  bool foreign_ = false;  ///< the newest command was for another device, or of another run or haptic process
 };
 
 }  // namespace

@@ -9,14 +9,15 @@
 
 namespace subworld {
 
-/// Work that a scene may not need (coupling/plan decides). An optimisation that is on leaves that work out.
+/// Optimisations that a scene may permit (coupling/plan decides). An optimisation that is on skips work, messages or
+/// memory that the scene does not need.
 enum class Optimisation : std::uint8_t { rest, sway, friction, impulses, pairs, device, suppression, passivity };
 
 struct OptimisationItem {
   Optimisation optimisation;
   std::string_view name;   ///< for --disable
   std::string_view where;  ///< the process or message that it concerns
-  std::string_view what;   ///< the work that is saved, one line
+  std::string_view what;   ///< the skipped work, one line
   bool of_user;            ///< decided for each user
 };
 /// In the order of `Optimisation`.
@@ -38,7 +39,7 @@ struct PlannedItem {
 /// A set of optimisations that are off, for comparison.
 using Disabled = std::uint32_t;
 inline constexpr Disabled kDisableNothing = 0, kDisableAll = ~Disabled{0};
-/// Names as in optimisation_items(), or "all". Throws `Error` (usage) that names the flag and all items.
+/// Names as in optimisation_items(), or "all". Throws `Error` (usage) that names the flag and the items.
 [[nodiscard]] Disabled parse_disabled(const std::vector<std::string>& names, std::string_view flag = "--disable");
 [[nodiscard]] std::vector<std::string_view> disabled_names(Disabled set);
 [[nodiscard]] constexpr Disabled disabled(Optimisation optimisation) noexcept {

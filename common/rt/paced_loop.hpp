@@ -6,9 +6,9 @@
 
 namespace subworld {
 
-/// What every real-time loop does around its step: it waits for the release, measures how late the step begins and
-/// ends, decides who missed a deadline, and marks the stages. A step is
-/// `wait`, `wake`, perhaps `skip_missed`, `begin`, the work, perhaps `judge`, `end`.
+/// Common part of every real-time loop, around its step. It waits for the release, measures the lateness at the step's
+/// start and end, decides the cause of a missed deadline, and marks the stages. A step is `wait`, `wake`, perhaps
+/// `skip_missed`, `begin`, the work, perhaps `judge`, `end`.
 template <class Enum>
 class PacedLoop {
  public:
@@ -21,26 +21,26 @@ class PacedLoop {
     asked_ = Clock::now();
     lateness_s_ = to_seconds(cyclic_.wait());
   }
-  /// The step is there; its deadline lies `period_s` after its release. Returns how many whole periods passed because
-  /// of the OS.
+  /// The step begins; its deadline is `period_s` after its release. Returns the number of whole periods that the OS has
+  /// lost.
   int wake(double period_s) noexcept {
     woke_ = Clock::now();
     return lateness_.begin(cyclic_.released(), asked_, woke_, from_seconds(period_s));
   }
-  /// Skips the releases whose period is over; returns how many.
+  /// Skips the releases whose period is over; returns their number.
   int skip_missed() noexcept {
     const int skipped = cyclic_.skip(woke_);
     lateness_.skipped_to(cyclic_.released());
     return skipped;
   }
-  /// The work begins.
+  /// Begins the work.
   void begin() noexcept { stages_.begin(cyclic_.released(), woke_); }
 
-  /// Who missed `deadline` with what was done at `now`, in the step under way.
+  /// Cause of a miss of `deadline` by work of the current step that was finished at `now`.
   [[nodiscard]] Miss judge(TimePoint now, TimePoint deadline) const noexcept {
     return now > deadline ? lateness_.judge(now, deadline, thread_use()) : Miss::none;
   }
-  /// The step is over at `now`.
+  /// Ends the step at `now`.
   void end(TimePoint now) noexcept { lateness_.end(now, thread_use()); }
 
   [[nodiscard]] TimePoint woke() const noexcept { return woke_; }
@@ -48,11 +48,11 @@ class PacedLoop {
   [[nodiscard]] TimePoint deadline() const noexcept { return cyclic_.deadline(); }
   /// From the release to the start of the step.
   [[nodiscard]] double lateness_s() const noexcept { return lateness_s_; }
-  /// The part of the lateness for which the OS alone is the cause.
+  /// The share of the lateness that the OS caused.
   [[nodiscard]] double woken_late_s() const noexcept { return lateness_.woken_late_s(); }
-  /// Moves all coming releases.
+  /// Shifts all following releases.
   void shift(double seconds) noexcept { cyclic_.shift(from_seconds(seconds)); }
-  /// Stretches the coming periods by `ppm`.
+  /// Lengthens the following periods by `ppm` (negative: shortens).
   void slew(double ppm) noexcept { cyclic_.slew(ppm); }
 
  private:

@@ -1,4 +1,4 @@
-// A scheme from outside: one folder and one row, and everything that asks for a scheme knows it.
+// A scheme from outside: one folder and one row, and every user of schemes finds it.
 #include "support/example_scheme/example_scheme.hpp"
 #include "coupling/plan.hpp"
 #include "lab/session/coupled_run.hpp"

@@ -62,7 +62,7 @@ class CoupledRun {
     std::vector<WorldFrame> frames;     ///< by stamp
     std::uint64_t next_report = 0;      ///< that the world uses
     std::uint64_t newest_report = 0;
-    std::uint64_t cycle = 0;  ///< of the sub-world, which is ahead where it is silent
+    std::uint64_t cycle = 0;  ///< of the sub-world, which is ahead during message suppression
     bool reported = false;    ///< in the last cycle of the run
   };
   void haptic_cycle(std::size_t user);
