@@ -37,7 +37,8 @@ SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Net
     if (Clock::now() > until) {
       throw Error(
           ExitCode::middleware,
-          fmt::format("no world on domain {} within {} s; `subworld run` prints its domain, give it with --domain",
+          fmt::format("no world on domain {} within {} s; `subworld run` prints its domain, give it with --domain; on "
+                      "another host, name it with --peers and give --interface",
                       network.domain, wait_s));
     }
     bus.wait(0.05);
@@ -45,7 +46,7 @@ SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Net
   return description;
 }
 
-/// What a status answers to the order of that number; several answers between two statuses are joined by "; ".
+/// The answers in a status to the order of that number; several ones are joined by "; ".
 std::vector<std::string> answers_in(const std::string& status, std::uint32_t order) {
   std::vector<std::string> answers;
   const std::string prefix = answer_prefix(order);
@@ -56,13 +57,13 @@ std::vector<std::string> answers_in(const std::string& status, std::uint32_t ord
   return answers;
 }
 
-/// Who is asked to follow an order: the world, or every sub-world; and what they have said to it.
+/// The answers of those that an order is for: the world, or every sub-world.
 class Answers {
  public:
   Answers(const Control& order, ProgramKind asked, std::uint32_t expected)
       : order_(order.number), asked_(asked), expected_(expected) {}
 
-  /// Prints what a status answers. Throws `Error` (failed) where one who was asked refuses.
+  /// Prints the answers in a status. Throws `Error` (failed) where one that the order is for refuses.
   void hear(const Status& status) {
     const bool asked = status.program == asked_;
     if (asked) said_.try_emplace(status.instance);
@@ -75,14 +76,14 @@ class Answers {
     }
   }
 
-  /// Whether all of them have done it.
+  /// Whether all have executed it.
   [[nodiscard]] bool complete() const {
     return std::ranges::count_if(said_, [](const auto& one) { return done(one.second); }) >= expected_;
   }
 
   [[nodiscard]] bool of_sub_worlds() const { return asked_ == ProgramKind::haptic_sim; }
 
-  /// Those who have not, in words.
+  /// Those that have not, in words.
   [[nodiscard]] std::string missing() const {
     std::vector<std::string> names;
     for (const auto& [instance, said] : said_) {
@@ -90,7 +91,7 @@ class Answers {
       names.push_back(name(asked_, instance) + (said.empty() ? "" : fmt::format(" (so far: \"{}\")", said)));
     }
     if (said_.size() < expected_) {
-      names.push_back(fmt::format("{} {} not heard of", expected_ - said_.size(), program(asked_)));
+      names.push_back(fmt::format("{} {} that did not answer", expected_ - said_.size(), program(asked_)));
     }
     return fmt::format("{}", fmt::join(names, " and "));
   }
@@ -106,11 +107,11 @@ class Answers {
   std::uint32_t order_;
   ProgramKind asked_;
   std::uint32_t expected_;
-  std::map<std::uint32_t, std::string> said_;  ///< the newest answer, by instance; empty: heard of, but no answer yet
+  std::map<std::uint32_t, std::string> said_;  ///< the newest answer, by instance; empty: no answer yet
 };
 
-/// Prints what the programs say to the order, until each that it is for has done it. Throws `Error` (failed) where one
-/// refuses, or has not done it within `wait_s`.
+/// Prints the answers to the order, until each program that it is for has executed it. Throws `Error` (failed) where
+/// one refuses, or does not execute it within `wait_s`.
 void await_answers(Bus& bus, Reader<Status>& statuses, const Reader<SceneDescription>& scene, const Control& order,
                    Answers& answers, double wait_s) {
   const TimePoint until = Clock::now() + from_seconds(wait_s);
@@ -118,17 +119,17 @@ void await_answers(Bus& bus, Reader<Status>& statuses, const Reader<SceneDescrip
   while (true) {
     while (statuses.take(status) == Take::sample) answers.hear(status);
     if (answers.complete()) return;
-    if (order.verb == ControlVerb::stop && scene.matched() == 0) return;  // gone, as it was told
+    if (order.verb == ControlVerb::stop && scene.matched() == 0) return;  // it has ended
     if (Clock::now() > until) break;
     bus.wait(0.05);
   }
   throw Error(
       ExitCode::failed,
-      fmt::format("no final answer from {} within {} s; wait longer with --wait{}. The order stands: the run's summary "
-                  "tells what came of it",
+      fmt::format("no final answer from {} within {} s; wait longer with --wait{}. The order stays in force: see the "
+                  "run's summary",
                   answers.missing(), wait_s,
-                  answers.of_sub_worlds() ? ", or, where a world in lock-step is paused, let it run with "
-                                            "`subworld control resume`: its sub-worlds read orders as they step"
+                  answers.of_sub_worlds() ? ", or, where a world in lock-step is paused, continue it with `subworld "
+                                            "control resume`: its sub-worlds read orders as they step"
                                           : ""));
 }
 
@@ -141,7 +142,7 @@ void send_control(const Network& network, const std::string& verb, const EngineO
   for (const Verb& known : kVerbs) {
     if (known.name == verb) order.verb = known.verb;
   }
-  // What offers lock-step's quality and asks for real time's matches programs in both modes.
+  // A writer of lock-step quality and a reader of real-time quality match programs in both modes.
   Settings listening;
   listening.mode = Mode::realtime;
   const auto hearing = open_bus(network, listening, 0.001, "subworld control");

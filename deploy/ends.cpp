@@ -10,7 +10,7 @@ namespace subworld {
 namespace {
 
 constexpr double kLateStart_cycles = 10.0;  // in real time a user's first frame may be one of the next
-constexpr double kLateEnd_cycles = 20.0;    // and the sub-world may trail the world
+constexpr double kLateEnd_cycles = 20.0;    // and the sub-world may lag behind the world
 constexpr double kLateEnd_s = 0.25;
 
 bool stopped_by_signal(const Json& ending) { return ending["by"].get<std::string>().starts_with("SIG"); }

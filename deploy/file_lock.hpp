@@ -4,8 +4,7 @@
 
 namespace subworld {
 
-/// Holds a file of the temporary folder, or a folder, that only one run of this machine can hold, until this object
-/// goes.
+/// Locks a file of the temporary folder, or a folder, for one run of this machine and the life of this object.
 class FileLock {
  public:
   FileLock() = default;
@@ -15,7 +14,7 @@ class FileLock {
 
   /// False where another run holds it, or the folder cannot be written.
   bool take(const std::string& name);
-  /// False where another run holds this folder. A file system that knows no locks lets everybody.
+  /// False where another run holds this folder. A file system without locks refuses none.
   bool take_folder(const std::string& folder);
   void release() noexcept;
 

@@ -8,11 +8,11 @@
 
 namespace subworld {
 
-/// Who is to blame for a missed gate. `unstable`: energy or swings that nobody has put in; `stranger`: a program that
-/// does not belong to the run.
+/// What caused a missed gate. `unstable`: energy or oscillation that no operator has put in; `foreign_writer`: a
+/// program that does not belong to the run; `scene`: the scene asks for it.
 enum class Culprit : std::uint8_t { run, os, scene, unstable, foreign_writer };
 
-/// One measured quantity against its bar.
+/// One measured quantity against its bound.
 struct Gate {
   std::string name;
   double value = 0.0;
@@ -21,27 +21,35 @@ struct Gate {
   const char* unit = "";
   double scale = 1.0;  ///< from SI to the unit
   Culprit culprit = Culprit::run;
-  std::string why = {};  ///< for a reader of a missed gate: the reason and the cure
+  std::string why = {};  ///< the reason and the cure, where the gate is missed
 
   [[nodiscard]] bool ok() const noexcept { return at_most ? value <= bar : value >= bar; }
-  /// What a scene asks for is warned of; the verdict stays.
-  [[nodiscard]] bool spoils_verdict() const noexcept { return !ok() && culprit != Culprit::scene; }
+  /// A gate that the scene or the OS missed is a warning or a remark.
+  [[nodiscard]] bool spoils_verdict() const noexcept {
+    return !ok() && culprit != Culprit::scene && culprit != Culprit::os;
+  }
+  /// For --strict, which counts the OS too.
+  [[nodiscard]] bool counts_strictly() const noexcept { return !ok() && culprit != Culprit::scene; }
   [[nodiscard]] std::string line() const;
 };
 
-/// What a run is held against: in real time deadlines, lateness, lost frames and the world's clock; in lock-step loss
-/// alone. In both the device's limit.
+/// The gates of a run: in both modes energy, oscillation, lost frames and the device's limit; in real time also
+/// deadlines, lateness and the world's real-time factor.
 [[nodiscard]] std::vector<Gate> gates(const Json& summary);
 [[nodiscard]] Json to_json(const Gate& gate);
 
-/// "ok" with what the machine did, or which gates were missed, by whom, and what to do about it.
+/// "ok" with remarks on the OS and the scene, or the first missed gate with its cause and cure.
 [[nodiscard]] std::string verdict_of(const std::vector<Gate>& gates, const Json& summary);
+/// The names of the gates for which --strict ends a run with exit code 4.
+[[nodiscard]] std::vector<std::string> missed_strictly(const std::vector<Gate>& gates);
 
 /// Of a time in s.
 [[nodiscard]] double milliseconds(const Json& seconds);
-/// What kept the loops from their cores, in words.
+/// Which programs used the cores.
 [[nodiscard]] std::string load_text(const Json& summary);
-/// How late the machine wakes a bare loop.
+/// How often the machine wakes a bare loop late; empty where it was not measured.
 [[nodiscard]] std::string calibration_text(const Json& summary);
+/// "10,034"
+[[nodiscard]] std::string grouped(std::uint64_t count);
 
 }  // namespace subworld

@@ -1,6 +1,7 @@
 #include "launch.hpp"
 
 #include "ends.hpp"
+#include "explain.hpp"
 #include "file_lock.hpp"
 #include "gates.hpp"
 #include "io/results.hpp"
@@ -41,20 +42,20 @@ namespace subworld {
 
 namespace {
 
-// Domains that a run picks by itself, the last first. Their ports, from 7400 + 250 times the domain on, lie below
-// 32768, from which on Linux hands out ports to anybody: a socket of another domain could get one of them.
+// Domains that a run chooses by itself, the last first. Their ports start at 7400 + 250 times the domain and lie below
+// 32768: above, Linux gives ports to any socket, which could occupy one of them.
 constexpr int kFirstDomain = 60;
 constexpr int kLastDomain = 100;
 
-/// A domain that no other run on this machine holds; held until this object goes.
+/// A domain that no other run on this machine holds, for the life of this object.
 class DomainClaim {
  public:
   explicit DomainClaim(int wanted) {
     if (wanted >= 0) {
       if (!claim(wanted)) {
         throw Error(ExitCode::middleware,
-                    fmt::format("domain {} is in use by another run on this machine; choose another --domain, or "
-                                "leave it out and the first free one is taken",
+                    fmt::format("domain {} is in use by another run on this machine; choose another --domain, or omit "
+                                "it: the first free one is taken",
                                 wanted));
       }
       return;
@@ -93,7 +94,7 @@ std::string last_line(const std::string& path, std::string_view holding = {}) {
   return last;
 }
 
-/// A program's part of the trace, until the parts are merged.
+/// File of a program's part of the trace, until the parts are merged.
 std::string trace_part(const std::string& folder, const std::string& label) {
   return fmt::format("{}/trace/{}.json", folder, label);
 }
@@ -108,13 +109,13 @@ void collect_trace(const Supervisor& programs, const Options& options) {
   fmt::print("subworld: trace in {}; open it with ui.perfetto.dev, chrome://tracing or speedscope\n", options.trace);
 }
 
-/// Where a program writes its part of the results; the launcher makes one summary of them.
+/// File of a program's part of the results; the launcher makes one summary of them.
 std::string part_of(const std::string& folder, std::string_view program, int user) {
   const std::string_view name = program.substr(0, program.find('_'));
   return user < 0 ? fmt::format("{}/{}.json", folder, name) : fmt::format("{}/{}_{}.json", folder, name, user);
 }
 
-/// Whether the environment says where a program runs.
+/// Whether the environment chooses the cores of a program.
 bool is_placed_by_hand(const std::string& program) {
   std::string variable = "SUBWORLD_" + program + "_CORE";
   std::ranges::transform(variable, variable.begin(), [](unsigned char c) { return std::toupper(c); });
@@ -149,7 +150,7 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
   for (int u = 0; u < users; ++u) {
     start("haptic_sim", u, true);
     start("device_sim", u, true);
-    if (users > 1) ++position;  // so that mixed gives each user another pairing
+    if (users > 1) ++position;  // with mixed, users have different pairs of vendors
   }
   if (request.gui) start("gui_headless", -1, false);
 }
@@ -161,7 +162,7 @@ void remove_parts(const std::string& folder, int users) {
   }
 }
 
-/// The folder that the user named, for this run alone, without the results of an earlier one; or a new folder.
+/// Reserves the folder that the user named for this run, and deletes the results of an earlier one; or makes a new one.
 void claim_folder(std::string& folder, const std::string& scene, FileLock& lock) {
   if (folder.empty()) {
     const std::string wanted = fmt::format("out/{}-{:%Y%m%d-%H%M%S}", scene, fmt::localtime(std::time(nullptr)));
@@ -172,12 +173,12 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
   make_folder(folder + "/logs");
   if (!lock.take_folder(folder)) {
     throw Error(ExitCode::usage, fmt::format("--out {}: another run writes its results there; choose another folder, "
-                                             "or leave it out and a new one is made",
+                                             "or omit it: a new one is made",
                                              folder));
   }
   const std::regex ours(R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)|bodies\.csv|picture\.png)");
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    // A link is the user's: results go where it leads.
+    // Results go through a link that the user made.
     if (!entry.is_symlink() && std::regex_match(entry.path().filename().string(), ours))
       std::filesystem::remove(entry.path());
   }
@@ -206,22 +207,22 @@ std::string iso_date(std::time_t time) {
   return fmt::format("{}:{}", text.substr(0, minutes), text.substr(minutes));
 }
 
-/// A tenth of the run, at most a second, with nothing of ours running: what is measured is the machine's alone.
+/// Takes a tenth of the run, at most a second, before any program of the run starts.
 Calibration measure_machine(const Settings& settings) {
   const double duration_s = std::clamp(0.1 * settings.duration_s, 0.2, 1.0);
-  fmt::print("subworld: measuring for {:.1f} s how late this machine wakes a loop that does nothing\n", duration_s);
+  fmt::print("subworld: measuring for {:.1f} s how late this machine wakes a loop without work\n", duration_s);
   std::fflush(stdout);
   const int cores = std::max(1, static_cast<int>(allowed_cores().size()));
   const Calibration found = calibrate(std::min(settings.users, cores), settings.h_s, duration_s);
   fmt::print("subworld: {}\n", to_text(found));
   if (!found.granted.fifo || !found.granted.memory_locked) {
-    fmt::print("subworld: warning: without all real-time rights the rate may not hold: {}\n", found.granted.text);
+    fmt::print("subworld: warning: without all real-time rights deadlines may be missed: {}\n", found.granted.text);
   }
   std::fflush(stdout);
   return found;
 }
 
-/// What became of the display, where it did not end by itself; empty: nothing. It ends no run.
+/// How the display ended, where it did not end by itself; empty otherwise. It ends no run.
 std::string lost_display(const Supervisor& programs) {
   for (const Supervisor::Child& child : programs.children()) {
     if (!child.essential && exit_code_of(child) != 0) return fmt::format("{} {}", child.label, end_of(child));
@@ -229,7 +230,7 @@ std::string lost_display(const Supervisor& programs) {
   return {};
 }
 
-/// What the programs whose loops still run have written so far.
+/// The state of the programs whose loops still run, by their files.
 std::vector<Sighting> sightings(const Supervisor& programs) {
   std::vector<Sighting> seen;
   for (const Supervisor::Child& child : programs.children()) {
@@ -254,7 +255,7 @@ int run(const RunRequest& request) {
   FileLock folder;
   claim_folder(options.out, scene.name, folder);
   if (!options.trace.empty()) {
-    merge_traces({}, options.trace);  // fails before anything runs, if it must
+    merge_traces({}, options.trace);  // an unwritable file is an error before anything runs
     make_folder(options.out + "/trace");
   }
   const DomainClaim claim(request.domain);
@@ -270,9 +271,9 @@ int run(const RunRequest& request) {
 
   watch_stop_signals();
   const TimePoint begin = Clock::now();
-  const CoreTimes cores = core_times();
+  const MachineUse use = machine_use();
   Supervisor programs;
-  // Of several runs at a time the first is placed: two worlds on one core would be worse off than anywhere.
+  // Of several runs at a time only the first is placed: two worlds must not share one core.
   FileLock first_run;
   const bool is_first = request.place && first_run.take("subworld-cores");
   record.placement = is_first ? place(scene, allowed_cores()) : Placement{};
@@ -299,9 +300,7 @@ int run(const RunRequest& request) {
   }
   programs.stop();
   record.wall_s = to_seconds(Clock::now() - begin);
-  record.own_cpu_s = children_cpu_s();
-  record.other_cpu_s = std::max(0.0, core_times().busy_s - cores.busy_s - record.own_cpu_s);
-  record.stolen_s = core_times().stolen_s - cores.stolen_s;
+  record.load = core_load(use, machine_use(), record.wall_s, machine_cores());
   collect_trace(programs, options);
 
   Json summary = describe_run(scene, record);
@@ -325,21 +324,25 @@ int run(const RunRequest& request) {
 
   print_summary(summary);
   const std::vector<Gate> held = gates(summary);
+  std::size_t fine = 0;
   for (const Gate& gate : held) {
-    fmt::print("  {}\n", gate.line());
     summary["gates"].push_back(to_json(gate));
+    fine += gate.ok();
+    if (!gate.ok()) fmt::print("  {}\n", gate.line());
   }
+  fmt::print("  {} of {} gates ok (details: `gates` in summary.json)\n", fine, held.size());
   summary["verdict"] = verdict_of(held, summary);
   const bool ok = std::ranges::none_of(held, &Gate::spoils_verdict);
+  const std::vector<std::string> strict = request.strict ? missed_strictly(held) : std::vector<std::string>{};
   const double simulated_s = summary["simulated_s"].get<double>();
   if (simulated_s < scene.settings.duration_s - scene.settings.longest_cycle_s()) {
     summary["verdict"] = fmt::format("{} at t = {:.3f} s{}", signal == 0 ? "stopped by control" : stopped, simulated_s,
                                      ok ? "" : "; until then: " + summary["verdict"].get<std::string>());
   }
   std::vector<std::string> faults = signal == 0 ? faults_of(summary) : std::vector<std::string>{};
-  if (const Watchdog::Stood& stood = watchdog.longest(); stood.for_s > 0.0 && scene.settings.mode == Mode::realtime) {
-    faults.push_back(fmt::format("the clock of {} stood at t = {:.3f} s for {:.0f} s and nobody had paused it",
-                                 stood.label, stood.at_s, stood.for_s));
+  if (const Watchdog::Stall& stall = watchdog.longest(); stall.for_s > 0.0 && scene.settings.mode == Mode::realtime) {
+    faults.push_back(fmt::format("{} did not advance from t = {:.3f} s for {:.0f} s, although the run was not paused",
+                                 stall.label, stall.at_s, stall.for_s));
   }
   if (!faults.empty()) summary["verdict"] = fmt::format("failed: {}", fmt::join(faults, "; "));
   const std::string lost = lost_display(programs);
@@ -349,13 +352,19 @@ int run(const RunRequest& request) {
   write_json(options.out + "/summary.json", summary);
   fmt::print("state hash {}\nverdict: {}{}\nsummary: {}/summary.json\n", summary["state_hash"].get<std::string>(),
              summary["verdict"].get<std::string>(),
-             lost.empty() ? "" : fmt::format("; the display has died ({}){}", lost, pictured ? "" : ": no picture"),
+             lost.empty() ? "" : fmt::format("; the display failed ({}){}", lost, pictured ? "" : ": no picture"),
              options.out);
   if (request.gui) {
     fmt::print("{}\n", pictured ? "picture: " + picture : "no picture: see " + options.out + "/logs/gui_headless.log");
   }
+  if (request.explain) {
+    const bool checkout = std::filesystem::exists("deploy/subworld");
+    fmt::print("{}", explanation(summary, options.out, pictured, checkout ? "deploy/subworld" : "subworld"));
+  }
   if (!faults.empty()) return static_cast<int>(ExitCode::failed);
-  return static_cast<int>(ok || signal != 0 || !request.strict ? ExitCode::done : ExitCode::quality);
+  if (strict.empty() || signal != 0) return static_cast<int>(ExitCode::done);
+  fmt::print("subworld: exit code 4: --strict counts {}\n", fmt::join(strict, ", "));
+  return static_cast<int>(ExitCode::quality);
 }
 
 }  // namespace subworld

@@ -7,15 +7,16 @@
 
 namespace subworld {
 
-/// What `subworld run` was asked for.
+/// The options of `subworld run`.
 struct RunRequest {
   Options options;
   std::string command_line;     ///< as given
   std::string dds = "fastdds";  ///< or cyclonedds, or mixed: the vendors alternate
   int domain = -1;              ///< -1: the first that no other run holds
-  bool gui = false;             ///< also a display process, which writes a picture
-  bool place = true;            ///< in real time: a core of its own for the world, where there is room
-  bool strict = false;          ///< a missed quality gate ends with 4
+  bool gui = false;             ///< also start the display, which writes a picture
+  bool place = true;            ///< in real time: give the world a core of its own, where there is room
+  bool explain = false;         ///< also print the result in plain words
+  bool strict = false;          ///< a missed quality gate ends with exit code 4
 };
 
 /// Starts, watches and stops the programs of one run and prints its verdict. Returns the exit code.
@@ -23,9 +24,12 @@ struct RunRequest {
 int run(const RunRequest& request);
 
 /// Sends one order to the programs on a domain and prints their answers. `engine` belongs to the verb "engine".
-/// Throws `Error`: middleware where no world hears it within `wait_s`, failed where one refuses or has not done it
+/// Throws `Error`: middleware where there is no world within `wait_s`, failed where one refuses or does not answer
 /// within as long again.
 void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, double wait_s);
+
+/// The engines and DDS vendors that are installed, with their versions, for --version.
+[[nodiscard]] std::string part_versions();
 
 /// The folder of this program and of those that it starts.
 [[nodiscard]] std::string program_folder();
@@ -34,7 +38,7 @@ void send_control(const Network& network, const std::string& verb, const EngineO
 /// Throws `Error` (failed) where that program is missing.
 void become_lab(const std::string& name, char** arguments);
 
-/// Prints what a scene needs and what is left out, with the reasons. Throws `Error` (usage) for what `run` refuses.
+/// Prints which optimisations are on or off for a scene, with the reasons. Throws `Error` (usage) where `run` would.
 void print_plan(const RunRequest& request);
 
 }  // namespace subworld

@@ -1,24 +1,52 @@
 #include "limits.hpp"
 
+#include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/stiffness.hpp"
 #include "launch.hpp"
 #include "model/body_choice.hpp"
 #include "model/error.hpp"
+#include "model/mass_properties.hpp"
 #include "model/shape_extent.hpp"
 #include "physics/plugin.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <map>
 #include <optional>
+#include <utility>
 
 namespace subworld {
 
 namespace {
+
+constexpr std::size_t kMostListed = 10;  ///< in one warning
+
+/// "a, b and 3 more"
+std::string listed(const std::vector<std::string>& items) {
+  const std::size_t shown = std::min(items.size(), kMostListed);
+  const std::string text = fmt::format("{}", fmt::join(items.begin(), items.begin() + static_cast<long>(shown), ", "));
+  return items.size() > shown ? fmt::format("{} and {} more", text, items.size() - shown) : text;
+}
+
+/// Names of the bodies of which `holds` is true.
+template <class Holds>
+std::vector<std::string> names_of(const Scene& scene, const Holds& holds) {
+  std::vector<std::string> names;
+  for (const Body& body : scene.bodies) {
+    if (holds(body)) names.push_back(body.name);
+  }
+  return names;
+}
+
+/// " (and 3 more)" beside one that is described.
+std::string and_more(std::size_t all) { return all > 1 ? fmt::format(" (and {} more)", all - 1) : ""; }
 
 /// An engine of the scene, where it acts and in which steps.
 struct Place {
@@ -31,32 +59,32 @@ struct Place {
 void warn_of_small_boxes(const Scene& scene, const Place& at, std::vector<std::string>& out) {
   const double unit_m = at.settings.length_unit_m;
   const double smallest_m = at.plugin.limits.smallest_box * unit_m;
-  const auto small = std::ranges::find_if(scene.bodies, [&](const Body& body) {
+  const std::vector<std::string> small = names_of(scene, [&](const Body& body) {
     return body.shape.kind == ShapeKind::box && 2.0 * body.shape.half_extents.minCoeff() < smallest_m;
   });
-  if (small == scene.bodies.end()) return;
-  out.push_back(fmt::format(
-      "{0}: {1} does not hold boxes with a side below {2:g} m in a unit of length of {3:g} m, as {4} has; it may fall "
-      "through the floor. Set {0}.length_unit_m: {5:g}, or choose another engine",
-      at.name, at.plugin.name, smallest_m, unit_m, small->name, 0.1 * unit_m));
+  if (small.empty()) return;
+  out.push_back(
+      fmt::format("{0}: {1} does not support boxes with a side below {2:g} m in a unit of length of {3:g} m; these may "
+                  "fall through the floor: {4}. Set {0}.length_unit_m: {5:g}, or choose another engine",
+                  at.name, at.plugin.name, smallest_m, unit_m, listed(small), 0.1 * unit_m));
 }
 
-/// A body that begins beside the end of a plane.
+/// Bodies that start beyond the end of a plane.
 void warn_of_the_planes_end(const Scene& scene, const Place& at, std::vector<std::string>& out) {
   const double half_m = at.plugin.limits.plane_half_side_m;
   if (std::isinf(half_m)) return;
   for (const Body& plane : scene.bodies) {
     if (plane.shape.kind != ShapeKind::plane) continue;
     const BodyState& place = scene.initial[index(plane.id)];
-    for (const Body& body : scene.bodies) {
+    const std::vector<std::string> beyond = names_of(scene, [&](const Body& body) {
       const Vec3 from = place.orientation.conjugate() * (scene.initial[index(body.id)].position - place.position);
-      if (body.fixed() || from.head<2>().cwiseAbs().maxCoeff() <= half_m) continue;
-      out.push_back(
-          fmt::format("{}: in {} the plane {} ends {:g} m from its position, and {} begins beyond. Move the "
-                      "scene towards the plane's position, or choose another engine",
-                      at.name, at.plugin.name, plane.name, half_m, body.name));
-      return;
-    }
+      return !body.fixed() && from.head<2>().cwiseAbs().maxCoeff() > half_m;
+    });
+    if (beyond.empty()) continue;
+    out.push_back(
+        fmt::format("{}: in {} the plane {} ends {:g} m from its position; these start beyond: {}. Move the scene "
+                    "towards the plane's position, or choose another engine",
+                    at.name, at.plugin.name, plane.name, half_m, listed(beyond)));
   }
 }
 
@@ -65,8 +93,8 @@ void warn_of_iterations(const Place& at, std::vector<std::string>& out) {
   if (!at.settings.iterations || *at.settings.iterations <= most) return;
   if (most == 0) {
     out.push_back(
-        fmt::format("{0}: {1} chooses the number of its iterations itself: {0}.iterations {2} changes "
-                    "nothing. Set {0}.substeps instead",
+        fmt::format("{0}: {1} chooses the number of its iterations itself: {0}.iterations {2} changes nothing. Set "
+                    "{0}.substeps instead",
                     at.name, at.plugin.name, *at.settings.iterations));
   } else {
     out.push_back(fmt::format("{0}: {1} makes at most {2} iterations, not {3}. Set {0}.substeps for more", at.name,
@@ -74,14 +102,14 @@ void warn_of_iterations(const Place& at, std::vector<std::string>& out) {
   }
 }
 
-/// A body that lies on another at the start, and is so many times as heavy.
+/// A body that lies on another at the start, and is `ratio` times as heavy.
 struct HeavyPair {
   const Body* upper;
   const Body* lower;
   double ratio;
 };
 
-/// The pair of the largest ratio above `limit`: boxes around them meet, and one centre is above the other.
+/// The pair of the largest ratio above `limit`: their bounding boxes meet, and one centre is above the other.
 std::optional<HeavyPair> heaviest_on_light_pair(const Scene& scene, const Vec3& gravity, double limit) {
   constexpr double kTouching = 0.02;  // of the lower body's thickness
   std::vector<const Body*> movable;
@@ -122,10 +150,9 @@ void warn_of_heavy_on_light(const Scene& scene, const Place& at, std::vector<std
   const auto pair = heaviest_on_light_pair(scene, at.settings.gravity, limit);
   if (!pair) return;
   out.push_back(fmt::format(
-      "{}: {} lies on {} and is {:.3g} times as heavy; {} {} holds about {:.2g} times in steps of {:g} ms, then the "
-      "lower body sinks in. Choose another preset or engine (subworld lab stability, case heavy_carried), a shorter "
-      "step, "
-      "or a heavier {}",
+      "{}: {} lies on {} and is {:.3g} times as heavy; {} {} supports about {:.2g} times in steps of {:g} ms; above, "
+      "the lower body sinks in. Choose another preset or engine (subworld lab stability, case heavy_carried), a "
+      "shorter step, or a heavier {}",
       at.name, pair->upper->name, pair->lower->name, pair->ratio, at.plugin.name, preset.name, limit, 1e3 * at.step_s,
       pair->lower->name));
 }
@@ -146,36 +173,44 @@ std::array<const Body*, 2> thinnest_two(const Scene& scene) {
   return two;
 }
 
-/// A body that jumps past the thinnest other one within a step, or is faster than the engine lets it be.
+/// Bodies that jump past the thinnest other one within a step, or are faster than the engine allows.
 void warn_of_speed(const Scene& scene, const Place& at, std::vector<std::string>& out) {
   const EngineLimits& limits = at.plugin.limits;
   const auto speed = [&](const Body& body) { return scene.initial[index(body.id)].linear_velocity.norm(); };
   const std::array<const Body*, 2> thinnest = thinnest_two(scene);
   const auto spin = [&](const Body& body) { return scene.initial[index(body.id)].angular_velocity.norm(); };
+  const Body* fastest = nullptr;
+  std::size_t jumping = 0;
   for (const Body& body : scene.bodies) {
-    const double jump_m = speed(body) * at.step_s;
-    if (limits.continuous || jump_m <= 0.5 * thickness(body.shape, scene.meshes)) continue;
+    const double jump_m = speed(body) * at.step_s, half_m = 0.5 * thickness(body.shape, scene.meshes);
+    if (limits.continuous || jump_m <= half_m) continue;
     const Body* thin = thinnest[thinnest[0] == &body ? 1 : 0];
-    if (!thin || jump_m <= thickness(thin->shape, scene.meshes) + 0.5 * thickness(body.shape, scene.meshes)) continue;
+    if (!thin || jump_m <= thickness(thin->shape, scene.meshes) + half_m) continue;
+    ++jumping;
+    if (!fastest || speed(body) > speed(*fastest)) fastest = &body;
+  }
+  if (fastest) {
+    const Body* thin = thinnest[thinnest[0] == fastest ? 1 : 0];
     out.push_back(fmt::format(
-        "{}: {} moves {:.3g} m within a step of {:g} ms and may pass through {}, which is {:.3g} m thick: {} finds "
-        "contacts where a step ends, not on the way. Shorten the step, thicken {}, or choose an engine that follows "
-        "fast bodies (subworld lab stability, case tunnel_speed)",
-        at.name, body.name, jump_m, 1e3 * at.step_s, thin->name, thickness(thin->shape, scene.meshes), at.plugin.name,
-        thin->name));
-    break;
+        "{}: {} moves {:.3g} m within a step of {:g} ms{} and may pass through {}, which is {:.3g} m thick: {} finds "
+        "contacts at the end of a step only. Shorten the step, thicken {}, or choose an engine that follows fast "
+        "bodies (subworld lab stability, case tunnel_speed)",
+        at.name, fastest->name, speed(*fastest) * at.step_s, 1e3 * at.step_s, and_more(jumping), thin->name,
+        thickness(thin->shape, scene.meshes), at.plugin.name, thin->name));
   }
   const auto limit = [&](const char* verb, const auto& of, double most, const char* unit) {
-    const auto over = std::ranges::find_if(scene.bodies, [&](const Body& body) { return of(body) > most; });
-    if (over == scene.bodies.end()) return;
-    out.push_back(fmt::format("{}: {} {} with {:g} {}, and {} allows {:g}: it is slowed down. Choose another engine",
-                              at.name, over->name, verb, of(*over), unit, at.plugin.name, most));
+    const auto over = std::ranges::max_element(scene.bodies, {}, of);
+    if (over == scene.bodies.end() || of(*over) <= most) return;
+    const auto all = static_cast<std::size_t>(
+        std::ranges::count_if(scene.bodies, [&](const Body& body) { return of(body) > most; }));
+    out.push_back(fmt::format("{}: {}{} {} with {:g} {}, and {} allows {:g}: it is slowed down. Choose another engine",
+                              at.name, over->name, and_more(all), verb, of(*over), unit, at.plugin.name, most));
   };
   limit("moves", speed, limits.speed_m_s, "m/s");
   limit("turns", spin, limits.spin_rad_s, "rad/s");
 }
 
-/// A wall is the hardest that a coupling can meet.
+/// A fixed wall needs the lowest stiffness of all contacts.
 void warn_of_stiffness(const UserSpec& user, const Settings& settings, bool bound, std::vector<std::string>& out) {
   if (user.device.kind != DeviceKind::impedance) return;
   const double most_n_m = largest_stiffness(user, settings);
@@ -183,20 +218,20 @@ void warn_of_stiffness(const UserSpec& user, const Settings& settings, bool boun
   if (wanted_n_m <= most_n_m) return;
   const std::string bounded = bound ? ", or expect the passivity bound to soften it" : "";
   if (most_n_m == 0.0) {
-    out.push_back(fmt::format(
-        "{}: coupling.damping_n_s_m {:g} alone makes the device ({:g} kg, {:g} N s/m) swing in a wall at this rate and "
-        "delay, whatever the stiffness. Lower it first, shorten h_s or the delay{}",
-        user.name, user.coupling.damping_n_s_m, user.device.mass_kg, user.device.damping_n_s_m, bounded));
+    out.push_back(
+        fmt::format("{}: coupling.damping_n_s_m {:g} alone makes the device ({:g} kg, {:g} N s/m) oscillate in a wall "
+                    "at this rate and delay, whatever the stiffness. Lower it first, shorten h_s or the delay{}",
+                    user.name, user.coupling.damping_n_s_m, user.device.mass_kg, user.device.damping_n_s_m, bounded));
     return;
   }
   out.push_back(fmt::format(
-      "{}: coupling.stiffness_n_m {:g} is more than a wall can have at this rate and delay before the device ({:g} kg, "
-      "{:g} N s/m) swings: {:.3g} N/m at most with a damping of {:g} N s/m. Lower it, shorten h_s or the delay{}",
+      "{}: coupling.stiffness_n_m {:g} is too high for a wall at this rate and delay: the device ({:g} kg, {:g} N s/m) "
+      "oscillates above {:.3g} N/m with a damping of {:g} N s/m. Lower it, shorten h_s or the delay{}",
       user.name, wanted_n_m, user.device.mass_kg, user.device.damping_n_s_m, most_n_m, user.coupling.damping_n_s_m,
       bounded));
 }
 
-/// What engine bullet finds in contact at the start; nothing where it is not there or cannot hold a body.
+/// The contacts that engine bullet finds at the start; none where it is not installed or refuses a body.
 std::vector<Contact> contacts_at_the_start(const Scene& scene) {
   constexpr double kInstant_s = 1e-6;
   EngineSettings settings;
@@ -215,34 +250,72 @@ std::vector<Contact> contacts_at_the_start(const Scene& scene) {
   }
 }
 
-/// Bodies that overlap, and bodies at rest that nothing holds.
+/// A density that no material has, and that one has if the body was described in mm, cm or g.
+void warn_of_slips(const Scene& scene, std::vector<std::string>& out) {
+  constexpr double kLightest = 0.1, kHeaviest = 1e5;           // kg/m^3; aerogel has 1, osmium 22,600
+  constexpr double kLeastUsual = 10.0, kMostUsual = 25'000.0;  // kg/m^3
+  struct Slip {
+    const char* meant;
+    double factor;  ///< of the density
+    std::vector<std::string> bodies;
+  };
+  std::array slips{Slip{"were its measures meant in mm? Write them in m", 1e9, {}},
+                   Slip{"were its measures meant in cm? Write them in m", 1e6, {}},
+                   Slip{"was its mass meant in g? Write it in kg", 1e-3, {}}};
+  for (const Body& body : scene.bodies) {
+    const double volume_m3 = volume(body.shape);
+    if (body.fixed() || volume_m3 <= 0.0) continue;
+    const double density = body.mass / volume_m3;
+    if (density >= kLightest && density <= kHeaviest) continue;
+    for (Slip& slip : slips) {
+      const double meant = slip.factor * density;
+      if ((slip.factor > 1.0) != (density < kLightest) || meant < kLeastUsual || meant > kMostUsual) continue;
+      slip.bodies.push_back(fmt::format("{} ({:.2g} kg/m3)", body.name, density));
+      break;
+    }
+  }
+  for (const Slip& slip : slips) {
+    if (!slip.bodies.empty())
+      out.push_back(fmt::format("no material has the density of {}; {}", listed(slip.bodies), slip.meant));
+  }
+}
+
+/// Bodies that overlap, and bodies at rest that nothing supports.
 void warn_of_the_start(const Scene& scene, std::vector<std::string>& out) {
   constexpr std::size_t kMostBodies = 5000;  // more take too long for a warning
   constexpr double kDeep = 0.05;             // of the thinner one's thickness
   if (scene.bodies.size() > kMostBodies) return;
   const std::vector<Contact> contacts = contacts_at_the_start(scene);
   if (contacts.empty()) return;
-  const Contact* deepest = nullptr;
+  std::map<std::pair<BodyId, BodyId>, double> depths;  // m, of pairs that overlap
   std::vector<bool> touches(scene.bodies.size());
   for (const Contact& c : contacts) {
     touches[index(c.a)] = touches[index(c.b)] = true;
     const double thin_m =
         std::min(thickness(scene.body(c.a).shape, scene.meshes), thickness(scene.body(c.b).shape, scene.meshes));
-    if (-c.distance > kDeep * thin_m && (!deepest || c.distance < deepest->distance)) deepest = &c;
+    if (-c.distance <= kDeep * thin_m) continue;
+    double& depth_m = depths[std::minmax(c.a, c.b)];
+    depth_m = std::max(depth_m, -c.distance);
   }
-  if (deepest) {
+  if (!depths.empty()) {
+    std::vector<std::pair<std::pair<BodyId, BodyId>, double>> deepest(depths.begin(), depths.end());
+    std::ranges::stable_sort(deepest, std::greater{}, [](const auto& pair) { return pair.second; });
+    std::vector<std::string> pairs;
+    for (const auto& [bodies, depth_m] : deepest) {
+      pairs.push_back(fmt::format("{} and {} overlap by {:.2g} m", scene.body(bodies.first).name,
+                                  scene.body(bodies.second).name, depth_m));
+    }
     out.push_back(
-        fmt::format("{} and {} overlap by {:.2g} m at the start: engines push them apart, which may throw them. "
-                    "Move one of them",
-                    scene.body(deepest->a).name, scene.body(deepest->b).name, -deepest->distance));
+        fmt::format("at the start {}: engines push them apart, which may throw them. Move one of them", listed(pairs)));
   }
-  const auto hangs = std::ranges::find_if(
-      scene.bodies, [&](const Body& body) { return body.at_rest && body.gravity && !touches[index(body.id)]; });
-  if (hangs != scene.bodies.end()) {
+  const std::vector<std::string> hanging =
+      names_of(scene, [&](const Body& body) { return body.at_rest && body.gravity && !touches[index(body.id)]; });
+  if (!hanging.empty()) {
     out.push_back(
-        fmt::format("{} is at_rest and touches nothing: it hangs in the air until something comes near. Lower "
-                    "it, or leave at_rest out",
-                    hangs->name));
+        fmt::format("{} {} at_rest and {} nothing: {} in the air until something comes near. Lower {}, or remove "
+                    "at_rest",
+                    listed(hanging), hanging.size() == 1 ? "is" : "are", hanging.size() == 1 ? "touches" : "touch",
+                    hanging.size() == 1 ? "it hangs" : "they hang", hanging.size() == 1 ? "it" : "them"));
   }
 }
 
@@ -257,7 +330,7 @@ void check_engine(const EngineSettings& settings, const std::string& where) {
   }
 }
 
-/// World and sub-worlds hear of each other once a cycle.
+/// World and sub-worlds exchange messages once a cycle.
 void warn_of_few_cycles(const Settings& s, std::vector<std::string>& out) {
   constexpr double kFew = 5.0;
   const double cycles = std::max(1.0, std::round(s.duration_s / s.shortest_cycle_s()));
@@ -268,14 +341,14 @@ void warn_of_few_cycles(const Settings& s, std::vector<std::string>& out) {
                   s.shortest_cycle_s(), s.ratio, cycles, cycles == 1.0 ? "" : "s", s.duration_s));
 }
 
-/// What is asked for and not done.
+/// Requests of --disable without effect.
 void warn_of_disabled(const Scene& scene, std::vector<std::string>& out) {
   if (scene.settings.disabled == kDisableAll) return;
   for (const PlannedItem& planned : plan_of(scene)) {
     const bool asked = disables(scene.settings.disabled, planned.item->optimisation);
     if (!asked || !planned.decision.enabled || planned.user != 0) continue;
-    out.push_back(fmt::format("--disable {} changes nothing: it is left out, {}. Leave one of the two away",
-                              planned.item->name, planned.decision.because));
+    out.push_back(fmt::format("--disable {} changes nothing: another setting decides, {}", planned.item->name,
+                              planned.decision.because));
   }
 }
 
@@ -295,6 +368,7 @@ std::vector<std::string> beyond_limits(const Scene& scene) {
   for (std::size_t u = 0; u < scene.users.size(); ++u) {
     warn_of_stiffness(scene.users[u], s, !enabled(scene, Optimisation::passivity, u), out);
   }
+  warn_of_slips(scene, out);
   warn_of_the_start(scene, out);
   warn_of_few_cycles(s, out);
   warn_of_disabled(scene, out);
@@ -307,16 +381,16 @@ void check_request(const Scene& scene, const RunRequest& request) {
     throw Error(
         ExitCode::usage,
         fmt::format(
-            "--users {}: that needs {} processes, and a DDS domain holds {} on one machine; take fewer users, or start "
-            "some programs by hand on other machines",
+            "--users {}: that needs {} processes, and a DDS domain has room for {} on one host; take fewer users, or "
+            "start some programs by hand on other hosts",
             scene.settings.users, participants, kMostParticipants));
   }
   for (const std::string& peer : request.options.network.peers) {
     if (peer.starts_with("-"))
-      throw Error(ExitCode::usage, fmt::format("--peers: \"{}\" is no host; give hosts, separated by commas", peer));
+      throw Error(ExitCode::usage, fmt::format("--peers {}: is no host; give hosts, separated by commas", peer));
   }
   if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);
-  (void)make_scheme(scene.settings);
+  (void)scheme_of(scene.settings);
   check_engine(scene.settings.world, request.options.engine ? "--engine" : scene.file + ": settings.world");
   check_engine(scene.settings.haptic,
                request.options.haptic_engine ? "--haptic-engine" : scene.file + ": settings.haptic");

@@ -9,7 +9,7 @@
 
 namespace subworld {
 
-/// Which cores each program keeps to; none: it may run anywhere.
+/// The cores of each program; none: any.
 struct Placement {
   std::vector<int> world;   ///< world_sim
   std::vector<int> others;  ///< every other program
@@ -19,9 +19,9 @@ struct Placement {
   }
 };
 
-/// A core of its own for the world, in real time. The world computes for milliseconds at a time, and loops with a higher
-/// priority that share its core pre-empt it in each of their periods. Nothing is placed where the other cores have less
-/// room than the haptic loops' budgets ask for.
+/// A core of its own for the world, in real time. The world computes for milliseconds at a time, and loops with a
+/// higher priority that share its core pre-empt it in each of their periods. Nothing is placed where the other cores
+/// have less room than the haptic loops' budgets need.
 [[nodiscard]] Placement place(const Scene& scene, std::span<const int> cores);
 
 /// As a list for `--core`; empty where the program may run anywhere.

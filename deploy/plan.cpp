@@ -1,3 +1,4 @@
+#include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
 #include "launch.hpp"
 #include "limits.hpp"
@@ -26,7 +27,7 @@ const char* to_text(Fidelity fidelity) {
   return "exact";
 }
 
-/// A line of what the engine is and one of what matters of it here. Throws `Error` (usage) where the settings name no
+/// Two lines: the engine, and its capabilities. Throws `Error` (usage) where the settings name no
 /// engine or preset.
 std::string describe_engine(const EngineSettings& settings) {
   const EnginePlugin& plugin = engine_plugin(settings.name);
@@ -47,25 +48,25 @@ std::string describe_engine(const EngineSettings& settings) {
 
 std::string cycle_text(const Settings& s) {
   if (!s.adapts_ratio()) return fmt::format("{:g} ms", 1e3 * s.shortest_cycle_s());
-  return fmt::format("{:g} to {:g} ms, by what the hand feels and what the world costs", 1e3 * s.shortest_cycle_s(),
+  return fmt::format("{:g} to {:g} ms, by what the operator feels and what the world costs", 1e3 * s.shortest_cycle_s(),
                      1e3 * s.longest_cycle_s());
 }
 
-constexpr std::size_t kContacts = 4;  ///< of a body on others, for estimates
+constexpr std::size_t kContacts = 4;  ///< per body, for estimates
 
-/// Two digits are all that an estimate has.
+/// An estimate has two digits.
 std::string short_text(double value) {
   return value < 99.5 ? fmt::format("{:.2g}", value) : fmt::format("{:.0f}", value);
 }
 
-/// What the engine's part of a cycle costs by its published costs, in as many steps as the scheme wants, s.
+/// Time of the engine in a cycle by its published costs, in as many sub-steps as the scheme requests, s.
 double cycle_cost_s(const Settings& settings, double cycle_s, std::size_t bodies, std::size_t contacts) {
-  const double longest_s = make_scheme(settings)->longest_world_step_s();
-  const double parts = std::max(1.0, std::ceil(cycle_s / longest_s - 1e-9));
-  return parts * engine_cost(settings.world).step(cycle_s / parts).of(bodies, contacts);
+  const double longest_s = scheme_of(settings).properties.longest_world_step_s;
+  const double substeps = std::max(1.0, std::ceil(cycle_s / longest_s - 1e-9));
+  return substeps * engine_cost(settings.world).step(cycle_s / substeps).of(bodies, contacts);
 }
 
-/// What it saves, by the published costs of the engine; empty: nothing is published.
+/// The saving of an optimisation by the published costs of the engine; empty: not published.
 std::string estimate(const Scene& scene, Optimisation optimisation) {
   if (optimisation != Optimisation::rest) return "";
   const Settings& s = scene.settings;
@@ -75,11 +76,11 @@ std::string estimate(const Scene& scene, Optimisation optimisation) {
   const auto cost_ms = [&](std::size_t bodies, std::size_t contacts) {
     return 1e3 * cycle_cost_s(s, s.shortest_cycle_s(), bodies, contacts);
   };
-  return fmt::format(" (of the engine's {} ms a cycle {} are left when all rest)",
+  return fmt::format(" (the engine takes {} ms a cycle while all bodies move, and {} ms when all rest)",
                      short_text(cost_ms(movable, kContacts * movable)), short_text(cost_ms(proxies, 0)));
 }
 
-/// What to choose otherwise, by the published costs of the engine while everything moves.
+/// Other choices, by the published costs of the engine while all bodies move.
 std::vector<std::string> advice(const Scene& scene) {
   constexpr double kRoom = 0.7;  // of a cycle, for the engine
   const Settings& s = scene.settings;
@@ -92,17 +93,17 @@ std::vector<std::string> advice(const Scene& scene) {
                                           short_text(1e3 * step_s(longest_s)), 1e3 * longest_s);
   int ratio = s.largest_ratio();
   while (ratio <= kMostRatio && step_s(ratio * s.h_s) > kRoom * ratio * s.h_s) ++ratio;
-  constexpr double kLongest_s = 0.05;  // beyond, a hand feels another world
+  constexpr double kLongest_s = 0.05;  // beyond it, the operator feels the delay of the world
   return {ratio * s.h_s > kLongest_s ? problem +
-                                           ": in real time the world's clock slows until most of them rest; a faster "
+                                           ": in real time its clock slows until most of them rest; choose a faster "
                                            "engine or preset, or fewer bodies"
-                                     : fmt::format("{}: for real time take --ratio {}-{}", problem, s.ratio, ratio)};
+                                     : fmt::format("{}: for real time choose --ratio {}-{}", problem, s.ratio, ratio)};
 }
 
-/// A thing that a scene needs or not.
+/// A feature that costs something, in use or saved.
 struct Line {
-  bool in;
-  std::string name;  ///< for --disable; empty: there is no such thing to keep
+  bool in;           ///< it is in use
+  std::string name;  ///< of the optimisation, for --disable; empty: none
   std::string text;
 };
 
@@ -119,10 +120,9 @@ std::vector<Line> lines_of(const Scene& scene, bool gui) {
                      (item.of_user ? of_user(planned.user) : "") + what + planned.decision.because +
                          (in ? "" : estimate(scene, item.optimisation))});
   }
-  lines.push_back(
-      {s.has_sub_worlds(), "", fmt::format("{}sub-worlds: scheme {}", s.has_sub_worlds() ? "" : "no ", s.scheme)});
-  lines.push_back(
-      {realtime, "", realtime ? "DDS deadlines: real time" : "no DDS deadlines: in lock-step nobody is late"});
+  const bool has_sub_worlds = scheme_of(s).properties.has_sub_worlds;
+  lines.push_back({has_sub_worlds, "", fmt::format("{}sub-worlds: scheme {}", has_sub_worlds ? "" : "no ", s.scheme)});
+  lines.push_back({realtime, "", realtime ? "DDS deadlines on: real time" : "DDS deadlines off: lock-step"});
   lines.push_back(
       {gui, "",
        gui ? "snapshots of the world: the display reads them" : "no snapshots of the world: no display reads them"});
@@ -141,12 +141,12 @@ std::vector<Line> lines_of(const Scene& scene, bool gui) {
   return lines;
 }
 
-/// Left out first, then what the scene needs.
+/// Savings first, then what is in use.
 void print(const std::vector<Line>& lines) {
   for (const bool in : {false, true}) {
-    fmt::print("  {}\n", in ? "needed:" : "left out (--disable NAME keeps in what has a name):");
+    fmt::print("  {}\n", in ? "needed:" : "optimisations on (--disable NAME for those with a name):");
     for (const Line& line : lines) {
-      if (line.in == in) fmt::print("    {:<10} {}\n", line.name, line.text);
+      if (line.in == in) fmt::print("    {:<11} {}\n", line.name, line.text);
     }
   }
 }

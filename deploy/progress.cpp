@@ -13,7 +13,7 @@ namespace subworld {
 namespace {
 
 constexpr int kCallsPerLine = 50;  ///< where lines are not rewritten
-constexpr double kSlow = 0.9;      ///< real-time factor below which the time that is left is told
+constexpr double kSlow = 0.9;      ///< real-time factor below which the remaining time is shown
 
 std::string name_of(const Status& status) {
   switch (status.program) {
@@ -57,24 +57,24 @@ std::string progress_line(const Statuses& statuses, const Settings& settings, st
   if (forces.empty()) return line;
   line += fmt::format("; {:.0f} Hz; force {} N", rate_hz, fmt::join(forces, ", "));
   if (realtime) {
-    line += fmt::format("; missed {}{}; clock {:.2f}", missed,
-                        by_os == 0 ? "" : fmt::format(" ({} by the machine)", by_os), world->second.real_time_factor);
+    line += fmt::format("; missed {}{}; real-time factor {:.2f}", missed,
+                        by_os == 0 ? "" : fmt::format(" ({} by the OS)", by_os), world->second.real_time_factor);
     const double left_s = settings.duration_s - world->second.time_s;
     const double factor = world->second.real_time_factor;
-    if (factor > 0.0 && factor < kSlow && left_s > 0.0) line += fmt::format(", {:.0f} s to go", left_s / factor);
+    if (factor > 0.0 && factor < kSlow && left_s > 0.0) line += fmt::format(", {:.0f} s left", left_s / factor);
   }
   return line;
 }
 
 Progress::Progress(const Network& network, const Scene& scene) : scene_(scene), terminal_(isatty(STDOUT_FILENO) != 0) {
-  // What asks for real time's quality hears programs in both modes.
+  // A reader of real-time quality matches programs in both modes.
   Settings listening;
   listening.mode = Mode::realtime;
   try {
     bus_ = open_bus(network, listening, 0.001, "subworld run");
     reader_ = std::make_unique<Reader<Status>>(bus_->reader<Status>());
   } catch (const Error&) {
-    // The programs are about to say the same, and end with it.
+    // The programs report the same error, and end.
     bus_.reset();
   }
 }
@@ -110,7 +110,7 @@ void Progress::listen() {
 }
 
 void Progress::say(const Status& status) {
-  // Who gave an order has its answer already.
+  // `subworld control` prints the answers to orders.
   if (status.text.empty() || status.text.starts_with("control ") || !said_.insert(status.text).second) return;
   finish();
   fmt::print("{}: {}\n", name_of(status), status.text);
@@ -121,8 +121,8 @@ void Progress::warn_of_overload(const Status& status) {
   if (status.step_s <= scene_.settings.h_s || !said_.insert("overload of " + name_of(status)).second) return;
   finish();
   fmt::print(
-      "{}: cannot keep up: a step takes {:.2f} ms, and {:.2f} ms are there; take a lower budget_ratio or a smaller "
-      "box_half_m, the preset fast, or a longer h_s\n",
+      "{}: cannot keep up: a step takes {:.2f} ms of {:.2f} ms; choose a lower budget_ratio or a smaller box_half_m, "
+      "the preset fast, or a longer h_s\n",
       name_of(status), 1e3 * status.step_s, 1e3 * scene_.settings.h_s);
 }
 

@@ -15,11 +15,11 @@ namespace subworld {
 /// The newest status of each program, by program and instance.
 using Statuses = std::map<std::pair<ProgramKind, std::uint32_t>, Status>;
 
-/// How far a run is, on one line: while it runs time, rate, force, misses and the clock, before that what it waits for.
+/// The state of a run on one line: time, rate, force, misses and real-time factor; before the start, what it waits for.
 [[nodiscard]] std::string progress_line(const Statuses& statuses, const Settings& settings, std::size_t bodies);
 
-/// Shows a run on the terminal: one line that says how far it is, rewritten on a terminal and every five seconds
-/// elsewhere, and what the programs have to say. It listens to the topic `status`.
+/// Shows a run: one line of progress, rewritten on a terminal and every five seconds elsewhere, and the messages of the
+/// programs. It reads the topic `status`.
 class Progress {
  public:
   Progress(const Network& network, const Scene& scene);
@@ -27,14 +27,14 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// Ten times a second.
+  /// Call ten times a second.
   void operator()();
-  /// Takes the line off the terminal.
+  /// Clears the line of progress.
   void finish();
 
  private:
   void listen();
-  /// Prints what a program says; the same words of several programs once.
+  /// Prints the message of a program; equal ones of several programs once.
   void say(const Status& status);
   void warn_of_overload(const Status& status);
 

@@ -1,6 +1,8 @@
 #include "summary.hpp"
 
+#include "coupling/plan.hpp"
 #include "gates.hpp"
+#include "io/version.hpp"
 #include "physics/plugin.hpp"
 
 #include <fmt/format.h>
@@ -61,11 +63,11 @@ Json describe(const UserSpec& user) {
               {"path_segments", d.path.size()}}}};
   if (d.operator_model) {
     json["device"]["operator"] = {{"mass_kg", d.operator_model->mass_kg},
-                              {"damping_n_s_m", d.operator_model->damping_n_s_m},
-                              {"stiffness_n_m", d.operator_model->stiffness_n_m},
-                              {"inertia_kg_m2", d.operator_model->inertia_kg_m2},
-                              {"rotational_damping_n_m_s", d.operator_model->rotational_damping_n_m_s},
-                              {"rotational_stiffness_n_m", d.operator_model->rotational_stiffness_n_m}};
+                                  {"damping_n_s_m", d.operator_model->damping_n_s_m},
+                                  {"stiffness_n_m", d.operator_model->stiffness_n_m},
+                                  {"inertia_kg_m2", d.operator_model->inertia_kg_m2},
+                                  {"rotational_damping_n_m_s", d.operator_model->rotational_damping_n_m_s},
+                                  {"rotational_stiffness_n_m", d.operator_model->rotational_stiffness_n_m}};
   }
   return json;
 }
@@ -98,7 +100,7 @@ Json describe(const Scene& scene) {
           {"users", users}};
 }
 
-/// How many bare wake-ups were later than what a step of the haptic loop leaves of its period.
+/// Bare wake-ups; late ones are later than the time that a haptic step leaves of its period.
 Json describe(const Calibration& calibration, double spare_s) {
   return {{"period_s", calibration.period_s},
           {"loops", calibration.loops},
@@ -109,13 +111,13 @@ Json describe(const Calibration& calibration, double spare_s) {
           {"fifo", calibration.granted.fifo}};
 }
 
-/// Where a loop's time goes: the stages that take most of it.
+/// The stages that take most of a loop's time.
 void print_stages(const Json& stages) {
-  constexpr double kWorthSaying = 0.05;
+  constexpr double kLeastShare = 0.05;
   std::string text;
   for (const auto& [name, stage] : stages.items()) {
     const double share = stage.value("share", 0.0);
-    if (share < kWorthSaying) continue;
+    if (share < kLeastShare) continue;
     text += fmt::format("{}{} {:.0f} % (p50 {:.3f}, p99 {:.3f} ms)", text.empty() ? "" : ", ",
                         name.substr(0, name.size() - 2), 100.0 * share, milliseconds(stage["p50"]),
                         milliseconds(stage["p99"]));
@@ -128,7 +130,7 @@ void print_stages(const Json& stages) {
 std::string to_text(const Calibration& calibration) {
   const Histogram& late = calibration.lateness;
   return fmt::format(
-      "the machine wakes {} at {:.0f} Hz p99 {:.3f} ms late, at most {:.3f} ms, {} of {} times later than a period",
+      "this machine wakes {} at {:.0f} Hz p99 {:.3f} ms late, at most {:.3f} ms, {} of {} times later than a period",
       calibration.loops == 1 ? "a bare loop" : fmt::format("{} bare loops", calibration.loops),
       1.0 / calibration.period_s, 1e3 * late.quantile_s(0.99), 1e3 * late.max_s(),
       late.count_above(calibration.period_s), late.count());
@@ -136,7 +138,6 @@ std::string to_text(const Calibration& calibration) {
 
 Json describe_run(const Scene& scene, const RunRecord& record) {
   const Settings& s = scene.settings;
-  const double wall_s = std::max(1e-3, record.wall_s);
   return {{"scene", scene.name},
           {"scene_file", scene.file},
           {"command_line", record.command_line},
@@ -158,10 +159,8 @@ Json describe_run(const Scene& scene, const RunRecord& record) {
           {"machine", machine()},
           {"placement", {{"world", record.placement.world}, {"others", record.placement.others}}},
           {"machine_load",
-           {{"own_cores", record.own_cpu_s / wall_s},
-            {"other_cores", record.other_cpu_s / wall_s},
-            {"stolen_cores", record.stolen_s / wall_s}}},
-          {"version", "0.1.0"}};
+           {{"own_cores", record.load.own}, {"other_cores", record.load.other}, {"stolen_cores", record.load.stolen}}},
+          {"version", version_text()}};
 }
 
 void add_parts(Json& summary, const Scene& scene, const RunRecord& record, const std::string& folder) {
@@ -185,7 +184,7 @@ void add_parts(Json& summary, const Scene& scene, const RunRecord& record, const
   }
 }
 
-/// How many states of bodies were written down, and a warning of those that were not.
+/// How many states of bodies were recorded, and a warning of dropped ones.
 void print_body_history(const Json& written) {
   const double interval_s = written["interval_s"].get<double>();
   const auto dropped = written["rows_dropped"].get<std::uint64_t>();
@@ -194,8 +193,8 @@ void print_body_history(const Json& written) {
              written["rows"].get<std::uint64_t>(),
              dropped == 0
                  ? ""
-                 : fmt::format("; warning: {} rows dropped, which could not be written in time; fewer --bodies, "
-                               "a lower --bodies-rate, or lock-step, which waits for the file",
+                 : fmt::format("; warning: {} rows dropped, which could not be written in time; fewer --bodies, a "
+                               "lower --bodies-rate, or lock-step, which waits for the file",
                                dropped));
 }
 
@@ -213,15 +212,14 @@ void print_summary(const Json& summary) {
              summary["dds"].get<std::string>());
   fmt::print(
       "  world: {} cycles, step p50 {:.2f} ms, p99 {:.2f} ms, late {}, real-time factor >= {:.3f}, energy excess "
-      "{:.2g} "
-      "J\n",
+      "{:.2g} J\n",
       world["cycles"].get<std::uint64_t>(), milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]),
       world["late_cycles"].get<std::uint64_t>(), world["real_time_factor_min"].get<double>(),
       summary["haptic"][0]["energy_excess_j"].get<double>());
   if (const double slowed_s = world["slowed_s"].get<double>(); slowed_s > 0.0) {
     fmt::print(
-        "    its clock was slowed for {:.2f} s, mean factor {:.2f}; stuck beyond its slowest clock for {:.2f} s; cure: "
-        "fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
+        "    the clock was slowed for {:.2f} s, mean real-time factor {:.2f}; too slow even for the least factor for "
+        "{:.2f} s; cure: fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
         slowed_s, world["real_time_factor_mean"].get<double>(), world["stuck_s"].get<double>());
   }
   if (world.contains("body_history")) print_body_history(world["body_history"]);
@@ -229,15 +227,14 @@ void print_summary(const Json& summary) {
   if (realtime) print_stages(world["stages"]);
   if (summary.contains("calibration")) {
     const Json& late = summary["calibration"]["woken_late_s"];
-    fmt::print("  machine: {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(summary), milliseconds(late["p99"]),
+    fmt::print("  {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(summary), milliseconds(late["p99"]),
                milliseconds(late["max"]), load_text(summary));
   }
   for (const Json& haptic : summary["haptic"]) {
     const Json& device = summary["device"][haptic["user"].get<std::size_t>()];
     fmt::print(
-        "  user {}: {:.0f} Hz, {} steps, {} missed ({} by us, {} by the machine), lateness p99 {:.3f} ms, step p50 "
-        "{:.3f} "
-        "ms p99 {:.3f} ms\n",
+        "  user {}: {:.0f} Hz, {} steps, {} missed ({} by the run, {} by the OS), lateness p99 {:.3f} ms, step p50 "
+        "{:.3f} ms p99 {:.3f} ms\n",
         haptic["user"].get<int>(), 1.0 / summary["h_s"].get<double>(), haptic["steps"].get<std::uint64_t>(),
         haptic["missed_deadlines"].get<std::uint64_t>(), haptic["missed_by_run"].get<std::uint64_t>(),
         haptic["missed_by_os"].get<std::uint64_t>(), milliseconds(haptic["lateness_s"]["p99"]),
@@ -249,8 +246,8 @@ void print_summary(const Json& summary) {
                  kernel["involuntary_switches"].get<std::uint64_t>(), milliseconds(kernel["run_queue_delay_s"]));
     }
     fmt::print(
-        "    force on the hand rms {:.2f} N, max {:.2f} N, largest step {:.2f} N; at the device's limit in {:.2g} % of "
-        "steps\n",
+        "    force on the operator rms {:.2f} N, max {:.2f} N, largest step {:.2f} N; at the device's limit in {:.2g} "
+        "% of steps\n",
         haptic["force_rms_n"].get<double>(), haptic["force_max_n"].get<double>(),
         haptic["force_step_max_n"].get<double>(), 100.0 * haptic["at_limit_ratio"].get<double>());
     fmt::print("    members mean {:.1f} max {:.0f}; border pairs mean {:.1f} max {:.0f}; contacts mean {:.1f}\n",

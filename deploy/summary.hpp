@@ -4,6 +4,7 @@
 #include "model/scene.hpp"
 #include "placement.hpp"
 #include "rt/calibration.hpp"
+#include "rt/kernel_share.hpp"
 
 #include <optional>
 #include <string>
@@ -11,7 +12,7 @@
 
 namespace subworld {
 
-/// What the launcher knows of a run besides what the programs wrote.
+/// The launcher's own record of a run.
 struct RunRecord {
   std::string command_line;
   std::string date;  ///< of the start, ISO 8601 with the zone
@@ -19,20 +20,18 @@ struct RunRecord {
   std::optional<Calibration> calibration;
   Placement placement;
   double wall_s = 0.0;
-  double own_cpu_s = 0.0;    ///< of all programs of the run
-  double other_cpu_s = 0.0;  ///< of everything else on the machine meanwhile
-  double stolen_s = 0.0;     ///< by the hypervisor meanwhile
+  CoreLoad load;
 };
 
-/// What ran, with which settings and where: all that does not come from the programs.
+/// What ran, with which settings and where: everything but the results of the programs.
 [[nodiscard]] Json describe_run(const Scene& scene, const RunRecord& record);
 /// Adds the parts that the programs wrote into the folder. Throws `Error` (failed) where one is missing.
 void add_parts(Json& summary, const Scene& scene, const RunRecord& record, const std::string& folder);
 
-/// The run in a few lines for a reader.
+/// Prints the run in a few lines.
 void print_summary(const Json& summary);
 
-/// One line on the machine's own lateness.
+/// How late the machine wakes bare loops, on one line.
 [[nodiscard]] std::string to_text(const Calibration& calibration);
 
 }  // namespace subworld

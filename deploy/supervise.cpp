@@ -23,10 +23,10 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kPoll{20};
-constexpr std::chrono::milliseconds kHalted{1000};     ///< that a program may be halted
+constexpr std::chrono::milliseconds kHalted{1000};     ///< longest halt of a program
 constexpr std::chrono::milliseconds kWorldAlone{600};  ///< the world ends the others in order
-constexpr std::chrono::milliseconds kGoodbye{30000};   ///< for the others, once the world has ended
-constexpr std::chrono::milliseconds kAll{1500};        ///< after that by force
+constexpr std::chrono::milliseconds kFinish{30000};    ///< for the others, once the world has ended
+constexpr std::chrono::milliseconds kAll{1500};        ///< then SIGKILL
 
 double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
@@ -92,7 +92,7 @@ std::optional<Supervisor::Failure> Supervisor::failure(const std::function<std::
       if (!child.early.empty()) found = Failure{child, child.early};
     }
   }
-  // Who gives up may only have noticed that another one is halted, which is known for sure a moment later.
+  // A program may have given up because another one is halted, which is certain a moment later.
   const bool halted =
       std::any_of(children_.begin(), children_.end(), [](const Child& c) { return c.essential && c.halted; });
   return halted ? std::nullopt : found;
@@ -111,9 +111,9 @@ std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>
     reap();
     if (auto failed = failure(early)) return failed;
     if (!any_running(false)) break;
-    // The world ends last but for goodbyes: what does not end soon after it is stuck.
+    // After the world the others only finish: one that does not end soon is stuck.
     if (children_.front().pid > 0) world_seen = Clock::now();
-    if (Clock::now() - world_seen > kGoodbye) {
+    if (Clock::now() - world_seen > kFinish) {
       for (const Child& child : children_) {
         if (child.pid > 0 && child.essential)
           return Failure{child, "is stuck: it did not end within 30 s of the world"};
@@ -139,7 +139,7 @@ void Supervisor::signal_all(int signal) {
 void Supervisor::stop() {
   reap();
   if (!any_running(false)) return;
-  // What is halted hears no signal but this one.
+  // A halted process reacts to no other signal.
   for (const Child& child : children_) {
     if (child.pid > 0 && child.halted) kill(child.pid, SIGKILL);
   }
@@ -150,7 +150,7 @@ void Supervisor::stop() {
       reap();
     }
   };
-  // A world that still runs tells the others with its last frame.
+  // A running world ends the others with its last frame.
   if (children_.front().pid > 0) {
     kill(children_.front().pid, SIGTERM);
     wait_until(kWorldAlone);

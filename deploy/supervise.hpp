@@ -9,22 +9,22 @@
 
 namespace subworld {
 
-/// The programs of one run. When this object goes, so do they.
+/// The programs of one run. They end with this object.
 class Supervisor {
  public:
   struct Child {
     std::string label;
-    std::string log;        ///< file that holds what it prints
-    std::string part;       ///< file in which it says at its end how that came; empty: it does not
-    bool essential = true;  ///< its end before the run's is a failure
+    std::string log;        ///< file of its output
+    std::string part;       ///< file in which it writes at its end how it ended; empty: none
+    bool essential = true;  ///< its early end is a failure
     pid_t pid = -1;         ///< -1: ended
     int status = 0;         ///< as waitpid() gives it
     bool halted = false;    ///< by SIGSTOP or the like
-    double halted_s = 0.0;  ///< in the launcher's own time
-    bool judged = false;    ///< has ended with 0, and `early` says whether before its time
+    double halted_s = 0.0;  ///< measured by the launcher
+    bool judged = false;    ///< has ended with 0, and `early` is set
     std::string early = {};
   };
-  /// Who made a run fail.
+  /// The cause of a failed run.
   struct Failure {
     Child child;
     std::string reason;  ///< "killed by SIGKILL"
@@ -35,18 +35,18 @@ class Supervisor {
   Supervisor(const Supervisor&) = delete;
   Supervisor& operator=(const Supervisor&) = delete;
 
-  /// Starts a program; its output goes to `child.log`. It ends with this process, whatever ends that.
+  /// Starts a program; its output goes to `child.log`. It ends with this process, however that ends.
   void start(Child child, const std::string& program, const std::vector<std::string>& arguments);
 
   /// Watches until all have ended, an essential one failed, or a signal asks to stop; calls `tick` ten times a second.
   /// A program fails that ends with another code than 0, is halted for a second, does not end within 30 s of the
-  /// first child (the world), or of which `early` says, in words, that it ended before its time. The cause counts, not
-  /// who noticed it: one that was killed or is halted before one that gave up.
+  /// first child (the world), or for which `early` gives a reason. The cause is returned, not its effect: a program
+  /// that was killed or is halted before one that gave up.
   [[nodiscard]] std::optional<Failure> watch(const std::function<void()>& tick,
                                              const std::function<std::string(const Child&)>& early);
 
-  /// Ends what still runs within two seconds: the first child (the world, which tells the others), then all, then by
-  /// force.
+  /// Ends what still runs within two seconds: the first child (the world, which ends the others), then all, then by
+  /// SIGKILL.
   void stop();
 
   [[nodiscard]] const std::vector<Child>& children() const noexcept { return children_; }

@@ -11,7 +11,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kStands_s = 3.0;  // a loop in lock-step says after 2 s for whom it waits
+constexpr double kStalled_s = 3.0;  // a loop in lock-step names after 2 s the peer that it waits for
 
 std::string tail_of(const std::string& path, std::int64_t most) {
   std::ifstream file(path, std::ios::binary | std::ios::ate);
@@ -24,7 +24,7 @@ std::string tail_of(const std::string& path, std::int64_t most) {
   return tail;
 }
 
-/// Where `text` last holds `part`, counted from 1; 0: nowhere.
+/// The last position of `part` in `text`, counted from 1; 0: none.
 std::size_t last_of(const std::string& text, const char* part) {
   const std::size_t at = text.rfind(part);
   return at == std::string::npos ? 0 : at + 1;
@@ -36,22 +36,23 @@ std::vector<std::string> Watchdog::look(const std::vector<Sighting>& programs, b
   std::vector<std::string> said;
   for (const Sighting& program : programs) {
     Clock& clock = clocks_[program.label];
-    const bool stands = program.time_s >= 0.0 && program.time_s == clock.time_s && !paused;
+    const bool stalled = program.time_s >= 0.0 && program.time_s == clock.time_s && !paused;
     clock.time_s = program.time_s;
-    if (!stands) {
-      if (clock.named && !paused) said.push_back(program.label + " goes on");
-      clock.stands_s = 0.0;
+    if (!stalled) {
+      if (clock.named && !paused) said.push_back(program.label + " advances again");
+      clock.stalled_s = 0.0;
       clock.named = false;
       continue;
     }
-    clock.stands_s += passed_s;
-    if (clock.stands_s <= kStands_s || !program.waits_for.empty()) continue;
+    clock.stalled_s += passed_s;
+    if (clock.stalled_s <= kStalled_s || !program.waits_for.empty()) continue;
     if (!clock.named) {
-      said.push_back(fmt::format("{} has stood at t = {:.3f} s for {:.0f} s and waits for nobody: it is busy or stuck",
-                                 program.label, program.time_s, clock.stands_s));
+      said.push_back(
+          fmt::format("{} has not advanced from t = {:.3f} s for {:.0f} s and waits for no peer: it is busy or stuck",
+                      program.label, program.time_s, clock.stalled_s));
     }
     clock.named = true;
-    if (clock.stands_s > longest_.for_s) longest_ = {program.label, program.time_s, clock.stands_s};
+    if (clock.stalled_s > longest_.for_s) longest_ = {program.label, program.time_s, clock.stalled_s};
   }
   return said;
 }
@@ -61,7 +62,7 @@ double last_time_s(const std::string& history) {
   const auto end = tail.rfind('\n');
   if (end == std::string::npos || end == 0) return -1.0;
   const auto begin = tail.rfind('\n', end - 1);
-  if (begin == std::string::npos) return -1.0;  // nothing but the names of the columns
+  if (begin == std::string::npos) return -1.0;  // only the names of the columns
   return std::strtod(tail.c_str() + begin + 1, nullptr);
 }
 

@@ -6,41 +6,41 @@
 
 namespace subworld {
 
-/// What can be seen of a program from outside.
+/// The state of a program, as its files show it.
 struct Sighting {
   std::string label;
   double time_s = 0.0;    ///< newest simulated time in its history
-  std::string waits_for;  ///< who it says that it waits for; empty: nobody
+  std::string waits_for;  ///< the peer that it waits for, by its log; empty: none
 };
 
-/// Names whose clock stands while nobody has paused it. Knows no file and no clock.
+/// Finds programs that do not advance although the run is not paused. Uses no file and no clock.
 class Watchdog {
  public:
-  /// Once every `passed_s`. Returns what there is to say, a line for each program: who stands and does not wait for
-  /// another one is stuck, and is named once.
+  /// Call every `passed_s`. Returns messages: a program that does not advance and waits for no peer is busy or stuck,
+  /// and is named once.
   std::vector<std::string> look(const std::vector<Sighting>& programs, bool paused, double passed_s);
 
-  /// Time for which somebody stood who was named, s, and who, with the longest first.
-  struct Stood {
+  /// The longest time for which a named program did not advance.
+  struct Stall {
     std::string label;
     double at_s = 0.0;
     double for_s = 0.0;
   };
-  [[nodiscard]] const Stood& longest() const noexcept { return longest_; }
+  [[nodiscard]] const Stall& longest() const noexcept { return longest_; }
 
  private:
   struct Clock {
     double time_s = -1.0;
-    double stands_s = 0.0;
+    double stalled_s = 0.0;
     bool named = false;
   };
   std::map<std::string, Clock> clocks_;
-  Stood longest_;
+  Stall longest_;
 };
 
 /// The newest time in a history, from its last whole line; negative where there is none.
 [[nodiscard]] double last_time_s(const std::string& history);
-/// Who a program waits for and whether a world is paused, by the last that its log says of it.
+/// The peer that a program waits for, and whether a world is paused, by the last message of its log.
 [[nodiscard]] std::string waits_for(const std::string& log);
 [[nodiscard]] bool is_paused(const std::string& log);
 

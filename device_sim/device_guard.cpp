@@ -9,9 +9,9 @@ namespace subworld {
 
 namespace {
 
-/// In which a device that was held back comes to where it is commanded to be.
+/// Time in which a device whose motion was bounded returns to the commanded pose, s.
 constexpr double kCatchUp_s = 0.02;
-constexpr double kDriveLag_s = 0.01;  ///< most in which drives stop: 50 Hz of bandwidth, critically damped
+constexpr double kDriveLag_s = 0.01;  ///< longest stopping time of the drives: bandwidth 50 Hz, critically damped
 constexpr double kSamePlace_m = 1e-9;
 
 }  // namespace
@@ -40,7 +40,7 @@ DeviceMotion DeviceGuard::passive(DeviceMotion wanted, const DeviceState& now, d
     wanted.linear_velocity += way / kCatchUp_s;
     apart_ = way.norm() > kSamePlace_m;
   }
-  // Drives follow with some delay: what is still to come against the hand counts as spent.
+  // Drives follow with a delay: the remaining motion against the operator counts as energy already spent.
   const Vec3 to_come = (apart_ ? moved_ : wanted).pose.position - now.pose.position + kDriveLag_s * now.linear_velocity;
   const double to_come_j = -now.applied.force.dot(to_come);
   const double stored_j = std::max(0.0, port_.linear().level_j() - std::max(0.0, to_come_j));
@@ -64,7 +64,7 @@ DeviceMotion DeviceGuard::passive(DeviceMotion wanted, const DeviceState& now, d
 DeviceCommand DeviceGuard::pass(const DeviceCommand& received, const DeviceState& now, bool trusted,
                                 double dt) noexcept {
   DeviceCommand command = received;
-  // What has happened since the last step comes first: it is there to be spent.
+  // Energy received since the last step may be spent in this one.
   port_.step(now);
   ++steps_;
   const bool impedance = user_.device.kind == DeviceKind::impedance;

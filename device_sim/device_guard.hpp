@@ -9,21 +9,22 @@
 
 namespace subworld {
 
-/// What stands between a received command and a hand, at the device: limits and fading (coupling/force_guard,
-/// coupling/motion_guard), an observer of the energy at the hand, and, where `passive`, its bound (coupling/passivity).
+/// Safety stage of the device between a received command and the operator: limits and fading (coupling/force_guard,
+/// coupling/motion_guard), an observer of the energy exchanged with the operator, and, if `passive`, a bound on that
+/// energy (coupling/passivity).
 class DeviceGuard {
  public:
-  /// `fade_in_s`: in which a command counts again after it was missed.
+  /// `fade_in_s`: time in which the force rises again after missing commands, s.
   DeviceGuard(const UserSpec& user, const Body& proxy, bool passive, double fade_in_s);
 
-  /// Once per step of `dt` seconds: what the device is to do until the next one. `now`: the device; `trusted`: the
-  /// command is fresh.
+  /// Call once per step of `dt` (s). Returns the command to apply until the next step. `now`: the device's state;
+  /// `trusted`: the command is fresh.
   [[nodiscard]] DeviceCommand pass(const DeviceCommand& received, const DeviceState& now, bool trusted,
                                    double dt) noexcept;
 
   [[nodiscard]] const OperatorPort& port() const noexcept { return port_; }
   [[nodiscard]] const OscillationWatch& oscillation() const noexcept { return oscillation_; }
-  /// Part of the steps in which the energy was bounded.
+  /// Share of the steps in which the energy was bounded.
   [[nodiscard]] double bounded_ratio() const noexcept { return steps_ > 0 ? double(bounded_) / double(steps_) : 0.0; }
 
  private:
@@ -36,8 +37,8 @@ class DeviceGuard {
   bool passive_;
   ForceGuard force_;
   MotionGuard motion_;
-  DeviceMotion moved_;  ///< by the bound, where it acts
-  bool apart_ = false;  ///< that motion is not yet the commanded one again
+  DeviceMotion moved_;  ///< commanded motion after the bound, while it acts
+  bool apart_ = false;  ///< moved_ differs from the commanded motion
   OperatorPort port_;
   OscillationWatch oscillation_;
   std::uint64_t steps_ = 0, bounded_ = 0;

@@ -10,10 +10,10 @@ namespace subworld {
 
 namespace {
 
-constexpr double kLongestSubstep_s = 0.25e-3;                 ///< of the path, and of all that is not solved exactly
+constexpr double kLongestSubstep_s = 0.25e-3;  ///< for the path, and for all quantities without an exact solution
 constexpr double kServoRate_rad_s = 2.0 * M_PI * 50.0;        ///< bandwidth of an admittance device
 constexpr double kVelocityFilter_rad_s = 2.0 * M_PI * 100.0;  ///< of the velocity read from quantised positions
-constexpr double kSameTime = 1e-6;                            ///< of a tick
+constexpr double kSameTime = 1e-6;                            ///< relative tolerance of a tick's time
 
 Vec3 rotation_vector(const Quat& turn) noexcept {
   const Eigen::AngleAxisd a(turn);
@@ -52,7 +52,7 @@ void EmulatedDevice::take(const DeviceCommand& received) noexcept {
     held_.pose = {handle_.position, handle_.orientation};
     held_.linear_velocity = held_.angular_velocity = Vec3::Zero();
   }
-  // What its motors can do.
+  // Limits of the motors.
   held_.wrench = {bounded(held_.wrench.force, spec_.force_limit_n),
                   bounded(held_.wrench.torque, spec_.torque_limit_n_m)};
 }
@@ -121,7 +121,7 @@ void EmulatedDevice::step_operator(double dt) noexcept {
   };
   Vec3 velocity = after(1);
   Vec3 position = wish.offset.position + after(0);
-  // Coulomb friction as large as it takes to stop, within its limit.
+  // Coulomb friction, at most the force that stops the motion.
   if (const double speed = velocity.norm(); spec_.friction_n > 0.0 && speed > 0.0) {
     const Vec3 friction = -std::min(spec_.friction_n / mass, speed / m(1, 4)) / speed * velocity;
     velocity += m(1, 4) * friction;

@@ -5,34 +5,34 @@
 
 namespace subworld {
 
-/// A haptic device and what holds it.
-///  * scripted: the device follows its path whatever it feels;
-///  * hand, impedance device: arm and device move as one mass m = m_operator + m_device,
-///      m a = K (x_path - x) + B (v_path - v) - b v - friction + force of the command                        (1)
-///  * hand, admittance device: the device is servoed to the commanded pose and reports what the hand presses,
-///      K (x_path - x) + B (v_path - v), within the force limit.
-/// Positions are relative to where the device started.
+/// An emulated haptic device with an emulated operator. There are three cases.
+///   * Scripted: the device follows its path, whatever the force.
+///   * Impedance device with operator: arm and device move as one mass m = m_operator + m_device,
+///       m a = K (x_path - x) + B (v_path - v) - b v - friction + force of the command                        (1)
+///   * Admittance device with operator: the device is servoed to the commanded pose and reports the operator's force,
+///       K (x_path - x) + B (v_path - v), within the force limit.
+/// Positions are relative to the device's start.
 ///
-/// The device works at its own rate: at each tick it reads its sensors, takes the newest command and holds it until the
-/// next tick. Between two ticks translation follows (1) exactly: the matrix exponential of the system under a held
-/// force, a path of constant velocity and a friction of constant direction, which stops what it would turn round. So
-/// the largest stable stiffness is that of the sampled-data system (coupling/stiffness).
+/// The device works at its own rate. At each tick it reads its sensors, takes the newest command and holds it until the
+/// next tick. Between two ticks the translation follows (1) exactly: by the matrix exponential of the system under a
+/// held force, with a path of constant velocity. Friction has a constant direction and stops a motion that it would
+/// reverse. So the largest stable stiffness is that of the sampled-data system (coupling/stiffness).
 class EmulatedDevice {
  public:
   EmulatedDevice(const DeviceSpec& spec, std::uint32_t device);
 
   /// The device at its last tick.
   [[nodiscard]] const DeviceState& state() const noexcept { return state_; }
-  /// Advances by dt (s); ticks on the way take the command. A command that is not finite counts as none.
+  /// Advances by dt (s). Ticks within dt take the command. A command that is not finite is ignored.
   void step(const DeviceCommand& command, double dt) noexcept;
 
  private:
-  /// Of one axis: displacement from the path's place at the start, velocity, the path's displacement, its velocity,
-  /// held acceleration.
+  /// State of one axis: displacement from the path's start, velocity, the path's displacement, its velocity, held
+  /// acceleration.
   using Motion = Eigen::Matrix<double, 5, 5>;
 
   void take(const DeviceCommand& command) noexcept;
-  /// Without a tick on the way.
+  /// Advances by dt (s) without a tick in between.
   void move(double dt) noexcept;
   void step_operator(double dt) noexcept;
   void turn_operator(double dt) noexcept;
@@ -45,9 +45,9 @@ class EmulatedDevice {
   OperatorSpec operator_;
   double time_s_ = 0.0;
   std::uint64_t ticks_ = 0;
-  bool command_due_ = true;  ///< at the tick that was just reached
+  bool command_due_ = true;  ///< a tick was just reached
   DeviceCommand held_;
-  double motion_dt_ = 0.0;  ///< of `motion_`
+  double motion_dt_ = 0.0;  ///< the dt for which motion_ was computed
   Motion motion_ = Motion::Identity();
   BodyState handle_;  ///< true state, before quantisation
   Vec3 read_velocity_ = Vec3::Zero();

@@ -1,3 +1,4 @@
+#include "coupling/plan.hpp"
 #include "device_sim/run.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
@@ -11,11 +12,10 @@ int main(int argc, char** argv) {
 
     const UserSpec& user = scene.users[static_cast<std::size_t>(options.user)];
     EmulatedDevice device(user.device, static_cast<std::uint32_t>(options.user));
-    const bool far = scene.settings.passivity == Passivity::automatic && realtime && !options.network.peers.empty();
     DeviceGuard guard(user, scene.body(user.proxy),
-                      far || !enabled(scene, Optimisation::passivity, static_cast<std::size_t>(options.user)),
+                      !enabled(scene, Optimisation::passivity, static_cast<std::size_t>(options.user)),
                       realtime ? kFadeIn_s : 0.0);
-    watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
+    watch_stop_signals(kLongestEnd_s);                    // from here on an orderly end is needed
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     DevicePorts ports(options, scene);
     if (realtime) leave_realtime();

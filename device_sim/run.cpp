@@ -1,8 +1,7 @@
 #include "device_sim/run.hpp"
 
 #include "model/error.hpp"
-#include "rt/cyclic.hpp"
-#include "rt/lateness.hpp"
+#include "rt/paced_loop.hpp"
 #include "rt/presence.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
@@ -18,7 +17,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kStale_s = 0.005;  ///< without a command: the force fades out
+constexpr double kStale_s = 0.005;  ///< age of a command at which the force fades out
 
 }  // namespace
 
@@ -105,13 +104,14 @@ std::optional<std::uint64_t> join(DevicePorts& ports, const Scene& scene, const 
   const auto held = [&] { return ports.states.matched() > 0 && ports.commands.matched() > 0; };
   while (!finder.look(options.scene, options.network.domain) || !held()) {
     if (stop_signal() != 0) return std::nullopt;
-    // A world may take its time to be made, and says every second that it is there.
+    // A world may take long to load; its status arrives every second.
     if (finder.session() == 0 && ports.status.hears(ProgramKind::world_sim, 0)) hope = Clock::now();
     if (to_seconds(Clock::now() - hope) > options.wait_s) {
       const auto missing = [&](const char* what, const std::string& program) {
         return fmt::format(
-            "no {} on domain {} within {} s; start {} with the same --domain, or name its host with "
-            "--peers",
+            "no {} on domain {} within {} s; start {} with the same --domain; on another host, name it with --peers "
+            "and "
+            "give --interface on both",
             what, options.network.domain, options.wait_s, program);
       };
       throw Error(ExitCode::failed, finder.session() == 0
@@ -163,94 +163,135 @@ Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& gua
   }
 }
 
+namespace {
+
+/// The device process in real time: at the device's own rate, with the newest command.
+class RealtimeLoop {
+ public:
+  RealtimeLoop(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& guard, DeviceMeasures& measures,
+               double period_s, std::uint64_t session, Duration spin)
+      : ports_(ports),
+        device_(device),
+        guard_(guard),
+        measures_(measures),
+        stages_(measures.stages()),
+        period_s_(period_s),
+        session_(session),
+        haptic_sim_{ProgramKind::haptic_sim, device.state().device},
+        loop_(Clock::now(), period_s, spin, stages_) {}
+
+  Ending run(const Scheduling& scheduling) {
+    Ending ending{.session = session_, .from_s = device_.state().stamp_s, .by = "last command"};
+    measures_.loop_begins(scheduling);
+    while (stop_signal() == 0 && ending.fault.empty()) {
+      wake();
+      receive();
+      if (command_.last) break;
+      ending.fault = watch();
+      if (ending.fault.empty()) act(fresh());
+    }
+    // The commands with which the haptic loop fades the force may have come late or not at all.
+    while (!felt_.force.isZero() || !felt_.torque.isZero()) {
+      wake();
+      act(false);
+    }
+    measures_.loop_ends();
+    ending.to_s = device_.state().stamp_s;
+    if (!ending.fault.empty()) {
+      ending.by = "fault";
+    } else if (!command_.last) {
+      ending.by = name_of_signal(stop_signal());
+    }
+    return ending;
+  }
+
+ private:
+  void wake() {
+    loop_.wait();
+    loop_.wake(period_s_);
+    // A device that was halted does not make up for the motion of that time.
+    if (to_seconds(loop_.woke() - loop_.deadline()) > kStale_s) (void)loop_.skip_missed();
+    loop_.begin();
+  }
+
+  void receive() {
+    const TimePoint now = loop_.woke();
+    const std::uint64_t refused = ports_.commands.refused();
+    while (take(ports_.commands, came_, stages_) == Take::sample) {
+      foreign_ = came_.session != session_ || (came_.served != ports_.identity && !(came_.last && came_.served == 0));
+      if (foreign_) continue;
+      if (came_.served == ports_.identity) ports_.commands.trust_sender();
+      command_ = came_;
+      if (command_.echoed_sent_ns != 0)
+        measures_.round_trip(1e-9 * static_cast<double>(to_ns(now) - command_.echoed_sent_ns));
+      heard_ = now;
+    }
+    foreign_ = foreign_ || (heard_ != now && ports_.commands.refused() > refused);
+  }
+
+  /// A fault in words where the haptic process has gone; empty otherwise.
+  std::string watch() {
+    const bool alive_now = !foreign_ && alive(ports_.commands, ports_.status, haptic_sim_);
+    haptic_.observe(heard_ == loop_.woke(), alive_now, period_s_);
+    if (!haptic_.gone()) return {};
+    return foreign_ ? replaced_text(haptic_sim_.program, haptic_sim_.instance)
+                    : gone_text(haptic_sim_.program, haptic_sim_.instance);
+  }
+
+  [[nodiscard]] bool running() const noexcept { return heard_ != TimePoint{}; }
+  [[nodiscard]] bool fresh() const noexcept {
+    return running() && to_seconds(loop_.woke() - heard_) < std::max(kStale_s, 5.0 * period_s_);
+  }
+
+  void act(bool trusted) {
+    const TimePoint begin = loop_.woke();
+    const DeviceCommand safe = guard_.pass(command_, device_.state(), trusted, period_s_);
+    felt_ = safe.wrench;
+    // The path starts when the haptic loop does, whatever the time since the device was switched on.
+    if (running()) device_.step(safe, period_s_);
+    stages_.mark(DeviceStage::advance);
+    DeviceState state = device_.state();
+    state.session = session_;
+    state.sender = ports_.identity;
+    state.sent_ns = to_ns(begin);
+    ports_.states.write(state);
+    const TimePoint end = stages_.mark(DeviceStage::send);
+    const Miss miss = loop_.judge(end, loop_.deadline());
+    // Until the haptic loop runs, no program waits for the device.
+    if (running()) {
+      measures_.step(state, felt_,
+                     {.step_s = to_seconds(end - begin), .woken_late_s = loop_.woken_late_s(), .miss = miss});
+    }
+    loop_.end(end);
+    ports_.status.update(measures_.state(state.stamp_s));
+    stages_.mark(DeviceStage::account);
+    measures_.end_step();
+  }
+
+  DevicePorts& ports_;
+  EmulatedDevice& device_;
+  DeviceGuard& guard_;
+  DeviceMeasures& measures_;
+  Stages<DeviceStage>& stages_;
+  double period_s_;
+  std::uint64_t session_;
+  Peer haptic_sim_;
+  PacedLoop<DeviceStage> loop_;
+  Presence haptic_;
+  DeviceCommand command_, came_;
+  TimePoint heard_{};
+  Wrench felt_;
+  bool foreign_ = false;  ///< the newest command was for another device, of another run or of another haptic process
+};
+
+}  // namespace
+
 Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& guard, DeviceMeasures& measures,
                     const UserSpec& user, std::uint64_t session, Duration spin) {
-  const double period_s = 1.0 / user.device.rate_hz;
   const Scheduling scheduling = claim_realtime(priority::kDevice);
   fmt::print("device_sim {}: {:.0f} Hz, {}\n", device.state().device, user.device.rate_hz, scheduling.text);
   std::fflush(stdout);
-
-  Ending ending{.session = session, .from_s = device.state().stamp_s, .by = "last command"};
-  DeviceCommand command, came;
-  const Peer haptic_sim{ProgramKind::haptic_sim, device.state().device};
-  Presence haptic;
-  TimePoint heard{};
-  Wrench felt;
-  Stages<DeviceStage>& stages = measures.stages();
-  Cyclic loop(Clock::now(), from_seconds(period_s), spin);
-  Lateness lateness(thread_use());
-  measures.loop_begins(scheduling);
-  const auto wake = [&] {
-    const TimePoint asked = Clock::now();
-    loop.wait();
-    const TimePoint woke = Clock::now();
-    lateness.begin(loop.released(), asked, woke, from_seconds(period_s));
-    // A device that was halted stood: it does not make up for the motion of that time.
-    if (to_seconds(woke - loop.deadline()) > kStale_s) {
-      (void)loop.skip(woke);
-      lateness.skipped_to(loop.released());
-    }
-    stages.begin(loop.released(), woke);
-    return woke;
-  };
-  const auto act = [&](bool trusted, TimePoint begin) {
-    const DeviceCommand safe = guard.pass(command, device.state(), trusted, period_s);
-    felt = safe.wrench;
-    // The path starts when the haptic loop does, whatever the time since the device was switched on.
-    if (heard != TimePoint{}) device.step(safe, period_s);
-    stages.mark(DeviceStage::advance);
-    DeviceState state = device.state();
-    state.session = session;
-    state.sender = ports.identity;
-    state.sent_ns = to_ns(begin);
-    ports.states.write(state);
-    const TimePoint end = stages.mark(DeviceStage::send);
-    const ThreadUse use = thread_use();
-    const Miss miss = lateness.judge(end, loop.deadline(), use);
-    // Until the haptic loop runs, nobody is kept waiting.
-    if (heard != TimePoint{}) {
-      measures.step(state, felt,
-                    {.step_s = to_seconds(end - begin), .woken_late_s = lateness.woken_late_s(), .miss = miss});
-    }
-    lateness.end(end, use);
-    ports.status.update(measures.state(state.stamp_s));
-    stages.mark(DeviceStage::account);
-    measures.end_step();
-  };
-  bool foreign = false;  // the newest command was for another device, of another run or of another haptic process
-  while (stop_signal() == 0) {
-    const TimePoint begin = wake();
-    const std::uint64_t refused = ports.commands.refused();
-    while (take(ports.commands, came, stages) == Take::sample) {
-      foreign = came.session != session || (came.served != ports.identity && !(came.last && came.served == 0));
-      if (foreign) continue;
-      if (came.served == ports.identity) ports.commands.trust_sender();
-      command = came;
-      if (command.echoed_sent_ns != 0)
-        measures.round_trip(1e-9 * static_cast<double>(to_ns(begin) - command.echoed_sent_ns));
-      heard = begin;
-    }
-    foreign = foreign || (heard != begin && ports.commands.refused() > refused);
-    if (command.last) break;
-    haptic.observe(heard == begin, !foreign && alive(ports.commands, ports.status, haptic_sim), period_s);
-    if (haptic.gone()) {
-      ending.fault = foreign ? replaced_text(ProgramKind::haptic_sim, device.state().device)
-                             : gone_text(ProgramKind::haptic_sim, device.state().device);
-      break;
-    }
-    const bool fresh = heard != TimePoint{} && to_seconds(begin - heard) < std::max(kStale_s, 5.0 * period_s);
-    act(fresh, begin);
-  }
-  // The commands of the haptic loop's own fading may have come late or not at all.
-  while (!felt.force.isZero() || !felt.torque.isZero()) act(false, wake());
-  measures.loop_ends();
-  ending.to_s = device.state().stamp_s;
-  if (!ending.fault.empty()) {
-    ending.by = "fault";
-  } else if (!command.last) {
-    ending.by = name_of_signal(stop_signal());
-  }
-  return ending;
+  return RealtimeLoop(ports, device, guard, measures, 1.0 / user.device.rate_hz, session, spin).run(scheduling);
 }
 
 }  // namespace subworld

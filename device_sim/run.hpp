@@ -19,7 +19,7 @@
 
 namespace subworld {
 
-/// Everything that enters or leaves a device process.
+/// All topics of a device process.
 struct DevicePorts {
   DevicePorts(const Options& options, const Scene& scene);
 
@@ -35,26 +35,26 @@ enum class DeviceStage : std::uint8_t { wake, receive, decode, advance, send, ac
 inline constexpr std::array kDeviceStages{"wake", "receive", "decode", "advance", "send", "account"};
 static_assert(kDeviceStages.size() == Stages<DeviceStage>::kCount);
 
-/// What a device process says of itself at the end, and its history on the way.
+/// Measurements of a device process for its results, and its history.
 class DeviceMeasures {
  public:
-  /// `folder` and `trace` may be empty: nothing is written.
+  /// `folder` and `trace` may be empty: writes nothing.
   DeviceMeasures(const std::string& folder, const std::string& trace, int user, const History::Say& say);
   [[nodiscard]] Stages<DeviceStage>& stages() noexcept { return stages_; }
   void step(const DeviceState& state, const Wrench& wrench, const StepTimes& times) noexcept;
-  /// Closes the step's stages: the last of all.
+  /// Closes the step's stages. Call last in a step.
   void end_step() noexcept;
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
-  /// What the status shows.
+  /// Data of the loop for the status.
   [[nodiscard]] LoopState state(double time_s) const noexcept {
     return {time_s, steps_, misses_.all(), misses_.by_os, step_.sum_s()};
   }
-  /// Around a loop in real time, in its thread.
+  /// loop_begins() and loop_ends() enclose a loop in real time; call them in its thread.
   void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
   void loop_ends() { machine_.end(); }
   /// After the last step.
   [[nodiscard]] Json json(const DeviceGuard& guard);
-  /// Why the history could not be written; empty: it could.
+  /// Why the history could not be written; empty if there was no error.
   [[nodiscard]] std::string fault() const { return history_.fault(); }
 
  private:
@@ -69,20 +69,20 @@ class DeviceMeasures {
   MachineShare machine_;
 };
 
-/// Waits until the world's scene and the haptic process are there. The world's session, or none when asked to stop.
-/// Throws `Error` (failed, usage) that names what is missing.
+/// Waits for the world's scene and the haptic process. Returns the world's session, or nothing after a request to stop.
+/// Throws `Error` (failed, usage) that names the missing program.
 [[nodiscard]] std::optional<std::uint64_t> join(DevicePorts& ports, const Scene& scene, const Options& options);
 
-/// Each step waits for the command that answers the state. Throws `Error` (failed) when the haptic process dies or is
-/// started again.
+/// Lock-step: each step waits for the command that answers its state. Throws `Error` (failed) when the haptic process
+/// dies or is restarted.
 [[nodiscard]] Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& guard,
                                   DeviceMeasures& measures, const Scene& scene, std::uint64_t session);
 
-/// In which a device's force rises again after commands stayed away, in real time.
+/// Time in which a device's force rises again after missing commands, in real time.
 inline constexpr double kFadeIn_s = 0.02;
 
-/// At the device's own rate, with the newest command; an old one fades out. A fault where the haptic process has gone.
-/// `spin`: see Cyclic.
+/// Real time: at the device's own rate, with the newest command; the force of an old one fades out. The ending has a
+/// fault if the haptic process has gone. `spin`: see Cyclic.
 [[nodiscard]] Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& guard,
                                   DeviceMeasures& measures, const UserSpec& user, std::uint64_t session, Duration spin);
 

@@ -14,7 +14,7 @@
 namespace subworld {
 namespace {
 
-constexpr double kMargin = 1.06;  // of the picture, around what must be visible
+constexpr double kMargin = 1.06;  // margin factor around the objects in the picture
 constexpr double kDegree = std::numbers::pi / 180.0;
 
 /// Of a symmetric 2 x 2 matrix, in closed form: Eigen's solver for any size takes seconds to compile.
@@ -57,13 +57,14 @@ double elevation(std::span<const Ball> balls) {
 
 Vec3 turned(const Vec3& v, double angle) { return Eigen::AngleAxisd(angle, Vec3::UnitZ()) * v; }
 
-// From the eye to what is looked at: `right` runs to the right of the picture.
+// Viewing direction: `right` points to the right of the picture.
 Vec3 look_along(const Vec3& right, double elevation) {
   const Vec3 ahead = Vec3::UnitZ().cross(right);
   return std::cos(elevation) * ahead - std::sin(elevation) * Vec3::UnitZ();
 }
 
-// Of a row the nearer end changes sides, but not its direction in the picture; a heap may be seen from four sides.
+// A row may be seen from two sides, a heap from four. Turning a row exchanges its near and its far end, but not its
+// direction in the picture.
 std::vector<double> candidate_turns(bool row) {
   if (row) return {24.0 * kDegree, -24.0 * kDegree};
   return {28.0 * kDegree, 118.0 * kDegree, 208.0 * kDegree, 298.0 * kDegree};
@@ -76,13 +77,14 @@ Vec3 view_direction(std::span<const Ball> balls, const Vec3& focus) {
   Vec3 best = Vec3::Zero();
   for (const double turn : candidate_turns(axis.has_value())) {
     const Vec3 other = look_along(turned(axis.value_or(Vec3::UnitX()), turn), down);
-    // A clearly nearer focus only: a proxy in the middle must not make the camera jump.
+    // Only a clearly nearer focus changes the side. Otherwise a proxy in the middle would make the camera jump.
     if (best.isZero() || aside.dot(other - best) < -1e-3 * aside.norm()) best = other;
   }
   return best;
 }
 
-// One pair of opposite rims of the picture: where the eye must be, at most that far along the view and that far aside.
+// Constraint of one pair of opposite picture edges: the eye may be at most this far along the view and this far
+// sideways.
 struct Fit {
   double along = 0.0;
   double aside = 0.0;
@@ -101,7 +103,7 @@ Fit fit_pair(std::span<const Ball> balls, const Vec3& side, const Vec3& forward,
   return {-(plus + minus) / (2.0 * tangent), (plus - minus) / 2.0};
 }
 
-// How far aside the eye must be so that both rims are equally far from what is seen, by bisection.
+// Sideways position of the eye at which both edges are equally far from the objects, by bisection.
 double centred(std::span<const Ball> balls, const Vec3& side, const Vec3& forward, double along, double guess) {
   const double span = enclosing_ball(balls).radius;
   double low = guess - span;

@@ -12,7 +12,7 @@
 
 namespace subworld {
 
-/// Everything that enters or leaves the display process.
+/// All topics of the display process.
 struct DisplayPorts {
   DisplayPorts(const Options& options, const Scene& scene);
 
@@ -23,7 +23,7 @@ struct DisplayPorts {
   StatusBeacon status;
 };
 
-/// The world as the display last heard of it.
+/// The world as last received.
 class Display {
  public:
   void describe(SceneDescription&& description);

@@ -10,7 +10,7 @@
 namespace subworld {
 namespace {
 
-constexpr double kFarthest_m = 1e7;  // beyond, a body is lost and floats no longer hold its place
+constexpr double kFarthest_m = 1e7;  // farther bodies are not shown: floats are not precise enough
 
 enum class Role : std::uint8_t { other, member, border, proxy };
 
@@ -32,7 +32,7 @@ Roles roles_of(std::span<const UserView> users) {
   return roles;
 }
 
-// A body that can be drawn.
+// A body to draw.
 struct Item {
   const Body* body;
   const BodyState* state;
@@ -65,7 +65,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// The movable bodies without those that were thrown far out of the scene; proxies always.
+// The movable bodies without those that were thrown far out of the scene. Includes proxies always.
 std::vector<Ball> without_strays(const std::vector<Item>& items) {
   std::vector<const Item*> movable;
   for (const auto& item : items) {
@@ -99,7 +99,8 @@ void add_corners(const Item& item, std::vector<Ball>& balls) {
   }
 }
 
-// What must be in the picture: the movable bodies, and fixed ones (the bin around them) that are not much larger.
+// Objects that must be in the picture: the movable bodies, and fixed ones (the bin around them) that are not much
+// larger.
 std::vector<Ball> framed(const std::vector<Item>& items, const std::vector<Ball>& movable) {
   std::vector<Ball> balls = movable;
   const Ball all = enclosing_ball(movable);

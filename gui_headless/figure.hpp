@@ -7,7 +7,7 @@
 #include <map>
 #include <vector>
 
-/// What a picture consists of, decided without OpenGL: which shape is drawn where, in which colour and layer.
+/// Contents of a picture, computed without OpenGL: the shapes with their poses, colours and layers.
 namespace subworld {
 
 using Colour = std::array<float, 3>;  ///< sRGB, 0 .. 1
@@ -19,10 +19,10 @@ inline constexpr Colour kOtherColour{0.85F, 0.86F, 0.87F};
 inline constexpr Colour kFixedColour{0.66F, 0.71F, 0.76F};
 inline constexpr Colour kLineColour{0.80F, 0.02F, 0.06F};
 
-/// Which triangles: one of the unit shapes, or `file + i` for the i-th mesh of the picture.
+/// Triangles of an instance: one of the unit shapes, or `file + i` for the i-th mesh of the picture.
 enum class Model : std::uint32_t { sphere, box, capsule, cylinder, cone, file };
 
-/// A model at a place; laid out as the vertex shader reads it. Positions are relative to `Figure::origin`.
+/// A model with its pose, laid out as the vertex shader reads it. Positions are relative to `Figure::origin`.
 struct Instance {
   std::array<float, 3> position{};
   std::array<float, 4> orientation{0.0F, 0.0F, 0.0F, 1.0F};  ///< x, y, z, w
@@ -34,18 +34,18 @@ struct Instance {
 using Batch = std::map<Model, std::vector<Instance>>;
 
 struct Ground {
-  Vec3 origin = Vec3::Zero();  ///< point of the plane where the grid fades from, relative to `Figure::origin`
+  Vec3 origin = Vec3::Zero();  ///< point of the plane around which the grid fades out, relative to `Figure::origin`
   Quat orientation = Quat::Identity();
   Eigen::Vector2d offset = Eigen::Vector2d::Zero();  ///< of `origin` in the plane's own grid
 };
 
 struct Figure {
   Camera camera;
-  Vec3 origin = Vec3::Zero();  ///< all that is drawn is placed relative to this, so that floats are enough
-  Ball movable;                ///< holds what the automatic camera shows, relative to nothing
+  Vec3 origin = Vec3::Zero();  ///< reference point of all drawn positions, so that floats are precise enough
+  Ball movable;                ///< objects of the automatic camera, in world coordinates
   Batch proxies;
   Batch members;  ///< border bodies included
-  Batch others;   ///< and fixed bodies that are not boxes
+  Batch others;   ///< includes fixed bodies that are not boxes
   Batch glass;
   Batch lines;
   Batch halos;
@@ -55,10 +55,10 @@ struct Figure {
   std::size_t omitted = 0;
 };
 
-/// Whether the pair's inside body is inside: at a contact that may come, what pushes may be a ghost.
+/// Whether the inside body of the pair is a member. At a contact that may come soon it may be a ghost.
 [[nodiscard]] bool pushes_member(const UserView& user, const BoundaryContact& pair);
 
-/// Throws `Error` (usage) if the given camera looks nowhere.
+/// Throws `Error` (usage) if the given camera is invalid.
 [[nodiscard]] Figure compose(const Picture& picture, PictureSize size);
 
 }  // namespace subworld

@@ -64,7 +64,7 @@ struct Indexed {
   std::vector<GLuint> indices;
 };
 
-// Equal vertices once: a software driver's time is what it spends on vertices.
+// Merges equal vertices: with a software driver, time is proportional to the vertices.
 Indexed share(const ShapeMesh& mesh) {
   Indexed result;
   std::unordered_map<std::string_view, GLuint> known;

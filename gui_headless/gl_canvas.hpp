@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-/// The few pieces of OpenGL that the renderer is made of. All need a current context. What they create is freed with
-/// the context, unless it is replaced while the program runs.
+/// OpenGL objects of the renderer. All need a current context. They are freed with the context, unless they are
+/// replaced while the program runs.
 namespace subworld {
 
 /// A vertex and a fragment shader, linked. Throws `Error` (failed) with the driver's message.
@@ -29,7 +29,7 @@ class GlProgram {
   GLuint id_;
 };
 
-/// Triangles on the card.
+/// Triangles in graphics memory.
 struct GlMesh {
   GLuint array = 0;
   GLuint vertices = 0;
@@ -39,13 +39,13 @@ struct GlMesh {
 [[nodiscard]] GlMesh upload(const ShapeMesh& mesh);
 void release(const GlMesh& mesh);
 
-/// Where pictures are drawn: colour, depth and stencil with several samples a pixel, and how they come back.
+/// Render target with colour, depth and stencil, and several samples a pixel.
 class GlTarget {
  public:
   explicit GlTarget(PictureSize size);
-  /// Following drawing goes here.
+  /// Makes this the target of further drawing.
   void bind() const;
-  /// Averages the samples.
+  /// Averages the samples and returns the image.
   [[nodiscard]] Image read() const;
 
  private:
@@ -54,12 +54,12 @@ class GlTarget {
   GLuint averaged_ = 0;
 };
 
-/// Depths as the key light sees them.
+/// Depth map as seen from the key light.
 class GlShadowMap {
  public:
   GlShadowMap();
   void bind() const;
-  /// For the shaders' `shadow_map`, unit 0.
+  /// Binds to the shaders' `shadow_map`, unit 0.
   void bind_texture() const;
   [[nodiscard]] static int width();  ///< pixels
 

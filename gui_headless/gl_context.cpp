@@ -18,7 +18,7 @@ namespace {
               "pictures need EGL and OpenGL 3.3: " + what + " (cure: install libegl1, libgl1 and libgl1-mesa-dri)");
 }
 
-// epoxy aborts the process when it cannot open a library, so it is asked only after these have been opened once.
+// epoxy aborts the process if it cannot open a library, so these are opened here first.
 void require_library(std::initializer_list<const char*> names) {
   for (const char* name : names) {
     if (dlopen(name, RTLD_LAZY | RTLD_LOCAL) != nullptr) return;
@@ -80,7 +80,7 @@ GlContext::GlContext() {
   fail("no driver gives a context without a display");
 }
 
-// Displays belong to the process and may be shared, so only the context goes.
+// Displays belong to the process and may be shared, so only the context is destroyed.
 GlContext::~GlContext() { eglDestroyContext(display_, context_); }
 
 GlContext::Current::Current(const GlContext& context) : display_(context.display_) {

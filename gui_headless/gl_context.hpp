@@ -4,8 +4,8 @@
 
 namespace subworld {
 
-/// OpenGL 3.3 core without a display: EGL on Mesa's surfaceless platform, else on the first device that can do it.
-/// The context is current in one thread at a time, while a `Current` lives.
+/// OpenGL 3.3 core without a display: EGL on Mesa's surfaceless platform, else on the first suitable device. The
+/// context is current in one thread at a time, while a `Current` exists.
 class GlContext {
  public:
   /// Throws `Error` (failed) with the cure if EGL, OpenGL or the driver is missing.

@@ -10,10 +10,11 @@
 namespace subworld {
 namespace {
 
-constexpr double kLinePixels = 4.5;      // thickness in a picture of 720 rows
-constexpr double kRimShare = 0.8;        // white rim on each side, of half the thickness
-constexpr double kThickestShare = 0.09;  // half the thickness, of the body's radius: many small bodies stay visible
-constexpr double kSmallestShare = 0.04;  // of the largest impulse; below, there is nothing to see
+constexpr double kLinePixels = 4.5;  // thickness in a picture of 720 rows
+constexpr double kRimShare = 0.8;    // white outline on each side, relative to half the thickness
+// Half the thickness, relative to the body's radius, so that many small bodies stay visible.
+constexpr double kThickestShare = 0.09;
+constexpr double kSmallestShare = 0.04;  // relative to the largest impulse; smaller ones are not drawn
 
 struct Line {
   Vec3 from;
@@ -44,8 +45,7 @@ std::vector<Line> lines_of(const Picture& picture) {
   return lines;
 }
 
-// The largest line: a little longer than the bodies it starts from, and neither lost in the picture nor across all of
-// it.
+// The largest line is a little longer than the bodies at its start, but neither tiny in the picture nor as long as it.
 double scale_of(const std::vector<Line>& lines, double picture_height_m) {
   double largest = 0.0;
   double radius = 0.0;
@@ -75,14 +75,14 @@ Instance rod(Vec3 from, const Vec3& along, double length, double radius, const C
   return instance;
 }
 
-// A shaft and a head; `rim` is how much wider than the line everything is.
+// A shaft and a head; `rim` is the width that an outline adds.
 void add_arrow(const Vec3& from, const Vec3& impulse, double length, double radius, double rim, const Colour& colour,
                Batch& batch) {
   const Vec3 along = impulse.normalized();
   const double head = std::min(7.0 * radius, 0.6 * length);
   const double shaft = length - head;
   batch[Model::cylinder].push_back(rod(from + along * (shaft / 2.0), along, shaft / 2.0 + rim, radius + rim, colour));
-  // A rim of even width around the head needs a longer cone than the head itself.
+  // An outline of constant width around the head needs a longer cone than the head itself.
   batch[Model::cone].push_back(
       rod(from + along * (shaft - rim), along, head + 3.5 * rim, head * 0.36 + 1.4 * rim, colour));
   Instance dot = rod(from, along, 1.5 * radius + rim, 1.5 * radius + rim, colour);

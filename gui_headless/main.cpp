@@ -10,7 +10,7 @@
 namespace subworld {
 namespace {
 
-/// Follows the world until it stops or a signal asks. Throws `Error` (failed) where no world comes.
+/// Follows the world until it stops or a signal requests a stop. Throws `Error` (failed) if no world is found.
 void follow(DisplayPorts& ports, Display& display, const Options& options) {
   ports.status.enter("waiting");
   SceneDescription description;
@@ -29,15 +29,14 @@ void follow(DisplayPorts& ports, Display& display, const Options& options) {
     }
     while (display.described() && ports.snapshots.take(snapshot) == Take::sample) display.show(snapshot);
     if (ports.scene.alive_writers() > 0) heard = Clock::now();
-    const double silent_s = to_seconds(Clock::now() - heard);
-    if (!display.described() && silent_s > options.wait_s) {
-      throw Error(
-          ExitCode::failed,
-          fmt::format(
-              "no world on domain {} within {} s; start world_sim on the same domain, or name its host with --peers",
-              options.network.domain, options.wait_s));
+    const double absent_s = to_seconds(Clock::now() - heard);
+    if (!display.described() && absent_s > options.wait_s) {
+      throw Error(ExitCode::failed, fmt::format("no world on domain {} within {} s; start world_sim with the same "
+                                                "--domain; on another host, name it with "
+                                                "--peers and give --interface on both",
+                                                options.network.domain, options.wait_s));
     }
-    if (display.described() && silent_s > 1.0) return;
+    if (display.described() && absent_s > 1.0) return;
     if (options.picture_every_s > 0.0 && !options.out.empty() && display.snapshots() > 0 &&
         display.time_s() >= next_picture_s) {
       display.write_picture(fmt::format("{}/picture_{:08.3f}.png", options.out, display.time_s()));
@@ -53,7 +52,7 @@ void follow(DisplayPorts& ports, Display& display, const Options& options) {
 int main(int argc, char** argv) {
   using namespace subworld;
   return run_program(Program::gui_headless, argc, argv, [](const Options& options, const Scene& scene) {
-    [[maybe_unused]] const int niceness = nice(5);  // what a user looks at may wait for what a user feels
+    [[maybe_unused]] const int niceness = nice(5);  // the display may wait for the loops that compute forces
 
     Display display;
     watch_stop_signals(kLongestEnd_s);

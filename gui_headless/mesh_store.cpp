@@ -10,7 +10,7 @@
 namespace subworld {
 namespace {
 
-// Round bodies have fewer triangles the more bodies there are, for they are the smaller in the picture.
+// The more bodies, the fewer triangles has a round one, because it is smaller in the picture.
 struct Fineness {
   std::size_t fewer_than;  // bodies
   int segments;

@@ -11,26 +11,26 @@
 
 namespace subworld {
 
-/// Instances of one mesh: which part of the instance buffer they are.
+/// Instances of one mesh: a range of the instance buffer.
 struct Group {
   GlMesh mesh;
   std::size_t first = 0;
   std::size_t count = 0;
-  bool closed = false;  ///< its back faces are never seen
+  bool closed = false;  ///< its back faces are never visible
 };
 using Groups = std::vector<Group>;
 
-/// The triangles on the card: the unit shapes, finer while there are few bodies, and those of files. Needs a current
-/// context, as the canvas does.
+/// The triangles in graphics memory: the unit shapes, finer while there are few bodies, and those of files. Needs a
+/// current context, as the canvas does.
 class MeshStore {
  public:
   MeshStore();
 
-  /// A new picture: forgets the instances, and the files that the last picture did not use.
+  /// Starts a new picture: removes the instances, and the files that the last picture did not use.
   void begin(std::span<const Mesh> meshes, std::size_t bodies);
   /// Adds a batch's instances to the instance buffer.
   [[nodiscard]] Groups add(const Batch& batch);
-  /// Sends the instance buffer; groups can be drawn from here on.
+  /// Uploads the instance buffer. Groups can be drawn after it.
   void end();
 
  private:
@@ -50,7 +50,8 @@ class MeshStore {
 
 enum class Faces : std::uint8_t { front, both };
 
-/// Draws the instances with the program in use; of closed meshes, unless asked, the front faces only.
+/// Draws the instances with the program in use. Of closed meshes, draws only the front faces unless requested
+/// otherwise.
 void draw(const Groups& groups, Faces faces = Faces::front);
 
 }  // namespace subworld

@@ -35,7 +35,7 @@ Image Painter::paint(const Figure& figure, std::span<const Mesh> meshes, std::si
   cast_shadows(view, {&proxies, &members, &others});
   target_.bind();
   paint_sky();
-  // From what matters most to what matters least: each layer is a veil over the ones before it.
+  // From the most to the least important layer: each is blended over the layers before it.
   paint_layer(view, proxies, {}, 1.0F);
   mark(view, proxies);
   paint_layer(view, members, {}, proxies.empty() ? 1.0F : kMemberVeil);
@@ -55,7 +55,7 @@ void Painter::cast_shadows(const View& view, std::initializer_list<const Groups*
   glDepthMask(GL_TRUE);
   glDisable(GL_STENCIL_TEST);
   glClear(GL_DEPTH_BUFFER_BIT);
-  // Without an offset surfaces shade themselves in stripes.
+  // Without an offset, surfaces shade themselves in stripes.
   glEnable(GL_POLYGON_OFFSET_FILL);
   glPolygonOffset(2.5F, 8.0F);
   depths_.use();
@@ -91,8 +91,8 @@ void Painter::begin_bodies(const View& view, const Look& look) const {
   bodies_.set("glass", look.glass ? 1 : 0);
 }
 
-// Where an earlier layer is marked, only the nearest surface of this layer is blended over it, which needs no sorting:
-// the depth pass finds that surface, the colour passes draw nothing else.
+// Where an earlier layer is marked, only the nearest surface of this layer is blended over it. This needs no sorting:
+// the depth pass finds that surface, and the colour passes draw only it.
 void Painter::paint_layer(const View& view, const Groups& groups, const Look& look, float veil) const {
   if (veil == 1.0F) {
     begin_bodies(view, look);
@@ -122,7 +122,7 @@ void Painter::paint_layer(const View& view, const Groups& groups, const Look& lo
   glDepthMask(GL_TRUE);
 }
 
-// A pass of its own: two faces of equal depth in one layer, as touching cubes have, must not veil each other.
+// A pass of its own: two faces of equal depth in one layer, as of touching cubes, must not be blended over each other.
 void Painter::mark(const View& view, const Groups& groups) const {
   glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
   glDepthFunc(GL_LEQUAL);
@@ -148,7 +148,7 @@ void Painter::paint_grounds(const View& view, const Figure& figure) const {
   glEnable(GL_BLEND);
   glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
   glDepthMask(GL_FALSE);
-  glEnable(GL_CULL_FACE);  // from below, a ground would hide everything
+  glEnable(GL_CULL_FACE);  // from below, the ground would cover everything
   glBindVertexArray(no_vertices_);
   for (const auto& ground : figure.grounds) {
     const double period = 10.0 * figure.grid_m;
@@ -174,7 +174,7 @@ void Painter::paint_glass(const View& view, const Groups& groups) const {
   glDisable(GL_BLEND);
 }
 
-// On top of everything; among themselves the nearer line hides the farther one.
+// Drawn on top of everything. Among lines, the nearer hides the farther one.
 void Painter::paint_lines(const View& view, const Groups& halos, const Groups& lines) const {
   glClear(GL_DEPTH_BUFFER_BIT);
   begin_bodies(view, {.flatness = 1.0F, .edge_pixels = -1.0F});

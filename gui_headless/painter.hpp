@@ -16,7 +16,7 @@ class Painter {
 
  private:
   struct Look {
-    float shadow = 0.0F;    ///< how dark shadows are, 0 .. 1
+    float shadow = 0.0F;    ///< darkness of shadows, 0 .. 1
     float flatness = 0.0F;  ///< 0: shaded, 1: the plain colour
     float edge_pixels = 1.2F;
     bool glass = false;
@@ -25,7 +25,7 @@ class Painter {
   void begin_bodies(const View& view, const Look& look) const;
   void cast_shadows(const View& view, std::initializer_list<const Groups*> casters) const;
   void paint_sky() const;
-  /// `veil`: share of this layer's colour where an earlier layer is marked.
+  /// `veil`: opacity of this layer where an earlier layer is marked.
   void paint_layer(const View& view, const Groups& groups, const Look& look, float veil) const;
   void mark(const View& view, const Groups& groups) const;
   void paint_grounds(const View& view, const Figure& figure) const;
@@ -40,7 +40,7 @@ class Painter {
   GlProgram ground_;
   GlProgram sky_;
   MeshStore store_;
-  GLuint no_vertices_ = 0;  ///< for programs that make their own corners
+  GLuint no_vertices_ = 0;  ///< for programs that compute their own vertices
 };
 
 }  // namespace subworld

@@ -31,7 +31,7 @@ struct Renderer::Parts {
 
   PictureSize size;
   GlContext context;
-  std::optional<Painter> painter;  // made while the context is current
+  std::optional<Painter> painter;  // created while the context is current
 };
 
 Renderer::Renderer(PictureSize size) : parts_(std::make_unique<Parts>(size)) {}

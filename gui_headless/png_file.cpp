@@ -18,7 +18,7 @@ struct Close {
 };
 using File = std::unique_ptr<std::FILE, Close>;
 
-// The library's own state: freed on every way out.
+// State of the library, freed on every return and exception.
 struct PngImage : png_image {
   PngImage() noexcept : png_image{} { version = PNG_IMAGE_VERSION; }
   ~PngImage() { png_image_free(this); }
@@ -54,7 +54,7 @@ void write_png(const std::string& file, const Image& image) {
   const auto bytes = encode_png(image);
   File out{std::fopen(file.c_str(), "wb")};
   const bool written = out && std::fwrite(bytes.data(), 1, bytes.size(), out.get()) == bytes.size();
-  // Closing flushes: a full disk shows only there.
+  // Closing flushes, so a full disk is reported only here.
   if (!written || std::fclose(out.release()) != 0) {
     throw Error(ExitCode::failed, fmt::format("{}: cannot write the picture: {}", file, std::strerror(errno)));
   }

@@ -12,7 +12,7 @@ struct Image {
   int height = 0;  ///< pixels
   std::vector<std::uint8_t> rgb;
 
-  /// First of the three bytes of a pixel that lies inside the image.
+  /// First of the three bytes of a pixel; the pixel must be inside the image.
   [[nodiscard]] const std::uint8_t* pixel(int column, int row) const noexcept {
     return rgb.data() + 3 * (static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + column);
   }
@@ -24,7 +24,7 @@ struct Image {
 /// Throws `Error` (failed) with the file's name and the reason.
 void write_png(const std::string& file, const Image& image);
 
-/// Throws `Error` (failed) with the file's name and the reason. Transparency is laid over white.
+/// Throws `Error` (failed) with the file's name and the reason. Transparent pixels are blended over white.
 [[nodiscard]] Image read_png(const std::string& file);
 
 }  // namespace subworld

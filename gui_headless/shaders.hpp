@@ -33,7 +33,7 @@ inline constexpr const char* kDepthFragment = R"(#version 330 core
 void main() {}
 )";
 
-/// What body and ground programs share: how much of the key light reaches a point.
+/// Common to the body and ground programs: the share of the key light that reaches a point.
 inline constexpr const char* kShadow = R"(#version 330 core
 uniform sampler2DShadow shadow_map;
 uniform mat4 light_projection;

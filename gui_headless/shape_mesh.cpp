@@ -11,7 +11,7 @@ namespace {
 
 using Triangle = std::array<std::uint32_t, 3>;
 
-// Faces that meet at less than this angle are shaded as one smooth surface and have no edge line.
+// Faces that meet at a smaller angle are shaded as one smooth surface, without an edge line.
 const double kCreaseCosine = std::cos(35.0 * std::numbers::pi / 180.0);
 
 struct Surface {
@@ -49,7 +49,8 @@ std::vector<std::vector<std::uint32_t>> fans(const Surface& surface) {
 
 bool has_corner(const Triangle& t, std::uint32_t vertex) { return std::ranges::find(t, vertex) != t.end(); }
 
-// Turns a surface of shared vertices into shaded triangles: normals smooth up to the crease angle, edges marked above.
+// Converts a surface of shared vertices to shaded triangles: normals are smooth up to the crease angle; sharper edges
+// are marked.
 ShapeMesh shade(const Surface& surface) {
   const auto areas = area_normals(surface);
   const auto around = fans(surface);
@@ -88,7 +89,7 @@ struct Ring {
   double z;
 };
 
-// A solid of revolution about z; the rings run upwards, one of radius 0 is a tip.
+// A solid of revolution about z. The rings are in upward order; one of radius 0 is a tip.
 Surface revolve(const std::vector<Ring>& rings, int segments) {
   Surface surface;
   std::vector<std::vector<std::uint32_t>> columns;

@@ -12,7 +12,7 @@ namespace subworld {
 struct MeshVertex {
   std::array<float, 3> position{};
   std::array<float, 3> normal{};
-  /// Component i falls from 1 to 0 towards the edge opposite to corner i if that edge is sharp, else it is 1: dark edge
+  /// Component i falls from 1 to 0 towards the edge opposite to corner i if that edge is sharp, else it is 1. Edge
   /// lines are drawn where a component is nearly 0.
   std::array<float, 3> edge{};
   float stretch = 0.0F;  ///< -1 .. 1: along z, in units of the instance's half length
@@ -31,11 +31,12 @@ using ShapeMesh = std::vector<MeshVertex>;
 [[nodiscard]] ShapeMesh cone_mesh(int segments);
 /// Two half spheres of radius 1 at z = 0, moved apart and joined by `MeshVertex::stretch`.
 [[nodiscard]] ShapeMesh capsule_mesh(int segments);
-/// The triangles of a file. Equal vertices are welded; triangles without area, with wrong indices or with non-finite
-/// vertices are left out.
+/// The triangles of a file. Equal vertices are welded. Triangles without area, with invalid indices or with non-finite
+/// vertices are omitted.
 [[nodiscard]] ShapeMesh file_mesh(const Mesh& mesh);
 
-/// Radius of the ball around the body's origin that holds the shape, m; infinite for a plane, 0 if the mesh is missing.
+/// Radius of the ball around the body's origin that contains the shape, m; infinite for a plane, 0 if the mesh is
+/// missing.
 [[nodiscard]] double bounding_radius(const Shape& shape, std::span<const Mesh> meshes) noexcept;
 
 }  // namespace subworld

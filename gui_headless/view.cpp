@@ -6,9 +6,9 @@
 namespace subworld {
 namespace {
 
-constexpr double kNearestShare = 1e-3;  // near plane over far plane: what 24 bits of depth stand
-constexpr double kLightReach = 1.6;     // in radii of what is shown
-constexpr double kGroundReach = 3.5;    // in radii of what is shown
+constexpr double kNearestShare = 1e-3;  // near plane over far plane, limited by 24 bits of depth
+constexpr double kLightReach = 1.6;     // in radii of the shown objects
+constexpr double kGroundReach = 3.5;    // in radii of the shown objects
 
 Eigen::Matrix4d view_matrix(const CameraAxes& axes, const Vec3& eye) {
   Eigen::Matrix4d view = Eigen::Matrix4d::Identity();
@@ -49,7 +49,7 @@ View view_of(const Figure& figure, PictureSize size) {
   const double far = std::max(distance, 0.0) + 2.0 * reach;
   const double near = std::max(distance - 1.5 * reach, kNearestShare * far);
   const double aspect = static_cast<double>(size.width) / size.height;
-  // The lights go with the camera, so that the sides that are seen are lit.
+  // The lights move with the camera, so that the visible sides are lit.
   const Vec3 key = (0.85 * Vec3::UnitZ() - 0.30 * axes.right - 0.38 * axes.forward).normalized();
   const Vec3 fill = (0.35 * Vec3::UnitZ() + 0.80 * axes.right - 0.30 * axes.forward).normalized();
   View view;

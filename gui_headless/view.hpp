@@ -6,14 +6,14 @@
 
 namespace subworld {
 
-/// Where a figure is seen and lit from, relative to its origin, in OpenGL's conventions.
+/// View and light of a figure, relative to its origin, in OpenGL's conventions.
 struct View {
   Eigen::Matrix4f camera;
   Eigen::Matrix4f light;  ///< orthographic, from the key light
   Eigen::Vector3f eye;
   Eigen::Vector3f key_light;  ///< unit, towards the light
   Eigen::Vector3f fill_light;
-  double light_width;   ///< of what the key light's view holds, m
+  double light_width;   ///< width of the key light's view, m
   double ground_reach;  ///< m
 };
 

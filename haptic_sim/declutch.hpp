@@ -6,7 +6,7 @@
 namespace subworld {
 
 /// Where the device is in the scene: device position + offset. Wherever a device is when it is first heard, that place
-/// is the proxy's start. While the clutch is open the device may move without moving in the scene.
+/// is the proxy's start. While it is declutched the device may move without moving in the scene.
 class Declutch {
  public:
   explicit Declutch(const BodyState& proxy_start) noexcept : start_(proxy_start) {
@@ -27,7 +27,7 @@ class Declutch {
     device_.linear_velocity = open_ ? Vec3::Zero() : Vec3(device.linear_velocity / rate);
     device_.angular_velocity = open_ ? Vec3::Zero() : Vec3(device.angular_velocity / rate);
   }
-  /// Where the hand is after `dt` of simulated time without news of it.
+  /// Extrapolates the device by `dt` of simulated time without a new state.
   void advance(double dt) noexcept { device_.pose.position += dt * device_.linear_velocity; }
   void open(bool open) noexcept { open_ = open; }
 

@@ -28,8 +28,10 @@ constexpr auto kNothingComing = [] { return false; };
 std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& scene, const Options& options) {
   ports.status.enter("waiting");
   const auto missing = [&](const char* what, const char* program) {
-    return fmt::format("no {} on domain {} within {} s; start {} on the same domain, or name its host with --peers",
-                       what, options.network.domain, options.wait_s, program);
+    return fmt::format(
+        "no {} on domain {} within {} s; start {} with the same --domain; on another host, name it with "
+        "--peers and give --interface on both",
+        what, options.network.domain, options.wait_s, program);
   };
 
   SessionFinder finder(ports.scene, settings_hash(scene));

@@ -1,10 +1,10 @@
 #include "haptic_sim/local_model.hpp"
 
-#include "coupling/contact_graph.hpp"
+#include "coupling/authority.hpp"
+#include "coupling/gradual_shifts.hpp"
+#include "coupling/plan.hpp"
 #include "coupling/selection.hpp"
 #include "coupling/synchroniser.hpp"
-#include "haptic_sim/border_model.hpp"
-#include "haptic_sim/gradual_shifts.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -18,14 +18,6 @@ namespace {
 /// Largest step of the coupling's force in which bodies are corrected. Smaller ones set more bodies in more steps,
 /// which engines answer with work: Rapier's step takes up to a seventh longer.
 constexpr double kUnfelt_n = 0.05;
-
-std::vector<BodyId> peers_of(const Scene& scene, std::size_t user) {
-  std::vector<BodyId> peers;
-  for (std::size_t u = 0; u < static_cast<std::size_t>(scene.settings.users); ++u) {
-    if (u != user) peers.push_back(scene.users[u].proxy);
-  }
-  return peers;
-}
 
 /// The proxy lives in the world alone.
 class MirroredProxy final : public LocalModel {
@@ -62,9 +54,9 @@ class SimulatedNeighbourhood final : public LocalModel {
         scene_(scene),
         proxy_(scene.users[user].proxy),
         engine_(make_engine(scene.settings.haptic, scene.meshes)),
-        synchroniser_(scheme, remembered_cycles(scene.settings, scheme), proxy_, peers_of(scene, user)),
+        synchroniser_(scheme, scene, user),
         reads_friction_(!enabled(scene, Optimisation::impulses)),
-        border_(make_border_model(scheme, scene, remembered_cycles(scene.settings, scheme))) {
+        border_(scheme.make_sub_world_side(scene, remembered_cycles(scene.settings, scheme))) {
     for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
     left_.reserve(kUsualMembers);
     peers_.reserve(scene.users.size());
@@ -102,23 +94,23 @@ class SimulatedNeighbourhood final : public LocalModel {
   }
 
   void follow(const WorldFrame& frame, const HapticReport* mine, const Age& age) override {
-    int parts = 1;
+    int substeps = 1;
     if (mine != nullptr) {
       const std::span<const PairShift> pairs = synchroniser_.synchronise(frame, *mine, age.cycles);
-      if (scheme_.corrects_gradually()) parts = parts_of(pairs, frame.cycle_s);
+      if (scheme_.properties.corrects_gradually) substeps = substeps_of(pairs, frame.cycle_s);
       for (const PairShift& pair : pairs) {
         if (!engine_.contains(pair.id)) continue;
         const bool member = std::ranges::binary_search(members_, pair.id);
-        gradual_.begin(engine_, pair.id, engine_.state(pair.id), pair.sub, member ? parts : 1);
+        gradual_.begin(engine_, pair.id, engine_.state(pair.id), pair.sub, member ? substeps : 1);
       }
     }
-    let_peers_go();
+    release_peers();
     follow_membership(frame, age.s);
-    follow_border(frame, age, parts);
+    follow_border(frame, age, substeps);
   }
 
   bool reset_from(const WorldFrame& frame) override {
-    let_peers_go();
+    release_peers();
     gradual_.clear();
     for (const StampedBody& s : frame.states) {
       if (engine_.contains(s.id)) engine_.set_state(s.id, s.state);
@@ -132,7 +124,7 @@ class SimulatedNeighbourhood final : public LocalModel {
 
   void describe(HapticReport& report) override {
     for (const BodyId id : members_) report.members.push_back({id, gradual_.completed(id, engine_.state(id))});
-    if (compares_islands_) describe_islands(report.islands);
+    if (compares_islands_) Authority::label(scene_, islands_, members_, engine_.contacts(), {}, report.islands);
     report.indicators.border_bodies = border_bodies_;
     border_->log(report.stamp, engine_);
   }
@@ -144,8 +136,8 @@ class SimulatedNeighbourhood final : public LocalModel {
   bool reports_afterwards() const noexcept override { return true; }
 
  private:
-  /// As many as it takes until the hand feels none, the same for all bodies: those that touch move together.
-  int parts_of(std::span<const PairShift> pairs, double cycle_s) const {
+  /// As many as it takes until no step of the force is felt, the same for all bodies: those that touch move together.
+  int substeps_of(std::span<const PairShift> pairs, double cycle_s) const {
     const CouplingSettings& coupling = user_of(proxy_)->coupling;
     double felt_n = 0.0;
     for (const PairShift& pair : pairs) {
@@ -186,7 +178,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     engine_.set_inertia(body.id, body.mass, body.inertia);
   }
 
-  void let_peers_go() {
+  void release_peers() {
     for (const PeerDevice& peer : peers_) {
       const UserSpec* user = user_of(peer.proxy);
       if (user != nullptr && engine_.contains(peer.proxy)) declutch(*user);
@@ -229,21 +221,13 @@ class SimulatedNeighbourhood final : public LocalModel {
     }
   }
 
-  void follow_border(const WorldFrame& frame, const Age& age, int parts) {
-    const Correction part = scheme_.correction({.lag_cycles = age.cycles}, {});
-    border_->follow(frame, left_, engine_, {.lag_s = age.s, .gain = part.sub, .parts = parts});
+  void follow_border(const WorldFrame& frame, const Age& age, int substeps) {
+    const Correction part = scheme_.correction({.lag_cycles = age.cycles}, {}, scene_.settings);
+    border_->follow(frame, left_, engine_, {.lag_s = age.s, .gain = part.sub, .substeps = substeps});
     border_bodies_ = frame.border_bodies;
     compares_islands_ = !frame.islands.empty();
     peers_ = frame.peers;
     peers_stamp_s_ = frame.stamp_s;
-  }
-
-  void describe_islands(std::vector<std::uint32_t>& labels) {
-    islands_.begin(members_);
-    for (const Contact& c : engine_.contacts()) {
-      if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) islands_.join(c.a, c.b);
-    }
-    islands_.labels(labels);
   }
 
   void observe_contacts(Indicators& indicators) {
@@ -265,7 +249,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   GradualShifts gradual_;
   Synchroniser synchroniser_;
   bool reads_friction_;  ///< of contacts
-  std::unique_ptr<BorderModel> border_;
+  std::unique_ptr<SubWorldSide> border_;
   std::vector<BodyId> members_, fixed_;  ///< ascending
   std::vector<PeerDevice> peers_;
   double peers_stamp_s_ = 0.0;
@@ -273,14 +257,14 @@ class SimulatedNeighbourhood final : public LocalModel {
   std::uint32_t border_bodies_ = 0;
   bool compares_islands_ = false;
   Islands islands_;
-  std::vector<StampedBody> left_;  ///< members that the frame in hand has no more
+  std::vector<StampedBody> left_;  ///< members that the present frame has no more
   std::vector<BodyId> scratch_;
 };
 
 }  // namespace
 
 std::unique_ptr<LocalModel> make_local_model(const Scheme& scheme, const Scene& scene, std::size_t user) {
-  if (scheme.border() == Border::none) return std::make_unique<MirroredProxy>(scene, user);
+  if (!scheme.properties.has_sub_worlds) return std::make_unique<MirroredProxy>(scene, user);
   return std::make_unique<SimulatedNeighbourhood>(scheme, scene, user);
 }
 

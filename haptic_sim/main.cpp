@@ -16,8 +16,8 @@ int main(int argc, char** argv) {
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     HapticPorts ports(options, scene);
     if (realtime) leave_realtime();
-    HapticMeasures measures(options.out, options.trace, sub.user(), limits_of(scene.users[sub.user()].device), scene.settings.h_s,
-                            [&](std::string text) { ports.status.note(std::move(text)); });
+    HapticMeasures measures(options.out, options.trace, sub.user(), limits_of(scene.users[sub.user()].device),
+                            scene.settings.h_s, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
     const auto first = join(ports, sub, scene, options);
     if (first) {

@@ -31,8 +31,8 @@ enum class HapticStage : std::uint8_t {
   account,
   count
 };
-inline constexpr std::array kHapticStages{"wake", "receive", "decode",  "synchronise",  "control",
-                                          "feel", "send",    "advance", "report", "account"};
+inline constexpr std::array kHapticStages{"wake", "receive", "decode",  "synchronise", "control",
+                                          "feel", "send",    "advance", "report",      "account"};
 static_assert(kHapticStages.size() == Stages<HapticStage>::kCount);
 
 /// What a haptic process says of itself at the end, and its history on the way.
@@ -54,7 +54,10 @@ class HapticMeasures {
   void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
   void loop_ends() { machine_.end(); }
   void synchronised(double seconds, std::uint64_t lost_frames) noexcept;
-  void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
+  /// A frame that came at `now` echoes when the report that the world used last was sent; 0: none was.
+  void answered(std::int64_t echoed_sent_ns, TimePoint now) noexcept {
+    if (echoed_sent_ns != 0) round_trip_.add(1e-9 * static_cast<double>(to_ns(now) - echoed_sent_ns));
+  }
   void resynchronised() noexcept { ++resets_; }
   /// A frame whose stamp no world has that goes on from the last one.
   void refused_frame() noexcept { ++refused_frames_; }
@@ -66,7 +69,7 @@ class HapticMeasures {
   }
 
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
-  /// What the status shows; missed deadlines with those of the steps that were left out.
+  /// What the status shows; missed deadlines with those of the skipped steps.
   [[nodiscard]] LoopState state(double time_s) const noexcept {
     return {time_s, steps_, misses_.all(), misses_.by_os, step_.sum_s(), last_force_.norm()};
   }
@@ -86,7 +89,7 @@ class HapticMeasures {
     double members = 0.0;
     bool missed = false;
     bool lost_frames = false;
-  } traced_;  ///< of the step in hand
+  } traced_;  ///< of the present step
   Histogram step_, lateness_, woken_late_, sync_, round_trip_;
   Misses misses_;
   MachineShare machine_;

@@ -24,8 +24,8 @@ class Phase {
   /// ahead.
   Phase(double cycle_s, int lead_cycles) noexcept : cycle_s_(cycle_s), lead_cycles_(lead_cycles) {}
 
-  /// A frame has come. `lead_s`: by how much the haptic clock is to be ahead of the world's when that shows the frame's
-  /// stamp; `until_s`: wall time until it does, s; `haptic_s`: the haptic clock now.
+  /// A frame has come. `ahead_s`: by how much the haptic clock is to be ahead of the world's when that shows the
+  /// frame's stamp; `until_s`: wall time until it does, s; `haptic_s`: the haptic clock now.
   void observe(double stamp_s, double ahead_s, double until_s, double real_time_factor, double haptic_s) noexcept {
     const double late_s = stamp_s + ahead_s - real_time_factor * until_s - haptic_s;
     late_cycles_ = late_s / cycle_s_;

@@ -4,6 +4,9 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
+#include <thread>
+
 namespace subworld {
 
 HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
@@ -22,6 +25,23 @@ bool HapticPorts::send(HapticReport& report) noexcept {
   report.session = session;
   report.sender = identity;
   return reports.write(report);
+}
+
+void send_last_command(HapticPorts& ports, const DeviceState& state, int times) {
+  constexpr std::chrono::milliseconds kAgain{5};
+  constexpr double kAcknowledged_s = 1.0;  // that it may take to arrive on a busy machine
+  DeviceCommand command;
+  command.device = state.device;
+  command.session = ports.session;
+  command.served = state.sender;
+  command.sequence = state.sequence;
+  command.pose = state.pose;
+  command.last = true;
+  for (int i = 0; i < times; ++i) {
+    if (i > 0) std::this_thread::sleep_for(kAgain);
+    ports.command.write(command);
+  }
+  ports.command.wait_for_acknowledgments(kAcknowledged_s);
 }
 
 std::string refused_text(std::uint32_t user) {

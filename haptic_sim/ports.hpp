@@ -35,4 +35,7 @@ struct HapticPorts {
 
 [[nodiscard]] std::string refused_text(std::uint32_t user);
 
+/// Tells the device that the run is over, `times` times because one may get lost. `state`: the newest of the device.
+void send_last_command(HapticPorts& ports, const DeviceState& state, int times);
+
 }  // namespace subworld

@@ -1,6 +1,7 @@
 #include "haptic_sim/sub_world.hpp"
 
-#include "coupling/carried.hpp"
+#include "coupling/plan.hpp"
+#include "coupling/reduced/carried.hpp"
 #include "coupling/synchroniser.hpp"
 #include "model/reach.hpp"
 #include "model/shape_extent.hpp"
@@ -13,7 +14,7 @@ namespace subworld {
 
 namespace {
 
-/// No hand moves a device faster: fast reaching movements come to 3 m/s, throws to more, but not with a device.
+/// No operator moves a device faster: fast reaching movements come to 3 m/s, throws to more, but not with a device.
 constexpr double kFastestOperator_m_s = 10.0;
 
 }  // namespace
@@ -22,8 +23,8 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
     : scene_(scene),
       user_(user),
       spec_(scene.users[user]),
-      scheme_(make_scheme(scene.settings)),
-      model_(make_local_model(*scheme_, scene, user)),
+      scheme_(scheme_of(scene.settings)),
+      model_(make_local_model(scheme_, scene, user)),
       limits_(limits_of(spec_.device)),
       guard_(operator_limits_of(spec_.device), spec_.coupling.ramp_s),
       motion_(spec_.device.speed_limit_m_s, spec_.device.speed_limit_m_s / kTurnRadius_m),
@@ -32,9 +33,9 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       tool_(tool_at(rate_, spec_, scene.body(spec_.proxy))),
       reports_device_(!enabled(scene, Optimisation::device)),
       may_suppress_(enabled(scene, Optimisation::suppression)),
-      suppression_(scheme_->lead_cycles()),
-      timetable_(scene.settings.ratio, remembered_cycles(scene.settings, *scheme_)),
-      reports_(remembered_cycles(scene.settings, *scheme_)) {
+      suppression_(scheme_.properties.lead_cycles),
+      timetable_(scene.settings.ratio, remembered_cycles(scene.settings, scheme_)),
+      reports_(remembered_cycles(scene.settings, scheme_)) {
   if (scene.settings.mode != Mode::realtime) return;
   for (HapticReport& report : reports_) reserve(report, kUsualMembers);
 }
@@ -64,7 +65,9 @@ double SubWorld::time_s() const noexcept {
   return scene_.settings.h_s * static_cast<double>(timetable_.start(stamp_)) + in_cycle_s_;
 }
 
-double SubWorld::cycle_left_s() const noexcept { return cycle_s() - (at_boundary() ? 0.0 : in_cycle_s_); }
+double SubWorld::cycle_left_s() const noexcept {
+  return at_boundary() ? scene_.settings.h_s * timetable_.ratio(stamp_ + 1) : cycle_s() - in_cycle_s_;
+}
 
 bool SubWorld::at_boundary() const noexcept { return in_cycle_s_ >= cycle_s() - 1e-6 * scene_.settings.h_s; }
 
@@ -145,22 +148,16 @@ void SubWorld::advance(double dt) {
   const bool spring = spec_.device.kind == DeviceKind::impedance;
   device_work_j_ += dt * (mean.force.dot(spring ? device().linear_velocity : moved.linear_velocity) +
                           mean.torque.dot(spring ? device().angular_velocity : moved.angular_velocity));
-  declutch_.advance(dt);  // where the hand is when the step ends, as far as is known
+  declutch_.advance(dt);  // extrapolated to the end of the step
   in_cycle_s_ += dt;
   ++steps_;
-}
-
-FeltStep SubWorld::step(const DeviceState& device, bool trusted, double dt) {
-  const FeltStep felt = feel(device, trusted, dt);
-  advance(dt);
-  return felt;
 }
 
 bool SubWorld::suppresses_report() const {
   if (!may_suppress_ || !suppression_.may_lack_report(stamp_ + 1)) return false;
   const BodyState now = proxy();
   const Box there = bounds(scene_.body(spec_.proxy).shape, now, scene_.meshes);
-  return suppression_.place().holds(operator_reach(there, now, looked_ahead_s(scene_.settings, *scheme_, cycle_s())));
+  return suppression_.place().holds(operator_reach(there, now, looked_ahead_s(scene_.settings, scheme_, cycle_s())));
 }
 
 void SubWorld::begin_cycle() {
@@ -233,7 +230,7 @@ void SubWorld::note(const WorldFrame& frame) noexcept {
   if (may_suppress_) suppression_.begin(frame);
 }
 
-std::uint64_t SubWorld::apply(const WorldFrame& frame) {
+std::uint64_t SubWorld::synchronise_with(const WorldFrame& frame) {
   if (!knows(frame)) return 0;
   if (framed_ && frame.stamp <= frame_stamp_) return 0;
   const std::uint64_t missing = framed_ ? frame.stamp - frame_stamp_ - 1 : 0;

@@ -24,19 +24,37 @@ struct FeltStep {
   Wrench to_operator;  ///< for the device: bounded, finite, ramped
 };
 
+/// What one haptic step needs.
+struct StepInput {
+  const DeviceState* device = nullptr;  ///< null: none has been received yet, and no force is felt
+  bool device_trusted = true;           ///< its state is fresh
+  double wall_s = 0.0;                  ///< since the step before
+  double dt = 0.0;                      ///< simulated time that the step covers
+};
+
 /// One user's haptic sub-world: a small copy of the world around the proxy, stepped at the haptic rate, coupled to the
-/// device and corrected from the world. A cycle is: `report`, `apply` of the world's frame of the same stamp, r steps.
+/// device and corrected from the world. A cycle is: `report`, `synchronise_with` the world's frame of the same stamp, r
+/// steps.
 class SubWorld {
  public:
   SubWorld(const Scene& scene, std::size_t user);
 
-  /// One haptic step that covers `dt` of simulation time: h, unless a clock is caught up with. `device_trusted`: its
-  /// state is fresh.
-  FeltStep step(const DeviceState& device, bool device_trusted, double dt);
+  /// One haptic step, in the one order there is: the force, then `on_force(felt)`, which sends it; the motion; and
+  /// `on_report()` where a report is due, before the motion or after it, as the scheme has it.
+  template <class OnForce, class OnReport>
+  FeltStep step(const StepInput& input, OnForce&& on_force, OnReport&& on_report) {
+    const FeltStep felt =
+        input.device != nullptr ? feel(*input.device, input.device_trusted, input.wall_s) : FeltStep{};
+    on_force(felt);
+    if (report_due()) on_report();
+    advance(input.dt);
+    if (report_due()) on_report();
+    return felt;
+  }
   /// The force for the device at the start of a step of `wall_s`, before the sub-world moves: so that it leaves without
   /// delay.
   [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double wall_s);
-  /// The answer to the device: the force for its hand, and, for an admittance device, where the proxy is and how it
+  /// The answer to the device: the force for its operator, and, for an admittance device, where the proxy is and how it
   /// moves in wall time.
   [[nodiscard]] DeviceCommand command_for(const DeviceState& device, const Wrench& to_operator);
   void advance(double dt);
@@ -49,12 +67,13 @@ class SubWorld {
     took_max_s_ = std::max(took_max_s_, step_s);
     ++timed_steps_;
   }
-  /// What the hand feels fades out, and it is met again from zero.
+  /// The force fades to zero, and the coupling re-engages from there.
   void declutch() noexcept { guard_.declutch(); }
   /// The same after a sleep that was long enough for the device to let it go by itself.
   void re_engage() noexcept { guard_.restart(); }
-  /// While the sub-world's clock stands: the hand may go where it likes, and is met there when the clock goes on.
-  void stand(bool stands) noexcept { declutch_.open(stands); }
+  /// While the sub-world is paused the force fades to zero, and the device may move without moving the proxy. On resume
+  /// the coupling restarts at the device's new position.
+  void pause(bool paused) noexcept { declutch_.open(paused); }
 
   /// True when the steps since the last boundary fill a cycle: `report` is due.
   [[nodiscard]] bool at_boundary() const noexcept;
@@ -69,7 +88,7 @@ class SubWorld {
   [[nodiscard]] bool accepts(std::uint64_t frame_stamp) const noexcept {
     return !model_->reports_afterwards() || frame_stamp <= stamp_;
   }
-  /// Closes the cycle. Its report, which lives for several cycles; null where nobody waits for one (coupling/silence).
+  /// Closes the cycle. Its report, which lives for several cycles; null where it is suppressed (coupling/suppression).
   /// `sent_ns` is the caller's clock.
   HapticReport* close_cycle(std::int64_t sent_ns);
   /// The same, with a report in any case.
@@ -80,7 +99,7 @@ class SubWorld {
   /// Uses a frame whose stamp is not ahead of stamp(): blends, bodies that enter and leave, border.
   /// Returns the number of frames that are missing before it; a frame that is older than the newest one, or names
   /// bodies that the scene does not have, does nothing.
-  std::uint64_t apply(const WorldFrame& frame);
+  std::uint64_t synchronise_with(const WorldFrame& frame);
   /// Whether the frame counts cycles as the sub-world does. If not, a change of the ratio was missed: reset_from().
   [[nodiscard]] bool agrees(const WorldFrame& frame) const noexcept;
   /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind or is not finite.
@@ -88,7 +107,7 @@ class SubWorld {
   bool reset_from(const WorldFrame& frame);
 
   /// Asks for another engine. Returns what came of it, in words; exchange_engine() hands over between two steps,
-  /// when the other one is ready, and lets the hand feel it gently.
+  /// when the other one is ready, and ramps the force.
   std::string change_engine(EngineExchange& exchange, const EngineOrder& order);
   bool exchange_engine(EngineExchange& exchange);
 
@@ -107,16 +126,16 @@ class SubWorld {
   [[nodiscard]] std::size_t contacts() const noexcept { return model_->contacts(); }
   [[nodiscard]] std::size_t border_pairs() const noexcept { return border_pairs_; }
   [[nodiscard]] double device_work_j() const noexcept { return device_work_j_; }
-  /// What has crossed between the hand and this side of the device's link.
+  /// The energy that crossed between the operator and this side of the device's link.
   [[nodiscard]] const OperatorPort& operator_port() const noexcept { return port_; }
-  /// States of the device that no hand can have come to since the one before.
+  /// Device states that no operator can have reached since the one before.
   [[nodiscard]] std::uint64_t jumps() const noexcept { return jumps_; }
   /// Of the engine that simulates it; empty where none does.
   [[nodiscard]] std::string engine_name() const;
-  [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
+  [[nodiscard]] const Scheme& scheme() const noexcept { return scheme_; }
 
  private:
-  /// Whether a hand can have moved the device so since the state before.
+  /// Whether the device moved farther since the state before than an operator can move it.
   [[nodiscard]] bool jumped(const DeviceState& state, double wall_s) const noexcept;
   [[nodiscard]] bool knows(const WorldFrame& frame) const noexcept;
   /// Length of the cycle under way.
@@ -130,7 +149,7 @@ class SubWorld {
   const Scene& scene_;
   std::size_t user_;
   const UserSpec& spec_;
-  std::unique_ptr<Scheme> scheme_;
+  const Scheme& scheme_;
   std::unique_ptr<LocalModel> model_;
   ForceLimits limits_;
   ForceGuard guard_;
@@ -141,7 +160,7 @@ class SubWorld {
   DeviceState before_;  ///< the device in the step before
   bool heard_ = false;
   bool trusted_ = false;
-  double wall_s_ = 0.0;  ///< of the step in hand
+  double wall_s_ = 0.0;  ///< of the present step
   double rate_ = 1.0;    ///< of the clock
   Tool tool_;            ///< at that rate
 

@@ -1,8 +1,9 @@
 #include "world_sim/frame_maker.hpp"
 
-#include "coupling/approach.hpp"
 #include "coupling/blend.hpp"
 #include "coupling/border.hpp"
+#include "coupling/plan.hpp"
+#include "coupling/swept_bounds.hpp"
 
 #include <algorithm>
 
@@ -24,12 +25,12 @@ void sort_unique(std::vector<BodyId>& ids) {
 
 }  // namespace
 
-FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t remembered_cycles)
+FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side, std::uint64_t remembered_cycles)
     : scene_(scene),
       scheme_(scheme),
       remembered_(remembered_cycles),
       users_(static_cast<std::size_t>(scene.settings.users)),
-      border_(make_border_extractor(scheme, scene)),
+      side_(side),
       budget_(scene),
       tells_all_pairs_(!enabled(scene, Optimisation::pairs)),
       suppression_(scene, scheme),
@@ -42,7 +43,7 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t r
     user.spec = &scene.users[u];
     user.budget = {.limit_s = user.spec->budget_ratio * s.h_s,
                    .cost = engine_cost(s.haptic).step(s.h_s),
-                   .simulates_border = scheme.border() == Border::ghosts};
+                   .simulates_border = scheme.properties.simulates_border};
     user.frames.resize(remembered_);
     user.border.reserve(4 * kUsualMembers);
     if (s.mode == Mode::realtime) {
@@ -61,32 +62,32 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
     }
     const double until_heard_s = horizon_s(now, heard[u]);
     const Box reach = select(user, now, until_heard_s);
-    WorldFrame& published_state = frame(u, now.stamp);
-    published_state.user = UserId{static_cast<std::uint32_t>(u)};
-    published_state.stamp = now.stamp;
-    published_state.stamp_s = now.stamp_s;
-    published_state.cycle_s = now.cycle_s;
-    published_state.ratio = now.timetable.ratio(now.stamp);
-    published_state.planned = now.timetable.newest();
-    published_state.echoed_sent_ns = heard[u].newest->sent_ns;
-    published_state.echoed_stamp = heard[u].newest->stamp;
-    published_state.members = user.membership.members;
-    published_state.fixed = user.membership.fixed;
-    border_->extract(now, {user.membership, reach, until_heard_s, shared}, user.border, published_state);
-    if (scheme_.replicates_peers()) list_peers(user, now, heard, published_state);
-    list_unconfirmed(user, now, heard[u], offset_s, published_state);
-    tell_border(user, now, heard[u], published_state);
-    published_state.suppression.reset();
-    const bool alone = published_state.states.size() == 1 && published_state.entering.empty() &&
-                       published_state.ghosts.empty() && user.border.empty();
-    if (may_suppress_ && heard[u].any && alone) published_state.suppression = suppression_.find(*user.spec, now);
+    WorldFrame& out = frame(u, now.stamp);
+    out.user = UserId{static_cast<std::uint32_t>(u)};
+    out.stamp = now.stamp;
+    out.stamp_s = now.stamp_s;
+    out.cycle_s = now.cycle_s;
+    out.ratio = now.timetable.ratio(now.stamp);
+    out.planned = now.timetable.newest();
+    out.echoed_sent_ns = heard[u].newest->sent_ns;
+    out.echoed_stamp = heard[u].newest->stamp;
+    out.members = user.membership.members;
+    out.fixed = user.membership.fixed;
+    if (scheme_.properties.has_sub_worlds)
+      side_.extract(now, {user.membership, reach, until_heard_s, shared}, user.border, out);
+    if (scheme_.properties.replicates_peers) list_peers(user, now, heard, out);
+    list_unconfirmed(user, now, heard[u], offset_s, out);
+    tell_border(user, now, heard[u], out);
+    out.suppression.reset();
+    const bool alone = out.states.size() == 1 && out.entering.empty() && out.ghosts.empty() && user.border.empty();
+    if (may_suppress_ && heard[u].any && alone) out.suppression = suppression_.find(*user.spec, now);
   }
 }
 
 Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   const UserSpec& spec = *user.spec;
   Membership& chosen = user.membership;
-  if (scheme_.border() == Border::none) {
+  if (!scheme_.properties.has_sub_worlds) {
     chosen.members.assign(1, spec.proxy);
     return {};
   }
@@ -189,7 +190,7 @@ void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const H
     for (std::uint64_t j = oldest; j < now.stamp && there; ++j) there = names(past(j), id);
     if (!there) frame.entering.push_back({nameless(scene_.body(id)), published_state(id)});
   };
-  if (scheme_.border() != Border::none) {
+  if (scheme_.properties.has_sub_worlds) {
     std::ranges::for_each(frame.members, list);
     std::ranges::for_each(frame.fixed, list);
     for (const GhostModel& ghost : frame.ghosts) list(ghost.outside);

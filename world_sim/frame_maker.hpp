@@ -6,7 +6,6 @@
 #include "coupling/selection.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
-#include "world_sim/border_extractor.hpp"
 #include "world_sim/suppression_finder.hpp"
 
 #include <memory>
@@ -34,9 +33,9 @@ struct SelectionFacts {
 /// needs.
 class FrameMaker {
  public:
-  FrameMaker(const Scene& scene, const Scheme& scheme, std::uint64_t remembered_cycles);
+  FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side, std::uint64_t remembered_cycles);
 
-  /// Makes the frames of one stamp. `heard` by user; the states told are moved by `offset_s` (may be negative).
+  /// Makes the frames of one stamp. `heard` by user; the published states are moved by `offset_s` (may be negative).
   void make(const WorldNow& now, std::span<const Heard> heard, double offset_s);
 
   /// What a haptic step of a user took, mean over a cycle; 0: not known. Corrects what bodies are thought to cost.
@@ -87,7 +86,7 @@ class FrameMaker {
   const Scheme& scheme_;
   std::uint64_t remembered_;
   std::vector<User> users_;
-  std::unique_ptr<BorderExtractor> border_;
+  WorldSide& side_;
   BudgetSelector budget_;
   bool tells_all_pairs_;
   SuppressionFinder suppression_;

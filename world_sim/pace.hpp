@@ -36,7 +36,7 @@ class Pace {
   [[nodiscard]] double cost_s() const noexcept { return cost_s_; }
   /// The world needs more than a cycle even of the slowest clock.
   [[nodiscard]] bool stuck() const noexcept { return slowed_ && kShare * cycle_s_ < kLeastRealTimeFactor * cost_s_; }
-  /// What a user should be told, once; a clock that slows again within a second of recovery is no news.
+  /// News for the user, once; a clock that slows again within a second of recovery is no news.
   [[nodiscard]] News take_news() noexcept;
 
  private:

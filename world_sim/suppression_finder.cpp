@@ -50,7 +50,7 @@ std::optional<Suppression> SuppressionFinder::find(const UserSpec& user, const W
   const Box around = selection_box(proxy.position, user.box_half_m);
   look_at_others(user.proxy, now);
   const double left_cycles = std::max(0.0, std::floor((s.duration_s - now.stamp_s) / cycle_s + 0.5));
-  const auto shortest = static_cast<std::uint64_t>(scheme_.lead_cycles()) + 2;
+  const auto shortest = static_cast<std::uint64_t>(scheme_.properties.lead_cycles) + 2;
   for (auto cycles = std::min(kMostSuppressedCycles, static_cast<std::uint64_t>(left_cycles)); cycles >= shortest;
        cycles /= 2) {
     list_obstacles(around, static_cast<double>(cycles) * cycle_s + ahead_s, now);

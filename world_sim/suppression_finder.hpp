@@ -3,19 +3,18 @@
 #include "coupling/scheme.hpp"
 #include "coupling/suppression.hpp"
 #include "model/scene.hpp"
-#include "world_sim/border_extractor.hpp"
 
 #include <optional>
 #include <vector>
 
 namespace subworld {
 
-/// For how long, and in which place, a proxy that is alone in its sub-world will stay alone (coupling/silence).
+/// For how long, and in which place, a proxy that is alone in its sub-world will stay alone (coupling/suppression).
 class SuppressionFinder {
  public:
   SuppressionFinder(const Scene& scene, const Scheme& scheme) : scene_(scene), scheme_(scheme) {}
 
-  /// Empty where something may come so soon that silence is not worth it.
+  /// Empty where something may come so soon that suppression is not worth it.
   std::optional<Suppression> find(const UserSpec& user, const WorldNow& now);
 
  private:

@@ -1,6 +1,7 @@
 #include "world_sim/world.hpp"
 
-#include "coupling/approach.hpp"
+#include "coupling/plan.hpp"
+#include "coupling/swept_bounds.hpp"
 #include "coupling/virtual_coupling.hpp"
 #include "model/shape_extent.hpp"
 
@@ -43,7 +44,7 @@ std::vector<BodyId> proxies_of(const Scene& scene) {
   return proxies;
 }
 
-/// Below, m/s, nothing moves that a hand could feel.
+/// Slower motion cannot be felt, m/s.
 constexpr double kStill_m_s = 5e-3;
 
 /// How far a contact point may move in a sub-step, of the smaller body's size.
@@ -53,20 +54,21 @@ constexpr double kContactReachRatio = 0.025;
 
 World::World(const Scene& scene, const std::function<void(double)>& progress, const EngineMaker& make)
     : scene_(scene),
-      scheme_(make_scheme(scene.settings)),
+      scheme_(scheme_of(scene.settings)),
+      side_(scheme_.make_world_side(scene)),
       live_(make(without_substeps(scene.settings.world), scene.meshes)),
       engine_(live_, scene, proxies_of(scene), enabled(scene, Optimisation::rest), enabled(scene, Optimisation::sway)),
       users_(static_cast<std::size_t>(scene.settings.users)),
       hash_(kHashSeed),
-      remembered_(remembered_cycles(scene.settings, *scheme_)),
+      remembered_(remembered_cycles(scene.settings, scheme_)),
       timetable_(scene.settings.ratio, remembered_),
       ratio_control_(scene.settings),
       engine_cost_(engine_cost(without_substeps(scene.settings.world))),
       cycle_s_(scene.settings.shortest_cycle_s()),
-      reads_friction_(scene.settings.has_sub_worlds() || !enabled(scene, Optimisation::impulses)),
-      reads_friction_later_(scene.settings.has_sub_worlds() && enabled(scene, Optimisation::impulses)),
+      reads_friction_(scheme_.properties.has_sub_worlds || !enabled(scene, Optimisation::impulses)),
+      reads_friction_later_(scheme_.properties.has_sub_worlds && enabled(scene, Optimisation::impulses)),
       motions_(scene.bodies.size()),
-      frames_(scene, *scheme_, remembered_),
+      frames_(scene, scheme_, *side_, remembered_),
       heard_(users_.size()),
       energy_j_(remembered_, 0.0) {
   // Who repeats bit by bit and has no choice economises for nobody.
@@ -87,14 +89,9 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
   for (std::size_t u = 0; u < users_.size(); ++u) {
     users_[u].spec = &scene.users[u];
     users_[u].tool = tool_at(1.0, scene.users[u], scene.body(scene.users[u].proxy));
-    std::vector<BodyId> peers;
-    for (std::size_t p = 0; p < users_.size(); ++p) {
-      if (p != u) peers.push_back(scene.users[p].proxy);
-    }
-    users_[u].synchroniser =
-        std::make_unique<Synchroniser>(*scheme_, remembered_, scene.users[u].proxy, std::move(peers));
-    users_[u].suppression = SuppressedCycles(scheme_->lead_cycles());
-    // A silence ends with a report that is so much ahead.
+    users_[u].synchroniser = std::make_unique<Synchroniser>(scheme_, scene, u);
+    users_[u].suppression = SuppressedCycles(scheme_.properties.lead_cycles);
+    // A suppression ends with a report that is so much ahead.
     users_[u].inbox.resize(remembered_ + (enabled(scene, Optimisation::suppression) ? kMostSuppressedCycles : 0));
     users_[u].waiting.resize(users_[u].inbox.size());
     if (scene.settings.mode == Mode::realtime) {
@@ -162,10 +159,10 @@ double World::published_cost_s(double cycle_s, int parts) const noexcept {
 void World::begin_cycle() {
   cycle_s_ = seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp_)));
   // A scheme that minds the world's step minds what the engine makes of it.
-  const double for_scheme_s = scheme_->longest_world_step_s();
+  const double for_scheme_s = scheme_.properties.longest_world_step_s;
   const double longest_s =
       std::isfinite(for_scheme_s) ? std::min(for_scheme_s, engine_.capabilities().longest_step_s) : for_scheme_s;
-  const auto lead = static_cast<std::uint64_t>(scheme_->lead_cycles());
+  const auto lead = static_cast<std::uint64_t>(scheme_.properties.lead_cycles);
   const double time_s = seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp_ + lead)));
   substeps_ = ratio_control_.choose_substeps(substeps_, cycle_s_, longest_s, time_s, cycle_cost_);
 }
@@ -173,7 +170,7 @@ void World::begin_cycle() {
 bool World::border_is_felt(std::size_t user) {
   const WorldFrame& frame = frames_.frame(user, stamp_ == 0 ? 0 : stamp_ - 1);
   if (frames_.border(user).empty()) return false;
-  const double until_s = static_cast<double>(planned_cycles(scene_.settings, *scheme_)) * cycle_s_;
+  const double until_s = static_cast<double>(planned_cycles(scene_.settings, scheme_)) * cycle_s_;
   const BodyId proxy = users_[user].spec->proxy;
   const BodyState& now = motions_[index(proxy)].state;
   const Box reach = swept_bounds(now, engine_.bounds(proxy), scene_.settings.world.gravity.norm(), until_s);
@@ -190,7 +187,7 @@ void World::plan_ratio() {
   const int present = timetable_.ratio(stamp_);
   const int ratio = ratio_control_.choose_ratio(present, felt, cycle_s_, cycle_cost_);
   ratio_changes_ += ratio != present;
-  timetable_.plan({stamp_ + planned_cycles(scene_.settings, *scheme_), ratio});
+  timetable_.plan({stamp_ + planned_cycles(scene_.settings, scheme_), ratio});
 }
 
 bool World::receive(HapticReport&& report) {
@@ -218,7 +215,7 @@ void World::synchronise() {
       if (!user.waiting[slot] || user.inbox[slot].stamp != j) continue;
       user.waiting[slot] = false;
       if (user.heard && j <= user.report.stamp) continue;
-      if (scheme_->border() != Border::none && j > 0) apply(u, user.inbox[slot]);
+      if (scheme_.properties.has_sub_worlds && j > 0) apply(u, user.inbox[slot]);
       frames_.observe_step(u, user.inbox[slot].timing.mean_s);
       std::swap(user.before, user.report);
       std::swap(user.report, user.inbox[slot]);
@@ -233,8 +230,8 @@ void World::apply(std::size_t user, const HapticReport& report) {
   if (said.stamp != report.stamp) return;
   // What the sub-world makes of this frame is not known here: as if it were too old to correct anything.
   for (const PairShift& pair : users_[user].synchroniser->synchronise(said, report, INFINITY)) {
-    const int n = frames_.holders(pair.id);
-    const Shift shift = n > 1 ? scaled(pair.world, 1.0 / n) : pair.world;
+    const double share = Authority::share(frames_.holders(pair.id));
+    const Shift shift = share < 1.0 ? scaled(pair.world, share) : pair.world;
     const BodyState to = shifted(engine_.state(pair.id), shift);
     if (engine_.asleep(pair.id) && engine_.negligible(pair.id, to)) continue;  // the sub-world's last word of it
     engine_.set_state(pair.id, to);
@@ -267,7 +264,7 @@ void World::drive_proxies(double until_s, double dt) {
     const HapticReport& now = user.at(wants());
     const HapticReport& before = &now == &user.report ? user.before : user.report;
     set_rate(user, now.clock_rate);
-    const ProxyDrive drive = scheme_->drive(*user.spec, before, now, until_s + half_step_offset_s());
+    const ProxyDrive drive = side_->drive(*user.spec, before, now, until_s + half_step_offset_s());
     if (drive.target) hold(user, *drive.target, drive.limits, dt);
     engine_.apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
   }
@@ -326,7 +323,7 @@ double World::potential_j(BodyId id) const noexcept {
   return body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
 }
 
-double World::horizon_s() const { return looked_ahead_s(scene_.settings, *scheme_, cycle_s_); }
+double World::horizon_s() const { return looked_ahead_s(scene_.settings, scheme_, cycle_s_); }
 
 void World::simulate() {
   rest(cycle_s_);
@@ -356,7 +353,7 @@ void World::make_frames() {
 }
 
 double World::half_step_offset_s() const {
-  if (scheme_->lead_cycles() == 0) return 0.0;
+  if (scheme_.properties.lead_cycles == 0) return 0.0;
   return 0.5 * (integration_substep_s() - scene_.settings.h_s);
 }
 
@@ -382,7 +379,7 @@ void World::account() {
     of_operators_j += proxy_j;
   }
   const double energy_j = kinetic_j_ + potential_j_;
-  // How a proxy moves is its hand's work, to and fro.
+  // The proxies' kinetic energy is the operators' work.
   const double of_bodies_j = energy_j - of_operators_j;
   released_j_ += stamp_ > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_operators_j;
   of_bodies_j_ = of_bodies_j;

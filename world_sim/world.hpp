@@ -1,7 +1,6 @@
 #pragma once
 
 #include "coupling/contact_graph.hpp"
-#include "coupling/ghost.hpp"
 #include "coupling/ratio_control.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/suppression.hpp"
@@ -59,7 +58,7 @@ class World {
   }
 
   /// The stamp of the newest report that the next step uses if it is there.
-  [[nodiscard]] std::uint64_t wants() const noexcept { return stamp_ + scheme_->lead_cycles(); }
+  [[nodiscard]] std::uint64_t wants() const noexcept { return stamp_ + scheme_.properties.lead_cycles; }
 
   /// Applies the blends that are due; on its own for the reports that arrive after the last step.
   void synchronise();
@@ -106,7 +105,7 @@ class World {
   [[nodiscard]] std::uint64_t ratio_changes() const noexcept { return ratio_changes_; }
   [[nodiscard]] std::size_t asleep() const noexcept { return engine_.asleep_count(); }
   [[nodiscard]] const Engine& engine() const noexcept { return engine_; }
-  [[nodiscard]] const Scheme& scheme() const noexcept { return *scheme_; }
+  [[nodiscard]] const Scheme& scheme() const noexcept { return scheme_; }
   /// Steps of the engine in the last cycle.
   [[nodiscard]] int substeps() const noexcept { return substeps_; }
   /// Length of the parts in which the engine integrated.
@@ -115,7 +114,7 @@ class World {
   /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
   [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
   /// Energy that the bodies have lost so far, but for the proxies' motion after the start, J: most that they can have
-  /// given to hands.
+  /// given to operators.
   [[nodiscard]] double released_j() const noexcept { return released_j_; }
   /// What lifts every body by as much as engines let contacts overlap, J.
   [[nodiscard]] double contact_slack_j() const;
@@ -145,7 +144,7 @@ class World {
       const std::size_t slot = stamp % inbox.size();
       return waiting[slot] && inbox[slot].stamp == stamp;
     }
-    /// The report of a stamp, or that which ends the silence in which it lies, or the newest used.
+    /// The report of a stamp, or the one that ends the suppression in which it lies, or the newest used.
     [[nodiscard]] const HapticReport& at(std::uint64_t stamp) const noexcept {
       while (suppression.lacks_report(stamp)) ++stamp;
       return holds(stamp) ? inbox[stamp % inbox.size()] : report;
@@ -154,7 +153,7 @@ class World {
 
   void apply(std::size_t user, const HapticReport& report);
   void drive_proxies(double until_s, double dt);
-  /// The proxy as the user's hand has it, at the rate of the haptic clock.
+  /// The proxy's dynamics at the rate of the haptic clock.
   void set_rate(User& user, double rate);
   void hold(const User& user, const DevicePose& target, const ForceLimits& limits, double dt);
   /// By how much the world's positions are ahead of the sub-worlds' where both account for the same forces: half the
@@ -165,7 +164,7 @@ class World {
   }
   /// What a cycle costs by the published coefficients of the engine, s.
   [[nodiscard]] double published_cost_s(double cycle_s, int parts) const noexcept;
-  /// Whether a hand feels what crosses its border, or may before a change of the ratio takes effect.
+  /// Whether forces across the border are felt, or may before a change of the ratio takes effect.
   [[nodiscard]] bool border_is_felt(std::size_t user);
   void begin_cycle();
   /// Lets sleep what rests and wakes what may be reached before the next look, after `dt` of simulation.
@@ -184,7 +183,8 @@ class World {
   void balance();
 
   const Scene& scene_;
-  std::unique_ptr<Scheme> scheme_;
+  const Scheme& scheme_;
+  std::unique_ptr<WorldSide> side_;  ///< of the scheme
   LiveEngine live_;
   RestingEngine engine_;
   std::vector<User> users_;

@@ -22,14 +22,6 @@ Quat turned_partly(const Quat& turn, double part) noexcept {
 
 }  // namespace
 
-double blend_weight(const Indicators& in, const PaperSettings& settings) noexcept {
-  if (in.border_bodies == 0) return 1.0;
-  if (in.proxy_contacts == 0) return 0.0;
-  if (in.device_impulse_n_s < settings.device_impulse_threshold_n_s) return 0.0;
-  if (!(in.total_impulse_n_s > 0.0)) return 0.0;
-  return std::sqrt(std::clamp(in.proxy_impulse_n_s / in.total_impulse_n_s, 0.0, 1.0));
-}
-
 Shift difference(const BodyState& from, const BodyState& to) noexcept {
   return {to.position - from.position, (to.orientation * from.orientation.conjugate()).normalized(),
           to.linear_velocity - from.linear_velocity, to.angular_velocity - from.angular_velocity};

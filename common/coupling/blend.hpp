@@ -1,16 +1,8 @@
 #pragma once
 
 #include "model/body.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
 
 namespace subworld {
-
-/// The paper's s (4.3): how much of the sub-world's copy goes into a blend, 0 .. 1.
-///   1 without border bodies; else 0 without contacts on the proxy; else 0 if the device's impulse is under the
-///   threshold; else sqrt(impulse magnitudes on the proxy / impulse magnitudes in the sub-world).
-/// A closed sub-world comes first: it has no drift to correct, and the world's coarser copy would only add error.
-[[nodiscard]] double blend_weight(const Indicators& indicators, const PaperSettings& settings) noexcept;
 
 /// What turns one state into another: a difference that can be applied to a later state.
 struct Shift {

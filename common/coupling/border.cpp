@@ -37,11 +37,4 @@ void border_bodies(std::span<const BoundaryContact> border, std::vector<BodyId>&
   out.erase(std::unique(out.begin(), out.end()), out.end());
 }
 
-void frozen_impulses(std::span<const BoundaryContact> border, double fraction, std::vector<PointImpulse>& out) {
-  out.clear();
-  for (const BoundaryContact& pair : border) {
-    out.push_back({pair.inside, fraction * (pair.normal_impulse * pair.normal + pair.tangential_impulse), pair.point});
-  }
-}
-
 }  // namespace subworld

@@ -19,14 +19,4 @@ void extract_border(std::span<const Contact> contacts, const Membership& members
 /// Members with at least one border contact, ascending, each once.
 void border_bodies(std::span<const BoundaryContact> border, std::vector<BodyId>& out);
 
-struct PointImpulse {
-  BodyId body{};
-  Vec3 impulse = Vec3::Zero();  ///< N s
-  Vec3 point = Vec3::Zero();    ///< m
-};
-
-/// The impulses that stand for the outside during one haptic step: the world's, divided by the ratio (paper 4.2).
-/// `fraction` is the part of a world step that a haptic step covers, 1 / r.
-void frozen_impulses(std::span<const BoundaryContact> border, double fraction, std::vector<PointImpulse>& out);
-
 }  // namespace subworld

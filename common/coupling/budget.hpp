@@ -37,10 +37,10 @@ class CostCorrection {
   double factor_ = 1.0;
 };
 
-/// Takes into a sub-world the bodies that matter most to the hand and fit into a budget (paper 4.4).
+/// Takes into a sub-world the bodies that matter most to the operator and fit into a budget (paper 4.4).
 ///
-/// What matters: the hand feels a body through the contacts between the proxy and it. The importance of the proxy is 1.
-/// Each body shares its importance w among its neighbours by what they would put at the border:
+/// Importance: the operator feels a body through the contacts between the proxy and it. The importance of the proxy
+/// is 1. Each body shares its importance w among its neighbours by what they would put at the border:
 ///     w(b) = max over neighbours a of w(a) l_ab / sum over all neighbours c of a of l_ac.
 /// There, l_ab is the sum of load + m_b g over the contact points of a and b. A body that no contact joins to the proxy
 /// counts by how near it is, and so little that any contact comes first.

@@ -7,12 +7,12 @@
 
 namespace subworld {
 
-/// Observes the energy that crosses a port, counted from the hand into the system.
+/// Observes the energy that crosses a port, counted from the operator into the system.
 ///
-/// What a hand gets back, it must have put in before: a passive system. The net energy alone tells little, because what
+/// Passive: an operator gets back only energy that was put in before. The net energy alone says little, because what
 /// friction has used up would count as still there. So the level is that of a tank which holds no more than the virtual
 /// coupling can store; what is taken from the empty tank has been created. A coupling at its limit is a constant force
-/// that stores what is put in. Bodies that fall or fly into the hand bring energy of their own: only the world knows
+/// that stores what is put in. Bodies that fall or fly onto the proxy bring energy of their own: only the world knows
 /// how much.
 class EnergyPort {
  public:
@@ -55,7 +55,7 @@ class EnergyPort {
                                                                       : kTurn_rad * limit_n_m;
 }
 
-/// The port between a device and a hand.
+/// The port between a device and its operator.
 class OperatorPort {
  public:
   explicit OperatorPort(const UserSpec& user) noexcept
@@ -66,7 +66,7 @@ class OperatorPort {
         angular_(angular_capacity_j(user)) {}
 
   /// Once per step, with the device as it is now: what has crossed since the last step. An impedance device has held
-  /// the wrench on the hand since then; of an admittance device the hand's own counts, as it is measured.
+  /// the wrench on the operator since then; of an admittance device the operator's own counts, as it is measured.
   void step(const DeviceState& now) noexcept {
     const Wrench of_operator = kind_ == DeviceKind::impedance
                                    ? Wrench{-held_.force, -held_.torque}
@@ -82,7 +82,7 @@ class OperatorPort {
     begun_ = true;
     before_ = now;
   }
-  /// The wrench on the hand from now on.
+  /// The wrench on the operator from now on.
   void hold(const Wrench& on_operator) noexcept { held_ = on_operator; }
 
   [[nodiscard]] const EnergyPort& linear() const noexcept { return linear_; }

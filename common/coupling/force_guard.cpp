@@ -14,7 +14,7 @@ Vec3 towards(const Vec3& from, const Vec3& to, double most) noexcept {
   return distance <= most ? to : Vec3(from + (to - from) * (most / distance));
 }
 
-/// Shortens the part of a force that moves the hand on.
+/// Shortens the part of a force that accelerates the operator.
 Vec3 with_power(const Vec3& force, const Vec3& velocity, double most_w) noexcept {
   const double power_w = force.dot(velocity);
   if (!(power_w > most_w)) return force;
@@ -41,8 +41,8 @@ Wrench ForceGuard::follow(const Wrench& wanted, double dt) noexcept {
 }
 
 Wrench ForceGuard::pass(const Wrench& wanted, const Vec3& velocity, bool trusted, double dt) noexcept {
-  letting_go_ = letting_go_ && gain_ > 0.0;
-  if (trusted && !letting_go_ && wanted.force.allFinite() && wanted.torque.allFinite()) {
+  declutching_ = declutching_ && gain_ > 0.0;
+  if (trusted && !declutching_ && wanted.force.allFinite() && wanted.torque.allFinite()) {
     last_ = follow(saturated(wanted, limits_.wrench), dt);
     gain_ = ramp_s_ > 0.0 ? std::min(1.0, gain_ + dt / ramp_s_) : 1.0;
   } else {

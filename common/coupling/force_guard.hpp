@@ -4,36 +4,36 @@
 
 namespace subworld {
 
-/// What a hand may get from a device.
+/// Limits of what an operator may get from a device.
 struct OperatorLimits {
   ForceLimits wrench;
   double force_rate_n_s = 0.0;     ///< by which the force changes
   double torque_rate_n_m_s = 0.0;  ///< by which the torque changes
-  double power_w = 0.0;            ///< of the force where it moves the hand
+  double power_w = 0.0;            ///< of the force along the operator's motion
 };
 
 [[nodiscard]] OperatorLimits operator_limits_of(const DeviceSpec& device) noexcept;
 
-/// The last thing before a hand, on each side of the wire and without trust in the other: whatever goes in, what comes
-/// out is finite, within the limits of force, of its rate and of its power, and rises from zero. While the source is
-/// not trusted (stale or not finite) the last good wrench fades out in kFadeOut_s; once it is trusted again the wrench
-/// ramps in anew. After soften() it follows what is wanted gently, until it has caught up.
+/// The last stage before an operator, on each side of the wire and without trust in the other: whatever goes in, what
+/// comes out is finite, within the limits of force, of its rate and of its power, and rises from zero. While the source
+/// is not trusted (stale or not finite) the last good wrench fades out in kFadeOut_s; once it is trusted again the
+/// wrench ramps in anew. After soften() it follows what is wanted gently, until it has caught up.
 class ForceGuard {
  public:
   static constexpr double kFadeOut_s = 0.02;
 
   ForceGuard(const OperatorLimits& limits, double ramp_s) noexcept : limits_(limits), ramp_s_(ramp_s) {}
 
-  /// Call once per step of `dt` seconds, with the wrench on the hand and the hand's velocity, m/s.
+  /// Call once per step of `dt` seconds, with the wrench on the operator and the device's velocity, m/s.
   [[nodiscard]] Wrench pass(const Wrench& wanted, const Vec3& velocity, bool trusted, double dt) noexcept;
 
   /// For a moment the wrench changes by little from step to step: something behind it has been exchanged.
   void soften() noexcept { soft_s_ = kSoft_s; }
 
   /// The wrench fades out, and ramps in anew.
-  void declutch() noexcept { letting_go_ = true; }
+  void declutch() noexcept { declutching_ = true; }
 
-  /// Nothing was sent for long enough that the hand feels none any more: begins at zero.
+  /// Nothing was sent for so long that the force has faded: the next one begins at zero.
   void restart() noexcept {
     gain_ = 0.0;
     sent_ = {};
@@ -48,7 +48,7 @@ class ForceGuard {
   double ramp_s_;
   double soft_s_ = 0.0;  ///< > 0: soft
   double gain_ = 0.0;
-  bool letting_go_ = false;
+  bool declutching_ = false;
   Wrench last_;  ///< trusted, before the gain
   Wrench sent_;
 };

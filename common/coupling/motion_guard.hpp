@@ -11,9 +11,9 @@ struct DeviceMotion {
   Vec3 angular_velocity = Vec3::Zero();  ///< rad/s
 };
 
-/// The last thing before an admittance device moves a hand, on each side of the wire and without trust in the other:
-/// whatever goes in, what comes out is finite, no faster than the limits, and without jumps. While the source is not
-/// trusted the motion comes to rest in kStop_s. What is within the limits passes bit by bit.
+/// The last stage before an admittance device moves an operator, on each side of the wire and without trust in the
+/// other: whatever goes in, what comes out is finite, no faster than the limits, and without jumps. While the source is
+/// not trusted the motion comes to rest in kStop_s. What is within the limits passes bit by bit.
 class MotionGuard {
  public:
   static constexpr double kStop_s = 0.02;
@@ -32,7 +32,7 @@ class MotionGuard {
   DeviceMotion sent_;
 };
 
-/// An admittance device turns a hand by the speed limit at this distance, m.
+/// An admittance device turns by the speed limit at this distance, m.
 inline constexpr double kTurnRadius_m = 0.1;
 
 }  // namespace subworld

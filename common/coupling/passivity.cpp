@@ -20,7 +20,7 @@ Vec3 passive_force(const Vec3& wanted_n, const Vec3& velocity_m_s, double stored
   const double size_n = wanted_n.norm();
   const double bound_n = std::sqrt(2.0 * stiffness_n_m * stored_j);
   if (!(size_n > bound_n)) return wanted_n;
-  const double along_m_s = velocity_m_s.dot(wanted_n) / size_n;  // > 0: the hand gets energy
+  const double along_m_s = velocity_m_s.dot(wanted_n) / size_n;  // > 0: the operator gets energy
   const double free = std::clamp(-along_m_s / kBlend_m_s, 0.0, 1.0);
   const double most_n = bound_n + free * (size_n - bound_n);
   return shortened(wanted_n, along_m_s > 0.0 ? std::min(most_n, stored_j / (along_m_s * dt)) : most_n);

@@ -5,21 +5,19 @@
 
 namespace subworld {
 
-/// Makes a device passive whatever is behind it, by the energy that its hand has put in (coupling/energy_port).
+/// Makes a device passive whatever is behind it, by the energy that its operator has put in (coupling/energy_port).
 ///
-///   E    J        level of the port: what the hand has put in and not got back, at most what the coupling can store
-///   F    N        wanted force on the hand
-///   v    m/s      velocity of the hand
-///   K    N/m      stiffness of the virtual coupling
-///   m    kg       mass of the proxy
+///   E    J        level of the port: what the operator has put in and not got back, at most what the coupling can
+///   store F    N        wanted force on the operator v    m/s      velocity of the device K    N/m      stiffness of
+///   the virtual coupling m    kg       mass of the proxy
 ///
 /// A spring that pushes with F has stored F^2 / 2K, and a mass that moves with v has stored m v^2 / 2. So an impedance
-/// device pushes along with the hand with at most
+/// device pushes along with the motion with at most
 ///   |F| <= sqrt(2 K E),                                                  (1)
-/// and an admittance device, which its hand pushes with F_h along v, moves with at most
+/// and an admittance device, which its operator pushes with F_h along v, moves with at most
 ///   |v| <= sqrt(2 E / m) + max(0, F_h) dt / m.                           (2)
-/// A force that brakes the hand takes energy from it and is free; between the two the bound is blended linearly over
-/// kBlend_m_s of velocity, so that the force is smooth where the hand turns back. Bound (1) follows the hand as the
+/// A force that brakes the motion takes energy and is free; between the two the bound is blended linearly over
+/// kBlend_m_s of velocity, so that the force is smooth where the motion turns back. Bound (1) follows the motion as the
 /// spring itself would, by dF = K dx, and (2) as the mass would: neither chatters.
 ///
 /// Sources: passivity in the time domain with an observer of the energy at the port (Hannaford and Ryu 2002); energy

@@ -12,11 +12,11 @@ using CycleCost = std::function<double(double cycle_s, int parts)>;
 /// Chooses the simulation ratio within the settings' bounds, and into how many parts the world divides a cycle (paper
 /// 4.6).
 ///
-/// While a hand feels what crosses a border, cycles are as short as the world can afford: the smallest r with
+/// While forces across a border are felt, cycles are as short as the world can afford: the smallest r with
 ///     C(r h, 1) <= kShare r h,
 /// C(T, p) the cost of a cycle of length T in p parts. Else nothing that is felt has to cross, and r is the largest.
-/// A cycle has as many parts as the scheme wants, or as it can afford. So a world that is too slow first makes fewer
-/// parts, then longer cycles; then its clock slows.
+/// A cycle has as many sub-steps as the scheme wants, or as it can afford. So a world that is too slow first makes
+/// fewer parts, then longer cycles; then its clock slows.
 ///
 /// Hysteresis: what there is stays until it costs more than kOverShare; a border counts as felt, and a cost as high,
 /// for kSettled_s longer than it is.
@@ -30,7 +30,7 @@ class RatioControl {
 
   /// After a cycle of `cycle_s`: the ratio that should follow the present one.
   [[nodiscard]] int choose_ratio(int present, bool border_is_felt, double cycle_s, const CycleCost& cost);
-  /// Parts of a cycle; `longest_substep_s`: what the scheme wants; `time_s`: wall time for it on a clock at full speed.
+  /// Sub-steps of a cycle; `longest_substep_s`: of the scheme; `time_s`: wall time for it on a clock at full speed.
   /// That is the length of the cycle which a sub-world ahead simulates meanwhile: another one where the ratio changes.
   [[nodiscard]] int choose_substeps(int present, double cycle_s, double longest_substep_s, double time_s,
                                     const CycleCost& cost) const;

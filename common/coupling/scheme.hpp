@@ -1,75 +1,68 @@
 #pragma once
 
-#include "coupling/border.hpp"
-#include "coupling/virtual_coupling.hpp"
+#include "coupling/authority.hpp"
+#include "coupling/sub_world_side.hpp"
+#include "coupling/world_side.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 
+#include <cmath>
+#include <cstdint>
 #include <memory>
-#include <optional>
+#include <span>
 #include <string_view>
-#include <vector>
 
 namespace subworld {
 
-/// How the user acts on the world's copy of the proxy during one step of the world's engine.
-struct ProxyDrive {
-  Wrench wrench;                     ///< constant
-  std::optional<DevicePose> target;  ///< if set: a spring of the coupling's stiffness to it, implicit, on top
-  ForceLimits limits;                ///< of that spring
+/// What the programs, the plan, the command line and the lab need to know of a scheme: data.
+struct SchemeProperties {
+  std::string_view name;
+  std::string_view summary;  ///< one line, for people
+  /// False: the proxy lives in the world alone; nothing is selected, extracted or corrected.
+  bool has_sub_worlds = true;
+  /// The sub-world's engine simulates bodies of the border: they count in the budget of bodies.
+  bool simulates_border = false;
+  /// A sub-world moves the proxies of other users by their devices; else they are bodies as any.
+  bool replicates_peers = false;
+  /// The correction weighs the impulses of all contacts, friction included, and the whole border.
+  bool weighs_impulses = false;
+  /// The sub-world's share of a correction is spread over the cycle; else it is made at once.
+  bool corrects_gradually = false;
+  /// Cycles by which the sub-world runs ahead. 0: both simulate the same cycle at the same time. 1: the world simulates
+  /// a cycle when it knows what the user did in it.
+  int lead_cycles = 0;
+  /// Longest step of the world's engine, s, where the scene does not say how many sub-steps it makes.
+  double longest_world_step_s = INFINITY;
 };
 
-/// What the user exerted on the proxy, mean over what lies between two reports; zero where nothing does.
-[[nodiscard]] Wrench mean_wrench(const HapticReport& before, const HapticReport& now) noexcept;
-
-/// The two copies of one body when they are made one.
-struct CopyPair {
-  bool proxy = false;       ///< the user's own
-  bool peer = false;        ///< another user's proxy
-  bool closed = false;      ///< its island lies wholly inside this sub-world, and in no other
-  double lag_cycles = 0.0;  ///< age of the world's state when the sub-world uses it
-};
-
-/// Which part of the difference each copy is moved, 0 .. 1.
+/// Which part of the difference each copy of a body is moved, 0 .. 1.
 struct Correction {
   double world = 0.0;
   double sub = 0.0;
 };
 
-/// What a scheme's sub-world has at its border.
-enum class Border : std::uint8_t {
-  none,    ///< there is no sub-world: the proxy lives in the world alone; nothing is selected, extracted or corrected
-  frozen,  ///< the world's impulses, divided over the haptic steps (paper 4.2)
-  ghosts,  ///< outside bodies by their reduced models (coupling/ghost); islands decide who is right
+/// The two copies of one body when they are made one.
+struct CopyPair {
+  Owner owner = Owner::world;
+  double lag_cycles = 0.0;  ///< age of the world's state when the sub-world uses it
 };
 
-/// A coupling scheme: pure functions over model data. The processes ask, they do not know which one runs.
-class Scheme {
- public:
-  virtual ~Scheme() = default;
-
-  [[nodiscard]] virtual std::string_view name() const noexcept = 0;
-
-  [[nodiscard]] virtual Border border() const noexcept = 0;
-  /// Whether a sub-world moves the proxies of other users by their devices; else they are bodies as any.
-  [[nodiscard]] virtual bool replicates_peers() const noexcept = 0;
-  /// How many cycles the sub-world runs ahead: 0, both simulate the same cycle at the same time; 1, the world simulates
-  /// a cycle when it knows what the user did in it.
-  [[nodiscard]] virtual int lead_cycles() const noexcept = 0;
-  /// Longest step of the world's engine, s, where the scene does not say how many sub-steps it makes.
-  [[nodiscard]] virtual double longest_world_step_s() const noexcept = 0;
-
-  /// What the user does to the world's proxy in the step that ends at `until_s`. `now` is the report of the cycle's end
-  /// or the newest there is, `before` the one before it.
-  [[nodiscard]] virtual ProxyDrive drive(const UserSpec& user, const HapticReport& before, const HapticReport& now,
-                                         double until_s) const = 0;
-
-  /// Whether the sub-world's part of a correction is spread over the cycle, or made at once.
-  [[nodiscard]] virtual bool corrects_gradually() const noexcept = 0;
-  [[nodiscard]] virtual Correction correction(const CopyPair& pair, const Indicators& indicators) const noexcept = 0;
+/// A coupling scheme: its properties and its two sides. The programs ask, they do not know which one runs. A scheme is
+/// one folder beside this file and one row of the table in scheme.cpp.
+struct Scheme {
+  SchemeProperties properties;
+  /// Pure: both processes feed it the same and correct alike.
+  Correction (*correction)(const CopyPair& pair, const Indicators& indicators, const Settings& settings) noexcept;
+  std::unique_ptr<WorldSide> (*make_world_side)(const Scene& scene);
+  /// Null without sub-worlds. `remembered_cycles`: how far back stamps are asked for.
+  std::unique_ptr<SubWorldSide> (*make_sub_world_side)(const Scene& scene, std::uint64_t remembered_cycles);
 };
 
-/// Throws `Error` (usage) for an unknown name, naming those that exist.
-[[nodiscard]] std::unique_ptr<Scheme> make_scheme(const Settings& settings);
+/// All there are, by name.
+[[nodiscard]] std::span<const Scheme* const> schemes();
+/// Adds one from outside this folder, which must live as long as the program; before any scene is loaded.
+void add_scheme(const Scheme& scheme);
+/// The one of the settings. Throws `Error` (usage) for an unknown name, naming those that exist.
+[[nodiscard]] const Scheme& scheme_of(const Settings& settings);
 
 }  // namespace subworld

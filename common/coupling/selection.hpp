@@ -22,7 +22,8 @@ struct Membership {
 /// Splits what meets the box into `out.members`; the proxy always belongs. `in_box` ascends.
 void select_members(std::span<const BodyId> in_box, std::span<const Body> bodies, BodyId proxy, Membership& out);
 
-/// Adds the movable bodies that hang on the proxy by at most `depth` contacts to `in_box`, which stays ascending.
+/// Adds the movable bodies that are attached to the proxy by at most `depth` contacts to `in_box`, which stays
+/// ascending.
 void add_neighbours(const ContactGraph& graph, std::span<const Body> bodies, BodyId proxy, int depth,
                     std::vector<BodyId>& in_box);
 

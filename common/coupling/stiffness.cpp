@@ -12,7 +12,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-/// Least damping that is told from none, N s/m for each kg: the formulas divide by it.
+/// Least damping that differs from none, N s/m for each kg: the formulas divide by it.
 constexpr double kLeastDamping_per_s = 1e-6;
 
 class Loop {

@@ -25,7 +25,7 @@ struct SampledWall {
 /// (Gil, Avello, Rubio, Florez 2004), close to 2 b / T for small T.
 [[nodiscard]] double largest_stiffness(const SampledWall& wall);
 
-/// Of a user's device and coupling, its hand not counted: what a hand that lets go leaves.
+/// Of a user's device and coupling, without the operator: as after a release.
 [[nodiscard]] double largest_stiffness(const UserSpec& user, const Settings& settings);
 
 }  // namespace subworld

@@ -6,7 +6,7 @@
 
 namespace subworld {
 
-/// Longest silence, in cycles.
+/// Longest suppression, in cycles.
 inline constexpr std::uint64_t kMostSuppressedCycles = 32;
 
 /// Cycles without messages. While a sub-world holds nothing but its proxy, and nothing can come near that, neither side
@@ -20,7 +20,7 @@ class SuppressedCycles {
 
   /// A frame that both sides use.
   void begin(const WorldFrame& frame) noexcept;
-  /// The report of this stamp, which ends a silence if it comes after the frame was seen.
+  /// The report of this stamp, which ends a suppression if it comes after the frame was seen.
   void end(std::uint64_t stamp) noexcept;
   /// The sub-world starts anew.
   void forget() noexcept { from_ = until_ = 0; }
@@ -29,7 +29,7 @@ class SuppressedCycles {
   [[nodiscard]] bool may_lack_report(std::uint64_t stamp) const noexcept {
     return stamp > from_ + lead_ && stamp < until_;
   }
-  /// Whether it will not come: a later one has ended the silence.
+  /// Whether it will not come: a later one has ended the suppression.
   [[nodiscard]] bool lacks_report(std::uint64_t stamp) const noexcept { return ended_ && may_lack_report(stamp); }
   [[nodiscard]] bool lacks_frame(std::uint64_t stamp) const noexcept { return stamp > from_ && stamp < until_; }
   [[nodiscard]] const Box& place() const noexcept { return place_; }

@@ -7,16 +7,18 @@
 namespace subworld {
 
 std::uint64_t remembered_cycles(const Settings& settings, const Scheme& scheme) noexcept {
-  return 16 + Delay(settings, scheme.lead_cycles(), 0).longest_cycles();
+  return 16 + Delay(settings, scheme.properties.lead_cycles, 0).longest_cycles();
 }
 
 std::uint64_t planned_cycles(const Settings& settings, const Scheme& scheme) noexcept {
-  return 3 + Delay(settings, scheme.lead_cycles(), 0).longest_cycles();
+  return 3 + Delay(settings, scheme.properties.lead_cycles, 0).longest_cycles();
 }
 
-Synchroniser::Synchroniser(const Scheme& scheme, std::uint64_t remembered_cycles, BodyId proxy,
-                           std::vector<BodyId> peers)
-    : scheme_(&scheme), proxy_(proxy), peers_(std::move(peers)), blends_(remembered_cycles) {
+Synchroniser::Synchroniser(const Scheme& scheme, const Scene& scene, std::size_t user)
+    : scheme_(&scheme),
+      settings_(&scene.settings),
+      authority_(scene.users[user].proxy, peers_of(scene, user)),
+      blends_(remembered_cycles(scene.settings, scheme)) {
   for (Blend& blend : blends_) blend.pairs.reserve(kUsualMembers);
 }
 
@@ -38,14 +40,7 @@ std::span<const PairShift> Synchroniser::synchronise(const WorldFrame& frame, co
   Blend& blend = blends_[frame.stamp % blends_.size()];
   blend.stamp = frame.stamp;
   blend.pairs.clear();
-  const bool islands = !frame.islands.empty();
-  if (islands) {
-    islands_.begin(frame.members);
-    islands_.join(frame.members, frame.islands);
-    for (const StampedBody& sub : report.members) reported_.push_back(sub.id);
-    islands_.join(reported_, report.islands);
-    reported_.clear();
-  }
+  authority_.compare(frame, report);
   for (const StampedBody& sub : report.members) {
     const auto world = std::ranges::lower_bound(frame.states, sub.id, {}, &StampedBody::id);
     if (world == frame.states.end() || world->id != sub.id) continue;
@@ -53,11 +48,7 @@ std::span<const PairShift> Synchroniser::synchronise(const WorldFrame& frame, co
                                        [](const PairShift& p) -> const Shift& { return p.world; });
     const BodyState ours = caught_up(sub.id, sub.state, report.confirmed_stamp, frame.stamp,
                                      [](const PairShift& p) -> const Shift& { return p.sub; });
-    const CopyPair copies{.proxy = sub.id == proxy_,
-                          .peer = std::ranges::find(peers_, sub.id) != peers_.end(),
-                          .closed = islands && !islands_.is_open(sub.id),
-                          .lag_cycles = lag_cycles};
-    const Correction part = scheme_->correction(copies, report.indicators);
+    const Correction part = scheme_->correction({authority_.owner(sub.id), lag_cycles}, report.indicators, *settings_);
     const auto shift = [](const BodyState& from, const BodyState& to, double part) {
       return part > 0.0 ? scaled(difference(from, to), part) : Shift{};
     };

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "coupling/authority.hpp"
 #include "coupling/blend.hpp"
-#include "coupling/contact_graph.hpp"
 #include "coupling/scheme.hpp"
 
 #include <span>
@@ -15,7 +15,7 @@ namespace subworld {
 /// that it concerns, and some of the frames that tell it may get lost.
 [[nodiscard]] std::uint64_t planned_cycles(const Settings& settings, const Scheme& scheme) noexcept;
 
-/// For how long neither side looks again, s: what may touch a sub-world within that time is told to it.
+/// For how long neither side looks again, s: bodies that may touch a sub-world within that time are in its frame.
 [[nodiscard]] inline double looked_ahead_s(const Settings& settings, const Scheme& scheme, double cycle_s) noexcept {
   return static_cast<double>(1 + planned_cycles(settings, scheme)) * cycle_s;
 }
@@ -32,10 +32,10 @@ struct PairShift {
 /// those states are first corrected by the shifts that were still to come.
 class Synchroniser {
  public:
-  /// `peers` are the proxies of the other users.
-  Synchroniser(const Scheme& scheme, std::uint64_t remembered_cycles, BodyId proxy, std::vector<BodyId> peers);
+  /// For one user of the scene.
+  Synchroniser(const Scheme& scheme, const Scene& scene, std::size_t user);
 
-  /// Both of one stamp; stamps ascend. Bodies that only one side names are left out. `lag_cycles`: age of the frame
+  /// Both of one stamp; stamps ascend. Bodies that only one side names are skipped. `lag_cycles`: age of the frame
   /// when the sub-world uses it. The span lives until the next call.
   [[nodiscard]] std::span<const PairShift> synchronise(const WorldFrame& frame, const HapticReport& report,
                                                        double lag_cycles);
@@ -51,11 +51,9 @@ class Synchroniser {
                                     Side side) const;
 
   const Scheme* scheme_;
-  BodyId proxy_;
-  std::vector<BodyId> peers_;
+  const Settings* settings_;
+  Authority authority_;
   std::vector<Blend> blends_;  ///< by stamp
-  Islands islands_;
-  std::vector<BodyId> reported_;
 };
 
 }  // namespace subworld

@@ -5,9 +5,9 @@
 
 namespace subworld {
 
-/// The tool (the proxy and its coupling to the device) on a slowed clock. A hand moves in wall time whatever the
-/// world's clock does, engines integrate in simulated time. The tool is in the hand, so that its dynamics are those of
-/// wall time.
+/// The tool (the proxy and its coupling to the device) on a slowed clock. An operator moves in wall time whatever the
+/// world's clock does, engines integrate in simulated time. The operator holds the tool, so that its dynamics are those
+/// of wall time.
 ///
 ///   tau   s          wall time
 ///   t     s          simulated time
@@ -28,16 +28,16 @@ namespace subworld {
 /// This is the usual coupling with the damping f B. Its device has the velocity w_d / f, its proxy the mass f^2 m.
 /// Rotation likewise has the inertia f^2 I. Forces are the same in both times, and so are energies:
 ///   f^2 m v^2 / 2 = m w^2 / 2,   F w_d dtau = F (w_d / f) dt.            (3)
-/// When f changes, the hand goes on, and so does w:
+/// When f changes, the device moves on, and so does w:
 ///   v' = v f / f'.                                                       (4)
-/// This keeps the tool's kinetic energy and the force on the hand.
+/// This keeps the tool's kinetic energy and the force on the operator.
 ///
-/// Against a body that does not move, the force on the hand is therefore the same at each f. A movable body of mass M
-/// lives in simulated time: the hand meets M / f^2.
+/// Against a body that does not move, the felt force is therefore the same at each f. A movable body of mass M
+/// lives in simulated time: the operator feels M / f^2.
 ///
-/// Tried instead: the damping f B, but the mass m. The hand then holds a tool of mass m / f^2, 40 kg for 0.1 kg at
-/// f = 0.05. The damping ratio of its coupling is f times that at f = 1, and the hand pays for its kinetic energy when f
-/// falls. Scene `press` at f = 0.05 takes 1.24 J of work then; at f = 1 it takes 0.12 J, and so it does here.
+/// Tried instead: the damping f B, but the mass m. The operator then holds a tool of mass m / f^2, 40 kg for 0.1 kg at
+/// f = 0.05. The damping ratio of its coupling is f times that at f = 1, and the operator pays for its kinetic energy
+/// when f falls. Scene `press` at f = 0.05 takes 1.24 J of work then; at f = 1 it takes 0.12 J, and so it does here.
 struct Tool {
   CouplingSettings coupling;  ///< with the damping f B
   Body body;                  ///< with the mass f^2 m and the inertia f^2 I; nameless

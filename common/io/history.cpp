@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kWriteEvery{100};
 constexpr std::chrono::milliseconds kLookForRoom{1};
-constexpr std::size_t kPiece = 8192;  // bytes for the kernel at once
+constexpr std::size_t kPiece = 8192;  // bytes written at once
 
 History::Format csv(const std::vector<std::string>& columns) {
   return {.width = columns.size(),
@@ -104,7 +104,8 @@ void History::write_out() {
   }
 }
 
-/// Until the next rows are due, or somebody waits for room; not where many have come meanwhile.
+/// Sleeps until the next rows are due, or until a caller waits for room. Returns at once if many rows have arrived
+/// meanwhile.
 void History::pause() {
   std::unique_lock lock(mutex_);
   if (waiting() > format_.rows / 2 && error_.load() == 0) return;
@@ -120,7 +121,7 @@ void History::hurry() noexcept {
   wake_.notify_one();
 }
 
-/// False where text is left over, to be tried again.
+/// False if some text could not be written; it is tried again later.
 bool History::write_text() {
   while (text_done_ < text_.size()) {
     const ssize_t written = write(file_, text_.data() + text_done_, text_.size() - text_done_);
@@ -128,7 +129,7 @@ bool History::write_text() {
       text_done_ += static_cast<std::size_t>(written);
     } else if (errno != EINTR) {
       if (error_.exchange(errno) == 0 && say_)
-        say_(fault() + "; rows wait in memory and are lost when that is full too: make room");
+        say_(fault() + "; rows wait in memory and are lost when the memory is full too: free some disk space");
       return false;
     }
   }

@@ -14,26 +14,26 @@
 
 namespace subworld {
 
-/// A file of numbers, CSV or other text, that a loop can write to without waiting: rows go through a ring to a thread
-/// of their own, which hands them to the kernel ten times a second in small pieces, so that neither a program that is
-/// killed loses many nor the kernel is busy for long. A full ring drops the row and counts it.
+/// A file of numbers (CSV or other text) that a loop writes without blocking. Rows go through a ring to a thread of
+/// their own. The thread writes them ten times a second in small pieces, so that a killed program loses few rows and no
+/// write takes long. A full ring drops the row and counts it.
 class History {
  public:
   using Say = std::function<void(std::string)>;
 
   static constexpr std::size_t kRows = 1 << 16;
 
-  /// What rows of `width` numbers become, after the head of the file and before its tail.
+  /// Conversion of rows of `width` numbers to text, with the head and the tail of the file.
   struct Format {
     std::size_t width = 0;
     std::string head;
     std::function<void(std::string& text, std::span<const double> row)> row;
     std::string tail = {};
-    std::size_t rows = kRows;  ///< that can wait for the thread
+    std::size_t rows = kRows;  ///< capacity of the ring
   };
 
-  /// Throws `Error` (failed) where the file cannot be opened. An empty path: rows go nowhere. `say` is told, from the
-  /// writing thread, when rows cannot be written: they wait in the ring until there is room again.
+  /// Throws `Error` (failed) if the file cannot be opened. An empty path: rows are discarded. The writing thread calls
+  /// `say` when rows cannot be written; they wait in the ring until writing succeeds.
   History(const std::string& path, Format format, Say say);
   /// As CSV.
   History(const std::string& path, const std::vector<std::string>& columns, Say say);
@@ -41,16 +41,16 @@ class History {
   History(const History&) = delete;
   History& operator=(const History&) = delete;
 
-  /// One row; as many numbers as there are columns. One thread. Allocates nothing.
+  /// Adds one row; as many numbers as there are columns. Always the same thread. Allocates nothing.
   void row(std::initializer_list<double> values) noexcept;
-  /// Whether so many rows fit now, for rows that are worth nothing without each other. `may_wait`: waits until they
-  /// fit, unless the file cannot be written. The thread of `row`.
+  /// Whether this many rows fit now, for rows that are only useful together. `may_wait`: blocks until they fit, unless
+  /// the file cannot be written. Same thread as `row`.
   [[nodiscard]] bool make_room(std::size_t rows, bool may_wait) noexcept;
-  /// Writes what is left. No row may follow.
+  /// Writes all remaining rows. No row may follow.
   void finish();
 
   [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
-  /// Why rows could not be written, in words; empty: all could.
+  /// Why rows could not be written; empty if there was no error.
   [[nodiscard]] std::string fault() const;
 
  private:
@@ -70,11 +70,11 @@ class History {
   std::atomic<int> error_{0};  ///< the last errno of a write
   std::mutex mutex_;           ///< of hurried_
   std::condition_variable wake_;
-  bool hurried_ = false;  ///< somebody waits for the thread
+  bool hurried_ = false;  ///< a caller waits for the thread
   std::uint64_t dropped_ = 0;
   int file_ = -1;
-  std::string text_;           ///< of rows taken that are not written yet
-  std::size_t text_done_ = 0;  ///< bytes of it that are
+  std::string text_;           ///< text of rows taken from the ring
+  std::size_t text_done_ = 0;  ///< bytes of text_ that are written
   std::thread thread_;
 };
 

@@ -7,15 +7,15 @@
 
 namespace subworld {
 
-/// The times of one step of a loop. In lock-step nobody waits for a clock, and all but the first are zero.
+/// The times of one step of a loop. In lock-step a loop does not wait for a clock, and all but the first are zero.
 struct StepTimes {
   double step_s = 0.0;
-  double lateness_s = 0.0;    ///< with which it began
-  double woken_late_s = 0.0;  ///< of that, the machine's: of the wake-up alone
+  double lateness_s = 0.0;    ///< start of the step after its release
+  double woken_late_s = 0.0;  ///< share of lateness_s that is the OS's: late wake-up
   Miss miss = Miss::none;
 };
 
-/// What a real-time loop was granted, and what the kernel gave to its thread and kept from it meanwhile.
+/// Scheduling that the OS granted to a real-time loop, and the time that the kernel gave to its thread or withheld.
 class MachineShare {
  public:
   void begin(const Scheduling& granted) {

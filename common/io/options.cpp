@@ -1,19 +1,17 @@
 #include "io/options.hpp"
 
-#include "io/command_line.hpp"
 #include "io/results.hpp"
 #include "io/scene_name.hpp"
 #include "model/error.hpp"
+#include "model/slips.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 
@@ -32,28 +30,34 @@ const About& about(Program program) {
       {"world_sim", "Simulates the whole world at the coarse step T = r h and serves every user's sub-world.",
        "Examples:\n"
        "  world_sim deploy/scenes/heap.yaml --mode lockstep --duration 5\n"
-       "  world_sim deploy/scenes/heap.yaml --mode realtime --domain 7 --dds cyclonedds --peers 10.0.0.2\n"},
+       "On two hosts, this one with the world and interface eth0, 10.0.0.2 with the user; all programs get the same\n"
+       "scene and flags:\n"
+       "  world_sim heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.2\n"},
       {"haptic_sim", "Simulates one user's haptic sub-world at the haptic rate and couples it to the device.",
        "Examples:\n"
        "  haptic_sim deploy/scenes/heap.yaml --user 0\n"
-       "  haptic_sim deploy/scenes/heap.yaml --user 1 --users 2 --domain 7 --peers 10.0.0.1\n"},
-      {"device_sim", "Emulates one user's haptic device and the hand that holds it.",
+       "On two hosts, this one with the user and interface eth0, 10.0.0.1 with the world; all programs get the same\n"
+       "scene and flags:\n"
+       "  haptic_sim heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --user 0\n"
+       "  device_sim heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --user 0\n"},
+      {"device_sim", "Emulates one user's haptic device and its operator.",
        "Examples:\n"
-       "  device_sim deploy/scenes/heap.yaml --user 0\n"},
+       "  device_sim deploy/scenes/heap.yaml --user 0\n"
+       "On two hosts, this one with the user and interface eth0, 10.0.0.1 with the world; all programs get the same\n"
+       "scene and flags:\n"
+       "  device_sim heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --user 0\n"},
       {"gui_headless", "Watches a run without a window and writes a picture of it.",
        "Examples:\n"
-       "  gui_headless deploy/scenes/heap.yaml --out out/heap\n"}};
+       "  gui_headless deploy/scenes/heap.yaml --out out/heap\n"
+       "On two hosts, this one with interface eth0, 10.0.0.1 with the world:\n"
+       "  gui_headless heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --out "
+       "out\n"}};
   return kAbout[static_cast<std::size_t>(program)];
 }
 
 template <class T>
 void override_with(T& setting, const std::optional<T>& option) {
   if (option) setting = *option;
-}
-
-/// CLI::Range compares, and so lets "nan" pass.
-std::string not_finite(const std::string& text) {
-  return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : fmt::format("{} is not a finite number", text);
 }
 
 /// Two ratios in either order, as in 4-12 or 12-4.
@@ -69,134 +73,143 @@ std::optional<RatioBounds> parse_two_ratios(const std::string& text) {
 std::string ratio_fault(const std::string& text) {
   if (parse_ratio(text)) return {};
   if (const auto turned = parse_two_ratios(text))
-    return fmt::format("{}: the smaller ratio comes first: {}", text, to_text(*turned));
-  return fmt::format("{} is neither a whole number from 1 to {} nor two as in 4-12", text, kMostRatio);
+    return fmt::format("the smaller ratio comes first; did you mean {}?", to_text(*turned));
+  return fmt::format("must be a whole number from 1 to {}, or two as in 4-12", kMostRatio);
 }
 
 std::string fixed_ratio_fault(const std::string& text) {
   if (const auto two = parse_two_ratios(text))
-    return fmt::format("{} is not one ratio; one that adapts is --ratio {} --ratio-most {}", text, two->least,
-                       two->most);
-  return parse_ratio(text) ? "" : fmt::format("{} is not a whole number from 1 to {}", text, kMostRatio);
+    return fmt::format("must be one ratio; for one that adapts give --ratio {} --ratio-most {}", two->least, two->most);
+  return parse_ratio(text) ? "" : fmt::format("must be a whole number from 1 to {}", kMostRatio);
 }
 
-void add_run_options(CLI::App& app, Options& o) {
-  app.option_defaults()->take_last();  // a script's defaults come first, what its caller adds wins
-  app.add_option("scene", o.scene, "scene file (YAML), or the name of a scene in deploy/scenes")->required();
-  app.add_option("--mode", o.mode, "lockstep: nobody looks at a clock; realtime: nobody waits")
-      ->check(CLI::IsMember({"lockstep", "realtime"}));
-  app.add_option("--users", o.users, "how many of the scene's users take part")->check(CLI::Range(1, 64));
-  app.add_option("--scheme", o.scheme,
-                 "coupling scheme: reduced, paper or direct (default: the scene's, else reduced)");
-  app.add_option("--engine", o.engine, "the world's engine");
-  app.add_option("--haptic-engine", o.haptic_engine, "the sub-worlds' engine");
-  app.add_option("--preset", o.preset, "the world engine's preset: fast or quality");
-  app.add_option("--haptic-preset", o.haptic_preset, "the sub-world engines' preset");
-  app.add_option(
-         "--ratio", o.ratio,
-         "simulation ratio r = T / h; as 4-12 it adapts between these to what is felt and to what the world costs")
-      ->check(ratio_fault);
-  app.add_option("--budget", o.budget_ratio,
-                 "part of the haptic step that simulating a sub-world may take: of the bodies in its box, those that "
-                 "matter most and fit (default: the scene's, or 0.4)")
-      ->check(CLI::Range(1e-3, 1e3))
-      ->check(not_finite);
-  app.add_option("--latency", o.latency_s, "lock-step: artificial delay, added to the round trip, s")
-      ->check(CLI::Range(0.0, 2.0))
-      ->check(not_finite);
-  app.add_option("--jitter", o.jitter_s, "lock-step: most that a single message takes longer, s")
-      ->check(CLI::Range(0.0, 1.0))
-      ->check(not_finite);
-  app.add_option("--device-latency", o.device_latency_s,
-                 "lock-step: artificial delay between device and sub-world, added to the round trip, s")
-      ->check(CLI::Range(0.0, 2.0))
-      ->check(not_finite);
-  app.add_option("--loss", o.loss_ratio,
-                 "lock-step: part of the messages that is lost; between world and sub-world they come again, later")
-      ->check(CLI::Range(0.0, 0.9))
-      ->check(not_finite);
-  app.add_option("--passivity", o.passivity,
-                 "whether a device gives its hand only energy that the hand has put in: automatic (where messages are "
-                 "delayed), on or off")
-      ->check(CLI::IsMember({"automatic", "on", "off"}));
-  app.add_option("--disable", o.disabled,
-                 "items that `subworld plan` leaves out and that are kept in, for comparison: names, separated by "
-                 "commas, or all")
-      ->delimiter(',')
-      ->take_all();
-  app.add_option("--duration", o.duration_s, "simulated time, s")->check(CLI::Range(0.001, 1e6))->check(not_finite);
-  app.add_option("--peers", o.network.peers, "hosts of the other programs, for networks without multicast")
-      ->delimiter(',')
-      ->take_all();
-  app.add_option("--interface", o.network.interface_address,
-                 "network interface, by name or address (default: loopback)");
-  app.add_option("--qos", o.network.qos_file, "the DDS vendor's settings file");
-  app.add_option("--out", o.out, "folder for results");
-  app.add_option("--wait", o.wait_s, "how long to wait for the other programs, s")
-      ->check(CLI::Range(0.1, 3600.0))
-      ->check(not_finite);
+void add_run_options(CommandLine& line, Options& o) {
+  const std::string scenes = "the scene's";
+  line.add("scene", &o.scene, "scene file (YAML), or the name of a scene in deploy/scenes").required();
+  line.add("--mode", &o.mode,
+           "lockstep: the processes advance together, independent of wall time; realtime: absolute deadlines")
+      .one_of({"lockstep", "realtime"})
+      .otherwise(scenes);
+  line.add("--duration", &o.duration_s, "simulated time").range(0.001, 1e6, "s").otherwise(scenes);
+  line.add("--users", &o.users, "number of the scene's users that take part, the first ones")
+      .range(1, 64)
+      .otherwise(scenes);
+  line.add("--scheme", &o.scheme, "coupling scheme: reduced, paper or direct").otherwise(scenes + ", else reduced");
+  line.add("--ratio", &o.ratio,
+           "simulation ratio r = T / h; two as in 4-12: it adapts between them to what the operator feels and to what "
+           "the world costs")
+      .check(ratio_fault)
+      .otherwise(scenes);
+  line.add("--budget", &o.budget_ratio,
+           "part of the haptic step that the step of a sub-world may take; of the bodies in its box, those that matter "
+           "most and fit are simulated")
+      .range(1e-3, 1e3)
+      .otherwise(scenes);
+  line.add("--engine", &o.engine, "physics engine of the world").otherwise(scenes);
+  line.add("--preset", &o.preset, "preset of the world's engine: fast or quality").otherwise(scenes);
+  line.add("--haptic-engine", &o.haptic_engine, "physics engine of the sub-worlds").otherwise(scenes);
+  line.add("--haptic-preset", &o.haptic_preset, "preset of the sub-worlds' engine: fast or quality").otherwise(scenes);
+  line.add("--disable", &o.disabled,
+           "optimisations to disable, for comparison: names that `subworld plan` lists, separated by commas, or all");
+  line.add("--passivity", &o.passivity,
+           "bounds the energy that a device gives to its operator: on, off, or automatic (where messages are delayed; "
+           "in real time with --peers)")
+      .one_of({"automatic", "on", "off"})
+      .otherwise(scenes);
+  line.add("--latency", &o.latency_s,
+           "lock-step: artificial delay, added to the round trip between world and sub-world")
+      .range(0.0, 2.0, "s")
+      .otherwise(scenes);
+  line.add("--device-latency", &o.device_latency_s,
+           "lock-step: artificial delay, added to the round trip between device and sub-world")
+      .range(0.0, 2.0, "s")
+      .otherwise(scenes);
+  line.add("--jitter", &o.jitter_s, "lock-step: longest extra delay of a single message, at random")
+      .range(0.0, 1.0, "s")
+      .otherwise(scenes);
+  line.add("--loss", &o.loss_ratio,
+           "lock-step: part of the messages that is lost; between world and sub-world they arrive one round trip later")
+      .range(0.0, 0.9, kPartUnit)
+      .otherwise(scenes);
+  add_network_options(line, o.network);
+  line.add("--qos", &o.network.qos_file, "the DDS vendor's settings file")
+      .otherwise("the vendor's environment variable, else qos/VENDOR.xml beside the programs");
+  line.add("--wait", &o.wait_s, "longest wait for the other programs").range(0.1, 3600.0, "s");
+  line.add("--out", &o.out, "folder for results");
 }
 
-void add_trace_option(CLI::App& app, Options& o) {
-  app.add_option("--trace", o.trace,
-                 "file for a trace of the loops, stage by stage, as Chrome trace events (Perfetto, chrome://tracing,\n"
-                 "speedscope): about 3 MB a second for each user at 1 kHz");
+void add_network_options(CommandLine& line, Network& network) {
+  line.add("--interface", &network.interface_address,
+           "own network interface, by name or IPv4 address; other hosts are reached with --peers too")
+      .otherwise("loopback, which reaches this host only");
+  line.add("--peers", &network.peers,
+           "other hosts of the run: IPv4 addresses or names, separated by commas; needs --interface")
+      .otherwise("this host");
 }
 
-void add_bodies_options(CLI::App& app, Options& o) {
-  CLI::Option* bodies =
-      app.add_option("--bodies", o.bodies,
-                     "bodies whose states over time go to DIR/bodies.csv: names of the scene, separated by commas,\n"
-                     "patterns such as 'cube*', or all that can move");
-  app.add_option("--bodies-rate", o.bodies_rate_hz,
-                 "how often a simulated second, Hz, at most once a cycle of the world (default: each cycle, or less\n"
-                 "often so that no more than 10,000 rows a second come together)")
-      ->check(CLI::Range(1e-3, 1e6))
-      ->check(not_finite)
-      ->needs(bodies);
+Option add_dds(CommandLine& line, std::string& dds, const std::vector<std::string>& vendors) {
+  return line.add("--dds", &dds, "DDS vendor").one_of(vendors).environment("SUBWORLD_DDS");
 }
 
-/// Knobs whose use depends on the machine (bench_wake_up measures it): of single programs, so also by the environment.
-void add_tuning(CLI::App& app, const char* program, Options& o) {
+Option add_domain(CommandLine& line, int& domain) {
+  return line.add("--domain", &domain, "DDS domain").range(0, 232).environment("SUBWORLD_DOMAIN");
+}
+
+void add_trace_option(CommandLine& line, Options& o) {
+  line.add("--trace", &o.trace,
+           "file for a trace of the loops, stage by stage, as Chrome trace events (Perfetto, chrome://tracing, "
+           "speedscope); about 3 MB a second for each user at 1 kHz")
+      .otherwise("none");
+}
+
+void add_bodies_options(CommandLine& line, Options& o) {
+  const Option bodies = line.add("--bodies", &o.bodies,
+                                 "bodies whose states are written to DIR/bodies.csv: names of the scene, separated by "
+                                 "commas, patterns such as 'cube*', or all that can move")
+                            .otherwise("none");
+  line.add("--bodies-rate", &o.bodies_rate_hz, "rate of these states, per simulated second")
+      .range(1e-3, 1e6, "Hz")
+      .otherwise("each cycle of the world, at most 10,000 rows a second in total")
+      .needs(bodies);
+}
+
+namespace {
+
+/// Settings whose use depends on the machine (bench_wake_up measures it), of single programs: also by the environment.
+void add_tuning(CommandLine& line, const char* program, Options& o) {
   const auto variable = [&](const char* what) {
     std::string name = fmt::format("SUBWORLD_{}_{}", program, what);
     std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::toupper(c); });
     return name;
   };
-  constexpr const char* kNotInHelp = "";
-  app.add_option("--core", o.cores)
-      ->delimiter(',')
-      ->check(CLI::Range(0, 1023))
-      ->envname(variable("core"))
-      ->group(kNotInHelp);
-  app.add_option("--spin", o.spin_s)->check(CLI::Range(0.0, 0.01))->envname(variable("spin_s"))->group(kNotInHelp);
+  line.add("--core", &o.cores, "").range(0, 1023).environment(variable("core")).hidden();
+  line.add("--spin", &o.spin_s, "").range(0.0, 0.01, "s").environment(variable("spin_s")).hidden();
 }
+
+}  // namespace
 
 Parsed parse_options(Program program, int argc, const char* const* argv) {
   const About& me = about(program);
   Parsed parsed;
   Options& o = parsed.options;
-  CLI::App app{me.what, me.name};
-  app.footer(me.examples);
-  add_run_options(app, o);
-  app.add_option("--dds", o.network.dds, "DDS vendor")
-      ->check(CLI::IsMember({"fastdds", "cyclonedds"}))
-      ->envname("SUBWORLD_DDS");
-  app.add_option("--domain", o.network.domain, "DDS domain id")->check(CLI::Range(0, 232))->envname("SUBWORLD_DOMAIN");
-  if (program == Program::haptic_sim || program == Program::device_sim) {
-    app.add_option("--user", o.user, "which of the scene's users, from 0")->check(CLI::Range(0, 63));
+  CommandLine line(me.name, me.what);
+  line.footer(me.examples);
+  add_run_options(line, o);
+  add_dds(line, o.network.dds, {"fastdds", "cyclonedds"});
+  add_domain(line, o.network.domain);
+  if (program == Program::haptic_sim || program == Program::device_sim)
+    line.add("--user", &o.user, "the scene's user that it serves, from 0").range(0, 63);
+  if (program != Program::gui_headless) add_trace_option(line, o);
+  add_tuning(line, me.name, o);
+  if (program == Program::world_sim) {
+    add_bodies_options(line, o);
+    line.flag("--await-display", o.await_display, "start only when a display is there, so that it misses nothing");
   }
-  if (program != Program::gui_headless) add_trace_option(app, o);
-  add_tuning(app, me.name, o);
-  if (program == Program::world_sim) add_bodies_options(app, o);
-  if (program == Program::world_sim)
-    app.add_flag("--await-display", o.await_display, "start only when a display looks, so that it misses nothing");
   if (program == Program::gui_headless) {
-    app.add_option("--picture-every", o.picture_every_s, "also a picture each so many simulated seconds")
-        ->check(CLI::NonNegativeNumber)
-        ->check(not_finite);
+    line.add("--picture-every", &o.picture_every_s, "a picture also each so many simulated seconds; 0: only the last")
+        .range(0.0, 1e6, "s");
   }
-  parsed.exit_code = parse_arguments(app, argc, argv);
+  parsed.exit_code = line.parse(argc, argv);
   return parsed;
 }
 
@@ -222,9 +235,10 @@ Scene load_scene(const Options& o) {
     s.passivity = *o.passivity == "on" ? Passivity::on : *o.passivity == "off" ? Passivity::off : Passivity::automatic;
   }
   s.disable(parse_disabled(o.disabled));
+  s.remote = std::ranges::any_of(o.network.peers, is_remote);
   if (s.mode == Mode::realtime && s.delay.any()) {
     throw Error(ExitCode::usage,
-                fmt::format("{}: artificial delay and loss are for lock-step; remove settings.delay, --latency, "
+                fmt::format("{}: artificial delay and loss act in lock-step only; remove settings.delay, --latency, "
                             "--device-latency, --jitter and --loss, or run with --mode lockstep",
                             o.scene));
   }
@@ -245,8 +259,8 @@ Scene load_scene(const Options& o) {
   }
   if (o.user >= s.users) {
     throw Error(ExitCode::usage,
-                fmt::format("--user {}: {} user{} take part in {}; users count from 0, more take part with --users",
-                            o.user, s.users, s.users == 1 ? "" : "s", o.scene));
+                fmt::format("--user {}: {} user{} take part in {}; users count from 0; for more give --users", o.user,
+                            s.users, s.users == 1 ? "" : "s", o.scene));
   }
   return scene;
 }
@@ -302,7 +316,7 @@ int run_program(Program program, int argc, const char* const* argv,
     if (const std::vector<int>& cores = parsed.options.cores; !cores.empty() && !keep_to_cores(cores))
       throw Error(ExitCode::usage, fmt::format("--core {}: this machine does not have it, or not for this program",
                                                fmt::join(cores, ",")));
-    std::setvbuf(stdout, nullptr, _IOLBF, 0);  // a log holds what was said, however the program ends
+    std::setvbuf(stdout, nullptr, _IOLBF, 0);  // a log is complete, however the program ends
     const Scene scene = load_scene(parsed.options);
     if (!parsed.options.out.empty()) make_folder(parsed.options.out);
     body(parsed.options, scene);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "io/command_line.hpp"
 #include "model/network.hpp"
 #include "model/scene.hpp"
 
@@ -12,7 +13,7 @@ namespace subworld {
 
 enum class Program : std::uint8_t { world_sim, haptic_sim, device_sim, gui_headless };
 
-/// What every program takes from its command line. Flag over environment over scene over default.
+/// The options of every program. A flag wins over the environment, that over the scene, and that over the default.
 struct Options {
   std::string scene;
   Network network;
@@ -33,15 +34,15 @@ struct Options {
   std::optional<double> budget_ratio;
   std::optional<double> duration_s;
   std::string out;                       ///< folder for results; empty: none are written
-  std::optional<std::string> bodies;     ///< world_sim: whose states are written down; choose_bodies() reads it
-  std::optional<double> bodies_rate_hz;  ///< world_sim: how often
-  std::vector<int> cores;                ///< that all threads of the program stay on; none: any
-  double spin_s = 0.0;           ///< haptic_sim, device_sim: looks at the clock instead of sleeping before a release
-  std::string trace;             ///< file for what the loops did when; empty: none. Not of the display
-  int user = 0;                  ///< haptic_sim, device_sim
-  double wait_s = 30.0;          ///< for the other programs
-  double picture_every_s = 0.0;  ///< gui_headless
-  bool await_display = false;    ///< world_sim: not before a display looks
+  std::optional<std::string> bodies;     ///< world_sim: bodies to record; choose_bodies() reads it
+  std::optional<double> bodies_rate_hz;  ///< world_sim: rate of that
+  std::vector<int> cores;                ///< for all threads of the program; none: any
+  double spin_s = 0.0;                   ///< haptic_sim, device_sim: spins instead of sleeping before a release
+  std::string trace;                     ///< file for a trace of the loops; empty: none. Not of the display
+  int user = 0;                          ///< haptic_sim, device_sim
+  double wait_s = 30.0;                  ///< for the other programs
+  double picture_every_s = 0.0;          ///< gui_headless
+  bool await_display = false;            ///< world_sim: starts when a display is there
 };
 
 struct Parsed {
@@ -56,32 +57,29 @@ struct Parsed {
 /// part. Throws `Error` (usage).
 [[nodiscard]] Scene load_scene(const Options& options);
 
-/// The flags that hand the same settings on to another program.
+/// The flags that give the same settings to another program.
 [[nodiscard]] std::vector<std::string> flags_of(const Options& options);
 
-}  // namespace subworld
-
-namespace CLI {
-class App;
-}
-
-namespace subworld {
-
 /// Adds the options that the launcher and all programs share.
-void add_run_options(CLI::App& app, Options& options);
+void add_run_options(CommandLine& line, Options& options);
+/// Adds --interface and --peers.
+void add_network_options(CommandLine& line, Network& network);
+/// Adds --dds and --domain.
+Option add_dds(CommandLine& line, std::string& dds, const std::vector<std::string>& vendors);
+Option add_domain(CommandLine& line, int& domain);
 
-/// Why a text is no simulation ratio, fixed or as in 4-12, with the cure; empty: it is one.
+/// For Option::check(): a simulation ratio, fixed or as in 4-12.
 [[nodiscard]] std::string ratio_fault(const std::string& text);
 /// The same for one of a list of fixed ratios, beside an option --ratio-most.
 [[nodiscard]] std::string fixed_ratio_fault(const std::string& text);
 
 /// Adds --trace.
-void add_trace_option(CLI::App& app, Options& options);
+void add_trace_option(CommandLine& line, Options& options);
 
 /// Adds --bodies and --bodies-rate.
-void add_bodies_options(CLI::App& app, Options& options);
+void add_bodies_options(CommandLine& line, Options& options);
 
-/// Runs a program's body and turns what it throws into a message on stderr and an exit code.
+/// Runs a program's body and turns its exceptions into a message on stderr and an exit code.
 int guarded(const char* program, const std::function<int()>& body) noexcept;
 
 /// A program from its command line to its exit code: options, stop signals, scene, folder for results, body.

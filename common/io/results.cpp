@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <sys/utsname.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <thread>
@@ -102,6 +103,8 @@ Json read_json(const std::string& path) {
   }
 }
 
+int machine_cores() { return static_cast<int>(std::max(1U, std::thread::hardware_concurrency())); }
+
 Json machine() {
   utsname system{};
   uname(&system);
@@ -114,7 +117,7 @@ Json machine() {
     }
   }
   return {{"cpu", model},
-          {"cores", std::thread::hardware_concurrency()},
+          {"cores", machine_cores()},
           {"kernel", system.release},
           {"system", system.sysname},
           {"compiler", __VERSION__}};

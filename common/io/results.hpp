@@ -16,8 +16,8 @@ using Json = nlohmann::ordered_json;
 /// {"p50", "p99", "p99_9", "max", "mean"} in seconds.
 [[nodiscard]] Json quantiles(const Histogram& histogram);
 
-/// A loop's stages (rt/stages), by name: {"NAME_s": quantiles of the steps in which it came, and its `share` of the
-/// time that all but waking up took}.
+/// A loop's stages (rt/stages), by name: {"NAME_s": quantiles over the steps that contain the stage, with its `share`
+/// of the time outside waking up}.
 [[nodiscard]] Json stages(std::span<const Histogram> times, std::span<const char* const> names);
 
 /// Mean and maximum of a count.
@@ -37,33 +37,34 @@ struct MeanMax {
 
 /// An exchange of engines while running.
 struct EngineChange {
-  std::uint32_t order = 0;  ///< number of the `Control` that asked for it
+  std::uint32_t order = 0;  ///< number of the `Control` that requested it
   double at_s = 0.0;        ///< simulated time
   std::string from;
   std::string to;
-  double exchange_s = 0.0;           ///< that the loop spent on it
-  double force_step_n = 0.0;         ///< largest change of the hand's force from step to step just after; haptic only
-  double force_step_before_n = 0.0;  ///< likewise just before
+  double exchange_s = 0.0;    ///< time that the loop spent on it
+  double force_step_n = 0.0;  ///< largest change of the force on the operator between two steps just after; haptic only
+  double force_step_before_n = 0.0;  ///< likewise just before the exchange
 };
-/// Energy that has crossed from a hand: the rest of it at the end, its least value on the way, and how much was given
-/// back that was not there any more (coupling/energy_port).
+/// Energy balance of an operator (coupling/energy_port), J: final energy, least energy, and the energy delivered to the
+/// operator beyond what the coupling could store.
 [[nodiscard]] Json operator_energy(double net_j, double least_j, double created_j);
-/// What the middleware reported while a loop ran.
+/// Middleware events while a loop ran.
 [[nodiscard]] Json to_json(const EventCounts& events);
 
 [[nodiscard]] std::string to_text(const EngineChange& change);
 [[nodiscard]] Json to_json(const EngineChange& change);
 
-/// What each item of the plan decides, and why.
+/// Decision and reason of each item of the plan.
 [[nodiscard]] Json to_json(std::span<const PlannedItem> plan);
 
 /// Creates the folder. Throws `Error` (failed) with the cure.
 void make_folder(const std::string& folder);
-/// Writes a file whole or not at all. Throws `Error` (failed).
+/// Writes the complete file or nothing. Throws `Error` (failed).
 void write_json(const std::string& path, const Json& json);
-/// Throws `Error` (failed) where the file is missing or broken.
+/// Throws `Error` (failed) if the file is missing or invalid.
 [[nodiscard]] Json read_json(const std::string& path);
 
+[[nodiscard]] int machine_cores();
 /// Machine, kernel and versions, for the summary.
 [[nodiscard]] Json machine();
 

@@ -40,7 +40,7 @@ fs::path scenes_folder() {
 
 std::string scene_file(const std::string& scene) {
   const fs::path folder = scenes_folder();
-  std::error_code unreadable;  // whoever reads the file says why
+  std::error_code unreadable;  // reading the file reports the reason
   const bool is_file = fs::exists(scene, unreadable) && !fs::is_directory(scene, unreadable);
   if (is_file || folder.empty() || scene.find('/') != std::string::npos) return scene;
   const std::vector<std::string> names = scene_names(folder);

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::array kNames{"force_n", "members", "lateness_s", "real_time_factor", "missed deadline", "lost frames"};
 
-/// A row: what it is, its name, when it begins in ns, and a duration in ns or a value.
+/// A row holds: kind, name, begin in ns, and a duration in ns or a value.
 enum class Kind : std::uint8_t { step, stage, counter, instant };
 constexpr std::size_t kWidth = 4;
 

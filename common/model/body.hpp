@@ -11,7 +11,7 @@ namespace subworld {
 
 /// Triangles of a mesh file, in the body frame.
 struct Mesh {
-  std::string file;            ///< as the scene names it
+  std::string file;            ///< path as given in the scene
   std::vector<Vec3> vertices;  ///< m
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
@@ -28,7 +28,7 @@ enum class ShapeKind : std::uint8_t {
 
 struct Shape {
   ShapeKind kind = ShapeKind::sphere;
-  Vec3 half_extents = Vec3::Zero();  ///< m
+  Vec3 half_extents = Vec3::Zero();  ///< m, box only
   double radius = 0.0;               ///< m
   double half_length = 0.0;          ///< m
   std::uint32_t mesh = 0;            ///< index into `Scene::meshes`
@@ -40,7 +40,7 @@ struct Material {
   double restitution = 0.0;  ///< 0 .. 1
 };
 
-/// What does not change while a body moves.
+/// Properties that stay constant while a body moves.
 struct Body {
   BodyId id{};
   std::string name;
@@ -49,13 +49,14 @@ struct Body {
   double mass = 0.0;            ///< kg; 0: fixed to the world
   Vec3 inertia = Vec3::Zero();  ///< principal moments about the centre of mass, kg m^2; the body frame is principal
   bool gravity = true;
-  bool rotates = true;   ///< false: translates only
-  bool at_rest = false;  ///< at the start: with all at rest that it touches, until something can reach it
+  bool rotates = true;  ///< false: translates only
+  /// Sleeps at the start with all bodies at rest that it touches, until another body can reach it.
+  bool at_rest = false;
 
   [[nodiscard]] bool fixed() const noexcept { return mass == 0.0; }
 };
 
-/// What changes; all in the world frame, at the centre of mass.
+/// State of motion. All in the world frame, at the centre of mass.
 struct BodyState {
   Vec3 position = Vec3::Zero();  ///< m
   Quat orientation = Quat::Identity();
@@ -68,10 +69,10 @@ struct StampedBody {
   BodyState state;
 };
 
-/// A copy without the name: in a loop, a long one costs an allocation, and nobody there looks at it.
+/// A copy without the name. In a loop, a long name would cost an allocation.
 [[nodiscard]] Body nameless(const Body& body) noexcept;
 [[nodiscard]] bool finite(const BodyState& state) noexcept;
-/// J
+/// Translational and rotational, J.
 [[nodiscard]] double kinetic_energy(const Body& body, const BodyState& state) noexcept;
 
 }  // namespace subworld

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::string_view kAll = "all";
 
-/// What a wrong word may have meant: the groups of repeated bodies as "name/*", then every body.
+/// Suggestions for an unknown word: the groups of repeated bodies as "name/*", then every body.
 std::vector<std::string> known_words(const Scene& scene) {
   std::vector<std::string> words{std::string(kAll)};
   std::set<std::string> groups;
@@ -43,7 +43,7 @@ std::vector<std::string> known_words(const Scene& scene) {
 
 bool matches(std::string_view pattern, std::string_view name) noexcept {
   std::size_t p = 0, n = 0;
-  std::size_t star = std::string_view::npos, taken = 0;  // the last `*`, and the end of the part of the name it took
+  std::size_t star = std::string_view::npos, taken = 0;  // the last `*`, and the end of the text that it matched
   while (n < name.size()) {
     if (p < pattern.size() && pattern[p] == '*') {
       star = p++;

@@ -7,12 +7,12 @@
 
 namespace subworld {
 
-/// The bodies of a list such as "proxy,cube*,tower/?", each once, in the order of the scene: names, patterns in which
-/// `*` stands for any characters and `?` for one, or "all" for all that can move. A pattern means fixed bodies as well.
-/// Throws `Error` (usage) for a word that no body has, with the nearest name.
+/// The bodies of a list such as "proxy,cube*,tower/?", each once, in the order of the scene. An item is a name, a
+/// pattern (`*` matches any characters, `?` one), or "all" for all movable bodies. A pattern also matches fixed bodies.
+/// Throws `Error` (usage) for an item that matches no body, with the nearest name.
 [[nodiscard]] std::vector<BodyId> choose_bodies(const Scene& scene, std::string_view list);
 
-/// Whether a name is one of a pattern's.
+/// Whether a name matches a pattern.
 [[nodiscard]] bool matches(std::string_view pattern, std::string_view name) noexcept;
 
 }  // namespace subworld

@@ -4,7 +4,7 @@
 
 namespace subworld {
 
-/// One contact point of one engine step, sub-steps included.
+/// One contact point of one engine step. Impulses are totals over all sub-steps.
 struct Contact {
   BodyId a{};
   BodyId b{};

@@ -13,11 +13,11 @@ namespace {
 
 struct Face {
   std::array<std::uint32_t, 3> corners;
-  Vec3 normal;  ///< unit; zero where the face has no area
+  Vec3 normal;  ///< unit; zero if the face has no area
   double offset;
 };
 
-/// The incremental algorithm: start with a tetrahedron; each vertex outside replaces the faces that it sees by a cone.
+/// Incremental algorithm: starts with a tetrahedron; each vertex outside replaces the faces visible from it by a cone.
 class HullBuilder {
  public:
   explicit HullBuilder(const std::vector<Vec3>& points) : points_(points) {}
@@ -28,7 +28,7 @@ class HullBuilder {
     if (!start) return false;
     const auto [a, b, c, d] = *start;
     for (const auto& corners : {std::array{a, b, c}, std::array{a, c, d}, std::array{a, d, b}, std::array{b, d, c}}) {
-      // The four faces are consistent with each other; one test turns them all outwards.
+      // The four faces are oriented consistently, so one test is enough to turn all of them outwards.
       const bool outwards = (points_[b] - points_[a]).cross(points_[c] - points_[a]).dot(points_[d] - points_[a]) < 0.0;
       add(outwards ? corners : std::array{corners[0], corners[2], corners[1]});
     }
@@ -50,7 +50,7 @@ class HullBuilder {
   void insert(std::uint32_t i) {
     const auto sees = [&](const Face& f) { return f.normal.dot(points_[i]) - f.offset > tolerance_; };
     if (std::none_of(faces_.begin(), faces_.end(), sees)) return;
-    // An edge of the seen faces that is passed in one direction only is on their rim.
+    // An edge of the visible faces that is passed in one direction only is on their rim.
     std::set<std::pair<std::uint32_t, std::uint32_t>> edges;
     std::vector<Face> kept;
     for (const Face& f : faces_) {
@@ -66,7 +66,7 @@ class HullBuilder {
     }
   }
 
-  /// Four vertices that are far from lying in a plane. Sets the tolerance from their spread.
+  /// Four vertices that are clearly not coplanar. Sets the tolerance from their spread.
   std::optional<std::array<std::uint32_t, 4>> tetrahedron() {
     if (points_.size() < 4) return std::nullopt;
     const auto farthest = [&](auto&& distance) {

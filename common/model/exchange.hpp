@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-/// What crosses between the programs, one struct per topic. `wire/convert` maps each to its IDL type.
-/// `session` names the world's run; `sender` the process that sends, `served` the one that is answered: what is of
-/// another run, or of a program that was started again, is told apart by these.
+/// The messages between the programs, one struct per topic. `wire/convert` maps each to its IDL type. `session`
+/// identifies the world's run, `sender` the sending process, `served` the process that is answered. With these a
+/// receiver rejects messages of another run, or of a program that was restarted.
 namespace subworld {
 
 struct Wrench {
@@ -22,10 +22,10 @@ struct Wrench {
   Vec3 torque = Vec3::Zero();  ///< N m
 };
 
-/// Topic `scene`: what a late joiner needs to create every body.
+/// Topic `scene`: all that a late joiner needs to create every body.
 struct SceneDescription {
   std::string name;
-  std::uint64_t settings_hash = 0;  ///< programs with different scenes or settings must not work together
+  std::uint64_t settings_hash = 0;  ///< programs with different scenes or settings refuse to work together
   std::uint64_t session = 0;        ///< drawn by the world
   std::uint32_t users = 0;          ///< haptic processes that take part
   std::vector<Mesh> meshes;
@@ -44,7 +44,7 @@ struct DeviceState {
   Pose pose;
   Vec3 linear_velocity = Vec3::Zero();
   Vec3 angular_velocity = Vec3::Zero();
-  Wrench applied;  ///< by the hand, for admittance devices
+  Wrench applied;  ///< by the operator, for admittance devices
   std::uint32_t buttons = 0;
 };
 
@@ -52,8 +52,8 @@ struct DeviceState {
 struct DeviceCommand {
   std::uint32_t device = 0;
   std::uint64_t session = 0;
-  std::uint64_t served = 0;    ///< 0: no device was heard of yet
-  std::uint64_t sequence = 0;  ///< of the device state that it answers
+  std::uint64_t served = 0;    ///< sender of the device state that this answers; 0: none received yet
+  std::uint64_t sequence = 0;  ///< sequence number of the device state that this answers
   double stamp_s = 0.0;        ///< simulation time
   std::int64_t echoed_sent_ns = 0;
   Wrench wrench;  ///< for impedance devices
@@ -63,41 +63,44 @@ struct DeviceCommand {
   bool last = false;  ///< the run is over
 };
 
-/// A Coulomb limit that no load in a scene exceeds: what cannot give way.
+/// A Coulomb limit that no load in a scene exceeds. It marks a body that does not move.
 inline constexpr double kWallLimit_n = 1e9;
 
-/// What pushing an outside body along one direction meets.
+/// Resistance of an outside body to a push along one direction.
 struct GhostAxis {
-  Vec3 normal = Vec3::UnitZ();   ///< towards the inside bodies, or a free way; the axes of a ghost are orthogonal
-  double force_n = 0.0;          ///< along `normal`
+  /// Towards the inside bodies, or an unconstrained direction; the axes of a ghost are orthogonal.
+  Vec3 normal = Vec3::UnitZ();
+  double force_n = 0.0;          ///< present force along `normal`
   double coulomb_limit_n = 0.0;  ///< under the model's load; kWallLimit_n: a wall
   Vec3 load_dependent_friction =
-      Vec3::Zero();  ///< N/N, by which the limit grows with the force of the inside on the outside
+      Vec3::Zero();  ///< N/N, increase of the limit per force of the inside bodies on the outside body
 };
 
 inline constexpr std::size_t kMostGhostAxes = 3;
 
-/// An outside body that nothing but the inside holds, and what it carries, as one rigid body (coupling/carried).
+/// An outside body that only inside bodies support, and the bodies that it carries, as one rigid body
+/// (coupling/carried).
 struct CarriedBody {
   double mass_kg = 0.0;
-  Vec3 centre_m = Vec3::Zero();                             ///< of mass, from the outside body's centre
+  Vec3 centre_m = Vec3::Zero();                             ///< centre of mass, relative to the outside body's centre
   Eigen::Matrix3d inertia_kg_m2 = Eigen::Matrix3d::Zero();  ///< about the centre of mass, world axes
-  Wrench drive;                                             ///< of all but the inside, at the outside body's centre
+  Wrench drive;  ///< of everything but the inside bodies, at the outside body's centre
 };
 
-/// The reduced model of an outside body that touches inside ones, or soon may (coupling/ghost).
+/// The reduced model of an outside body that touches inside bodies, or soon may (coupling/ghost).
 struct GhostModel {
   BodyId outside{};
   double mass_kg = 0.0;
-  Vec3 load_n = Vec3::Zero();  ///< of the inside on it, friction included, mean over the world's step
+  Vec3 load_n = Vec3::Zero();  ///< of the inside bodies on it, friction included, mean over the world's step
   std::size_t axis_count = 0;
-  std::array<GhostAxis, kMostGhostAxes> axes;  ///< the heaviest loaded first
-  std::optional<CarriedBody> carried = {};     ///< moves as this says; the axes only tell where it is touched
-  bool approaching = false;                    ///< touches no member: it meets ghosts as well
+  std::array<GhostAxis, kMostGhostAxes> axes;  ///< the most heavily loaded first
+  /// If set, the ghost moves by this; the axes then only give the contact points' directions.
+  std::optional<CarriedBody> carried = {};
+  bool approaching = false;  ///< touches no member yet; collides with ghosts too
 };
 
-/// A contact between a body inside the sub-world and one outside (paper 4.2). Impulses act on `inside`. Or what may
-/// become one soon (coupling/approach); there, what pushes may be a ghost.
+/// A contact between a body inside the sub-world and one outside (paper 4.2), or a pair that may come into contact soon
+/// (coupling/approach). In a pair of the second kind, `inside` may be a ghost. Impulses act on `inside`.
 struct BoundaryContact {
   BodyId inside{};
   BodyId outside{};
@@ -108,7 +111,7 @@ struct BoundaryContact {
   Vec3 tangential_impulse = Vec3::Zero();  ///< N s
 };
 
-/// Whether the pair is a contact already.
+/// Whether the pair is already in contact.
 [[nodiscard]] inline bool touches(const BoundaryContact& pair) noexcept {
   return pair.normal_impulse > 0.0 || pair.distance < 0.0;
 }
@@ -126,13 +129,13 @@ struct PeerDevice {
   Vec3 angular_velocity = Vec3::Zero();
 };
 
-/// Until when, and in which place of the proxy, neither side has anything to tell (coupling/silence).
+/// Message suppression (coupling/suppression): no messages are sent until a stamp, or until the proxy leaves a region.
 struct Suppression {
-  std::uint64_t until = 0;  ///< the stamp of the next frame and the next report
-  Box place;                ///< where nothing but the proxy is or comes until then
+  std::uint64_t until = 0;  ///< stamp of the next frame and the next report
+  Box place;                ///< region in which there is no body but the proxy until then
 };
 
-/// From the cycle that begins at `stamp` on, each cycle has `ratio` haptic steps.
+/// Each cycle from the one at `stamp` on has `ratio` haptic steps.
 struct RatioChange {
   std::uint64_t stamp = 0;
   int ratio = 1;
@@ -142,7 +145,7 @@ struct RatioChange {
 struct WorldFrame {
   UserId user{};
   std::uint64_t session = 0;
-  std::uint64_t served = 0;  ///< 0: no haptic process was heard of yet
+  std::uint64_t served = 0;  ///< sender of the report that this answers; 0: none received yet
   std::uint64_t stamp = 0;   ///< j: the state when cycle j begins
   double stamp_s = 0.0;
   double start_in_s =
@@ -151,23 +154,24 @@ struct WorldFrame {
   std::int64_t echoed_sent_ns = 0;  ///< of the newest report that the world has used
   std::uint64_t echoed_stamp = 0;
   bool last = false;
-  double cycle_s = 0.0;                 ///< length of the cycle that ended here, to which impulses belong
-  int ratio = 1;                        ///< haptic steps in the cycle that begins here
-  RatioChange planned;                  ///< the newest; may be of the past
-  std::vector<BodyId> members;          ///< movable bodies of the sub-world from this stamp on, proxy included
-  std::vector<BodyId> fixed;            ///< fixed bodies of the sub-world
-  std::vector<std::uint32_t> islands;   ///< of members, as the world's contacts make them (coupling/contact_graph)
-  std::vector<EnteringBody> entering;   ///< not yet confirmed by a report
-  std::vector<StampedBody> states;      ///< the world's own result, before any blend: members, bodies just left, ghosts
-  std::uint32_t border_contacts = 0;    ///< between what is inside and what is outside
-  std::uint32_t border_bodies = 0;      ///< members that have one, or may soon
-  std::vector<BoundaryContact> border;  ///< those that the sub-world needs
+  double cycle_s = 0.0;                ///< length of the cycle that ended at this stamp; impulses are totals over it
+  int ratio = 1;                       ///< haptic steps in the cycle that begins here
+  RatioChange planned;                 ///< the newest change; may lie in the past
+  std::vector<BodyId> members;         ///< movable bodies of the sub-world from this stamp on, proxy included
+  std::vector<BodyId> fixed;           ///< fixed bodies of the sub-world
+  std::vector<std::uint32_t> islands;  ///< island of each member, by the world's contacts (coupling/contact_graph)
+  std::vector<EnteringBody> entering;  ///< not yet confirmed by a report
+  /// The world's own result, before any blend: members, bodies that just left, ghosts.
+  std::vector<StampedBody> states;
+  std::uint32_t border_contacts = 0;    ///< contacts between inside and outside bodies
+  std::uint32_t border_bodies = 0;      ///< members with such a contact, or with one soon
+  std::vector<BoundaryContact> border;  ///< the contacts that the sub-world needs
   std::vector<GhostModel> ghosts;
   std::vector<PeerDevice> peers;
-  std::optional<Suppression> suppression;  ///< after this frame
+  std::optional<Suppression> suppression;  ///< takes effect after this frame
 };
 
-/// Room for a usual sub-world, so that a loop need not find it.
+/// Reserves memory for a usual sub-world, so that a loop does not allocate.
 inline void reserve(WorldFrame& frame, std::size_t bodies) {
   frame.members.reserve(bodies);
   frame.fixed.reserve(bodies);
@@ -178,13 +182,13 @@ inline void reserve(WorldFrame& frame, std::size_t bodies) {
   frame.ghosts.reserve(bodies);
 }
 
-/// What decides how two copies of a body are blended (paper 4.3); sums over one haptic cycle.
+/// Criteria for blending the two copies of a body (paper 4.3); sums over one haptic cycle.
 struct Indicators {
   double proxy_impulse_n_s = 0.0;   ///< magnitudes of all contacts on the proxy
   double total_impulse_n_s = 0.0;   ///< magnitudes of all contacts in the sub-world
   double device_impulse_n_s = 0.0;  ///< magnitudes returned by the device
   std::uint32_t border_bodies = 0;
-  std::uint32_t proxy_contacts = 0;  ///< most in any step of the cycle
+  std::uint32_t proxy_contacts = 0;  ///< maximum over the steps of the cycle
 };
 
 struct StepTiming {
@@ -199,23 +203,23 @@ struct ReportedDevice {
   Wrench applied;                        ///< admittance devices
 };
 
-/// Topic `haptic_report`, keyed by user: the sub-world at t = stamp_s, and what happened in the cycle before.
+/// Topic `haptic_report`, keyed by user: the sub-world at t = stamp_s, and the cycle before.
 struct HapticReport {
   UserId user{};
   std::uint64_t session = 0;
   std::uint64_t sender = 0;
   std::uint64_t stamp = 0;
   double stamp_s = 0.0;
-  double clock_rate = 1.0;  ///< simulated seconds per second in its newest step, > 0
+  double clock_rate = 1.0;  ///< simulated seconds per second in the newest step, > 0
   std::int64_t sent_ns = 0;
-  std::uint64_t confirmed_stamp = 0;  ///< newest frame whose bodies are in the sub-world
-  Wrench impulse_total;               ///< that the user has injected since t = 0, N s and N m s
+  std::uint64_t confirmed_stamp = 0;  ///< newest frame whose entering bodies are in the sub-world
+  Wrench impulse_total;               ///< injected by the user since t = 0, N s and N m s
   double device_work_j = 0.0;         ///< since t = 0
-  double coupling_energy_j = 0.0;     ///< stored in the coupling's springs
+  double coupling_energy_j = 0.0;     ///< stored in the springs of the virtual coupling
   BodyState proxy;
-  std::optional<ReportedDevice> device;  ///< where somebody reads it
+  std::optional<ReportedDevice> device;  ///< empty if no reader needs it (optimisation `device`)
   std::vector<StampedBody> members;      ///< the sub-world's own result, before any blend
-  std::vector<std::uint32_t> islands;    ///< of members, as the sub-world's contacts make them
+  std::vector<std::uint32_t> islands;    ///< island of each member, by the sub-world's contacts
   Indicators indicators;
   StepTiming timing;
 };
@@ -225,7 +229,7 @@ inline void reserve(HapticReport& report, std::size_t bodies) {
   report.islands.reserve(bodies);
 }
 
-/// A sub-world of more bodies costs an allocation now and then until every buffer has grown to it.
+/// Initial room, in bodies. A larger sub-world costs a few allocations until every buffer has grown.
 inline constexpr std::size_t kUsualMembers = 128;
 
 struct UserView {
@@ -249,7 +253,7 @@ enum class ControlVerb : std::uint8_t { stop, pause, resume, step, reset, set_en
 
 /// Topic `control`.
 struct Control {
-  std::uint32_t number = 0;  ///< drawn by who orders; what is answered names it
+  std::uint32_t number = 0;  ///< drawn by the sender; the answer repeats it
   ControlVerb verb = ControlVerb::stop;
   std::string argument;
 };
@@ -261,8 +265,8 @@ struct EventCounts {
   std::uint64_t liveliness_lost = 0;
   std::uint64_t incompatible_qos = 0;
   std::uint64_t lost = 0;      ///< samples that the middleware says are lost
-  std::uint64_t rejected = 0;  ///< samples that did not decode or held nonsense
-  std::uint64_t refused = 0;   ///< samples of another writer than the one that takes part in the run
+  std::uint64_t rejected = 0;  ///< samples that did not decode or had invalid contents
+  std::uint64_t refused = 0;   ///< samples of a foreign writer: one that does not take part in the run
 };
 
 [[nodiscard]] inline EventCounts operator-(const EventCounts& to, const EventCounts& from) noexcept {
@@ -278,7 +282,7 @@ struct EventCounts {
 
 enum class ProgramKind : std::uint8_t { world_sim, haptic_sim, device_sim, gui_headless };
 
-/// Topic `status`, keyed by program and instance: once a second from everyone.
+/// Topic `status`, keyed by program and instance: each program sends one a second.
 struct Status {
   ProgramKind program = ProgramKind::world_sim;
   std::uint32_t instance = 0;  ///< user or device
@@ -287,13 +291,13 @@ struct Status {
   double rate_hz = 0.0;
   std::uint64_t steps = 0;
   std::uint64_t missed_deadlines = 0;
-  std::uint64_t missed_by_os = 0;  ///< of these (rt/lateness)
+  std::uint64_t missed_by_os = 0;  ///< of `missed_deadlines` (rt/lateness)
   double step_s = 0.0;             ///< mean over the last second
-  double force_n = 0.0;            ///< haptic_sim: on the hand
+  double force_n = 0.0;            ///< haptic_sim: on the operator
   double real_time_factor = 1.0;   ///< world_sim; 1 elsewhere
-  double done_ratio = 0.0;         ///< of `state`, where it comes to an end: loading, settling
+  double done_ratio = 0.0;         ///< progress 0 .. 1 of `loading` or `settling`
   EventCounts events;
-  std::string text;  ///< what happened since the last status, in words
+  std::string text;  ///< events since the last status, in words
 };
 
 }  // namespace subworld

@@ -11,7 +11,8 @@ namespace subworld {
 
 namespace {
 
-constexpr double kRoundOff = 1e-6;  // mesh files hold single precision: what is smaller is not a tilted axis
+// Mesh files have single precision: a smaller product of inertia is not a tilted axis.
+constexpr double kRoundOff = 1e-6;
 
 }  // namespace
 
@@ -52,7 +53,7 @@ Vec3 principal_inertia(const Shape& shape, double mass_kg) noexcept {
     case ShapeKind::capsule: {
       const double balls = mass_kg * (4.0 / 3.0 * shape.radius) / (2.0 * h + 4.0 / 3.0 * shape.radius);
       const double straight = mass_kg - balls;
-      // Each half ball has its centre 3/8 r beyond the end of the straight part: parallel axes, taken together.
+      // Each half ball has its centre 3/8 r beyond the end of the straight part (parallel axis theorem, both together).
       const double across = straight * (0.25 * r2 + h * h / 3.0) + balls * (0.4 * r2 + h * h + 0.75 * h * shape.radius);
       return {across, across, 0.5 * straight * r2 + 0.4 * balls * r2};
     }

@@ -6,31 +6,31 @@
 
 namespace subworld {
 
-/// Volume (m^3) of a sphere, box, capsule or cylinder; 0 for a plane. `convex` and `mesh` have theirs in `Solid`.
+/// Volume (m^3) of a sphere, box, capsule or cylinder; 0 for a plane. For `convex` and `mesh` see `Solid`.
 [[nodiscard]] double volume(const Shape& shape) noexcept;
 
 /// Principal moments (kg m^2) of a solid sphere, box, capsule or cylinder of uniform density about its centre.
 [[nodiscard]] Vec3 principal_inertia(const Shape& shape, double mass_kg) noexcept;
 
-/// What a closed surface encloses, for a density of 1 kg/m^3.
+/// Mass properties of the volume inside a closed surface, for a density of 1 kg/m^3.
 struct Solid {
-  double volume = 0.0;                                ///< m^3; negative if the triangles look inwards
+  double volume = 0.0;                                ///< m^3; negative if the triangles face inwards
   Vec3 centre = Vec3::Zero();                         ///< m
   Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  ///< about the centre, mesh axes, kg m^2
 };
 
-/// Integrates over the tetrahedra that each triangle makes with the first vertex (exact for polyhedra).
+/// Integrates over the tetrahedra of each triangle and the first vertex (exact for polyhedra).
 [[nodiscard]] Solid integrate(const Mesh& mesh) noexcept;
 
-/// True if every edge joins exactly two triangles, which pass it in opposite directions.
+/// True if every edge joins exactly two triangles that pass it in opposite directions.
 [[nodiscard]] bool closed(const Mesh& mesh);
 
-/// Convex hull of the mesh's vertices, triangles outwards; unused vertices are gone. Empty (no triangles) if the
-/// vertices lie in a plane. Time grows with the square of the vertices.
+/// Convex hull of the mesh's vertices, triangles outwards, without unused vertices. Empty (no triangles) if the
+/// vertices are coplanar. Time is quadratic in the number of vertices.
 [[nodiscard]] Mesh convex_hull(const Mesh& mesh);
 
-/// Moves and turns the vertices so that the mesh frame is principal and at the centre of mass. Returns where that frame
-/// is in the old one. Axes that are principal already are kept.
+/// Moves and turns the vertices so that the mesh frame is principal and at the centre of mass. Returns the pose of the
+/// new frame in the old one. Axes that are already principal stay as they are.
 struct PrincipalFrame {
   Pose frame;
   double volume = 0.0;

@@ -19,7 +19,7 @@ namespace {
 constexpr std::uintmax_t kLargestMeshFile = 64U << 20U;  // bytes
 constexpr std::size_t kMostTriangles = 1'000'000;
 
-/// Appends triangles; vertices that are equal to the last bit are one.
+/// Appends triangles. Vertices with exactly equal coordinates become one.
 class Welder {
  public:
   explicit Welder(Mesh& mesh) : mesh_(mesh) {}

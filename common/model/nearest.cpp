@@ -8,7 +8,7 @@ namespace subworld {
 
 namespace {
 
-/// Levenshtein's distance.
+/// Levenshtein distance.
 std::size_t edits(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), std::size_t{0});
@@ -25,7 +25,7 @@ std::size_t edits(std::string_view a, std::string_view b) {
 
 std::string_view stem(std::string_view key) { return key.substr(0, key.find('_')); }
 
-constexpr std::size_t kLongestWord = 80;  // characters; nobody means a name by a longer one
+constexpr std::size_t kLongestWord = 80;  // characters; a longer word is not a misspelt name
 
 }  // namespace
 
@@ -35,7 +35,7 @@ std::string_view nearest(std::string_view word, const std::vector<std::string_vi
   if (word.size() > kLongestWord) return best;
   for (std::string_view candidate : candidates) {
     std::size_t distance = edits(word, candidate);
-    // A wrong or missing unit is the commonest slip: the same word before the unit counts as near.
+    // A wrong or missing unit is the most frequent mistake: an equal word before the unit counts as near.
     if (stem(word) == stem(candidate)) distance = std::min<std::size_t>(distance, 2);
     if (distance < least || (distance == least && best.empty())) {
       least = distance;

@@ -2,7 +2,6 @@
 
 #include "model/error.hpp"
 #include "model/nearest.hpp"
-#include "model/scene.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -14,113 +13,29 @@ namespace subworld {
 
 namespace {
 
-Decision decide_rest(const Scene& scene, std::size_t) {
-  const auto movable = std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); });
-  const auto others = movable - scene.settings.users;
-  if (others == 0) return {false, false, "nothing moves but the proxies"};
-  return {true, false, fmt::format("{} may come to rest", others == 1 ? "a body" : fmt::format("{} bodies", others))};
-}
-
-Decision decide_sway(const Scene& scene, std::size_t) {
-  if (disables(scene.settings.disabled, Optimisation::rest))
-    return {false, true, "nothing comes to rest: rest is kept in"};
-  if (scene.settings.world.gravity.isZero()) return {false, false, "without weight nothing stands"};
-  if (!decide_rest(scene, 0).enabled) return {false, false, "nothing moves but the proxies"};
-  return {true, false, "where no hand reaches it, what stands may come to rest"};
-}
-
-Decision decide_friction(const Scene& scene, std::size_t) {
-  const auto rough = std::ranges::count_if(scene.bodies, [](const Body& b) { return b.material.friction > 0.0; });
-  const auto all = static_cast<long>(scene.bodies.size());
-  if (rough == all) return {false, false, "all bodies have friction"};
-  if (rough < 2) return {true, false, "no two bodies have friction"};
-  return {true, false, fmt::format("{} of {} bodies have no friction", all - rough, all)};
-}
-
-Decision decide_impulses(const Scene& scene, std::size_t) {
-  if (scene.settings.blends_by_impulses()) return {false, false, "scheme paper weighs the impulses of all contacts"};
-  if (!scene.settings.has_sub_worlds()) return {true, false, "without sub-worlds there is no border that needs them"};
-  return {true, false, "only the border of a sub-world needs them, while it has one"};
-}
-
-Decision decide_pairs(const Scene& scene, std::size_t) {
-  if (scene.settings.blends_by_impulses()) return {false, false, "scheme paper has the impulses of its whole border"};
-  if (!scene.settings.has_sub_worlds()) return {false, false, "there are no sub-worlds"};
-  return {true, false, "where a sub-world has the body already, two counts of them are enough"};
-}
-
-Decision decide_device(const Scene& scene, std::size_t) {
-  const Settings& s = scene.settings;
-  if (!s.has_sub_worlds()) return {false, false, "scheme direct holds the proxy by it"};
-  if (s.users > 1 && !s.blends_by_impulses()) return {false, false, "other hands' sub-worlds move the proxy by it"};
-  return {true, false, "nobody but its own sub-world reads it"};
-}
-
-Decision decide_suppression(const Scene& scene, std::size_t) {
-  const Settings& s = scene.settings;
-  if (!s.has_sub_worlds() || s.blends_by_impulses())
-    return {false, false, fmt::format("scheme {} needs every message", s.scheme)};
-  if (s.mode == Mode::realtime) return {false, false, "in real time they tell the clock, and that everybody is there"};
-  if (s.users > 1) return {false, false, "hands hear of each other by them"};
-  if (s.delay.any()) return {false, false, "with a delay they are on their way when something happens"};
-  if (s.adapts_ratio()) return {false, false, "they tell changes of the simulation ratio"};
-  return {true, false, "while nothing is near the only hand they tell nothing"};
-}
-
-Decision decide_passivity(const Scene& scene, std::size_t user) {
-  const Settings& s = scene.settings;
-  if (s.passivity == Passivity::on) return {false, true, "as the scene or --passivity says"};
-  if (s.passivity == Passivity::off) return {true, true, "as the scene or --passivity says"};
-  if (s.delay.any()) return {false, false, "messages are delayed: a device could give energy of nobody's to its hand"};
-  const bool follows_world = !s.has_sub_worlds() && s.largest_ratio() > 1;
-  if (follows_world && scene.users[user].device.kind == DeviceKind::admittance)
-    return {false, false, "the proxy of an admittance device lives in the world alone: a delay of its cycle"};
-  return {true, false, "nothing is delayed, and a coupling that is stable needs no bound"};
-}
-
 constexpr std::array kItems{
     OptimisationItem{Optimisation::rest, "rest", "world",
-                     "steps, contacts and messages of bodies that rest where nothing can reach them", false,
-                     decide_rest},
-    OptimisationItem{Optimisation::sway, "sway", "world", "swaying that cannot lift a body by 1 % of its thickness",
-                     false, decide_sway},
-    OptimisationItem{Optimisation::friction, "friction", "world, sub-worlds", "friction of contacts that have none",
-                     false, decide_friction},
-    OptimisationItem{Optimisation::impulses, "impulses", "world, sub-worlds",
-                     "friction impulses of contacts that nobody reads", false, decide_impulses},
-    OptimisationItem{Optimisation::pairs, "pairs", "frames", "border pairs of bodies that the sub-world has", false,
-                     decide_pairs},
-    OptimisationItem{Optimisation::device, "device", "reports", "motion of the device", false, decide_device},
+                     "steps, contacts and messages of resting bodies that no other body can reach", false},
+    OptimisationItem{Optimisation::sway, "sway", "world",
+                     "oscillation of structures that cannot lift a body by 1 % of its thickness", false},
+    OptimisationItem{Optimisation::friction, "friction", "world, sub-worlds",
+                     "friction rows of contacts without friction", false},
+    OptimisationItem{Optimisation::impulses, "impulses", "world, sub-worlds", "friction impulses that no border reads",
+                     false},
+    OptimisationItem{Optimisation::pairs, "pairs", "frames", "border pairs of bodies that the sub-world already has",
+                     false},
+    OptimisationItem{Optimisation::device, "device", "reports", "motion of the device", false},
     OptimisationItem{Optimisation::suppression, "suppression", "frames, reports",
-                     "messages of cycles in which a hand is alone", false, decide_suppression},
-    OptimisationItem{Optimisation::passivity, "passivity", "device", "bound on the energy that the hand gets", true,
-                     decide_passivity}};
+                     "messages of cycles in which no body is near the only proxy", false},
+    OptimisationItem{Optimisation::passivity, "passivity", "device", "bound on the energy that the operator receives",
+                     true}};
 static_assert(std::ranges::is_sorted(kItems, {}, &OptimisationItem::optimisation) &&
                   kItems.size() == static_cast<std::size_t>(Optimisation::passivity) + 1,
-              "an item is found by its number");
+              "the index of an item is its number");
 
 }  // namespace
 
 std::span<const OptimisationItem> optimisation_items() noexcept { return kItems; }
-
-Decision decision(const Scene& scene, Optimisation optimisation, std::size_t user) {
-  Decision decision = kItems[static_cast<std::size_t>(optimisation)].decide(scene, user);
-  if (decision.enabled && !decision.ordered && disables(scene.settings.disabled, optimisation)) {
-    decision = {false, true, "as --disable says"};
-  }
-  return decision;
-}
-
-std::vector<PlannedItem> plan_of(const Scene& scene) {
-  std::vector<PlannedItem> plan;
-  for (const OptimisationItem& item : kItems) {
-    const int decisions = item.of_user ? scene.settings.users : 1;
-    for (std::size_t u = 0; u < static_cast<std::size_t>(decisions); ++u) {
-      plan.push_back({&item, u, decision(scene, item.optimisation, u)});
-    }
-  }
-  return plan;
-}
 
 Disabled parse_disabled(const std::vector<std::string>& names, std::string_view flag) {
   std::vector<std::string_view> known{"all"};

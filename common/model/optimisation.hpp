@@ -9,48 +9,36 @@
 
 namespace subworld {
 
-struct Scene;
-
-/// What a scene may not need, and is left out then: the plan. An item is a row of optimisation_items() and a place that
-/// asks enabled().
+/// Work that a scene may not need (coupling/plan decides). An optimisation that is on leaves that work out.
 enum class Optimisation : std::uint8_t { rest, sway, friction, impulses, pairs, device, suppression, passivity };
-
-/// Whether a scene needs it.
-struct Decision {
-  bool enabled = false;
-  bool ordered = false;  ///< by a setting of its own, which --disable does not overrule
-  std::string because;   ///< the fact of the scene that decides
-};
 
 struct OptimisationItem {
   Optimisation optimisation;
   std::string_view name;   ///< for --disable
-  std::string_view where;  ///< it acts
-  std::string_view what;   ///< is left out, one line
-  bool of_user;            ///< each user has a decision of its own
-  Decision (*decide)(const Scene& scene, std::size_t user);
+  std::string_view where;  ///< the process or message that it concerns
+  std::string_view what;   ///< the work that is saved, one line
+  bool of_user;            ///< decided for each user
 };
 /// In the order of `Optimisation`.
 [[nodiscard]] std::span<const OptimisationItem> optimisation_items() noexcept;
 
-/// With what is kept in.
-[[nodiscard]] Decision decision(const Scene& scene, Optimisation optimisation, std::size_t user = 0);
-[[nodiscard]] inline bool enabled(const Scene& scene, Optimisation optimisation, std::size_t user = 0) {
-  return decision(scene, optimisation, user).enabled;
-}
+/// Whether an optimisation is on for a scene.
+struct Decision {
+  bool enabled = false;
+  bool ordered = false;  ///< set by a setting of its own, which --disable does not overrule
+  std::string because;   ///< the fact of the scene that decides
+};
 
 struct PlannedItem {
   const OptimisationItem* item = nullptr;
-  std::size_t user = 0;  ///< of those that are decided for each
+  std::size_t user = 0;  ///< 0 for an item without a decision for each user
   Decision decision;
 };
-/// Every item, by user where users differ.
-[[nodiscard]] std::vector<PlannedItem> plan_of(const Scene& scene);
 
-/// A set of them: those that are kept in, for comparison.
+/// A set of optimisations that are off, for comparison.
 using Disabled = std::uint32_t;
 inline constexpr Disabled kDisableNothing = 0, kDisableAll = ~Disabled{0};
-/// Names as in optimisation_items(), or "all". Throws `Error` (usage) that names the flag and those there are.
+/// Names as in optimisation_items(), or "all". Throws `Error` (usage) that names the flag and all items.
 [[nodiscard]] Disabled parse_disabled(const std::vector<std::string>& names, std::string_view flag = "--disable");
 [[nodiscard]] std::vector<std::string_view> disabled_names(Disabled set);
 [[nodiscard]] constexpr Disabled disabled(Optimisation optimisation) noexcept {

@@ -24,7 +24,7 @@ PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept {
     if (t_s < s.from_s) continue;
     const double length_s = s.to_s - s.from_s;
     const double made =
-        s.every_s > 0.0 ? std::floor((t_s - s.from_s) / s.every_s) : 0.0;  // whole times before this one
+        s.every_s > 0.0 ? std::floor((t_s - s.from_s) / s.every_s) : 0.0;  // completed repetitions before this one
     const double passed_s = t_s - s.from_s - made * s.every_s;
     const bool moving = passed_s < length_s;
     const double part = made + (length_s > 0.0 ? std::clamp(passed_s / length_s, 0.0, 1.0) : 1.0);
@@ -34,7 +34,7 @@ PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept {
         if (moving) at.linear_velocity += s.displacement / length_s;
         break;
       case PathSegment::Kind::turn: {
-        // The turns before this one are carried round by it, their angular velocity too.
+        // Earlier repetitions rotate this one, and its angular velocity.
         const Quat turned = rotation_deg(s.axis, part * s.angle * (180.0 / M_PI));
         at.offset.orientation = turned * at.offset.orientation;
         at.angular_velocity = turned * at.angular_velocity;
@@ -53,7 +53,7 @@ PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept {
         break;
     }
   }
-  // A wave rides on the displacement of all other segments.
+  // A wave is added to the displacement of all other segments.
   const Vec3 base = at.offset.position;
   const Vec3 speed = at.linear_velocity;
   for (const PathSegment& s : path) {

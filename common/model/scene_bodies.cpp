@@ -60,7 +60,7 @@ void BodyReader::read_body(const YamlValue& value) {
   for (std::size_t i = 0; i < layout.size(); ++i) add(map.at("name"), fmt::format("{}/{}", name, i), made, layout[i]);
 }
 
-/// Four walls around an inner area, which stand on the group's position.
+/// Four walls around an inner area, standing on the group's position.
 void BodyReader::read_bin(const YamlMap& map) {
   forbid_other_measures(map, "bin");
   map.forbid({"repeat", "rotation"}, "a bin is four walls along the axes");
@@ -75,7 +75,7 @@ void BodyReader::read_bin(const YamlMap& map) {
     for (const double side : {-1.0, 1.0}) {
       SolidShape solid;
       solid.shape.kind = ShapeKind::box;
-      // The walls across x reach over the corners.
+      // The walls across x extend over the corners.
       solid.shape.half_extents = 0.5 * inner;
       solid.shape.half_extents[axis] = 0.5 * wall;
       if (axis == 0) solid.shape.half_extents.y() += wall;

@@ -17,7 +17,7 @@ const std::initializer_list<std::string_view> kSettingsKeys = {"h_s",       "rat
 const std::initializer_list<std::string_view> kSchemes = {"reduced", "paper", "direct"};
 const std::initializer_list<std::string_view> kPresets = {"fast", "quality"};
 
-/// The engine itself is looked up where it is made: this room knows no engines.
+/// The engine's name is checked when the engine is made: this room knows no engines.
 void read_engine(const YamlValue& value, EngineSettings& engine) {
   const YamlMap map(value, {"engine", "preset", "iterations", "substeps", "longest_substep_s", "length_unit_m"});
   if (const auto name = map.find("engine")) engine.name = name->name();

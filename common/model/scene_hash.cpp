@@ -8,8 +8,8 @@ namespace subworld {
 
 namespace {
 
-/// FNV-1a over a canonical byte stream: integers and doubles as 8 bytes, lowest first; text and lists after their
-/// length.
+/// FNV-1a over a canonical byte stream: integers and doubles as 8 bytes, least significant first; text and lists after
+/// their length.
 class Hasher {
  public:
   [[nodiscard]] std::uint64_t value() const noexcept { return value_; }

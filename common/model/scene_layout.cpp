@@ -9,7 +9,7 @@ namespace subworld {
 
 namespace {
 
-/// Steele's splitmix64: the standard library's distributions differ between platforms.
+/// Splitmix64 (Steele 2014): the standard library's distributions differ between platforms.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed) {}
@@ -24,7 +24,8 @@ class Random {
     return static_cast<double>(z >> 11U) * 0x1p-52 - 1.0;
   }
 
-  /// A point of the unit ball in n dimensions, by rejection; none too near its centre to be normalised.
+  /// A point of the unit ball in n dimensions, by rejection. Points too near the centre to be normalised are rejected
+  /// too.
   template <int n>
   Eigen::Matrix<double, n, 1> in_ball() {
     for (;;) {
@@ -63,7 +64,7 @@ Layout lay_out(const GridLayout& grid) {
 }
 
 Layout lay_out(const HeapLayout& heap) {
-  // A rotation by t moves a point at distance d by 2 d sin(t/2) at most, and nothing leaves the bounding sphere.
+  // A rotation by t moves a point at distance d by at most 2 d sin(t/2), and no point leaves the bounding sphere.
   const double reach = 2.0 * heap.bounding_radius * sin_cos_deg(0.5 * heap.max_tilt_deg).sin;
   const Vec3 half = (heap.half_extents.array() + reach).min(heap.bounding_radius);
   const Vec3 cell = 2.0 * half + Vec3::Constant(heap.gap);

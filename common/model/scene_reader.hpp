@@ -10,10 +10,10 @@
 #include <tuple>
 #include <unordered_map>
 
-/// The parts of `load_scene`; each reads one section of the file.
+/// The readers of `load_scene`, one for each section of the file.
 namespace subworld {
 
-/// Checked before anything of that size is allocated.
+/// Limit on the number of bodies, checked before memory is allocated.
 inline constexpr int kMostBodies = 100'000;
 
 using Materials = std::map<std::string, Material, std::less<>>;
@@ -21,17 +21,17 @@ using Materials = std::map<std::string, Material, std::less<>>;
 [[nodiscard]] Materials read_materials(const YamlValue& value);
 void read_settings(const YamlValue& value, Settings& settings);
 
-/// A shape with what its mass follows from.
+/// A shape with the data from which its mass follows.
 struct SolidShape {
   Shape shape;
-  Pose frame;                          ///< of the body in the frame that the scene places (meshes only)
+  Pose frame;                          ///< frame of the body in the frame that the scene positions (meshes only)
   double volume = 0.0;                 ///< m^3; 0 for a plane or an open mesh
   Vec3 inertia_per_kg = Vec3::Zero();  ///< m^2
   Vec3 half_extents = Vec3::Zero();    ///< m, of the bounds in the body frame
   double bounding_radius = 0.0;        ///< m, about the body's origin
 };
 
-/// The measures of other shapes must not stand in the map.
+/// Throws if the map has a measure of another shape.
 void forbid_other_measures(const YamlMap& map, std::string_view shape);
 
 /// Reads bodies, groups and proxies into the scene, numbered in the order of the file.
@@ -46,8 +46,8 @@ class BodyReader {
  private:
   struct Template {
     Body body;
-    BodyState state;  ///< of the placed frame
-    Pose frame;       ///< of the body in the placed frame
+    BodyState state;  ///< state of the positioned frame
+    Pose frame;       ///< frame of the body in the positioned frame
   };
 
   void read_body(const YamlValue& value);
@@ -64,8 +64,7 @@ class BodyReader {
   Scene& scene_;
   Materials materials_;
   std::unordered_map<std::string, BodyId> names_;
-  std::map<std::tuple<std::string, double, ShapeKind, bool>, SolidShape>
-      meshes_;  ///< a file that many bodies use is read once
+  std::map<std::tuple<std::string, double, ShapeKind, bool>, SolidShape> meshes_;  ///< each file is read once
 };
 
 /// Reads the users and, through `bodies`, their proxies.

@@ -68,7 +68,7 @@ CardHouseLayout read_card_house(const YamlValue& value, const SolidShape& solid)
     for (const YamlValue& floor : floors->items()) {
       const int number = floor.integer(1, house.stages - 1);
       for (const int other : house.double_floors) {
-        if (other == number) floor.fail("stands twice in this list; remove one");
+        if (other == number) floor.fail("is twice in this list; remove one");
       }
       house.double_floors.push_back(number);
     }

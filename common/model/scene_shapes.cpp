@@ -14,11 +14,11 @@ namespace subworld {
 namespace {
 
 constexpr Limits kLength{.least = 1e-6, .most = 1e6};  // m
-constexpr std::size_t kMostHullVertices = 10'000;      // the hull's time grows with their square
+constexpr std::size_t kMostHullVertices = 10'000;      // the hull's time is quadratic in the vertices
 const std::initializer_list<std::string_view> kShapes = {"sphere", "box",    "capsule", "cylinder",
                                                          "plane",  "convex", "mesh",    "bin"};
 
-/// Which measures belong to which shape.
+/// The measures of each shape.
 constexpr std::pair<std::string_view, std::string_view> kMeasures[] = {
     {"size_m", "box bin"},
     {"radius_m", "sphere capsule cylinder"},
@@ -123,7 +123,7 @@ SolidShape BodyReader::read_mesh_shape(const YamlMap& map, ShapeKind kind, bool 
   double scale = 1.0;
   map.read("scale", scale, {.least = 1e-9, .most = 1e9});
   const std::string name = at.text();
-  // A fixed and a movable convex of one file are the same shape, but only the movable one must be closed.
+  // A fixed and a movable convex of one file have the same shape, but only the movable one must be closed.
   const std::tuple key(name, scale, kind, fixed);
   if (const auto known = meshes_.find(key); known != meshes_.end()) return known->second;
   Mesh mesh;

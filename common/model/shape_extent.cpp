@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kFar_m = std::numeric_limits<double>::infinity();
 
-/// Half of the extent along each world axis of a shape that is its own mirror image through the origin.
+/// Half of the extent along each world axis, for a shape that is symmetric about the origin.
 Vec3 half_extent(const Shape& shape, const Eigen::Matrix3d& rotation) {
   const Eigen::Array3d axis = rotation.col(2).array().abs();
   switch (shape.kind) {
@@ -25,7 +25,7 @@ Vec3 half_extent(const Shape& shape, const Eigen::Matrix3d& rotation) {
   }
 }
 
-/// Of the vertices, in this pose.
+/// Bounds of the vertices in this pose.
 Box around(const Mesh& mesh, const BodyState& state) {
   Box box{Vec3::Constant(kFar_m), Vec3::Constant(-kFar_m)};
   for (const Vec3& vertex : mesh.vertices) {

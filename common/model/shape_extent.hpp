@@ -6,7 +6,7 @@
 
 namespace subworld {
 
-/// The axis-aligned box around a shape in this pose, m. A plane is everywhere.
+/// The axis-aligned box around a shape in this pose, m. Unbounded for a plane.
 [[nodiscard]] Box bounds(const Shape& shape, const BodyState& state, std::span<const Mesh> meshes);
 
 /// The shape's least extent along the axes of the body frame, m: infinite for a plane, zero for a triangle mesh.

@@ -4,10 +4,10 @@
 
 namespace subworld {
 
-/// What a step of an engine costs, linear in what it simulates (paper 4.4, figure 12). s of one core of the machine on
-/// which it was measured.
+/// Cost of an engine's step, linear in the number of bodies and contacts (paper 4.4, figure 12). In seconds on one core
+/// of the machine on which it was measured.
 struct StepCost {
-  double step_s = 0.0;     ///< without any body
+  double step_s = 0.0;     ///< of an empty world
   double body_s = 0.0;     ///< for each movable body
   double contact_s = 0.0;  ///< for each contact point
 

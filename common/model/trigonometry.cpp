@@ -11,7 +11,7 @@ SinCos sin_cos_deg(double degrees) noexcept {
   const double x2 = x * x;
   double sine = 1.0;
   double cosine = 1.0;
-  // Taylor's series from the smallest term on; x^18 / 18! is below the last bit.
+  // Taylor series from the smallest term on; x^18 / 18! is below the last bit.
   for (int n = 17; n >= 3; n -= 2) sine = 1.0 - x2 / (n * (n - 1)) * sine;
   for (int n = 18; n >= 2; n -= 2) cosine = 1.0 - x2 / (n * (n - 1)) * cosine;
   sine *= x;

@@ -9,8 +9,8 @@ struct SinCos {
   double cos = 1.0;
 };
 
-/// Sine and cosine of an angle in degrees by additions and multiplications only: equal bits on every machine, which the
-/// C library does not promise (it picks its code by the processor). Exact at multiples of 90; error below 1e-15.
+/// Sine and cosine of an angle in degrees, by additions and multiplications only. Equal bits on every machine, which
+/// the C library does not guarantee (its code depends on the processor). Exact at multiples of 90; error below 1e-15.
 [[nodiscard]] SinCos sin_cos_deg(double degrees) noexcept;
 
 /// The rotation about a unit axis.

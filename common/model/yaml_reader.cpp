@@ -7,6 +7,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <set>
@@ -38,11 +39,6 @@ std::string describe(const Limits& limits) {
   return text;
 }
 
-bool inside(const Limits& limits, double value) {
-  return (limits.above ? value > limits.least : value >= limits.least) &&
-         (limits.below ? value < limits.most : value <= limits.most);
-}
-
 constexpr std::size_t kShownWords = 80;  // characters of a wrong word that a message repeats
 
 }  // namespace
@@ -71,10 +67,19 @@ double YamlValue::number(const Limits& limits) const {
                        text == ".Inf" || error == std::errc::result_out_of_range;
   if (special || (error == std::errc{} && !std::isfinite(value)))
     fail("must be a finite number; infinity and NaN are none");
-  if (error != std::errc{} || end != text.data() + text.size()) {
+  const char* const after = text.data() + text.size();
+  if (const std::string_view unit = unit_of(path_); error == std::errc{} && end != after &&
+                                                    std::isalpha(static_cast<unsigned char>(*end)) != 0 &&
+                                                    !unit.empty() && unit != kPartUnit)
+    fail(fmt::format("must be a number without its unit, which is {}, not \"{}\"", unit, text.substr(0, kShownWords)));
+  if (error != std::errc{} || end != after) {
     fail(fmt::format("must be a number, such as 0.5 or 1e-4, not \"{}\"", text.substr(0, kShownWords)));
   }
-  if (!inside(limits, value)) fail(fmt::format("must be {}, not {}", describe(limits), value));
+  if (!limits.contains(value)) {
+    const std::string_view unit = unit_of(path_);
+    fail(fmt::format("must be {}{}{}, not {}{}", describe(limits), unit.empty() || unit == kPartUnit ? "" : " ",
+                     unit == kPartUnit ? "" : unit, value, likely_slip(value, limits, unit)));
+  }
   return value;
 }
 

@@ -1,24 +1,16 @@
 #pragma once
 
+#include "model/slips.hpp"
 #include "model/types.hpp"
 #include "model/yaml_tree.hpp"
 
 #include <initializer_list>
-#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 namespace subworld {
-
-/// The interval that a number must lie in. `above` and `below` exclude the ends.
-struct Limits {
-  double least = -std::numeric_limits<double>::infinity();
-  double most = std::numeric_limits<double>::infinity();
-  bool above = false;
-  bool below = false;
-};
 
 inline constexpr Limits kAny{};
 inline constexpr Limits kNotNegative{.least = 0.0};

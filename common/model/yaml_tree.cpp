@@ -27,8 +27,8 @@ constexpr std::size_t kDeepest = 32;
   throw Error(ExitCode::usage, fmt::format("{}:{}:{}: {}", file, mark.line, mark.column, what));
 }
 
-/// Builds the tree from the parser's events. The open lists and maps are a stack of values, not pointers: a parent's
-/// storage may move while a child is being read.
+/// Builds the tree from the parser's events. The open lists and maps are a stack of values, not pointers, because a
+/// parent's storage may move while a child is being read.
 class TreeBuilder : public YAML::EventHandler {
  public:
   explicit TreeBuilder(const std::string& file) : file_(file) {}
@@ -105,7 +105,7 @@ class TreeBuilder : public YAML::EventHandler {
     return !open_.empty() && open_.back().node.kind == YamlNode::Kind::map && !open_.back().has_key;
   }
 
-  /// A value is complete: it is the document, an item, a key or a key's value.
+  /// Called when a value is complete: the document, an item, a key or a key's value.
   void close(YamlNode node) {
     if (open_.empty()) {
       root_ = std::move(node);

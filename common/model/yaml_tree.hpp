@@ -6,13 +6,13 @@
 
 namespace subworld {
 
-/// Where something stands in a file, from 1.
+/// Position in a file; line and column start at 1.
 struct Mark {
   int line = 1;
   int column = 1;
 };
 
-/// A piece of a YAML document as it is written: scalars are text, maps keep their order and their duplicate keys.
+/// A node of a YAML document as it is written: scalars are text; maps preserve their order and their duplicate keys.
 struct YamlNode {
   enum class Kind { null, scalar, list, map };
   struct Entry;
@@ -27,13 +27,13 @@ struct YamlNode {
 
 struct YamlNode::Entry {
   std::string key;
-  Mark mark;  ///< of the key
+  Mark mark;  ///< position of the key
   YamlNode value;
 };
 
-/// Reads the one YAML document of a file. No anchors, aliases or tags: a scene has none, and without them a small file
-/// cannot become a large tree. Throws `Error` (usage) with file:line:column for a file that cannot be read, is larger
-/// than 16 MB, or is not such a document.
+/// Reads a file with one YAML document. Anchors, aliases and tags are refused: a scene does not need them, and without
+/// them a small file cannot expand to a large tree. Throws `Error` (usage) with file:line:column for a file that cannot
+/// be read, is larger than 16 MB, or is not such a document.
 [[nodiscard]] YamlNode read_yaml(const std::string& file);
 
 }  // namespace subworld

@@ -4,7 +4,7 @@ namespace subworld {
 
 namespace {
 
-/// Half of the surface.
+/// Half of the surface area.
 double area(const Box& box) noexcept {
   const Vec3 size = box.upper - box.lower;
   return size.x() * size.y() + size.y() * size.z() + size.z() * size.x();
@@ -34,7 +34,8 @@ BoxTree::Index BoxTree::new_node() {
   return node;
 }
 
-/// Goes down to where the tree's surface grows least (surface area heuristic: Goldsmith and Salmon 1987).
+/// Descends to the sibling for which the tree's surface grows least (surface area heuristic: Goldsmith and Salmon
+/// 1987).
 BoxTree::Index BoxTree::best_sibling(const Box& box) const {
   Index at = root_;
   while (nodes_[at].left != kNone) {

@@ -7,11 +7,11 @@
 
 namespace subworld {
 
-/// Axis-aligned boxes that are found by place: a binary tree whose nodes bound their children. Inserting and removing
-/// take a time that grows with the tree's depth. Nothing allocates after construction but `find`'s stack, once.
+/// Axis-aligned boxes, searched by place: a binary tree whose nodes bound their children. The time of insert and remove
+/// grows with the tree's depth. After construction only `find` allocates, once, for its stack.
 class BoxTree {
  public:
-  /// Room for the items 0 .. count - 1.
+  /// Capacity: the items 0 .. count - 1.
   explicit BoxTree(std::size_t count);
 
   void insert(std::uint32_t item, const Box& box);
@@ -19,7 +19,7 @@ class BoxTree {
   [[nodiscard]] bool contains(std::uint32_t item) const noexcept { return leaf_of_[item] != kNone; }
   [[nodiscard]] const Box& box(std::uint32_t item) const noexcept { return nodes_[leaf_of_[item]].box; }
 
-  /// Calls `found` with each item whose box meets this one. It may not change the tree.
+  /// Calls `found` with each item whose box intersects this one. `found` may not change the tree.
   template <class Found>
   void find(const Box& box, Found found) const {
     if (root_ == kNone) return;
@@ -44,7 +44,7 @@ class BoxTree {
   struct Node {
     Box box;
     Index parent = kNone;
-    Index left = kNone;  ///< none: a leaf
+    Index left = kNone;  ///< kNone for a leaf
     Index right = kNone;
     std::uint32_t item = 0;
   };

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::size_t kUsualContacts = 4096;
 
-/// Counting sort costs a step for each id, comparing runs some for each of them.
+/// Counting sort costs a step for each id, sorting by comparison some steps for each run. This ratio decides.
 constexpr std::size_t kMostIdsPerRun = 16;
 
 std::uint64_t bodies_of(const Contact& contact) { return std::uint64_t{index(contact.a)} << 32 | index(contact.b); }
@@ -76,7 +76,7 @@ void ContactTotals::add(const Contact& contact, int substep, double reach_m) {
 
 void ContactTotals::merge() {
   sort_runs();
-  std::size_t pair_begin = 0;  // of the pair in hand, in contacts_
+  std::size_t pair_begin = 0;  // of the current pair, index in contacts_
   contacts_.clear();
   last_seen_.clear();
   for (std::size_t r = 0; r < runs_.size(); ++r) {

@@ -8,17 +8,17 @@
 
 namespace subworld {
 
-/// Adds up the contacts of several sub-steps. A point that more than one of them saw is found again by its place.
+/// Adds up the contacts of several sub-steps. A point that occurs in several of them is identified by its place.
 class ContactTotals {
  public:
   ContactTotals();
 
   void clear() noexcept;
-  /// `reach_m`: how far a point may lie from where the sub-step before saw it. Call with ascending `substep`.
+  /// `reach_m`: largest distance of a point from its place in the previous sub-step, m. Call with ascending `substep`.
   void add(const Contact& contact, int substep, double reach_m);
-  /// The contacts of a step without sub-steps, by bodies.
+  /// Takes the contacts of a step without sub-steps and orders them by bodies.
   void take(std::span<const Contact> contacts);
-  /// Closes the step: contacts by bodies, place and velocity as last seen, impulses summed.
+  /// Ends the step: contacts ordered by bodies, latest place and distance, sum of impulses.
   void merge();
   [[nodiscard]] std::span<const Contact> contacts() const noexcept { return contacts_; }
 
@@ -28,13 +28,13 @@ class ContactTotals {
     int substep;
     double reach_m;
   };
-  /// Contacts of one pair of bodies that were added one after the other.
+  /// Consecutive contacts of one pair of bodies.
   struct Run {
-    std::uint64_t bodies;      ///< both ids; orders as the pair does
-    std::uint32_t begin, end;  ///< places
+    std::uint64_t bodies;      ///< both ids; the order is that of the pairs
+    std::uint32_t begin, end;  ///< range of indices
   };
   void note(const Contact& contact, std::uint32_t place);
-  /// By bodies; runs of one pair stay in their order.
+  /// By bodies; stable.
   void sort_runs();
   template <class Id>
   void sort_by(std::uint32_t last, const Id& id);
@@ -47,7 +47,7 @@ class ContactTotals {
   std::vector<Run> runs_, sorted_;
   std::vector<std::uint32_t> places_;
   std::vector<Contact> contacts_;
-  std::vector<int> last_seen_;  ///< sub-step, of contacts_[i]
+  std::vector<int> last_seen_;  ///< sub-step of contacts_[i]
 };
 
 }  // namespace subworld

@@ -26,10 +26,10 @@ constexpr const char* kFoldersVariable = "SUBWORLD_ENGINES";
 constexpr std::string_view kPrefix = "libsubworld_engine_";
 constexpr std::string_view kSuffix = ".so";
 
-/// Engines that a default build leaves out.
+/// Engines that are not in a default build.
 constexpr std::array<std::string_view, 3> kOptional{"havok", "physx", "rapier"};
 
-/// Where engines' libraries may lie: the folders of the environment variable, then beside the program.
+/// Folders of the engines' libraries: those of the environment variable, then the program's folder.
 std::vector<fs::path> engine_folders() {
   std::vector<fs::path> folders;
   if (const char* listed = std::getenv(kFoldersVariable)) {
@@ -46,7 +46,7 @@ std::vector<fs::path> engine_folders() {
   return folders;
 }
 
-/// Name -> library; the first folder that has one wins.
+/// Name -> library; the first folder that has one takes precedence.
 std::map<std::string, fs::path, std::less<>> engine_files() {
   std::map<std::string, fs::path, std::less<>> files;
   for (const fs::path& folder : engine_folders()) {
@@ -65,9 +65,9 @@ Function* exported(void* library, const char* symbol) {
   return reinterpret_cast<Function*>(dlsym(library, symbol));
 }
 
-/// A library stays loaded for good: its code is behind every engine that it made.
+/// A library is never unloaded, because its code serves every engine that it made.
 const EnginePlugin& load(const std::string& name, const fs::path& file) {
-  // Local: two engines may define the same symbols, as Bullet's two precisions do.
+  // RTLD_LOCAL: two engines may define the same symbols, as Bullet's two precisions do.
   void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) {
     throw Error(ExitCode::usage, fmt::format("engine \"{}\" cannot be loaded: {}; install what is missing or build it "
@@ -78,9 +78,10 @@ const EnginePlugin& load(const std::string& name, const fs::path& file) {
   auto* interface = exported<int()>(library, "subworld_engine_plugin_interface");
   auto* compiler = exported<const char*()>(library, "subworld_engine_plugin_compiler");
   if (plugin == nullptr || interface == nullptr || compiler == nullptr) {
-    throw Error(ExitCode::usage, fmt::format("{} is no engine of ours: it exports no subworld_engine_plugin; take it "
-                                             "away or build it as common/physics/README.md shows",
-                                             file.string()));
+    throw Error(ExitCode::usage,
+                fmt::format("{} is not an engine of Subworld: it exports no subworld_engine_plugin; remove it "
+                            "or build it as common/physics/README.md shows",
+                            file.string()));
   }
   if (interface() != kEnginePluginInterface || std::string_view(compiler()) != __VERSION__) {
     throw Error(ExitCode::usage,

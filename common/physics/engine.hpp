@@ -16,7 +16,7 @@
 
 namespace subworld {
 
-/// How well an engine serves a part of the interface.
+/// How well an engine supports a feature of the interface.
 enum class Fidelity : std::uint8_t { absent, estimated, exact };
 
 struct Capabilities {
@@ -25,23 +25,23 @@ struct Capabilities {
   Fidelity gyroscopic = Fidelity::absent;
   Fidelity checkpoint = Fidelity::absent;  ///< exact: a restored engine continues bit by bit
   bool deterministic = false;              ///< equal calls give equal bits
-  double precision = 1e-15;                ///< relative, of the numbers that it holds
-  /// Longest step (s) at which friction in a pushed row still follows the engine's own short steps to a few per cent.
+  double precision = 1e-15;                ///< relative, of the engine's numbers
+  /// Longest step (s) at which friction in a pushed row agrees with the engine's own short steps to a few per cent.
   double longest_step_s = 0.005;
 };
 
 enum class Role : std::uint8_t {
   body,
-  ghost,        ///< meets movable bodies only, and no other ghost
-  approaching,  ///< meets movable bodies and ghosts
+  ghost,        ///< collides with movable bodies only, and with no other ghost
+  approaching,  ///< collides with movable bodies and ghosts
 };
 
-/// An opaque saved state; only the engine that made it can read it.
+/// An opaque saved state that only the engine that made it can read.
 struct Checkpoint {
   std::vector<std::byte> bytes;
 };
 
-/// One rigid-body engine (paper 3.1). Units are SI. Ids must be known unless said otherwise; not thread-safe.
+/// One rigid-body engine (paper 3.1). Units are SI. Ids must be known unless stated otherwise. Not thread-safe.
 class Engine {
  public:
   virtual ~Engine() = default;
@@ -49,51 +49,51 @@ class Engine {
   [[nodiscard]] virtual std::string_view name() const noexcept = 0;
   [[nodiscard]] virtual Capabilities capabilities() const noexcept = 0;
 
-  /// Adds a body that is not there yet. Throws `Error` where the shape is not supported.
+  /// Adds a body that is not in the engine. Throws `Error` if the shape is not supported.
   virtual void add(const Body& body, const BodyState& state, Role role) = 0;
   void add(const Body& body, const BodyState& state) { add(body, state, Role::body); }
-  /// Removes a body; its contacts go with it.
+  /// Removes a body and its contacts.
   virtual void remove(BodyId id) = 0;
   [[nodiscard]] virtual bool contains(BodyId id) const noexcept = 0;
 
   [[nodiscard]] virtual BodyState state(BodyId id) const = 0;
-  /// Refuses (returns false, changes nothing) a state that is not finite.
+  /// Returns false and changes nothing if the state is not finite.
   virtual bool set_state(BodyId id, const BodyState& state) = 0;
-  /// Of a movable body, m/s and rad/s; the pose stays. Refuses what is not finite.
+  /// Sets the velocity of a movable body, m/s and rad/s, and leaves the pose. Returns false if it is not finite.
   virtual bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) = 0;
-  /// Mass (kg) and principal moments of inertia (kg m^2) of a movable body from the next step on; its weight stays
-  /// that of the body as it was added.
+  /// Sets mass (kg) and principal moments of inertia (kg m^2) of a movable body from the next step on. Its weight stays
+  /// that of the added body.
   virtual void set_inertia(BodyId id, double mass, const Vec3& inertia) = 0;
 
-  /// Changes the velocity at once. Impulse in N s, point in m, world frame. Refuses what is not finite.
+  /// Changes the velocity at once. Impulse in N s, point in m, world frame. Returns false if it is not finite.
   virtual bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) = 0;
-  /// Acts during the next step() only, at the centre of mass, in every sub-step; calls add up. Refuses what is not
-  /// finite.
+  /// Acts during the next step() only, at the centre of mass, in every sub-step; calls add up. N and N m, world frame.
+  /// Returns false if it is not finite.
   virtual bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) = 0;
 
   /// Advances by dt (s). Contacts are totals over the whole step, sub-steps included.
   virtual void step(double dt) = 0;
-  /// From now on step() and contacts_with_friction() add where they spend their time to `times`; null: no longer. Zero
-  /// throughout: the engine does not tell.
+  /// From now on step() and contacts_with_friction() add their CPU times to `times`; null: no longer. All zero: the
+  /// engine does not report them.
   virtual void time_parts(EngineTimes* times) noexcept { clock_.follow(times); }
-  /// Length (s) of the parts in which step(dt) integrates. All of them move with the velocity that a part ends with, so
-  /// a position is ahead of what the forces account for by half a part.
+  /// Length (s) of the sub-steps in which step(dt) integrates. Bodies move with the velocity at the end of a sub-step,
+  /// so a position is half a sub-step ahead of the forces.
   [[nodiscard]] virtual double integration_substep_s(double dt) const noexcept = 0;
 
-  /// Of the last step, ordered by bodies: equal worlds list equal contacts. Valid until the next change. Friction
-  /// impulses are there where the engine itself solves them, and may be zero where it estimates them (capabilities()).
+  /// Contacts of the last step, ordered by bodies: equal worlds list equal contacts. Valid until the next change.
+  /// Friction impulses are included if the engine itself solves them, and may be zero if it estimates them
+  /// (capabilities()).
   [[nodiscard]] virtual std::span<const Contact> contacts() const noexcept = 0;
-  /// The same with friction impulses, estimated now if they were not yet.
+  /// The same with friction impulses, estimated now if needed.
   [[nodiscard]] virtual std::span<const Contact> contacts_with_friction() { return contacts(); }
 
   [[nodiscard]] virtual Box bounds(BodyId id) const = 0;
-  /// Bodies whose axis-aligned bounds meet the box, ascending.
+  /// Bodies whose axis-aligned bounds intersect the box, in ascending order.
   virtual void overlap(const Box& box, std::vector<BodyId>& out) const = 0;
 
-  /// Throws `Error` where the engine has none, and capabilities() says so.
+  /// Throws `Error` if the engine has no checkpoints; capabilities() reports it.
   [[nodiscard]] virtual Checkpoint checkpoint() const = 0;
-  /// Takes the bodies back to where they were; throws `Error` where the checkpoint is of another engine or other
-  /// bodies.
+  /// Restores the bodies' states. Throws `Error` if the checkpoint is of another engine or of other bodies.
   virtual void restore(const Checkpoint& checkpoint) = 0;
 
  protected:
@@ -101,35 +101,35 @@ class Engine {
 };
 
 /// Makes the engine that the settings name. `meshes` are copied. Throws `Error` (usage) for an unknown engine or
-/// preset, naming those that exist.
+/// preset, with the available names.
 ///
-/// Each engine is a library of its own, `libsubworld_engine_NAME.so`, which is loaded when it is first asked for: from
-/// the folders of the environment variable SUBWORLD_ENGINES, else from beside the program. Thread-safe.
+/// Each engine is a library of its own, `libsubworld_engine_NAME.so`, loaded on first use: from the folders of the
+/// environment variable SUBWORLD_ENGINES, else from the program's folder. Thread-safe.
 [[nodiscard]] std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes);
-/// make_engine(), or who puts something between an engine and its user.
+/// make_engine(), or a function that wraps the engine.
 using EngineMaker = std::function<std::unique_ptr<Engine>(const EngineSettings&, std::span<const Mesh>)>;
 
-/// The engines that can be asked for here, by name.
+/// Names of the available engines.
 [[nodiscard]] std::vector<std::string> engine_names();
 
-/// What an engine costs, by its published coefficients.
+/// Cost of an engine by its published coefficients.
 struct EngineCost {
   StepCost substep;                  ///< without iterations
   double contact_iteration_s = 0.0;  ///< for each contact point and iteration
-  std::optional<int> substeps;       ///< of a step; none: as many as the longest allows
+  std::optional<int> substeps;       ///< of a step; none: as many as the longest sub-step requires
   double longest_substep_s = 0.0;
-  std::optional<int> iterations;  ///< of a sub-step; none: as many as the following two ask for
+  std::optional<int> iterations;  ///< of a sub-step; none: as many as the following two members require
   int least_iterations = 0;
   double longest_iteration_s = 0.0;
 
   [[nodiscard]] StepCost step(double dt) const noexcept;
 };
 
-/// Of the engine that the settings name. Throws `Error` (usage) as make_engine() does.
+/// Cost of the engine that the settings name. Throws `Error` (usage) as make_engine() does.
 [[nodiscard]] EngineCost engine_cost(const EngineSettings& settings);
 
 struct EnginePlugin;
-/// What an engine's library says of itself (plugin.hpp). Throws `Error` (usage) where there is none of that name.
+/// Description in an engine's library (plugin.hpp). Throws `Error` (usage) if there is no engine of that name.
 [[nodiscard]] const EnginePlugin& engine_plugin(std::string_view name);
 
 }  // namespace subworld

@@ -99,7 +99,7 @@ bool EngineExchange::poll(LiveEngine& engine) {
   if (!busy_) return false;
   std::optional<PreparedEngine> ready;
   {
-    // The loop never waits: what is not free now is asked again before the next step.
+    // The loop never waits: if the lock is not free, it tries again before the next step.
     const std::unique_lock lock(mutex_, std::try_to_lock);
     if (!lock.owns_lock()) return false;
     if (!ready_) {

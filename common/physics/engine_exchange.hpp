@@ -11,7 +11,7 @@
 
 namespace subworld {
 
-/// Which engine is to be exchanged for which: the argument of the order `set_engine`, and that order's number.
+/// The order `set_engine`: which engine is exchanged for which, and the order's number.
 struct EngineOrder {
   enum class Target : std::uint8_t { world, haptic };
   Target target = Target::world;
@@ -19,34 +19,34 @@ struct EngineOrder {
   std::string preset = "fast";
   std::uint32_t number = 0;
 };
-/// Without the number.
+/// The argument, without the number.
 [[nodiscard]] std::string to_text(const EngineOrder& order);
-/// Empty where the argument is none of to_text()'s.
+/// Empty if the argument is not in the format of to_text().
 [[nodiscard]] std::optional<EngineOrder> parse_engine_order(const Control& control);
 
-/// Exchanges a live engine for another one while a loop runs: the new one is made and filled on a thread of its own,
-/// and takes over between two steps when it is ready; the old one is taken down on that thread too.
+/// Exchanges a live engine while a loop runs. A thread of its own makes and fills the new engine. When it is ready, it
+/// replaces the old one between two steps. The thread also destroys the old one.
 class EngineExchange {
  public:
   enum class Preparation : std::uint8_t {
-    at_once,        ///< in begin(): lock-step, where nobody looks at a clock
+    at_once,        ///< in begin(): lock-step, independent of wall time
     in_background,  ///< real time
   };
-  /// A thread takes the scheduling of the one that makes it: construct before the loop asks for real time.
+  /// A new thread inherits the scheduling of its creator: construct before the loop requests real-time scheduling.
   EngineExchange(Preparation preparation, std::vector<Mesh> meshes);
   ~EngineExchange();
   EngineExchange(const EngineExchange&) = delete;
   EngineExchange& operator=(const EngineExchange&) = delete;
 
-  /// Starts an exchange; `step_s` is the step that the engine will be asked for, `order` the number of who asked.
-  /// Returns false while one is under way.
+  /// Starts an exchange; `step_s` is the step of the engine, `order` the number of the requesting order. Returns false
+  /// while one is in progress.
   bool begin(const EngineSettings& settings, const LiveEngine& engine, double step_s, std::uint32_t order = 0);
-  /// Between two steps, before forces are applied: hands over when the new engine is ready. True when it did. Does not
-  /// throw, does not wait.
+  /// Call between two steps, before forces are applied. Replaces the engine if the new one is ready, and then returns
+  /// true. Does not throw or block.
   bool poll(LiveEngine& engine);
-  /// Why the last exchange came to nothing, told once; empty otherwise. The old engine goes on.
+  /// Why the last exchange failed, reported once; empty otherwise. The old engine stays in use.
   [[nodiscard]] std::string take_failure();
-  /// Of the exchange that was last begun.
+  /// Number of the order of the latest exchange.
   [[nodiscard]] std::uint32_t order() const noexcept { return order_; }
 
  private:
@@ -59,10 +59,10 @@ class EngineExchange {
   void work();
 
   std::vector<Mesh> meshes_;
-  bool busy_ = false;  ///< of the loop alone, like the next
+  bool busy_ = false;  ///< of the loop only, like the next member
   std::uint32_t order_ = 0;
 
-  std::mutex mutex_;  ///< guards what follows; held for moments only
+  std::mutex mutex_;  ///< guards the following; held for a short time only
   std::condition_variable wake_;
   std::optional<Job> job_;
   std::optional<PreparedEngine> ready_;

@@ -4,7 +4,7 @@
 
 namespace subworld {
 
-/// An engine in front of another one: all that it does not do itself, the inner one does.
+/// Wrapper of an engine: functions that a derived class does not override go to the inner engine.
 class EngineShell : public Engine {
  public:
   std::string_view name() const noexcept override { return inner().name(); }

@@ -4,15 +4,15 @@
 
 namespace subworld {
 
-/// Where an engine's steps spend CPU time, s.
+/// CPU times of an engine's steps, s.
 struct EngineTimes {
-  double solving_s = 0.0;   ///< in the engine itself: its library's or its module's step
-  double exchange_s = 0.0;  ///< states, loads and contacts to and from it
-  double totals_s = 0.0;    ///< contacts added up and ordered
-  double friction_s = 0.0;  ///< the estimate, of engines that do not tell friction
+  double solving_s = 0.0;   ///< in the library's or module's step
+  double exchange_s = 0.0;  ///< transfer of states, loads and contacts
+  double totals_s = 0.0;    ///< adding up and ordering contacts
+  double friction_s = 0.0;  ///< friction estimate, for engines that do not report friction
 };
 
-/// Adds what passes between two calls to a part of somebody's `EngineTimes`. Without one it does not look at the clock.
+/// Adds the time between two calls to a member of an `EngineTimes`. Without one it does not read the clock.
 class EngineClock {
  public:
   void follow(EngineTimes* times) noexcept { times_ = times; }

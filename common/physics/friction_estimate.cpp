@@ -10,15 +10,15 @@ namespace {
 constexpr std::size_t kUsualContactPoints = 4096;
 /// On dense heaps, more sweeps with rotation change the sums over a body by less than 0.02 %.
 constexpr int kMostSweeps = 5, kLinearSweeps = 20;
-/// A sweep that changes less than this part of all impulses is the last.
+/// Iterations end when one changes less than this share of all impulses.
 constexpr double kSettled = 1e-3;
 
 Eigen::Array4f padded(const Vec3& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()), 0.0F};
 }
 
-/// Across the normal and no larger than friction can be.
-void keep_in_cone(Contact& contact, double friction) {
+/// Projects a friction impulse onto the tangent plane and into the friction cone.
+void project_to_cone(Contact& contact, double friction) {
   Vec3& impulse = contact.tangential_impulse;
   impulse -= impulse.dot(contact.normal) * contact.normal;
   const double limit = friction * std::max(0.0, contact.normal_impulse);
@@ -65,7 +65,7 @@ FrictionEstimate::Point FrictionEstimate::point_of(const Contact& contact, const
     point.rows[k] = {padded(tangents.col(k)), padded(arms_a.col(k)), padded(arms_b.col(k)), padded(turns_a.col(k)),
                      padded(turns_b.col(k))};
   }
-  // Two bodies that nothing moves leave nothing to learn.
+  // Two immovable bodies give no information.
   point.inverse_mobility.setZero();
   if (mobility.determinant() > 0.0) point.inverse_mobility = mobility.inverse().cast<float>();
   point.effective_mass = inverse_mass > 0.0 ? static_cast<float>(1.0 / inverse_mass) : 0.0F;
@@ -122,7 +122,7 @@ void FrictionEstimate::estimate(std::span<const VelocityChange> changes, std::sp
   points_.clear();
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     Contact& contact = contacts[i];
-    keep_in_cone(contact, friction[i]);
+    project_to_cone(contact, friction[i]);
     VelocityChange& a = left_[index(contact.a)];
     VelocityChange& b = left_[index(contact.b)];
     const Vec3 known = contact.normal_impulse * contact.normal + contact.tangential_impulse;
@@ -142,7 +142,7 @@ void FrictionEstimate::estimate(std::span<const VelocityChange> changes, std::sp
     const Vec3 first = contact.normal.unitOrthogonal();
     const Eigen::Vector2d impulse = points_[i].impulse.cast<double>();
     contact.tangential_impulse = impulse[0] * first + impulse[1] * contact.normal.cross(first);
-    keep_in_cone(contact, friction[i]);  // rounding
+    project_to_cone(contact, friction[i]);  // rounding
   }
 }
 

@@ -9,35 +9,36 @@
 
 namespace subworld {
 
-/// What one engine step did to a body, for engines that do not tell their friction impulses.
+/// Change of a body's velocity in an engine step, for engines that do not report their friction impulses.
 struct VelocityChange {
-  double inverse_mass = 0.0;                                  ///< 1/kg; 0: fixed, nothing is learnt from it
-  Eigen::Matrix3d inverse_inertia = Eigen::Matrix3d::Zero();  ///< world frame, 1/(kg m^2); zero: does not turn
+  double inverse_mass = 0.0;                                  ///< 1/kg; 0: fixed, gives no information
+  Eigen::Matrix3d inverse_inertia = Eigen::Matrix3d::Zero();  ///< world frame, 1/(kg m^2); zero: does not rotate
   Vec3 centre = Vec3::Zero();                                 ///< m
-  Vec3 linear = Vec3::Zero();                                 ///< change less what forces gave it, m/s
+  Vec3 linear = Vec3::Zero();                                 ///< change without the share of forces, m/s
   Vec3 angular = Vec3::Zero();                                ///< likewise, rad/s
 };
 
-/// The change since `loaded`: the state before a step, its velocity with what forces will add to it. Mass in kg,
+/// Begins the change of a body. `loaded`: the state before a step, with the velocity that forces will add. Mass in kg,
 /// principal moments in kg m^2; `rotates` false: it only translates. close() completes it.
 [[nodiscard]] VelocityChange open_change(double mass, const Vec3& inertia, bool rotates, const BodyState& loaded);
 void close(VelocityChange& change, const BodyState& after);
 
-/// Friction impulses from the balance of momentum: what neither forces nor normal impulses explain of the bodies'
-/// change of velocity is friction. Where many contacts share it the split is not unique; this is the least-squares
-/// solution inside the cones (|t| <= mu n) that projected Gauss-Seidel reaches from where it begins. Where an engine's
-/// own friction acts at other points than it reports, both balances cannot be met: then the linear one is. On dense
-/// heaps the sums over a body are right to about 1 %; the parts of single contacts are an estimate.
+/// Friction impulses from the balance of momentum: the change of the bodies' velocity that neither forces nor normal
+/// impulses explain is friction. If many contacts share it, the distribution is not unique. The result is the
+/// least-squares solution inside the cones (|t| <= mu n) that projected Gauss-Seidel reaches from its start. If an
+/// engine's own friction acts at other points than it reports, both balances cannot be satisfied: then only the linear
+/// one is. On dense heaps the sums over a body are correct to about 1 %; the impulses of single contacts are an
+/// estimate.
 class FrictionEstimate {
  public:
   FrictionEstimate();
 
-  /// Writes `tangential_impulse` of each contact, N s, beginning from what is there. `changes` is indexed by body id;
-  /// `friction` holds mu of each contact. Keeps nothing from one call to the next.
+  /// Writes `tangential_impulse` of each contact, N s, starting from its present value. `changes` is indexed by body
+  /// id; `friction` has mu of each contact. No state remains between calls.
   void estimate(std::span<const VelocityChange> changes, std::span<const double> friction, std::span<Contact> contacts);
 
  private:
-  /// Three numbers, and one that is zero: they fill a register of the processor.
+  /// Three numbers and a zero, which fill a register of the processor.
   using Padded = Eigen::Array4f;
   /// An impulse along one tangent t of a contact, with arms r and inertias I of the two bodies.
   struct Row {
@@ -64,8 +65,8 @@ class FrictionEstimate {
                                double friction) const;
 
   std::vector<Point> points_;
-  std::vector<VelocityChange> left_;      ///< by body id: less what normal impulses explain
-  std::vector<Unexplained> unexplained_;  ///< by body id: less what friction explains as well
+  std::vector<VelocityChange> left_;      ///< by body id: velocity change that normal impulses do not explain
+  std::vector<Unexplained> unexplained_;  ///< by body id: change that friction does not explain either
 };
 
 }  // namespace subworld

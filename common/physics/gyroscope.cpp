@@ -37,7 +37,7 @@ Vec3 turned_freely(const Quat& orientation, const Vec3& inertia, const Vec3& ang
         inertia_matrix - 0.5 * dt * (cross_matrix(momentum) - cross_matrix(mean) * inertia_matrix);
     after -= slope.inverse() * miss;
   }
-  // So fast that the rule did not converge within the step: at least no energy may come of it.
+  // The rotation was too fast for the rule to converge: limit the energy at least.
   const double energy_before = inertia.dot(before.cwiseAbs2());
   const double energy_after = inertia.dot(after.cwiseAbs2());
   if (!after.allFinite() || energy_after <= 0.0) return angular_velocity;

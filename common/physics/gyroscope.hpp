@@ -4,17 +4,17 @@
 
 namespace subworld {
 
-/// Whether a body of these principal moments (kg m^2) feels the gyroscopic torque: not cubes and spheres.
+/// Whether a body with these principal moments (kg m^2) has a gyroscopic torque: cubes and spheres have not.
 [[nodiscard]] bool feels_gyroscopic_torque(const Vec3& inertia) noexcept;
 
-/// What the gyroscopic torque makes of an angular velocity (world frame, rad/s) within dt, for an engine to be set to
-/// before it steps: engines have the term explicit (gains energy), implicit (loses it) or not at all. Solves Euler's
-/// equations in the body frame by the implicit midpoint rule, which keeps the energy and the size of the angular
-/// momentum.
+/// Angular velocity (world frame, rad/s) after the gyroscopic torque has acted for dt (s). An engine is set to it
+/// before its step, because engines have the term explicit (gains energy), implicit (loses energy) or not at all.
+/// Solves Euler's equations in the body frame by the implicit midpoint rule, which conserves the energy and the size of
+/// the angular momentum.
 [[nodiscard]] Vec3 turned_freely(const Quat& orientation, const Vec3& inertia, const Vec3& angular_velocity,
                                  double dt) noexcept;
 
-/// What an angular impulse (N m s, world frame) adds to the angular velocity of a body (rad/s).
+/// Change of a body's angular velocity (rad/s) by an angular impulse (N m s, world frame).
 [[nodiscard]] Vec3 spun_up(const Quat& orientation, const Vec3& inertia, const Vec3& angular_impulse) noexcept;
 
 }  // namespace subworld

@@ -7,7 +7,8 @@ namespace subworld {
 
 namespace {
 
-/// Of a warm-up: bodies that move find all their contacts, and where they stand still the solver finds its guess.
+/// Steps of a warm-up: with moving bodies, so that all contacts are found; then with fixed ones, so that the solver's
+/// first guess converges.
 constexpr int kFreeSteps = 10, kStandingSteps = 10;
 
 void put(Engine& engine, const HeldBody& held) {

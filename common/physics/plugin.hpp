@@ -10,7 +10,7 @@
 
 namespace subworld {
 
-/// What a sub-step costs on one core of the machine on which it was measured (README: published coefficients).
+/// Cost of a sub-step on one core of the machine on which it was measured (README: published coefficients).
 struct SubstepCost {
   double step_s = 0.0;
   double body_s = 0.0;               ///< for each movable body
@@ -18,35 +18,38 @@ struct SubstepCost {
   double contact_iteration_s = 0.0;  ///< for each contact point and iteration of the solver
 };
 
-/// The mass of a cube over that of a cube on which it rests, at which the lower one gives way (`subworld lab
-/// stability`, case heavy_carried).
+/// Mass ratio of a cube and the cube below it at which the lower one fails to support it (`subworld lab stability`,
+/// case heavy_carried).
 struct HeavyOnLight {
   double at_1_ms = std::numeric_limits<double>::infinity();
   double at_4_ms = std::numeric_limits<double>::infinity();
 };
 
-/// A named choice of an engine's own settings.
+/// A named set of an engine's own settings.
 struct EnginePreset {
   std::string_view name;
-  std::string_view what;  ///< what it sets and why, one line
-  int iterations = 0;     ///< where the settings name none; at least so many
+  std::string_view what;  ///< the settings and their purpose, one line
+  int iterations = 0;     ///< if the settings give none; a lower bound
   double longest_substep_s = std::numeric_limits<double>::infinity();
-  double longest_iteration_s = std::numeric_limits<double>::infinity();  ///< where each is a time step of its own
+  /// If each iteration is a time step of its own.
+  double longest_iteration_s = std::numeric_limits<double>::infinity();
   SubstepCost cost = {};
   HeavyOnLight heavy_on_light = {};
 };
 
-/// What an engine does not hold; each as measured by `subworld lab stability`, or set by the engine itself.
+/// Limits of an engine, measured by `subworld lab stability` or set by the engine itself.
 struct EngineLimits {
-  double smallest_box = 0.0;  ///< sides of boxes below it, in units of length, are not held
-  double plane_half_side_m = std::numeric_limits<double>::infinity();  ///< a plane ends so far from its position
-  double speed_m_s = std::numeric_limits<double>::infinity();          ///< nothing moves faster
-  double spin_rad_s = std::numeric_limits<double>::infinity();         ///< nothing turns faster
-  int iterations = std::numeric_limits<int>::max();  ///< the solver makes no more; 0: as many as it chooses itself
-  bool continuous = false;  ///< what moves through a thin body within one step is held nevertheless
+  double smallest_box = 0.0;  ///< smaller sides of boxes, in units of length, are not supported
+  /// A plane ends at this distance from its position.
+  double plane_half_side_m = std::numeric_limits<double>::infinity();
+  double speed_m_s = std::numeric_limits<double>::infinity();   ///< largest speed of any body
+  double spin_rad_s = std::numeric_limits<double>::infinity();  ///< largest angular speed of any body
+  /// Upper bound of the solver's iterations; 0: the engine chooses the number.
+  int iterations = std::numeric_limits<int>::max();
+  bool continuous = false;  ///< a body that would pass through a thin body within one step is stopped
 };
 
-/// What an engine's library tells of itself and how it is made.
+/// Description of an engine in its library, and the functions that make it.
 struct EnginePlugin {
   std::string_view name;     ///< as in scenes and on the command line
   std::string_view version;  ///< of the engine and its precision
@@ -56,26 +59,26 @@ struct EnginePlugin {
   std::unique_ptr<Engine> (*make)(const EngineSettings& settings, std::span<const Mesh> meshes);
 };
 
-/// The preset that the settings name, as an index into `presets`. Throws `Error` (usage) that names those there are.
+/// The preset that the settings name, as an index into `presets`. Throws `Error` (usage) with the available names.
 [[nodiscard]] std::size_t find_preset(const EnginePlugin& plugin, std::string_view name);
 
-/// Interpolated in the logarithms of step and mass ratio; beyond 1 and 4 ms likewise.
+/// Interpolated in the logarithms of step and mass ratio, and extrapolated beyond 1 and 4 ms.
 [[nodiscard]] double heaviest_on_light(const HeavyOnLight& ratio, double dt) noexcept;
 
-/// In how many sub-steps an engine divides a step of `dt` (s): as many as the settings say, or else so many that none
-/// is longer than `longest_s`.
+/// Number of sub-steps for a step of `dt` (s): that of the settings, or else the least for which none is longer than
+/// `longest_s`.
 [[nodiscard]] int substep_count(double dt, std::optional<int> fixed, double longest_s) noexcept;
-/// How many iterations an engine makes in a sub-step of `h` (s): as many as the settings say, or else at least `least`
-/// and so many that none is longer than `longest_s`.
+/// Number of iterations in a sub-step of `h` (s): that of the settings, or else at least `least`, and enough that none
+/// is longer than `longest_s`.
 [[nodiscard]] int iteration_count(double h, std::optional<int> fixed, int least, double longest_s) noexcept;
 
-/// Changes whenever a type that crosses between a program and an engine's library changes.
+/// Changes whenever a type changes that a program and an engine's library share.
 inline constexpr int kEnginePluginInterface = 8;
 
 }  // namespace subworld
 
-/// Exports the engine of a library; once in each. The interface number and the compiler stand in the symbol's answer,
-/// so that a library of another build is refused and not called.
+/// Exports the engine of a library; use once in each. The result contains the interface number and the compiler, so
+/// that a library of another build is refused and not called.
 #define SUBWORLD_ENGINE_PLUGIN(plugin)                                                                         \
   extern "C" __attribute__((visibility("default"))) const ::subworld::EnginePlugin* subworld_engine_plugin() { \
     return &(plugin);                                                                                          \

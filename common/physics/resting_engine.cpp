@@ -12,7 +12,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kLookEvery_s = 0.05;  ///< for who may sleep, and who settles
+constexpr double kLookEvery_s = 0.05;  ///< interval of the search for bodies that may sleep or settle
 
 double gap_m(const Box& a, const Box& b) noexcept {
   return (a.lower - b.upper).cwiseMax(b.lower - a.upper).cwiseMax(0.0).norm();
@@ -135,7 +135,7 @@ void RestingEngine::step(double dt) {
   since_look_s_ += dt;
   if (since_look_s_ < kLookEvery_s) return;
   since_look_s_ = 0.0;
-  find_islands();  // while the contacts are there
+  find_islands();  // while the contacts are valid
 }
 
 void RestingEngine::follow(double dt, double horizon_s) {
@@ -181,16 +181,17 @@ void RestingEngine::watch(BodyId id, double dt) {
   }
   if (thing.restless || thing.still_s < kStillFor_s || still_.contains(index(id))) return;
   thing.bounds = inner_.bounds(id);
-  still_.insert(index(id), thing.bounds.grown(2.0 * thing.tolerance_m));  // from one side of the anchor to the other
+  // The full range of positions around the anchor.
+  still_.insert(index(id), thing.bounds.grown(2.0 * thing.tolerance_m));
 }
 
 void RestingEngine::reach_from(BodyId mover, double horizon_s) {
   const Thing& thing = things_[index(mover)];
   const BodyState now = inner_.state(mover);
-  const double acceleration_m_s2 = thing.restless ? kOperator_m_s2 : gravity_m_s2_;  // others fall, or are pushed
+  const double acceleration_m_s2 = thing.restless ? kOperator_m_s2 : gravity_m_s2_;  // other bodies fall, or are pushed
   const double travel_m = reach_m(now, thing.arm_m, acceleration_m_s2, horizon_s) + thing.drift_m;
   frontier_.assign(1, {inner_.bounds(mover), travel_m});
-  double hit = kHit;  // of what the mover itself hits; from there on, all is counted as so fast already
+  double hit = kHit;  // factor for bodies hit by the mover itself; bodies hit in turn count as equally fast
   while (!frontier_.empty()) {
     const Reach reach = frontier_.back();
     frontier_.pop_back();
@@ -253,14 +254,14 @@ void RestingEngine::find_islands() {
 }
 
 void RestingEngine::find_operators(double horizon_s) {
-  for (const BodyId id : awake_) things_[root(index(id))].in_hand = false;
+  for (const BodyId id : awake_) things_[root(index(id))].in_reach = false;
   for (const BodyId id : awake_) {
     const Thing& thing = things_[index(id)];
     if (!thing.restless) continue;
     const double travel_m = reach_m(inner_.state(id), thing.arm_m, kOperator_m_s2, kLookEvery_s + horizon_s);
     inner_.overlap(inner_.bounds(id).grown(travel_m), near_);
     for (const BodyId near : near_) {
-      if (!scene_.body(near).fixed()) things_[root(index(near))].in_hand = true;
+      if (!scene_.body(near).fixed()) things_[root(index(near))].in_reach = true;
     }
   }
 }
@@ -283,7 +284,7 @@ void RestingEngine::judge_islands() {
     const auto is_still = [this](BodyId id) { return still_.contains(index(id)); };
     const auto is_unreached = [this](BodyId id) { return things_[index(id)].unreached_s >= kStillFor_s; };
     const bool sways = !std::ranges::all_of(together_, is_still);
-    settling_.judge(together_, sways, things_[island].in_hand, inner_);
+    settling_.judge(together_, sways, things_[island].in_reach, inner_);
     if (sways || !std::ranges::all_of(together_, is_unreached)) continue;
     slept_.insert(slept_.end(), together_.begin(), together_.end());
   }

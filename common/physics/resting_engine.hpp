@@ -11,44 +11,44 @@
 
 namespace subworld {
 
-/// An engine that does not simulate what rests. Bodies that hang together by contacts and have stayed where they are
-/// leave the inner engine together, whichever it is, and come back before anything can reach them: they cost no step,
-/// no contact and no message. Meanwhile they are asked for as before: where they were, without velocity; overlap() does
-/// not name them.
+/// An engine that does not simulate resting bodies. Bodies that are connected by contacts and have not moved for a
+/// while leave the inner engine together, and return before anything can reach them. Meanwhile they cost no step, no
+/// contact and no message. Queries return their last place, without velocity; overlap() does not list them.
 ///
-/// A body is *still* while it stays within `kDrift` of its thickness of one place. Still bodies sleep when all that
-/// they touch are still too and nothing has come near for `kStillFor_s`. They wake, with all that they sleep with,
-/// * when a moving body may reach them within the time that `follow` is told. Counted is a box around all places to
-///   which it may get by its velocity, by turning and by falling, and what it may push in turn;
-/// * when somebody sets their state, their velocity or their inertia, or pushes them.
-/// Bodies that the scene says are at rest sleep from the start; those whose boxes touch wake together.
-/// What a sleeping body stands on either is fixed, or sleeps and wakes with it. With `rests` false nothing sleeps.
+/// A body is *still* while it stays within `kDrift` of its thickness of one place. Still bodies sleep when all bodies
+/// that they touch are still too and nothing has come near for `kStillFor_s`. A body wakes, with all bodies that sleep
+/// with it,
+///   * when a moving body may reach it within the horizon of `follow`. The test uses a box around all places that the
+///   moving body may reach by its velocity, by turning and by falling, and those that the bodies it pushes may reach;
+///   * when the caller sets its state, velocity or inertia, or pushes it.
+/// Bodies with `at_rest` in the scene sleep from the start; those whose boxes touch wake together. The bodies that
+/// support a sleeping body are fixed, or sleep and wake with it. With `rests` false nothing sleeps.
 ///
-/// With `settles`, what sways where no hand reaches it is damped. What has been damped for long is still although it
-/// trembles or creeps (Settling).
+/// With `settles`, oscillating structures that no operator reaches are damped. A body that has been damped for long
+/// counts as still although it trembles or creeps (Settling).
 class RestingEngine final : public EngineShell {
  public:
-  /// `restless` never sleep and always count as moving. `inner` and `scene` must outlive this object.
+  /// `restless` bodies never sleep and always count as moving. `inner` and `scene` must outlive this object.
   RestingEngine(Engine& inner, const Scene& scene, std::span<const BodyId> restless, bool rests, bool settles);
 
-  /// Once after each step or several of together `dt` (s): who is still, who wakes and who sleeps. `horizon_s` is the
-  /// time for which nobody will look again.
+  /// Call after each step, or after several steps of together `dt` (s): decides which bodies are still, wake and sleep.
+  /// `horizon_s`: time until the next call.
   void follow(double dt, double horizon_s);
-  /// Movable bodies that are simulated, ascending.
+  /// Simulated movable bodies, in ascending order.
   [[nodiscard]] std::span<const BodyId> awake() const noexcept { return awake_; }
   [[nodiscard]] bool asleep(BodyId id) const noexcept { return things_[index(id)].asleep; }
   [[nodiscard]] std::size_t asleep_count() const noexcept { return asleep_count_; }
-  /// Of the last follow(), and what woke since the one before.
+  /// Bodies that fell asleep in the last follow(), and those that woke since the one before.
   [[nodiscard]] std::span<const BodyId> fell_asleep() const noexcept { return slept_; }
   [[nodiscard]] std::span<const BodyId> woke() const noexcept { return woke_; }
-  /// For who must see every body in the inner engine, as an exchange of engines does.
+  /// For callers that need every body in the inner engine, as an exchange of engines does.
   void wake_all();
-  /// Sleeping bodies whose boxes meet this one, in no order.
+  /// Sleeping bodies whose boxes intersect this one, in no order.
   void asleep_in(const Box& box, std::vector<BodyId>& out) const;
-  /// Whether a shift is so small that it tells nothing of a sleeping body.
+  /// Whether a shift is too small to matter for a sleeping body.
   [[nodiscard]] bool negligible(BodyId id, const BodyState& to) const;
 
-  /// Without checkpoints: the inner engine's would not hold what sleeps.
+  /// Without checkpoints: those of the inner engine would not contain sleeping bodies.
   Capabilities capabilities() const noexcept override;
   using EngineShell::add;
   void add(const Body& body, const BodyState& state, Role role) override;
@@ -72,22 +72,22 @@ class RestingEngine final : public EngineShell {
  private:
   Engine& inner() const noexcept override { return inner_; }
   struct Thing {
-    BodyState anchor;          ///< where it has been still, or sleeps
-    Box bounds;                ///< there
-    double still_s = 0.0;      ///< for so long it has been
-    double unreached_s = 0.0;  ///< and nothing came near
+    BodyState anchor;          ///< place at which the body has been still, or sleeps
+    Box bounds;                ///< at the anchor
+    double still_s = 0.0;      ///< time for which it has been still
+    double unreached_s = 0.0;  ///< time for which nothing came near
     double thickness_m = 0.0;
-    double drift_m = 0.0;      ///< that tells nothing
-    double tolerance_m = 0.0;  ///< around the anchor, that counts as still
+    double drift_m = 0.0;      ///< drift that counts as none
+    double tolerance_m = 0.0;  ///< radius around the anchor that counts as still
     double arm_m = 0.0;        ///< from the centre to the farthest point
-    std::uint32_t next = 0;    ///< of those that sleep together: a ring
-    std::uint32_t parent = 0;  ///< while islands are looked for
+    std::uint32_t next = 0;    ///< next body of those that sleep together: a ring
+    std::uint32_t parent = 0;  ///< union-find, while islands are searched
     bool restless = false;
     bool asleep = false;
     bool reached = false;
-    bool in_hand = false;  ///< of roots: a restless body may reach one of those that hang together
+    bool in_reach = false;  ///< of roots: a restless body may reach one of the island
   };
-  /// A place that something may get to, from which it may push on.
+  /// Places that something may reach, and from which it may push other bodies.
   struct Reach {
     Box from;
     double travel_m = 0.0;
@@ -98,18 +98,18 @@ class RestingEngine final : public EngineShell {
   void watch(BodyId id, double dt);
   void reach_from(BodyId mover, double horizon_s);
   void wake(std::uint32_t one);
-  /// Before somebody moves it: it must settle anew.
+  /// Call before a body is moved from outside: it must settle again.
   void wake_before(BodyId id) {
     if (!asleep(id)) return;
     wake(index(id));
-    settling_.re_engage(id);
+    settling_.restart(id);
   }
   void lay_asleep(std::uint32_t one);
-  /// Of those that hang together by contacts.
+  /// Bodies that are connected by contacts.
   void find_islands();
-  /// Which of them a hand may reach.
+  /// Which islands an operator may reach.
   void find_operators(double horizon_s);
-  /// Which of them settle, and which fall asleep.
+  /// Which islands settle, and which fall asleep.
   void judge_islands();
   void sleep(std::uint32_t one);
 

@@ -8,9 +8,9 @@
 
 namespace subworld {
 
-/// Any engine, in another unit of length: it is shown a world that is 1 / unit_m times as large and falls as fast,
-/// while who calls stays in metres. Engines hold tolerances, margins and velocity thresholds in units of length, and
-/// small parts fall below those of some. Mass and time keep their units.
+/// An engine with another unit of length. The inner engine has a world that is 1 / unit_m times as large, with gravity
+/// in the same proportion; the caller uses metres. Engines have tolerances, margins and velocity thresholds in units of
+/// length, and small parts are below those of some. Mass and time keep their units.
 class ScaledEngine final : public EngineShell {
  public:
   /// `inner` was made with scaled() settings and meshes.
@@ -42,7 +42,8 @@ class ScaledEngine final : public EngineShell {
   std::vector<Contact> contacts_;
 };
 
-/// In units of `unit_m` instead of metres; `length_unit_m` stays, for what an engine has of its own in metres.
+/// Converts to units of `unit_m` instead of metres. `length_unit_m` is not changed; engines need it for their own
+/// values in metres.
 [[nodiscard]] EngineSettings scaled(EngineSettings settings, double unit_m);
 [[nodiscard]] std::vector<Mesh> scaled(std::span<const Mesh> meshes, double unit_m);
 

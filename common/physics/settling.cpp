@@ -7,7 +7,8 @@ namespace subworld {
 
 namespace {
 
-constexpr double kLeastFriction = 0.1;  ///< of what settles: it brakes what slides more than the damping does
+/// Least friction of bodies that settle: on smooth contacts the damping would brake sliding more than friction does.
+constexpr double kLeastFriction = 0.1;
 
 bool rolls(const Shape& shape) noexcept {
   return shape.kind == ShapeKind::sphere || shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder;
@@ -38,11 +39,11 @@ void Settling::watch(BodyId id, const BodyState& now, double speed_m_s, double d
   thing.settled_s += dt;
   if (moved_m(thing.place, now, thing.arm_m) <= thing.place_m) return;
   thing.settles = false;
-  re_engage(id);
+  restart(id);
   thing.patience_s *= 2.0;
 }
 
-void Settling::re_engage(BodyId id) { things_[index(id)].calm_s = things_[index(id)].settled_s = 0.0; }
+void Settling::restart(BodyId id) { things_[index(id)].calm_s = things_[index(id)].settled_s = 0.0; }
 
 void Settling::begin_contacts(std::span<const BodyId> awake) {
   for (const BodyId id : awake) things_[index(id)].slips = false;
@@ -54,13 +55,13 @@ void Settling::touches(const Contact& contact) {
   for (const BodyId id : {contact.a, contact.b}) things_[index(id)].slips = true;
 }
 
-void Settling::judge(std::span<const BodyId> together, bool sways, bool in_hand, const Engine& engine) {
+void Settling::judge(std::span<const BodyId> together, bool sways, bool in_reach, const Engine& engine) {
   if (!asked_) return;
   const bool calm = std::ranges::all_of(together, [&](BodyId id) { return things_[index(id)].is_calm(); });
   for (const BodyId id : together) {
     Thing& thing = things_[index(id)];
-    if (in_hand || !thing.is_calm()) thing.settled_s = 0.0;
-    thing.settles = calm && !in_hand;
+    if (in_reach || !thing.is_calm()) thing.settled_s = 0.0;
+    thing.settles = calm && !in_reach;
     thing.is_damped = thing.settles && sways;
     if (thing.settled_s == 0.0) thing.place = engine.state(id);
   }

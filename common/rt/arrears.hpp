@@ -4,17 +4,16 @@
 
 namespace subworld {
 
-/// Simulated time that a loop owes (negative: is ahead by), because periods were lost or a cycle did not divide into
-/// whole steps. It is made up for in steps that are a little longer, never by steps in a burst: those would only be
-/// late themselves.
+/// Simulated time by which a loop is behind (negative: ahead), because periods were lost or a cycle is not a whole
+/// number of steps. The loop catches up with slightly longer steps. A burst of additional steps would itself be late.
 class Arrears {
  public:
   void owe(double s) noexcept { owed_s_ += s; }
   void forget() noexcept { owed_s_ = 0.0; }
   [[nodiscard]] double owed_s() const noexcept { return owed_s_; }
 
-  /// The length of a step that ought to be `step_s`, where `left_s` are left of the cycle: half to five halves of it,
-  /// and such that the cycle ends with a step.
+  /// Length of a step of nominally `step_s`, where `left_s` remain of the cycle: half to five halves of it, and such
+  /// that the cycle ends with a step.
   double step(double step_s, double left_s) noexcept {
     if (step_s <= 0.0) return 0.0;
     double dt = step_s + std::clamp(owed_s_ / kPayback, -0.5 * step_s, step_s);
@@ -24,7 +23,7 @@ class Arrears {
   }
 
  private:
-  static constexpr double kPayback = 8.0;  ///< steps in which most of it is made up for
+  static constexpr double kPayback = 8.0;  ///< steps in which most of the time is caught up
   double owed_s_ = 0.0;
 };
 

@@ -5,16 +5,16 @@
 
 namespace subworld {
 
-/// How late the machine wakes loops that do nothing.
+/// Wake-up lateness of loops that do no work.
 struct Calibration {
   double period_s = 0.0;
-  int loops = 0;       ///< at once
-  Histogram lateness;  ///< of their wake-ups
-  Scheduling granted;  ///< as the loops of a run will have it
+  int loops = 0;       ///< number of simultaneous loops
+  Histogram lateness;  ///< of the wake-ups
+  Scheduling granted;  ///< scheduling that the loops of a run will have
 };
 
-/// Runs `loops` bare loops of `period_s` at haptic priority for `duration_s`, each in a thread of its own. Memory is
-/// locked only meanwhile.
+/// Runs `loops` empty loops of `period_s` at haptic priority for `duration_s`, each in its own thread. Memory is locked
+/// only during the call.
 [[nodiscard]] Calibration calibrate(int loops, double period_s, double duration_s);
 
 }  // namespace subworld

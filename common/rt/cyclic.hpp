@@ -15,26 +15,26 @@ using Duration = std::chrono::nanoseconds;
   return std::chrono::duration_cast<Duration>(t.time_since_epoch()).count();
 }
 
-/// Absolute deadlines: release n is at start + n period, however long a step took. The period may be slewed; what was
-/// released stays where it was.
+/// Absolute deadlines: release n is at start + n period, however long a step takes. The period may be slewed; past
+/// releases are not affected.
 class Cyclic {
  public:
-  /// `spin`: how long before a release it stops sleeping and looks at the clock instead; it takes that much of a core.
+  /// `spin`: how long before a release the loop stops sleeping and polls the clock; uses this share of a core.
   Cyclic(TimePoint start, Duration period, Duration spin = Duration::zero()) noexcept
       : next_(start), period_(period), spin_(spin) {}
 
-  /// Waits until the next release and returns by how much it woke late.
+  /// Waits until the next release and returns the lateness of the wake-up.
   Duration wait() noexcept;
-  /// Leaves out the releases whose period is over at `now`, so that the newest one counts; returns how many.
+  /// Skips the releases whose period is over at `now`, except the newest; returns their number.
   int skip(TimePoint now) noexcept;
-  /// When the step now released ought to be over.
+  /// Deadline of the current step: the next release.
   [[nodiscard]] TimePoint deadline() const noexcept { return next_; }
   [[nodiscard]] TimePoint released() const noexcept { return released_; }
-  /// Stretches the coming periods by `ppm` (negative: shortens).
+  /// Lengthens the following periods by `ppm` (negative: shortens).
   void slew(double ppm) noexcept {
     slewed_ = Duration(static_cast<std::int64_t>(static_cast<double>(period_.count()) * (1.0 + 1e-6 * ppm)));
   }
-  /// Moves all coming releases.
+  /// Shifts all following releases.
   void shift(Duration by) noexcept { next_ += by; }
 
  private:

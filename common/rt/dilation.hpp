@@ -2,7 +2,8 @@
 
 namespace subworld {
 
-/// A world that cannot keep up slows its clock (time dilation), but not below this, simulated seconds per second.
+/// Lower bound of the real-time factor, simulated seconds per second. A world that is too slow lowers its factor (time
+/// dilation) down to this.
 inline constexpr double kLeastRealTimeFactor = 0.02;
 
 }  // namespace subworld

@@ -5,7 +5,7 @@
 
 namespace subworld {
 
-/// Durations in a fixed amount of memory: 64 bins an octave from 10 ns to 1000 s, so a quantile is within 1.1 %.
+/// Histogram of durations in constant memory: 64 bins an octave from 10 ns to 1000 s, so a quantile is within 1.1 %.
 class Histogram {
  public:
   void add(double seconds) noexcept;
@@ -17,7 +17,7 @@ class Histogram {
   [[nodiscard]] double max_s() const noexcept { return max_s_; }
   /// q in 0 .. 1; 0 s for an empty histogram.
   [[nodiscard]] double quantile_s(double q) const noexcept;
-  /// How many are longer, within the width of a bin.
+  /// Number of durations above `seconds`, within the width of a bin.
   [[nodiscard]] std::uint64_t count_above(double seconds) const noexcept;
 
  private:

@@ -3,6 +3,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <fstream>
 #include <string>
@@ -50,9 +51,33 @@ CoreTimes core_times() {
           tick_s * ticks[kSteal]};
 }
 
-double children_cpu_s() noexcept {
-  const rusage usage = usage_of(RUSAGE_CHILDREN);
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+double own_cpu_s() noexcept {
+  double cpu_s = 0.0;
+  for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    const rusage usage = usage_of(who);
+    cpu_s += seconds(usage.ru_utime) + seconds(usage.ru_stime);
+  }
+  return cpu_s;
+}
+
+MachineUse machine_use() { return {core_times(), own_cpu_s()}; }
+
+CoreLoad core_load(const MachineUse& from, const MachineUse& to, double wall_s, int cores) noexcept {
+  constexpr double kLeastWall_s = 1e-3;
+  const double wall = std::max(kLeastWall_s, wall_s);
+  const double own_s = to.own_s - from.own_s;
+  const double busy_s = to.cores.busy_s - from.cores.busy_s;
+  CoreLoad load;
+  double left = cores;
+  const auto take = [&](double used_s) {
+    const double part = std::clamp(used_s / wall, 0.0, left);
+    left -= part;
+    return part;
+  };
+  load.own = take(own_s);
+  load.stolen = take(to.cores.stolen_s - from.cores.stolen_s);
+  load.other = take(busy_s - own_s);
+  return load;
 }
 
 }  // namespace subworld

@@ -4,27 +4,46 @@
 
 namespace subworld {
 
-/// What the kernel gave to a thread and kept from it, in its own books. Reads files: not for a loop.
+/// CPU time that the kernel gave to a thread and time that it withheld, from the kernel's own statistics. Reads files:
+/// not for a loop.
 struct KernelShare {
   double cpu_s = 0.0;
-  double run_queue_delay_s = 0.0;          ///< ready to run, and without a core
-  std::uint64_t involuntary_switches = 0;  ///< pre-empted
+  double run_queue_delay_s = 0.0;          ///< runnable, but without a core
+  std::uint64_t involuntary_switches = 0;  ///< pre-emptions
   std::uint64_t voluntary_switches = 0;
   double stolen_s = 0.0;  ///< by the hypervisor, from all cores
 
   [[nodiscard]] KernelShare since(const KernelShare& before) const noexcept;
 };
-/// Of the calling thread until now.
+/// Of the calling thread since it started.
 [[nodiscard]] KernelShare kernel_share();
 
-/// What all cores together have done since the machine started, s.
+/// Times of all cores together since the machine started, s.
 struct CoreTimes {
   double busy_s = 0.0;
   double stolen_s = 0.0;  ///< by the hypervisor
 };
 [[nodiscard]] CoreTimes core_times();
 
-/// CPU time of the processes that this one started and that have ended, s.
-[[nodiscard]] double children_cpu_s() noexcept;
+/// CPU time of this process and of those that it started and that have ended, s. The kernel counts it per process id,
+/// also across execve(): only differences have a meaning.
+[[nodiscard]] double own_cpu_s() noexcept;
+
+/// The machine's and the run's CPU time at one instant.
+struct MachineUse {
+  CoreTimes cores;
+  double own_s = 0.0;
+};
+[[nodiscard]] MachineUse machine_use();
+
+/// Mean number of cores in use.
+struct CoreLoad {
+  double own = 0.0;     ///< by the run
+  double other = 0.0;   ///< by other programs
+  double stolen = 0.0;  ///< by the hypervisor
+};
+/// Of the `wall_s` between two instants on a machine of `cores` cores. No part is negative, and the sum is at most
+/// `cores`: the kernel counts the cores in ticks and the programs exactly, and its stolen time may jump.
+[[nodiscard]] CoreLoad core_load(const MachineUse& from, const MachineUse& to, double wall_s, int cores) noexcept;
 
 }  // namespace subworld

@@ -6,8 +6,8 @@
 
 namespace subworld {
 
-/// A value that one thread renews and others read whole at any time. Nobody waits: the writer fills a slot that nobody
-/// looks at and then points to it, readers hold the slot that they look at.
+/// A value that one thread writes and others read as a whole at any time, without blocking. The writer fills a slot
+/// that has no reader and then publishes its index. Readers mark the slot that they read.
 template <class T, std::size_t kReadersAtOnce = 2>
 class Newest {
  public:
@@ -16,13 +16,13 @@ class Newest {
     for (Slot& slot : slots_) slot.value = initial;
   }
 
-  /// Calls `fill(T&)` on a slot that holds an old value, then shows it. Of one thread at a time. False, and nothing is
-  /// shown, where more readers than kReadersAtOnce hold all the others.
+  /// Calls `fill(T&)` on a slot that holds an old value, then publishes it. One thread at a time. Returns false,
+  /// without publishing, if more than kReadersAtOnce readers occupy all other slots.
   template <class Fill>
   bool renew(Fill&& fill) {
     for (std::size_t i = 0; i < slots_.size(); ++i) {
       if (static_cast<int>(i) == newest_.load() || slots_[i].readers.load() != 0) continue;
-      // A reader that comes now finds that this slot is not the newest and lets go without looking.
+      // A reader that marks this slot now sees that it is not the newest, and leaves it unread.
       fill(slots_[i].value);
       newest_.store(static_cast<int>(i));
       return true;

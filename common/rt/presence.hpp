@@ -2,14 +2,16 @@
 
 namespace subworld {
 
-/// Without a sign of life for so long a peer is taken for dead in real time. Generous: a machine that is busy, or a
-/// person who halts a program for a moment, ends no run.
+/// A peer counts as gone in real time after this time without a sign of life, s. The limit is generous: a busy machine,
+/// or a program that is suspended for a moment, ends no run.
 inline constexpr double kGone_s = 2.0;
 
-/// Whether a peer is there, in the time of the loop that asks: a process that was itself halted takes nobody for dead.
+/// Whether a peer is present, measured in the time of the calling loop. A process that was suspended itself does not
+/// count the time of its suspension.
 class Presence {
  public:
-  /// Once a period. `heard`: something came from it since the last call; `alive`: it may be silent and yet be there.
+  /// Call once a period. `heard`: the peer sent a message since the last call; `alive`: the peer is known to be alive
+  /// without one.
   void observe(bool heard, bool alive, double period_s) noexcept {
     quiet_s_ = heard ? 0.0 : quiet_s_ + period_s;
     gone_ = quiet_s_ > kGone_s && !alive;

@@ -18,12 +18,12 @@ Scheduling claim_realtime(int priority) {
   parameter.sched_priority = priority;
   got.fifo = sched_setscheduler(0, SCHED_FIFO, &parameter) == 0;
   const int fifo_error = errno;
-  // Under a limit, locking what is still to come would turn a later allocation into a failure.
+  // Under a limit, locking future memory would make a later allocation fail.
   rlimit limit{};
   const bool unlimited = geteuid() == 0 || (getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY);
   got.memory_locked = mlockall(unlimited ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
   const int lock_error = errno;
-  // Freed memory stays with the process: giving it back would page-fault in the loop.
+  // The process does not return freed memory: a later allocation would page-fault in the loop.
   mallopt(M_TRIM_THRESHOLD, -1);
   mallopt(M_MMAP_MAX, 0);
   got.text = got.fifo ? fmt::format("SCHED_FIFO {}", priority)

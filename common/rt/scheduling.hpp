@@ -6,15 +6,15 @@
 
 namespace subworld {
 
-/// What the operating system granted.
+/// Scheduling that the operating system granted.
 struct Scheduling {
   bool fifo = false;
   bool memory_locked = false;
-  std::string text;  ///< in words, with the cure where something was refused
+  std::string text;  ///< description, with the cure if a request was refused
 };
 
-/// SCHED_FIFO priorities, highest first. The middleware's threads rank above the world's loop: one that the world held
-/// up while it has a reader's lock would hold up a haptic loop.
+/// SCHED_FIFO priorities, highest first. The middleware's threads rank above the world's loop: a middleware thread that
+/// the world delays while it holds a reader's lock would delay a haptic loop.
 namespace priority {
 inline constexpr int kHaptic = 80;
 inline constexpr int kDevice = 75;
@@ -22,18 +22,18 @@ inline constexpr int kMiddleware = 70;
 inline constexpr int kWorld = 60;
 }  // namespace priority
 
-/// Asks for SCHED_FIFO at `priority` for the calling thread and the threads that it makes from now on, and for locked
+/// Requests SCHED_FIFO at `priority` for the calling thread and the threads that it creates from now on, and locks
 /// memory.
 Scheduling claim_realtime(int priority);
 
-/// Keeps the calling thread and the threads that it makes from now on to these cores. False where one of them does not
-/// exist or is not allowed.
+/// Restricts the calling thread, and the threads that it creates from now on, to these cores. False if one of them does
+/// not exist or is not allowed.
 bool keep_to_cores(std::span<const int> cores) noexcept;
 
-/// Cores that this process may use, ascending.
+/// Cores that this process may use, in ascending order.
 [[nodiscard]] std::vector<int> allowed_cores();
 
-/// Takes the calling thread back to the default scheduling: for what may wait.
+/// Returns the calling thread to the default scheduling.
 void leave_realtime() noexcept;
 
 }  // namespace subworld

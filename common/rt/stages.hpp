@@ -12,24 +12,24 @@ namespace subworld {
 
 inline constexpr std::size_t kWaitingStage = 0;  ///< of every loop
 
-/// A stretch of a loop's step that one stage took.
+/// Interval of a loop's step that belongs to one stage.
 struct StageStretch {
   std::size_t stage = 0;
   TimePoint begin;
   TimePoint end;
 };
 
-/// A step of a loop, and its stretches in the order of time.
+/// A step of a loop, and its stretches in order of time.
 struct StageStep {
   TimePoint begin;
   TimePoint end;
   std::span<const StageStretch> stretches;
 };
 
-/// Where the time of a loop's step goes. `Enum` has the loop's stages: `wake` first, which is waiting, and `count`
-/// last. What lies between two calls is a stretch of the stage that the second one names; the stretches of one stage in
-/// a step add up to one time in its histogram, and none where the stage did not come. A stretch costs one reading of
-/// the clock and as much again: ten of them less than 0.1 % of a millisecond (bench_stage_cost).
+/// Measures the time of each stage of a loop's step. `Enum` lists the loop's stages: `wake` first, which is waiting,
+/// and `count` last. The time between two marks is a stretch of the stage that the second mark names. The stretches of
+/// one stage in a step are added up to one entry in its histogram; a stage that does not occur adds none. A stretch
+/// costs about two readings of the clock: ten of them less than 0.1 % of a millisecond (bench_stage_cost).
 template <class Enum>
 class Stages {
  public:
@@ -39,18 +39,18 @@ class Stages {
 
   /// The first step begins now.
   void begin() noexcept { step_.begin = last_ = Clock::now(); }
-  /// The step begins at `release` with waking up, until `woke`; not before the one before it has ended.
+  /// The step begins at `release` with waking up, until `woke`, but not before the end of the previous step.
   void begin(TimePoint release, TimePoint woke) noexcept {
     step_.begin = last_ = std::max(last_, std::min(release, woke));
     add(Stage::wake, woke);
   }
-  /// What was done since the last mark was `stage`. Returns the time.
+  /// Assigns the time since the last mark to `stage`. Returns the time.
   TimePoint mark(Stage stage) noexcept {
     const TimePoint now = Clock::now();
     add(stage, now);
     return now;
   }
-  /// The step is over, and the next one begins. What is returned is valid until that one's first mark.
+  /// Ends the step and begins the next one. The result is valid until the next mark.
   StageStep end() noexcept {
     for (std::size_t i = 0; i < kCount; ++i) {
       if (spent_[i] == Clock::duration::zero()) continue;
@@ -63,9 +63,9 @@ class Stages {
     return done;
   }
 
-  /// Of the last mark.
+  /// Time of the last mark.
   [[nodiscard]] TimePoint now() const noexcept { return last_; }
-  /// By stage.
+  /// One histogram for each stage.
   [[nodiscard]] std::span<const Histogram> times() const noexcept { return times_; }
 
  private:
@@ -80,7 +80,7 @@ class Stages {
     last_ = now;
   }
 
-  static constexpr std::size_t kMostStretches = 64;  ///< of a step; further ones count, but are not listed
+  static constexpr std::size_t kMostStretches = 64;  ///< of a step; further stretches are counted but not listed
   std::array<Histogram, kCount> times_;
   std::array<Clock::duration, kCount> spent_{};
   std::array<StageStretch, kMostStretches> stretches_;

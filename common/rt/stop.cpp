@@ -24,7 +24,7 @@ void on_signal(int signal) {
 }
 
 void end_by_force(int) {
-  constexpr char kText[] = "error: still busy long after it was asked to stop; ended by force\n";
+  constexpr char kText[] = "error: still busy long after the request to stop; ended by force\n";
   [[maybe_unused]] const auto written = write(STDERR_FILENO, kText, sizeof kText - 1);
   _exit(1);
 }

@@ -2,21 +2,21 @@
 
 namespace subworld {
 
-/// The longest that a program takes to end after it was asked to, s; then it is ended by force.
+/// Longest time that a program may take to end after the request to stop, s. After it the program is ended by force.
 inline constexpr double kLongestEnd_s = 1.8;
 
-/// From now on SIGINT, SIGTERM and SIGHUP end the process at once, with 0: for as long as it only loads. SIGPIPE is
-/// ignored.
+/// From now on SIGINT, SIGTERM and SIGHUP end the process at once, with exit code 0. For use while a program loads.
+/// SIGPIPE is ignored.
 void end_at_stop_signals();
 
-/// From now on SIGINT, SIGTERM and SIGHUP ask the process to stop instead of ending it. A process that still runs
-/// `forced_after_s` after the first of them is ended by force, with 1; 0: never. SIGPIPE is ignored.
+/// From now on SIGINT, SIGTERM and SIGHUP request a stop instead of ending the process. A process that still runs
+/// `forced_after_s` after the first request is ended by force, with exit code 1; 0: never. SIGPIPE is ignored.
 void watch_stop_signals(double forced_after_s = 0.0);
 
-/// The first signal that asked, or 0. Safe at any rate.
+/// The first signal that requested a stop, or 0. Safe at any rate.
 [[nodiscard]] int stop_signal() noexcept;
 
-/// Asks as a signal would.
+/// Requests a stop as a signal does.
 void request_stop(int signal) noexcept;
 
 }  // namespace subworld

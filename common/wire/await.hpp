@@ -12,7 +12,7 @@
 
 namespace subworld {
 
-/// Whose samples a loop in lock-step waits for.
+/// The peer whose samples a loop in lock-step waits for.
 struct Peer {
   ProgramKind program = ProgramKind::world_sim;
   std::uint32_t instance = 0;
@@ -20,32 +20,32 @@ struct Peer {
 
 inline constexpr const char* kEndsWithoutIt = "; a run in lock-step ends without it";
 
-/// Whether a peer may be there though nothing comes from it: its writer is alive, and itself too.
+/// Whether a peer is alive although no sample arrives: its writer is alive, and its status too.
 template <class M>
 bool alive(const Reader<M>& reader, const StatusBeacon& status, const Peer& peer) noexcept {
   return reader.alive_writers() > 0 && status.hears(peer.program, peer.instance);
 }
 
-/// Why a message to a peer could not be sent in lock-step, where that waits for readers that lag behind. `reader` is of
-/// what comes from it.
+/// Error text for a message to a peer that could not be sent in lock-step, where writing waits for slow readers.
+/// `reader` receives the peer's messages.
 template <class M>
 std::string unsent_text(const char* topic, const Reader<M>& reader, const StatusBeacon& status, const Peer& peer) {
   if (!alive(reader, status, peer)) return gone_text(peer.program, peer.instance) + kEndsWithoutIt;
   return std::string(topic) + " could not be sent; is " + label_of(peer.program, peer.instance) + " stuck?";
 }
 
-/// Waits in lock-step for the next sample that is `ours`; others are dropped. Marks the loop's stages `wake`, until it
-/// was received, and `decode`. False when `stopped` says so. Says on
-/// `status` when it has waited for 2 s. Throws `Error` (failed) that names the peer when for 0.7 s of this
-/// process's own time, so that neither a busy machine nor one that was halted is taken for a dead peer, either the peer
-/// was not alive, or what came was of another run or of a program that was started again.
+/// Waits in lock-step for the next sample that is `ours`; drops others. Marks the loop's stages `wake`, until the
+/// sample is received, and `decode`. Returns false when `stopped` returns true. Reports on `status` after a wait of 2
+/// s. Throws `Error` (failed) that names the peer when, for 0.7 s, the peer was not alive, or its samples belonged to
+/// another run or to a restarted program. The time is this process's own, so that a busy or suspended machine is not
+/// mistaken for a dead peer.
 template <class M, class Stages, class Ours, class Stopped>
 bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages& stages, const Peer& peer, Ours ours,
            Stopped stopped) {
   using namespace std::chrono_literals;
   using WallClock = std::chrono::steady_clock;
   constexpr auto kPatience = 700ms;
-  WallClock::duration waited{}, silent{};
+  WallClock::duration waited{}, absent{};
   bool foreign = false, said = false;
   const std::uint64_t refused = reader.refused();
   const auto take_next = [&] { return take(reader, sample, stages, Stages::Stage::wake); };
@@ -59,7 +59,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
     }
     foreign |= reader.refused() > refused;
     if (stopped()) return false;
-    if (silent > kPatience) {
+    if (absent > kPatience) {
       throw Error(ExitCode::failed, foreign ? replaced_text(peer.program, peer.instance)
                                             : gone_text(peer.program, peer.instance) + kEndsWithoutIt);
     }
@@ -72,7 +72,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
     const auto step = std::min<WallClock::duration>(now - last, 100ms);
     last = now;
     waited += step;
-    silent = !foreign && alive(reader, status, peer) ? WallClock::duration{} : silent + step;
+    absent = !foreign && alive(reader, status, peer) ? WallClock::duration{} : absent + step;
   }
 }
 

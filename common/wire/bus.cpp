@@ -20,12 +20,12 @@
 namespace subworld {
 namespace {
 
-/// Counts what the vendor's threads and the readers report and wakes who waits.
+/// Counts the events that the vendor's threads and the readers report, and wakes the waiting thread.
 class Events final : public wire::EventSink {
  public:
   void report(wire::Event event, std::uint64_t count, const char* side, const char* topic,
               const char* detail) noexcept override {
-    // Each user's topics have a partition of their own, so that one user's writer and another's reader never match.
+    // Each user's topics have their own partition, so that one user's writer and another's reader never match.
     if (event == wire::Event::incompatible_qos && std::string_view(detail) == wire::policy_name(wire::kPartitionPolicy))
       return;
     const auto kind = static_cast<std::size_t>(event);
@@ -60,7 +60,7 @@ class Events final : public wire::EventSink {
   }
 
   std::string take_text(EventKind kind) {
-    std::array<Noted, kMostNotes> taken;  // put into words without the lock, which a vendor's thread may wait for
+    std::array<Noted, kMostNotes> taken;  // formatted without the lock, for which a vendor's thread may wait
     std::size_t count = 0;
     {
       const std::lock_guard lock(mutex_);
@@ -126,7 +126,7 @@ struct Bus::Impl {
   BusConfig config;
   std::string settings;
   Events events;
-  std::unique_ptr<wire::Backend> backend;  // after events: its threads report until it is gone
+  std::unique_ptr<wire::Backend> backend;  // declared after events: its threads report until it is destroyed
 
   [[nodiscard]] wire::EndpointSpec spec(const TopicSpec& topic, const std::string& partition) const {
     return {topic, qos_of(topic, config.mode, config.device_period_s, config.cycle_s), partition};
@@ -147,7 +147,7 @@ struct Reader<M>::Impl {
   Codec<M> codec;
   std::vector<std::uint8_t> cdr;
   std::uint64_t bytes = 0;
-  std::uint64_t writer = 0;  // of what was received last
+  std::uint64_t writer = 0;  // writer of the last received sample
   std::optional<std::uint64_t> trusted;
   std::uint64_t refused = 0;
 };
@@ -217,7 +217,7 @@ std::uint64_t Reader<M>::refused() const noexcept {
 template <class M>
 bool Reader<M>::decode(M& sample) noexcept {
   if (impl_->codec.decode(impl_->cdr, sample)) return true;
-  impl_->events->report(wire::Event::rejected, 1, "reader", kTopicOf<M>->name, "corrupt or nonsense");
+  impl_->events->report(wire::Event::rejected, 1, "reader", kTopicOf<M>->name, "corrupt or invalid");
   return false;
 }
 
@@ -272,7 +272,7 @@ Reader<M> Bus::reader(const std::string& partition) {
 bool Bus::wait(double timeout_s) noexcept { return impl_->events.wait(timeout_s); }
 EventCounts Bus::events() const noexcept { return impl_->events.counts(); }
 std::string Bus::take_event_text(EventKind kind) { return impl_->events.take_text(kind); }
-void Bus::forget_silence() noexcept { impl_->events.forget(EventKind::suppression); }
+void Bus::forget_absences() noexcept { impl_->events.forget(EventKind::absence); }
 const std::string& Bus::effective_settings() const noexcept { return impl_->settings; }
 
 std::unique_ptr<Bus> open_bus(const BusConfig& config) { return std::make_unique<Bus>(config); }

@@ -26,17 +26,17 @@ struct BusConfig {
   std::string interface_address;   ///< empty: as the settings say, else 127.0.0.1
   std::string qos_file;            ///< vendor's settings; empty: its environment variable, else qos/ beside the program
   double device_period_s = 0.001;  ///< for deadlines
-  double cycle_s = 0.004;          ///< the longest, for deadlines
+  double cycle_s = 0.004;          ///< the longest cycle, for deadlines
   std::string participant_name = "subworld";
 };
 
 enum class Take : std::uint8_t {
-  none,      ///< nothing new
+  none,      ///< no new sample
   sample,    ///< the sample was replaced by the oldest one not yet taken
-  rejected,  ///< a sample was dropped that did not decode or held nonsense
+  rejected,  ///< a sample was dropped that did not decode or had invalid contents
 };
 
-/// Sends one topic. Must not outlive its bus. One thread at a time.
+/// Writes one topic. Must not outlive its bus. One thread at a time.
 template <class M>
 class Writer {
  public:
@@ -44,12 +44,12 @@ class Writer {
   Writer& operator=(Writer&&) noexcept;
   ~Writer();
 
-  /// Sends in the caller's thread. False: not sent, the middleware or the memory refused it. In real time it does not
-  /// wait; in lock-step it may wait up to 10 s for readers that lag behind.
+  /// Sends in the caller's thread. Returns false if the middleware refused the sample or memory ran out. In real time
+  /// it does not block; in lock-step it may wait up to 10 s for slow readers.
   bool write(const M& sample) noexcept;
-  /// Readers at this moment.
+  /// Number of matched readers.
   [[nodiscard]] int matched() const noexcept;
-  /// True once every reliable reader has all that was written, at latest after the timeout.
+  /// Waits until every reliable reader has received all samples, or until the timeout. Returns whether they have.
   bool wait_for_acknowledgments(double timeout_s) noexcept;
   [[nodiscard]] std::uint64_t sent_bytes() const noexcept;  ///< payload
 
@@ -60,7 +60,7 @@ class Writer {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Receives one topic. Must not outlive its bus. One thread at a time.
+/// Reads one topic. Must not outlive its bus. One thread at a time.
 template <class M>
 class Reader {
  public:
@@ -68,20 +68,23 @@ class Reader {
   Reader& operator=(Reader&&) noexcept;
   ~Reader();
 
-  /// Receives the oldest sample not yet taken; samples of one key keep their order. Does not wait. False: none.
+  /// Receives the oldest sample not yet taken; samples of one key stay in order. Does not block. False if there is
+  /// none.
   bool receive() noexcept;
-  /// What was received. False, and `sample` untouched, where it did not decode or held nonsense.
+  /// Decodes the received sample. Returns false, and leaves `sample` unchanged, if it does not decode or has invalid
+  /// contents.
   bool decode(M& sample) noexcept;
-  /// Both.
+  /// receive() and decode().
   Take take(M& sample) noexcept;
-  /// From now on only the writer of what was received last is heard, whatever others claim to be: the middleware tells
-  /// writers apart. What others send is dropped, and counted among the events. Only the first call counts.
+  /// From now on accepts only the writer of the sample received last. The middleware identifies writers, so the
+  /// contents of a sample cannot forge one. Samples of foreign writers are dropped and counted as events. Only the
+  /// first call has an effect.
   void trust_sender() noexcept;
-  /// Samples that others than the trusted writer have sent.
+  /// Number of samples of foreign writers.
   [[nodiscard]] std::uint64_t refused() const noexcept;
-  /// Writers at this moment, dead or alive.
+  /// Number of matched writers, dead or alive.
   [[nodiscard]] int matched() const noexcept;
-  /// Writers that were heard of within the lease (100 ms).
+  /// Writers with a sign of life within the lease (100 ms).
   [[nodiscard]] int alive_writers() const noexcept;
   [[nodiscard]] std::uint64_t received_bytes() const noexcept;  ///< payload
 
@@ -92,36 +95,37 @@ class Reader {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Two kinds of what the middleware reports: what should never happen, and silence or loss, which is normal where
-/// programs come and go. That they do is counted, and needs no words.
-enum class EventKind : std::uint8_t { fault, suppression };
+/// Kinds of middleware events. `fault`: must not happen. `absence`: a peer or a sample is missing, which is normal
+/// while programs start and end. Matching is only counted, without a text.
+enum class EventKind : std::uint8_t { fault, absence };
 
 /// One participant in a DDS domain. Loads the vendor's plug-in, so that a process needs only the vendor that it uses.
 class Bus {
  public:
-  /// Throws `Error` (middleware) that says where, what and the cure.
+  /// Throws `Error` (middleware) with place, fault and cure.
   explicit Bus(const BusConfig& config);
   ~Bus();
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// A partition separates users: only equal ones match; a reader may ask for "*". Throw `Error` (middleware).
+  /// A partition separates users: only equal partitions match; a reader may ask for "*". Both throw `Error`
+  /// (middleware).
   template <class M>
   [[nodiscard]] Writer<M> writer(const std::string& partition = {});
   template <class M>
   [[nodiscard]] Reader<M> reader(const std::string& partition = {});
 
-  /// Waits for new data in any reader or any event since the last wait returned; false if there was none in time.
-  /// One thread.
+  /// Waits for new data in any reader, or for an event, since the last call returned. False after the timeout. One
+  /// thread.
   bool wait(double timeout_s) noexcept;
 
   [[nodiscard]] EventCounts events() const noexcept;
-  /// Events of that kind since the last call in words a user understands; each is said once for a topic, and then only
-  /// counted. Empty if there is nothing to say.
+  /// Text for the events of this kind since the last call. Each is reported once for a topic, and then only counted.
+  /// Empty if there is none.
   [[nodiscard]] std::string take_event_text(EventKind kind);
-  /// Suppression up to now needs no words.
-  void forget_silence() noexcept;
-  /// What is in force, on one line.
+  /// Discards the texts of absences up to now.
+  void forget_absences() noexcept;
+  /// Version, interface and peers in effect, on one line.
   [[nodiscard]] const std::string& effective_settings() const noexcept;
 
  private:
@@ -129,9 +133,9 @@ class Bus {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Throws `Error` (middleware) that says where, what and the cure.
+/// Throws `Error` (middleware) with place, fault and cure.
 [[nodiscard]] std::unique_ptr<Bus> open_bus(const BusConfig& config);
-/// A program's bus, as its command line and scene say.
+/// Opens a program's bus by its command line and scene.
 [[nodiscard]] std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, double device_period_s,
                                             const std::string& participant_name);
 

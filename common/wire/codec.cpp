@@ -69,7 +69,7 @@ struct Codec<M>::Scratch {
 
 namespace {
 
-constexpr std::size_t kUsualBytes = 1U << 17U;  // of a message about kUsualMembers bodies
+constexpr std::size_t kUsualBytes = 1U << 17U;  // of a message with kUsualMembers bodies
 
 void make_room(msg::WorldFrame& frame) {
   frame.members().reserve(kUsualMembers);
@@ -94,7 +94,7 @@ void make_room(msg::HapticReport& report) {
 
 template <class M>
 Codec<M>::Codec() : scratch_(std::make_unique<Scratch>()) {
-  // What loops send and take has its room from the start; the rest finds it.
+  // Messages of the loops get their memory at the start; others allocate when needed.
   if constexpr (requires { reserve(scratch_->sample, kUsualMembers); }) {
     reserve(scratch_->sample, kUsualMembers);
     make_room(scratch_->wire);
@@ -141,7 +141,7 @@ bool Codec<M>::decode(std::span<const std::uint8_t> bytes, M& sample) noexcept {
       return true;
     }
   } catch (const std::exception&) {
-    // A corrupt length may have made the sequences huge.
+    // A corrupt length may have enlarged the sequences.
     scratch_->wire = Wire{};
   }
   return false;

@@ -9,8 +9,8 @@
 
 namespace subworld {
 
-/// Model struct to CDR bytes (XCDR1 with its 4 byte header, as they travel) and back. Defined for each struct that has
-/// a topic. Keeps its buffers: after the first samples of a size nothing is allocated. Not thread-safe.
+/// Encodes a model struct to CDR bytes (XCDR1 with its 4 byte header, as sent) and decodes it. Defined for each struct
+/// that has a topic. Reuses its buffers: after the first samples of a size it allocates nothing. Not thread-safe.
 template <class M>
 class Codec {
  public:
@@ -21,8 +21,9 @@ class Codec {
 
   /// The bytes are valid until the next call; empty if memory ran out.
   [[nodiscard]] std::span<const std::uint8_t> encode(const M& sample) noexcept;
-  /// False, and `sample` untouched, if the bytes are cut short or corrupt, or hold nonsense: numbers that are not
-  /// finite, quaternions that are not unit, unknown kinds, sizes that disagree, indices out of range.
+  /// Returns false, and leaves `sample` unchanged, if the bytes are truncated or corrupt, or the contents are invalid:
+  /// numbers that are not finite, quaternions that are not unit, unknown kinds, sizes that disagree, indices out of
+  /// range.
   [[nodiscard]] bool decode(std::span<const std::uint8_t> cdr, M& sample) noexcept;
 
  private:

@@ -4,8 +4,8 @@
 
 #include <subworld.h>
 
-/// Model structs to the types of the IDL and back. Only `codec.cpp` includes this: IDL types stop here. Their parts:
-/// parts.hpp. `from_wire` returns false for nonsense and may then leave `out` half filled.
+/// Converts model structs to the types of the IDL and back. Only `codec.cpp` includes this: IDL types stop here. Nested
+/// types: parts.hpp. `from_wire` returns false for invalid contents and may then leave `out` half filled.
 namespace subworld {
 
 void to_wire(const SceneDescription& in, msg::Scene& out);

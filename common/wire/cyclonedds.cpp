@@ -55,7 +55,7 @@ struct Serdata : ddsi_serdata {
   std::vector<std::uint8_t> bytes;     // header included, a multiple of 4
 };
 
-/// Samples come and go at haptic rates on any thread: their memory is used again.
+/// Samples are created and freed at haptic rates on any thread, so their memory is reused.
 class Pool {
  public:
   Serdata* get() {
@@ -86,7 +86,7 @@ class Pool {
   }();
 };
 
-/// Lives as long as the process: Cyclone's threads may free samples late.
+/// Lives as long as the process, because Cyclone's threads may free samples late.
 Pool& pool() {
   static Pool* const instance = new Pool;
   return *instance;
@@ -107,7 +107,7 @@ void set_hash(Serdata& sample) {
   sample.hash = ddsrt_mh3(sample.key.data(), sample.key.size(), 0) ^ sample.type->serdata_basehash;
 }
 
-/// Reads the key from the bytes; gives the sample back to the pool and returns null if they are too short.
+/// Reads the key from the bytes. If they are too short, returns the sample to the pool and returns null.
 ddsi_serdata* finish(Serdata* sample) {
   const std::uint32_t key_bytes = 4 * static_cast<const Sertype*>(sample->type)->key_words;
   if (sample->bytes.size() < kHeaderBytes + key_bytes) {
@@ -164,7 +164,7 @@ ddsi_serdata* from_key_hash(const ddsi_sertype* type, const ddsi_keyhash* hash) 
   return nullptr;
 }
 
-/// What `dds_write` is given: the encoded bytes.
+/// Argument of `dds_write`: the encoded bytes.
 ddsi_serdata* from_sample(const ddsi_sertype* type, ddsi_serdata_kind kind, const void* data) try {
   const auto& cdr = *static_cast<const std::span<const std::uint8_t>*>(data);
   Serdata* sample = new_sample(type, kind, cdr.size());
@@ -186,7 +186,7 @@ ddsi_serdata* to_reference(const ddsi_serdata* data, std::size_t offset, std::si
 
 void drop_reference(ddsi_serdata* data, const ddsrt_iovec_t*) { ddsi_serdata_unref(data); }
 
-/// What `dds_take` is given: room for the encoded bytes.
+/// Argument of `dds_take`: a buffer for the encoded bytes.
 bool to_sample(const ddsi_serdata* data, void* sample, void**, void*) try {
   *static_cast<std::vector<std::uint8_t>*>(sample) = self(data).bytes;
   return true;
@@ -246,8 +246,8 @@ const ddsi_serdata_ops kSerdataOps = [] {
   return ops;
 }();
 
-// Samples are never lent, so nothing is ever allocated or freed through the type. Without type_id, type_map and
-// derive_sertype types match by name, as Fast DDS does.
+// Samples are never loaned, so the type never allocates or frees any. Without type_id, type_map and derive_sertype,
+// types match by name, as in Fast DDS.
 const ddsi_sertype_ops kSertypeOps = [] {
   ddsi_sertype_ops ops{};
   ops.version = ddsi_sertype_v0;
@@ -296,7 +296,7 @@ QosPointer make_qos(const Qos& from) {
   return qos;
 }
 
-/// What both kinds of endpoint have.
+/// Common part of readers and writers.
 struct Endpoint {
   const char* side;
   const char* topic;
@@ -418,7 +418,8 @@ class CycloneReader final : public BackendReader {
 // ---- Participant
 // --------------------------------------------------------------------------------------------------------
 
-/// Under what the settings file says: unicast, whole-datagram messages, quick repair of losses, no throttling.
+/// Defaults, which the settings file may override: unicast, whole-datagram messages, quick repair of losses, no
+/// throttling.
 constexpr const char* kDefaults = R"(<CycloneDDS><Domain Id="any">
 <General><AllowMulticast>false</AllowMulticast><MaxMessageSize>{0}B</MaxMessageSize><FragmentSize>65000B</FragmentSize></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{1}</MaxAutoParticipantIndex>
@@ -435,7 +436,7 @@ std::string read_file(const std::string& name) {
   return text.str();
 }
 
-/// `text` without the parts from `begin` to `end`, both included.
+/// `text` without the sections from `begin` to `end`, both included.
 void erase_parts(std::string& text, const std::string& begin, const std::string& end) {
   for (std::size_t from = text.find(begin); from != std::string::npos; from = text.find(begin)) {
     const std::size_t to = text.find(end, from);
@@ -444,7 +445,7 @@ void erase_parts(std::string& text, const std::string& begin, const std::string&
   }
 }
 
-/// The library says why it refused the settings only in its log.
+/// Captures the log, where alone the library states why it refused the settings.
 class LogCapture {
  public:
   LogCapture() {
@@ -522,7 +523,8 @@ class CycloneBackend final : public Backend {
     return topic;
   }
 
-  /// Later parts of the list override earlier ones, but lists of interfaces and peers add up: so they appear once.
+  /// Later sections of the list override earlier ones, but lists of interfaces and peers are merged. Therefore each
+  /// appears once.
   std::string make_settings(const Opening& opening) {
     std::string user = opening.settings_file;
     if (!user.empty() && user.find('<') == std::string::npos && user.find(',') == std::string::npos) {
@@ -556,7 +558,8 @@ class CycloneBackend final : public Backend {
                        user.empty() ? "" : ",", network);
   }
 
-  /// Cyclone knows one domain of a number in a process; a second bus gets another number inside and the same outside.
+  /// Cyclone allows one domain of a number in a process. A second bus gets another internal number and the same
+  /// external one.
   void open_domain(const Opening& opening, const std::string& settings) {
     const std::lock_guard lock(domains_mutex());
     id_ = static_cast<dds_domainid_t>(opening.domain);
@@ -572,8 +575,8 @@ class CycloneBackend final : public Backend {
     domain_ = dds_create_domain(id_, all.c_str());
     if (domain_ < 0) {
       fail(fmt::format(
-          "domain {} (interface={} peers={}{}{}) was refused: {}; mend the settings, or look for programs "
-          "that were left behind if no participant index is free",
+          "domain {} (interface={} peers={}{}{}) was refused: {}; correct the settings, or look for programs "
+          "that still run if no participant index is free",
           opening.domain, interface_, peers_, opening.settings_file.empty() ? "" : " settings=", opening.settings_file,
           log.text().empty() ? dds_strretcode(domain_) : log.text()));
     }
@@ -611,3 +614,4 @@ extern "C" subworld::wire::Backend* subworld_open_backend(const subworld::wire::
                                                           subworld::wire::EventSink& events) {
   return new subworld::wire::CycloneBackend(opening, events);
 }
+extern "C" const char* subworld_backend_version() { return DDS_VERSION; }

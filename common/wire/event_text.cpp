@@ -8,15 +8,15 @@ namespace subworld::wire {
 
 namespace {
 
-/// A topic that comes regularly: who sends it and what its reader does without.
+/// A periodic topic: its sender, and how its reader continues without a sample.
 struct Stream {
   std::string_view topic;
   std::string_view sender;
   std::string_view without;
 };
 constexpr std::array kStreams{
-    Stream{"world_frame", "world_sim", "the sub-world went on from the last one"},
-    Stream{"haptic_report", "haptic_sim", "the world went on from the last one"},
+    Stream{"world_frame", "world_sim", "the sub-world continued from the last one"},
+    Stream{"haptic_report", "haptic_sim", "the world continued from the last one"},
     Stream{"device_state", "device_sim", "the force was computed from the last one"},
     Stream{"device_command", "haptic_sim", "the device held the last force"},
 };
@@ -31,17 +31,17 @@ const Stream* stream_of(std::string_view topic) {
 }  // namespace
 
 EventKind kind_of(Event event) noexcept {
-  const bool suppression = event == Event::deadline_missed || event == Event::liveliness_lost || event == Event::lost;
-  return suppression ? EventKind::suppression : EventKind::fault;
+  const bool absence = event == Event::deadline_missed || event == Event::liveliness_lost || event == Event::lost;
+  return absence ? EventKind::absence : EventKind::fault;
 }
 
 std::string explain(Event event, std::string_view side, std::string_view topic, std::string_view detail) {
   const Stream* stream = stream_of(topic);
   const std::string_view sender = stream != nullptr ? stream->sender : "its sender";
-  const std::string_view without = stream != nullptr ? stream->without : "its reader did without";
+  const std::string_view without = stream != nullptr ? stream->without : "its reader continued without it";
   switch (event) {
     case Event::deadline_missed:
-      if (side == "writer") return {};  // the loop knows better itself: its missed deadlines
+      if (side == "writer") return {};  // the loop itself counts its missed deadlines
       return fmt::format("no {} for two periods: {} or the network was late, and {}; from now on only counted", topic,
                          sender, without);
     case Event::lost:
@@ -50,11 +50,11 @@ std::string explain(Event event, std::string_view side, std::string_view topic, 
           "buffer (sysctl net.core.rmem_max) or a quieter network",
           topic, without);
     case Event::liveliness_lost:
-      return fmt::format("{} was not heard of for 100 ms ({}): it ended, was halted, or the network is down", sender,
-                         topic);
+      return fmt::format("no sign of life of {} for 100 ms ({}): it ended, was suspended, or the network is down",
+                         sender, topic);
     case Event::incompatible_qos:
       return fmt::format(
-          "{} of {} meets one whose settings do not fit ({}): it runs in the other mode or is another "
+          "{} of {} matches a peer with incompatible settings ({}): the peer runs in the other mode or is another "
           "version; give every program on this domain the same --mode, or another --domain",
           side, topic, detail);
     case Event::rejected:
@@ -64,7 +64,7 @@ std::string explain(Event event, std::string_view side, std::string_view topic, 
           topic, detail);
     case Event::refused:
       return fmt::format(
-          "a {0} of a second {1} was refused: this run goes on with the one that it began with; end the other {1}, or "
+          "a {0} of a second {1} was refused: this run continues with its first {1}; end the other {1}, or "
           "give it another --domain",
           topic, sender);
     case Event::matched:

@@ -9,7 +9,7 @@ namespace subworld::wire {
 
 [[nodiscard]] EventKind kind_of(Event event) noexcept;
 
-/// What an event means for a user and what to do about it; empty where there is nothing to do.
+/// Meaning of an event for a user, and the cure; empty if no action is needed.
 [[nodiscard]] std::string explain(Event event, std::string_view side, std::string_view topic, std::string_view detail);
 
 }  // namespace subworld::wire

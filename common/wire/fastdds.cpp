@@ -45,7 +45,7 @@ constexpr std::uint32_t kHeaderBytes = 4;
 constexpr std::uint32_t kFirstBytes = 512;  // of a history entry; grows with its samples
 
 constexpr int kMostKeys = 256;
-constexpr int kMostKept = 1024;  // acknowledged samples of a writer that keeps all
+constexpr int kMostKept = 1024;  // acknowledged samples that a keep-all writer stores
 
 [[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, "Fast DDS: " + message); }
 
@@ -54,13 +54,13 @@ Duration_t duration(double seconds) {
   return {static_cast<std::int32_t>(whole), static_cast<std::uint32_t>((seconds - whole) * 1e9)};
 }
 
-/// What the data type hands to and gets from the middleware: the sender's bytes, or room for received ones.
+/// Argument of the data type in the middleware's calls: the sender's bytes, or a buffer for received ones.
 struct Sample {
   std::span<const std::uint8_t> sent;
   std::vector<std::uint8_t> received;
 };
 
-/// One for every topic: it copies bytes. The key is what stands first in them.
+/// One type for every topic: it copies bytes. The key comes first in them.
 class BytesType final : public dds::TopicDataType {
  public:
   explicit BytesType(const TopicSpec& topic) : key_words_(topic.key_words) {
@@ -114,12 +114,12 @@ void report_match(EventSink& events, const char* side, const char* topic, int ch
                   topic, "");
 }
 
-/// Takes a listener away. Fast DDS 2.9 looks up who listens to a missed deadline, and then uses the endpoint's own
-/// listener: who sets none in between ends the process. So there is always one, and it is not called.
+/// Removes a listener. Fast DDS 2.9 looks up which listener handles a missed deadline, and then uses the endpoint's
+/// own. If that is removed in between, the process crashes. Therefore a listener stays set, with an empty mask.
 template <class Listener, class Endpoint>
 void stop_listening(Endpoint& endpoint) {
-  static Listener nobody;
-  endpoint.set_listener(&nobody, dds::StatusMask::none());
+  static Listener none;
+  endpoint.set_listener(&none, dds::StatusMask::none());
 }
 
 class FastWriter final : public BackendWriter, dds::DataWriterListener {
@@ -130,14 +130,15 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
         publisher_(publisher),
         name_(spec.topic.name),
         events_(events),
-        disables_all_(spec.qos.keep_all) {
+        keeps_all_(spec.qos.keep_all) {
     writer_ = publisher->create_datawriter(topic, qos, this, dds::StatusMask::all());
     if (writer_ == nullptr) fail(fmt::format("no writer of {}; see its log lines above", name_));
   }
 
   ~FastWriter() override {
     stop_listening<dds::DataWriterListener>(*writer_);
-    // Fast DDS 2.9 empties a history while its heartbeats still read it, and may count for ever what is missing there.
+    // Fast DDS 2.9 clears a history while its heartbeats still read it, and may then count its samples as missing
+    // forever.
     std::size_t removed = 0;
     writer_->clear_history(&removed);
     publisher_->delete_datawriter(writer_);
@@ -147,7 +148,7 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   bool write(std::span<const std::uint8_t> cdr) noexcept override {
     sample_.sent = cdr;
     try {
-      if (disables_all_ && ++kept_ >= kMostKept) forget();
+      if (keeps_all_ && ++kept_ >= kMostKept) forget();
       return writer_->write(&sample_);
     } catch (const std::exception&) {
       return false;
@@ -161,7 +162,7 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   }
 
  private:
-  /// A history that keeps all for late readers would grow for ever.
+  /// Without this, a history that stores all samples for late readers would grow without bound.
   void forget() {
     std::size_t removed = 0;
     if (writer_->wait_for_acknowledgments(duration(0.0)) != ReturnCode_t::RETCODE_OK) return;
@@ -185,7 +186,7 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   dds::Publisher* publisher_;
   const char* name_;
   EventSink& events_;
-  bool disables_all_;
+  bool keeps_all_;
   int kept_ = 0;
   std::atomic<int> matched_ = 0;
   Sample sample_;
@@ -279,7 +280,7 @@ void apply(const Qos& from, EndpointQos& to) {
   to.history().kind = from.keep_all ? dds::KEEP_ALL_HISTORY_QOS : dds::KEEP_LAST_HISTORY_QOS;
   to.history().depth = from.depth;
   to.resource_limits().max_samples = 0;  // unlimited
-  // With an unlimited number of instances the library keeps `depth` samples of all keys together, not of each.
+  // With an unlimited number of instances the library stores `depth` samples of all keys together, not of each.
   to.resource_limits().max_instances = from.keep_all ? 0 : kMostKeys;
   to.resource_limits().max_samples_per_instance = 0;
   if (from.deadline_s > 0.0) to.deadline().period = duration(from.deadline_s);
@@ -290,7 +291,7 @@ void apply(const Qos& from, EndpointQos& to) {
   to.endpoint().history_memory_policy = rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
 }
 
-/// Lost datagrams are asked for again after milliseconds, not after the default's seconds.
+/// Requests lost datagrams again after milliseconds, not after the default's seconds.
 void hurry(dds::DataWriterQos& qos) {
   auto& times = qos.reliable_writer_qos().times;
   times.initialHeartbeatDelay = duration(0.001);
@@ -305,16 +306,16 @@ void hurry(dds::DataReaderQos& qos) {
   times.heartbeatResponseDelay = duration(0.001);
 }
 
-/// Settings of the user.
+/// Loads the user's settings.
 void load_settings(dds::DomainParticipantFactory& factory, const Opening& opening, dds::DomainParticipantQos& qos) {
   if (opening.settings_file.empty()) return;
   const std::string& file = opening.settings_file;
-  eprosima::fastrtps::xmlparser::XMLProfileManager::DeleteInstance();  // forgets the file of an earlier bus
+  eprosima::fastrtps::xmlparser::XMLProfileManager::DeleteInstance();  // discards the file of an earlier bus
   if (factory.load_XML_profiles_file(file) != ReturnCode_t::RETCODE_OK) {
     fail(fmt::format("{}: not a valid profile file; compare it with deploy/qos/fastdds.xml", file));
   }
   if (opening.settings_from_environment) {
-    // As the library does it: the default profile, whatever its name.
+    // As the library does: the default profile, whatever its name.
     factory.load_profiles();
     factory.get_default_participant_qos(qos);
   } else if (factory.get_participant_qos_from_profile(kProfile, qos) != ReturnCode_t::RETCODE_OK) {
@@ -330,11 +331,11 @@ void use_interface(dds::DomainParticipantQos& qos, const std::string& address) {
   udp->sendBufferSize = 1U << 20U;
   udp->receiveBufferSize = 4U << 20U;
   qos.transport().user_transports = {udp};
-  qos.transport().use_builtin_transports = false;  // no shared memory: nothing of ours in /dev/shm
+  qos.transport().use_builtin_transports = false;  // no shared memory: no files in /dev/shm
 
   rtps::Locator_t here;
   rtps::IPLocator::setIPv4(here, address);
-  // Unicast locators that are given keep the multicast ones away; port 0 means the well-known one.
+  // Explicit unicast locators suppress the multicast ones; port 0 means the well-known port.
   qos.wire_protocol().builtin.metatrafficUnicastLocatorList.clear();
   qos.wire_protocol().builtin.metatrafficUnicastLocatorList.push_back(here);
   qos.wire_protocol().default_unicast_locator_list.clear();
@@ -351,7 +352,7 @@ void use_peers(dds::DomainParticipantQos& qos, const std::vector<std::string>& p
   }
 }
 
-/// True if nobody has the UDP port.
+/// True if the UDP port is free.
 bool port_is_free(const std::string& interface_address, int port) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -363,8 +364,9 @@ bool port_is_free(const std::string& interface_address, int port) {
   return free;
 }
 
-/// The library numbers the participants of a process ever upwards, until their ports are outside of what peers try.
-/// This one gives the lowest number whose ports are free. If another process is quicker the library moves on by itself.
+/// The library numbers the participants of a process in ascending order, until their ports are outside the range that
+/// peers try. This function returns the lowest number whose ports are free. If another process takes it first, the
+/// library itself moves on.
 int free_participant_index(const std::string& interface_address, int domain) {
   const rtps::PortParameters ports;
   const int first = ports.portBase + ports.domainIDGain * domain;
@@ -377,14 +379,14 @@ int free_participant_index(const std::string& interface_address, int domain) {
   }
   fail(fmt::format(
       "domain {}: the ports of all {} participants on {} are in use; choose another --domain or stop programs "
-      "that were left behind",
+      "that still run",
       domain, kMostParticipants, interface_address));
 }
 
 class FastBackend final : public Backend {
  public:
   FastBackend(const Opening& opening, EventSink& events) : events_(events) {
-    // Everything goes over the network, so that a test in one process sees what two machines would.
+    // All data goes over the network, so that a test in one process behaves as on two machines.
     eprosima::fastrtps::LibrarySettingsAttributes library;
     library.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
     eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(library);
@@ -394,7 +396,7 @@ class FastBackend final : public Backend {
     if (participant_ == nullptr) {
       fail(fmt::format(
           "no participant in domain {} ({}): its ports are in use or its settings do not fit; choose another "
-          "--domain or look for programs that were left behind",
+          "--domain or look for programs that still run",
           opening.domain, describe()));
     }
   }
@@ -489,3 +491,4 @@ extern "C" subworld::wire::Backend* subworld_open_backend(const subworld::wire::
                                                           subworld::wire::EventSink& events) {
   return new subworld::wire::FastBackend(opening, events);
 }
+extern "C" const char* subworld_backend_version() { return FASTRTPS_VERSION_STR; }

@@ -9,9 +9,10 @@ namespace subworld::parts {
 
 namespace {
 
-/// A unit quaternion that is off by less than this keeps its bits, so that both ends of a topic hold equal numbers.
+/// A unit quaternion whose norm is off by less than this is not changed, so that both ends of a topic have equal
+/// numbers.
 constexpr double kQuaternionExact = 1e-6;
-/// One that is off by more than this is nonsense; between the two it is normalised.
+/// A quaternion whose norm is off by more than this is invalid; between the two limits it is normalised.
 constexpr double kQuaternionNear = 1e-2;
 
 }  // namespace
@@ -179,7 +180,7 @@ void put(const Eigen::Matrix3d& in, msg::SymmetricTensor& out) {
   out.zx(in(2, 0));
 }
 
-/// Refuses what no body can have.
+/// Refuses an inertia that no body can have.
 bool get(const msg::SymmetricTensor& in, Eigen::Matrix3d& out) {
   out << in.xx(), in.xy(), in.zx(), in.xy(), in.yy(), in.yz(), in.zx(), in.yz(), in.zz();
   return out.allFinite() && out.llt().info() == Eigen::Success;

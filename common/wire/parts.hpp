@@ -9,8 +9,8 @@
 #include <optional>
 #include <vector>
 
-/// What topics are made of, to the types of the IDL and back; only `convert.cpp` needs it. `get` returns false for
-/// nonsense and may then leave `out` half filled.
+/// Conversion of the nested types of topics; only `convert.cpp` needs it. `get` returns false for invalid contents and
+/// may then leave `out` half filled.
 namespace subworld::parts {
 
 void put(const Vec3& in, msg::Vector& out);
@@ -29,7 +29,7 @@ void put(const BoundaryContact& in, msg::BoundaryContact& out);
 void put(const Eigen::Matrix3d& in, msg::SymmetricTensor& out);
 void put(const CarriedBody& in, msg::CarriedBody& out);
 void put(const GhostAxis& in, msg::GhostAxis& out);
-/// With what lies flat in the frame: axes and carried bodies.
+/// Also fills the frame's flat sequences: axes and carried bodies.
 void put_ghosts(const std::vector<GhostModel>& in, msg::WorldFrame& out);
 void put(const PeerDevice& in, msg::PeerDevice& out);
 void put(const Suppression& in, msg::Suppression& out);
@@ -61,7 +61,7 @@ void put(const UserView& in, msg::UserView& out);
 [[nodiscard]] bool get(const msg::ReportedDevice& in, ReportedDevice& out);
 [[nodiscard]] bool get(const msg::UserView& in, UserView& out);
 
-/// None or one, on the wire a sequence.
+/// An optional value; a sequence of length 0 or 1 on the wire.
 template <class In, class Out>
 void put_one(const std::optional<In>& in, std::vector<Out>& out) {
   out.resize(in ? 1 : 0);

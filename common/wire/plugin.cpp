@@ -1,14 +1,18 @@
 #include "wire/plugin.hpp"
 
+#include "model/network.hpp"
+
 #include <arpa/inet.h>
 #include <dlfcn.h>
 #include <fmt/format.h>
 #include <ifaddrs.h>
+#include <net/if.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <cstring>
@@ -17,7 +21,7 @@
 namespace subworld::wire {
 namespace {
 
-constexpr int kLastDomain = 232;  // the ports of higher ones do not exist
+constexpr int kLastDomain = 232;  // higher domains have no valid ports
 
 struct VendorFacts {
   Vendor vendor;
@@ -70,33 +74,60 @@ std::string resolve_peer(const std::string& host) {
   return address;
 }
 
-/// The IPv4 address of the interface that has this name or address; empty: there is none.
-std::string find_interface(const std::string& wanted) {
+struct Interface {
+  std::string address;  ///< IPv4; empty: there is none
+  bool running = false;
+  bool loopback = false;
+};
+
+/// The interface that has this name or IPv4 address.
+Interface find_interface(const std::string& wanted) {
   ifaddrs* all = nullptr;
   if (getifaddrs(&all) != 0) fail(fmt::format("network interfaces: {}", std::strerror(errno)));
-  std::string found;
-  for (const ifaddrs* one = all; one != nullptr && found.empty(); one = one->ifa_next) {
+  Interface found;
+  for (const ifaddrs* one = all; one != nullptr && found.address.empty(); one = one->ifa_next) {
     if (one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
     sockaddr_in address{};
     std::memcpy(&address, one->ifa_addr, sizeof address);
     const std::string text = to_text(address.sin_addr);
-    if (wanted == text || wanted == one->ifa_name) found = text;
+    if (wanted == text || wanted == one->ifa_name)
+      found = {text, (one->ifa_flags & IFF_RUNNING) != 0, (one->ifa_flags & IFF_LOOPBACK) != 0};
   }
   freeifaddrs(all);
   return found;
 }
 
-/// Both vendors want the address of an interface; Fast DDS would go on without one and reach nobody.
-std::string address_of_interface(const std::string& wanted) {
-  std::string found = find_interface(wanted);
+/// Both vendors need the address of an interface. Fast DDS would start without one and reach no peer.
+Interface usable_interface(const std::string& wanted) {
+  Interface found = find_interface(wanted);
   std::string ignored;
-  if (found.empty()) found = find_interface(try_resolve(wanted, ignored));
-  if (found.empty()) {
-    fail(fmt::format("--interface {}: no network interface has it; use a name or an IPv4 address that `ip -brief "
-                     "address` lists",
-                     wanted));
+  if (found.address.empty()) found = find_interface(try_resolve(wanted, ignored));
+  if (found.address.empty()) {
+    fail(
+        fmt::format("--interface {}: no network interface has it; use a name or an IPv4 address that `ip -brief "
+                    "address` lists",
+                    wanted));
   }
+  if (!found.running) fail(fmt::format("--interface {}: is not running; see `ip -brief link`", wanted));
   return found;
+}
+
+/// A program on loopback reaches no other host. Where the user names a settings file, that may choose the interface.
+void check_reach(const std::vector<std::string>& peers, const Interface& interface, bool users_settings) {
+  const auto remote = std::find_if(peers.begin(), peers.end(), is_remote);
+  if (remote == peers.end()) return;
+  if (interface.address.empty() && !users_settings) {
+    fail(
+        fmt::format("--peers {} needs --interface: the default, loopback, reaches this host only; name the network "
+                    "interface that leads there, see `ip -brief address`",
+                    *remote));
+  }
+  if (interface.loopback) {
+    fail(
+        fmt::format("--peers {}: the --interface is loopback, which reaches this host only; name the network "
+                    "interface that leads there, see `ip -brief address`",
+                    *remote));
+  }
 }
 
 }  // namespace
@@ -108,13 +139,15 @@ Opening prepare(const BusConfig& config) {
   Opening opening;
   opening.domain = config.domain;
   opening.participant_name = config.participant_name;
-  if (!config.interface_address.empty()) {
-    opening.interface_address = address_of_interface(config.interface_address);
-  }
-  for (const std::string& peer : config.peers) opening.peers.push_back(resolve_peer(peer));
-
   const VendorFacts& vendor = facts(config.vendor);
   const char* environment = std::getenv(vendor.environment);
+  const bool users_settings = !config.qos_file.empty() || (environment != nullptr && *environment != '\0');
+  Interface interface;
+  if (!config.interface_address.empty()) interface = usable_interface(config.interface_address);
+  check_reach(config.peers, interface, users_settings);
+  opening.interface_address = interface.address;
+  for (const std::string& peer : config.peers) opening.peers.push_back(resolve_peer(peer));
+
   const auto beside = program_folder() / "qos" / (std::string(vendor.name) + ".xml");
   if (!config.qos_file.empty()) {
     if (access(config.qos_file.c_str(), R_OK) != 0) {
@@ -131,26 +164,43 @@ Opening prepare(const BusConfig& config) {
   return opening;
 }
 
-OpenBackend load_plugin(Vendor vendor) {
-  const VendorFacts& wanted = facts(vendor);
+namespace {
+
+std::string plugin_file(Vendor vendor) {
   const char* given = std::getenv("SUBWORLD_PLUGIN_DIR");
   const std::filesystem::path folder = given != nullptr && *given != '\0' ? given : program_folder();
-  const std::string file = (folder / fmt::format("libsubworld_{}.so", wanted.name)).string();
+  return (folder / fmt::format("libsubworld_{}.so", facts(vendor).name)).string();
+}
+
+/// Never unloaded: the vendor's threads and static objects live as long as the process.
+void* load(const std::string& file) { return dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE); }
+
+}  // namespace
+
+std::string installed_version(Vendor vendor) {
+  void* const handle = load(plugin_file(vendor));
+  const auto version =
+      reinterpret_cast<BackendVersion>(handle == nullptr ? nullptr : dlsym(handle, kBackendVersionName));
+  return version == nullptr ? "" : version();
+}
+
+OpenBackend load_plugin(Vendor vendor) {
+  const VendorFacts& wanted = facts(vendor);
+  const std::string file = plugin_file(vendor);
   if (access(file.c_str(), R_OK) != 0) {
     fail(
         fmt::format("{}: not found; it is installed beside the programs, and built only where the development package "
                     "of {} was; or set SUBWORLD_PLUGIN_DIR to the folder that has it",
                     file, wanted.name));
   }
-  // Never unloaded: the vendor's threads and static objects live as long as the process.
-  void* handle = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+  void* handle = load(file);
   if (handle == nullptr) {
     fail(fmt::format("{}: {}; install the Debian package {}, or choose the other vendor", file, dlerror(),
                      wanted.package));
   }
   void* entry = dlsym(handle, kOpenBackendName);
   if (entry == nullptr)
-    fail(fmt::format("{}: has no {}; it is of another version, install both anew", file, kOpenBackendName));
+    fail(fmt::format("{}: has no {}; it is of another version, install both again", file, kOpenBackendName));
   return reinterpret_cast<OpenBackend>(entry);
 }
 

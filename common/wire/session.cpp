@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kMayBeEnding = 2s;  ///< a world of another run, of which the last has just been heard
+constexpr auto kMayBeEnding = 2s;  ///< a world of another run, whose last sample arrived recently
 
 }  // namespace
 
@@ -32,13 +32,13 @@ std::string label_of(ProgramKind program, std::uint32_t instance) {
 }
 
 std::string gone_text(ProgramKind program, std::uint32_t instance) {
-  return fmt::format("{} has died or is halted: nothing is heard of it any more", label_of(program, instance));
+  return fmt::format("{} has died or is suspended: it sends no sign of life", label_of(program, instance));
 }
 
 std::string replaced_text(ProgramKind program, std::uint32_t instance) {
   return fmt::format(
-      "{} was started again, or two of them are on this domain: what it sends belongs to another run or is for another "
-      "program; start all programs of the run anew, or give one of the two another --domain",
+      "{} was started again, or two of them are on this domain: its messages belong to another run or to another "
+      "program; restart all programs of the run, or give one of the two another --domain",
       label_of(program, instance));
 }
 

@@ -10,26 +10,26 @@
 
 namespace subworld {
 
-/// A number that tells a process from all others, also from one that was started again in its place. Never 0.
+/// A random number that identifies a process, also among restarts of the same program. Never 0.
 [[nodiscard]] std::uint64_t draw_identity();
 
-/// "haptic_sim 0"; "world_sim".
+/// For example "haptic_sim 0" or "world_sim".
 [[nodiscard]] std::string label_of(ProgramKind program, std::uint32_t instance);
 
-/// "haptic_sim 0 has died or is halted".
+/// Error text for a peer without a sign of life: "haptic_sim 0 has died or is suspended".
 [[nodiscard]] std::string gone_text(ProgramKind program, std::uint32_t instance);
-/// What is of another run, or of a program that was started again.
+/// Error text for a peer that belongs to another run, or was restarted.
 [[nodiscard]] std::string replaced_text(ProgramKind program, std::uint32_t instance);
 
-/// The session of the world that a program takes part in, from topic `scene`.
+/// Finds the session of the world in whose run a program takes part, from topic `scene`.
 class SessionFinder {
  public:
-  /// `settings_hash`: of the scene file and flags that the program was given.
+  /// `settings_hash`: of the program's scene file and flags.
   SessionFinder(Reader<SceneDescription>& scene, std::uint64_t settings_hash)
       : scene_(&scene), settings_hash_(settings_hash) {}
 
-  /// Takes what there is; true once a world with the same settings is known. The newest one counts. Throws `Error`
-  /// (usage) where a world has other settings, once it can no longer be one of another run that ends just now.
+  /// Takes all available samples; true once a world with the same settings is known. The newest one counts. Throws
+  /// `Error` (usage) if a world has other settings, once it can no longer be an earlier run that is ending.
   bool look(const std::string& scene_file, int domain);
   [[nodiscard]] std::uint64_t session() const noexcept { return session_; }
 
@@ -38,7 +38,7 @@ class SessionFinder {
   std::uint64_t settings_hash_;
   std::uint64_t session_ = 0;
   SceneDescription description_;
-  std::optional<std::chrono::steady_clock::time_point> other_;  ///< when a world with other settings was first heard
+  std::optional<std::chrono::steady_clock::time_point> other_;  ///< when a world with other settings was first seen
 };
 
 }  // namespace subworld

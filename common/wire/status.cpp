@@ -37,7 +37,7 @@ StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance
       const bool woken = wake_.try_acquire_for(kTick);
       while (wake_.try_acquire()) {
       }
-      stopping = stop_;  // first: whatever was noted before the end is then seen below
+      stopping = stop_;  // read first, so that the last notes before the end are still published below
       if (!woken) listen();
       const bool due = !woken && ++ticks % kTicksPerStatus == 0;
       const std::lock_guard lock(mutex_);
@@ -47,18 +47,18 @@ StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance
 }
 
 void StatusBeacon::listen() {
-  for (auto& ticks : silent_ticks_) ticks.fetch_add(1, std::memory_order_relaxed);
+  for (auto& ticks : status_age_ticks_) ticks.fetch_add(1, std::memory_order_relaxed);
   for (Take taken = reader_.take(heard_); taken != Take::none; taken = reader_.take(heard_)) {
     const auto program = static_cast<std::size_t>(heard_.program);
     if (taken == Take::sample && program < kPrograms && heard_.instance < kInstances)
-      silent_ticks_[program * kInstances + heard_.instance].store(0, std::memory_order_relaxed);
+      status_age_ticks_[program * kInstances + heard_.instance].store(0, std::memory_order_relaxed);
   }
 }
 
-double StatusBeacon::silent_s(ProgramKind program, std::uint32_t instance) const noexcept {
+double StatusBeacon::status_age_s(ProgramKind program, std::uint32_t instance) const noexcept {
   const std::size_t slot = static_cast<std::size_t>(program) * kInstances + instance;
-  if (slot >= silent_ticks_.size()) return 0.0;
-  return std::chrono::duration<double>(kTick).count() * silent_ticks_[slot].load(std::memory_order_relaxed);
+  if (slot >= status_age_ticks_.size()) return 0.0;
+  return std::chrono::duration<double>(kTick).count() * status_age_ticks_[slot].load(std::memory_order_relaxed);
 }
 
 StatusBeacon::~StatusBeacon() {
@@ -81,8 +81,8 @@ void StatusBeacon::enter(const std::string& state) {
   const std::lock_guard lock(mutex_);
   status_.state = state;
   done(0.0);
-  suppression_.clear();
-  bus_->forget_silence();
+  absences_.clear();
+  bus_->forget_absences();
   if (state == kRunning) at_start_ = bus_->events();
   publish(0.0);
 }
@@ -94,9 +94,9 @@ EventCounts StatusBeacon::events_of_run() {
 
 std::string StatusBeacon::take_events() {
   std::string text = bus_->take_event_text(EventKind::fault);
-  if (counted_steps_ == 0) bus_->forget_silence();  // no step had been made when the last status went out
+  if (counted_steps_ == 0) bus_->forget_absences();  // no step was made before the last status
   if (status_.state != kRunning) return text;
-  append(text, std::exchange(suppression_, bus_->take_event_text(EventKind::suppression)));
+  append(text, std::exchange(absences_, bus_->take_event_text(EventKind::absence)));
   return text;
 }
 

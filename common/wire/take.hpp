@@ -4,8 +4,8 @@
 
 namespace subworld {
 
-/// Takes a reader's oldest sample and marks the loop's stages (rt/stages): `receiving` until the bytes are there, and
-/// `decode`.
+/// Takes a reader's oldest sample and marks the loop's stages (rt/stages): `receiving` until the bytes are received,
+/// and `decode`.
 template <class M, class Stages>
 Take take(Reader<M>& reader, M& sample, Stages& stages, typename Stages::Stage receiving = Stages::Stage::receive) {
   const bool came = reader.receive();
@@ -16,7 +16,7 @@ Take take(Reader<M>& reader, M& sample, Stages& stages, typename Stages::Stage r
   return sound ? Take::sample : Take::rejected;
 }
 
-/// Takes all there is and keeps the newest; false if there was none. For readers of one key.
+/// Takes all available samples and leaves the newest; false if there was none. For readers of one key.
 template <class M, class Stages>
 bool take_latest(Reader<M>& reader, M& sample, Stages& stages) {
   bool found = false;

@@ -13,37 +13,30 @@ enum class Reliability : std::uint8_t { best_effort, reliable };
 enum class Durability : std::uint8_t { volatile_, transient_local };
 enum class DeadlineKind : std::uint8_t { none, two_device_periods, two_cycles };
 
-/// Quality of service of one topic in real time. In lock-step see `qos_of`.
+/// Quality of service of one topic in real time. For lock-step see `qos_of`.
 struct TopicSpec {
   const char* name;
   const char* type;         ///< as the IDL names it
-  std::uint32_t key_words;  ///< unsigned longs at the start of the type that are its key; at most 4
+  std::uint32_t key_words;  ///< number of unsigned longs at the start of the type that form its key; at most 4
   Reliability reliability;
   Durability durability;
   int depth;  ///< keep last
   DeadlineKind deadline;
 };
 
-/// The newest counts. But a reader that keeps one sample keeps the newest of all writers, also of one that does not
-/// belong here: with several, the right one's is among them.
+/// Depth of topics whose newest sample counts. A reader with a depth of 1 stores the newest sample of all writers, also
+/// of a foreign one. With a larger depth the sample of the right writer is among them.
 inline constexpr int kNewestOfSeveral = 8;
 
 inline constexpr TopicSpec kScene{
-    "scene", "subworld::msg::Scene", 0, Reliability::reliable, Durability::transient_local, kNewestOfSeveral, DeadlineKind::none};
-inline constexpr TopicSpec kDeviceState{"device_state",
-                                        "subworld::msg::DeviceState",
-                                        1,
-                                        Reliability::best_effort,
-                                        Durability::volatile_,
-                                        kNewestOfSeveral,
-                                        DeadlineKind::two_device_periods};
-inline constexpr TopicSpec kDeviceCommand{"device_command",
-                                          "subworld::msg::DeviceCommand",
-                                          1,
-                                          Reliability::best_effort,
-                                          Durability::volatile_,
-                                          kNewestOfSeveral,
-                                          DeadlineKind::two_device_periods};
+    "scene",          "subworld::msg::Scene", 0, Reliability::reliable, Durability::transient_local,
+    kNewestOfSeveral, DeadlineKind::none};
+inline constexpr TopicSpec kDeviceState{
+    "device_state",   "subworld::msg::DeviceState",    1, Reliability::best_effort, Durability::volatile_,
+    kNewestOfSeveral, DeadlineKind::two_device_periods};
+inline constexpr TopicSpec kDeviceCommand{
+    "device_command", "subworld::msg::DeviceCommand",  1, Reliability::best_effort, Durability::volatile_,
+    kNewestOfSeveral, DeadlineKind::two_device_periods};
 inline constexpr TopicSpec kWorldFrame{"world_frame",           "subworld::msg::WorldFrame", 1,
                                        Reliability::reliable,   Durability::volatile_,       8,
                                        DeadlineKind::two_cycles};
@@ -81,31 +74,32 @@ inline constexpr const TopicSpec* kTopicOf<Control> = &kControl;
 template <>
 inline constexpr const TopicSpec* kTopicOf<Status> = &kStatus;
 
-/// What a reader or writer asks the middleware for.
+/// Quality of service that a reader or writer requests.
 struct Qos {
   bool reliable = false;
   bool transient_local = false;
-  bool keep_all = false;    ///< until all have it
+  bool keep_all = false;    ///< until all readers have received them
   int depth = 1;            ///< unless keep_all
   double deadline_s = 0.0;  ///< 0: none
   double lease_s = 0.1;     ///< automatic liveliness
   double max_blocking_s = 0.0;
 };
 
-/// The deadline for a writer that is late after `silence_s`: nearly a millisecond longer than the next whole one.
+/// DDS deadline for samples that should come every `interval_s`: the next whole millisecond, plus 0.9 ms.
 ///
-/// Fast DDS 2.9 arms its timer for the whole milliseconds that are left when a sample comes: of 2 ms, the first. A
-/// sample a little over 1 ms later would count as missed. With less than 1 ms left its thread spins, 0.6 of a core in
-/// each program at a deadline of 1 ms. Of 2.9 ms it takes 2. Both vendors get the same, or they would not match.
-constexpr double deadline_s(double silence_s) noexcept {
+/// Fast DDS 2.9 arms its timer with the whole milliseconds that remain when a sample arrives. For a deadline of 2 ms
+/// these are 1 ms, so a sample a little over 1 ms later would count as missed. With less than 1 ms remaining its thread
+/// spins: 0.6 of a core in each program at a deadline of 1 ms. For a deadline of 2.9 ms it uses 2 ms. Both vendors get
+/// the same deadline, because otherwise they would not match.
+constexpr double deadline_s(double interval_s) noexcept {
   constexpr double kMillisecond = 1e-3, kRoundingError = 1e-6;
-  const auto begun = static_cast<long>(silence_s / kMillisecond - kRoundingError);
+  const auto begun = static_cast<long>(interval_s / kMillisecond - kRoundingError);
   return (static_cast<double>(begun) + 1.9) * kMillisecond;
 }
 
-/// In lock-step a lost sample would stop everybody, so there every topic is reliable and keeps all, and no deadline is
-/// armed. It is transient local too: a volatile reader may miss what is written in the milliseconds after both sides
-/// have matched. In real time a writer that the network holds up drops instead of blocking the loop.
+/// In lock-step a lost sample would stop the run. Therefore every topic is reliable, keep-all and without deadline. It
+/// is transient local too, because a volatile reader may miss samples written in the milliseconds after both sides have
+/// matched. In real time a writer drops samples that the network delays, instead of blocking the loop.
 constexpr Qos qos_of(const TopicSpec& topic, Mode mode, double device_period_s, double cycle_s) noexcept {
   Qos qos;
   qos.transient_local = topic.durability == Durability::transient_local;

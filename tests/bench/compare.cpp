@@ -4,7 +4,6 @@
 #include "model/error.hpp"
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <array>
@@ -15,7 +14,7 @@ namespace {
 
 using namespace subworld;
 
-/// What is compared: an entry of a row of `subworld lab coupling`.
+/// A compared figure: an entry of a row of `subworld lab coupling`.
 struct Figure {
   const char* object;
   const char* quantile;
@@ -24,7 +23,7 @@ constexpr std::array kFigures{Figure{"haptic_step_s", "p50"}, Figure{"haptic_ste
                               Figure{"world_step_s", "p50"}, Figure{"world_step_s", "p99"},
                               Figure{"synchronise_step_s", "p50"}};
 
-/// Rows of each round of one side, in the rounds' order.
+/// Rows of each round of one side, in order.
 std::vector<Rows> rounds_of(const std::string& folder) {
   std::vector<Rows> rounds;
   for (int round = 1;; ++round) {
@@ -93,11 +92,13 @@ void print(const Rows& table) {
 
 int compare(int argc, char** argv) {
   std::string folder, now = "unknown", before;
-  CLI::App app{"Compares the rounds that tests/bench/run left in FOLDER/rounds: medians, and ratios round by round."};
-  app.add_option("folder", folder, "of tests/bench/run")->required();
-  app.add_option("--version-now", now, "of this tree, for the table");
-  app.add_option("--version-baseline", before, "of the baseline, for the table");
-  if (const auto code = parse_arguments(app, argc, argv)) return *code;
+  CommandLine line(
+      "bench_compare",
+      "Compares the rounds that tests/bench/run left in FOLDER/rounds: medians, and ratios round by round.");
+  line.add("folder", &folder, "folder of tests/bench/run").required();
+  line.add("--version-now", &now, "version of this tree, for the table");
+  line.add("--version-baseline", &before, "version of the baseline, for the table");
+  if (const auto code = line.parse(argc, argv)) return *code;
   const std::vector<Rows> rounds = rounds_of(folder + "/rounds/now");
   if (rounds.empty())
     throw Error(ExitCode::usage, fmt::format("{}/rounds/now/1/results.json is not there; run tests/bench/run", folder));

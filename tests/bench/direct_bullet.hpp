@@ -11,8 +11,8 @@
 
 namespace subworld::bench {
 
-/// The preset `fast` of the engine `bullet`, written with Bullet's own API: what a program would do that knows no
-/// other engine. Same solver, iterations and shapes; nothing is read after a step.
+/// The preset `fast` of the engine `bullet`, written with Bullet's own API, as in a program for Bullet only. Same
+/// solver, iterations and shapes; nothing is read after a step.
 class DirectBullet {
  public:
   DirectBullet(const Vec3& gravity, double dt);

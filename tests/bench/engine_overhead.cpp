@@ -1,6 +1,6 @@
-// What the Engine interface costs: a step of 65 cubes in a dense heap through make_engine("bullet"), with contacts
-// gathered, merged and sorted, against stepSimulation() of the same world alone. Blocks of both alternate in one run,
-// each from the same settled states; CPU time of this thread.
+// Overhead of the Engine interface: a step of 65 cubes in a dense heap through make_engine("bullet"), with contacts
+// collected, merged and sorted, against stepSimulation() of the same world. Blocks of both alternate in one run, each
+// from the same settled states; CPU time of this thread.
 #include "bench/dense_heap.hpp"
 #include "bench/direct_bullet.hpp"
 #include "io/command_line.hpp"
@@ -11,7 +11,6 @@
 #include "physics/engine.hpp"
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <fstream>
@@ -51,7 +50,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-/// Of one quantile of the blocks.
+/// For one quantile of the blocks.
 struct Ratio {
   double engine_s = 0.0;
   double direct_s = 0.0;
@@ -90,13 +89,13 @@ void write_csv(const std::string& file, const std::string& header, const std::st
 }
 
 int main_of(int argc, char** argv) {
-  CLI::App app{"Measures what the Engine interface costs on a step of 65 dense bodies.", "bench_engine_overhead"};
+  CommandLine line("bench_engine_overhead", "Measures the cost of the Engine interface on a step of 65 dense bodies.");
   std::string out;
   int blocks = 41, steps = 400;
-  app.add_option("--out", out, "CSV file that gets a line more (default: printed)");
-  app.add_option("--blocks", blocks, "of each side")->check(CLI::Range(1, 1000))->capture_default_str();
-  app.add_option("--steps", steps, "counted in a block")->check(CLI::Range(100, 100000))->capture_default_str();
-  if (const auto code = parse_arguments(app, argc, argv)) return *code;
+  line.add("--out", &out, "CSV file that gets one more line").otherwise("it is printed");
+  line.add("--blocks", &blocks, "blocks of each side").range(1, 1000);
+  line.add("--steps", &steps, "steps of a block that are counted").range(100, 100000);
+  if (const auto code = line.parse(argc, argv)) return *code;
 
   bench::HeapWorld world = bench::dense_heap(kCubes);
   const EngineSettings settings;  // Bullet in double precision, preset fast
@@ -108,7 +107,7 @@ int main_of(int argc, char** argv) {
   const auto settling = filled();
   for (double t = 0.0; t < kSettle_s; t += kStep_s) settling->step(kStep_s);
   for (std::size_t i = 0; i < world.bodies.size(); ++i) world.states[i] = settling->state(world.bodies[i].id);
-  // Both sides are filled anew, so that they find and keep the same contacts from the first step on.
+  // Both sides are filled again, so that they have the same contacts from the first step on.
   const auto engine = filled();
   bench::DirectBullet direct(settings.gravity, kStep_s);
   for (std::size_t i = 0; i < world.bodies.size(); ++i) direct.add(world.bodies[i], world.states[i]);

@@ -1,9 +1,11 @@
-// What a frame of the world and its report cost on their way, beside a bare exchange of as many bytes: the same vendor,
-// quality of service and transport, cycle by cycle in turn, in one run. Two processes: a world, and a sub-world that
-// answers each frame as soon as it has it.
+// Cost of a world frame and its report, beside a plain exchange of the same number of bytes: the same vendor, quality
+// of service and transport, alternating cycle by cycle, in one run. Two processes: a world, and a sub-world that
+// answers each frame at once.
 
 #include "device_sim/emulated_device.hpp"
 #include "haptic_sim/sub_world.hpp"
+#include "io/command_line.hpp"
+#include "io/options.hpp"
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/histogram.hpp"
@@ -16,7 +18,6 @@
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
-#include <CLI/CLI.hpp>
 
 #include <atomic>
 #include <condition_variable>
@@ -34,10 +35,10 @@ using namespace subworld;
 
 constexpr double kPatience_s = 20.0;
 
-/// What both processes see.
+/// Shared memory of both processes.
 struct Shared {
   std::atomic<int> answered{-1};  ///< cycles: the sub-world waits for the next one
-  std::atomic<int> received{-1};  ///< cycles whose report the world has
+  std::atomic<int> received{-1};  ///< cycles whose report the world has received
   Histogram decode, apply, describe, send;
 };
 
@@ -63,7 +64,7 @@ class Sink final : public wire::EventSink {
   std::uint64_t changes_ = 0, seen_ = 0;
 };
 
-/// Throws `Error` (failed) where the other side stays away.
+/// Throws `Error` (failed) if the other side does not respond.
 template <class There, class Wait>
 void await(There there, Wait wait) {
   const TimePoint until = Clock::now() + from_seconds(kPatience_s);
@@ -75,7 +76,7 @@ void await(There there, Wait wait) {
 
 void short_sleep() { std::this_thread::sleep_for(std::chrono::microseconds(100)); }
 
-/// Bytes to and fro, as the back end moves them.
+/// Exchange of bytes with the back end only.
 class Bare {
  public:
   Bare(const BusConfig& config, bool asks) : backend_(wire::load_plugin(config.vendor)(wire::prepare(config), sink_)) {
@@ -121,12 +122,13 @@ void answer(const Scene& scene, const BusConfig& config, int cycles, Shared& sha
   const double h = scene.settings.h_s;
   shared.answered = 0;
   receive(*bus, frames, frame);
-  sub.apply(frame);
+  sub.synchronise_with(frame);
   reports.write(sub.report(0));
   for (int cycle = 1; cycle <= cycles; ++cycle) {
     do {
       const DeviceState state = device.state();
-      const FeltStep felt = sub.step(state, true, h);
+      const FeltStep felt = sub.step(
+          {&state, true, h, h}, [](const FeltStep&) {}, [] {});
       device.step(sub.command_for(state, felt.to_operator), h);
     } while (!sub.report_due());
     const TimePoint begin = Clock::now();
@@ -143,14 +145,14 @@ void answer(const Scene& scene, const BusConfig& config, int cycles, Shared& sha
     const TimePoint received = Clock::now();
     frames.decode(frame);
     const TimePoint decoded = Clock::now();
-    sub.apply(frame);
+    sub.synchronise_with(frame);
     const TimePoint applied = Clock::now();
     reports.write(report);
     const TimePoint sent = Clock::now();
     shared.decode.add(to_seconds(decoded - received));
     shared.apply.add(to_seconds(applied - decoded));
     shared.send.add(to_seconds(sent - applied));
-    // Its next steps would take the core of a thread that brings the report, on a machine with few.
+    // On a machine with few cores, busy waiting would take the core of the thread that delivers the report.
     await([&] { return shared.received == cycle; }, short_sleep);
   }
   reports.wait_for_acknowledgments(1.0);
@@ -174,7 +176,7 @@ void ask(const Scene& scene, const BusConfig& config, int cycles, Shared& shared
   receive(*bus, reports, report);
   world.receive(std::move(report));
   for (int cycle = 1; cycle <= cycles; ++cycle) {
-    // It sleeps already when it is asked, as a loop does that waits for its next step.
+    // It already sleeps when the message arrives, like a loop that waits for its next step.
     await([&] { return shared.answered == cycle; }, short_sleep);
     std::this_thread::sleep_for(std::chrono::microseconds(200));
     const auto bytes = codec.encode(world.frame(0));
@@ -227,46 +229,46 @@ int run(Scene scene, BusConfig config, int cycles) {
   return code != 0 || !WIFEXITED(status) ? 1 : WEXITSTATUS(status);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  CLI::App app{
-      "Round trip of a frame of the world and its report, beside a bare exchange of as many bytes, in turn.\n"
-      "decode, apply, describe and send are what the sub-world does from a frame to its report, p50 in us."};
+int main_of(int argc, char** argv) {
+  CommandLine line(
+      "bench_round_trip",
+      "Measures the round trip of a frame of the world and its report, beside a bare exchange of as many "
+      "bytes, in turn. The columns decode, apply, describe and send are the stages of the sub-world from a "
+      "frame to its report, p50 in us.");
   std::string scene_name = "heap";
   std::vector<std::string> vendors{"fastdds", "cyclonedds"};
   double box_m = 0.0;
   int cycles = 1000, domain = 97;
-  app.add_option("scene", scene_name, "name in deploy/scenes, or a file")->capture_default_str();
-  app.add_option("--dds", vendors, "vendors")->delimiter(',')->capture_default_str();
-  app.add_option("--box", box_m, "half side of the box that chooses members, m (default: the scene's)");
-  app.add_option("--cycles", cycles, "of the world")->check(CLI::Range(1, 1'000'000))->capture_default_str();
-  app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 232))->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
-  try {
-    Scene scene =
-        load_scene(scene_name.find('/') == std::string::npos ? std::string(SCENES_FOLDER) + "/" + scene_name + ".yaml"
-                                                             : scene_name);
-    scene.settings.mode = Mode::realtime;
-    scene.settings.scheme = "reduced";
-    keep_users(scene, 1);
-    if (box_m > 0.0) scene.users[0].box_half_m = box_m;
-    fmt::print(
-        "vendor,members,frame_bytes,report_bytes,bare_p50_us,bare_p99_us,round_trip_p50_us,round_trip_p99_us,"
-        "ratio_p50,decode_us,apply_us,describe_us,send_us\n");
+  line.add("scene", &scene_name, "name in deploy/scenes, or a file");
+  line.add("--dds", &vendors, "DDS vendors").one_of({"fastdds", "cyclonedds"});
+  line.add("--box", &box_m, "half side of the box that chooses members").range(0.0, 1e3, "m").otherwise("the scene's");
+  line.add("--cycles", &cycles, "cycles of the world").range(1, 1'000'000);
+  line.add("--domain", &domain, "DDS domain").range(0, 232);
+  if (const auto code = line.parse(argc, argv)) return *code;
+  Scene scene = load_scene(
+      scene_name.find('/') == std::string::npos ? std::string(SCENES_FOLDER) + "/" + scene_name + ".yaml" : scene_name);
+  scene.settings.mode = Mode::realtime;
+  scene.settings.scheme = "reduced";
+  keep_users(scene, 1);
+  if (box_m > 0.0) scene.users[0].box_half_m = box_m;
+  fmt::print(
+      "vendor,members,frame_bytes,report_bytes,bare_p50_us,bare_p99_us,round_trip_p50_us,round_trip_p99_us,"
+      "ratio_p50,decode_us,apply_us,describe_us,send_us\n");
+  std::fflush(stdout);
+  for (const std::string& vendor : vendors) {
+    BusConfig config;
+    config.vendor = parse_vendor(vendor);
+    config.domain = domain;
+    config.mode = Mode::realtime;
+    config.cycle_s = 10.0;  // no deadline is of interest here
+    if (const int code = run(scene, config, cycles); code != 0) return code;
     std::fflush(stdout);
-    for (const std::string& vendor : vendors) {
-      BusConfig config;
-      config.vendor = parse_vendor(vendor);
-      config.domain = domain;
-      config.mode = Mode::realtime;
-      config.cycle_s = 10.0;  // no deadline is of interest here
-      if (const int code = run(scene, config, cycles); code != 0) return code;
-      std::fflush(stdout);
-    }
-    return 0;
-  } catch (const Error& e) {
-    fmt::print(stderr, "bench_round_trip: error: {}\n", e.what());
-    return static_cast<int>(e.code());
   }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return subworld::guarded("bench_round_trip", [&] { return main_of(argc, argv); });
 }

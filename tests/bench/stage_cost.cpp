@@ -1,4 +1,4 @@
-// What the stages of a loop cost it: a mark, and a step of ten of them, beside one reading of the clock, in one run.
+// Cost of the stages of a loop: a mark, and a step of ten marks, beside one reading of the clock, in one run.
 
 #include "rt/stages.hpp"
 

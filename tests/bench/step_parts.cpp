@@ -1,5 +1,5 @@
-// Where the time of an engine's step goes, on dense heaps: in the engine itself, in what carries states, loads and
-// contacts to and from it, in adding contacts up, and in the friction estimate for who asks.
+// Distribution of the time of an engine's step on dense heaps: the engine itself, the transfer of states, loads and
+// contacts, adding up contacts, and the friction estimate.
 
 #include "bench/dense_heap.hpp"
 #include "io/command_line.hpp"
@@ -8,7 +8,6 @@
 #include "physics/engine.hpp"
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <string>
 #include <vector>
@@ -30,7 +29,7 @@ void fill(Engine& engine, const bench::HeapWorld& heap) {
   for (std::size_t i = 0; i < heap.bodies.size(); ++i) engine.add(heap.bodies[i], heap.states[i]);
 }
 
-/// At rest, as Bullet has it.
+/// At rest, as simulated by Bullet.
 bench::HeapWorld settled(int cubes) {
   bench::HeapWorld heap = bench::dense_heap(cubes);
   const auto engine = make_engine({}, {});
@@ -61,14 +60,14 @@ void measure(const Plan& plan, const std::string& name, int cubes, const bench::
 }
 
 int main_of(int argc, char** argv) {
-  CLI::App app{"Where the CPU time of a step of each engine goes, on dense heaps at rest.", "bench_step_parts"};
+  CommandLine line("bench_step_parts", "Divides the CPU time of a step of each engine, on dense heaps at rest.");
   Plan plan;
-  app.add_option("--engine", plan.engines, "engines (default: all there are)")->delimiter(',');
-  app.add_option("--preset", plan.preset, "of all")->capture_default_str();
-  app.add_option("--cubes", plan.cubes, "of the heaps")->delimiter(',')->check(CLI::Range(1, 10000));
-  app.add_option("--step-ms", plan.step_ms, "step")->check(CLI::Range(0.01, 100.0))->capture_default_str();
-  app.add_option("--steps", plan.steps, "counted")->check(CLI::Range(1, 100000))->capture_default_str();
-  if (const auto code = parse_arguments(app, argc, argv)) return *code;
+  line.add("--engine", &plan.engines, "engines").otherwise("all that are installed");
+  line.add("--preset", &plan.preset, "preset of all");
+  line.add("--cubes", &plan.cubes, "cubes of the heaps").range(1, 10000);
+  line.add("--step-ms", &plan.step_ms, "length of a step").range(0.01, 100.0, "ms");
+  line.add("--steps", &plan.steps, "steps that are counted").range(1, 100000);
+  if (const auto code = line.parse(argc, argv)) return *code;
   if (plan.engines.empty()) plan.engines = engine_names();
   fmt::print("us of CPU a step of {:g} ms, preset {}; interface: exchange and totals, of the engine's own time\n",
              plan.step_ms, plan.preset);

@@ -11,7 +11,6 @@
 #include "physics/engine.hpp"
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -76,7 +75,7 @@ class Side {
 
   [[nodiscard]] std::size_t contacts() const { return engine_->contacts().size(); }
 
-  /// The largest distance (m) of a body from where the other side has it; 0 only if all bits are equal.
+  /// The largest distance (m) of a body from its place on the other side; 0 only if all bits are equal.
   [[nodiscard]] double apart(const Side& other) const {
     double most = 0.0;
     for (const Body& body : heap_.world.bodies) {
@@ -135,17 +134,17 @@ void compare(const Plan& plan, int cubes, double dt) {
 }
 
 int main_of(int argc, char** argv) {
-  CLI::App app{"Compares the median step of two engines, or builds of one, on dense heaps.", "bench_step_ratio"};
+  CommandLine line("bench_step_ratio", "Compares the median step of two engines, or builds of one, on dense heaps.");
   Plan plan;
-  app.add_option("engine", plan.engine, "name of an engine")->required();
-  app.add_option("other", plan.other, "name of the one it is divided by")->required();
-  app.add_option("--preset", plan.preset, "of both")->capture_default_str();
-  app.add_option("--cubes", plan.cubes, "of the heaps")->delimiter(',')->check(CLI::Range(1, 10000));
-  app.add_option("--step-ms", plan.steps_ms, "steps")->delimiter(',')->check(CLI::Range(0.01, 100.0));
-  app.add_option("--blocks", plan.blocks, "of each side")->check(CLI::Range(1, 1000))->capture_default_str();
-  app.add_option("--steps", plan.steps, "counted in a block")->check(CLI::Range(1, 100000))->capture_default_str();
-  app.add_option("--warm-up", plan.warm_up, "steps of a block that are not counted")->capture_default_str();
-  if (const auto code = parse_arguments(app, argc, argv)) return *code;
+  line.add("engine", &plan.engine, "name of an engine").required();
+  line.add("other", &plan.other, "name of the engine that it is divided by").required();
+  line.add("--preset", &plan.preset, "preset of both");
+  line.add("--cubes", &plan.cubes, "cubes of the heaps").range(1, 10000);
+  line.add("--step-ms", &plan.steps_ms, "lengths of a step").range(0.01, 100.0, "ms");
+  line.add("--blocks", &plan.blocks, "blocks of each side").range(1, 1000);
+  line.add("--steps", &plan.steps, "steps of a block that are counted").range(1, 100000);
+  line.add("--warm-up", &plan.warm_up, "steps of a block that are not counted").range(0, 100000);
+  if (const auto code = line.parse(argc, argv)) return *code;
   for (const int cubes : plan.cubes) {
     for (const double step_ms : plan.steps_ms) compare(plan, cubes, 1e-3 * step_ms);
   }

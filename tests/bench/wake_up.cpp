@@ -1,14 +1,15 @@
-// By how much a loop wakes late: asleep until its release, or looking at the clock for the last part; free to move, or
-// kept to a core. The variants take turns in short blocks, so that whatever else the machine does meets all of them.
-// Prints CSV with the machine, and each variant's p99 as a ratio to the first one's.
+// Wake-up lateness of a loop: asleep until its release, or polling the clock before it; free to migrate, or pinned to a
+// core. The variants alternate in short blocks, so that other load on the machine affects all of them. Prints CSV with
+// the machine, and each variant's p99 as a ratio to the first one's.
 
+#include "io/command_line.hpp"
+#include "io/options.hpp"
 #include "io/results.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/histogram.hpp"
 #include "rt/scheduling.hpp"
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <cstdint>
 #include <thread>
@@ -26,7 +27,7 @@ struct Variant {
   std::uint64_t over_half_period = 0;
 };
 
-/// A block of one variant, in a thread of its own, as a program's loop has one.
+/// A block of one variant, in its own thread, like a program's loop.
 void measure(Variant& variant, double period_s, double block_s, int priority) {
   std::thread([&] {
     if (variant.core >= 0) keep_to_cores({&variant.core, 1});
@@ -42,21 +43,19 @@ void measure(Variant& variant, double period_s, double block_s, int priority) {
   }).join();
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  CLI::App app{"By how much a loop wakes late, with and without a spin and a core of its own", "bench_wake_up"};
+int main_of(int argc, char** argv) {
+  CommandLine line("bench_wake_up", "Measures how late a loop wakes, with and without a spin and a core of its own.");
   double period_s = 1e-3, block_s = 1.0;
   int blocks = 10, priority = subworld::priority::kHaptic;
   std::vector<double> spins_us{0.0, 50.0, 150.0};
   std::vector<int> cores{-1};
-  app.add_option("--period", period_s, "of the loop, s")->capture_default_str()->check(CLI::Range(1e-5, 1.0));
-  app.add_option("--block", block_s, "length of a block of one variant, s")->capture_default_str();
-  app.add_option("--blocks", blocks, "of each variant")->capture_default_str()->check(CLI::PositiveNumber);
-  app.add_option("--spin", spins_us, "variants: spin before the release, us")->delimiter(',')->capture_default_str();
-  app.add_option("--core", cores, "variants: core to stay on, -1 for any")->delimiter(',')->capture_default_str();
-  app.add_option("--priority", priority, "SCHED_FIFO priority, 0 for default scheduling")->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  line.add("--period", &period_s, "period of the loop").range(1e-5, 1.0, "s");
+  line.add("--block", &block_s, "length of a block of one variant").range(1e-3, 1e4, "s");
+  line.add("--blocks", &blocks, "blocks of each variant").range(1, 1'000'000);
+  line.add("--spin", &spins_us, "variants: spin before the release").range(0.0, 1e6, "us");
+  line.add("--core", &cores, "variants: core to stay on; -1: any").range(-1, 1023);
+  line.add("--priority", &priority, "SCHED_FIFO priority; 0: default scheduling").range(0, 99);
+  if (const auto code = line.parse(argc, argv)) return *code;
 
   std::vector<Variant> variants;
   for (const int core : cores) {
@@ -75,4 +74,11 @@ int main(int argc, char** argv) {
                us(0.99), us(0.999), 1e6 * v.lateness.max_s(), v.over_half_period,
                v.lateness.quantile_s(0.99) / variants.front().lateness.quantile_s(0.99));
   }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return subworld::guarded("bench_wake_up", [&] { return main_of(argc, argv); });
 }

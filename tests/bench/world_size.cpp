@@ -1,10 +1,11 @@
-// What resting cubes far from the hand cost a cycle: `row` beside fields of them, with `rest` left out and kept in,
-// cycle by cycle in turn, in one run.
+// Cost per cycle of resting cubes far from the operator: `row` beside fields of them, with the optimisation `rest` on
+// and off, alternating cycle by cycle, in one run.
 
+#include "io/command_line.hpp"
+#include "io/options.hpp"
 #include "lab/session/coupled_run.hpp"
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <memory>
 #include <string>
@@ -33,15 +34,15 @@ Scene row_beside(int side) {
   return scene;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  CLI::App app{"A cycle of the world, and a haptic step, beside fields of resting cubes: median and p99, us"};
+int main_of(int argc, char** argv) {
+  CommandLine line(
+      "bench_world_size",
+      "Measures a cycle of the world and a haptic step beside fields of resting cubes: median and p99, us.");
   std::vector<int> sides{16, 45, 90};
   int cycles = 250;
-  app.add_option("--side", sides, "cubes along a side of the field")->delimiter(',')->capture_default_str();
-  app.add_option("--cycles", cycles, "of the world")->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  line.add("--side", &sides, "cubes along a side of the field").range(1, 300);
+  line.add("--cycles", &cycles, "cycles of the world").range(1, 1'000'000);
+  if (const auto code = line.parse(argc, argv)) return *code;
   fmt::print("cubes,rest,world_p50_us,world_p99_us,haptic_p50_us,ratio_to_disabled_p50\n");
   for (const int side : sides) {
     Scene scene = row_beside(side);
@@ -55,9 +56,15 @@ int main(int argc, char** argv) {
     const double kept_s = disabled.cpu.world.quantile_s(0.5);
     for (const CoupledRun* run : {&enabled, &disabled}) {
       const double p50_s = run->cpu.world.quantile_s(0.5);
-      fmt::print("{},{},{:.0f},{:.0f},{:.0f},{:.3f}\n", side * side, run == &enabled ? "left out" : "kept in",
-                 1e6 * p50_s, 1e6 * run->cpu.world.quantile_s(0.99), 1e6 * run->cpu.haptic.quantile_s(0.5),
-                 p50_s / kept_s);
+      fmt::print("{},{},{:.0f},{:.0f},{:.0f},{:.3f}\n", side * side, run == &enabled ? "on" : "off", 1e6 * p50_s,
+                 1e6 * run->cpu.world.quantile_s(0.99), 1e6 * run->cpu.haptic.quantile_s(0.5), p50_s / kept_s);
     }
   }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return subworld::guarded("bench_world_size", [&] { return main_of(argc, argv); });
 }

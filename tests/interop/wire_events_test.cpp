@@ -21,7 +21,7 @@ using test::until;
 
 class WireEvents : public ::testing::TestWithParam<test::VendorPair> {};
 
-TEST_P(WireEvents, a_silent_writer_misses_its_deadline) {
+TEST_P(WireEvents, a_writer_that_stops_sending_misses_its_deadline) {
   const TestDomain held;
   const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
@@ -36,18 +36,18 @@ TEST_P(WireEvents, a_silent_writer_misses_its_deadline) {
   ASSERT_TRUE(until(*receiver, [&] { return receiver->events().deadline_missed > 0; }));
   ASSERT_TRUE(until(*sender, [&] { return sender->events().deadline_missed > 0; }));
   EXPECT_TRUE(receiver->take_event_text(EventKind::fault).empty());
-  const std::string text = receiver->take_event_text(EventKind::suppression);
+  const std::string text = receiver->take_event_text(EventKind::absence);
   EXPECT_NE(text.find("no world_frame for two periods: world_sim or the network was late"), std::string::npos) << text;
-  EXPECT_TRUE(sender->take_event_text(EventKind::suppression).empty()) << "a writer's own loop counts its deadlines";
+  EXPECT_TRUE(sender->take_event_text(EventKind::absence).empty()) << "a writer's own loop counts its deadlines";
   const auto missed = receiver->events().deadline_missed;
   ASSERT_TRUE(until(*receiver, [&] { return receiver->events().deadline_missed > missed; }));
-  EXPECT_TRUE(receiver->take_event_text(EventKind::suppression).empty()) << "once is enough";
+  EXPECT_TRUE(receiver->take_event_text(EventKind::absence).empty()) << "once is enough";
 }
 
-// A timer that a vendor arms too short would call each of these samples late.
-TEST_P(WireEvents, who_sends_in_time_misses_no_deadline) {
+// A timer that a vendor arms with too short a time would count each of these samples as late.
+TEST_P(WireEvents, a_writer_in_time_misses_no_deadline) {
   using Clock = std::chrono::steady_clock;
-  constexpr std::chrono::microseconds kGap{1200}, kSilence{2000};
+  constexpr std::chrono::microseconds kGap{1200}, kLongestGap{2000};
   constexpr std::uint64_t kSamples = 800;
   const TestDomain held;
   const int domain = held.number();
@@ -65,7 +65,7 @@ TEST_P(WireEvents, who_sends_in_time_misses_no_deadline) {
     ASSERT_TRUE(writer.write(state));
     received += reader.take(state) == Take::sample;
     const auto now = Clock::now();
-    by_os += static_cast<std::uint64_t>((now - before) / kSilence);
+    by_os += static_cast<std::uint64_t>((now - before) / kLongestGap);
     before = now;
   }
   EXPECT_GT(received, kSamples / 2);
@@ -73,7 +73,7 @@ TEST_P(WireEvents, who_sends_in_time_misses_no_deadline) {
   EXPECT_LE(receiver->events().deadline_missed, by_os + kSamples / 4);
 }
 
-/// The helper lies beside the test.
+/// The helper is in the test's folder.
 pid_t start_helper(Vendor vendor, int domain) {
   const std::string helper =
       (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "wire_writer_helper").string();
@@ -102,8 +102,8 @@ TEST_P(WireEvents, a_killed_writer_is_noticed) {
   EXPECT_TRUE(until(
       *bus, [&] { return reader.alive_writers() == 0; }, 2.0));
   EXPECT_GT(bus->events().liveliness_lost, lost_before);
-  const std::string text = bus->take_event_text(EventKind::suppression);
-  EXPECT_NE(text.find("device_sim was not heard of for 100 ms"), std::string::npos) << text;
+  const std::string text = bus->take_event_text(EventKind::absence);
+  EXPECT_NE(text.find("no sign of life of device_sim for 100 ms"), std::string::npos) << text;
 }
 
 TEST_P(WireEvents, modes_that_do_not_fit_name_topic_and_policy) {

@@ -106,7 +106,7 @@ TEST_P(WireExchange, keys_are_instances_in_real_time_each_keeps_its_newest) {
   auto writer = sender->writer<Status>();
   auto reader = receiver->reader<Status>();
   ASSERT_TRUE(connected(writer, reader));
-  // 3 x 16 samples fit only if the four keys are told apart: one instance keeps 16.
+  // 3 x 16 samples fit only if the four keys are separate instances: one instance stores 16.
   Status status;
   // A volatile reader may miss the first ones.
   status.instance = 99;

@@ -30,7 +30,7 @@ class WireOpen : public ::testing::TestWithParam<Vendor> {
 
   BusConfig config() const { return config_of(GetParam(), domain_.number()); }
 
-  /// Opening must throw a middleware error that names all of these.
+  /// Opening must throw a middleware error that contains all of these words.
   static void expect_error(const BusConfig& config, const std::vector<std::string>& words) {
     try {
       (void)open_bus(config);
@@ -66,7 +66,7 @@ TEST_P(WireOpen, wrong_domains_addresses_and_hosts_are_named) {
   wrong.domain = 233;
   expect_error(wrong, {"233", "0 .. 232"});
   wrong = config();
-  wrong.interface_address = "192.0.2.1";  // reserved for documentation: nobody's
+  wrong.interface_address = "192.0.2.1";  // reserved for documentation: no interface has it
   expect_error(wrong, {"192.0.2.1", "ip -brief address"});
   wrong.interface_address = "127.0.0.2";  // can be bound to, but no interface has it and both vendors refuse it
   expect_error(wrong, {"127.0.0.2", "ip -brief address"});
@@ -104,7 +104,7 @@ TEST_P(WireOpen, a_wait_without_news_ends_and_a_wake_up_before_it_is_not_lost) {
   const auto bus = open_bus(config());
   auto reader = bus->reader<Control>(own_);
   auto writer = bus->writer<Control>(own_);
-  // The match happens while nobody waits.
+  // The match happens while no thread waits.
   ASSERT_TRUE(until(*bus, [&] { return reader.matched() == 1; }));
   for (int news = 0; news < 20 && bus->wait(0.5); ++news) {
   }
@@ -145,7 +145,7 @@ TEST_P(WireOpen, a_flag_wins_over_the_settings_file) {
   if (GetParam() == Vendor::cyclonedds) {
     expect_error(given, {"foreign.xml", "192.0.2.1"});
   } else {
-    // Fast DDS opens, but on no interface.
+    // Fast DDS opens, but without an interface.
     EXPECT_NE(open_bus(given)->effective_settings().find("interface=(settings)"), std::string::npos);
   }
   given.interface_address = "127.0.0.1";
@@ -183,7 +183,7 @@ TEST_P(WireOpen, closing_does_not_wait_for_readers_that_are_gone) {
     return std::chrono::steady_clock::now();
   };
   const auto closing = start_closing();
-  // Half a second is meant; the bound is for a machine that is busy.
+  // Half a second is expected; the bound is for a busy machine.
   EXPECT_LT(std::chrono::steady_clock::now() - closing, std::chrono::seconds(5));
 }
 

@@ -16,7 +16,7 @@ using test::until;
 
 class WireStatus : public ::testing::TestWithParam<test::VendorPair> {
  protected:
-  /// Takes statuses until one says it.
+  /// Takes statuses until one contains the text.
   static bool hears(Bus& bus, Reader<Status>& reader, const std::string& text) {
     Status status;
     return until(
@@ -31,8 +31,8 @@ class WireStatus : public ::testing::TestWithParam<test::VendorPair> {
   }
 };
 
-// A loop that stands updates nothing, and its thread may be publishing just then.
-TEST_P(WireStatus, what_a_standing_loop_says_is_heard) {
+// A paused loop updates nothing, and its thread may be publishing at that time.
+TEST_P(WireStatus, notes_of_a_paused_loop_are_published) {
   const TestDomain held;
   const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
@@ -41,7 +41,7 @@ TEST_P(WireStatus, what_a_standing_loop_says_is_heard) {
   StatusBeacon beacon(*sender, ProgramKind::world_sim, 0, "test");
   for (int i = 0; i < 50; ++i) {
     const std::string said = "note " + std::to_string(i) + ".";
-    // Fewer than what the topic keeps for a reader that lags behind.
+    // Fewer than the topic stores for a slow reader.
     std::thread busy([&] {
       for (int k = 0; k < 8; ++k) beacon.enter("busy");
     });
@@ -52,7 +52,7 @@ TEST_P(WireStatus, what_a_standing_loop_says_is_heard) {
   }
 }
 
-TEST_P(WireStatus, a_late_reader_hears_what_was_said) {
+TEST_P(WireStatus, a_late_reader_gets_earlier_notes) {
   const TestDomain held;
   const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
@@ -64,7 +64,7 @@ TEST_P(WireStatus, a_late_reader_hears_what_was_said) {
   EXPECT_TRUE(hears(*receiver, reader, "control 7: done"));
 }
 
-TEST_P(WireStatus, an_order_reaches_who_listens_only_later) {
+TEST_P(WireStatus, an_order_reaches_a_reader_that_comes_later) {
   const TestDomain held;
   const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::lockstep));

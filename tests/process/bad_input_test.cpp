@@ -5,7 +5,7 @@
 namespace subworld::test {
 namespace {
 
-/// A whole scene with one line replaced.
+/// A complete scene with one line replaced.
 struct Lines {
   std::string name = "name: broken";
   std::string settings = "settings: {h_s: 0.001, duration_s: 0.1}";
@@ -57,7 +57,7 @@ std::vector<Broken> broken_scenes() {
       {"too many bodies on a grid",
        body(box + "mass_kg: 1, repeat: {grid: {counts: [1000, 1000, 1000], spacing_m: [1, 1, 1]}}"), "at most 100000"},
       {"no user", Lines{.users = "users: []"}.text(), "user"},
-      {"users left out", Lines{.users = ""}.text(), "users"},
+      {"no users", Lines{.users = ""}.text(), "users"},
       {"more users than declared", settings("users: 3"), "users"},
       {"proxy without a body", Lines{.users = "users: [{name: hand, proxy: {body: ghost}}]"}.text(), "ghost"},
       {"negative stiffness", user("coupling: {stiffness_n_m: -1}"), "stiffness_n_m"},
@@ -96,7 +96,7 @@ TEST_F(BadScene, IsRefusedWithItsPlace) {
   }
 }
 
-/// What is broken above must be broken by the line that was replaced, and by nothing else.
+/// Each fault above must come from the replaced line only.
 TEST_F(BadScene, IsGoodUntilItsLineIsReplaced) {
   const Ended ended = run(folder_.write("scene.yaml", Lines{}.text()), {});
   EXPECT_EQ(ended.code, 0) << ended.err;

@@ -40,7 +40,7 @@ std::vector<Row> read_rows(std::istream& stream) {
   return rows;
 }
 
-/// Bodies of one instant, and how often each instant is there.
+/// Bodies of each instant, by time.
 std::map<double, std::vector<std::string>> by_time(const std::vector<Row>& rows) {
   std::map<double, std::vector<std::string>> instants;
   for (const Row& row : rows) instants[row.time_s].push_back(row.body);
@@ -56,7 +56,7 @@ class Bodies : public ProcessTest {
   }
   [[nodiscard]] Json written() const { return summary()["world"]["body_history"]; }
 
-  /// Bodies in the air, and a hand that is far away.
+  /// Bodies in the air, and an operator far away.
   [[nodiscard]] std::string in_the_air(const std::string& bodies, const std::string& device = "{}") const {
     return folder_.write("air.yaml",
                          "name: air\n"
@@ -70,7 +70,7 @@ class Bodies : public ProcessTest {
                              "    device: " +
                              device + "\n");
   }
-  /// So many bodies that float.
+  /// This number of floating bodies.
   [[nodiscard]] std::string floating(int side) const {
     const std::string n = std::to_string(side);
     return in_the_air(
@@ -80,7 +80,7 @@ class Bodies : public ProcessTest {
   }
 };
 
-// What a ball does that nothing touches: it falls, and turns about an axis of its own.
+// A ball without contact: it falls, and turns about its own axis.
 TEST_F(Bodies, AFallIsThatOfTheFormula) {
   constexpr double kHeight_m = 5.0, kSpin_rad_s = 3.0, kCycle_s = 0.004;
   const std::string file = in_the_air(
@@ -96,7 +96,7 @@ TEST_F(Bodies, AFallIsThatOfTheFormula) {
     EXPECT_EQ(fall[i].body, "ball");
     EXPECT_NEAR(s[0], 1.0 + 0.5 * t, 1e-6);
     EXPECT_NEAR(s[1], 2.0, 1e-6);
-    // An engine that takes the new velocity for the whole of a step is off by g t T / 2.
+    // An engine that uses the new velocity for the whole step is off by g t T / 2.
     EXPECT_NEAR(s[2], kHeight_m - 0.5 * kGravity_m_s2 * t * t, 0.5 * kGravity_m_s2 * t * kCycle_s + 1e-6) << t;
     EXPECT_NEAR(s[3], std::cos(0.5 * kSpin_rad_s * t), 1e-4) << t;
     EXPECT_NEAR(s[6], std::sin(0.5 * kSpin_rad_s * t), 1e-4) << t;
@@ -106,7 +106,7 @@ TEST_F(Bodies, AFallIsThatOfTheFormula) {
   }
 }
 
-// The same states as those of which the world says the energy; and who looks on changes nothing.
+// The states from which the world computes its energy. Recording does not change the run.
 TEST_F(Bodies, AreThoseOfTheWorldAndDoNotChangeIt) {
   constexpr double kCube_kg = 0.2, kCube_kg_m2 = 0.2 * 0.1 * 0.1 / 6.0, kProxy_kg = 0.1;
   const Words flags{"--mode", "lockstep", "--duration", "0.6"};
@@ -161,7 +161,7 @@ TEST_F(Bodies, HaveAPatternAndARate) {
 
   ASSERT_EQ(run(scene("row"), {"--duration", "0.1", "--bodies", "cube/3", "--bodies-rate", "100000"}).code, 0);
   EXPECT_EQ(rows().size(), 26U) << "more often than once a cycle there is nothing new";
-  // A rate that does not fit the cycle: the first one after each instant, and the end.
+  // A rate that does not fit the cycle: the first cycle after each instant, and the end.
   ASSERT_EQ(run(scene("row"), {"--duration", "0.05", "--bodies", "cube/3", "--bodies-rate", "100"}).code, 0);
   times.clear();
   for (const Row& row : rows()) times.push_back(row.time_s);
@@ -196,9 +196,9 @@ TEST_F(Bodies, AreThereInRealTime) {
   EXPECT_GT(all.back().state[0], -0.06 + 0.01) << "the proxy did not move";
 }
 
-// A file that takes nothing for the whole run: what fits into memory is there at its end, the rest is counted, and the
-// run goes on all the same.
-TEST_F(Bodies, InRealTimeASlowFileHoldsNobodyUp) {
+// A file that accepts nothing during the whole run: rows that fit into memory are written at its end, further ones are
+// counted, and the run continues.
+TEST_F(Bodies, InRealTimeASlowFileDelaysNoLoop) {
   const std::string pipe = folder_.path() + "/pipe";
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
   std::filesystem::create_directory(out());
@@ -258,7 +258,7 @@ TEST_F(Bodies, OfAnEarlierRunDoNotStay) {
   EXPECT_FALSE(std::filesystem::exists(out() + "/bodies.csv"));
 }
 
-// A device of 6 degrees of freedom that turns by 90 degrees, and a proxy that is drawn after it.
+// A device of 6 degrees of freedom that turns by 90 degrees and pulls a proxy.
 TEST_F(Bodies, ADevicesHistoryHasItsTurnAndItsTorque) {
   const std::string file =
       in_the_air("  - {name: floor, shape: plane, fixed: true, position_m: [0, 0, -3]}\n",

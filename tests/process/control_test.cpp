@@ -19,7 +19,7 @@ class LiveChange : public Control, public ::testing::WithParamInterface<std::tup
 
 TEST_P(LiveChange, OfBothEnginesIsAnsweredAndWrittenDown) {
   const auto& [mode, dds] = GetParam();
-  // Lock-step runs as fast as it can: long enough to be caught, and ended by an order.
+  // Lock-step is not bound to wall time: the run is long enough to receive orders, and ends by an order.
   Process process(run_words(scene("press"), {"--mode", mode, "--duration", "600", "--dds", dds}), folder_.path());
   const Ended haptic = control({"engine", "bullet_float", "--haptic"}, dds);
   EXPECT_EQ(haptic.code, 0) << haptic.err;
@@ -60,10 +60,10 @@ TEST_F(Control, PausesStepsResumesAndStops) {
   EXPECT_EQ(process.wait(), 0) << process.err();
 }
 
-// A device moves on while the world's clock stands: it must neither wind up the coupling nor throw the tool afterwards.
-TEST_F(Control, AHandThatMovesOnDuringAPauseIsMetAnew) {
+// A device moves while the world is paused. This must neither load the coupling nor throw the tool afterwards.
+TEST_F(Control, AnOperatorThatMovesDuringAPauseReEngagesWithoutAJump) {
   Json haptic;
-  // While the machine itself holds a loop up, the hand moves on as well, and that is felt: such a run says nothing.
+  // If the machine delays a loop, the operator moves meanwhile, and this is felt: such a run is repeated.
   for (int attempt = 0; attempt < 3; ++attempt) {
     Process process(run_words(scene("row"), {"--mode", "realtime", "--duration", "4", "--scheme", "reduced"}),
                     folder_.path());
@@ -78,7 +78,7 @@ TEST_F(Control, AHandThatMovesOnDuringAPauseIsMetAnew) {
   EXPECT_LT(haptic["energy_excess_j"].get<double>(), 0.02);
 }
 
-// A sub-world that lags behind keeps frames waiting: those of the standing world must not crowd out what comes after.
+// A slow sub-world has frames waiting: frames of the paused world must not displace later ones.
 TEST_F(Control, AnOverloadedSubWorldGoesOnAfterAPause) {
   Process process(
       run_words(overloaded_heap(), {"--mode", "realtime", "--duration", "600", "--haptic-preset", "quality"}),

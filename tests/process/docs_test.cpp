@@ -7,13 +7,13 @@
 namespace subworld::test {
 namespace {
 
-/// A word as a shell hands it on.
+/// A word as a shell passes it.
 std::string unquoted(std::string word) {
   std::erase(word, '\'');
   return word;
 }
 
-/// The command lines of the ```sh blocks of a page, also of those in lists: continued lines joined, comments cut off.
+/// The command lines of the ```sh blocks of a page, also in lists: continuation lines are joined, comments removed.
 std::vector<Words> commands_of(const std::string& text) {
   std::vector<Words> commands;
   std::istringstream lines(text);
@@ -45,7 +45,7 @@ void set_flag(Words& words, const std::string& flag, const std::string& value) {
   words.insert(words.end(), {flag, value});
 }
 
-/// Takes the words NAME=value off the front.
+/// Removes the words NAME=value from the front.
 Environment take_environment(Words& words) {
   static const std::string kBuild = "build/release";
   Environment environment;
@@ -68,10 +68,10 @@ std::string joined(const Words& words) {
   return text;
 }
 
-/// What a reader copies out of the pages must work.
+/// Commands of the pages must work as written.
 class Docs : public ProcessTest, public ::testing::WithParamInterface<std::string> {
  protected:
-  /// Runs, shortened, in a folder of the test; anything else is asked for its help.
+  /// Runs are shortened and use a folder of the test; other commands are called with --help.
   void expect_command(Words words, const Environment& environment) const {
     words.front() = program("subworld");
     const std::string command = words.size() > 1 ? words[1] : "";
@@ -90,7 +90,7 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
     const Ended ended = finish(words, environment);
     EXPECT_EQ(ended.code, 0) << ended.err;
   }
-  /// Of the build, whether or not it has been built yet.
+  /// Checks the program's name in the build, whether or not it has been built.
   static void expect_program(const std::string& file) {
     const std::string name = file.substr(file.rfind('/') + 1);
     std::string targets;

@@ -1,4 +1,4 @@
-// How programs and runs end: what each of them says, its exit code, and that it takes no longer than two seconds.
+// The ends of programs and runs: message, exit code, and at most two seconds of time.
 #include "process/process_test.hpp"
 
 #include <chrono>
@@ -10,14 +10,14 @@
 namespace subworld::test {
 namespace {
 
-constexpr double kEndBound_s = 3.0;  // two seconds and slack for a busy machine
+constexpr double kEndBound_s = 3.0;  // two seconds and tolerance for a busy machine
 
 using Instant = std::chrono::steady_clock::time_point;
 
 Instant now() { return std::chrono::steady_clock::now(); }
 double seconds_after(Instant begin) { return std::chrono::duration<double>(now() - begin).count(); }
 
-/// One program with a folder of its own for what it prints.
+/// One program with its own folder for output.
 struct Started {
   std::string name;
   std::unique_ptr<Process> process;
@@ -95,7 +95,7 @@ TEST_F(ByHandEnds, ASignalEndsAProgramThatLoads) {
   EXPECT_EQ(world.out().find("settling"), std::string::npos) << "it had loaded already";
 }
 
-// What a program is busy with may take as long as it likes: an engine that is still being made, say.
+// A busy program may take any time, for example to make an engine.
 TEST_F(ByHandEnds, ASignalEndsAProgramThatIsBusy) {
   common_ = {"--mode", "realtime", "--duration", "1000"};
   Process& world = start("world_sim", {}, {{"SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER}});
@@ -113,7 +113,7 @@ TEST_F(ByHandEnds, ASignalEndsAProgramThatIsBusy) {
 
 class Halted : public ByHandEnds, public ::testing::WithParamInterface<std::string> {};
 
-// Its reports do not come, but nobody can say yet that it has died.
+// Its reports do not arrive, but its death is not yet certain.
 TEST_P(Halted, ASignalEndsALockstepWorldThatWaitsForAHapticProcess) {
   start_run("lockstep", GetParam());
   if (HasFatalFailure()) return;
@@ -128,7 +128,7 @@ TEST_P(Halted, ASignalEndsALockstepWorldThatWaitsForAHapticProcess) {
 INSTANTIATE_TEST_SUITE_P(Vendors, Halted, ::testing::Values("fastdds", "cyclonedds"),
                          [](const auto& one) { return one.param; });
 
-/// Who is killed and, where `restarted`, started again at once.
+/// The killed program and, if `restarted`, its immediate restart.
 struct Loss {
   std::string mode;
   std::string dds;
@@ -150,8 +150,9 @@ std::vector<Loss> losses(const Words& vendors) {
 
 class RestartedByHand : public ByHandEnds, public ::testing::WithParamInterface<Loss> {};
 
-// A run has the programs that it began with: whoever works with one that was started again says so, and so does that.
-TEST_P(RestartedByHand, IsAnErrorOfEverybodyThatNamesIt) {
+// A run consists of the programs with which it began: each peer of a restarted program reports the restart, and so does
+// the restarted program.
+TEST_P(RestartedByHand, IsAnErrorOfEachPeerThatNamesIt) {
   const Loss& loss = GetParam();
   start_run(loss.mode, loss.dds, {"--wait", "3"});
   if (HasFatalFailure()) return;
@@ -163,7 +164,7 @@ TEST_P(RestartedByHand, IsAnErrorOfEverybodyThatNamesIt) {
   for (const Started& one : started_) {
     if (one.process.get() == victim) continue;
     const auto code = one.process->wait(15.0);
-    // A device that its haptic process has told of the end has ended in order.
+    // A device that its haptic process has notified of the end ends in order.
     EXPECT_TRUE(code == 1 || (code == 0 && one.process.get() == device_)) << one.name << ": " << one.process->err();
     if (one.process.get() != &again) said += one.process->err();
   }
@@ -177,7 +178,7 @@ INSTANTIATE_TEST_SUITE_P(Programs, RestartedByHand, ::testing::ValuesIn(losses({
 
 class LostByHand : public ByHandEnds, public ::testing::WithParamInterface<Loss> {};
 
-TEST_P(LostByHand, IsNamedByWhomItLeaves) {
+TEST_P(LostByHand, IsNamedByItsPeers) {
   const Loss& loss = GetParam();
   start_run(loss.mode, loss.dds);
   if (HasFatalFailure()) return;
@@ -188,7 +189,7 @@ TEST_P(LostByHand, IsNamedByWhomItLeaves) {
     if (one == victim) continue;
     const auto code = one->wait(15.0);
     said += one->err();
-    // Who is told by a neighbour that the run is over has ended in order.
+    // A program that a neighbour notifies of the end of the run ends in order.
     EXPECT_TRUE(code == 1 || (code == 0 && one == device_)) << one->err();
   }
   const std::string label = loss.victim == "world_sim" ? loss.victim : loss.victim + " 0";
@@ -213,7 +214,7 @@ TEST_P(OtherScene, OfADeviceIsRefused) {
 INSTANTIATE_TEST_SUITE_P(Modes, OtherScene, ::testing::Values("lockstep", "realtime"),
                          [](const auto& one) { return one.param; });
 
-/// A run of the launcher, and what befalls one of its programs.
+/// A run of the launcher, and an event in one of its programs.
 class RunEnds : public ProcessTest {
  protected:
   void start(const std::string& mode, const std::string& dds, const std::string& duration, const Words& flags = {}) {
@@ -274,8 +275,7 @@ TEST_P(RunWithDisplay, GoesOnWithoutIt) {
   if (HasFatalFailure()) return;
   signal("gui_headless", SIGKILL);
   EXPECT_EQ(process_->wait(), 0) << process_->err();
-  EXPECT_NE(process_->out().find("the display has died (gui_headless killed by SIGKILL): no picture"),
-            std::string::npos)
+  EXPECT_NE(process_->out().find("the display failed (gui_headless killed by SIGKILL): no picture"), std::string::npos)
       << process_->out();
   EXPECT_NEAR(summary()["simulated_s"].get<double>(), mode == "realtime" ? 3.0 : 20.0, 0.01);
 }

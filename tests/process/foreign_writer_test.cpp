@@ -1,4 +1,4 @@
-// Programs that do not belong to a run: the hand feels nothing of them, the run goes on, and its verdict names them.
+// Programs that do not belong to a run: they do not affect the operator, the run continues, and its verdict names them.
 #include "process/process_test.hpp"
 
 #include <cmath>
@@ -37,7 +37,7 @@ class ForeignWriters : public ProcessTest,
  protected:
   static constexpr double kForceLimit_n = 40.0, kForceStep_n = 10.0;
 
-  /// What the hand got, at the device.
+  /// The force and motion at the device.
   void expect_safe(const std::string& folder) const {
     const Table device = read_table(folder + "/device_0.csv");
     ASSERT_GT(device.rows.size(), 100U);
@@ -62,21 +62,20 @@ TEST_P(ForeignWriters, AreRefusedAndNamed) {
   const std::string vendor = foreign_writer.kind.size() % 2 == 0 ? "fastdds" : "cyclonedds";
   const Words flags{"--mode", mode, "--duration", mode == "realtime" ? "2.5" : "20"};
   Process run(run_words(scene("press"), flags), folder_.path());
-  const std::string folder = folder_.path() + "/stranger";
+  const std::string folder = folder_.path() + "/foreign_writer";
   std::filesystem::create_directories(folder);
   Process peer({program("hostile_peer"), vendor, domain_.text(), mode, foreign_writer.kind, "1.0"}, folder);
   ASSERT_EQ(peer.wait(30.0), 0) << peer.err();
   ASSERT_TRUE(run.wait(60.0)) << run.out();
-  const Json published_state = summary();
-  ASSERT_TRUE(published_state.is_object());
-  const std::string verdict = published_state["verdict"];
-  EXPECT_NE(verdict.find(foreign_writer.blamed + " from a stranger"), std::string::npos) << verdict << run.err();
+  const Json results = summary();
+  ASSERT_TRUE(results.is_object());
+  const std::string verdict = results["verdict"];
+  EXPECT_NE(verdict.find(foreign_writer.blamed + " from a foreign writer"), std::string::npos) << verdict << run.err();
   expect_safe(out());
-  EXPECT_GE(published_state["simulated_s"].get<double>(), 0.99 * std::stod(flags.back()))
-      << "it ended early: " << verdict;
+  EXPECT_GE(results["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << "it ended early: " << verdict;
 }
 
-/// A real program of which the run has one already.
+/// A real program that the run already has.
 class SecondProgram : public ProcessTest, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
 
 TEST_P(SecondProgram, IsRefusedAndTheRunGoesOn) {
@@ -95,9 +94,9 @@ TEST_P(SecondProgram, IsRefusedAndTheRunGoesOn) {
   EXPECT_NE(second.err().find("two"), std::string::npos) << second.err();
   EXPECT_NE(second.err().find("--domain"), std::string::npos) << second.err();
   ASSERT_TRUE(run.wait(60.0));
-  const Json published_state = summary();
-  ASSERT_TRUE(published_state.is_object());
-  EXPECT_GE(published_state["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << published_state["verdict"];
+  const Json results = summary();
+  ASSERT_TRUE(results.is_object());
+  EXPECT_GE(results["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << results["verdict"];
 }
 
 INSTANTIATE_TEST_SUITE_P(Programs, SecondProgram,

@@ -61,8 +61,11 @@ std::string to_text(const HashCase& one) {
 }
 
 std::vector<std::string> flags_of(const HashCase& one) {
-  return {"--mode",     "lockstep", "--scheme",   one.scheme, "--users", std::to_string(one.users), "--latency",
-          fmt::format("{:g}", one.latency_s), "--duration", fmt::format("{:g}", duration_s(one.scene))};
+  return {"--mode",     "lockstep",
+          "--scheme",   one.scheme,
+          "--users",    std::to_string(one.users),
+          "--latency",  fmt::format("{:g}", one.latency_s),
+          "--duration", fmt::format("{:g}", duration_s(one.scene))};
 }
 
 std::string in_process_hash(const HashCase& one, const std::string& folder) {

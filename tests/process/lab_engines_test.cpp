@@ -92,7 +92,7 @@ TEST_F(EngineLab, HelpsWithExamplesAndSaysWhatHeldMeans) {
   EXPECT_NE(ended.out.find("has held when"), std::string::npos);
 }
 
-TEST_F(EngineLab, WhatWasMeasuredSurvivesAnInterrupt) {
+TEST_F(EngineLab, MeasurementsSurviveAnInterrupt) {
   expect_kept_after_interrupt({"stack", "--engine", "bullet", "--preset", "quality", "--dt", "1/60,1/100,1/120,1/250",
                                "--duration", "5", "--friction", "0.1,0.2,0.3,0.4,0.5,0.6"},
                               "[  1/24]", 1, 24);

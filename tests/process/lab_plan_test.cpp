@@ -29,9 +29,9 @@ TEST_F(PlanLab, EveryItemIsTheSameOrNoWorse) {
       EXPECT_TRUE(row["world_cpu_ratio"].is_null());
     } else {
       EXPECT_GT(row["world_cpu_ratio"], 0.0);
-      EXPECT_LE(row["bytes_ratio"], 1.0) << "what is left out is not sent";
+      EXPECT_LE(row["bytes_ratio"], 1.0) << "skipped data are not sent";
     }
-    // Most of its cubes rest all the time.
+    // Most of its cubes are always at rest.
     if (row["scene"] == "scatter" && row["item"] == "rest") {
       EXPECT_LT(row["world_cpu_ratio"], 0.8);
     }

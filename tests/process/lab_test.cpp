@@ -87,7 +87,7 @@ TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
   EXPECT_NE(page().find("imperceptible"), std::string::npos);
 }
 
-// The plot of an axis holds all its values at one value of each other axis.
+// The plot of an axis has all its values, with one value of each other axis.
 TEST_F(Lab, SeveralAxesGiveAPlotEach) {
   const Ended ended = finish(lab_words({"press", "--duration", "0.3", "--ratio", "4,10", "--ratio-most", "0,12",
                                         "--substeps", "1,2", "--scheme", "direct", "--out", out()}));
@@ -148,7 +148,7 @@ TEST_F(Lab, HelpsWithExamples) {
   EXPECT_NE(coupling.out.find("--latency"), std::string::npos);
 }
 
-TEST_F(Lab, WhatWasMeasuredSurvivesAnInterrupt) {
+TEST_F(Lab, MeasurementsSurviveAnInterrupt) {
   expect_kept_after_interrupt({"row", "--ratio", "4,5,6,7,8,9,10,11,12,13,14,15,16", "--substeps", "1,2,3,4,5,6,7,8"},
                               "[  2/", 2, 312);
 }

@@ -16,7 +16,7 @@ class LabTest : public ProcessTest {
     words.insert(words.end(), rest.begin(), rest.end());
     return words;
   }
-  /// Flags, and what the message must name.
+  /// Flags, and the words that the message must contain.
   using Wrong = std::vector<std::pair<Words, Words>>;
   void expect_refused(const Wrong& wrong) const {
     for (const auto& [flags, fragments] : wrong) {
@@ -27,7 +27,7 @@ class LabTest : public ProcessTest {
       for (const std::string& fragment : fragments) EXPECT_NE(ended.err.find(fragment), std::string::npos) << ended.err;
     }
   }
-  /// Interrupts it when it has printed `point`: what was measured is there.
+  /// Interrupts the lab when it has printed `point`, and checks that the measurements until then are saved.
   void expect_kept_after_interrupt(Words words, const std::string& point, int points, int planned) const {
     words.insert(words.end(), {"--out", out()});
     Process lab(lab_words(words), folder_.path());
@@ -48,7 +48,7 @@ class LabTest : public ProcessTest {
     for (const std::string& column : columns)
       EXPECT_NE(("," + header + ",").find("," + column + ","), std::string::npos) << column;
   }
-  /// The page, which needs nothing beside it.
+  /// The self-contained page.
   [[nodiscard]] std::string page() const {
     const std::string text = read_text(out() + "/report.html");
     static const std::regex kElsewhere(

@@ -11,7 +11,7 @@ struct Case {
   Words flags;
   int users = 1;
   bool sub_worlds = true;
-  std::size_t extra_steps = 0;  ///< that the sub-world makes until the world's last frame reaches it
+  std::size_t extra_steps = 0;  ///< steps of the sub-world until it receives the world's last frame
 };
 
 void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
@@ -30,7 +30,7 @@ void expect_keys(const Json& json, const Words& keys, const std::string& what) {
   for (const std::string& key : keys) EXPECT_TRUE(json.contains(key)) << what << " has no " << key;
 }
 
-/// Everything that a summary must hold.
+/// Checks that the summary is complete.
 void expect_complete(const Json& summary) {
   expect_keys(summary, kRunKeys, "summary.json");
   expect_keys(summary["world"], kWorldKeys, "world");
@@ -47,7 +47,7 @@ void expect_complete(const Json& summary) {
 
 class LockStep : public ProcessTest, public ::testing::WithParamInterface<Case> {
  protected:
-  /// Runs the case and holds its results against what any such run must have.
+  /// Runs the case and checks the results that are common to all such runs.
   Json results(const std::string& dds) {
     Words flags = GetParam().flags;
     flags.insert(flags.end(), {"--mode", "lockstep", "--duration", "0.4", "--dds", dds});
@@ -117,7 +117,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Case{"press_direct", "press", {"--scheme", "direct"}, 1, false}),
     [](const auto& one) { return one.param.name; });
 
-/// What is the same whatever the vendor must not be the same whatever the run.
+/// The hash is independent of the vendor, but depends on the run.
 class LockStepHash : public ProcessTest {};
 
 TEST_F(LockStepHash, DiffersBetweenRunsThatDiffer) {
@@ -131,9 +131,9 @@ TEST_F(LockStepHash, DiffersBetweenRunsThatDiffer) {
 
 class Suppression : public ProcessTest {};
 
-TEST_F(Suppression, OfAHandInTheAirSavesMessagesAndChangesNoForce) {
+TEST_F(Suppression, OfAnOperatorInFreeSpaceSavesMessagesAndChangesNoForce) {
   std::vector<Json> users;
-  for (const char* item : {"suppression", "passivity"}) {  // kept in; the second has nothing to do with messages
+  for (const char* item : {"suppression", "passivity"}) {  // optimisation off; passivity does not affect messages
     ASSERT_EQ(run(scene("scatter"), {"--duration", "0.2", "--disable", item}).code, 0);
     users.push_back(summary()["haptic"][0]);
   }

@@ -27,16 +27,15 @@ struct Ended {
   std::string err;
 };
 
-/// The real programs, each test on a domain and in a folder of its own. Whatever a test does, nothing of it may be
-/// left.
+/// The real programs; each test has its own domain and folder. No process or file may remain after a test.
 class ProcessTest : public ::testing::Test {
  protected:
   void TearDown() override {
     const auto left = running(folder_.path());
-    EXPECT_TRUE(left.empty()) << left.size() << " programs left, the first is " << left.front().words.front();
+    EXPECT_TRUE(left.empty()) << left.size() << " programs still run, the first is " << left.front().words.front();
     for (const Running& one : left) kill(one.pid, SIGKILL);
     for (const std::string& name : shared_memory_files()) {
-      EXPECT_TRUE(shared_memory_before_.contains(name)) << "left in /dev/shm: " << name;
+      EXPECT_TRUE(shared_memory_before_.contains(name)) << "not removed from /dev/shm: " << name;
     }
   }
 
@@ -65,7 +64,7 @@ class ProcessTest : public ::testing::Test {
     EXPECT_NE(at, std::string::npos) << passage;
     return folder_.write(name + ".yaml", text.replace(at, passage.size(), by));
   }
-  /// With the haptic preset `quality` its sub-world takes longer than its step on ordinary machines.
+  /// With the haptic preset `quality`, a step of its sub-world takes longer than its period on ordinary machines.
   [[nodiscard]] std::string overloaded_heap() const {
     return edited("heap", "box_half_m: 0.2", "selection: box\n    box_half_m: 0.4");
   }

@@ -25,7 +25,7 @@ TEST_P(RealTime, RunsForItsTimeAndEnds) {
   EXPECT_EQ(json["mode"], "realtime");
   EXPECT_NEAR(json["simulated_s"].get<double>(), 1.0, 1e-6);
   EXPECT_GE(haptic["steps"], 900);
-  // A shared machine may hold a process up for more frames than a reader keeps; a fault loses them all the time.
+  // A shared machine may delay a process for more frames than a reader stores; a fault loses frames all the time.
   EXPECT_LE(haptic["lost_frames"].get<double>(), 0.05 * json["world"]["cycles"].get<double>());
   EXPECT_GT(haptic["force_max_n"], 1.0);  // the cube was pressed
 
@@ -41,7 +41,7 @@ TEST_P(RealTime, RunsForItsTimeAndEnds) {
     ASSERT_LE(norm(row, felt), kForceLimit_n * (1.0 + 1e-9));
     ASSERT_LE(norm(row, commanded), kForceLimit_n * (1.0 + 1e-9));
   }
-  // The hand feels nothing at first, and nothing when it is let go.
+  // The operator feels no force at first, and none after the release.
   EXPECT_NEAR(norm(table.rows.front(), commanded), 0.0, 0.01 * kForceLimit_n);
   const Table device = read_table(out() + "/device_0.csv");
   EXPECT_GT(device.rows.front().front(), 0.0) << "a device that waits for its haptic loop has no steps";
@@ -55,8 +55,7 @@ INSTANTIATE_TEST_SUITE_P(Vendors, RealTime,
                                             ::testing::Values("fastdds", "cyclonedds", "mixed")),
                          [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
 
-// A sub-world that cannot keep up goes on from the world's newest state, again and again; it neither freezes nor makes
-// up for what it missed.
+// A sub-world that is too slow continues from the world's newest state. It neither freezes nor catches up.
 TEST_F(Overload, OfTheSubWorldEndsWithTheWorld) {
   const Ended ended = run(overloaded_heap(), {"--mode", "realtime", "--duration", "3", "--haptic-preset", "quality"});
   EXPECT_EQ(ended.code, 0) << ended.err;
@@ -66,8 +65,7 @@ TEST_F(Overload, OfTheSubWorldEndsWithTheWorld) {
   EXPECT_LE(json["haptic"][0]["steps"].get<double>(), 1500.0 * wall_s) << "more steps than there was time for";
 }
 
-// A world that cannot keep up slows its clock for everybody, says so, and recovers; the haptic loop goes on at its
-// rate.
+// A world that is too slow lowers its real-time factor, reports it, and recovers; the haptic loop runs at its rate.
 TEST_F(Overload, OfTheWorldSlowsTheClockForAWhile) {
   const Ended ended = run(scene("press"), {"--mode", "realtime", "--engine", "busy", "--duration", "3"},
                           {{"SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER}});
@@ -89,7 +87,7 @@ TEST_F(Overload, OfTheWorldSlowsTheClockForAWhile) {
   EXPECT_TRUE(std::ranges::any_of(cycles.rows, [&](const auto& row) { return row[0] > 2.0 && row[factor] == 1.0; }))
       << "no recovery";
 
-  // One simulated second took five, with a force in each millisecond of them.
+  // One simulated second took five, with a force in each millisecond.
   EXPECT_GT(json["haptic"][0]["steps"].get<double>() + json["haptic"][0]["skipped_steps"].get<double>(), 6000.0);
   const Table felt = read_table(out() + "/haptic_0.csv");
   std::size_t stands = 0, most = 0;

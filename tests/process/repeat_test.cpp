@@ -7,7 +7,7 @@ namespace {
 
 class Repeat : public ProcessTest, public ::testing::WithParamInterface<int> {};
 
-// Five simulated seconds of the heap, ten times, over every vendor: one hash.
+// Five simulated seconds of the heap, ten times, with every vendor: one hash.
 TEST_P(Repeat, the_heap_ends_in_one_state) {
   std::set<std::string> hashes;
   const Words vendors{"fastdds", "cyclonedds", "mixed"};

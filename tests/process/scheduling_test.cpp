@@ -10,7 +10,7 @@
 namespace subworld::test {
 namespace {
 
-/// How many of a process's threads run under SCHED_FIFO, by priority.
+/// Number of a process's threads under SCHED_FIFO, by priority.
 std::map<int, int> realtime_threads(pid_t pid) {
   std::map<int, int> count;
   std::error_code gone;
@@ -25,7 +25,7 @@ std::map<int, int> realtime_threads(pid_t pid) {
 
 class Middleware : public ProcessTest, public ::testing::WithParamInterface<std::string> {};
 
-// A thread that receives for the haptic loop and waits behind the world holds the hand up.
+// If a thread that receives for the haptic loop waits for the world, the operator's force is late.
 TEST_P(Middleware, ThreadsOutrankTheWorldInEveryProgram) {
   Process run(run_words(scene("press"), {"--mode", "realtime", "--duration", "600", "--dds", GetParam()}),
               folder_.path());
@@ -47,7 +47,7 @@ TEST_P(Middleware, ThreadsOutrankTheWorldInEveryProgram) {
     const int of_loop = loop->second;
     ASSERT_TRUE(eventually([&] { return realtime_threads(one.pid)[of_loop] == 1; })) << "the loop itself";
     auto threads = realtime_threads(one.pid);
-    EXPECT_GE(threads[priority::kMiddleware], 3) << "receives, sends again, keeps leases";
+    EXPECT_GE(threads[priority::kMiddleware], 3) << "threads for receiving, retransmission and leases";
     threads.erase(priority::kMiddleware);
     threads.erase(of_loop);
     EXPECT_TRUE(threads.empty()) << "a thread at priority " << threads.begin()->first;
@@ -69,7 +69,7 @@ TEST_F(Placement, OnACoreThatIsNotThereIsRefused) {
 TEST_F(Placement, TheWorldHasACoreOfItsOwn) {
   const std::vector<int> cores = allowed_cores();
   const bool has_room = cores.size() > 1;
-  // In a temporary folder of its own, so that no other run of this machine is the first.
+  // In its own temporary folder, so that the run does not depend on other runs on this machine.
   Process run(run_words(scene("press"), {"--mode", "realtime", "--duration", "600"}), folder_.path(),
               {{"TMPDIR", folder_.path()}, {"SUBWORLD_PLACEMENT", "auto"}});
   const std::string log = out() + "/logs/world_sim.log";

@@ -1,4 +1,4 @@
-// What the lab measures in one process is what the real programs do: equal state hashes, run by run.
+// The lab's run in one process equals that of the real programs: equal state hashes for each run.
 #include "process/hash_cases.hpp"
 #include "process/process_test.hpp"
 

@@ -1,11 +1,10 @@
-// The table of state hashes of the lab's in-process run, to be held against the table of another commit.
+// Prints the table of state hashes of the lab's in-process run, for comparison with that of another commit.
 #include "io/command_line.hpp"
 #include "io/options.hpp"
 #include "model/error.hpp"
 #include "process/hash_cases.hpp"
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <fstream>
 #include <map>
@@ -31,16 +30,18 @@ Hashes read_table(const std::string& file) {
 int main_of(int argc, char** argv) {
   std::vector<std::string> scenes;
   std::string against;
-  CLI::App app{"Prints the state hash of short lock-step runs: every shipped scene, three schemes, one and two users,\n"
-               "with and without delay. The real programs have the same hashes (test StateHashes).",
-               "state_hashes"};
-  app.add_option("scene", scenes, "names in deploy/scenes (default: all)");
-  app.add_option("--against", against, "a table of another commit: prints the differences, ends with 1 if there are any");
-  app.footer("Examples:\n"
-             "  state_hashes > before.csv\n"
-             "  state_hashes --against before.csv\n"
-             "  state_hashes row heap");
-  if (const auto code = parse_arguments(app, argc, argv)) return *code;
+  CommandLine line(
+      "state_hashes",
+      "Prints the state hash of short lock-step runs: every shipped scene, three schemes, one and two users,\n"
+      "with and without delay. The real programs have the same hashes (test StateHashes).");
+  line.add("scene", &scenes, "names in deploy/scenes").otherwise("all");
+  line.add("--against", &against, "a table of another commit: prints the differences, ends with 1 if there are any");
+  line.footer(
+      "Examples:\n"
+      "  state_hashes > before.csv\n"
+      "  state_hashes --against before.csv\n"
+      "  state_hashes row heap");
+  if (const auto code = line.parse(argc, argv)) return *code;
   const Hashes before = against.empty() ? Hashes{} : read_table(against);
   fmt::print("scene,scheme,users,latency_s,state_hash\n");
   int compared = 0, different = 0;

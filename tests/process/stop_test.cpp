@@ -6,7 +6,7 @@
 namespace subworld::test {
 namespace {
 
-constexpr double kStopBound_s = 3.0;  // two seconds and slack for a busy machine
+constexpr double kStopBound_s = 3.0;  // two seconds and tolerance for a busy machine
 
 double seconds_since(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -14,7 +14,7 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
 
 class Stop : public ProcessTest {
  protected:
-  /// A run that would go on for a quarter of an hour, started and in the middle of its loops.
+  /// A run with a duration of a quarter of an hour, in the middle of its loops.
   void start(const std::string& mode, Process::Output output = Process::Output::files) {
     process_.emplace(run_words(scene("press"), {"--mode", mode, "--duration", "1000", "--dds", "mixed"}),
                      folder_.path(), Environment{}, output);
@@ -26,7 +26,7 @@ class Stop : public ProcessTest {
     ASSERT_TRUE(loops) << process_->err();
     if (mode == "realtime") std::this_thread::sleep_for(std::chrono::milliseconds(300));
   }
-  /// All must be gone within the bound from `begin`. Returns the launcher's exit code.
+  /// All programs must end within the bound from `begin`. Returns the launcher's exit code.
   int expect_end(std::chrono::steady_clock::time_point begin) {
     const auto code = process_->wait(10.0);
     EXPECT_TRUE(code) << "the launcher still runs";
@@ -126,7 +126,7 @@ TEST_F(Stop, WhileTheWorldSettles) {
   ASSERT_NE(text.find(settle), std::string::npos);
   text.replace(text.find(settle), settle.size(), "settle: {duration_s: 1000,");
   process_.emplace(run_words(folder_.write("heap.yaml", text), {}), folder_.path());
-  // The world says what it uses just before it settles.
+  // The world prints its settings just before it settles.
   ASSERT_TRUE(eventually([&] { return !read_text(out() + "/logs/world_sim.log").empty() && find("device_sim") > 0; }));
   const auto begin = std::chrono::steady_clock::now();
   process_->signal(SIGTERM);

@@ -10,7 +10,7 @@ namespace {
 class Summary : public ProcessTest {};
 
 // A device of 2 N cannot show a press of 12 N: the figures are those of the device, and the run says so.
-TEST_F(Summary, TellsWhatTheHandGotAndHowOftenTheDeviceWasAtItsLimit) {
+TEST_F(Summary, TellsTheOperatorsForceAndHowOftenTheDeviceWasAtItsLimit) {
   constexpr double kLimit_n = 2.0;
   const Ended ended =
       run(edited("press", "force_limit_n: 40", "force_limit_n: 2"), {"--mode", "lockstep", "--duration", "1"});
@@ -37,9 +37,9 @@ TEST_F(Summary, TellsWhatTheHandGotAndHowOftenTheDeviceWasAtItsLimit) {
   EXPECT_NEAR(haptic["force_rms_n"], std::sqrt(squares / steps), 1e-6);
   EXPECT_NEAR(haptic["force_step_max_n"], largest_step, 1e-6);
   EXPECT_NEAR(haptic["at_limit_ratio"], at_limit / steps, 1e-9);
-  // The hand's force ramps in, the coupling's does not.
+  // The force on the operator is ramped, the coupling's is not.
   EXPECT_GE(haptic["coupling_force_rms_n"], haptic["force_rms_n"]);
-  EXPECT_NE(ended.out.find("the hand feels the limit, not the scene"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("the operator feels the limit, not the scene"), std::string::npos) << ended.out;
   EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("ok; user 0: at the device's limit"))
       << "a warning is no missed gate: " << summary()["verdict"];
 }
@@ -48,7 +48,7 @@ void expect_record_keys(const Json& json, const Words& keys, const std::string& 
   for (const std::string& key : keys) EXPECT_TRUE(json.contains(key)) << what << " has no " << key;
 }
 
-// Whoever finds a summary in a year can repeat the run and knows what it was held against.
+// The summary is sufficient to repeat the run, and contains the limits of its gates.
 TEST_F(Summary, IsACompleteRecord) {
   const Words flags{"--mode", "realtime", "--duration", "1", "--dds", "mixed"};
   ASSERT_EQ(run(scene("press"), flags).code, 0);
@@ -94,8 +94,8 @@ TEST_F(Summary, IsACompleteRecord) {
   EXPECT_NEAR(settings["haptic_engine"]["integration_substep_s"].get<double>(), 0.001, 1e-9);
 }
 
-// Every missed deadline is somebody's; the bare loop was measured, and so was what the kernel did to each loop.
-TEST_F(Summary, TellsTheMachinesLatenessFromOurs) {
+// Every missed deadline is attributed; bare loops and the kernel's record of each loop are measured.
+TEST_F(Summary, TellsTheLatenessOfTheOsFromThatOfTheRun) {
   const Ended ended = run(scene("press"), {"--mode", "realtime", "--duration", "2"});
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json json = summary();
@@ -113,11 +113,11 @@ TEST_F(Summary, TellsTheMachinesLatenessFromOurs) {
         "machine");
     EXPECT_GT((*loop)["machine"]["voluntary_switches"], 10) << "a loop sleeps between its steps";
   }
-  EXPECT_NE(ended.out.find("how late this machine wakes a loop that does nothing"), std::string::npos) << ended.out;
-  EXPECT_NE(ended.out.find(" by the machine"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("how late this machine wakes a loop without work"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find(" by the OS)"), std::string::npos) << ended.out;
 }
 
-// Steps that cannot be done in their period: the run says that it is not the machine, and what to do.
+// Steps that take longer than their period: the run reports that the OS is not the cause, and the cure.
 TEST_F(Summary, BlamesTheStepsWhereTheyTakeTooLong) {
   const Ended ended = run(
       scene("press"), {"--mode", "realtime", "--duration", "2", "--haptic-engine", "busy", "--haptic-preset", "always"},
@@ -132,9 +132,9 @@ TEST_F(Summary, BlamesTheStepsWhereTheyTakeTooLong) {
   EXPECT_NE(ended.out.find("cannot keep up: a step takes"), std::string::npos) << ended.out;
 }
 
-// A run that cannot have real-time rights says so where its user looks, with the cure.
+// A run without real-time rights reports it on the terminal, with the cure.
 TEST_F(Summary, SaysOnTheTerminalThatThereAreNoRealTimeRights) {
-  // Root has them by capabilities, anybody else by a limit.
+  // Root has the rights by capabilities, other users by a limit.
   const std::string drop =
       std::string("ulimit -r 0; exec ") + (geteuid() == 0 ? "setpriv --bounding-set -all --inh-caps -all " : "");
   Words words{"/bin/bash", "-c", drop + "\"$@\"", "sh"};
@@ -146,7 +146,7 @@ TEST_F(Summary, SaysOnTheTerminalThatThereAreNoRealTimeRights) {
   EXPECT_NE(ended.out.find("limits.conf"), std::string::npos) << ended.out;
 }
 
-// A world that takes longer to make than anybody would wait for one that is not there.
+// Loading takes longer than a program waits for a missing world.
 TEST_F(Summary, AWorldThatIsBeingCreatedIsWaitedForVisibly) {
   const Ended ended =
       run(scene("press"), {"--mode", "lockstep", "--duration", "0.2", "--engine", "slow", "--wait", "5"},
@@ -157,7 +157,7 @@ TEST_F(Summary, AWorldThatIsBeingCreatedIsWaitedForVisibly) {
 
 class Shown : public Summary, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
 
-// Time, rate, force, and in real time misses and the clock, while it runs and not only at its end.
+// Time, rate, force, and in real time misses and the real-time factor, while it runs and not only at its end.
 TEST_P(Shown, OnATerminalARunShowsHowItGoes) {
   const auto& [mode, dds] = GetParam();
   Process process(run_words(scene("press"), {"--mode", mode, "--duration", "1000", "--dds", dds}), folder_.path(), {},
@@ -170,7 +170,7 @@ TEST_P(Shown, OnATerminalARunShowsHowItGoes) {
   EXPECT_TRUE(shows(" Hz; force ")) << process.read_terminal();
   if (mode == "realtime") {
     EXPECT_TRUE(shows("; missed ")) << process.read_terminal();
-    EXPECT_TRUE(shows("; clock ")) << process.read_terminal();
+    EXPECT_TRUE(shows("; real-time factor ")) << process.read_terminal();
   }
   process.signal(SIGTERM);
   EXPECT_EQ(process.wait(), 0);
@@ -184,14 +184,14 @@ INSTANTIATE_TEST_SUITE_P(Ways, Shown,
                                             ::testing::Values("fastdds", "cyclonedds", "mixed")),
                          [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
 
-// Programs come and go at start and end: that is worth no line, on the terminal or in a log.
+// Programs that start and end are reported neither on the terminal nor in a log.
 TEST_F(Summary, ComingAndGoingIsWorthNoLine) {
   for (const char* dds : {"fastdds", "cyclonedds"}) {
     const Ended ended = run(scene("press"), {"--mode", "lockstep", "--duration", "0.3", "--dds", dds});
     ASSERT_EQ(ended.code, 0) << ended.err;
     for (const auto& log : std::filesystem::directory_iterator(out() + "/logs")) {
       const std::string text = read_text(log.path());
-      for (const char* noise : {"matched", "deadline missed", "not heard of", "for two periods"}) {
+      for (const char* noise : {"matched", "deadline missed", "no sign of life", "for two periods"}) {
         EXPECT_EQ(text.find(noise), std::string::npos) << log.path() << ": " << text;
       }
     }

@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kRounding_us = 0.002;  // of a time and of a duration
 
-/// The stages of each program, as its part of the summary names them.
+/// The stages of each program, as in its part of the summary.
 std::map<std::string, std::set<std::string>> stages_of(const Json& summary) {
   const auto names = [](const Json& part) {
     std::set<std::string> all;
@@ -26,14 +26,14 @@ class TraceFile : public ProcessTest, public ::testing::WithParamInterface<std::
   [[nodiscard]] std::string file() const { return folder_.path() + "/trace.json"; }
 };
 
-// As a viewer draws it: of each loop a row of steps that do not overlap, in each step its stages without a gap.
+// As a viewer shows it: for each loop a row of steps that do not overlap, and in each step its stages without a gap.
 TEST_P(TraceFile, HoldsEveryLoopsStepsAndTheirStages) {
   const Ended ended = run(scene("press"), {"--mode", GetParam(), "--duration", "0.5", "--trace", file()});
   ASSERT_EQ(ended.code, 0) << ended.err;
-  EXPECT_NE(ended.out.find(file()), std::string::npos) << "nobody says where it is";
+  EXPECT_NE(ended.out.find(file()), std::string::npos) << "the output does not name the file";
   const Json trace = Json::parse(read_text(file()), nullptr, false);
   ASSERT_TRUE(trace.is_array());
-  EXPECT_FALSE(std::filesystem::exists(out() + "/trace")) << "parts are left";
+  EXPECT_FALSE(std::filesystem::exists(out() + "/trace")) << "the programs' traces are not removed";
 
   std::map<int, std::string> programs;
   for (const Json& event : trace) {
@@ -67,7 +67,7 @@ TEST_P(TraceFile, HoldsEveryLoopsStepsAndTheirStages) {
       } else {
         ASSERT_GT(steps, 0U);
         ASSERT_NEAR(at_us, stage_end_us, kRounding_us) << "a gap before " << name;
-        ASSERT_LE(end_us, step_end_us + kRounding_us) << name << " goes on after its step";
+        ASSERT_LE(end_us, step_end_us + kRounding_us) << name << " ends after its step";
         stage_end_us = end_us;
         stages.insert(name);
       }
@@ -94,7 +94,7 @@ TEST_F(Tracing, ToWhereNothingCanBeWrittenFailsBeforeAnythingRuns) {
   EXPECT_NE(ended.err.find("--trace"), std::string::npos) << ended.err;
 }
 
-// The shares are of the work: waiting has none.
+// The shares are of the work, without waiting.
 TEST_F(Tracing, IsNotNeededForTheStagesInTheSummary) {
   const Ended ended = run(scene("press"), {"--mode", "lockstep", "--duration", "0.2"});
   ASSERT_EQ(ended.code, 0) << ended.err;

@@ -1,4 +1,4 @@
-// Any engine as the world's, any as the sub-world's: what is felt follows the world engine's own reference.
+// Any engine for the world, any for the sub-world: the felt force follows the reference of the world's engine.
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
 #include "physics/engine.hpp"
@@ -11,8 +11,8 @@
 namespace subworld {
 namespace {
 
-/// RMS of the felt force against the reference, for the row on which the design states its errors, and a scene with a
-/// load on the border.
+/// RMS error of the felt force, for the row in which the design states its errors, and for a scene with a load on the
+/// border.
 struct Case {
   std::string scene;
   double bar;
@@ -41,7 +41,7 @@ TEST_P(WorldEngine, IsFollowedByEverySubWorldEngine) {
       CoupledRun run(scene_of(name, "reduced", 4, world, haptic));
       ASSERT_TRUE(run.run());
       const ForceError error = force_error(run.felt[0].force, reference.felt[0].force, 0.001);
-      // Rounding is part of the error where numbers have seven digits; both then wander by a point.
+      // With seven digits, rounding is part of the error; both errors then vary by one percentage point.
       const bool rounded = world == "bullet_float" || haptic == "bullet_float";
       EXPECT_LE(error.rms, rounded ? bar + 0.01 : bar) << name << ": world " << world << ", sub-world " << haptic;
       std::printf("%s: world %s, sub-world %s: RMS %.2f %%\n", name.c_str(), world.c_str(), haptic.c_str(),
@@ -50,8 +50,8 @@ TEST_P(WorldEngine, IsFollowedByEverySubWorldEngine) {
   }
 }
 
-// Also by engines that estimate it only for who asks.
-TEST_P(WorldEngine, TellsTheFrictionAtTheBorder) {
+// Also with engines that estimate friction only on request.
+TEST_P(WorldEngine, ReportsTheFrictionAtTheBorder) {
   CoupledRun run(scene_of("pyramid", "reduced", 4, GetParam(), "bullet"));
   double normal = 0.0, tangential = 0.0;
   while (run.world.time_s() < 1.5) {

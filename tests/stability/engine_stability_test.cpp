@@ -1,4 +1,4 @@
-// Engines held against the mechanics of rigid bodies; each test names its formula.
+// Engines against the mechanics of rigid bodies; each test names its formula.
 
 #include "support/engines.hpp"
 
@@ -53,8 +53,8 @@ TEST_P(Stability, SlipAngleIsThatOfMu) {
       test::run(*engine, steps(1.0), dt);
       return engine->state(kBody).position.head<2>().norm();
     };
-    // 0.1 degrees above, a t^2 / 2 is 9.6 mm after 1 s if it slides from the start; it may take a moment to.
-    // Havok creeps by 0.9 mm in the second.
+    // 0.1 degrees above, a t^2 / 2 is 9.6 mm after 1 s if it slides from the start; the start may be delayed. Havok
+    // creeps by 0.9 mm in the second.
     EXPECT_LT(moved(critical - 0.1 * kDegree), GetParam().engine == "havok" ? 1e-3 : 5e-4);
     EXPECT_GT(moved(critical + 0.1 * kDegree), 3e-3);
   }
@@ -74,9 +74,9 @@ TEST_P(Stability, SlidingSpeedOnASlope) {
   }
 }
 
-/// Coulomb with mu > 1: a thin plate, so that the push does not tip it, stays under F < mu m g; above, v = (F / m - mu
-/// g) t.
-TEST_P(Stability, FrictionIsAsLargeAsItIsSaidToBe) {
+/// Coulomb with mu > 1: a thin plate, so that the push does not tip it, does not move for F < mu m g; above, v = (F / m
+/// - mu g) t.
+TEST_P(Stability, FrictionIsAsGivenWithLargeMu) {
   constexpr double kLargeMu = 50.0;
   const Vec3 half(1.0, 1.0, 0.002);
   const auto slides = [&](double push) {
@@ -100,8 +100,8 @@ TEST_P(Stability, FrictionIsAsLargeAsItIsSaidToBe) {
   EXPECT_NEAR(slides(1.4 * kLargeMu), expected, 0.05 * expected);
 }
 
-/// Of a pile at rest each cube carries those above it, in every step, also where its corners do not lie on those of the
-/// next (statics).
+/// In a pile at rest each cube carries those above it, in every step, also if its corners are not on those of the next
+/// cube (statics).
 TEST_P(Stability, PileAtRestPushesSteadily) {
   constexpr unsigned kCount = 4;
   constexpr double kMass = 1.0, kTurn = 0.01;
@@ -124,8 +124,8 @@ TEST_P(Stability, PileAtRestPushesSteadily) {
   }
 }
 
-/// Without torque, L = R I R^T w and E = w.L / 2 are constant (Euler). About the middle axis the body tumbles. Where an
-/// engine has no gyroscopic torque, w is constant instead.
+/// Without torque, L = R I R^T w and E = w.L / 2 are constant (Euler). About the middle axis the body tumbles. In an
+/// engine without gyroscopic torque, w is constant instead.
 TEST_P(Stability, FreeRotationKeepsMomentumAndEnergy) {
   const auto engine = GetParam().make();
   Body body = cube(kBody, 0.1, 1.0);
@@ -147,7 +147,7 @@ TEST_P(Stability, FreeRotationKeepsMomentumAndEnergy) {
     engine->step(dt);
     tumbled = tumbled || (engine->state(kBody).orientation * Vec3::UnitY()).y() < -0.5;
   }
-  // Rounding adds up to at most one part per step.
+  // Rounding adds up to at most one unit per step.
   const double room = 1e-4 + 4.0 * steps(2.0) * engine->capabilities().precision;
   if (engine->capabilities().gyroscopic == Fidelity::absent) {
     EXPECT_LT((engine->state(kBody).angular_velocity - start.angular_velocity).norm(),
@@ -162,8 +162,9 @@ TEST_P(Stability, FreeRotationKeepsMomentumAndEnergy) {
   EXPECT_TRUE(tumbled) << "rotation about the middle axis is unstable";
 }
 
-/// Whether a stack of three cubes stands still on a table for 1 s in this unit of length, to a twentieth: no cube moves
-/// by more of its side, and what the table carries differs by no more from their weight (statics).
+/// Whether a stack of three cubes stands still on a table for 1 s in this unit of length. Tolerance a twentieth: no
+/// cube moves by more than that share of its side, and the load on the table differs by no more from the weight
+/// (statics).
 bool stands(const Tested& tested, double side, double length_unit_m) {
   EngineSettings settings = tested.settings();
   settings.length_unit_m = length_unit_m;
@@ -186,15 +187,15 @@ bool stands(const Tested& tested, double side, double length_unit_m) {
   return moved < 0.05 * side && std::abs(on_table - weight) < 0.05 * weight;
 }
 
-/// Havok lets a box below 0.035 units fall through, and ODE's `fast` creeps by 0.7 mm/s in a unit of 1 m: there the
-/// unit is what makes small parts stand. The others need none (common/physics/README.md, Units).
+/// Havok lets a box below 0.035 units fall through, and ODE's `fast` creeps by 0.7 mm/s in a unit of 1 m: there another
+/// unit makes small parts stand. The other engines do not need one (common/physics/README.md, Units).
 TEST_P(Stability, SmallPartsStandInAUnitOfTheirOwn) {
   const Tested& tested = GetParam();
   const bool needs_it = tested.engine == "havok" || (tested.engine == "ode" && tested.preset == "fast");
   for (const double side : {0.005, 0.002}) {
     EXPECT_TRUE(stands(tested, side, 0.01)) << side;
     if (needs_it) {
-      EXPECT_FALSE(stands(tested, side, 1.0)) << side << ": no unit needed, unlike what the README says";
+      EXPECT_FALSE(stands(tested, side, 1.0)) << side << ": no unit needed, unlike in the README";
     }
   }
 }
@@ -207,7 +208,7 @@ TEST_P(Stability, BounceHeight) {
     int bounces;
     double height_m;
   };
-  // Where within a step it touches is another for each height.
+  // Each height gives another time of contact within a step.
   for (const auto& [restitution, bounces, height_m] :
        {Drop{1.0, 4, 0.5}, Drop{0.5, 2, 0.5}, Drop{1.0, 1, 0.31}, Drop{1.0, 1, 0.37}, Drop{1.0, 1, 0.43},
         Drop{1.0, 1, 0.56}, Drop{1.0, 1, 0.62}, Drop{1.0, 1, 0.69}}) {
@@ -259,7 +260,7 @@ TEST_P(Stability, FreeFallIsThatOfNewton) {
   }
 }
 
-/// Newton's second law for a row that is pushed: a = F / (3 m) - mu g, and each body's weight stays on the floor.
+/// Newton's second law for a pushed row: a = F / (3 m) - mu g, and the floor carries each body's weight.
 TEST_P(Stability, ASlidingRowIsFeltEvenly) {
   const auto engine = GetParam().make();
   engine->add(floor_plane(kFloor), BodyState{});

@@ -1,4 +1,4 @@
-// The short form of `subworld lab stability` over all engines: what held yesterday holds today.
+// The short form of `subworld lab stability` over all engines: rows that passed before still pass.
 #include "lab/stability/plan.hpp"
 #include "lab/stability/run.hpp"
 #include "physics/engine.hpp"
@@ -13,14 +13,14 @@
 namespace subworld {
 namespace {
 
-/// A row, as in known_misses.txt.
+/// The key of a row in known_misses.txt.
 std::string key_of(const Json& row) {
   return fmt::format("{} {}: {:g} ms", row.at("engine").get<std::string>(), row.at("preset").get<std::string>(),
                      1e3 * row.at("step_s").get<double>()) +
          " " + label_of(row);
 }
 
-// The list shrinks when an engine gets better; a row that is not in it must hold.
+// The list shrinks when an engine improves; a row that is not in it must pass.
 TEST(Margins, NoRowIsMissedThatIsNotKnown) {
   std::ifstream file(KNOWN_MISSES);
   ASSERT_TRUE(file) << KNOWN_MISSES;

@@ -1,4 +1,4 @@
-// Which engine holds which structure with its preset `quality`, at the step of a picture (paper 3.2).
+// The structures that stand in each engine with its preset `quality`, at the step of a picture (paper 3.2).
 
 #include "lab/session/cpu_time.hpp"
 #include "model/scene.hpp"
@@ -21,16 +21,16 @@ constexpr double kDuration_s = 60.0;
 
 struct Structure {
   const char* scene;
-  std::vector<std::string> held_by;  ///< the other engines are measured only
+  std::vector<std::string> held_by;  ///< for the other engines the result is only printed
 };
 const Structure kStructures[] = {
     {"stack", {"bullet", "bullet_float", "havok", "physx", "rapier"}},
     {"card_house", {"bullet", "bullet_float", "physx", "rapier"}},
 };
 
-/// How far the top of the stack may be from its start.
+/// Largest displacement of the top of the stack.
 constexpr double kTopLimit_m = 0.15;
-/// How far the centre of any other body may be, of its longest side.
+/// Largest displacement of the centre of any other body, relative to its longest side.
 constexpr double kCentreLimitRatio = 0.5;
 
 struct Case {
@@ -53,7 +53,7 @@ std::vector<Case> cases() {
   return all;
 }
 
-/// The bodies that tell whether the structure stands, with the distance in m that each may be from its start.
+/// The bodies that decide whether the structure stands, with the largest displacement (m) of each.
 struct Watched {
   BodyId id;
   Vec3 start;
@@ -99,7 +99,7 @@ TEST_P(Structures, StandForAMinute) {
     for (const Watched& one : bodies) {
       const double distance_m = (engine->state(one.id).position - one.start).norm();
       moved_m = std::max(moved_m, distance_m);
-      stands = stands && distance_m <= one.limit_m;  // also where it is not a number
+      stands = stands && distance_m <= one.limit_m;  // also if it is not a number
     }
   }
   fmt::print("{} {}: {} {:.1f} s, moved by {:.1f} mm, CPU of a step of 1/60 s: mean {:.2f} ms, max {:.2f} ms\n",

@@ -92,7 +92,7 @@ AllocationWatch::AllocationWatch() noexcept {
 AllocationWatch::~AllocationWatch() { watch = nullptr; }
 
 void AllocationWatch::note() noexcept {
-  watch = nullptr;  // what follows may allocate
+  watch = nullptr;  // the following may allocate
   Stack stack;
   stack.depth = backtrace(stack.functions.data(), static_cast<int>(stack.functions.size()));
   if (std::ranges::any_of(stack.functions, of_an_engine)) {

@@ -6,11 +6,11 @@
 
 namespace subworld::test {
 
-/// How often this program has asked for memory: `malloc` and its relatives, so `operator new` and Eigen's dynamic
-/// matrices too. Linking the source file puts itself in front of them. (With the address sanitizer: `operator new`.)
+/// Number of this program's allocations: `malloc` and its relatives, so `operator new` and Eigen's dynamic matrices
+/// too. Linking the source file replaces these functions. (With the address sanitizer: `operator new`.)
 [[nodiscard]] long allocations() noexcept;
 
-/// Allocations of the calling thread while it lives, told apart by who made them.
+/// Counts allocations of the calling thread during its lifetime, by origin.
 class AllocationWatch {
  public:
   AllocationWatch() noexcept;
@@ -20,10 +20,10 @@ class AllocationWatch {
 
   /// So far, without those of engines.
   [[nodiscard]] long ours() const noexcept { return ours_; }
-  /// With a function of an engine's library on the stack.
+  /// Those with a function of an engine's library on the stack.
   [[nodiscard]] long of_engines() const noexcept { return of_engines_; }
-  /// Where the first few different ones of ours come from: the functions on the stack, innermost first, as far as the
-  /// program exports them (ENABLE_EXPORTS).
+  /// Origins of the first few different allocations outside engines: the functions on the stack, innermost first, if
+  /// the program exports them (ENABLE_EXPORTS).
   [[nodiscard]] std::string places() const;
 
   void note() noexcept;

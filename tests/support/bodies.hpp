@@ -39,7 +39,7 @@ inline Body ball_proxy(BodyId id, double radius = 0.03, double mass = 0.1) {
   return body;
 }
 
-/// Adds a ball that no weight holds down, and returns it.
+/// Adds a ball without gravity, and returns it.
 inline Body& throw_ball(Scene& scene, const Vec3& from, const Vec3& velocity) {
   constexpr double kRadius_m = 0.04, kMass_kg = 0.1;
   Body ball = ball_proxy(BodyId{static_cast<std::uint32_t>(scene.bodies.size())}, kRadius_m, kMass_kg);

@@ -1,2 +1,2 @@
-// A library that has an engine's file name and exports no engine.
+// A library with the file name of an engine that exports no engine.
 extern "C" __attribute__((visibility("default"))) int nothing_of_an_engine() { return 0; }

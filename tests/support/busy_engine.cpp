@@ -1,6 +1,6 @@
 // Bullet, but slow on any machine. Preset `fast`: between one and two simulated seconds each step takes much longer, as
-// where a heap falls into a scene; a world with it is overloaded, and then no more. It sleeps, so that the test loads
-// nobody. Preset `always`: each step computes for longer than a haptic period.
+// if a heap fell into the scene, so that the world is overloaded for a while. The engine sleeps instead of computing,
+// so that the test does not load the machine. Preset `always`: each step computes for longer than a haptic period.
 #include "physics/engine_shell.hpp"
 #include "physics/plugin.hpp"
 

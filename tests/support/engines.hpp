@@ -15,7 +15,7 @@ namespace subworld::test {
 
 inline constexpr double kG = 9.81;
 
-/// Bodies of the suites of engines.
+/// One engine, preset and step of a test suite.
 inline constexpr BodyId kFloor{0}, kBody{1}, kCube{1}, kOther{2};
 inline constexpr double kCubeWeight_n = 0.2 * kG;
 
@@ -34,7 +34,7 @@ struct Tested {
   [[nodiscard]] std::unique_ptr<Engine> make(std::span<const Mesh> meshes = {}) const {
     return make_engine(settings(), meshes);
   }
-  /// What numbers may lose on their way through the engine, relative.
+  /// Relative rounding error of numbers that pass through the engine.
   [[nodiscard]] double precision() const { return 16.0 * make()->capabilities().precision; }
   [[nodiscard]] int steps(double seconds) const { return static_cast<int>(std::lround(seconds / dt)); }
   friend std::ostream& operator<<(std::ostream& out, const Tested& t) {

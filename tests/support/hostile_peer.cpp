@@ -1,5 +1,5 @@
-// A program that does not belong to a run and sends what harms it: hostile_peer VENDOR DOMAIN MODE KIND [SECONDS]
-// It names the run's session and answers for its programs as if it were one of them.
+// A foreign writer that sends harmful samples into a run: hostile_peer VENDOR DOMAIN MODE KIND [SECONDS]
+// It uses the run's session and the identities of its programs.
 #include "wire/bus.hpp"
 #include "wire/partitions.hpp"
 #include "wire/session.hpp"
@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// What a stranger can learn of a run by listening.
+/// Data of a run that a foreign writer can receive.
 struct Overheard {
   SceneDescription scene;
   WorldFrame frame;
@@ -101,7 +101,7 @@ int attack(const std::string& vendor, int domain, const std::string& mode, const
   auto state = bus->reader<DeviceState>(device_partition(0));
   auto command = bus->reader<DeviceCommand>(device_partition(0));
   auto report = bus->reader<HapticReport>(user_partition(0));
-  // Until the run runs: the haptic loop has chosen its device.
+  // Until the run is in progress: the haptic loop has chosen its device.
   const auto runs = [&] {
     return of.frame.real_time_factor > 0.0 && of.state.sender != 0 && of.command.served == of.state.sender;
   };

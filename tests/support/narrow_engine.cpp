@@ -1,4 +1,4 @@
-// Bullet, which says of itself that it holds little: every limit that an engine can have.
+// Bullet with every limit that an engine can declare, at low values.
 #include "physics/plugin.hpp"
 
 namespace {

@@ -1,4 +1,4 @@
-// An engine's library of another build: its interface number is not that of the programs.
+// An engine's library of another build: its interface number differs from that of the programs.
 #include "physics/plugin.hpp"
 
 extern "C" {

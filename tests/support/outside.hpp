@@ -1,7 +1,7 @@
 #pragma once
 
 #include "coupling/border.hpp"
-#include "coupling/ghost.hpp"
+#include "coupling/reduced/ghost_model.hpp"
 #include "support/bodies.hpp"
 
 #include <algorithm>
@@ -24,8 +24,8 @@ struct Outside {
   void touch(std::uint32_t a, std::uint32_t b, const Vec3& towards, double force_n) {
     contacts.push_back({.a = BodyId{a}, .b = BodyId{b}, .normal = towards, .normal_impulse = force_n * kStep_s});
   }
-  /// All bodies move alike, but for their `accelerations` if there are any. `unhung` are at the border as well, by what
-  /// they touch.
+  /// All bodies have the same motion, except for their `accelerations` if given. The `unhung` bodies are at the border
+  /// themselves, by their own contacts.
   std::vector<GhostModel> models(std::vector<BodyId> members, const Vec3& velocity = Vec3::Zero(),
                                  const Vec3& acceleration = Vec3::Zero(), const std::vector<BodyId>& unhung = {}) {
     const Membership membership{std::move(members), {kFloor}};

@@ -19,7 +19,7 @@ namespace subworld::test {
 
 namespace {
 
-constexpr int kFirstDomain = 1;  // whatever is below 102 has ports that no other socket gets
+constexpr int kFirstDomain = 1;  // ports of domains below 102 are not assigned to other sockets
 constexpr int kLastDomain = 59;
 
 [[noreturn]] void become(std::vector<char*>& argv, const Environment& environment) {
@@ -34,7 +34,7 @@ void redirect(const std::string& file, int to) {
   close(opened);
 }
 
-/// The lock file, held; -1 if somebody else does.
+/// The lock file, locked; -1 if another process has locked it.
 int lock(const std::string& name) {
   const auto path = std::filesystem::temp_directory_path() / name;
   const int file = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
@@ -48,7 +48,7 @@ int lock(const std::string& name) {
 std::string read_text(const std::string& file) {
   const std::ifstream stream(file, std::ios::binary);
   std::ostringstream text;
-  text << stream.rdbuf();  // does not throw where a process ends while its file in /proc is read
+  text << stream.rdbuf();  // does not throw if a process ends while its file in /proc is read
   return text.str();
 }
 
@@ -149,7 +149,7 @@ TestDomain::TestDomain() {
     const int domain = kFirstDomain + (first + i) % count;
     file_ = lock("subworld-test-domain-" + std::to_string(domain) + ".lock");
     if (file_ < 0) continue;
-    // A run by hand may hold it too, or a program that somebody left behind.
+    // A run by hand may hold it too, or a program that still runs from an earlier test.
     const int launcher = lock("subworld-domain-" + std::to_string(domain) + ".lock");
     if (launcher >= 0) close(launcher);
     if (launcher >= 0 && !in_use(std::to_string(domain))) {

@@ -15,7 +15,7 @@ namespace subworld::test {
 using Words = std::vector<std::string>;
 using Environment = std::map<std::string, std::string>;
 
-/// Asks until `condition` holds; false if it does not within a time that only a fault exceeds.
+/// Polls until `condition` holds; false after a time that is exceeded only by a fault.
 template <class Condition>
 bool eventually(Condition condition, double limit_s = 40.0) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(limit_s);
@@ -28,12 +28,12 @@ bool eventually(Condition condition, double limit_s = 40.0) {
 
 std::string read_text(const std::string& file);
 
-/// One program that a test has started. When this object goes, so does the program.
+/// A program that a test has started. The destructor ends the program.
 class Process {
  public:
   enum class Output {
     files,     ///< `stdout.txt` and `stderr.txt` in the folder
-    terminal,  ///< a terminal of its own, of which the program's session is
+    terminal,  ///< a terminal of its own, which is the session's controlling terminal
   };
 
   Process(const Words& words, const std::string& folder, const Environment& environment = {},
@@ -43,10 +43,10 @@ class Process {
   Process& operator=(const Process&) = delete;
 
   void signal(int number) const;
-  /// What the program has written to its terminal so far; a program waits for a terminal that nobody reads.
+  /// Output of the program on its terminal so far. A program blocks if its terminal is not read.
   const std::string& read_terminal();
   void close_terminal();
-  /// Its exit code, 128 + signal if one killed it; empty if it still runs after `limit_s`.
+  /// Exit code, or 128 + signal if a signal ended it; empty if it still runs after `limit_s`.
   std::optional<int> wait(double limit_s = 60.0);
   [[nodiscard]] std::string out() const { return read_text(folder_ + "/stdout.txt"); }
   [[nodiscard]] std::string err() const { return read_text(folder_ + "/stderr.txt"); }
@@ -58,7 +58,7 @@ class Process {
   std::string shown_;
 };
 
-/// A running program of which one word of the command line holds `mark`.
+/// A running program with `mark` in a word of its command line.
 struct Running {
   pid_t pid = -1;
   Words words;
@@ -68,7 +68,7 @@ struct Running {
 /// The DDS vendors' files in /dev/shm.
 [[nodiscard]] std::set<std::string> shared_memory_files();
 
-/// A DDS domain of 1 .. 59 that no other test holds, whatever runs beside this one; held until this object goes.
+/// A DDS domain of 1 .. 59 that no other test on this machine uses; locked until this object is destroyed.
 class TestDomain {
  public:
   TestDomain();

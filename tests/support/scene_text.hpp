@@ -8,7 +8,7 @@
 
 namespace subworld {
 
-/// The message with which a file is refused, the folder's path cut off; empty if it loads.
+/// The message with which a file is refused, without the folder's path; empty if it loads.
 inline std::string refusal(const std::string& file, const std::string& folder) {
   try {
     (void)load_scene(file);
@@ -28,7 +28,7 @@ inline Scene load_text(const std::string& text) {
 
 namespace test {
 
-/// A hand turns an admittance device of six degrees of freedom by 20 degrees and moves it by 2 cm, within half a
+/// An operator turns an admittance device of six degrees of freedom by 20 degrees and moves it by 2 cm, within half a
 /// second; the proxy is free.
 inline constexpr const char* kTurningAdmittanceDevice = R"(
 name: turning

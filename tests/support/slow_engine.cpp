@@ -1,4 +1,4 @@
-// An engine that takes long to make, as one does that compiles or reads much: then it is Bullet.
+// Bullet, but slow to make, like an engine that compiles or reads large files.
 #include "physics/plugin.hpp"
 
 #include <chrono>

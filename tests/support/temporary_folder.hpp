@@ -9,7 +9,7 @@
 
 namespace subworld {
 
-/// A folder of its own for each test, gone at its end.
+/// A temporary folder of a test; the destructor removes it.
 class TemporaryFolder {
  public:
   TemporaryFolder() {

@@ -29,7 +29,7 @@ inline BusConfig config_of(Vendor vendor, int domain, Mode mode = Mode::lockstep
   return config;
 }
 
-/// Waits on the bus until the condition holds; false if it does not within a time that only a fault exceeds.
+/// Waits on the bus until the condition holds; false after a time that is exceeded only by a fault.
 template <class Condition>
 bool until(Bus& bus, Condition condition, double limit_s = 20.0) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(limit_s);

@@ -219,9 +219,9 @@ class SampleMaker {
 };
 
 /// Calls `visit` with every number, text and size of a sample, in order. Templates over const and non-const are not
-/// needed: it only reads.
+/// needed, because it only reads.
 template <class Visit>
-struct Walk {
+struct NumberVisitor {
   Visit& visit;
 
   void operator()(double value) { visit(value); }
@@ -312,12 +312,12 @@ struct Walk {
   }
 };
 
-/// Everything a sample holds as numbers; equal lists are equal samples, bit for bit.
+/// All contents of a sample as numbers; equal lists mean equal samples, bit for bit.
 template <class M>
 std::vector<double> numbers_of(const M& sample) {
   std::vector<double> numbers;
   auto collect = [&numbers](double value) { numbers.push_back(value); };
-  Walk<decltype(collect)>{collect}(sample);
+  NumberVisitor<decltype(collect)>{collect}(sample);
   return numbers;
 }
 

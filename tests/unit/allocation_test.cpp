@@ -20,10 +20,10 @@ namespace {
 constexpr int kCycles = 10'000;
 constexpr int kWarmUpCycles = 100;
 
-/// `row`, pushed on and on, with a box that follows: bodies enter and leave, are touched and let go, through all of it.
+/// `row`, pushed continuously, with a box that follows: bodies enter, leave, are touched and released all the time.
 Scene pushed_row(const std::string& scheme) {
   Scene scene = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
-  scene.settings.mode = Mode::realtime;  // in lock-step there is no deadline, and nothing is reserved ahead
+  scene.settings.mode = Mode::realtime;  // in lock-step there is no deadline, and loops do not reserve memory
   scene.settings.scheme = scheme;
   keep_users(scene, 1);
   for (Body& body : scene.bodies) body.name += ", by a name that no short string holds";
@@ -37,7 +37,7 @@ Scene pushed_row(const std::string& scheme) {
   return scene;
 }
 
-/// One topic, from its writer's sample to its reader's.
+/// One topic, from the writer's sample to the reader's.
 template <class M>
 class Topic {
  public:
@@ -52,9 +52,8 @@ class Topic {
 
 class Loops : public testing::TestWithParam<const char*> {};
 
-// Everything that the three loops do between two waits, with messages, histories and traces, whatever enters or leaves.
-// What an engine allocates is its own: Bullet makes shapes and bodies that enter, and room for the pairs that they
-// form.
+// All work of the three loops between two waits, with messages, histories and traces, while bodies enter and leave.
+// Allocations of an engine do not count: Bullet allocates shapes and bodies that enter, and memory for their pairs.
 TEST_P(Loops, AllocateNothingInTenThousandCycles) {
   const Scene scene = pushed_row(GetParam());
   World world(scene);
@@ -78,7 +77,7 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
     frames.send(world.frame(0));
     entered += frames.received.entering.size();
     border_pairs += frames.received.border_contacts;
-    sub.apply(frames.received);
+    sub.synchronise_with(frames.received);
     haptic_measures.stages().mark(HapticStage::synchronise);
     haptic_measures.synchronised(1e-4, 0);
     for (int i = 0; i < scene.settings.ratio; ++i) {

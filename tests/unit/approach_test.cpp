@@ -1,4 +1,4 @@
-#include "coupling/approach.hpp"
+#include "coupling/reduced/approach.hpp"
 #include "coupling/border.hpp"
 #include "support/bodies.hpp"
 
@@ -52,8 +52,8 @@ struct Two {
   double half_m = 0.5 * std::numbers::sqrt3 * kSide_m;  ///< of a cube that is turned by any angle
 };
 
-// 10 mm apart, 0.3 m/s: they meet in 33 ms.
-TEST(Approach, WhatWillTouchWithinTheTimeIsAtTheBorder) {
+// 10 mm apart, 0.3 m/s: contact in 33 ms.
+TEST(Approach, ABodyThatWillTouchWithinTheTimeIsAtTheBorder) {
   Two two;
   two.states[1] = test::at(0.11, 0.02, 0);
   two.states[0].linear_velocity.x() = 0.3;
@@ -67,7 +67,7 @@ TEST(Approach, WhatWillTouchWithinTheTimeIsAtTheBorder) {
   EXPECT_EQ(border[0].normal_impulse, 0.0);
 }
 
-TEST(Approach, WhatIsTooSlowOrGoesAwayIsNot) {
+TEST(Approach, ASlowOrRecedingBodyIsNot) {
   Two two;
   two.states[1] = test::at(0.11, 0, 0);
   two.states[0].linear_velocity.x() = 0.2;
@@ -80,7 +80,7 @@ TEST(Approach, WhatIsTooSlowOrGoesAwayIsNot) {
 
 // Both may fall by g t^2 / 2, 7.8 mm.
 // 30 cm away, 8 m/s.
-TEST(Approach, WhatComesFastIsFoundFromAfar) {
+TEST(Approach, AFastBodyIsFoundFromAfar) {
   Two two;
   two.states[1] = test::at(0, 0, 0.4);
   two.states[1].linear_velocity.z() = -8;
@@ -116,7 +116,7 @@ TEST(Approach, NeighboursOverAnEdgeDoNotTouch) {
   two.states[1] = test::at(0.101, 0.098, 0);
   EXPECT_EQ(two.near().size(), 1U);
   two.states[1] = test::at(0.101, 0.102, 0);
-  two.states[1].linear_velocity.y() = -0.1;  // 4 mm aside, before they have passed
+  two.states[1].linear_velocity.y() = -0.1;  // 4 mm sideways, before they have passed
   EXPECT_EQ(two.near().size(), 1U);
 }
 
@@ -168,7 +168,7 @@ TEST(Approach, AHullReachesToItsVertices) {
   EXPECT_NEAR(border[0].distance, 0.01, 1e-12);
 }
 
-TEST(Approach, WhatTouchesIsThereAlready) {
+TEST(Approach, ATouchingBodyIsAlreadyAtTheBorder) {
   Two two;
   two.states[1] = test::at(0.1, 0, 0);
   two.states[0].linear_velocity.x() = 0.3;
@@ -178,8 +178,8 @@ TEST(Approach, WhatTouchesIsThereAlready) {
   EXPECT_EQ(border[0].normal_impulse, 0.1);
 }
 
-// A third cube is near, but stands on the second, which touches: it goes with that one.
-TEST(Approach, WhatHangsOnTheBorderGoesWithIt) {
+// A third cube is near, but stands on the second, which is in contact: the second represents it.
+TEST(Approach, ABodyBehindTheBorderIsRepresentedByIt) {
   Two two;
   two.scene.bodies.push_back(test::cube(BodyId{2}, kSide_m));
   two.states = {test::at(0, 0, 0), test::at(0.1, 0, -0.08), test::at(0.11, 0, 0.02)};
@@ -194,10 +194,9 @@ TEST(Approach, WhatHangsOnTheBorderGoesWithIt) {
   EXPECT_EQ(border[0].outside, BodyId{1});
 }
 
-// The member pushes the second cube, and that the third, which stands close to the fourth: now the third is at the
-// border itself, by its contact with the second. What comes from
-// beside it is not pushed into.
-TEST(Approach, WhatHangsAndIsPushedIntoSomethingIsAtTheBorder) {
+// The member pushes the second cube, the second pushes the third, and the third is close to the fourth. So the third is
+// at the border itself, by its contact with the second. Bodies that approach from the side do not count.
+TEST(Approach, ABodyBehindTheBorderThatIsPushedIntoAnotherIsAtTheBorder) {
   const auto row = [](const Vec3& fourth, const Vec3& velocity) {
     Two two;
     for (const std::uint32_t i : {2U, 3U}) two.scene.bodies.push_back(test::cube(BodyId{i}, kSide_m));
@@ -220,9 +219,9 @@ TEST(Approach, WhatHangsAndIsPushedIntoSomethingIsAtTheBorder) {
   EXPECT_EQ(row(Vec3(0.25, 0.105, 0), Vec3(0, -0.3, 0)).size(), 1U);
 }
 
-// The member does not reach the third cube, but the second, which it touches and pushes on, does; and then the third
-// stands close to a fourth.
-TEST(Approach, WhatTheBorderIsPushedIntoIsFoundToo) {
+// The third cube is out of reach of the member, but within reach of the second, which the member touches and pushes.
+// Then the third is close to a fourth.
+TEST(Approach, ABodyThatTheBorderIsPushedIntoIsFoundToo) {
   Two two;
   for (const std::uint32_t i : {2U, 3U}) two.scene.bodies.push_back(test::cube(BodyId{i}, kSide_m));
   two.states = {test::at(0, 0, 0), test::at(0.1, 0, 0), test::at(0.21, 0, 0), test::at(0.311, 0, 0)};

@@ -1,4 +1,4 @@
-// The bodies that --bodies names.
+// The choice of bodies by --bodies.
 #include "model/body_choice.hpp"
 
 #include "model/error.hpp"
@@ -56,7 +56,7 @@ TEST(BodyChoice, TakesPatterns) {
   EXPECT_EQ(chosen("cube/?"), "cube/0 cube/1");
   EXPECT_EQ(chosen("*/1*,cube/1"), "bin/1 cube/1 cube/10");
   EXPECT_EQ(chosen("*/proxy"), "hand/proxy");
-  EXPECT_EQ(chosen("bin*"), "bin/0 bin/1") << "who names fixed bodies gets them";
+  EXPECT_EQ(chosen("bin*"), "bin/0 bin/1") << "fixed bodies can be named";
 }
 
 TEST(BodyChoice, AllAreThoseThatCanMove) {

@@ -12,7 +12,7 @@ namespace {
 using test::kFloor;
 using test::kStep_s;
 
-/// One second a body and one a contact point: costs are numbers of what is simulated.
+/// One second a body and one a contact point: costs are counts.
 constexpr StepCost kCountBodies{.body_s = 1.0};
 constexpr StepCost kCountContacts{.contact_s = 1.0};
 
@@ -49,7 +49,7 @@ std::vector<BodyId> ids(std::initializer_list<std::uint32_t> numbers) {
   return list;
 }
 
-TEST_F(Budgets, WhatFitsIsEverything) {
+TEST_F(Budgets, EveryBodyIsAMemberIfTheBudgetAllows) {
   make(4);
   EXPECT_EQ(chosen({.limit_s = 4.0, .cost = kCountBodies}), candidates);
   EXPECT_EQ(selector->omitted(), 0U);
@@ -84,7 +84,7 @@ TEST_F(Budgets, TheMoreLoadedNeighbourAndTheHeavierOneComeFirst) {
   EXPECT_EQ(chosen({.limit_s = 2.5, .cost = kCountBodies}), ids({1, 2}));
 }
 
-TEST_F(Budgets, WhatNothingJoinsToTheProxyComesByNearnessAndLast) {
+TEST_F(Budgets, UnconnectedBodiesComeLastByDistance) {
   make(4);
   centres[2] = Vec3(0.5, 0, 0);
   centres[3] = Vec3(0.2, 0, 0);
@@ -94,16 +94,16 @@ TEST_F(Budgets, WhatNothingJoinsToTheProxyComesByNearnessAndLast) {
   EXPECT_EQ(chosen({.limit_s = 3.5, .cost = kCountBodies}), ids({1, 3, 4}));
 }
 
-TEST_F(Budgets, WhatTouchesAMemberIsSimulatedToo) {
+TEST_F(Budgets, ABodyThatTouchesAMemberCountsInTheCost) {
   make(3);
   world->touch(1, 2, Vec3::UnitX(), 1.0);
   world->touch(2, 3, Vec3::UnitX(), 1.0);
   const Budget two{.limit_s = 2.5, .cost = kCountBodies, .simulates_border = true};
-  EXPECT_EQ(chosen(two), ids({1}));  // and 2 as its ghost; with 2 as a member, 3 would be one
+  EXPECT_EQ(chosen(two), ids({1}));  // and 2 as its ghost; as a member, 2 would have the ghost 3
   EXPECT_DOUBLE_EQ(selector->cost_s(), 2.0);
   EXPECT_EQ(chosen({.limit_s = 9.0, .cost = kCountBodies, .simulates_border = true}), ids({1, 2, 3}));
-  EXPECT_DOUBLE_EQ(selector->cost_s(), 3.0);  // a ghost that becomes a member was counted already
-  EXPECT_EQ(chosen({.limit_s = 2.5, .cost = kCountBodies}), ids({1, 2}));  // an outside of impulses is not
+  EXPECT_DOUBLE_EQ(selector->cost_s(), 3.0);  // a ghost that becomes a member was already counted
+  EXPECT_EQ(chosen({.limit_s = 2.5, .cost = kCountBodies}), ids({1, 2}));  // without ghosts, the outside costs nothing
 }
 
 TEST_F(Budgets, ContactsAreThoseThatAStepHas) {
@@ -120,14 +120,14 @@ TEST_F(Budgets, ContactsAreThoseThatAStepHas) {
   EXPECT_DOUBLE_EQ(selector->cost_s(), 8.0);
 }
 
-TEST_F(Budgets, NoiseInTheLoadsExchangesNobody) {
+TEST_F(Budgets, NoiseInTheLoadsExchangesNoMember) {
   make(3);
   const Budget two{.limit_s = 2.5, .cost = kCountBodies};
   world->touch(1, 2, Vec3::UnitX(), 1.0);
   world->touch(1, 3, Vec3::UnitY(), 1.2);
   EXPECT_EQ(chosen(two), ids({1, 3}));
   EXPECT_EQ(chosen(two, ids({1, 2})), ids({1, 2}));
-  world->contacts.back().normal_impulse *= 5.0;  // no noise
+  world->contacts.back().normal_impulse *= 5.0;  // more than noise
   EXPECT_EQ(chosen(two, ids({1, 2})), ids({1, 3}));
 }
 
@@ -148,7 +148,7 @@ TEST(Correction, FollowsWhatStepsTake) {
   EXPECT_NEAR(correction.factor(), 0.5, 0.05);
 }
 
-TEST(Correction, IsDeafToTheFewStepsThatTheMachineHeldUp) {
+TEST(Correction, IgnoresTheFewStepsThatTheOsDelayed) {
   CostCorrection correction;
   for (int i = 0; i < 2000; ++i) correction.observe(1e-4, i % 10 == 0 ? 1.0 : 1e-4);
   EXPECT_EQ(correction.factor(), 1.0);

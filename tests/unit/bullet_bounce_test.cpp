@@ -1,4 +1,4 @@
-// Bounces that Newton's restitution and friction together would give energy to.
+// Bounces that would gain energy from Newton's restitution together with friction.
 
 #include "model/mass_properties.hpp"
 #include "support/engines.hpp"
@@ -42,7 +42,7 @@ class BulletBounce : public testing::TestWithParam<test::Tested> {
     }
     return sum;
   }
-  /// Above the energy at the begin, of the kinetic one then.
+  /// Rise above the initial energy, relative to the initial kinetic energy.
   [[nodiscard]] double largest_gain(double kinetic_j) {
     const double start_j = energy_j();
     double gain = 0.0;
@@ -57,8 +57,8 @@ class BulletBounce : public testing::TestWithParam<test::Tested> {
   std::vector<Body> bodies;
 };
 
-/// Without a limit `fast` gives them as much energy as they had.
-TEST_P(BulletBounce, BricksThatMeetWithFrictionWinNoEnergy) {
+/// Without the limit, `fast` doubles their energy.
+TEST_P(BulletBounce, BricksThatCollideWithFrictionGainNoEnergy) {
   add({.kind = ShapeKind::plane}, 0.0, {});
   const Vec3 fast(0.817, 0.287, -0.438), slow(-0.261, 0.119, 0.344);
   add_brick({0.08312, 0, 0.03545}, fast);
@@ -67,7 +67,7 @@ TEST_P(BulletBounce, BricksThatMeetWithFrictionWinNoEnergy) {
   EXPECT_LT(largest_gain(0.5 * (fast.squaredNorm() + slow.squaredNorm())), 0.05);
 }
 
-/// Where nothing is won, nothing is taken.
+/// The limit does not remove energy where none is gained.
 TEST_P(BulletBounce, AFlatCubeBouncesAsHighAsItShould) {
   add({.kind = ShapeKind::plane}, 0.0, {});
   add_brick({0, 0, 0.03545 + 0.1}, Vec3::Zero());

@@ -1,4 +1,4 @@
-// What exact contacts, made new in each step, and a look ahead give to Bullet.
+// Exact contacts that are computed again in each step, and the look ahead, in Bullet.
 
 #include "common/physics/bullet/corners.hpp"
 #include "model/mass_properties.hpp"
@@ -31,7 +31,7 @@ Mesh slab_mesh(const Vec3& half) {
   return mesh;
 }
 
-/// A round piece of so many sides, axis z.
+/// A prism with this number of sides, axis z.
 Mesh prism(int sides, double radius, double half_length) {
   Mesh mesh;
   mesh.file = "prism";
@@ -88,7 +88,7 @@ const Shape kCapsule{.kind = ShapeKind::capsule, .radius = 0.05, .half_length = 
 
 class BulletContacts : public testing::TestWithParam<test::Tested> {
  protected:
-  /// A world with a table whose top is 0.5 m high, or so deep below the plane.
+  /// A world with a table whose top is 0.5 m high, or with a plane at that height.
   std::unique_ptr<Engine> on_table(const Shape& table, const Body& body, const BodyState& from_top) {
     auto engine = GetParam().make(bullet_meshes());
     const double top = table.kind == ShapeKind::plane ? 0.0 : 2.0 * kTable_m;
@@ -124,7 +124,7 @@ TEST_P(BulletContacts, AnOverhangingCylinderLiesStill) {
   EXPECT_LT((engine->state(kBody).position - Vec3(0.1, 0.46, 0.55)).norm(), 3e-4);
 }
 
-/// Two of a hull, one turned on the other, on a plane; s for 300 steps.
+/// Two equal hulls on a plane, one rotated on the other; returns the time of 300 steps, s.
 double stack_of_two(const test::Tested& tested, MeshId mesh, double half_height) {
   const auto engine = tested.make(bullet_meshes());
   const Shape hull{.kind = ShapeKind::convex, .mesh = mesh};
@@ -140,7 +140,7 @@ double stack_of_two(const test::Tested& tested, MeshId mesh, double half_height)
   return took.count();
 }
 
-// A face of 150 corners touches all around, at a cost that does not grow with their fours.
+// A face of 150 corners touches all around, and the cost does not grow with the number of combinations.
 TEST_P(BulletContacts, FacesOfManyCornersRestAndCostLittle) {
   std::vector<double> ratios;
   for (int i = 0; i < 5; ++i)
@@ -150,11 +150,11 @@ TEST_P(BulletContacts, FacesOfManyCornersRestAndCostLittle) {
   RecordProperty("cost_ratio", std::to_string(ratios[2]));
 }
 
-// The plate's face cut to the coin's has more corners than there is room for.
+// The intersection of the plate's face with the coin's has more corners than the capacity.
 TEST_P(BulletContacts, APlateRestsOnACoinOfManyCorners) {
   const auto engine = GetParam().make(bullet_meshes());
   engine->add(body_of(kFloor, {.kind = ShapeKind::convex, .mesh = kCoin}, 0.0), BodyState{});
-  const Vec3 at(0.046, 0, 0.02);  // just inside of the coin's edge
+  const Vec3 at(0.046, 0, 0.02);  // just inside the coin's edge
   engine->add(body_of(kBody, {.kind = ShapeKind::convex, .mesh = kPlate}, 1.0), state_at(at));
   for (double angle = 0.0; angle < 6.2; angle += 0.4) {
     const Vec3 turned = Eigen::AngleAxisd(angle, Vec3::UnitZ()) * at;
@@ -180,7 +180,7 @@ TEST(BulletCorners, GoAllAroundWhereThereIsNoRoomForAll) {
   }
 }
 
-// A torque rolls a ball that does not slip: a = (t / r) / (m + I / r^2).
+// A torque rolls a ball without slip: a = (t / r) / (m + I / r^2).
 TEST_P(BulletContacts, ATorqueRollsABall) {
   const Shape ball{.kind = ShapeKind::sphere, .radius = 0.05};
   const auto engine = on_table(tables()[0].shape, body_of(kBody, ball, 1.0), state_at(Vec3(0, 0, 0.05)));
@@ -195,7 +195,7 @@ TEST_P(BulletContacts, ATorqueRollsABall) {
   EXPECT_NEAR(engine->state(kBody).angular_velocity.y(), expected / 0.05, 0.01 * expected / 0.05);
 }
 
-// Friction holds a cube against a torque about the vertical of half of what turns it.
+// Friction holds a cube against a torque about the vertical of half the limit.
 TEST_P(BulletContacts, ATorqueBelowFrictionTurnsNothing) {
   const Shape cube{.kind = ShapeKind::box, .half_extents = Vec3::Constant(0.05)};
   const auto engine = on_table(tables()[0].shape, body_of(kBody, cube, 1.0), state_at(Vec3(0, 0, 0.05)));
@@ -208,7 +208,7 @@ TEST_P(BulletContacts, ATorqueBelowFrictionTurnsNothing) {
   EXPECT_LT(engine->state(kBody).orientation.angularDistance(Quat::Identity()), 2e-3);
 }
 
-TEST_P(BulletContacts, WhatRollsKeepsItsSpeed) {
+TEST_P(BulletContacts, ARollingBodyKeepsItsSpeed) {
   for (const Ground& table : tables()) {
     for (const Shape& shape : {kCylinder, kCapsule}) {
       for (const double speed : {0.1, 0.3}) {
@@ -243,7 +243,7 @@ TEST_P(BulletContacts, HullsAreAsLargeAsTheirVerticesSay) {
       above.orientation = Quat::Identity();
       engine->add(body_of(BodyId{2}, ball, 0.1), above);
       test::run(*engine, GetParam().steps(1.0), GetParam().dt);
-      const double room = 1e-3 * height + 2e-5;  // what engines let contacts sink by
+      const double room = 1e-3 * height + 2e-5;  // depth at which engines let contacts rest
       EXPECT_LT((engine->state(kBody).position - start).norm(), room);
       EXPECT_NEAR(engine->state(BodyId{2}).position.z() - start.z(), height + 0.02, room);
     }
@@ -264,7 +264,7 @@ TEST_P(BulletContacts, HullsStackExactly) {
   }
 }
 
-/// Pushes below mu N hold, above it the rest accelerates, also for mu that no material has.
+/// Pushes below mu N are held, and larger ones accelerate the body, also with unrealistically large mu.
 TEST_P(BulletContacts, FrictionIsAsGiven) {
   for (const double mu : {0.2, 2.0, 20.0}) {
     SCOPED_TRACE(mu);

@@ -1,4 +1,4 @@
-// Bodies that leave and come back to the same place go on with their contact impulses.
+// Bodies that leave and return to the same place continue with their contact impulses.
 #include "physics/engine.hpp"
 #include "support/bodies.hpp"
 #include "support/engines.hpp"
@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kStep_s = 0.004;
 
-/// A stack that has stood for 2 s, under weight along a slope.
+/// A stack that has stood for 2 s, with gravity tilted along a slope.
 class WokenStack : public testing::TestWithParam<test::Tested> {
  protected:
   static constexpr int kCubes = 2;
@@ -23,7 +23,7 @@ class WokenStack : public testing::TestWithParam<test::Tested> {
   WokenStack() {
     EngineSettings settings = GetParam().settings();
     settings.gravity = test::kG * Vec3(kSlope, kSlope, -1.0);
-    for (std::unique_ptr<Engine>* one : {&engine, &foreign_writer}) {
+    for (std::unique_ptr<Engine>* one : {&engine, &other_engine}) {
       *one = make_engine(settings, {});
       (*one)->add(test::floor_plane(BodyId{0}), BodyState{});
     }
@@ -41,7 +41,7 @@ class WokenStack : public testing::TestWithParam<test::Tested> {
     for (std::uint32_t k = 1; k <= kCubes; ++k) ids.push_back(BodyId{k});
     return ids;
   }
-  /// The greatest speed along and across the slope in the first steps after the cubes have come, m/s.
+  /// The largest speed along and across the slope in the first steps after the cubes have returned, m/s.
   [[nodiscard]] static Vec3 jolt(Engine& engine, const std::vector<BodyState>& states) {
     for (const BodyId id : cubes()) engine.add(test::cube(id), states[index(id) - 1]);
     Vec3 fastest = Vec3::Zero();
@@ -52,19 +52,19 @@ class WokenStack : public testing::TestWithParam<test::Tested> {
     return fastest;
   }
 
-  std::unique_ptr<Engine> engine, foreign_writer;  ///< the stranger has never had the stack
+  std::unique_ptr<Engine> engine, other_engine;  ///< other_engine has never contained the stack
   std::vector<BodyState> slept;
 };
 
 TEST_P(WokenStack, StandsOnTheImpulsesWithWhichItFellAsleep) {
-  const Vec3 with = jolt(*engine, slept), without = jolt(*foreign_writer, slept);
+  const Vec3 with = jolt(*engine, slept), without = jolt(*other_engine, slept);
   for (const int across : {0, 1}) EXPECT_LT(with[across], 0.1 * without[across]) << across;
   EXPECT_LT(with.z(), 0.3 * without.z());
 }
 
-TEST_P(WokenStack, StartsAnewElsewhere) {
+TEST_P(WokenStack, StartsFromZeroElsewhere) {
   for (BodyState& state : slept) state.position.y() += 1e-4;
-  const Vec3 with = jolt(*engine, slept), without = jolt(*foreign_writer, slept);
+  const Vec3 with = jolt(*engine, slept), without = jolt(*other_engine, slept);
   EXPECT_NEAR(with.z(), without.z(), 0.05 * without.z());
 }
 

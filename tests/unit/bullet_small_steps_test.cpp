@@ -1,4 +1,4 @@
-// What Bullet's preset quality holds by small steps: unequal masses, high stacks, still forces.
+// Small steps in Bullet's preset quality: unequal masses, high stacks, steady forces.
 
 #include "model/mass_properties.hpp"
 #include "model/scene_layout.hpp"
@@ -39,7 +39,7 @@ class BulletSmallSteps : public testing::TestWithParam<test::Tested> {
   }
   void add_floor() { add({.kind = ShapeKind::plane}, 0.0, Vec3::Zero()); }
 
-  /// J; positions taken where they agree with velocities.
+  /// J; positions at the time of the velocities.
   [[nodiscard]] double energy() const {
     const double ahead_s = 0.5 * engine->integration_substep_s(GetParam().dt);
     double sum = 0.0;
@@ -71,8 +71,8 @@ class BulletSmallSteps : public testing::TestWithParam<test::Tested> {
   std::vector<Vec3> starts;
 };
 
-/// Blows between 3 g and 30 kg win no energy that counts.
-TEST_P(BulletSmallSteps, UnequalHeapsWinNoEnergy) {
+/// Impacts between 3 g and 30 kg gain no significant energy.
+TEST_P(BulletSmallSteps, UnequalHeapsGainNoEnergy) {
   constexpr double kSide = 0.08, kBin = 0.3, kGolden = 0.6180339887;
   add_floor();
   for (int side = 0; side < 4; ++side) {
@@ -121,10 +121,10 @@ TEST_P(BulletSmallSteps, AStackStands) {
   for (int i = 0; i < kCubes; ++i) add_cube(0.1, 1.0, Vec3(0, 0, (i + 0.5) * 0.1));
   run(5.0);
   EXPECT_LT(moved(), 1e-3);
-  EXPECT_LT(fastest(), GetParam().engine == "bullet" ? 1e-3 : 1e-2);  // in single precision it sways a little
+  EXPECT_LT(fastest(), GetParam().engine == "bullet" ? 1e-3 : 1e-2);  // single precision oscillates a little
 }
 
-TEST_P(BulletSmallSteps, WhatRestsOnASlopeDoesNotCreep) {
+TEST_P(BulletSmallSteps, ARestingBodyOnASlopeDoesNotCreep) {
   for (const double heading : {0.0, 0.5, 1.6, 3.1}) {
     EngineSettings settings = GetParam().settings();
     const double angle = std::atan(0.9 * 0.5);

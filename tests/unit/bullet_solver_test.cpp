@@ -59,7 +59,7 @@ struct World {
   std::vector<std::unique_ptr<btRigidBody>> bodies;
 };
 
-/// Steps two worlds that differ in the solver only, until they differ otherwise; returns how many steps were equal.
+/// Steps two worlds that have different solvers, until their states differ; returns the number of equal steps.
 int equal_steps(int steps) {
   btSequentialImpulseConstraintSolver bullets;
   ContactSolver ours;
@@ -79,8 +79,8 @@ int equal_steps(int steps) {
   return steps;
 }
 
-/// A body that leaves 1.25 times as fast as it came, times the part of its restitution: it keeps its energy at 0.8.
-TEST(BounceLimit, FindsThePartThatKeepsTheEnergy) {
+/// A body that leaves with 1.25 times its speed, times the factor of its restitution: it has its initial energy at 0.8.
+TEST(BounceLimit, FindsTheFactorThatConservesTheEnergy) {
   btBoxShape shape({0.1, 0.1, 0.1});
   btRigidBody body(btRigidBody::btRigidBodyConstructionInfo(1, nullptr, &shape, {1, 1, 1}));
   std::vector<Mover> movers(2);
@@ -94,20 +94,20 @@ TEST(BounceLimit, FindsThePartThatKeepsTheEnergy) {
   limit.join(kFixed, 1, true);
   int tries = 0;
   do {
-    after[1].linear[2] = 1.25 * limit.part(kFixed, 1);
+    after[1].linear[2] = 1.25 * limit.factor(kFixed, 1);
   } while (limit.lower(before, after, false) && ++tries < BounceLimit::kMostTries);
   EXPECT_LT(tries, BounceLimit::kMostTries);
-  EXPECT_LE(limit.part(kFixed, 1), 0.8 + 1e-5);
-  EXPECT_GT(limit.part(kFixed, 1), 0.7);
+  EXPECT_LE(limit.factor(kFixed, 1), 0.8 + 1e-5);
+  EXPECT_GT(limit.factor(kFixed, 1), 0.7);
 }
 
-TEST(BounceLimit, LeavesBouncesThatWinNothing) {
+TEST(BounceLimit, DoesNotChangeBouncesWithoutGain) {
   std::vector<Mover> movers(2);
   BounceLimit limit;
   limit.begin(movers);
   limit.join(1, kFixed, true);
   EXPECT_FALSE(limit.lower(std::vector<Motion>(2), std::vector<Motion>(2), false));
-  EXPECT_EQ(limit.part(1, kFixed), 1);
+  EXPECT_EQ(limit.factor(1, kFixed), 1);
 }
 
 TEST(BulletSolver, WithoutFrictionMovesBodiesAsBulletsOwnBitByBit) { EXPECT_EQ(equal_steps(500), 500); }

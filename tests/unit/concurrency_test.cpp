@@ -1,5 +1,5 @@
-// Compiled with the thread sanitizer, which ends the program at the first race: a world is read, and its engine
-// exchanged, while it steps.
+// Compiled with the thread sanitizer, which ends the program at the first race: while a world steps, other threads read
+// it and exchange its engine.
 #include "physics/engine_exchange.hpp"
 #include "rt/newest.hpp"
 #include "support/bodies.hpp"
@@ -44,7 +44,7 @@ TEST(Concurrency, AWorldIsReadWholeWhileItStepsAndChangesItsEngine) {
         newest.read([&](const View& view) {
           EXPECT_GE(view.step, last) << "time went back";
           last = view.step;
-          // Every state of a view carries the view's own step: none is of another.
+          // Every state of a view has the step of the view: none is from another step.
           for (const BodyState& state : view.states) EXPECT_EQ(state.angular_velocity.x(), double(view.step));
         });
         ++looks;

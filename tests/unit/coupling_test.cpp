@@ -3,6 +3,7 @@
 #include "coupling/contact_graph.hpp"
 #include "coupling/delay.hpp"
 #include "coupling/force_guard.hpp"
+#include "coupling/paper/paper.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/selection.hpp"
 #include "coupling/synchroniser.hpp"
@@ -36,7 +37,7 @@ TEST(Selection, MembersAreMovableAndAlwaysHoldTheProxy) {
   EXPECT_EQ(m.fixed, std::vector{BodyId{0}});
   EXPECT_TRUE(m.holds(BodyId{0}));
   EXPECT_FALSE(m.holds(BodyId{1}));
-  // A fixed body that is touched is inside, even where the bounds miss it.
+  // A fixed body in contact with a member is inside, even if its bounds do not reach the box.
   select_fixed({}, std::vector{Contact{.a = BodyId{0}, .b = BodyId{2}}, Contact{.a = BodyId{0}, .b = BodyId{1}}},
                bodies, m);
   EXPECT_EQ(m.fixed, (std::vector{BodyId{0}}));
@@ -81,7 +82,7 @@ TEST(Border, ImpulsesActOnTheInsideBodyWhicheverSideItIs) {
   EXPECT_EQ(impulses[0].impulse, Vec3(-0.125, 0, -0.75));
 }
 
-// Figure 8 a: members that touch only one another and the floor have no border.
+// Figure 8 a: members with contacts only among themselves and with the floor have no border.
 TEST(Border, Figure8aClosedSubWorldHasNone) {
   const Membership m{.members = {BodyId{1}, BodyId{2}}, .fixed = {BodyId{0}}};
   std::vector<BoundaryContact> border;
@@ -125,7 +126,7 @@ TEST(Blend, ShiftIsTheDifferenceAndStatesMeetInTheMiddle) {
   EXPECT_NEAR(half.orientation.angularDistance(a.orientation), 0.25, 1e-7);
 }
 
-TEST(Blend, APartOfATurnIsThatOfASlerp) {
+TEST(Blend, AShareOfARotationIsThatOfASlerp) {
   for (const double angle : {0.0, 1e-9, 1e-3, 0.059, 0.061, 2.0, -0.05}) {
     for (const double part : {0.0, 0.1, 0.8, 1.0}) {
       const Quat turn(Eigen::AngleAxisd(angle, Vec3(1, -2, 2).normalized()));
@@ -175,7 +176,7 @@ TEST(VirtualCoupling, ImplicitStepIsStableAtAnyStep) {
   EXPECT_LT(proxy.position.norm(), 1e-4);
 }
 
-/// A coupling far too stiff for its limit switches between spring and limit at every step; the limit bounds its power.
+/// A coupling far too stiff for its limit switches between spring and limit in every step; the limit bounds its power.
 TEST(VirtualCoupling, SaturationBoundsTheEnergy) {
   const CouplingSettings k{.stiffness_n_m = 1e6, .damping_n_s_m = 20.0};
   const ForceLimits limits{.force_n = 40.0};
@@ -213,10 +214,10 @@ struct ToolMotion {
   std::vector<Wrench> wrench;
 };
 
-/// A free tool of six degrees of freedom whose device swings and turns, in 300 steps of 1 ms of wall time, on a clock
-/// of which step i covers rate(i).
+/// A free tool of six degrees of freedom whose device oscillates and turns, in 300 steps of 1 ms of wall time, on a
+/// clock of which step i covers rate(i).
 template <class Rate>
-ToolMotion swing(Rate&& rate) {
+ToolMotion oscillate(Rate&& rate) {
   UserSpec user;
   user.coupling = {.stiffness_n_m = 1000, .damping_n_s_m = 5};
   const ForceLimits limits{.force_n = 40, .torque_n_m = 2, .torques = true};
@@ -251,16 +252,16 @@ ToolMotion swing(Rate&& rate) {
   return seen;
 }
 
-// The tool is in the hand: on whatever clock, and while its rate changes, it moves and pulls as at full speed.
+// The proxy runs in wall time: with any clock, and while its rate changes, motion and force are those at full speed.
 TEST(Tool, MovesInWallTimeAsAtFullSpeed) {
-  const ToolMotion full = swing([](int) { return 1.0; });
+  const ToolMotion full = oscillate([](int) { return 1.0; });
   EXPECT_GT(full.wrench.front().force.norm(), 0.1) << "N";
   const std::vector<std::function<double(int)>> rates{
       [](int) { return 0.5; }, [](int) { return 0.05; },
       [](int i) { return std::max(0.02, std::pow(0.97, i < 150 ? i : 300 - i)); }};
   for (const auto& rate : rates) {
     SCOPED_TRACE(rate(150));
-    const ToolMotion slowed = swing(rate);
+    const ToolMotion slowed = oscillate(rate);
     for (std::size_t i = 0; i < full.proxy.size(); ++i) {
       ASSERT_LT((slowed.proxy[i].position - full.proxy[i].position).norm(), 1e-12);
       ASSERT_LT((slowed.proxy[i].linear_velocity - full.proxy[i].linear_velocity).norm(), 1e-10);
@@ -299,7 +300,7 @@ TEST(ForceGuard, ChangesNoFasterThanTheLimit) {
   }
 }
 
-TEST(ForceGuard, GivesAHandNoMorePowerThanTheLimit) {
+TEST(ForceGuard, DeliversNoMorePowerToTheOperatorThanTheLimit) {
   ForceGuard guard(kLimits, 0.0);
   const Vec3 along(4, 3, 0), velocity(2, 0, 0);
   Vec3 force;
@@ -308,10 +309,10 @@ TEST(ForceGuard, GivesAHandNoMorePowerThanTheLimit) {
   guard.restart();
   for (int i = 0; i < 10; ++i) force = guard.pass({2 * along, Vec3::Zero()}, velocity, true, 0.001).force;
   EXPECT_NEAR(force.dot(velocity), 10.0, 1e-9);
-  EXPECT_NEAR(force.y(), 6.0, 1e-9) << "what is across stays";
+  EXPECT_NEAR(force.y(), 6.0, 1e-9) << "the component across is unchanged";
 }
 
-TEST(ForceGuard, MeetsAHandThatItLetGoFromZero) {
+TEST(ForceGuard, ReEngagesFromZeroForceAfterADeclutch) {
   ForceGuard guard(kLimits, 0.1);
   const Wrench wanted{Vec3(8, 0, 0), Vec3::Zero()};
   for (int i = 0; i < 200; ++i) EXPECT_LE(guard.pass(wanted, Vec3::Zero(), true, 0.001).force.norm(), 8.0);
@@ -374,27 +375,42 @@ WorldFrame frame_of(std::uint64_t stamp, std::uint64_t echoed, const BodyState& 
   return f;
 }
 
+/// Body 1 is what both sides hold; the users' proxies are given.
+Scene with_proxies(BodyId own, BodyId other) {
+  Scene scene;
+  scene.settings = paper();
+  scene.settings.users = 2;
+  scene.users.resize(2);
+  scene.users[0].proxy = own;
+  scene.users[1].proxy = other;
+  return scene;
+}
+
 TEST(Synchroniser, BothCopiesMeetAndTheProxyFollowsTheSubWorld) {
-  const auto scheme = make_scheme(paper());
-  Synchroniser s(*scheme, 16, BodyId{9}, {});
+  const Scene scene = with_proxies(BodyId{9}, BodyId{8});
+  const Scheme& scheme = scheme_of(scene.settings);
+  Synchroniser s(scheme, scene, 0);
   const auto pairs = s.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0);
   ASSERT_EQ(pairs.size(), 1U);
   EXPECT_NEAR(pairs[0].world.position.x(), 0.5, 1e-15);
   EXPECT_NEAR(pairs[0].sub.position.x(), -0.5, 1e-15);
 
-  Synchroniser proxy(*scheme, 16, BodyId{1}, {});
+  const Scene of_proxy = with_proxies(BodyId{1}, BodyId{8});
+  Synchroniser proxy(scheme, of_proxy, 0);
   EXPECT_NEAR(
       proxy.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0)[0].world.position.x(), 1.0,
       1e-15);
-  Synchroniser peer(*scheme, 16, BodyId{9}, {BodyId{1}});
+  const Scene of_peer = with_proxies(BodyId{9}, BodyId{1});
+  Synchroniser peer(scheme, of_peer, 0);
   EXPECT_NEAR(peer.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0)[0].sub.position.x(),
               -1.0, 1e-15);
 }
 
-// Both sides wrote stamp 2 before they had applied the blend of stamp 1: nothing may be corrected twice.
+// Both sides wrote stamp 2 before they had applied the blend of stamp 1: no correction is applied twice.
 TEST(Synchroniser, LateBlendsAreNotAppliedTwice) {
-  const auto scheme = make_scheme(paper());
-  Synchroniser s(*scheme, 16, BodyId{9}, {});
+  const Scene scene = with_proxies(BodyId{9}, BodyId{8});
+  const Scheme& scheme = scheme_of(scene.settings);
+  Synchroniser s(scheme, scene, 0);
   (void)s.synchronise(frame_of(1, 0, at(0, 0, 0)), pushing_report(1, 0, at(1, 0, 0)), 1.0);
   const auto late = s.synchronise(frame_of(2, 0, at(0, 0, 0)), pushing_report(2, 0, at(1, 0, 0)), 1.0);
   EXPECT_NEAR(late[0].world.position.x(), 0.0, 1e-15);
@@ -407,7 +423,7 @@ TEST(Schemes, UnknownNameIsAnErrorThatNamesTheCure) {
   Settings s;
   s.scheme = "papers";
   try {
-    (void)make_scheme(s);
+    (void)scheme_of(s);
     FAIL();
   } catch (const Error& e) {
     EXPECT_NE(std::string(e.what()).find("paper"), std::string::npos);
@@ -428,7 +444,7 @@ TEST(Islands, AreOpenWhereTheyReachOut) {
   EXPECT_EQ(labels[0], labels[1]);
   EXPECT_EQ(labels[2], kOpenIsland);
   EXPECT_NE(labels[3], labels[0]);
-  // The other side sees 2 touch 3: now all of it is open.
+  // The other side has a contact of 2 and 3: then the whole island is open.
   Islands both;
   both.begin(ids);
   both.join(ids, labels);

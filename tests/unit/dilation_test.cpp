@@ -1,5 +1,5 @@
-// A slowed world clock, and the haptic clock that follows it: both controllers as the loops use them, on simulated wall
-// time; then what a hand feels of it.
+// A slowed world clock, and the haptic clock that follows it: both controllers as in the loops, on simulated wall time;
+// then the force that the operator feels.
 #include "device_sim/emulated_device.hpp"
 #include "haptic_sim/phase.hpp"
 #include "haptic_sim/sub_world.hpp"
@@ -20,13 +20,13 @@
 namespace subworld {
 namespace {
 
-using Load = std::function<double(double wall_s)>;  // cost of a cycle that begins then, in cycles
+using Load = std::function<double(double wall_s)>;  // cost of the cycle that begins at that time, in cycles
 
 struct Frame {
   double sent_s, stamp_s, start_in_s, real_time_factor;
 };
 
-/// Frames of a world whose cycles cost so much, as run_realtime publishes them.
+/// Frames of a world whose cycles have these costs, as run_realtime publishes them.
 std::vector<Frame> world_frames(double cycle_s, double wall_s, const Load& load) {
   Pace pace(cycle_s);
   std::vector<Frame> frames;
@@ -42,7 +42,7 @@ std::vector<Frame> world_frames(double cycle_s, double wall_s, const Load& load)
 }
 
 struct Followed {
-  double wall_s, haptic_s, rate, ahead_cycles;  ///< ahead of the clock that the newest frame tells
+  double wall_s, haptic_s, rate, ahead_cycles;  ///< ahead of the clock in the newest frame
 };
 
 struct Follower {
@@ -50,7 +50,7 @@ struct Follower {
   int ratio = 4;
   int lead_cycles = 1;
 
-  /// The haptic loop's clock while it takes those frames.
+  /// The haptic loop's clock while it receives those frames.
   [[nodiscard]] std::vector<Followed> follow(const std::vector<Frame>& frames, double wall_s) const {
     const double cycle_s = ratio * h;
     const double ahead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
@@ -106,7 +106,7 @@ TEST_P(Dilation, TheHapticClockFollowsWithoutStoppingJumpingOrRunningAhead) {
       ASSERT_LE(std::abs(seen[i].rate - seen[i - 1].rate), Phase::kRateStep * std::max(seen[i - 1].rate, 0.01) + 1e-9)
           << "at " << seen[i].wall_s;
       ASSERT_LT(seen[i].ahead_cycles, GetParam().most_ahead_cycles) << "at " << seen[i].wall_s;
-      ASSERT_GT(seen[i].ahead_cycles, -2.0) << "left behind at " << seen[i].wall_s;
+      ASSERT_GT(seen[i].ahead_cycles, -2.0) << "too far behind at " << seen[i].wall_s;
     }
     EXPECT_NEAR(seen.back().ahead_cycles, 0.0, 1.0);
   }
@@ -149,7 +149,7 @@ TEST(Phase, AStandingWorldStopsItAtOnceAndGoesOnAtOnce) {
 }
 
 struct SceneRun {
-  std::vector<Vec3> forces;  ///< on the hand, N
+  std::vector<Vec3> forces;  ///< on the operator, N
   std::vector<Pose> device;
   double device_work_j = 0.0, energy_excess_j = 0.0;
 };
@@ -166,14 +166,14 @@ SceneRun run_scene(Scene scene, int steps, const Rate& rate) {
   SubWorld sub(scene, 0);
   EmulatedDevice device(scene.users[0].device, 0);
   Arrears arrears;
-  const auto lead = static_cast<std::uint64_t>(sub.scheme().lead_cycles());
-  sub.apply(world.frame(0));
+  const auto lead = static_cast<std::uint64_t>(sub.scheme().properties.lead_cycles);
+  sub.synchronise_with(world.frame(0));
   std::vector<HapticReport> reports{sub.report(1)};
   std::optional<WorldFrame> on_its_way;
   SceneRun run;
   for (int step = 0; step < steps; ++step) {
     if (on_its_way && sub.cycle_left_s() < 0.6 * scene.settings.shortest_cycle_s()) {
-      sub.apply(*on_its_way);
+      sub.synchronise_with(*on_its_way);
       on_its_way.reset();
     }
     sub.set_rate(rate(step));
@@ -203,7 +203,7 @@ Rate constant(double rate) {
   return [rate](int) { return rate; };
 }
 
-/// Falls from 1 to a fifth in the largest steps that the haptic clock makes, stays, and rises as the world's clock
+/// Falls from 1 to a fifth in the largest steps of the haptic clock, stays constant, and rises as the world's clock
 /// does.
 struct Slowing {
   static constexpr double kLow = 0.2;
@@ -227,9 +227,9 @@ double largest_step_n(const std::vector<Vec3>& forces, int from, int to) {
   return most;
 }
 
-// A hand that touches a cube at a wall, presses, stands and lets go feels the same on every clock.
+// An operator who touches a cube at a wall, presses, holds and retreats feels the same at every rate.
 TEST(SlowedClock, AStandingObstacleFeelsTheSameAtEachRate) {
-  constexpr int kSteps = 1700, kStanding = 1100;  // haptic steps; between, the hand presses and does not move
+  constexpr int kSteps = 1700, kStanding = 1100;  // haptic steps; in between the operator presses without moving
   const SceneRun full = run_scene("press", kSteps, constant(1.0));
   ASSERT_GT(full.forces[kStanding].norm(), 15.0) << "N";
   for (const double rate : {0.5, 0.2, 0.05}) {
@@ -242,8 +242,9 @@ TEST(SlowedClock, AStandingObstacleFeelsTheSameAtEachRate) {
   }
 }
 
-// The row of 2 kg is 50 kg to the hand at a rate of 0.2: it takes more force, but gives no harder blow.
-TEST(SlowedClock, WhatMovesIsHeavierAndNoHarderToTheTouch) {
+// At a rate of 0.2 the apparent mass of the row is 50 kg instead of 2 kg: pushing needs more force, but impacts are not
+// harder.
+TEST(SlowedClock, AMovingBodyIsHeavierWithoutHarderImpacts) {
   constexpr int kSteps = 2000;
   const SceneRun full = run_scene("row", kSteps, constant(1.0));
   for (const double rate : {0.5, 0.2}) {
@@ -259,7 +260,8 @@ TEST(SlowedClock, ThatStandsLeavesEveryForceFinite) {
   for (const Vec3& force : run.forces) ASSERT_TRUE(force.allFinite());
 }
 
-// A device that follows the proxy has a hand on it, which moves in wall time: it swings and turns as at full speed.
+// An admittance device follows the proxy, and its operator moves in wall time: oscillation and rotation are those at
+// full speed.
 TEST(SlowedClock, AnAdmittanceDeviceFollowsInWallTime) {
   const Scene scene = load_text(test::kTurningAdmittanceDevice);
   constexpr int kSteps = 800;
@@ -277,10 +279,10 @@ TEST(SlowedClock, AnAdmittanceDeviceFollowsInWallTime) {
 
 struct FeltClock {
   const char* scene;
-  std::vector<int> changes;  ///< steps at which the clock begins to slow: the hand holds, pushes, moves freely
-  /// Other bodies touch the hand too, at another time on another clock: so its steps are compared with all of the
-  /// steady run, and the median of several starts counts, nanometres apart. Each touch of a heap is a matter of chance:
-  /// over eight starts, the largest step of a steady run was 2.1 to 5.9 N.
+  std::vector<int> changes;  ///< steps at which the clock begins to slow: the operator holds, pushes, moves freely
+  /// The operator is touched by other bodies too, at other times with another clock. Therefore its steps are compared
+  /// with all of the steady run, and the median of several starts, nanometres apart, counts. Each touch of a heap is
+  /// random: over eight starts, the largest step of a steady run was 2.1 to 5.9 N.
   bool touches_often = false;
 };
 
@@ -292,13 +294,13 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// The same run twice, of which one clock slows to a fifth and goes back to full speed: its force has no larger steps
-// than the other's, which come from touching and sliding.
+// Two equal runs, one with a clock that slows to a fifth and returns to full speed. Its force has no larger steps than
+// that of the other, where they come from touching and sliding.
 TEST_P(DilationFelt, NoStepInTheForceComesFromTheClock) {
   constexpr double kApart_m = 1e-9;
   const FeltClock& felt = GetParam();
   const int starts = felt.touches_often ? 5 : 1;
-  const double most = felt.touches_often ? 1.5 : 1.0;  // times the steady run's: medians of five differ by so much
+  const double most = felt.touches_often ? 1.5 : 1.0;  // times the steady run's: medians of five vary by this factor
   const std::size_t count = felt.changes.size();
   std::vector<std::vector<double>> steady_n(count), slowed_n(count);
   double felt_n = 0.0;

@@ -14,7 +14,7 @@ Json ending(const char* by, double to_s) {
   return {{"session", "1"}, {"from_s", 0.0}, {"to_s", to_s}, {"by", by}, {"fault", ""}};
 }
 
-/// What a whole run of one user leaves.
+/// Results of a complete run of one user.
 Json whole_run() {
   return {{"duration_s", 8.0},
           {"h_s", 0.001},
@@ -60,7 +60,7 @@ TEST(Faults, AnOrderedStopIsNone) {
   EXPECT_TRUE(faults_of(run).empty());
 }
 
-/// Looks once a second at a world and a haptic process of which one stands.
+/// Observes once a second a world and a haptic process, one of which does not advance.
 std::vector<std::string> watch(Watchdog& watchdog, int seconds, const Sighting& stands, bool paused = false) {
   std::vector<std::string> said;
   static double time_s = 0.0;
@@ -72,19 +72,19 @@ std::vector<std::string> watch(Watchdog& watchdog, int seconds, const Sighting& 
   return said;
 }
 
-TEST(WatchdogTest, NamesOnceWhoStands) {
+TEST(WatchdogTest, NamesAProgramThatDoesNotAdvanceOnce) {
   Watchdog watchdog;
   const auto said = watch(watchdog, 20, {"haptic_sim_0", 1.5, ""});
   ASSERT_EQ(said.size(), 1U);
-  EXPECT_TRUE(said[0].starts_with("haptic_sim_0 has stood at t = 1.500 s")) << said[0];
+  EXPECT_TRUE(said[0].starts_with("haptic_sim_0 has not advanced from t = 1.500 s")) << said[0];
   EXPECT_EQ(watchdog.longest().label, "haptic_sim_0");
   EXPECT_GT(watchdog.longest().for_s, 15.0);
   const auto after = watch(watchdog, 1, {"haptic_sim_0", 1.6, ""});
   ASSERT_EQ(after.size(), 1U);
-  EXPECT_EQ(after[0], "haptic_sim_0 goes on");
+  EXPECT_EQ(after[0], "haptic_sim_0 advances again");
 }
 
-TEST(WatchdogTest, LeavesInPeaceWhoWaitsIsPausedOrHasNotBegun) {
+TEST(WatchdogTest, SaysNothingOfOneThatWaitsIsPausedOrHasNotBegun) {
   Watchdog watchdog;
   EXPECT_TRUE(watch(watchdog, 20, {"haptic_sim_0", 1.5, "world_sim"}).empty());
   EXPECT_TRUE(watch(watchdog, 20, {"haptic_sim_0", 1.5, ""}, true).empty());

@@ -1,4 +1,4 @@
-// What every engine owes to the interface. What one of them cannot do stands in support/engines.hpp.
+// Duties of every engine. Exceptions are in support/engines.hpp.
 
 #include "model/error.hpp"
 #include "support/engines.hpp"
@@ -35,7 +35,7 @@ class Conformance : public testing::TestWithParam<test::Tested> {
   }
   static int steps(double seconds) { return GetParam().steps(seconds); }
   void run(double seconds) { test::run(*engine, steps(seconds), dt); }
-  /// How far a number of this size may be off that went through the engine's own precision.
+  /// Rounding error of a number of this size in the engine's own precision.
   static double rounding(double size = 1.0) { return GetParam().precision() * std::max(1.0, std::abs(size)); }
   static void expect_near(const Vec3& got, const Vec3& expected) {
     EXPECT_LE((got - expected).norm(), rounding(expected.norm()))
@@ -66,7 +66,7 @@ class Conformance : public testing::TestWithParam<test::Tested> {
 
 // --- bodies and their states ---
 
-TEST_P(Conformance, WhatIsSetAfterAStepIsReadAtOnce) {
+TEST_P(Conformance, AStateSetAfterAStepIsReadAtOnce) {
   run(0.1);
   engine->set_velocity(kCube, {0.3, 0.1, 0}, {0, 0, 0.5});
   expect_near(engine->state(kCube).linear_velocity, {0.3, 0.1, 0});
@@ -138,8 +138,8 @@ TEST_P(Conformance, AForceActsForOneStepOnly) {
   EXPECT_NEAR(engine->state(kCube).linear_velocity.x(), once.linear_velocity.x(), rounding());
 }
 
-// Under a constant force the parts' end velocities add up to a dt (dt + part) / 2.
-TEST_P(Conformance, TellsInWhichPartsItIntegrates) {
+// Under a constant force the sub-steps' end velocities add up to a dt (dt + sub-step) / 2.
+TEST_P(Conformance, ReportsTheSubStepsInWhichItIntegrates) {
   Body free = cube(kOther);
   free.gravity = false;
   engine->add(free, at(0, 0, 2));
@@ -171,7 +171,7 @@ TEST_P(Conformance, InertiaLeavesTheWeightAlone) {
   EXPECT_NEAR(engine->state(kCube).angular_velocity.y(), 0.02 / 0.01 * dt, 10 * rounding());
 }
 
-TEST_P(Conformance, WhatDoesNotRotateDoesNot) {
+TEST_P(Conformance, ABodyThatMayNotRotateDoesNot) {
   Body body = cube(kOther);
   body.rotates = false;
   BodyState start = at(1, 0, 0.1);
@@ -231,15 +231,15 @@ TEST_P(Conformance, ASubStepMoreLeavesTheTotals) {
   for (const int substeps : {1, 3, 8}) {
     EngineSettings settings = GetParam().settings();
     settings.substeps = substeps;
-    auto parts = make_engine(settings, {});
-    parts->add(floor_plane(kFloor), BodyState{});
-    parts->add(cube(kCube), at(0, 0, 0.05));
-    test::run(*parts, steps(0.5), dt);
+    auto split = make_engine(settings, {});
+    split->add(floor_plane(kFloor), BodyState{});
+    split->add(cube(kCube), at(0, 0, 0.05));
+    test::run(*split, steps(0.5), dt);
     double normal = 0.0;
     for (int i = 0; i < 20; ++i) {
-      parts->step(dt);
-      normal += totals(*parts, kCube).normal;
-      EXPECT_LE(parts->contacts().size(), 8U) << "one point listed once for each sub-step";
+      split->step(dt);
+      normal += totals(*split, kCube).normal;
+      EXPECT_LE(split->contacts().size(), 8U) << "one point listed once for each sub-step";
     }
     EXPECT_NEAR(normal, 20 * kCubeWeight_n * dt, 0.02 * 20 * kCubeWeight_n * dt) << substeps << " sub-steps";
   }
@@ -319,7 +319,8 @@ TEST_P(Conformance, FrictionIsInMetresInEveryUnit) {
     friction += totals(*engine, kCube).tangential;
   }
   const double total = pull.norm() * dt * steps(0.5);
-  // Havok flickers in a unit that is smaller than it needs, and loses a seventh to steps without a normal impulse.
+  // Havok's contacts flicker in a unit that is smaller than needed, and a seventh is lost in steps without a normal
+  // impulse.
   EXPECT_LT((friction + total * Vec3::UnitX()).norm(), 0.2 * total);
 }
 
@@ -340,7 +341,7 @@ TEST_P(Conformance, GhostsMeetMovableBodiesOnly) {
   engine->add(cube(BodyId{3}), at(1, 0, 0.1), Role::ghost);  // falls through the floor
   ghost = cube(BodyId{4});
   ghost.gravity = false;
-  engine->add(ghost, at(2, 0, 0.2), Role::ghost);  // is fallen through by the next one
+  engine->add(ghost, at(2, 0, 0.2), Role::ghost);  // the next ghost falls through it
   engine->add(cube(BodyId{5}), at(2, 0, 0.4), Role::ghost);
   run(0.5);
   EXPECT_GT(engine->state(kOther).position.z(), 0.12);
@@ -354,10 +355,10 @@ TEST_P(Conformance, LooseBodiesMeetGhostsAndMovableBodiesOnly) {
   held.gravity = false;
   held.mass = 100.0;
   engine->add(held, at(0, 0, 1), Role::ghost);
-  engine->add(cube(BodyId{3}), at(0, 0, 1.12), Role::approaching);  // stays on the ghost
+  engine->add(cube(BodyId{3}), at(0, 0, 1.12), Role::approaching);  // rests on the ghost
   held.id = BodyId{4};
   engine->add(held, at(1, 0, 1), Role::approaching);
-  engine->add(cube(BodyId{5}), at(1, 0, 1.12), Role::approaching);  // stays on the loose one
+  engine->add(cube(BodyId{5}), at(1, 0, 1.12), Role::approaching);  // rests on the approaching one
   engine->add(cube(BodyId{6}), at(2, 0, 0.1), Role::approaching);   // falls through the floor
   engine->add(cube(BodyId{7}), at(0, 0, 0.2), Role::approaching);   // falls onto the cube
   run(0.5);
@@ -372,7 +373,7 @@ TEST_P(Conformance, LooseBodiesMeetGhostsAndMovableBodiesOnly) {
 TEST_P(Conformance, BoundsFitTheBody) {
   engine->add(cube(kOther), at(1, 2, 3));
   const Box box = engine->bounds(kOther);
-  // Contact margins may show, by a hundredth of the body.
+  // Contact margins may be included, up to a hundredth of the body.
   EXPECT_LT((box.lower - Vec3(0.95, 1.95, 2.95)).norm(), 2e-3);
   EXPECT_LT((box.upper - Vec3(1.05, 2.05, 3.05)).norm(), 2e-3);
   ASSERT_TRUE(engine->set_state(kOther, at(-1, 2, 3)));
@@ -383,7 +384,7 @@ TEST_P(Conformance, OverlapUsesTheBodysOwnBounds) {
   engine->add(cube(kOther), at(0.3, 0, 0.05));
   std::vector<BodyId> found{BodyId{77}};
   engine->overlap({Vec3(0.06, -0.1, 0.01), Vec3(0.24, 0.1, 0.1)}, found);
-  EXPECT_EQ(found, std::vector{kFloor});  // a plane is everywhere
+  EXPECT_EQ(found, std::vector{kFloor});  // a plane's bounds are unbounded
   engine->overlap({Vec3(0.06, -0.1, -0.01), Vec3(0.26, 0.1, 0.1)}, found);
   EXPECT_EQ(found, (std::vector{kFloor, kOther}));
   ASSERT_TRUE(engine->set_state(kOther, at(5.0, 0, 0.05)));
@@ -408,7 +409,7 @@ std::vector<BodyId> pile(Engine& engine) {
   return ids;
 }
 
-/// An engine that has no checkpoints says so when it is asked for one: nobody may take an empty one for a state.
+/// An engine without checkpoints throws on request: an empty checkpoint must not be mistaken for a state.
 bool refuses_checkpoints(const Engine& engine) {
   if (engine.capabilities().checkpoint != Fidelity::absent) return false;
   EXPECT_THROW((void)engine.checkpoint(), Error);
@@ -443,7 +444,7 @@ TEST_P(Conformance, ACheckpointOfOtherBodiesIsRefused) {
 TEST_P(Conformance, ARestoredEngineContinues) {
   if (refuses_checkpoints(*engine)) return;
   const std::vector<BodyId> ids = pile(*engine);
-  // Where the solver's guess is not saved, an impact would go on differently: let it come to rest.
+  // If the solver's guess is not saved, an impact would continue differently: let the bodies come to rest first.
   run(engine->capabilities().checkpoint == Fidelity::exact ? 0.4 : 1.5);
   engine->apply_force(ids[0], {1, 0, 0}, Vec3::Zero());
   if (engine->capabilities().checkpoint != Fidelity::exact) engine->step(dt);
@@ -452,7 +453,7 @@ TEST_P(Conformance, ARestoredEngineContinues) {
   test::run(*engine, more, dt);
   const std::vector<double> first = test::bits(*engine, ids);
   run(0.1);
-  // Bodies that went and came back are the same bodies.
+  // Bodies that left and returned are the same bodies.
   engine->remove(ids[3]);
   engine->add(cube(ids[3]), at(0, 0, 9));
   engine->restore(saved);
@@ -473,7 +474,7 @@ TEST_P(Conformance, EqualRunsGiveEqualBits) {
   const auto alone = with_floor();
   const std::vector<BodyId> ids = pile(*alone);
   test::run(*alone, steps(0.5), dt);
-  // The same twice more, step by step in turn: nothing passes from one engine to the other.
+  // Two more equal engines, stepped alternately: they do not affect each other.
   const auto one = with_floor(), two = with_floor();
   pile(*one);
   pile(*two);
@@ -517,8 +518,7 @@ TEST_P(Conformance, RefusesWhatIsNotFinite) {
   EXPECT_TRUE(finite(engine->state(kCube)));
 }
 
-/// Speeds beyond all numbers are finite, and so not refused. What comes of them may be an error, never the end of the
-/// process.
+/// Extremely large speeds are finite, and so not refused. The result may be an error, but the process must not end.
 TEST_P(Conformance, SurvivesWhatIsFlungBeyondAllNumbers) {
   for (const auto& [linear, angular] : {std::pair(Vec3(1e200, 0, 0), Vec3(0, 0, 0)), {{0, 0, 0}, {0, 1e200, 1e200}}}) {
     try {
@@ -557,7 +557,7 @@ TEST_P(Conformance, AddsAndRemovesWithoutTrace) {
   cycles(1000);
   const double before = held_bytes();
   cycles(10000);
-  EXPECT_LT(held_bytes() - before, 100e3) << "10,000 cycles of adding and removing keep memory";
+  EXPECT_LT(held_bytes() - before, 100e3) << "10,000 cycles of adding and removing leak memory";
   engine->step(dt);
   for (const Contact& c : engine->contacts()) EXPECT_NE(c.b, kOther);
 }

@@ -1,4 +1,4 @@
-// A running world or sub-world changes its engine without a jump.
+// A running world or sub-world changes its engine without a jump of the force.
 #include "physics/engine_exchange.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "model/error.hpp"
@@ -11,7 +11,7 @@
 namespace subworld {
 namespace {
 
-/// Of single precision at a scene's size: what a pose may lose between two engines.
+/// Single precision at a scene's size: error of a pose that passes between two engines.
 constexpr double kPrecision = 1e-6;
 
 double apart(const BodyState& a, const BodyState& b) {
@@ -35,7 +35,7 @@ TEST_P(Pairs, BodiesKeepPoseVelocityAndInertia) {
 
   settings.name = to;
   PreparedEngine prepared = prepare_engine(settings, scene.meshes, engine.content(), 0.001);
-  // Meanwhile one goes, one comes, one is pushed and one grows heavy.
+  // Meanwhile one body is removed, one added, one pushed, and one gets heavier.
   const BodyId gone = scene.bodies[3].id, pushed = scene.bodies[4].id, heavy = scene.bodies[5].id;
   engine.remove(gone);
   engine.set_velocity(pushed, {0.1, 0.2, 0.3}, {1, 2, 3});
@@ -59,7 +59,7 @@ TEST_P(Pairs, BodiesKeepPoseVelocityAndInertia) {
   EXPECT_NEAR(engine.state(heavy).linear_velocity.z() - before[5].state.linear_velocity.z(), 1.0, 1e-3);
 }
 
-TEST_P(Pairs, ThePressedHandFeelsNoJump) {
+TEST_P(Pairs, ThePressingOperatorFeelsNoJump) {
   Scene scene = load_scene(SCENES_FOLDER "/press.yaml");
   scene.settings.scheme = "reduced";
   scene.settings.users = 1;
@@ -73,7 +73,7 @@ TEST_P(Pairs, ThePressedHandFeelsNoJump) {
   while (run.world.time_s() < scene.settings.duration_s - 1e-9) {
     run.cycle();
     ASSERT_TRUE(run.finite()) << run.world.time_s();
-    if (changed_at > 0 || run.world.time_s() < 0.9) continue;  // the cube is held against the wall
+    if (changed_at > 0 || run.world.time_s() < 0.9) continue;  // the cube is pressed against the wall
     changed_at = run.felt[0].force.size();
     run.subs[0]->change_engine(haptic_exchange, {EngineOrder::Target::haptic, to, "fast"});
     ASSERT_TRUE(run.subs[0]->exchange_engine(haptic_exchange)) << haptic_exchange.take_failure();
@@ -83,7 +83,7 @@ TEST_P(Pairs, ThePressedHandFeelsNoJump) {
   ASSERT_GT(changed_at, 0U);
   const std::vector<Vec3>& force = run.felt[0].on_operator;
   ASSERT_GT(force[changed_at - 1].norm(), 5.0) << "nothing was pressed";
-  // Later the new engine speaks for itself.
+  // After that the new engine alone determines the motion.
   constexpr std::size_t kSteps = 100;
   for (std::size_t i = changed_at; i < std::min(force.size(), changed_at + kSteps); ++i) {
     EXPECT_LT((force[i] - force[i - 1]).norm(), 0.3) << "step " << i - changed_at << " after the change";
@@ -111,7 +111,7 @@ TEST(EngineExchange, AnEngineThatIsNotThereLeavesTheOldOneRunning) {
     }
     EXPECT_NE(failure.find("none_such"), std::string::npos);
     EXPECT_EQ(engine.name(), "bullet");
-    settings.name = "bullet_float";  // and the next order is followed
+    settings.name = "bullet_float";  // and the next order is executed
     ASSERT_TRUE(exchange.begin(settings, engine, 0.001));
     EXPECT_FALSE(exchange.begin(settings, engine, 0.001) && preparation == EngineExchange::Preparation::at_once);
     while (!exchange.poll(engine)) {

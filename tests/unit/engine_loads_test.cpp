@@ -1,4 +1,4 @@
-// What every engine owes where an adapter keeps books beside its engine's: loads that change, orders, fast bodies.
+// Duties of an adapter that stores data besides its engine's: changing loads, orders, fast bodies.
 
 #include "physics/plugin.hpp"
 #include "support/engines.hpp"
@@ -54,7 +54,7 @@ TEST_P(Loads, ContactsNameTheLowerIdFirstWhicheverWasAddedFirst) {
   EXPECT_NEAR(friction_on_cube(contacts).x(), -0.3 * kCubeWeight_n * dt, 0.1 * kCubeWeight_n * dt);
 }
 
-/// Where friction is estimated, contacts() may have none, or about what the estimate gives.
+/// If friction is estimated, contacts() may have none, or about the estimate.
 TEST_P(Loads, FrictionThatIsThereWithoutAskingIsAboutRight) {
   engine->add(floor_plane(kFloor), BodyState{});
   engine->add(cube(kCube), at(0, 0, 0.05));
@@ -120,7 +120,7 @@ INSTANTIATE_TEST_SUITE_P(Engines, Loads, testing::ValuesIn(test::tested_engines(
 
 class LookingAhead : public testing::TestWithParam<test::Tested> {};
 
-// Where an engine says so, a ball of 5 mm does not pass a plate of 10 mm, movable or not.
+// If an engine claims it, a ball of 5 mm does not pass through a plate of 10 mm, movable or not.
 TEST_P(LookingAhead, AShotMeetsAPlate) {
   const double dt = GetParam().dt;
   for (const double speed : {2.0, 5.0, 10.0, 30.0, 100.0}) {
@@ -137,7 +137,7 @@ TEST_P(LookingAhead, AShotMeetsAPlate) {
       test::run(*range, static_cast<int>(0.2 / dt), dt);
       EXPECT_LT(range->state(kCube).position.x(), range->state(kFloor).position.x());
       if (plate_kg == 0.0) continue;
-      // Nothing but the ball's momentum moves it.
+      // Only the ball's momentum moves it.
       const double expected = 1e-3 * speed / (plate_kg + 1e-3);
       EXPECT_NEAR(range->state(kFloor).linear_velocity.x(), expected, 0.02 * expected);
     }

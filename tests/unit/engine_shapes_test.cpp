@@ -1,4 +1,4 @@
-// Each kind of shape rests where its geometry says, in every engine.
+// Each kind of shape rests at the height of its geometry, in every engine.
 
 #include "model/error.hpp"
 #include "support/engines.hpp"
@@ -21,7 +21,7 @@ using test::floor_plane;
 using test::kBody;
 using test::kFloor;
 
-/// Pairs that an engine does not hold quite still, how much more room they get, and why.
+/// Pairs that do not rest steadily in an engine, their additional tolerance, and the reason.
 struct Restless {
   std::string_view engine;
   std::optional<ShapeKind> shape, floor;  ///< none: any

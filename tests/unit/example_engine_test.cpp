@@ -1,5 +1,5 @@
-// The smallest engine (common/physics/example), loaded as anybody's own engine would be, and what the loader says of
-// files that are none.
+// The smallest engine (common/physics/example), loaded like any engine from outside, and the loader's messages for
+// invalid files.
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
 #include "support/engines.hpp"
@@ -27,7 +27,7 @@ using test::totals;
 constexpr BodyId kBall{1};
 constexpr double kBallRadius = 0.05, kBallMass = 0.2, kStep = 0.001;
 
-/// The value of SUBWORLD_ENGINES while it lives.
+/// Sets SUBWORLD_ENGINES during its lifetime.
 class EngineFolders {
  public:
   explicit EngineFolders(const std::string& folders) { setenv("SUBWORLD_ENGINES", folders.c_str(), 1); }
@@ -189,7 +189,7 @@ TEST_F(ExampleEngine, GhostsMeetMovableBodiesOnly) {
   engine->add(ball(BodyId{3}), at(1, 0, 0.1), Role::ghost);  // falls through the floor
   Body still = ball(BodyId{4});
   still.gravity = false;
-  engine->add(still, at(2, 0, 0.2), Role::ghost);  // is fallen through
+  engine->add(still, at(2, 0, 0.2), Role::ghost);  // the next one falls through it
   engine->add(ball(BodyId{5}), at(2, 0, 0.4), Role::ghost);
   run(0.3);
   EXPECT_GT(engine->state(kOther).position.z(), 0.14);
@@ -267,7 +267,7 @@ TEST_F(EngineLoader, ALibraryOfAnotherBuildIsNamedWithTheCure) {
 }
 
 TEST_F(EngineLoader, TheFoldersOfTheVariableWinInTheirOrder) {
-  // Another engine under the name of one that lies beside the program.
+  // Another engine with the name of one in the program's folder.
   fs::create_symlink(fs::path(EXAMPLE_ENGINES_FOLDER) / "libsubworld_engine_spheres.so",
                      folder / "libsubworld_engine_ode.so");
   const EngineFolders here("/no/such/folder:" + folder.string() + "::" + BROKEN_ENGINES_FOLDER);

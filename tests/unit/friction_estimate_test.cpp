@@ -1,4 +1,4 @@
-// The estimate is held against sums that are known: a force that friction carries, and impulses that an engine reports.
+// The estimate is compared with known sums: a force that friction transmits, and impulses that an engine reports.
 #include "physics/friction_estimate.hpp"
 
 #include "physics/engine.hpp"
@@ -15,14 +15,14 @@ using test::at;
 using test::cube;
 using test::floor_plane;
 
-/// A stack of three cubes on a plane, pushed sideways in the middle: steps an engine that reports friction, and returns
-/// (its tangential impulses, what the estimate makes of the same step).
+/// A stack of three cubes on a plane, pushed sideways in the middle. Steps an engine that reports friction, and returns
+/// its tangential impulses and the estimate for the same step.
 struct Compared {
   std::vector<Contact> reported;
   std::vector<Contact> estimated;
 };
 
-/// The estimate begins at `begin` times what the engine reports.
+/// The estimate starts at `begin` times the reported impulses.
 Compared compare(double push_n, int steps, double begin = 0.0) {
   constexpr double kDt = 0.001;
   const auto engine = make_engine(EngineSettings{}, {});
@@ -69,7 +69,7 @@ TEST(FrictionEstimate, SumsOnEveryBodyOfAStackAreThoseOfTheEngine) {
   for (const auto& [push_n, begin] : {std::pair{0.0, 0.0},
                                       {0.5, 0.0},
                                       {1.5, 0.0},
-                                      {2.5, 0.0},  // where the stack slides
+                                      {2.5, 0.0},  // the stack slides
                                       {0.5, 2.0},
                                       {1.5, -1.0},
                                       {2.5, 100.0}}) {

@@ -1,4 +1,4 @@
-#include "coupling/ghost.hpp"
+#include "coupling/reduced/ghost_model.hpp"
 #include "support/outside.hpp"
 
 #include <gtest/gtest.h>
@@ -39,33 +39,33 @@ TEST(GhostModel, ARowBehindTheBorderIsItsMassAndItsFriction) {
   EXPECT_LT((models[0].load_n - Vec3(0.5, 0, 0)).norm(), 1e-12);
 }
 
-// Cube 3 is at the border by itself, because it may run into something: the sub-world has its contact with 2.
-TEST(GhostModel, WhatIsPushedButIsAGhostItselfIsNotPartOfItsPusher) {
+// Cube 3 is at the border itself, because it may hit another body: the sub-world has its contact with 2.
+TEST(GhostModel, APushedGhostIsNotPartOfItsPusher) {
   const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0), Vec3::Zero(), {BodyId{3}});
   ASSERT_EQ(models.size(), 2U);
   EXPECT_FALSE(models[0].approaching);
   EXPECT_NEAR(models[0].mass_kg, kCube_kg, 1e-12);
-  EXPECT_LT((models[0].load_n - Vec3(1.5, 0, 0)).norm(), 1e-12) << "what 3 takes of the push";
+  EXPECT_LT((models[0].load_n - Vec3(1.5, 0, 0)).norm(), 1e-12) << "without the share of 3";
   EXPECT_NEAR(models[0].axes[0].coulomb_limit_n, 1.5, 1e-9);
   EXPECT_EQ(models[1].outside, BodyId{3});
   EXPECT_TRUE(models[1].approaching);
   EXPECT_NEAR(models[1].axes[0].coulomb_limit_n, 1.5, 1e-9);
 }
 
-TEST(GhostModel, WhatSlidesIsHeldByWhatItIsPushedWith) {
+TEST(GhostModel, ASlidingBodyResistsWithTheForceThatPushesIt) {
   const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0));
   EXPECT_NEAR(models.at(0).axes[0].coulomb_limit_n, 3.0, 1e-9);
 }
 
-// 3 N push two cubes, of which 2 m/s^2 take 0.8 N: what is left is friction.
-TEST(GhostModel, WhatAcceleratesIsNotHeldByItsInertia) {
+// 3 N push two cubes; their acceleration of 2 m/s^2 takes 0.8 N; the rest is friction.
+TEST(GhostModel, InertiaOfAnAcceleratingBodyIsNoFriction) {
   const Vec3 velocity(0.05, 0, 0);
   EXPECT_NEAR(row(3.0).models({BodyId{1}}, velocity, Vec3(2, 0, 0)).at(0).axes[0].coulomb_limit_n, 2.2, 1e-9);
   EXPECT_NEAR(row(3.0).models({BodyId{1}}, velocity, Vec3(-2, 0, 0)).at(0).axes[0].coulomb_limit_n, 3.8, 1e-9);
 }
 
-// Cube 2 runs into 3: what it loses, 3 gains, and neither is a friction that holds both.
-TEST(GhostModel, ABlowWithinTheOutsideIsNoFriction) {
+// Cube 2 hits 3: the momentum that 2 loses, 3 gains, so neither is friction that holds both.
+TEST(GhostModel, AnImpactWithinTheOutsideIsNoFriction) {
   Outside o = row(1.0);
   o.accelerations = {Vec3::Zero(), Vec3::Zero(), Vec3(-12, 0, 0), Vec3(12, 0, 0)};
   EXPECT_NEAR(o.models({BodyId{1}}, Vec3(0.05, 0, 0)).at(0).axes[0].coulomb_limit_n, 1.0, 1e-9);
@@ -83,8 +83,8 @@ Outside pushed_round(ShapeKind kind, const Vec3& axis, double load_n) {
   return o;
 }
 
-// It rubs on what pushes it as it turns: that holds it back, and the harder the more it is pushed.
-TEST(GhostModel, WhatRollsIsHeldByWhatItTurnsOn) {
+// Its rotation rubs on the body that pushes it. This friction resists, in proportion to the push.
+TEST(GhostModel, FrictionAtThePusherResistsARollingBody) {
   for (const auto& [kind, mass_kg] :
        {std::pair{ShapeKind::sphere, 1.4 * kCube_kg}, {ShapeKind::cylinder, 1.5 * kCube_kg}}) {
     const Vec3 acceleration(0.2 / mass_kg, 0, 0);
@@ -96,20 +96,21 @@ TEST(GhostModel, WhatRollsIsHeldByWhatItTurnsOn) {
   }
 }
 
-TEST(GhostModel, WhatIsNotRoundThatWayOrPressedTooHardSlides) {
+TEST(GhostModel, ABodyNotRoundAboutThatAxisOrPressedTooHardSlides) {
   const auto slides = [](Outside o) {
     const GhostModel ghost = o.models({BodyId{1}}).at(0);
     EXPECT_NEAR(ghost.mass_kg, kCube_kg, 1e-12);
     EXPECT_GE(ghost.axes[0].coulomb_limit_n, 0.5 * kWeight_n - 1e-12);
     EXPECT_LT(ghost.axes[0].load_dependent_friction.x(), 1e-12);
   };
-  slides(pushed_round(ShapeKind::cylinder, Vec3(1, 0, 0), 0.4));  // it lies along the push
-  slides(pushed_round(ShapeKind::cylinder, Vec3(0, 0, 1), 0.4));  // it stands
+  slides(pushed_round(ShapeKind::cylinder, Vec3(1, 0, 0), 0.4));  // its axis is along the push
+  slides(pushed_round(ShapeKind::cylinder, Vec3(0, 0, 1), 0.4));  // upright
   slides(pushed_round(ShapeKind::sphere, Vec3(0, 0, 1), 1.5 * kWeight_n));
 }
 
-// Friction at the border draws the outside down by 0.3 N: it is part of the load, and half of more of it is friction.
-TEST(GhostModel, WhatPressesTheOutsideDownHoldsIt) {
+// Friction at the border presses the outside down by 0.3 N. This is part of the load, and half of any increase is
+// friction.
+TEST(GhostModel, ALoadThatPressesTheOutsideDownAddsFriction) {
   Outside o = row(3.0);
   o.touch(2, 0, Vec3::UnitZ(), kWeight_n / 2);  // its support has two contacts
   o.contacts[3].tangential_impulse = Vec3(0, 0, 0.3 * kStep_s);
@@ -118,7 +119,7 @@ TEST(GhostModel, WhatPressesTheOutsideDownHoldsIt) {
   EXPECT_LT((ghost.axes[0].load_dependent_friction - Vec3(0, 0, -0.5)).norm(), 1e-12);
 }
 
-// However contacts lie and whatever they carry: loads may sum up to nothing new across the axes there are.
+// For any contacts and loads: the sum of the loads may have no new component across the existing axes.
 TEST(GhostModel, AxesAreOrthogonal) {
   std::mt19937 random(7);
   std::normal_distribution<double> any;
@@ -142,8 +143,8 @@ TEST(GhostModel, AxesAreOrthogonal) {
   }
 }
 
-// Cube 3, inside as well, leans on the outside: that presses it on the floor, and along the floor it can be pushed.
-TEST(GhostModel, WhatIsPressedAslantOnItsSupportSlidesAlongIt) {
+// Cube 3, also inside, leans on the outside body and presses it onto the floor. Along the floor it can be pushed.
+TEST(GhostModel, ABodyPressedObliquelyOnItsSupportSlidesAlongIt) {
   for (const double slope : {0.35, 0.8, 1.3}) {
     Outside o(3);
     o.touch(2, 0, Vec3::UnitZ(), 6.0);
@@ -161,8 +162,8 @@ TEST(GhostModel, WhatIsPressedAslantOnItsSupportSlidesAlongIt) {
   }
 }
 
-// A gap of 2 cm, 5 cm of which have gone since: it begins 3 cm further back, where it touches.
-TEST(GhostModel, WhatCameTooNearSinceBeginsWhereItTouches) {
+// The gap was 2 cm, and 5 cm have been covered since: the ghost starts 3 cm further back, in contact.
+TEST(GhostModel, AnApproachingBodyThatIsTooNearStartsInContact) {
   GhostModel ghost{.outside = BodyId{2}, .axis_count = 1, .axes = {}};
   ghost.axes[0].normal = -Vec3::UnitX();
   const std::vector<BoundaryContact> border{
@@ -180,7 +181,7 @@ TEST(GhostModel, AWallBehindTheOutsideGivesNothing) {
   o.touch(3, 4, -Vec3::UnitX(), 1.0);
   const auto models = o.models({BodyId{1}});
   EXPECT_GE(models.at(0).axes[0].coulomb_limit_n, 1e8);
-  EXPECT_NEAR(models[0].axes[0].force_n, 2.0, 1e-9);  // it goes on carrying what it carries
+  EXPECT_NEAR(models[0].axes[0].force_n, 2.0, 1e-9);  // it still carries its load
 }
 
 TEST(GhostModel, ALoadOnTopWeighsAndASupportBelowIsAWall) {
@@ -197,7 +198,7 @@ TEST(GhostModel, ALoadOnTopWeighsAndASupportBelowIsAWall) {
   EXPECT_GT(below[0].mass_kg, 100.0);
 }
 
-TEST(GhostModel, WhatTheInsideAloneHoldsIsARigidBody) {
+TEST(GhostModel, ABodySupportedOnlyByTheInsideIsARigidBody) {
   const GhostModel ghost = carried().models({BodyId{1}}).at(0);
   ASSERT_TRUE(ghost.carried);
   EXPECT_NEAR(ghost.carried->mass_kg, 2 * kCube_kg, 1e-12);
@@ -210,18 +211,18 @@ TEST(GhostModel, WhatTheInsideAloneHoldsIsARigidBody) {
   EXPECT_LT((ghost.carried->drive.torque - Vec3(0, 0.02 * kWeight_n, 0)).norm(), 1e-12);
 }
 
-TEST(GhostModel, WhatSomethingElseHoldsIsNotCarried) {
+TEST(GhostModel, ABodySupportedFromOutsideIsNotCarried) {
   Outside leans = carried();
   leans.touch(3, 4, Vec3::UnitX(), 0.1);
-  EXPECT_TRUE(leans.models({BodyId{1}}).at(0).carried) << "cube 4 hangs on it";
+  EXPECT_TRUE(leans.models({BodyId{1}}).at(0).carried) << "only the inside supports cube 4";
   leans.touch(4, 0, Vec3::UnitZ(), kWeight_n);
-  EXPECT_FALSE(leans.models({BodyId{1}}).at(0).carried) << "cube 4 stands on the floor";
+  EXPECT_FALSE(leans.models({BodyId{1}}).at(0).carried) << "the floor supports cube 4";
   Outside stiff = carried();
   stiff.scene.bodies[3].rotates = false;
   EXPECT_FALSE(stiff.models({BodyId{1}}).at(0).carried);
 }
 
-// Cubes 2 and 4 both lie on the inside and touch.
+// Cubes 2 and 4 both rest on the inside and touch each other.
 TEST(GhostModel, AnotherGhostPressesACarriedOneAsItDoesInTheWorld) {
   Outside o = carried();
   o.touch(4, 1, Vec3::UnitZ(), kWeight_n);
@@ -235,7 +236,7 @@ TEST(GhostModel, AnotherGhostPressesACarriedOneAsItDoesInTheWorld) {
   EXPECT_NEAR(models[1].carried->drive.force.x(), 0.7, 1e-12);
 }
 
-// Along x a cube that touches one with a stand is held, along y it is not.
+// A cube that touches one with a support is held along x, and not along y.
 TEST(GhostModel, AWayInWhichTheInsideAloneHoldsIsFree) {
   Outside o(3);
   o.touch(1, 0, Vec3::UnitZ(), 2 * kWeight_n);

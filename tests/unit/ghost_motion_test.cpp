@@ -1,5 +1,5 @@
-#include "coupling/carried.hpp"
-#include "coupling/ghost.hpp"
+#include "coupling/reduced/carried.hpp"
+#include "coupling/reduced/ghost_model.hpp"
 #include "support/outside.hpp"
 
 #include <gtest/gtest.h>
@@ -23,14 +23,14 @@ GhostMotion sticking(double limit_n) {
   return ghost;
 }
 
-/// A mass m, pushed with a force against a ghost and moving with it; returns the velocity after `steps`.
+/// A mass m that pushes a ghost with a force and moves with it; returns the velocity after `steps`.
 double pushed(GhostMotion& ghost, double m, double force_n, int steps) {
   const double h = 0.001;
   const double total = m + ghost.model.mass_kg;
   Vec3 v = Vec3::Zero();
   for (int i = 0; i < steps; ++i) {
     const Vec3 before = ghost.begin(v, h, kNoLimit_n);
-    // An inelastic contact of both, as an engine solves it.
+    // Inelastic contact of the two, as an engine solves it.
     const double together = (m * v.x() + force_n * h + ghost.model.mass_kg * before.x()) / total;
     v = Vec3(std::max(together, before.x()), 0, 0);
     ghost.end(before, v, h);
@@ -70,7 +70,7 @@ TEST(GhostMotion, AWallOnlyCreeps) {
   }
 }
 
-// Between two walls that overlap a body, an engine's push grows by a part in each step: as the walls begin against it.
+// Between two walls that overlap a body, an engine's push grows by a share in each step, as at the start of this test.
 TEST(GhostMotion, AWallGivesWayToALoadThatNothingInTheSceneCanExert) {
   const double h = 0.001;
   const double spare_n = 10.0;
@@ -93,7 +93,7 @@ TEST(GhostMotion, MovesAcrossItsAxisAsTheWorldsBody) {
   EXPECT_LT((ghost.begin(Vec3::Zero(), 0.001, kNoLimit_n) - Vec3(0, 0.1, -0.2)).norm(), 1e-12);
 }
 
-/// A carried ghost and the body that an engine moves for it, under a constant push of the inside.
+/// A carried ghost and the body by which the engine represents it, under a constant push of the inside.
 struct CarriedRun {
   Body body = test::cube(BodyId{0}, 0.1, kCube_kg);
   CarriedMotion motion;
@@ -115,7 +115,7 @@ TEST(CarriedMotion, FallsUnderItsWeight) {
   EXPECT_LT((run.velocity - (Vec6() << 0, 0, -0.981, 0, 0, 0).finished()).norm(), 1e-9) << "it falls and does not turn";
 }
 
-// A push through the centre of mass moves the whole, one beside it also turns it.
+// A push through the centre of mass translates the assembly; an off-centre push also turns it.
 TEST(CarriedMotion, IsAsHeavyAsTheWholeThatItCarries) {
   const CarriedBody whole = *carried().models({BodyId{1}}).at(0).carried;
   const Vec3 push(0, 3, 0);
@@ -130,7 +130,7 @@ TEST(CarriedMotion, IsAsHeavyAsTheWholeThatItCarries) {
   EXPECT_LT((run.velocity.head<3>() - speed).norm(), 1e-9 * speed.norm());
 }
 
-/// Mass m and a carried ghost in one inelastic contact along z; the impulse between them after `steps`.
+/// Mass m and a carried ghost in one inelastic contact along z; checks the impulse between them after `steps`.
 TEST(CarriedMotion, SettlesOnWhatIsLighterAndOnWhatIsHeavier) {
   for (const double m : {0.001, 0.2, 50.0}) {
     CarriedRun run;

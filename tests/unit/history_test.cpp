@@ -1,4 +1,4 @@
-// What becomes of rows that the file does not take: a pipe whose reader is slow.
+// Rows that the file does not accept: a pipe with a slow reader.
 #include "io/history.hpp"
 
 #include "support/temporary_folder.hpp"
@@ -21,7 +21,7 @@ namespace {
 constexpr std::size_t kRing = 100;
 constexpr std::size_t kTogether = 10;
 
-/// Rows of 10 kB, of which a pipe holds a few.
+/// Rows of 10 kB; a pipe holds a few of them.
 History::Format wide_rows() {
   return {.width = 1,
           .head = "",
@@ -43,7 +43,7 @@ class SlowFile : public ::testing::Test {
     for (std::size_t i = 0; i < kTogether; ++i) history.row({static_cast<double>(i)});
     return true;
   }
-  /// Reads until nobody writes any more; the number of rows.
+  /// Reads until all writers have closed; returns the number of rows.
   std::size_t drain() const {
     fcntl(reader_, F_SETFL, 0);
     std::array<char, 65536> piece{};
@@ -73,7 +73,7 @@ TEST_F(SlowFile, RowsThatBelongTogetherAreThereTogetherOrNotAtAll) {
   EXPECT_EQ(rows, written);
 }
 
-TEST_F(SlowFile, WhoMayWaitLosesNothing) {
+TEST_F(SlowFile, AWriterThatMayWaitLosesNothing) {
   std::size_t rows = 0;
   auto history = std::make_unique<History>(path_, wide_rows(), nullptr);
   std::thread reader([&] { rows = drain(); });

@@ -15,11 +15,11 @@ namespace {
 
 using Names = std::set<std::string>;
 
-/// Of which of our rooms each room may include files.
+/// For each room, the rooms whose files it may include.
 const std::map<std::string, Names> kMayInclude{
     {"model", {"model"}},
     {"physics", {"model", "physics"}},
-    {"coupling", {"model", "coupling"}},
+    {"coupling", {"model", "physics", "coupling"}},
     {"wire", {"model", "wire"}},
     {"rt", {"rt"}},
     {"io", {"model", "rt", "io"}},
@@ -30,7 +30,7 @@ const std::map<std::string, Names> kMayInclude{
     {"deploy", {"model", "physics", "coupling", "wire", "rt", "io", "deploy"}},
 };
 
-/// Of a library of others: how its includes begin, and which of our files may have them.
+/// A foreign library: the pattern of its includes, and the files that may have them.
 struct Foreign {
   const char* name;
   std::regex includes;
@@ -53,7 +53,7 @@ const std::vector<Foreign>& foreign() {
       {"Assimp", std::regex("assimp/.*"), std::regex("common/model/mesh_file\\.cpp")},
       {"Eigen", std::regex("Eigen/.*"), std::regex("(common/(model|physics|coupling|wire)|[a-z]+_[a-z]+)/.*")},
       {"JSON", std::regex("nlohmann/.*"), std::regex("(common/io|deploy)/.*")},
-      {"command lines", std::regex("CLI/.*"), std::regex("(common/io/(command_line|options)|deploy/subworld)\\.cpp")},
+      {"command lines", std::regex("CLI/.*"), std::regex("common/io/command_line\\.cpp")},
       {"OpenGL", std::regex("(epoxy|GL|EGL)/.*"), std::regex("gui_headless/.*")},
       {"PNG", std::regex("png\\.h"), std::regex("gui_headless/png_file\\.cpp")},
   };
@@ -65,7 +65,7 @@ std::string room_of(const std::string& file) {
   return rest.substr(0, rest.find('/'));
 }
 
-/// What a source includes against the rules, a line each. `file` is relative to the sources.
+/// The includes of a source that break the rules, one line each. `file` is relative to the source folder.
 std::vector<std::string> offences(const std::string& file, const std::string& text) {
   static const std::regex kInclude(R"(^\s*#\s*include\s*([<"])([^>"]+)[>"])");
   std::vector<std::string> found;
@@ -79,7 +79,7 @@ std::vector<std::string> offences(const std::string& file, const std::string& te
     const auto report = [&](const std::string& why) {
       found.push_back(file + ":" + std::to_string(number) + ": " + included + ": " + why);
     };
-    if (included.find("..") != std::string::npos) report("leaves its room by a path");
+    if (included.find("..") != std::string::npos) report("leaves its room by a relative path");
     const std::string path = included.starts_with("common/") ? included.substr(7) : included;
     const std::string other = path.find('/') == std::string::npos ? room : path.substr(0, path.find('/'));
     const bool ours = kMayInclude.contains(other) || other == "tests" || other == "support";
@@ -125,7 +125,7 @@ struct MadeUp {
   bool allowed;
 };
 
-/// The rules can fail, and do so for the right lines.
+/// The rules can fail, and fail for the right lines.
 TEST(Includes, MadeUpSourcesAreJudged) {
   const std::vector<MadeUp> cases{
       {"common/model/a.hpp", "#include \"model/body.hpp\"", true},
@@ -140,7 +140,8 @@ TEST(Includes, MadeUpSourcesAreJudged) {
       {"common/physics/a.cpp", "#include \"coupling/scheme.hpp\"", false},
       {"common/physics/engine.cpp", "#include <btBulletDynamicsCommon.h>", false},
       {"common/physics/bullet/shapes.cpp", "#include <btBulletDynamicsCommon.h>", true},
-      {"common/coupling/a.cpp", "#include \"physics/engine.hpp\"", false},
+      {"common/coupling/a.cpp", "#include \"physics/engine.hpp\"", true},
+      {"common/coupling/a.cpp", "#include \"wire/bus.hpp\"", false},
       {"common/coupling/a.cpp", "#include \"rt/cyclic.hpp\"", false},
       {"common/wire/bus.cpp", "#include <fastdds/dds/topic/Topic.hpp>", false},
       {"common/wire/fastdds.cpp", "#include <fastdds/dds/topic/Topic.hpp>", true},

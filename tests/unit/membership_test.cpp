@@ -1,4 +1,4 @@
-#include "haptic_sim/ghosts.hpp"
+#include "coupling/reduced/ghosts.hpp"
 #include "lab/session/coupled_run.hpp"
 
 #include <gtest/gtest.h>
@@ -10,17 +10,17 @@
 namespace subworld {
 namespace {
 
-constexpr double kForceStep_n = 0.3;  ///< that a hand may get from a change of members
+constexpr double kForceStep_n = 0.3;  ///< largest step of the felt force from a change of members
 constexpr double kSlow_s = 1.0, kQuick_s = 1e-9;
 
 struct MembershipCase {
   const char* scene;
   double change_s;
   double budget_ratio;
-  double step_s;  ///< what the sub-world says from then on that its steps take
+  double step_s;  ///< step time that the sub-world reports from then on
 };
 
-/// What was felt, and who were members by cycle.
+/// Felt forces, and members by cycle.
 struct FeltMembers {
   std::vector<Vec3> force;
   std::vector<std::vector<BodyId>> members;
@@ -46,7 +46,7 @@ FeltMembers felt(const MembershipCase& c, bool changes) {
 
 class ChangeOfMembers : public testing::TestWithParam<MembershipCase> {};
 
-// Two runs that are the same until the budget of one changes.
+// Two runs that are equal until the budget of one changes.
 TEST_P(ChangeOfMembers, IsNotFelt) {
   const FeltMembers same = felt(GetParam(), false);
   const FeltMembers changed = felt(GetParam(), true);
@@ -56,7 +56,7 @@ TEST_P(ChangeOfMembers, IsNotFelt) {
   while (first < steps && apart(first).isZero()) ++first;
   ASSERT_LT(first, steps) << "no change of members was felt at all";
   EXPECT_NE(same.members.back(), changed.members.back());
-  // The cycle that begins with the change. Later what differs is the course of things, which in a heap nobody foresees.
+  // The cycle that begins with the change. Later differences are those of the motion, which in a heap is chaotic.
   for (std::size_t n = first; n < std::min(first + 4, steps); ++n) {
     EXPECT_LE((apart(n) - apart(n - 1)).norm(), kForceStep_n) << GetParam().scene << ", step " << n;
   }

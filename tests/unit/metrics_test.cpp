@@ -39,7 +39,7 @@ TEST(ForceError, OfEqualForcesIsZero) {
   EXPECT_DOUBLE_EQ(e.jitter_ratio, 1.0);
 }
 
-// F = k R: |F - R| = |k - 1| |R|, and no lag makes it less.
+// F = k R: |F - R| = |k - 1| |R|, and no lag reduces it.
 TEST(ForceError, OfAScaledForceIsTheScale) {
   for (const double k : {0.0, 0.9, 1.05, 2.0}) {
     const ForceError e = force_error(sine(0.0, k), sine(), kH_s);
@@ -51,7 +51,7 @@ TEST(ForceError, OfAScaledForceIsTheScale) {
   }
 }
 
-// A sine that is late by d: |F - R| = 2 sin(w d / 2) |R|, and nothing is left once it is shifted back.
+// A sine that is late by d: |F - R| = 2 sin(w d / 2) |R|, and zero after shifting it back.
 TEST(ForceError, OfALateForceIsFoundAsATimeOffset) {
   for (const double delay_s : {0.0, 0.0031, 0.0104, -0.0057, 0.05}) {
     const ForceError e = force_error(sine(delay_s), sine(), kH_s);
@@ -61,7 +61,7 @@ TEST(ForceError, OfALateForceIsFoundAsATimeOffset) {
   }
 }
 
-// White noise of deviation s on each of three axes: RMS = s sqrt(3) / RMS of R; a mean of 41 takes most of it away.
+// White noise of deviation s on each of three axes: RMS = s sqrt(3) / RMS of R; a mean of 41 removes most of it.
 TEST(ForceError, OfNoiseIsJitterAndGoesBySmoothing) {
   const double deviation_n = 0.5;
   const ForceError e = force_error(with_noise(sine(), deviation_n), sine(), kH_s);

@@ -1,4 +1,4 @@
-// What stands between a computed force and a hand, and what is measured there.
+// The safety stages between a computed force and an operator, and their measurements.
 #include "coupling/energy_port.hpp"
 #include "coupling/motion_guard.hpp"
 #include "coupling/oscillation.hpp"
@@ -51,7 +51,7 @@ TEST(LargestStiffness, IsNoneWhereTheDampingAloneIsTooMuch) {
   EXPECT_GT(largest_stiffness({.wall_damping_n_s_m = 20.0}), 1000.8);
 }
 
-/// The largest displacement in the last quarter, over that in the first: < 1 dies away.
+/// The largest displacement in the last quarter over that in the first: < 1 means decay.
 double growth(const SampledWall& wall, double stiffness_n_m, double rate_hz) {
   DeviceSpec spec;
   spec.mass_kg = 0.5 * wall.mass_kg;
@@ -97,7 +97,7 @@ INSTANTIATE_TEST_SUITE_P(Walls, HeldForce,
                                            SampledWall{.wall_damping_n_s_m = 20.0},
                                            SampledWall{.delay = 3, .wall_damping_n_s_m = 5.0}));
 
-// A slower device samples less often, whatever asks it more often.
+// A slower device samples less often, independent of the rate of the calls.
 TEST(EmulatedDevice, WorksAtItsOwnRate) {
   const SampledWall slow{.period_s = 4e-3};
   const double edge = largest_stiffness(slow);
@@ -156,7 +156,7 @@ TEST(MotionGuard, NeverMovesFasterThanItsLimitNorToNowhere) {
 
 TEST(EnergyPort, CountsWhatIsTakenFromAnEmptyStoreAsCreated) {
   EnergyPort port(0.8);
-  port.flow(5.0, false);  // friction has used most of it up
+  port.flow(5.0, false);  // friction has dissipated most of it
   EXPECT_DOUBLE_EQ(port.level_j(), 0.8);
   port.flow(-0.7, false);
   EXPECT_DOUBLE_EQ(port.created_j(), 0.0);
@@ -165,12 +165,12 @@ TEST(EnergyPort, CountsWhatIsTakenFromAnEmptyStoreAsCreated) {
   EXPECT_DOUBLE_EQ(port.level_j(), 0.0);
   EXPECT_DOUBLE_EQ(port.net_j(), 4.0);
   EXPECT_DOUBLE_EQ(port.least_j(), 0.0);
-  port.flow(3.0, true);  // a spring at its limit stores all of it
+  port.flow(3.0, true);  // a saturated spring has stored all of it
   port.flow(-3.0, true);
   EXPECT_NEAR(port.created_j(), 0.2, 1e-12);
 }
 
-TEST(OscillationWatch, TellsABuzzFromAHandAndFromAnImpact) {
+TEST(OscillationWatch, DistinguishesVibrationFromMotionAndImpact) {
   const auto watched = [](auto&& force_n) {
     OscillationWatch watch;
     for (int i = 0; i < 3000; ++i) watch.step(Vec3(force_n(i * 1e-3), 0, 0), 1e-3);
@@ -214,8 +214,8 @@ Scene delayed_scene(const Delayed& one) {
 
 class Passivity200ms : public ::testing::TestWithParam<Delayed> {};
 
-// Net energy from the hand, by the true motion of the device: more than -1 mJ whatever the links do.
-TEST_P(Passivity200ms, NoHandGetsEnergyThatItDidNotPutIn) {
+// Net energy from the operator, computed from the true motion of the device: more than -1 mJ for all links.
+TEST_P(Passivity200ms, NoOperatorReceivesEnergyThatWasNotPutIn) {
   CoupledRun run(delayed_scene(GetParam()));
   ASSERT_TRUE(run.run());
   EXPECT_GT(run.guards[0]->port().least_j(), -1e-3);
@@ -232,7 +232,7 @@ TEST(Passivity, IsNeededThere) {
   EXPECT_GT(run.guards[0]->port().created_j(), 1.0);
 }
 
-// A hand that speeds up and stops gives its proxy what it takes back: nothing that bodies had.
+// An operator who accelerates and stops gets back the kinetic energy of the proxy: no energy of bodies.
 TEST(ReleasedEnergy, IsNotThatOfAProxyInTheAir) {
   Scene scene = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
   keep_users(scene, 1);
@@ -256,7 +256,7 @@ TEST(Passivity, ChangesNothingWithoutDelay) {
   }
 }
 
-// A hand at rest in free space: whatever the cycle and the delay, an admittance device must not carry it off.
+// An operator at rest in free space: for any cycle and delay, an admittance device must not drift away.
 TEST(Admittance, InFreeSpaceStaysSlow) {
   for (const char* scheme : {"direct", "paper", "reduced"}) {
     for (const int ratio : {1, 4, 20}) {

@@ -1,4 +1,4 @@
-#include "model/optimisation.hpp"
+#include "coupling/plan.hpp"
 
 #include "lab/session/coupled_run.hpp"
 #include "model/scene.hpp"
@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-// What the plan leaves out by which fact, and that messages without it tell the same.
+// The facts that decide each optimisation, and that messages with less content have the same effect.
 namespace subworld {
 namespace {
 
@@ -43,35 +43,34 @@ const auto kAsItIs = [](Settings&) {};
 const auto kDirect = [](Settings& s) { s.scheme = "direct"; };
 const auto kPaper = [](Settings& s) { s.scheme = "paper"; };
 
-INSTANTIATE_TEST_SUITE_P(Items, Facts,
-                         testing::Values(Fact{"sway", Optimisation::sway, true, "row", 1, kAsItIs},
-                                         Fact{"sway_weightless", Optimisation::sway, false, "row", 1,
-                                              [](Settings& s) { s.world.gravity.setZero(); }},
-                                         Fact{"sway_kept_awake", Optimisation::sway, false, "row", 1,
-                                              [](Settings& s) { s.disable(disabled(Optimisation::rest)); }},
-                                         Fact{"suppression", Optimisation::suppression, true, "row", 1, kAsItIs},
-                                         Fact{"silence_direct", Optimisation::suppression, false, "row", 1, kDirect},
-                                         Fact{"silence_paper", Optimisation::suppression, false, "row", 1, kPaper},
-                                         Fact{"silence_realtime", Optimisation::suppression, false, "row", 1,
-                                              [](Settings& s) { s.mode = Mode::realtime; }},
-                                         Fact{"silence_two_hands", Optimisation::suppression, false, "lift", 2,
-                                              kAsItIs},
-                                         Fact{"silence_delay", Optimisation::suppression, false, "row", 1,
-                                              [](Settings& s) { s.delay.up_s = 0.01; }},
-                                         Fact{"silence_ratio", Optimisation::suppression, false, "heap", 1, kAsItIs},
-                                         Fact{"device", Optimisation::device, true, "row", 1, kAsItIs},
-                                         Fact{"device_direct", Optimisation::device, false, "row", 1, kDirect},
-                                         Fact{"device_two_hands", Optimisation::device, false, "lift", 2, kAsItIs},
-                                         Fact{"device_two_hands_paper", Optimisation::device, true, "lift", 2, kPaper},
-                                         Fact{"pairs", Optimisation::pairs, true, "row", 1, kAsItIs},
-                                         Fact{"pairs_paper", Optimisation::pairs, false, "row", 1, kPaper},
-                                         Fact{"pairs_direct", Optimisation::pairs, false, "row", 1, kDirect}),
-                         [](const auto& one) { return std::string(one.param.name); });
+INSTANTIATE_TEST_SUITE_P(
+    Items, Facts,
+    testing::Values(
+        Fact{"sway", Optimisation::sway, true, "row", 1, kAsItIs},
+        Fact{"sway_weightless", Optimisation::sway, false, "row", 1, [](Settings& s) { s.world.gravity.setZero(); }},
+        Fact{"sway_kept_awake", Optimisation::sway, false, "row", 1,
+             [](Settings& s) { s.disable(disabled(Optimisation::rest)); }},
+        Fact{"suppression", Optimisation::suppression, true, "row", 1, kAsItIs},
+        Fact{"suppression_direct", Optimisation::suppression, false, "row", 1, kDirect},
+        Fact{"suppression_paper", Optimisation::suppression, false, "row", 1, kPaper},
+        Fact{"suppression_realtime", Optimisation::suppression, false, "row", 1,
+             [](Settings& s) { s.mode = Mode::realtime; }},
+        Fact{"suppression_two_users", Optimisation::suppression, false, "lift", 2, kAsItIs},
+        Fact{"suppression_delay", Optimisation::suppression, false, "row", 1, [](Settings& s) { s.delay.up_s = 0.01; }},
+        Fact{"suppression_ratio", Optimisation::suppression, false, "heap", 1, kAsItIs},
+        Fact{"device", Optimisation::device, true, "row", 1, kAsItIs},
+        Fact{"device_direct", Optimisation::device, false, "row", 1, kDirect},
+        Fact{"device_two_users", Optimisation::device, false, "lift", 2, kAsItIs},
+        Fact{"device_two_users_paper", Optimisation::device, true, "lift", 2, kPaper},
+        Fact{"pairs", Optimisation::pairs, true, "row", 1, kAsItIs},
+        Fact{"pairs_paper", Optimisation::pairs, false, "row", 1, kPaper},
+        Fact{"pairs_direct", Optimisation::pairs, false, "row", 1, kDirect}),
+    [](const auto& one) { return std::string(one.param.name); });
 
 class SameMessages : public testing::TestWithParam<const char*> {};
 
-// Ghosts begin, turn from what the inside alone holds into what stands, and end.
-TEST_P(SameMessages, TellASubWorldTheSame) {
+// Ghosts appear, change from carried to held, and end.
+TEST_P(SameMessages, HaveTheSameEffectOnASubWorld) {
   std::vector<std::uint64_t> hashes;
   for (const Disabled disabled : {kDisableNothing, disabled(Optimisation::pairs) | disabled(Optimisation::device)}) {
     Scene scene = scene_of(GetParam());
@@ -87,7 +86,7 @@ TEST_P(SameMessages, TellASubWorldTheSame) {
 INSTANTIATE_TEST_SUITE_P(Scenes, SameMessages, testing::Values("loose", "see_saw", "toppling", "hidden_load"),
                          [](const auto& one) { return std::string(one.param); });
 
-// A ghost that is held again stands where it touches nothing deeper than the world says: that takes its contacts.
+// A ghost that is held again starts where its contacts are no deeper than in the world: this needs its contacts.
 TEST(Pairs, GoWithGhostsThatAreHeldAgain) {
   std::size_t held_again = 0;
   for (const char* name : {"loose", "see_saw", "toppling", "hidden_load", "card_house", "pyramid", "heap_press"}) {

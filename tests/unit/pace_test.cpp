@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kCycle_s = 0.004;
 
-/// A world whose n-th cycle costs so much, on releases that its pace sets; as run_realtime does it.
+/// A world whose n-th cycle has this cost, with releases from its pace, as run_realtime does.
 struct Simulation {
   struct Cycle {
     double real_time_factor, late_s, idle_s, wall_s;
@@ -44,7 +44,7 @@ struct Simulation {
   std::vector<Pace::News> news;
 };
 
-using Told = std::vector<Pace::News>;
+using NewsList = std::vector<Pace::News>;
 
 void expect_smooth(const std::vector<Simulation::Cycle>& cycles) {
   double before = 1.0;
@@ -89,10 +89,10 @@ TEST(Pace, ALastingLoadSlowsTheClockToWhatTheWorldCanDoAndLeavesATenth) {
   expect_smooth(cycles);
   EXPECT_NEAR(cycles.back().real_time_factor, 0.9 / 2.275, 1e-3);
   for (std::size_t n = 200; n < cycles.size(); ++n) {
-    EXPECT_LE(cycles[n].late_s, 0.0) << "a slowed clock is kept";
+    EXPECT_LE(cycles[n].late_s, 0.0) << "a slowed clock is met";
     EXPECT_GE(cycles[n].idle_s, 0.099 * cycles[n].wall_s) << "others must get a part of the processor";
   }
-  EXPECT_EQ(s.said(), Told{Pace::News::slowed});
+  EXPECT_EQ(s.said(), NewsList{Pace::News::slowed});
 }
 
 TEST(Pace, AHeavyLoadIsFollowedAtOnce) {
@@ -110,10 +110,10 @@ TEST(Pace, RecoversToExactlyOne) {
   EXPECT_LT(slow_s, 2.0);
   EXPECT_EQ(cycles.back().real_time_factor, 1.0);
   EXPECT_NEAR(cycles.back().wall_s, kCycle_s, 1e-12);
-  EXPECT_EQ(s.said(), (Told{Pace::News::slowed, Pace::News::recovered}));
+  EXPECT_EQ(s.said(), (NewsList{Pace::News::slowed, Pace::News::recovered}));
 }
 
-TEST(Pace, ALoadAroundACycleDoesNotMakeTheClockSwing) {
+TEST(Pace, ALoadAroundACycleDoesNotMakeTheClockOscillate) {
   Simulation s;
   const auto cycles = s.run(3000, [](int n) { return (n % 2 == 0 ? 0.8 : 1.25) * kCycle_s; });
   expect_smooth(cycles);
@@ -127,7 +127,7 @@ TEST(Pace, ALoadAroundACycleDoesNotMakeTheClockSwing) {
   EXPECT_LE(s.said().size(), 1U);
 }
 
-TEST(Pace, FollowsASlowSwingOfTheLoad) {
+TEST(Pace, FollowsASlowOscillationOfTheLoad) {
   Simulation s;
   const auto load = [](int n) { return 2.0 + 1.5 * std::sin(2.0 * M_PI * n / 400.0); };
   const auto cycles = s.run(4000, [&](int n) { return load(n) * kCycle_s; });
@@ -137,7 +137,7 @@ TEST(Pace, FollowsASlowSwingOfTheLoad) {
     EXPECT_LT(cycles[n].real_time_factor, 1.25 * possible) << "cycle " << n;
     EXPECT_GT(cycles[n].real_time_factor, 0.6 * possible) << "cycle " << n;
   }
-  EXPECT_LE(s.said().size(), 1U) << "news at each swing is noise";
+  EXPECT_LE(s.said().size(), 1U) << "a report at each oscillation is noise";
 }
 
 TEST(Pace, SaysWhereEvenTheSlowestClockIsTooFastAndStillYields) {

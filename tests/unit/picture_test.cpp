@@ -52,7 +52,7 @@ BoundaryContact border_pair(BodyId inside, const Vec3& impulse) {
   return pair;
 }
 
-// Cubes at random in a bin without a floor, which would be grey too; the proxy in the middle.
+// Random cubes in a bin without a floor, which would be grey too; the proxy is in the middle.
 TestScene heap() {
   TestScene scene;
   std::mt19937 random(7);
@@ -97,7 +97,7 @@ Rgb pixel_at(const Drawing& drawing, const Vec3& point) {
   return drawing.image.pixel(column, row);
 }
 
-// Whether a pixel lies within the disc of one of these bodies.
+// Whether a pixel is inside the disc of one of these bodies.
 std::function<bool(int, int)> within(const TestScene& scene, const Drawing& drawing, const std::vector<BodyId>& ids) {
   struct Disc {
     double column, row, radius;
@@ -171,7 +171,7 @@ TEST(Picture, DrawsImpulsesFromTheBorderBodyAlongTheirSum) {
   user.proxy = scene.add(TestScene::sphere(0.03), 0.1, Vec3(-0.4, 0.0, 0.0));
   const auto border = scene.add_cube(Vec3::Zero());
   user.members = {user.proxy, border};
-  // The sum points along x; neither part does.
+  // The sum is along x; neither summand is.
   user.border = {border_pair(border, Vec3(0.01, 0.0, 0.02)), border_pair(border, Vec3(0.01, 0.0, -0.02))};
   scene.users = {user};
   auto picture = scene.picture();
@@ -187,7 +187,7 @@ TEST(Picture, DrawsImpulsesFromTheBorderBodyAlongTheirSum) {
   EXPECT_GT(renderer().draw(picture).line_m_per_n_s, 2.0 * kCubeHalf_m / 0.02);
 }
 
-// At a contact that may come, the body that pushes may be outside as well.
+// At a contact that may come soon, the pushing body may be outside as well.
 TEST(Picture, DrawsNoBorderBetweenTwoBodiesOutside) {
   TestScene scene;
   UserView user;
@@ -204,7 +204,7 @@ TEST(Picture, DrawsNoBorderBetweenTwoBodiesOutside) {
   EXPECT_TRUE(is_grey(pixel_at(drawing, Vec3::Zero())));
 }
 
-TEST(Picture, LeavesOutWhatCannotBeDrawn) {
+TEST(Picture, OmitsBodiesThatCannotBeDrawn) {
   auto scene = heap();
   const double nan = std::numeric_limits<double>::quiet_NaN();
   scene.states[3].position.x() = nan;

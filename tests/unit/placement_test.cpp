@@ -1,4 +1,4 @@
-// Where the programs of a run are placed.
+// Placement of a run's programs on cores.
 #include "placement.hpp"
 
 #include <gtest/gtest.h>
@@ -30,7 +30,7 @@ TEST(Placement, NothingIsPlacedWhereTheHapticLoopsNeedAllCores) {
   EXPECT_TRUE(place(scene_for(1), std::vector<int>{0}).world.empty());
 }
 
-TEST(Placement, InLockStepNobodyIsLate) { EXPECT_TRUE(place(scene_for(1, Mode::lockstep), kTwo).world.empty()); }
+TEST(Placement, InLockStepNothingIsPlaced) { EXPECT_TRUE(place(scene_for(1, Mode::lockstep), kTwo).world.empty()); }
 
 }  // namespace
 }  // namespace subworld

@@ -1,7 +1,7 @@
-// The simulation ratio while it changes: who counts which cycles, what decides, and what a hand feels of it.
+// A changing simulation ratio: the counting of steps, the decision, and the felt force.
+#include "coupling/paper/paper.hpp"
 #include "coupling/ratio_control.hpp"
 #include "coupling/timetable.hpp"
-#include "haptic_sim/border_model.hpp"
 #include "lab/session/coupled_run.hpp"
 
 #include <gtest/gtest.h>
@@ -47,7 +47,7 @@ TEST(Timetable, RemembersAsFarBackAsAsked) {
   }
 }
 
-TEST(Timetable, BeginsAnewInTheMiddle) {
+TEST(Timetable, RestartsInTheMiddle) {
   Timetable table(4, 16);
   table.restart(100, 470, 7);
   EXPECT_EQ(table.start(100), 470U);
@@ -61,9 +61,9 @@ Settings adaptive(int least, int most) {
   return settings;
 }
 
-/// The ratio after `cycles` of a world whose step costs so much.
+/// The ratio after `cycles` of a world whose step has this cost.
 int after(RatioControl& control, int ratio, bool felt, double step_s, int cycles) {
-  const CycleCost cost = [step_s](double, int parts) { return parts * step_s; };
+  const CycleCost cost = [step_s](double, int substeps) { return substeps * step_s; };
   for (int i = 0; i < cycles; ++i) ratio = control.choose_ratio(ratio, felt, 1e-3 * ratio, cost);
   return ratio;
 }
@@ -79,7 +79,7 @@ TEST(RatioControl, IsTheSmallestThatTheWorldAffordsWhileABorderIsFelt) {
   EXPECT_EQ(after(control, 4, true, 1.0, 100), 12) << "not above the bound, whatever it costs";
 }
 
-TEST(RatioControl, GrowsWhereNothingIsFeltForAWhile) {
+TEST(RatioControl, GrowsWithoutFeltContactForAWhile) {
   RatioControl control(adaptive(4, 12));
   const int cycles = static_cast<int>(RatioControl::kSettled_s / 4e-3);
   EXPECT_EQ(after(control, 4, false, 1e-3, cycles - 1), 4);
@@ -103,21 +103,21 @@ TEST(RatioControl, FixedStaysFixed) {
   EXPECT_EQ(after(control, 4, false, 1.0, 1000), 4);
 }
 
-TEST(RatioControl, PartsAreWhatIsWantedAndAffordable) {
+TEST(RatioControl, SubStepsAreAsRequestedAndAffordable) {
   const RatioControl control(adaptive(4, 16));
-  const auto parts = [&](int present, double step_s, double time_s = 0.016) {
+  const auto substeps = [&](int present, double step_s, double time_s = 0.016) {
     return control.choose_substeps(present, 0.016, 0.005, time_s, [step_s](double, int n) { return n * step_s; });
   };
-  EXPECT_EQ(parts(1, 0.0), 4);
-  EXPECT_EQ(parts(1, 1e-3), 4);
-  EXPECT_EQ(parts(4, 4e-3), 2);
-  EXPECT_EQ(parts(4, 0.1), 1);
-  EXPECT_EQ(parts(4, 2.8e-3), 4) << "those that are there stay a little above the share";
-  EXPECT_LT(parts(1, 2.8e-3), 4) << "and no new one comes";
-  EXPECT_EQ(parts(4, 2e-3, 0.004), 1) << "the last long cycle before short ones has the time of a short one";
+  EXPECT_EQ(substeps(1, 0.0), 4);
+  EXPECT_EQ(substeps(1, 1e-3), 4);
+  EXPECT_EQ(substeps(4, 4e-3), 2);
+  EXPECT_EQ(substeps(4, 0.1), 1);
+  EXPECT_EQ(substeps(4, 2.8e-3), 4) << "the present ones stay a little above the share";
+  EXPECT_LT(substeps(1, 2.8e-3), 4) << "and no new one is added";
+  EXPECT_EQ(substeps(4, 2e-3, 0.004), 1) << "the last long cycle before short ones has the time of a short one";
 }
 
-TEST(RatioControl, PartsThatASceneNamesStay) {
+TEST(RatioControl, SubStepsThatASceneNamesStay) {
   Settings settings = adaptive(4, 16);
   settings.world.substeps = 3;
   EXPECT_EQ(RatioControl(settings).choose_substeps(1, 0.016, 0.005, 0.016, [](double, int) { return 1.0; }), 3);
@@ -152,10 +152,10 @@ TEST(AdaptiveRatio, RepeatsBitByBitAndIsFeltAsTheSmallestRatio) {
   EXPECT_LT(std::sqrt(difference / squares), 0.005);
 }
 
-/// What the first user feels of a world that seems to need `cost_s(time)` for a cycle.
+/// The force that the first user feels with a world whose cycles seem to cost `cost_s(time)`.
 template <class Cost>
 std::vector<Vec3> felt_at_cost(const Scene& scene, double until_s, std::vector<double>& changes_s, const Cost& cost_s) {
-  constexpr int kManyTimes = 200;  // so that what a cycle costs is known at once
+  constexpr int kManyTimes = 200;  // so that the cost of a cycle is known at once
   CoupledRun run(scene);
   int ratio = scene.settings.ratio;
   while (run.world.time_s() < until_s) {
@@ -168,11 +168,11 @@ std::vector<Vec3> felt_at_cost(const Scene& scene, double until_s, std::vector<d
   return run.felt[0].force;
 }
 
-TEST(AdaptiveRatio, AChangeUnderTheHandIsNoStepInTheForce) {
+TEST(AdaptiveRatio, AChangeDuringContactIsNoStepInTheForce) {
   constexpr double kMostStep_n = 0.2;
   constexpr double kPressed_s = 1.0, kUntil_s = 2.2;
   const Scene scene = scene_of("row", {4, 12});
-  // The tool pushes from 0.5 s on; from then on nothing but the ratio differs.
+  // The tool pushes from 0.5 s on; from then on only the ratio differs.
   std::vector<double> none, changes_s;
   const auto constant = felt_at_cost(scene, kUntil_s, none, [](double) { return 1e-4; });
   const auto changing = felt_at_cost(scene, kUntil_s, changes_s, [](double t) {
@@ -186,28 +186,29 @@ TEST(AdaptiveRatio, AChangeUnderTheHandIsNoStepInTheForce) {
   }
 }
 
-// The last long cycle before short ones has the time of a short one: the sub-worlds are ahead and already make those.
-TEST(AdaptiveRatio, TheCycleBeforeShorterOnesHasNoMorePartsThanTheirTimeHasRoomFor) {
+// The last long cycle before short ones has the time of a short one: the sub-worlds are ahead and already make short
+// ones.
+TEST(AdaptiveRatio, TheCycleBeforeShorterOnesHasNoMoreSubStepsThanFitTheirTime) {
   constexpr double kPart_s = 1.5e-3;
   const Scene scene = scene_of("row", {4, 12});
   CoupledRun run(scene);
-  int seen = 0, most_parts = 0;
+  int seen = 0, most_substeps = 0;
   while (run.world.time_s() < 1.0) {
     for (int i = 0; i < 200; ++i) run.world.took(kPart_s * run.world.substeps());
     run.cycle();
     const int ratio = run.world.ratio(), next = run.world.timetable().ratio(run.world.stamp());
-    if (ratio == 12 && next == 12) most_parts = std::max(most_parts, run.world.substeps());
+    if (ratio == 12 && next == 12) most_substeps = std::max(most_substeps, run.world.substeps());
     if (ratio <= next) continue;
     ++seen;
     EXPECT_LE(kPart_s * run.world.substeps(), RatioControl::kOverShare * next * scene.settings.h_s);
   }
   EXPECT_GE(seen, 1);
-  EXPECT_EQ(most_parts, 3) << "where there is time, as many as are wanted";
+  EXPECT_EQ(most_substeps, 3) << "with enough time, the requested number";
 }
 
-TEST(AdaptiveRatio, AHandThatRestsOnWhatItHasPushedNeedsNoShortCycles) {
+TEST(AdaptiveRatio, AnOperatorAtRestInContactNeedsNoShortCycles) {
   Scene scene = scene_of("row", {4, 10});
-  scene.users[0].device.path.pop_back();  // it stays where it has pushed
+  scene.users[0].device.path.pop_back();  // it stays at its pushed position
   CoupledRun run(scene);
   while (run.world.time_s() < 3.0) run.cycle();
   EXPECT_GT(run.felt[0].force.back().norm(), 1.0) << "it leans on the row";
@@ -215,7 +216,7 @@ TEST(AdaptiveRatio, AHandThatRestsOnWhatItHasPushedNeedsNoShortCycles) {
   EXPECT_EQ(run.world.ratio(), 10);
 }
 
-TEST(AdaptiveRatio, AFrameTellsHowLongItsCycleWas) {
+TEST(AdaptiveRatio, AFrameHasTheLengthOfItsCycle) {
   CoupledRun run(scene_of("row", {4, 10}));
   double before_s = 0.0;
   bool changed = false;
@@ -229,16 +230,15 @@ TEST(AdaptiveRatio, AFrameTellsHowLongItsCycleWas) {
   EXPECT_TRUE(changed);
 }
 
-// Impulses are sums over the cycle that they come from, however long the present one is.
+// Impulses are sums over the cycle in which they occurred, independent of the length of the present one.
 TEST(AdaptiveRatio, AFrozenBorderDividesItsImpulsesOverTheirOwnCycle) {
   const Scene scene = scene_of("row", {4, 10});
   Settings settings = scene.settings;
   settings.scheme = "paper";
-  const auto scheme = make_scheme(settings);
   const auto engine = make_engine(settings.haptic, scene.meshes);
   const auto cube = std::ranges::find_if(scene.bodies, [](const Body& body) { return !body.fixed(); });
   engine->add(*cube, scene.initial[index(cube->id)]);
-  const auto border = make_border_model(*scheme, scene, 16);
+  const auto border = scheme_of(settings).make_sub_world_side(scene, 16);
   WorldFrame frame;
   frame.cycle_s = 0.010;
   frame.border.push_back({.inside = cube->id,
@@ -250,7 +250,7 @@ TEST(AdaptiveRatio, AFrozenBorderDividesItsImpulsesOverTheirOwnCycle) {
   EXPECT_NEAR(cube->mass * engine->state(cube->id).linear_velocity.x(), 0.05, 1e-9);
 }
 
-TEST(AdaptiveRatio, ASubWorldThatMissedAChangeSaysSoAndBeginsAnew) {
+TEST(AdaptiveRatio, ASubWorldThatMissedAChangeReportsItAndRestarts) {
   const Scene scene = scene_of("row", {4, 12});
   World world(scene);
   world.settle([](double) { return true; });
@@ -258,18 +258,19 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeSaysSoAndBeginsAnew) {
   ASSERT_TRUE(sub.reset_from(world.frame(0)));
   const DeviceState device;
   WorldFrame before, after;
-  // Frames stay away from the sub-world until the change is over: without a hand the ratio grows.
+  // No frames reach the sub-world until the change is over: without an operator the ratio grows.
   while (world.timetable().newest().stamp == 0 || world.stamp() < world.timetable().newest().stamp + 3) {
     world.step();
     after = world.frame(0);
     if (world.stamp() + 1 == world.timetable().newest().stamp) before = after;
   }
   while (sub.stamp() <= after.stamp) {
-    (void)sub.step(device, true, scene.settings.h_s);
+    (void)sub.step(
+        {&device, true, scene.settings.h_s, scene.settings.h_s}, [](const FeltStep&) {}, [] {});
     if (sub.report_due()) (void)sub.report(1);
   }
   EXPECT_FALSE(world.receive(HapticReport(sub.report(1)))) << "its stamps are of other times";
-  EXPECT_FALSE(sub.agrees(before)) << "it is of a time before the change, and tells it";
+  EXPECT_FALSE(sub.agrees(before)) << "the report is older than the change, and says so";
   ASSERT_FALSE(sub.agrees(after));
   ASSERT_TRUE(sub.reset_from(after));
   EXPECT_TRUE(sub.agrees(after));

@@ -1,5 +1,6 @@
-// What rests leaves its engine, and is back before anything can reach it.
+// Resting bodies leave their engine, and return before anything can reach them.
 #include "physics/resting_engine.hpp"
+#include "coupling/plan.hpp"
 
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
@@ -59,7 +60,7 @@ TEST(BoxTree, FindsWhatALoopOverAllFinds) {
 using test::kHorizon_s, test::kStep_s;
 class Resting : public test::RestingStack {};
 
-TEST_P(Resting, WhatRestsLeavesTheEngineAndIsStillThere) {
+TEST_P(Resting, ARestingBodyLeavesTheEngineAndIsStillThere) {
   begin();
   run(1.0);
   EXPECT_EQ(engine->asleep_count(), 3U);
@@ -71,7 +72,7 @@ TEST_P(Resting, WhatRestsLeavesTheEngineAndIsStillThere) {
   EXPECT_TRUE(engine->awake().empty());
 }
 
-TEST_P(Resting, ThoseThatHangTogetherWakeBeforeABallReachesThem) {
+TEST_P(Resting, ConnectedBodiesWakeBeforeABallReachesThem) {
   begin();
   run(1.0);
   ASSERT_TRUE(engine->asleep(kLower));
@@ -98,7 +99,7 @@ TEST_P(Resting, AStackStandsThroughSleepAndWaking) {
   EXPECT_NEAR(engine->state(kUpper).position.x(), 0.0, 1e-3);
 }
 
-TEST_P(Resting, WhatFallsOrCreepsStaysAwake) {
+TEST_P(Resting, AFallingOrCreepingBodyStaysAwake) {
   scene.bodies[index(kUpper)].gravity = false;
   scene.initial[index(kUpper)] = test::at(0.5, 0, 1.0);
   scene.initial[index(kUpper)].linear_velocity = {1e-3, 0, 0};
@@ -108,7 +109,7 @@ TEST_P(Resting, WhatFallsOrCreepsStaysAwake) {
   EXPECT_TRUE(engine->asleep(kLower));
 }
 
-TEST_P(Resting, WhatIsAtRestFromTheStartWakesWithWhatItTouches) {
+TEST_P(Resting, BodiesAtRestFromTheStartWakeWithBodiesTheyTouch) {
   for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
   begin();
   EXPECT_EQ(engine->asleep_count(), 2U);
@@ -121,19 +122,19 @@ TEST_P(Resting, WhatIsAtRestFromTheStartWakesWithWhatItTouches) {
   EXPECT_NEAR(engine->state(kUpper).position.z(), 0.15, 2e-3);
 }
 
-// A look is for several steps: what is hit in the first may hit the next one in the last.
-TEST_P(Resting, WhatIsPushedOnWakesWhatItMayReach) {
+// One check covers several steps: a body that is hit in the first step may hit the next one in the last step.
+TEST_P(Resting, APushedBodyWakesBodiesItMayReach) {
   for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
-  scene.initial[index(kUpper)] = test::at(-0.11, 0, 0.05);  // 10 mm behind the lower one
-  scene.initial[index(kBall)] = test::at(0.12, 0, 0.05);    // 20 mm before it
+  scene.initial[index(kUpper)] = test::at(-0.11, 0, 0.05);  // 10 mm behind the lower cube
+  scene.initial[index(kBall)] = test::at(0.12, 0, 0.05);    // 20 mm in front of it
   scene.initial[index(kBall)].linear_velocity = {-2, 0, 0};
   begin();
   engine->follow(kStep_s, kHorizon_s);
   EXPECT_FALSE(engine->asleep(kLower)) << "32 mm in the time of the look";
-  EXPECT_FALSE(engine->asleep(kUpper)) << "what is left of them, and the blow may double it";
+  EXPECT_FALSE(engine->asleep(kUpper)) << "the remaining distance, and the impact may double the speed";
 }
 
-TEST_P(Resting, WhatDoesNotComeSoFarWakesNobody) {
+TEST_P(Resting, ABodyThatDoesNotComeSoFarWakesNone) {
   for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
   scene.initial[index(kUpper)] = test::at(-0.11, 0, 0.05);
   scene.initial[index(kBall)] = test::at(0.12, 0, 0.05);
@@ -143,7 +144,7 @@ TEST_P(Resting, WhatDoesNotComeSoFarWakesNobody) {
   EXPECT_EQ(engine->asleep_count(), 2U) << "8 mm";
 }
 
-TEST_P(Resting, WhatFallsWakesWhatIsBelow) {
+TEST_P(Resting, AFallingBodyWakesBodiesBelow) {
   scene.bodies[index(kLower)].at_rest = true;
   scene.initial[index(kUpper)] = test::at(0, 0, 0.151);
   begin();
@@ -151,7 +152,7 @@ TEST_P(Resting, WhatFallsWakesWhatIsBelow) {
   EXPECT_FALSE(engine->asleep(kLower)) << "g t^2 / 2 is 1.3 mm";
 }
 
-TEST_P(Resting, AHandMayMoveOffWithFiveG) {
+TEST_P(Resting, AnOperatorMayAccelerateWithFiveG) {
   for (const BodyId id : {kLower, kUpper}) scene.bodies[index(id)].at_rest = true;
   scene.bodies[index(kBall)].gravity = false;
   const std::vector<BodyId> tool{kBall};
@@ -175,7 +176,7 @@ TEST_P(Resting, OneThatCreepsKeepsAwakeWhatItTouches) {
   }
 }
 
-TEST_P(Resting, WhatIsRemovedInItsSleepIsGone) {
+TEST_P(Resting, ABodyRemovedInItsSleepIsGone) {
   begin();
   run(1.0);
   ASSERT_TRUE(engine->asleep(kUpper));
@@ -192,7 +193,7 @@ TEST_P(Resting, HasNoCheckpoints) {
   EXPECT_THROW((void)engine->checkpoint(), Error);
 }
 
-TEST_P(Resting, NothingSleepsWhereItIsKeptAwake) {
+TEST_P(Resting, NothingSleepsWithRestDisabled) {
   begin(false);
   run(1.0);
   EXPECT_EQ(engine->asleep_count(), 0U);
@@ -202,8 +203,8 @@ TEST_P(Resting, NothingSleepsWhereItIsKeptAwake) {
 INSTANTIATE_TEST_SUITE_P(Engines, Resting, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),
                          test::name_of);
 
-// Before the tool comes, a row costs nothing; then it is felt as if it had never slept, but for what its solver's first
-// guess makes of it: less than steps of half the length do.
+// Before the tool arrives, a row costs nothing. Then the felt force is that of a row that never slept, except for the
+// effect of the solver's first guess: less than that of half the step.
 TEST(RestingWorld, ARowThatSleptIsFeltAsOneThatDidNot) {
   Scene scene = load_scene(std::string(SCENES_FOLDER) + "/row.yaml");
   keep_users(scene, 1);
@@ -256,8 +257,8 @@ TEST_F(SleepingRow, RefusesAnEngineThatCannotHoldIt) {
   EXPECT_EQ(run.world.engine().name(), "bullet");
 }
 
-// What the sub-world last said of a body that has fallen asleep since wakes nobody.
-TEST_F(SleepingRow, SleepsAgainWhenTheHandHasGone) {
+// The last correction of a body that has fallen asleep since wakes no body.
+TEST_F(SleepingRow, SleepsAgainWhenTheOperatorHasGone) {
   while (run.world.time_s() < 2.0) run.cycle();
   ASSERT_EQ(run.world.asleep(), 0U) << "it is pushed";
   while (run.world.time_s() < 4.0 && run.world.asleep() < 10) run.cycle();
@@ -267,7 +268,7 @@ TEST_F(SleepingRow, SleepsAgainWhenTheHandHasGone) {
   }
 }
 
-// What sleeps keeps its share of the energy: coming and going may not look like work.
+// A sleeping body retains its energy: leaving and returning must not count as work.
 TEST_F(SleepingRow, KeepsTheEnergyOfTheWorld) {
   Scene awake = scene;
   awake.settings.disable(kDisableAll);
@@ -280,7 +281,7 @@ TEST_F(SleepingRow, KeepsTheEnergyOfTheWorld) {
   EXPECT_LT(run.world.energy_excess_j(), 1e-3);
 }
 
-/// A scene that changes while it runs, with all that the plan leaves out and with all of it kept in.
+/// A scene that changes while it runs, with all optimisations on and off.
 class PlanOfAChangingScene : public ::testing::Test {
  protected:
   void SetUp() override { setenv("SUBWORLD_ENGINES", ENGINES_FOLDER, 1); }
@@ -302,7 +303,7 @@ class PlanOfAChangingScene : public ::testing::Test {
     }
     return force_error(felt[0], felt[1], scene.settings.h_s).rms;
   }
-  /// Flies along x and meets the row's far end while the hand pushes.
+  /// Flies along x and hits the row's far end while the operator pushes.
   void shoot_a_ball(double friction) {
     test::throw_ball(scene, {5.0, 0.0, 0.05}, {-3.0, 0.0, 0.0}).material.friction = friction;
   }
@@ -314,7 +315,7 @@ class PlanOfAChangingScene : public ::testing::Test {
   }();
 };
 
-TEST_F(PlanOfAChangingScene, ABodyIsShotIntoWhatRests) {
+TEST_F(PlanOfAChangingScene, ABodyIsShotIntoRestingBodies) {
   shoot_a_ball(0.5);
   EXPECT_LT(difference(), 0.02);
 }
@@ -326,7 +327,7 @@ TEST_F(PlanOfAChangingScene, TheFirstBodyWithFrictionComes) {
   EXPECT_EQ(difference(disabled(Optimisation::friction)), 0.0);
 }
 
-// Bodies that sleep and wake come into the new engine in another order, and the order of a solver makes a percent: of
+// Bodies that sleep and wake enter the new engine in another order, which changes the solver's result by a percent. Of
 // mu m g of the ten cubes, 9.81 N, one run feels 9.72 N and the other 9.86 N.
 TEST_F(PlanOfAChangingScene, TheWorldGetsAnotherEngineWhileItRests) {
   EngineExchange exchange{EngineExchange::Preparation::at_once, {}};
@@ -342,7 +343,7 @@ TEST_F(PlanOfAChangingScene, TheWorldGetsAnotherEngineWhileItRests) {
             0.05);
 }
 
-/// Says that it estimates friction, and counts how often.
+/// Claims to estimate friction, and counts the estimates.
 class EstimatingEngine final : public EngineShell {
  public:
   EstimatingEngine(std::unique_ptr<Engine> inner, int& estimates) : inner_(std::move(inner)), estimates_(estimates) {}
@@ -374,7 +375,7 @@ TEST_F(PlanOfAChangingScene, FrictionIsEstimatedOnlyWhileABorderReadsIt) {
       for (int i = 0; i < cycles; ++i) run.cycle();
       return estimates;
     };
-    EXPECT_EQ(estimates_in(26), disabled == kDisableNothing ? 0 : 25) << "the hand is in the air";
+    EXPECT_EQ(estimates_in(26), disabled == kDisableNothing ? 0 : 25) << "the operator is in free space";
     while (run.world.time_s() < 1.5) run.cycle();
     EXPECT_EQ(estimates_in(25), 25) << "it pushes";
   }

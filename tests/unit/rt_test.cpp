@@ -1,12 +1,14 @@
 #include "rt/arrears.hpp"
 #include "rt/calibration.hpp"
 #include "rt/cyclic.hpp"
+#include "rt/kernel_share.hpp"
 #include "rt/lateness.hpp"
 #include "rt/stages.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace subworld {
@@ -14,7 +16,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(Cyclic, LeavesOutWhatIsOverAndKeepsItsGrid) {
+TEST(Cyclic, SkipsPeriodsThatAreOverAndStaysOnItsGrid) {
   const TimePoint start = Clock::now() - 1ms;
   Cyclic loop(start, 1ms);
   loop.wait();
@@ -69,7 +71,7 @@ TEST(Arrears, AreMadeUpForGently) {
   EXPECT_LT(arrears.owed_s(), 0.05 * h);
 }
 
-// A step that takes longer than its period for good: every other period is lost, and the clock still keeps up.
+// A step that always takes longer than its period: every other period is lost, and the clock still stays correct.
 TEST(Arrears, AStandingOverloadIsCarried) {
   constexpr double h = 1e-3;
   Arrears arrears;
@@ -89,13 +91,13 @@ TEST(Arrears, AClockThatStandsOwesNothing) {
   EXPECT_EQ(arrears.step(1e-3, 4e-3), 1e-3);
 }
 
-/// A loop of 1 ms whose thread's use of the core is made up: each step is (asked, woke, done), in us after the first
-/// release, and the CPU time and the sleeps of it.
+/// A loop of 1 ms with simulated use of the core. Each step is (asked, woke, done), in us after the first release, with
+/// its CPU time and number of sleeps.
 class LatenessOf1kHz : public ::testing::Test {
  protected:
   struct Step {
     int asked_us, woke_us, done_us, cpu_us;
-    std::uint64_t waits = 0;  ///< besides the sleep until the release
+    std::uint64_t waits = 0;  ///< in addition to the sleep until the release
   };
 
   Miss step(int release, const Step& s) {
@@ -114,21 +116,23 @@ class LatenessOf1kHz : public ::testing::Test {
   int skipped_by_os_ = 0;
 };
 
-TEST_F(LatenessOf1kHz, WhatIsInTimeIsNoMiss) { EXPECT_EQ(step(0, {-500, 10, 900, 890}), Miss::none); }
+TEST_F(LatenessOf1kHz, AStepInTimeIsNoMiss) { EXPECT_EQ(step(0, {-500, 10, 900, 890}), Miss::none); }
 
-TEST_F(LatenessOf1kHz, ALateWakeUpIsTheMachines) { EXPECT_EQ(step(0, {-500, 700, 1100, 400}), Miss::os); }
+TEST_F(LatenessOf1kHz, ALateWakeUpIsOfTheOs) { EXPECT_EQ(step(0, {-500, 700, 1100, 400}), Miss::os); }
 
-// Without the 50 us it would have been late all the same.
-TEST_F(LatenessOf1kHz, ALongStepIsOursThoughItsWakeUpWasALittleLate) {
+// Without the 50 us it would also have been late.
+TEST_F(LatenessOf1kHz, ALongStepIsOfTheRunThoughItsWakeUpWasALittleLate) {
   EXPECT_EQ(step(0, {-500, 50, 1350, 1300}), Miss::computing);
 }
 
-TEST_F(LatenessOf1kHz, APreEmptionIsTheMachines) { EXPECT_EQ(step(0, {-500, 10, 1100, 400}), Miss::os); }
+TEST_F(LatenessOf1kHz, APreEmptionIsOfTheOs) { EXPECT_EQ(step(0, {-500, 10, 1100, 400}), Miss::os); }
 
-TEST_F(LatenessOf1kHz, AStepThatWaitsForALockIsOurs) { EXPECT_EQ(step(0, {-500, 10, 1100, 400, 1}), Miss::waiting); }
+TEST_F(LatenessOf1kHz, AStepThatWaitsForALockIsOfTheRun) {
+  EXPECT_EQ(step(0, {-500, 10, 1100, 400, 1}), Miss::waiting);
+}
 
-// What made one step late makes the next one late as well, and is still the same one's.
-TEST_F(LatenessOf1kHz, WhoMadeAStepLateIsToBlameForTheNextOne) {
+// A cause that makes one step late also makes the next one late, and the miss has the same cause.
+TEST_F(LatenessOf1kHz, TheCauseOfALateStepIsTheCauseOfTheNextOne) {
   EXPECT_EQ(step(0, {-500, 1500, 1900, 400}), Miss::os);
   EXPECT_EQ(step(1, {1901, 1902, 2302, 400}), Miss::os);
   EXPECT_EQ(step(2, {2303, 2304, 2704, 400}), Miss::none);
@@ -141,7 +145,7 @@ TEST_F(LatenessOf1kHz, PeriodsThatPassAreSharedOut) {
   EXPECT_EQ(skipped_by_os_, 3) << "woken 3.2 ms late";
   step(4, {3400, 4010, 6900, 2890});
   step(5, {6901, 6902, 7000, 90});
-  EXPECT_EQ(skipped_by_os_, 0) << "a step of 2.9 ms is ours";
+  EXPECT_EQ(skipped_by_os_, 0) << "a step of 2.9 ms is missed by the run";
 }
 
 TEST(Misses, AreCountedOnceAndForOne) {
@@ -206,7 +210,7 @@ TEST(Stages, DoNotBeginAStepBeforeTheOneBeforeHasEnded) {
   stages.begin(release, release + 1ms);
   const TimePoint end = stages.mark(Stage::work);
   stages.end();
-  stages.begin(release + 1ms, end + 1ms);  // released while the first step went on
+  stages.begin(release + 1ms, end + 1ms);  // released while the first step was still running
   const StageStep step = stages.end();
   EXPECT_EQ(step.begin, end);
   EXPECT_EQ(step.end, end + 1ms);
@@ -220,6 +224,34 @@ TEST(Stages, OfAStepThatDidNotComeHaveNoTime) {
     stages.end();
   }
   EXPECT_EQ(stages.times()[2].count(), 0U);
+}
+
+// The kernel counts a process's children also across execve(), here 1100 s of a build before the run.
+TEST(CoreLoad, CountsTheRunAlone) {
+  const CoreLoad load = core_load({{500.0, 1.0}, 1100.0}, {{512.0, 2.0}, 1109.0}, 10.0, 2);
+  EXPECT_DOUBLE_EQ(load.own, 0.9);
+  EXPECT_DOUBLE_EQ(load.other, 0.3);
+  EXPECT_DOUBLE_EQ(load.stolen, 0.1);
+}
+
+TEST(CoreLoad, IsWithinTheMachine) {
+  for (const auto& [own_s, busy_s, stolen_s, wall_s] :
+       {std::array{30.0, 5.0, 40.0, 10.0}, std::array{-3.0, -5.0, -1.0, 10.0}, std::array{1.0, 90.0, 0.0, 0.0},
+        std::array{0.0, 1000.0, 3.0, 10.0}}) {
+    const CoreLoad load = core_load({}, {{busy_s, stolen_s}, own_s}, wall_s, 2);
+    for (const double part : {load.own, load.other, load.stolen}) EXPECT_GE(part, 0.0);
+    EXPECT_LE(load.own + load.other + load.stolen, 2.0 + 1e-9);
+  }
+}
+
+TEST(CoreLoad, OfThisProcessIsMeasured) {
+  const MachineUse from = machine_use();
+  const TimePoint until = Clock::now() + from_seconds(0.05);
+  while (Clock::now() < until) {
+  }
+  const CoreLoad load = core_load(from, machine_use(), 0.05, 64);
+  EXPECT_GT(load.own, 0.0);
+  EXPECT_LT(load.own, 2.0);
 }
 
 }  // namespace

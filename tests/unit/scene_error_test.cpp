@@ -13,7 +13,7 @@
 namespace subworld {
 namespace {
 
-/// A whole scene with one line of each section replaced. The line numbers are those of the table below.
+/// A complete scene with one line of each section replaced. The line numbers are those of the table below.
 struct Lines {
   std::string settings = "{h_s: 0.001}";                                                       // line 2
   std::string materials = "{wood: {friction: 0.5}}";                                           // line 3
@@ -32,7 +32,7 @@ struct Broken {
   std::string_view label;
   std::string text;
   std::string_view place;     ///< line:column
-  std::string_view fragment;  ///< of what follows the place
+  std::string_view fragment;  ///< of the text after the place
 };
 
 void PrintTo(const Broken& broken, std::ostream* out) { *out << broken.label; }
@@ -95,11 +95,11 @@ std::vector<Broken> broken_scenes() {
       settings("text_for_number", "{h_s: fast}", "2:17",
                "settings.h_s: must be a number, such as 0.5 or 1e-4, not \"fast\""),
       settings("quoted_number", "{h_s: \"0.001\"}", "2:17", "settings.h_s: must be a number; remove the quotes"),
-      settings("number_with_unit", "{h_s: 1ms}", "2:17", "must be a number"),
+      settings("number_with_unit", "{h_s: 1ms}", "2:17", "must be a number without its unit, which is s, not \"1ms\""),
       settings("list_for_number", "{h_s: [1]}", "2:17", "settings.h_s: must be a number, not a list"),
-      settings("h_zero", "{h_s: 0}", "2:17", "settings.h_s: must be at least 1e-06 and at most 0.1, not 0"),
+      settings("h_zero", "{h_s: 0}", "2:17", "settings.h_s: must be at least 1e-06 and at most 0.1 s, not 0"),
       settings("h_negative", "{h_s: -0.001}", "2:17", "must be at least 1e-06"),
-      settings("h_large", "{h_s: 0.5}", "2:17", "at most 0.1, not 0.5"),
+      settings("h_large", "{h_s: 0.5}", "2:17", "at most 0.1 s, not 0.5; did you mean 0.0005 (0.5 ms)?"),
       settings("h_nan", "{h_s: .nan}", "2:17", "must be a finite number"),
       settings("h_nan_word", "{h_s: nan}", "2:17", "must be a finite number"),
       settings("duration_infinite", "{duration_s: .inf}", "2:24", "settings.duration_s: must be a finite number"),
@@ -228,7 +228,7 @@ std::vector<Broken> broken_scenes() {
       device("freedom_four", "{degrees_of_freedom: 4}", "9:34",
              "users[0].device.degrees_of_freedom: must be 3 (translations) or 6, not 4"),
       device("rate_zero", "{rate_hz: 0}", "9:23", "rate_hz: must be at least 1"),
-      device("operator_mass", "{operator: {mass_kg: 0}}", "9:30", "users[0].device.operator.mass_kg: must be above 0"),
+      device("operator_mass", "{operator: {mass_kg: 0}}", "9:34", "users[0].device.operator.mass_kg: must be above 0"),
       path("move_backwards", "{move: [1, 0, 0], during_s: [2, 1]}", "9:49",
            "users[0].device.path[0].during_s: must end after it begins, not [2, 1]"),
       path("move_at_once", "{move: [1, 0, 0], during_s: [1, 1]}", "9:49", "must end after it begins"),
@@ -281,7 +281,7 @@ TEST(SceneFile, UnreadableFileIsNamed) {
   ASSERT_EQ(chmod(file.c_str(), 0), 0);
   ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
   const uid_t me = geteuid();
-  ASSERT_EQ(seteuid(me == 0 ? 65534 : me), 0);  // root reads everything, nobody does not
+  ASSERT_EQ(seteuid(me == 0 ? 65534 : me), 0);  // root can read everything, nobody cannot
   const std::string message = refusal(file, folder.path());
   ASSERT_EQ(seteuid(me), 0);
   EXPECT_NE(message.find("cannot be read"), std::string::npos) << message;
@@ -306,7 +306,7 @@ TEST(SceneFile, TooManyBodiesFailAtOnce) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
 }
 
-/// Whatever a byte is replaced by, the file loads or is refused: nothing else is thrown and nothing crashes.
+/// With any byte replaced, the file loads or is refused: no other exception and no crash.
 TEST(SceneFile, DamagedFilesAreRefusedOrLoad) {
   const std::string whole = Lines{}.text();
   const TemporaryFolder folder;

@@ -22,7 +22,7 @@ std::string text_of(const std::string& file) {
   return text.str();
 }
 
-/// Movable bodies that are nobody's proxy of its own (user/proxy).
+/// Movable bodies that are not a user's own proxy (user/proxy).
 std::vector<const Body*> cubes(const Scene& scene) {
   std::vector<const Body*> found;
   for (const Body& body : scene.bodies) {
@@ -31,7 +31,7 @@ std::vector<const Body*> cubes(const Scene& scene) {
   return found;
 }
 
-/// The deepest overlap of any two boxes, m. Bodies are sorted along x, so that few pairs are looked at.
+/// The deepest overlap of any two boxes, m. Bodies are sorted along x, so that few pairs are tested.
 double deepest_overlap(const Scene& scene) {
   std::vector<const Body*> boxes;
   for (const Body& body : scene.bodies) {
@@ -189,7 +189,7 @@ TEST(SceneLibrary, TowerProxiesAreBodiesOfTheTower) {
   EXPECT_EQ(inside.body(inside.users[0].proxy).name, "tower/5");
   EXPECT_EQ(inside.bodies.size(), 11U);
   const Scene base = load("tower_base");
-  // Only the lowest two cubes meet the selection box where the proxy touches the tower.
+  // Only the lowest two cubes intersect the selection box where the proxy touches the tower.
   const double top = base.initial[index(base.users[0].proxy)].position.z() + base.users[0].box_half_m;
   EXPECT_GT(top, 0.1);
   EXPECT_LT(top, 0.2);
@@ -208,7 +208,7 @@ TEST(SceneLibrary, HeapIsTheSameBitsEveryTime) {
   EXPECT_EQ(first.settings.settle_step_s, 0.004);
 }
 
-/// The design's cubes land inside the bin because they start inside its walls; the users come when they lie.
+/// The cubes start inside the bin's walls, so they land in the bin; the users join when the cubes are at rest.
 TEST(SceneLibrary, HeapStartsInsideTheBinAndWithoutTheUsers) {
   const Scene heap = load("heap");
   for (const Body* cube : cubes(heap)) {
@@ -244,7 +244,7 @@ TEST(CardHouse, Has56LeaningAnd33FlatCardsThatNearlyTouch) {
     if (std::abs(up - std::cos(20.0 * M_PI / 180.0)) < 1e-12) ++leaning;
     if (std::abs(up) < 1e-12) ++flat;
     highest = std::max(highest, at.position.z());
-    // Every card is carried: something lies within 0.1 mm below or beside it.
+    // Every card is supported: another body is within 0.1 mm below or beside it.
     double nearest = card->shape.half_extents.norm();
     for (const Body* other : cubes(house)) {
       if (other == card) continue;

@@ -95,13 +95,13 @@ TEST(MassProperties, BoxMeshEqualsBox) {
   const PrincipalFrame principal = move_to_principal_frame(mesh);
   EXPECT_NEAR(principal.volume, volume(box), 1e-12);
   EXPECT_LT((principal.frame.position - at.position).norm(), 1e-12);
-  // The axes may be named in another order; the three moments are the same.
+  // The order of the axes may differ; the three moments are equal.
   Vec3 moments = principal.inertia;
   Vec3 expected = principal_inertia(box, volume(box));
   std::sort(moments.data(), moments.data() + 3);
   std::sort(expected.data(), expected.data() + 3);
   EXPECT_LT((moments - expected).norm(), 1e-12);
-  // The body frame and the moved vertices give the surface back, and are principal.
+  // The body frame and the moved vertices reproduce the surface, and are principal.
   for (std::size_t i = 0; i < before.size(); ++i) {
     EXPECT_LT((principal.frame.position + principal.frame.orientation * mesh.vertices[i] - before[i]).norm(), 1e-12);
   }
@@ -167,7 +167,7 @@ TEST(ConvexHull, OfAPlaneIsEmpty) {
   EXPECT_TRUE(convex_hull(Mesh{}).triangles.empty());
 }
 
-/// A box given as a mesh somewhere in its file stands and moves like the box itself.
+/// A box as a mesh, at any place in its file, is positioned and moves like the box itself.
 TEST(MeshBody, IsPlacedByTheFilesFrameAndHasItsCentreOfMass) {
   const TemporaryFolder folder;
   folder.write("box.obj", as_obj(box_mesh(Vec3(0.1, 0.2, 0.35), {Vec3(1, 0, 0), Quat::Identity()})));
@@ -193,7 +193,7 @@ users:
   EXPECT_NEAR(box.mass, 0.2 * 0.4 * 0.7 * 500, 1e-12);
   EXPECT_LT((mesh.inertia - box.inertia).norm(), 1e-5 * box.inertia.norm());
   EXPECT_LT((scene.initial[1].position - Vec3(1, 3, 3)).norm(), 1e-6);
-  EXPECT_EQ(mesh.shape.mesh, scene.bodies[2].shape.mesh) << "a file is kept once";
+  EXPECT_EQ(mesh.shape.mesh, scene.bodies[2].shape.mesh) << "a file is stored once";
   EXPECT_NEAR(scene.bodies[3].mass, 1e-9 * box.mass, 1e-14 * box.mass);
   EXPECT_EQ(scene.meshes.size(), 3U);
   for (const Vec3& v : scene.meshes[mesh.shape.mesh].vertices) {

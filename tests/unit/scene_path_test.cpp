@@ -59,7 +59,8 @@ TEST(Path, HeapDigsAgainAndAgainElsewhere) {
     const auto at = [&](double t) { return evaluate(path, 4.0 * dig + t).offset.position; };
     EXPECT_NEAR(at(1.75).z() - at(0.15).z(), -0.22, 0.01) << "dig " << dig;
     EXPECT_NEAR(at(3.35).z() - at(1.75).z(), 0.22, 0.01) << "withdrawn";
-    EXPECT_NEAR(evaluate(path, 4.0 * dig + 1.0).linear_velocity.z(), 0.0, 0.01) << "it rests on what it touched";
+    EXPECT_NEAR(evaluate(path, 4.0 * dig + 1.0).linear_velocity.z(), 0.0, 0.01)
+        << "the device rests at the touched place";
     EXPECT_GT((at(1.75) - at(5.75)).norm(), 0.05) << "the next dig is elsewhere";
   }
 }
@@ -107,14 +108,14 @@ TEST(Path, MovesThatLeadBackRepeatForEver) {
   expect_velocity_is_derivative(path, 7.0);
 }
 
-TEST(Path, WhatIsMadeAgainComesOnTopOfTheLast) {
+TEST(Path, ARepetitionIsAddedToTheLast) {
   const Path path{move({0, 0, 0.1}, 1.0, 1.5, 1.0), turn(Vec3::UnitX(), 0.2, 0.0, 1.0)};
   EXPECT_NEAR(evaluate(path, 3.6).offset.position.z(), 0.3, 1e-12);
   EXPECT_NEAR(evaluate(path, 3.25).offset.position.z(), 0.25, 1e-12);
   EXPECT_NEAR(evaluate(path, 3.6).offset.orientation.angularDistance(Quat::Identity()), 0.2, 1e-12) << "once";
 }
 
-TEST(Path, CircleStopsWhereItIsTold) {
+TEST(Path, CircleStopsAtItsEnd) {
   PathSegment circle;
   circle.kind = PathSegment::Kind::circle;
   circle.radius = 0.1;

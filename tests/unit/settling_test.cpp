@@ -1,4 +1,4 @@
-// What sways where no hand reaches it is damped, and sleeps.
+// Oscillating structures that no operator reaches are damped, and sleep.
 #include "lab/session/coupled_run.hpp"
 #include "physics/engine_shell.hpp"
 #include "physics/resting_engine.hpp"
@@ -20,7 +20,7 @@ namespace {
 
 using test::kHorizon_s, test::kStep_s;
 
-/// Notes whose velocity is set, and to what.
+/// Records which bodies get a velocity, and its value.
 class Watched final : public EngineShell {
  public:
   explicit Watched(Engine& inner) : inner_(inner) {}
@@ -38,7 +38,7 @@ class Watched final : public EngineShell {
   Engine& inner_;
 };
 
-/// Trembles by 0.8 % of a cube's size, as a solver without an end to its errors.
+/// Trembles by 0.8 % of a cube's size, like a solver with a persistent error.
 class Trembling final : public EngineShell {
  public:
   explicit Trembling(Engine& inner) : inner_(inner) {}
@@ -85,7 +85,7 @@ class SettlingStack : public test::RestingStack {
     engine = std::make_unique<RestingEngine>(shown, scene, restless, true, asked);
     for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
   }
-  /// Whether the stack's upper cube has settled within `seconds`, with a hand at `tool_x_m`.
+  /// Whether the stack's upper cube has settled within `seconds`, with an operator at `tool_x_m`.
   bool settles(double seconds, double tool_x_m, bool asked = true) {
     const Body tool = test::ball_proxy(BodyId{4}, 0.03, 0.1);
     add(tool, test::at(tool_x_m, 0, 0.25));
@@ -107,35 +107,35 @@ class SettlingStack : public test::RestingStack {
   }
 };
 
-TEST_P(SettlingStack, WhatStandsWhereNoHandReachesIt) { EXPECT_TRUE(settles(0.5, 3.0)); }
+TEST_P(SettlingStack, AStructureThatNoOperatorReaches) { EXPECT_TRUE(settles(0.5, 3.0)); }
 TEST_P(SettlingStack, NotBeforeItHasBeenCalm) { EXPECT_FALSE(settles(0.2, 3.0)); }
-TEST_P(SettlingStack, NotWhereAHandReachesIt) { EXPECT_FALSE(settles(0.5, 0.1)); }
-TEST_P(SettlingStack, NotWhereItIsKeptIn) { EXPECT_FALSE(settles(0.5, 3.0, false)); }
-TEST_P(SettlingStack, NotWhatGlides) {
+TEST_P(SettlingStack, NotWhereAnOperatorReachesIt) { EXPECT_FALSE(settles(0.5, 0.1)); }
+TEST_P(SettlingStack, NotWithSwayDisabled) { EXPECT_FALSE(settles(0.5, 3.0, false)); }
+TEST_P(SettlingStack, NotSlidingBodies) {
   scene.bodies[index(kUpper)].material.friction = 0.0;
   EXPECT_FALSE(settles(0.5, 3.0));
 }
-TEST_P(SettlingStack, NotWhatFalls) {
+TEST_P(SettlingStack, NotFallingBodies) {
   for (const BodyId id : {kLower, kUpper}) scene.initial[index(id)].position.z() += 5.0;
   EXPECT_FALSE(settles(0.5, 3.0));
 }
 
-TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItTrembles) {
+TEST_P(SettlingStack, ALongSettledStructureSleepsThoughItTrembles) {
   inner = GetParam().make();
   Trembling trembling(*inner);
   settle_in(trembling);
   run(4.5);
   EXPECT_FALSE(engine->asleep(kUpper));
-  EXPECT_FALSE(engine->asleep(kLower)) << "what it touches trembles";
+  EXPECT_FALSE(engine->asleep(kLower)) << "the body that it touches trembles";
   run(1.5);
   EXPECT_TRUE(engine->asleep(kUpper));
   engine->set_velocity(kUpper, {0.01, 0, 0}, Vec3::Zero());
   run(1.0);
-  EXPECT_FALSE(engine->asleep(kUpper)) << "who is moved by somebody settles anew";
+  EXPECT_FALSE(engine->asleep(kUpper)) << "a body that is moved from outside settles again";
   engine.reset();
 }
 
-TEST_P(SettlingStack, AHandThatComesByLetsItSettleAnew) {
+TEST_P(SettlingStack, AnOperatorNearbyRestartsSettling) {
   const Body tool = test::ball_proxy(BodyId{4}, 0.03, 0.1);
   add(tool, test::at(3.0, 0, 0.25));
   const std::vector<BodyId> restless{tool.id};
@@ -153,8 +153,8 @@ TEST_P(SettlingStack, AHandThatComesByLetsItSettleAnew) {
   engine.reset();
 }
 
-// Twelve cubes under one plank, of which one has always moved on within the time that bodies must be still.
-TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItCreeps) {
+// Twelve cubes under one plank, of which one has always moved within the time for which bodies must be still.
+TEST_P(SettlingStack, ALongSettledStructureSleepsThoughItCreeps) {
   for (std::uint32_t i = 0; i < Creeping::kCount; ++i) {
     add(test::cube(BodyId{Creeping::kFirst + i}), test::at(0.15 * i, 1, 0.05));
   }
@@ -175,7 +175,7 @@ TEST_P(SettlingStack, WhatHasLongSettledSleepsThoughItCreeps) {
   }
 }
 
-// Steeper than its friction angle by 0.8 degrees: damped, it would slide with 0.04 m/s for ever.
+// Steeper than the friction angle by 0.8 degrees: with damping, it would slide at 0.04 m/s without end.
 TEST(Sliding, GetsAway) {
   constexpr double kNet_m_s2 = 0.15, kFriction = 0.5, kG = 9.81;
   const double angle = std::atan(kFriction) + std::asin(kNet_m_s2 / kG / std::sqrt(1.0 + kFriction * kFriction));
@@ -238,7 +238,7 @@ users:
   };
   EXPECT_EQ(asleep_after(25.0), 250U);
   scene.settings.disable(disabled(Optimisation::sway));
-  EXPECT_LT(asleep_after(25.0), 250U) << "kept in, it sways";
+  EXPECT_LT(asleep_after(25.0), 250U) << "with sway disabled, it oscillates";
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, SettlingStack, testing::ValuesIn(test::tested_engines({kStep_s}, {kStep_s})),

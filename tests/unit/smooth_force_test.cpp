@@ -1,5 +1,6 @@
-// What a hand feels where world and sub-world never quite agree: corrections in parts, and heaps between two engines.
-#include "haptic_sim/gradual_shifts.hpp"
+// The felt force where world and sub-world always differ a little: corrections in several steps, and heaps between two
+// engines.
+#include "coupling/gradual_shifts.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "support/bodies.hpp"
 
@@ -29,7 +30,7 @@ struct Shifted : testing::Test {
   Shift shift{.position = Vec3(4e-3, 0, 0)};
 };
 
-TEST_F(Shifted, ABodyMovesInEqualPartsOneBeforeEachStep) {
+TEST_F(Shifted, ABodyMovesByEqualSharesOneBeforeEachStep) {
   gradual.begin(*engine, kCube, engine->state(kCube), shift, 4);
   for (int part = 1; part <= 6; ++part) {
     gradual.step(*engine);
@@ -39,7 +40,7 @@ TEST_F(Shifted, ABodyMovesInEqualPartsOneBeforeEachStep) {
   }
 }
 
-TEST_F(Shifted, AShiftOfOnePartIsMadeAtOnce) {
+TEST_F(Shifted, AShiftInOneStepIsMadeAtOnce) {
   gradual.begin(*engine, kCube, engine->state(kCube), shift, 1);
   EXPECT_NEAR(x(), 4e-3, 1e-9);
   gradual.step(*engine);
@@ -56,8 +57,8 @@ TEST_F(Shifted, ASecondShiftComesOnTopAndABodyThatGoesIsForgotten) {
   gradual.step(*engine);  // would throw
 }
 
-/// Bullet at 4 ms lets the cubes of a heap overlap by half a millimetre, stiffer engines by micrometres. With their
-/// corrections made at once and walls that hold any load, the hand felt steps of up to 37 N here.
+/// Bullet at 4 ms lets the cubes of a heap overlap by half a millimetre, stiffer engines by micrometres. With immediate
+/// corrections, and with walls that hold any load, the operator felt steps of up to 37 N here.
 struct OperatorInHeap : testing::TestWithParam<std::string> {};
 
 TEST_P(OperatorInHeap, FeelsNoJoltBetweenTwoEngines) {

@@ -1,4 +1,4 @@
-// What the stability lab rests on: its searches, its formulas, and that no row of its tables is left half filled.
+// The basis of the stability lab: its searches, its formulas, and the completeness of its tables.
 #include "lab/page/tables.hpp"
 #include "lab/stability/bed.hpp"
 #include "lab/stability/cases.hpp"
@@ -45,7 +45,7 @@ TEST(LimitSearch, SaysWhereThereIsNoLimitToEnclose) {
   EXPECT_TRUE(std::isnan(all.failed));
 }
 
-// A solver may fail at one value and hold again at larger ones: what it holds is up to the first failure.
+// A solver may fail at one value and hold again at larger ones: the limit is the first failure.
 TEST(LimitSearch, FindsTheNearestOfSeveralLimits) {
   const auto holds = [](double x) { return x < 5.0 || x > 50.0; };
   const Bracket bracket = find_limit({.from = 1.0, .to = 1000.0, .stride = 3.0, .precision = 1.05}, holds);
@@ -83,7 +83,7 @@ TEST(StabilityFormulas, EulersEquationsKeepMomentumAndEnergy) {
               start.rate_rad_s.dot(inertia.cwiseProduct(start.rate_rad_s)), 1e-9);
 }
 
-/// The elliptic integral against the equations themselves: after a period the body-frame rate is what it was.
+/// The elliptic integral against the equations: after a period the body-frame rate is the initial one.
 TEST(StabilityFormulas, TumblePeriodIsThatOfEulersEquations) {
   for (const Vec3& rate : {Vec3(0.1, 10.0, 0.1), Vec3(0.1, 10.0, 0.02), Vec3(3.0, 4.0, 5.0), Vec3(5.0, 1.0, 0.5)}) {
     SCOPED_TRACE(rate.transpose());
@@ -205,7 +205,7 @@ TEST(StabilityPlan, QuickMeasuresLessAndStepsOfItsOwnOnce) {
   }
 }
 
-TEST(StabilityPlan, WhatNoEngineHasAPartInIsMeasuredOnce) {
+TEST(StabilityPlan, ACaseWithoutEngineIsMeasuredOnce) {
   const auto whole =
       points_of({.names = {}, .engines = {"bullet", "ode"}, .presets = {}, .steps_s = {}, .quick = false});
   std::map<const StabilityCase*, std::set<std::string>> engines_of;
@@ -213,7 +213,7 @@ TEST(StabilityPlan, WhatNoEngineHasAPartInIsMeasuredOnce) {
   for (const StabilityCase& one : stability_cases()) EXPECT_EQ(engines_of[&one].size(), one.once ? 1U : 2U) << one.name;
 }
 
-// A body in free fall keeps its energy, whatever the step: what the bed reports is not an error of its own.
+// A body in free fall has constant energy for any step: the bed adds no error of its own.
 TEST(StabilityBed, FreeFallKeepsTheEnergy) {
   for (const char* preset : {"fast", "quality"}) {
     TestBed bed({"bullet", preset, 1.0 / 60.0});

@@ -8,7 +8,7 @@
 
 #include <functional>
 
-/// Cycles without messages: both sides know which do not come, and a hand feels what it feels with all of them.
+/// Cycles without messages: both sides know which ones are suppressed, and the felt force is that with all messages.
 namespace subworld {
 namespace {
 
@@ -83,7 +83,7 @@ class LoneOperator : public ::testing::Test {
     seen.felt = std::move(coupled.felt[0].force);
     return seen;
   }
-  /// RMS of the felt force without silence, N, and of the difference that it makes, of that.
+  /// RMS of the felt force without message suppression, N, and the relative difference that suppression makes.
   std::pair<double, double> compare() const {
     const Seen out = run(kDisableNothing), in = run(disabled(Optimisation::suppression));
     EXPECT_EQ(in.reports, in.cycles);
@@ -105,14 +105,14 @@ class LoneOperator : public ::testing::Test {
 TEST_F(LoneOperator, SendsAFewMessagesASecond) {
   scene.users[0].device.path.clear();
   const Seen seen = run(kDisableNothing);
-  EXPECT_EQ(seen.cycles, 251U) << "the hand is a cycle ahead";
+  EXPECT_EQ(seen.cycles, 251U) << "the sub-world is a cycle ahead";
   EXPECT_LT(seen.frames, 20U);
   EXPECT_LT(seen.reports, 30U);
 }
 
-// The world has one mean force for all of a silence, and a spring to the way between its ends.
+// The world has one mean force for the whole suppressed period, and a spring to the path between its ends.
 TEST_F(LoneOperator, IsAboutWhereItIsInTheWorldToo) {
-  constexpr double kApart_m = 5e-3;  // of 32 mm in the longest silence
+  constexpr double kApart_m = 5e-3;  // of 32 mm in the longest suppressed period
   scene.users[0].device.path = {{.from_s = 0.1, .to_s = 0.5, .displacement = {-0.1, 0, 0}}};
   CoupledRun run(scene);
   const BodyId proxy = scene.users[0].proxy;
@@ -127,8 +127,8 @@ TEST_F(LoneOperator, IsAboutWhereItIsInTheWorldToo) {
   EXPECT_GT(silent, 100U);
 }
 
-TEST_F(LoneOperator, IsHeardBeforeItTouches) {
-  // A dash that no frame foresees.
+TEST_F(LoneOperator, EndsSuppressionBeforeItTouches) {
+  // A fast motion that no frame predicts.
   scene.users[0].device.path = {{.from_s = 0.31, .to_s = 0.36, .displacement = {0.05, 0, 0}}};
   const auto [force_n, difference] = compare();
   EXPECT_GT(force_n, 1.0);

@@ -62,7 +62,7 @@ TEST(Variants, DifferWithinTheirBoundsAndAreAlwaysTheSame) {
   EXPECT_GT(heaviest, 1.3);
 }
 
-// All users do the same: what they hold together stays held.
+// All users are varied equally: a body that they hold together stays held.
 TEST(Variants, TurnAllUsersAlike) {
   const Scene scene = load_scene(std::string(SCENES_FOLDER) + "/lift.yaml");
   const Scene other = varied(scene, 3);
@@ -71,7 +71,7 @@ TEST(Variants, TurnAllUsersAlike) {
   EXPECT_TRUE(lift_of(other.users[0]).isApprox(lift_of(other.users[1])));
 }
 
-// A run that ends in numbers that are none has no error, and must not drop out of sight.
+// A run that ends with values that are not numbers has no error, but must be counted.
 TEST(Variants, OneThatDoesNotSurviveIsCounted) {
   Rows rows;
   for (int v = 0; v < 4; ++v) {

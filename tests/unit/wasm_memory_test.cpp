@@ -1,4 +1,4 @@
-// What becomes of an engine's code that leaves its memory: an error, and everything else goes on.
+// An engine's code that accesses addresses outside its memory: an error, and the program continues.
 #include "model/error.hpp"
 #include "physics/wasm/host.hpp"
 
@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::uint64_t kPage = 65536;
 
-/// As the converted code reads and writes: an address and an offset of 32 bits, and no check.
+/// As the converted code reads and writes: an address and an offset of 32 bits, without a check.
 __attribute__((noinline)) std::uint8_t read(const wasm_rt_memory_t& memory, std::uint32_t address,
                                             std::uint32_t offset) {
   return *(static_cast<volatile std::uint8_t*>(memory.data) + (std::uint64_t{address} + offset));
@@ -62,7 +62,7 @@ TEST_F(WasmMemory, OutsideOfItAnAccessIsAnError) {
     expect_outside([&] { read(memory_, 0xffffffff, 0); });
     expect_outside([&] { read(memory_, 0xffffffff, 0xffffffff); });
   }
-  EXPECT_EQ(read(memory_, 0, 0), 0) << "it goes on";
+  EXPECT_EQ(read(memory_, 0, 0), 0) << "the program continues";
 }
 
 TEST_F(WasmMemory, AnErrorBelongsToItsThread) {

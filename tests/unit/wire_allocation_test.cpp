@@ -29,7 +29,7 @@ TEST(WireAllocation, the_loops_topics_do_not_allocate) {
   EXPECT_EQ(allocations_of(make.make<DeviceState>()), 0);
   EXPECT_EQ(allocations_of(make.make<DeviceCommand>()), 0);
   auto frame = make.make<WorldFrame>();
-  frame.entering.clear();  // names that are new to the receiver
+  frame.entering.clear();  // contains names that are new to the receiver
   frame.states.resize(20);
   for (auto& state : frame.states) make.fill(state);
   EXPECT_EQ(allocations_of(frame), 0);

@@ -112,7 +112,7 @@ TYPED_TEST(WireCodec, trailing_bytes_are_rejected_but_padding_is_not) {
   EXPECT_FALSE(codec.decode(bytes, target));
 }
 
-/// True if the sample survives its own encoding.
+/// True if the sample can be encoded and decoded.
 template <class M>
 bool accepted(const M& sample) {
   Codec<M> codec;

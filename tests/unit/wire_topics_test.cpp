@@ -18,7 +18,7 @@ TEST(WireTopics, lockstep_never_loses_and_arms_no_deadline) {
 TEST(WireTopics, realtime_follows_the_table) {
   const auto qos = [](const TopicSpec& topic) { return qos_of(topic, Mode::realtime, 0.001, 0.004); };
   EXPECT_FALSE(qos(kDeviceState).reliable);
-  EXPECT_EQ(qos(kDeviceState).depth, 8) << "room for the right one beside a stranger's";
+  EXPECT_EQ(qos(kDeviceState).depth, 8) << "room for the right sample beside one of a foreign writer";
   EXPECT_DOUBLE_EQ(qos(kDeviceState).deadline_s, 0.0029);
   EXPECT_DOUBLE_EQ(qos(kDeviceCommand).deadline_s, 0.0029);
   EXPECT_TRUE(qos(kWorldFrame).reliable);
@@ -37,7 +37,7 @@ TEST(WireTopics, realtime_follows_the_table) {
   }
 }
 
-TEST(WireTopics, a_deadline_is_at_least_the_silence_in_whole_milliseconds) {
+TEST(WireTopics, a_deadline_is_at_least_the_interval_in_whole_milliseconds) {
   EXPECT_DOUBLE_EQ(deadline_s(0.0005), 0.0019);
   EXPECT_DOUBLE_EQ(deadline_s(0.001), 0.0019);
   EXPECT_DOUBLE_EQ(deadline_s(2 * 0.0007), 0.0029);

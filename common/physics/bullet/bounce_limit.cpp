@@ -35,7 +35,7 @@ std::size_t BounceLimit::root(std::size_t i) noexcept {
 }
 
 void BounceLimit::join(std::size_t a, std::size_t b, bool bounces) {
-  // What is fixed joins nothing.
+  // Fixed bodies do not connect islands.
   const std::size_t one = root(a == kFixed ? b : a), other = root(b == kFixed ? a : b);
   islands_[one].bounces |= bounces || islands_[other].bounces;
   parents_[other] = static_cast<std::uint32_t>(one);
@@ -53,23 +53,25 @@ bool BounceLimit::lower(std::span<const Motion> before, std::span<const Motion> 
   }
   bool any = false;
   for (Island& island : islands_) {
-    if (!island.bounces || island.part == 0 || island.gain_j <= kEnergyRounding * island.had_j) continue;
+    if (!island.bounces || island.factor == 0 || island.gain_j <= kEnergyRounding * island.had_j) continue;
     any = true;
-    // At first as if nothing were left without bounce: then the energy goes with the square of the part.
-    btScalar wanted = island.part * btSqrt(island.had_j / (island.had_j + island.gain_j));
+    // First guess: without restitution no gain is left, and the energy grows with the square of the factor.
+    btScalar wanted = island.factor * btSqrt(island.had_j / (island.had_j + island.gain_j));
     if (island.tried) {
-      const btScalar slope = (island.gain_j - island.last_gain_j) / (island.part - island.last_part);
-      wanted = slope > 0 ? island.part - island.gain_j / slope : btScalar(0);
+      const btScalar slope = (island.gain_j - island.last_gain_j) / (island.factor - island.last_factor);
+      wanted = slope > 0 ? island.factor - island.gain_j / slope : btScalar(0);
     }
-    const btScalar next = wanted - kBeyond * (island.part - wanted);
-    island.last_part = island.part;
+    const btScalar next = wanted - kBeyond * (island.factor - wanted);
+    island.last_factor = island.factor;
     island.last_gain_j = island.gain_j;
     island.tried = true;
-    island.part = last || !(next > 0) ? btScalar(0) : next;  // also where a number is not finite
+    island.factor = last || !(next > 0) ? btScalar(0) : next;  // also if a number is not finite
   }
   return any;
 }
 
-btScalar BounceLimit::part(std::size_t a, std::size_t b) noexcept { return islands_[root(a == kFixed ? b : a)].part; }
+btScalar BounceLimit::factor(std::size_t a, std::size_t b) noexcept {
+  return islands_[root(a == kFixed ? b : a)].factor;
+}
 
 }  // namespace subworld::bullet

@@ -9,33 +9,35 @@
 
 namespace subworld::bullet {
 
-/// Keeps bounces from winning energy. Newton's restitution lets each contact part at a share of the speed at which it
-/// met. Where friction acts in the same blow, or several contacts bounce at once, bodies may then leave with more
-/// energy than they came with (Kane and Levinson 1985; Stronge 1990 asks for a restitution that energy bounds). So the
-/// bodies that hang together by contacts share a part of their restitution: 1, or what leaves them the energy that they
-/// had. It is searched: the first guess takes the energy for a parabola in it, the others are by the secant method.
+/// Limits restitution so that bounces do not gain energy. Newton's restitution gives each contact a share of its
+/// approach speed. With friction in the same impact, or with several simultaneous bounces, bodies may then leave with
+/// more energy than before (Kane and Levinson 1985; Stronge 1990 proposes a restitution that energy bounds). Therefore
+/// all bodies connected by contacts multiply their restitution by a common factor: 1, or the factor that leaves them
+/// their previous energy. The factor is searched: the first guess treats the energy as a parabola in it, further ones
+/// use the secant method.
 class BounceLimit {
  public:
   static constexpr int kMostTries = 5;
 
-  /// Forgets all. `movers` and what follows are of one step.
+  /// Starts a step and discards the data of the last one. The indices of movers in further calls are those of `movers`.
   void begin(std::span<const Mover> movers);
-  /// Two movers touch; `bounces`: with restitution.
+  /// Records that two movers touch; `bounces`: with restitution.
   void join(std::size_t a, std::size_t b, bool bounces);
   [[nodiscard]] bool any() const noexcept { return any_; }
 
-  /// Of the velocities that the movers had, with what forces add, and of those that impulses leave them with: whether
-  /// some win energy, and part() is lower than before. `last`: there is no further try, they do not bounce.
+  /// Compares the energy of the movers before (with the velocity that forces add) and after the impulses. Returns
+  /// whether some islands gained energy; then factor() is lower than before. `last`: there is no further try, and these
+  /// islands do not bounce.
   bool lower(std::span<const Motion> before, std::span<const Motion> after, bool last);
-  /// Of its restitution that the contacts of two movers keep, 0 .. 1.
-  [[nodiscard]] btScalar part(std::size_t a, std::size_t b) noexcept;
+  /// Factor of the restitution for the contacts of two movers, 0 .. 1.
+  [[nodiscard]] btScalar factor(std::size_t a, std::size_t b) noexcept;
 
  private:
-  /// Movers that hang together.
+  /// Movers that are connected by contacts.
   struct Island {
     btScalar had_j = 0, gain_j = 0;
-    btScalar part = 1;
-    btScalar last_part = 0, last_gain_j = 0;  ///< of the try before
+    btScalar factor = 1;
+    btScalar last_factor = 0, last_gain_j = 0;  ///< of the previous try
     bool bounces = false, tried = false;
   };
   std::size_t root(std::size_t i) noexcept;

@@ -33,16 +33,16 @@ struct Cuboid {
   [[nodiscard]] btVector3 axis(int i) const { return pose.getBasis().getColumn(i); }
 };
 
-/// One of the 15 directions that can separate two boxes. Numbers 0 to 2: the first box's faces, 3 to 5: the second's,
-/// 6 + 3 i + j: the edges along axis i of the first and j of the second.
+/// One of the 15 directions that can separate two boxes. Numbers 0 to 2: faces of the first box, 3 to 5: faces of the
+/// second, 6 + 3 i + j: the cross product of axis i of the first and axis j of the second.
 struct Direction {
   int number = -1;
-  btScalar gap = -BT_LARGE_FLOAT;  ///< between the boxes' shadows on it, m
+  btScalar gap = -BT_LARGE_FLOAT;  ///< between the boxes' projections on it, m
 
   [[nodiscard]] bool is_edge() const { return number >= 6; }
 };
 
-/// How two boxes lie to each other, in the frame of the first.
+/// Relative pose of two boxes, in the frame of the first.
 class Relation {
  public:
   Relation(const Cuboid& a, const Cuboid& b)
@@ -52,13 +52,13 @@ class Relation {
         abs_r_(r_.absolute()),
         t_((b.pose.getOrigin() - a.pose.getOrigin()) * a.pose.getBasis()) {}
 
-  /// Gaps between the boxes' shadows, m. Along face i of the first or of the second box:
+  /// Gaps between the boxes' projections, m, along face i of the first or of the second box.
   [[nodiscard]] btScalar on_a(int i) const { return btFabs(t_[i]) - half_a_[i] - half_b_.dot(abs_r_[i]); }
   [[nodiscard]] btScalar on_b(int i) const {
     return btFabs(t_.dot(r_.getColumn(i))) - half_b_[i] - half_a_.dot(abs_r_.getColumn(i));
   }
-  /// Across edge i of the first and j of the second; nothing if they are parallel, or if the boxes are deeper in each
-  /// other there than `least` (m).
+  /// Along the cross product of edge i of the first and j of the second box. Empty if the edges are parallel, or if the
+  /// penetration is deeper than `least` (m).
   [[nodiscard]] std::optional<btScalar> on_edges(int i, int j, btScalar least = -BT_LARGE_FLOAT) const {
     const btScalar square = 1 - r_[i][j] * r_[i][j];
     if (square < kParallelBoxEdges) return {};
@@ -66,11 +66,11 @@ class Relation {
     const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
     const btScalar across = btFabs(t_[i2] * r_[i1][j] - t_[i1] * r_[i2][j]) - half_a_[i1] * abs_r_[i2][j] -
                             half_a_[i2] * abs_r_[i1][j] - half_b_[j1] * abs_r_[i][j2] - half_b_[j2] * abs_r_[i][j1];
-    if (across < 0 && across <= least) return {};  // the sine is at most 1: divided by it, they are no less deep
+    if (across < 0 && across <= least) return {};  // the sine is at most 1, so the division does not reduce the depth
     return across / btSqrt(square);
   }
 
-  /// Whether the boxes are `reach` or more apart in the direction of that number.
+  /// Whether the boxes are at least `reach` apart in the direction of that number.
   [[nodiscard]] bool is_apart(int number, btScalar reach) const {
     if (number < 3) return on_a(number) >= reach;
     if (number < 6) return on_b(number - 3) >= reach;
@@ -84,8 +84,8 @@ class Relation {
   btVector3 t_;
 };
 
-/// The direction in which the boxes are least deep in each other; if they are `reach` or more apart, one that separates
-/// them by as much. `last`: the number of the step before.
+/// The direction of least penetration; if the boxes are at least `reach` apart, a direction that separates them by as
+/// much. `last`: the number of the previous step.
 Direction least_deep(const Relation& boxes, int last, btScalar reach) {
   Direction face, edge, last_face, last_edge;
   const auto keep = [&](Direction found, Direction& best, Direction& last_one) {
@@ -100,7 +100,7 @@ Direction least_deep(const Relation& boxes, int last, btScalar reach) {
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
       const int number = 6 + 3 * i + j;
-      // An edge is chosen only if it is less deep than any face, and any other edge but the last one.
+      // An edge is chosen only if its penetration is less than that of any face and of any other edge but the last one.
       const btScalar least = number == last ? -BT_LARGE_FLOAT : btMax(face.gap, edge.gap);
       const auto gap = boxes.on_edges(i, j, least);
       if (gap && !keep({number, *gap}, edge, last_edge)) return edge;
@@ -112,18 +112,18 @@ Direction least_deep(const Relation& boxes, int last, btScalar reach) {
   return edge.gap > face.gap + (last >= 6 ? 1 : 2) * better ? edge : face;
 }
 
-/// A corner of the common part of two faces, in the frame of the one that cuts.
+/// A corner of the intersection of two faces, in the frame of the cutting one.
 struct RectangleCorner {
   btScalar x, y, height;  ///< m; height above that face
   int feature;
-  int edge;  ///< that starts here: 0 to 3 one of the cut face, 4 to 7 one of the cutting one
+  int edge;  ///< edge that starts here: 0 to 3 of the cut face, 4 to 7 of the cutting one
 };
 
 class Polygon {
  public:
   void add(const RectangleCorner& corner) { corners_[count_++] = corner; }
 
-  /// Leaves what is within `half` on one of four sides: +x, -x, +y, -y.
+  /// Clips at `half` on one of four sides: +x, -x, +y, -y.
   void cut(int side, btScalar half) {
     const auto outside = [&](const RectangleCorner& c) {
       const btScalar along = side < 2 ? c.x : c.y;
@@ -160,7 +160,7 @@ class Polygon {
     count_ = kept;
   }
 
-  /// Leaves four: those in `before` (features) unless others span a larger area or are deeper by `deeper`.
+  /// Reduces to four points: those in `before` (features), unless others span a larger area or are deeper by `deeper`.
   template <class IsBefore>
   void reduce(const IsBefore& before, btScalar deeper) {
     if (count_ <= kMostPoints) return;
@@ -204,7 +204,7 @@ class Polygon {
   std::size_t count_ = 0;
 };
 
-/// The common part of a face of one box and the face of the other that looks at it.
+/// The intersection of a face of one box and the opposite face of the other.
 template <class IsBefore>
 Points meet_on_face(const Cuboid& a, const Cuboid& b, int number, btScalar reach, btScalar deeper,
                     const IsBefore& before) {
@@ -246,7 +246,7 @@ Points meet_on_face(const Cuboid& a, const Cuboid& b, int number, btScalar reach
   return all;
 }
 
-/// The point in which two edges are nearest to each other.
+/// The midpoint of two edges where they are nearest to each other.
 Points meet_on_edges(const Cuboid& a, const Cuboid& b, int number) {
   const int i = (number - 6) / 3, j = (number - 6) % 3;
   const btVector3 along_a = a.axis(i), along_b = b.axis(j);
@@ -262,7 +262,8 @@ Points meet_on_edges(const Cuboid& a, const Cuboid& b, int number) {
   };
   const btVector3 on_a = nearest_edge(a, i, normal);
   const btVector3 on_b = nearest_edge(b, j, -normal);
-  // The point of b's edge that a's edge passes: (on_b + s along_b - on_a) has no part along a's but for the normal's.
+  // The point of b's edge over a's edge: (on_b + s along_b - on_a) has only a component along the normal and across a's
+  // edge.
   const btScalar cosine = along_a.dot(along_b);
   const btVector3 apart = on_a - on_b;
   const btScalar s = (apart.dot(along_b) - cosine * apart.dot(along_a)) / (1 - cosine * cosine);
@@ -291,7 +292,7 @@ class BoxBox final : public btCollisionAlgorithm {
     result->setPersistentManifold(manifold_);
     const Cuboid a{first->getWorldTransform(), half_a_}, b{second->getWorldTransform(), half_b_};
     const Relation boxes(a, b);
-    if (separating_ >= 0 && boxes.is_apart(separating_, reach_)) {  // as in the step before
+    if (separating_ >= 0 && boxes.is_apart(separating_, reach_)) {  // as in the previous step
       return leave(*first->getCollisionObject(), *second->getCollisionObject(), info.m_timeStep);
     }
     const Direction direction = least_deep(boxes, last_, reach_);
@@ -342,11 +343,11 @@ class BoxBox final : public btCollisionAlgorithm {
 
   btPersistentManifold* manifold_;
   btVector3 half_a_, half_b_;
-  btScalar reach_;  ///< from here on there are no points, m
-  btScalar same_;   ///< within it a point goes on with another's impulses, m
+  btScalar reach_;  ///< there are no points beyond this distance, m
+  btScalar same_;   ///< a point inherits impulses within this distance, m
   FastPair pair_;
-  int last_ = -1;        ///< number of the direction of the step before
-  int separating_ = -1;  ///< number of the direction that kept the boxes apart in the step before
+  int last_ = -1;        ///< number of the direction of the previous step
+  int separating_ = -1;  ///< number of the direction that separated the boxes in the previous step
 };
 
 static_assert(sizeof(BoxBox) <= kMostAlgorithmBytes);

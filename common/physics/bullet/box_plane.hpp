@@ -4,8 +4,8 @@
 
 namespace subworld::bullet {
 
-/// Makes boxes meet planes with all their corners at every step. Bullet's own algorithm adds one corner a step and
-/// drops those that slide: a body that has just been added, or slides, would rock.
+/// Box-plane contacts with all touching corners in every step. Bullet's own algorithm adds one corner a step and drops
+/// those that slide, so that a new or sliding body would rock.
 void register_box_plane(btCollisionDispatcher& dispatcher);
 
 }  // namespace subworld::bullet

@@ -17,7 +17,7 @@
 #include <limits>
 #include <utility>
 
-// Bullet keeps these in globals; every engine sets its own before Bullet reads them.
+// Bullet stores these in globals; every engine sets its own values before Bullet reads them.
 extern btScalar gContactBreakingThreshold;
 extern btScalar gDbvtMargin;
 
@@ -37,14 +37,14 @@ constexpr EnginePreset kPresets[] = {
      .cost = kCost,
      .heavy_on_light = {700, 170}},
     {.name = "quality",
-     .what = "sub-steps of at most 0.7 ms, 16 iterations in 8 parts of each: holds what is stacked high",
+     .what = "sub-steps of at most 0.7 ms, 16 iterations in 8 small steps of each: for high stacks",
      .iterations = 16,
      .longest_substep_s = 0.7e-3,
      .cost = kCost,
      .heavy_on_light = {70000, 70000}},
 };
 struct PresetValues {
-  bool small_steps;                   ///< a sub-step is solved in parts (small_steps.hpp)
+  bool small_steps;                   ///< a sub-step is solved as small steps (small_steps.hpp)
   double contact_breaking_threshold;  ///< relative to the size of the smaller body
 };
 constexpr PresetValues kPresetValues[] = {
@@ -52,25 +52,26 @@ constexpr PresetValues kPresetValues[] = {
     {true, 0.002},
 };
 
-// Without small steps. Friction that starts from zero in each step lets what it holds creep by a part of each step, so
-// the faster the longer the steps are. Friction that goes on from step to step holds a card house, but with few
-// iterations per second it keeps a tower swaying: it answers late, as a spring does. Between the two, a long step
-// creeps as fast as one of 3 ms does, and a tower of twenty stands in steps of 5 ms; with 1 ms a hand feels half the
-// error at 4 ms, but the tower wanders.
-constexpr double kFrictionForgotten_s = 3e-3;  ///< of each step: what is left, friction takes over from the step before
-constexpr double kFrictionRelaxation = 1.3;    ///< what an iteration takes of each correction of friction
-constexpr double kPushOutRatio = 0.2;          ///< of a penetration, that a step pushes out
+// Friction without small steps. Friction that starts from zero in each step lets a held body creep by a small distance
+// in each step, so faster with longer steps. Friction that continues from step to step holds a card house, but with few
+// iterations per second it makes a tower oscillate: it converges slowly and acts as a spring. A compromise: a long step
+// creeps as fast as one of 3 ms, and a tower of twenty stands in steps of 5 ms. With 1 ms the operator feels half the
+// error at 4 ms, but the tower drifts.
+/// Friction of this time of each step starts from zero, s; only the remaining share continues from the previous step.
+constexpr double kFrictionForgotten_s = 3e-3;
+constexpr double kFrictionRelaxation = 1.3;  ///< over-relaxation of friction in each iteration
+constexpr double kPushOutRatio = 0.2;        ///< share of a penetration that is removed in a step
 
 extern const EnginePlugin kPlugin;
 
-/// Makes the compiler emit this library's own copies of Bullet's shared static objects (see CMakeLists.txt).
+/// Forces the compiler to emit this library's own copies of Bullet's shared static objects (see CMakeLists.txt).
 [[gnu::used]] const void* const kOwnStatics[] = {&btTransform::getIdentity(), &btMatrix3x3::getIdentity()};
 
-/// The tree of bounds is left alone while a body moves within this part of its size. Bullet's own 5 cm would make every
-/// cube of a heap a candidate for its neighbours' neighbours.
+/// The tree of bounds is not updated while a body moves within this share of its size. Bullet's own 5 cm would make
+/// every cube of a heap a candidate for its neighbours' neighbours.
 constexpr double kTreeMarginRatio = 0.05;
 
-/// Who meets whom, in Bullet's bit masks.
+/// Which bodies collide, in Bullet's bit masks.
 struct CollisionClass {
   int group;
   int meets;
@@ -83,13 +84,13 @@ constexpr CollisionClass kApproaching{8, 1 | 4 | 8};
 struct Slot {
   std::unique_ptr<btRigidBody> body;
   Vec3 weight = Vec3::Zero();  ///< N
-  Vec3 force = Vec3::Zero();   ///< of the next step
+  Vec3 force = Vec3::Zero();   ///< for the next step
   Vec3 torque = Vec3::Zero();
   Vec3 inertia = Vec3::Zero();  ///< kg m^2
   bool gyroscopic = false;
 };
 
-/// Bodies leave a checkpoint as (id, 13 numbers).
+/// A body in a checkpoint: id and 13 numbers.
 struct SavedBody {
   std::uint32_t id;
   std::array<double, 13> state;
@@ -110,8 +111,8 @@ class Bullet final : public Engine {
         world_(&dispatcher_, &broadphase_, chosen_solver(), &configuration_) {
     bullet::register_box_box(dispatcher_);
     bullet::register_convex_contacts(dispatcher_);
-    // Points that stay where they are in Bullet's list suit a solver that begins friction anew in each step; small
-    // steps need points that remember the last part.
+    // Bullet's list of persistent points suits a solver that starts friction from zero in each step. Small steps need
+    // points that store the impulses of the last sub-step.
     if (!values_.small_steps) bullet::register_box_plane(dispatcher_);
     if (values_.small_steps) world_.leave_moving_to_solver();
     auto& info = world_.getSolverInfo();
@@ -154,11 +155,12 @@ class Bullet final : public Engine {
     const btVector3 inertia = body.rotates ? to_bullet(body.inertia) : btVector3(0, 0, 0);
     btRigidBody::btRigidBodyConstructionInfo info(scalar(body.mass), nullptr, shapes_.get(body.shape), inertia);
     info.m_friction =
-        scalar(std::sqrt(body.material.friction));  // Bullet multiplies the pair's: this makes the geometric mean
+        // Bullet multiplies the values of a pair: this gives the geometric mean
+        scalar(std::sqrt(body.material.friction));
     info.m_restitution = scalar(body.material.restitution);
     slot.body = std::make_unique<btRigidBody>(info);
     slot.body->setActivationState(DISABLE_DEACTIVATION);
-    slot.body->setFlags(0);  // no gyroscopic term of Bullet's: it loses energy, and in single precision goes wrong
+    slot.body->setFlags(0);  // without Bullet's gyroscopic term, which loses energy and is wrong in single precision
     slot.body->setUserIndex(static_cast<int>(id));
     if (!body.rotates) slot.body->setAngularFactor(btVector3(0, 0, 0));
     slot.weight = body.gravity && !body.fixed() ? Vec3(body.mass * gravity_) : Vec3::Zero();
@@ -241,13 +243,13 @@ class Bullet final : public Engine {
 
   double integration_substep_s(double dt) const noexcept override {
     const double substep = dt / substep_count(dt, fixed_substeps_, longest_substep_s_);
-    return values_.small_steps ? substep / bullet::SmallStepSolver::parts(iterations_) : substep;
+    return values_.small_steps ? substep / bullet::SmallStepSolver::step_count(iterations_) : substep;
   }
   void step(double dt) override {
     const int substeps = substep_count(dt, fixed_substeps_, longest_substep_s_);
     claim_globals();
     contacts_.clear();
-    moved_.clear();  // a step begins with the bounds of all bodies
+    moved_.clear();  // a step begins with updated bounds of all bodies
     clock_.start();
     for (int i = 0; i < substeps; ++i) {
       for (const std::uint32_t id : movable_) {
@@ -276,7 +278,7 @@ class Bullet final : public Engine {
   }
 
   void overlap(const Box& box, std::vector<BodyId>& out) const override {
-    // The tree's boxes are fattened; the bodies' own bounds decide.
+    // The tree's boxes have a margin, so the bodies' own bounds are tested.
     struct Collect final : btBroadphaseAabbCallback {
       bool process(const btBroadphaseProxy* proxy) override {
         const auto* object = static_cast<const btCollisionObject*>(proxy->m_clientObject);
@@ -350,7 +352,7 @@ class Bullet final : public Engine {
     gDbvtMargin = scalar(tree_margin_);
   }
 
-  /// The tree of bounds as the bodies are that have been moved since the last step.
+  /// Updates the tree of bounds for bodies that were moved since the last step.
   void follow_moved() const {
     claim_globals();
     for (const BodyId id : moved_) {
@@ -386,7 +388,7 @@ class Bullet final : public Engine {
         const Contact contact = swap ? read(second, first, manifold.getContactPoint(p), -1.0)
                                      : read(first, second, manifold.getContactPoint(p), 1.0);
         if (contact.normal_impulse <= 0.0 && contact.distance > 0.0) continue;
-        // Points move with the bodies between sub-steps: allow for that on top of Bullet's own tolerance.
+        // Points move with the bodies between sub-steps, so the tolerance is larger than Bullet's own.
         contacts_.add(contact, substep, 5.0 * manifold.getContactBreakingThreshold());
       }
     }
@@ -423,7 +425,7 @@ class Bullet final : public Engine {
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
   ContactTotals contacts_;
-  mutable std::vector<BodyId> moved_;  ///< set since the last step: the tree does not know yet
+  mutable std::vector<BodyId> moved_;  ///< set since the last step, not yet in the tree
 };
 
 const EnginePlugin kPlugin{

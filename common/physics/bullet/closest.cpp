@@ -12,10 +12,10 @@ namespace subworld::bullet {
 namespace {
 
 constexpr int kMostRounds = 64;
-constexpr double kRelative = 1e-13;  ///< of the squared distance: what a round has to win
-constexpr double kTouching = 1e-20;  ///< of the squared size: cores this near overlap
+constexpr double kRelative = 1e-13;  ///< of the squared distance: least improvement of an iteration
+constexpr double kTouching = 1e-20;  ///< of the squared size: nearer cores overlap
 
-/// Points of the difference of two cores, and the part of each in the one that is nearest to the origin.
+/// Points of the difference of two cores, with the weight of each in the point nearest to the origin.
 class Simplex {
  public:
   struct Corner {
@@ -32,7 +32,7 @@ class Simplex {
     return false;
   }
 
-  /// Leaves the corners that the nearest point needs. False if the origin is inside.
+  /// Reduces to the corners that the nearest point needs. False if the origin is inside.
   bool reduce() {
     switch (count_) {
       case 1:
@@ -92,7 +92,7 @@ class Simplex {
     return parts;
   }
 
-  /// By the regions of a triangle (Ericson 2005, 5.1.5).
+  /// By the Voronoi regions of a triangle (Ericson 2005, 5.1.5).
   [[nodiscard]] Parts of_triangle(std::size_t i, std::size_t j, std::size_t k) const {
     const Vec3 &a = corners_[i].w, &b = corners_[j].w, &c = corners_[k].w;
     const Vec3 ab = b - a, ac = c - a;
@@ -161,7 +161,7 @@ Closest closest(const Placed& a, double kept_a, const Placed& b, double kept_b, 
     const Vec3 next = simplex.nearest();
     const double next_square = next.squaredNorm();
     if (next_square <= kTouching * simplex.largest()) return {};
-    if (round > 0 && next_square >= square) {  // rounding is all that is left
+    if (round > 0 && next_square >= square) {  // only rounding is left
       simplex = before;
       break;
     }

@@ -20,9 +20,9 @@ std::span<const LastPoint> ManifoldWriter::take(std::array<LastPoint, kMostPoint
   return {into.data(), count};
 }
 
-// As btManifoldResult::addContactPoint, with what all points have in common computed once, and written where they stay:
-// what is not set here is as it was constructed. Of points that are nearer to each other than the breaking threshold
-// the last one stays. Friction is what both materials say; Bullet's own would be 10 at most.
+// As btManifoldResult::addContactPoint, but the values common to all points are computed once, and points are written
+// in place: members that are not set here have their initial values. Of points within the breaking threshold of each
+// other, the last one remains. Friction comes from both materials, without Bullet's limit of 10.
 void ManifoldWriter::put(const Points& found, const btCollisionObject& first, const btCollisionObject& second,
                          btScalar farthest) {
   const btScalar friction = first.getFriction() * second.getFriction();
@@ -54,7 +54,7 @@ void ManifoldWriter::put(const Points& found, const btCollisionObject& first, co
   }
 }
 
-/// In the manifold: that of the point which is nearest on the first body, within the breaking threshold, or a new one.
+/// Index in the manifold of the point that is nearest on the first body within the breaking threshold, or of a new one.
 int ManifoldWriter::place_for(const btVector3& local_a) {
   btScalar shortest = reach_ * reach_;
   int place = -1;

@@ -11,15 +11,15 @@ namespace subworld::bullet {
 
 inline constexpr std::size_t kMostPoints = 4;  ///< of a manifold, in Bullet
 
-/// Bullet's pool of algorithms must be made for elements so large: it does not look.
+/// Element size of Bullet's pool of algorithms, bytes. Bullet does not check it.
 inline constexpr int kMostAlgorithmBytes = 256;
 
-/// A contact point that was found in this step.
+/// A contact point of this step.
 struct Point {
   btVector3 on_b;     ///< m, world
   btScalar distance;  ///< m
-  int feature;        ///< the same for the same pair of edges or corners
-  /// Of the point on the first body, across the normal, m: where they will touch only later.
+  int feature;        ///< equal for the same pair of edges or corners
+  /// Displacement of the point on the first body across the normal, m, for bodies that will touch later.
   btVector3 aside{0, 0, 0};
 };
 
@@ -29,11 +29,11 @@ struct Points {
   std::size_t count = 0;
 };
 
-/// Impulses of a point in the last part of a step, for a solver that takes steps in parts, N s.
+/// Impulses of a point in the last sub-step, for a solver with small steps, N s.
 struct LastPart {
   btScalar normal = 0, lateral_1 = 0, lateral_2 = 0;
 };
-/// They are kept in fields that Bullet's own solvers would use.
+/// They are stored in fields that only Bullet's own solvers use.
 inline LastPart last_part_of(const btManifoldPoint& point) {
   return {point.m_contactMotion1, point.m_contactMotion2, point.m_frictionCFM};
 }
@@ -43,7 +43,7 @@ inline void set_last_part(btManifoldPoint& point, const LastPart& last) {
   point.m_frictionCFM = last.lateral_2;
 }
 
-/// What a point of the step before leaves to the next.
+/// Data of a point that pass to the next step.
 struct LastPoint {
   btVector3 local_b;
   btScalar impulse, lateral_1, lateral_2;
@@ -52,19 +52,19 @@ struct LastPoint {
   LastPart last_part;
 };
 
-/// Fills a manifold with the points of this step, which go on with the impulses of the step before.
+/// Fills a manifold with the points of this step, which continue with the impulses of the previous step.
 class ManifoldWriter {
  public:
-  /// `reach`: from here on there are no points; points nearer to each other are one, m. `same`: within it a point goes
-  /// on with another's impulses, m.
+  /// `reach`: there are no points beyond this distance, and nearer points are merged, m. `same`: a point inherits
+  /// impulses within this distance, m.
   ManifoldWriter(btPersistentManifold& manifold, btScalar reach, btScalar same)
       : manifold_(manifold), reach_(reach), same_(same) {}
 
-  /// Empties the manifold.
+  /// Empties the manifold and returns its points.
   std::span<const LastPoint> take(std::array<LastPoint, kMostPoints>& into);
-  /// Points farther than `farthest` are left out.
+  /// Omits points farther than `farthest` (m).
   void put(const Points& found, const btCollisionObject& first, const btCollisionObject& second, btScalar farthest);
-  /// Gives each point what the same one, or else the nearest that is left, carried in the step before.
+  /// Each point inherits the impulses of the same point, or else of the nearest remaining one, of the previous step.
   void go_on_from(std::span<const LastPoint> old);
 
  private:

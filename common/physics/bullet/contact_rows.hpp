@@ -5,8 +5,8 @@
 
 namespace subworld::bullet {
 
-/// A number of both bodies of a pair, side by side. Vectors of the second body are negated: an impulse acts on it the
-/// other way round, so that both halves have the same equations.
+/// A number for each body of a pair, side by side. Vectors of the second body are negated: an impulse acts on it in the
+/// opposite direction, so that both halves have the same equations.
 using Both = btScalar __attribute__((vector_size(2 * sizeof(btScalar))));
 
 struct Both3 {
@@ -26,12 +26,12 @@ inline Both3 cross(const Both3& a, const btVector3& b) {
   return {a.y * b.z() - a.z * b.y(), a.z * b.x() - a.x * b.z(), a.x * b.y() - a.y * b.x()};
 }
 
-/// Velocities, or what impulses have changed of them: m/s and rad/s.
+/// Velocities, or their changes by impulses: m/s and rad/s.
 struct BothMotion {
   Both3 linear, angular;
 };
 
-/// Inverse masses of both.
+/// Inverse masses of both bodies.
 struct BothInertia {
   Both inverse_mass;         ///< 1/kg
   Both3 inverse_inertia[3];  ///< world, rows of the matrix, 1/(kg m^2)
@@ -47,13 +47,13 @@ struct BothInertia {
 struct Row {
   btScalar axis[3];  ///< n
   btScalar impulse;  ///< p so far, N s
-  btScalar rhs;      ///< N s, that changes the speed from before the step to the wanted one
+  btScalar rhs;      ///< N s, impulse that changes the speed from before the step to the target
   btScalar step;     ///< relaxation / k, kg
   Both3 arm;         ///< r x n, m
   Both3 turn;        ///< I^-1 (r x n), 1/(kg m)
 };
 
-/// Without impulse and rhs.
+/// With impulse and rhs not set.
 inline Row make_row(const btVector3& axis, const Both3& arm, const BothInertia& inertia, btScalar relaxation) {
   Row row;
   row.axis[0] = axis.x(), row.axis[1] = axis.y(), row.axis[2] = axis.z();
@@ -66,7 +66,7 @@ inline Row make_row(const btVector3& axis, const Both3& arm, const BothInertia& 
   return row;
 }
 
-/// Speeds along the row's axis by linear and by angular velocity.
+/// Speeds along the row's axis from linear and from angular velocity.
 inline Both linear_speed(const Row& row, const BothMotion& motion) {
   return row.axis[0] * motion.linear.x + row.axis[1] * motion.linear.y + row.axis[2] * motion.linear.z;
 }
@@ -82,7 +82,7 @@ inline void apply(const Row& row, Both inverse_mass, btScalar impulse, BothMotio
   motion.angular.z += row.turn.z * impulse;
 }
 
-/// Velocity of one body, or what impulses have changed of it.
+/// Velocity of one body, or its change by impulses.
 struct Motion {
   btScalar linear[3] = {};
   btScalar angular[3] = {};

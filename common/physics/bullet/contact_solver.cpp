@@ -8,12 +8,12 @@ namespace subworld::bullet {
 
 namespace {
 
-/// The rate (m/s) at which two bodies leave each other after they have met at `speed`.
+/// The separation speed (m/s) of two bodies that approached at `speed`.
 btScalar bounce(btScalar speed, btScalar restitution, btScalar threshold) {
   return btFabs(speed) < threshold ? btScalar(0) : btMax(restitution * -speed, btScalar(0));
 }
 
-/// One row's turn of Gauss-Seidel, with an impulse that only pushes. False if it changed nothing.
+/// One Gauss-Seidel update of a row whose impulse cannot pull. False if nothing changed.
 bool solve(const Row& row, btScalar rhs, btScalar& impulse, Both inverse_mass, BothMotion& motion) {
   const Both speeds = linear_speed(row, motion) + angular_speed(row, motion);
   const btScalar wanted = rhs - speeds[0] * row.step - speeds[1] * row.step;
@@ -23,7 +23,7 @@ bool solve(const Row& row, btScalar rhs, btScalar& impulse, Both inverse_mass, B
   return by != 0;
 }
 
-/// Whether a vector is shorter than `most`, by more than rounding: no root is needed to see that.
+/// Whether a vector is shorter than `most`, by more than rounding. Needs no square root.
 bool is_within(btScalar x, btScalar y, btScalar most) {
   constexpr btScalar kRounding = 16 * SIMD_EPSILON;
   return x * x + y * y < (1 - kRounding) * (most * most);
@@ -86,9 +86,9 @@ void ContactSolver::limit_bounces(int most) {
     for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) after_[i] = sum(before_[i], motions_[i]);
     if (!bounce_limit_.lower(before_, after_, tries == BounceLimit::kMostTries)) return;
     for (const Pair& pair : pairs_) {
-      const btScalar part = bounce_limit_.part(pair.a, pair.b);
+      const btScalar factor = bounce_limit_.factor(pair.a, pair.b);
       for (std::size_t i = pair.begin; i < pair.end; ++i)
-        normals_[i].rhs = normals_[i].plastic + part * normals_[i].bounce;
+        normals_[i].rhs = normals_[i].plastic + factor * normals_[i].bounce;
     }
     iterate(most, {.pushes = false, .impulses = true});
   }
@@ -137,7 +137,7 @@ void ContactSolver::prepare_pair(btPersistentManifold& manifold, const btContact
   }
   pair.end = normals_.size();
 
-  // Normal impulses start from those of the step before.
+  // Normal impulses start from those of the previous step.
   BothMotion motion = gather(motions_[a], motions_[b]);
   for (std::size_t i = pair.begin; i < pair.end; ++i) {
     apply(normals_[i], pair.inverse_mass, normals_[i].impulse, motion);
@@ -169,8 +169,8 @@ void ContactSolver::prepare_normal(const btManifoldPoint& point, const Both3& ar
   if (distance > 0) wanted -= distance * per_s;
   normal.rhs = wanted * normal.step;
 
-  // Bullet makes a body bounce that is only near, and takes from the bounce the speed that would bring it there: lower
-  // bounces, by chance. It shall bounce if it touches within the step, and wholly.
+  // Bullet lets a body bounce that is only near, and subtracts the speed that would close the gap: then bounces are
+  // lower, depending on timing. Here a body bounces if it touches within the step, and with full restitution.
   const btScalar approach = -speed;
   if (restitution > 0 && distance > 0 && approach >= info.m_restitutionVelocityThreshold) {
     const btScalar to_touch = distance / info.m_timeStep;
@@ -192,8 +192,9 @@ void ContactSolver::prepare_friction(const btManifoldPoint& point, const Both3& 
   auto& rows = friction.rows;
   rows[0] = make_row(point.m_lateralFrictionDir1, arm, before.inertia, relaxation);
   rows[1] = make_row(point.m_lateralFrictionDir2, arm, before.inertia, relaxation);
-  // The two directions take equal steps: only then does what is drawn back to mu N point against the motion. The
-  // longest that converges without over-relaxation is one over the larger eigenvalue of their 2 x 2 inverse mass.
+  // Both friction directions take equal steps. Only then does the projection to mu N point against the motion. The
+  // longest step that converges without over-relaxation is one over the larger eigenvalue of their 2 x 2 inverse mass
+  // matrix.
   const btScalar first = relaxation / rows[0].step, second = relaxation / rows[1].step;
   const Both products = dot(rows[1].arm, rows[0].turn);
   const btScalar across = products[0] + products[1];
@@ -225,8 +226,7 @@ void ContactSolver::start_from_last_friction(btScalar part) {
   }
 }
 
-// Pushes and impulses know nothing of each other. Taken in turn, the processor computes one while the other waits for
-// its last result.
+// Pushes and impulses are independent. Alternating them lets the processor overlap the computations.
 ContactSolver::Active ContactSolver::solve_normals(Active active) {
   Active changed{false, false};
   for (const Pair& pair : pairs_) {

@@ -11,20 +11,20 @@
 
 namespace subworld::bullet {
 
-/// Contacts by sequential impulses as Bullet's own solver has them: Gauss-Seidel over all contact points, in every
-/// iteration first the normals, then friction; penetrations are pushed out apart from that, by moving the bodies
-/// without adding velocity (if they add some, resting bodies hop and the felt friction of a sliding row wanders by 3
-/// %). It knows contacts of movable and fixed bodies only (no joints, no rolling friction), keeps side by side what an
-/// iteration reads, and leaves out what changes nothing. Its arithmetic is in Bullet's order: impulses along normals
-/// are Bullet's bit by bit.
+/// Contacts by sequential impulses, as in Bullet's own solver. Gauss-Seidel over all contact points: in every iteration
+/// first the normals, then friction. Penetrations are removed separately by moving the bodies without adding velocity.
+/// (With added velocity, resting bodies hop and the felt friction of a sliding row varies by 3 %.) The solver supports
+/// contacts of movable and fixed bodies only: no joints, no rolling friction. It stores together the data that an
+/// iteration reads, and skips work without effect. The order of operations is Bullet's, so impulses along normals are
+/// equal to Bullet's bit by bit.
 ///
 /// Friction is Coulomb's: at most mu N, against the motion, in every direction. Bullet bounds each of a contact's two
-/// friction directions by mu N of its own: along their diagonal a body holds, and is braked, by 41 % too much, and a
-/// load that wanders to one direction takes nothing from the other.
+/// friction directions by mu N separately: along their diagonal the friction is 41 % too large, and a load in one
+/// direction does not reduce the bound in the other.
 ///
-/// Bullet 3 starts every step with friction at zero, whatever its flag for warm starts says. What stands by friction
-/// then sags a little in each step, and creeps. Here friction may start from a part of that of the step before; normal
-/// impulses start from all of theirs.
+/// Bullet 3 starts every step with friction at zero, whatever its flag for warm starts. Then a body held by friction
+/// slips a little in each step, and creeps. Here friction may start from a share of that of the previous step; normal
+/// impulses start from their full values.
 ///
 /// Of btContactSolverInfo it reads m_timeStep, m_numIterations, m_sor, m_erp2, m_splitImpulseTurnErp and
 /// m_restitutionVelocityThreshold.
@@ -32,11 +32,12 @@ class ContactSolver final : public btConstraintSolver {
  public:
   ContactSolver();
 
-  /// Of each step, s: friction starts from what it was in the step before, as far as a step is longer than this.
+  /// Time of each step that friction forgets, s: friction starts with the share (step - forgotten) / step of the
+  /// previous step's.
   void set_friction_forgotten(btScalar forgotten_s) { friction_forgotten_s_ = forgotten_s; }
-  /// What an iteration takes of each correction of friction, 0 to 2; those of normal impulses take Bullet's m_sor.
+  /// Over-relaxation of friction in each iteration, 0 to 2; normal impulses use Bullet's m_sor.
   void set_friction_relaxation(btScalar relaxation) { friction_relaxation_ = relaxation; }
-  /// Also contacts without friction get its rows, for comparison.
+  /// With `keep`, contacts without friction get friction rows too, for comparison.
   void keep_frictionless(bool keep) { keeps_frictionless_ = keep; }
 
   btScalar solveGroup(btCollisionObject** bodies, int body_count, btPersistentManifold** manifolds, int manifold_count,
@@ -48,9 +49,9 @@ class ContactSolver final : public btConstraintSolver {
  private:
   struct Normal : Row {
     btScalar plastic;   ///< rhs without restitution
-    btScalar bounce;    ///< what restitution adds to it
+    btScalar bounce;    ///< addition to rhs by restitution
     btScalar friction;  ///< mu
-    bool held;          ///< some of the friction is not 0
+    bool held;          ///< some friction impulse is not 0
   };
 
   struct Friction {
@@ -58,25 +59,25 @@ class ContactSolver final : public btConstraintSolver {
   };
 
   struct Push {
-    btScalar rhs;      ///< as a row's; 0: no penetration
+    btScalar rhs;      ///< as in a row; 0: no penetration
     btScalar impulse;  ///< kg m/s
   };
 
   /// All contact points of two bodies.
   struct Pair {
     btPersistentManifold* manifold;
-    std::size_t a, b;        ///< in movers_
+    std::size_t a, b;        ///< indices in movers_
     std::size_t begin, end;  ///< in normals_, frictions_ and pushes_
     Both inverse_mass;
     btScalar friction;  ///< mu, as given
-    bool rubs;          ///< friction has rows
+    bool rubs;          ///< has friction rows
     bool penetrates;
   };
 
-  /// Of two bodies before the step.
+  /// State of two bodies before the step.
   struct PairState {
     BothInertia inertia;
-    BothMotion motion;  ///< with what forces and torques add in this step
+    BothMotion motion;  ///< with the changes by forces and torques in this step
   };
 
   [[nodiscard]] static PairState state_of(const Mover& a, const Mover& b);
@@ -88,7 +89,7 @@ class ContactSolver final : public btConstraintSolver {
                         Friction& friction);
   void start_from_last_friction(btScalar part);
 
-  /// Whether passes over the normals still change anything.
+  /// Whether iterations over the normals still change anything.
   struct Active {
     bool pushes = true;
     bool impulses = true;
@@ -102,11 +103,11 @@ class ContactSolver final : public btConstraintSolver {
   void write_motions(const btContactSolverInfo& info);
 
   BounceLimit bounce_limit_;
-  std::vector<Motion> before_;   ///< velocities of movers_[i], with what forces add in this step
-  std::vector<Motion> after_;    ///< with what impulses add too
-  std::vector<Mover> movers_;    ///< the first stands for all fixed bodies
-  std::vector<Motion> motions_;  ///< what impulses have changed of movers_[i]
-  std::vector<Motion> pushed_;   ///< what pushes move movers_[i] by, as a velocity for the length of the step
+  std::vector<Motion> before_;   ///< velocities of movers_[i], with the changes by forces in this step
+  std::vector<Motion> after_;    ///< with the changes by impulses too
+  std::vector<Mover> movers_;    ///< the first one represents all fixed bodies
+  std::vector<Motion> motions_;  ///< velocity changes of movers_[i] by impulses
+  std::vector<Motion> pushed_;   ///< displacements of movers_[i] by pushes, as a velocity over the step
   std::vector<Pair> pairs_;
   std::vector<Normal> normals_;
   std::vector<Friction> frictions_;  ///< of normals_[i]

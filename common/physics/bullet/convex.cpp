@@ -14,12 +14,12 @@ namespace subworld::bullet {
 
 namespace {
 
-/// Triangles of a hull that lie in one plane within this part of its size are one face.
+/// Triangles of a hull that are coplanar within this share of its size form one face.
 constexpr double kFlat = 1e-6;
 
 using Edge = std::pair<std::uint32_t, std::uint32_t>;
 
-/// The rim of some triangles of a closed surface, as a ring of vertices.
+/// The boundary of some triangles of a closed surface, as a ring of vertices.
 std::vector<std::uint32_t> rim_of(const Mesh& hull, const std::vector<std::size_t>& triangles) {
   std::map<std::uint32_t, std::uint32_t> next;
   std::vector<Edge> edges;
@@ -130,7 +130,7 @@ ConvexStorage::ConvexStorage(const Mesh& mesh) {
     for (const Edge& e : {Edge(a, b), Edge(b, c), Edge(c, a)}) owner[e] = t;
     order.push_back(t);
   }
-  // Large triangles know their plane best.
+  // Large triangles determine a plane most exactly.
   std::stable_sort(order.begin(), order.end(), [&](auto i, auto j) { return sides[i].area > sides[j].area; });
   std::vector<bool> taken(sides.size(), false);
   for (const std::size_t seed : order) {

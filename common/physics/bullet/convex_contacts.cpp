@@ -14,12 +14,12 @@ namespace subworld::bullet {
 
 namespace {
 
-/// What no choice among contacts depends on: this part of the breaking threshold.
+/// Length below which differences do not affect the choice of contacts, relative to the breaking threshold.
 constexpr double kFine = 0.1;
-/// A point that another one replaces goes on with its impulses within this part of the smaller body.
+/// A point that replaces another one inherits its impulses within this distance, relative to the smaller body.
 constexpr double kSame = 0.1;
 
-/// A body's shape where it is, in a frame at `origin` with the axes of the world: near it, numbers are small.
+/// The shape with its pose, in a frame at `origin` with the axes of the world: numbers near it are small.
 Placed placed(const btCollisionObject& object, const btVector3& origin) {
   const btTransform& pose = object.getWorldTransform();
   Placed at{convex_of(*object.getCollisionShape()), {}, from_bullet(pose.getOrigin() - origin)};
@@ -27,7 +27,7 @@ Placed placed(const btCollisionObject& object, const btVector3& origin) {
   return at;
 }
 
-/// The points of a patch in the world, for Bullet.
+/// The points of a patch in the world, in Bullet's format.
 Points in_world(const Patch& patch, const btVector3& origin) {
   Points points;
   points.normal = to_bullet(patch.normal);
@@ -61,7 +61,7 @@ void write(btPersistentManifold& manifold, const Points& points, const btCollisi
   writer.go_on_from(old);
 }
 
-/// What all algorithms here have in common: the first object is convex, and never the other way round.
+/// Common part of the algorithms: the first object is always the convex one.
 class Contacts : public btCollisionAlgorithm {
  public:
   Contacts(const btCollisionAlgorithmConstructionInfo& info, bool swapped)
@@ -87,7 +87,7 @@ class Contacts : public btCollisionAlgorithm {
   bool swapped_;
 };
 
-/// Contacts that one manifold holds.
+/// An algorithm whose contacts are in one manifold.
 class OneManifold : public Contacts {
  public:
   OneManifold(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& a, const btCollisionObject& b,
@@ -102,7 +102,7 @@ class OneManifold : public Contacts {
 
  protected:
   btPersistentManifold* manifold_;
-  double reach_;  ///< from here on there are no points, m
+  double reach_;  ///< there are no points beyond this distance, m
   btScalar same_;
   FastPair pair_;
   PatchMemory memory_;
@@ -146,7 +146,7 @@ class ConvexPlane final : public OneManifold {
   }
 };
 
-/// Contacts of a convex body with the triangles of a mesh: a manifold for each direction in which they push.
+/// Contacts of a convex body with the triangles of a mesh: one manifold for each direction of pushing.
 class ConvexMesh final : public Contacts {
  public:
   ConvexMesh(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& a, const btCollisionObject& b,
@@ -185,7 +185,7 @@ class ConvexMesh final : public Contacts {
     write_groups(now, then, a, b, origin);
   }
 
-  /// Calls `visit(triangle, number)` for those that the box, in the frame at `origin`, meets.
+  /// Calls `visit(triangle, number)` for each triangle that intersects the box, in the frame at `origin`.
   template <class Visit>
   static void for_triangles(const btCollisionObject& mesh, const Vec3& lower, const Vec3& upper,
                             const btVector3& origin, const Visit& visit) {
@@ -212,7 +212,7 @@ class ConvexMesh final : public Contacts {
         ->processAllTriangles(&callback, local - room, local + room);
   }
 
-  /// The box around a body and all within reach of it.
+  /// The box around a body, enlarged by reach.
   static Box box_around(const Placed& body, double reach) {
     Box box;
     for (int i = 0; i < 3; ++i) {
@@ -222,7 +222,7 @@ class ConvexMesh final : public Contacts {
     return box;
   }
 
-  /// Of a direction in which the body touches now, all points within `way` count.
+  /// For a direction in which the body touches now, includes all points within `way`.
   void gather(const Placed& body, const btCollisionObject& mesh, const btVector3& origin, double way) {
     groups_ = 0;
     const double reach = std::max(reach_, way);
@@ -234,7 +234,8 @@ class ConvexMesh final : public Contacts {
     groups_ = static_cast<std::size_t>(end - group_.begin());
   }
 
-  /// Where the body first touches a triangle within the step, with that contact gathered; else where it is.
+  /// Pose in which the body first touches a triangle within the step, with the contacts of that triangle; else the
+  /// present pose.
   Placed first_at(const Placed& now, const btCollisionObject& a, const btCollisionObject& mesh, const btVector3& origin,
                   double way, double dt) {
     const Sweep sweep(a), still(mesh);
@@ -262,7 +263,7 @@ class ConvexMesh final : public Contacts {
     if (patch.count == 0) return;
     double deepest = patch.points[0].distance;
     for (const PatchPoint& p : patch.all()) deepest = std::min(deepest, p.distance);
-    // What is farther than usual counts if it lies in a plane that the body touches now.
+    // A point beyond the usual distance counts only if it is in a plane that the body touches now.
     const bool flat = std::abs(patch.normal.dot(triangle.normal())) > kSameDirection;
     const double above = -body.reach(-patch.normal) - patch.normal.dot(triangle.get().centre);
     if (deepest > reach_ && !(flat && above <= reach_)) return;
@@ -278,7 +279,7 @@ class ConvexMesh final : public Contacts {
     }
   }
 
-  /// Where there are too many directions, the shallowest gives way.
+  /// If there are too many directions, the one with the least penetration is replaced.
   Group* group_for(const Vec3& normal, double deepest) {
     for (std::size_t i = 0; i < groups_; ++i) {
       if (group_[i].normal.dot(normal) > kSameDirection) return &group_[i];
@@ -297,7 +298,7 @@ class ConvexMesh final : public Contacts {
     return free;
   }
 
-  /// The deepest point, and three more that span the most.
+  /// The deepest point, and three more with the largest area.
   Points four_of(const Group& group, const Placed& now, const Placed& then, const btVector3& origin) const {
     static const Convex kNothing{};
     static const Placed fixed_here{kNothing, Eigen::Matrix3d::Identity(), Vec3::Zero()};
@@ -342,7 +343,7 @@ class ConvexMesh final : public Contacts {
     return chosen;
   }
 
-  /// Each direction goes to the manifold that had it in the step before.
+  /// Each direction uses the manifold that it had in the previous step.
   void write_groups(const Placed& now, const Placed& then, const btCollisionObject& a, const btCollisionObject& b,
                     const btVector3& origin) {
     std::array<bool, kDirections> used{};
@@ -372,11 +373,11 @@ class ConvexMesh final : public Contacts {
   }
 
   std::array<btPersistentManifold*, kDirections> manifolds_;
-  double reach_ = 0.0;  ///< from here on there are no points, m
+  double reach_ = 0.0;  ///< there are no points beyond this distance, m
   btScalar same_;
   FastPair pair_;
   std::size_t groups_ = 0;
-  static thread_local std::array<Group, kDirections> group_;  ///< used by one algorithm after the other
+  static thread_local std::array<Group, kDirections> group_;  ///< shared: the algorithms run one after the other
 };
 thread_local std::array<ConvexMesh::Group, ConvexMesh::kDirections> ConvexMesh::group_;
 

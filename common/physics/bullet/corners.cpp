@@ -8,16 +8,17 @@ namespace subworld::bullet {
 
 namespace {
 
-constexpr int kDiscCorners = 8;  ///< of a cap that touches
-constexpr int kDiscSides = 32;   ///< of a cap that is touched: half a percent larger than the disc at most
-constexpr double kCap = 0.7;     ///< a cylinder whose axis is this near (cosine) to the normal touches by its cap
-constexpr std::uint32_t kMostFaceCorners = 24;  ///< of a face with more, as many are taken all around it
+constexpr int kDiscCorners = 8;  ///< of a touching cap
+/// Of the face that represents a touched cap: at most half a percent larger than the disc.
+constexpr int kDiscSides = 32;
+constexpr double kCap = 0.7;  ///< least cosine between axis and normal at which a cylinder touches with its cap
+constexpr std::uint32_t kMostFaceCorners = 24;  ///< of a face with more, this many corners around it are used
 
-/// Corners of a cap, the first one where it is lowest along `down` if it is tilted by more than noise.
+/// Corners of a cap. The first is the lowest along `down` if the tilt is larger than noise.
 void add_disc(const Placed& s, const Vec3& down, double fine, Corners& out) {
   const Vec3 axis = s.turn.col(2), cap = std::copysign(1.0, axis.dot(down)) * axis;
   const Vec3 lean = down - down.dot(cap) * cap;
-  const double drop = s.shape.disc_radius * lean.norm();  // of the rim below the centre
+  const double drop = s.shape.disc_radius * lean.norm();  // height of the rim below the centre
   const bool tilted = 0.08 * drop > fine;                 // 1 - cos(half a corner's angle)
   const Vec3 u = tilted ? Vec3(lean.normalized()) : across(cap);
   const Vec3 v = cap.cross(u);
@@ -29,7 +30,7 @@ void add_disc(const Placed& s, const Vec3& down, double fine, Corners& out) {
   }
 }
 
-/// The side of a cylinder that looks down.
+/// The side line of a cylinder that faces down.
 void add_side(const Placed& s, const Vec3& down, Corners& out) {
   const Vec3 axis = s.turn.col(2);
   const Vec3 lean = down - down.dot(axis) * axis;
@@ -153,7 +154,7 @@ void add_lowest_edge(const Placed& s, const Vec3& down, double reach, Corners& o
           end = next;
         }
       }
-      // The lower number first, so that an edge is the same edge whichever end is lower.
+      // The lower number first, so that an edge has the same id whichever end is lower.
       const std::uint32_t first = end ? std::min(vertex, *end) : vertex;
       out.add({s.vertex(first), static_cast<int>(first % 32), 0});
       if (end) {

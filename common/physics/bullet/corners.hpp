@@ -10,15 +10,16 @@ namespace subworld::bullet {
 
 inline constexpr std::size_t kMostCorners = 64;
 
-/// Corners of the part of a surface that looks in a direction: a polygon, a line or a point.
+/// Corners of the feature of a surface that faces in a direction: a polygon, a line or a point.
 struct Corner {
   Vec3 point;
   int feature = 0;
-  int edge = 0;  ///< that starts here
+  int edge = 0;  ///< edge that starts here
 };
 class Corners {
  public:
-  /// Where there is no room for all, only every second one counts, of those to come too: what is left goes all around.
+  /// If the capacity is too small, only every second corner is stored, also of later ones, so that the rest surrounds
+  /// the face.
   void add(const Corner& corner) {
     if (offered_++ % stride_ != 0) return;
     if (count_ == kMostCorners) {
@@ -38,7 +39,7 @@ class Corners {
   [[nodiscard]] const Corner* begin() const { return corners_.data(); }
   [[nodiscard]] const Corner* end() const { return corners_.data() + count_; }
 
-  /// Leaves what is on the inner side of a plane with this outward normal.
+  /// Clips by a plane with this outward normal.
   void cut(const Vec3& outwards, double offset, int number);
 
  private:
@@ -47,17 +48,17 @@ class Corners {
   std::size_t offered_ = 0, stride_ = 1;
 };
 
-/// Some unit vector across a direction.
+/// A unit vector perpendicular to a direction.
 [[nodiscard]] Vec3 across(const Vec3& direction);
-/// The face of a polyhedron at its lowest vertex that looks down most.
+/// The face at the lowest vertex of a polyhedron that faces down most.
 [[nodiscard]] std::uint32_t face_at(const Placed& s, std::uint32_t vertex, const Vec3& down);
-/// What a shape turns to a plane below it. Heights that differ by less than `fine` (m) do not count.
+/// Adds the corners that a shape turns towards a plane below it. Ignores height differences below `fine` (m).
 void add_lowest(const Placed& s, const Vec3& down, double fine, Corners& out);
-/// The edge at the lowest point whose other end is no more than `reach` higher, or the point alone.
+/// The edge at the lowest point whose other end is at most `reach` higher, or the point alone.
 void add_lowest_edge(const Placed& s, const Vec3& down, double reach, Corners& out);
-/// Leaves what lies over a face.
+/// Clips to the region over a face.
 void cut_by_face(const Placed& s, std::uint32_t number, Corners& corners);
-/// Whether a point does.
+/// Whether a point is over a face.
 [[nodiscard]] bool lies_over(const Placed& s, std::uint32_t number, const Vec3& point);
 
 }  // namespace subworld::bullet

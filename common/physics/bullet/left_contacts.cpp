@@ -8,13 +8,13 @@ namespace subworld::bullet {
 
 namespace {
 
-/// Of a place, in a unit of length of the engine's own and back.
+/// Rounding of a position that is converted to the engine's unit of length and back.
 constexpr auto kLengthRounding = 16 * SIMD_EPSILON;
 constexpr std::size_t kUsualLeft = 256;  ///< pairs that wait: room for them, so that steps allocate nothing
 
 std::uint32_t number(const btCollisionObject& body) { return static_cast<std::uint32_t>(body.getUserIndex()); }
 
-/// Of the bodies of a manifold, the lower first.
+/// Ids of the bodies of a manifold, the lower first.
 std::pair<std::uint32_t, std::uint32_t> numbers(const btPersistentManifold& manifold) {
   return std::minmax({number(*manifold.getBody0()), number(*manifold.getBody1())});
 }
@@ -81,7 +81,8 @@ void LeftContacts::give_back(btDispatcher& dispatcher) {
     const btScalar on_low = sign(manifold), same = manifold.getContactBreakingThreshold();
     for (int i = 0; i < manifold.getNumContacts(); ++i) {
       btManifoldPoint& p = manifold.getContactPoint(i);
-      // On the other body, where the two have changed their order: that far apart, points would not be contacts.
+      // The order of the bodies may have changed, so the stored place may be on either body. The nearer point is the
+      // right one.
       const auto off = [&](const Left& left) {
         return btMin((left.place - p.getPositionWorldOnB()).length2(),
                      (left.place - p.getPositionWorldOnA()).length2());

@@ -12,26 +12,26 @@
 
 namespace subworld::bullet {
 
-/// Impulses of bodies that leave the engine, for when they come back to exactly the same place, as bodies do that have
-/// slept. Elsewhere other forces hold them. A solver that begins without them takes many steps to find what carries a
-/// pile: meanwhile the pile sinks in and is thrown back.
+/// Contact impulses of bodies that leave the engine, for bodies that return to exactly the same place, as after
+/// sleeping. At another place the contact forces differ. A solver that starts without these impulses needs many steps
+/// to support a pile: meanwhile the pile sinks in and is thrown back.
 class LeftContacts {
  public:
   LeftContacts();
 
-  /// Before a body leaves. Takes as long as Bullet takes to remove it: both look at all pairs.
+  /// Call before a body leaves. Takes as long as removing it from Bullet: both search all pairs.
   void keep(const btCollisionObject& body, btDispatcher& dispatcher);
-  /// After a body has come.
+  /// Call after a body has returned.
   void came(const btCollisionObject& body);
-  /// Once the contacts of a step are found: new ones where a body left some go on with their impulses. What other
-  /// bodies have left stays until they are back.
+  /// Call when the contacts of a step are found: new contacts at stored places continue with the stored impulses.
+  /// Impulses of other bodies stay stored until these return.
   void give_back(btDispatcher& dispatcher);
 
  private:
   struct Left {
     btVector3 place;  ///< on the second body, m, world
-    /// N s, on the body with the lower number: along the normal, and across it in world coordinates. In the whole step
-    /// and in its last part.
+    /// Impulses on the body with the lower number, N s: along the normal, and across it in world coordinates; of the
+    /// whole step and of its last sub-step.
     btScalar normal, last_normal;
     btVector3 across, last_across;
   };
@@ -43,8 +43,8 @@ class LeftContacts {
   [[nodiscard]] bool is_away(std::uint32_t body) const { return body < away_.size() && away_[body].has_value(); }
 
   std::vector<Pair> pairs_;
-  std::vector<std::optional<btVector3>> away_;  ///< where those are that have left, by number
-  bool expects_ = false;                        ///< some are back where they were, since the last step
+  std::vector<std::optional<btVector3>> away_;  ///< positions of the absent bodies, by id
+  bool expects_ = false;                        ///< some bodies have returned to their place since the last step
 };
 
 }  // namespace subworld::bullet

@@ -13,8 +13,8 @@ namespace subworld::bullet {
 
 namespace {
 
-/// Shapes without a rounded surface are drawn in before their nearest points are looked for, since the direction
-/// between points that all but coincide is noise. If even so they overlap, they are drawn in further.
+/// Scale factors for shapes without a rounded surface. Their nearest points are searched on scaled shapes, because the
+/// direction between nearly coincident points is noise. If the scaled shapes overlap too, the next factor is used.
 constexpr double kKept[] = {1.0, 0.95, 0.6, 0.2, 0.02};
 constexpr double kBetterPatchArea = 1.05;  ///< ratio: four points are chosen instead of those of the last step
 constexpr double kParallelPatchEdges =
@@ -27,8 +27,8 @@ struct PatchCandidate {
   int feature;
 };
 
-/// Leaves the points that four may be chosen from: those of the last step, the deepest, and the farthest in each of
-/// some directions. All fours of many points would cost more than the rest of a step.
+/// Reduces the candidates for the four points: those of the last step, the deepest, and the farthest in each of some
+/// directions. Testing all combinations of many points would cost more than the rest of a step.
 void thin(std::array<PatchCandidate, kMostCorners>& found, std::size_t& count, const Vec3& normal,
           const PatchMemory& memory) {
   constexpr std::size_t kFew = 10;
@@ -62,7 +62,7 @@ void thin(std::array<PatchCandidate, kMostCorners>& found, std::size_t& count, c
   count = left;
 }
 
-/// Those of the last step unless others span a larger area or are deeper by `deeper`.
+/// Keeps the points of the last step unless others span a larger area or are deeper by `deeper`.
 void reduce(std::array<PatchCandidate, kMostCorners>& found, std::size_t& count, const Vec3& normal, double deeper,
             const PatchMemory& memory) {
   thin(found, count, normal, memory);
@@ -105,8 +105,9 @@ Patch over_plane(const Corners& corners, const Vec3& up, double offset, bool of_
     if (height <= reach) found[count++] = {c.point, height, 4096 * name + c.feature};
   }
   reduce(found, count, up, fine, memory);
-  // Not around the ring: Gauss-Seidel with few iterations then leaves less. On a slope of 0.9 mu a cube's four points
-  // creep by 0.0 to 0.3 mm in 5 s in this order (10 iterations, mu 0.5, steps of 1 ms), by 0.0 to 0.5 mm around it.
+  // Not in the order of the ring: with few iterations Gauss-Seidel then leaves a smaller error. On a slope of 0.9 mu a
+  // cube's four points creep by 0.0 to 0.3 mm in 5 s in this order (10 iterations, mu 0.5, steps of 1 ms), by 0.0 to
+  // 0.5 mm in the order of the ring.
   if (count == Patch::kMost) {
     std::swap(found[0], found[2]);
     std::swap(found[1], found[3]);
@@ -123,7 +124,7 @@ Patch over_plane(const Corners& corners, const Vec3& up, double offset, bool of_
   return patch;
 }
 
-/// What b's face carries of a, or a's of b.
+/// Contacts of b's face with a, or of a's face with b.
 Patch touch_face(const Placed& carrier, std::uint32_t face, const Placed& other, bool of_a, double reach, double fine,
                  PatchMemory& memory) {
   const Vec3 up = carrier.face_normal(face);
@@ -134,7 +135,7 @@ Patch touch_face(const Placed& carrier, std::uint32_t face, const Placed& other,
   return over_plane(corners, up, carrier.face_offset(face), of_a, name, reach, fine, memory);
 }
 
-/// Neither shape touches with a face: two edges, an edge or a corner and something round.
+/// Neither shape touches with a face: two edges, or a round shape with an edge or a corner.
 Patch touch_edges(const Placed& a, const Placed& b, const Closest& near, Vec3 normal, double reach) {
   Corners of_a, of_b;
   add_lowest_edge(a, -normal, reach, of_a);
@@ -175,7 +176,7 @@ Patch touch_edges(const Placed& a, const Placed& b, const Closest& near, Vec3 no
       }
     }
   }
-  // The nearest points of cores that were drawn in, moved out to the surfaces.
+  // The nearest points of the scaled cores, moved to the surfaces.
   const double distance = -a.reach(-normal) - b.reach(normal);
   Vec3 on_b = near.on_b;
   on_b += (b.reach(normal) - on_b.dot(normal)) * normal;
@@ -192,14 +193,14 @@ struct Approach {
 Approach approach(const Placed& a, const Placed& b, const Vec3& guess) {
   const bool rounded = a.shape.radius > 0.0 || b.shape.radius > 0.0;
   for (std::size_t i = rounded ? 0 : 1; i < std::size(kKept); ++i) {
-    // A point or a line is its own core. What has no inside (a triangle) stays whole.
+    // A point or a line needs no scaling. A shape without volume (a triangle) is not scaled.
     const auto kept = [&](const Placed& s) {
       return s.shape.radius > 0.0 || s.shape.inner_radius == 0.0 ? 1.0 : kKept[i];
     };
     const Closest near = closest(a, kept(a), b, kept(b), guess);
     if (!near.apart) continue;
     Closest out = near;
-    // What is drawn in by a ratio is drawn out by it again.
+    // Reverses the scaling of the point.
     out.on_a = a.centre() + (near.on_a - a.centre()) / kept(a);
     out.on_b = b.centre() + (near.on_b - b.centre()) / kept(b);
     return {out, near.from_b.normalized(), i < 2};
@@ -215,8 +216,8 @@ struct FaceChoice {
   double gap = -std::numeric_limits<double>::infinity();
 };
 
-/// The face that separates best: of those that meet at the shapes' nearest vertices, or, of shapes deep in each other,
-/// of all.
+/// The face with the largest separation: of those at the shapes' nearest vertices, or of all if the shapes penetrate
+/// deeply.
 FaceChoice best_face(const Placed& a, const Placed& b, const Approach& way, const PatchMemory& memory, double better) {
   FaceChoice best;
   double best_rank = best.gap;
@@ -247,7 +248,7 @@ FaceChoice best_face(const Placed& a, const Placed& b, const Approach& way, cons
   return best;
 }
 
-/// The face of the last step carries the patch as long as the other shape's deepest point lies over it.
+/// The face of the last step stays the reference face as long as the other shape's deepest point is over it.
 bool still_carries(const Placed& a, const Placed& b, double reach, const PatchMemory& memory) {
   if (memory.face < 0) return false;
   const Placed &carrier = memory.of_a ? a : b, &other = memory.of_a ? b : a;
@@ -289,7 +290,7 @@ Patch touch(const Placed& a, const Placed& b, double reach, double fine, PatchMe
     memory.normal = choice.of_a ? Vec3(-up) : up;
     return {};
   }
-  // A shape that touches with a point needs no face to be held by.
+  // A contact with a single point needs no reference face.
   const bool point = choice.face >= 0 && (choice.of_a ? b : a).shape.core == Convex::Core::point;
   const double slack = point ? 0.0 : (memory.face >= 0 ? 2.0 : 1.0) * fine;
   if (choice.face >= 0 && choice.gap >= gap - slack) {

@@ -8,12 +8,12 @@
 
 namespace subworld::bullet {
 
-/// Where two convex shapes touch, or nearly do: up to four points that they have in common, made new in each step from
-/// the exact surfaces. Nothing is carried over but the choice among equals, so a point cannot wander.
+/// Contact of two convex shapes, or of nearly touching ones: up to four common points, computed again in each step from
+/// the exact surfaces. Only the choice among equal candidates is stored, so points cannot drift.
 struct PatchPoint {
   Vec3 on_b;        ///< on the surface of b, m
   double distance;  ///< between the surfaces along the normal, m
-  int feature;      ///< the same for the same pair of corners or edges
+  int feature;      ///< equal for the same pair of corners or edges
 };
 
 struct Patch {
@@ -25,24 +25,25 @@ struct Patch {
   [[nodiscard]] std::span<const PatchPoint> all() const { return {points.data(), count}; }
 };
 
-/// What is chosen stays chosen until another choice is better by more than noise: what is remembered of the last step.
+/// Memory of the last step's choices, for hysteresis: a choice is replaced only by one that is better by more than
+/// noise.
 struct PatchMemory {
-  int face = -1;  ///< that carried the patch: of b, or of a if `of_a`
+  int face = -1;  ///< the reference face: of b, or of a if `of_a`
   bool of_a = false;
-  bool separated = false;  ///< the shapes were apart along `normal`
+  bool separated = false;  ///< the shapes were separate along `normal`
   Vec3 normal = Vec3::Zero();
   std::array<int, Patch::kMost> features{-1, -1, -1, -1};
 };
 
-/// Points of two shapes that are less than `reach` (m) apart; `fine` (m) is what no choice depends on.
+/// Points of two shapes that are less than `reach` (m) apart; differences below `fine` (m) do not affect choices.
 [[nodiscard]] Patch touch(const Placed& a, const Placed& b, double reach, double fine, PatchMemory& memory);
 
 /// The same with the half-space below the plane `normal . x = offset` as b.
 [[nodiscard]] Patch touch_plane(const Placed& a, const Vec3& normal, double offset, double reach, double fine,
                                 PatchMemory& memory);
 
-/// The largest distance that was found to lie between two shapes along a direction, which is no more than that between
-/// them; negative: they overlap.
+/// A lower bound of the distance of two shapes: the largest one found along any tested direction. Negative: they
+/// overlap.
 struct Gap {
   double distance = 0.0;        ///< m
   Vec3 normal = Vec3::UnitZ();  ///< from b to a

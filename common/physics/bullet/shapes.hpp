@@ -19,7 +19,7 @@ inline btQuaternion to_bullet(const Quat& q) { return {scalar(q.x()), scalar(q.y
 inline Vec3 from_bullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 inline Quat from_bullet(const btQuaternion& q) { return {q.w(), q.x(), q.y(), q.z()}; }
 
-/// The exact surface of a convex shape that a ShapeStore made.
+/// The exact surface of a convex shape from a ShapeStore.
 inline const Convex& convex_of(const btCollisionShape& shape) {
   return *static_cast<const Convex*>(shape.getUserPointer());
 }
@@ -29,7 +29,7 @@ class ShapeStore {
  public:
   explicit ShapeStore(std::span<const Mesh> meshes) : meshes_(meshes.begin(), meshes.end()) {}
 
-  /// Throws `Error` (usage) for a mesh index out of range.
+  /// Throws `Error` (usage) if a mesh index is out of range.
   [[nodiscard]] btCollisionShape* get(const Shape& shape);
 
  private:

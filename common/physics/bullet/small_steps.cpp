@@ -8,21 +8,22 @@ namespace subworld::bullet {
 
 namespace {
 
-/// Oscillations of a contact's spring in a part: the stiffest that a pass still follows (Catto 2024).
+/// Oscillations of a contact's spring in a small step: the stiffest spring that an iteration can follow (Catto 2024).
 constexpr auto kOscillations = btScalar(0.25);
-/// Damping ratio. With 1 or 10 heaps of unequal masses win some more energy, or a cube on one of a thousandth trembles.
+/// Damping ratio. With 1 or 10, heaps of unequal masses gain more energy, or a cube on one of a thousandth of its mass
+/// trembles.
 constexpr auto kDamping = btScalar(5);
-/// What overlaps is pushed apart no faster, m/s: the rigid pass has to take all of it back.
+/// Speed limit for removing penetration, m/s: the rigid iteration must remove all of this speed again.
 constexpr auto kFastestPush = btScalar(0.1);
-/// Noise of a gap, of the coordinates that it is computed from. Without it a card house of seven stages in single
-/// precision creeps by 0.4 mm/s and falls after 20 s.
+/// Rounding of a gap, relative to the coordinates from which it is computed. Without this tolerance, a card house of
+/// seven stages in single precision creeps by 0.4 mm/s and falls after 20 s.
 constexpr auto kPlaceRounding = 16 * SIMD_EPSILON;
 /// Passes over the contacts of one part at most, as springs and as rigid. Heaps of 3 g to 30 kg win 1.5 % of energy by
-/// blows with 20, 3 % with 8 and 5 % with 1.
+/// impacts with 20, 3 % with 8 and 5 % with 1.
 constexpr int kMostSpringPasses = 4, kMostRigidPasses = 20;
-/// Passes end when they change no velocity by more than this many times what forces add in a part.
+/// Iterations end when they change no velocity by more than this factor times the change by forces in a small step.
 constexpr auto kEnough = btScalar(5);
-/// Nor by more than this part of the greatest speed: all that is known of worlds without forces.
+/// The same limit relative to the largest speed, for worlds without forces.
 constexpr auto kEnoughOfSpeed = btScalar(1e-4);
 
 btScalar speed_of(const Row& row, const BothMotion& motion) {
@@ -46,7 +47,7 @@ btScalar SmallStepSolver::solveGroup(btCollisionObject** bodies, int body_count,
                                      int manifold_count, btTypedConstraint** /*constraints*/, int /*constraint_count*/,
                                      const btContactSolverInfo& info, btIDebugDraw* /*drawer*/,
                                      btDispatcher* /*dispatcher*/) {
-  const int count = parts(info.m_numIterations);
+  const int count = step_count(info.m_numIterations);
   const btScalar h = info.m_timeStep / btScalar(count);
   list_movers({bodies, static_cast<std::size_t>(body_count)}, h, movers_);
   prepare_motions();
@@ -128,7 +129,7 @@ void SmallStepSolver::prepare_friction(const btManifoldPoint& point, const Both3
                                        Point& p) {
   p.sides[0] = make_row(point.m_lateralFrictionDir1, arm, inertia, 1);
   p.sides[1] = make_row(point.m_lateralFrictionDir2, arm, inertia, 1);
-  // The two directions take equal steps: only then does what is drawn back to mu N point against the motion.
+  // Both friction directions take equal steps. Only then does the projection to mu N point against the motion.
   const btScalar first = 1 / p.sides[0].step, second = 1 / p.sides[1].step, half = (first - second) / 2;
   const Both products = dot(p.sides[1].arm, p.sides[0].turn);
   const btScalar mixed = products[0] + products[1];
@@ -140,7 +141,7 @@ void SmallStepSolver::prepare_point(const btManifoldPoint& point, const Both3& a
   Point& p = points_.emplace_back();
   p.normal = make_row(point.m_normalWorldOnB, arm, inertia, 1);
   if (rubs) prepare_friction(point, arm, inertia, p);
-  // Within what rounding makes of places, contacts are rigid: a spring would follow the noise.
+  // Within the rounding of positions, contacts are rigid: a spring would follow the noise.
   const btVector3 place = point.getPositionWorldOnB().absolute();
   p.noise = kPlaceRounding * place[place.maxAxis()];
   p.start = p.gap = point.getDistance();
@@ -168,7 +169,7 @@ void SmallStepSolver::start_from_last() {
     BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);
     for (std::size_t i = pair.begin; i < pair.end; ++i) {
       Point& p = points_[i];
-      // What will bounce does so at the speed with which it arrives, with what forces add on the way.
+      // A bounce uses the speed of the approach, with the change by forces until then.
       if (pair.restitution != 0 && p.total == 0) p.met = speed_of(p.normal, motion);
       if (p.normal.impulse != 0) apply(p.normal, pair.inverse_mass, p.normal.impulse, motion);
       if (!p.held) continue;
@@ -240,7 +241,8 @@ btScalar SmallStepSolver::solve_normals(const Pair& pair, const Spring& spring, 
       by -= row.step * p.gap / h;  // it may close
     } else if (kAs == Contacts::springs && p.gap < -p.noise) {
       const btScalar depth = -p.gap - p.noise;
-      const btScalar push = spring.mass_scale * spring.bias_rate * depth * row.step - spring.declutch * row.impulse;
+      const btScalar push =
+          spring.mass_scale * spring.bias_rate * depth * row.step - spring.impulse_scale * row.impulse;
       by = spring.mass_scale * by + btMin(push, kFastestPush * row.step);
     }
     by = btMax(by, -row.impulse);
@@ -267,8 +269,8 @@ void SmallStepSolver::move(btScalar h) {
   }
 }
 
-// Newton's restitution, of the speed before the step. What bounces does not start the next step with this blow.
-void SmallStepSolver::bounce_within_energy(int parts, btScalar threshold, btScalar enough) {
+// Newton's restitution, from the speed before the step. The next step does not start from the impulse of a bounce.
+void SmallStepSolver::bounce_within_energy(int count, btScalar threshold, btScalar enough) {
   const auto bounces = [&](const Pair& pair) {
     const auto points = std::span(points_).subspan(pair.begin, pair.end - pair.begin);
     const auto met = [&](const Point& p) { return p.met <= -threshold && p.total != 0; };
@@ -279,7 +281,7 @@ void SmallStepSolver::bounce_within_energy(int parts, btScalar threshold, btScal
   for (const Pair& pair : pairs_) bounce_limit_.join(pair.a, pair.b, bounces(pair));
   before_.resize(movers_.size());
   for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) {
-    before_[i] = sum(motion_of(movers_[i]), by_loads(movers_[i]), btScalar(parts));
+    before_[i] = sum(motion_of(movers_[i]), by_loads(movers_[i]), btScalar(count));
   }
   plastic_ = motions_;
   plastic_points_ = points_;
@@ -296,7 +298,7 @@ void SmallStepSolver::bounce(btScalar threshold, btScalar enough) {
   until_quiet(kMostRigidPasses, enough, [&](const Pair& pair, BothMotion& motion) {
     btScalar change = 0;
     if (pair.restitution == 0) return change;
-    const btScalar restitution = bounce_limit_.part(pair.a, pair.b) * pair.restitution;
+    const btScalar restitution = bounce_limit_.factor(pair.a, pair.b) * pair.restitution;
     for (std::size_t i = pair.begin; i < pair.end; ++i) {
       Point& p = points_[i];
       if (p.met > -threshold || p.total == 0) continue;

@@ -49,7 +49,7 @@ double FastPair::way(const btCollisionObject& a, const btCollisionObject& b, dou
   const double straight = (one.getLinearVelocity() - other.getLinearVelocity()).length2();
   const double turn_a = one.getAngularVelocity().length2() * outer_a_ * outer_a_;
   const double turn_b = other.getAngularVelocity().length2() * outer_b_ * outer_b_;
-  // The sum of three roots is at most that of three times the sum.
+  // The sum of three roots is at most the root of three times the sum.
   if (3.0 * dt * dt * (straight + turn_a + turn_b) <= far_ * far_) return 0.0;
   const double way = dt * (std::sqrt(straight) + std::sqrt(turn_a) + std::sqrt(turn_b));
   return way > far_ ? way : 0.0;
@@ -58,7 +58,7 @@ double FastPair::way(const btCollisionObject& a, const btCollisionObject& b, dou
 std::optional<double> first_touch(const Placed& a, const Sweep& sweep_a, const Placed& b, const Sweep& sweep_b,
                                   double dt, double fine) {
   const double turning =
-      sweep_a.spin.norm() * a.shape.outer_radius + sweep_b.spin.norm() * b.shape.outer_radius;  // m/s at most
+      sweep_a.spin.norm() * a.shape.outer_radius + sweep_b.spin.norm() * b.shape.outer_radius;  // upper bound, m/s
   Vec3 guess = a.centre() - b.centre();
   double passed = 0.0;
   for (int i = 0; i < kMostAdvances; ++i) {

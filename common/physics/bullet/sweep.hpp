@@ -8,23 +8,24 @@
 
 namespace subworld::bullet {
 
-/// How a body moves during a step.
+/// Motion of a body during a step.
 struct Sweep {
   Vec3 velocity;  ///< m/s
   Vec3 spin;      ///< rad/s
 
   explicit Sweep(const btCollisionObject& object);
-  /// Where the body is after so many seconds.
+  /// Pose after this time.
   [[nodiscard]] Placed after(const Placed& start, double seconds) const;
 };
 
-/// Tells of two bodies whether they may pass each other within a step: their relative motion is longer than half of
-/// what is inside both. Slower ones are found while they overlap, and pushed out on the side from which they came.
+/// Finds pairs of bodies that may pass through each other within a step: their relative motion exceeds half of the
+/// radius inside both shapes. Slower pairs are detected while they overlap, and separate on the side from which they
+/// came.
 class FastPair {
  public:
   FastPair(const btCollisionObject& a, const btCollisionObject& b);
 
-  /// At most how far the bodies move relative to each other within dt, m; 0 where that is not far.
+  /// Upper bound of the relative motion of the bodies within dt, m; 0 if it is small.
   [[nodiscard]] double way(const btCollisionObject& a, const btCollisionObject& b, double dt) const;
 
  private:
@@ -32,12 +33,12 @@ class FastPair {
   double outer_a_, outer_b_;  ///< m
 };
 
-/// When two shapes first touch within dt, s: conservative advancement (Mirtich 1996), which takes the longest step in
-/// which the gap cannot close, again and again until it is below `fine` (m).
+/// Time within dt at which two shapes first touch, s. Conservative advancement (Mirtich 1996): repeats the longest time
+/// in which the gap cannot close until the gap is below `fine` (m).
 [[nodiscard]] std::optional<double> first_touch(const Placed& a, const Sweep& sweep_a, const Placed& b,
                                                 const Sweep& sweep_b, double dt, double fine);
 
-/// A contact to come, seen from now: the points of a patch that will be there later, as far apart as they still are.
+/// A future contact in present coordinates: the points of a later patch, at their present distance.
 struct Ahead {
   Vec3 on_a, on_b;  ///< m
   double distance;  ///< along the patch's normal, m

@@ -1,5 +1,5 @@
-// The smallest complete engine: spheres on planes, by sequential impulses. It shows what an adapter owes the interface;
-// see "Adding an engine" in ../README.md.
+// The smallest complete engine: spheres on planes, by sequential impulses. It shows the duties of an adapter; see
+// "Adding an engine" in ../README.md.
 #include "model/error.hpp"
 #include "physics/contact_totals.hpp"
 #include "physics/plugin.hpp"
@@ -23,7 +23,7 @@ constexpr EnginePreset kPresets[] = {
     {.name = "fast", .what = "10 iterations", .iterations = 10, .cost = kCost},
     {.name = "quality", .what = "100 iterations: for piles", .iterations = 100, .cost = kCost},
 };
-constexpr double kPushOut = 0.2;  ///< part of a penetration that a step takes away, by position alone
+constexpr double kPushOut = 0.2;  ///< share of a penetration that a step removes, by position only
 
 extern const EnginePlugin kPlugin;
 
@@ -38,7 +38,7 @@ struct Slot {
   Vec3 torque = Vec3::Zero();
 };
 
-/// A contact while it is solved.
+/// A contact in the solver.
 struct Row {
   std::uint32_t a, b;
   Vec3 point, normal;
@@ -47,7 +47,7 @@ struct Row {
   Vec3 tangential_impulse = Vec3::Zero();
 };
 
-/// Bodies leave a checkpoint as (id, 19 numbers).
+/// A body in a checkpoint: id and 19 numbers.
 struct SavedBody {
   std::uint64_t id;
   std::array<double, 19> numbers;  ///< the state, then force and torque of the next step
@@ -66,8 +66,8 @@ class Spheres final : public Engine {
   Capabilities capabilities() const noexcept override {
     return {.normal_impulse = Fidelity::exact,
             .tangential_impulse = Fidelity::exact,
-            .gyroscopic = Fidelity::exact,  // a sphere has none
-            .checkpoint = Fidelity::exact,  // nothing but states and forces lives from step to step
+            .gyroscopic = Fidelity::exact,  // a sphere has no gyroscopic torque
+            .checkpoint = Fidelity::exact,  // states and forces are the whole state between steps
             .deterministic = true};
   }
 
@@ -270,11 +270,11 @@ class Spheres final : public Engine {
     if (row.distance > std::max(0.0, closing) * dt) return;  // will not touch within this step
     row.friction = std::sqrt(first.body.material.friction * second.body.material.friction);
     row.bounce = first.body.material.restitution * second.body.material.restitution * std::max(0.0, closing);
-    if (row.bounce < 2.0 * gravity_.norm() * dt) row.bounce = 0.0;  // or a resting body would hop
+    if (row.bounce < 2.0 * gravity_.norm() * dt) row.bounce = 0.0;  // otherwise a resting body would hop
     rows_.push_back(row);
   }
 
-  /// One round of projected Gauss-Seidel at one contact: the normal impulse only pushes, friction stays in its cone.
+  /// One projected Gauss-Seidel update of a contact: the normal impulse only pushes, friction stays in its cone.
   void solve(Row& row, double dt) {
     Slot& a = *slots_[row.a];
     Slot& b = *slots_[row.b];
@@ -288,7 +288,7 @@ class Spheres final : public Engine {
       push(b, -impulse, row.point);
     };
     const Vec3 relative = velocity_at(a, row.point) - velocity_at(b, row.point);
-    // A gap may be closed within the step and no faster; a penetration is pushed out a part at a time.
+    // A gap may close within the step, not faster. A share of a penetration is removed.
     const double wanted = row.distance > 0.0 ? -row.distance / dt : -kPushOut * row.distance / dt;
     const double normal = std::max(
         0.0, row.normal_impulse + (std::max(row.bounce, wanted) - row.normal.dot(relative)) / mobility(row.normal));
@@ -315,7 +315,7 @@ class Spheres final : public Engine {
     contact.distance = row.distance;
     contact.normal_impulse = row.normal_impulse;
     contact.tangential_impulse = row.tangential_impulse;
-    contacts_.add(contact, substep, 1e9);  // two bodies have one point: it is found again wherever it went
+    contacts_.add(contact, substep, 1e9);  // two bodies have one point, which is identified at any place
   }
 
   Vec3 gravity_;

@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-// Havok describes its interface to JavaScript while it starts. It also exports all that is needed as plain functions,
-// so nobody listens.
+// Havok describes its interface to JavaScript while it starts. It also exports all needed functions as plain ones, so
+// the descriptions are ignored.
 
 using Word = std::uint32_t;
 

@@ -11,8 +11,7 @@ namespace {
 
 using namespace havok;
 
-// Havok's solver has a fixed number of iterations, whatever the settings ask for: shorter sub-steps are its one way to
-// be more exact.
+// Havok's solver has a fixed number of iterations, whatever the settings: only shorter sub-steps make it more exact.
 constexpr SubstepCost kCost{.step_s = 3e-6, .body_s = 0.4e-6, .contact_s = 2.6e-6};
 constexpr EnginePreset kPresets[] = {
     {.name = "fast",
@@ -28,7 +27,7 @@ constexpr EnginePreset kPresets[] = {
 
 extern const EnginePlugin kPlugin;
 
-/// Havok's own limits (200 m/s, 100 rad/s) would stop a small part that a hand flicks.
+/// Havok's own limits (200 m/s, 100 rad/s) would stop a small part that an operator flicks.
 constexpr double kSpeedLimit = 1000.0;  ///< m/s and rad/s
 
 class Havok final : public wasm::ModuleEngine {
@@ -43,7 +42,7 @@ class Havok final : public wasm::ModuleEngine {
     world_ = scratch.get<Handle>(out);
     check(w2c_havok_HP_World_SetGravity(module_.get(), world_, scratch.put(Float3{})), "setting gravity");
     remove_drag(module_);
-    // Zero switches off that contacts get softer the shorter the step is against 1/60 s.
+    // Zero disables a default: contacts get softer the shorter the step is compared with 1/60 s.
     check(w2c_havok_HP_World_SetIdealStepTime(module_.get(), world_, 0.0F), "setting the step");
     check(w2c_havok_HP_World_SetSpeedLimit(module_.get(), world_,
                                            static_cast<float>(kSpeedLimit / settings.length_unit_m),
@@ -56,7 +55,7 @@ class Havok final : public wasm::ModuleEngine {
   Capabilities capabilities() const noexcept override {
     return {.normal_impulse = Fidelity::exact,
             .tangential_impulse = Fidelity::estimated,  // from the balance of momentum
-            .gyroscopic = Fidelity::exact,              // the adapter's own
+            .gyroscopic = Fidelity::exact,              // computed by the adapter
             .checkpoint = Fidelity::exact,
             .deterministic = true,
             .precision = std::numeric_limits<float>::epsilon(),
@@ -117,7 +116,7 @@ class Havok final : public wasm::ModuleEngine {
           "an angular velocity");
   }
 
-  /// Havok's own impulses would act by its inverse masses, which it keeps to 8 bits: up to 0.4 % off.
+  /// Havok's own impulses would use its inverse masses, which have 8 bits: an error of up to 0.4 %.
   void load(const Slot& slot, const wasm::Load& load) override {
     put_velocities(slot, load.loaded.linear_velocity, load.loaded.angular_velocity);
   }
@@ -152,7 +151,7 @@ class Havok final : public wasm::ModuleEngine {
   void collect() override {
     const wasm::Address event_at = module_.scratch().put(wasm::Address{0});  // in: the event before; out: the next
     for (;;) {
-      if (w2c_havok_HP_World_GetNextCollisionEvent(module_.get(), world_, event_at) != 0) return;  // no more
+      if (w2c_havok_HP_World_GetNextCollisionEvent(module_.get(), world_, event_at) != 0) return;  // no further event
       const auto at = wasm::load<wasm::Address>(module_.memory(), event_at);
       const auto event = wasm::load<CollisionEvent>(module_.memory(), at);
       if (event.type != kStarted && event.type != kContinued) continue;
@@ -185,7 +184,7 @@ class Havok final : public wasm::ModuleEngine {
 
   double unit_m_;  ///< of length, m
   std::vector<Mesh> meshes_;
-  mutable havok::Module module_;  ///< also to read from it, the module writes to its memory
+  mutable havok::Module module_;  ///< not const: reading from the module writes to its memory
   Handle world_ = 0;
   std::unordered_map<Handle, std::uint32_t> ids_;
 };
@@ -195,7 +194,7 @@ const EnginePlugin kPlugin{
     .version = "Havok Physics of @babylonjs/havok 1.3.14, single precision",
     .licence = "MIT",
     .presets = kPresets,
-    .limits = {.smallest_box = 0.035,  // what is smaller may fall through what it lies on
+    .limits = {.smallest_box = 0.035,  // a smaller box may fall through the body below
                .plane_half_side_m = 0.5 * kPlaneSide_m,
                .speed_m_s = kSpeedLimit,
                .spin_rad_s = kSpeedLimit,

@@ -72,7 +72,7 @@ Module::~Module() { wasm2c_havok_free(&module_); }
 
 wasm::Address Module::allocate(std::size_t bytes) {
   const wasm::Address at = w2c_havok_malloc(&module_, static_cast<std::uint32_t>(bytes));
-  if (at == 0) throw Error(ExitCode::failed, fmt::format("havok has no memory for {} bytes more", bytes));
+  if (at == 0) throw Error(ExitCode::failed, fmt::format("havok has no memory for {} more bytes", bytes));
   return at;
 }
 
@@ -83,10 +83,11 @@ void check(std::uint32_t result, const char* what) {
 }
 
 void remove_drag(Module& module) {
-  // Motion properties, as words: largest speeds, two numbers, angular damping, the brake. Found by their defaults.
+  // Motion properties, in words: largest speeds, two numbers, angular damping, the brake. They are found by their
+  // default values.
   constexpr std::size_t kBrake = 5;
   constexpr std::uint32_t kSpeed = 0x43480000, kTurn = 0x42c80000, kDamping = 0x3dcccccd, kBrakeValue = 0x3e999999;
-  constexpr std::uint64_t kSearched = 1U << 20;  // bytes; they lie among the first things a world allocates
+  constexpr std::uint64_t kSearched = 1U << 20;  // bytes; the properties are among a world's first allocations
   const wasm_rt_memory_t& memory = module.memory();
   int found = 0;
   std::array<std::uint32_t, kBrake + 1> words;

@@ -17,7 +17,7 @@ using wasm::to_module;
 
 using Handle = std::uint64_t;
 
-// As they lie in the module's memory (its embind descriptions list the offsets).
+// Layout in the module's memory (its embind descriptions list the offsets).
 struct QTransform {
   Float3 translation;
   Float4 rotation;
@@ -54,7 +54,7 @@ inline constexpr std::uint32_t kStatic = 1, kDynamic = 4;
 inline constexpr std::uint32_t kAlwaysActive = 1;
 inline constexpr std::uint32_t kStarted = 1, kContinued = 2;
 
-/// A plane is a box. In single precision a larger one would lose micrometres where it is tilted.
+/// A plane is represented by a box. In single precision a larger box, when tilted, would be wrong by micrometres.
 inline constexpr double kPlaneSide_m = 100.0;
 
 /// One instance of the module, with a memory of its own.
@@ -78,15 +78,15 @@ class Module {
   wasm::Scratch scratch_;
 };
 
-/// Throws `Error` unless `result` is Havok's OK.
+/// Throws `Error` if `result` is not Havok's OK.
 void check(std::uint32_t result, const char* what);
 
-/// Havok brakes every body by 3 % of gravity, so that heaps come to rest; no function switches it off. This does, for
-/// the bodies that are made later: it is a number in the motion properties that all bodies start from. Call when
-/// gravity was set to zero; throws `Error` where the number is not found.
+/// Disables Havok's drag for bodies that are made later. Havok brakes every body by 3 % of gravity so that heaps come
+/// to rest, and no function disables it. The drag is a number in the motion properties that all bodies start from. Call
+/// when gravity is set to zero. Throws `Error` if the number is not found.
 void remove_drag(Module& module);
 
-/// Makes a shape; `meshes` are the scene's. Throws `Error` where it cannot be made.
+/// Makes a shape; `meshes` are the scene's. Throws `Error` if that fails.
 [[nodiscard]] Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> meshes, double unit_m);
 
 }  // namespace subworld::havok

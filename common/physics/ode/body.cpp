@@ -13,7 +13,7 @@ constexpr double kNoRotation = 1e20;  ///< kg m^2
 void make_body(Slot& slot, dWorldID world) {
   slot.body = dBodyCreate(world);
   dBodySetFiniteRotationMode(slot.body, 1);
-  dBodySetGyroscopicMode(slot.body, 0);  // the adapter's own term keeps the energy
+  dBodySetGyroscopicMode(slot.body, 0);  // the adapter's own term conserves the energy
   set_mass(slot);
   dGeomSetBody(slot.geom, slot.body);
 }
@@ -24,7 +24,7 @@ void destroy(Slot& slot) {
 }
 
 void set_mass(Slot& slot) {
-  // ODE has no infinite inertia. This one leaves 1e-20 of a torque; the step takes that away too.
+  // ODE has no infinite inertia. This value leaves 1e-20 of a torque; the step removes that too.
   const Vec3 inertia = slot.spec.rotates ? slot.inertia : Vec3::Constant(kNoRotation);
   dMass mass;
   dMassSetParameters(&mass, slot.mass, 0, 0, 0, inertia.x(), inertia.y(), inertia.z(), 0, 0, 0);
@@ -59,8 +59,8 @@ void place(Slot& slot, const BodyState& state) {
   const Quat& q = state.orientation;
   const dQuaternion wxyz{q.w(), q.x(), q.y(), q.z()};
   if (slot.body) {
-    // dBodySetQuaternion() scales to unit length and so changes the last bit: what was set would not be what is
-    // read, and a restored body not quite the one that was saved. dBodySetPosition() tells the geometry.
+    // dBodySetQuaternion() normalises and so changes the last bit: a restored body would differ from the saved one.
+    // dBodySetPosition() updates the geometry.
     std::copy_n(wxyz, 4, const_cast<dReal*>(dBodyGetQuaternion(slot.body)));
     dRfromQ(const_cast<dReal*>(dBodyGetRotation(slot.body)), wxyz);
     dBodySetPosition(slot.body, p.x(), p.y(), p.z());

@@ -8,7 +8,7 @@ namespace subworld::ode {
 
 inline Vec3 from_ode(const dReal* v) { return {v[0], v[1], v[2]}; }
 
-/// Who meets whom, in ODE's bits: a pair meets if one of both is ready to.
+/// Which bodies collide, in ODE's bits: a pair collides if one of the two permits it.
 struct CollisionClass {
   unsigned long category;
   unsigned long meets;
@@ -23,28 +23,28 @@ struct Slot {
   Body spec;
   CollisionClass kind = kMovable;
   dGeomID geom = nullptr;
-  dBodyID body = nullptr;  ///< none: fixed
-  BodyState kept;          ///< of a fixed body; of one that does not rotate, as it was before the step
+  dBodyID body = nullptr;  ///< null: fixed
+  BodyState kept;          ///< of a fixed body; of a body that does not rotate: its state before the step
   double mass = 0.0;
   Vec3 inertia = Vec3::Zero();
   Vec3 weight = Vec3::Zero();  ///< N
-  Vec3 force = Vec3::Zero();   ///< of the next step
+  Vec3 force = Vec3::Zero();   ///< for the next step
   Vec3 torque = Vec3::Zero();
 };
 
 /// Makes the dBody of a slot that has a geometry.
 void make_body(Slot& slot, dWorldID world);
 void destroy(Slot& slot);
-/// Tells ODE the slot's mass and inertia.
+/// Passes the slot's mass and inertia to ODE.
 void set_mass(Slot& slot);
-/// World frame, 1/(kg m^2); zero for what does not rotate.
+/// World frame, 1/(kg m^2); zero for a body that does not rotate.
 [[nodiscard]] Eigen::Matrix3d inverse_inertia(const Slot& slot);
 
 [[nodiscard]] BodyState state_of(const Slot& slot);
 /// Exact: state_of() returns the same bits.
 void place(Slot& slot, const BodyState& state);
 void set_velocity(Slot& slot, const Vec3& linear, const Vec3& angular);
-/// Of a point of the body (m/s); fixed bodies are at rest.
+/// Velocity of a point of the body, m/s; zero for a fixed body.
 [[nodiscard]] Vec3 velocity_at(const Slot& slot, const Vec3& point);
 
 }  // namespace subworld::ode

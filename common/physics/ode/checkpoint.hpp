@@ -16,17 +16,17 @@ struct SavedBody {
   std::array<double, 10> load;  ///< mass, inertia, force and torque of the next step
 };
 
-/// All that ODE's next step depends on.
+/// The whole state on which ODE's next step depends.
 struct Saved {
   std::vector<SavedBody> bodies;  ///< movable ones in the order of adding, which is ODE's order of solving
   std::vector<Friction> frictions;
 };
 
 [[nodiscard]] Checkpoint pack(const Saved& saved);
-/// Throws `Error` where the checkpoint is not one of ODE's.
+/// Throws `Error` if the checkpoint is not one of ODE's.
 [[nodiscard]] Saved unpack(const Checkpoint& checkpoint);
 
-/// The error of a checkpoint that does not fit.
+/// Throws the error for a checkpoint that does not fit.
 [[noreturn]] void refuse_checkpoint();
 
 }  // namespace subworld::ode

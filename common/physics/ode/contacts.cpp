@@ -12,8 +12,8 @@ namespace {
 
 constexpr int kMostPoints = 16;        ///< of a pair
 constexpr double kSliding = 1e-4;      ///< m/s; slower contacts count as sticking
-constexpr double kSamePlace = 0.01;    ///< m, between two steps of one contact point
-constexpr double kQuietImpact = 1e-3;  ///< m/s; with twice the step's gravity, what does not bounce
+constexpr double kSamePlace = 0.01;    ///< m, largest motion of one contact point between two steps
+constexpr double kQuietImpact = 1e-3;  ///< m/s; an impact below this plus twice the step's gravity does not bounce
 
 using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
 
@@ -60,7 +60,7 @@ void ContactPoints::find() {
 void ContactPoints::make_joints(double h) {
   feedback_.resize(points_.size());
   const double quiet = kQuietImpact + 2.0 * gravity_ * h;
-  const double slow = kSliding + 0.5 * gravity_ * h;  // what may well stop within the step
+  const double slow = kSliding + 0.5 * gravity_ * h;  // speed below which a contact may stop within the step
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactPoint& point = points_[i];
     const Material& ma = slots_[point.a].spec.material;
@@ -70,15 +70,15 @@ void ContactPoints::make_joints(double h) {
     dContact contact{};
     std::copy_n(point.point.data(), 3, contact.geom.pos);
     std::copy_n(point.normal.data(), 3, contact.geom.normal);
-    // The pyramid of friction has an edge-free side towards fdir1: along the sliding, friction is mu N.
+    // One side of the friction pyramid is along fdir1, the direction of sliding, where friction is mu N.
     contact.surface.mode = dContactApprox1 | dContactMotionN | dContactFDir1 | dContactMu2;
     contact.surface.mu = std::sqrt(ma.friction * mb.friction);
     const Vec3 along = friction_direction(point, velocity, h);
     std::copy_n(along.data(), 3, contact.fdir1);
-    // Coulomb's friction has no part across the sliding: a pyramid's full one would keep a body from turning aside.
+    // Coulomb friction has no component across the sliding; the pyramid's would prevent the body from turning sideways.
     const double sliding = (velocity + approach * point.normal).norm();
     contact.surface.mu2 = contact.surface.mu * std::min(1.0, slow / sliding);
-    // The least velocity apart after the step: that of the rebound, or what closes a gap within the skin.
+    // The least separation speed after the step: that of the rebound, or the one that closes a gap within the skin.
     const double restitution = ma.restitution * mb.restitution;
     if (restitution > 0.0 && approach > quiet) {
       contact.surface.motionN = restitution * approach;
@@ -96,7 +96,7 @@ Vec3 ContactPoints::relative_velocity(const ContactPoint& at) const {
   return velocity_at(slots_[at.a], at.point) - velocity_at(slots_[at.b], at.point);
 }
 
-/// Unit, across the normal: along the sliding; where nothing slides, along the load.
+/// Unit, across the normal: along the sliding velocity; without sliding, along the load.
 Vec3 ContactPoints::friction_direction(const ContactPoint& at, const Vec3& velocity, double h) const {
   const auto across = [&](const Vec3& v) { return Vec3(v - v.dot(at.normal) * at.normal); };
   const Vec3 sliding = across(velocity);
@@ -129,9 +129,9 @@ void ContactPoints::collect(double h, int substep, ContactTotals& totals) {
   }
 }
 
-/// On body a, N s.
+/// Impulse on body a, N s.
 Vec3 ContactPoints::impulse_of(std::size_t i, double h) const {
-  // ODE reports the force on the joint's first body that is not fixed.
+  // ODE reports the force on the joint's first movable body.
   const double sign = slots_[points_[i].a].body ? 1.0 : -1.0;
   return sign * h * from_ode(feedback_[i].f1);
 }

@@ -11,29 +11,29 @@
 
 namespace subworld::ode {
 
-/// Where two bodies touch, or would with 10 micron more each.
+/// A contact point of two bodies, with shapes that are enlarged by 10 micrometres each.
 struct ContactPoint {
   std::uint32_t a, b;
   Vec3 point, normal;  ///< normal from b to a
-  double distance;     ///< m, of the true shapes
+  double distance;     ///< m, of the exact shapes
 };
 
 /// The contacts of one sub-step: find(), make_joints(), ODE's step, remove_joints(), collect().
 class ContactPoints {
  public:
-  /// `gravity`: m/s^2, the scale of speeds that a step takes away.
+  /// `gravity`: m/s^2, for the threshold of speeds that a step removes.
   ContactPoints(dWorldID world, dSpaceID space, const std::vector<Slot>& slots, const ShapeStore& shapes,
                 double gravity);
   ~ContactPoints() { dJointGroupDestroy(joints_); }
   ContactPoints(const ContactPoints&) = delete;
   ContactPoints& operator=(const ContactPoints&) = delete;
 
-  /// Ordered by bodies, whatever the order in which ODE's space finds the pairs.
+  /// Finds the contacts, ordered by bodies, independent of the order in ODE's space.
   void find();
   [[nodiscard]] std::span<const ContactPoint> found() const noexcept { return points_; }
   void make_joints(double h);
   void remove_joints() { dJointGroupEmpty(joints_); }
-  /// What the joints did in a sub-step of h (s).
+  /// Collects the impulses of the joints in a sub-step of h (s).
   void collect(double h, int substep, ContactTotals& totals);
   [[nodiscard]] FrictionMemory& frictions() noexcept { return frictions_; }
   [[nodiscard]] const FrictionMemory& frictions() const noexcept { return frictions_; }

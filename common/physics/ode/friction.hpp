@@ -9,8 +9,8 @@
 
 namespace subworld::ode {
 
-/// What friction did between two bodies in the sub-step before, as a field over their points. Plain numbers: it goes
-/// into checkpoints.
+/// Friction between two bodies in the previous sub-step, as a field over their contact points. Plain numbers, because
+/// it is part of checkpoints.
 struct Friction {
   std::uint32_t a, b;
   std::array<double, 3> centre;  ///< m
@@ -18,19 +18,19 @@ struct Friction {
   std::array<double, 3> spin;    ///< about the centre, N s per metre of arm
 };
 
-/// Where nothing slides, last friction tells where the load pulls. Point by point it would not: the corners of a body
-/// share a load as they like.
+/// Stores the last friction of each pair. Without sliding, its direction is that of the load. Single points do not give
+/// that direction, because their shares of a load are not unique.
 class FrictionMemory {
  public:
   struct At {
-    Vec3 point, normal, impulse;  ///< on a, friction and all
+    Vec3 point, normal, impulse;  ///< total impulse on a
   };
 
   void clear() noexcept { held_.clear(); }
-  /// The points of one pair, in ascending order of pairs: keeps the rigid field nearest to their friction.
+  /// The points of one pair; call in ascending order of pairs. Stores the rigid field that fits their friction best.
   void remember(std::uint32_t a, std::uint32_t b, std::span<const At> points);
   void forget(std::uint32_t body);
-  /// On body a at a place; zero for a pair that is not known.
+  /// On body a at a place; zero for an unknown pair.
   [[nodiscard]] Vec3 recall(std::uint32_t a, std::uint32_t b, const Vec3& point) const;
 
   [[nodiscard]] const std::vector<Friction>& held() const noexcept { return held_; }

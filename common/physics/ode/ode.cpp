@@ -27,7 +27,7 @@ using ode::place;
 using ode::Slot;
 using ode::state_of;
 
-// QuickStep starts from zero at every step, so tall stacks need short steps as much as iterations.
+// QuickStep starts from zero at every step, so tall stacks need short steps as well as iterations.
 constexpr SubstepCost kCost{.step_s = 4e-6, .body_s = 0.3e-6, .contact_s = 1.0e-6, .contact_iteration_s = 0.05e-6};
 constexpr EnginePreset kPresets[] = {
     {.name = "fast",
@@ -49,7 +49,7 @@ constexpr int kCorrectionRounds = 8;  ///< of the position correction
 constexpr unsigned long kSeed = 1;
 constexpr double kEverywhere = 1e18;  ///< m, reach of a plane's bounds
 
-/// ODE ends the process where a number of its own is not finite; here the run ends with a word instead.
+/// ODE ends the process if one of its numbers is not finite. This handler ends the run with a message instead.
 void report_failure(int /*number*/, const char* format, va_list arguments) {
   std::array<char, 200> text{};
   std::vsnprintf(text.data(), text.size(), format, arguments);
@@ -58,7 +58,7 @@ void report_failure(int /*number*/, const char* format, va_list arguments) {
                                             text.data()));
 }
 
-/// ODE keeps data for each thread; called wherever an engine may meet a new one.
+/// ODE has data for each thread; call wherever an engine may be used by a new one.
 void enter_thread() {
   static const int ready = [] {
     dSetDebugHandler(report_failure);
@@ -88,10 +88,10 @@ class Ode final : public Engine {
     dSpaceSetCleanup(space_, 0);
     dWorldSetQuickStepNumIterations(world_, settings.iterations.value_or(preset_.iterations));
     dWorldSetAutoDisableFlag(world_, 0);
-    // Contacts are rigid, and penetration is not ODE's business here: PositionCorrection sees to it.
+    // Contacts are rigid. PositionCorrection removes penetration instead of ODE.
     dWorldSetERP(world_, 0.0);
     dWorldSetCFM(world_, 0.0);
-    // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.
+    // Gravity is applied here as a force, so that set_inertia() does not change the weight.
     dWorldSetGravity(world_, 0, 0, 0);
   }
 
@@ -237,7 +237,7 @@ class Ode final : public Engine {
   }
 
   Checkpoint checkpoint() const override {
-    // The order of adding is ODE's order of solving: it belongs to the state.
+    // The order of adding is ODE's order of solving, so it is part of the state.
     std::vector<std::uint32_t> ids = movable_;
     for (std::uint32_t id = 0; id < slots_.size(); ++id) {
       if (slots_[id].used && !slots_[id].body) ids.push_back(id);
@@ -340,7 +340,7 @@ class Ode final : public Engine {
     }
   }
 
-  /// After ODE's step: bodies that do not rotate get their orientation back, and penetration shrinks.
+  /// Call after ODE's step: restores the orientation of bodies that do not rotate, and reduces penetration.
   void move_apart() {
     const bool apart = correction_.solve(kCorrectionRounds);
     for (const std::uint32_t id : movable_) {
@@ -361,7 +361,7 @@ class Ode final : public Engine {
     }
   }
 
-  /// Whether the saved bodies are those of the engine.
+  /// Whether the engine has the saved bodies.
   bool fits(const std::vector<ode::SavedBody>& bodies) const {
     const auto held = std::count_if(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.used; });
     return static_cast<std::ptrdiff_t>(bodies.size()) == held &&

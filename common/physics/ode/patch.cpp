@@ -11,10 +11,10 @@ namespace subworld::ode {
 namespace {
 
 constexpr double kLooksAlong = 0.995;  ///< cosine: 6 degrees
-constexpr double kSlope = 0.1;         ///< a corner belongs to the side that looks along a direction up to this slope
+constexpr double kSlope = 0.1;         ///< slope up to which a corner belongs to the side that faces a direction
 constexpr int kRim = 8;                ///< corners of a cylinder's end
 
-/// Every corner that a shape could touch with along `d` (unit), both in its own frame.
+/// Every corner that a shape could touch with along `d` (unit); both in the shape's frame.
 std::vector<Vec3> corners(const Solid& solid, const Vec3& d) {
   const Shape& shape = *solid.shape;
   std::vector<Vec3> all;
@@ -55,8 +55,8 @@ std::vector<Vec3> corners(const Solid& solid, const Vec3& d) {
   return all;
 }
 
-/// The side of a solid that looks along `direction`: a corner, an edge or a face, in world frame and, seen from
-/// outside, counter-clockwise.
+/// The side of a solid that faces `direction`: a corner, an edge or a face, in world frame and, seen from outside,
+/// counter-clockwise.
 std::vector<Vec3> side(const Solid& solid, const Vec3& direction) {
   const Vec3 d = solid.pose.orientation.conjugate() * direction;
   std::vector<Vec3> found = corners(solid, d);
@@ -74,7 +74,7 @@ std::vector<Vec3> side(const Solid& solid, const Vec3& direction) {
   return found;
 }
 
-/// Newell's; zero for an edge or a corner.
+/// Newell's method; zero for an edge or a corner.
 Vec3 face_normal(const std::vector<Vec3>& face) {
   Vec3 sum = Vec3::Zero();
   if (face.size() < 3) return sum;
@@ -83,7 +83,7 @@ Vec3 face_normal(const std::vector<Vec3>& face) {
   return length > 0.0 ? Vec3(sum / length) : Vec3::Zero();
 }
 
-/// What lies on the inner side of a plane (Sutherland and Hodgman 1974).
+/// Clips to the inner side of a plane (Sutherland and Hodgman 1974).
 std::vector<Vec3> clip(const std::vector<Vec3>& held, const Vec3& on_plane, const Vec3& outwards) {
   std::vector<Vec3> kept;
   const std::size_t edges = held.size() > 2 ? held.size() : held.size() - 1;  // an edge is not closed

@@ -7,11 +7,11 @@
 
 namespace subworld::ode {
 
-/// True where ODE finds only the deepest point of a contact that may be a line or a face: hulls, capsules and cylinders
+/// True if ODE finds only the deepest point of a contact that may be a line or a face: hulls, capsules and cylinders
 /// with each other and with boxes.
 [[nodiscard]] bool needs_patch(ShapeKind a, ShapeKind b) noexcept;
 
-/// A shape as ODE has it, skin included. `points` are those of a hull, body frame.
+/// A shape in ODE's size, skin included. `points` are those of a hull, body frame.
 struct Solid {
   const Shape* shape;
   Pose pose;
@@ -23,9 +23,9 @@ struct PatchPoint {
   double depth;  ///< m
 };
 
-/// Where two solids meet whose deepest point has this normal (unit, from b to a): the face of one of them that looks
-/// along it, and what the other one holds against that face, clipped to it. The normal becomes that of the face. Empty
-/// if no face looks along the normal: then the deepest point is all there is.
+/// Contact points of two solids whose deepest point has this normal (unit, from b to a). The face of one solid that is
+/// perpendicular to the normal is the reference face; the opposite side of the other solid is clipped to it. The normal
+/// becomes that of the face. Empty if there is no such face: then the deepest point is the only one.
 [[nodiscard]] std::vector<PatchPoint> patch(const Solid& a, const Solid& b, Vec3& normal);
 
 }  // namespace subworld::ode

@@ -31,7 +31,7 @@ ShapeStore::Hull ShapeStore::grown_hull(const Mesh& source) {
     grown.polygons.insert(grown.polygons.end(), {3U, corners[0], corners[1], corners[2]});
     for (const std::uint32_t corner : corners) normals[corner].push_back(normal);
   }
-  // Each vertex moves to where the grown faces meet, in the sense of least squares if there are more than three.
+  // Each vertex moves to the intersection of the enlarged faces; with more than three, in the sense of least squares.
   for (std::size_t i = 0; i < hull.vertices.size(); ++i) {
     Eigen::Matrix<double, Eigen::Dynamic, 3> faces(static_cast<Eigen::Index>(normals[i].size()), 3);
     for (std::size_t f = 0; f < normals[i].size(); ++f) faces.row(static_cast<Eigen::Index>(f)) = normals[i][f];
@@ -54,7 +54,7 @@ ShapeStore::Triangles& ShapeStore::triangles(const Shape& shape) {
   dGeomTriMeshDataBuildDouble(held.data, held.vertices.data(), 3 * sizeof(dReal),
                               static_cast<int>(source.vertices.size()), held.indices.data(),
                               static_cast<int>(held.indices.size()), 3 * sizeof(dTriIndex));
-  // Hulls are turned away from triangles whose edge they meet from behind: that takes the angles between triangles.
+  // With the angles between triangles, ODE turns hull contacts away from triangles whose edge they meet from behind.
   dGeomTriMeshDataPreprocess2(held.data, 1U << dTRIDATAPREPROCESS_BUILD_FACE_ANGLES, nullptr);
   return held;
 }
@@ -79,8 +79,8 @@ dGeomID ShapeStore::make(const Shape& shape) {
     case ShapeKind::plane:
       return dCreatePlane(nullptr, 0, 0, 1, 0);
     case ShapeKind::convex: {
-      // ODE finds a hull's contacts through libccd: one deepest point, and a few by tilting one of both a little. For
-      // solids ode_patch.hpp finds the others; on a mesh a hull rests less quietly than a box.
+      // ODE finds a hull's contacts through libccd: the deepest point, and a few more by tilting one of both a little.
+      // For solids ode/patch.hpp finds the others; on a mesh a hull rests less steadily than a box.
       const Mesh& source = mesh(shape);
       const auto [entry, is_new] = hulls_.try_emplace(shape.mesh);
       if (is_new) entry->second = grown_hull(source);

@@ -10,11 +10,11 @@
 
 namespace subworld::ode {
 
-/// By how much movable shapes are larger for ODE than they are (m). ODE knows of a contact only once two shapes
-/// overlap: a body that rests with a gap of nought would lose its contacts at every rounding.
+/// Enlargement of movable shapes in ODE (m). ODE detects a contact only when two shapes overlap: without it, a body at
+/// rest with a gap of zero would lose its contacts by rounding.
 inline constexpr double kSkin = 1e-5;
 
-/// ODE's geometries, and the data that they point to.
+/// ODE's geometries and their data.
 class ShapeStore {
  public:
   explicit ShapeStore(std::span<const Mesh> meshes) : meshes_(meshes.begin(), meshes.end()) {}
@@ -22,14 +22,14 @@ class ShapeStore {
   ShapeStore(const ShapeStore&) = delete;
   ShapeStore& operator=(const ShapeStore&) = delete;
 
-  /// A geometry outside any space; the caller destroys it before the store. Throws `Error` (usage) for a mesh index
-  /// out of range.
+  /// Makes a geometry outside any space; the caller destroys it before the store. Throws `Error` (usage) if a mesh
+  /// index is out of range.
   [[nodiscard]] dGeomID make(const Shape& shape);
-  /// Corners of the hull of a `convex` that was made, skin included; none for another kind.
+  /// Corners of the hull of a `convex` that was made, skin included; empty for another kind.
   [[nodiscard]] std::span<const double> hull_points(const Shape& shape) const;
 
  private:
-  /// As ODE wants it; it keeps pointers to all three.
+  /// In ODE's format; ODE stores pointers to all three.
   struct Hull {
     std::vector<dReal> planes, points;
     std::vector<unsigned> polygons;
@@ -48,12 +48,12 @@ class ShapeStore {
   std::map<std::uint32_t, Triangles> triangles_;  ///< by mesh
 };
 
-/// How far ODE's geometry reaches beyond the shape (m).
+/// Enlargement of ODE's geometry of this kind (m).
 [[nodiscard]] constexpr double skin(ShapeKind kind) noexcept {
   return kind == ShapeKind::plane || kind == ShapeKind::mesh ? 0.0 : kSkin;
 }
 
-/// Most points that a pair of such shapes can need: hulls and meshes list every vertex that touches.
+/// Upper bound of the contact points of a pair of such shapes: hulls and meshes list every touching vertex.
 [[nodiscard]] constexpr int most_points(ShapeKind a, ShapeKind b) noexcept {
   const auto faceted = [](ShapeKind kind) { return kind == ShapeKind::convex || kind == ShapeKind::mesh; };
   return faceted(a) || faceted(b) ? 16 : 4;

@@ -31,22 +31,23 @@ constexpr EnginePreset kPresets[] = {
 
 extern const EnginePlugin kPlugin;
 
-/// PhysX's own limit (100 rad/s) would stop a small part that a hand flicks.
+/// PhysX's own limit (100 rad/s) would stop a small part that an operator flicks.
 constexpr float kTurnLimit = 1000.0F;  ///< rad/s
 
-/// As fast are bodies that overlap pushed apart, m/s. Without a limit an overlap of 4 mm throws a brick.
+/// Speed at which overlapping bodies are separated, m/s. Without a limit an overlap of 4 mm throws a brick.
 constexpr double kPushedApart = 0.5;
 
-/// A velocity iteration takes away the speed that pushing out of a penetration left, without it a high stack creeps;
-/// but it also brakes what is about to touch, so a body that bounces has none. Of bodies that touch, the most counts.
+/// Number of velocity iterations of a body. An iteration removes the speed of separation from a penetration; without it
+/// a high stack creeps. It also brakes bodies that are about to touch, so a bouncing body has none. Of two touching
+/// bodies, the larger number counts.
 constexpr std::uint32_t velocity_iterations(const Material& material) { return material.restitution > 0.0 ? 0 : 1; }
 
-constexpr int kMostIterations = 255;  ///< PhysX counts them in a byte
+constexpr int kMostIterations = 255;  ///< PhysX has a byte for them
 
-/// More points of one pair are not read.
+/// Of one pair; further points are not read.
 constexpr std::uint32_t kMostPoints = 64;
 
-/// A contact point as PhysX reports it, before the velocities of the sub-step are known.
+/// A contact point in PhysX's report, before the velocities of the sub-step are known.
 struct Report {
   std::uint32_t first, second;
   ContactPoint point;
@@ -65,7 +66,7 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
   Capabilities capabilities() const noexcept override {
     return {.normal_impulse = Fidelity::exact,
             .tangential_impulse = Fidelity::estimated,  // from the balance of momentum
-            .gyroscopic = Fidelity::exact,              // the adapter's own
+            .gyroscopic = Fidelity::exact,              // computed by the adapter
             .checkpoint = Fidelity::exact,
             .deterministic = true,
             .precision = std::numeric_limits<float>::epsilon()};
@@ -140,7 +141,7 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
   void load(const Slot& slot, const wasm::Load& load) override {
     if (load.turned) put_velocities(slot, load.now.linear_velocity, load.now.angular_velocity);
     if (load.force.isZero(0.0) && slot.torque.isZero(0.0)) return;
-    // PhysX forgets them when its step ends.
+    // PhysX discards the contacts when its step ends.
     wasm::Scratch& scratch = module_.scratch();
     w2c_physx_emscripten_bind_PxRigidDynamic_addForce_1(module_.get(), actor(slot), scratch.put(to_module(load.force)));
     w2c_physx_emscripten_bind_PxRigidDynamic_addTorque_1(module_.get(), actor(slot),
@@ -151,7 +152,7 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
     w2c_physx* m = module_.get();
     const auto pose = get<Transform>(w2c_physx_emscripten_bind_PxRigidActor_getGlobalPose_0(m, actor(slot)));
     BodyState state{from_module(pose.translation), from_module(pose.rotation), Vec3::Zero(), Vec3::Zero()};
-    if (slot.fixed) return state;  // has no velocity to ask for
+    if (slot.fixed) return state;  // has no velocity
     state.linear_velocity =
         from_module(get<Float3>(w2c_physx_emscripten_bind_PxRigidBody_getLinearVelocity_0(m, actor(slot))));
     state.angular_velocity =
@@ -209,8 +210,8 @@ class Physx final : public wasm::ModuleEngine, private ContactListener {
   std::uint32_t iterations_;
   float pushed_apart_;  ///< units of length a second
   std::vector<Mesh> meshes_;
-  mutable physx::Module module_;  ///< also to read from it, the module writes to its memory
-  Address points_;                ///< room for the contact points of a pair
+  mutable physx::Module module_;  ///< not const: reading from the module writes to its memory
+  Address points_;                ///< memory for the contact points of a pair
   std::vector<Report> reports_;   ///< of a sub-step
 };
 

@@ -13,25 +13,25 @@ namespace {
 
 constexpr std::uint32_t kScratchBytes = 4096;
 
-/// Typical size and speed of what is simulated: thresholds and contact distances follow from these.
+/// Typical size and speed of the simulated bodies, from which PhysX derives thresholds and contact distances.
 constexpr float kLength = 0.1F;  ///< m
 constexpr float kSpeed = 1.0F;   ///< m/s
 
 /// Slower impacts do not bounce, m/s.
 constexpr float kBounceThreshold = 0.05F;
 
-// A call out of the module is the address of a piece of JavaScript (of version 2.7.3); these are the ones that come.
+// A call out of the module passes the address of a piece of JavaScript (of version 2.7.3); these occur.
 constexpr std::uint32_t kFilterCode = 270506;
 constexpr std::uint32_t kContactCode = 273574;
 
-// Pairs: found and solved, and reported with their points when they touch and while they do.
+// Pairs are detected and solved, and reported with their points when contact begins and while it lasts.
 constexpr std::uint32_t kPairFlags = 1U | 1U << 2 | 1U << 3 | 1U << 9 | 1U << 10;
 constexpr std::uint32_t kKillPair = 1;
 
 constexpr std::uint32_t kMultiply = 2;  ///< PxCombineMode
 constexpr std::uint32_t kSolverTgs = 1;
 /// PxSceneFlag::eENABLE_EXTERNAL_FORCES_EVERY_ITERATION_TGS, which the module does not name. Without it the first
-/// iteration of TGS meets the whole step's weight, and what stands by friction trembles and creeps apart.
+/// iteration of TGS has the whole step's weight, and bodies held by friction tremble and creep.
 constexpr std::uint32_t kForcesEveryIteration = 1U << 16;
 constexpr std::uint32_t kShapeFlags = 1;  ///< takes part in the simulation, not in queries
 constexpr std::uint32_t kComputeConvex = 1U << 1;
@@ -41,7 +41,7 @@ Address need(Address made, const char* what) {
   return made;
 }
 
-/// Turns PhysX's axis x of planes, capsules and cylinders to z.
+/// Rotates PhysX's axis x of planes, capsules and cylinders to z.
 const Transform kAlongZ{{0.0F, -std::sqrt(0.5F), 0.0F, std::sqrt(0.5F)}, {}};
 
 }  // namespace
@@ -101,7 +101,7 @@ void Module::make_scene() {
 }
 
 std::uint32_t Module::call(std::uint32_t code, Address arguments) {
-  // Arguments lie one after the other; all are of 4 bytes in the calls that come here.
+  // Arguments are consecutive; in these calls, all have 4 bytes.
   const auto argument = [&](std::uint32_t i) { return wasm::load<std::uint32_t>(memory(), arguments + 4 * i); };
   if (code == kContactCode) {
     listener_.on_contact(argument(1), argument(2), argument(3));
@@ -110,11 +110,11 @@ std::uint32_t Module::call(std::uint32_t code, Address arguments) {
   if (code == kFilterCode) {
     // The module resets the flags before each call.
     w2c_physx_emscripten_bind_PassThroughFilterShader_set_outputPairFlags_1(&module_, argument(0), kPairFlags);
-    // Each actor: attributes, then the four words of its filter data.
+    // For each actor: attributes, then the four words of its filter data.
     const wasm::Filter first{argument(2), argument(3)}, second{argument(7), argument(8)};
     return (first.member & second.meets) != 0 && (second.member & first.meets) != 0 ? 0 : kKillPair;
   }
-  throw Error(ExitCode::failed, fmt::format("physx calls out with {}, which version 2.7.3 does not", code));
+  throw Error(ExitCode::failed, fmt::format("physx makes the call {}, which version 2.7.3 does not make", code));
 }
 
 Address Module::make_mesh_geometry(const Shape& shape, std::span<const Mesh> meshes) {
@@ -192,7 +192,7 @@ Address Module::make_shape(const Shape& shape, const Material& material, const w
   w2c_physx* m = &module_;
   cooked_ = 0;
   const Address geometry = need(make_geometry(shape, meshes), "a geometry");
-  // Products of the pair's values: the root of the friction makes the geometric mean.
+  // PhysX multiplies the values of a pair: the root of the friction gives the geometric mean.
   const auto friction = static_cast<float>(std::sqrt(material.friction));
   const Address surface = need(w2c_physx_emscripten_bind_PxPhysics_createMaterial_3(
                                    m, physics_, friction, friction, static_cast<float>(material.restitution)),

@@ -18,7 +18,7 @@ using wasm::to_module;
 
 using wasm::Address;
 
-// As they lie in the module's memory.
+// Layout in the module's memory.
 struct Transform {
   Float4 rotation;
   Float3 translation;
@@ -36,7 +36,7 @@ struct ContactPoint {
 };
 static_assert(sizeof(Transform) == 28 && sizeof(ContactPoint) == 48);
 
-/// Told of the contacts of a step while it ends.
+/// Receives the contacts of a step while it ends.
 class ContactListener {
  public:
   /// `header` is a PxContactPairHeader, `pairs` an array of `count` PxContactPair.
@@ -46,7 +46,7 @@ class ContactListener {
   ~ContactListener() = default;
 };
 
-/// One instance of the module, with a memory, a PhysX and a scene of its own. The scene has no gravity.
+/// One instance of the module, with its own memory, PhysX and scene. The scene has no gravity.
 class Module {
  public:
   explicit Module(ContactListener& listener);
@@ -60,7 +60,7 @@ class Module {
   [[nodiscard]] Address physics() const noexcept { return physics_; }
   [[nodiscard]] Address scene() const noexcept { return scene_; }
 
-  /// A shape with a material of its own. Throws `Error` where it cannot be made.
+  /// A shape with its own material. Throws `Error` if that fails.
   [[nodiscard]] Address make_shape(const Shape& shape, const Material& material, const wasm::Filter& filter,
                                    std::span<const Mesh> meshes);
   [[nodiscard]] Address allocate(std::size_t bytes);
@@ -79,7 +79,7 @@ class Module {
   Address tolerances_ = 0;
   Address physics_ = 0;
   Address scene_ = 0;
-  Address cooked_ = 0;  ///< the mesh of the geometry just made; its shapes keep it alive
+  Address cooked_ = 0;  ///< the mesh of the latest geometry; its shapes hold a reference
 };
 
 }  // namespace subworld::physx

@@ -7,9 +7,9 @@
 
 #include <string>
 
-// Numbers in JavaScript's place: 0 is undefined, the module keeps and passes the others without looking inside. Results
-// are read from its memory, so what would hand them over by calls is not there. The names are wasm-bindgen's, with a
-// hash of each declaration.
+// Numbers represent JavaScript's objects: 0 is undefined; the module stores and passes the others without examining
+// them. Results are read from the module's memory, so the functions that would return them are not needed. The names
+// are wasm-bindgen's, with a hash of each declaration.
 
 using Word = std::uint32_t;
 using Imports = w2c_0x2E0x2Frapier__wasm3d__bg0x2Ejs;
@@ -21,20 +21,21 @@ namespace {
 constexpr Word kSomething = 1;
 
 [[noreturn]] Word not_needed() {
-  throw subworld::Error(subworld::ExitCode::failed, "rapier calls out of its module, which version 0.20.0 does not");
+  throw subworld::Error(subworld::ExitCode::failed,
+                        "rapier calls a function outside its module, which version 0.20.0 does not");
 }
 
 }  // namespace
 
 extern "C" {
 
-/// Rust's panics end here, with their message.
+/// Handles Rust's panics, with their message.
 void IMPORT(0x5F_wbg_0x5F_wbindgen_throw_bb96b2010945f0bc)(Imports* imports, Word at, Word size) {
   const auto* text = reinterpret_cast<const char*>(subworld::wasm::inside(*imports->memory, at, size));
   throw subworld::Error(subworld::ExitCode::failed, fmt::format("rapier: {}", std::string(text, size)));
 }
 
-// The profiler asks for a clock. It stands still: an engine must not depend on it.
+// Clock for the profiler. It is constant, because an engine must not depend on it.
 Word IMPORT(0x5F_wbg_performance_3fcf6e32a7e1ed0a)(Imports*, Word) { return kSomething; }
 double IMPORT(0x5F_wbg_now_e7c6795a7f81e10f)(Imports*, Word) { return 0.0; }
 Word IMPORT(0x5F_wbg_static_accessor_GLOBAL_THIS_466428f93b4eaa76)(Imports*) { return kSomething; }

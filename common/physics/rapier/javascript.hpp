@@ -2,7 +2,7 @@
 
 #include "physics/wasm/wasm-rt.h"
 
-/// What Rapier imports of JavaScript, for one instance. The name is of the module's file, as wasm2c writes it.
+/// JavaScript imports of Rapier, for one instance. wasm2c derives the name from the file of the module.
 struct w2c_0x2E0x2Frapier__wasm3d__bg0x2Ejs {
   const wasm_rt_memory_t* memory = nullptr;
 };

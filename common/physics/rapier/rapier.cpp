@@ -13,19 +13,21 @@ namespace {
 using namespace rapier;
 
 // Symbols: h an iteration (s), w = 2 pi f of a contact's spring, z its damping ratio, g gravity, n bodies carried.
-// Rapier's contacts are springs. Under load they rest n g / w^2 deep, whatever z is, and come out by w / (h w + 2 z) of
-// their depth in a second. An iteration is a step of its own, so h and w, not the engine's step, decide how stiff and
-// how deep a contact is. Both are the same in a world's steps and a sub-world's: bodies that change over do not start.
+// Rapier's contacts are springs. Under load the penetration is n g / w^2, whatever z is, and it recovers at a rate of w
+// / (h w + 2 z) per second. Each iteration is a time step, so h and w, and not the engine's step, decide the stiffness
+// and depth of a contact. Both are the same in a world's steps and a sub-world's, so bodies that change from one to the
+// other do not jump.
 //
-// Chosen on a stack of 50 cubes of 1 m, cubes on cubes of 1:100 to 1:3000 of their mass, heaps of 60 and 200 cubes, and
-// a hand in a heap whose world is another engine's, in steps of 1 ms. With w h = 1.6 the stack's top rests 3 mm deep
-// and 1:1000 by 2 mm, and rigid engines follow it to 2 %; with 3.1, 1:100 trembles by 95 mm/s. With 0.8 everything is
-// four times as deep, Havok follows to 7 %, and cubes that ghosts squeeze jump out a third as often; with 0.4, none
-// does. z = 3 throws a heap that begins too deep apart by 0.2 m/s, z = 30 lets 1:100 tremble by 27 mm/s.
+// Chosen with a stack of 50 cubes of 1 m, cubes on cubes of 1:100 to 1:3000 of their mass, heaps of 60 and 200 cubes,
+// and an operator in a heap whose world uses another engine, in steps of 1 ms. With w h = 1.6 the stack's top rests 3
+// mm deep, 1:1000 rests 2 mm deep, and rigid engines agree to 2 %. With 3.1, 1:100 trembles by 95 mm/s. With 0.8 all
+// depths are four times as large, Havok agrees to 7 %, and a third as many cubes jump out that ghosts squeeze; with
+// 0.4, none does. z = 3 throws apart a heap that begins too deep, at 0.2 m/s; z = 30 lets 1:100 tremble by 27 mm/s.
 constexpr double kAngle = 0.25;    ///< f h
 constexpr float kDamping = 10.0F;  ///< z
 
-/// Contacts are searched once a sub-step. In steps of 17 ms those of a house of cards are gone before: it bursts.
+/// Contacts are searched once a sub-step. In steps of 17 ms those of a house of cards are lost before the next search,
+/// and it bursts.
 constexpr double kLongestSubstep_s = 4.2e-3;
 
 constexpr SubstepCost kCost{.step_s = 3e-6, .body_s = 0.25e-6, .contact_s = 0.3e-6, .contact_iteration_s = 0.07e-6};
@@ -48,18 +50,18 @@ constexpr EnginePreset kPresets[] = {
 
 extern const EnginePlugin kPlugin;
 
-/// Contacts are looked for so far ahead; farther for who moves more than half of it in a step. All that are found are
-/// solved: with 2 mm, a step of cubes that lie 0.5 mm apart takes twice as long.
+/// Distance at which contacts are searched; larger for bodies that move more than half of it in a step. All contacts
+/// found are solved: with 2 mm, a step of cubes that are 0.5 mm apart takes twice as long.
 constexpr double kPrediction = 0.0005;  ///< units of length
 constexpr float kFar = 1e3F;
 
-/// Pairs that have moved less since they were last searched keep their points, which move with the bodies. A fifth of a
-/// millimetre is 0.2 degrees for a cube of 0.1 m; without it, a step of a resting heap takes twice as long.
+/// Pairs that have moved less since the last search reuse their points, which move with the bodies. A fifth of a
+/// millimetre is 0.2 degrees for a cube of 0.1 m. Without reuse, a step of a resting heap takes twice as long.
 constexpr float kRecycleDistance = 2e-4F;  ///< units of length
 
-constexpr std::size_t kAhead = 4;  ///< pairs or manifolds
+constexpr std::size_t kAhead = 4;  ///< prefetch distance in pairs or manifolds
 
-/// Of the index of a contact's point; the other bit marks new ones.
+/// Index of a contact's point; the remaining bit marks new ones.
 constexpr std::uint32_t kPointMask = 0x7FFFFFFF;
 
 class Rapier final : public wasm::ModuleEngine {
@@ -76,7 +78,7 @@ class Rapier final : public wasm::ModuleEngine {
   Capabilities capabilities() const noexcept override {
     return {.normal_impulse = Fidelity::exact,
             .tangential_impulse = Fidelity::estimated,  // from the balance of momentum
-            .gyroscopic = Fidelity::exact,              // the adapter's own
+            .gyroscopic = Fidelity::exact,              // computed by the adapter
             .checkpoint = Fidelity::exact,
             .deterministic = true,
             .precision = std::numeric_limits<float>::epsilon()};
@@ -93,7 +95,7 @@ class Rapier final : public wasm::ModuleEngine {
     p.speed_limit = std::numeric_limits<float>::max();
     p.prediction = static_cast<float>(kPrediction);
     p.recycle_distance = kRecycleDistance;
-    p.clusters_contacts = 0;  // what is solved then lies elsewhere
+    p.clusters_contacts = 0;  // clusters would be solved in another array
   }
 
   int iterations(double h) const noexcept {
@@ -103,8 +105,8 @@ class Rapier final : public wasm::ModuleEngine {
   wasm_rt_memory_t& memory() const override { return module_.memory(); }
 
   void create(BodyId, Slot& slot, const Body& body, const BodyState& state, const wasm::Filter& filter) override {
-    const Address shape = module_.make_shape(body.shape, meshes_);  // first: where it cannot be made, nothing is added
-    slot.body = bits(module_.make_body(body, state, shape, filter)) + 1;  // a handle may be zero
+    const Address shape = module_.make_shape(body.shape, meshes_);        // first: if it fails, nothing is added
+    slot.body = bits(module_.make_body(body, state, shape, filter)) + 1;  // + 1, because a handle may be zero
     if (!slot.fixed) put_inertia(slot);
     if (slot.id >= known_.size()) known_.resize(slot.id + 1);
     known_[slot.id] = {.bounds = bounds_in_frame(body.shape)};
@@ -132,25 +134,20 @@ class Rapier final : public wasm::ModuleEngine {
     w2c_rapier_rawrigidbodyset_rbSetAngvel(module_.get(), module_.bodies(), handle(slot), module_.second(angular), 1);
   }
 
-  /// Rapier keeps forces until they are taken away: only changes are told.
+  /// Rapier applies forces until they are removed, so only changes are passed.
   void load(const Slot& slot, const wasm::Load& load) override {
     if (load.turned) put_velocities(slot, load.now.linear_velocity, load.now.angular_velocity);
     w2c_rapier* m = module_.get();
     Known& known = known_[slot.id];
     const bool hurries = load.h * load.loaded.linear_velocity.norm() > 0.5 * kPrediction;
-    if (known.published_state && known.hurries == hurries && known.force == load.force && known.torque == slot.torque)
-      return;
+    if (known.in_module && known.hurries == hurries && known.force == load.force && known.torque == slot.torque) return;
     const Handle body = handle(slot);
     w2c_rapier_rawrigidbodyset_rbSetSoftCcdPrediction(m, module_.bodies(), body, hurries ? kFar : 0.0F);
     w2c_rapier_rawrigidbodyset_rbResetForces(m, module_.bodies(), body, 0);
     w2c_rapier_rawrigidbodyset_rbResetTorques(m, module_.bodies(), body, 0);
     w2c_rapier_rawrigidbodyset_rbAddForce(m, module_.bodies(), body, module_.first(load.force), 1);
     w2c_rapier_rawrigidbodyset_rbAddTorque(m, module_.bodies(), body, module_.second(slot.torque), 1);
-    known = {.bounds = known.bounds,
-             .published_state = true,
-             .hurries = hurries,
-             .force = load.force,
-             .torque = slot.torque};
+    known = {.bounds = known.bounds, .in_module = true, .hurries = hurries, .force = load.force, .torque = slot.torque};
   }
 
   BodyState read(const Slot& slot) const override {
@@ -170,7 +167,7 @@ class Rapier final : public wasm::ModuleEngine {
 
   void simulate(double h) override {
     const int count = iterations(h);
-    // As stiff as in the preset's own iterations, or as long ones allow.
+    // Stiffness of the preset's own iterations, or the largest that longer ones permit.
     const double iteration_s = std::max(h / count, preset_.longest_iteration_s);
     Parameters& p = module_.parameters();
     p.dt = static_cast<float>(h);
@@ -180,7 +177,7 @@ class Rapier final : public wasm::ModuleEngine {
     module_.step();
   }
 
-  /// The module has pairs, manifolds and points in places of their own: the next ones are fetched while one is read.
+  /// Pairs, manifolds and points are in separate arrays: prefetches the next ones while one is read.
   void collect() override {
     const std::span<const ContactPair> pairs = module_.pairs();
     touching_.clear();
@@ -209,7 +206,8 @@ class Rapier final : public wasm::ModuleEngine {
   void collect(const Manifold& manifold) {
     const std::span<const SolvedContact> solved = module_.view<SolvedContact>(manifold.solved);
     const std::span<Point> points = module_.view<Point>(manifold.points);
-    // Rapier solves one friction for all the points and tells its last iteration: of the step it is about so much.
+    // Rapier solves one friction for all points and reports its last iteration; the step's friction is about this
+    // multiple of it.
     float last = 0.0F;
     for (const SolvedContact& contact : solved) last += points[contact.point & kPointMask].last;
     Vec3 friction = Vec3::Zero();
@@ -234,11 +232,11 @@ class Rapier final : public wasm::ModuleEngine {
     }
   }
 
-  /// A body's anchors of contacts after the sub-step, in the world's frame.
+  /// A body's contact anchors after the sub-step, in the world's frame.
   class Anchors {
    public:
     explicit Anchors(const Slot& slot) {
-      if (slot.fixed) return;  // Rapier has them in the world's frame
+      if (slot.fixed) return;  // Rapier stores them in the world's frame
       origin_ = slot.after.position;
       turn_ = slot.after.orientation.toRotationMatrix();
     }
@@ -252,7 +250,7 @@ class Rapier final : public wasm::ModuleEngine {
   void restored() override {
     for (const Slot& slot : slots()) {
       if (slot.body == 0) continue;
-      known_[slot.id].published_state = false;
+      known_[slot.id].in_module = false;
       identify(slot);
     }
   }
@@ -290,9 +288,9 @@ class Rapier final : public wasm::ModuleEngine {
   static Handle handle(const Slot& slot) { return std::bit_cast<Handle>(slot.body - 1); }
 
   struct Known {
-    Box bounds;                    ///< in the body's frame
-    bool published_state = false;  ///< the module has what follows
-    bool hurries = false;          ///< contacts are looked for farther ahead
+    Box bounds;              ///< in the body's frame
+    bool in_module = false;  ///< the module has the following values
+    bool hurries = false;    ///< contacts are searched at a larger distance
     Vec3 force = Vec3::Zero();
     Vec3 torque = Vec3::Zero();
   };
@@ -302,7 +300,7 @@ class Rapier final : public wasm::ModuleEngine {
   std::vector<Mesh> meshes_;
   mutable rapier::Module module_;          ///< its views of memory are not const
   std::vector<Known> known_;               ///< by body
-  std::vector<const Manifold*> touching_;  ///< of the step in hand
+  std::vector<const Manifold*> touching_;  ///< of the current step
   std::vector<std::uint32_t> ids_;         ///< of bodies, by the index of the module's handle
 };
 

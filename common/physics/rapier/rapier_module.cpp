@@ -11,7 +11,7 @@ namespace subworld::rapier {
 
 namespace {
 
-// Where the addresses of arrays lie in the objects.
+// Offsets of the arrays' addresses in the objects.
 constexpr Address kBodies = 472;
 constexpr Address kPairs = 20, kPairCount = 24;
 
@@ -21,7 +21,8 @@ constexpr std::uint32_t kDefaultPairs = 15;            ///< ActiveCollisionTypes
 constexpr std::uint32_t kFixInternalEdges = 128 + 16;  ///< TriMeshFlags
 constexpr std::uint32_t kAlign = 4;
 
-const Quat kAlongZ = Quat(std::sqrt(0.5), std::sqrt(0.5), 0.0, 0.0);  ///< turns the axis y of capsules and cylinders
+/// Rotates the axis y of capsules and cylinders to z.
+const Quat kAlongZ = Quat(std::sqrt(0.5), std::sqrt(0.5), 0.0, 0.0);
 
 }  // namespace
 
@@ -118,7 +119,7 @@ Address Module::make_geometry(const Shape& shape, std::span<const Mesh> meshes) 
   std::vector<Float3> corners;
   corners.reserve(mesh.vertices.size());
   for (const Vec3& v : mesh.vertices) corners.push_back(to_module(v));
-  const Address vertices = copy(std::span<const Float3>(corners));  // the module frees what it is given
+  const Address vertices = copy(std::span<const Float3>(corners));  // the module frees its arguments
   const auto numbers = static_cast<std::uint32_t>(3 * corners.size());
   if (shape.kind == ShapeKind::convex) return w2c_rapier_rawshape_convexHull(m, vertices, numbers);
   const Address triangles = copy(std::span(mesh.triangles));
@@ -137,7 +138,7 @@ void Module::make_collider(Handle handle, const Body& body, Address shape, const
   const bool turned = body.shape.kind == ShapeKind::capsule || body.shape.kind == ShapeKind::cylinder;
   const Float4 q = to_module(turned ? kAlongZ : Quat::Identity());
   const Address rotation = w2c_rapier_rawrotation_new(m, q.x, q.y, q.z, q.w);
-  // Products of the pair's values: the root of the friction makes the geometric mean.
+  // Rapier multiplies the values of a pair: the root of the friction gives the geometric mean.
   const auto friction = static_cast<float>(std::sqrt(body.material.friction));
   const auto restitution = static_cast<float>(body.material.restitution);
   const std::uint32_t groups = filter.member << 16 | filter.meets;

@@ -20,9 +20,9 @@ using wasm::to_module;
 
 using wasm::Address;
 
-// As they lie in the memory of version 0.20.0 of the package, read there in bulk: a call for each number of each body
-// and contact would take as long as half a step. Strides and offsets are found by comparing with what the module's own
-// functions tell.
+// Layout in the memory of version 0.20.0 of the package, read in bulk: a call for each number of each body and contact
+// would take as long as half a step. Strides and offsets are determined by comparison with the results of the module's
+// own functions.
 
 /// A Vec of Rust.
 struct Array {
@@ -31,7 +31,7 @@ struct Array {
   std::uint32_t count;
 };
 
-/// A rigid body; the set's array of them begins at `kBodies` of the set, each after a header.
+/// A rigid body; the array is at `kBodies` of the set, each after a header.
 struct RigidBody {
   std::uint32_t header[4];
   Float4 rotation;
@@ -45,7 +45,7 @@ struct RigidBody {
 static_assert(offsetof(RigidBody, linear_velocity) == 296 && offsetof(RigidBody, gyroscopic_torque) == 396);
 static_assert(sizeof(RigidBody) == 448);
 
-/// Where a contact refers to a body. The others are attached to the world.
+/// A contact's reference to a body. The others are attached to the world.
 struct BodyReference {
   std::uint32_t exists;
   std::uint32_t index, generation;
@@ -71,22 +71,22 @@ struct Manifold {
 };
 static_assert(sizeof(Manifold) == 128);
 
-/// A contact point that the solver has had.
+/// A contact point that was solved.
 struct SolvedContact {
-  Float3 anchors[2];  ///< on each body, from its centre in its frame; on the world in the world's frame
+  Float3 anchors[2];  ///< on each body, from its centre in its frame; for the world, in the world's frame
   std::uint32_t between[4];
-  std::uint32_t point;  ///< its index among the manifold's
+  std::uint32_t point;  ///< index among the manifold's points
   std::uint32_t rest;
 };
 static_assert(sizeof(SolvedContact) == 48);
 
 struct Point {
-  float carried;  ///< follows the point from step to step; Rapier writes it with its other friction model only
+  float carried;  ///< follows the point from step to step; used only with Rapier's other friction model
   float between[3];
-  float impulse;  ///< N s, of the whole step and of `last` before it
+  float impulse;  ///< N s, of the whole step plus the `last` of the step before
   float last;     ///< N s, of the last iteration
   float twist;
-  Float3 last_tangential;  ///< N s, of the last iteration and of all the manifold's points, in the world's frame
+  Float3 last_tangential;  ///< N s, of the last iteration and of all points of the manifold, in the world's frame
   std::uint32_t rest[15];
 };
 static_assert(offsetof(Point, last_tangential) == 28 && sizeof(Point) == 100);
@@ -94,8 +94,8 @@ static_assert(offsetof(Point, last_tangential) == 28 && sizeof(Point) == 100);
 /// IntegrationParameters, after a word of wasm-bindgen's.
 struct Parameters {
   std::uint32_t borrowed;
-  float frequency, damping;              ///< Hz and of the critical one, of contacts of two movable bodies
-  float fixed_frequency, fixed_damping;  ///< of the others
+  float frequency, damping;              ///< Hz and damping ratio, for contacts of two movable bodies
+  float fixed_frequency, fixed_damping;  ///< for other contacts
   float dt;
   float smallest_ccd_step;
   float warm_start;
@@ -111,12 +111,12 @@ struct Parameters {
 };
 static_assert(offsetof(Parameters, clusters_contacts) == 72);
 
-/// A body's or collider's handle, as the module's functions take it: index in the lower half, generation in the upper.
+/// A handle of a body or collider, as in the module's functions: index in the lower half, generation in the upper.
 using Handle = double;
 [[nodiscard]] inline std::uint64_t bits(Handle handle) { return std::bit_cast<std::uint64_t>(handle); }
 [[nodiscard]] inline std::uint32_t index_of(Handle handle) { return static_cast<std::uint32_t>(bits(handle)); }
 
-/// One instance of the module, with a memory and a world of its own. The world has no gravity.
+/// One instance of the module, with its own memory and world. The world has no gravity.
 class Module {
  public:
   Module();
@@ -129,22 +129,22 @@ class Module {
   [[nodiscard]] Parameters& parameters() { return *at<Parameters>(parameters_); }
   [[nodiscard]] Address bodies() const noexcept { return bodies_; }
 
-  /// Vectors to pass, each until its next use.
+  /// Vectors as arguments, each valid until its next use.
   [[nodiscard]] Address first(const Vec3& v) { return put(vectors_[0], v); }
   [[nodiscard]] Address second(const Vec3& v) { return put(vectors_[1], v); }
   [[nodiscard]] Address zero() const noexcept { return zero_; }
   [[nodiscard]] Address unturned() const noexcept { return unturned_; }
 
-  /// The set's numbers of a body.
+  /// The set's data of a body.
   [[nodiscard]] RigidBody& body(Handle handle);
-  /// Pairs that are near each other; valid until the next call into the module.
+  /// Nearby pairs; valid until the next call into the module.
   [[nodiscard]] std::span<const ContactPair> pairs();
   template <class T>
   [[nodiscard]] std::span<T> view(const Array& array) {
     return {at<T>(array.first, array.count), array.count};
   }
 
-  /// Throws `Error` where it cannot be made; make_body() takes it.
+  /// Throws `Error` if that fails. make_body() takes ownership.
   [[nodiscard]] Address make_shape(const Shape& shape, std::span<const Mesh> meshes);
   [[nodiscard]] Handle make_body(const Body& body, const BodyState& state, Address shape, const wasm::Filter& filter);
   void remove(Handle body);

@@ -12,7 +12,7 @@ constexpr std::size_t kBlock = 4096;
 constexpr std::uint64_t kPage = 65536;  ///< of wasm
 
 bool all_zero(const std::uint8_t* block) {
-  // A block that equals itself moved by one byte is one value throughout.
+  // A block that equals itself shifted by one byte has a single value.
   return block[0] == 0 && std::memcmp(block, block + 1, kBlock - 1) == 0;
 }
 
@@ -54,7 +54,7 @@ void restore(wasm_rt_memory_t& memory, std::span<const std::byte> saved) {
   if (pages > memory.pages && wasm_rt_grow_memory(&memory, pages - memory.pages) == UINT32_MAX) {
     throw Error(ExitCode::failed, "no memory for the checkpoint; end other programs");
   }
-  // Zero and given back; locked memory does not take that advice.
+  // Zero, and returned to the system; locked memory does not support that advice.
   if (madvise(memory.data, memory.size, MADV_DONTNEED) != 0) std::memset(memory.data, 0, memory.size);
   memory.pages = pages;
   memory.size = pages * kPage;

@@ -1,7 +1,7 @@
 #include "physics/wasm/host.hpp"
 
-// The imports that several modules share. Modules write messages only before they give up: those are dropped, the trap
-// that follows tells.
+// Imports that several modules share. Modules write messages only before they abort: the messages are dropped, and the
+// following trap is reported.
 
 extern "C" {
 

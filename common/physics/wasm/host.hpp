@@ -15,13 +15,13 @@ namespace subworld::wasm {
 /// An address in a module's linear memory.
 using Address = std::uint32_t;
 
-/// Bytes [at, at + size) of the module's memory; throws `Error` if they are not all inside.
+/// Bytes [at, at + size) of the module's memory. Throws `Error` if they are not all inside.
 [[nodiscard]] inline std::uint8_t* inside(const wasm_rt_memory_t& memory, Address at, std::uint64_t size) {
   if (at + size > memory.size) wasm_rt_trap(WASM_RT_TRAP_OOB);
   return memory.data + at;
 }
 
-/// Whom a body meets, as the modules read it: a pair meets if each one's `meets` has the other's `member`.
+/// Collision filter in the modules' format: a pair collides if the `meets` of each has the other's `member`.
 struct Filter {
   std::uint32_t member, meets;
 };
@@ -40,15 +40,15 @@ void store(const wasm_rt_memory_t& memory, Address at, const T& value) {
   std::memcpy(inside(memory, at, sizeof value), &value, sizeof value);
 }
 
-/// A piece of a module's memory for the arguments and results of one call after the other: a struct argument is an
-/// address in wasm, a struct result is written to one.
+/// A range of a module's memory for the arguments and results of calls: a struct argument is an address in wasm, and a
+/// struct result is written to an address.
 class Scratch {
  public:
   Scratch() = default;
   Scratch(const wasm_rt_memory_t& memory, Address begin, std::uint32_t size)
       : memory_(&memory), begin_(begin), end_(begin + size), next_(begin) {}
 
-  /// Forgets what was put; call before each group of arguments.
+  /// Discards the contents; call before each group of arguments.
   Scratch& reset() noexcept {
     next_ = begin_;
     return *this;
@@ -77,20 +77,20 @@ class Scratch {
 };
 
 void append(const void* from, std::size_t size, std::vector<std::byte>& to);
-/// Appends the memory's content, without the blocks that are all zero. Exact: between two calls a module's whole state
-/// lies in its memory.
+/// Appends the contents of the memory, without blocks of zeros. Exact: between two calls the whole state of a module is
+/// in its memory.
 void save(const wasm_rt_memory_t& memory, std::vector<std::byte>& out);
-/// Puts back what save() wrote, of this or another instance of the same module. Throws `Error` if `saved` is something
-/// else.
+/// Restores what save() wrote, of this or another instance of the same module. Throws `Error` if `saved` is of another
+/// format.
 void restore(wasm_rt_memory_t& memory, std::span<const std::byte> saved);
 
 }  // namespace subworld::wasm
 
-/// What a module that Emscripten made imports, for one instance. The clock stands still: an engine must not depend on
-/// it.
+/// Imports of a module made by Emscripten, for one instance. The clock is constant, because an engine must not depend
+/// on it.
 struct w2c_env {
   wasm_rt_memory_t* memory = nullptr;
-  /// Of a module that calls JavaScript: `code` names the piece, the arguments lie in its memory.
+  /// For a module that calls JavaScript: `code` identifies the piece; the arguments are in the module's memory.
   std::uint32_t (*call_out)(void* owner, std::uint32_t code, std::uint32_t signature,
                             std::uint32_t arguments) = nullptr;
   void* owner = nullptr;

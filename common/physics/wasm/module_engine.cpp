@@ -20,10 +20,10 @@ constexpr Filter kFixed{2, 1};
 constexpr Filter kGhosts{4, 1 | 8};
 constexpr Filter kApproaching{8, 1 | 4 | 8};
 
-/// A point is taken for the same one in the next sub-step if it lies within this part of the smallest body's size.
+/// A point is the same one as in the previous sub-step if it is within this distance, relative to the smallest body.
 constexpr double kReachRatio = 0.1;
 
-/// Bodies leave a checkpoint as this, before the module's memory.
+/// A body in a checkpoint, before the module's memory.
 using Numbers = Eigen::Matrix<double, 20, 1>;
 struct SavedBody {
   std::uint64_t id, body, shape;
@@ -129,7 +129,7 @@ void ModuleEngine::set_inertia(BodyId id, double mass, const Vec3& inertia) {
 
 namespace {
 
-/// What an impulse (N s) and an angular impulse (N m s) about the centre of mass make of a state.
+/// The state after an impulse (N s) and an angular impulse (N m s) about the centre of mass.
 template <class Slot>
 BodyState accelerated(const Slot& slot, BodyState state, const Vec3& impulse, const Vec3& angular) {
   state.linear_velocity += impulse / slot.mass;
@@ -178,7 +178,8 @@ void ModuleEngine::step(double dt) {
     found_.clear();
     collect();
     clock_.ends(&EngineTimes::exchange_s);
-    // The whole step's friction is that of all its parts; of a single part, who reads it may ask for it later.
+    // The friction of a step with several sub-steps is their sum, so each is estimated. That of a single sub-step is
+    // estimated on request.
     has_friction_ = substeps > 1;
     if (has_friction_) estimate_friction();
     clock_.ends(&EngineTimes::friction_s);

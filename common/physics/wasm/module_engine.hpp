@@ -12,17 +12,17 @@
 
 namespace subworld::wasm {
 
-/// What acts on a body during a sub-step, beside its torque.
+/// Load on a body during a sub-step, without its torque.
 struct Load {
   double h;          ///< s, of the sub-step
-  BodyState now;     ///< before it
-  bool turned;       ///< `now` has the angular velocity that the gyroscopic torque makes; the module has not
+  BodyState now;     ///< before the sub-step
+  bool turned;       ///< `now` includes the change by the gyroscopic torque, which the module does not have yet
   Vec3 force;        ///< N, weight included
-  BodyState loaded;  ///< `now` with the velocities that force and torque make
+  BodyState loaded;  ///< `now` with the changes of velocity by force and torque
 };
 
-/// What all engines share that are modules of WebAssembly: the books of their bodies, loads, the friction that such
-/// modules do not tell, and checkpoints of their memory. An engine adds how its module makes, moves and reads a body.
+/// Base of all engines that are WebAssembly modules: bodies, loads, the friction that such modules do not
+/// report, and checkpoints of their memory. A derived class makes, moves and reads a body.
 class ModuleEngine : public Engine {
  public:
   void add(const Body& body, const BodyState& state, Role role) final;
@@ -56,13 +56,13 @@ class ModuleEngine : public Engine {
     double mass = 0.0;            ///< kg
     Vec3 inertia = Vec3::Zero();  ///< kg m^2
     Vec3 weight = Vec3::Zero();   ///< N
-    Vec3 force = Vec3::Zero();    ///< of the next step
+    Vec3 force = Vec3::Zero();    ///< for the next step
     Vec3 torque = Vec3::Zero();
-    BodyState after;     ///< at the end of the last sub-step; of a fixed body, the velocity that it was given
-    bool known = false;  ///< of a movable body: `after` is what the module has
+    BodyState after;     ///< at the end of the last sub-step; for a fixed body, the velocity that was set
+    bool known = false;  ///< movable body: `after` equals the module's state
   };
 
-  /// `longest_substep_s`: step() divides its dt until no part is longer, unless the settings say it.
+  /// `longest_substep_s`: step() divides its dt so that no sub-step is longer, unless the settings give a number.
   ModuleEngine(const EngineSettings& settings, double longest_substep_s)
       : gravity_(settings.gravity),
         fixed_substeps_(settings.substeps),
@@ -74,22 +74,22 @@ class ModuleEngine : public Engine {
   virtual void create(BodyId id, Slot& slot, const Body& body, const BodyState& state, const Filter& filter) = 0;
   virtual void destroy(const Slot& slot) = 0;
   virtual void put_pose(const Slot& slot, const Vec3& position, const Quat& orientation) = 0;
-  /// This and the next two: of movable bodies only.
+  /// This and the next two functions: for movable bodies only.
   virtual void put_inertia(const Slot& slot) = 0;
   virtual void put_velocities(const Slot& slot, const Vec3& linear, const Vec3& angular) = 0;
   virtual void load(const Slot& slot, const Load& load) = 0;
-  /// Velocities of a fixed body do not matter.
+  /// Velocities of a fixed body are not used.
   [[nodiscard]] virtual BodyState read(const Slot& slot) const = 0;
   /// Not called for planes.
   [[nodiscard]] virtual Box read_bounds(const Slot& slot) const = 0;
   virtual void simulate(double h) = 0;
   /// Calls found() for each contact point of the sub-step.
   virtual void collect() = 0;
-  /// The slots' handles have changed.
+  /// Called when the slots' handles have changed.
   virtual void restored() {}
 
-  /// `a` < `b`; point on b, normal from b to a; impulses on a in N s. `tangential`: of a
-  /// module that knows it roughly, where the friction estimate begins.
+  /// Adds a contact point. `a` < `b`; point on b, normal from b to a; impulses on a in N s. `tangential`: the start of
+  /// the friction estimate, for a module that reports friction roughly.
   void found(std::uint32_t a, std::uint32_t b, const Vec3& point, const Vec3& normal, double distance, double impulse,
              const Vec3& tangential = Vec3::Zero()) {
     if (impulse <= 0.0 && distance > 0.0) return;
@@ -125,14 +125,14 @@ class ModuleEngine : public Engine {
   Vec3 gravity_;
   std::optional<int> fixed_substeps_;
   double longest_substep_s_;
-  bool keeps_frictionless_;              ///< for comparison
-  std::uint64_t count_ = 0;              ///< bodies
+  bool keeps_frictionless_;              ///< friction is estimated for contacts without friction too, for comparison
+  std::uint64_t count_ = 0;              ///< number of bodies
   std::vector<std::uint32_t> movable_;   ///< ids, in the order of adding
   double reach_ = 0.05;                  ///< m
   std::vector<Stepped> stepped_;         ///< by id
   std::vector<VelocityChange> changes_;  ///< of a sub-step, by id
   std::vector<Contact> found_;           ///< of a sub-step
-  bool has_friction_ = true;             ///< the contacts of the last step
+  bool has_friction_ = true;             ///< the contacts of the last step have friction impulses
   std::vector<double> friction_;         ///< of found_
   FrictionEstimate estimate_;
   ContactTotals contacts_;

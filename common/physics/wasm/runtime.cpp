@@ -27,11 +27,11 @@ std::string_view reason(wasm_rt_trap_t trap) {
     case WASM_RT_TRAP_DIV_BY_ZERO:
       return "integer division by zero";
     case WASM_RT_TRAP_INVALID_CONVERSION:
-      return "conversion of a number that is none";
+      return "conversion of a value that is not a number";
     case WASM_RT_TRAP_UNREACHABLE:
-      return "it gave up (unreachable)";
+      return "aborted (unreachable)";
     case WASM_RT_TRAP_CALL_INDIRECT:
-      return "indirect call of no function or of another type";
+      return "indirect call of a missing function or of another type";
     case WASM_RT_TRAP_EXHAUSTION:
       return "calls nested too deeply";
     case WASM_RT_TRAP_NONE:
@@ -41,7 +41,7 @@ std::string_view reason(wasm_rt_trap_t trap) {
 }
 
 #if WASM_RT_MEMCHECK_GUARD_PAGES
-/// An address and an offset of 32 bits each, and the widest access.
+/// Largest offset that an address and an offset of 32 bits each can reach, with the widest access.
 constexpr std::uint64_t kReachable = (std::uint64_t{1} << 33) + kPage;
 #else
 constexpr std::uint64_t kReachable = 0;
@@ -58,7 +58,7 @@ std::uint64_t reserved_bytes(std::uint64_t max_pages) { return std::max(max_page
 
 #if WASM_RT_MEMCHECK_GUARD_PAGES
 
-/// The instances' reservations, for the handler of faults; 0: free.
+/// Address ranges of the instances, for the fault handler; 0: free.
 constexpr std::size_t kMostInstances = 1024;
 std::array<std::atomic<std::uintptr_t>, kMostInstances> reservations;
 struct sigaction before_ours;
@@ -73,11 +73,11 @@ bool is_reserved(const void* address) {
 
 [[noreturn]] __attribute__((force_align_arg_pointer)) void go_outside() { wasm_rt_trap(WASM_RT_TRAP_OOB); }
 
-/// Lets the code that faulted go on as if it had called go_outside() there, so that the exception unwinds through it.
+/// Resumes the faulting code as if it had called go_outside() there, so that the exception unwinds through it.
 void on_fault(int signal, siginfo_t* info, void* context) {
   if (is_reserved(info->si_addr)) {
     auto& registers = static_cast<ucontext_t*>(context)->uc_mcontext.gregs;
-    // An unwinder looks for a call just before the address that it would return to.
+    // An unwinder searches for a call just before the return address.
     const greg_t back = registers[REG_RIP] + 1;
     registers[REG_RSP] -= static_cast<greg_t>(sizeof back);
     std::memcpy(reinterpret_cast<void*>(registers[REG_RSP]), &back, sizeof back);
@@ -85,7 +85,7 @@ void on_fault(int signal, siginfo_t* info, void* context) {
   } else if ((before_ours.sa_flags & SA_SIGINFO) != 0) {
     before_ours.sa_sigaction(signal, info, context);
   } else {
-    sigaction(signal, &before_ours, nullptr);  // the access faults again, for that one
+    sigaction(signal, &before_ours, nullptr);  // the access faults again, with the previous handler
   }
 }
 
@@ -127,7 +127,7 @@ extern "C" {
 __thread std::uint32_t wasm_rt_call_stack_depth = 0;
 
 void wasm_rt_trap(wasm_rt_trap_t trap) {
-  wasm_rt_call_stack_depth = 0;  // unwinding skips the epilogues that count it down
+  wasm_rt_call_stack_depth = 0;  // unwinding skips the epilogues that decrement it
   throw subworld::Error(subworld::ExitCode::failed, fmt::format("the engine's wasm code stopped: {}", reason(trap)));
 }
 
@@ -135,7 +135,7 @@ void wasm_rt_allocate_memory(wasm_rt_memory_t* memory, std::uint64_t pages, std:
                              std::uint32_t) {
   *memory = {};
   const std::uint64_t reserved = reserved_bytes(max_pages);
-  // Only what is in use may be touched: a process that locks its memory would fill and lock the whole reservation.
+  // Only memory in use may be touched: a process that locks its memory would fill and lock the whole reservation.
   void* base = mmap(nullptr, reserved, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (base == MAP_FAILED) no_memory(reserved);
   if (mprotect(base, pages * kPage, PROT_READ | PROT_WRITE) != 0) no_memory(pages * kPage);

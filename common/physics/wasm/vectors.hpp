@@ -4,7 +4,7 @@
 
 namespace subworld::wasm {
 
-// As they lie in the modules' memory.
+// Layout in the modules' memory.
 struct Float3 {
   float x, y, z;
 };

@@ -1,11 +1,11 @@
 #pragma once
 
-// What the C code that wasm2c writes asks of its host (name and contents are dictated by wabt 1.0.39). Every access to
-// memory and every indirect call is checked; a trap is a C++ exception that unwinds through the C frames, which are
-// compiled with -fexceptions. One instance may run on one thread at a time; instances share nothing.
+// Host interface of the C code that wasm2c writes (name and contents are those of wabt 1.0.39). Every access to memory
+// and every indirect call is checked. A trap is a C++ exception that unwinds through the C frames, which are compiled
+// with -fexceptions. One instance may run on one thread at a time; instances share nothing.
 //
-// Where the processor allows, it checks accesses to memory itself: all that an address and an offset of 32 bits can
-// reach is reserved for each instance, and a fault there becomes the trap.
+// Where the processor supports it, the hardware checks accesses to memory: the range that an address and an offset of
+// 32 bits can reach is reserved for each instance, and a fault there becomes the trap.
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -46,10 +46,10 @@ typedef enum { WASM_RT_I32, WASM_RT_I64, WASM_RT_F32, WASM_RT_F64, WASM_RT_V128 
 
 typedef void (*wasm_rt_function_ptr_t)(void);
 
-/// A name of 32 bytes that equal function types share.
+/// A name of 32 bytes that is shared by equal function types.
 typedef const char* wasm_rt_func_type_t;
 
-/// Tail calls are not used; the generated tables have a column for them.
+/// Tail calls are not used, but the generated tables have a column for them.
 typedef struct {
   void (*fn)(void** instance, void* stack, void* next);
 } wasm_rt_tailcallee_t;
@@ -69,7 +69,7 @@ static const wasm_rt_externref_t wasm_rt_externref_null_value = 0;
 typedef struct {
   uint8_t* data;
   uint64_t pages, max_pages;  ///< of 64 KiB
-  uint64_t size;              ///< bytes that the module may use; those of `max_pages` are reserved, or more
+  uint64_t size;  ///< bytes that the module may use; the reserved range is at least that of `max_pages`
 } wasm_rt_memory_t;
 
 typedef struct {
@@ -84,7 +84,8 @@ typedef struct {
   uint32_t size;
 } wasm_rt_externref_table_t;
 
-/// Depth of wasm calls on this thread. The model keeps it a plain access in a library that is opened at run time.
+/// Depth of wasm calls on this thread. This TLS model gives plain accesses, also in a library that is opened at run
+/// time.
 extern __thread uint32_t wasm_rt_call_stack_depth __attribute__((tls_model("initial-exec")));
 
 /// Throws `subworld::Error`.
@@ -92,10 +93,10 @@ __attribute__((noreturn, cold)) void wasm_rt_trap(wasm_rt_trap_t trap);
 
 static inline bool wasm_rt_is_initialized(void) { return true; }
 
-/// Address space for `max_pages` is reserved, storage is taken as it is written. Throws `subworld::Error` if there is
-/// no room.
+/// Reserves address space for `max_pages`; memory is allocated when it is written. Throws `subworld::Error` if there is
+/// not enough space.
 void wasm_rt_allocate_memory(wasm_rt_memory_t* memory, uint64_t pages, uint64_t max_pages, bool is64, uint32_t page);
-/// The pages before, or UINT32_MAX where the memory would get too large.
+/// Returns the previous number of pages, or UINT32_MAX if the memory would get too large.
 uint64_t wasm_rt_grow_memory(wasm_rt_memory_t* memory, uint64_t pages);
 void wasm_rt_free_memory(wasm_rt_memory_t* memory);
 

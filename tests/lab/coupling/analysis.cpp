@@ -9,19 +9,19 @@ namespace subworld {
 
 namespace {
 
-/// What is asked of a scheme, whatever it does about it.
+/// Columns of the conditions that are equal for all schemes.
 const std::vector<std::string> kConditions{
     "scene", "variant", "engine", "h_s", "latency_s", "jitter_s", "coupling_stiffness_n_m"};
-/// What is run, but for how long and how late.
+/// Columns of the settings of a run, without its duration and latency.
 const std::vector<std::string> kSetting{
     "scene", "variant",       "scheme",       "engine",         "haptic_engine",         "h_s", "ratio", "ratio_most",
     "box_m", "contact_depth", "budget_ratio", "world_substeps", "coupling_stiffness_n_m"};
 
-/// Under a telling floor nothing can be told apart.
-double told_error(const Json& row) {
-  const double floor = number(row, "reference_error");
+/// Errors below a usable reference error are not significant, so they count as equal.
+double significant_error(const Json& row) {
+  const double reference_error = number(row, "reference_error");
   const double rms = number(row, "force_error_rms");
-  return telling(floor) ? std::max(rms, floor) : rms;
+  return usable(reference_error) ? std::max(rms, reference_error) : rms;
 }
 
 bool ranked(const Json& row) { return row.at("survived").get<bool>() && comparable(row); }
@@ -47,7 +47,7 @@ bool dominated(const Json& row, const Rows& rows) {
   if (!ranked(row)) return !row.at("survived").get<bool>();
   return std::ranges::any_of(rows, [&](const Json& other) {
     if (!alike(row, other, kConditions) || !ranked(other)) return false;
-    const double less_error = told_error(row) - told_error(other);
+    const double less_error = significant_error(row) - significant_error(other);
     const double less_cpu = total_cpu(row) - total_cpu(other);
     return less_error >= 0.0 && less_cpu >= 0.0 && less_error + less_cpu > 0.0;
   });
@@ -57,7 +57,7 @@ const Json* choice(const std::vector<const Json*>& rows, double budget) {
   const Json* best = nullptr;
   for (const Json* row : rows) {
     if (!ranked(*row) || total_cpu(*row) > budget) continue;
-    const auto rank = [](const Json& of) { return std::pair{told_error(of), total_cpu(of)}; };
+    const auto rank = [](const Json& of) { return std::pair{significant_error(of), total_cpu(of)}; };
     if (best == nullptr || rank(*row) < rank(*best)) best = row;
   }
   return best;

@@ -7,34 +7,34 @@
 
 namespace subworld {
 
-/// CPU s per simulated s among which a user may have to choose.
+/// CPU budgets for the choice of a setting, CPU s per simulated s.
 inline constexpr double kBudgets[] = {0.05, 0.1, 0.25, 0.5, 1.0};
 inline constexpr double kImperceptibleRms = 0.035;       ///< half the force JND
 inline constexpr double kImperceptibleP99 = 0.07;        ///< the force JND
-inline constexpr double kImperceptibleOffset_s = 0.005;  ///< a third of the delay that was detected
+inline constexpr double kImperceptibleOffset_s = 0.005;  ///< a third of the delay that subjects detected
 
-/// False where the reference felt no force: then there is no relative error.
+/// False if the reference felt no force: then there is no relative error.
 [[nodiscard]] bool comparable(const Json& row);
-/// Whether a reference's floor tells errors apart at all: a floor that could be felt says only that the reference is
-/// one of many.
-[[nodiscard]] inline bool telling(double floor) { return floor <= kImperceptibleRms; }
+/// Whether errors can be compared with a reference of this error. If the reference error itself can be felt, the
+/// reference is only one of many valid ones.
+[[nodiscard]] inline bool usable(double reference_error) { return reference_error <= kImperceptibleRms; }
 [[nodiscard]] bool imperceptible(const Json& row);
 
-/// Whether another point under the same conditions is better in error or CPU and not worse in the other; errors under
-/// a telling floor are equal.
+/// Whether another point under the same conditions is better in error or CPU time and not worse in the other. Errors
+/// below a usable reference error are equal.
 [[nodiscard]] bool dominated(const Json& row, const Rows& rows);
-/// The survivor with the least error, then the least CPU, of those within `budget` CPU s per s, or nullptr. Errors
-/// under a telling floor are equal.
+/// The surviving row with the least error, then the least CPU time, within `budget` CPU s per s, or nullptr. Errors
+/// below a usable reference error are equal.
 [[nodiscard]] const Json* choice(const std::vector<const Json*>& rows, double budget);
 
-/// Observed order p of force_error_rms ~ C x^p by least squares in the logarithms, one entry for each set of points
-/// that differ in the column `x` alone: survivors above the floor, without delay. Fewer than two such points: p is
-/// null.
+/// Observed order p of force_error_rms ~ C x^p by least squares in the logarithms. One entry for each set of points
+/// that differ only in the column `x`: surviving points above the reference error, without delay. With fewer than two
+/// such points p is null.
 [[nodiscard]] Json convergence(const Rows& rows, const std::string& x);
 
-/// What becomes of each setting over the variants of its scene: an entry for each set of rows that differ in the
-/// variant alone, with the median and the largest error of the survivors, how many these are, and the least and the
-/// largest floor. Empty without variants.
+/// Statistics over the variants of a scene. One entry for each set of rows that differ only in the variant: the median
+/// and the largest error of the surviving ones, their number, and the least and the largest reference error. Empty
+/// without variants.
 [[nodiscard]] Json over_variants(const Rows& rows);
 
 }  // namespace subworld

@@ -1,3 +1,4 @@
+#include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
 #include "io/command_line.hpp"
 #include "io/options.hpp"
@@ -36,15 +37,14 @@ struct Request {
   std::string out;
 };
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Request& request) {
   Sweep& sweep = request.sweep;
-  CLI::App app{
-      "Measures what each coupling scheme makes the hand feel, against a reference without coupling, and what it "
-      "costs. "
-      "Every combination of the options is run; each option is a list, separated by commas.",
-      "subworld lab coupling"};
-  app.footer(
+  CommandLine line("subworld lab coupling",
+                   "Measures the error that each coupling scheme adds to the felt force, against a reference without "
+                   "coupling, and its cost. Every combination of the options is run; an option takes a list, separated "
+                   "by commas.");
+  line.footer(
       "Examples:\n"
       "  subworld lab coupling --quick --out out/quick\n"
       "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
@@ -54,51 +54,47 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "DIR/report.html shows the results, DIR/results.csv and results.json hold them, DIR/traces the felt forces.\n"
       "Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
-  app.add_option("scene", sweep.scenes,
-                 fmt::format("scene files, or names in deploy/scenes (default: {})", fmt::join(kScenes, " ")));
-  add_list(app, "--scheme", sweep.schemes,
-           "direct, paper, paper_literal (the device's force acts in the sub-world alone), reduced "
-           "(default: paper_literal,paper,reduced)")
-      ->check(CLI::IsMember({"direct", "paper", "paper_literal", "reduced"}));
-  CLI::Option* ratio = add_list(app, "--ratio", sweep.ratios, "simulation ratios r = T / h (default: 1,4,10,20)");
-  ratio->check(fixed_ratio_fault);
-  add_list(
-      app, "--ratio-most", sweep.ratios_most,
-      "the ratio may rise to so much where nothing that crosses a border is felt, or where the world costs more than "
-      "a cycle by its engine's published costs; 0: it is fixed (default: 0)")
-      ->check(CLI::Range(0, kMostRatio));
-  add_numbers(app, "--box", sweep.boxes_m, "half sides of the box around the proxy, m (default: the scene's)", 1e-3,
-              1e3);
-  add_list(app, "--depth", sweep.contact_depths,
-           "bodies that hang on the proxy by so many contacts belong to the sub-world too (default: the scene's)")
-      ->check(CLI::Range(0, 1000));
-  add_numbers(app, "--budget", sweep.budget_ratios,
-              "parts of the haptic step that simulating the sub-world may take: of the box's bodies, those that matter "
-              "most and fit (default: the scene's)",
-              1e-3, 1e3);
-  add_list(app, "--substeps", sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme wants (default: 1)")
-      ->check(CLI::Range(0, 1000));
-  add_numbers(app, "--latency", sweep.latencies_s, "added to the round trip, half each way, s (default: 0)", 0.0, 10.0);
-  add_numbers(app, "--jitter", sweep.jitters_s, "most that a single message takes longer, s (default: 0)", 0.0, 10.0);
-  add_numbers(app, "--stiffness", sweep.stiffness_factors, "factors on the coupling's stiffness (default: 1)", 1e-3,
-              1e3);
-  add_numbers(app, "--h", sweep.h_s, "haptic steps, s (default: the scene's)", 1e-5, 0.1);
-  add_list(app, "--engine", sweep.engines, "the world's engines (default: the scene's)");
-  add_list(app, "--haptic-engine", sweep.haptic_engines, "the sub-worlds' engines (default: the scene's)");
-  app.add_option("--variants", request.variants,
-                 "so many variants of each scene as well, with other friction, masses and paths: whether an error is "
-                 "that of one lucky scene (default: 0)")
-      ->check(CLI::Range(0, 1000));
-  app.add_option("--duration", sweep.duration_s, "simulated time, s (default: the scene's)")
-      ->check(CLI::Range(0.05, 1e4))
-      ->check(not_finite);
-  app.add_flag("--quick", request.quick,
-               fmt::format("a first look: scenes {}, ratios {}, {:g} s, where nothing else is asked",
-                           fmt::join(kQuickScenes, " "), fmt::join(kQuickRatios, ","), kQuickDuration_s));
-  add_out(app, "coupling", request.out);
-  if (const auto code = parse_arguments(app, argc, argv)) return code;
+  const std::string scenes = "the scene's";
+  line.add("scene", &sweep.scenes, "scene files, or names in deploy/scenes")
+      .otherwise(fmt::format("{}", fmt::join(kScenes, " ")));
+  line.add("--scheme", &sweep.schemes,
+           "coupling schemes; in paper_literal the device's force acts in the sub-world alone")
+      .one_of({"direct", "paper", "paper_literal", "reduced"});
+  const Option ratio = line.add("--ratio", &sweep.ratios, "simulation ratios r = T / h").check(fixed_ratio_fault);
+  line.add(
+          "--ratio-most", &sweep.ratios_most,
+          "the ratio may rise to this value where nothing that crosses a border is felt, or where the world costs more "
+          "than a cycle by its engine's published costs; 0: it is fixed")
+      .range(0, kMostRatio);
+  line.add("--box", &sweep.boxes_m, "half sides of the box around the proxy").range(1e-3, 1e3, "m").otherwise(scenes);
+  line.add("--depth", &sweep.contact_depths,
+           "bodies that this many contacts connect to the proxy belong to the sub-world too")
+      .range(0, 1000)
+      .otherwise(scenes);
+  line.add("--budget", &sweep.budget_ratios,
+           "parts of the haptic step that the step of the sub-world may take; of the box's bodies, those that matter "
+           "most and fit are simulated")
+      .range(1e-3, 1e3)
+      .otherwise(scenes);
+  line.add("--substeps", &sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme requests").range(0, 1000);
+  line.add("--latency", &sweep.latencies_s, "delays added to the round trip, half each way").range(0.0, 10.0, "s");
+  line.add("--jitter", &sweep.jitters_s, "longest extra delays of a single message").range(0.0, 10.0, "s");
+  line.add("--stiffness", &sweep.stiffness_factors, "factors on the coupling's stiffness").range(1e-3, 1e3);
+  line.add("--h", &sweep.h_s, "haptic steps").range(1e-5, 0.1, "s").otherwise(scenes);
+  line.add("--engine", &sweep.engines, "the world's engines").otherwise(scenes);
+  line.add("--haptic-engine", &sweep.haptic_engines, "the sub-worlds' engines").otherwise(scenes);
+  line.add("--variants", &request.variants,
+           "number of variants of each scene, with other friction, masses and paths: whether an error is that of one "
+           "lucky scene")
+      .range(0, 1000);
+  add_duration(line, sweep.duration_s);
+  line.flag("--quick", request.quick,
+            fmt::format("a first look: scenes {}, ratios {}, {:g} s, where nothing else is given",
+                        fmt::join(kQuickScenes, " "), fmt::join(kQuickRatios, ","), kQuickDuration_s));
+  add_out(line, "coupling", request.out);
+  if (const auto code = line.parse(argc, argv)) return code;
   for (int v = 1; v <= request.variants; ++v) sweep.variants.push_back(v);
-  if (request.quick && ratio->count() == 0) sweep.ratios = kQuickRatios;
+  if (request.quick && !ratio.given()) sweep.ratios = kQuickRatios;
   if (request.quick && !sweep.duration_s) sweep.duration_s = kQuickDuration_s;
   if (sweep.scenes.empty()) sweep.scenes = scene_files(request.quick ? kQuickScenes : kScenes);
   for (std::string& scene : sweep.scenes) scene = scene_file(scene);
@@ -166,13 +162,13 @@ Json asked(const Sweep& s) {
 std::string verdict_of(const Rows& rows, std::size_t planned) {
   const auto count = [&](const auto& holds) { return std::ranges::count_if(rows, holds); };
   std::string verdict =
-      fmt::format("{} points: {} imperceptible, {} at the floor of their reference, {} did not survive", rows.size(),
+      fmt::format("{} points: {} imperceptible, {} at their reference error, {} did not survive", rows.size(),
                   count(imperceptible), count([](const Json& row) { return row.at("at_reference_error").get<bool>(); }),
                   count([](const Json& row) { return !row.at("survived").get<bool>(); }));
   return verdict + stopped_text(rows.size(), planned);
 }
 
-/// One line for each point, with the time that the rest may take.
+/// Prints one line for each point, with the estimated remaining time.
 class Progress {
  public:
   Progress(std::size_t points, const Sweep& sweep)
@@ -183,13 +179,13 @@ class Progress {
       const double part = row.at(column).get<double>();
       return std::isfinite(part) ? fmt::format("{:6.2f} %", 100.0 * part) : "unknown";
     };
-    fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (floor {}){}  {:.3g} CPU s/s{}\n", rows.size(), points_,
-               row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(), row.at("ratio").get<int>(),
-               details(row),
+    fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (reference error {}){}  {:.3g} CPU s/s{}\n", rows.size(),
+               points_, row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(),
+               row.at("ratio").get<int>(), details(row),
                !row.at("survived").get<bool>() ? "did not survive"
                : comparable(row)               ? percent("force_error_rms")
                                                : "unknown, the reference felt no force",
-               percent("reference_error"), row.at("at_reference_error").get<bool>() ? " at the floor" : "",
+               percent("reference_error"), row.at("at_reference_error").get<bool>() ? ", not significant" : "",
                total_cpu(row), left_.text(static_cast<double>(rows.size())));
     std::fflush(stdout);
   }

@@ -13,7 +13,7 @@ namespace subworld {
 
 namespace {
 
-constexpr int kFiner = 4;  ///< the step of the reference's own reference
+constexpr int kFiner = 4;  ///< refinement of the step for the error of the reference
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 std::vector<Vec3> every(std::span<const Vec3> values, int step) {
@@ -22,7 +22,7 @@ std::vector<Vec3> every(std::span<const Vec3> values, int step) {
   return kept;
 }
 
-/// Forces of all users behind each other, each cut to what both runs have. `finer`: steps of b in one of a.
+/// Forces of all users, concatenated; each is cut to the length that both runs have. `finer`: steps of b in one of a.
 struct Joined {
   std::vector<Vec3> a;
   std::vector<Vec3> b;
@@ -54,7 +54,7 @@ double drift_max_m(const Scene& scene, const Outcome& a, const Outcome& b) {
   for (const Body& body : scene.bodies) {
     if (body.fixed()) continue;
     const double drift = (a.end[index(body.id)].position - b.end[index(body.id)].position).norm();
-    if (!(drift <= most)) most = drift;  // one that is no number stays
+    if (!(drift <= most)) most = drift;  // a value that is not a number stays
     if (std::isnan(most)) break;
   }
   return most;
@@ -64,7 +64,7 @@ double cpu_s_per_s(const Histogram& h, double simulated_s) {
   return h.mean_s() * static_cast<double>(h.count()) / simulated_s;
 }
 
-/// What was run.
+/// Settings of the run.
 Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
   const Settings& s = scene.settings;
   return {{"scene", scene.name},
@@ -102,8 +102,8 @@ void add_errors(Json& row, const Scene& scene, const Outcome& run, const Referen
               {"energy_excess_j", run.energy_excess_j},
               {"reference_energy_excess_j", reference.run.energy_excess_j},
               {"device_work_j", run.device_work_j},
-              {"reference_error", reference.floor},
-              {"at_reference_error", e.rms <= reference.floor && telling(reference.floor)}});
+              {"reference_error", reference.error},
+              {"at_reference_error", e.rms <= reference.error && usable(reference.error)}});
 }
 
 void add_run_times(Json& row, const Outcome& run) {
@@ -156,8 +156,8 @@ std::optional<Reference> reference_of(const Scene& scene) {
   const std::optional<Outcome> fine = run_out(refined(scene, kFiner));
   if (!fine) return std::nullopt;
   const Joined both = joined(run->felt, fine->felt, kFiner);
-  const double floor = force_error(both.a, both.b, scene.settings.h_s).rms;
-  return Reference{std::move(*run), floor};
+  const double error = force_error(both.a, both.b, scene.settings.h_s).rms;
+  return Reference{std::move(*run), error};
 }
 
 ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference, double h_s) {
@@ -183,12 +183,12 @@ std::optional<Measured> measure(const Point& point, References& references) {
   add_errors(measured.row, scene, *run, *reference);
   add_run_times(measured.row, *run);
   const std::string late = point.latency_s > 0.0 ? fmt::format("_late_{:g}_ms", 1e3 * point.latency_s) : "";
-  const std::string parts = run->substeps > 1 ? fmt::format("_{}_parts", run->substeps) : "";
+  const std::string substeps = run->substeps > 1 ? fmt::format("_{}_substeps", run->substeps) : "";
   measured.trace = {.scene = scene.name,
                     .scheme = point.scheme,
                     .ratio = point.ratio,
                     .latency_s = point.latency_s,
-                    .name = fmt::format("{}_{}_r{}{}{}", scene.name, point.scheme, point.ratio, parts, late),
+                    .name = fmt::format("{}_{}_r{}{}{}", scene.name, point.scheme, point.ratio, substeps, late),
                     .h_s = scene.settings.h_s,
                     .force = run->felt.front().force,
                     .reference = reference->run.felt.front().force,

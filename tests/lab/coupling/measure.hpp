@@ -13,7 +13,7 @@
 
 namespace subworld {
 
-/// What a run left.
+/// Results of a run.
 struct Outcome {
   bool finite = true;
   std::vector<FeltHistory> felt;  ///< by user
@@ -24,44 +24,44 @@ struct Outcome {
   CpuTimes cpu;
   double simulated_s = 0.0;
   MeanMax ratio;            ///< by cycle
-  std::vector<int> ratios;  ///< by haptic step of the world
-  MeanMax members;          ///< per user and cycle, as the next two
+  std::vector<int> ratios;  ///< by haptic step of the world's time
+  MeanMax members;          ///< per user and cycle, like the next two
   MeanMax ghosts;
   MeanMax border_pairs;
 };
 
-/// Empty where a signal asked to stop.
+/// Empty if a signal requested a stop.
 [[nodiscard]] std::optional<Outcome> run_out(const Scene& scene);
 
 struct Reference {
   Outcome run;
-  double floor = 0.0;  ///< RMS force error of the reference against itself at h / 4
+  double error = 0.0;  ///< RMS force error of the reference against itself at h / 4
 };
 
-/// Of a scene in one world (lab/sweep). Empty where a signal asked to stop.
+/// Reference of a scene in one world (lab/sweep). Empty if a signal requested a stop.
 [[nodiscard]] std::optional<Reference> reference_of(const Scene& scene);
 
-/// Of what the hands felt in two runs of one scene.
+/// Difference of the felt forces of all users in two runs of one scene.
 [[nodiscard]] ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference,
                                      double h_s);
 
-/// Each reference is computed once.
+/// Cache of references.
 class References {
  public:
-  /// Empty where a signal asked to stop.
+  /// Empty if a signal requested a stop.
   [[nodiscard]] const Reference* of(const Point& point);
 
  private:
   std::map<std::string, Reference> known_;
 };
 
-/// What user 0 felt, and should have.
+/// Felt force and motion of user 0, with the reference.
 struct Trace {
   std::string scene;
   std::string scheme;
   int ratio = 1;
   double latency_s = 0.0;
-  std::string name;  ///< of the file, without its end
+  std::string name;  ///< of the file, without its extension
   double h_s = 0.0;
   std::vector<Vec3> force;  ///< N
   std::vector<Vec3> reference;
@@ -73,10 +73,10 @@ struct Measured {
   Trace trace;
 };
 
-/// One flat row. Empty where a signal asked to stop.
+/// One flat row. Empty if a signal requested a stop.
 [[nodiscard]] std::optional<Measured> measure(const Point& point, References& references);
 
-/// CPU seconds per simulated second, of all parts of a row.
+/// CPU seconds per simulated second, summed over a row.
 [[nodiscard]] double total_cpu(const Json& row);
 
 }  // namespace subworld

@@ -13,22 +13,23 @@ namespace {
 constexpr const char* kHowToRead = R"(<p>Each point is the whole system (world, sub-worlds, emulated devices) run in
 lock-step in one process. The <b>felt force</b> is compared with that of a <b>reference</b>: the same scene and engine in
 one world at the haptic step, without any coupling. The <b>error</b> is the root mean square of the difference over that
-of the reference, over all users. The reference is itself not exact: its difference to the same world at a quarter of the
-step is the <b>floor</b>, and an error under the floor means &ldquo;as good as can be told&rdquo;, not &ldquo;better&rdquo;. A
+of the reference, over all users. The reference is not exact. Its difference from the same world at a quarter of the
+step is the <b>reference error</b>. Differences below the reference error are not significant. A
 setting is called <b>imperceptible</b> when the RMS error is at most 3.5 %, its 99th percentile at most 7 % of the largest
-force, and the force at most 5 ms early or late. The best settings are low and to the left: little error for little
-<b>CPU time</b>, which is that of world, sub-worlds and synchronisation in seconds per simulated second, without the
+force, and the force at most 5 ms early or late. The best settings are low and to the left: a small error for little
+<b>CPU time</b>. It is the CPU time of world, sub-worlds and synchronisation in seconds per simulated second, without the
 network. Errors under 0.01 % are drawn at 0.01 %.</p>
-<p class=facts>In the tables: <b>p99</b> and <b>max</b> are of the difference, over the reference's largest force;
-<b>offset</b> is the lag that makes the error least, and <b>RMS without offset</b> what is left then; <b>jitter</b> is the
-force without its 41-step mean, over the same of the reference; <b>smoothed</b> the error of those means; <b>drift</b> the
-most that a body ends away from where the reference has it; <b>energy excess</b> what the world gained beyond the work of the
-devices; <b>ghosts</b> the outside bodies that the scheme <i>reduced</i> models.</p>
+<p class=facts>In the tables, <b>p99</b> and <b>max</b> of the difference are relative to the reference's largest force.
+<b>Offset</b> is the lag with the least error, and <b>RMS without offset</b> the error at that lag. <b>Jitter</b> is the
+force without its 41-step mean, relative to that of the reference; <b>smoothed</b> is the error of those means. <b>Drift</b>
+is the largest distance of a body from its place in the reference, at the end. <b>Energy excess</b> is the world's gain of
+energy beyond the work of the devices. <b>Ghosts</b> are the outside bodies that the scheme <i>reduced</i> models.</p>
 )";
 
-constexpr int kFewestFitted = 3;  ///< points; fewer say nothing of an order
+constexpr int kFewestFitted = 3;  ///< points; an order needs at least as many
 constexpr const char* kOrders =
-    "Observed order p of error ~ C r<sup>p</sup> (or C h<sup>p</sup>), points above the floor and without latency";
+    "Observed order p of error ~ C r<sup>p</sup> (or C h<sup>p</sup>), points above the reference error and without "
+    "latency";
 constexpr const char* kVariants =
     "Over the variants of the scene, which differ from it in friction, masses and path; the plots are of the scene "
     "itself";
@@ -73,7 +74,7 @@ std::string marks_of(const Json& row, bool is_dominated) {
     if (holds) marks += fmt::format("{}{}", marks.empty() ? "" : ", ", text);
   };
   add(!row.at("survived").get<bool>(), "did not survive");
-  add(row.at("at_reference_error").get<bool>(), "<span class=good>at the floor</span>");
+  add(row.at("at_reference_error").get<bool>(), "<span class=good>at the reference error</span>");
   add(imperceptible(row), "<span class=good>imperceptible</span>");
   add(row.at("survived").get<bool>() && is_dominated, "dominated");
   return marks;
@@ -97,10 +98,10 @@ std::string table_of(const Rows& rows) {
   }
   return text +
          "</table></div>\n<p class=facts>Grey, &ldquo;dominated&rdquo;: another point under the same conditions is "
-         "better in error or CPU time and not worse in the other; errors under the floor are equal.</p>\n";
+         "better in error or CPU time and not worse in the other; errors below the reference error are equal.</p>\n";
 }
 
-/// Which setting each budget affords, for the first latency, jitter and stiffness.
+/// The best setting for each budget, for the first latency, jitter and stiffness.
 std::string choices_of(const Rows& rows) {
   if (!comparable(rows.front())) return "";
   std::vector<const Json*> open;
@@ -113,7 +114,7 @@ std::string choices_of(const Rows& rows) {
   for (const double budget : kBudgets) {
     const Json* best = choice(open, budget);
     if (best == nullptr) {
-      text += fmt::format("<br>{:g} CPU s per simulated s: nothing is that cheap", budget);
+      text += fmt::format("<br>{:g} CPU s per simulated s: no setting is that cheap", budget);
       continue;
     }
     text += fmt::format("<br>{:g} CPU s per simulated s: <b>{}</b>, {:.2g} % for {:.2g} CPU s{}", budget,
@@ -123,7 +124,7 @@ std::string choices_of(const Rows& rows) {
   return "<p class=choice>With a budget of" + text + "</p>\n";
 }
 
-/// What was simulated.
+/// Description of the simulated scene.
 std::string facts_of(const Json& scene) {
   const auto engine = [](const Json& e) {
     return fmt::format("{} ({}{})", e.at("engine").get<std::string>(), e.at("preset").get<std::string>(),
@@ -146,21 +147,24 @@ std::string plan_of(const Json& scene) {
                          escaped(item.at("because").get<std::string>()), item.at("item").get<std::string>());
   }
   if (names.empty()) return "";
-  return fmt::format("<p class=facts>Left out, as the scene does not need it (subworld plan): {}.</p>\n", names);
+  return fmt::format("<p class=facts>Optimisations that are on (subworld plan): {}.</p>\n", names);
 }
 
-/// Where the reference itself depends on the step.
+/// Warning if the reference itself depends on the step.
 std::string doubt_of(const Rows& rows) {
   if (!comparable(rows.front())) {
-    return "<p class=doubt>The reference felt no force in this time, so there is no relative error. Run longer.</p>\n";
+    return "<p class=doubt>The reference has no felt force in this time, so there is no relative error. Run "
+           "longer.</p>\n";
   }
-  const double floor = rows.front().at("reference_error").get<double>();
-  if (telling(floor)) return "";
+  const double reference_error = rows.front().at("reference_error").get<double>();
+  if (usable(reference_error)) return "";
   return fmt::format(
-      "<p class=doubt>The floor is {:.2g} %: the reference itself changes with its step, because contacts then follow "
-      "another course or because the path's speed jumps. It is one of many that are right, and an error says only how "
-      "well a scheme keeps to this one; no point is called at the floor.</p>\n",
-      100.0 * floor);
+      "<p class=doubt>The reference error is {:.2g} %: the reference itself changes with its step, because the "
+      "sequence of "
+      "contacts changes or because the path's speed jumps. The reference is one of many valid ones, and an error is "
+      "only "
+      "the difference from this one. No point counts as at the reference error.</p>\n",
+      100.0 * reference_error);
 }
 
 std::string list_of(const char* title, const std::vector<std::string>& lines) {

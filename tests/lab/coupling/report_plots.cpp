@@ -14,7 +14,7 @@ namespace subworld {
 
 namespace {
 
-/// An axis of the sweep that a plot may have as its x.
+/// A swept quantity that can be the x axis of a plot.
 struct Swept {
   const char* column;
   const char* name;   ///< in a legend
@@ -45,7 +45,7 @@ struct Look {
 };
 constexpr std::array kLooks{Look{"direct", "#777777"}, Look{"paper_literal", "#d55e00"}, Look{"paper", "#0072b2"},
                             Look{"reduced", "#009e73"}};
-constexpr const char* kFloorColour = "#aa3377";
+constexpr const char* kReferenceErrorColour = "#aa3377";
 constexpr const char* kThresholdColour = "#b8860b";
 constexpr std::array kMarks{7, 5, 9, 13, 11, 6, 4, 8, 12, 10};
 constexpr double kLeastShown_percent = 0.01;
@@ -64,12 +64,12 @@ const Swept& about(const std::string& column) {
 
 std::vector<Level> levels_of(const Json& row) {
   return {
-      {fmt::format("floor of the reference {:.2g} %", 100.0 * row.at("reference_error").get<double>()), kFloorColour,
+      {fmt::format("reference error {:.2g} %", 100.0 * row.at("reference_error").get<double>()), kReferenceErrorColour,
        100.0 * row.at("reference_error").get<double>()},
       {fmt::format("imperceptible {:g} %", 100.0 * kImperceptibleRms), kThresholdColour, 100.0 * kImperceptibleRms}};
 }
 
-/// A line for each set of rows that differ in `x` alone.
+/// A line for each set of rows that differ only in `x`.
 std::vector<Series> lines_of(const std::vector<const Json*>& rows, const std::vector<std::string>& columns,
                              const std::string& x, const auto& point_of) {
   std::vector<std::string> others = columns;
@@ -102,7 +102,7 @@ double error_percent(const Json& row) {
   return std::max(kLeastShown_percent, 100.0 * row.at("force_error_rms").get<double>());
 }
 
-/// The first row of the shown ratio, and those that are like it in each swept column but the free ones.
+/// The first row of the shown ratio, and the rows that equal it in each swept column but the free ones.
 std::vector<const Json*> slice(const Rows& rows, std::vector<std::string> columns, const std::set<std::string>& free) {
   std::vector<int> ratios;
   for (const Json& row : rows) ratios.push_back(row.at("ratio"));
@@ -118,7 +118,7 @@ std::vector<const Json*> slice(const Rows& rows, std::vector<std::string> column
 
 std::set<std::string> kinds() { return {"scheme", "engine", "haptic_engine"}; }
 
-/// "Error against X", and what all these rows have in common of what was swept.
+/// "Error against X", with the values of the swept columns that are common to all rows.
 std::string title_of(const std::string& against, const std::vector<const Json*>& rows,
                      std::vector<std::string> columns) {
   const std::vector<std::string> varying = swept(rows);
@@ -202,7 +202,7 @@ Plot felt_force(const std::vector<const Trace*>& traces) {
   return plot;
 }
 
-/// Nothing where no ratio changes.
+/// Empty if no ratio changes.
 std::optional<Plot> ratios(const std::vector<const Trace*>& traces) {
   Plot plot{.title = "Simulation ratio while it adapts",
             .x_label = "time, s",

@@ -16,7 +16,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kMostSteps = 1e7;  ///< of a run; more is a slip of the pen
+constexpr double kMostSteps = 1e7;  ///< of a run; a larger number is a typing error
 
 struct Axis {
   std::size_t count;
@@ -105,7 +105,7 @@ Scene scene_of(const Point& point) {
       user.budget_ratio = point.budget_ratio;
     }
   }
-  (void)make_scheme(s);
+  (void)scheme_of(s);
   (void)make_engine(s.world, {});
   (void)make_engine(s.haptic, {});
   return scene;
@@ -121,9 +121,9 @@ Scene in_one_world(Scene scene) {
   return scene;
 }
 
-Scene refined(Scene scene, int parts) {
-  scene.settings.h_s /= parts;
-  for (UserSpec& user : scene.users) user.device.rate_hz *= parts;
+Scene refined(Scene scene, int factor) {
+  scene.settings.h_s /= factor;
+  for (UserSpec& user : scene.users) user.device.rate_hz *= factor;
   return scene;
 }
 

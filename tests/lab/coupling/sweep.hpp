@@ -8,8 +8,8 @@
 
 namespace subworld {
 
-/// What is asked of each axis of the sweep. An empty name, a box of 0, an h of 0, a budget of 0 and a depth of -1 mean
-/// the scene's own.
+/// Requested values of each axis of the sweep. An empty name, a box of 0, an h of 0, a budget of 0 and a depth of -1
+/// mean the scene's own.
 struct Sweep {
   std::vector<std::string> scenes;  ///< files
   std::vector<int> variants{0};     ///< of each scene (lab/variants); 0: itself
@@ -17,11 +17,11 @@ struct Sweep {
   std::vector<std::string> engines{""};
   std::vector<std::string> haptic_engines{""};
   std::vector<int> ratios{1, 4, 10, 20};
-  std::vector<int> ratios_most{0};   ///< to which the ratio may rise; 0: it is fixed
+  std::vector<int> ratios_most{0};   ///< largest adaptive ratio; 0: the ratio is fixed
   std::vector<double> boxes_m{0.0};  ///< half sides
   std::vector<int> contact_depths{-1};
-  std::vector<double> budget_ratios{0.0};  ///< parts of h
-  std::vector<int> substeps{1};            ///< of the world, per cycle; 0: as many as the scheme wants
+  std::vector<double> budget_ratios{0.0};  ///< shares of h
+  std::vector<int> substeps{1};            ///< of the world, per cycle; 0: as the scheme requires
   std::vector<double> latencies_s{0.0};
   std::vector<double> jitters_s{0.0};
   std::vector<double> stiffness_factors{1.0};
@@ -51,23 +51,23 @@ struct Point {
   bool operator==(const Point&) const = default;
 };
 
-/// Every combination, once; those that share a reference follow each other, the ratio changes fastest.
+/// Every combination, once. Points with a common reference are consecutive; the ratio changes fastest.
 [[nodiscard]] std::vector<Point> points_of(const Sweep& sweep);
 
 /// The scene of a point. Throws `Error` (usage) for a scene, scheme or engine that does not exist.
 [[nodiscard]] Scene scene_of(const Point& point);
-/// What the point is compared with: the whole scene in one world of the same engine at step h, without delay.
+/// The reference of the point: the whole scene in one world of the same engine at step h, without delay.
 [[nodiscard]] Scene reference_scene_of(const Point& point);
 /// The whole scene in one world at step h, without delay.
 [[nodiscard]] Scene in_one_world(Scene scene);
-/// The same at h / `parts`.
-[[nodiscard]] Scene refined(Scene scene, int parts);
+/// The same at h / `factor`.
+[[nodiscard]] Scene refined(Scene scene, int factor);
 /// Equal for points with the same reference.
 [[nodiscard]] std::string reference_key(const Point& point);
 
-/// The ratio of which traces are written and drawn: the nearest to 10.
+/// The ratio of the written and drawn traces: the nearest to 10.
 [[nodiscard]] int shown_ratio(const std::vector<int>& ratios);
-/// Whether the trace of this point is kept: at the shown ratio, every other axis at its first value.
+/// Whether the trace of this point is saved: at the shown ratio, with every other axis at its first value.
 [[nodiscard]] bool shown(const Point& point, const Sweep& sweep);
 
 }  // namespace subworld

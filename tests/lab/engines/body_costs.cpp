@@ -28,7 +28,7 @@ constexpr double kSettleStep_s = 0.004;
 constexpr int kWarmUp = 20;
 constexpr int kSteps = 500;
 
-/// Bodies that come one after the other, with ids in that order.
+/// Adds bodies with consecutive ids.
 class Builder {
  public:
   Builder(const std::string& engine, const std::string& preset) {
@@ -76,7 +76,7 @@ std::unique_ptr<Engine> spaced(Builder builder, int count) {
   return builder.take();
 }
 
-/// Not settled yet.
+/// The heap has not settled yet.
 std::unique_ptr<Engine> dense(Builder builder, int count) {
   const double side = kBinSide_m * std::cbrt(count);
   builder.floor();
@@ -98,7 +98,7 @@ std::unique_ptr<Engine> dense(Builder builder, int count) {
   return builder.take();
 }
 
-/// False where a signal asked to stop.
+/// False if a signal requested a stop.
 bool let_settle(Engine& engine) {
   for (double t = 0.0; t < kSettle_s; t += kSettleStep_s) {
     if (stop_signal() != 0) return false;

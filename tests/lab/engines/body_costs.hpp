@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-/// What a body costs in a haptic step: step time against the number of bodies (paper, figure 12).
+/// Cost of a body in a haptic step: step time against the number of bodies (paper, figure 12).
 namespace subworld {
 
 inline constexpr const char* kSpaced = "spaced";  ///< cubes in the air, three widths apart
@@ -14,11 +14,11 @@ inline constexpr const char* kDense = "dense";    ///< cubes poured into a bin a
 inline constexpr double kCostStep_s = 1e-3;
 inline constexpr double kPaperSpaced_ms = 0.0016;  ///< per body
 inline constexpr double kPaperDense_ms = 0.011;
-/// Haptic periods into which a sub-world may have to fit.
+/// Haptic periods for which the largest sub-world is determined.
 inline constexpr double kPeriods_s[] = {1e-3, 0.5e-3, 0.25e-3};
 
-/// One row for each arrangement and number of bodies. `progress` is called with each row. What was
-/// measured before a signal asked to stop; an engine that fails leaves no row.
+/// One row for each arrangement and number of bodies. `progress` is called with each row. After a signal, returns the
+/// rows measured until then. An engine that fails gives no row.
 [[nodiscard]] Rows body_costs(const std::string& engine, const std::string& preset,
                               const std::function<void(const Json&)>& progress);
 
@@ -31,15 +31,15 @@ struct CostCurve {
 };
 [[nodiscard]] std::vector<CostCurve> curves_of(const Rows& costs);
 
-/// Of the mean CPU time of a step, s, against bodies and contacts.
+/// Fit of a step's mean CPU time (s) against the number of bodies or contacts.
 [[nodiscard]] LineFit per_body(const CostCurve& curve);
 [[nodiscard]] LineFit per_contact(const CostCurve& curve);
 
-/// The largest world that fits into a period, between the measured ones.
+/// The largest world within a period, interpolated between the measured ones.
 struct Fitting {
   double bodies = 0.0;
-  bool below = false;  ///< not even the smallest, `bodies`, fits
-  bool above = false;  ///< even the largest, `bodies`, fits
+  bool below = false;  ///< the smallest measured world, `bodies`, is too large
+  bool above = false;  ///< the largest measured world, `bodies`, still fits
   [[nodiscard]] std::string text() const;
 };
 /// `quantile`: "mean" or "p99" of the step's wall time.

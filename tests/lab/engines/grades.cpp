@@ -12,13 +12,15 @@
 namespace subworld {
 
 const char* const kGradesInWords =
-    "From the runs with friction and a time step of 1/100 s or more (finer ones where there are no others). -: every "
-    "run "
-    "failed or fell within 2 s, the structure cannot be simulated. Otherwise the smallest of these time steps decides. "
-    "++: it held, was at rest at the end, and no contact was deeper than 5 % of a body's smallest dimension. +: it "
-    "held, "
-    "but moves or shows penetration; or it broke and then lay at rest. 0: it broke and was not at rest at the end. At "
-    "rest: RMS speed under 1 % of sqrt(g L), L the longest dimension of a body, over the last half second.";
+    "From the runs with friction and a time step of 1/100 s or more (finer ones if there are no others). -: every run "
+    "failed or fell within 2 s, so the structure cannot be simulated. Otherwise the smallest of these time steps "
+    "decides. "
+    "++: the structure held, was at rest at the end, and no contact was deeper than 5 % of a body's smallest "
+    "dimension. "
+    "+: it held, but moves or shows penetration; or it broke and was at rest at the end. 0: it broke and was not at "
+    "rest "
+    "at the end. At rest: RMS speed below 1 % of sqrt(g L), L the longest dimension of a body, over the last half "
+    "second.";
 
 namespace {
 
@@ -40,7 +42,7 @@ std::string about(const Json& row) {
   return fmt::format("{} ({})", row.at("engine").get<std::string>(), row.at("preset").get<std::string>());
 }
 
-/// The engine and preset that let most structures with friction stand; of those the cheapest.
+/// The engine and preset with the most standing structures with friction; of equal ones the cheapest.
 std::string for_structures(const Rows& rows) {
   Rows of_structures;
   std::ranges::copy_if(rows, std::back_inserter(of_structures), is_structure);
@@ -65,7 +67,7 @@ std::string for_structures(const Rows& rows) {
   return best;
 }
 
-/// The engine and preset with the least mean step among those of which all runs held, in the largest scene that falls.
+/// The engine and preset with the least mean step time in the largest falling scene, if all its runs held.
 std::string for_big_worlds(const Rows& rows) {
   double most_bodies = 0.0;
   for (const Json& row : rows) {
@@ -86,14 +88,14 @@ std::string for_big_worlds(const Rows& rows) {
     const auto rank = std::tuple(lost / runs, cpu_s);
     if (rank >= best_rank) continue;
     best_rank = rank;
-    best = fmt::format("For big worlds: {}: {:.3g} CPU ms per step of {:g} bodies, {:g} of {:g} runs held{}",
+    best = fmt::format("For large worlds: {}: {:.3g} CPU ms per step of {:g} bodies, {:g} of {:g} runs held{}",
                        about(*variant.rows.front()), 1e3 * cpu_s, most_bodies, runs - lost, runs,
                        lost == runs ? "; the fastest, as none held" : "");
   }
   return best;
 }
 
-/// The engine and preset whose dense heap is largest within 1 ms at p99; of equal ones the cheapest per body.
+/// The engine and preset with the largest dense heap within 1 ms at p99; of equal ones the cheapest per body.
 std::string for_sub_worlds(const Rows& costs) {
   std::string best;
   auto best_rank = std::tuple(kInfinite, kInfinite);

@@ -7,15 +7,10 @@
 namespace subworld {
 
 const char* const kHeldInWords =
-    "A run has held when the engine neither failed nor gave a number that is not finite, no contact is deeper than "
-    "half "
-    "of the smallest dimension of the bodies that touch, and: in a structure (at least half of the bodies touch "
-    "another "
-    "one at the start) no body has moved or turned so that a point of it may be farther from its start than half of "
-    "the "
-    "body's longest dimension; in a scene that falls no body's centre has left the box around all that was there at "
-    "the "
-    "start.";
+    "A run has held when the engine did not fail, all numbers are finite, and no contact is deeper than half of the "
+    "smallest dimension of the touching bodies. In a structure (at least half of the bodies touch another one at the "
+    "start), in addition, no point of a body has moved by more than half of the body's longest dimension. In a falling "
+    "scene, in addition, no body's centre has left the box around all bodies at the start.";
 
 namespace {
 

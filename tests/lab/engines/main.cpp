@@ -45,14 +45,14 @@ std::string folded(const std::string& text) {
   return lines;
 }
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Request& request) {
   EngineSweep& sweep = request.sweep;
-  CLI::App app{
-      "Judges the physics engines alone, without any coupling: what a step costs, and whether structures stand. "
-      "Every combination of the options is run; each option is a list, separated by commas.",
-      "subworld lab engines"};
-  app.footer(fmt::format(
+  CommandLine line(
+      "subworld lab engines",
+      "Measures the physics engines alone, without any coupling: the cost of a step, and whether structures "
+      "stand. Every combination of the options is run; an option takes a list, separated by commas.");
+  line.footer(fmt::format(
       "Without --friction, --restitution and --dt the five combinations of the paper's Table 1 are run (friction 0.5,\n"
       "0.5, 0.5, 1, 0; restitution 0.4, 0, 0.4, 0.4, 0.4; dt 1/60, 1/60, 1/100, 1/60, 1/60), and structures at finer\n"
       "steps too.\n\n{}\n\n"
@@ -67,30 +67,28 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "run, DIR/bodies.csv the step times of figure 12. Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.",
       folded(kHeldInWords), fmt::join(in_display_order(engine_names()), ",")));
-  app.add_option("scene", sweep.scenes,
-                 fmt::format("scene files, or names in deploy/scenes (default: {})", fmt::join(kScenes, " ")));
-  add_list(app, "--engine", sweep.engines, "engines (default: all there are)");
-  add_list(app, "--preset", sweep.presets,
-           "presets of the engines (default: all for a structure, the first for a scene that falls)");
-  add_list(app, "--dt", request.steps, "time steps, s, as in 1/60 or 0.01 (default: Table 1)");
-  add_numbers(app, "--friction", sweep.frictions, "friction coefficients of each pair (default: Table 1)", 0.0, 10.0);
-  add_numbers(app, "--restitution", sweep.restitutions, "restitution of each pair (default: Table 1)", 0.0, 1.0);
-  CLI::Option* duration = app.add_option("--duration", sweep.duration_s, "simulated time, s (default: 10)");
-  duration->check(CLI::Range(0.01, 1e4))->check(not_finite);
-  CLI::Option* costs =
-      app.add_flag("--figure12", request.costs,
-                   "step time against the number of bodies; alone: no scenes (a run without scenes and "
-                   "without --quick has it anyway)");
-  app.add_flag("--states", request.states, "also the states of all bodies over time, in DIR/states");
-  app.add_flag("--quick", sweep.quick,
-               fmt::format("a first look: scenes {}, two combinations, {:g} s, where nothing else is asked",
-                           fmt::join(kQuickScenes, " "), kQuickDuration_s));
-  add_out(app, "engines", request.out);
-  if (const auto code = parse_arguments(app, argc, argv)) return code;
+  line.add("scene", &sweep.scenes, "scene files, or names in deploy/scenes")
+      .otherwise(fmt::format("{}", fmt::join(kScenes, " ")));
+  line.add("--engine", &sweep.engines, "engines").otherwise("all that are installed");
+  line.add("--preset", &sweep.presets, "presets of the engines")
+      .otherwise("all for a structure, the first for a scene that falls");
+  line.add("--dt", &request.steps, "time steps in s, as in 1/60 or 0.01").otherwise("Table 1");
+  line.add("--friction", &sweep.frictions, "friction coefficients of each pair").range(0.0, 10.0).otherwise("Table 1");
+  line.add("--restitution", &sweep.restitutions, "restitution of each pair").range(0.0, 1.0).otherwise("Table 1");
+  const Option duration = line.add("--duration", &sweep.duration_s, "simulated time").range(0.01, 1e4, "s");
+  line.flag("--figure12", request.costs,
+            "step time against the number of bodies; alone: no scenes (a run without scenes and without --quick has it "
+            "anyway)");
+  line.flag("--states", request.states, "also the states of all bodies over time, in DIR/states");
+  line.flag("--quick", sweep.quick,
+            fmt::format("a first look: scenes {}, two combinations, {:g} s, where nothing else is given",
+                        fmt::join(kQuickScenes, " "), kQuickDuration_s));
+  add_out(line, "engines", request.out);
+  if (const auto code = line.parse(argc, argv)) return code;
 
   for (const std::string& step : request.steps) sweep.steps_s.push_back(step_of(step));
-  if (sweep.quick && duration->count() == 0) sweep.duration_s = kQuickDuration_s;
-  if (sweep.scenes.empty() && (costs->count() == 0 || sweep.quick))
+  if (sweep.quick && !duration.given()) sweep.duration_s = kQuickDuration_s;
+  if (sweep.scenes.empty() && (!request.costs || sweep.quick))
     sweep.scenes = scene_files(sweep.quick ? kQuickScenes : kScenes), request.costs |= !sweep.quick;
   for (std::string& scene : sweep.scenes) scene = scene_file(scene);
   if (sweep.engines.empty()) sweep.engines = engine_names();

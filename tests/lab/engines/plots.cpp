@@ -11,7 +11,7 @@ namespace subworld {
 
 namespace {
 
-/// An engine's colours: its presets in their order.
+/// An engine's colours, in the order of its presets.
 struct Look {
   std::array<const char*, 2> colours;
   int mark;
@@ -24,7 +24,7 @@ constexpr double kFrame_s = 1.0 / 60.0;
 constexpr double kLeastShown_mm = 1e-3;
 constexpr double kLeastShown_j = 1e-6;
 
-/// A line for an engine and preset, of the variants that a plot shows.
+/// The line of an engine and preset, among the variants of a plot.
 Series line_of(const std::string& engine, const std::string& preset, const std::vector<Variant>& variants) {
   std::vector<std::string> engines;
   std::size_t same = 0;
@@ -112,7 +112,7 @@ Plot error_against_run_time(const Rows& rows, const std::vector<Variant>& varian
   return plot;
 }
 
-/// The paper's line, through the numbers of bodies of the curves.
+/// The paper's line, over the range of bodies of the curves.
 Series paper_line(double per_body_ms, const std::vector<CostCurve>& curves) {
   Series line{.title = fmt::format("paper: {:g} ms per body", per_body_ms),
               .colour = kPaperColour,

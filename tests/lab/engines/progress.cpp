@@ -9,7 +9,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kNews_s = 30.0;  ///< a run that takes longer says how far it is
+constexpr double kNews_s = 30.0;  ///< a longer run prints its progress
 
 /// Body steps.
 double work_of(const EnginePoint& point) {

@@ -14,8 +14,8 @@ namespace {
 constexpr const char* kHowToRead = R"(<p>Each run is one engine alone: the scene without its users, one
 <b>step()</b> after the other for the simulated time, and only that call is timed, on a clock of microseconds (wall time)
 and on the CPU clock of the thread. Friction and restitution are those of each pair, the same for all bodies. Low and to
-the left is best in &ldquo;error against run time&rdquo;: little error for little CPU time. Bodies of a structure should
-not move at all, so what they move is error; in a scene that falls it is how deep they sink into each other. Values under
+the left is best in &ldquo;error against run time&rdquo;: a small error for little CPU time. Bodies of a structure should
+not move, so their displacement is the error. In a falling scene the error is the penetration. Values under
 0.001 mm and 0.000001 J are drawn there.</p>
 )";
 
@@ -65,7 +65,7 @@ std::string stood_text(double value) {
   return std::isnan(value) ? "&ndash;" : std::isinf(value) ? "to the end" : fmt::format("{:.2g} s", value);
 }
 
-/// The paper's Table 2: a column for each engine and preset of today and each engine of the paper.
+/// The paper's Table 2: a column for each engine and preset of this lab and each engine of the paper.
 std::string grades_matrix(const Rows& rows) {
   TextTable table{.head = {"scene"}};
   const std::vector<Variant> variants = variants_of(rows);
@@ -98,7 +98,7 @@ std::string grades_matrix(const Rows& rows) {
                                                                   number(rows.front(), "duration_s")));
 }
 
-/// What the grades rest on, and what the paper says of its engines.
+/// The measurements behind the grades, and the paper's results.
 std::string behind_grades(const Rows& rows) {
   TextTable table{.head = {"scene", "engine", "preset", "stood with friction", "without friction", "mean step ms",
                            "max ms", "remarks"},
@@ -181,7 +181,7 @@ std::string cost_rows_table(const Rows& costs) {
                           fmt::format("{:.4g}", number(row, "contacts_mean")), ms(row.at("cpu_step_s"), "mean"),
                           ms(step, "mean"), ms(step, "p99"), ms(step, "max")});
   }
-  return paragraph("facts", "What was measured:") + html_of(table);
+  return paragraph("facts", "Measurements:") + html_of(table);
 }
 
 std::string fits_table(const std::vector<CostCurve>& curves) {
@@ -223,7 +223,7 @@ std::string budgets_table(const std::vector<CostCurve>& curves) {
 
 void add_costs(Page& page, const Rows& costs, const std::string* pictures, std::size_t count) {
   const std::vector<CostCurve> curves = curves_of(costs);
-  page.heading("What a body costs in a haptic step (the paper's figure 12)");
+  page.heading("Cost of a body in a haptic step (the paper's figure 12)");
   page.add(paragraph("facts",
                      "Steps of 1 ms with cubes of 0.1 m: in the air, three widths apart and without contact; and "
                      "poured into a bin that is as wide as the heap is high, after two seconds of settling."));

@@ -17,7 +17,7 @@ namespace subworld {
 
 namespace {
 
-/// Of which at most `most` come, evenly.
+/// Stride for at most `most` evenly spaced entries.
 int stride_of(int steps, int most) { return std::max(1, (steps + most - 1) / most); }
 
 std::unique_ptr<Engine> engine_of(const EnginePoint& point) {
@@ -28,7 +28,7 @@ std::unique_ptr<Engine> engine_of(const EnginePoint& point) {
   settings.gravity = scene.settings.world.gravity;
   std::unique_ptr<Engine> engine = make_engine(settings, scene.meshes);
   for (Body body : scene.bodies) {
-    // A pair has the geometric mean of two frictions and the product of two restitutions.
+    // The pair's friction is the geometric mean, its restitution the product.
     body.material = {.friction = point.friction, .restitution = std::sqrt(point.restitution)};
     engine->add(body, scene.initial[index(body.id)]);
   }
@@ -61,7 +61,7 @@ class States {
   std::optional<fmt::ostream> file_;
 };
 
-/// What a run leaves behind, step by step.
+/// Results of a run, step by step.
 class Tally {
  public:
   void add(const Observed& seen, const StepTime& time, double dt_s) {
@@ -139,7 +139,7 @@ LabScene load_lab_scene(const std::string& file) {
   LabScene loaded{load_scene(file), {}};
   keep_users(loaded.scene, 0);
   if (std::ranges::all_of(loaded.scene.bodies, [](const Body& b) { return b.fixed(); })) {
-    throw Error(ExitCode::usage, fmt::format("{}: no body of this scene can move; name another one", file));
+    throw Error(ExitCode::usage, fmt::format("{}: no body of this scene can move; choose another scene", file));
   }
   loaded.kind = kind_of(loaded.scene);
   return loaded;

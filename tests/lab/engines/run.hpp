@@ -10,7 +10,7 @@
 
 namespace subworld {
 
-/// A scene without its users, and what it asks of an engine.
+/// A scene without its users, and the kind by which engines are judged.
 struct LabScene {
   Scene scene;
   SceneKind kind = SceneKind::structure;
@@ -23,21 +23,21 @@ struct EnginePoint {
   const LabScene* scene = nullptr;
   std::string engine;
   std::string preset;
-  double friction = 0.5;  ///< of each pair, as the next
+  double friction = 0.5;  ///< of each pair, like restitution
   double restitution = 0.4;
   double dt_s = 1.0 / 60.0;
   double duration_s = 10.0;
 
   [[nodiscard]] int steps() const;
-  [[nodiscard]] std::string file_name() const;  ///< without its end
+  [[nodiscard]] std::string file_name() const;  ///< without its extension
 };
 
-/// Seconds of one step.
+/// Times of one step, s.
 struct StepTime {
   double wall_s = 0.0;
   double cpu_s = 0.0;  ///< of the thread
 };
-/// engine.step() alone.
+/// Time of engine.step() only.
 [[nodiscard]] StepTime timed_step(Engine& engine, double dt_s);
 
 struct EngineRun {
@@ -47,7 +47,7 @@ struct EngineRun {
 inline constexpr int kMostHistoryRows = 2000;
 inline constexpr int kMostStateFrames = 200;
 
-/// Empty where a signal asked to stop. An engine that fails leaves a row with the reason. `states`: a file for the
+/// Empty if a signal requested a stop. An engine that fails gives a row with the reason. `states`: a file for the
 /// states of all bodies over time, or empty. `progress` is called with the simulated time.
 [[nodiscard]] std::optional<EngineRun> run_engine(const EnginePoint& point, const std::string& states,
                                                   const std::function<void(double)>& progress);

@@ -10,7 +10,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kMostSteps = 1e7;  ///< of a run; more is a slip of the pen
+constexpr double kMostSteps = 1e7;  ///< of a run; a larger number is a typing error
 
 std::vector<Combination> swept_combinations(const EngineSweep& sweep, SceneKind kind) {
   const Combination first = kTable1[0];

@@ -15,7 +15,7 @@ struct Combination {
   double restitution;
   double dt_s;
 };
-/// Its five rows, in its order.
+/// Its five rows, in the same order.
 inline constexpr Combination kTable1[] = {{0.5, 0.4, 1.0 / 60.0},
                                           {0.5, 0.0, 1.0 / 60.0},
                                           {0.5, 0.4, 1.0 / 100.0},
@@ -24,7 +24,7 @@ inline constexpr Combination kTable1[] = {{0.5, 0.4, 1.0 / 60.0},
 /// Further time steps of structures, with the friction and restitution of the first row: error against run time.
 inline constexpr double kFinerSteps_s[] = {1.0 / 250.0, 1.0 / 500.0, 1.0 / 1000.0};
 
-/// What is asked. An empty list means the paper's procedure.
+/// Requested runs. An empty list means the paper's procedure.
 struct EngineSweep {
   std::vector<std::string> scenes;  ///< files
   std::vector<std::string> engines;
@@ -36,8 +36,8 @@ struct EngineSweep {
   bool quick = false;
 };
 
-/// What is asked, or for a structure every preset of the engine and for a fall its first. Throws `Error` (usage) where
-/// the engine or the preset does not exist.
+/// The requested presets; by default every preset for a structure and the first for a fall. Throws `Error` (usage) if
+/// the engine or a preset does not exist.
 [[nodiscard]] std::vector<std::string> presets_of(const EngineSweep& sweep, const std::string& engine, SceneKind kind);
 /// Every run, scene by scene. Throws `Error` (usage).
 [[nodiscard]] std::vector<EnginePoint> points_of(const EngineSweep& sweep, const std::deque<LabScene>& scenes);

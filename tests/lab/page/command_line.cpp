@@ -7,8 +7,6 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
-#include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <ctime>
 
@@ -24,17 +22,17 @@ std::vector<std::string> scene_files(const std::vector<std::string>& names) {
   return files;
 }
 
-std::string not_finite(const std::string& text) {
-  return std::isfinite(std::strtod(text.c_str(), nullptr)) ? "" : fmt::format("{} is not a finite number", text);
+Option add_seed(CommandLine& line, std::uint64_t& seed) {
+  constexpr double kMost = 9e15;  // that every program that reads a table can hold
+  return line.add("--seed", &seed, "seed of the random scenes").range(0.0, kMost);
 }
 
-CLI::Option* add_seed(CLI::App& app, std::uint64_t& seed) {
-  constexpr double kMost = 9e15;  // what every program that reads a table can hold
-  return app.add_option("--seed", seed, "seed of the random scenes (default: 1)")->check(CLI::Range(0.0, kMost));
+void add_out(CommandLine& line, const std::string& lab, std::string& out) {
+  line.add("--out", &out, "folder for the results").otherwise(fmt::format("out/lab_{}-TIME", lab));
 }
 
-void add_out(CLI::App& app, const std::string& lab, std::string& out) {
-  app.add_option("--out", out, fmt::format("folder for the results (default: out/lab_{}-TIME)", lab));
+Option add_duration(CommandLine& line, std::optional<double>& duration_s) {
+  return line.add("--duration", &duration_s, "simulated time").range(0.05, 1e4, "s").otherwise("the scene's");
 }
 
 std::string default_out(const std::string& lab) {

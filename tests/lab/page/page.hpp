@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-/// A report: one page that needs nothing beside it.
+/// A report as one self-contained page.
 namespace subworld {
 
 [[nodiscard]] std::string escaped(const std::string& text);
 
-/// So many significant digits, whole numbers whole; or a dash where it is no number.
+/// The number with these significant digits, or a dash if it is not a number.
 [[nodiscard]] std::string digits_of(double number, int digits);
 
 /// A column of a table of numbers.
@@ -21,26 +21,26 @@ struct Column {
   const char* key;
   double scale;
   int digits;                   ///< significant
-  const char* inner = nullptr;  ///< of an object
-  bool only_swept = false;      ///< left out where all rows are alike
+  const char* inner = nullptr;  ///< of a nested object
+  bool only_swept = false;      ///< omitted if all rows have the same value
 };
-/// The cell of a row, or a dash where it is no number.
+/// The cell of a row, or a dash if it is not a number.
 [[nodiscard]] std::string cell_of(const Column& column, const Json& row);
 
 /// A table of texts (already escaped).
 struct TextTable {
   std::vector<std::string> head;
   std::vector<std::vector<std::string>> rows = {};
-  std::size_t texts = 1;  ///< so many first columns stand left
-  bool remarks = false;   ///< the last one too
+  std::size_t texts = 1;  ///< number of first columns with text, left-aligned
+  bool remarks = false;   ///< the last column is text too
 };
 [[nodiscard]] std::string html_of(const TextTable& table);
 
 class Page {
  public:
-  /// Throws `Error` (failed) on close() where it cannot be written.
+  /// close() throws `Error` (failed) if the file cannot be written.
   Page(const std::string& path, const std::string& title);
-  /// The title, `what` was run, date, machine and verdict of a summary.
+  /// Title, `what` was run, date, machine and verdict of a summary.
   void intro(const std::string& what, const Json& summary);
   void add(const std::string& html) { file_ << html; }
   void heading(const std::string& text) { file_ << "<h2>" << escaped(text) << "</h2>\n"; }

@@ -58,7 +58,7 @@ struct Range {
   }
 };
 
-/// Range and ticks of a logarithmic axis: powers of ten, and 2 and 5 between them where there are few.
+/// Range and ticks of a logarithmic axis: powers of ten, with 2 and 5 between them if there are few.
 std::string log_axis(char axis, const Range& range, const std::vector<double>& ticks) {
   std::string text = fmt::format("set logscale {}\n", axis);
   if (!(range.low > 0.0)) return text;
@@ -131,7 +131,7 @@ std::string script_of(const Plot& plot, std::size_t number) {
   return text + data + "plot " + curves + "\n";
 }
 
-/// Only the element: no prologue, and no titles that a browser would show as hints.
+/// The SVG element only, without prologue and without titles, which a browser would show as tooltips.
 std::string element_of(const std::string& file) {
   const auto begin = file.find("<svg");
   if (begin == std::string::npos) throw Error(ExitCode::failed, "gnuplot wrote no picture; is it built with svg?");

@@ -10,7 +10,7 @@ struct Series {
   std::string title;
   std::string colour;  ///< "#rrggbb"
   double width = 2.0;
-  int mark = 7;  ///< gnuplot's point type; 0: a line alone
+  int mark = 7;  ///< gnuplot's point type; 0: a line only
   bool dashed = false;
   std::vector<std::pair<double, double>> points;
 };
@@ -28,7 +28,7 @@ struct Plot {
   std::string y_label;
   bool log_x = false;
   bool log_y = false;
-  std::vector<double> x_ticks;            ///< empty: by themselves
+  std::vector<double> x_ticks;            ///< empty: automatic
   std::vector<std::string> x_names = {};  ///< of x = 1, 2 ...; "\n" begins a line
   std::vector<Series> series;
   std::vector<Level> levels;

@@ -9,15 +9,15 @@ namespace subworld {
 
 using Rows = std::vector<Json>;  ///< one flat row per measured point
 
-/// Of a column; not a number where the cell is `null`.
+/// The number in a column; not a number if the cell is `null`.
 [[nodiscard]] double number(const Json& row, const std::string& column);
-/// Equal in every one of the columns.
+/// Whether the rows are equal in all of the columns.
 [[nodiscard]] bool alike(const Json& a, const Json& b, const std::vector<std::string>& columns);
-/// Rows of one scene each, in order.
+/// Groups the rows by scene, in order.
 [[nodiscard]] std::vector<Rows> by_scene(const Rows& rows);
 
-/// As a table: an object in a row becomes a column for each of its entries, `null` an empty cell.
-/// Throws `Error` (failed).
+/// Writes a table. An object in a row becomes a column for each of its entries, `null` an empty cell. Throws `Error`
+/// (failed).
 void write_csv(const std::string& path, const Rows& rows);
 
 /// Least squares y = a + b x.
@@ -28,9 +28,9 @@ class LineFit {
   [[nodiscard]] double spread() const { return count_ * sum_xx_ - sum_x_ * sum_x_; }  ///< 0: no slope
   [[nodiscard]] double slope() const { return (count_ * sum_xy_ - sum_x_ * sum_y_) / spread(); }
   [[nodiscard]] double offset() const { return (sum_y_ - slope() * sum_x_) / count_; }
-  /// Part of the variance of y that the line explains, 0 .. 1.
+  /// Share of the variance of y that the line explains, 0 .. 1.
   [[nodiscard]] double r_squared() const;
-  /// Of the slope, from the residuals; not a number for fewer than three points.
+  /// Standard error of the slope, from the residuals; not a number for fewer than three points.
   [[nodiscard]] double standard_error() const;
 
  private:

@@ -34,7 +34,7 @@ struct Request {
   std::string out;
 };
 
-/// All that are shipped.
+/// All scenes of deploy/scenes.
 std::vector<std::string> shipped_scenes() {
   std::vector<std::string> files;
   for (const auto& entry : std::filesystem::directory_iterator(scenes_folder())) {
@@ -44,40 +44,38 @@ std::vector<std::string> shipped_scenes() {
   return files;
 }
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Request& request) {
-  CLI::App app{
-      "Measures what each item of the plan saves and what it changes: runs each scene with the item left out, as "
-      "always, and kept in.",
-      "subworld lab plan"};
+  CommandLine line("subworld lab plan",
+                   "Measures the time that each optimisation of the plan saves, and the difference that it makes: runs "
+                   "each scene with it on and off.");
   std::string items;
   for (const OptimisationItem& item : optimisation_items())
-    items += fmt::format("  {:<10} {} ({})\n", item.name, item.what, item.where);
-  app.footer("Items, and \"all\" for all together:\n" + items +
-             "\nExamples:\n"
-             "  subworld lab plan --quick --out out/plan\n"
-             "  subworld lab plan row scatter --item rest,all --repeat 5\n"
-             "  subworld lab plan --random 100 --seed 3 --item all\n"
-             "DIR/report.html shows the results, DIR/results.csv and results.json hold them.\n"
-             "Ctrl-C writes what has been measured so far.\n"
-             "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
-  app.add_option("scene", request.scenes, "scene files, or names in deploy/scenes (default: all of them)");
-  add_list(app, "--item", request.items, "items of the plan, or all for all together (default: each, and all)");
-  app.add_option("--repeat", request.repeats, "runs of each kind, of which the least CPU time counts (default: 3)")
-      ->check(CLI::Range(1, 1000));
-  app.add_option("--duration", request.duration_s, "simulated time, s (default: the scene's)")
-      ->check(CLI::Range(0.05, 1e4))
-      ->check(not_finite);
-  CLI::Option* random =
-      app.add_option("--random", request.random,
-                     "so many random scenes of `subworld lab stability`, and only those scenes that are named")
-          ->check(CLI::Range(1, 1'000'000));
-  add_seed(app, request.seed)->needs(random);
-  app.add_flag("--quick", request.quick,
-               fmt::format("a first look: scenes {}, {:g} s, one run of each kind, where nothing else is asked",
-                           fmt::join(kQuickScenes, " "), kQuickDuration_s));
-  add_out(app, "plan", request.out);
-  if (const auto code = parse_arguments(app, argc, argv)) return code;
+    items += fmt::format("  {:<11} {} ({})\n", item.name, item.what, item.where);
+  line.footer("Optimisations, each without what is named; \"all\" means all together:\n" + items +
+              "\nExamples:\n"
+              "  subworld lab plan --quick --out out/plan\n"
+              "  subworld lab plan row scatter --item rest,all --repeat 5\n"
+              "  subworld lab plan --random 100 --seed 3 --item all\n"
+              "DIR/report.html shows the results, DIR/results.csv and results.json hold them.\n"
+              "Ctrl-C writes what has been measured so far.\n"
+              "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
+  line.add("scene", &request.scenes, "scene files, or names in deploy/scenes").otherwise("all of them");
+  line.add("--item", &request.items, "optimisations, or all for all together").otherwise("each, and all");
+  const Option repeat =
+      line.add("--repeat", &request.repeats, "runs of each kind, of which the least CPU time counts").range(1, 1000);
+  add_duration(line, request.duration_s);
+  const Option random =
+      line.add("--random", &request.random,
+               "number of random scenes of `subworld lab stability`, beside only those scenes that are named")
+          .range(1, 1'000'000)
+          .otherwise("none");
+  add_seed(line, request.seed).needs(random);
+  line.flag("--quick", request.quick,
+            fmt::format("a first look: scenes {}, {:g} s, one run of each kind, where nothing else is given",
+                        fmt::join(kQuickScenes, " "), kQuickDuration_s));
+  add_out(line, "plan", request.out);
+  if (const auto code = line.parse(argc, argv)) return code;
   (void)parse_disabled(request.items, "--item");
   std::vector<std::string> once;
   for (const std::string& item : request.items) {
@@ -85,7 +83,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   }
   request.items = once;
   if (request.quick && !request.duration_s && request.scenes.empty()) request.duration_s = kQuickDuration_s;
-  if (request.quick && app.count("--repeat") == 0) request.repeats = 1;
+  if (request.quick && !repeat.given()) request.repeats = 1;
   if (request.random == 0) {
     if (request.scenes.empty()) request.scenes = request.quick ? scene_files(kQuickScenes) : shipped_scenes();
     for (std::string& scene : request.scenes) scene = scene_file(scene);
@@ -123,10 +121,10 @@ std::vector<PlanPoint> points_of(const Request& request) {
   return points;
 }
 
-/// Which is nearer to the reference, where the two differ by more than its floor.
+/// The errors of both runs, if their difference exceeds the reference error.
 std::string errors_text(const Json& row) {
   if (!(number(row, "force_difference_rms") > number(row, "reference_error"))) return "";
-  return fmt::format(", errors {:.2g} % left out and {:.2g} % kept in", 1e2 * number(row, "error_enabled_rms"),
+  return fmt::format(", errors {:.2g} % on and {:.2g} % off", 1e2 * number(row, "error_enabled_rms"),
                      1e2 * number(row, "error_disabled_rms"));
 }
 
@@ -137,13 +135,14 @@ void print(const Json& row, std::size_t done, std::size_t all, const std::string
         row.at("hash_equal").get<bool>()             ? std::string("the same bit by bit")
         : number(row, "force_difference_rms") == 0.0 ? std::string("the same force")
         : std::isfinite(number(row, "force_difference_rms"))
-            ? fmt::format("differs by {:.2g} %, floor {:.2g} %{}", 1e2 * number(row, "force_difference_rms"),
+            ? fmt::format("differs by {:.2g} %, reference error {:.2g} %{}", 1e2 * number(row, "force_difference_rms"),
                           1e2 * number(row, "reference_error"), errors_text(row))
             : std::string("no force felt");
-    text = fmt::format("world {:.3f}, haptic {:.3f}, bytes {:.3f} of kept in; {}", number(row, "world_cpu_ratio"),
-                       number(row, "haptic_cpu_ratio"), number(row, "bytes_ratio"), difference);
+    text = fmt::format("world {:.3f}, haptic {:.3f}, bytes {:.3f} of those with it off; {}",
+                       number(row, "world_cpu_ratio"), number(row, "haptic_cpu_ratio"), number(row, "bytes_ratio"),
+                       difference);
   } else {
-    text = "needed: " + text;
+    text = "off: " + text;
   }
   fmt::print("[{:3}/{}] {:<18} {:<10} {}{}\n", done, all, row.at("scene").get<std::string>(),
              row.at("item").get<std::string>(), text, left);

@@ -1,5 +1,6 @@
 #include "lab/plan/measure.hpp"
 
+#include "coupling/plan.hpp"
 #include "lab/coupling/measure.hpp"
 #include "lab/coupling/sweep.hpp"
 #include "lab/session/apart.hpp"
@@ -22,7 +23,7 @@ namespace {
 constexpr double kMost_s = 600.0;  ///< for a run
 constexpr double kNotMeasured = NAN;
 
-/// The figures that are compared, and the columns of their ratios.
+/// The compared figures, and the columns of their ratios.
 struct Figure {
   const char* key;
   const char* ratio;
@@ -36,7 +37,7 @@ double allocated_bytes() {
   return static_cast<double>(heap.uordblks + heap.hblkhd);
 }
 
-/// What reading the clock twice adds to a measured time, s: as much as a lone proxy's step.
+/// Time that reading the clock twice adds to a measurement, s: as much as a step of a single proxy.
 double clock_s() {
   constexpr int kTimes = 20'000;
   Histogram nothing;
@@ -48,7 +49,7 @@ double sum_s(const Histogram& times, double clock_s) {
   return times.sum_s() - clock_s * static_cast<double>(times.count());
 }
 
-/// In a process of its own.
+/// Measured in a child process.
 Json figures_of(const Scene& scene) {
   const double before_bytes = allocated_bytes(), before_s = thread_cpu_s();
   CoupledRun run(scene);
@@ -85,9 +86,8 @@ Json figures_of(const Scene& scene) {
 Json run_apart(const PlanPoint& point, const Scene& scene) {
   const Apart run = apart(kMost_s, [&] { return figures_of(scene); });
   if (!run.answer) {
-    throw Error(ExitCode::failed,
-                fmt::format("{}, {} {}: the run ended with {}", point.scene, point.item,
-                            scene.settings.disabled == kDisableNothing ? "left out" : "kept in", run.end));
+    throw Error(ExitCode::failed, fmt::format("{}, {} {}: the run ended with {}", point.scene, point.item,
+                                              scene.settings.disabled == kDisableNothing ? "on" : "off", run.end));
   }
   return *run.answer;
 }
@@ -106,13 +106,13 @@ std::vector<FeltHistory> felt_of(const Json& run) {
   return felt;
 }
 
-/// Of the item, or of the first that is left out of all.
+/// The decision on the item, or on the first enabled item for "all".
 Decision decision_of(const Scene& scene, const std::string& item) {
-  Decision first{false, false, "nothing is left out"};
+  Decision first{false, false, "no optimisation is on"};
   for (const PlannedItem& planned : plan_of(scene)) {
     if (item != "all" && planned.item->name != item) continue;
     if (planned.decision.enabled && !planned.decision.ordered) {
-      return item == "all" ? Decision{true, false, "all that the plan leaves out"} : planned.decision;
+      return item == "all" ? Decision{true, false, "all optimisations of the plan"} : planned.decision;
     }
     if (item != "all") first = planned.decision;
   }
@@ -151,7 +151,7 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
   const double difference = force_error(felt_of(out), felt_of(kept), without.settings.h_s).rms;
   row["force_difference_rms"] = difference;
   if (difference == 0.0) return row;
-  // Nothing is left out of the reference but a bound on energy, which is no physics of the scene.
+  // The reference has all optimisations off, and no passivity bound, which is no physics of the scene.
   Scene all = with;
   for (std::size_t u = 0; u < all.users.size(); ++u) {
     if (enabled(without, Optimisation::passivity, u)) all.settings.passivity = Passivity::off;
@@ -162,16 +162,16 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
     const auto error_of = [&](const Json& run) {
       return force_error(felt_of(run), reference->run.felt, without.settings.h_s).rms;
     };
-    return {{"reference_error", reference->floor},
+    return {{"reference_error", reference->error},
             {"error_enabled_rms", error_of(out)},
             {"error_disabled_rms", error_of(kept)}};
   });
   if (judged.answer && judged.answer->is_object()) row.update(*judged.answer);
-  // Where nothing is felt there is nothing to compare; and of two unlike runs none is worse where neither is farther
-  // from the reference, by more than that is sure of.
-  const double floor = number(row, "reference_error");
-  row["held"] = !std::isfinite(difference) || difference <= floor ||
-                number(row, "error_enabled_rms") <= number(row, "error_disabled_rms") + floor;
+  // Without a felt force there is nothing to compare. A run is worse only if its error against the reference is larger
+  // by more than the reference error.
+  const double reference_error = number(row, "reference_error");
+  row["held"] = !std::isfinite(difference) || difference <= reference_error ||
+                number(row, "error_enabled_rms") <= number(row, "error_disabled_rms") + reference_error;
   return row;
 }
 

@@ -10,16 +10,16 @@
 
 namespace subworld {
 
-/// A scene with an item of its plan left out and kept in.
+/// A scene for a comparison with an optimisation on and off.
 struct PlanPoint {
-  std::string scene;            ///< name, as in the row
+  std::string scene;            ///< name in the row
   std::function<Scene()> load;  ///< throws `Error` (usage)
   std::string item;             ///< as in --disable, or "all"
 };
 
-/// One flat row: what the item costs, as ratios of left out over kept in, and what it changes. Runs take turns, each in
-/// a process of its own, `repeats` times, and the least of each figure counts. Throws `Error` (failed) where a run
-/// fails, `Interrupted` where a signal asks to stop.
+/// One flat row: costs as ratios of on over off, and the difference of the results. The runs alternate, each in its own
+/// process, `repeats` times; the least value of each figure counts. Throws `Error` (failed) if a run fails,
+/// `Interrupted` if a signal requests a stop.
 [[nodiscard]] Json measured_plan_row(const PlanPoint& point, int repeats);
 
 }  // namespace subworld

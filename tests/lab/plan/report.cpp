@@ -15,15 +15,17 @@ namespace subworld {
 
 namespace {
 
-constexpr const char* kHowToRead = R"(<p>Each scene is run twice in lock-step in one process: with an item of its plan
-left out, as always, and with the item kept in (<code>--disable ITEM</code>). A <b>ratio</b> is what is left out over what
-is kept in: 0.1 means that leaving the item out leaves a tenth of the cost, 1 that it saves nothing. Runs take turns and
-the least CPU time of each kind counts; world and haptic are CPU times of all their steps, less what the clock takes itself, bytes those of a frame and a
-report, memory what is allocated at the end, start the CPU time until the first step. <b>Same</b>: all states of the
-world and all forces on hands are equal bit by bit; <b>same force</b>: the forces are. Else the difference of the felt force (RMS) stands beside the floor
-of the scene: how far its reference at step h is from that at h / 4. Below the floor nobody can tell the two
-apart; above it the errors of both against the reference stand beside it. An item is <b>worse</b> left out if that raises
-the error by more than the floor.</p>
+constexpr const char* kHowToRead =
+    R"(<p>Each scene is run twice in lock-step in one process: with an optimisation on, which
+is the default, and off (<code>--disable ITEM</code>). A <b>ratio</b> is the cost with the optimisation on over the cost
+with it off: 0.1 means that a tenth of the cost remains, 1 that nothing is saved. The runs alternate, and the least CPU
+time of each kind counts. World and haptic are the CPU times of all their steps, without the time of reading the clock.
+Bytes are those of a frame and a report, memory is allocated at the end, and start is the CPU time until the first
+step. <b>Same</b>: all states of the world and all forces on operators are equal bit by bit. <b>Same force</b>: the forces
+are equal bit by bit. Otherwise the table gives the difference of the felt force (RMS) and the scene's reference error:
+the difference between the reference at step h and at h / 4. Differences below the reference error are not significant.
+Above it the table gives the errors of both runs. <b>Worse</b> means that the optimisation raises the error by more than
+the reference error.</p>
 )";
 
 constexpr std::array kColumns{Column{"world CPU", "world_cpu_ratio", 1.0, 3},
@@ -40,17 +42,17 @@ std::string difference_text(const Json& row) {
   const double difference = number(row, "force_difference_rms");
   if (!std::isfinite(difference)) return "no force felt";
   if (difference == 0.0) return "<span class=good>same force</span>";
-  const double floor = number(row, "reference_error");
-  const std::string text = fmt::format("{:.2g} % of {:.2g} %", 1e2 * difference, 1e2 * floor);
-  if (difference <= floor) return text;
-  return fmt::format("{}: error {:.2g} % left out, {:.2g} % kept in{}", text, 1e2 * number(row, "error_enabled_rms"),
+  const double reference_error = number(row, "reference_error");
+  const std::string text = fmt::format("{:.2g} % of {:.2g} %", 1e2 * difference, 1e2 * reference_error);
+  if (difference <= reference_error) return text;
+  return fmt::format("{}: error {:.2g} % on, {:.2g} % off{}", text, 1e2 * number(row, "error_enabled_rms"),
                      1e2 * number(row, "error_disabled_rms"), held(row) ? "" : " <b>worse</b>");
 }
 
 std::string table_of(const Rows& rows, const std::string& item) {
   TextTable table{.head = {"scene"}, .texts = 1, .remarks = true};
   for (const Column& column : kColumns) table.head.emplace_back(column.title);
-  table.head.insert(table.head.end(), {"difference, of the floor", "because"});
+  table.head.insert(table.head.end(), {"difference, of the reference error", "because"});
   for (const Json& row : rows) {
     if (row.at("item") != item) continue;
     auto& cells = table.rows.emplace_back();
@@ -62,7 +64,7 @@ std::string table_of(const Rows& rows, const std::string& item) {
   return html_of(table);
 }
 
-/// Geometric mean of a ratio over the rows of an item, or nothing.
+/// Geometric mean of a ratio over the rows of an item; not a number without rows.
 double mean_ratio(const Rows& rows, const std::string& item, const char* key) {
   double sum = 0.0;
   int count = 0;
@@ -86,15 +88,15 @@ std::vector<std::string> items_of(const Rows& rows) {
 
 std::string what(const std::string& item) {
   const auto found = std::ranges::find(optimisation_items(), std::string_view(item), &OptimisationItem::name);
-  return found == optimisation_items().end() ? "everything that the plan leaves out"
+  return found == optimisation_items().end() ? "all work that the plan skips"
                                              : fmt::format("{} ({})", found->what, found->where);
 }
 
 Plot plot_of(const Rows& rows, const std::string& item) {
   Plot plot;
-  plot.title = fmt::format("{}: cost left, scenes in order of the world's", item);
+  plot.title = fmt::format("{}: remaining cost, scenes in order of the world's", item);
   plot.x_label = "scene";
-  plot.y_label = "left out over kept in";
+  plot.y_label = "cost on over off";
   constexpr std::array kColours{"#0072b2", "#c04f00", "#00704f"};
   std::vector<const Json*> mine;
   for (const Json& row : rows) {
@@ -131,20 +133,20 @@ Json plan_summary(const Rows& rows, std::size_t planned) {
   const auto same = std::ranges::count_if(rows, [](const Json& row) { return is_enabled(row) && hash_equal(row); });
   const auto above = std::ranges::count_if(rows, [](const Json& row) { return !held(row); });
   summary["verdict"] = fmt::format(
-      "{} comparisons of scenes with an item left out: {} equal bit by bit, {} below the floor or no farther "
-      "from the reference, {} worse{}",
+      "{} comparisons of scenes with an optimisation on: {} equal bit by bit, {} below the reference error or "
+      "no farther from the reference, {} worse{}",
       out, same, out - same - above, above, stopped_text(rows.size(), planned));
   return summary;
 }
 
 void write_plan_report(const std::string& path, const Rows& rows, const Json& summary) {
-  Page page(path, "The plan: what leaving out saves, and what it changes");
-  page.intro("Every item of the plan, left out and kept in.", summary);
+  Page page(path, "The plan: savings and differences of the optimisations");
+  page.intro("Every item of the plan, on and off.", summary);
   page.add(kHowToRead);
   page.heading("Items");
-  TextTable items{.head = {"item", "left out in", "same", "worse"}, .texts = 1, .remarks = true};
+  TextTable items{.head = {"item", "on in", "same", "worse"}, .texts = 1, .remarks = true};
   for (const Column& column : kColumns) items.head.emplace_back(column.title);
-  items.head.emplace_back("what");
+  items.head.emplace_back("skips");
   for (const Json& one : summary.at("items")) {
     auto& cells = items.rows.emplace_back();
     cells = {escaped(one.at("item")), fmt::format("{} scenes", one.at("enabled").get<int>()),
@@ -156,7 +158,7 @@ void write_plan_report(const std::string& path, const Rows& rows, const Json& su
   page.add("<p>Ratios are geometric means over the scenes.</p>\n");
   for (const std::string& item : items_of(rows)) {
     page.heading(item);
-    page.add(fmt::format("<p>Left out: {}.</p>\n", escaped(what(item))));
+    page.add(fmt::format("<p>Skips: {}.</p>\n", escaped(what(item))));
     if (std::ranges::count_if(rows, [&](const Json& row) { return row.at("item") == item && is_enabled(row); }) > 1) {
       const std::vector<std::string> pictures = svg_of({plot_of(rows, item)});
       page.plots(pictures.data(), pictures.size());

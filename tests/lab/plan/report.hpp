@@ -6,10 +6,10 @@
 
 namespace subworld {
 
-/// Of rows of `measured_plan_row`.
+/// Summary of rows of `measured_plan_row`.
 [[nodiscard]] Json plan_summary(const Rows& rows, std::size_t planned);
 
-/// One page that needs nothing beside it. Throws `Error` (failed) where the file cannot be written.
+/// Writes one self-contained page. Throws `Error` (failed) if the file cannot be written.
 void write_plan_report(const std::string& path, const Rows& rows, const Json& summary);
 
 }  // namespace subworld

@@ -85,7 +85,7 @@ bool BookedEngine::set_state(BodyId id, const BodyState& state) {
 }
 
 bool BookedEngine::set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) {
-  return inner_->set_velocity(id, linear, angular);  // a part of J, equation (2)
+  return inner_->set_velocity(id, linear, angular);  // contributes to J, equation (2)
 }
 
 void BookedEngine::set_inertia(BodyId id, double mass, const Vec3& inertia) {
@@ -121,7 +121,7 @@ double BookedEngine::work_j(const Entry& entry, const BodyState& start, const Bo
   if (!entry.touched && entry.mass != body.mass && body.gravity)
     work_j += body.mass * gravity_.dot(dt * mean - way + ahead_s_ * (v1 - v0));
   if (!body.rotates) return work_j;
-  // Principal axes: each spin in the body frame that it belongs to.
+  // Principal axes: each angular velocity in its own body frame.
   const auto middle = [&](const Vec3& w0, const Vec3& w1) { return entry.touched ? w1 : Vec3(0.5 * (w0 + w1)); };
   const Vec3 twist = entry.inertia.cwiseProduct(spin(start)) - body.inertia.cwiseProduct(spin(before)) -
                      Vec3(entry.inertia - body.inertia).cwiseProduct(spin(after));
@@ -142,13 +142,13 @@ void BookedEngine::find_touched() {
 }
 
 void BookedEngine::step(double dt) {
-  // What users have set since the last step is not the engine's doing.
+  // Changes that users made since the last step are not caused by the engine.
   starts_.resize(entries_.size());
   for (std::size_t i = 0; i < entries_.size(); ++i) {
     if (entries_[i]) starts_[i] = inner_->state(entries_[i]->body.id);
   }
   if (const double ahead_s = 0.5 * inner_->integration_substep_s(dt); ahead_s != ahead_s_) {
-    // Parts of another length place the bodies otherwise: no energy.
+    // A sub-step of another length shifts the positions: no change of energy.
     ahead_s_ = ahead_s;
     for (auto& entry : entries_) {
       if (entry) entry->potential_j = potential_j(*entry, entry->before);

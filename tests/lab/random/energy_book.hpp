@@ -9,50 +9,51 @@
 
 namespace subworld {
 
-/// The energy of the bodies in one engine, and who put it there.
+/// Energy balance of the bodies in one engine.
 ///
 ///   m, I    kg, kg m^2   mass and principal inertia of a body, as it was added
-///   M       kg           mass while the engine steps, as set_inertia() left it; M > m in an implicit coupling
-///   v0, v1  m/s          velocity before a step, and after it
-///   vs      m/s          velocity with which the step begins, as set_velocity() left it
+///   M       kg           mass in the engine's step, set by set_inertia(); M > m in an implicit coupling
+///   v0, v1  m/s          velocity before and after a step
+///   vs      m/s          velocity at the start of the step, set by set_velocity()
 ///   F       N            force on the body in the step of length dt
 ///   x, g    m, m/s^2     position, gravity
-///   a       s            half of an integration part; a position is so far ahead of the forces
+///   a       s            half of an integration sub-step: a position is this time ahead of the forces
 ///
-/// Energy:         E = sum of m v^2 / 2 + w I w / 2 - m g (x - a v).                           (1)
-/// User's impulse: J = dt F + (M vs - m v0) - (M - m) v1.                                      (2)
-///                 A step makes this much momentum without contacts and weight. For a linearly implicit spring it is
-///                 the mean force on the proxy times dt.
-/// User's work:    W = J (v0 + v1) / 2, where nothing touches the body: its velocity then changes evenly.
-///                 W = J v1, where a contact touches it: the contact may have stopped it anywhere in the step. Some
-///                 engines place such a body by another velocity than they report, so W = J (x1 - x0) / dt counts where
-///                 that is more. Rotation likewise, by w1.                                     (3)
-///                 An implicit coupling begins with vs < v0. In a step of several parts the body then comes less far
-///                 than dt (v0 + v1) / 2. What its weight does less for that counts as the user's work.
-/// Correction:     C = E after set_state() - E before it.                                      (4)
-/// Contacts, friction and damping can only take energy: E - sum of W - sum of C never rises. What it rises by above
-/// its begin is unexplained.
+///   Energy:         E = sum of m v^2 / 2 + w I w / 2 - m g (x - a v).                           (1)
+///   User's impulse: J = dt F + (M vs - m v0) - (M - m) v1.                                      (2)
+///                   A step adds this momentum without contacts and weight. For a linearly implicit spring it is the
+///                   mean force on the proxy times dt.
+///   User's work:    W = J (v0 + v1) / 2 for a body without contact: its velocity changes linearly.
+///                   W = J v1 for a body in contact: the contact may have stopped it at any time of the step. Some
+///                   engines move such a body with another velocity than they report, so W = J (x1 - x0) / dt is used
+///                   if it is larger. Rotation likewise, by w1.                                  (3)
+///                   An implicit coupling begins with vs < v0. In a step of several sub-steps the body then moves less
+///                   than dt (v0 + v1) / 2. The missing work of its weight counts as the user's work.
+///   Correction:     C = E after set_state() - E before it.                                      (4)
+/// Contacts, friction and damping can only remove energy: E - sum of W - sum of C never rises. A rise above its initial
+/// value is unexplained.
 struct EnergyBook {
   double begin_j = 0.0;      ///< E
-  double kinetic_j = 0.0;    ///< of it: what moved at the begin
+  double kinetic_j = 0.0;    ///< kinetic share of begin_j
   double energy_j = 0.0;     ///< E now
   double work_j = 0.0;       ///< W so far
   double corrected_j = 0.0;  ///< C so far
   double given_j = 0.0;      ///< positive parts of W and C
-  double released_j = 0.0;   ///< potential energy that bodies have lost, each by itself, step by step
-  double reading_j = 0.0;    ///< sum of m g |a v|: a contact within the last part may have come at any time of it
+  double released_j = 0.0;   ///< sum of the decreases of each body's potential energy in each step
+  /// Sum of m g |a v|: reading error, because a contact may have begun at any time of the last sub-step.
+  double reading_j = 0.0;
 
   [[nodiscard]] double unexplained_j() const noexcept { return energy_j - begin_j - work_j - corrected_j; }
-  /// What the scene, users, corrections and gravity have put in.
+  /// Energy added by the scene, users, corrections and gravity.
   [[nodiscard]] double put_in_j() const noexcept { return kinetic_j + given_j + released_j; }
 };
 
-/// An engine as it is, with a book of its energy.
+/// Wraps an engine and records its energy balance.
 class BookedEngine final : public EngineShell {
  public:
   BookedEngine(std::unique_ptr<Engine> inner, const Vec3& gravity) : inner_(std::move(inner)), gravity_(gravity) {}
 
-  /// From here on energy counts.
+  /// Starts the balance.
   void begin();
   [[nodiscard]] const EnergyBook& book() const noexcept { return book_; }
 
@@ -79,10 +80,10 @@ class BookedEngine final : public EngineShell {
   };
   [[nodiscard]] double potential_j(const Entry& entry, const BodyState& state) const noexcept;
   [[nodiscard]] double work_j(const Entry& entry, const BodyState& start, const BodyState& after, double dt) const;
-  /// Notes which bodies have contacts that push.
+  /// Finds the bodies in contact with an impulse.
   void find_touched();
   void total() noexcept;
-  /// The energy is counted otherwise from now on: its begin moves with it.
+  /// Call when the formula of the energy changes: shifts the initial value by the same amount.
   void rebase() noexcept;
   [[nodiscard]] Entry* find(BodyId id) noexcept;
 

@@ -1,6 +1,7 @@
 #include "lab/random/judge.hpp"
 
 #include "coupling/force_guard.hpp"
+#include "coupling/plan.hpp"
 #include "lab/random/energy_book.hpp"
 #include "lab/random/scene.hpp"
 #include "lab/session/coupled_run.hpp"
@@ -21,7 +22,7 @@ void fail(Verdict& verdict, Fault fault, double at_s, std::string reason) {
   verdict.reason = std::move(reason);
 }
 
-/// One run of a scene, with a book of its world's energy.
+/// One run of a scene, with the energy balance of its world.
 class Trial {
  public:
   Trial(const Scene& scene, const EngineMaker& make)
@@ -36,7 +37,7 @@ class Trial {
       weight_n += body.gravity ? body.mass * scene.settings.world.gravity.norm() : 0.0;
     double depth_m = scene.settings.settle_s > 0.0 ? 0.0 : deepest_overlap(scene).depth_m;
     for (const Contact& c : engine_->contacts()) depth_m = std::max(depth_m, -c.distance);
-    floor_j_ = kLeastGain_j + (kRestDepth_m + depth_m) * weight_n;
+    tolerance_j_ = kLeastGain_j + (kRestDepth_m + depth_m) * weight_n;
   }
 
   void go(Verdict& verdict) {
@@ -59,10 +60,10 @@ class Trial {
  private:
   void weigh(Verdict& verdict) {
     const EnergyBook& book = engine_->book();
-    const double floor_j = floor_j_ + book.reading_j;
-    const double above_j = book.unexplained_j() - floor_j;
+    const double tolerance_j = tolerance_j_ + book.reading_j;
+    const double above_j = book.unexplained_j() - tolerance_j;
     const double put_in_j = book.put_in_j();
-    const double gain = above_j <= 0.0 ? 0.0 : above_j / std::max(put_in_j, floor_j);
+    const double gain = above_j <= 0.0 ? 0.0 : above_j / std::max(put_in_j, tolerance_j);
     if (above_s_ < 0.0 && gain > kMostGain) above_s_ = run_.world.time_s();
     if (gain < verdict.gain) return;
     verdict.gain = gain;
@@ -76,7 +77,7 @@ class Trial {
   void judge_energy(Verdict& verdict) const {
     if (above_s_ < 0.0) return;
     fail(verdict, Fault::energy, above_s_,
-         fmt::format("{:.3g} J from nowhere, {:.3g} % of the {:.3g} J that users, corrections, gravity and the first "
+         fmt::format("{:.3g} J unexplained, {:.3g} % of the {:.3g} J that users, corrections, gravity and the initial "
                      "motion put in; first above the bound at {:.4g} s",
                      verdict.unexplained_j, 1e2 * verdict.gain, verdict.put_in_j, above_s_));
   }
@@ -91,15 +92,15 @@ class Trial {
     for (std::size_t i = 0; i < forces.size(); ++i) {
       const double t_s = h * static_cast<double>(i), size_n = forces[i].norm(), step_n = (forces[i] - before).norm();
       if (!forces[i].allFinite()) {
-        fail(verdict, Fault::force, t_s, fmt::format("the force on hand {} is not finite at {:.4g} s", user, t_s));
+        fail(verdict, Fault::force, t_s, fmt::format("the force on operator {} is not finite at {:.4g} s", user, t_s));
       } else if (size_n > limits.wrench.force_n * (1.0 + kRounding)) {
         fail(verdict, Fault::force, t_s,
-             fmt::format("{:.4g} N on hand {} at {:.4g} s, the limit is {:g} N", size_n, user, t_s,
+             fmt::format("{:.4g} N on operator {} at {:.4g} s, the limit is {:g} N", size_n, user, t_s,
                          limits.wrench.force_n));
       } else if (step_n > most_step_n) {
         fail(verdict, Fault::force, t_s,
-             fmt::format("the force on hand {} changes by {:.4g} N in a step at {:.4g} s, the limit is {:g} N", user,
-                         step_n, t_s, most_step_n));
+             fmt::format("the force on operator {} changes by {:.4g} N in a step at {:.4g} s, the limit is {:g} N",
+                         user, step_n, t_s, most_step_n));
       }
       verdict.force_n = std::max(verdict.force_n, size_n);
       before = forces[i];
@@ -108,21 +109,22 @@ class Trial {
 
   void check_port(std::size_t user, Verdict& verdict) const {
     const OperatorPort& port = run_.guards[user]->port();
-    // Bodies that fall or fly into a hand give it what they have.
-    const double from_nowhere_j = port.created_j() - run_.world.released_j();
-    verdict.at_operator_j = std::max(verdict.at_operator_j, from_nowhere_j);
+    // Energy of bodies that fall or fly into an operator's proxy is not created.
+    const double created_j = port.created_j() - run_.world.released_j();
+    verdict.at_operator_j = std::max(verdict.at_operator_j, created_j);
     const double most_j = kMostAtOperator_j + kMostAtOperator * std::abs(port.net_j());
-    if (enabled(scene_, Optimisation::passivity, user) || from_nowhere_j <= most_j) return;
+    if (enabled(scene_, Optimisation::passivity, user) || created_j <= most_j) return;
     fail(verdict, Fault::port, scene_.settings.duration_s,
-         fmt::format("hand {} got {:.3g} J that neither it nor the bodies had, with passivity on; {:.3g} J are allowed",
-                     user, from_nowhere_j, most_j));
+         fmt::format("operator {} received {:.3g} J beyond what the coupling could store, with passivity on; the limit "
+                     "is {:.3g} J",
+                     user, created_j, most_j));
   }
 
   const Scene& scene_;
   BookedEngine* engine_ = nullptr;
   CoupledRun run_;
-  double floor_j_ = 0.0;
-  double above_s_ = -1.0;  ///< when the energy was above its bound first
+  double tolerance_j_ = 0.0;
+  double above_s_ = -1.0;  ///< time at which the energy first exceeded its bound
 };
 
 double cpu_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }

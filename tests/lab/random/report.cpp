@@ -12,11 +12,12 @@ namespace subworld {
 namespace {
 
 constexpr const char* kWhatItIs = R"(<p>Each scene is drawn from the seed and run twice in lock-step, world and
-sub-worlds in the engine and preset of the row. A run fails where it crashes, where a state is not finite, where the
-second run ends with another hash, where the force on a hand leaves its limits, or where the bodies of the world gain
-energy that nobody put in: more than 1 % of what users, corrections, gravity and the first motion gave. <b>Bouncing</b> counts the failures that
-go away without restitution. <b>Worst gain</b> is the largest unexplained energy over what was put in. <b>Hand energy</b> counts hands that got energy from nowhere
-while passivity is on. A failing scene is made small and kept; <code>subworld run FILE</code> shows it.</p>
+sub-worlds in the engine and preset of the row. A run fails if it crashes, if a state is not finite, if the second run
+ends with another hash, if the force on an operator leaves its limits, or if the bodies of the world gain unexplained
+energy: more than 1 % of the energy that users, corrections, gravity and the initial motion put in. <b>Bouncing</b> counts
+the failures that disappear without restitution. <b>Worst gain</b> is the largest unexplained energy over the energy put
+in. <b>Operator energy</b> counts operators that received created energy with passivity on. A failing scene is shrunk and
+saved; <code>subworld run FILE</code> shows it.</p>
 )";
 
 struct Count {
@@ -30,7 +31,7 @@ constexpr Count kCounts[] = {{"crashes", "crashes", Fault::crash},
                              {"hash", "hash", Fault::hash},
                              {"force", "force", Fault::force},
                              {"energy", "energy", Fault::energy},
-                             {"hand energy", "operator_energy", Fault::port}};
+                             {"operator energy", "operator_energy", Fault::port}};
 
 Json counts_of(const Rows& rows, const std::string& setting) {
   Json counts = {{"setting", setting}, {"scenes", 0}};
@@ -100,8 +101,7 @@ std::string random_verdict(const Json& summary, const std::string& cases) {
 }
 
 std::string random_text(const Json& summary) {
-  std::string text =
-      fmt::format("random scenes of the seed {}:\n  {:<22}", summary.at("seed").get<std::uint64_t>(), "");
+  std::string text = fmt::format("random scenes of seed {}:\n  {:<22}", summary.at("seed").get<std::uint64_t>(), "");
   const std::vector<std::string> titles = head();
   for (std::size_t i = 1; i < titles.size(); ++i) text += fmt::format("{:>12}", titles[i]);
   for (const Json& counts : summary.at("settings")) {
@@ -114,7 +114,7 @@ std::string random_text(const Json& summary) {
 
 void add_random_section(Page& page, const Json& summary) {
   page.heading("Random scenes");
-  page.add(fmt::format("<p>{} scenes of the seed {}.</p>\n", summary.at("scenes").get<std::size_t>(),
+  page.add(fmt::format("<p>{} scenes of seed {}.</p>\n", summary.at("scenes").get<std::size_t>(),
                        summary.at("seed").get<std::uint64_t>()) +
            kWhatItIs);
   TextTable counts{.head = head()};

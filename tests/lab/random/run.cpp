@@ -21,9 +21,9 @@ namespace subworld {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-constexpr double kTouching_m = 1e-5;  ///< overlap that is none
+constexpr double kTouching_m = 1e-5;  ///< m, overlap that counts as contact only
 
-/// A line now and then, and one for each failure.
+/// Prints a line at intervals, and one for each failure.
 class Progress {
  public:
   explicit Progress(std::size_t planned) : planned_(planned), left_(static_cast<double>(planned)) {}
@@ -87,8 +87,8 @@ Json row_of(const RandomRequest& request, int number, const Setting& setting, co
           {"file", ""}};
 }
 
-/// Makes a failing scene small and keeps it. A smaller one fails in the same way where its fault is the same and, of
-/// energy, where it gains at least a quarter as much: else one cause slips into a lesser one.
+/// Shrinks a failing scene and saves it. A smaller scene counts as the same failure if its fault is the same and, for
+/// energy, if it gains at least a quarter as much. Otherwise another, smaller cause could replace the first.
 void keep(const RandomRequest& request, Scene scene, const Verdict& verdict, const std::string& work, Json& row) {
   constexpr double kSameWay = 0.25;
   const Apart overlap = apart(request.most_s, [&]() -> Json { return deepest_overlap(scene).depth_m; });
@@ -99,7 +99,7 @@ void keep(const RandomRequest& request, Scene scene, const Verdict& verdict, con
            (other.fault != Fault::energy || other.gain >= std::min(1.0, kSameWay * verdict.gain));
   });
   const Verdict last = judged_apart(scene, work, request.most_s, INFINITY);
-  scene.description += fmt::format(" Made small: {}.", last.reason);
+  scene.description += fmt::format(" Shrunk: {}.", last.reason);
   row["file"] = write_scene(scene, request.out + "/failures");
   row["bounces"] = std::ranges::any_of(scene.bodies, [](const Body& b) { return b.material.restitution > 0.0; });
 }
@@ -151,13 +151,13 @@ Rows random_rows(const RandomRequest& request) {
         const Verdict verdict = judged_apart(scene, work, request.most_s, INFINITY);
         Json& row = rows.emplace_back(row_of(request, i, setting, scene, verdict));
         if (verdict.fault != Fault::none || request.only) {
-          fmt::print("{}, scene {} of the seed {}: {}\n", setting.name(), i, request.seed,
+          fmt::print("{}, scene {} of seed {}: {}\n", setting.name(), i, request.seed,
                      verdict.fault == Fault::none ? "holds" : verdict.reason);
           std::fflush(stdout);
         }
         if (verdict.fault != Fault::none) {
           keep(request, scene, verdict, work, row);
-          fmt::print("  kept as {}; again: --random --seed {} --scene-index {} --engine {} --preset {}\n",
+          fmt::print("  saved as {}; repeat with: --random --seed {} --scene-index {} --engine {} --preset {}\n",
                      row.at("file").get<std::string>(), request.seed, i, setting.engine, setting.preset);
         }
         if (request.only) print_details(row);

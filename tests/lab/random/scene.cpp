@@ -11,7 +11,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kSmall_m = 0.035;  ///< below, some engines need another unit of length
+constexpr double kSmall_m = 0.035;  ///< some engines need another unit of length for smaller bodies
 
 BodyRanges draw_ranges(Draw& draw) {
   BodyRanges ranges;
@@ -55,7 +55,7 @@ void draw_settings(Draw& draw, double smallest_m, Settings& s) {
   if (draw.chance(0.2)) s.passivity = draw.chance(0.7) ? Passivity::on : Passivity::off;
   if (draw.chance(0.1)) s.paper.device_force_in_world = false;
   if (draw.chance(0.1)) s.world.substeps = draw.whole(1, 3);
-  // Parts that are smaller than what engines are made for are simulated in a unit of their own.
+  // Bodies that are too small for some engines are simulated in another unit of length.
   if (smallest_m < kSmall_m) s.world.length_unit_m = s.haptic.length_unit_m = 0.1;
 }
 
@@ -92,7 +92,7 @@ void build_structures(Draw& draw, Builder& builder, double gap_m) {
   }
 }
 
-/// Some of them, and all where nothing holds them.
+/// Gives some bodies a velocity, and all of them if there is no floor.
 void set_going(Draw& draw, Scene& scene, bool floor) {
   if (floor && !draw.chance(0.25)) return;
   for (const Body& body : scene.bodies) {
@@ -109,7 +109,7 @@ Scene random_scene(std::uint64_t seed, std::uint64_t index) {
   Draw draw(seed, index);
   Scene scene;
   scene.name = fmt::format("random_{}_{}", seed, index);
-  scene.description = fmt::format("Scene {} of the seed {}.", index, seed);
+  scene.description = fmt::format("Scene {} of seed {}.", index, seed);
   const BodyRanges ranges = draw_ranges(draw);
   Builder builder(scene, draw, ranges);
   const bool floor = draw.chance(0.92);
@@ -120,7 +120,7 @@ Scene random_scene(std::uint64_t seed, std::uint64_t index) {
   for (int u = 0; u < users; ++u) add_user(draw, builder, ranges, scene);
   draw_settings(draw, smallest_m(scene), scene.settings);
   draw_gravity(draw, floor, scene.settings);
-  // What settles may come to lie where a tool is to appear.
+  // Settling bodies may come to rest at the place where a tool is added.
   if (std::ranges::any_of(scene.users, &UserSpec::joins_late)) scene.settings.settle_s = 0.0;
   keep_users(scene, users);
   return scene;

@@ -6,12 +6,12 @@
 
 namespace subworld {
 
-/// The scene of this number among those of the seed: always the same. Any shapes, structures, users, devices and
-/// couplings that a scene file may hold; without deep overlap, so that nothing but the scene's own energy is there at
-/// the begin. Small: a run of it takes about a tenth of a second.
+/// The scene with this number for this seed; always the same. It has any shapes, structures, users, devices and
+/// couplings that a scene file permits. Bodies do not overlap deeply, so the energy at the start is only that of the
+/// scene. A run takes about a tenth of a second.
 [[nodiscard]] Scene random_scene(std::uint64_t seed, std::uint64_t index);
 
-/// Deepest penetration at the begin, m, and the two bodies' names; as the engine `bullet` finds it.
+/// Deepest penetration at the start, m, and the names of the two bodies, as computed by the engine `bullet`.
 struct Overlap {
   double depth_m = 0.0;
   BodyId a{}, b{};

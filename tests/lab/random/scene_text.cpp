@@ -101,7 +101,7 @@ void add_shape(Map& map, const Scene& scene, const Shape& shape) {
   }
 }
 
-/// All that a body and a proxy of a user's own have in common.
+/// Keys that a body and a user's own proxy have in common.
 void add_body(Map& map, const Scene& scene, const Body& body, const Materials& materials) {
   const BodyState& at = scene.initial[index(body.id)];
   add_shape(map, scene, body.shape);
@@ -257,7 +257,7 @@ void write_file(const std::string& path, const std::string& content) {
 
 std::string mesh_text(const Mesh& mesh) {
   std::string lines;
-  // A reader holds single precision: more digits would not survive.
+  // The reader has single precision, so further digits would be lost.
   for (const Vec3& v : mesh.vertices)
     lines += fmt::format("v {:.9g} {:.9g} {:.9g}\n", static_cast<float>(v.x()), static_cast<float>(v.y()),
                          static_cast<float>(v.z()));

@@ -9,7 +9,7 @@ namespace subworld {
 
 namespace {
 
-/// Tries one change after another, and keeps what still fails.
+/// Tries one change after another, and keeps those with which the scene still fails.
 class Shrinker {
  public:
   Shrinker(Scene scene, const std::function<bool(const Scene&)>& fails, int most)
@@ -22,7 +22,7 @@ class Shrinker {
     scene_ = std::move(smaller);
     return true;
   }
-  /// `change` returns false where there is nothing to change.
+  /// `change` returns false if there is nothing to change.
   template <class Change>
   bool attempt(const Change& change) {
     Scene smaller = scene_;
@@ -126,7 +126,7 @@ bool Shrinker::device(std::size_t u) {
     d = plain;
     return differs;
   });
-  // The hand at an admittance device fits its tool.
+  // The stiffness of an operator at an admittance device fits the tool.
   any |= attempt([&](Scene& s) {
     DeviceSpec& d = s.users[u].device;
     return d.kind == DeviceKind::impedance && d.operator_model && (d.operator_model.reset(), true);

@@ -1,4 +1,4 @@
-// The bodies that structures are made of.
+// The bodies of the structures.
 
 #include "lab/random/structures.hpp"
 
@@ -14,10 +14,10 @@ namespace subworld {
 
 namespace {
 
-/// As a mesh file holds it.
+/// Single precision, as in a mesh file.
 Vec3 single(const Vec3& v) { return v.cast<float>().cast<double>(); }
 
-/// So large that a body on it does not come to its edge, with hills or flat.
+/// A ground so large that no body reaches its edge, with hills or flat.
 Mesh ground_mesh(Draw& draw, double half_m, double hill_m) {
   constexpr std::uint32_t kSide = 7;
   Mesh mesh;
@@ -125,7 +125,7 @@ std::uint32_t Builder::add_hull(double size_m) {
     const Vec3 half = 0.5 * size_m * Vec3(1.0, draw_.between(0.6, 1.0), draw_.between(0.6, 1.0));
     for (int i = 0; i < count; ++i) points.vertices.push_back(single(rounded(half.cwiseProduct(draw_.direction()))));
     hull = convex_hull(points);
-    // Thin slivers are a study of their own.
+    // Thin slivers are not tested here.
     if (!hull.triangles.empty() && move_to_principal_frame(hull).volume < 0.1 * half.prod()) hull = {};
   }
   for (Vec3& v : hull.vertices) v = single(v);
@@ -153,7 +153,7 @@ void Builder::set_mass(Body& body, double mass_kg) const {
     const PrincipalFrame frame = move_to_principal_frame(copy);
     body.inertia = mass_kg / frame.volume * frame.inertia;
   } else {
-    body.inertia = mass_kg * principal_inertia(body.shape, 1.0);  // as a scene's reader does
+    body.inertia = mass_kg * principal_inertia(body.shape, 1.0);  // as the scene reader does
   }
 }
 

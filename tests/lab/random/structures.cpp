@@ -10,7 +10,7 @@ namespace subworld {
 
 namespace {
 
-constexpr double kWidest = 1.3;  ///< most that a body reaches from its centre, of the usual size
+constexpr double kWidest = 1.3;  ///< largest reach of a body from its centre, relative to the usual size
 
 BodyState at(const Vec3& position, const Quat& orientation = Quat::Identity()) {
   BodyState state;

@@ -6,13 +6,13 @@
 #include <array>
 #include <string>
 
-/// Things that bodies make, drawn at random, for scenes of any lab.
+/// Random structures of bodies, for scenes of any lab.
 namespace subworld {
 
 enum class Structure : std::uint8_t { stack, row, heap, wall, ramp, against_wall, flight, lone };
 inline constexpr std::array kStructureNames{"stack", "row", "heap", "wall", "ramp", "against_wall", "flight", "lone"};
 
-/// What the bodies of a scene are drawn from.
+/// Ranges of the random properties of bodies.
 struct BodyRanges {
   double least_size_m = 0.005, most_size_m = 0.5;  ///< of a side or diameter
   double least_mass_kg = 1e-3, most_mass_kg = 10.0;
@@ -22,11 +22,11 @@ struct BodyRanges {
   std::vector<Material> materials{{}};
 };
 
-/// How far a shape reaches from its centre along a unit direction, m. Not for planes.
+/// Extent of a shape from its centre along a unit direction, m. Not for planes.
 [[nodiscard]] double reach_m(const Scene& scene, const Shape& shape, const Quat& orientation, const Vec3& direction);
 [[nodiscard]] Box bounds_of(const Scene& scene, const Body& body, const BodyState& state);
 
-/// Adds bodies to a scene, so that none overlaps another.
+/// Adds bodies to a scene, without overlap.
 class Builder {
  public:
   Builder(Scene& scene, Draw& draw, BodyRanges ranges) : scene_(scene), draw_(draw), ranges_(std::move(ranges)) {}
@@ -35,10 +35,10 @@ class Builder {
   BodyId add_fixed(const Shape& shape, const Pose& pose, const std::string& name);
   /// The ground: its highest point is z = 0.
   void add_floor(double half_m);
-  /// At least one body, and at most `most`, on z = 0, all of it at x >= `from_x`. Returns where it ends in x.
+  /// Adds at least one body, and at most `most`, on z = 0 and with all points at x >= `from_x`. Returns its end in x.
   double build(Structure structure, double from_x, int most);
 
-  /// A movable body of any shape; `flat`: one that another can stand on.
+  /// A movable body of any shape; `flat`: with a flat top that can carry another body.
   [[nodiscard]] Body draw_body(bool flat = false);
   [[nodiscard]] Shape draw_shape(ShapeKind kind, double size_m);
   [[nodiscard]] Material draw_material();
@@ -56,7 +56,7 @@ class Builder {
   double flight(double from_x, int most);
   double lone(double from_x, int most);
   [[nodiscard]] std::uint32_t add_hull(double size_m);
-  /// So much is left between two bodies that touch: often nothing.
+  /// Distance of two touching bodies: often zero.
   [[nodiscard]] double gap_m();
   void push(Body& body, BodyState& state);
 

@@ -15,17 +15,18 @@ bool is_proxy(const Scene& scene, BodyId id) {
   return std::ranges::find(scene.users, id, &UserSpec::proxy) != scene.users.end();
 }
 
-/// No body's bounds within this radius.
+/// Whether no body's bounds are within this radius.
 bool is_clear(const Scene& scene, const Vec3& place, double radius_m) {
   return std::ranges::all_of(scene.bodies, [&](const Body& body) {
     if (body.shape.kind == ShapeKind::plane) return place.z() > radius_m + kClear_m;
     const Box box = bounds_of(scene, body, scene.initial[index(body.id)]);
-    if (body.shape.kind == ShapeKind::mesh && place.z() < box.upper.z()) return false;  // ground: nothing under it
+    // Mesh ground: no place below it.
+    if (body.shape.kind == ShapeKind::mesh && place.z() < box.upper.z()) return false;
     return (place - place.cwiseMax(box.lower).cwiseMin(box.upper)).norm() > radius_m + kClear_m;
   });
 }
 
-/// Near the target, to the side or above; far above where there is no room.
+/// A free place near the target, beside or above it; far above if there is none.
 Vec3 clear_place(Draw& draw, const Scene& scene, const Vec3& target, double target_m, double radius_m) {
   for (int i = 0; i < 40; ++i) {
     Vec3 way = draw.direction();
@@ -51,7 +52,7 @@ BodyId draw_target(Draw& draw, const Scene& scene) {
   return movable[static_cast<std::size_t>(draw.whole(0, static_cast<int>(movable.size()) - 1))];
 }
 
-/// Within the time that a scene lasts.
+/// A move within the scene's duration.
 PathSegment move(const Vec3& by, double from_s, double speed_m_s) {
   constexpr double kShortest_s = 0.02, kLongest_s = 0.5;
   const double lasts_s = std::clamp(by.norm() / speed_m_s, kShortest_s, kLongest_s);
@@ -93,7 +94,7 @@ std::vector<PathSegment> draw_path(Draw& draw, const Vec3& way, double size_m, b
   return path;
 }
 
-/// No part of the path faster: a device that cannot follow its hand leaves its tool to it.
+/// Limits the speed of the path: a device that lags behind its operator would leave the tool behind.
 void slow_down(std::vector<PathSegment>& path, double most_m_s) {
   for (PathSegment& s : path) {
     if (s.kind == PathSegment::Kind::move) {
@@ -139,8 +140,8 @@ OperatorSpec draw_operator(Draw& draw, const DeviceSpec& device, const Body& too
   model.damping_n_s_m = rounded(draw.factor(3.0, 30.0), 2);
   model.stiffness_n_m = rounded(draw.factor(50.0, 600.0), 2);
   if (device.kind == DeviceKind::impedance) return model;
-  // An admittance device follows with the lag of its drives, 50 Hz: a hand that is too stiff for the mass of its tool
-  // cannot hold it still, whatever is simulated. So it swings at 5 Hz at most.
+  // An admittance device follows with the lag of its drives, 50 Hz. An operator who is too stiff for the mass of the
+  // tool cannot hold it still, whatever is simulated. Therefore the operator's natural frequency is at most 5 Hz.
   constexpr double kFastest_rad_s = 2.0 * M_PI * 5.0;
   const double part = draw.factor(0.1, 1.0), inertia = tool.inertia.minCoeff();
   model.stiffness_n_m = rounded(part * kFastest_rad_s * kFastest_rad_s * tool.mass, 2);

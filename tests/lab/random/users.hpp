@@ -4,8 +4,8 @@
 
 namespace subworld {
 
-/// Adds a user with a tool of its own, clear of all bodies, or with a movable body as its tool, and a way for its hand
-/// that leads to a body and on. Bodies come before the first user.
+/// Adds a user. The tool is a new one, clear of all bodies, or a movable body. The operator's path leads to a body and
+/// beyond. Bodies must be added before the first user.
 void add_user(Draw& draw, Builder& builder, const BodyRanges& ranges, Scene& scene);
 
 }  // namespace subworld

@@ -8,14 +8,14 @@
 
 namespace subworld {
 
-/// What a child process came to.
+/// Result of a child process.
 struct Apart {
   std::optional<Json> answer;
-  std::string end;  ///< where there is no answer: how the process ended, as in "SIGSEGV"
+  std::string end;  ///< if there is no answer: how the process ended, for example "SIGSEGV"
 };
 
-/// Calls `work` in a child process, so that nothing that happens in it harms this one. A child that takes longer than
-/// `most_s` is ended. Throws `Interrupted` where a signal asks to stop. For processes without threads.
+/// Calls `work` in a child process, so that a crash does not affect this one. Ends a child that takes longer than
+/// `most_s`. Throws `Interrupted` if a signal requests a stop. For processes without threads.
 [[nodiscard]] Apart apart(double most_s, const std::function<Json()>& work);
 
 }  // namespace subworld

@@ -1,5 +1,6 @@
 #include "lab/session/coupled_run.hpp"
 
+#include "coupling/plan.hpp"
 #include "lab/session/cpu_time.hpp"
 
 #include <algorithm>
@@ -18,15 +19,14 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
     guards.push_back(std::make_unique<DeviceGuard>(user, scene_.body(user.proxy),
                                                    !enabled(scene_, Optimisation::passivity, u), 0.0));
     const auto number = static_cast<std::uint32_t>(u);
-    Link link{.delay = Delay(scene_.settings, scheme.lead_cycles(), number),
-              .states = DelayLine<DeviceState>(scene_.settings, Direction::from_device, number),
-              .commands = DelayLine<DeviceCommand>(scene_.settings, Direction::to_device, number),
+    Link link{.delay = Delay(scene_.settings, scheme.properties.lead_cycles, number),
+              .order = LockstepOrder(scene_, *subs[u]),
               .reports = {},
               .frames = {}};
     link.reports.resize(remembered_cycles(scene_.settings, scheme));
     link.frames.resize(link.reports.size());
     links_.push_back(std::move(link));
-    subs[u]->apply(world.frame(u));
+    subs[u]->synchronise_with(world.frame(u));
     if (subs[u]->reports_at_start()) send_report(u);
   }
 }
@@ -45,48 +45,48 @@ void CoupledRun::deliver_reports(std::size_t user) {
   while (link.next_report <= link.newest_report &&
          link.delay.report_due(link.next_report, world.stamp(), world.timetable())) {
     const HapticReport* report = &link.reports[link.next_report % link.reports.size()];
-    if (report->stamp != link.next_report) report = &this->report(user);  // it ends a silence
+    // The report that ends a period of message suppression.
+    if (report->stamp != link.next_report) report = &this->report(user);
     link.next_report = report->stamp + 1;
     world.receive(HapticReport(*report));
   }
 }
 
-void CoupledRun::deliver_frames(std::size_t user, std::uint64_t step) {
+void CoupledRun::deliver_frames(std::size_t user) {
   Link& link = links_[user];
-  for (; link.delay.frame_due(link.next_frame, subs[user]->timetable()) <= step; ++link.next_frame) {
-    if (subs[user]->passes_frame(link.next_frame)) continue;
-    if (link.next_frame > world.stamp()) break;
+  link.order.take_frames(*subs[user], [&](std::uint64_t stamp) {
+    if (stamp > world.stamp()) return false;
     const CpuTimer timer(cpu.synchronise);
-    subs[user]->apply(link.frames[link.next_frame % link.frames.size()]);
-  }
+    subs[user]->synchronise_with(link.frames[stamp % link.frames.size()]);
+    return true;
+  });
 }
 
 void CoupledRun::haptic_cycle(std::size_t user) {
   const double h = scene_.settings.h_s;
   SubWorld& sub = *subs[user];
   EmulatedDevice& device = *devices[user];
-  const std::uint64_t cycle = links_[user].cycle++;
-  const std::uint64_t begin = sub.timetable().start(cycle), end = sub.timetable().start(cycle + 1);
-  for (std::uint64_t step = begin; step < end; ++step) {
-    if (step > begin) deliver_frames(user, step);
+  Link& link = links_[user];
+  const std::uint64_t cycle = link.cycle++;
+  const int steps = sub.timetable().ratio(cycle);
+  for (int step = 0; step < steps; ++step) {
+    deliver_frames(user);
     const DeviceState state = device.state();
-    const DeviceState& known = links_[user].states.pass(state, step);
+    DeviceCommand command;
     FeltStep now;
     {
       const CpuTimer timer(cpu.haptic);
-      now = sub.feel(known, true, h);
-      if (sub.report_due()) send_report(user);
-      sub.advance(h);
+      now = link.order.step(
+          sub, state, [&](const DeviceCommand& arrived, const FeltStep&) { command = arrived; },
+          [&] { send_report(user); });
     }
     felt[user].force.push_back(now.felt.force);
-    const DeviceCommand& arrived = links_[user].commands.pass(sub.command_for(known, now.to_operator), step);
-    const DeviceCommand safe = guards[user]->pass(arrived, state, true, h);
+    const DeviceCommand safe = guards[user]->pass(command, state, true, h);
     felt[user].on_operator.push_back(safe.wrench.force);
     device.step(safe, h);
     felt[user].proxy.push_back(sub.proxy());
-    if (sub.report_due()) send_report(user);
   }
-  deliver_frames(user, end);
+  deliver_frames(user);
 }
 
 void CoupledRun::cycle() {
@@ -96,7 +96,7 @@ void CoupledRun::cycle() {
     do haptic_cycle(u);
     while (!links_[u].reported);
   }
-  const auto lead = static_cast<std::uint64_t>(world.scheme().lead_cycles());
+  const auto lead = static_cast<std::uint64_t>(world.scheme().properties.lead_cycles);
   ++cycle_;
   if (cycle_ > lead) {
     for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
@@ -108,7 +108,7 @@ void CoupledRun::cycle() {
       links_[u].frames[world.stamp() % links_[u].frames.size()] = world.frame(u);
     }
   }
-  for (std::size_t u = 0; u < subs.size(); ++u) deliver_frames(u, subs[u]->timetable().start(links_[u].cycle));
+  for (std::size_t u = 0; u < subs.size(); ++u) deliver_frames(u);
 }
 
 bool CoupledRun::finite() const noexcept {
@@ -131,7 +131,7 @@ bool CoupledRun::run() {
 }
 
 void CoupledRun::close() {
-  if (world.scheme().border() != Border::none) {
+  if (world.scheme().properties.has_sub_worlds) {
     for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
     world.synchronise();
   }

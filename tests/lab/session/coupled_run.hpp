@@ -3,6 +3,7 @@
 #include "coupling/delay.hpp"
 #include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
+#include "haptic_sim/lockstep_order.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "model/scene.hpp"
 #include "rt/histogram.hpp"
@@ -13,63 +14,61 @@
 
 namespace subworld {
 
-/// What one user felt, one entry per haptic step, on the proxy.
+/// Forces and motion of one user, one entry per haptic step, at the proxy.
 struct FeltHistory {
-  std::vector<Vec3> force;        ///< N, by the coupling, before the ramp
-  std::vector<Vec3> on_operator;  ///< N, as the device shows it, on the hand
+  std::vector<Vec3> force;        ///< N, of the coupling, before the ramp
+  std::vector<Vec3> on_operator;  ///< N, of the device on the operator
   std::vector<BodyState> proxy;
 };
 
-/// CPU time of each part, s per call.
+/// CPU times, s per call.
 struct CpuTimes {
   Histogram world;        ///< a cycle of the world
   Histogram haptic;       ///< a haptic step
-  Histogram synchronise;  ///< a frame taken into the sub-world
+  Histogram synchronise;  ///< synchronisation of the sub-world with a frame
 };
 
 /// The whole system in lock-step in one process, without a bus: the same ticks in the same order, with the artificial
 /// delays of the settings.
 class CoupledRun {
  public:
-  /// `make`: who makes the world's engine.
+  /// `make` makes the world's engine.
   explicit CoupledRun(const Scene& scene, const EngineMaker& make = make_engine);
 
-  /// r steps of every user, and the cycle of the world that is due.
+  /// Makes r haptic steps of every user, and the world's cycle.
   void cycle();
-  /// Until the world has come to the scene's duration, or something is no longer finite. False then.
+  /// Runs until the world has reached the scene's duration. Returns false if a state or force is no longer finite.
   bool run();
-  /// After the last cycle: what the sub-worlds report of it corrects the world, as at the end of a run of the programs.
+  /// Call after the last cycle: the last reports correct the world, as at the end of a run of the programs.
   void close();
   [[nodiscard]] bool finite() const noexcept;
-  /// Of the world's states and of all forces on hands.
+  /// Hash of the world's states and of all forces on operators.
   [[nodiscard]] std::uint64_t hash() const noexcept;
 
   [[nodiscard]] WorldFrame& frame(std::size_t user = 0) { return world.frame(user); }
-  /// Whether the last cycle sent them.
+  /// Whether the last cycle sent a frame or a report.
   [[nodiscard]] bool sent_frame(std::size_t user = 0) const { return world.tells(user); }
   [[nodiscard]] bool sent_report(std::size_t user = 0) const { return links_[user].reported; }
-  /// The newest that the user's sub-world sent.
+  /// The newest report of the user's sub-world.
   [[nodiscard]] const HapticReport& report(std::size_t user = 0) const {
     return links_[user].reports[links_[user].newest_report % links_[user].reports.size()];
   }
 
  private:
   struct Link {
-    Delay delay;
-    DelayLine<DeviceState> states;
-    DelayLine<DeviceCommand> commands;
+    Delay delay;  ///< of reports
+    LockstepOrder order;
     std::vector<HapticReport> reports;  ///< by stamp
     std::vector<WorldFrame> frames;     ///< by stamp
-    std::uint64_t next_report = 0;      ///< for the world
+    std::uint64_t next_report = 0;      ///< that the world uses
     std::uint64_t newest_report = 0;
-    std::uint64_t next_frame = 1;  ///< for the sub-world
-    std::uint64_t cycle = 0;       ///< of the sub-world, which is ahead where it is silent
-    bool reported = false;         ///< in the last cycle of the run
+    std::uint64_t cycle = 0;  ///< of the sub-world, which is ahead where it is silent
+    bool reported = false;    ///< in the last cycle of the run
   };
   void haptic_cycle(std::size_t user);
   void deliver_reports(std::size_t user);
   void send_report(std::size_t user);
-  void deliver_frames(std::size_t user, std::uint64_t step);
+  void deliver_frames(std::size_t user);
 
   Scene scene_;
   std::uint64_t cycle_ = 0;

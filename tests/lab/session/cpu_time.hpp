@@ -13,7 +13,7 @@ inline double thread_cpu_s() noexcept {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-/// Adds the calling thread's CPU time while it lives.
+/// Adds the calling thread's CPU time during its lifetime.
 class CpuTimer {
  public:
   explicit CpuTimer(Histogram& into) noexcept : into_(into), begin_(thread_cpu_s()) {}

@@ -13,11 +13,11 @@
 
 namespace subworld {
 
-/// Draws that are the same everywhere: the generator's numbers are fixed by the standard, its distributions are not.
+/// Random numbers that are equal on every platform: the standard fixes its generators, but not its distributions.
 class Draw {
  public:
   explicit Draw(std::uint64_t seed) : bits_(seed) {}
-  /// One of many from one seed, independent of its neighbours (SplitMix64, Steele, Lea, Flood 2014).
+  /// Stream number `index` of a seed, independent of the other streams (SplitMix64, Steele, Lea, Flood 2014).
   Draw(std::uint64_t seed, std::uint64_t index) : Draw(mixed(mixed(seed) + index)) {}
 
   double between(double low, double high) {
@@ -49,7 +49,7 @@ class Draw {
   std::mt19937_64 bits_;
 };
 
-/// To so many significant digits: what reads well in a file, and hides the last bit of a C library.
+/// Rounds to this number of significant digits: readable in a file, and independent of the last bit of a C library.
 [[nodiscard]] inline double rounded(double value, int digits = 3) {
   return std::strtod(fmt::format("{:.{}g}", value, digits).c_str(), nullptr);
 }

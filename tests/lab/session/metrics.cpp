@@ -8,7 +8,7 @@ namespace subworld {
 namespace {
 
 constexpr int kWindow = 41;         ///< samples
-constexpr double kMostLag_s = 0.2;  ///< beyond it two forces are not the same thing late
+constexpr double kMostLag_s = 0.2;  ///< a larger lag does not count as a delay
 
 struct Sums {
   double difference = 0.0;
@@ -16,7 +16,7 @@ struct Sums {
   [[nodiscard]] double ratio() const noexcept { return std::sqrt(difference / reference); }
 };
 
-/// Of F against R, F taken `lag` samples later.
+/// RMS error of F against R, with F taken `lag` samples later.
 double rms_at(std::span<const Vec3> force, std::span<const Vec3> reference, std::ptrdiff_t lag) noexcept {
   Sums sums;
   const auto n = static_cast<std::ptrdiff_t>(reference.size());
@@ -80,7 +80,7 @@ ForceError force_error(std::span<const Vec3> force, std::span<const Vec3> refere
       best = lag;
     }
   }
-  // The square of the RMS is smooth in the lag: its parabola through three points has the least between the samples.
+  // The square of the RMS is smooth in the lag: a parabola through three points gives the minimum between samples.
   double fraction = 0.0;
   if (std::abs(best) < most) {
     const double left = std::pow(rms_at(force, reference, best - 1), 2);

@@ -7,21 +7,22 @@
 
 namespace subworld {
 
-/// How far a felt force is from its reference; one entry per haptic step in both.
+/// Difference of a felt force F from its reference R; one entry per haptic step in both.
 struct ForceError {
-  double rms = 0.0;            ///< sqrt(sum |F - R|^2 / sum |R|^2)
-  double p99 = 0.0;            ///< of |F - R|, over max |R|
-  double max = 0.0;            ///< likewise
-  double time_offset_s = 0.0;  ///< lag of F behind R that makes the RMS least; to a haptic step, refined by a parabola
-  double value_offset = 0.0;   ///< the RMS that is left then
-  double jitter_ratio = 0.0;   ///< noise_n of F over that of R
-  double smoothed_rms = 0.0;   ///< `rms` of the centred 41-sample means
+  double rms = 0.0;  ///< sqrt(sum |F - R|^2 / sum |R|^2)
+  double p99 = 0.0;  ///< of |F - R|, over max |R|
+  double max = 0.0;  ///< likewise
+  /// Lag of F behind R with the least RMS; resolution one haptic step, refined by a parabola.
+  double time_offset_s = 0.0;
+  double value_offset = 0.0;  ///< RMS error at that lag
+  double jitter_ratio = 0.0;  ///< noise_n of F over that of R
+  double smoothed_rms = 0.0;  ///< `rms` of the centred 41-sample means
 };
 
 /// Over the common length. Forces in N, h in s. Not finite where F is not.
 [[nodiscard]] ForceError force_error(std::span<const Vec3> force, std::span<const Vec3> reference, double h_s);
 
-/// RMS of the force minus its centred 41-sample mean, N: what trembles faster than a hand moves.
+/// RMS of the force minus its centred 41-sample mean, N: vibration that is faster than an operator's motion.
 [[nodiscard]] double noise_n(std::span<const Vec3> force);
 
 /// Centred mean over `window` samples (odd); fewer at the ends.

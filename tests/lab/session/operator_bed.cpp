@@ -71,7 +71,7 @@ void run_while(CoupledRun& run, double until_s, const std::function<bool()>& goe
   while (run.world.time_s() < until_s - 1e-9) {
     if (stop_signal() != 0) throw Interrupted{};
     run.cycle();
-    if (!run.finite()) throw std::runtime_error("a body is nowhere: its state is not finite");
+    if (!run.finite()) throw std::runtime_error("the state of a body is not finite");
     if (!goes_on()) return;
   }
 }

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kMostTurn_rad = 6.0 * std::numbers::pi / 180.0;
 constexpr double kMostAside = 0.08;    ///< of the longest move
-constexpr double kLeastAside_s = 0.1;  ///< how long going aside takes where a path begins at once
+constexpr double kLeastAside_s = 0.1;  ///< duration of the sideways move if a path begins at once
 
 PathSegment turned(PathSegment s, const Quat& by, double stretch) {
   s.displacement = stretch * (by * s.displacement);
@@ -24,7 +24,7 @@ PathSegment turned(PathSegment s, const Quat& by, double stretch) {
   return s;
 }
 
-/// A move across the longest one before anything else.
+/// A move across the longest one, before all others.
 PathSegment aside(const std::vector<PathSegment>& path, const Vec3& direction, double part) {
   Vec3 longest = Vec3::Zero();
   double begins_s = path.front().from_s;

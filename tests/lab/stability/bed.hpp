@@ -11,7 +11,7 @@
 namespace subworld {
 
 inline constexpr double kG = 9.81;  ///< m/s^2
-/// Of each pair of bodies where nothing else is said.
+/// Default friction of each pair of bodies.
 inline constexpr double kMu = 0.5;
 inline constexpr double kPi = 3.14159265358979323846;
 inline constexpr double kDegree = kPi / 180.0;
@@ -41,11 +41,11 @@ class TestBed {
   /// The floor and four planes as walls of a square bin around the z axis.
   void add_bin(double width_m, const Material& material = {});
 
-  /// One step. Throws `Interrupted`; `std::runtime_error` where a body is nowhere.
+  /// One step. Throws `Interrupted`, or `std::runtime_error` if a state is not finite.
   void step();
-  /// As many steps as fit best.
+  /// The number of steps that fits best.
   void run(double seconds);
-  /// The same, while `goes_on` after each step returns true. Returns whether it came to the end.
+  /// The same, while `goes_on` after each step returns true. Returns whether all steps were made.
   bool run(double seconds, const std::function<bool()>& goes_on);
 
   [[nodiscard]] Engine& engine() { return *engine_; }
@@ -55,13 +55,13 @@ class TestBed {
   [[nodiscard]] Vec3 position(BodyId id) const { return state(id).position; }
   [[nodiscard]] double dt_s() const { return dt_s_; }
   [[nodiscard]] double time_s() const { return steps_ * dt_s_; }
-  /// Kinetic and potential, of all movable bodies, J. A position is ahead of its velocity by half a part of a step
-  /// (Engine::integration_substep_s); the potential energy is taken where the two agree, or free fall would seem to
-  /// change it.
+  /// Kinetic and potential energy of all movable bodies, J. A position is ahead of its velocity by half a sub-step
+  /// (Engine::integration_substep_s). The potential energy is computed for the common time, because otherwise it would
+  /// change in free fall.
   [[nodiscard]] double energy_j() const;
-  /// The farthest that a movable body is from where it was added, m.
+  /// The largest distance of a movable body from its start, m.
   [[nodiscard]] double moved_m() const;
-  /// Of a movable body, m/s.
+  /// The largest speed of a movable body, m/s.
   [[nodiscard]] double fastest_m_s() const;
 
  private:

@@ -1,4 +1,4 @@
-// Newton's restitution: what comes back after a blow, and that nothing is won.
+// Newton's restitution: speed after an impact, without gain of energy.
 
 #include "lab/stability/bed.hpp"
 #include "lab/stability/cases.hpp"
@@ -13,7 +13,7 @@ namespace {
 constexpr double kBouncingRadius_m = 0.05;
 constexpr double kDrop_m = 0.5;
 constexpr double kBounceFor_s = 10.0;
-constexpr double kRunaway = 1e5;  ///< percent: nothing more is learned beyond
+constexpr double kRunaway = 1e5;  ///< percent; a larger gain gives no further information
 
 /// Height of the first bounce over that of the fall.
 Measurement bounce(const Setting& setting, double restitution) {
@@ -33,8 +33,8 @@ Measurement bounce(const Setting& setting, double restitution) {
   return {top_m / kDrop_m};
 }
 
-/// How far the mechanical energy of a body that falls and bounces rises above its start and drops below it, in percent
-/// of what it fell with.
+/// Rise and drop of the mechanical energy of a falling and bouncing body against its start, in percent of the energy of
+/// the fall.
 struct EnergyCourse {
   double rise = 0.0;
   double drop = 0.0;
@@ -60,7 +60,7 @@ EnergyCourse energy_course(const Setting& setting, Body ground, Body body, doubl
 
 Measurement energy_change(const EnergyCourse& course) { return {std::max(course.rise, course.drop)}; }
 
-/// Speed of the last of five balls in a row that the first strikes at 1 m/s.
+/// Speed of the last of five balls in a row after the first one hits at 1 m/s.
 Measurement cradle(const Setting& setting, double gap_mm) {
   constexpr int kBalls = 5;
   constexpr double kBall_m = 0.02;
@@ -145,18 +145,18 @@ std::vector<StabilityCase> bouncing_cases() {
                                     .rise};
            }},
       {.name = "newtons_cradle",
-       .shows =
-           "Of five equal balls in a row only the last moves on when the first strikes, whether they touch or not.",
+       .shows = "Of five equal balls in a row only the last moves after the first has hit, whether they touch or not.",
        .parameter = "gap",
        .parameter_unit = "mm",
        .values = {5.0, 0.0},
        .quantity = "speed of the last",
        .unit = "m/s",
        .formula = "v0 = 1 m/s",
-       .source = "Momentum and energy of a chain of blows between equal masses (Herrmann and Schmaelzle, Am. J. Phys. "
-                 "49, 1981)",
+       .source =
+           "Momentum and energy of a chain of impacts between equal masses (Herrmann and Schmaelzle, Am. J. Phys. "
+           "49, 1981)",
        .tolerance = 0.05,
-       .why = "5 % of the speed are 10 % of the height to which the last ball swings, which tells a cradle from a toy",
+       .why = "5 % of the speed are 10 % of the height to which the last ball rises, a visible difference",
        .expected = [](double) { return 1.0; },
        .measure = cradle},
   };

@@ -14,39 +14,39 @@ namespace subworld {
 enum class Compare : std::uint8_t {
   relative,  ///< |measured - expected| / |expected|
   absolute,  ///< |measured - expected|, in the quantity's unit
-  at_least,  ///< a limit that shall be no lower: expected / measured, so 1 is the bound
-  at_most,   ///< a limit that shall be no higher: measured / expected
+  at_least,  ///< a limit must reach the expected value: expected / measured, so 1 is the bound
+  at_most,   ///< a limit must not exceed the expected value: measured / expected
 };
 
 struct Measurement {
   double measured = 0.0;
-  std::optional<Bracket> bracket = {};  ///< where a limit was searched
+  std::optional<Bracket> bracket = {};  ///< for a searched limit
 };
-/// A limit for which a formula gives a number.
+/// A limit for which a formula gives a value.
 [[nodiscard]] inline Measurement limit_at(const Bracket& bracket) { return {bracket.middle(), bracket}; }
-/// A limit that shall be reached: what was seen to hold counts.
+/// A limit that must be reached: the largest value that was seen to hold counts.
 [[nodiscard]] inline Measurement limit_proven(const Bracket& bracket) { return {bracket.proven(), bracket}; }
 
-/// One case of the stability lab: a row of a table. Adding a row adds the case to the lab, its page and its help.
+/// One case of the stability lab: a row of a table. A new row adds the case to the lab, its page and its help.
 struct StabilityCase {
   std::string name;
-  std::string group = {};      ///< of the table that it stands in
-  std::string shows;           ///< in a sentence
-  std::string parameter = {};  ///< that is varied; empty: none but the searched limit itself
+  std::string group = {};      ///< group of its table
+  std::string shows;           ///< one sentence
+  std::string parameter = {};  ///< the varied parameter; empty: only the searched limit
   std::string parameter_unit = {};
-  std::vector<double> values = {};  ///< of the parameter; a measurement for each
-  std::size_t quick_values = 1;     ///< so many of the first ones are measured with --quick
-  std::string quantity;             ///< that is measured
+  std::vector<double> values = {};  ///< of the parameter; one measurement for each
+  std::size_t quick_values = 1;     ///< number of first values that are measured with --quick
+  std::string quantity;             ///< the measured quantity
   std::string unit;
   std::string formula;
-  std::string source;  ///< of the formula, or of the reference
+  std::string source;  ///< of the formula or of the reference
   Compare compare = Compare::relative;
   double tolerance = 0.02;  ///< of the error
-  std::string why;          ///< the tolerance is what it is
+  std::string why;          ///< reason of the tolerance
   std::function<double(double value)> expected = [](double) { return 0.0; };
   std::function<Measurement(const Setting& setting, double value)> measure;
-  bool own_step = false;  ///< it chooses its steps itself, so one step of the setting is enough
-  bool once = false;      ///< engines have no part in it: measured for none of them
+  bool own_step = false;  ///< the case chooses its steps, so it is measured for one step of the setting only
+  bool once = false;      ///< independent of engines: measured once
 };
 
 }  // namespace subworld

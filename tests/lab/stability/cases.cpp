@@ -12,7 +12,7 @@ const std::vector<StabilityCase>& stability_cases() {
     for (const Group& group :
          {Group{"sliding", sliding_cases}, Group{"bouncing", bouncing_cases}, Group{"resting", resting_cases},
           Group{"rotation", rotation_cases}, Group{"structures", structure_cases}, Group{"extremes", extreme_cases},
-          Group{"hand", operator_cases}, Group{"delay", delay_cases}}) {
+          Group{"operator", operator_cases}, Group{"delay", delay_cases}}) {
       for (StabilityCase& one : group.cases()) {
         one.group = group.name;
         all.push_back(std::move(one));

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-/// The tables of the stability lab, a group in each.
+/// The tables of the stability lab, one for each group.
 namespace subworld {
 
 [[nodiscard]] std::vector<StabilityCase> sliding_cases();
@@ -16,7 +16,7 @@ namespace subworld {
 [[nodiscard]] std::vector<StabilityCase> operator_cases();
 [[nodiscard]] std::vector<StabilityCase> delay_cases();
 
-/// All of them, in the order of the page.
+/// All cases, in the order of the page.
 [[nodiscard]] const std::vector<StabilityCase>& stability_cases();
 
 }  // namespace subworld

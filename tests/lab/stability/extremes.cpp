@@ -1,4 +1,4 @@
-// What scenes are not meant to have and users do anyway: fast bodies, overlaps, strange friction, unequal masses.
+// Extreme scenes: fast bodies, overlaps, unusual friction, unequal masses.
 
 #include "lab/stability/bed.hpp"
 #include "lab/stability/cases.hpp"
@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kExtremeSide_m = 0.1;
 
-/// Whether a ball is stopped by a plate, wherever in a step it meets it.
+/// Whether a plate stops a ball, for several times of the impact within a step.
 bool stopped_by_plate(const Setting& setting, double speed_m_s) {
   constexpr double kBall_m = 0.0025, kPlate_m = 0.01, kWay_m = 0.05;
   constexpr int kPhases = 8;
@@ -29,7 +29,7 @@ bool stopped_by_plate(const Setting& setting, double speed_m_s) {
   return true;
 }
 
-/// Two cubes without gravity that overlap by this part of a side.
+/// Two cubes without gravity that overlap by this share of a side.
 struct Overlapping {
   Overlapping(const Setting& setting, double part) : bed(setting, Vec3::Zero()) {
     for (const double side : {-0.5, 0.5})
@@ -45,7 +45,7 @@ struct Overlapping {
   double overlap_m = 0.0;
 };
 
-/// The largest push, of mu times the weight, under which a thin plate stays: slower than 1 mm/s after 2 s.
+/// The largest push, relative to mu times the weight, under which a thin plate stays: slower than 1 mm/s after 2 s.
 Measurement friction_limit(const Setting& setting, double mu) {
   constexpr double kExtremeSettle_s = 0.2, kPush_s = 2.0, kMoves_m_s = 1e-3, kGone_m_s = 0.1;
   const auto stays = [&](double push) {
@@ -71,8 +71,8 @@ Measurement without_friction(const Setting& setting, double speed_m_s) {
   return {bed.state(cube).linear_velocity.x()};
 }
 
-/// The most that the mechanical energy of cubes poured into a bin rises above its least so far, in percent of the
-/// start. Masses are spread evenly over so many decades.
+/// The largest rise of the mechanical energy of cubes poured into a bin above its least value so far, in percent of the
+/// start. The masses are spread evenly over this number of decades.
 Measurement heap_energy(const Setting& setting, double decades) {
   constexpr int kCubes = 40;
   constexpr double kGolden = 0.6180339887, kBin_m = 0.4, kFor_s = 2.0;
@@ -110,12 +110,12 @@ std::vector<StabilityCase> extreme_cases() {
        .shows = "The fastest ball of 5 mm that a fixed plate of 10 mm stops, at eight places within a step.",
        .quantity = "speed",
        .unit = "m/s",
-       .formula = "no limit for bodies that do not pass each other; sqrt(2 g 1.3 m) = 5 m/s is asked for; half the "
+       .formula = "no limit for solid bodies; sqrt(2 g 1.3 m) = 5 m/s is required; half the "
                   "plate and the radius a step without a look ahead: 7.5 mm / dt",
        .source = "Free fall from 1.3 m (Galilei)",
        .compare = Compare::at_least,
        .tolerance = 1.0,
-       .why = "a part that falls from the hand onto the floor",
+       .why = "a part that an operator drops onto the floor",
        .expected = [](double) { return 5.0; },
        .measure =
            [](const Setting& s, double) {
@@ -123,7 +123,7 @@ std::vector<StabilityCase> extreme_cases() {
                                             [&](double speed) { return stopped_by_plate(s, speed); }));
            }},
       {.name = "overlap_speed",
-       .shows = "Cubes that overlap at the start part without an explosion.",
+       .shows = "Cubes that overlap at the start separate without an explosion.",
        .parameter = "overlap, of the side",
        .values = {0.1, 0.5},
        .quantity = "largest speed in 1 s",
@@ -132,13 +132,13 @@ std::vector<StabilityCase> extreme_cases() {
        .source = conservation,
        .compare = Compare::absolute,
        .tolerance = 0.5,
-       .why = "0.5 m/s is as fast as a hand follows a part",
+       .why = "0.5 m/s is as fast as an operator can follow a part",
        .measure = [](const Setting& s, double part) { return Measurement{Overlapping(s, part).fastest_m_s}; }},
       {.name = "overlap_left",
-       .shows = "They do part within 1 s.",
+       .shows = "They separate within 1 s.",
        .parameter = "overlap, of the side",
        .values = {0.1, 0.5},
-       .quantity = "overlap that is left",
+       .quantity = "remaining overlap",
        .unit = "mm",
        .formula = "0: solid bodies do not overlap",
        .source = "Geometry: centres a side apart",
@@ -147,7 +147,8 @@ std::vector<StabilityCase> extreme_cases() {
        .why = "1 % of the side, as for other bodies that sink",
        .measure = [](const Setting& s, double part) { return Measurement{1e3 * Overlapping(s, part).overlap_m}; }},
       {.name = "friction_limit",
-       .shows = "The largest push under which a plate stays, from almost no friction to that of no material.",
+       .shows =
+           "The largest push under which a plate does not move, from almost no friction to more than any material has.",
        .parameter = "friction",
        .values = {0.01, 100.0, 0.1, 1.0, 10.0},
        .quantity = "push, of mu times the weight",

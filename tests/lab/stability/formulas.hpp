@@ -2,7 +2,7 @@
 
 #include "model/types.hpp"
 
-/// What mechanics says of the cases of the stability lab. SI units; angles of slopes in degrees.
+/// Analytical results for the cases of the stability lab. SI units; angles of slopes in degrees.
 namespace subworld {
 
 /// v^2 / (2 mu g): Coulomb friction stops a body that slides at v (m/s).
@@ -14,7 +14,7 @@ struct SlideToRoll {
   double speed_m_s = 0.0;
   double sliding_s = 0.0;
   double sliding_m = 0.0;
-  /// Where it is after t >= sliding_s.
+  /// Position at t >= sliding_s.
   [[nodiscard]] double place_m(double t_s) const { return sliding_m + speed_m_s * (t_s - sliding_s); }
 };
 [[nodiscard]] SlideToRoll slide_to_roll(double v0_m_s, double k, double mu);
@@ -29,14 +29,14 @@ struct SlideToRoll {
 /// r / sin(a): height of a ball's centre above the groove's bottom.
 [[nodiscard]] double groove_height_m(double radius_m, double half_angle_deg);
 
-/// 3 R w0 / (4 mu g): a disc that spins flat on a floor stops, its weight evenly spread.
+/// 3 R w0 / (4 mu g): time until a disc that spins flat on a floor stops, with uniform pressure.
 [[nodiscard]] double disc_spin_s(double rate_rad_s, double radius_m, double mu);
 
 /// Period of the body-frame angular velocity of a free body: 4 K(k) sqrt(I1 I2 I3 / ((I3 - I2)(L^2 - 2 E I1))).
 [[nodiscard]] double tumble_period_s(const Vec3& inertia, const Vec3& body_rate_rad_s);
 
-/// Slow root W of m g l = W (I3 w3 - I1 W cos(theta)): a top that precesses steadily. I1 about the tip, w3 its spin
-/// about its own axis, all of it. Not a number where it is too slow to.
+/// Slow root W of m g l = W (I3 w3 - I1 W cos(theta)): steady precession of a top. I1 about the tip, w3 its total spin
+/// about its own axis. Not a number if the top is too slow.
 [[nodiscard]] double precession_rad_s(double weight_moment_n_m, double i1, double i3, double w3_rad_s,
                                       double theta_rad);
 

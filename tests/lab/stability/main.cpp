@@ -22,43 +22,44 @@ constexpr int kRandomScenes = 100;
 struct Command {
   StabilityRequest request;
   RandomRequest random;
-  bool cases = true;               ///< the cases too, not random scenes alone
-  bool strict = false;             ///< a random scene that fails fails the lab
+  bool cases = true;               ///< run the cases too, and not only random scenes
+  bool strict = false;             ///< a failing random scene fails the lab
   std::vector<std::string> steps;  ///< as written
   std::string out;
 };
 
-/// The options of the random scenes. `asked`: of those, or all.
-void add_random(CLI::App& app, Command& command, int& only) {
+/// Options of the random scenes. `only`: index of a single scene, or negative for all.
+void add_random(CommandLine& line, Command& command, int& only) {
   RandomRequest& random = command.random;
-  CLI::Option* scenes =
-      app.add_option("--random", random.scenes,
-                     fmt::format("run so many random scenes in each engine and preset (default: {}), and of the cases "
-                                 "only those that are named",
-                                 kRandomScenes))
-          ->expected(0, 1)
-          ->default_str(std::to_string(kRandomScenes))
-          ->check(CLI::Range(1, 1'000'000));
-  add_seed(app, random.seed)->needs(scenes);
-  app.add_option("--scene-index", only, "of the random scenes only this one, from 0, with its details")
-      ->needs(scenes)
-      ->check(CLI::Range(0, 1'000'000'000));
-  app.add_flag("--strict", command.strict, "exit with 4 where a random scene fails")->needs(scenes);
+  const Option scenes = line.add("--random", &random.scenes,
+                                 fmt::format("number of random scenes in each engine and preset, {} where it is left "
+                                             "out; of the cases only those that are named",
+                                             kRandomScenes))
+                            .implies(std::to_string(kRandomScenes))
+                            .range(1, 1'000'000)
+                            .otherwise("none");
+  add_seed(line, random.seed).needs(scenes);
+  line.add("--scene-index", &only, "only this random scene, from 0, with its details")
+      .range(0, 1'000'000'000)
+      .otherwise("all")
+      .needs(scenes);
+  line.flag("--strict", command.strict, "exit code 4 where a random scene fails").needs(scenes);
 }
 
-/// Throws `Error` (usage). An exit code where nothing is left to do.
+/// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Command& command) {
   StabilityRequest& request = command.request;
-  CLI::App app{
-      "Maps where the engines are numerically stable: each case measures one quantity, or searches a limit by "
-      "bisection, and holds it against a formula or a reference. A row gives the margin: error over tolerance.",
-      "subworld lab stability"};
-  app.footer(fmt::format(
+  CommandLine line(
+      "subworld lab stability",
+      "Maps where the engines are numerically stable: each case measures one quantity, or searches a limit "
+      "by bisection, and compares it with a formula or a reference. A row gives the margin: error over "
+      "tolerance.");
+  line.footer(fmt::format(
       "Cases by group:\n{}\n\n"
       "Examples:\n"
       "  subworld lab stability --quick --out out/quick\n"
       "  subworld lab stability sliding slip_angle --engine bullet --dt 1/1000 --out out/sliding\n"
-      "  subworld lab stability hand delay --engine bullet,physx --preset fast\n"
+      "  subworld lab stability operator delay --engine bullet,physx --preset fast\n"
       "  subworld lab stability stack card_house heavy_on_light --preset quality --dt 1/60,1/250,1/1000\n"
       "  subworld lab stability --random 300 --seed 7 --engine bullet --preset fast --strict --out out/random\n"
       "DIR/report.html shows the map and a section for each case with its formula and source; DIR/results.csv and\n"
@@ -66,22 +67,22 @@ std::optional<int> parse(int argc, char** argv, Command& command) {
       "code.\n"
       "--random runs random scenes instead: twice each, judged by crashes, states that are not finite, hash, energy "
       "and\n"
-      "the force on each hand. What fails is made small and kept in DIR/failures; DIR/random.csv holds a row for "
+      "the force on each operator. Failures are made small and stored in DIR/failures; DIR/random.csv holds a row for "
       "each.\n"
       "Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 4 a random "
       "scene failed (--strict).",
       cases_text()));
-  app.add_option("case", request.names, "names of cases or groups (default: all)");
-  add_list(app, "--engine", request.engines, "engines, separated by commas (default: all there are)");
-  add_list(app, "--preset", request.presets, "presets of the engines (default: all)");
-  add_list(app, "--dt", command.steps, "time steps, s, as in 1/60 or 0.01 (default: 1/1000,1/250,1/60)");
-  app.add_flag("--quick", request.quick,
-               "a first look: the first value of each case, at 1/1000 and 1/250 s where no other step is asked for");
+  line.add("case", &request.names, "names of cases or groups").otherwise("all");
+  line.add("--engine", &request.engines, "engines, separated by commas").otherwise("all that are installed");
+  line.add("--preset", &request.presets, "presets of the engines").otherwise("all");
+  line.add("--dt", &command.steps, "time steps in s, as in 1/60 or 0.01").otherwise("1/1000,1/250,1/60");
+  line.flag("--quick", request.quick,
+            "a first look: the first value of each case, at 1/1000 and 1/250 s where no other step is given");
   int only = -1;
-  add_random(app, command, only);
-  add_out(app, "stability", command.out);
-  if (const auto code = parse_arguments(app, argc, argv)) return code;
+  add_random(line, command, only);
+  add_out(line, "stability", command.out);
+  if (const auto code = line.parse(argc, argv)) return code;
 
   for (const std::string& step : command.steps) request.steps_s.push_back(step_of(step));
   if (request.engines.empty()) request.engines = engine_names();
@@ -95,7 +96,7 @@ std::optional<int> parse(int argc, char** argv, Command& command) {
   return std::nullopt;
 }
 
-/// Rows come setting by setting; those of a setting are kept when it is done.
+/// Measures setting by setting, and saves the rows of a setting when it is done.
 Rows measure(const std::vector<StabilityPoint>& points, const std::string& out) {
   Rows rows;
   StabilityProgress progress(points);

@@ -17,7 +17,7 @@ namespace subworld {
 
 namespace {
 
-/// From one bound of error over tolerance to the next. Blue passes, red misses: told apart without red and green.
+/// Bounds of error over tolerance with colours. Blue passes, red misses, also for colour-blind readers.
 struct Shade {
   double up_to;
   const char* colour;
@@ -63,7 +63,7 @@ std::string begin(int width, int height) {
       height);
 }
 
-/// A name above all columns that follow each other and share it.
+/// A name above all consecutive columns that share it.
 std::string head_line(const std::vector<ColumnOf>& columns, int line,
                       const std::function<std::string(const ColumnOf&)>& name,
                       const std::function<bool(const ColumnOf&, const ColumnOf&)>& same) {

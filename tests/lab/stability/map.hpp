@@ -6,10 +6,10 @@
 
 namespace subworld {
 
-/// A matrix as an SVG element: a line for each case and value, a column for each engine, preset and step, each cell
-/// with the measured value, coloured by error over tolerance. `all` says which columns there are; `rows` are drawn.
+/// A matrix as an SVG element: a line for each case and value, a column for each engine, preset and step. Each cell has
+/// the measured value, coloured by error over tolerance. `all` decides the columns; `rows` are drawn.
 [[nodiscard]] std::string stability_map(const Rows& all, const Rows& rows);
-/// The colours and what they mean, as an SVG element.
+/// The legend of the colours, as an SVG element.
 [[nodiscard]] std::string stability_legend();
 
 }  // namespace subworld

@@ -1,4 +1,4 @@
-// What a hand meets: the stiffness that its device can render, and how still it is then.
+// The largest stiffness that a device can render, and the noise of the force at rest.
 
 #include "lab/session/metrics.hpp"
 #include "lab/session/operator_bed.hpp"
@@ -14,9 +14,9 @@ namespace subworld {
 namespace {
 
 const char* const kSteady = "Statics: forces in equilibrium do not change";
-constexpr double kBound = 1.1;  ///< of a limit that shall be no lower: a designer leaves more than 10 % of margin
+constexpr double kBound = 1.1;  ///< for a limit that must be reached: a designer leaves more than 10 % of margin
 
-/// Whether what the jerk sets off, 0.05 m/s, dies away.
+/// Whether the motion after the push, 0.05 m/s, decays.
 bool comes_to_rest(const Scene& scene, double rest_s) {
   constexpr double kRests_m_s = 1e-9, kGone_m_s = 0.2;
   CoupledRun run(scene);
@@ -31,7 +31,7 @@ bool comes_to_rest(const Scene& scene, double rest_s) {
   return late_m_s < std::max(std::min(early_m_s, kGone_m_s), kRests_m_s);
 }
 
-/// Around what is expected.
+/// A search around the expected value.
 Search around_stiffness(double stiffness_n_m) {
   return {.from = 0.1 * stiffness_n_m, .to = 10.0 * stiffness_n_m, .stride = 2.0, .precision = 1.02};
 }
@@ -68,14 +68,14 @@ double passive_stiffness(double resolution_um) {
   return std::min(2.0 * wall.damping_n_s_m / wall.period_s, 2.0 * kFriction_n / (1e-6 * resolution_um));
 }
 
-/// `press` in this engine, without the bound on energy that would steady it.
+/// `press` with this engine, without the passivity bound, which would stabilise it.
 Scene press_in(const Setting& setting) {
   Scene scene = in_engine(scene_with_operator("press", DeviceKind::impedance), setting);
   scene.settings.passivity = Passivity::off;
   return scene;
 }
 
-/// A wall before the device with the hand that holds it.
+/// Largest stiffness of a wall for the device with the operator who holds it.
 double held_root(const Scene& scene) {
   const UserSpec& user = scene.users[0];
   UserSpec held = user;
@@ -90,16 +90,16 @@ Scene late_press(const Setting& setting, Side where, double delay_ms) {
   return scene;
 }
 
-/// Of the force on the hand, from one time to another.
+/// Noise of the force on the operator in an interval of time.
 double noise_between(const CoupledRun& run, double h_s, double from_s, double to_s) {
   const auto begin = static_cast<std::size_t>(std::lround(from_s / h_s));
   const auto count = static_cast<std::size_t>(std::lround((to_s - from_s) / h_s));
   return noise_n(std::span(run.felt[0].on_operator).subspan(begin, count));
 }
 
-/// The stiffest coupling with which a cube that is pressed and held comes to rest before the hand.
+/// The largest stiffness of the coupling with which a pressed and held cube comes to rest.
 Measurement stiffest_press(Scene scene) {
-  constexpr double kStill_n = 0.1;  ///< a finger feels no less
+  constexpr double kStill_n = 0.1;  ///< threshold of perception of a finger
   const double h_s = scene.settings.h_s;
   scene.users[0].device.path.resize(1);  // without the release
   return limit_proven(find_limit({.from = 100.0, .to = 1e5, .stride = 2.0, .precision = 1.05}, [&](double k) {
@@ -110,7 +110,7 @@ Measurement stiffest_press(Scene scene) {
   }));
 }
 
-/// The noise of the force while the top of a stack of ten is held down by 0.2 mm.
+/// Noise of the force while the top of a stack of ten is held down by 0.2 mm.
 Measurement stack_noise(const Setting& setting, const char* scheme) {
   constexpr double kStiffness_n_m = 1e5, kDown_m = 2e-4, kFrom_s = 1.5, kTo_s = 2.5;
   Scene scene = in_engine(scene_with_operator("tower_press", DeviceKind::impedance), setting);
@@ -178,7 +178,7 @@ std::vector<StabilityCase> operator_cases() {
         .shows = "The top of a stack of ten is held down with a coupling of 100 N/mm, in haptic steps of 1 ms.",
         .quantity = "noise of the force, RMS",
         .unit = "N",
-        .formula = "0: what rests under a steady load pushes back steadily",
+        .formula = "0: a body at rest under a constant load exerts a constant force",
         .source = kSteady,
         .compare = Compare::absolute,
         .tolerance = 0.1,
@@ -187,14 +187,15 @@ std::vector<StabilityCase> operator_cases() {
         .own_step = true};
   };
   return {
-      wall_case("wall_delay",
-                "The stiffest wall in which a device of 0.1 kg and 0.5 N s/m comes to rest at 1 kHz, its samples late.",
-                "delay", "samples", {0.0, 5.0, 1.0, 20.0}, delayed_wall),
+      wall_case(
+          "wall_delay",
+          "The stiffest wall in which a device of 0.1 kg and 0.5 N s/m comes to rest at 1 kHz, with delayed samples.",
+          "delay", "samples", {0.0, 5.0, 1.0, 20.0}, delayed_wall),
       wall_case("wall_mass", "The same for devices of other masses, with 5 N s/m for each kg.", "mass", "kg",
                 {1.0, 0.02}, heavy_wall),
       wall_case("wall_period", "The same for other sampling periods.", "period", "ms", {4.0, 0.25, 2.0}, sampled_wall),
       {.name = "wall_damped",
-       .shows = "The same where the wall is damped: B is so many ms times K.",
+       .shows = "The same with a damped wall; B / K is given in ms.",
        .parameter = "B / K",
        .parameter_unit = "ms",
        .values = {1.0, 5.0, 20.0},
@@ -226,14 +227,14 @@ std::vector<StabilityCase> operator_cases() {
              return stiffest_wall({}, passive_stiffness(um), 0.0, {kFriction_n, 1e-6 * um});
            },
        .once = true},
-      press_case("press_device_delay",
-                 "The stiffest coupling with which a cube that a hand presses against a wall comes to rest, with this "
-                 "delay between device and sub-world, there and back; a wall would allow so much.",
-                 "delay at the device", {0.0, 4.0, 20.0}, Side::device),
       press_case(
-          "press_world_delay",
-          "The same with the delay between sub-world and world: what is simulated beside the hand does not wait.",
-          "delay to the world", {100.0, 20.0}, Side::world),
+          "press_device_delay",
+          "The stiffest coupling with which a cube that the operator presses against a wall comes to rest, with this "
+          "round-trip delay between device and sub-world. Expected is the limit of a rigid wall.",
+          "delay at the device", {0.0, 4.0, 20.0}, Side::device),
+      press_case("press_world_delay",
+                 "The same with the delay between sub-world and world, which does not delay the sub-world's bodies.",
+                 "delay to the world", {100.0, 20.0}, Side::world),
       stack_case("stack_reduced", "reduced"),
       stack_case("stack_direct", "direct"),
   };

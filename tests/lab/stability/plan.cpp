@@ -20,7 +20,7 @@ std::string label_text(const std::string& name, std::optional<double> value, con
   return fmt::format("{}, {:g}{}{}", name, *value, unit.empty() ? "" : " ", unit);
 }
 
-/// The groups in their order, then the cases.
+/// Group names, then case names.
 std::vector<std::string_view> known_names() {
   std::vector<std::string_view> names;
   for (const StabilityCase& one : stability_cases()) {
@@ -61,7 +61,7 @@ std::vector<const StabilityCase*> chosen_cases(const std::vector<std::string>& n
     if (std::ranges::find(known, name) == known.end()) {
       const std::string_view meant = nearest(name, known);
       throw Error(ExitCode::usage,
-                  fmt::format("\"{}\" is no case and no group{} All of them:\n{}", name,
+                  fmt::format("\"{}\" is neither a case nor a group{} All of them:\n{}", name,
                               meant.empty() ? "." : fmt::format("; did you mean \"{}\"?", meant), cases_text()));
     }
   }

@@ -8,7 +8,7 @@
 
 namespace subworld {
 
-/// What is asked. An empty list means all there are.
+/// Requested measurements. An empty list means all.
 struct StabilityRequest {
   std::vector<std::string> names;  ///< of cases and groups
   std::vector<std::string> engines;
@@ -25,15 +25,15 @@ struct StabilityPoint {
   Setting setting;
   std::optional<double> value;  ///< of the case's parameter
 
-  /// "slide_stop, 1 m/s": the same for every setting.
+  /// "slide_stop, 1 m/s": equal for every setting.
   [[nodiscard]] std::string label() const;
 };
-/// The same of a row.
+/// The label of a row.
 [[nodiscard]] std::string label_of(const Json& row);
 
-/// The cases of these names and groups, in the order of the page. Throws `Error` (usage) that names the nearest one.
+/// The cases of these names and groups, in the order of the page. Throws `Error` (usage) with the nearest name.
 [[nodiscard]] std::vector<const StabilityCase*> chosen_cases(const std::vector<std::string>& names);
-/// "sliding: slide_stop, ...", a line for each group.
+/// "sliding: slide_stop, ...", one line for each group.
 [[nodiscard]] std::string cases_text();
 
 /// Every measurement, setting by setting. Throws `Error` (usage).

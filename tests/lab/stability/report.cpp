@@ -18,14 +18,15 @@ namespace subworld {
 
 namespace {
 
-constexpr const char* kHowToRead = R"(<p>Each case sets up a small scene in one engine, measures one quantity, and holds
-it against a formula or a reference that is computed another way. <b>Error over tolerance</b> is the margin: 1 is the
-bound, 0.1 leaves a factor of ten. A tolerance is what a user would notice, not what an engine reaches; the section of a
-case says why. A limit (an angle, a speed, a ratio) is searched: values are tried outwards until one fails, then the
-bracket is halved; &lt; and &ge; mark a limit outside of the range that was tried.</p>
+constexpr const char* kHowToRead =
+    R"(<p>Each case sets up a small scene in one engine, measures one quantity, and compares
+it with a formula or an independent reference. <b>Error over tolerance</b> is the margin: 1 is the
+bound, 0.1 leaves a factor of ten. A tolerance is the least difference that a user would notice; the section of a
+case gives the reason. A limit (an angle, a speed, a ratio) is searched: values are increased until one fails, then the
+bracket is bisected; &lt; and &ge; mark a limit outside of the range that was tried.</p>
 )";
 
-constexpr double kLeastShown = 1e-3;  ///< of the tolerance, in the plot
+constexpr double kLeastShown = 1e-3;  ///< of the tolerance; smaller errors are drawn here
 constexpr double kMostShown = 1e4;
 
 const char* words_of(Compare compare) {
@@ -48,7 +49,7 @@ Rows chosen(const Rows& rows, const char* column, const std::string& value) {
   return mine;
 }
 
-/// Share of the rows of each engine and preset that lie within a multiple of their tolerance.
+/// Share of the rows of each engine and preset within a multiple of their tolerance.
 Plot margins_plot(const Rows& rows, double step_s) {
   constexpr std::array kColours{"#0072b2", "#00704f", "#c04f00", "#99226a", "#444444", "#b8860b"};
   Plot plot;
@@ -163,7 +164,7 @@ std::string advice_text(const Json& summary) {
 }  // namespace
 
 void write_stability_report(const std::string& path, const Rows& rows, const Json& summary) {
-  Page page(path, "Stability: what the engines hold, with margins");
+  Page page(path, "Stability: the limits of the engines, with margins");
   page.intro(summary.at("about"), summary);
   page.add(advice_text(summary) + (rows.empty() ? "" : kHowToRead));
   if (summary.contains("random")) add_random_section(page, summary.at("random"));

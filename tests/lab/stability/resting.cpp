@@ -1,4 +1,4 @@
-// Bodies that rest: how deep, how still, and with which forces.
+// Bodies at rest: penetration, residual motion and forces.
 
 #include "lab/stability/bed.hpp"
 #include "lab/stability/cases.hpp"
@@ -63,8 +63,8 @@ Measurement ripple(const Setting& setting, double mass_kg) {
   return {1e2 * most};
 }
 
-/// A body between two planes that meet at the origin along y, without friction. Gives the mean force of one plane and
-/// the body's height.
+/// A body between two planes that meet at the origin along y, without friction. Measures the mean force of one plane
+/// and the body's height.
 struct Groove {
   Groove(const Setting& setting, double half_angle_deg, const Body& body, const Quat& orientation, double height_m)
       : bed(setting) {
@@ -99,7 +99,7 @@ Groove ball_in_groove(const Setting& setting, double half_angle_deg) {
           groove_height_m(kRestingRadius_m, half_angle_deg)};
 }
 
-/// How fast a lying cylinder rolls away, mm/s.
+/// Speed at which a lying cylinder rolls away, mm/s.
 Measurement lying_cylinder(const Setting& setting, const Body& ground, double top_m) {
   constexpr double kFor_s = 3.0;
   TestBed bed(setting);
@@ -111,7 +111,7 @@ Measurement lying_cylinder(const Setting& setting, const Body& ground, double to
   return {1e3 * way.head<2>().norm() / kFor_s};
 }
 
-/// The deepest that balls in a bin overlap each other or the bin, of their radius in percent.
+/// The deepest overlap of balls in a bin with each other or the bin, in percent of their radius.
 Measurement pile(const Setting& setting, double count) {
   constexpr double kBall_m = 0.02, kBin_m = 0.125;
   TestBed bed(setting);
@@ -141,7 +141,7 @@ const char* const kRestingSource = "Statics: equal weight and support";
 std::vector<StabilityCase> still_cases() {
   return {
       {.name = "rest_depth",
-       .shows = "A cube on the floor rests on it, neither in it nor above it.",
+       .shows = "A cube on the floor rests on it, without penetration and without a gap.",
        .parameter = "mass",
        .parameter_unit = "kg",
        .values = {0.2, 20.0},
@@ -187,7 +187,7 @@ std::vector<StabilityCase> still_cases() {
        .source = kRestingSource,
        .compare = Compare::absolute,
        .tolerance = 1.0,
-       .why = "3 mm in 3 s: the cylinder is elsewhere when the user looks again",
+       .why = "3 mm in 3 s: the user sees that the cylinder has moved",
        .measure = [](const Setting& s, double) { return lying_cylinder(s, plane_body(), 0.0); }},
       {.name = "cylinder_on_box",
        .shows = "The same on a box as large as a table.",
@@ -219,7 +219,7 @@ std::vector<StabilityCase> groove_cases() {
       "Statics of a wedge without friction (Beer and Johnston, Vector Mechanics: Statics, chapter 8)";
   return {
       {.name = "groove_force",
-       .shows = "Each side of a V groove carries its part of a ball.",
+       .shows = "Each side of a V groove carries its share of a ball.",
        .parameter = "half angle",
        .parameter_unit = "deg",
        .values = {30.0, 45.0, 10.0},
@@ -232,7 +232,7 @@ std::vector<StabilityCase> groove_cases() {
        .expected = [](double a) { return groove_force_n(kGrooveMass_kg * kG, a); },
        .measure = [](const Setting& s, double a) { return Measurement{ball_in_groove(s, a).force_n[0]}; }},
       {.name = "groove_height",
-       .shows = "The ball lies as high in the groove as its radius says.",
+       .shows = "The height of the ball in the groove follows from its radius.",
        .parameter = "half angle",
        .parameter_unit = "deg",
        .values = {30.0, 45.0, 10.0},

@@ -1,4 +1,4 @@
-// Bodies that spin: freely, on a floor, and as a top.
+// Rotating bodies: in free space, on a floor, and as a top.
 
 #include "lab/stability/bed.hpp"
 #include "lab/stability/cases.hpp"
@@ -15,7 +15,7 @@ namespace {
 const Vec3 kBrick_m(0.05, 0.12, 0.2);
 constexpr double kFreeFor_s = 10.0;
 constexpr double kPoseFor_s = 2.0;
-constexpr double kOffAxis = 0.01;  ///< of the rate, about the other two axes
+constexpr double kOffAxis = 0.01;  ///< relative to the rate, about the other two axes
 
 /// A brick in space that spins almost about its middle axis.
 struct Tumbling {
@@ -29,7 +29,8 @@ struct Tumbling {
     const BodyState now = bed.state(brick);
     return now.orientation.conjugate() * now.angular_velocity;
   }
-  /// From the poses before and after a step alone: engines count a velocity at different times within it.
+  /// From the poses before and after a step only, because engines define the time of a velocity within the step
+  /// differently.
   [[nodiscard]] Vec3 momentum_between(const Quat& before, const Quat& after) const {
     const Eigen::AngleAxisd turn(after * before.conjugate());
     const double angle = turn.angle() > kPi ? turn.angle() - 2.0 * kPi : turn.angle();
@@ -69,7 +70,7 @@ Measurement free_momentum(const Setting& setting, double rate_rad_s) {
   return {1e2 * most / start.norm()};
 }
 
-/// Angle between the brick and the same brick by Euler's equations.
+/// Angle between the brick and the solution of Euler's equations.
 Measurement free_pose(const Setting& setting, double rate_rad_s) {
   Tumbling tumbling(setting, rate_rad_s);
   tumbling.bed.run(kPoseFor_s);
@@ -77,7 +78,7 @@ Measurement free_pose(const Setting& setting, double rate_rad_s) {
   return {exact.orientation.angularDistance(tumbling.bed.state(tumbling.brick).orientation) / kDegree};
 }
 
-/// Mean period, from the times at which the rate about the middle axis changes its sign; 0 where it does not turn over.
+/// Mean period, from the times at which the rate about the middle axis changes its sign; 0 if it does not turn over.
 Measurement flip_period(const Setting& setting, double rate_rad_s) {
   Tumbling tumbling(setting, rate_rad_s);
   double before = tumbling.body_rate().y(), first_s = 0.0, last_s = 0.0;
@@ -134,7 +135,7 @@ struct Top {
   }
 };
 
-/// Mean angular speed of the axis about the vertical, started in steady precession; 0 where the top falls.
+/// Mean angular speed of the axis about the vertical, started in steady precession; 0 if the top falls.
 Measurement top_precession(const Setting& setting, double w3_rad_s) {
   constexpr double kFor_s = 1.5;
   const Top top;
@@ -160,7 +161,8 @@ Measurement top_precession(const Setting& setting, double w3_rad_s) {
 
 constexpr double kDisc_m = 0.05;
 
-/// When a body that spins about the vertical on a floor has lost 98 % of its rate, linearly: over 0.98.
+/// Time at which a body that spins about the vertical on a floor has lost 98 % of its rate, divided by 0.98 (linear
+/// decay).
 Measurement spin_stop(const Setting& setting, double rate_rad_s) {
   constexpr double kLost = 0.98, kLongest_s = 5.0;
   TestBed bed(setting);
@@ -257,7 +259,7 @@ std::vector<StabilityCase> free_cases() {
 std::vector<StabilityCase> spinning_cases() {
   return {
       {.name = "spin_disc",
-       .shows = "A disc that spins flat on the floor stops when its weight is spread evenly.",
+       .shows = "A disc that spins flat on the floor stops at the time of a uniform pressure.",
        .parameter = "rate",
        .parameter_unit = "rad/s",
        .values = {40.0},
@@ -270,8 +272,8 @@ std::vector<StabilityCase> spinning_cases() {
        .expected = [](double w) { return disc_spin_s(w, kDisc_m, kMu); },
        .measure = spin_stop},
       {.name = "spin_ball",
-       .shows =
-           "A ball that spins about the vertical on a floor keeps spinning: its one point of contact has no lever.",
+       .shows = "A ball that spins about the vertical on a floor keeps spinning: its single point of contact has no "
+                "lever arm.",
        .parameter = "rate",
        .parameter_unit = "rad/s",
        .values = {20.0},

@@ -39,7 +39,7 @@ Json facts_of(const StabilityPoint& point) {
           {"compare", kCompareNames[static_cast<std::size_t>(one.compare)]}};
 }
 
-/// How the limit lies to the number where the search did not enclose it.
+/// Relation of the limit to the number if the search did not enclose it.
 const char* bound_of(const Bracket& bracket) {
   if (bracket.inside()) return "";
   if (std::isfinite(bracket.held)) return bracket.upwards ? ">=" : "<=";

@@ -11,23 +11,23 @@
 
 namespace subworld {
 
-/// See Compare. Not a number where `measured` is none.
+/// See Compare. Not a number if `measured` is not a number.
 [[nodiscard]] double error_of(Compare compare, double measured, double expected);
 
-/// The row of one measurement; empty where a signal asked to stop. An engine that fails leaves a row with the reason.
+/// The row of one measurement; empty if a signal requested a stop. An engine that fails gives a row with the reason.
 [[nodiscard]] std::optional<Json> measured_row(const StabilityPoint& point);
 
-/// Error over tolerance: 1 is the bound. Infinite where nothing could be measured.
+/// Error over tolerance: 1 is the bound. Infinite if the quantity could not be measured.
 [[nodiscard]] double margin_of(const Json& row);
-/// "12"; "<12" where not even 12 held, ">=12" where the search ended there; "failed" where there is no number.
+/// "12"; "<12" if even 12 did not hold, ">=12" if the search ended there; "failed" if there is no number.
 [[nodiscard]] std::string measured_text(const Json& row);
 
-/// A line for each measurement, with the time that the rest may take: a case costs what it cost in the settings before,
-/// by the number of steps.
+/// Prints a line for each measurement, with the estimated remaining time. The estimate scales the time of a case in
+/// earlier settings by the number of steps.
 class StabilityProgress {
  public:
   explicit StabilityProgress(const std::vector<StabilityPoint>& points) : points_(points) {}
-  /// Done with the next point.
+  /// The next point is done.
   void after(const Json& row);
 
  private:
@@ -40,7 +40,7 @@ class StabilityProgress {
 
   const std::vector<StabilityPoint>& points_;
   std::size_t done_ = 0;
-  std::map<std::string, Rate> rates_;  ///< by label; "" of all
+  std::map<std::string, Rate> rates_;  ///< by label; "" for all
   Clock::time_point began_ = Clock::now();
 };
 

@@ -15,14 +15,14 @@ constexpr double kRollingRadius_m = 0.05;
 constexpr double kSlidingSettle_s = 0.2;
 constexpr double kBall = 0.4, kCylinder = 0.5;  ///< I / (m r^2)
 constexpr double kRollFor_s = 1.0;
-/// A cube above the slip angle by 1 % of it has gone five times as far after kSlipFor_s.
+/// A cube above the slip angle by 1 % of it moves five times as far in kSlipFor_s.
 constexpr double kSlipped_m = 0.005;
 constexpr double kSlipFor_s = 1.0;
 constexpr double kTipped_deg = 5.0;
 constexpr double kCreepFor_s = 5.0;
-constexpr double kBelowSlip = 0.9;  ///< of mu, the tangent of a slope on which nothing may move
+constexpr double kBelowSlip = 0.9;  ///< relative to mu: tangent of a slope on which nothing may move
 
-/// Where a cube that is pushed to this velocity stops, from where it was.
+/// Displacement at which a cube with this initial velocity stops.
 Vec3 slide(const Setting& setting, const Vec3& velocity) {
   TestBed bed(setting);
   bed.add_floor();
@@ -96,7 +96,7 @@ const char* const kBilliards =
 std::vector<StabilityCase> friction_cases() {
   return {
       {.name = "slide_stop",
-       .shows = "A cube that slides on a floor stops where Coulomb says.",
+       .shows = "A cube that slides on a floor stops at the distance of Coulomb friction.",
        .parameter = "speed",
        .parameter_unit = "m/s",
        .values = {1.0, 0.3, 3.0},
@@ -172,12 +172,12 @@ std::vector<StabilityCase> friction_cases() {
        .source = kCoulomb,
        .compare = Compare::absolute,
        .tolerance = 1.0,
-       .why = "1 mm in 5 s is seen: the cube is elsewhere when the user looks again",
+       .why = "1 mm in 5 s is seen: the user sees that the cube has moved",
        .measure = creep},
   };
 }
 
-/// Of a thrown round body, after kRollFor_s.
+/// Cases of a thrown round body, after kRollFor_s.
 std::vector<StabilityCase> rolling_cases() {
   struct Round {
     const char* name;

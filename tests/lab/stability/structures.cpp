@@ -1,4 +1,4 @@
-// What is built up: stacks, card houses, heavy on light.
+// Structures: stacks, card houses, a heavy body on a light one.
 
 #include "lab/stability/bed.hpp"
 #include "lab/stability/cases.hpp"
@@ -22,7 +22,7 @@ void pile_up(TestBed& bed, int count) {
   for (int i = 0; i < count; ++i) bed.add(cube_body(kStackedSide_m, 1.0), Vec3(0, 0, (i + 0.5) * kStackedSide_m));
 }
 
-/// The farthest that a body moved; a structure that has moved by `lost_m` has fallen and is not watched to the end.
+/// The largest displacement of a body. A structure that has moved by `lost_m` has fallen, and the run ends.
 Measurement moved_mm(TestBed& bed, double seconds, double lost_m) {
   double most_m = 0.0;
   bed.run(seconds, [&] {
@@ -59,7 +59,7 @@ void pile_two(TestBed& bed, double lower_kg, double upper_kg) {
   bed.add(cube_body(kStackedSide_m, upper_kg), Vec3(0, 0, 1.5 * kStackedSide_m));
 }
 
-/// Whether the lower of two cubes neither gives way nor lets the upper one fall.
+/// Whether the lower of two cubes neither fails nor lets the upper one fall.
 bool carries(const Setting& setting, double lower_kg, double upper_kg) {
   constexpr double kGaveWay = 0.1;  // of the side
   TestBed bed(setting);
@@ -67,7 +67,7 @@ bool carries(const Setting& setting, double lower_kg, double upper_kg) {
   return bed.run(kStandFor_s, [&] { return bed.moved_m() <= kGaveWay * kStackedSide_m; });
 }
 
-/// Whether the upper of two cubes rests on the lower one: neither moves by more than 1 % of the side, nor trembles.
+/// Whether the upper of two cubes rests on the lower one: neither moves by more than 1 % of the side or trembles.
 bool rests(const Setting& setting, double lower_kg, double upper_kg) {
   TestBed bed(setting);
   pile_two(bed, lower_kg, upper_kg);

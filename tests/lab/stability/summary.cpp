@@ -15,11 +15,11 @@ namespace subworld {
 
 namespace {
 
-constexpr std::size_t kWorst = 3;  ///< cases that an advice names
+constexpr std::size_t kWorst = 3;  ///< cases in an advice
 
 bool passes(const Json& row) { return row.at("pass").get<bool>(); }
 
-/// The rows of an engine and preset that miss, the worst of each case first.
+/// The rows of an engine and preset that miss their tolerance, the worst of each case first.
 std::vector<const Json*> worst_of(const Rows& rows, const std::string& setting) {
   std::vector<const Json*> missed;
   for (const Json& row : rows) {
@@ -36,7 +36,7 @@ std::vector<const Json*> worst_of(const Rows& rows, const std::string& setting) 
   return missed;
 }
 
-/// Of the same measurement in the same step, the row with the least error.
+/// The row with the least error of the same measurement and step.
 const Json& best_of(const Rows& rows, const Json& missed) {
   const Json* best = &missed;
   for (const Json& row : rows) {
@@ -55,7 +55,7 @@ std::string margin_text(double margin) { return margin < 0.01 ? "less than 0.01"
 
 std::string miss_text(const Rows& rows, const Json& missed) {
   const Json& best = best_of(rows, missed);
-  std::string other = "no other does better";
+  std::string other = "no other is better";
   if (passes(best)) {
     other = fmt::format("{} passes with {}", setting_of(best), margin_text(margin_of(best)));
   } else if (margin_of(best) < 0.5 * margin_of(missed)) {
@@ -73,10 +73,10 @@ std::string advice_of(const Rows& rows, const std::string& setting) {
   std::vector<std::string> worst;
   for (std::size_t i = 0; i < std::min(kWorst, missed.size()); ++i) worst.push_back(miss_text(rows, *missed[i]));
   const std::string text = fmt::format("{}: {} of {} rows pass", setting, good, all);
-  return worst.empty() ? text + "." : fmt::format("{}. It misses most: {}.", text, fmt::join(worst, "; "));
+  return worst.empty() ? text + "." : fmt::format("{}. The largest misses: {}.", text, fmt::join(worst, "; "));
 }
 
-/// Cases that nobody passes in any step.
+/// Cases that no engine passes in any step.
 std::vector<std::string> missed_by_all(const Rows& rows) {
   std::vector<std::string> missed, passed;
   for (const Json& row : rows) (passes(row) ? passed : missed).push_back(label_of(row));
@@ -107,7 +107,7 @@ Json stability_summary(const StabilityRequest& request, const Rows& rows, std::s
   }
   summary["missed_by_all"] = missed_by_all(rows);
   if (!summary.at("missed_by_all").empty() && !rows.empty())
-    summary["advice"].push_back(fmt::format("Nobody passes: {}.", fmt::join(missed_by_all(rows), "; ")));
+    summary["advice"].push_back(fmt::format("No engine passes: {}.", fmt::join(missed_by_all(rows), "; ")));
   const auto passed = std::ranges::count_if(rows, passes);
   summary["verdict"] =
       fmt::format("{} measurements: {} pass, {} miss their tolerance, {} of these could not be measured{}", rows.size(),

@@ -5,8 +5,8 @@
 
 namespace subworld {
 
-/// What ran, how many rows passed by engine and preset, and advice: what fails worst, by what factor, and who does
-/// better there.
+/// Settings of the runs, passed rows by engine and preset, and advice: the worst failures with their factor, and a
+/// setting that is better.
 [[nodiscard]] Json stability_summary(const StabilityRequest& request, const Rows& rows, std::size_t planned);
 
 }  // namespace subworld

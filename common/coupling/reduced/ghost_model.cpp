@@ -1,6 +1,6 @@
-#include "coupling/ghost.hpp"
+#include "coupling/reduced/ghost_model.hpp"
 
-#include "coupling/rolling.hpp"
+#include "coupling/reduced/rolling.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -16,7 +16,7 @@ constexpr double kDistinct = 0.5;   ///< sine; what is closer to the axes there 
 constexpr double kWallMass_kg = 1e5;
 constexpr double kCreep_m_s = 1e-3;  ///< of a wall towards what it ought to carry
 /// Of a wall away from a load that nothing in the scene can exert. With 0.01 to 0.2 m/s, and none of the two bodies
-/// moved, the force on a hand in a heap between engines of unequal stiffness is as smooth as between equal ones.
+/// moved, the felt force in a heap between engines of unequal stiffness is as smooth as between equal ones.
 constexpr double kYield_m_s = 0.02;
 constexpr double kSliding_m_s = -0.002;  ///< faster away from the inside than this: the outside slides
 
@@ -203,8 +203,8 @@ void GhostModeller::add_unconstrained_directions(const Motion& motion, const Sur
   }
 }
 
-void GhostModeller::model(std::span<const BoundaryContact> border, const Surroundings& around,
-                          std::vector<GhostModel>& out) {
+void GhostModeller::list(std::span<const BoundaryContact> border, const Membership& membership,
+                         std::vector<GhostModel>& out) {
   out.clear();
   for (const BoundaryContact& pair : border) {
     const auto at = std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside);
@@ -214,21 +214,17 @@ void GhostModeller::model(std::span<const BoundaryContact> border, const Surroun
   for (GhostModel& ghost : out) {
     const auto touched = [&](const BoundaryContact& pair) {
       return pair.outside == ghost.outside && touches(pair) &&
-             std::ranges::binary_search(around.membership.members, pair.inside);
+             std::ranges::binary_search(membership.members, pair.inside);
     };
     ghost.approaching = std::ranges::none_of(border, touched);
     if (ghost.approaching) approaching_.push_back(ghost.outside);
   }
-  for (const BoundaryContact& pair : border) {
-    const Vec3 on_inside_n = (pair.normal_impulse * pair.normal + pair.tangential_impulse) / around.step_s;
-    std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside)->load_n -= on_inside_n;
-    const auto pusher = std::ranges::lower_bound(out, pair.inside, {}, &GhostModel::outside);
-    if (pusher != out.end() && pusher->outside == pair.inside) pusher->load_n += on_inside_n;
-  }
+}
+
+void GhostModeller::find_pushed(std::span<const GhostModel> ghosts, const Surroundings& around) {
   pushed_.clear();
-  for (GhostModel& ghost : out) {
-    find_axes(border, around.graph, ghost);
-    if (ghost.approaching) continue;  // it meets what it pushes
+  for (const GhostModel& ghost : ghosts) {
+    if (ghost.approaching) continue;  // it collides with the bodies that it pushes
     for (std::size_t i = 0; i < ghost.axis_count; ++i) {
       const Vec3 along = -ghost.axes[i].normal;
       if (!push(ghost.outside, along, around)) continue;
@@ -236,31 +232,45 @@ void GhostModeller::model(std::span<const BoundaryContact> border, const Surroun
     }
   }
   std::ranges::sort(pushed_, {}, &Pushed::body);
+}
+
+void GhostModeller::model_axis(GhostAxis& axis, const Motion& motion, const Surroundings& around, GhostModel& ghost) {
+  const double load_n = -ghost.load_n.dot(axis.normal);
+  const EffectiveMass found = walk(ghost.outside, -axis.normal, around);
+  if (found.wall) {
+    axis.force_n = std::max(0.0, load_n);
+    axis.coulomb_limit_n = kWallLimit_n;
+    return;
+  }
+  const double q = load_n + found.inertial_n.dot(axis.normal);
+  double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
+  double c = found.limit_n;
+  const bool slides = motion.state.linear_velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
+  c = slides ? std::max(0.0, q - f) : std::max(c, q - f);
+  f = std::clamp(f, q - c, q + c);
+  axis.force_n = f;
+  axis.coulomb_limit_n = c;
+  axis.load_dependent_friction = found.load_dependent_friction;
+  if (ghost.mass_kg == 0.0) ghost.mass_kg = found.mass_kg;  // the heaviest loaded way that gives
+}
+
+void GhostModeller::model(std::span<const BoundaryContact> border, const Surroundings& around,
+                          std::vector<GhostModel>& out) {
+  list(border, around.membership, out);
+  for (const BoundaryContact& pair : border) {
+    const Vec3 on_inside_n = (pair.normal_impulse * pair.normal + pair.tangential_impulse) / around.step_s;
+    std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside)->load_n -= on_inside_n;
+    const auto pusher = std::ranges::lower_bound(out, pair.inside, {}, &GhostModel::outside);
+    if (pusher != out.end() && pusher->outside == pair.inside) pusher->load_n += on_inside_n;
+  }
+  for (GhostModel& ghost : out) find_axes(border, around.graph, ghost);
+  find_pushed(out, around);
   carried_.begin();
   const auto state_of = [&around](BodyId id) { return around.motions[index(id)].state; };
   for (GhostModel& ghost : out) {
     ghost.carried = carried_.model(ghost.outside, out, around.membership, around.graph, state_of, around.step_s);
     const Motion& motion = around.motions[index(ghost.outside)];
-    for (std::size_t i = 0; i < ghost.axis_count; ++i) {
-      GhostAxis& axis = ghost.axes[i];
-      const double load_n = -ghost.load_n.dot(axis.normal);
-      const EffectiveMass found = walk(ghost.outside, -axis.normal, around);
-      if (found.wall) {
-        axis.force_n = std::max(0.0, load_n);
-        axis.coulomb_limit_n = kWallLimit_n;
-        continue;
-      }
-      const double q = load_n + found.inertial_n.dot(axis.normal);
-      double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
-      double c = found.limit_n;
-      const bool slides = motion.state.linear_velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
-      c = slides ? std::max(0.0, q - f) : std::max(c, q - f);
-      f = std::clamp(f, q - c, q + c);
-      axis.force_n = f;
-      axis.coulomb_limit_n = c;
-      axis.load_dependent_friction = found.load_dependent_friction;
-      if (ghost.mass_kg == 0.0) ghost.mass_kg = found.mass_kg;  // the heaviest loaded way that gives
-    }
+    for (std::size_t i = 0; i < ghost.axis_count; ++i) model_axis(ghost.axes[i], motion, around, ghost);
     if (ghost.mass_kg == 0.0) ghost.mass_kg = kWallMass_kg;
     if (!ghost.carried) add_unconstrained_directions(motion, around, ghost);
   }

@@ -1,9 +1,10 @@
 #pragma once
 
 #include "coupling/border.hpp"
-#include "coupling/carried.hpp"
 #include "coupling/contact_graph.hpp"
+#include "coupling/reduced/carried.hpp"
 #include "coupling/selection.hpp"
+#include "coupling/world_side.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 
@@ -14,12 +15,6 @@
 #include <vector>
 
 namespace subworld {
-
-/// How a body moves: its state at the end of a cycle and its mean acceleration, m/s^2, over it.
-struct Motion {
-  BodyState state;
-  Vec3 acceleration = Vec3::Zero();
-};
 
 /// What is around a sub-world: a cycle of the world.
 struct Surroundings {
@@ -32,9 +27,9 @@ struct Surroundings {
 /// Finds the reduced model of every outside body that touches inside ones: how heavy it is to push along the border's
 /// normals, which force drives it and how much friction holds it. An axis of a model is the impulse-weighted mean of
 /// the border contacts that point one way, or the way across what that presses the outside on, if that is fixed:
-/// pressed aslant, it is the support that holds it, and along the support it slides. Others become further axes, as far
-/// as they are across the first ones, and so do the ways in which nothing but the inside holds the outside. What the
-/// inside alone holds in every way has a model of its own (carried.hpp).
+/// pressed obliquely, it is the support that holds it, and along the support it slides. Others become further axes, as
+/// far as they are across the first ones, and so do the ways in which nothing but the inside holds the outside. What
+/// the inside alone holds in every way has a model of its own (carried.hpp).
 ///
 /// For each axis n the outside is walked from the body along d = -n. What it pushes adds its mass; something fixed
 /// makes a wall. A side contact with the ground, or with a body that stands on the ground, adds mu lambda / T to the
@@ -45,7 +40,7 @@ struct Surroundings {
 /// Force f = M g.n. Where the load p and the outside's motion say more than the walk can see, limit and force give way:
 /// of p, q = p + sum(m a).n is what the inertia of all that is pushed does not take; sliding, c = q - f; at rest, c >=
 /// q - f; and always |q - f| <= c. The limit holds under the load that the inside puts on the outside in the world;
-/// what presses the ghost harder on its supports adds mu times as much (the grip).
+/// what presses the ghost harder on its supports adds mu times as much (load-dependent friction).
 class GhostModeller {
  public:
   explicit GhostModeller(const Scene& scene);
@@ -69,6 +64,12 @@ class GhostModeller {
     double friction = 0.0;
   };
   /// Fills the normals.
+  /// One ghost for each outside body of the border, ascending, and which of them only approach.
+  void list(std::span<const BoundaryContact> border, const Membership& membership, std::vector<GhostModel>& out);
+  /// The bodies that each ghost pushes along its axes.
+  void find_pushed(std::span<const GhostModel> ghosts, const Surroundings& around);
+  /// Driving force and friction limit of one axis, and the mass of the ghost if no axis gave it yet.
+  void model_axis(GhostAxis& axis, const Motion& motion, const Surroundings& around, GhostModel& ghost);
   void find_axes(std::span<const BoundaryContact> border, const ContactGraph& graph, GhostModel& ghost) const;
   /// Where a push `along` presses the body on something fixed, the way which that blocks; else `along`.
   [[nodiscard]] Vec3 support_direction(BodyId id, const Vec3& along, const ContactGraph& graph) const;
@@ -101,8 +102,8 @@ class GhostModeller {
   const Scene& scene_;
   CarriedModeller carried_;
   std::vector<BodyId> way_;          ///< what a push moves, in the order of its discovery
-  std::vector<BodyId> counted_;      ///< of the walk in hand
-  std::vector<Hold> holds_;          ///< of the walk in hand
+  std::vector<BodyId> counted_;      ///< of the present walk
+  std::vector<Hold> holds_;          ///< of the present walk
   std::vector<Pushed> pushed_;       ///< by all ghosts' axes, by body
   std::vector<BodyId> approaching_;  ///< ghosts that meet ghosts
 };

@@ -2,6 +2,7 @@
 
 #include "coupling/contact_graph.hpp"
 #include "coupling/selection.hpp"
+#include "coupling/swept_bounds.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 
@@ -10,9 +11,6 @@
 #include <vector>
 
 namespace subworld {
-
-/// Bounds of all places that a body may reach within `time_s`, whichever way it turns and falls.
-[[nodiscard]] Box swept_bounds(const BodyState& state, const Box& bounds, double gravity_m_s2, double time_s) noexcept;
 
 /// Finds what does not touch a sub-world yet but may before it hears of it: the sub-world is ahead of the world, and
 /// would run into a body, or push its ghosts into one, that the world tells it of only after the contact. What is found
@@ -25,12 +23,13 @@ class ApproachFinder {
  public:
   explicit ApproachFinder(const Scene& scene);
 
-  /// `time_s`: for which the sub-world will know no more than it is told now.
+  /// `time_s`: time until the sub-world receives its next frame.
   void begin(double time_s);
   /// A member.
   void inside(BodyId id, const BodyState& state, const Box& bounds);
   /// `contacts` are the border's, `graph` that of all the world's. Returns the outside bodies that touch the inside and
-  /// those that hang on them; each is to be told by `ghost`, which returns the bounds of all places that it may reach.
+  /// those that contacts attach to them; each is to be listed by `ghost`, which returns the bounds of all places that
+  /// it may reach.
   std::span<const BodyId> touching(const Membership& membership, const ContactGraph& graph,
                                    std::span<const BoundaryContact> contacts);
   Box ghost(BodyId id, const BodyState& state, const Box& bounds);
@@ -67,9 +66,9 @@ class ApproachFinder {
   void attach(std::size_t first, const Membership& membership, const ContactGraph& graph);
   [[nodiscard]] double reach_m(const Mover& mover, const Vec3& along) const;
   [[nodiscard]] Gap gap_along(Vec3 normal, const Mover& one, const Mover& other) const;
-  /// Whether the pair's first body, if it hangs, is pushed towards the second by what it hangs on.
+  /// Whether the pair's first body, if it is attached, is pushed towards the second by the body it is attached to.
   [[nodiscard]] bool pushed(const BoundaryContact& pair, const ContactGraph& graph) const;
-  /// Takes a hanging body, and those between it and what it hangs on, to the border.
+  /// Takes an attached body, and those between it and the body it is attached to, to the border.
   void unhang(BodyId hanging, const ContactGraph& graph, std::vector<BoundaryContact>& border);
   /// The pair, if it may become a contact.
   [[nodiscard]] std::optional<BoundaryContact> meet(const Mover& pusher, const Mover& other) const;
@@ -79,11 +78,11 @@ class ApproachFinder {
   std::vector<Mover> pushers_;  ///< members, then ghosts, then what has been found
   std::size_t done_ = 0;        ///< of the pushers
   std::vector<Mover> near_;
-  std::vector<BodyId> touched_;       ///< whose place or `told_` may be another than at the start
+  std::vector<BodyId> touched_;       ///< whose place or `listed_` may be another than at the start
   std::vector<Place> places_;         ///< by body
   std::vector<std::uint32_t> hooks_;  ///< by body: the contact by which it hangs
-  std::vector<bool> told_;            ///< by body: it is in `near_`
-  std::vector<BodyId> linked_;        ///< what touches, then what hangs on it, then what is found and hangs on that
+  std::vector<bool> listed_;          ///< by body: it is in `near_`
+  std::vector<BodyId> linked_;  ///< touching bodies, then attached ones, then found ones and those attached to them
 };
 
 }  // namespace subworld

@@ -1,6 +1,6 @@
-#include "haptic_sim/gradual_shifts.hpp"
+#include "coupling/gradual_shifts.hpp"
 
-#include "coupling/selection.hpp"
+#include "model/exchange.hpp"
 
 #include <algorithm>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "haptic_sim/ghosts.hpp"
+#include "coupling/reduced/ghosts.hpp"
 
 #include "coupling/blend.hpp"
 
@@ -12,9 +12,9 @@ namespace subworld {
 namespace {
 
 constexpr double kVelocityGain = 0.8;  ///< of the error along the normal
-constexpr double kImpact_m_s2 = 5.0;   ///< copies whose speeds change so differently: one has had a blow, one not yet
+constexpr double kImpact_m_s2 = 5.0;  ///< copies whose speeds change so differently: one has met an impact, one not yet
 /// What a wall may have to carry beyond its load in the world, which is a cycle old or more: so many times what the
-/// hands press with now, wedges included, and so many times the weight of its body, for what topples.
+/// operators press with now, wedges included, and so many times the weight of its body, for what topples.
 constexpr double kSpareForces = 2.0;
 constexpr double kSpareWeights = 4.0;
 constexpr double kSpinInertia = 1000.0;  ///< times the body's own: a ghost turns as the world's body does
@@ -186,7 +186,8 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
   ghost.motion.world_velocity = world.linear_velocity;
   ghost.spin = world.angular_velocity;
   const BodyState now = engine.state(ghost.id);
-  gradual_.begin(engine, ghost.id, ghost.carried ? now : constrained(motion, now, world, how.lag_s), shift, how.parts);
+  gradual_.begin(engine, ghost.id, ghost.carried ? now : constrained(motion, now, world, how.lag_s), shift,
+                 how.substeps);
 }
 
 std::optional<BodyState> Ghosts::release(BodyId id, Engine& engine) {

@@ -46,9 +46,9 @@ class CarriedModeller {
 /// Whether a body can be part of the whole that is said to carry it along: no whole is lighter or easier to turn.
 [[nodiscard]] bool holds(const CarriedBody& whole, const Body& body);
 
-/// A carried ghost while it runs. An engine knows the outside body alone; what hangs on it follows here: a step begins
-/// so that it ends as the whole would, if the inside presses as in the step before. That is stable, because no whole is
-/// lighter than its part.
+/// A carried ghost while it runs. An engine knows the outside body alone; what is attached to it follows here: a step
+/// begins so that it ends as the whole would, if the inside presses as in the step before. That is stable, because no
+/// whole is lighter than its part.
 struct CarriedMotion {
   Mat6 mobility = Mat6::Zero();  ///< inverse of the spatial inertia of the whole, about the outside body's centre
   Vec6 drive = Vec6::Zero();     ///< N, N m

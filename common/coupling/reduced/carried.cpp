@@ -1,4 +1,4 @@
-#include "coupling/carried.hpp"
+#include "coupling/reduced/carried.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>

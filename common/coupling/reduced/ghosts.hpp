@@ -1,8 +1,8 @@
 #pragma once
 
-#include "coupling/ghost.hpp"
-#include "haptic_sim/border_model.hpp"
-#include "haptic_sim/gradual_shifts.hpp"
+#include "coupling/gradual_shifts.hpp"
+#include "coupling/reduced/ghost_model.hpp"
+#include "coupling/sub_world_side.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/engine.hpp"
@@ -16,7 +16,7 @@ namespace subworld {
 /// The outside bodies that touch a sub-world, or soon may, as its engine sees them: their real shapes, which meet
 /// members, and the loose ones also other ghosts, and move by their reduced models along their axes, by the world's
 /// states across them; or, carried by the inside alone, as the rigid bodies that they are.
-class Ghosts final : public BorderModel {
+class Ghosts final : public SubWorldSide {
  public:
   Ghosts(const Scene& scene, std::uint64_t remembered_cycles);
 
@@ -64,8 +64,8 @@ class Ghosts final : public BorderModel {
                                              double lag_s);
   /// Makes a ghost follow a new model.
   void adapt(Ghost& ghost, const GhostModel& model, Engine& engine);
-  /// Whether a blow came sooner in one copy than in the other. Its timing is no error of the velocity: to correct it
-  /// would give the ghost, and by now what it pushes as well, the blow once more or take it back.
+  /// Whether one copy met an impact sooner than the other. Its timing is no error of the velocity: to correct it
+  /// would give the ghost, and by now what it pushes as well, the impact once more or take it back.
   [[nodiscard]] bool impact_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const;
   void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, const Following& how);
 

@@ -1,4 +1,4 @@
-#include "coupling/approach.hpp"
+#include "coupling/reduced/approach.hpp"
 
 #include "coupling/border.hpp"
 
@@ -33,32 +33,22 @@ double extent(const Shape& shape, std::span<const Mesh> meshes, const Vec3& alon
   }
 }
 
-/// How far a point of a body may get by turning and by falling, m.
-double any_way(const BodyState& state, const Box& bounds, double gravity_m_s2, double time_s) noexcept {
-  const double arm_m = 0.5 * (bounds.upper - bounds.lower).norm();
-  return time_s * (arm_m * state.angular_velocity.norm() + 0.5 * time_s * gravity_m_s2);
-}
-
 double smallest(const Box& bounds) noexcept { return (bounds.upper - bounds.lower).minCoeff(); }
 
 }  // namespace
 
 ApproachFinder::ApproachFinder(const Scene& scene)
-    : scene_(scene), places_(scene.bodies.size()), hooks_(scene.bodies.size()), told_(scene.bodies.size()) {
+    : scene_(scene), places_(scene.bodies.size()), hooks_(scene.bodies.size()), listed_(scene.bodies.size()) {
   touched_.reserve(2 * scene.bodies.size());
   pushers_.reserve(scene.bodies.size());
   near_.reserve(scene.bodies.size());
   linked_.reserve(scene.bodies.size());
 }
 
-Box swept_bounds(const BodyState& state, const Box& bounds, double gravity_m_s2, double time_s) noexcept {
-  return bounds.grown(any_way(state, bounds, gravity_m_s2, time_s) + time_s * state.linear_velocity.norm());
-}
-
 Box ApproachFinder::Mover::swept() const noexcept { return bounds.grown(travel_m); }
 
 ApproachFinder::Mover ApproachFinder::mover(BodyId id, const BodyState& state, const Box& bounds) const noexcept {
-  const double any_way_m = any_way(state, bounds, scene_.settings.world.gravity.norm(), time_s_);
+  const double any_way_m = subworld::any_way_m(state, bounds, scene_.settings.world.gravity.norm(), time_s_);
   return {id, state, bounds, any_way_m, any_way_m + time_s_ * state.linear_velocity.norm()};
 }
 
@@ -69,7 +59,7 @@ void ApproachFinder::begin(double time_s) {
   near_.clear();
   for (const BodyId id : touched_) {
     places_[index(id)] = Place::apart;
-    told_[index(id)] = false;
+    listed_[index(id)] = false;
   }
   touched_.clear();
 }
@@ -134,13 +124,13 @@ void ApproachFinder::unhang(BodyId hanging, const ContactGraph& graph, std::vect
 
 bool ApproachFinder::may_come(BodyId id) const {
   const Place place = places_[index(id)];
-  return (place == Place::apart || place == Place::touching) && !told_[index(id)] && !scene_.body(id).fixed();
+  return (place == Place::apart || place == Place::touching) && !listed_[index(id)] && !scene_.body(id).fixed();
 }
 
 void ApproachFinder::outside(BodyId id, const BodyState& state, const Box& bounds, const Box& where) {
   const Mover comes = mover(id, state, bounds);
   if (!comes.swept().meets(where)) return;
-  told_[index(id)] = true;
+  listed_[index(id)] = true;
   touched_.push_back(id);
   near_.push_back(comes);
 }

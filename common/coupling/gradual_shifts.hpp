@@ -9,7 +9,7 @@ namespace subworld {
 
 /// Corrections of a sub-world's bodies, made in equal parts: one now and one before each further step of the engine.
 /// Two engines that let bodies overlap by unequal amounts never agree; made at once, their difference would jolt the
-/// hand in every cycle.
+/// force in every cycle.
 class GradualShifts {
  public:
   GradualShifts();

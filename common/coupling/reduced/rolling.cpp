@@ -1,4 +1,4 @@
-#include "coupling/rolling.hpp"
+#include "coupling/reduced/rolling.hpp"
 
 #include <cmath>
 

@@ -1,0 +1,56 @@
+#include "coupling/reduced/reduced.hpp"
+
+#include "coupling/blend.hpp"
+#include "coupling/reduced/ghosts.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace subworld {
+
+namespace {
+
+constexpr double kLargestGain = 0.5;  ///< of (7)
+constexpr double kDelayGain = 1.2;    ///< of (7), over the lag in cycles
+
+/// The proxy between two reports, cubic in position; beyond the newest, at constant velocity.
+BodyState between(const HapticReport& before, const HapticReport& now, double t_s) noexcept {
+  const double span = now.stamp_s - before.stamp_s;
+  if (t_s >= now.stamp_s || span <= 0.0) return advanced(now.proxy, t_s - now.stamp_s);
+  const double s = (t_s - before.stamp_s) / span;
+  BodyState on_the_way = blend(before.proxy, now.proxy, s);
+  on_the_way.position += s * (1.0 - s) *
+                         ((1.0 - s) * (span * before.proxy.linear_velocity) - s * (span * now.proxy.linear_velocity) -
+                          (1.0 - 2.0 * s) * (now.proxy.position - before.proxy.position));
+  return on_the_way;
+}
+
+Correction reduced_correction(const CopyPair& pair, const Indicators&, const Settings&) noexcept {
+  if (pair.owner == Owner::island) return {.world = 1.0, .sub = 0.0};
+  return {.world = 0.0, .sub = std::min(kLargestGain, kDelayGain / std::max(1.0, pair.lag_cycles))};
+}
+
+}  // namespace
+
+ProxyDrive reduced_drive(const UserSpec& user, const HapticReport& before, const HapticReport& now, double until_s) {
+  const BodyState proxy = between(before, now, until_s);
+  return {mean_wrench(before, now),
+          DevicePose{{proxy.position, proxy.orientation}, proxy.linear_velocity, proxy.angular_velocity},
+          ForceLimits{INFINITY, INFINITY, user.device.degrees_of_freedom == 6}};
+}
+
+constinit const Scheme kReduced{
+    .properties = {.name = "reduced",
+                   .summary = "impulses up, states down, the outside as ghosts: small errors, also with delay",
+                   .simulates_border = true,
+                   .replicates_peers = true,
+                   .corrects_gradually = true,
+                   .lead_cycles = 1,
+                   .longest_world_step_s = 0.005},
+    .correction = reduced_correction,
+    .make_world_side = make_reduced_world_side,
+    .make_sub_world_side = [](const Scene& scene, std::uint64_t remembered_cycles) -> std::unique_ptr<SubWorldSide> {
+      return std::make_unique<Ghosts>(scene, remembered_cycles);
+    }};
+
+}  // namespace subworld

@@ -1,0 +1,40 @@
+#pragma once
+
+#include "model/exchange.hpp"
+#include "physics/engine.hpp"
+
+#include <cstdint>
+#include <optional>
+#include <span>
+
+namespace subworld {
+
+/// A scheme's side in a haptic process: what represents the outside at the border of a sub-world, in its engine.
+class SubWorldSide {
+ public:
+  virtual ~SubWorldSide() = default;
+
+  /// How the border follows a frame.
+  struct Following {
+    double lag_s = 0.0;  ///< age of the frame
+    double gain = 0.0;   ///< the part of an error that is corrected, 0 .. 1,
+    int substeps = 1;    ///< spread over so many steps
+  };
+  /// Takes over a frame, after the members have entered, left and been corrected. `left`: bodies that were members
+  /// until now, ascending, with their last states.
+  virtual void follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine,
+                      const Following& how) = 0;
+  /// Removes a body that becomes a member from the engine. Its state, if the border simulated it.
+  [[nodiscard]] virtual std::optional<BodyState> release(BodyId id, Engine& engine) = 0;
+  /// Removes everything from the engine.
+  virtual void clear(Engine& engine) = 0;
+
+  /// Before each step of `dt` s. `operators_n`: sum of the forces of all operators on bodies in the engine, N.
+  virtual void begin(Engine& engine, double dt, double operators_n) = 0;
+  /// After each step.
+  virtual void end(const Engine& engine, double dt) = 0;
+  /// Stores the states of the border's bodies at a stamp.
+  virtual void log(std::uint64_t stamp, const Engine& engine) = 0;
+};
+
+}  // namespace subworld

@@ -1,0 +1,70 @@
+#pragma once
+
+#include "coupling/contact_graph.hpp"
+#include "coupling/selection.hpp"
+#include "coupling/timetable.hpp"
+#include "coupling/virtual_coupling.hpp"
+#include "model/exchange.hpp"
+#include "model/scene.hpp"
+#include "physics/resting_engine.hpp"
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace subworld {
+
+/// The motion of a body over the last cycle.
+struct Motion {
+  BodyState state;                   ///< at its end
+  Vec3 acceleration = Vec3::Zero();  ///< mean, m/s^2
+};
+
+/// The world at one stamp, as frames are made from it.
+struct WorldNow {
+  std::uint64_t stamp = 0;
+  double stamp_s = 0.0;
+  double cycle_s = 0.0;  ///< length of the cycle that ended here
+  const Timetable& timetable;
+  const RestingEngine& engine;
+  const std::span<const Contact>& contacts;    ///< totals over the last cycle
+  const std::function<bool()>& find_friction;  ///< of the contacts; false where it was there
+  const ContactGraph& graph;                   ///< of the contacts
+  std::span<const Motion> motions;             ///< by body
+};
+
+/// One user's sub-world within it.
+struct Inside {
+  const Membership& membership;
+  Box reach;                                  ///< all places that members may reach until the next frame is used
+  double horizon_s = 0.0;                     ///< how long this frame will be all that the sub-world knows
+  const std::function<bool(BodyId)>& shared;  ///< whether other sub-worlds hold the body as well
+};
+
+/// How the user acts on the world's copy of the proxy during one step of the world's engine.
+struct ProxyDrive {
+  Wrench wrench;                     ///< constant
+  std::optional<DevicePose> target;  ///< if set: a spring of the coupling's stiffness to it, implicit, on top
+  ForceLimits limits;                ///< of that spring
+};
+
+/// Mean wrench of the user on the proxy between two reports; zero where no time lies between them.
+[[nodiscard]] Wrench mean_wrench(const HapticReport& before, const HapticReport& now) noexcept;
+
+/// A scheme's side in the world process.
+class WorldSide {
+ public:
+  virtual ~WorldSide() = default;
+
+  /// The user's action on the world's proxy in the step that ends at `until_s`. `now` is the report of the cycle's end
+  /// or the newest there is, `before` the one before it.
+  [[nodiscard]] virtual ProxyDrive drive(const UserSpec& user, const HapticReport& before, const HapticReport& now,
+                                         double until_s) const = 0;
+  /// Fills `border`, and ghosts and islands of the frame. Not called without sub-worlds.
+  virtual void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border,
+                       WorldFrame& frame) = 0;
+};
+
+}  // namespace subworld

@@ -1,0 +1,7 @@
+#include "io/version.hpp"
+
+namespace subworld {
+
+const char* version_text() noexcept { return SUBWORLD_VERSION; }
+
+}  // namespace subworld

@@ -1,0 +1,43 @@
+#include "support/example_scheme/example_scheme.hpp"
+
+#include "coupling/border.hpp"
+
+namespace subworld::test {
+
+namespace {
+
+class ExampleWorldSide final : public WorldSide {
+ public:
+  ProxyDrive drive(const UserSpec&, const HapticReport& before, const HapticReport& now, double) const override {
+    return {mean_wrench(before, now), std::nullopt, {}};
+  }
+  void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border, WorldFrame&) override {
+    extract_border(now.contacts, inside.membership, border);
+  }
+};
+
+class NothingOutside final : public SubWorldSide {
+ public:
+  void follow(const WorldFrame&, std::span<const StampedBody>, Engine&, const Following&) override {}
+  std::optional<BodyState> release(BodyId, Engine&) override { return std::nullopt; }
+  void clear(Engine&) override {}
+  void begin(Engine&, double, double) override {}
+  void end(const Engine&, double) override {}
+  void log(std::uint64_t, const Engine&) override {}
+};
+
+Correction correction(const CopyPair& pair, const Indicators&, const Settings&) noexcept {
+  return pair.owner == Owner::user ? Correction{1.0, 0.0} : Correction{0.5, 0.5};
+}
+
+}  // namespace
+
+constinit const Scheme kExampleScheme{
+    .properties = {.name = "example", .summary = "nothing at the border, copies meet half way"},
+    .correction = correction,
+    .make_world_side = [](const Scene&) -> std::unique_ptr<WorldSide> { return std::make_unique<ExampleWorldSide>(); },
+    .make_sub_world_side = [](const Scene&, std::uint64_t) -> std::unique_ptr<SubWorldSide> {
+      return std::make_unique<NothingOutside>();
+    }};
+
+}  // namespace subworld::test

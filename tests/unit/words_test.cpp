@@ -1,0 +1,251 @@
+// Old words must not return, and the README must be readable.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <regex>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace {
+
+/// How the lines are prepared before a pattern is searched.
+enum class In {
+  words,  ///< lower case, identifiers split into words: "TheHand" and "the_hand" become "the hand"
+  code,   ///< as written
+};
+
+struct OldWord {
+  In in;
+  const char* stem;  ///< without it the pattern cannot match: much faster than the pattern
+  const char* pattern;
+  const char* instead;
+  const char* bad;   ///< a line that must be found
+  const char* good;  ///< a line that must not be found
+};
+
+const std::vector<OldWord>& old_words() {
+  static const std::vector<OldWord> kAll{
+      {In::words, "hand", R"(\bhands?\b)", "operator", "the force on the hand",
+       "a program started by hand; name: hand"},
+      {In::words, "aslant", R"(\baslant\b)", "oblique", "pressed aslant on the floor", "a slanted plane"},
+      {In::words, "blow", R"(\bblows?\b)", "impact", "TEST(Ghost, ABlowIsNoFriction)", "below the plane"},
+      {In::words, "sw", R"(\b(swings?|swinging|swung)\b)", "oscillates", "the force swings", "the force oscillates"},
+      {In::words, "floor",
+       R"(\b((reference|noise|error) floors?|floors? of (the|a|its|their) (reference|error)|at floor|telling floor)\b)",
+       "reference error", "a point at the floor of its reference", "a cube on the floor; std::floor(x)"},
+      {In::words, "clock factor", R"(\bclock factors?\b)", "real-time factor", "double clock_factor = 1.0;",
+       "real_time_factor"},
+      {In::words, "out", R"(\b(left|leaves?|leaving) out\b)", "the optimisation is on, or: omitted, skipped",
+       "the plan leaves out friction", "left, outside"},
+      {In::words, "in", R"(\b(kept|keeps?|keeping) in\b)", "the optimisation is off", "an item kept in",
+       "the path is kept; in"},
+      {In::words, "silence", R"(\bsilences?\b)", "message suppression, or: absence of messages",
+       "while the silence lasts", "a silent program"},
+      {In::words, "stranger", R"(\bstrangers?\b)", "foreign writer", "a stranger's samples", "a strange shape"},
+      {In::words, "go", R"(\b(lets?|letting) go\b)", "declutch", "void let_go();", "let the loop go on"},
+      {In::words, "anew", R"(\b(met|meets?) anew\b)", "re-engage", "TEST(Control, AToolIsMetAnew)", "the boxes meet"},
+      {In::words, "clutch", R"(\bclutch\b)", "declutch", "class Clutch {", "class Declutch {"},
+      {In::words, "m",
+       R"(\b((missed|late) by (the machine|machine|us)|by the machine|the machine's (share|lateness))\b)",
+       "by the OS, by the run", "deadlines missed by the machine", "the machine's steady clock"},
+      {In::words, "parts", R"(\b(in how many parts|parts of (a|the|each|its) (world's )?(cycle|step)s?)\b)",
+       "sub-steps", "the parts of a cycle", "parts of a message"},
+      {In::code, "part_s", R"(\bpart_s\b)", "integration_substep_s", "double part_s = 0.0;", "double depart_s = 0.0;"},
+      {In::code, "lead_s", R"(\blead_s\b)", "half_step_offset_s", "double lead_s = 0.0;",
+       "double half_step_offset_s = 0.0;"},
+      {In::words, "grip", R"(\bgrips?\b)", "load_dependent_friction", "Vec3 grip;", "Vec3 gripper_place;"},
+      {In::words, "hang", R"(\bhangs? on\b)", "attach, or: is connected to", "void hang_on(BodyId id);",
+       "a program that hangs; on"},
+      {In::words, "told", R"(\btold\b)", "published_state, or: states, reports", "the body was told", "a stolen core"},
+      {In::code, "BorderPair", R"(\bBorderPair\b)", "BoundaryContact", "std::vector<BorderPair> border;",
+       "border_pairs"},
+      {In::code, "Conductor", R"(\bConductor\b)", "RunControl", "class Conductor {", "class SemiConductors {"},
+      {In::words, "rouse", R"(\brouses?\b)", "handshake", "void rouse();", "trousers"},
+      {In::code, "gather", R"(\bgather\((?!(motions_|moved_|pushed_|now|then|const ))|\bgather_)", "await_peers",
+       "if (!gather(ports)) return;", "BothMotion motion = gather(motions_[a], motions_[b]);"},
+      {In::code, "p", R"(\bsubs?(\[\w+\])?(\.|->)apply\(|\bapply\(const WorldFrame|\.adopt\()",
+       "synchronise_with, reset_from", "subs[u]->apply(world.frame(u));",
+       "std::apply(visit, tuple); apply(row, inverse_mass, by, motion);"},
+      {In::code, "", R"(\b(Walk|free_way|blocked_way|Role::loose|Saving|parse_kept|kept_names|leaves_out)\b)",
+       "the names in the same places of today's code", "EXPECT_TRUE(leaves_out(scene, item));", "double free_way_m;"},
+  };
+  return kAll;
+}
+
+/// Allowed phrases that contain an old word: verbs, the name `hand` of a user in a scene, keys of the results, and
+/// left-out keys of a scene. They are removed before the search.
+const std::regex& allowed_words() {
+  static const std::regex kAllowed(
+      R"(\bby hand\b|\bon the other hand\b|\bhands? (over|on to|its|the same)\b|\boperator's hand\b)"
+      R"(|name: hand\b|"hand("|:|/)|\bhand/proxy\b|"hand\\")"
+      R"(|\b(key that is|budget) left out\b|["`]left out["`])");
+  return kAllowed;
+}
+
+/// Lower case, identifiers split into words.
+std::string words_of(const std::string& line) {
+  std::string out;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const auto c = static_cast<unsigned char>(line[i]);
+    if (i > 0 && std::isupper(c) != 0 && std::islower(static_cast<unsigned char>(line[i - 1])) != 0) out += ' ';
+    // "AHand": the last upper-case letter before a lower-case one begins a word.
+    if (i > 0 && i + 1 < line.size() && std::isupper(c) != 0 &&
+        std::isupper(static_cast<unsigned char>(line[i - 1])) != 0 &&
+        std::islower(static_cast<unsigned char>(line[i + 1])) != 0)
+      out += ' ';
+    out += c == '_' ? ' ' : static_cast<char>(std::tolower(c));
+  }
+  if (out.find("hand") == std::string::npos && out.find("left out") == std::string::npos) return out;
+  return std::regex_replace(out, allowed_words(), " ");
+}
+
+struct Compiled {
+  const OldWord* word;
+  std::regex pattern;
+};
+
+const std::vector<Compiled>& compiled() {
+  static const std::vector<Compiled> kAll = [] {
+    std::vector<Compiled> all;
+    for (const OldWord& word : old_words()) all.push_back({&word, std::regex(word.pattern, std::regex::optimize)});
+    return all;
+  }();
+  return kAll;
+}
+
+bool found(const Compiled& entry, const std::string& line, const std::string& words) {
+  const std::string& text = entry.word->in == In::words ? words : line;
+  return text.find(entry.word->stem) != std::string::npos && std::regex_search(text, entry.pattern);
+}
+
+std::string text_of(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// All text files under the source folder that belong to the project, but this one.
+std::vector<std::filesystem::path> files() {
+  const std::filesystem::path root = SOURCE_FOLDER;
+  std::vector<std::filesystem::path> all;
+  for (auto entry = std::filesystem::recursive_directory_iterator(root); entry != decltype(entry){}; ++entry) {
+    const std::string name = entry->path().filename().string();
+    if (entry.depth() == 0 && (name == "build" || name == "out" || name == ".git" || name == "LICENSE")) {
+      entry.disable_recursion_pending();
+    } else if (entry->is_regular_file() && name != "words_test.cpp" && name != ".git") {
+      all.push_back(entry->path());
+    }
+  }
+  std::sort(all.begin(), all.end());
+  return all;
+}
+
+TEST(Words, EachPatternFindsItsOldWordAndNoMore) {
+  for (const Compiled& entry : compiled()) {
+    EXPECT_TRUE(found(entry, entry.word->bad, words_of(entry.word->bad))) << entry.word->pattern;
+    EXPECT_FALSE(found(entry, entry.word->good, words_of(entry.word->good))) << entry.word->pattern;
+  }
+}
+
+TEST(Words, NoOldWordIsUsed) {
+  const std::filesystem::path root = SOURCE_FOLDER;
+  std::size_t read = 0;
+  for (const auto& file : files()) {
+    const std::string text = text_of(file);
+    if (text.find('\0') != std::string::npos) continue;
+    ++read;
+    std::istringstream lines(text);
+    std::string line;
+    for (int number = 1; std::getline(lines, line); ++number) {
+      const std::string words = words_of(line);
+      for (const Compiled& entry : compiled()) {
+        if (!found(entry, line, words)) continue;
+        ADD_FAILURE() << file.lexically_relative(root).string() << ":" << number << ": write \"" << entry.word->instead
+                      << "\": " << line;
+      }
+    }
+  }
+  EXPECT_GT(read, 300U) << "the source folder is incomplete";
+}
+
+/// The prose of a page, one paragraph or list item each: without code, tables, headings and pictures; links as their
+/// text.
+std::vector<std::string> paragraphs_of(const std::string& page) {
+  static const std::regex kLink(R"(!?\[([^\]]*)\]\([^)]*\))"), kCode("`[^`]*`");
+  std::vector<std::string> paragraphs(1);
+  std::istringstream lines(page);
+  std::string line;
+  bool code = false;
+  while (std::getline(lines, line)) {
+    const auto begin = line.find_first_not_of(' ');
+    const std::string content = begin == std::string::npos ? "" : line.substr(begin);
+    if (content.starts_with("```")) code = !code;
+    if (code || content.empty() || content.starts_with("```") || content.starts_with("#") || content.starts_with("|") ||
+        content.starts_with("![")) {
+      paragraphs.emplace_back();
+      continue;
+    }
+    if (content.starts_with("* ") || content.starts_with("- ")) paragraphs.emplace_back();
+    paragraphs.back() += content + " ";
+  }
+  for (std::string& one : paragraphs) {
+    one = std::regex_replace(std::regex_replace(one, kLink, "$1"), kCode, "code");
+  }
+  std::erase_if(paragraphs, [](const std::string& one) { return one.empty(); });
+  return paragraphs;
+}
+
+/// The sentences of a paragraph: they end with ., ! or ? before a space.
+std::vector<std::string> sentences_of(const std::string& paragraph) {
+  std::vector<std::string> sentences(1);
+  for (std::size_t i = 0; i < paragraph.size(); ++i) {
+    const char c = paragraph[i];
+    sentences.back() += c;
+    const bool last = i + 1 == paragraph.size() || paragraph[i + 1] == ' ';
+    if ((c == '.' || c == '!' || c == '?') && last) sentences.emplace_back();
+  }
+  return sentences;
+}
+
+std::size_t word_count(const std::string& sentence) {
+  std::istringstream stream(sentence);
+  std::size_t count = 0;
+  for (std::string word; stream >> word;) {
+    count += std::ranges::any_of(word, [](unsigned char c) { return std::isalnum(c) != 0; }) ? 1U : 0U;
+  }
+  return count;
+}
+
+std::vector<std::string> long_sentences(const std::string& page) {
+  constexpr std::size_t kMostWords = 25;
+  std::vector<std::string> found;
+  for (const std::string& paragraph : paragraphs_of(page)) {
+    for (const std::string& sentence : sentences_of(paragraph)) {
+      if (word_count(sentence) > kMostWords) found.push_back(sentence);
+    }
+  }
+  return found;
+}
+
+TEST(Readme, TheSplitterFindsLongSentencesOnly) {
+  std::string words;
+  for (int i = 0; i < 25; ++i) words += "word ";
+  EXPECT_TRUE(long_sentences(words + ".").empty());
+  EXPECT_EQ(long_sentences("Short one. " + words + "more. Another.").size(), 1U);
+  EXPECT_TRUE(long_sentences("* " + words + "\n* " + words).empty()) << "list items are sentences of their own";
+  EXPECT_TRUE(long_sentences("| " + words + words + " |\n```sh\n" + words + words + "\n```\n").empty());
+  EXPECT_TRUE(long_sentences(words + "\n\n" + words).empty());
+}
+
+TEST(Readme, HasNoLongSentences) {
+  const std::string page = text_of(std::filesystem::path(SOURCE_FOLDER) / "README.md");
+  EXPECT_GT(paragraphs_of(page).size(), 20U);
+  for (const std::string& sentence : long_sentences(page))
+    ADD_FAILURE() << "README.md: more than 25 words: " << sentence;
+}
+
+}  // namespace
