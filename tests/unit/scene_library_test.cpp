@@ -161,7 +161,7 @@ TEST(SceneLibrary, EveryFileIsTested) {
                                      "tower_base", "heap",        "heap_press",    "tower_inside_20", "tower_press_20",
                                      "raft",       "hidden_load", "heavy_outside", "slope",           "pyramid",
                                      "see_saw",    "leaning",     "loose",         "toppling",        "lift",
-                                     "stack",      "card_house",  "basin",         "example"};
+                                     "stack",      "card_house",  "basin",         "example",         "first"};
   for (const auto& entry : std::filesystem::directory_iterator(SCENES_FOLDER)) {
     if (entry.path().extension() != ".yaml") continue;
     EXPECT_TRUE(tested.contains(entry.path().stem().string())) << entry.path();
