@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cctype>
+#include <filesystem>
 #include <optional>
+#include <set>
 
 namespace subworld::test {
 namespace {
@@ -125,15 +127,26 @@ TEST_P(Docs, EveryCommandWorks) {
   EXPECT_GT(found, 0) << page << " has no command";
 }
 
-INSTANTIATE_TEST_SUITE_P(Pages, Docs,
-                         ::testing::Values("README.md", "deploy/scenes/README.md", "common/coupling/README.md",
-                                           "common/physics/README.md", "tests/bench/README.md"),
-                         [](const auto& one) {
-                           std::string name = one.param;
-                           std::ranges::replace_if(
-                               name, [](char c) { return !std::isalnum(c); }, '_');
-                           return name;
-                         });
+/// Every page of the tree that has commands.
+std::vector<std::string> pages() {
+  namespace fs = std::filesystem;
+  static const std::set<std::string> kNotOurs{"build", "out", ".git"};
+  std::vector<std::string> found;
+  for (auto at = fs::recursive_directory_iterator(SOURCE_FOLDER); at != fs::recursive_directory_iterator(); ++at) {
+    if (at->is_directory() && kNotOurs.contains(at->path().filename())) at.disable_recursion_pending();
+    if (at->path().extension() != ".md" || commands_of(read_text(at->path())).empty()) continue;
+    found.push_back(fs::relative(at->path(), SOURCE_FOLDER));
+  }
+  std::ranges::sort(found);
+  return found;
+}
+
+INSTANTIATE_TEST_SUITE_P(Pages, Docs, ::testing::ValuesIn(pages()), [](const auto& one) {
+  std::string name = one.param;
+  std::ranges::replace_if(
+      name, [](char c) { return !std::isalnum(c); }, '_');
+  return name;
+});
 
 TEST(DocsReader, TakesVariablesOffTheFront) {
   Words words{"A=1", "B=build/release/example", "subworld", "run", "--x=2"};
