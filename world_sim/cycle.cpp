@@ -77,15 +77,10 @@ void WorldCycle::check_finite() const {
                           world_.time_s()));
 }
 
-bool WorldCycle::over() const {
-  const double next_s = settings_.h_s * world_.timetable().ratio(world_.stamp());
-  return world_.time_s() + 0.5 * next_s > settings_.duration_s;
-}
-
 Ending WorldCycle::ending() const {
   return {.session = ports_.session,
           .to_s = world_.time_s(),
-          .by = over()               ? "duration"
+          .by = world_.over()        ? "duration"
                 : control_.stopped() ? "control"
                                      : name_of_signal(stop_signal()),
           .fault = {}};

@@ -11,8 +11,8 @@ namespace subworld {
 /// What both loops of the world process do in a cycle, but for waiting.
 class WorldCycle {
  public:
-  WorldCycle(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange, const Scene& scene)
-      : ports_(ports), world_(world), measures_(measures), exchange_(exchange), settings_(scene.settings) {}
+  WorldCycle(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange)
+      : ports_(ports), world_(world), measures_(measures), exchange_(exchange) {}
 
   /// Follows the orders that have come, and changes the engine once the new one is ready.
   void follow_orders();
@@ -22,8 +22,6 @@ class WorldCycle {
   void publish_frames(bool last, double start_in_s, double real_time_factor);
   /// Throws `Error` (failed) where a body's state is not finite.
   void check_finite() const;
-  /// Whether the duration of the scene is over, to the nearest cycle.
-  [[nodiscard]] bool over() const;
   /// How the run ended.
   [[nodiscard]] Ending ending() const;
   /// The last frames and reports: writes the last states, and waits for readers.
@@ -38,7 +36,6 @@ class WorldCycle {
   World& world_;
   WorldMeasures& measures_;
   EngineExchange& exchange_;
-  const Settings& settings_;
   RunControl control_;
 };
 

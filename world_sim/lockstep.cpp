@@ -26,7 +26,7 @@ class LockstepLoop {
         world_(world),
         measures_(measures),
         stages_(measures.stages()),
-        cycle_(ports, world, measures, exchange, scene),
+        cycle_(ports, world, measures, exchange),
         snapshots_(ports.snapshots),
         next_report_(world.user_count(), 0) {
     reserve(report_, kUsualMembers);
@@ -66,7 +66,7 @@ class LockstepLoop {
     const TimePoint begin = stages_.mark(WorldStage::control);
     cycle_.step();
     // A stop takes effect between cycles, and as a last frame: so every program ends in order.
-    const bool last = cycle_.over() || stop_signal() != 0 || cycle_.control().stopped();
+    const bool last = world_.over() || stop_signal() != 0 || cycle_.control().stopped();
     cycle_.publish_frames(last, 0.0, 1.0);
     measures_.cycle(world_, {to_seconds(stages_.mark(WorldStage::send) - begin)}, 1.0, 0.0);
     measures_.bodies().record(world_, std::numeric_limits<double>::infinity());

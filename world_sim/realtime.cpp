@@ -85,7 +85,7 @@ class RealtimeLoop {
         world_(world),
         measures_(measures),
         stages_(measures.stages()),
-        cycle_(ports, world, measures, exchange, scene),
+        cycle_(ports, world, measures, exchange),
         snapshots_(ports.snapshots, world),
         h_s_(scene.settings.h_s),
         lead_(static_cast<std::uint64_t>(world.scheme().properties.lead_cycles)),
@@ -189,7 +189,7 @@ class RealtimeLoop {
 
   void simulate(PacedLoop<WorldStage>& loop, double cycle_s, double period_s) {
     cycle_.step();
-    last_ = last_ || cycle_.over();
+    last_ = last_ || world_.over();
     const TimePoint stepped = stages_.now(), deadline = loop.deadline();
     const double cost_s = to_seconds(stepped - loop.woke()) + publish_s_;
     world_.took(cost_s);

@@ -95,6 +95,10 @@ class World {
 
   [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
   [[nodiscard]] double time_s() const noexcept { return seconds(timetable_.start(stamp_)); }
+  /// Whether the duration of the scene is over, to the nearest cycle.
+  [[nodiscard]] bool over() const noexcept {
+    return time_s() + 0.5 * seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp_))) > scene_.settings.duration_s;
+  }
   /// Cycles that are over, and that are coming, in haptic steps.
   [[nodiscard]] const Timetable& timetable() const noexcept { return timetable_; }
   /// Of the cycle that ended last.

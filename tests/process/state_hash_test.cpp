@@ -21,15 +21,7 @@ std::string name_of(const testing::TestParamInfo<HashCase>& info) {
   return one.scene + "_" + one.scheme + "_" + std::to_string(one.users) + (one.latency_s > 0.0 ? "_delayed" : "");
 }
 
-/// Known to differ, cause unknown: `direct` with delay on heap, so no `direct` case with delay is compared. Also red: `reduced` on
-/// see_saw with delay, tower_inside, and tower_inside_20 with and without delay.
-std::vector<HashCase> compared_cases() {
-  std::vector<HashCase> cases = hash_cases(SCENES_FOLDER);
-  std::erase_if(cases, [](const HashCase& one) { return one.scheme == "direct" && one.latency_s > 0.0; });
-  return cases;
-}
-
-INSTANTIATE_TEST_SUITE_P(Shipped, StateHashes, testing::ValuesIn(compared_cases()), name_of);
+INSTANTIATE_TEST_SUITE_P(Shipped, StateHashes, testing::ValuesIn(hash_cases(SCENES_FOLDER)), name_of);
 
 }  // namespace
 }  // namespace subworld::test

@@ -33,7 +33,7 @@ int main_of(int argc, char** argv) {
   CommandLine line(
       "state_hashes",
       "Prints the state hash of short lock-step runs: every shipped scene, three schemes, one and two users,\n"
-      "with and without delay. Test StateHashes (ctest -L hashes) compares them with the real programs; some differ.");
+      "with and without delay. The test StateHashes compares them with those of the real programs.");
   line.add("scene", &scenes, "names in deploy/scenes").otherwise("all");
   line.add("--against", &against, "a table of another commit: prints the differences, ends with 1 if there are any");
   line.footer(

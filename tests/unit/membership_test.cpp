@@ -35,7 +35,7 @@ FeltMembers felt(const MembershipCase& c, bool changes) {
   scene.users[0].budget_ratio = c.budget_ratio;
   CoupledRun run(scene);
   FeltMembers result;
-  while (run.world.time_s() < scene.settings.duration_s - 1e-9) {
+  while (!run.world.over()) {
     if (changes && run.world.time_s() >= c.change_s) run.subs[0]->took(c.step_s);
     run.cycle();
     result.members.push_back(run.frame().members);

@@ -104,7 +104,11 @@ std::optional<CarriedBody> CarriedModeller::model(BodyId outside, std::span<cons
   }
   found.centre_m = moment / found.mass_kg;
   const Eigen::Matrix3d cross = cross_matrix(found.centre_m);
-  found.inertia_kg_m2 = about_origin + found.mass_kg * cross * cross;
+  const Eigen::Matrix3d inertia = about_origin + found.mass_kg * cross * cross;
+  // Symmetric to the last bit, as a frame carries it.
+  found.inertia_kg_m2 << inertia(0, 0), inertia(0, 1), inertia(2, 0),  //
+      inertia(0, 1), inertia(1, 1), inertia(1, 2),                     //
+      inertia(2, 0), inertia(1, 2), inertia(2, 2);
   return found;
 }
 

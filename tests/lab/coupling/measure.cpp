@@ -124,7 +124,7 @@ void add_run_times(Json& row, const Outcome& run) {
 std::optional<Outcome> run_out(const Scene& scene) {
   const auto run = std::make_unique<CoupledRun>(scene);
   Outcome out;
-  while (run->finite() && run->world.time_s() < scene.settings.duration_s - 1e-9) {
+  while (run->finite() && !run->world.over()) {
     if (stop_signal() != 0) return std::nullopt;
     const std::uint64_t stamp = run->world.stamp();
     run->cycle();

@@ -41,7 +41,7 @@ class Trial {
   }
 
   void go(Verdict& verdict) {
-    while (run_.world.time_s() < scene_.settings.duration_s - 1e-9) {
+    while (!run_.world.over()) {
       run_.cycle();
       if (!run_.finite()) {
         fail(verdict, Fault::not_finite, run_.world.time_s(),

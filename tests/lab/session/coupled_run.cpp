@@ -126,7 +126,7 @@ std::uint64_t CoupledRun::hash() const noexcept {
 }
 
 bool CoupledRun::run() {
-  while (finite() && world.time_s() < scene_.settings.duration_s - 1e-9) cycle();
+  while (finite() && !world.over()) cycle();
   return finite();
 }
 
