@@ -1,4 +1,4 @@
-// The smallest engine (common/physics/example), loaded like any engine from outside, and the loader's messages for
+// The smallest engine (tests/support/example_engine), loaded like any engine from outside, and the loader's messages for
 // invalid files.
 #include "model/error.hpp"
 #include "physics/plugin.hpp"

@@ -1,5 +1,5 @@
 // The smallest complete engine: spheres on planes, by sequential impulses. It shows the duties of an adapter; see
-// "Adding an engine" in ../README.md.
+// "Adding an engine" in common/physics/README.md.
 #include "model/error.hpp"
 #include "physics/contact_totals.hpp"
 #include "physics/plugin.hpp"
