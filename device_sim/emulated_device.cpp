@@ -1,5 +1,7 @@
 #include "device_sim/emulated_device.hpp"
 
+#include "model/vectors.hpp"
+
 #include <unsupported/Eigen/MatrixFunctions>
 
 #include <algorithm>
@@ -14,22 +16,6 @@ constexpr double kLongestSubstep_s = 0.25e-3;  ///< for the path, and for all qu
 constexpr double kServoRate_rad_s = 2.0 * M_PI * 50.0;        ///< bandwidth of an admittance device
 constexpr double kVelocityFilter_rad_s = 2.0 * M_PI * 100.0;  ///< of the velocity read from quantised positions
 constexpr double kSameTime = 1e-6;                            ///< relative tolerance of a tick's time
-
-Vec3 rotation_vector(const Quat& turn) noexcept {
-  const Eigen::AngleAxisd a(turn);
-  const double angle = a.angle() > M_PI ? a.angle() - 2.0 * M_PI : a.angle();
-  return angle * a.axis();
-}
-
-Vec3 bounded(Vec3 v, double limit) noexcept {
-  const double length = v.norm();
-  return length > limit ? Vec3(v * (limit / length)) : v;
-}
-
-void rotate(Quat& q, const Vec3& rate, double dt) noexcept {
-  const double angle = rate.norm() * dt;
-  if (angle > 0.0) q = (Quat(Eigen::AngleAxisd(angle, rate.normalized())) * q).normalized();
-}
 
 }  // namespace
 
@@ -53,8 +39,8 @@ void EmulatedDevice::take(const DeviceCommand& received) noexcept {
     held_.linear_velocity = held_.angular_velocity = Vec3::Zero();
   }
   // Limits of the motors.
-  held_.wrench = {bounded(held_.wrench.force, spec_.force_limit_n),
-                  bounded(held_.wrench.torque, spec_.torque_limit_n_m)};
+  held_.wrench = {shortened(held_.wrench.force, spec_.force_limit_n),
+                  shortened(held_.wrench.torque, spec_.torque_limit_n_m)};
 }
 
 void EmulatedDevice::step(const DeviceCommand& command, double dt) noexcept {
@@ -138,7 +124,7 @@ void EmulatedDevice::turn_operator(double dt) noexcept {
       operator_.rotational_damping_n_m_s * wish.angular_velocity + held_.wrench.torque;
   handle_.angular_velocity = (operator_.inertia_kg_m2 * handle_.angular_velocity + dt * twist) /
                              (operator_.inertia_kg_m2 + dt * operator_.rotational_damping_n_m_s);
-  rotate(handle_.orientation, handle_.angular_velocity, dt);
+  handle_.orientation = rotated(handle_.orientation, handle_.angular_velocity, dt);
 }
 
 void EmulatedDevice::follow_command(double dt) noexcept {
@@ -147,22 +133,22 @@ void EmulatedDevice::follow_command(double dt) noexcept {
   const double w = kServoRate_rad_s;
   const Vec3 a =
       w * w * (held_.pose.position - handle_.position) + 2.0 * w * (held_.linear_velocity - handle_.linear_velocity);
-  handle_.linear_velocity = bounded(handle_.linear_velocity + dt * a, spec_.speed_limit_m_s);
+  handle_.linear_velocity = shortened(handle_.linear_velocity + dt * a, spec_.speed_limit_m_s);
   handle_.position += dt * handle_.linear_velocity;
   if (spec_.degrees_of_freedom != 6) return;
   const Vec3 b = w * w * rotation_vector(held_.pose.orientation * handle_.orientation.conjugate()) +
                  2.0 * w * (held_.angular_velocity - handle_.angular_velocity);
   handle_.angular_velocity += dt * b;
-  rotate(handle_.orientation, handle_.angular_velocity, dt);
+  handle_.orientation = rotated(handle_.orientation, handle_.angular_velocity, dt);
 }
 
 void EmulatedDevice::press() noexcept {
   const PathPoint wish = evaluate(spec_.path, time_s_);
-  state_.applied.force = bounded(operator_.stiffness_n_m * (wish.offset.position - handle_.position) +
-                                     operator_.damping_n_s_m * (wish.linear_velocity - handle_.linear_velocity),
-                                 spec_.force_limit_n);
+  state_.applied.force = shortened(operator_.stiffness_n_m * (wish.offset.position - handle_.position) +
+                                       operator_.damping_n_s_m * (wish.linear_velocity - handle_.linear_velocity),
+                                   spec_.force_limit_n);
   if (spec_.degrees_of_freedom != 6) return;
-  state_.applied.torque = bounded(
+  state_.applied.torque = shortened(
       operator_.rotational_stiffness_n_m * rotation_vector(wish.offset.orientation * handle_.orientation.conjugate()) +
           operator_.rotational_damping_n_m_s * (wish.angular_velocity - handle_.angular_velocity),
       spec_.torque_limit_n_m);

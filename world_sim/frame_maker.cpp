@@ -4,6 +4,7 @@
 #include "coupling/border.hpp"
 #include "coupling/plan.hpp"
 #include "coupling/swept_bounds.hpp"
+#include "model/sorted.hpp"
 
 #include <algorithm>
 
@@ -158,9 +159,8 @@ void FrameMaker::tell_border(const User& user, const WorldNow& now, const Heard&
   const auto begins = [&](const GhostModel& ghost) {
     const auto is_as_before = [&](std::uint64_t stamp) {
       const std::vector<GhostModel>& ghosts = user.frames[stamp % remembered_].ghosts;
-      const auto before = std::ranges::lower_bound(ghosts, ghost.outside, {}, &GhostModel::outside);
-      return before != ghosts.end() && before->outside == ghost.outside &&
-             before->carried.has_value() == ghost.carried.has_value();
+      const auto before = find_sorted(ghosts, ghost.outside, &GhostModel::outside);
+      return before != ghosts.end() && before->carried.has_value() == ghost.carried.has_value();
     };
     bool known = any_confirmed;
     for (std::uint64_t j = oldest; j < now.stamp && known; ++j) known = is_as_before(j);

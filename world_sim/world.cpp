@@ -3,11 +3,12 @@
 #include "coupling/plan.hpp"
 #include "coupling/swept_bounds.hpp"
 #include "coupling/virtual_coupling.hpp"
+#include "model/hash.hpp"
 #include "model/shape_extent.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <cstring>
 #include <iterator>
 #include <utility>
 
@@ -15,13 +16,8 @@ namespace subworld {
 
 namespace {
 
-constexpr std::uint64_t kHashSeed = 0xcbf29ce484222325ULL;
-constexpr std::uint64_t kHashPrime = 0x100000001b3ULL;
-
 void mix(std::uint64_t& hash, double value) noexcept {
-  std::uint64_t word;
-  std::memcpy(&word, &value, sizeof word);
-  hash = (hash ^ word) * kHashPrime;
+  hash = hashed(hash, std::bit_cast<std::uint64_t>(value));
   hash ^= hash >> 32;
 }
 

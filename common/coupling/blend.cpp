@@ -1,5 +1,7 @@
 #include "coupling/blend.hpp"
 
+#include "model/vectors.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -48,11 +50,7 @@ BodyState blend(const BodyState& world, const BodyState& sub, double s) noexcept
 BodyState advanced(const BodyState& state, double dt) noexcept {
   BodyState later = state;
   later.position += dt * state.linear_velocity;
-  const double angle = state.angular_velocity.norm() * dt;
-  if (angle != 0.0) {
-    later.orientation =
-        (Quat(Eigen::AngleAxisd(angle, state.angular_velocity.normalized())) * state.orientation).normalized();
-  }
+  later.orientation = rotated(state.orientation, state.angular_velocity, dt);
   return later;
 }
 

@@ -1,7 +1,8 @@
 #include "coupling/contact_graph.hpp"
 
+#include "model/sorted.hpp"
+
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 namespace subworld {
@@ -34,19 +35,12 @@ void ContactGraph::build(std::span<const Contact> contacts, std::size_t bodies) 
 
 void Islands::begin(std::span<const BodyId> ids) {
   ids_.assign(ids.begin(), ids.end());
-  parent_.resize(ids.size());
-  std::iota(parent_.begin(), parent_.end(), 0U);
+  sets_.reset(ids.size());
   open_.assign(ids.size(), false);
 }
 
 std::size_t Islands::place(BodyId id) const noexcept {
-  const auto at = std::lower_bound(ids_.begin(), ids_.end(), id);
-  return at != ids_.end() && *at == id ? static_cast<std::size_t>(at - ids_.begin()) : ids_.size();
-}
-
-std::uint32_t Islands::root(std::uint32_t i) noexcept {
-  while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-  return i;
+  return static_cast<std::size_t>(find_sorted(ids_, id) - ids_.begin());
 }
 
 void Islands::join(BodyId a, BodyId b) noexcept {
@@ -54,15 +48,15 @@ void Islands::join(BodyId a, BodyId b) noexcept {
   const std::size_t at_b = place(b);
   if (at_a == ids_.size()) return open(b);
   if (at_b == ids_.size()) return open(a);
-  const std::uint32_t root_a = root(static_cast<std::uint32_t>(at_a));
-  const std::uint32_t root_b = root(static_cast<std::uint32_t>(at_b));
+  const std::uint32_t root_a = sets_.root(static_cast<std::uint32_t>(at_a));
+  const std::uint32_t root_b = sets_.root(static_cast<std::uint32_t>(at_b));
   open_[std::min(root_a, root_b)] = open_[root_a] || open_[root_b];
-  parent_[std::max(root_a, root_b)] = std::min(root_a, root_b);
+  sets_.join(std::min(root_a, root_b), std::max(root_a, root_b));
 }
 
 void Islands::open(BodyId id) noexcept {
   const std::size_t at = place(id);
-  if (at != ids_.size()) open_[root(static_cast<std::uint32_t>(at))] = true;
+  if (at != ids_.size()) open_[sets_.root(static_cast<std::uint32_t>(at))] = true;
 }
 
 void Islands::join(std::span<const BodyId> ids, std::span<const std::uint32_t> labels) noexcept {
@@ -77,12 +71,12 @@ void Islands::join(std::span<const BodyId> ids, std::span<const std::uint32_t> l
 
 bool Islands::is_open(BodyId id) noexcept {
   const std::size_t at = place(id);
-  return at == ids_.size() || open_[root(static_cast<std::uint32_t>(at))];
+  return at == ids_.size() || open_[sets_.root(static_cast<std::uint32_t>(at))];
 }
 
 void Islands::labels(std::vector<std::uint32_t>& out) {
   out.resize(ids_.size());
-  for (std::uint32_t i = 0; i < ids_.size(); ++i) out[i] = open_[root(i)] ? kOpenIsland : root(i);
+  for (std::uint32_t i = 0; i < ids_.size(); ++i) out[i] = open_[sets_.root(i)] ? kOpenIsland : sets_.root(i);
 }
 
 }  // namespace subworld

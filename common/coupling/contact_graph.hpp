@@ -2,6 +2,7 @@
 
 #include "model/body.hpp"
 #include "model/contact.hpp"
+#include "model/disjoint_sets.hpp"
 
 #include <cstdint>
 #include <ranges>
@@ -70,10 +71,9 @@ class Islands {
 
  private:
   [[nodiscard]] std::size_t place(BodyId id) const noexcept;  ///< ids_.size() if it is not there
-  [[nodiscard]] std::uint32_t root(std::uint32_t i) noexcept;
 
   std::vector<BodyId> ids_;
-  std::vector<std::uint32_t> parent_;
+  DisjointSets sets_;       ///< of their indices
   std::vector<bool> open_;  ///< of roots
 };
 

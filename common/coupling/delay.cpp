@@ -1,5 +1,7 @@
 #include "coupling/delay.hpp"
 
+#include "model/hash.hpp"
+
 #include <cmath>
 
 namespace subworld {
@@ -13,13 +15,8 @@ constexpr std::uint64_t kMostLosses = 4;
 /// Draws for losses, apart from those for jitter.
 constexpr std::uint64_t kLoss = 0x5bd1e995;
 
-/// Uniform in [0, 1). SplitMix64 (Steele, Lea, Flood 2014).
-double uniform(std::uint64_t key) noexcept {
-  std::uint64_t z = key + 0x9e3779b97f4a7c15ULL;
-  z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9ULL;
-  z = (z ^ (z >> 27U)) * 0x94d049bb133111ebULL;
-  return static_cast<double>((z ^ (z >> 31U)) >> 11U) * 0x1.0p-53;
-}
+/// Uniform in [0, 1).
+double uniform(std::uint64_t key) noexcept { return static_cast<double>(random_bits(key) >> 11U) * 0x1.0p-53; }
 
 }  // namespace
 
@@ -41,7 +38,7 @@ std::uint64_t Journey::steps(Direction direction, std::uint64_t number) const no
   double delay = delay_s(direction);
   if (settings_.jitter_s > 0.0) {
     const std::uint64_t key =
-        ((settings_.seed * 64 + user_) * 2 + static_cast<std::uint64_t>(direction)) * 0x100000001b3ULL + number;
+        ((settings_.seed * 64 + user_) * 2 + static_cast<std::uint64_t>(direction)) * kHashPrime + number;
     delay += settings_.jitter_s * uniform(key);
   }
   return static_cast<std::uint64_t>(std::ceil(delay / h_s_ - 1e-9));
@@ -50,7 +47,7 @@ std::uint64_t Journey::steps(Direction direction, std::uint64_t number) const no
 bool Journey::is_lost(Direction direction, std::uint64_t number, std::uint64_t attempt) const noexcept {
   if (settings_.loss_ratio <= 0.0) return false;
   const std::uint64_t stream = (settings_.seed * 64 + user_) * 4 + static_cast<std::uint64_t>(direction);
-  return uniform(((stream + kLoss) * 8 + attempt) * 0x100000001b3ULL + number) < settings_.loss_ratio;
+  return uniform(((stream + kLoss) * 8 + attempt) * kHashPrime + number) < settings_.loss_ratio;
 }
 
 double Journey::longest_s(Direction direction) const noexcept { return delay_s(direction) + settings_.jitter_s; }

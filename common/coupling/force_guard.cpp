@@ -1,5 +1,7 @@
 #include "coupling/force_guard.hpp"
 
+#include "model/vectors.hpp"
+
 #include <algorithm>
 
 namespace subworld {
@@ -8,11 +10,6 @@ namespace {
 
 /// While soft: the time in which the largest force that the device can show is reached; 40 N at 0.1 N a millisecond.
 constexpr double kFullScale_s = 0.4;
-
-Vec3 towards(const Vec3& from, const Vec3& to, double most) noexcept {
-  const double distance = (to - from).norm();
-  return distance <= most ? to : Vec3(from + (to - from) * (most / distance));
-}
 
 /// Shortens the part of a force that accelerates the operator.
 Vec3 with_power(const Vec3& force, const Vec3& velocity, double most_w) noexcept {

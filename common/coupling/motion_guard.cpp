@@ -1,28 +1,10 @@
 #include "coupling/motion_guard.hpp"
 
+#include "model/vectors.hpp"
+
 #include <algorithm>
-#include <cmath>
 
 namespace subworld {
-
-namespace {
-
-Vec3 bounded(const Vec3& v, double limit) noexcept {
-  const double length = v.norm();
-  return length > limit ? Vec3(v * (limit / length)) : v;
-}
-
-Vec3 rotation_vector(const Quat& turn) noexcept {
-  const Eigen::AngleAxisd a(turn);
-  return (a.angle() > M_PI ? a.angle() - 2.0 * M_PI : a.angle()) * a.axis();
-}
-
-Quat turned(const Quat& from, const Vec3& by) noexcept {
-  const double angle = by.norm();
-  return angle > 0.0 ? (Quat(Eigen::AngleAxisd(angle, by / angle)) * from).normalized() : from;
-}
-
-}  // namespace
 
 DeviceMotion MotionGuard::pass(const DeviceMotion& wanted, bool trusted, double dt) noexcept {
   const bool sound =
@@ -36,20 +18,19 @@ DeviceMotion MotionGuard::pass(const DeviceMotion& wanted, bool trusted, double 
     sent_.linear_velocity *= kept;
     sent_.angular_velocity *= kept;
     sent_.pose.position += dt * sent_.linear_velocity;
-    sent_.pose.orientation = turned(sent_.pose.orientation, dt * sent_.angular_velocity);
+    sent_.pose.orientation = rotated(sent_.pose.orientation, dt * sent_.angular_velocity, 1.0);
     return sent_;
   }
   // A part more than the limit, so that a motion at the limit does not fall behind by rounding.
   constexpr double kRoundingError = 1e-9;
   const double most_m = dt * speed_limit_m_s_ * (1.0 + kRoundingError);
   const double most_rad = dt * turn_limit_rad_s_ * (1.0 + kRoundingError);
-  const Vec3 way = wanted.pose.position - sent_.pose.position;
   const Vec3 turn = rotation_vector(wanted.pose.orientation * sent_.pose.orientation.conjugate());
-  sent_.pose.position = way.norm() <= most_m ? wanted.pose.position : Vec3(sent_.pose.position + bounded(way, most_m));
-  sent_.pose.orientation =
-      turn.norm() <= most_rad ? wanted.pose.orientation : turned(sent_.pose.orientation, bounded(turn, most_rad));
-  sent_.linear_velocity = bounded(wanted.linear_velocity, speed_limit_m_s_);
-  sent_.angular_velocity = bounded(wanted.angular_velocity, turn_limit_rad_s_);
+  sent_.pose.position = towards(sent_.pose.position, wanted.pose.position, most_m);
+  sent_.pose.orientation = turn.norm() <= most_rad ? wanted.pose.orientation
+                                                   : rotated(sent_.pose.orientation, shortened(turn, most_rad), 1.0);
+  sent_.linear_velocity = shortened(wanted.linear_velocity, speed_limit_m_s_);
+  sent_.angular_velocity = shortened(wanted.angular_velocity, turn_limit_rad_s_);
   return sent_;
 }
 

@@ -1,19 +1,11 @@
 #include "coupling/passivity.hpp"
 
+#include "model/vectors.hpp"
+
 #include <algorithm>
 #include <cmath>
 
 namespace subworld {
-
-namespace {
-
-/// `v` no longer than `most`.
-Vec3 shortened(const Vec3& v, double most) noexcept {
-  const double size = v.norm();
-  return size > most ? Vec3(v * (most / size)) : v;
-}
-
-}  // namespace
 
 Vec3 passive_force(const Vec3& wanted_n, const Vec3& velocity_m_s, double stored_j, double stiffness_n_m,
                    double dt) noexcept {

@@ -1,6 +1,7 @@
 #include "coupling/synchroniser.hpp"
 
 #include "coupling/delay.hpp"
+#include "model/sorted.hpp"
 
 #include <algorithm>
 
@@ -29,8 +30,8 @@ BodyState Synchroniser::caught_up(BodyId id, BodyState state, std::uint64_t appl
   for (std::uint64_t j = std::max(applied + 1, oldest); j < stamp; ++j) {
     const Blend& blend = blends_[j % blends_.size()];
     if (blend.stamp != j) continue;
-    const auto pair = std::ranges::lower_bound(blend.pairs, id, {}, &PairShift::id);
-    if (pair != blend.pairs.end() && pair->id == id) state = shifted(state, side(*pair));
+    const auto pair = find_sorted(blend.pairs, id, &PairShift::id);
+    if (pair != blend.pairs.end()) state = shifted(state, side(*pair));
   }
   return state;
 }
@@ -42,15 +43,15 @@ std::span<const PairShift> Synchroniser::synchronise(const WorldFrame& frame, co
   blend.pairs.clear();
   authority_.compare(frame, report);
   for (const StampedBody& sub : report.members) {
-    const auto world = std::ranges::lower_bound(frame.states, sub.id, {}, &StampedBody::id);
-    if (world == frame.states.end() || world->id != sub.id) continue;
+    const auto world = find_sorted(frame.states, sub.id, &StampedBody::id);
+    if (world == frame.states.end()) continue;
     const BodyState theirs = caught_up(sub.id, world->state, frame.echoed_stamp, frame.stamp,
                                        [](const PairShift& p) -> const Shift& { return p.world; });
     const BodyState ours = caught_up(sub.id, sub.state, report.confirmed_stamp, frame.stamp,
                                      [](const PairShift& p) -> const Shift& { return p.sub; });
     const Correction part = scheme_->correction({authority_.owner(sub.id), lag_cycles}, report.indicators, *settings_);
-    const auto shift = [](const BodyState& from, const BodyState& to, double part) {
-      return part > 0.0 ? scaled(difference(from, to), part) : Shift{};
+    const auto shift = [](const BodyState& from, const BodyState& to, double share) {
+      return share > 0.0 ? scaled(difference(from, to), share) : Shift{};
     };
     blend.pairs.push_back({sub.id, shift(theirs, ours, part.world), shift(ours, theirs, part.sub)});
   }

@@ -1,5 +1,7 @@
 #include "coupling/virtual_coupling.hpp"
 
+#include "model/vectors.hpp"
+
 #include <cmath>
 
 namespace subworld {
@@ -21,11 +23,6 @@ double spring_energy(double stiffness, double limit, double stretch) noexcept {
   return limit * (stretch - 0.5 * limit / stiffness);
 }
 
-void shorten(Vec3& v, double limit) noexcept {
-  const double length = v.norm();
-  if (length > limit) v *= limit / length;
-}
-
 }  // namespace
 
 ForceLimits limits_of(const DeviceSpec& device) noexcept {
@@ -33,9 +30,9 @@ ForceLimits limits_of(const DeviceSpec& device) noexcept {
 }
 
 Wrench saturated(Wrench wrench, const ForceLimits& limits) noexcept {
-  shorten(wrench.force, limits.force_n);
+  wrench.force = shortened(wrench.force, limits.force_n);
   if (limits.torques) {
-    shorten(wrench.torque, limits.torque_n_m);
+    wrench.torque = shortened(wrench.torque, limits.torque_n_m);
   } else {
     wrench.torque.setZero();
   }

@@ -1,3 +1,4 @@
+#include "model/hash.hpp"
 #include "model/scene.hpp"
 
 #include <bit>
@@ -83,9 +84,9 @@ class Hasher {
         s.haptic);
   }
 
-  void byte(unsigned char b) { value_ = (value_ ^ b) * 0x100000001b3U; }
+  void byte(unsigned char b) { value_ = hashed(value_, b); }
 
-  std::uint64_t value_ = 0xcbf29ce484222325U;
+  std::uint64_t value_ = kHashSeed;
 };
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "model/scene_layout.hpp"
 
+#include "model/hash.hpp"
 #include "model/trigonometry.hpp"
 
 #include <algorithm>
@@ -9,19 +10,15 @@ namespace subworld {
 
 namespace {
 
-/// Splitmix64 (Steele 2014): the standard library's distributions differ between platforms.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed) {}
 
   /// In [-1, 1).
   double symmetric() {
-    state_ += 0x9E3779B97F4A7C15U;
-    std::uint64_t z = state_;
-    z = (z ^ (z >> 30U)) * 0xBF58476D1CE4E5B9U;
-    z = (z ^ (z >> 27U)) * 0x94D049BB133111EBU;
-    z ^= z >> 31U;
-    return static_cast<double>(z >> 11U) * 0x1p-52 - 1.0;
+    const std::uint64_t bits = random_bits(state_);
+    state_ += kRandomStep;
+    return static_cast<double>(bits >> 11U) * 0x1p-52 - 1.0;
   }
 
   /// A point of the unit ball in n dimensions, by rejection. Points too near the centre to be normalised are rejected

@@ -1,5 +1,7 @@
 #include "physics/friction_estimate.hpp"
 
+#include "model/vectors.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -21,8 +23,7 @@ Eigen::Array4f padded(const Vec3& v) {
 void project_to_cone(Contact& contact, double friction) {
   Vec3& impulse = contact.tangential_impulse;
   impulse -= impulse.dot(contact.normal) * contact.normal;
-  const double limit = friction * std::max(0.0, contact.normal_impulse);
-  if (const double size = impulse.norm(); size > limit) impulse *= limit / size;
+  impulse = shortened(impulse, friction * std::max(0.0, contact.normal_impulse));
 }
 
 }  // namespace

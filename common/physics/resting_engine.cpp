@@ -29,6 +29,7 @@ RestingEngine::RestingEngine(Engine& inner, const Scene& scene, std::span<const 
       settling_(scene, rests && settles),
       things_(scene.bodies.size()),
       still_(rests ? scene.bodies.size() : 0) {
+  sets_.reset(scene.bodies.size());
   for (const BodyId id : restless) things_[index(id)].restless = true;
   for (std::vector<BodyId>* list : {&awake_, &waking_, &woke_, &slept_}) list->reserve(scene.bodies.size());
   frontier_.reserve(scene.bodies.size() + 1);
@@ -45,7 +46,7 @@ void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
   if (body.fixed()) return;
   thing.anchor = state;
   thing.still_s = 0.0;
-  thing.parent = thing.next = index(body.id);
+  separate(index(body.id));
   const Box box = subworld::bounds(body.shape, {}, scene_.meshes);
   thing.arm_m = box.lower.cwiseAbs().cwiseMax(box.upper.cwiseAbs()).norm();
   thing.thickness_m = thickness(body.shape, scene_.meshes);
@@ -226,7 +227,7 @@ void RestingEngine::wake(std::uint32_t one) {
     thing.asleep = false;
     thing.unreached_s = 0.0;
     settling_.wakes(id);
-    thing.parent = thing.next = index(id);
+    separate(index(id));
     inner_.add(scene_.body(id), thing.anchor, Role::body);
     --asleep_count_;
   }
@@ -238,13 +239,8 @@ void RestingEngine::wake_all() {
   }
 }
 
-std::uint32_t RestingEngine::root(std::uint32_t i) noexcept {
-  while (things_[i].parent != i) i = things_[i].parent = things_[things_[i].parent].parent;
-  return i;
-}
-
 void RestingEngine::find_islands() {
-  for (const BodyId id : awake_) things_[index(id)].parent = things_[index(id)].next = index(id);
+  for (const BodyId id : awake_) separate(index(id));
   settling_.begin_contacts(awake_);
   for (const Contact& c : inner_.contacts()) {
     if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) join(index(c.a), index(c.b));
@@ -254,28 +250,28 @@ void RestingEngine::find_islands() {
 }
 
 void RestingEngine::find_operators(double horizon_s) {
-  for (const BodyId id : awake_) things_[root(index(id))].in_reach = false;
+  for (const BodyId id : awake_) things_[sets_.root(index(id))].in_reach = false;
   for (const BodyId id : awake_) {
     const Thing& thing = things_[index(id)];
     if (!thing.restless) continue;
     const double travel_m = reach_m(inner_.state(id), thing.arm_m, kOperator_m_s2, kLookEvery_s + horizon_s);
     inner_.overlap(inner_.bounds(id).grown(travel_m), near_);
     for (const BodyId near : near_) {
-      if (!scene_.body(near).fixed()) things_[root(index(near))].in_reach = true;
+      if (!scene_.body(near).fixed()) things_[sets_.root(index(near))].in_reach = true;
     }
   }
 }
 
 void RestingEngine::join(std::uint32_t one, std::uint32_t other) noexcept {
-  const std::uint32_t a = root(one), b = root(other);
+  const std::uint32_t a = sets_.root(one), b = sets_.root(other);
   if (a == b) return;
-  things_[b].parent = a;
+  sets_.join(a, b);
   std::swap(things_[a].next, things_[b].next);  // joins two rings
 }
 
 void RestingEngine::judge_islands() {
   islands_.clear();
-  for (const BodyId id : awake_) islands_.emplace_back(root(index(id)), id);
+  for (const BodyId id : awake_) islands_.emplace_back(sets_.root(index(id)), id);
   std::ranges::sort(islands_);
   for (auto one = islands_.begin(); one != islands_.end();) {
     const std::uint32_t island = one->first;

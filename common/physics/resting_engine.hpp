@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/disjoint_sets.hpp"
 #include "model/scene.hpp"
 #include "physics/box_tree.hpp"
 #include "physics/engine_shell.hpp"
@@ -81,7 +82,6 @@ class RestingEngine final : public EngineShell {
     double tolerance_m = 0.0;  ///< radius around the anchor that counts as still
     double arm_m = 0.0;        ///< from the centre to the farthest point
     std::uint32_t next = 0;    ///< next body of those that sleep together: a ring
-    std::uint32_t parent = 0;  ///< union-find, while islands are searched
     bool restless = false;
     bool asleep = false;
     bool reached = false;
@@ -93,7 +93,11 @@ class RestingEngine final : public EngineShell {
     double travel_m = 0.0;
   };
 
-  [[nodiscard]] std::uint32_t root(std::uint32_t i) noexcept;
+  /// From the bodies that sleep with it, or that it touches.
+  void separate(std::uint32_t one) noexcept {
+    things_[one].next = one;
+    sets_.separate(one);
+  }
   void join(std::uint32_t one, std::uint32_t other) noexcept;
   void watch(BodyId id, double dt);
   void reach_from(BodyId mover, double horizon_s);
@@ -119,6 +123,7 @@ class RestingEngine final : public EngineShell {
   double gravity_m_s2_;
   Settling settling_;
   std::vector<Thing> things_;  ///< by body
+  DisjointSets sets_;          ///< of bodies: islands while they are searched, those that sleep together
   BoxTree still_;              ///< still bodies, asleep or not
   std::vector<BodyId> awake_;
   std::vector<BodyId> waking_, woke_, slept_;

@@ -1,6 +1,7 @@
 // The Fast DDS back end, for 2.9.
 
 #include "model/error.hpp"
+#include "model/hash.hpp"
 #include "wire/backend.hpp"
 
 #include <arpa/inet.h>
@@ -193,10 +194,10 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
   dds::DataWriter* writer_ = nullptr;
 };
 
-/// The 16 bytes of a handle as one number. FNV-1a.
+/// The 16 bytes of a handle as one number.
 std::uint64_t number_of(const dds::InstanceHandle_t& handle) noexcept {
-  std::uint64_t number = 0xcbf29ce484222325ULL;
-  for (int i = 0; i < 16; ++i) number = (number ^ handle.value[i]) * 0x100000001b3ULL;
+  std::uint64_t number = kHashSeed;
+  for (int i = 0; i < 16; ++i) number = hashed(number, handle.value[i]);
   return number;
 }
 

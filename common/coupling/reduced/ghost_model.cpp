@@ -1,6 +1,7 @@
 #include "coupling/reduced/ghost_model.hpp"
 
 #include "coupling/reduced/rolling.hpp"
+#include "model/sorted.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -259,9 +260,9 @@ void GhostModeller::model(std::span<const BoundaryContact> border, const Surroun
   list(border, around.membership, out);
   for (const BoundaryContact& pair : border) {
     const Vec3 on_inside_n = (pair.normal_impulse * pair.normal + pair.tangential_impulse) / around.step_s;
-    std::ranges::lower_bound(out, pair.outside, {}, &GhostModel::outside)->load_n -= on_inside_n;
-    const auto pusher = std::ranges::lower_bound(out, pair.inside, {}, &GhostModel::outside);
-    if (pusher != out.end() && pusher->outside == pair.inside) pusher->load_n += on_inside_n;
+    find_sorted(out, pair.outside, &GhostModel::outside)->load_n -= on_inside_n;
+    const auto pusher = find_sorted(out, pair.inside, &GhostModel::outside);
+    if (pusher != out.end()) pusher->load_n += on_inside_n;
   }
   for (GhostModel& ghost : out) find_axes(border, around.graph, ghost);
   find_pushed(out, around);

@@ -1,6 +1,7 @@
 #include "coupling/reduced/ghosts.hpp"
 
 #include "coupling/blend.hpp"
+#include "model/sorted.hpp"
 
 #include <algorithm>
 #include <functional>
@@ -20,8 +21,8 @@ constexpr double kSpareWeights = 4.0;
 constexpr double kSpinInertia = 1000.0;  ///< times the body's own: a ghost turns as the world's body does
 
 const BodyState* state_in(const WorldFrame& frame, BodyId id) noexcept {
-  const auto at = std::ranges::lower_bound(frame.states, id, {}, &StampedBody::id);
-  return at != frame.states.end() && at->id == id ? &at->state : nullptr;
+  const auto at = find_sorted(frame.states, id, &StampedBody::id);
+  return at != frame.states.end() ? &at->state : nullptr;
 }
 
 Role role_of(const GhostModel& model) noexcept { return model.approaching ? Role::approaching : Role::ghost; }
@@ -56,11 +57,10 @@ void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody> left, 
   for (const GhostModel& model : frame.ghosts) {
     const BodyState* world = state_in(frame, model.outside);
     if (world == nullptr) continue;
-    const auto at = std::ranges::lower_bound(ghosts_, model.outside, {}, &Ghost::id);
-    if (at == ghosts_.end() || at->id != model.outside) {
-      const auto member = std::ranges::lower_bound(left, model.outside, {}, &StampedBody::id);
-      const bool was_member = member != left.end() && member->id == model.outside;
-      create(model, *world, was_member ? &member->state : nullptr, frame, engine, how.lag_s);
+    const auto at = find_sorted(ghosts_, model.outside, &Ghost::id);
+    if (at == ghosts_.end()) {
+      const auto member = find_sorted(left, model.outside, &StampedBody::id);
+      create(model, *world, member != left.end() ? &member->state : nullptr, frame, engine, how.lag_s);
       continue;
     }
     const bool held_now = at->carried && !model.carried;
@@ -191,8 +191,8 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
 }
 
 std::optional<BodyState> Ghosts::release(BodyId id, Engine& engine) {
-  const auto at = std::ranges::lower_bound(ghosts_, id, {}, &Ghost::id);
-  if (at == ghosts_.end() || at->id != id) return std::nullopt;
+  const auto at = find_sorted(ghosts_, id, &Ghost::id);
+  if (at == ghosts_.end()) return std::nullopt;
   const BodyState state = engine.state(id);
   drop(at, engine);
   return state;

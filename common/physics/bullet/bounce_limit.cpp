@@ -1,7 +1,5 @@
 #include "bounce_limit.hpp"
 
-#include <numeric>
-
 namespace subworld::bullet {
 
 namespace {
@@ -24,21 +22,15 @@ btScalar kinetic_energy(const Mover& mover, const Motion& motion) {
 void BounceLimit::begin(std::span<const Mover> movers) {
   movers_ = movers;
   any_ = false;
-  parents_.resize(movers.size());
-  std::iota(parents_.begin(), parents_.end(), 0U);
+  sets_.reset(movers.size());
   islands_.assign(movers.size(), {});
-}
-
-std::size_t BounceLimit::root(std::size_t i) noexcept {
-  while (parents_[i] != i) i = parents_[i] = parents_[parents_[i]];
-  return i;
 }
 
 void BounceLimit::join(std::size_t a, std::size_t b, bool bounces) {
   // Fixed bodies do not connect islands.
-  const std::size_t one = root(a == kFixed ? b : a), other = root(b == kFixed ? a : b);
+  const std::uint32_t one = root(a == kFixed ? b : a), other = root(b == kFixed ? a : b);
   islands_[one].bounces |= bounces || islands_[other].bounces;
-  parents_[other] = static_cast<std::uint32_t>(one);
+  sets_.join(one, other);
   any_ |= bounces;
 }
 

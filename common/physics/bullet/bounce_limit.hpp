@@ -1,6 +1,7 @@
 #pragma once
 
 #include "contact_rows.hpp"
+#include "model/disjoint_sets.hpp"
 #include "movers.hpp"
 
 #include <cstdint>
@@ -40,11 +41,11 @@ class BounceLimit {
     btScalar last_factor = 0, last_gain_j = 0;  ///< of the previous try
     bool bounces = false, tried = false;
   };
-  std::size_t root(std::size_t i) noexcept;
+  std::uint32_t root(std::size_t i) noexcept { return sets_.root(static_cast<std::uint32_t>(i)); }
 
   std::span<const Mover> movers_;
-  std::vector<std::uint32_t> parents_;  ///< by mover
-  std::vector<Island> islands_;         ///< by root
+  DisjointSets sets_;            ///< of movers
+  std::vector<Island> islands_;  ///< by root
   bool any_ = false;
 };
 

@@ -1,7 +1,8 @@
 #include "left_contacts.hpp"
 
+#include "model/sorted.hpp"
+
 #include <algorithm>
-#include <tuple>
 #include <utility>
 
 namespace subworld::bullet {
@@ -70,14 +71,13 @@ void LeftContacts::came(const btCollisionObject& body) {
 
 void LeftContacts::give_back(btDispatcher& dispatcher) {
   if (!std::exchange(expects_, false)) return;
-  const auto key = [](const Pair& pair) { return std::tuple(pair.low, pair.high); };
+  const auto key = [](const Pair& pair) { return std::pair(pair.low, pair.high); };
   std::ranges::sort(pairs_, {}, key);
   for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
     btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(m);
     if (!is_new(manifold)) continue;
-    const auto [low, high] = numbers(manifold);
-    const auto pair = std::ranges::lower_bound(pairs_, std::tuple(low, high), {}, key);
-    if (pair == pairs_.end() || pair->low != low || pair->high != high) continue;
+    const auto pair = find_sorted(pairs_, numbers(manifold), key);
+    if (pair == pairs_.end()) continue;
     const btScalar on_low = sign(manifold), same = manifold.getContactBreakingThreshold();
     for (int i = 0; i < manifold.getNumContacts(); ++i) {
       btManifoldPoint& p = manifold.getContactPoint(i);

@@ -1,6 +1,7 @@
 #include "friction.hpp"
 
-#include <algorithm>
+#include "model/sorted.hpp"
+
 #include <tuple>
 
 namespace subworld::ode {
@@ -33,9 +34,8 @@ void FrictionMemory::forget(std::uint32_t body) {
 }
 
 Vec3 FrictionMemory::recall(std::uint32_t a, std::uint32_t b, const Vec3& point) const {
-  const auto before = [](const Friction& f, const auto& pair) { return std::tie(f.a, f.b) < pair; };
-  const auto f = std::lower_bound(held_.begin(), held_.end(), std::tie(a, b), before);
-  if (f == held_.end() || f->a != a || f->b != b) return Vec3::Zero();
+  const auto f = find_sorted(held_, std::tuple(a, b), [](const Friction& held) { return std::tuple(held.a, held.b); });
+  if (f == held_.end()) return Vec3::Zero();
   return vector(f->mean) + vector(f->spin).cross(point - vector(f->centre));
 }
 

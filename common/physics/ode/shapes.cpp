@@ -2,6 +2,7 @@
 
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
+#include "model/vectors.hpp"
 
 #include <fmt/format.h>
 #include <Eigen/QR>
@@ -35,9 +36,8 @@ ShapeStore::Hull ShapeStore::grown_hull(const Mesh& source) {
   for (std::size_t i = 0; i < hull.vertices.size(); ++i) {
     Eigen::Matrix<double, Eigen::Dynamic, 3> faces(static_cast<Eigen::Index>(normals[i].size()), 3);
     for (std::size_t f = 0; f < normals[i].size(); ++f) faces.row(static_cast<Eigen::Index>(f)) = normals[i][f];
-    Vec3 shift = faces.completeOrthogonalDecomposition().solve(Eigen::VectorXd::Constant(faces.rows(), kSkin));
-    if (shift.norm() > 3.0 * kSkin) shift *= 3.0 * kSkin / shift.norm();  // a needle's tip
-    const Vec3 vertex = hull.vertices[i] + shift;
+    const Vec3 shift = faces.completeOrthogonalDecomposition().solve(Eigen::VectorXd::Constant(faces.rows(), kSkin));
+    const Vec3 vertex = hull.vertices[i] + shortened(shift, 3.0 * kSkin);  // it is longer at a needle's tip
     grown.points.insert(grown.points.end(), {vertex.x(), vertex.y(), vertex.z()});
   }
   return grown;

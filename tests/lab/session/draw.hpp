@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/hash.hpp"
 #include "model/types.hpp"
 
 #include <cmath>
@@ -17,8 +18,8 @@ namespace subworld {
 class Draw {
  public:
   explicit Draw(std::uint64_t seed) : bits_(seed) {}
-  /// Stream number `index` of a seed, independent of the other streams (SplitMix64, Steele, Lea, Flood 2014).
-  Draw(std::uint64_t seed, std::uint64_t index) : Draw(mixed(mixed(seed) + index)) {}
+  /// Stream number `index` of a seed, independent of the other streams.
+  Draw(std::uint64_t seed, std::uint64_t index) : Draw(random_bits(random_bits(seed) + index)) {}
 
   double between(double low, double high) {
     return low + (high - low) * (static_cast<double>(bits_() >> 11) * 0x1p-53);
@@ -39,13 +40,6 @@ class Draw {
   }
 
  private:
-  static std::uint64_t mixed(std::uint64_t x) noexcept {
-    x += 0x9e3779b97f4a7c15ULL;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
-    return x ^ (x >> 31);
-  }
-
   std::mt19937_64 bits_;
 };
 

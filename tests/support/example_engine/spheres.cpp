@@ -1,6 +1,7 @@
 // The smallest complete engine: spheres on planes, by sequential impulses. It shows the duties of an adapter; see
 // "Adding an engine" in common/physics/README.md.
 #include "model/error.hpp"
+#include "model/vectors.hpp"
 #include "physics/contact_totals.hpp"
 #include "physics/plugin.hpp"
 
@@ -223,10 +224,7 @@ class Spheres final : public Engine {
     for (auto& slot : slots_) {
       if (!slot || slot->body.fixed()) continue;
       slot->state.position += dt * slot->state.linear_velocity;
-      const Vec3 turn = dt * slot->state.angular_velocity;
-      if (const double angle = turn.norm(); angle > 0.0) {
-        slot->state.orientation = (Eigen::AngleAxisd(angle, turn / angle) * slot->state.orientation).normalized();
-      }
+      slot->state.orientation = rotated(slot->state.orientation, slot->state.angular_velocity, dt);
     }
     for (const Row& row : rows_) report(row, number);
   }
@@ -299,9 +297,8 @@ class Spheres final : public Engine {
     const Vec3 sliding = after - row.normal.dot(after) * row.normal;
     const double speed = sliding.norm();
     if (speed < 1e-12) return;
-    Vec3 tangential = row.tangential_impulse - sliding / mobility(sliding / speed);
-    const double limit = row.friction * row.normal_impulse;
-    if (tangential.norm() > limit) tangential *= limit / tangential.norm();
+    const Vec3 tangential =
+        shortened(row.tangential_impulse - sliding / mobility(sliding / speed), row.friction * row.normal_impulse);
     give(tangential - row.tangential_impulse);
     row.tangential_impulse = tangential;
   }
