@@ -1,7 +1,7 @@
 #include "figure.hpp"
 
 #include "impulse_lines.hpp"
-#include "shape_mesh.hpp"
+#include "model/shape_extent.hpp"
 
 #include <algorithm>
 #include <cmath>

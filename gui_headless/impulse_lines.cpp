@@ -1,6 +1,6 @@
 #include "impulse_lines.hpp"
 
-#include "shape_mesh.hpp"
+#include "model/shape_extent.hpp"
 
 #include <algorithm>
 #include <cmath>

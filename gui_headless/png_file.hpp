@@ -18,13 +18,7 @@ struct Image {
   }
 };
 
-/// The bytes of a PNG file. Throws `Error` (failed) if the image's size and its bytes disagree.
-[[nodiscard]] std::vector<std::uint8_t> encode_png(const Image& image);
-
-/// Throws `Error` (failed) with the file's name and the reason.
+/// Throws `Error` (failed) with the file's name and the reason, also if the image's size and its bytes disagree.
 void write_png(const std::string& file, const Image& image);
-
-/// Throws `Error` (failed) with the file's name and the reason. Transparent pixels are blended over white.
-[[nodiscard]] Image read_png(const std::string& file);
 
 }  // namespace subworld

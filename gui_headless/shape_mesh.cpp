@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <numbers>
 
@@ -190,30 +189,6 @@ ShapeMesh file_mesh(const Mesh& mesh) {
     if (area.squaredNorm() > 0.0) surface.triangles.push_back(corners);
   }
   return shade(surface);
-}
-
-double bounding_radius(const Shape& shape, std::span<const Mesh> meshes) noexcept {
-  switch (shape.kind) {
-    case ShapeKind::sphere:
-      return shape.radius;
-    case ShapeKind::box:
-      return shape.half_extents.norm();
-    case ShapeKind::capsule:
-      return shape.radius + shape.half_length;
-    case ShapeKind::cylinder:
-      return std::hypot(shape.radius, shape.half_length);
-    case ShapeKind::plane:
-      return std::numeric_limits<double>::infinity();
-    case ShapeKind::convex:
-    case ShapeKind::mesh:
-      break;
-  }
-  if (shape.mesh >= meshes.size()) return 0.0;
-  double squared = 0.0;
-  for (const auto& vertex : meshes[shape.mesh].vertices) {
-    if (vertex.allFinite()) squared = std::max(squared, vertex.squaredNorm());
-  }
-  return std::sqrt(squared);
 }
 
 }  // namespace subworld

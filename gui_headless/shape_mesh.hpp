@@ -3,7 +3,6 @@
 #include "model/body.hpp"
 
 #include <array>
-#include <span>
 #include <vector>
 
 namespace subworld {
@@ -34,9 +33,5 @@ using ShapeMesh = std::vector<MeshVertex>;
 /// The triangles of a file. Equal vertices are welded. Triangles without area, with invalid indices or with non-finite
 /// vertices are omitted.
 [[nodiscard]] ShapeMesh file_mesh(const Mesh& mesh);
-
-/// Radius of the ball around the body's origin that contains the shape, m; infinite for a plane, 0 if the mesh is
-/// missing.
-[[nodiscard]] double bounding_radius(const Shape& shape, std::span<const Mesh> meshes) noexcept;
 
 }  // namespace subworld

@@ -2,11 +2,11 @@
 #include "model/mass_properties.hpp"
 #include "model/mesh_file.hpp"
 #include "model/scene_reader.hpp"
+#include "model/shape_extent.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 
 namespace subworld {
@@ -34,25 +34,9 @@ SolidShape primitive(const Shape& shape) {
   solid.shape = shape;
   solid.volume = volume(shape);
   solid.inertia_per_kg = principal_inertia(shape, 1.0);
-  const double r = shape.radius;
-  const double l = shape.half_length;
-  switch (shape.kind) {
-    case ShapeKind::box:
-      solid.half_extents = shape.half_extents;
-      solid.bounding_radius = shape.half_extents.norm();
-      break;
-    case ShapeKind::sphere:
-    case ShapeKind::capsule:
-      solid.half_extents = {r, r, l + r};
-      solid.bounding_radius = l + r;
-      break;
-    case ShapeKind::cylinder:
-      solid.half_extents = {r, r, l};
-      solid.bounding_radius = std::hypot(r, l);
-      break;
-    default:
-      break;
-  }
+  if (shape.kind == ShapeKind::plane) return solid;
+  solid.half_extents = bounds(shape, {}, {}).upper;
+  solid.bounding_radius = bounding_radius(shape, {});
   return solid;
 }
 

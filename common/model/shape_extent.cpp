@@ -51,6 +51,30 @@ Box bounds(const Shape& shape, const BodyState& state, std::span<const Mesh> mes
   return {state.position - half, state.position + half};
 }
 
+double bounding_radius(const Shape& shape, std::span<const Mesh> meshes) noexcept {
+  switch (shape.kind) {
+    case ShapeKind::sphere:
+      return shape.radius;
+    case ShapeKind::box:
+      return shape.half_extents.norm();
+    case ShapeKind::capsule:
+      return shape.radius + shape.half_length;
+    case ShapeKind::cylinder:
+      return std::hypot(shape.radius, shape.half_length);
+    case ShapeKind::plane:
+      return kFar_m;
+    case ShapeKind::convex:
+    case ShapeKind::mesh:
+      break;
+  }
+  if (shape.mesh >= meshes.size()) return 0.0;
+  double squared = 0.0;
+  for (const Vec3& vertex : meshes[shape.mesh].vertices) {
+    if (vertex.allFinite()) squared = std::max(squared, vertex.squaredNorm());
+  }
+  return std::sqrt(squared);
+}
+
 double thickness(const Shape& shape, std::span<const Mesh> meshes) {
   if (shape.kind == ShapeKind::plane) return kFar_m;
   if (shape.kind == ShapeKind::mesh) return 0.0;

@@ -4,7 +4,8 @@
 
 namespace subworld {
 
-/// Wrapper of an engine: functions that a derived class does not override go to the inner engine.
+/// Wrapper of an engine: functions that a derived class does not override go to the inner engine. Those that move a
+/// body go to the engine that `moved` returns.
 class EngineShell : public Engine {
  public:
   std::string_view name() const noexcept override { return inner().name(); }
@@ -14,16 +15,16 @@ class EngineShell : public Engine {
   void remove(BodyId id) override { inner().remove(id); }
   bool contains(BodyId id) const noexcept override { return inner().contains(id); }
   BodyState state(BodyId id) const override { return inner().state(id); }
-  bool set_state(BodyId id, const BodyState& state) override { return inner().set_state(id, state); }
+  bool set_state(BodyId id, const BodyState& state) override { return moved(id).set_state(id, state); }
   bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
-    return inner().set_velocity(id, linear, angular);
+    return moved(id).set_velocity(id, linear, angular);
   }
-  void set_inertia(BodyId id, double mass, const Vec3& inertia) override { inner().set_inertia(id, mass, inertia); }
+  void set_inertia(BodyId id, double mass, const Vec3& inertia) override { moved(id).set_inertia(id, mass, inertia); }
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
-    return inner().apply_impulse(id, impulse, point);
+    return moved(id).apply_impulse(id, impulse, point);
   }
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override {
-    return inner().apply_force(id, force, torque);
+    return moved(id).apply_force(id, force, torque);
   }
   void step(double dt) override { inner().step(dt); }
   void time_parts(EngineTimes* times) noexcept override { inner().time_parts(times); }
@@ -37,6 +38,8 @@ class EngineShell : public Engine {
 
  protected:
   [[nodiscard]] virtual Engine& inner() const noexcept = 0;
+  /// Called before a body is moved from outside.
+  [[nodiscard]] virtual Engine& moved(BodyId) { return inner(); }
 };
 
 }  // namespace subworld

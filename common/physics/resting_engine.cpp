@@ -72,9 +72,16 @@ void RestingEngine::lay_asleep(std::uint32_t one) {
   ++asleep_count_;
 }
 
+Engine& RestingEngine::moved(BodyId id) {
+  if (asleep(id)) {
+    wake(index(id));
+    settling_.restart(id);
+  }
+  return inner_;
+}
+
 void RestingEngine::remove(BodyId id) {
-  wake_before(id);
-  inner_.remove(id);
+  moved(id).remove(id);
   if (rests_ && still_.contains(index(id))) still_.remove(index(id));
   std::erase(awake_, id);
   std::erase(waking_, id);
@@ -91,31 +98,6 @@ Checkpoint RestingEngine::checkpoint() const {
 }
 
 void RestingEngine::restore(const Checkpoint&) { (void)checkpoint(); }
-
-bool RestingEngine::set_state(BodyId id, const BodyState& state) {
-  wake_before(id);
-  return inner_.set_state(id, state);
-}
-
-bool RestingEngine::set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) {
-  wake_before(id);
-  return inner_.set_velocity(id, linear, angular);
-}
-
-void RestingEngine::set_inertia(BodyId id, double mass, const Vec3& inertia) {
-  wake_before(id);
-  inner_.set_inertia(id, mass, inertia);
-}
-
-bool RestingEngine::apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) {
-  wake_before(id);
-  return inner_.apply_impulse(id, impulse, point);
-}
-
-bool RestingEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque) {
-  wake_before(id);
-  return inner_.apply_force(id, force, torque);
-}
 
 bool RestingEngine::negligible(BodyId id, const BodyState& to) const {
   const Thing& thing = things_[index(id)];

@@ -56,11 +56,6 @@ class RestingEngine final : public EngineShell {
   void remove(BodyId id) override;
   bool contains(BodyId id) const noexcept override { return asleep(id) || inner_.contains(id); }
   BodyState state(BodyId id) const override { return asleep(id) ? things_[index(id)].anchor : inner_.state(id); }
-  bool set_state(BodyId id, const BodyState& state) override;
-  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override;
-  void set_inertia(BodyId id, double mass, const Vec3& inertia) override;
-  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override;
-  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
   void step(double dt) override;
   Box bounds(BodyId id) const override { return asleep(id) ? things_[index(id)].bounds : inner_.bounds(id); }
 
@@ -72,6 +67,8 @@ class RestingEngine final : public EngineShell {
 
  private:
   Engine& inner() const noexcept override { return inner_; }
+  /// Wakes the body, which must settle again.
+  Engine& moved(BodyId id) override;
   struct Thing {
     BodyState anchor;          ///< place at which the body has been still, or sleeps
     Box bounds;                ///< at the anchor
@@ -102,12 +99,6 @@ class RestingEngine final : public EngineShell {
   void watch(BodyId id, double dt);
   void reach_from(BodyId mover, double horizon_s);
   void wake(std::uint32_t one);
-  /// Call before a body is moved from outside: it must settle again.
-  void wake_before(BodyId id) {
-    if (!asleep(id)) return;
-    wake(index(id));
-    settling_.restart(id);
-  }
   void lay_asleep(std::uint32_t one);
   /// Bodies that are connected by contacts.
   void find_islands();

@@ -1,6 +1,5 @@
 #include "process/process_test.hpp"
-
-#include "png_file.hpp"
+#include "support/png_reader.hpp"
 
 namespace subworld::test {
 namespace {

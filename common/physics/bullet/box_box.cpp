@@ -1,14 +1,11 @@
 #include "box_box.hpp"
 
-#include "contact_points.hpp"
+#include "contact_algorithm.hpp"
 #include "convex_contacts.hpp"
 #include "sweep.hpp"
 
-#include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
-
 #include <array>
 #include <cstddef>
-#include <new>
 #include <optional>
 #include <span>
 
@@ -173,26 +170,11 @@ class Polygon {
       was[i] = before(corners_[i].feature);
       deep[i] = corners_[i].height < corners_[deepest].height + deeper;
     }
-    using Four = std::array<std::size_t, kMostPoints>;
-    Four best{};
-    btScalar most = -1;
-    Four f;
-    for (f[0] = 0; f[0] < count_; ++f[0]) {
-      for (f[1] = f[0] + 1; f[1] < count_; ++f[1]) {
-        for (f[2] = f[1] + 1; f[2] < count_; ++f[2]) {
-          for (f[3] = f[2] + 1; f[3] < count_; ++f[3]) {
-            if (!deep[f[0]] && !deep[f[1]] && !deep[f[2]] && !deep[f[3]]) continue;
-            const bool same = was[f[0]] && was[f[1]] && was[f[2]] && was[f[3]];
-            const RectangleCorner &p = corners_[f[0]], &q = corners_[f[1]], &r = corners_[f[2]], &s = corners_[f[3]];
-            const btScalar area =
-                btFabs((r.x - p.x) * (s.y - q.y) - (r.y - p.y) * (s.x - q.x)) * (same ? kBetterBoxArea : btScalar(1));
-            if (area <= most) continue;
-            most = area;
-            best = f;
-          }
-        }
-      }
-    }
+    const auto area = [&](const Four& f) {
+      const RectangleCorner &p = corners_[f[0]], &q = corners_[f[1]], &r = corners_[f[2]], &s = corners_[f[3]];
+      return btFabs((r.x - p.x) * (s.y - q.y) - (r.y - p.y) * (s.x - q.x));
+    };
+    const Four best = widest_four(count_, was, deep, kBetterBoxArea, area);
     for (std::size_t i = 0; i < kMostPoints; ++i) corners_[i] = corners_[best[i]];
     count_ = kMostPoints;
   }
@@ -274,18 +256,16 @@ Points meet_on_edges(const Cuboid& a, const Cuboid& b, int number) {
   return all;
 }
 
-class BoxBox final : public btCollisionAlgorithm {
+class BoxBox final : public OneManifold {
  public:
-  BoxBox(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject* first,
-         const btCollisionObject* second)
-      : btCollisionAlgorithm(info),
-        manifold_(m_dispatcher->getNewManifold(first, second)),
-        half_a_(half_of(*first)),
-        half_b_(half_of(*second)),
+  BoxBox(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& first,
+         const btCollisionObject& second, bool swapped)
+      : OneManifold(info, first, second, swapped),
+        half_a_(half_of(first)),
+        half_b_(half_of(second)),
         reach_(manifold_->getContactBreakingThreshold()),
         same_(kReach * btMin(half_a_.length(), half_b_.length())),
-        pair_(*first, *second) {}
-  ~BoxBox() override { m_dispatcher->releaseManifold(manifold_); }
+        pair_(first, second) {}
 
   void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
                         const btDispatcherInfo& info, btManifoldResult* result) override {
@@ -321,12 +301,6 @@ class BoxBox final : public btCollisionAlgorithm {
     writer.go_on_from(old);
   }
 
-  btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
-                                 btManifoldResult*) override {
-    return btScalar(1);
-  }
-  void getAllContactManifolds(btManifoldArray& all) override { all.push_back(manifold_); }
-
  private:
   static btVector3 half_of(const btCollisionObject& object) {
     return static_cast<const btBoxShape*>(object.getCollisionShape())->getHalfExtentsWithMargin();
@@ -341,7 +315,6 @@ class BoxBox final : public btCollisionAlgorithm {
     }
   }
 
-  btPersistentManifold* manifold_;
   btVector3 half_a_, half_b_;
   btScalar reach_;  ///< there are no points beyond this distance, m
   btScalar same_;   ///< a point inherits impulses within this distance, m
@@ -350,21 +323,10 @@ class BoxBox final : public btCollisionAlgorithm {
   int separating_ = -1;  ///< number of the direction that separated the boxes in the previous step
 };
 
-static_assert(sizeof(BoxBox) <= kMostAlgorithmBytes);
-
-struct MakeBoxBox final : btCollisionAlgorithmCreateFunc {
-  btCollisionAlgorithm* CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
-                                                 const btCollisionObjectWrapper* first,
-                                                 const btCollisionObjectWrapper* second) override {
-    void* memory = info.m_dispatcher1->allocateCollisionAlgorithm(sizeof(BoxBox));
-    return new (memory) BoxBox(info, first->getCollisionObject(), second->getCollisionObject());
-  }
-};
-
 }  // namespace
 
 void register_box_box(btCollisionDispatcher& dispatcher) {
-  static MakeBoxBox make;
+  static Make<BoxBox> make;
   dispatcher.registerCollisionCreateFunc(BOX_SHAPE_PROXYTYPE, BOX_SHAPE_PROXYTYPE, &make);
 }
 

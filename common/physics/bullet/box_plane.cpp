@@ -1,30 +1,24 @@
 #include "box_plane.hpp"
 
-#include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
+#include "contact_algorithm.hpp"
 
 #include <algorithm>
 #include <array>
-#include <new>
 
 namespace subworld::bullet {
 
 namespace {
 
-constexpr std::size_t kMostBoxPoints = 4;
 /// Farther from the plane than this part of its half diagonal, no corner touches it, whatever is rounded.
 constexpr auto kFarFromPlane = btScalar(1.001);
 
-class BoxPlane final : public btCollisionAlgorithm {
+class BoxPlane final : public OneManifold {
  public:
-  BoxPlane(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject* box,
-           const btCollisionObject* plane, bool swapped)
-      : btCollisionAlgorithm(info), swapped_(swapped), manifold_(m_dispatcher->getNewManifold(box, plane)) {}
-  ~BoxPlane() override { m_dispatcher->releaseManifold(manifold_); }
+  using OneManifold::OneManifold;
 
   void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
                         const btDispatcherInfo&, btManifoldResult* result) override {
-    const btCollisionObjectWrapper& box_object = swapped_ ? *second : *first;
-    const btCollisionObjectWrapper& plane_object = swapped_ ? *first : *second;
+    const auto [box_object, plane_object] = ordered(first, second);
     const auto& box = *static_cast<const btBoxShape*>(box_object.getCollisionShape());
     const auto& plane = *static_cast<const btStaticPlaneShape*>(plane_object.getCollisionShape());
     const btTransform& plane_pose = plane_object.getWorldTransform();
@@ -49,10 +43,10 @@ class BoxPlane final : public btCollisionAlgorithm {
       corners[i].point = box_object.getWorldTransform() * (half * sign);
       corners[i].distance = normal.dot(corners[i].point) - offset;
     }
-    std::partial_sort(corners.begin(), corners.begin() + kMostBoxPoints, corners.end(),
+    std::partial_sort(corners.begin(), corners.begin() + kMostPoints, corners.end(),
                       [](const BoxCorner& a, const BoxCorner& b) { return a.distance < b.distance; });
 
-    for (std::size_t i = 0; i < kMostBoxPoints; ++i) {
+    for (std::size_t i = 0; i < kMostPoints; ++i) {
       const auto& [point, distance] = corners[i];
       if (distance < manifold_->getContactBreakingThreshold()) {
         result->addContactPoint(normal, point - distance * normal, distance);
@@ -60,35 +54,13 @@ class BoxPlane final : public btCollisionAlgorithm {
     }
     result->refreshContactPoints();
   }
-
-  btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
-                                 btManifoldResult*) override {
-    return btScalar(1);
-  }
-  void getAllContactManifolds(btManifoldArray& all) override { all.push_back(manifold_); }
-
- private:
-  bool swapped_;
-  btPersistentManifold* manifold_;
-};
-
-struct MakeBoxPlane final : btCollisionAlgorithmCreateFunc {
-  explicit MakeBoxPlane(bool plane_first) { m_swapped = plane_first; }
-  btCollisionAlgorithm* CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
-                                                 const btCollisionObjectWrapper* first,
-                                                 const btCollisionObjectWrapper* second) override {
-    void* memory = info.m_dispatcher1->allocateCollisionAlgorithm(sizeof(BoxPlane));
-    const auto* box = (m_swapped ? second : first)->getCollisionObject();
-    const auto* plane = (m_swapped ? first : second)->getCollisionObject();
-    return new (memory) BoxPlane(info, box, plane, m_swapped);
-  }
 };
 
 }  // namespace
 
 void register_box_plane(btCollisionDispatcher& dispatcher) {
-  static MakeBoxPlane box_first(false);
-  static MakeBoxPlane plane_first(true);
+  static Make<BoxPlane> box_first(false);
+  static Make<BoxPlane> plane_first(true);
   dispatcher.registerCollisionCreateFunc(BOX_SHAPE_PROXYTYPE, STATIC_PLANE_PROXYTYPE, &box_first);
   dispatcher.registerCollisionCreateFunc(STATIC_PLANE_PROXYTYPE, BOX_SHAPE_PROXYTYPE, &plane_first);
 }

@@ -2,18 +2,13 @@
 #include "box_plane.hpp"
 #include "contact_solver.hpp"
 #include "convex_contacts.hpp"
-#include "model/error.hpp"
-#include "physics/contact_totals.hpp"
+#include "physics/adapter.hpp"
 #include "physics/gyroscope.hpp"
-#include "physics/plugin.hpp"
 #include "shapes.hpp"
 #include "small_steps.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <utility>
 
@@ -71,39 +66,16 @@ extern const EnginePlugin kPlugin;
 /// every cube of a heap a candidate for its neighbours' neighbours.
 constexpr double kTreeMarginRatio = 0.05;
 
-/// Which bodies collide, in Bullet's bit masks.
-struct CollisionClass {
-  int group;
-  int meets;
-};
-constexpr CollisionClass kMovable{1, 1 | 2 | 4 | 8};
-constexpr CollisionClass kFixed{2, 1};
-constexpr CollisionClass kGhosts{4, 1 | 8};
-constexpr CollisionClass kApproaching{8, 1 | 4 | 8};
-
-struct Slot {
+struct Slot : AdapterSlot {
   std::unique_ptr<btRigidBody> body;
-  Vec3 weight = Vec3::Zero();  ///< N
-  Vec3 force = Vec3::Zero();   ///< for the next step
-  Vec3 torque = Vec3::Zero();
-  Vec3 inertia = Vec3::Zero();  ///< kg m^2
   bool gyroscopic = false;
 };
 
-/// A body in a checkpoint: id and 13 numbers.
-struct SavedBody {
-  std::uint32_t id;
-  std::array<double, 13> state;
-};
-
-class Bullet final : public Engine {
+class Bullet final : public Adapter<Slot> {
  public:
   Bullet(const EngineSettings& settings, std::span<const Mesh> meshes)
-      : preset_(kPresets[find_preset(kPlugin, settings.preset)]),
+      : Adapter(kPlugin, settings),
         values_(kPresetValues[find_preset(kPlugin, settings.preset)]),
-        gravity_(settings.gravity),
-        fixed_substeps_(settings.substeps),
-        longest_substep_s_(settings.longest_substep_s.value_or(preset_.longest_substep_s)),
         iterations_(settings.iterations.value_or(preset_.iterations)),
         shapes_(meshes),
         configuration_(bullet::collision_settings()),
@@ -133,8 +105,6 @@ class Bullet final : public Engine {
     }
   }
 
-  std::string_view name() const noexcept override { return kPlugin.name; }
-
   Capabilities capabilities() const noexcept override {
     return {.normal_impulse = Fidelity::exact,
             .tangential_impulse = Fidelity::exact,
@@ -144,138 +114,35 @@ class Bullet final : public Engine {
             .precision = std::numeric_limits<btScalar>::epsilon()};
   }
 
-  void add(const Body& body, const BodyState& state, Role role) override {
-    claim_globals();
-    const std::uint32_t id = index(body.id);
-    if (id >= slots_.size()) slots_.resize(id + 1);
-    Slot& slot = slots_[id];
-    if (slot.body) throw Error(ExitCode::failed, fmt::format("body {} is in the engine already", id));
-    if (!finite(state)) throw Error(ExitCode::failed, fmt::format("body {} has a state that is not finite", id));
-
-    const btVector3 inertia = body.rotates ? to_bullet(body.inertia) : btVector3(0, 0, 0);
-    btRigidBody::btRigidBodyConstructionInfo info(scalar(body.mass), nullptr, shapes_.get(body.shape), inertia);
-    info.m_friction =
-        // Bullet multiplies the values of a pair: this gives the geometric mean
-        scalar(std::sqrt(body.material.friction));
-    info.m_restitution = scalar(body.material.restitution);
-    slot.body = std::make_unique<btRigidBody>(info);
-    slot.body->setActivationState(DISABLE_DEACTIVATION);
-    slot.body->setFlags(0);  // without Bullet's gyroscopic term, which loses energy and is wrong in single precision
-    slot.body->setUserIndex(static_cast<int>(id));
-    if (!body.rotates) slot.body->setAngularFactor(btVector3(0, 0, 0));
-    slot.weight = body.gravity && !body.fixed() ? Vec3(body.mass * gravity_) : Vec3::Zero();
-    slot.force = slot.torque = Vec3::Zero();
-    slot.inertia = body.inertia;
-    slot.gyroscopic = body.rotates && !body.fixed() && feels_gyroscopic_torque(body.inertia);
-    place(*slot.body, state);
-    const CollisionClass& kind = role == Role::ghost         ? kGhosts
-                                 : role == Role::approaching ? kApproaching
-                                 : body.fixed()              ? kFixed
-                                                             : kMovable;
-    world_.addRigidBody(slot.body.get(), kind.group, kind.meets);
-    world_.left_contacts().came(*slot.body);
-    contacts_.clear();
-    if (body.fixed()) return;
-    movable_.push_back(id);
-    const Box size = bounds(body.id);
-    tree_margin_ = std::min(tree_margin_, kTreeMarginRatio * (size.upper - size.lower).minCoeff());
-  }
-
-  void remove(BodyId id) override {
-    Slot& slot = at(id);
-    world_.left_contacts().keep(*slot.body, dispatcher_);
-    world_.removeRigidBody(slot.body.get());
-    slot.body.reset();
-    std::erase(movable_, index(id));
-    contacts_.clear();
-  }
-
-  bool contains(BodyId id) const noexcept override { return index(id) < slots_.size() && slots_[index(id)].body; }
-
   BodyState state(BodyId id) const override {
     const btRigidBody& body = *at(id).body;
     return {from_bullet(body.getWorldTransform().getOrigin()), from_bullet(body.getWorldTransform().getRotation()),
             from_bullet(body.getLinearVelocity()), from_bullet(body.getAngularVelocity())};
   }
 
-  bool set_state(BodyId id, const BodyState& state) override {
-    if (!finite(state)) return false;
-    btRigidBody& body = *at(id).body;
-    place(body, state);
-    moved_.push_back(id);
-    return true;
-  }
-
-  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
-    if (!linear.allFinite() || !angular.allFinite()) return false;
-    btRigidBody& body = *at(id).body;
-    body.setLinearVelocity(to_bullet(linear));
-    body.setAngularVelocity(to_bullet(angular));
-    body.setInterpolationLinearVelocity(body.getLinearVelocity());
-    body.setInterpolationAngularVelocity(body.getAngularVelocity());
-    return true;
-  }
-
-  void set_inertia(BodyId id, double mass, const Vec3& inertia) override {
-    btRigidBody& body = *at(id).body;
-    const bool rotates = !body.getAngularFactor().isZero();
-    Slot& slot = at(id);
-    slot.inertia = inertia;
-    slot.gyroscopic = rotates && feels_gyroscopic_torque(inertia);
-    body.setMassProps(scalar(mass), rotates ? to_bullet(inertia) : btVector3(0, 0, 0));
-    body.updateInertiaTensor();
-  }
-
-  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
-    if (!impulse.allFinite() || !point.allFinite()) return false;
-    btRigidBody& body = *at(id).body;
-    body.applyImpulse(to_bullet(impulse), to_bullet(point) - body.getCenterOfMassPosition());
-    return true;
-  }
-
-  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override {
-    if (!force.allFinite() || !torque.allFinite()) return false;
-    Slot& slot = at(id);
-    slot.force += force;
-    slot.torque += torque;
-    return true;
-  }
-
   double integration_substep_s(double dt) const noexcept override {
-    const double substep = dt / substep_count(dt, fixed_substeps_, longest_substep_s_);
+    const double substep = Adapter::integration_substep_s(dt);
     return values_.small_steps ? substep / bullet::SmallStepSolver::step_count(iterations_) : substep;
   }
   void step(double dt) override {
-    const int substeps = substep_count(dt, fixed_substeps_, longest_substep_s_);
     claim_globals();
-    contacts_.clear();
     moved_.clear();  // a step begins with updated bounds of all bodies
-    clock_.start();
-    for (int i = 0; i < substeps; ++i) {
+    step_in_parts(dt, [this](double h, int number) {
       for (const std::uint32_t id : movable_) {
         Slot& slot = slots_[id];
         slot.body->applyCentralForce(to_bullet(slot.weight + slot.force));
         slot.body->applyTorque(to_bullet(slot.torque));
-        if (slot.gyroscopic) turn_freely(slot, dt / substeps);
+        if (slot.gyroscopic) turn_freely(slot, h);
       }
       clock_.ends(&EngineTimes::exchange_s);
-      world_.stepSimulation(scalar(dt / substeps), 0);
+      world_.stepSimulation(scalar(h), 0);
       clock_.ends(&EngineTimes::solving_s);
-      collect_contacts(i);
+      collect_contacts(number);
       clock_.ends(&EngineTimes::exchange_s);
-    }
-    for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
-    contacts_.merge();
-    clock_.ends(&EngineTimes::totals_s);
+    });
   }
 
-  std::span<const Contact> contacts() const noexcept override { return contacts_.contacts(); }
-
-  Box bounds(BodyId id) const override {
-    btVector3 lower, upper;
-    at(id).body->getAabb(lower, upper);
-    return {from_bullet(lower), from_bullet(upper)};
-  }
+  Box bounds(BodyId id) const override { return bounds_of(at(id)); }
 
   void overlap(const Box& box, std::vector<BodyId>& out) const override {
     // The tree's boxes have a margin, so the bodies' own bounds are tested.
@@ -300,46 +167,56 @@ class Bullet final : public Engine {
     std::sort(out.begin(), out.end());
   }
 
-  Checkpoint checkpoint() const override {
-    Checkpoint saved;
-    for (std::uint32_t id = 0; id < slots_.size(); ++id) {
-      if (!slots_[id].body) continue;
-      const BodyState s = state(BodyId{id});
-      SavedBody entry{id, {}};
-      Eigen::Map<Eigen::Matrix<double, 13, 1>>(entry.state.data()) << s.position, s.orientation.coeffs(),
-          s.linear_velocity, s.angular_velocity;
-      const auto* begin = reinterpret_cast<const std::byte*>(&entry);
-      saved.bytes.insert(saved.bytes.end(), begin, begin + sizeof entry);
-    }
-    return saved;
-  }
-
-  void restore(const Checkpoint& saved) override {
-    const std::size_t count = saved.bytes.size() / sizeof(SavedBody);
-    const auto held = static_cast<std::size_t>(
-        std::count_if(slots_.begin(), slots_.end(), [](const Slot& s) { return s.body != nullptr; }));
-    if (saved.bytes.size() % sizeof(SavedBody) != 0 || count != held) {
-      throw Error(ExitCode::failed,
-                  "the checkpoint is of another engine or of other bodies; take one from this engine");
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-      SavedBody entry;
-      std::memcpy(&entry, saved.bytes.data() + i * sizeof entry, sizeof entry);
-      const Eigen::Map<const Eigen::Matrix<double, 13, 1>> x(entry.state.data());
-      const Quat orientation(x[6], x[3], x[4], x[5]);
-      if (!contains(BodyId{entry.id}) ||
-          !set_state(BodyId{entry.id}, {x.segment<3>(0), orientation, x.segment<3>(7), x.segment<3>(10)})) {
-        throw Error(ExitCode::failed, fmt::format("the checkpoint's body {} is not in the engine", entry.id));
-      }
-    }
-    contacts_.clear();
-  }
-
  private:
-  Slot& at(BodyId id) { return const_cast<Slot&>(std::as_const(*this).at(id)); }
-  const Slot& at(BodyId id) const {
-    if (!contains(id)) throw Error(ExitCode::failed, fmt::format("body {} is not in the engine", index(id)));
-    return slots_[index(id)];
+  void create(Slot& slot, const Body& body, const BodyState& state, const CollisionClass& collides) override {
+    claim_globals();
+    const btVector3 inertia = body.rotates ? to_bullet(body.inertia) : btVector3(0, 0, 0);
+    btRigidBody::btRigidBodyConstructionInfo info(scalar(body.mass), nullptr, shapes_.get(body.shape), inertia);
+    // Bullet multiplies the values of a pair: this gives the geometric mean.
+    info.m_friction = scalar(std::sqrt(body.material.friction));
+    info.m_restitution = scalar(body.material.restitution);
+    slot.body = std::make_unique<btRigidBody>(info);
+    slot.body->setActivationState(DISABLE_DEACTIVATION);
+    slot.body->setFlags(0);  // without Bullet's gyroscopic term, which loses energy and is wrong in single precision
+    slot.body->setUserIndex(static_cast<int>(slot.id));
+    if (!body.rotates) slot.body->setAngularFactor(btVector3(0, 0, 0));
+    slot.gyroscopic = body.rotates && !body.fixed() && feels_gyroscopic_torque(body.inertia);
+    set_pose(*slot.body, state);
+    world_.addRigidBody(slot.body.get(), static_cast<int>(collides.member), static_cast<int>(collides.meets));
+    world_.left_contacts().came(*slot.body);
+    if (body.fixed()) return;
+    const Box size = bounds_of(slot);
+    tree_margin_ = std::min(tree_margin_, kTreeMarginRatio * (size.upper - size.lower).minCoeff());
+  }
+
+  void destroy(Slot& slot) override {
+    world_.left_contacts().keep(*slot.body, dispatcher_);
+    world_.removeRigidBody(slot.body.get());
+  }
+
+  void place(Slot& slot, const BodyState& state) override {
+    set_pose(*slot.body, state);
+    moved_.push_back(BodyId{slot.id});
+  }
+
+  void put_velocity(Slot& slot, const Vec3& linear, const Vec3& angular) override {
+    set_velocity_of(*slot.body, linear, angular);
+  }
+
+  void put_inertia(Slot& slot) override {
+    slot.gyroscopic = slot.rotates && feels_gyroscopic_torque(slot.inertia);
+    slot.body->setMassProps(scalar(slot.mass), slot.rotates ? to_bullet(slot.inertia) : btVector3(0, 0, 0));
+    slot.body->updateInertiaTensor();
+  }
+
+  void push(Slot& slot, const Vec3& impulse, const Vec3& point) override {
+    slot.body->applyImpulse(to_bullet(impulse), to_bullet(point) - slot.body->getCenterOfMassPosition());
+  }
+
+  static Box bounds_of(const Slot& slot) {
+    btVector3 lower, upper;
+    slot.body->getAabb(lower, upper);
+    return {from_bullet(lower), from_bullet(upper)};
   }
 
   btConstraintSolver* chosen_solver() {
@@ -367,15 +244,19 @@ class Bullet final : public Engine {
     slot.body->setAngularVelocity(to_bullet(turned_freely(orientation, slot.inertia, spin, dt)));
   }
 
-  static void place(btRigidBody& body, const BodyState& state) {
+  static void set_pose(btRigidBody& body, const BodyState& state) {
     const btTransform pose(to_bullet(state.orientation), to_bullet(state.position));
     body.setWorldTransform(pose);
     body.setInterpolationWorldTransform(pose);
-    body.setLinearVelocity(to_bullet(state.linear_velocity));
-    body.setAngularVelocity(to_bullet(state.angular_velocity));
+    set_velocity_of(body, state.linear_velocity, state.angular_velocity);
+    body.updateInertiaTensor();
+  }
+
+  static void set_velocity_of(btRigidBody& body, const Vec3& linear, const Vec3& angular) {
+    body.setLinearVelocity(to_bullet(linear));
+    body.setAngularVelocity(to_bullet(angular));
     body.setInterpolationLinearVelocity(body.getLinearVelocity());
     body.setInterpolationAngularVelocity(body.getAngularVelocity());
-    body.updateInertiaTensor();
   }
 
   void collect_contacts(int substep) {
@@ -408,12 +289,8 @@ class Bullet final : public Engine {
     return contact;
   }
 
-  const EnginePreset& preset_;
   const PresetValues& values_;
-  Vec3 gravity_;
   double tree_margin_ = 0.05;  ///< m
-  std::optional<int> fixed_substeps_;
-  double longest_substep_s_;
   int iterations_;
   bullet::ShapeStore shapes_;
   btDefaultCollisionConfiguration configuration_;
@@ -422,9 +299,6 @@ class Bullet final : public Engine {
   bullet::ContactSolver solver_;
   bullet::SmallStepSolver small_steps_;
   bullet::SmallStepWorld world_;
-  std::vector<Slot> slots_;
-  std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
-  ContactTotals contacts_;
   mutable std::vector<BodyId> moved_;  ///< set since the last step, not yet in the tree
 };
 
@@ -439,9 +313,7 @@ const EnginePlugin kPlugin{
     .licence = "zlib",
     .presets = kPresets,
     .limits = {.continuous = true},
-    .make = [](const EngineSettings& settings, std::span<const Mesh> meshes) -> std::unique_ptr<Engine> {
-      return std::make_unique<Bullet>(settings, meshes);
-    }};
+    .make = make_adapter<Bullet>};
 
 }  // namespace
 

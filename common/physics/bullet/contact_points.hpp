@@ -29,6 +29,32 @@ struct Points {
   std::size_t count = 0;
 };
 
+using Four = std::array<std::size_t, kMostPoints>;
+
+/// The four of `count` points, ascending, that span the largest area, one of them a `deep` one. Four that were the
+/// points of the last step (`was`) are chosen unless the area of others is larger by the ratio `better`.
+template <std::size_t kMost, class Real, class Area>
+[[nodiscard]] Four widest_four(std::size_t count, const std::array<bool, kMost>& was,
+                               const std::array<bool, kMost>& deep, Real better, const Area& area_of) {
+  Four best{0, 1, 2, 3}, f;
+  Real most = -1;
+  for (f[0] = 0; f[0] < count; ++f[0]) {
+    for (f[1] = f[0] + 1; f[1] < count; ++f[1]) {
+      for (f[2] = f[1] + 1; f[2] < count; ++f[2]) {
+        for (f[3] = f[2] + 1; f[3] < count; ++f[3]) {
+          if (!deep[f[0]] && !deep[f[1]] && !deep[f[2]] && !deep[f[3]]) continue;
+          const bool same = was[f[0]] && was[f[1]] && was[f[2]] && was[f[3]];
+          const Real area = area_of(f) * (same ? better : Real(1));
+          if (area <= most) continue;
+          most = area;
+          best = f;
+        }
+      }
+    }
+  }
+  return best;
+}
+
 /// Impulses of a point in the last sub-step, for a solver with small steps, N s.
 struct LastPart {
   btScalar normal = 0, lateral_1 = 0, lateral_2 = 0;

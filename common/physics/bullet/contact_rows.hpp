@@ -66,6 +66,17 @@ inline Row make_row(const btVector3& axis, const Both3& arm, const BothInertia& 
   return row;
 }
 
+/// The step that both friction directions of a point take: only with equal ones does the projection to mu N point
+/// against the motion. Without over-relaxation it is the longest step that converges, one over the larger eigenvalue of
+/// the 2 x 2 inverse mass matrix. `relaxation`: of the rows.
+inline btScalar friction_step(const Row (&rows)[2], btScalar relaxation, btScalar over_relaxation) {
+  const btScalar first = relaxation / rows[0].step, second = relaxation / rows[1].step;
+  const Both products = dot(rows[1].arm, rows[0].turn);
+  const btScalar across = products[0] + products[1];
+  const btScalar half = (first - second) / 2;
+  return over_relaxation / ((first + second) / 2 + btSqrt(half * half + across * across));
+}
+
 /// Speeds along the row's axis from linear and from angular velocity.
 inline Both linear_speed(const Row& row, const BothMotion& motion) {
   return row.axis[0] * motion.linear.x + row.axis[1] * motion.linear.y + row.axis[2] * motion.linear.z;

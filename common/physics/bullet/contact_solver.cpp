@@ -100,35 +100,20 @@ ContactSolver::PairState ContactSolver::state_of(const Mover& a, const Mover& b)
   const btVector3 spin_b = b.body ? b.body->getAngularVelocity() + b.by_torque : none;
   const btVector3 speed_a = a.body ? a.body->getLinearVelocity() + a.by_force : none;
   const btVector3 speed_b = b.body ? b.body->getLinearVelocity() + b.by_force : none;
-  return {{Both{a.inverse_mass, b.inverse_mass},
-           {of_both(a.inverse_inertia[0], b.inverse_inertia[0]), of_both(a.inverse_inertia[1], b.inverse_inertia[1]),
-            of_both(a.inverse_inertia[2], b.inverse_inertia[2])}},
-          {of_both(speed_a, -speed_b), of_both(spin_a, -spin_b)}};
+  return {inertia_of(a, b), {of_both(speed_a, -speed_b), of_both(spin_a, -spin_b)}};
 }
 
 void ContactSolver::prepare_pair(btPersistentManifold& manifold, const btContactSolverInfo& info) {
   if (manifold.getNumContacts() == 0) return;
-  const btCollisionObject &first = *manifold.getBody0(), &second = *manifold.getBody1();
-  const std::size_t a = mover_of(first), b = mover_of(second);
-  const Mover &mover_a = movers_[a], &mover_b = movers_[b];
+  const Mover& mover_a = movers_[mover_of(*manifold.getBody0())];
+  const Mover& mover_b = movers_[mover_of(*manifold.getBody1())];
   if (mover_a.immovable && mover_b.immovable) return;
 
-  Pair& pair = pairs_.emplace_back();
-  pair = {.manifold = &manifold,
-          .a = a,
-          .b = b,
-          .begin = normals_.size(),
-          .end = normals_.size(),
-          .inverse_mass = Both{mover_a.inverse_mass, mover_b.inverse_mass},
-          .friction = first.getFriction() * second.getFriction(),
-          .rubs = false,
-          .penetrates = false};
-  pair.rubs = pair.friction > 0 || keeps_frictionless_;
+  Pair& pair = pairs_.emplace_back(make_pair_of(manifold, movers_, normals_.size(), keeps_frictionless_));
   const PairState before = state_of(mover_a, mover_b);
-  const btVector3 &centre_a = first.getWorldTransform().getOrigin(), &centre_b = second.getWorldTransform().getOrigin();
   for (int i = 0; i < manifold.getNumContacts(); ++i) {
     btManifoldPoint& point = manifold.getContactPoint(i);
-    const Both3 arm = of_both(point.getPositionWorldOnA() - centre_a, point.getPositionWorldOnB() - centre_b);
+    const Both3 arm = arms_of(manifold, point);
     prepare_normal(point, arm, pair, before, info);
     set_tangents(point);
     Friction& friction = frictions_.emplace_back();
@@ -138,11 +123,11 @@ void ContactSolver::prepare_pair(btPersistentManifold& manifold, const btContact
   pair.end = normals_.size();
 
   // Normal impulses start from those of the previous step.
-  BothMotion motion = gather(motions_[a], motions_[b]);
+  BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);
   for (std::size_t i = pair.begin; i < pair.end; ++i) {
     apply(normals_[i], pair.inverse_mass, normals_[i].impulse, motion);
   }
-  scatter(motion, motions_[a], motions_[b]);
+  scatter(motion, motions_[pair.a], motions_[pair.b]);
 }
 
 void ContactSolver::prepare_normal(const btManifoldPoint& point, const Both3& arm, const Pair& pair,
@@ -192,14 +177,7 @@ void ContactSolver::prepare_friction(const btManifoldPoint& point, const Both3& 
   auto& rows = friction.rows;
   rows[0] = make_row(point.m_lateralFrictionDir1, arm, before.inertia, relaxation);
   rows[1] = make_row(point.m_lateralFrictionDir2, arm, before.inertia, relaxation);
-  // Both friction directions take equal steps. Only then does the projection to mu N point against the motion. The
-  // longest step that converges without over-relaxation is one over the larger eigenvalue of their 2 x 2 inverse mass
-  // matrix.
-  const btScalar first = relaxation / rows[0].step, second = relaxation / rows[1].step;
-  const Both products = dot(rows[1].arm, rows[0].turn);
-  const btScalar across = products[0] + products[1];
-  const btScalar half = (first - second) / 2;
-  const btScalar step = friction_relaxation_ / ((first + second) / 2 + btSqrt(half * half + across * across));
+  const btScalar step = friction_step(rows, relaxation, friction_relaxation_);
   for (Row& row : rows) {
     const Both speeds = linear_speed(row, before.motion) + angular_speed(row, before.motion);
     row.rhs = -(speeds[0] + speeds[1]) * row.step;
@@ -297,7 +275,6 @@ void ContactSolver::write_impulses() const {
 }
 
 void ContactSolver::write_motions(const btContactSolverInfo& info) {
-  const auto vector = [](const btScalar(&v)[3]) { return btVector3(v[0], v[1], v[2]); };
   for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) {
     btRigidBody& body = *movers_[i].body;
     body.setLinearVelocity(body.getLinearVelocity() + vector(motions_[i].linear) + movers_[i].by_force);

@@ -63,15 +63,9 @@ class ContactSolver final : public btConstraintSolver {
     btScalar impulse;  ///< kg m/s
   };
 
-  /// All contact points of two bodies.
-  struct Pair {
-    btPersistentManifold* manifold;
-    std::size_t a, b;        ///< indices in movers_
-    std::size_t begin, end;  ///< in normals_, frictions_ and pushes_
-    Both inverse_mass;
-    btScalar friction;  ///< mu, as given
-    bool rubs;          ///< has friction rows
-    bool penetrates;
+  /// Its points are in normals_, frictions_ and pushes_.
+  struct Pair : ContactPair {
+    bool penetrates = false;
   };
 
   /// State of two bodies before the step.

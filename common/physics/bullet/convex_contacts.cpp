@@ -1,14 +1,11 @@
 #include "convex_contacts.hpp"
 
-#include "contact_points.hpp"
+#include "contact_algorithm.hpp"
 #include "patch.hpp"
 #include "shapes.hpp"
 #include "sweep.hpp"
 
-#include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
-
 #include <algorithm>
-#include <new>
 
 namespace subworld::bullet {
 
@@ -61,59 +58,30 @@ void write(btPersistentManifold& manifold, const Points& points, const btCollisi
   writer.go_on_from(old);
 }
 
-/// Common part of the algorithms: the first object is always the convex one.
-class Contacts : public btCollisionAlgorithm {
+/// An algorithm of a convex body, with one manifold.
+class ConvexAlgorithm : public OneManifold {
  public:
-  Contacts(const btCollisionAlgorithmConstructionInfo& info, bool swapped)
-      : btCollisionAlgorithm(info), swapped_(swapped) {}
-
-  void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
-                        const btDispatcherInfo& info, btManifoldResult* /*result*/) override {
-    const btCollisionObject &one = *first->getCollisionObject(), &other = *second->getCollisionObject();
-    if (swapped_) {
-      update(other, one, info);
-    } else {
-      update(one, other, info);
-    }
-  }
-  btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
-                                 btManifoldResult*) override {
-    return btScalar(1);
-  }
-
- private:
-  virtual void update(const btCollisionObject& a, const btCollisionObject& b, const btDispatcherInfo& info) = 0;
-
-  bool swapped_;
-};
-
-/// An algorithm whose contacts are in one manifold.
-class OneManifold : public Contacts {
- public:
-  OneManifold(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& a, const btCollisionObject& b,
-              bool swapped)
-      : Contacts(info, swapped),
-        manifold_(m_dispatcher->getNewManifold(&a, &b)),
+  ConvexAlgorithm(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& a,
+                  const btCollisionObject& b, bool swapped)
+      : OneManifold(info, a, b, swapped),
         reach_(manifold_->getContactBreakingThreshold()),
         same_(same_within(a, b)),
         pair_(a, b) {}
-  ~OneManifold() override { m_dispatcher->releaseManifold(manifold_); }
-  void getAllContactManifolds(btManifoldArray& all) override { all.push_back(manifold_); }
 
  protected:
-  btPersistentManifold* manifold_;
   double reach_;  ///< there are no points beyond this distance, m
   btScalar same_;
   FastPair pair_;
   PatchMemory memory_;
 };
 
-class ConvexConvex final : public OneManifold {
+class ConvexConvex final : public ConvexAlgorithm {
  public:
-  using OneManifold::OneManifold;
+  using ConvexAlgorithm::ConvexAlgorithm;
 
- private:
-  void update(const btCollisionObject& a, const btCollisionObject& b, const btDispatcherInfo& info) override {
+  void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
+                        const btDispatcherInfo& info, btManifoldResult* /*result*/) override {
+    const auto [a, b] = ordered(first, second);
     const btVector3& origin = b.getWorldTransform().getOrigin();
     const Placed at_a = placed(a, origin), at_b = placed(b, origin);
     Patch patch = touch(at_a, at_b, reach_, kFine * reach_, memory_);
@@ -126,12 +94,13 @@ class ConvexConvex final : public OneManifold {
   }
 };
 
-class ConvexPlane final : public OneManifold {
+class ConvexPlane final : public ConvexAlgorithm {
  public:
-  using OneManifold::OneManifold;
+  using ConvexAlgorithm::ConvexAlgorithm;
 
- private:
-  void update(const btCollisionObject& a, const btCollisionObject& b, const btDispatcherInfo& info) override {
+  void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
+                        const btDispatcherInfo& info, btManifoldResult* /*result*/) override {
+    const auto [a, b] = ordered(first, second);
     const auto& plane = *static_cast<const btStaticPlaneShape*>(b.getCollisionShape());
     const btTransform& pose = b.getWorldTransform();
     const btVector3 normal = pose.getBasis() * plane.getPlaneNormal();
@@ -147,11 +116,11 @@ class ConvexPlane final : public OneManifold {
 };
 
 /// Contacts of a convex body with the triangles of a mesh: one manifold for each direction of pushing.
-class ConvexMesh final : public Contacts {
+class ConvexMesh final : public ContactAlgorithm {
  public:
   ConvexMesh(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& a, const btCollisionObject& b,
              bool swapped)
-      : Contacts(info, swapped), same_(same_within(a, b)), pair_(a, b) {
+      : ContactAlgorithm(info, swapped), same_(same_within(a, b)), pair_(a, b) {
     for (auto& manifold : manifolds_) manifold = m_dispatcher->getNewManifold(&a, &b);
     reach_ = manifolds_[0]->getContactBreakingThreshold();
   }
@@ -160,6 +129,17 @@ class ConvexMesh final : public Contacts {
   }
   void getAllContactManifolds(btManifoldArray& all) override {
     for (auto* manifold : manifolds_) all.push_back(manifold);
+  }
+  void processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
+                        const btDispatcherInfo& info, btManifoldResult* /*result*/) override {
+    const auto [a, b] = ordered(first, second);
+    const btVector3& origin = a.getWorldTransform().getOrigin();
+    const Placed now = placed(a, origin);
+    const double way = pair_.way(a, b, info.m_timeStep);
+    gather(now, b, origin, way);
+    const bool ahead = groups_ == 0 && way > 0.0;
+    const Placed then = ahead ? first_at(now, a, b, origin, way, info.m_timeStep) : now;
+    write_groups(now, then, a, b, origin);
   }
 
  private:
@@ -174,16 +154,6 @@ class ConvexMesh final : public Contacts {
     std::size_t count = 0;
     double deepest = 0.0;
   };
-
-  void update(const btCollisionObject& a, const btCollisionObject& b, const btDispatcherInfo& info) override {
-    const btVector3& origin = a.getWorldTransform().getOrigin();
-    const Placed now = placed(a, origin);
-    const double way = pair_.way(a, b, info.m_timeStep);
-    gather(now, b, origin, way);
-    const bool ahead = groups_ == 0 && way > 0.0;
-    const Placed then = ahead ? first_at(now, a, b, origin, way, info.m_timeStep) : now;
-    write_groups(now, then, a, b, origin);
-  }
 
   /// Calls `visit(triangle, number)` for each triangle that intersects the box, in the frame at `origin`.
   template <class Visit>
@@ -380,19 +350,6 @@ class ConvexMesh final : public Contacts {
   static thread_local std::array<Group, kDirections> group_;  ///< shared: the algorithms run one after the other
 };
 thread_local std::array<ConvexMesh::Group, ConvexMesh::kDirections> ConvexMesh::group_;
-
-template <class Algorithm>
-struct Make final : btCollisionAlgorithmCreateFunc {
-  explicit Make(bool swapped) { m_swapped = swapped; }
-  btCollisionAlgorithm* CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
-                                                 const btCollisionObjectWrapper* first,
-                                                 const btCollisionObjectWrapper* second) override {
-    static_assert(sizeof(Algorithm) <= kMostAlgorithmBytes);
-    void* memory = info.m_dispatcher1->allocateCollisionAlgorithm(sizeof(Algorithm));
-    const auto &one = *first->getCollisionObject(), &other = *second->getCollisionObject();
-    return m_swapped ? new (memory) Algorithm(info, other, one, true) : new (memory) Algorithm(info, one, other, false);
-  }
-};
 
 }  // namespace
 

@@ -33,6 +33,22 @@ void list_movers(std::span<btCollisionObject* const> bodies, btScalar dt, std::v
 [[nodiscard]] Motion motion_of(const Mover& mover);
 [[nodiscard]] Motion by_loads(const Mover& mover);
 
+/// All contact points of two bodies in a solver.
+struct ContactPair {
+  btPersistentManifold* manifold;
+  std::size_t a, b;        ///< indices of the movers
+  std::size_t begin, end;  ///< of the solver's points
+  Both inverse_mass;
+  btScalar friction;  ///< mu, as given
+  bool rubs;          ///< has friction rows
+};
+/// `first_point`: index of the pair's first point; `all_rub`: contacts without friction have friction rows too.
+[[nodiscard]] ContactPair make_pair_of(btPersistentManifold& manifold, std::span<const Mover> movers,
+                                       std::size_t first_point, bool all_rub);
+[[nodiscard]] BothInertia inertia_of(const Mover& a, const Mover& b);
+/// From the bodies' centres to the point, m.
+[[nodiscard]] Both3 arms_of(const btPersistentManifold& manifold, const btManifoldPoint& point);
+
 inline btVector3 vector(const btScalar (&v)[3]) { return {v[0], v[1], v[2]}; }
 
 }  // namespace subworld::bullet

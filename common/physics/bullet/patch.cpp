@@ -1,6 +1,7 @@
 #include "patch.hpp"
 
 #include "closest.hpp"
+#include "contact_points.hpp"
 #include "corners.hpp"
 
 #include <Eigen/Geometry>
@@ -74,23 +75,11 @@ void reduce(std::array<PatchCandidate, kMostCorners>& found, std::size_t& count,
     was[i] = std::find(memory.features.begin(), memory.features.end(), found[i].feature) != memory.features.end();
     deep[i] = found[i].height < least + deeper;
   }
-  std::array<std::size_t, 4> best{0, 1, 2, 3}, f;
-  double most = -1.0;
-  for (f[0] = 0; f[0] < count; ++f[0]) {
-    for (f[1] = f[0] + 1; f[1] < count; ++f[1]) {
-      for (f[2] = f[1] + 1; f[2] < count; ++f[2]) {
-        for (f[3] = f[2] + 1; f[3] < count; ++f[3]) {
-          if (!deep[f[0]] && !deep[f[1]] && !deep[f[2]] && !deep[f[3]]) continue;
-          const bool same = was[f[0]] && was[f[1]] && was[f[2]] && was[f[3]];
-          const Vec3 one = found[f[2]].point - found[f[0]].point, other = found[f[3]].point - found[f[1]].point;
-          const double area = std::abs(one.cross(other).dot(normal)) * (same ? kBetterPatchArea : 1.0);
-          if (area <= most) continue;
-          most = area;
-          best = f;
-        }
-      }
-    }
-  }
+  const auto area = [&](const Four& f) {
+    const Vec3 one = found[f[2]].point - found[f[0]].point, other = found[f[3]].point - found[f[1]].point;
+    return std::abs(one.cross(other).dot(normal));
+  };
+  const Four best = widest_four(count, was, deep, kBetterPatchArea, area);
   for (std::size_t i = 0; i < Patch::kMost; ++i) found[i] = found[best[i]];
   count = Patch::kMost;
 }

@@ -1,18 +1,9 @@
 #include "shapes.hpp"
 
 #include "model/error.hpp"
-
-#include <fmt/format.h>
+#include "physics/adapter.hpp"
 
 namespace subworld::bullet {
-
-const Mesh& ShapeStore::mesh(const Shape& shape) const {
-  if (shape.mesh >= meshes_.size()) {
-    throw Error(ExitCode::usage,
-                fmt::format("shape names mesh {} of {}; load the mesh with the scene", shape.mesh, meshes_.size()));
-  }
-  return meshes_[shape.mesh];
-}
 
 std::unique_ptr<btCollisionShape> ShapeStore::make(const Shape& shape) {
   switch (shape.kind) {
@@ -35,7 +26,7 @@ std::unique_ptr<btCollisionShape> ShapeStore::make(const Shape& shape) {
       return std::make_unique<btStaticPlaneShape>(btVector3(0, 0, 1), 0.0);
     case ShapeKind::convex: {
       auto hull = std::make_unique<btConvexHullShape>();
-      const Convex& exact = surfaces_.emplace_back(std::make_unique<ConvexStorage>(mesh(shape)))->get();
+      const Convex& exact = surfaces_.emplace_back(std::make_unique<ConvexStorage>(mesh_of(shape, meshes_)))->get();
       for (const Vec3& v : exact.vertices) hull->addPoint(to_bullet(v), false);
       hull->setMargin(0);
       hull->recalcLocalAabb();
@@ -44,7 +35,7 @@ std::unique_ptr<btCollisionShape> ShapeStore::make(const Shape& shape) {
     }
     case ShapeKind::mesh: {
       auto triangles = std::make_unique<btTriangleMesh>();
-      const Mesh& source = mesh(shape);
+      const Mesh& source = mesh_of(shape, meshes_);
       for (const auto& t : source.triangles) {
         triangles->addTriangle(to_bullet(source.vertices[t[0]]), to_bullet(source.vertices[t[1]]),
                                to_bullet(source.vertices[t[2]]));

@@ -35,7 +35,6 @@ class ShapeStore {
  private:
   using Key = std::array<double, 7>;
   [[nodiscard]] std::unique_ptr<btCollisionShape> make(const Shape& shape);
-  [[nodiscard]] const Mesh& mesh(const Shape& shape) const;
 
   std::vector<Mesh> meshes_;
   std::vector<std::unique_ptr<btTriangleMesh>> triangles_;

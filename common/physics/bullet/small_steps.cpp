@@ -98,49 +98,26 @@ btScalar SmallStepSolver::enough() const {
 void SmallStepSolver::prepare_pair(btPersistentManifold& manifold) {
   if (manifold.getNumContacts() == 0) return;
   const btCollisionObject &first = *manifold.getBody0(), &second = *manifold.getBody1();
-  const std::size_t a = mover_of(first), b = mover_of(second);
-  if (a == kFixed && b == kFixed) return;
-  const Mover &mover_a = movers_[a], &mover_b = movers_[b];
-  Pair& pair = pairs_.emplace_back();
-  pair = {.manifold = &manifold,
-          .a = a,
-          .b = b,
-          .begin = points_.size(),
-          .end = points_.size(),
-          .inverse_mass = Both{mover_a.inverse_mass, mover_b.inverse_mass},
-          .friction = first.getFriction() * second.getFriction(),
-          .restitution = btManifoldResult::calculateCombinedRestitution(&first, &second),
-          .rubs = false};
-  pair.rubs = pair.friction > 0 || keeps_frictionless_;
-  const BothInertia inertia{pair.inverse_mass,
-                            {of_both(mover_a.inverse_inertia[0], mover_b.inverse_inertia[0]),
-                             of_both(mover_a.inverse_inertia[1], mover_b.inverse_inertia[1]),
-                             of_both(mover_a.inverse_inertia[2], mover_b.inverse_inertia[2])}};
-  const btVector3 &centre_a = first.getWorldTransform().getOrigin(), &centre_b = second.getWorldTransform().getOrigin();
+  if (mover_of(first) == kFixed && mover_of(second) == kFixed) return;
+  Pair& pair = pairs_.emplace_back(make_pair_of(manifold, movers_, points_.size(), keeps_frictionless_));
+  pair.restitution = btManifoldResult::calculateCombinedRestitution(&first, &second);
+  const BothInertia inertia = inertia_of(movers_[pair.a], movers_[pair.b]);
   for (int i = 0; i < manifold.getNumContacts(); ++i) {
     const btManifoldPoint& point = manifold.getContactPoint(i);
-    prepare_point(point, of_both(point.getPositionWorldOnA() - centre_a, point.getPositionWorldOnB() - centre_b),
-                  inertia, pair.rubs);
+    prepare_point(point, arms_of(manifold, point), inertia, pair.rubs);
   }
   pair.end = points_.size();
-}
-
-void SmallStepSolver::prepare_friction(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia,
-                                       Point& p) {
-  p.sides[0] = make_row(point.m_lateralFrictionDir1, arm, inertia, 1);
-  p.sides[1] = make_row(point.m_lateralFrictionDir2, arm, inertia, 1);
-  // Both friction directions take equal steps. Only then does the projection to mu N point against the motion.
-  const btScalar first = 1 / p.sides[0].step, second = 1 / p.sides[1].step, half = (first - second) / 2;
-  const Both products = dot(p.sides[1].arm, p.sides[0].turn);
-  const btScalar mixed = products[0] + products[1];
-  p.sides[0].step = p.sides[1].step = 1 / ((first + second) / 2 + btSqrt(half * half + mixed * mixed));
 }
 
 void SmallStepSolver::prepare_point(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia,
                                     bool rubs) {
   Point& p = points_.emplace_back();
   p.normal = make_row(point.m_normalWorldOnB, arm, inertia, 1);
-  if (rubs) prepare_friction(point, arm, inertia, p);
+  if (rubs) {
+    p.sides[0] = make_row(point.m_lateralFrictionDir1, arm, inertia, 1);
+    p.sides[1] = make_row(point.m_lateralFrictionDir2, arm, inertia, 1);
+    p.sides[0].step = p.sides[1].step = friction_step(p.sides, 1, 1);
+  }
   // Within the rounding of positions, contacts are rigid: a spring would follow the noise.
   const btVector3 place = point.getPositionWorldOnB().absolute();
   p.noise = kPlaceRounding * place[place.maxAxis()];

@@ -64,15 +64,8 @@ class SmallStepSolver final : public btConstraintSolver {
     bool bounced;
   };
 
-  /// All contact points of two bodies.
-  struct Pair {
-    btPersistentManifold* manifold;
-    std::size_t a, b;        ///< indices in movers_
-    std::size_t begin, end;  ///< range in points_
-    Both inverse_mass;
-    btScalar friction;  ///< mu
-    btScalar restitution;
-    bool rubs;  ///< has friction rows
+  struct Pair : ContactPair {
+    btScalar restitution = 0;
   };
 
   /// A contact as a damped spring, implicit in a small step. With w = 2 pi f, damping ratio z and length h:
@@ -90,7 +83,6 @@ class SmallStepSolver final : public btConstraintSolver {
   void prepare_motions();
   void prepare_pair(btPersistentManifold& manifold);
   void prepare_point(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia, bool rubs);
-  static void prepare_friction(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia, Point& p);
   /// Change of a velocity (m/s) below which no further iteration is needed.
   [[nodiscard]] btScalar enough() const;
 

@@ -2,7 +2,6 @@
 #include "physics/wasm/module_engine.hpp"
 
 #include <cmath>
-#include <limits>
 #include <unordered_map>
 
 namespace subworld {
@@ -33,9 +32,7 @@ constexpr double kSpeedLimit = 1000.0;  ///< m/s and rad/s
 class Havok final : public wasm::ModuleEngine {
  public:
   Havok(const EngineSettings& settings, std::span<const Mesh> meshes)
-      : ModuleEngine(settings, kPresets[find_preset(kPlugin, settings.preset)].longest_substep_s),
-        unit_m_(settings.length_unit_m),
-        meshes_(meshes.begin(), meshes.end()) {
+      : ModuleEngine(kPlugin, settings, meshes), unit_m_(settings.length_unit_m) {
     wasm::Scratch& scratch = module_.scratch();
     const wasm::Address out = scratch.room<Handle>();
     check(w2c_havok_HP_World_Create(module_.get(), out), "making a world");
@@ -50,25 +47,19 @@ class Havok final : public wasm::ModuleEngine {
           "setting the limits");
   }
 
-  std::string_view name() const noexcept override { return "havok"; }
-
   Capabilities capabilities() const noexcept override {
-    return {.normal_impulse = Fidelity::exact,
-            .tangential_impulse = Fidelity::estimated,  // from the balance of momentum
-            .gyroscopic = Fidelity::exact,              // computed by the adapter
-            .checkpoint = Fidelity::exact,
-            .deterministic = true,
-            .precision = std::numeric_limits<float>::epsilon(),
-            .longest_step_s = 0.001};
+    Capabilities can = ModuleEngine::capabilities();
+    can.longest_step_s = 0.001;
+    return can;
   }
 
  private:
   wasm_rt_memory_t& memory() const override { return module_.memory(); }
 
-  void create(BodyId id, Slot& slot, const Body& body, const BodyState& state, const wasm::Filter& filter) override {
+  void make(Slot& slot, const Body& body, const BodyState& state, const CollisionClass& collides) override {
     slot.shape = make_shape(module_, body.shape, meshes_, unit_m_);
     set_material(slot, body.material);
-    check(w2c_havok_HP_Shape_SetFilterInfo(module_.get(), slot.shape, module_.scratch().put(filter)), "filtering");
+    check(w2c_havok_HP_Shape_SetFilterInfo(module_.get(), slot.shape, module_.scratch().put(collides)), "filtering");
 
     wasm::Scratch& scratch = module_.scratch();
     const wasm::Address out = scratch.room<Handle>();
@@ -85,17 +76,17 @@ class Havok final : public wasm::ModuleEngine {
     }
     check(w2c_havok_HP_World_AddBody(module_.get(), world_, slot.body, 0), "adding a body");
     put_pose(slot, state.position, state.orientation);
-    ids_[slot.body] = index(id);
+    ids_[slot.body] = slot.id;
   }
 
-  void destroy(const Slot& slot) override {
+  void destroy(Slot& slot) override {
     check(w2c_havok_HP_World_RemoveBody(module_.get(), world_, slot.body), "removing a body");
     check(w2c_havok_HP_Body_Release(module_.get(), slot.body), "releasing a body");
     check(w2c_havok_HP_Shape_Release(module_.get(), slot.shape), "releasing a shape");
     ids_.erase(slot.body);
   }
 
-  void put_inertia(const Slot& slot) override {
+  void put_inertia(Slot& slot) override {
     const MassProperties properties{
         .centre = {},
         .mass = static_cast<float>(slot.mass),
@@ -168,10 +159,10 @@ class Havok final : public wasm::ModuleEngine {
     }
   }
 
-  void restored() override {
+  void handles_changed() override {
     ids_.clear();
-    for (std::uint32_t id = 0; id < slots().size(); ++id) {
-      if (slots()[id].body != 0) ids_[slots()[id].body] = id;
+    for (const Slot& slot : slots_) {
+      if (slot.used) ids_[slot.body] = slot.id;
     }
   }
 
@@ -182,27 +173,23 @@ class Havok final : public wasm::ModuleEngine {
     check(w2c_havok_HP_Shape_SetMaterial(module_.get(), slot.shape, module_.scratch().put(values)), "a material");
   }
 
-  double unit_m_;  ///< of length, m
-  std::vector<Mesh> meshes_;
+  double unit_m_;                 ///< of length, m
   mutable havok::Module module_;  ///< not const: reading from the module writes to its memory
   Handle world_ = 0;
   std::unordered_map<Handle, std::uint32_t> ids_;
 };
 
-const EnginePlugin kPlugin{
-    .name = "havok",
-    .version = "Havok Physics of @babylonjs/havok 1.3.14, single precision",
-    .licence = "MIT",
-    .presets = kPresets,
-    .limits = {.smallest_box = 0.035,  // a smaller box may fall through the body below
-               .plane_half_side_m = 0.5 * kPlaneSide_m,
-               .speed_m_s = kSpeedLimit,
-               .spin_rad_s = kSpeedLimit,
-               .iterations = 0,
-               .continuous = true},
-    .make = [](const EngineSettings& settings, std::span<const Mesh> meshes) -> std::unique_ptr<Engine> {
-      return std::make_unique<Havok>(settings, meshes);
-    }};
+const EnginePlugin kPlugin{.name = "havok",
+                           .version = "Havok Physics of @babylonjs/havok 1.3.14, single precision",
+                           .licence = "MIT",
+                           .presets = kPresets,
+                           .limits = {.smallest_box = 0.035,  // a smaller box may fall through the body below
+                                      .plane_half_side_m = 0.5 * kPlaneSide_m,
+                                      .speed_m_s = kSpeedLimit,
+                                      .spin_rad_s = kSpeedLimit,
+                                      .iterations = 0,
+                                      .continuous = true},
+                           .make = make_adapter<Havok>};
 
 }  // namespace
 

@@ -1,6 +1,7 @@
 #include "physics/havok/havok_module.hpp"
 
 #include "model/error.hpp"
+#include "physics/adapter.hpp"
 
 #include <fmt/format.h>
 
@@ -17,9 +18,8 @@ constexpr double kPlaneDepth_m = 10.0;
 /// Copies an array to the module's memory.
 template <class T>
 wasm::Address upload(Module& module, const std::vector<T>& values) {
-  const std::size_t bytes = values.size() * sizeof(T);
-  const wasm::Address at = module.allocate(bytes);
-  std::memcpy(wasm::inside(module.memory(), at, bytes), values.data(), bytes);
+  const wasm::Address at = module.allocate(values.size() * sizeof(T));
+  wasm::store_all(module.memory(), at, std::span<const T>(values));
   return at;
 }
 
@@ -31,15 +31,9 @@ std::uint32_t make_box(Module& module, const Vec3& centre, const Vec3& half_exte
 }
 
 std::uint32_t make_from_mesh(Module& module, const Shape& shape, std::span<const Mesh> meshes, wasm::Address out) {
-  if (shape.mesh >= meshes.size()) {
-    throw Error(ExitCode::usage,
-                fmt::format("shape names mesh {} of {}; load the mesh with the scene", shape.mesh, meshes.size()));
-  }
-  const Mesh& mesh = meshes[shape.mesh];
-  std::vector<Float3> vertices;
-  for (const Vec3& v : mesh.vertices) vertices.push_back(to_module(v));
-  const auto vertex_count = static_cast<std::uint32_t>(vertices.size());
-  const wasm::Address corners = upload(module, vertices);
+  const Mesh& mesh = mesh_of(shape, meshes);
+  const auto vertex_count = static_cast<std::uint32_t>(mesh.vertices.size());
+  const wasm::Address corners = upload(module, to_module(mesh.vertices));
   std::uint32_t result = 0;
   if (shape.kind == ShapeKind::convex) {
     result = w2c_havok_HP_Shape_CreateConvexHull(module.get(), corners, vertex_count, out);
@@ -56,19 +50,11 @@ std::uint32_t make_from_mesh(Module& module, const Shape& shape, std::span<const
 }  // namespace
 
 Module::Module() {
-  env_.memory = &module_.w2c_memory;
-  try {
-    wasm2c_havok_instantiate(&module_, &env_, &wasi_);
-    w2c_havok_0x5F_wasm_call_ctors(&module_);
-    (void)w2c_havok_main(&module_, 0, 0);
-    scratch_ = wasm::Scratch(module_.w2c_memory, allocate(kScratchBytes), kScratchBytes);
-  } catch (...) {
-    wasm2c_havok_free(&module_);
-    throw;
-  }
+  wasm2c_havok_instantiate(&module_, &env_, &wasi_);
+  w2c_havok_0x5F_wasm_call_ctors(&module_);
+  (void)w2c_havok_main(&module_, 0, 0);
+  scratch_ = wasm::Scratch(module_.w2c_memory, allocate(kScratchBytes), kScratchBytes);
 }
-
-Module::~Module() { wasm2c_havok_free(&module_); }
 
 wasm::Address Module::allocate(std::size_t bytes) {
   const wasm::Address at = w2c_havok_malloc(&module_, static_cast<std::uint32_t>(bytes));

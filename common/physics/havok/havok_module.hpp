@@ -1,7 +1,7 @@
 #pragma once
 
 #include "model/body.hpp"
-#include "physics/wasm/host.hpp"
+#include "physics/wasm/instance.hpp"
 #include "physics/wasm/vectors.hpp"
 
 #include <havok.h>
@@ -58,24 +58,12 @@ inline constexpr std::uint32_t kStarted = 1, kContinued = 2;
 inline constexpr double kPlaneSide_m = 100.0;
 
 /// One instance of the module, with a memory of its own.
-class Module {
+class Module : public wasm::EmscriptenInstance<w2c_havok, wasm2c_havok_free> {
  public:
   Module();
-  ~Module();
-  Module(const Module&) = delete;
-  Module& operator=(const Module&) = delete;
 
-  [[nodiscard]] w2c_havok* get() noexcept { return &module_; }
-  [[nodiscard]] wasm_rt_memory_t& memory() noexcept { return module_.w2c_memory; }
-  [[nodiscard]] wasm::Scratch& scratch() noexcept { return scratch_.reset(); }
   [[nodiscard]] wasm::Address allocate(std::size_t bytes);
   void release(wasm::Address at);
-
- private:
-  w2c_havok module_{};
-  w2c_env env_;
-  w2c_wasi__snapshot__preview1 wasi_;
-  wasm::Scratch scratch_;
 };
 
 /// Throws `Error` if `result` is not Havok's OK.

@@ -18,21 +18,16 @@ void make_body(Slot& slot, dWorldID world) {
   dGeomSetBody(slot.geom, slot.body);
 }
 
-void destroy(Slot& slot) {
-  dGeomDestroy(slot.geom);
-  if (slot.body) dBodyDestroy(slot.body);
-}
-
 void set_mass(Slot& slot) {
   // ODE has no infinite inertia. This value leaves 1e-20 of a torque; the step removes that too.
-  const Vec3 inertia = slot.spec.rotates ? slot.inertia : Vec3::Constant(kNoRotation);
+  const Vec3 inertia = slot.rotates ? slot.inertia : Vec3::Constant(kNoRotation);
   dMass mass;
   dMassSetParameters(&mass, slot.mass, 0, 0, 0, inertia.x(), inertia.y(), inertia.z(), 0, 0, 0);
   dBodySetMass(slot.body, &mass);
 }
 
 Eigen::Matrix3d inverse_inertia(const Slot& slot) {
-  if (!slot.spec.rotates || !slot.body) return Eigen::Matrix3d::Zero();
+  if (!slot.rotates || !slot.body) return Eigen::Matrix3d::Zero();
   const Eigen::Matrix3d rotation = state_of(slot).orientation.toRotationMatrix();
   return rotation * slot.inertia.cwiseInverse().asDiagonal() * rotation.transpose();
 }
@@ -64,7 +59,7 @@ void place(Slot& slot, const BodyState& state) {
     std::copy_n(wxyz, 4, const_cast<dReal*>(dBodyGetQuaternion(slot.body)));
     dRfromQ(const_cast<dReal*>(dBodyGetRotation(slot.body)), wxyz);
     dBodySetPosition(slot.body, p.x(), p.y(), p.z());
-  } else if (slot.spec.shape.kind == ShapeKind::plane) {
+  } else if (slot.shape_kind == ShapeKind::plane) {
     const Vec3 normal = q * Vec3::UnitZ();
     dGeomPlaneSetParams(slot.geom, normal.x(), normal.y(), normal.z(), normal.dot(p));
   } else {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "model/body.hpp"
+#include "physics/adapter.hpp"
 
 #include <ode/ode.h>
 
@@ -8,33 +8,15 @@ namespace subworld::ode {
 
 inline Vec3 from_ode(const dReal* v) { return {v[0], v[1], v[2]}; }
 
-/// Which bodies collide, in ODE's bits: a pair collides if one of the two permits it.
-struct CollisionClass {
-  unsigned long category;
-  unsigned long meets;
-};
-inline constexpr CollisionClass kMovable{1, 1 | 2 | 4 | 8};
-inline constexpr CollisionClass kFixed{2, 0};
-inline constexpr CollisionClass kGhosts{4, 0};
-inline constexpr CollisionClass kApproaching{8, 4 | 8};
-
-struct Slot {
-  bool used = false;
-  Body spec;
-  CollisionClass kind = kMovable;
+struct Slot : AdapterSlot {
+  Shape shape;
   dGeomID geom = nullptr;
   dBodyID body = nullptr;  ///< null: fixed
   BodyState kept;          ///< of a fixed body; of a body that does not rotate: its state before the step
-  double mass = 0.0;
-  Vec3 inertia = Vec3::Zero();
-  Vec3 weight = Vec3::Zero();  ///< N
-  Vec3 force = Vec3::Zero();   ///< for the next step
-  Vec3 torque = Vec3::Zero();
 };
 
 /// Makes the dBody of a slot that has a geometry.
 void make_body(Slot& slot, dWorldID world);
-void destroy(Slot& slot);
 /// Passes the slot's mass and inertia to ODE.
 void set_mass(Slot& slot);
 /// World frame, 1/(kg m^2); zero for a body that does not rotate.

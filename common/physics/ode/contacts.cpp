@@ -19,7 +19,7 @@ using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
 
 Solid solid(const Slot& slot, const ShapeStore& shapes) {
   const BodyState s = state_of(slot);
-  return {&slot.spec.shape, {s.position, s.orientation}, shapes.hull_points(slot.spec.shape)};
+  return {&slot.shape, {s.position, s.orientation}, shapes.hull_points(slot.shape)};
 }
 
 }  // namespace
@@ -40,8 +40,8 @@ void ContactPoints::find() {
   points_.clear();
   std::array<dContactGeom, kMostPoints> found;
   for (const auto& [a, b] : pairs_) {
-    const ShapeKind kind_a = slots_[a].spec.shape.kind;
-    const ShapeKind kind_b = slots_[b].spec.shape.kind;
+    const ShapeKind kind_a = slots_[a].shape_kind;
+    const ShapeKind kind_b = slots_[b].shape_kind;
     const double skins = skin(kind_a) + skin(kind_b);
     const int count =
         dCollide(slots_[a].geom, slots_[b].geom, most_points(kind_a, kind_b), found.data(), sizeof(dContactGeom));
@@ -63,8 +63,8 @@ void ContactPoints::make_joints(double h) {
   const double slow = kSliding + 0.5 * gravity_ * h;  // speed below which a contact may stop within the step
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactPoint& point = points_[i];
-    const Material& ma = slots_[point.a].spec.material;
-    const Material& mb = slots_[point.b].spec.material;
+    const Material& ma = slots_[point.a].material;
+    const Material& mb = slots_[point.b].material;
     const Vec3 velocity = relative_velocity(point);
     const double approach = -velocity.dot(point.normal);
     dContact contact{};

@@ -1,20 +1,18 @@
 #include "body.hpp"
-#include "checkpoint.hpp"
 #include "contacts.hpp"
 #include "model/error.hpp"
-#include "physics/contact_totals.hpp"
+#include "physics/adapter.hpp"
 #include "physics/gyroscope.hpp"
-#include "physics/plugin.hpp"
 #include "position.hpp"
 #include "shapes.hpp"
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <cstring>
 #include <mutex>
 #include <utility>
 
@@ -23,7 +21,6 @@ namespace subworld {
 namespace {
 
 using ode::inverse_inertia;
-using ode::place;
 using ode::Slot;
 using ode::state_of;
 
@@ -47,7 +44,6 @@ extern const EnginePlugin kPlugin;
 
 constexpr int kCorrectionRounds = 8;  ///< of the position correction
 constexpr unsigned long kSeed = 1;
-constexpr double kEverywhere = 1e18;  ///< m, reach of a plane's bounds
 
 /// ODE ends the process if one of its numbers is not finite. This handler ends the run with a message instead.
 void report_failure(int /*number*/, const char* format, va_list arguments) {
@@ -74,13 +70,10 @@ void enter_thread() {
   (void)data;
 }
 
-class Ode final : public Engine {
+class Ode final : public Adapter<Slot> {
  public:
   Ode(const EngineSettings& settings, std::span<const Mesh> meshes)
-      : preset_(kPresets[find_preset(kPlugin, settings.preset)]),
-        gravity_(settings.gravity),
-        fixed_substeps_(settings.substeps),
-        longest_substep_s_(settings.longest_substep_s.value_or(preset_.longest_substep_s)),
+      : Adapter(kPlugin, settings),
         shapes_(meshes),
         world_((enter_thread(), dWorldCreate())),
         space_(dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ)),
@@ -98,7 +91,7 @@ class Ode final : public Engine {
   ~Ode() override {
     enter_thread();
     for (Slot& slot : slots_) {
-      if (slot.used) ode::destroy(slot);
+      if (slot.used) remove_from_ode(slot);
     }
     points_.remove_joints();
     dSpaceDestroy(space_);
@@ -106,8 +99,6 @@ class Ode final : public Engine {
   }
   Ode(const Ode&) = delete;
   Ode& operator=(const Ode&) = delete;
-
-  std::string_view name() const noexcept override { return "ode"; }
 
   Capabilities capabilities() const noexcept override {
     return {.normal_impulse = Fidelity::exact,
@@ -118,185 +109,84 @@ class Ode final : public Engine {
             .longest_step_s = 0.002};
   }
 
-  void add(const Body& body, const BodyState& state, Role role) override {
-    enter_thread();
-    const std::uint32_t id = index(body.id);
-    if (contains(body.id)) throw Error(ExitCode::failed, fmt::format("body {} is in the engine already", id));
-    if (!finite(state)) throw Error(ExitCode::failed, fmt::format("body {} has a state that is not finite", id));
-    if (!body.fixed() && ode::skin(body.shape.kind) == 0.0) {
-      throw Error(ExitCode::usage, fmt::format("body {}: a plane or mesh cannot move; give it mass 0", id));
-    }
-    const dGeomID geom = shapes_.make(body.shape);
-    if (id >= slots_.size()) slots_.resize(id + 1);
-    Slot& slot = slots_[id];
-    slot = {};
-    slot.used = true;
-    slot.spec = body;
-    slot.kind = role == Role::ghost         ? ode::kGhosts
-                : role == Role::approaching ? ode::kApproaching
-                : body.fixed()              ? ode::kFixed
-                                            : ode::kMovable;
-    slot.geom = geom;
-    slot.mass = body.mass;
-    slot.inertia = body.inertia;
-    if (body.gravity && !body.fixed()) slot.weight = body.mass * gravity_;
-    dGeomSetData(geom, reinterpret_cast<void*>(static_cast<std::uintptr_t>(id)));
-    dGeomSetCategoryBits(geom, slot.kind.category);
-    dGeomSetCollideBits(geom, slot.kind.meets);
-    dSpaceAdd(space_, geom);
-    if (!body.fixed()) {
-      ode::make_body(slot, world_);
-      movable_.push_back(id);
-    }
-    place(slot, state);
-    contacts_.clear();
-  }
-
-  void remove(BodyId id) override {
-    enter_thread();
-    Slot& slot = at(id);
-    ode::destroy(slot);
-    slot = {};
-    std::erase(movable_, index(id));
-    points_.frictions().forget(index(id));
-    contacts_.clear();
-  }
-
-  bool contains(BodyId id) const noexcept override { return index(id) < slots_.size() && slots_[index(id)].used; }
-
   BodyState state(BodyId id) const override { return state_of(at(id)); }
 
-  bool set_state(BodyId id, const BodyState& state) override {
-    if (!finite(state)) return false;
-    place(at(id), state);
-    return true;
-  }
-
-  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override {
-    if (!linear.allFinite() || !angular.allFinite()) return false;
-    ode::set_velocity(at(id), linear, angular);
-    return true;
-  }
-
-  void set_inertia(BodyId id, double mass, const Vec3& inertia) override {
-    Slot& slot = at(id);
-    if (!slot.body) return;
-    slot.mass = mass;
-    slot.inertia = inertia;
-    ode::set_mass(slot);
-  }
-
-  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override {
-    if (!impulse.allFinite() || !point.allFinite()) return false;
-    Slot& slot = at(id);
-    if (!slot.body) return true;
-    const BodyState s = state_of(slot);
-    const Vec3 turn = inverse_inertia(slot) * (point - s.position).cross(impulse);
-    ode::set_velocity(slot, s.linear_velocity + impulse / slot.mass, s.angular_velocity + turn);
-    return true;
-  }
-
-  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override {
-    if (!force.allFinite() || !torque.allFinite()) return false;
-    Slot& slot = at(id);
-    slot.force += force;
-    slot.torque += torque;
-    return true;
-  }
-
-  double integration_substep_s(double dt) const noexcept override {
-    return dt / substep_count(dt, fixed_substeps_, longest_substep_s_);
-  }
   void step(double dt) override {
     enter_thread();
-    const int substeps = substep_count(dt, fixed_substeps_, longest_substep_s_);
-    contacts_.clear();
-    clock_.start();
-    for (int i = 0; i < substeps; ++i) substep(dt / substeps, i);
-    for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
-    contacts_.merge();
-    clock_.ends(&EngineTimes::totals_s);
+    step_in_parts(dt, [this](double h, int number) { substep(h, number); });
   }
-
-  std::span<const Contact> contacts() const noexcept override { return contacts_.contacts(); }
 
   Box bounds(BodyId id) const override {
     const Slot& slot = at(id);
-    if (slot.spec.shape.kind == ShapeKind::plane) return {Vec3::Constant(-kEverywhere), Vec3::Constant(kEverywhere)};
+    if (slot.shape_kind == ShapeKind::plane) return {Vec3::Constant(-kEverywhere), Vec3::Constant(kEverywhere)};
     std::array<dReal, 6> box;
     dGeomGetAABB(slot.geom, box.data());
-    const double skin = ode::skin(slot.spec.shape.kind);
+    const double skin = ode::skin(slot.shape_kind);
     return {Vec3(box[0], box[2], box[4]).array() + skin, Vec3(box[1], box[3], box[5]).array() - skin};
   }
 
-  void overlap(const Box& box, std::vector<BodyId>& out) const override {
-    out.clear();
-    for (std::uint32_t id = 0; id < slots_.size(); ++id) {
-      if (slots_[id].used && bounds(BodyId{id}).meets(box)) out.push_back(BodyId{id});
-    }
-  }
-
-  Checkpoint checkpoint() const override {
-    // The order of adding is ODE's order of solving, so it is part of the state.
-    std::vector<std::uint32_t> ids = movable_;
-    for (std::uint32_t id = 0; id < slots_.size(); ++id) {
-      if (slots_[id].used && !slots_[id].body) ids.push_back(id);
-    }
-    ode::Saved saved;
-    for (const std::uint32_t id : ids) {
-      const Slot& slot = slots_[id];
-      const BodyState s = state_of(slot);
-      ode::SavedBody& entry = saved.bodies.emplace_back(ode::SavedBody{id, {}, {}});
-      Eigen::Map<Eigen::Matrix<double, 13, 1>>(entry.state.data()) << s.position, s.orientation.coeffs(),
-          s.linear_velocity, s.angular_velocity;
-      Eigen::Map<Eigen::Matrix<double, 10, 1>>(entry.load.data()) << slot.mass, slot.inertia, slot.force, slot.torque;
-    }
-    saved.frictions = points_.frictions().held();
-    return ode::pack(saved);
-  }
-
-  void restore(const Checkpoint& checkpoint) override {
-    enter_thread();
-    ode::Saved saved = ode::unpack(checkpoint);
-    if (!fits(saved.bodies)) ode::refuse_checkpoint();
-    std::vector<std::uint32_t> order;
-    for (const ode::SavedBody& entry : saved.bodies) {
-      if (slots_[entry.id].body) order.push_back(static_cast<std::uint32_t>(entry.id));
-    }
-    if (order != movable_) {
-      for (const std::uint32_t id : order) {
-        dGeomSetBody(slots_[id].geom, nullptr);
-        dBodyDestroy(slots_[id].body);
-        ode::make_body(slots_[id], world_);
-      }
-      movable_ = order;
-    }
-    for (const ode::SavedBody& entry : saved.bodies) {
-      Slot& slot = slots_[entry.id];
-      const Eigen::Map<const Eigen::Matrix<double, 13, 1>> x(entry.state.data());
-      const Eigen::Map<const Eigen::Matrix<double, 10, 1>> load(entry.load.data());
-      slot.mass = load[0];
-      slot.inertia = load.segment<3>(1);
-      slot.force = load.segment<3>(4);
-      slot.torque = load.segment<3>(7);
-      if (slot.body) ode::set_mass(slot);
-      place(slot, {x.segment<3>(0), Quat(x[6], x[3], x[4], x[5]), x.segment<3>(7), x.segment<3>(10)});
-    }
-    points_.frictions().restore(std::move(saved.frictions));
-    contacts_.clear();
-  }
-
  private:
-  Slot& at(BodyId id) { return const_cast<Slot&>(std::as_const(*this).at(id)); }
-  const Slot& at(BodyId id) const {
-    if (!contains(id)) throw Error(ExitCode::failed, fmt::format("body {} is not in the engine", index(id)));
-    return slots_[index(id)];
+  void create(Slot& slot, const Body& body, const BodyState& state, const CollisionClass& collides) override {
+    enter_thread();
+    if (!body.fixed() && ode::skin(body.shape.kind) == 0.0) {
+      throw Error(ExitCode::usage, fmt::format("body {}: a plane or mesh cannot move; give it mass 0", slot.id));
+    }
+    slot.geom = shapes_.make(body.shape);
+    slot.shape = body.shape;
+    dGeomSetData(slot.geom, reinterpret_cast<void*>(static_cast<std::uintptr_t>(slot.id)));
+    dGeomSetCategoryBits(slot.geom, collides.member);
+    dGeomSetCollideBits(slot.geom, collides.meets);
+    dSpaceAdd(space_, slot.geom);
+    if (!body.fixed()) ode::make_body(slot, world_);
+    ode::place(slot, state);
+  }
+
+  static void remove_from_ode(Slot& slot) {
+    dGeomDestroy(slot.geom);
+    if (slot.body) dBodyDestroy(slot.body);
+  }
+
+  void destroy(Slot& slot) override {
+    enter_thread();
+    remove_from_ode(slot);
+    points_.frictions().forget(slot.id);
+  }
+
+  void place(Slot& slot, const BodyState& state) override { ode::place(slot, state); }
+  void put_velocity(Slot& slot, const Vec3& linear, const Vec3& angular) override {
+    ode::set_velocity(slot, linear, angular);
+  }
+  void put_inertia(Slot& slot) override { ode::set_mass(slot); }
+  void push(Slot& slot, const Vec3& impulse, const Vec3& point) override {
+    const BodyState s = state_of(slot);
+    const Vec3 turn = inverse_inertia(slot) * (point - s.position).cross(impulse);
+    ode::set_velocity(slot, s.linear_velocity + impulse / slot.mass, s.angular_velocity + turn);
+  }
+
+  void save_rest(std::span<const SavedBody>, std::vector<std::byte>& to) const override {
+    const std::vector<ode::Friction>& held = points_.frictions().held();
+    append(held.data(), held.size() * sizeof(ode::Friction), to);
+  }
+  void restore_rest(std::span<const SavedBody>, std::span<const std::byte> rest) override {
+    enter_thread();
+    if (rest.size() % sizeof(ode::Friction) != 0) refuse_checkpoint();
+    std::vector<ode::Friction> frictions(rest.size() / sizeof(ode::Friction));
+    if (!rest.empty()) std::memcpy(frictions.data(), rest.data(), rest.size());
+    points_.frictions().restore(std::move(frictions));
+  }
+  /// ODE solves bodies in the order in which they were made.
+  void reorder(std::span<const std::uint32_t> ids) override {
+    for (const std::uint32_t id : ids) {
+      dGeomSetBody(slots_[id].geom, nullptr);
+      dBodyDestroy(slots_[id].body);
+      ode::make_body(slots_[id], world_);
+    }
   }
 
   void substep(double h, int number) {
     for (const std::uint32_t id : movable_) {
       Slot& slot = slots_[id];
-      if (!slot.spec.rotates) {
+      if (!slot.rotates) {
         dBodySetAngularVel(slot.body, 0, 0, 0);
       } else if (feels_gyroscopic_torque(slot.inertia)) {
         const BodyState s = state_of(slot);
@@ -305,14 +195,14 @@ class Ode final : public Engine {
       }
       const Vec3 force = slot.weight + slot.force;
       dBodyAddForce(slot.body, force.x(), force.y(), force.z());
-      if (slot.spec.rotates) dBodyAddTorque(slot.body, slot.torque.x(), slot.torque.y(), slot.torque.z());
+      if (slot.rotates) dBodyAddTorque(slot.body, slot.torque.x(), slot.torque.y(), slot.torque.z());
     }
     clock_.ends(&EngineTimes::exchange_s);
     points_.find();
     points_.make_joints(h);
     prepare_correction();
     for (const std::uint32_t id : movable_) {
-      if (!slots_[id].spec.rotates) slots_[id].kept = state_of(slots_[id]);
+      if (!slots_[id].rotates) slots_[id].kept = state_of(slots_[id]);
     }
     {
       // QuickStep shuffles its rows with random numbers that all worlds of the process share.
@@ -345,10 +235,10 @@ class Ode final : public Engine {
     const bool apart = correction_.solve(kCorrectionRounds);
     for (const std::uint32_t id : movable_) {
       Slot& slot = slots_[id];
-      if (!apart && slot.spec.rotates) continue;
+      if (!apart && slot.rotates) continue;
       const auto& [mass, inertia, shift, turn] = correction_.mover(id);
       BodyState s = state_of(slot);
-      if (!slot.spec.rotates) {
+      if (!slot.rotates) {
         s.orientation = slot.kept.orientation;
         s.angular_velocity = Vec3::Zero();
       }
@@ -357,42 +247,22 @@ class Ode final : public Engine {
         s.orientation.coeffs() += 0.5 * (Quat(0.0, turn.x(), turn.y(), turn.z()) * s.orientation).coeffs();
         s.orientation.normalize();
       }
-      place(slot, s);
+      ode::place(slot, s);
     }
   }
 
-  /// Whether the engine has the saved bodies.
-  bool fits(const std::vector<ode::SavedBody>& bodies) const {
-    const auto held = std::count_if(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.used; });
-    return static_cast<std::ptrdiff_t>(bodies.size()) == held &&
-           std::all_of(bodies.begin(), bodies.end(), [this](const ode::SavedBody& entry) {
-             const auto id = static_cast<std::uint32_t>(entry.id);
-             return contains(BodyId{id}) && (slots_[id].body != nullptr) == (entry.load[0] > 0.0);
-           });
-  }
-
-  const EnginePreset& preset_;
-  Vec3 gravity_;
-  std::optional<int> fixed_substeps_;
-  double longest_substep_s_;
   ode::ShapeStore shapes_;
   dWorldID world_;
   dSpaceID space_;
-  std::vector<Slot> slots_;
-  std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
   ode::ContactPoints points_;
   ode::PositionCorrection correction_;
-  ContactTotals contacts_;
 };
 
-const EnginePlugin kPlugin{
-    .name = "ode",
-    .version = "ODE 0.16, double precision, QuickStep",
-    .licence = "BSD-3-Clause or LGPL-2.1",
-    .presets = kPresets,
-    .make = [](const EngineSettings& settings, std::span<const Mesh> meshes) -> std::unique_ptr<Engine> {
-      return std::make_unique<Ode>(settings, meshes);
-    }};
+const EnginePlugin kPlugin{.name = "ode",
+                           .version = "ODE 0.16, double precision, QuickStep",
+                           .licence = "BSD-3-Clause or LGPL-2.1",
+                           .presets = kPresets,
+                           .make = make_adapter<Ode>};
 
 }  // namespace
 

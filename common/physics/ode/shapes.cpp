@@ -3,22 +3,14 @@
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
 #include "model/vectors.hpp"
+#include "physics/adapter.hpp"
 
-#include <fmt/format.h>
 #include <Eigen/QR>
 
 namespace subworld::ode {
 
 ShapeStore::~ShapeStore() {
   for (auto& [mesh, held] : triangles_) dGeomTriMeshDataDestroy(held.data);
-}
-
-const Mesh& ShapeStore::mesh(const Shape& shape) const {
-  if (shape.mesh >= meshes_.size()) {
-    throw Error(ExitCode::usage,
-                fmt::format("shape names mesh {} of {}; load the mesh with the scene", shape.mesh, meshes_.size()));
-  }
-  return meshes_[shape.mesh];
 }
 
 ShapeStore::Hull ShapeStore::grown_hull(const Mesh& source) {
@@ -44,10 +36,10 @@ ShapeStore::Hull ShapeStore::grown_hull(const Mesh& source) {
 }
 
 ShapeStore::Triangles& ShapeStore::triangles(const Shape& shape) {
+  const Mesh& source = mesh_of(shape, meshes_);
   const auto [entry, is_new] = triangles_.try_emplace(shape.mesh);
   Triangles& held = entry->second;
   if (!is_new) return held;
-  const Mesh& source = meshes_[shape.mesh];
   for (const Vec3& v : source.vertices) held.vertices.insert(held.vertices.end(), {v.x(), v.y(), v.z()});
   for (const auto& t : source.triangles) held.indices.insert(held.indices.end(), {t[0], t[1], t[2]});
   held.data = dGeomTriMeshDataCreate();
@@ -81,7 +73,7 @@ dGeomID ShapeStore::make(const Shape& shape) {
     case ShapeKind::convex: {
       // ODE finds a hull's contacts through libccd: the deepest point, and a few more by tilting one of both a little.
       // For solids ode/patch.hpp finds the others; on a mesh a hull rests less steadily than a box.
-      const Mesh& source = mesh(shape);
+      const Mesh& source = mesh_of(shape, meshes_);
       const auto [entry, is_new] = hulls_.try_emplace(shape.mesh);
       if (is_new) entry->second = grown_hull(source);
       const Hull& hull = entry->second;
@@ -89,7 +81,6 @@ dGeomID ShapeStore::make(const Shape& shape) {
                            hull.points.data(), static_cast<unsigned>(hull.points.size() / 3), hull.polygons.data());
     }
     case ShapeKind::mesh:
-      (void)mesh(shape);
       return dCreateTriMesh(nullptr, triangles(shape).data, nullptr, nullptr, nullptr);
   }
   throw Error(ExitCode::usage, "ODE does not know this kind of shape");

@@ -39,7 +39,6 @@ class ShapeStore {
     std::vector<dReal> vertices;
     std::vector<dTriIndex> indices;
   };
-  [[nodiscard]] const Mesh& mesh(const Shape& shape) const;
   [[nodiscard]] static Hull grown_hull(const Mesh& mesh);
   [[nodiscard]] Triangles& triangles(const Shape& shape);
 

@@ -13,6 +13,9 @@ namespace {
 
 constexpr std::uint32_t kScratchBytes = 4096;
 
+/// Of one pair; further points are not read.
+constexpr std::uint32_t kMostPoints = 64;
+
 /// Typical size and speed of the simulated bodies, from which PhysX derives thresholds and contact distances.
 constexpr float kLength = 0.1F;  ///< m
 constexpr float kSpeed = 1.0F;   ///< m/s
@@ -46,24 +49,43 @@ const Transform kAlongZ{{0.0F, -std::sqrt(0.5F), 0.0F, std::sqrt(0.5F)}, {}};
 
 }  // namespace
 
-Module::Module(ContactListener& listener) : listener_(listener) {
-  env_.memory = &module_.w2c_memory;
+Module::Module() {
   env_.owner = this;
   env_.call_out = [](void* owner, std::uint32_t code, std::uint32_t, std::uint32_t arguments) {
     return static_cast<Module*>(owner)->call(code, arguments);
   };
-  try {
-    wasm2c_physx_instantiate(&module_, &env_, &wasi_);
-    w2c_physx_0x5F_wasm_call_ctors(&module_);
-    scratch_ = wasm::Scratch(module_.w2c_memory, allocate(kScratchBytes), kScratchBytes);
-    make_scene();
-  } catch (...) {
-    wasm2c_physx_free(&module_);
-    throw;
+  wasm2c_physx_instantiate(&module_, &env_, &wasi_);
+  w2c_physx_0x5F_wasm_call_ctors(&module_);
+  scratch_ = wasm::Scratch(module_.w2c_memory, allocate(kScratchBytes), kScratchBytes);
+  make_scene();
+  points_ = allocate(kMostPoints * sizeof(ContactPoint));
+}
+
+void Module::step(double h) {
+  reports_.clear();
+  w2c_physx_emscripten_bind_PxScene_simulate_1(&module_, scene_, static_cast<float>(h));
+  if (w2c_physx_emscripten_bind_PxScene_fetchResults_1(&module_, scene_, 1) == 0) {
+    throw Error(ExitCode::failed, "physx: a step did not end");
   }
 }
 
-Module::~Module() { wasm2c_physx_free(&module_); }
+void Module::on_contact(Address header, Address pairs, std::uint32_t count) {
+  w2c_physx* m = &module_;
+  const auto id = [&](std::uint32_t i) {
+    return w2c_physx_emscripten_bind_PxActor_get_userData_0(
+        m, w2c_physx_emscripten_bind_PxContactPairHeader_get_actors_1(m, header, i));
+  };
+  const std::uint32_t first = id(0), second = id(1);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const Address pair = w2c_physx_emscripten_bind_NativeArrayHelpers_getContactPairAt_2(m, pairs, i);
+    const std::uint32_t points =
+        w2c_physx_emscripten_bind_PxContactPair_extractContacts_2(m, pair, points_, kMostPoints);
+    for (std::uint32_t p = 0; p < points; ++p) {
+      reports_.push_back(
+          {first, second, get_at<ContactPoint>(static_cast<Address>(points_ + p * sizeof(ContactPoint)))});
+    }
+  }
+}
 
 Address Module::allocate(std::size_t bytes) {
   return need(w2c_physx_malloc(&module_, static_cast<std::uint32_t>(bytes)), "room in memory");
@@ -104,25 +126,21 @@ std::uint32_t Module::call(std::uint32_t code, Address arguments) {
   // Arguments are consecutive; in these calls, all have 4 bytes.
   const auto argument = [&](std::uint32_t i) { return wasm::load<std::uint32_t>(memory(), arguments + 4 * i); };
   if (code == kContactCode) {
-    listener_.on_contact(argument(1), argument(2), argument(3));
+    on_contact(argument(1), argument(2), argument(3));
     return 0;
   }
   if (code == kFilterCode) {
     // The module resets the flags before each call.
     w2c_physx_emscripten_bind_PassThroughFilterShader_set_outputPairFlags_1(&module_, argument(0), kPairFlags);
     // For each actor: attributes, then the four words of its filter data.
-    const wasm::Filter first{argument(2), argument(3)}, second{argument(7), argument(8)};
+    const CollisionClass first{argument(2), argument(3)}, second{argument(7), argument(8)};
     return (first.member & second.meets) != 0 && (second.member & first.meets) != 0 ? 0 : kKillPair;
   }
   throw Error(ExitCode::failed, fmt::format("physx makes the call {}, which version 2.7.3 does not make", code));
 }
 
 Address Module::make_mesh_geometry(const Shape& shape, std::span<const Mesh> meshes) {
-  if (shape.mesh >= meshes.size()) {
-    throw Error(ExitCode::usage,
-                fmt::format("shape names mesh {} of {}; load the mesh with the scene", shape.mesh, meshes.size()));
-  }
-  const Mesh& mesh = meshes[shape.mesh];
+  const Mesh& mesh = mesh_of(shape, meshes);
   w2c_physx* m = &module_;
   const auto describe = [&](Address data, Address at, std::size_t count, std::size_t stride) {
     w2c_physx_emscripten_bind_PxBoundedData_set_count_1(m, data, static_cast<std::uint32_t>(count));
@@ -130,9 +148,7 @@ Address Module::make_mesh_geometry(const Shape& shape, std::span<const Mesh> mes
     w2c_physx_emscripten_bind_PxBoundedData_set_data_1(m, data, at);
   };
   const Address vertices = allocate(mesh.vertices.size() * sizeof(Float3));
-  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
-    wasm::store(memory(), static_cast<Address>(vertices + i * sizeof(Float3)), to_module(mesh.vertices[i]));
-  }
+  wasm::store_all<Float3>(memory(), vertices, to_module(mesh.vertices));
   const Address cooking = w2c_physx_emscripten_bind_PxCookingParams_PxCookingParams_1(m, tolerances_);
   if (shape.kind == ShapeKind::convex) {
     const Address description = w2c_physx_emscripten_bind_PxConvexMeshDesc_PxConvexMeshDesc_0(m);
@@ -146,9 +162,8 @@ Address Module::make_mesh_geometry(const Shape& shape, std::span<const Mesh> mes
     cooked_ = hull;
     return w2c_physx_emscripten_bind_PxConvexMeshGeometry_PxConvexMeshGeometry_1(m, hull);
   }
-  const std::size_t bytes = mesh.triangles.size() * sizeof mesh.triangles[0];
-  const Address triangles = allocate(bytes);
-  std::memcpy(wasm::inside(memory(), triangles, bytes), mesh.triangles.data(), bytes);
+  const Address triangles = allocate(mesh.triangles.size() * sizeof mesh.triangles[0]);
+  wasm::store_all(memory(), triangles, std::span(mesh.triangles));
   const Address description = w2c_physx_emscripten_bind_PxTriangleMeshDesc_PxTriangleMeshDesc_0(m);
   describe(w2c_physx_emscripten_bind_PxTriangleMeshDesc_get_points_0(m, description), vertices, mesh.vertices.size(),
            sizeof(Float3));
@@ -187,7 +202,7 @@ Address Module::make_geometry(const Shape& shape, std::span<const Mesh> meshes) 
   throw Error(ExitCode::usage, "physx does not know this kind of shape");
 }
 
-Address Module::make_shape(const Shape& shape, const Material& material, const wasm::Filter& filter,
+Address Module::make_shape(const Shape& shape, const Material& material, const CollisionClass& collides,
                            std::span<const Mesh> meshes) {
   w2c_physx* m = &module_;
   cooked_ = 0;
@@ -206,7 +221,7 @@ Address Module::make_shape(const Shape& shape, const Material& material, const w
   if (cooked_ != 0) w2c_physx_emscripten_bind_PxRefCounted_release_0(m, cooked_);
   w2c_physx_webidl_free(m, geometry);
   w2c_physx_webidl_free(m, flags);
-  const Address words = w2c_physx_emscripten_bind_PxFilterData_PxFilterData_4(m, filter.member, filter.meets, 0, 0);
+  const Address words = w2c_physx_emscripten_bind_PxFilterData_PxFilterData_4(m, collides.member, collides.meets, 0, 0);
   w2c_physx_emscripten_bind_PxShape_setSimulationFilterData_1(m, made, words);
   w2c_physx_webidl_free(m, words);
   if (shape.kind == ShapeKind::plane || shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder) {

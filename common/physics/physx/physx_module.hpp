@@ -1,13 +1,15 @@
 #pragma once
 
 #include "model/body.hpp"
-#include "physics/wasm/host.hpp"
+#include "physics/adapter.hpp"
+#include "physics/wasm/instance.hpp"
 #include "physics/wasm/vectors.hpp"
 
 #include <physx.h>
 
 #include <cstdint>
 #include <span>
+#include <vector>
 
 namespace subworld::physx {
 
@@ -36,50 +38,48 @@ struct ContactPoint {
 };
 static_assert(sizeof(Transform) == 28 && sizeof(ContactPoint) == 48);
 
-/// Receives the contacts of a step while it ends.
-class ContactListener {
- public:
-  /// `header` is a PxContactPairHeader, `pairs` an array of `count` PxContactPair.
-  virtual void on_contact(Address header, Address pairs, std::uint32_t count) = 0;
-
- protected:
-  ~ContactListener() = default;
+/// A contact point of two actors, by their user data.
+struct Report {
+  std::uint32_t first, second;
+  ContactPoint point;
 };
 
 /// One instance of the module, with its own memory, PhysX and scene. The scene has no gravity.
-class Module {
+class Module : public wasm::EmscriptenInstance<w2c_physx, wasm2c_physx_free> {
  public:
-  explicit Module(ContactListener& listener);
-  ~Module();
-  Module(const Module&) = delete;
-  Module& operator=(const Module&) = delete;
+  Module();
 
-  [[nodiscard]] w2c_physx* get() noexcept { return &module_; }
-  [[nodiscard]] wasm_rt_memory_t& memory() noexcept { return module_.w2c_memory; }
-  [[nodiscard]] wasm::Scratch& scratch() noexcept { return scratch_.reset(); }
   [[nodiscard]] Address physics() const noexcept { return physics_; }
   [[nodiscard]] Address scene() const noexcept { return scene_; }
 
   /// A shape with its own material. Throws `Error` if that fails.
-  [[nodiscard]] Address make_shape(const Shape& shape, const Material& material, const wasm::Filter& filter,
+  [[nodiscard]] Address make_shape(const Shape& shape, const Material& material, const CollisionClass& collides,
                                    std::span<const Mesh> meshes);
-  [[nodiscard]] Address allocate(std::size_t bytes);
+  /// Advances the scene by h (s).
+  void step(double h);
+  /// Contacts of the last step, found before the velocities at its end were known.
+  [[nodiscard]] std::span<const Report> reports() const noexcept { return reports_; }
+
+  template <class T>
+  [[nodiscard]] T get_at(Address at) const {
+    return wasm::load<T>(module_.w2c_memory, at);
+  }
 
  private:
+  [[nodiscard]] Address allocate(std::size_t bytes);
   void make_scene();
   [[nodiscard]] Address make_geometry(const Shape& shape, std::span<const Mesh> meshes);
   [[nodiscard]] Address make_mesh_geometry(const Shape& shape, std::span<const Mesh> meshes);
   [[nodiscard]] std::uint32_t call(std::uint32_t code, Address arguments);
+  /// `header` is a PxContactPairHeader, `pairs` an array of `count` PxContactPair.
+  void on_contact(Address header, Address pairs, std::uint32_t count);
 
-  ContactListener& listener_;
-  w2c_physx module_{};
-  w2c_env env_;
-  w2c_wasi__snapshot__preview1 wasi_;
-  wasm::Scratch scratch_;
   Address tolerances_ = 0;
   Address physics_ = 0;
   Address scene_ = 0;
   Address cooked_ = 0;  ///< the mesh of the latest geometry; its shapes hold a reference
+  Address points_ = 0;  ///< memory for the contact points of a pair
+  std::vector<Report> reports_;
 };
 
 }  // namespace subworld::physx

@@ -1,4 +1,4 @@
-#include "physics/plugin.hpp"
+#include "model/shape_extent.hpp"
 #include "physics/wasm/module_engine.hpp"
 #include "rapier_module.hpp"
 
@@ -67,29 +67,7 @@ constexpr std::uint32_t kPointMask = 0x7FFFFFFF;
 class Rapier final : public wasm::ModuleEngine {
  public:
   Rapier(const EngineSettings& settings, std::span<const Mesh> meshes)
-      : Rapier(settings, meshes, kPresets[find_preset(kPlugin, settings.preset)]) {}
-
-  std::string_view name() const noexcept override { return "rapier"; }
-  double integration_substep_s(double dt) const noexcept override {
-    const double h = ModuleEngine::integration_substep_s(dt);
-    return h / iterations(h);
-  }
-
-  Capabilities capabilities() const noexcept override {
-    return {.normal_impulse = Fidelity::exact,
-            .tangential_impulse = Fidelity::estimated,  // from the balance of momentum
-            .gyroscopic = Fidelity::exact,              // computed by the adapter
-            .checkpoint = Fidelity::exact,
-            .deterministic = true,
-            .precision = std::numeric_limits<float>::epsilon()};
-  }
-
- private:
-  Rapier(const EngineSettings& settings, std::span<const Mesh> meshes, const EnginePreset& preset)
-      : ModuleEngine(settings, preset.longest_substep_s),
-        fixed_iterations_(settings.iterations),
-        preset_(preset),
-        meshes_(meshes.begin(), meshes.end()) {
+      : ModuleEngine(kPlugin, settings, meshes), fixed_iterations_(settings.iterations) {
     Parameters& p = module_.parameters();
     p.damping = p.fixed_damping = kDamping;
     p.speed_limit = std::numeric_limits<float>::max();
@@ -98,24 +76,30 @@ class Rapier final : public wasm::ModuleEngine {
     p.clusters_contacts = 0;  // clusters would be solved in another array
   }
 
+  double integration_substep_s(double dt) const noexcept override {
+    const double h = ModuleEngine::integration_substep_s(dt);
+    return h / iterations(h);
+  }
+
+ private:
   int iterations(double h) const noexcept {
     return iteration_count(h, fixed_iterations_, preset_.iterations, preset_.longest_iteration_s);
   }
 
   wasm_rt_memory_t& memory() const override { return module_.memory(); }
 
-  void create(BodyId, Slot& slot, const Body& body, const BodyState& state, const wasm::Filter& filter) override {
-    const Address shape = module_.make_shape(body.shape, meshes_);        // first: if it fails, nothing is added
-    slot.body = bits(module_.make_body(body, state, shape, filter)) + 1;  // + 1, because a handle may be zero
+  void make(Slot& slot, const Body& body, const BodyState& state, const CollisionClass& collides) override {
+    const Address shape = module_.make_shape(body.shape, meshes_);          // first: if it fails, nothing is added
+    slot.body = bits(module_.make_body(body, state, shape, collides)) + 1;  // + 1, because a handle may be zero
     if (!slot.fixed) put_inertia(slot);
     if (slot.id >= known_.size()) known_.resize(slot.id + 1);
-    known_[slot.id] = {.bounds = bounds_in_frame(body.shape)};
+    known_[slot.id] = {.bounds = subworld::bounds(body.shape, {}, meshes_)};
     identify(slot);
   }
 
-  void destroy(const Slot& slot) override { module_.remove(handle(slot)); }
+  void destroy(Slot& slot) override { module_.remove(handle(slot)); }
 
-  void put_inertia(const Slot& slot) override {
+  void put_inertia(Slot& slot) override {
     // Zero: does not rotate.
     w2c_rapier_rawrigidbodyset_rbSetAdditionalMassProperties(
         module_.get(), module_.bodies(), handle(slot), static_cast<float>(slot.mass), module_.zero(),
@@ -213,8 +197,8 @@ class Rapier final : public wasm::ModuleEngine {
     Vec3 friction = Vec3::Zero();
     if (last > 0.0F) friction = from_module(points[0].last_tangential) / last;
 
-    const Slot& first = slots()[ids_[manifold.bodies[0].index]];
-    const Slot& second = slots()[ids_[manifold.bodies[1].index]];
+    const Slot& first = slots_[ids_[manifold.bodies[0].index]];
+    const Slot& second = slots_[ids_[manifold.bodies[1].index]];
     const bool swap = first.id > second.id;
     const Vec3 normal = from_module(manifold.normal);
     const Anchors on_first(first), on_second(second);
@@ -247,9 +231,9 @@ class Rapier final : public wasm::ModuleEngine {
     Eigen::Matrix3d turn_ = Eigen::Matrix3d::Identity();
   };
 
-  void restored() override {
-    for (const Slot& slot : slots()) {
-      if (slot.body == 0) continue;
+  void handles_changed() override {
+    for (const Slot& slot : slots_) {
+      if (!slot.used) continue;
       known_[slot.id].in_module = false;
       identify(slot);
     }
@@ -259,30 +243,6 @@ class Rapier final : public wasm::ModuleEngine {
     const std::uint32_t place = index_of(handle(slot));
     if (place >= ids_.size()) ids_.resize(place + 1);
     ids_[place] = slot.id;
-  }
-
-  Box bounds_in_frame(const Shape& shape) const {
-    const auto around = [](const Vec3& half) { return Box{-half, half}; };
-    const double r = shape.radius;
-    switch (shape.kind) {
-      case ShapeKind::sphere:
-        return around(Vec3::Constant(r));
-      case ShapeKind::box:
-        return around(shape.half_extents);
-      case ShapeKind::capsule:
-        return around({r, r, shape.half_length + r});
-      case ShapeKind::cylinder:
-        return around({r, r, shape.half_length});
-      case ShapeKind::convex:
-      case ShapeKind::mesh: {
-        Eigen::AlignedBox3d box;
-        for (const Vec3& v : meshes_[shape.mesh].vertices) box.extend(v);
-        return {box.min(), box.max()};
-      }
-      case ShapeKind::plane:
-        break;
-    }
-    return {};
   }
 
   static Handle handle(const Slot& slot) { return std::bit_cast<Handle>(slot.body - 1); }
@@ -296,8 +256,6 @@ class Rapier final : public wasm::ModuleEngine {
   };
 
   std::optional<int> fixed_iterations_;
-  const EnginePreset& preset_;
-  std::vector<Mesh> meshes_;
   mutable rapier::Module module_;          ///< its views of memory are not const
   std::vector<Known> known_;               ///< by body
   std::vector<const Manifold*> touching_;  ///< of the current step
@@ -310,9 +268,7 @@ const EnginePlugin kPlugin{
     .licence = "Apache-2.0",
     .presets = kPresets,
     .limits = {.continuous = true},
-    .make = [](const EngineSettings& settings, std::span<const Mesh> meshes) -> std::unique_ptr<Engine> {
-      return std::make_unique<Rapier>(settings, meshes);
-    }};
+    .make = make_adapter<Rapier>};
 
 }  // namespace
 

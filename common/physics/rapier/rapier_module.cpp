@@ -2,8 +2,6 @@
 
 #include "model/error.hpp"
 
-#include <fmt/format.h>
-
 #include <cmath>
 #include <vector>
 
@@ -28,29 +26,22 @@ const Quat kAlongZ = Quat(std::sqrt(0.5), std::sqrt(0.5), 0.0, 0.0);
 
 Module::Module() {
   javascript_.memory = &module_.w2c_memory;
-  try {
-    wasm2c_rapier_instantiate(&module_, &javascript_);
-    w2c_rapier* m = &module_;
-    parameters_ = w2c_rapier_rawintegrationparameters_new(m);
-    pipeline_ = w2c_rapier_rawphysicspipeline_new(m);
-    islands_ = w2c_rapier_rawislandmanager_new(m);
-    broad_phase_ = w2c_rapier_rawbroadphase_new(m);
-    narrow_phase_ = w2c_rapier_rawnarrowphase_new(m);
-    bodies_ = w2c_rapier_rawrigidbodyset_new(m);
-    colliders_ = w2c_rapier_rawcolliderset_new(m);
-    joints_ = w2c_rapier_rawimpulsejointset_new(m);
-    multibody_joints_ = w2c_rapier_rawmultibodyjointset_new(m);
-    ccd_ = w2c_rapier_rawccdsolver_new(m);
-    for (Address& vector : vectors_) vector = w2c_rapier_rawvector_new(m, 0.0F, 0.0F, 0.0F);
-    zero_ = w2c_rapier_rawvector_new(m, 0.0F, 0.0F, 0.0F);
-    unturned_ = w2c_rapier_rawrotation_new(m, 0.0F, 0.0F, 0.0F, 1.0F);
-  } catch (...) {
-    wasm2c_rapier_free(&module_);
-    throw;
-  }
+  wasm2c_rapier_instantiate(&module_, &javascript_);
+  w2c_rapier* m = &module_;
+  parameters_ = w2c_rapier_rawintegrationparameters_new(m);
+  pipeline_ = w2c_rapier_rawphysicspipeline_new(m);
+  islands_ = w2c_rapier_rawislandmanager_new(m);
+  broad_phase_ = w2c_rapier_rawbroadphase_new(m);
+  narrow_phase_ = w2c_rapier_rawnarrowphase_new(m);
+  bodies_ = w2c_rapier_rawrigidbodyset_new(m);
+  colliders_ = w2c_rapier_rawcolliderset_new(m);
+  joints_ = w2c_rapier_rawimpulsejointset_new(m);
+  multibody_joints_ = w2c_rapier_rawmultibodyjointset_new(m);
+  ccd_ = w2c_rapier_rawccdsolver_new(m);
+  for (Address& vector : vectors_) vector = w2c_rapier_rawvector_new(m, 0.0F, 0.0F, 0.0F);
+  zero_ = w2c_rapier_rawvector_new(m, 0.0F, 0.0F, 0.0F);
+  unturned_ = w2c_rapier_rawrotation_new(m, 0.0F, 0.0F, 0.0F, 1.0F);
 }
-
-Module::~Module() { wasm2c_rapier_free(&module_); }
 
 Address Module::put(Address vector, const Vec3& v) {
   w2c_rapier_rawvector_set_x(&module_, vector, static_cast<float>(v.x()));
@@ -69,7 +60,7 @@ std::span<const ContactPair> Module::pairs() {
                             wasm::load<std::uint32_t>(memory(), narrow_phase_ + kPairCount)});
 }
 
-Handle Module::make_body(const Body& body, const BodyState& state, Address shape, const wasm::Filter& filter) {
+Handle Module::make_body(const Body& body, const BodyState& state, Address shape, const CollisionClass& collides) {
   w2c_rapier* m = &module_;
   const Float4 q = to_module(state.orientation);
   const Address rotation = w2c_rapier_rawrotation_new(m, q.x, q.y, q.z, q.w);
@@ -78,7 +69,7 @@ Handle Module::make_body(const Body& body, const BodyState& state, Address shape
       1, 1, 0.0F, 0.0F, body.fixed() ? kFixed : kDynamic, 0, 0, 0.0F, 0, 0, 0);
   w2c_rapier_0x5F_wbg_rawrotation_free(m, rotation, 0);
   this->body(made).gyroscopic_torque = 0;  // the adapter's own is exact
-  make_collider(made, body, shape, filter);
+  make_collider(made, body, shape, collides);
   return made;
 }
 
@@ -86,7 +77,7 @@ template <class T>
 Address Module::copy(std::span<const T> values) {
   const Address to =
       w2c_rapier_0x5F_wbindgen_export3(&module_, static_cast<std::uint32_t>(values.size_bytes()), kAlign);
-  std::memcpy(wasm::inside(memory(), to, values.size_bytes()), values.data(), values.size_bytes());
+  wasm::store_all(memory(), to, values);
   return to;
 }
 
@@ -111,16 +102,9 @@ Address Module::make_geometry(const Shape& shape, std::span<const Mesh> meshes) 
     case ShapeKind::mesh:
       break;
   }
-  if (shape.mesh >= meshes.size()) {
-    throw Error(ExitCode::usage,
-                fmt::format("shape names mesh {} of {}; load the mesh with the scene", shape.mesh, meshes.size()));
-  }
-  const Mesh& mesh = meshes[shape.mesh];
-  std::vector<Float3> corners;
-  corners.reserve(mesh.vertices.size());
-  for (const Vec3& v : mesh.vertices) corners.push_back(to_module(v));
-  const Address vertices = copy(std::span<const Float3>(corners));  // the module frees its arguments
-  const auto numbers = static_cast<std::uint32_t>(3 * corners.size());
+  const Mesh& mesh = mesh_of(shape, meshes);
+  const Address vertices = copy<Float3>(to_module(mesh.vertices));  // the module frees its arguments
+  const auto numbers = static_cast<std::uint32_t>(3 * mesh.vertices.size());
   if (shape.kind == ShapeKind::convex) return w2c_rapier_rawshape_convexHull(m, vertices, numbers);
   const Address triangles = copy(std::span(mesh.triangles));
   return w2c_rapier_rawshape_trimesh(m, vertices, numbers, triangles,
@@ -133,7 +117,7 @@ Address Module::make_shape(const Shape& shape, std::span<const Mesh> meshes) {
   return made;
 }
 
-void Module::make_collider(Handle handle, const Body& body, Address shape, const wasm::Filter& filter) {
+void Module::make_collider(Handle handle, const Body& body, Address shape, const CollisionClass& collides) {
   w2c_rapier* m = &module_;
   const bool turned = body.shape.kind == ShapeKind::capsule || body.shape.kind == ShapeKind::cylinder;
   const Float4 q = to_module(turned ? kAlongZ : Quat::Identity());
@@ -141,7 +125,7 @@ void Module::make_collider(Handle handle, const Body& body, Address shape, const
   // Rapier multiplies the values of a pair: the root of the friction gives the geometric mean.
   const auto friction = static_cast<float>(std::sqrt(body.material.friction));
   const auto restitution = static_cast<float>(body.material.restitution);
-  const std::uint32_t groups = filter.member << 16 | filter.meets;
+  const std::uint32_t groups = collides.member << 16 | collides.meets;
   const Address result = w2c_rapier_0x5F_wbindgen_add_to_stack_pointer(m, static_cast<std::uint32_t>(-16));
   w2c_rapier_rawcolliderset_createCollider(m, result, colliders_, 1, shape, zero_, rotation, 0, 0.0F, zero_, zero_,
                                            unturned_, 0.0F, friction, restitution, kMultiply, kMultiply, 0, groups,

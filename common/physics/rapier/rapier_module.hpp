@@ -1,8 +1,9 @@
 #pragma once
 
 #include "model/body.hpp"
+#include "physics/adapter.hpp"
 #include "physics/rapier/javascript.hpp"
-#include "physics/wasm/host.hpp"
+#include "physics/wasm/instance.hpp"
 #include "physics/wasm/vectors.hpp"
 
 #include <rapier.h>
@@ -117,15 +118,10 @@ using Handle = double;
 [[nodiscard]] inline std::uint32_t index_of(Handle handle) { return static_cast<std::uint32_t>(bits(handle)); }
 
 /// One instance of the module, with its own memory and world. The world has no gravity.
-class Module {
+class Module : public wasm::Instance<w2c_rapier, wasm2c_rapier_free> {
  public:
   Module();
-  ~Module();
-  Module(const Module&) = delete;
-  Module& operator=(const Module&) = delete;
 
-  [[nodiscard]] w2c_rapier* get() noexcept { return &module_; }
-  [[nodiscard]] wasm_rt_memory_t& memory() noexcept { return module_.w2c_memory; }
   [[nodiscard]] Parameters& parameters() { return *at<Parameters>(parameters_); }
   [[nodiscard]] Address bodies() const noexcept { return bodies_; }
 
@@ -146,7 +142,8 @@ class Module {
 
   /// Throws `Error` if that fails. make_body() takes ownership.
   [[nodiscard]] Address make_shape(const Shape& shape, std::span<const Mesh> meshes);
-  [[nodiscard]] Handle make_body(const Body& body, const BodyState& state, Address shape, const wasm::Filter& filter);
+  [[nodiscard]] Handle make_body(const Body& body, const BodyState& state, Address shape,
+                                 const CollisionClass& collides);
   void remove(Handle body);
   void step();
 
@@ -157,11 +154,10 @@ class Module {
   }
   [[nodiscard]] Address put(Address vector, const Vec3& v);
   [[nodiscard]] Address make_geometry(const Shape& shape, std::span<const Mesh> meshes);
-  void make_collider(Handle handle, const Body& body, Address shape, const wasm::Filter& filter);
+  void make_collider(Handle handle, const Body& body, Address shape, const CollisionClass& collides);
   template <class T>
   [[nodiscard]] Address copy(std::span<const T> values);
 
-  w2c_rapier module_{};
   w2c_0x2E0x2Frapier__wasm3d__bg0x2Ejs javascript_;
   Address parameters_ = 0, pipeline_ = 0, islands_ = 0, broad_phase_ = 0, narrow_phase_ = 0, bodies_ = 0,
           colliders_ = 0, joints_ = 0, multibody_joints_ = 0, ccd_ = 0;

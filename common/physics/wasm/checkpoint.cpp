@@ -1,4 +1,5 @@
 #include "model/error.hpp"
+#include "physics/adapter.hpp"
 #include "physics/wasm/host.hpp"
 
 #include <sys/mman.h>
@@ -17,12 +18,6 @@ bool all_zero(const std::uint8_t* block) {
 }
 
 }  // namespace
-
-void append(const void* from, std::size_t size, std::vector<std::byte>& to) {
-  const std::size_t end = to.size();
-  to.resize(end + size);
-  std::memcpy(to.data() + end, from, size);
-}
 
 void save(const wasm_rt_memory_t& memory, std::vector<std::byte>& out) {
   append(&memory.pages, sizeof memory.pages, out);

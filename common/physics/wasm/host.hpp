@@ -21,11 +21,6 @@ using Address = std::uint32_t;
   return memory.data + at;
 }
 
-/// Collision filter in the modules' format: a pair collides if the `meets` of each has the other's `member`.
-struct Filter {
-  std::uint32_t member, meets;
-};
-
 template <class T>
 [[nodiscard]] T load(const wasm_rt_memory_t& memory, Address at) {
   static_assert(std::is_trivially_copyable_v<T>);
@@ -38,6 +33,12 @@ template <class T>
 void store(const wasm_rt_memory_t& memory, Address at, const T& value) {
   static_assert(std::is_trivially_copyable_v<T>);
   std::memcpy(inside(memory, at, sizeof value), &value, sizeof value);
+}
+
+template <class T>
+void store_all(const wasm_rt_memory_t& memory, Address at, std::span<const T> values) {
+  static_assert(std::is_trivially_copyable_v<T>);
+  std::memcpy(inside(memory, at, values.size_bytes()), values.data(), values.size_bytes());
 }
 
 /// A range of a module's memory for the arguments and results of calls: a struct argument is an address in wasm, and a
@@ -76,7 +77,6 @@ class Scratch {
   Address begin_ = 0, end_ = 0, next_ = 0;
 };
 
-void append(const void* from, std::size_t size, std::vector<std::byte>& to);
 /// Appends the contents of the memory, without blocks of zeros. Exact: between two calls the whole state of a module is
 /// in its memory.
 void save(const wasm_rt_memory_t& memory, std::vector<std::byte>& out);

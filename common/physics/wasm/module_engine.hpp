@@ -1,12 +1,11 @@
 #pragma once
 
-#include "physics/contact_totals.hpp"
+#include "physics/adapter.hpp"
 #include "physics/friction_estimate.hpp"
-#include "physics/plugin.hpp"
 #include "physics/wasm/host.hpp"
 
 #include <cstdint>
-#include <optional>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -21,61 +20,43 @@ struct Load {
   BodyState loaded;  ///< `now` with the changes of velocity by force and torque
 };
 
-/// Base of all engines that are WebAssembly modules: bodies, loads, the friction that such modules do not
-/// report, and checkpoints of their memory. A derived class makes, moves and reads a body.
-class ModuleEngine : public Engine {
- public:
-  void add(const Body& body, const BodyState& state, Role role) final;
-  void remove(BodyId id) final;
-  bool contains(BodyId id) const noexcept final { return index(id) < slots_.size() && slots_[index(id)].body != 0; }
+struct Slot : AdapterSlot {
+  std::uint64_t body = 0;  ///< the module's handle
+  std::uint64_t shape = 0;
+  BodyState after;     ///< at the end of the last sub-step; for a fixed body, the velocity that was set
+  bool known = false;  ///< movable body: `after` equals the module's state
+};
 
+/// Base of all engines that are WebAssembly modules: loads, the friction that such modules do not report, and
+/// checkpoints of their memory. A derived class makes, moves and reads a body.
+class ModuleEngine : public Adapter<Slot> {
+ public:
+  Capabilities capabilities() const noexcept override {
+    return {.normal_impulse = Fidelity::exact,
+            .tangential_impulse = Fidelity::estimated,  // from the balance of momentum
+            .gyroscopic = Fidelity::exact,              // computed here
+            .checkpoint = Fidelity::exact,
+            .deterministic = true,
+            .precision = std::numeric_limits<float>::epsilon()};
+  }
   BodyState state(BodyId id) const final { return state_of(at(id)); }
-  bool set_state(BodyId id, const BodyState& state) final;
-  bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) final;
-  void set_inertia(BodyId id, double mass, const Vec3& inertia) final;
-  bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) final;
-  bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) final;
-  double integration_substep_s(double dt) const noexcept override;
   void step(double dt) final;
-  std::span<const Contact> contacts() const noexcept final { return contacts_.contacts(); }
   std::span<const Contact> contacts_with_friction() final;
   Box bounds(BodyId id) const final { return bounds_of(at(id)); }
-  void overlap(const Box& box, std::vector<BodyId>& out) const final;
-  Checkpoint checkpoint() const final;
-  void restore(const Checkpoint& checkpoint) final;
 
  protected:
-  struct Slot {
-    std::uint32_t id = 0;
-    std::uint64_t body = 0;  ///< the module's handle; 0: no body of this id
-    std::uint64_t shape = 0;
-    bool fixed = false;
-    bool plane = false;
-    bool rotates = true;
-    double friction = 0.0;
-    double mass = 0.0;            ///< kg
-    Vec3 inertia = Vec3::Zero();  ///< kg m^2
-    Vec3 weight = Vec3::Zero();   ///< N
-    Vec3 force = Vec3::Zero();    ///< for the next step
-    Vec3 torque = Vec3::Zero();
-    BodyState after;     ///< at the end of the last sub-step; for a fixed body, the velocity that was set
-    bool known = false;  ///< movable body: `after` equals the module's state
-  };
+  using Slot = wasm::Slot;
 
-  /// `longest_substep_s`: step() divides its dt so that no sub-step is longer, unless the settings give a number.
-  ModuleEngine(const EngineSettings& settings, double longest_substep_s)
-      : gravity_(settings.gravity),
-        fixed_substeps_(settings.substeps),
-        longest_substep_s_(settings.longest_substep_s.value_or(longest_substep_s)),
+  ModuleEngine(const EnginePlugin& plugin, const EngineSettings& settings, std::span<const Mesh> meshes)
+      : Adapter(plugin, settings),
+        meshes_(meshes.begin(), meshes.end()),
         keeps_frictionless_(disables(settings.disabled, Optimisation::friction)) {}
 
   [[nodiscard]] virtual wasm_rt_memory_t& memory() const = 0;
   /// Makes the body in the module, in the pose of `state`, and sets the slot's handles.
-  virtual void create(BodyId id, Slot& slot, const Body& body, const BodyState& state, const Filter& filter) = 0;
-  virtual void destroy(const Slot& slot) = 0;
+  virtual void make(Slot& slot, const Body& body, const BodyState& state, const CollisionClass& collides) = 0;
   virtual void put_pose(const Slot& slot, const Vec3& position, const Quat& orientation) = 0;
-  /// This and the next two functions: for movable bodies only.
-  virtual void put_inertia(const Slot& slot) = 0;
+  /// This and the next function: for movable bodies only.
   virtual void put_velocities(const Slot& slot, const Vec3& linear, const Vec3& angular) = 0;
   virtual void load(const Slot& slot, const Load& load) = 0;
   /// Velocities of a fixed body are not used.
@@ -86,7 +67,7 @@ class ModuleEngine : public Engine {
   /// Calls found() for each contact point of the sub-step.
   virtual void collect() = 0;
   /// Called when the slots' handles have changed.
-  virtual void restored() {}
+  virtual void handles_changed() {}
 
   /// Adds a contact point. `a` < `b`; point on b, normal from b to a; impulses on a in N s. `tangential`: the start of
   /// the friction estimate, for a module that reports friction roughly.
@@ -102,8 +83,7 @@ class ModuleEngine : public Engine {
                       .tangential_impulse = tangential});
   }
 
-  /// By id.
-  [[nodiscard]] std::span<const Slot> slots() const noexcept { return slots_; }
+  std::vector<Mesh> meshes_;
 
  private:
   /// A movable body in the last sub-step.
@@ -113,21 +93,19 @@ class ModuleEngine : public Engine {
     BodyState loaded;
   };
 
-  [[nodiscard]] Slot& at(BodyId id);
-  [[nodiscard]] const Slot& at(BodyId id) const;
+  void create(Slot& slot, const Body& body, const BodyState& state, const CollisionClass& collides) final;
+  void place(Slot& slot, const BodyState& state) final;
+  void put_velocity(Slot& slot, const Vec3& linear, const Vec3& angular) final;
+  void push(Slot& slot, const Vec3& impulse, const Vec3& point) final;
+  void save_rest(std::span<const SavedBody> bodies, std::vector<std::byte>& to) const final;
+  void restore_rest(std::span<const SavedBody> bodies, std::span<const std::byte> rest) final;
+  void restore_body(Slot& slot, const BodyState& state) final;
   [[nodiscard]] BodyState state_of(const Slot& slot) const;
   [[nodiscard]] Box bounds_of(const Slot& slot) const;
-  void set_velocities(Slot& slot, const Vec3& linear, const Vec3& angular);
   void apply_loads(double h);
   void estimate_friction();
 
-  std::vector<Slot> slots_;
-  Vec3 gravity_;
-  std::optional<int> fixed_substeps_;
-  double longest_substep_s_;
   bool keeps_frictionless_;              ///< friction is estimated for contacts without friction too, for comparison
-  std::uint64_t count_ = 0;              ///< number of bodies
-  std::vector<std::uint32_t> movable_;   ///< ids, in the order of adding
   double reach_ = 0.05;                  ///< m
   std::vector<Stepped> stepped_;         ///< by id
   std::vector<VelocityChange> changes_;  ///< of a sub-step, by id
@@ -135,7 +113,6 @@ class ModuleEngine : public Engine {
   bool has_friction_ = true;             ///< the contacts of the last step have friction impulses
   std::vector<double> friction_;         ///< of found_
   FrictionEstimate estimate_;
-  ContactTotals contacts_;
 };
 
 }  // namespace subworld::wasm

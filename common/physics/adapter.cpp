@@ -1,0 +1,108 @@
+#include "physics/adapter.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+
+namespace subworld {
+
+namespace {
+
+struct Header {
+  std::array<char, 16> engine{};
+  std::uint64_t bodies = 0;
+};
+
+Header header_of(std::string_view engine, std::size_t bodies) {
+  Header header;
+  std::copy_n(engine.begin(), std::min(engine.size(), header.engine.size()), header.engine.begin());
+  header.bodies = bodies;
+  return header;
+}
+
+}  // namespace
+
+CollisionClass collision_class(Role role, bool fixed) noexcept {
+  constexpr std::uint32_t kMovable = 1, kFixed = 2, kGhost = 4, kApproaching = 8;
+  if (role == Role::ghost) return {kGhost, kMovable | kApproaching};
+  if (role == Role::approaching) return {kApproaching, kMovable | kGhost | kApproaching};
+  if (fixed) return {kFixed, kMovable};
+  return {kMovable, kMovable | kFixed | kGhost | kApproaching};
+}
+
+const Mesh& mesh_of(const Shape& shape, std::span<const Mesh> meshes) {
+  if (shape.mesh >= meshes.size()) {
+    throw Error(ExitCode::usage,
+                fmt::format("shape names mesh {} of {}; load the mesh with the scene", shape.mesh, meshes.size()));
+  }
+  return meshes[shape.mesh];
+}
+
+AdapterSlot::AdapterSlot(const Body& body, const Vec3& gravity)
+    : id(index(body.id)),
+      used(true),
+      fixed(body.fixed()),
+      rotates(body.rotates),
+      shape_kind(body.shape.kind),
+      material(body.material),
+      mass(body.mass),
+      inertia(body.inertia) {
+  if (body.gravity && !body.fixed()) weight = body.mass * gravity;
+}
+
+void append(const void* from, std::size_t size, std::vector<std::byte>& to) {
+  const auto* begin = static_cast<const std::byte*>(from);
+  to.insert(to.end(), begin, begin + size);
+}
+
+SavedBody saved(const AdapterSlot& slot, const BodyState& state) {
+  SavedBody entry{slot.id, {}, {}};
+  Eigen::Map<Eigen::Matrix<double, 13, 1>>(entry.state.data()) << state.position, state.orientation.coeffs(),
+      state.linear_velocity, state.angular_velocity;
+  Eigen::Map<Eigen::Matrix<double, 10, 1>>(entry.load.data()) << (slot.fixed ? 0.0 : slot.mass), slot.inertia,
+      slot.force, slot.torque;
+  return entry;
+}
+
+BodyState restored(const SavedBody& saved, AdapterSlot& slot) {
+  const Eigen::Map<const Eigen::Matrix<double, 13, 1>> x(saved.state.data());
+  const Eigen::Map<const Eigen::Matrix<double, 10, 1>> load(saved.load.data());
+  slot.mass = load[0];
+  slot.inertia = load.segment<3>(1);
+  slot.force = load.segment<3>(4);
+  slot.torque = load.segment<3>(7);
+  return {x.segment<3>(0), Quat(x[6], x[3], x[4], x[5]), x.segment<3>(7), x.segment<3>(10)};
+}
+
+void save_bodies(std::string_view engine, std::span<const SavedBody> bodies, std::vector<std::byte>& to) {
+  const Header header = header_of(engine, bodies.size());
+  append(&header, sizeof header, to);
+  append(bodies.data(), bodies.size_bytes(), to);
+}
+
+std::vector<SavedBody> read_bodies(std::string_view engine, std::span<const std::byte>& saved) {
+  Header header;
+  if (saved.size() < sizeof header) refuse_checkpoint();
+  std::memcpy(&header, saved.data(), sizeof header);
+  saved = saved.subspan(sizeof header);
+  if (header.engine != header_of(engine, 0).engine || header.bodies > saved.size() / sizeof(SavedBody)) {
+    refuse_checkpoint();
+  }
+  std::vector<SavedBody> bodies(header.bodies);
+  if (!bodies.empty()) std::memcpy(bodies.data(), saved.data(), bodies.size() * sizeof(SavedBody));
+  saved = saved.subspan(bodies.size() * sizeof(SavedBody));
+  return bodies;
+}
+
+void refuse_checkpoint() {
+  throw Error(ExitCode::failed, "the checkpoint is of another engine or of other bodies; take one from this engine");
+}
+
+void refuse_body(BodyId id, const char* why) {
+  throw Error(ExitCode::failed, fmt::format("body {} {}", index(id), why));
+}
+
+}  // namespace subworld
