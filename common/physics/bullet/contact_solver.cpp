@@ -120,7 +120,7 @@ void ContactSolver::prepare_pair(btPersistentManifold& manifold, const btContact
     if (pair.rubs) prepare_friction(point, arm, before, info.m_sor, friction);
     pair.penetrates = pair.penetrates || pushes_.back().rhs != 0;
   }
-  pair.end = normals_.size();
+  pair.end = static_cast<std::uint32_t>(normals_.size());
 
   // Normal impulses start from those of the previous step.
   BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);

@@ -5,6 +5,7 @@
 #include <btBulletDynamicsCommon.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -36,18 +37,39 @@ void list_movers(std::span<btCollisionObject* const> bodies, btScalar dt, std::v
 /// All contact points of two bodies in a solver.
 struct ContactPair {
   btPersistentManifold* manifold;
-  std::size_t a, b;        ///< indices of the movers
-  std::size_t begin, end;  ///< of the solver's points
+  std::uint32_t a, b;        ///< indices of the movers
+  std::uint32_t begin, end;  ///< of the solver's points
   Both inverse_mass;
   btScalar friction;  ///< mu, as given
   bool rubs;          ///< has friction rows
 };
 /// `first_point`: index of the pair's first point; `all_rub`: contacts without friction have friction rows too.
-[[nodiscard]] ContactPair make_pair_of(btPersistentManifold& manifold, std::span<const Mover> movers,
-                                       std::size_t first_point, bool all_rub);
-[[nodiscard]] BothInertia inertia_of(const Mover& a, const Mover& b);
+[[nodiscard]] inline ContactPair make_pair_of(btPersistentManifold& manifold, std::span<const Mover> movers,
+                                              std::size_t first_point, bool all_rub) {
+  const btCollisionObject &first = *manifold.getBody0(), &second = *manifold.getBody1();
+  const auto a = static_cast<std::uint32_t>(mover_of(first)), b = static_cast<std::uint32_t>(mover_of(second));
+  const btScalar friction = first.getFriction() * second.getFriction();
+  return {.manifold = &manifold,
+          .a = a,
+          .b = b,
+          .begin = static_cast<std::uint32_t>(first_point),
+          .end = static_cast<std::uint32_t>(first_point),
+          .inverse_mass = Both{movers[a].inverse_mass, movers[b].inverse_mass},
+          .friction = friction,
+          .rubs = friction > 0 || all_rub};
+}
+
+[[nodiscard]] inline BothInertia inertia_of(const Mover& a, const Mover& b) {
+  return {Both{a.inverse_mass, b.inverse_mass},
+          {of_both(a.inverse_inertia[0], b.inverse_inertia[0]), of_both(a.inverse_inertia[1], b.inverse_inertia[1]),
+           of_both(a.inverse_inertia[2], b.inverse_inertia[2])}};
+}
+
 /// From the bodies' centres to the point, m.
-[[nodiscard]] Both3 arms_of(const btPersistentManifold& manifold, const btManifoldPoint& point);
+[[nodiscard]] inline Both3 arms_of(const btPersistentManifold& manifold, const btManifoldPoint& point) {
+  return of_both(point.getPositionWorldOnA() - manifold.getBody0()->getWorldTransform().getOrigin(),
+                 point.getPositionWorldOnB() - manifold.getBody1()->getWorldTransform().getOrigin());
+}
 
 inline btVector3 vector(const btScalar (&v)[3]) { return {v[0], v[1], v[2]}; }
 

@@ -106,7 +106,7 @@ void SmallStepSolver::prepare_pair(btPersistentManifold& manifold) {
     const btManifoldPoint& point = manifold.getContactPoint(i);
     prepare_point(point, arms_of(manifold, point), inertia, pair.rubs);
   }
-  pair.end = points_.size();
+  pair.end = static_cast<std::uint32_t>(points_.size());
 }
 
 void SmallStepSolver::prepare_point(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia,
