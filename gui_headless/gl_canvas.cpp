@@ -52,13 +52,6 @@ GLuint new_framebuffer() {
   return frame;
 }
 
-void describe(GLuint location, GLint size, std::size_t offset) {
-  glEnableVertexAttribArray(location);
-  // OpenGL takes offsets into the bound buffer as pointers.
-  glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE, sizeof(MeshVertex),
-                        reinterpret_cast<const void*>(offset));  // NOLINT(performance-no-int-to-ptr)
-}
-
 struct Indexed {
   ShapeMesh vertices;
   std::vector<GLuint> indices;
@@ -106,6 +99,14 @@ void GlProgram::set(const char* name, const Eigen::Matrix4f& value) const {
   glUniformMatrix4fv(place(name), 1, GL_FALSE, value.data());
 }
 
+void describe_attribute(GLuint location, GLint size, std::size_t stride, std::size_t offset, GLuint divisor) {
+  glEnableVertexAttribArray(location);
+  // OpenGL takes offsets into the bound buffer as pointers.
+  glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE, static_cast<GLsizei>(stride),
+                        reinterpret_cast<const void*>(offset));  // NOLINT(performance-no-int-to-ptr)
+  glVertexAttribDivisor(location, divisor);
+}
+
 GlMesh upload(const ShapeMesh& mesh) {
   const Indexed indexed = share(mesh);
   GlMesh result;
@@ -115,10 +116,10 @@ GlMesh upload(const ShapeMesh& mesh) {
   glBindBuffer(GL_ARRAY_BUFFER, result.vertices);
   glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(indexed.vertices.size() * sizeof(MeshVertex)),
                indexed.vertices.data(), GL_STATIC_DRAW);
-  describe(0, 3, offsetof(MeshVertex, position));
-  describe(1, 3, offsetof(MeshVertex, normal));
-  describe(2, 3, offsetof(MeshVertex, edge));
-  describe(3, 1, offsetof(MeshVertex, stretch));
+  describe_attribute(0, 3, sizeof(MeshVertex), offsetof(MeshVertex, position));
+  describe_attribute(1, 3, sizeof(MeshVertex), offsetof(MeshVertex, normal));
+  describe_attribute(2, 3, sizeof(MeshVertex), offsetof(MeshVertex, edge));
+  describe_attribute(3, 1, sizeof(MeshVertex), offsetof(MeshVertex, stretch));
   glGenBuffers(1, &result.indices);
   glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, result.indices);
   glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(indexed.indices.size() * sizeof(GLuint)),

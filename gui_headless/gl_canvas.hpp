@@ -5,7 +5,7 @@
 
 #include <epoxy/gl.h>
 
-#include <map>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -36,6 +36,9 @@ struct GlMesh {
   GLuint indices = 0;
   GLsizei count = 0;  ///< of indices
 };
+/// Describes `size` floats at `offset` (bytes) of each vertex, or with a `divisor` of each instance, in the bound
+/// buffer.
+void describe_attribute(GLuint location, GLint size, std::size_t stride, std::size_t offset, GLuint divisor = 0);
 [[nodiscard]] GlMesh upload(const ShapeMesh& mesh);
 void release(const GlMesh& mesh);
 

@@ -28,11 +28,7 @@ std::uint64_t content_hash(const Mesh& mesh) {
 void read_instances_from(std::size_t first) {
   GLuint location = 4;
   const auto attribute = [&](GLint size, std::size_t offset) {
-    glEnableVertexAttribArray(location);
-    glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE, sizeof(Instance),
-                          reinterpret_cast<const void*>(first * sizeof(Instance) + offset));
-    glVertexAttribDivisor(location, 1);
-    ++location;
+    describe_attribute(location++, size, sizeof(Instance), first * sizeof(Instance) + offset, 1);
   };
   attribute(3, offsetof(Instance, position));
   attribute(4, offsetof(Instance, orientation));

@@ -4,8 +4,10 @@
 #include "model/nearest.hpp"
 
 #include <fmt/format.h>
+#include <fnmatch.h>
 
 #include <algorithm>
+#include <ranges>
 #include <set>
 #include <string>
 
@@ -41,32 +43,15 @@ std::vector<std::string> known_words(const Scene& scene) {
 
 }  // namespace
 
-bool matches(std::string_view pattern, std::string_view name) noexcept {
-  std::size_t p = 0, n = 0;
-  std::size_t star = std::string_view::npos, taken = 0;  // the last `*`, and the end of the text that it matched
-  while (n < name.size()) {
-    if (p < pattern.size() && pattern[p] == '*') {
-      star = p++;
-      taken = n;
-    } else if (p < pattern.size() && (pattern[p] == '?' || pattern[p] == name[n])) {
-      ++p;
-      ++n;
-    } else if (star != std::string_view::npos) {
-      p = star + 1;
-      n = ++taken;
-    } else {
-      return false;
-    }
-  }
-  return pattern.find_first_not_of('*', p) == std::string_view::npos;
+bool matches(const std::string& pattern, const std::string& name) noexcept {
+  return fnmatch(pattern.c_str(), name.c_str(), FNM_NOESCAPE) == 0;
 }
 
 std::vector<BodyId> choose_bodies(const Scene& scene, std::string_view list) {
   std::vector<bool> chosen(scene.bodies.size(), false);
-  for (std::size_t begin = 0; begin <= list.size();) {
-    const std::size_t end = std::min(list.find(',', begin), list.size());
-    const std::string_view word = list.substr(begin, end - begin);
-    begin = end + 1;
+  if (list.empty()) refuse(scene, list);
+  for (const auto item : std::views::split(list, ',')) {
+    const std::string word(item.begin(), item.end());
     bool known = false;
     for (const Body& body : scene.bodies) {
       const bool meant = word == kAll ? !body.fixed() : matches(word, body.name);

@@ -2,6 +2,7 @@
 
 #include "model/scene.hpp"
 
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -13,6 +14,6 @@ namespace subworld {
 [[nodiscard]] std::vector<BodyId> choose_bodies(const Scene& scene, std::string_view list);
 
 /// Whether a name matches a pattern.
-[[nodiscard]] bool matches(std::string_view pattern, std::string_view name) noexcept;
+[[nodiscard]] bool matches(const std::string& pattern, const std::string& name) noexcept;
 
 }  // namespace subworld

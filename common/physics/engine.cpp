@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <map>
 #include <mutex>
+#include <ranges>
 #include <string>
 
 namespace subworld {
@@ -33,11 +34,8 @@ constexpr std::array<std::string_view, 3> kOptional{"havok", "physx", "rapier"};
 std::vector<fs::path> engine_folders() {
   std::vector<fs::path> folders;
   if (const char* listed = std::getenv(kFoldersVariable)) {
-    std::string_view rest = listed;
-    while (!rest.empty()) {
-      const std::size_t end = std::min(rest.find(':'), rest.size());
-      if (end > 0) folders.emplace_back(rest.substr(0, end));
-      rest.remove_prefix(std::min(end + 1, rest.size()));
+    for (const auto folder : std::views::split(std::string_view(listed), ':')) {
+      if (!folder.empty()) folders.emplace_back(folder.begin(), folder.end());
     }
   }
   std::error_code ignored;

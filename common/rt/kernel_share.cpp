@@ -16,6 +16,8 @@ double seconds(const timeval& t) noexcept {
   return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
 }
 
+double cpu_s(const rusage& usage) noexcept { return seconds(usage.ru_utime) + seconds(usage.ru_stime); }
+
 rusage usage_of(int who) noexcept {
   rusage usage{};
   getrusage(static_cast<__rusage_who_t>(who), &usage);
@@ -34,12 +36,11 @@ KernelShare kernel_share() {
   const rusage usage = usage_of(RUSAGE_THREAD);
   double ran_ns = 0.0, waited_ns = 0.0;
   std::ifstream("/proc/thread-self/schedstat") >> ran_ns >> waited_ns;
-  return {seconds(usage.ru_utime) + seconds(usage.ru_stime), 1e-9 * waited_ns,
-          static_cast<std::uint64_t>(usage.ru_nivcsw), static_cast<std::uint64_t>(usage.ru_nvcsw),
-          core_times().stolen_s};
+  return {cpu_s(usage), 1e-9 * waited_ns, static_cast<std::uint64_t>(usage.ru_nivcsw),
+          static_cast<std::uint64_t>(usage.ru_nvcsw), machine_use().stolen_s};
 }
 
-CoreTimes core_times() {
+MachineUse machine_use() {
   enum { kUser, kNice, kSystem, kIdle, kIoWait, kIrq, kSoftIrq, kSteal, kColumns };
   std::array<double, kColumns> ticks{};
   std::ifstream file("/proc/stat");
@@ -48,25 +49,14 @@ CoreTimes core_times() {
   for (double& column : ticks) file >> column;
   const auto tick_s = 1.0 / static_cast<double>(sysconf(_SC_CLK_TCK));
   return {tick_s * (ticks[kUser] + ticks[kNice] + ticks[kSystem] + ticks[kIrq] + ticks[kSoftIrq]),
-          tick_s * ticks[kSteal]};
+          tick_s * ticks[kSteal], cpu_s(usage_of(RUSAGE_SELF)) + cpu_s(usage_of(RUSAGE_CHILDREN))};
 }
-
-double own_cpu_s() noexcept {
-  double cpu_s = 0.0;
-  for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
-    const rusage usage = usage_of(who);
-    cpu_s += seconds(usage.ru_utime) + seconds(usage.ru_stime);
-  }
-  return cpu_s;
-}
-
-MachineUse machine_use() { return {core_times(), own_cpu_s()}; }
 
 CoreLoad core_load(const MachineUse& from, const MachineUse& to, double wall_s, int cores) noexcept {
   constexpr double kLeastWall_s = 1e-3;
   const double wall = std::max(kLeastWall_s, wall_s);
   const double own_s = to.own_s - from.own_s;
-  const double busy_s = to.cores.busy_s - from.cores.busy_s;
+  const double busy_s = to.busy_s - from.busy_s;
   CoreLoad load;
   double left = cores;
   const auto take = [&](double used_s) {
@@ -75,7 +65,7 @@ CoreLoad core_load(const MachineUse& from, const MachineUse& to, double wall_s, 
     return part;
   };
   load.own = take(own_s);
-  load.stolen = take(to.cores.stolen_s - from.cores.stolen_s);
+  load.stolen = take(to.stolen_s - from.stolen_s);
   load.other = take(busy_s - own_s);
   return load;
 }

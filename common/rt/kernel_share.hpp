@@ -18,20 +18,12 @@ struct KernelShare {
 /// Of the calling thread since it started.
 [[nodiscard]] KernelShare kernel_share();
 
-/// Times of all cores together since the machine started, s.
-struct CoreTimes {
-  double busy_s = 0.0;
-  double stolen_s = 0.0;  ///< by the hypervisor
-};
-[[nodiscard]] CoreTimes core_times();
-
-/// CPU time of this process and of those that it started and that have ended, s. The kernel counts it per process id,
-/// also across execve(): only differences have a meaning.
-[[nodiscard]] double own_cpu_s() noexcept;
-
-/// The machine's and the run's CPU time at one instant.
+/// The machine's and the run's CPU time at one instant, s.
 struct MachineUse {
-  CoreTimes cores;
+  double busy_s = 0.0;    ///< of all cores together since the machine started
+  double stolen_s = 0.0;  ///< by the hypervisor, likewise
+  /// Of this process and of those that it started and that have ended. The kernel counts it per process id, also across
+  /// execve(): only differences have a meaning.
   double own_s = 0.0;
 };
 [[nodiscard]] MachineUse machine_use();

@@ -238,7 +238,7 @@ TEST(CoreLoad, IsWithinTheMachine) {
   for (const auto& [own_s, busy_s, stolen_s, wall_s] :
        {std::array{30.0, 5.0, 40.0, 10.0}, std::array{-3.0, -5.0, -1.0, 10.0}, std::array{1.0, 90.0, 0.0, 0.0},
         std::array{0.0, 1000.0, 3.0, 10.0}}) {
-    const CoreLoad load = core_load({}, {{busy_s, stolen_s}, own_s}, wall_s, 2);
+    const CoreLoad load = core_load({}, {busy_s, stolen_s, own_s}, wall_s, 2);
     for (const double part : {load.own, load.other, load.stolen}) EXPECT_GE(part, 0.0);
     EXPECT_LE(load.own + load.other + load.stolen, 2.0 + 1e-9);
   }

@@ -32,7 +32,6 @@ bool is_within(btScalar x, btScalar y, btScalar most) {
 }  // namespace
 
 ContactSolver::ContactSolver() {
-  movers_.reserve(kUsualBodies);
   motions_.reserve(kUsualBodies);
   pushed_.reserve(kUsualBodies);
   pairs_.reserve(kUsualPairs);
@@ -41,25 +40,22 @@ ContactSolver::ContactSolver() {
   pushes_.reserve(kUsualPoints);
 }
 
-btScalar ContactSolver::solveGroup(btCollisionObject** bodies, int body_count, btPersistentManifold** manifolds,
-                                   int manifold_count, btTypedConstraint** /*constraints*/, int /*constraint_count*/,
-                                   const btContactSolverInfo& info, btIDebugDraw* /*drawer*/,
-                                   btDispatcher* /*dispatcher*/) {
-  list_movers({bodies, static_cast<std::size_t>(body_count)}, info.m_timeStep, movers_);
+void ContactSolver::solve_group(std::span<btCollisionObject* const> bodies,
+                                std::span<btPersistentManifold* const> manifolds, const btContactSolverInfo& info) {
+  list_movers(bodies, info.m_timeStep, movers_);
   motions_.assign(movers_.size(), Motion{});
   pushed_.assign(movers_.size(), Motion{});
   pairs_.clear();
   normals_.clear();
   frictions_.clear();
   pushes_.clear();
-  for (int i = 0; i < manifold_count; ++i) prepare_pair(*manifolds[i], info);
+  for (btPersistentManifold* manifold : manifolds) prepare_pair(*manifold, info);
   start_from_last_friction(1 - friction_forgotten_s_ / info.m_timeStep);
 
   iterate(info.m_numIterations, {});
   limit_bounces(info.m_numIterations);
   write_impulses();
   write_motions(info);
-  return 0;
 }
 
 void ContactSolver::iterate(int most, Active active) {

@@ -1,8 +1,7 @@
 #pragma once
 
-#include "bounce_limit.hpp"
 #include "contact_rows.hpp"
-#include "movers.hpp"
+#include "group_solver.hpp"
 
 #include <btBulletDynamicsCommon.h>
 
@@ -13,10 +12,9 @@ namespace subworld::bullet {
 
 /// Contacts by sequential impulses, as in Bullet's own solver. Gauss-Seidel over all contact points: in every iteration
 /// first the normals, then friction. Penetrations are removed separately by moving the bodies without adding velocity.
-/// (With added velocity, resting bodies hop and the felt friction of a sliding row varies by 3 %.) The solver supports
-/// contacts of movable and fixed bodies only: no joints, no rolling friction. It stores together the data that an
-/// iteration reads, and skips work without effect. The order of operations is Bullet's, so impulses along normals are
-/// equal to Bullet's bit by bit.
+/// (With added velocity, resting bodies hop and the felt friction of a sliding row varies by 3 %.) The solver stores
+/// together the data that an iteration reads, and skips work without effect. The order of operations is Bullet's, so
+/// impulses along normals are equal to Bullet's bit by bit.
 ///
 /// Friction is Coulomb's: at most mu N, against the motion, in every direction. Bullet bounds each of a contact's two
 /// friction directions by mu N separately: along their diagonal the friction is 41 % too large, and a load in one
@@ -28,7 +26,7 @@ namespace subworld::bullet {
 ///
 /// Of btContactSolverInfo it reads m_timeStep, m_numIterations, m_sor, m_erp2, m_splitImpulseTurnErp and
 /// m_restitutionVelocityThreshold.
-class ContactSolver final : public btConstraintSolver {
+class ContactSolver final : public GroupSolver {
  public:
   ContactSolver();
 
@@ -37,14 +35,6 @@ class ContactSolver final : public btConstraintSolver {
   void set_friction_forgotten(btScalar forgotten_s) { friction_forgotten_s_ = forgotten_s; }
   /// Over-relaxation of friction in each iteration, 0 to 2; normal impulses use Bullet's m_sor.
   void set_friction_relaxation(btScalar relaxation) { friction_relaxation_ = relaxation; }
-  /// With `keep`, contacts without friction get friction rows too, for comparison.
-  void keep_frictionless(bool keep) { keeps_frictionless_ = keep; }
-
-  btScalar solveGroup(btCollisionObject** bodies, int body_count, btPersistentManifold** manifolds, int manifold_count,
-                      btTypedConstraint** constraints, int constraint_count, const btContactSolverInfo& info,
-                      btIDebugDraw* drawer, btDispatcher* dispatcher) override;
-  void reset() override {}
-  btConstraintSolverType getSolverType() const override { return BT_SEQUENTIAL_IMPULSE_SOLVER; }
 
  private:
   struct Normal : Row {
@@ -74,6 +64,8 @@ class ContactSolver final : public btConstraintSolver {
     BothMotion motion;  ///< with the changes by forces and torques in this step
   };
 
+  void solve_group(std::span<btCollisionObject* const> bodies, std::span<btPersistentManifold* const> manifolds,
+                   const btContactSolverInfo& info) override;
   [[nodiscard]] static PairState state_of(const Mover& a, const Mover& b);
   void prepare_pair(btPersistentManifold& manifold, const btContactSolverInfo& info);
   void prepare_normal(const btManifoldPoint& point, const Both3& arm, const Pair& pair, const PairState& before,
@@ -96,10 +88,7 @@ class ContactSolver final : public btConstraintSolver {
   void write_impulses() const;
   void write_motions(const btContactSolverInfo& info);
 
-  BounceLimit bounce_limit_;
-  std::vector<Motion> before_;   ///< velocities of movers_[i], with the changes by forces in this step
-  std::vector<Motion> after_;    ///< with the changes by impulses too
-  std::vector<Mover> movers_;    ///< the first one represents all fixed bodies
+  std::vector<Motion> after_;    ///< as before_, with the changes by impulses too
   std::vector<Motion> motions_;  ///< velocity changes of movers_[i] by impulses
   std::vector<Motion> pushed_;   ///< displacements of movers_[i] by pushes, as a velocity over the step
   std::vector<Pair> pairs_;
@@ -108,7 +97,6 @@ class ContactSolver final : public btConstraintSolver {
   std::vector<Push> pushes_;         ///< of normals_[i]
   btScalar friction_forgotten_s_ = 0;
   btScalar friction_relaxation_ = 1;
-  bool keeps_frictionless_ = false;
 };
 
 }  // namespace subworld::bullet

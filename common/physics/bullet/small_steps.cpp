@@ -34,7 +34,6 @@ btScalar speed_of(const Row& row, const BothMotion& motion) {
 }  // namespace
 
 SmallStepSolver::SmallStepSolver() {
-  movers_.reserve(kUsualBodies);
   motions_.reserve(kUsualBodies);
   moved_.reserve(kUsualBodies);
   busy_.reserve(kUsualBodies);
@@ -43,17 +42,15 @@ SmallStepSolver::SmallStepSolver() {
   points_.reserve(kUsualPoints);
 }
 
-btScalar SmallStepSolver::solveGroup(btCollisionObject** bodies, int body_count, btPersistentManifold** manifolds,
-                                     int manifold_count, btTypedConstraint** /*constraints*/, int /*constraint_count*/,
-                                     const btContactSolverInfo& info, btIDebugDraw* /*drawer*/,
-                                     btDispatcher* /*dispatcher*/) {
+void SmallStepSolver::solve_group(std::span<btCollisionObject* const> bodies,
+                                  std::span<btPersistentManifold* const> manifolds, const btContactSolverInfo& info) {
   const int count = step_count(info.m_numIterations);
   const btScalar h = info.m_timeStep / btScalar(count);
-  list_movers({bodies, static_cast<std::size_t>(body_count)}, h, movers_);
+  list_movers(bodies, h, movers_);
   prepare_motions();
   pairs_.clear();
   points_.clear();
-  for (int i = 0; i < manifold_count; ++i) prepare_pair(*manifolds[i]);
+  for (btPersistentManifold* manifold : manifolds) prepare_pair(*manifold);
 
   const btScalar change = enough();
   for (int i = 0; i < count; ++i) {
@@ -70,7 +67,6 @@ btScalar SmallStepSolver::solveGroup(btCollisionObject** bodies, int body_count,
   bounce_within_energy(count, info.m_restitutionVelocityThreshold, change);
   write_impulses();
   write_motions(info);
-  return 0;
 }
 
 SmallStepSolver::Spring SmallStepSolver::spring_for(btScalar h) {

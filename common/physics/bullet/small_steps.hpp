@@ -1,10 +1,9 @@
 #pragma once
 
-#include "bounce_limit.hpp"
 #include "contact_points.hpp"
 #include "contact_rows.hpp"
+#include "group_solver.hpp"
 #include "left_contacts.hpp"
-#include "movers.hpp"
 
 #include <btBulletDynamicsCommon.h>
 
@@ -25,29 +24,19 @@ namespace subworld::bullet {
 /// by more than forces do in a few small steps. Without that, a heavy body that falls on a light one sinks in and is
 /// thrown back.
 ///
-/// The solver supports contacts of movable and fixed bodies only: no joints, no rolling friction. Friction is
-/// Coulomb's: at most mu N, against the motion, in every direction. Normal impulses and friction start from those of
-/// the previous small step, also from step to step, so that bodies held by friction do not creep.
+/// Friction is Coulomb's: at most mu N, against the motion, in every direction. Normal impulses and friction start from
+/// those of the previous small step, also from step to step, so that bodies held by friction do not creep.
 ///
 /// It moves the bodies itself: see SmallStepWorld.
 ///
 /// Of btContactSolverInfo it reads m_timeStep, m_numIterations (two for each small step) and
 /// m_restitutionVelocityThreshold.
-class SmallStepSolver final : public btConstraintSolver {
+class SmallStepSolver final : public GroupSolver {
  public:
   SmallStepSolver();
 
-  /// With `keep`, contacts without friction get friction rows too, for comparison.
-  void keep_frictionless(bool keep) { keeps_frictionless_ = keep; }
-
   /// Number of small steps in a step.
   [[nodiscard]] static int step_count(int iterations) { return iterations < 4 ? 1 : iterations / 2; }
-
-  btScalar solveGroup(btCollisionObject** bodies, int body_count, btPersistentManifold** manifolds, int manifold_count,
-                      btTypedConstraint** constraints, int constraint_count, const btContactSolverInfo& info,
-                      btIDebugDraw* drawer, btDispatcher* dispatcher) override;
-  void reset() override {}
-  btConstraintSolverType getSolverType() const override { return BT_SEQUENTIAL_IMPULSE_SOLVER; }
 
  private:
   /// Impulses of the rows are those of one small step.
@@ -80,6 +69,8 @@ class SmallStepSolver final : public btConstraintSolver {
 
   enum class Contacts : std::uint8_t { springs, rigid };
 
+  void solve_group(std::span<btCollisionObject* const> bodies, std::span<btPersistentManifold* const> manifolds,
+                   const btContactSolverInfo& info) override;
   void prepare_motions();
   void prepare_pair(btPersistentManifold& manifold);
   void prepare_point(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia, bool rubs);
@@ -105,17 +96,13 @@ class SmallStepSolver final : public btConstraintSolver {
   void write_impulses() const;
   void write_motions(const btContactSolverInfo& info);
 
-  BounceLimit bounce_limit_;
-  std::vector<Motion> before_;         ///< velocities before the step, with the changes by forces in it
   std::vector<Motion> plastic_;        ///< motions_ before bounces
   std::vector<Point> plastic_points_;  ///< points_ before bounces
-  std::vector<Mover> movers_;          ///< the first one represents all fixed bodies
   std::vector<Motion> motions_;        ///< velocities
   std::vector<Motion> moved_;          ///< displacement since the step began, m and rad
   std::vector<Pair> pairs_;
   std::vector<Point> points_;
   std::vector<std::uint8_t> busy_, busy_next_;  ///< affected, by index of movers_
-  bool keeps_frictionless_ = false;
 };
 
 /// Bullet's world, for a solver that moves the bodies itself in small steps. (Reversing Bullet's own motion instead
