@@ -362,8 +362,8 @@ bool fields(const auto& copy, Is<Status> auto& m, auto& w) {
          copy(m.state, w.state()) && copy(m.time_s, w.time_s()) && copy(m.rate_hz, w.rate_hz()) &&
          copy(m.steps, w.steps()) && copy(m.missed_deadlines, w.missed_deadlines()) &&
          copy(m.missed_by_os, w.missed_by_os()) && copy(m.step_s, w.step_s()) && copy(m.force_n, w.force_n()) &&
-         copy(m.real_time_factor, w.real_time_factor()) && copy(m.done_ratio, w.done_ratio()) && copy(m.events, w) &&
-         copy(m.text, w.text());
+         copy(m.real_time_factor, w.real_time_factor()) && copy(m.done_ratio, w.done_ratio()) &&
+         copy(m.paused, w.paused()) && copy(m.waits_for, w.waits_for()) && copy(m.events, w) && copy(m.text, w.text());
 }
 
 }  // namespace subworld

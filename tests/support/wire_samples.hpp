@@ -203,6 +203,8 @@ class SampleMaker {
     to.force_n = number();
     to.real_time_factor = number();
     to.done_ratio = number();
+    to.paused = coin();
+    to.waits_for = text();
     to.events = {long_word(), long_word(), long_word(), long_word(), long_word(), long_word(), long_word()};
     to.text = text();
   }
@@ -295,9 +297,9 @@ struct NumberVisitor {
   void operator()(const Control& c) { all(c.number, static_cast<std::uint32_t>(c.verb), c.argument); }
   void operator()(const Status& s) {
     all(static_cast<std::uint32_t>(s.program), s.instance, s.state, s.time_s, s.rate_hz, s.steps, s.missed_deadlines,
-        s.missed_by_os, s.step_s, s.force_n, s.real_time_factor, s.done_ratio, s.events.matched, s.events.unmatched,
-        s.events.deadline_missed, s.events.liveliness_lost, s.events.incompatible_qos, s.events.lost, s.events.rejected,
-        s.events.refused, s.text);
+        s.missed_by_os, s.step_s, s.force_n, s.real_time_factor, s.done_ratio, s.paused, s.waits_for, s.events.matched,
+        s.events.unmatched, s.events.deadline_missed, s.events.liveliness_lost, s.events.incompatible_qos,
+        s.events.lost, s.events.rejected, s.events.refused, s.text);
   }
   template <class T>
   void operator()(const std::vector<T>& elements) {
