@@ -207,9 +207,10 @@ Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
   impl_->config = config;
   const wire::Opening opening = wire::prepare(config);
   impl_->backend.reset(wire::load_plugin(config.vendor)(opening, impl_->events));
-  impl_->settings = fmt::format(
-      "dds={} {} domain={} mode={} settings={}", name_of(config.vendor), impl_->backend->describe(), config.domain,
-      config.mode == Mode::lockstep ? "lockstep" : "realtime", wire::describe_source(config, opening));
+  impl_->settings =
+      fmt::format("dds={} {} {} domain={} mode={} settings={}", name_of(config.vendor),
+                  wire::installed_version(config.vendor), impl_->backend->route(), config.domain,
+                  config.mode == Mode::lockstep ? "lockstep" : "realtime", wire::describe_source(config, opening));
 }
 
 Bus::~Bus() = default;

@@ -139,9 +139,9 @@ void StatusBeacon::publish(double passed_s) {
   status_.force_n = force_n_.load(std::memory_order_relaxed);
   status_.real_time_factor = real_time_factor_.load(std::memory_order_relaxed);
   status_.done_ratio = done_ratio_.load(std::memory_order_relaxed);
-  status_.paused = paused_.load(std::memory_order_relaxed);
   status_.events = bus_->events();
   append(text, take_notes());
+  status_.paused = paused_.load(std::memory_order_relaxed);  // as set before the notes
   if (!text.empty()) std::fprintf(stderr, "%s: %s\n", label_.c_str(), text.c_str());
   append(unsent_, text);
   status_.text = unsent_;
