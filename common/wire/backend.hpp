@@ -148,6 +148,7 @@ struct Opening {
   std::vector<std::string> peers;  ///< flag; empty: as in the settings, else the interface itself
   std::string settings_file;       ///< empty: none
   bool settings_from_environment = false;
+  std::string settings_source;  ///< for `effective_settings`
 };
 
 inline constexpr const char* kDefaultInterface = "127.0.0.1";

@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
@@ -33,9 +32,8 @@ class Events final : public wire::EventSink {
       const std::lock_guard lock(mutex_);
       counts_[kind] += count;
       note(event, side, topic, detail);
-      ++changes_;
     }
-    changed_.notify_one();
+    wake();
   }
 
   void wake() noexcept override {
@@ -207,10 +205,9 @@ Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
   impl_->config = config;
   const wire::Opening opening = wire::prepare(config);
   impl_->backend.reset(wire::load_plugin(config.vendor)(opening, impl_->events));
-  impl_->settings =
-      fmt::format("dds={} {} {} domain={} mode={} settings={}", name_of(config.vendor),
-                  wire::installed_version(config.vendor), impl_->backend->route(), config.domain,
-                  config.mode == Mode::lockstep ? "lockstep" : "realtime", wire::describe_source(config, opening));
+  impl_->settings = fmt::format("dds={} {} {} domain={} mode={} settings={}", name_of(config.vendor),
+                                wire::installed_version(config.vendor), impl_->backend->route(), config.domain,
+                                config.mode == Mode::lockstep ? "lockstep" : "realtime", opening.settings_source);
 }
 
 Bus::~Bus() = default;

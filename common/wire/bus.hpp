@@ -167,6 +167,10 @@ class Bus {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Each user's frames and reports, and each device's states and commands, have their own partition.
+inline std::string user_partition(int user) { return "user_" + std::to_string(user); }
+inline std::string device_partition(int device) { return "device_" + std::to_string(device); }
+
 /// Throws `Error` (middleware) with place, fault and cure.
 [[nodiscard]] std::unique_ptr<Bus> open_bus(const BusConfig& config);
 /// Opens a program's bus by its command line and scene.

@@ -6,7 +6,6 @@
 #include <subworld.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <concepts>
 #include <cstdint>
@@ -67,16 +66,12 @@ struct ToWire {
   bool not_negative(double model, double& wire) const { return (*this)(model, wire); }
   bool positive(double model, double& wire) const { return (*this)(model, wire); }
   bool ratio(int model, std::uint32_t& wire) const { return (*this)(model, wire); }
-  template <class E, class W>
-  bool kind(E model, W& wire, E) const {
-    return (*this)(model, wire);
-  }
+  bool kind(auto model, auto& wire, auto) const { return (*this)(model, wire); }
   bool same(BodyId model, std::uint32_t& wire) const { return (*this)(model, wire); }
   bool check(bool) const { return true; }
 
   /// Also reserves what the model has reserved, so that a loop does not allocate.
-  template <class M, class W>
-  void resize(const std::vector<M>& model, std::vector<W>& wire) const {
+  void resize(const auto& model, auto& wire) const {
     wire.reserve(model.capacity());
     wire.resize(model.size());
   }
@@ -84,12 +79,8 @@ struct ToWire {
     wire.resize(size);
     return true;
   }
-  template <class M>
-  void present(const std::optional<M>& model, bool& wire) const {
-    wire = model.has_value();
-  }
-  template <class M, class W>
-  void present(const std::optional<M>& model, std::vector<W>& wire) const {
+  void present(const auto& model, bool& wire) const { wire = model.has_value(); }
+  void present(const auto& model, auto& wire) const {
     wire.reserve(1);
     wire.resize(model ? 1 : 0);
   }
@@ -131,30 +122,22 @@ struct FromWire {
 
   bool not_negative(double& model, double wire) const { return (*this)(model, wire) && wire >= 0.0; }
   bool positive(double& model, double wire) const { return (*this)(model, wire) && wire > 0.0; }
-  bool ratio(int& model, std::uint32_t wire) const {
-    model = static_cast<int>(std::min<std::uint32_t>(wire, kMostRatio));
-    return wire >= 1 && wire <= kMostRatio;
-  }
+  bool ratio(int& model, std::uint32_t wire) const { return (*this)(model, wire) && model >= 1 && model <= kMostRatio; }
   template <class E, class W>
   bool kind(E& model, W wire, E last) const {
-    model = static_cast<E>(wire);
-    return wire <= static_cast<W>(last);
+    return (*this)(model, wire) && wire <= static_cast<W>(last);
   }
   bool same(BodyId model, std::uint32_t wire) const { return wire == index(model); }
   bool check(bool valid) const { return valid; }
 
-  template <class M, class W>
-  void resize(std::vector<M>& model, const std::vector<W>& wire) const {
-    model.resize(wire.size());
-  }
+  void resize(auto& model, const auto& wire) const { model.resize(wire.size()); }
   bool length(const auto& wire, std::size_t size) const { return wire.size() == size; }
-  template <class M>
-  void present(std::optional<M>& model, bool wire) const {
+  void present(auto& model, bool wire) const {
     model.reset();
     if (wire) model.emplace();
   }
-  template <class M, class W>
-  void present(std::optional<M>& model, const std::vector<W>& wire) const {
+  template <class W>
+  void present(auto& model, const std::vector<W>& wire) const {
     present(model, !wire.empty());
   }
 };
@@ -188,10 +171,6 @@ bool fields(const auto& copy, Is<BodyState> auto& m, auto& w) {
 }
 
 bool fields(const auto& copy, Is<StampedBody> auto& m, auto& w) { return copy(m.id, w.body()) && copy(m.state, w); }
-
-bool fields(const auto& copy, Is<std::array<std::uint32_t, 3>> auto& m, auto& w) { return copy(m, w.vertex()); }
-
-bool fields(const auto& copy, Is<Vec3> auto& m, auto& w) { return copy(m, w.position()); }
 
 bool fields(const auto& copy, Is<Mesh> auto& m, auto& w) {
   return copy(m.file, w.file()) && copy(m.vertices, w.vertices()) && copy(m.triangles, w.triangles()) &&

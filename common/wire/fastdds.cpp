@@ -42,11 +42,16 @@ using eprosima::fastrtps::types::ReturnCode_t;
 constexpr const char* kProfile = "subworld";
 constexpr std::uint32_t kHeaderBytes = 4;
 constexpr std::uint32_t kFirstBytes = 512;  // of a history entry; grows with its samples
-
 constexpr int kMostKeys = 256;
 constexpr int kMostKept = 1024;  // acknowledged samples that a keep-all writer stores
 
 [[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, "Fast DDS: " + message); }
+
+template <class Entity>
+Entity* require(Entity* entity, const std::string& what) {
+  if (entity == nullptr) fail(fmt::format("no {}; see its log lines above", what));
+  return entity;
+}
 
 Duration_t duration(double seconds) {
   const double whole = std::floor(seconds);
@@ -123,8 +128,8 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
         participant_(participant),
         publisher_(publisher),
         keeps_all_(spec.qos.keep_all) {
-    writer_ = publisher->create_datawriter(topic, qos, this, dds::StatusMask::all());
-    if (writer_ == nullptr) fail(fmt::format("no writer of {}; see its log lines above", spec.topic.name));
+    writer_ = require(publisher->create_datawriter(topic, qos, this, dds::StatusMask::all()),
+                      fmt::format("writer of {}", spec.topic.name));
   }
 
   ~FastWriter() override {
@@ -188,8 +193,8 @@ class FastReader final : public BackendReader, dds::DataReaderListener {
   FastReader(dds::DomainParticipant* participant, dds::Subscriber* subscriber, dds::Topic* topic,
              const EndpointSpec& spec, const dds::DataReaderQos& qos, EventSink& events)
       : BackendReader(spec.topic.name, events), participant_(participant), subscriber_(subscriber) {
-    reader_ = subscriber->create_datareader(topic, qos, this, dds::StatusMask::all());
-    if (reader_ == nullptr) fail(fmt::format("no reader of {}; see its log lines above", spec.topic.name));
+    reader_ = require(subscriber->create_datareader(topic, qos, this, dds::StatusMask::all()),
+                      fmt::format("reader of {}", spec.topic.name));
   }
 
   ~FastReader() override {
@@ -373,9 +378,7 @@ class FastBackend final : public Backend {
   std::unique_ptr<BackendWriter> create_writer(const EndpointSpec& spec) override {
     dds::PublisherQos publisher_qos = dds::PUBLISHER_QOS_DEFAULT;
     if (!spec.partition.empty()) publisher_qos.partition().push_back(spec.partition.c_str());
-    dds::Publisher* publisher = participant_->create_publisher(publisher_qos);
-    if (publisher == nullptr)
-      fail(fmt::format("no publisher of {} in partition \"{}\"", spec.topic.name, spec.partition));
+    dds::Publisher* publisher = require(participant_->create_publisher(publisher_qos), "publisher");
     dds::DataWriterQos qos = dds::DATAWRITER_QOS_DEFAULT;
     apply(spec.qos, qos);
     hurry(qos);
@@ -386,10 +389,7 @@ class FastBackend final : public Backend {
   std::unique_ptr<BackendReader> create_reader(const EndpointSpec& spec) override {
     dds::SubscriberQos subscriber_qos = dds::SUBSCRIBER_QOS_DEFAULT;
     if (!spec.partition.empty()) subscriber_qos.partition().push_back(spec.partition.c_str());
-    dds::Subscriber* subscriber = participant_->create_subscriber(subscriber_qos);
-    if (subscriber == nullptr) {
-      fail(fmt::format("no subscriber of {} in partition \"{}\"", spec.topic.name, spec.partition));
-    }
+    dds::Subscriber* subscriber = require(participant_->create_subscriber(subscriber_qos), "subscriber");
     dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
     apply(spec.qos, qos);
     hurry(qos);
@@ -427,9 +427,8 @@ class FastBackend final : public Backend {
       if (type.register_type(participant_) == ReturnCode_t::RETCODE_OK) {
         topic = participant_->create_topic(spec.name, spec.type, dds::TOPIC_QOS_DEFAULT);
       }
-      if (topic == nullptr) fail(fmt::format("no topic {} of type {}", spec.name, spec.type));
     }
-    return topic;
+    return require(topic, fmt::format("topic {} of type {}", spec.name, spec.type));
   }
 
   EventSink& events_;
