@@ -230,18 +230,6 @@ std::string lost_display(const Supervisor& programs) {
   return {};
 }
 
-/// The state of the programs whose loops still run, by their files.
-std::vector<Sighting> sightings(const Supervisor& programs) {
-  std::vector<Sighting> seen;
-  for (const Supervisor::Child& child : programs.children()) {
-    const bool done = child.pid < 0 || child.part.empty() || std::filesystem::exists(child.part);
-    if (done) continue;
-    const std::string history = std::filesystem::path(child.part).replace_extension(".csv").string();
-    seen.push_back({child.label, last_time_s(history), waits_for(child.log)});
-  }
-  return seen;
-}
-
 }  // namespace
 
 std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
@@ -284,19 +272,10 @@ int run(const RunRequest& request) {
     Network network = options.network;
     network.dds = vendor_of(request.dds, 0);
     network.domain = claim.domain();
-    Progress progress(network, scene);
-    int ticks = 0;
-    const auto tick = [&] {
-      progress();
-      if (++ticks % 10 != 0) return;
-      for (const std::string& line :
-           watchdog.look(sightings(programs), is_paused(options.out + "/logs/world_sim.log"), 1.0)) {
-        progress.finish();
-        fmt::print(stderr, "subworld: {}\n", line);
-      }
-    };
+    Progress progress(network, scene, watchdog);
     failure = programs.watch(
-        tick, [&](const Supervisor::Child& child) { return early_end(child.part, scene.settings.duration_s); });
+        [&] { progress(); },
+        [&](const Supervisor::Child& child) { return early_end(child.part, scene.settings.duration_s); });
   }
   programs.stop();
   record.wall_s = to_seconds(Clock::now() - begin);

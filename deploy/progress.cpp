@@ -1,10 +1,13 @@
 #include "progress.hpp"
 
+#include "wire/session.hpp"
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <vector>
 
@@ -15,19 +18,7 @@ namespace {
 constexpr int kCallsPerLine = 50;  ///< where lines are not rewritten
 constexpr double kSlow = 0.9;      ///< real-time factor below which the remaining time is shown
 
-std::string name_of(const Status& status) {
-  switch (status.program) {
-    case ProgramKind::world_sim:
-      return "world_sim";
-    case ProgramKind::haptic_sim:
-      return fmt::format("haptic_sim {}", status.instance);
-    case ProgramKind::device_sim:
-      return fmt::format("device_sim {}", status.instance);
-    case ProgramKind::gui_headless:
-      break;
-  }
-  return "gui_headless";
-}
+std::string name_of(const Status& status) { return label_of(status.program, status.instance); }
 
 std::string starting_line(const Status& world, std::size_t bodies) {
   if (world.state == "loading") return fmt::format("creating {} bodies: {:.0f} %", bodies, 100.0 * world.done_ratio);
@@ -66,7 +57,8 @@ std::string progress_line(const Statuses& statuses, const Settings& settings, st
   return line;
 }
 
-Progress::Progress(const Network& network, const Scene& scene) : scene_(scene), terminal_(isatty(STDOUT_FILENO) != 0) {
+Progress::Progress(const Network& network, const Scene& scene, Watchdog& watchdog)
+    : scene_(scene), watchdog_(watchdog), terminal_(isatty(STDOUT_FILENO) != 0) {
   // A reader of real-time quality matches programs in both modes.
   Settings listening;
   listening.mode = Mode::realtime;
@@ -105,6 +97,7 @@ void Progress::listen() {
   while (reader_ && reader_->take(status_) == Take::sample) {
     say(status_);
     warn_of_overload(status_);
+    watch(status_);
     statuses_[{status_.program, status_.instance}] = status_;
   }
 }
@@ -114,6 +107,15 @@ void Progress::say(const Status& status) {
   if (status.text.empty() || status.text.starts_with("control ") || !said_.insert(status.text).second) return;
   finish();
   fmt::print("{}: {}\n", name_of(status), status.text);
+}
+
+void Progress::watch(const Status& status) {
+  if (status.program == ProgramKind::gui_headless) return;
+  const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
+  const std::string text = watchdog_.observe(status, now.count());
+  if (text.empty()) return;
+  finish();
+  fmt::print(stderr, "subworld: {}\n", text);
 }
 
 void Progress::warn_of_overload(const Status& status) {

@@ -2,6 +2,7 @@
 
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
+#include "watchdog.hpp"
 #include "wire/bus.hpp"
 
 #include <map>
@@ -22,23 +23,26 @@ using Statuses = std::map<std::pair<ProgramKind, std::uint32_t>, Status>;
 /// programs. It reads the topic `status`.
 class Progress {
  public:
-  Progress(const Network& network, const Scene& scene);
+  /// `watchdog` receives each status of a program that takes part in the run.
+  Progress(const Network& network, const Scene& scene, Watchdog& watchdog);
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
   /// Call ten times a second.
   void operator()();
-  /// Clears the line of progress.
-  void finish();
 
  private:
+  /// Clears the line of progress.
+  void finish();
   void listen();
   /// Prints the message of a program; equal ones of several programs once.
   void say(const Status& status);
   void warn_of_overload(const Status& status);
+  void watch(const Status& status);
 
   const Scene& scene_;
+  Watchdog& watchdog_;
   std::unique_ptr<Bus> bus_;
   std::unique_ptr<Reader<Status>> reader_;
   Status status_;

@@ -1,24 +1,19 @@
 #pragma once
 
+#include "model/exchange.hpp"
+
 #include <map>
 #include <string>
-#include <vector>
+#include <utility>
 
 namespace subworld {
 
-/// The state of a program, as its files show it.
-struct Sighting {
-  std::string label;
-  double time_s = 0.0;    ///< newest simulated time in its history
-  std::string waits_for;  ///< the peer that it waits for, by its log; empty: none
-};
-
-/// Finds programs that do not advance although the run is not paused. Uses no file and no clock.
+/// Finds programs that do not advance although the run is not paused, by their statuses alone.
 class Watchdog {
  public:
-  /// Call every `passed_s`. Returns messages: a program that does not advance and waits for no peer is busy or stuck,
-  /// and is named once.
-  std::vector<std::string> look(const std::vector<Sighting>& programs, bool paused, double passed_s);
+  /// Takes a status that arrived at `now_s`. Returns a message, or an empty text: a program that does not advance and
+  /// waits for no peer is busy or stuck, and is named once.
+  std::string observe(const Status& status, double now_s);
 
   /// The longest time for which a named program did not advance.
   struct Stall {
@@ -31,17 +26,12 @@ class Watchdog {
  private:
   struct Clock {
     double time_s = -1.0;
-    double stalled_s = 0.0;
+    double since_s = 0.0;  ///< when `time_s` was first seen, or the run was last paused
     bool named = false;
   };
-  std::map<std::string, Clock> clocks_;
+  std::map<std::pair<ProgramKind, std::uint32_t>, Clock> clocks_;
+  bool paused_ = false;
   Stall longest_;
 };
-
-/// The newest time in a history, from its last whole line; negative where there is none.
-[[nodiscard]] double last_time_s(const std::string& history);
-/// The peer that a program waits for, and whether a world is paused, by the last message of its log.
-[[nodiscard]] std::string waits_for(const std::string& log);
-[[nodiscard]] bool is_paused(const std::string& log);
 
 }  // namespace subworld

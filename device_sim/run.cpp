@@ -6,7 +6,6 @@
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
-#include "wire/partitions.hpp"
 
 #include <fmt/format.h>
 

@@ -32,8 +32,8 @@ class PeerWatch {
   /// Says once that frames stay away, and once that they come again.
   void announce(StatusBeacon& status, TimePoint now) {
     const bool silent = now - framed_ > from_seconds(kGone_s);
-    if (silent && !announced_) status.note("waits for world_sim: no frame for 2 s; the force has faded");
-    if (!silent && announced_) status.note("world_sim is there again");
+    if (silent && !announced_) status.note("waits for world_sim: no frame for 2 s; the force has faded", "world_sim");
+    if (!silent && announced_) status.note("world_sim is there again", "");
     announced_ = silent;
   }
   [[nodiscard]] double without_frame_s(TimePoint now) const noexcept { return to_seconds(now - framed_); }

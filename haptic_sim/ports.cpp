@@ -1,7 +1,5 @@
 #include "haptic_sim/ports.hpp"
 
-#include "wire/partitions.hpp"
-
 #include <fmt/format.h>
 
 #include <chrono>

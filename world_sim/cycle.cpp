@@ -20,7 +20,9 @@ void WorldCycle::follow_orders() {
   Control order;
   while (ports_.control.take(order) == Take::sample) {
     if (order.verb != ControlVerb::set_engine) {
-      ports_.status.answer(order.number, control_.follow(order));
+      const std::string answer = control_.follow(order);
+      ports_.status.pause(control_.paused());
+      ports_.status.answer(order.number, answer);
       continue;
     }
     const auto wanted = parse_engine_order(order);

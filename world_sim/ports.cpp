@@ -1,7 +1,5 @@
 #include "world_sim/ports.hpp"
 
-#include "wire/partitions.hpp"
-
 #include <fmt/format.h>
 
 namespace subworld {

@@ -14,6 +14,7 @@ class RunControl {
 
   /// Whether the world may make its next cycle; a granted single step is used up.
   [[nodiscard]] bool may_step() noexcept;
+  [[nodiscard]] bool paused() const noexcept { return paused_; }
   [[nodiscard]] bool stopped() const noexcept { return stopped_; }
 
  private:

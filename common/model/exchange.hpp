@@ -286,7 +286,7 @@ enum class ProgramKind : std::uint8_t { world_sim, haptic_sim, device_sim, gui_h
 struct Status {
   ProgramKind program = ProgramKind::world_sim;
   std::uint32_t instance = 0;  ///< user or device
-  std::string state;           ///< loading, settling, waiting, running, paused, stopping
+  std::string state;           ///< loading, settling, waiting, running, stopping
   double time_s = 0.0;
   double rate_hz = 0.0;
   std::uint64_t steps = 0;
@@ -296,6 +296,8 @@ struct Status {
   double force_n = 0.0;            ///< haptic_sim: on the operator
   double real_time_factor = 1.0;   ///< world_sim; 1 elsewhere
   double done_ratio = 0.0;         ///< progress 0 .. 1 of `loading` or `settling`
+  bool paused = false;             ///< world_sim: by an order
+  std::string waits_for;           ///< program whose messages have not come for 2 s: "haptic_sim 0"; empty: none
   EventCounts events;
   std::string text;  ///< events since the last status, in words
 };

@@ -52,7 +52,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
   for (auto last = WallClock::now();;) {
     for (Take taken = take_next(); taken != Take::none; taken = take_next()) {
       if (taken == Take::sample && ours(sample)) {
-        if (said) status.note(label_of(peer.program, peer.instance) + " is there again");
+        if (said) status.note(label_of(peer.program, peer.instance) + " is there again", "");
         return true;
       }
       foreign |= taken == Take::sample;
@@ -64,7 +64,8 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
                                             : gone_text(peer.program, peer.instance) + kEndsWithoutIt);
     }
     if (waited > 2s && !said) {
-      status.note("waits for " + label_of(peer.program, peer.instance));
+      const std::string label = label_of(peer.program, peer.instance);
+      status.note("waits for " + label, label);
       said = true;
     }
     bus.wait(0.05);

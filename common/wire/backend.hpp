@@ -2,9 +2,15 @@
 
 #include "wire/topics.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <atomic>
 #include <cstdint>
+#include <cstdlib>
 #include <iterator>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -41,23 +47,78 @@ struct EndpointSpec {
   std::string partition;  ///< empty: the default one
 };
 
-class BackendWriter {
+inline constexpr std::uint32_t kPartitionPolicy = 10;
+/// Policy ids of the DDS specification, used by both vendors.
+constexpr const char* policy_name(std::uint32_t id) noexcept {
+  constexpr const char* kNames[] = {"unknown policy",   "USERDATA",        "DURABILITY",     "PRESENTATION",
+                                    "DEADLINE",         "LATENCYBUDGET",   "OWNERSHIP",      "OWNERSHIPSTRENGTH",
+                                    "LIVELINESS",       "TIMEBASEDFILTER", "PARTITION",      "RELIABILITY",
+                                    "DESTINATIONORDER", "HISTORY",         "RESOURCELIMITS", "ENTITYFACTORY"};
+  return id < std::size(kNames) ? kNames[id] : kNames[0];
+}
+
+/// What readers and writers share. The vendors' threads call the protected functions with the statuses of the DDS
+/// specification, whose fields have the same names in both vendors.
+class Endpoint {
  public:
-  virtual ~BackendWriter() = default;
-  /// False if the sample was not accepted.
-  virtual bool write(std::span<const std::uint8_t> cdr) noexcept = 0;
-  [[nodiscard]] virtual int matched() const noexcept = 0;
-  virtual bool wait_for_acknowledgments(double timeout_s) noexcept = 0;
+  virtual ~Endpoint() = default;
+  Endpoint(const Endpoint&) = delete;
+  Endpoint& operator=(const Endpoint&) = delete;
+  [[nodiscard]] int matched() const noexcept { return matched_; }
+
+ protected:
+  Endpoint(const char* side, const char* topic, EventSink& events) : events_(events), side_(side), topic_(topic) {}
+  void match(const auto& status) noexcept {
+    matched_ = static_cast<int>(status.current_count);
+    const auto change = status.current_count_change;
+    report(change > 0 ? Event::matched : Event::unmatched, std::abs(change), "");
+  }
+  void miss_deadline(const auto& status) noexcept { report(Event::deadline_missed, status.total_count_change, ""); }
+  void differ(const auto& status) noexcept {
+    report(Event::incompatible_qos, status.total_count_change,
+           policy_name(static_cast<std::uint32_t>(status.last_policy_id)));
+  }
+  void report(Event event, std::int64_t count, const char* detail) noexcept {
+    if (count > 0) events_.report(event, static_cast<std::uint64_t>(count), side_, topic_, detail);
+  }
+
+  EventSink& events_;
+
+ private:
+  const char* side_;
+  const char* topic_;
+  std::atomic<int> matched_ = 0;
 };
 
-class BackendReader {
+class BackendWriter : public Endpoint {
  public:
-  virtual ~BackendReader() = default;
+  /// False if the sample was not accepted.
+  virtual bool write(std::span<const std::uint8_t> cdr) noexcept = 0;
+  virtual bool wait_for_acknowledgments(double timeout_s) noexcept = 0;
+
+ protected:
+  BackendWriter(const char* topic, EventSink& events) : Endpoint("writer", topic, events) {}
+};
+
+class BackendReader : public Endpoint {
+ public:
   /// Takes the oldest sample (of any key) that was not yet taken; false if there is none. `writer` identifies its
   /// writer among all that this reader has matched.
   virtual bool take(std::vector<std::uint8_t>& cdr, std::uint64_t& writer) noexcept = 0;
-  [[nodiscard]] virtual int matched() const noexcept = 0;
-  [[nodiscard]] virtual int alive_writers() const noexcept = 0;
+  [[nodiscard]] int alive_writers() const noexcept { return alive_; }
+
+ protected:
+  BackendReader(const char* topic, EventSink& events) : Endpoint("reader", topic, events) {}
+  void change_liveliness(const auto& status) noexcept {
+    alive_ = static_cast<int>(status.alive_count);
+    report(Event::liveliness_lost, status.not_alive_count_change, "");
+    events_.wake();
+  }
+  void lose(const auto& status) noexcept { report(Event::lost, status.total_count_change, ""); }
+  void reject(const auto& status) noexcept { report(Event::rejected, status.total_count_change, "limits"); }
+
+ private:
+  std::atomic<int> alive_ = 0;
 };
 
 /// Endpoints must be destroyed before their back end.
@@ -66,8 +127,11 @@ class Backend {
   virtual ~Backend() = default;
   virtual std::unique_ptr<BackendWriter> create_writer(const EndpointSpec& spec) = 0;
   virtual std::unique_ptr<BackendReader> create_reader(const EndpointSpec& spec) = 0;
-  /// Version, interface and peers in effect, for `effective_settings`.
-  [[nodiscard]] virtual std::string describe() const = 0;
+  /// Interface and peers in effect, for `effective_settings`.
+  [[nodiscard]] const std::string& route() const noexcept { return route_; }
+
+ protected:
+  std::string route_;
 };
 
 /// Largest number of participants of one domain on one host.
@@ -84,19 +148,28 @@ struct Opening {
   std::vector<std::string> peers;  ///< flag; empty: as in the settings, else the interface itself
   std::string settings_file;       ///< empty: none
   bool settings_from_environment = false;
+  std::string settings_source;  ///< for `effective_settings`
 };
 
 inline constexpr const char* kDefaultInterface = "127.0.0.1";
 
-inline constexpr std::uint32_t kPartitionPolicy = 10;
-/// Policy ids of the DDS specification, used by both vendors.
-constexpr const char* policy_name(std::uint32_t id) noexcept {
-  constexpr const char* kNames[] = {"unknown policy",   "USERDATA",        "DURABILITY",     "PRESENTATION",
-                                    "DEADLINE",         "LATENCYBUDGET",   "OWNERSHIP",      "OWNERSHIPSTRENGTH",
-                                    "LIVELINESS",       "TIMEBASEDFILTER", "PARTITION",      "RELIABILITY",
-                                    "DESTINATIONORDER", "HISTORY",         "RESOURCELIMITS", "ENTITYFACTORY"};
-  return id < std::size(kNames) ? kNames[id] : kNames[0];
-}
+/// The interface and the peers that a back end sets.
+struct Route {
+  std::string address;                            ///< empty: the settings have one
+  std::optional<std::vector<std::string>> peers;  ///< none: the settings have them
+
+  Route(const Opening& opening, bool settings_have_interface, bool settings_have_peers) {
+    if (!opening.interface_address.empty() || !settings_have_interface)
+      address = opening.interface_address.empty() ? kDefaultInterface : opening.interface_address;
+    if (opening.peers.empty() && settings_have_peers) return;
+    peers = opening.peers;
+    if (!address.empty()) peers->push_back(address);  // the other programs of this host
+  }
+  [[nodiscard]] std::string text() const {
+    return fmt::format("interface={} peers={}", address.empty() ? "(settings)" : address,
+                       peers ? fmt::format("{}", fmt::join(*peers, ",")) : "(settings)");
+  }
+};
 
 /// Each plug-in exports this function. Throws `Error` (middleware).
 using OpenBackend = Backend* (*)(const Opening&, EventSink&);

@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
@@ -33,9 +32,8 @@ class Events final : public wire::EventSink {
       const std::lock_guard lock(mutex_);
       counts_[kind] += count;
       note(event, side, topic, detail);
-      ++changes_;
     }
-    changed_.notify_one();
+    wake();
   }
 
   void wake() noexcept override {
@@ -128,146 +126,91 @@ struct Bus::Impl {
   Events events;
   std::unique_ptr<wire::Backend> backend;  // declared after events: its threads report until it is destroyed
 
-  [[nodiscard]] wire::EndpointSpec spec(const TopicSpec& topic, const std::string& partition) const {
-    return {topic, qos_of(topic, config.mode, config.device_period_s, config.cycle_s), partition};
+  [[nodiscard]] wire::EndpointSpec spec(std::size_t topic, const std::string& partition) const {
+    return {kTopics[topic], qos_of(kTopics[topic], config.mode, config.device_period_s, config.cycle_s), partition};
   }
 };
 
-template <class M>
-struct Writer<M>::Impl {
+struct AnyWriter::Impl {
   std::unique_ptr<wire::BackendWriter> backend;
-  Codec<M> codec;
+  std::unique_ptr<AnyCodec> codec;
   std::uint64_t bytes = 0;
 };
 
-template <class M>
-struct Reader<M>::Impl {
-  std::unique_ptr<wire::BackendReader> backend;
-  Events* events = nullptr;
-  Codec<M> codec;
-  std::vector<std::uint8_t> cdr;
-  std::uint64_t bytes = 0;
-  std::uint64_t writer = 0;  // writer of the last received sample
-  std::optional<std::uint64_t> trusted;
-  std::uint64_t refused = 0;
-};
+AnyWriter::AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition)
+    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition)), make_codec(topic)}) {}
+AnyWriter::AnyWriter(AnyWriter&&) noexcept = default;
+AnyWriter& AnyWriter::operator=(AnyWriter&&) noexcept = default;
+AnyWriter::~AnyWriter() = default;
 
-template <class M>
-Writer<M>::Writer(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
-template <class M>
-Writer<M>::Writer(Writer&&) noexcept = default;
-template <class M>
-Writer<M>& Writer<M>::operator=(Writer&&) noexcept = default;
-template <class M>
-Writer<M>::~Writer() = default;
-
-template <class M>
-bool Writer<M>::write(const M& sample) noexcept {
-  const auto cdr = impl_->codec.encode(sample);
+bool AnyWriter::write_any(const void* sample) noexcept {
+  const auto cdr = impl_->codec->encode(sample);
   if (cdr.empty() || !impl_->backend->write(cdr)) return false;
   impl_->bytes += cdr.size();
   return true;
 }
 
-template <class M>
-int Writer<M>::matched() const noexcept {
-  return impl_->backend->matched();
-}
-
-template <class M>
-bool Writer<M>::wait_for_acknowledgments(double timeout_s) noexcept {
+int AnyWriter::matched() const noexcept { return impl_->backend->matched(); }
+bool AnyWriter::wait_for_acknowledgments(double timeout_s) noexcept {
   return impl_->backend->wait_for_acknowledgments(timeout_s);
 }
+std::uint64_t AnyWriter::sent_bytes() const noexcept { return impl_->bytes; }
 
-template <class M>
-std::uint64_t Writer<M>::sent_bytes() const noexcept {
-  return impl_->bytes;
+struct AnyReader::Impl {
+  std::unique_ptr<wire::BackendReader> backend;
+  std::unique_ptr<AnyCodec> codec;
+  Events& events;
+  const char* topic;
+  std::vector<std::uint8_t> cdr = {};
+  std::uint64_t bytes = 0;
+  std::uint64_t writer = 0;  // writer of the last received sample
+  std::optional<std::uint64_t> trusted = {};
+  std::uint64_t refused = 0;
+};
+
+AnyReader::AnyReader(const Bus& bus, std::size_t topic, const std::string& partition)
+    : impl_(new Impl{bus.impl_->backend->create_reader(bus.impl_->spec(topic, partition)), make_codec(topic),
+                     bus.impl_->events, kTopics[topic].name}) {
+  impl_->cdr.reserve(wire::kMessageBytes);
 }
+AnyReader::AnyReader(AnyReader&&) noexcept = default;
+AnyReader& AnyReader::operator=(AnyReader&&) noexcept = default;
+AnyReader::~AnyReader() = default;
 
-template <class M>
-Reader<M>::Reader(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
-template <class M>
-Reader<M>::Reader(Reader&&) noexcept = default;
-template <class M>
-Reader<M>& Reader<M>::operator=(Reader&&) noexcept = default;
-template <class M>
-Reader<M>::~Reader() = default;
-
-template <class M>
-bool Reader<M>::receive() noexcept {
+bool AnyReader::receive() noexcept {
   while (impl_->backend->take(impl_->cdr, impl_->writer)) {
     impl_->bytes += impl_->cdr.size();
     if (impl_->writer == impl_->trusted.value_or(impl_->writer)) return true;
     ++impl_->refused;
-    impl_->events->report(wire::Event::refused, 1, "reader", kTopicOf<M>->name, "");
+    impl_->events.report(wire::Event::refused, 1, "reader", impl_->topic, "");
   }
   return false;
 }
 
-template <class M>
-void Reader<M>::trust_sender() noexcept {
-  if (!impl_->trusted) impl_->trusted = impl_->writer;
-}
-
-template <class M>
-std::uint64_t Reader<M>::refused() const noexcept {
-  return impl_->refused;
-}
-
-template <class M>
-bool Reader<M>::decode(M& sample) noexcept {
-  if (impl_->codec.decode(impl_->cdr, sample)) return true;
-  impl_->events->report(wire::Event::rejected, 1, "reader", kTopicOf<M>->name, "corrupt or invalid");
+bool AnyReader::decode_any(void* sample) noexcept {
+  if (impl_->codec->decode(impl_->cdr, sample)) return true;
+  impl_->events.report(wire::Event::rejected, 1, "reader", impl_->topic, "corrupt or invalid");
   return false;
 }
 
-template <class M>
-Take Reader<M>::take(M& sample) noexcept {
-  if (!receive()) return Take::none;
-  return decode(sample) ? Take::sample : Take::rejected;
+void AnyReader::trust_sender() noexcept {
+  if (!impl_->trusted) impl_->trusted = impl_->writer;
 }
-
-template <class M>
-int Reader<M>::matched() const noexcept {
-  return impl_->backend->matched();
-}
-
-template <class M>
-int Reader<M>::alive_writers() const noexcept {
-  return impl_->backend->alive_writers();
-}
-
-template <class M>
-std::uint64_t Reader<M>::received_bytes() const noexcept {
-  return impl_->bytes;
-}
+std::uint64_t AnyReader::refused() const noexcept { return impl_->refused; }
+int AnyReader::matched() const noexcept { return impl_->backend->matched(); }
+int AnyReader::alive_writers() const noexcept { return impl_->backend->alive_writers(); }
+std::uint64_t AnyReader::received_bytes() const noexcept { return impl_->bytes; }
 
 Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
   impl_->config = config;
   const wire::Opening opening = wire::prepare(config);
   impl_->backend.reset(wire::load_plugin(config.vendor)(opening, impl_->events));
-  impl_->settings = fmt::format(
-      "dds={} {} domain={} mode={} settings={}", name_of(config.vendor), impl_->backend->describe(), config.domain,
-      config.mode == Mode::lockstep ? "lockstep" : "realtime", wire::describe_source(config, opening));
+  impl_->settings = fmt::format("dds={} {} {} domain={} mode={} settings={}", name_of(config.vendor),
+                                wire::installed_version(config.vendor), impl_->backend->route(), config.domain,
+                                config.mode == Mode::lockstep ? "lockstep" : "realtime", opening.settings_source);
 }
 
 Bus::~Bus() = default;
-
-template <class M>
-Writer<M> Bus::writer(const std::string& partition) {
-  auto impl = std::make_unique<typename Writer<M>::Impl>();
-  impl->backend = impl_->backend->create_writer(impl_->spec(*kTopicOf<M>, partition));
-  return Writer<M>(std::move(impl));
-}
-
-template <class M>
-Reader<M> Bus::reader(const std::string& partition) {
-  auto impl = std::make_unique<typename Reader<M>::Impl>();
-  impl->backend = impl_->backend->create_reader(impl_->spec(*kTopicOf<M>, partition));
-  impl->events = &impl_->events;
-  impl->cdr.reserve(wire::kMessageBytes);
-  return Reader<M>(std::move(impl));
-}
 
 bool Bus::wait(double timeout_s) noexcept { return impl_->events.wait(timeout_s); }
 EventCounts Bus::events() const noexcept { return impl_->events.counts(); }
@@ -276,21 +219,6 @@ void Bus::forget_absences() noexcept { impl_->events.forget(EventKind::absence);
 const std::string& Bus::effective_settings() const noexcept { return impl_->settings; }
 
 std::unique_ptr<Bus> open_bus(const BusConfig& config) { return std::make_unique<Bus>(config); }
-
-#define SUBWORLD_TOPIC(M)                                \
-  template class Writer<M>;                              \
-  template class Reader<M>;                              \
-  template Writer<M> Bus::writer<M>(const std::string&); \
-  template Reader<M> Bus::reader<M>(const std::string&);
-
-SUBWORLD_TOPIC(SceneDescription)
-SUBWORLD_TOPIC(DeviceState)
-SUBWORLD_TOPIC(DeviceCommand)
-SUBWORLD_TOPIC(WorldFrame)
-SUBWORLD_TOPIC(HapticReport)
-SUBWORLD_TOPIC(WorldSnapshot)
-SUBWORLD_TOPIC(Control)
-SUBWORLD_TOPIC(Status)
 
 std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, double device_period_s,
                               const std::string& participant_name) {

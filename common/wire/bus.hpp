@@ -4,6 +4,7 @@
 #include "model/network.hpp"
 #include "wire/topics.hpp"
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -36,46 +37,53 @@ enum class Take : std::uint8_t {
   rejected,  ///< a sample was dropped that did not decode or had invalid contents
 };
 
-/// Writes one topic. Must not outlive its bus. One thread at a time.
-template <class M>
-class Writer {
- public:
-  Writer(Writer&&) noexcept;
-  Writer& operator=(Writer&&) noexcept;
-  ~Writer();
+class Bus;
 
-  /// Sends in the caller's thread. Returns false if the middleware refused the sample or memory ran out. In real time
-  /// it does not block; in lock-step it may wait up to 10 s for slow readers.
-  bool write(const M& sample) noexcept;
+/// The part of a writer that is the same for all topics.
+class AnyWriter {
+ public:
+  AnyWriter(AnyWriter&&) noexcept;
+  AnyWriter& operator=(AnyWriter&&) noexcept;
+  ~AnyWriter();
+
   /// Number of matched readers.
   [[nodiscard]] int matched() const noexcept;
   /// Waits until every reliable reader has received all samples, or until the timeout. Returns whether they have.
   bool wait_for_acknowledgments(double timeout_s) noexcept;
   [[nodiscard]] std::uint64_t sent_bytes() const noexcept;  ///< payload
 
+ protected:
+  AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition);
+  bool write_any(const void* sample) noexcept;
+
  private:
-  friend class Bus;
   struct Impl;
-  explicit Writer(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
 };
 
-/// Reads one topic. Must not outlive its bus. One thread at a time.
+/// Writes one topic. Must not outlive its bus. One thread at a time.
 template <class M>
-class Reader {
+class Writer : public AnyWriter {
  public:
-  Reader(Reader&&) noexcept;
-  Reader& operator=(Reader&&) noexcept;
-  ~Reader();
+  /// Sends in the caller's thread. Returns false if the middleware refused the sample or memory ran out. In real time
+  /// it does not block; in lock-step it may wait up to 10 s for slow readers.
+  bool write(const M& sample) noexcept { return write_any(&sample); }
+
+ private:
+  friend class Bus;
+  Writer(const Bus& bus, const std::string& partition) : AnyWriter(bus, kTopicIndex<M>, partition) {}
+};
+
+/// The part of a reader that is the same for all topics.
+class AnyReader {
+ public:
+  AnyReader(AnyReader&&) noexcept;
+  AnyReader& operator=(AnyReader&&) noexcept;
+  ~AnyReader();
 
   /// Receives the oldest sample not yet taken; samples of one key stay in order. Does not block. False if there is
   /// none.
   bool receive() noexcept;
-  /// Decodes the received sample. Returns false, and leaves `sample` unchanged, if it does not decode or has invalid
-  /// contents.
-  bool decode(M& sample) noexcept;
-  /// receive() and decode().
-  Take take(M& sample) noexcept;
   /// From now on accepts only the writer of the sample received last. The middleware identifies writers, so the
   /// contents of a sample cannot forge one. Samples of foreign writers are dropped and counted as events. Only the
   /// first call has an effect.
@@ -88,11 +96,31 @@ class Reader {
   [[nodiscard]] int alive_writers() const noexcept;
   [[nodiscard]] std::uint64_t received_bytes() const noexcept;  ///< payload
 
+ protected:
+  AnyReader(const Bus& bus, std::size_t topic, const std::string& partition);
+  bool decode_any(void* sample) noexcept;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Reads one topic. Must not outlive its bus. One thread at a time.
+template <class M>
+class Reader : public AnyReader {
+ public:
+  /// Decodes the received sample. Returns false, and leaves `sample` unchanged, if it does not decode or has invalid
+  /// contents.
+  bool decode(M& sample) noexcept { return decode_any(&sample); }
+  /// receive() and decode().
+  Take take(M& sample) noexcept {
+    if (!receive()) return Take::none;
+    return decode(sample) ? Take::sample : Take::rejected;
+  }
+
  private:
   friend class Bus;
-  struct Impl;
-  explicit Reader(std::unique_ptr<Impl> impl) noexcept;
-  std::unique_ptr<Impl> impl_;
+  Reader(const Bus& bus, const std::string& partition) : AnyReader(bus, kTopicIndex<M>, partition) {}
 };
 
 /// Kinds of middleware events. `fault`: must not happen. `absence`: a peer or a sample is missing, which is normal
@@ -111,9 +139,13 @@ class Bus {
   /// A partition separates users: only equal partitions match; a reader may ask for "*". Both throw `Error`
   /// (middleware).
   template <class M>
-  [[nodiscard]] Writer<M> writer(const std::string& partition = {});
+  [[nodiscard]] Writer<M> writer(const std::string& partition = {}) {
+    return {*this, partition};
+  }
   template <class M>
-  [[nodiscard]] Reader<M> reader(const std::string& partition = {});
+  [[nodiscard]] Reader<M> reader(const std::string& partition = {}) {
+    return {*this, partition};
+  }
 
   /// Waits for new data in any reader, or for an event, since the last call returned. False after the timeout. One
   /// thread.
@@ -129,9 +161,15 @@ class Bus {
   [[nodiscard]] const std::string& effective_settings() const noexcept;
 
  private:
+  friend class AnyWriter;
+  friend class AnyReader;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// Each user's frames and reports, and each device's states and commands, have their own partition.
+inline std::string user_partition(int user) { return "user_" + std::to_string(user); }
+inline std::string device_partition(int device) { return "device_" + std::to_string(device); }
 
 /// Throws `Error` (middleware) with place, fault and cure.
 [[nodiscard]] std::unique_ptr<Bus> open_bus(const BusConfig& config);

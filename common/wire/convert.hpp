@@ -1,29 +1,348 @@
 #pragma once
 
 #include "model/exchange.hpp"
+#include "model/scene.hpp"
 
 #include <subworld.h>
 
-/// Converts model structs to the types of the IDL and back. Only `codec.cpp` includes this: IDL types stop here. Nested
-/// types: parts.hpp. `from_wire` returns false for invalid contents and may then leave `out` half filled.
+#include <algorithm>
+#include <cmath>
+#include <concepts>
+#include <cstdint>
+#include <optional>
+#include <type_traits>
+#include <vector>
+
+/// Converts model structs to the types of the IDL and back. Only `codec.cpp` includes this: IDL types stop here. Each
+/// struct has one description, `fields(copy, model, wire)`, for both directions. `copy` is `ToWire` or `FromWire` and
+/// returns whether the value is valid; where it is not, the model may be half filled.
 namespace subworld {
 
-void to_wire(const SceneDescription& in, msg::Scene& out);
-void to_wire(const DeviceState& in, msg::DeviceState& out);
-void to_wire(const DeviceCommand& in, msg::DeviceCommand& out);
-void to_wire(const WorldFrame& in, msg::WorldFrame& out);
-void to_wire(const HapticReport& in, msg::HapticReport& out);
-void to_wire(const WorldSnapshot& in, msg::WorldState& out);
-void to_wire(const Control& in, msg::Control& out);
-void to_wire(const Status& in, msg::Status& out);
+/// A unit quaternion whose norm is off by less than this is not changed, so that both ends of a topic have equal
+/// numbers.
+inline constexpr double kQuaternionExact = 1e-6;
+/// A quaternion whose norm is off by more than this is invalid; between the two limits it is normalised.
+inline constexpr double kQuaternionNear = 1e-2;
 
-[[nodiscard]] bool from_wire(const msg::Scene& in, SceneDescription& out);
-[[nodiscard]] bool from_wire(const msg::DeviceState& in, DeviceState& out);
-[[nodiscard]] bool from_wire(const msg::DeviceCommand& in, DeviceCommand& out);
-[[nodiscard]] bool from_wire(const msg::WorldFrame& in, WorldFrame& out);
-[[nodiscard]] bool from_wire(const msg::HapticReport& in, HapticReport& out);
-[[nodiscard]] bool from_wire(const msg::WorldState& in, WorldSnapshot& out);
-[[nodiscard]] bool from_wire(const msg::Control& in, Control& out);
-[[nodiscard]] bool from_wire(const msg::Status& in, Status& out);
+/// A model struct, constant while it is sent.
+template <class T, class Struct>
+concept Is = std::same_as<std::remove_const_t<T>, Struct>;
+template <class T>
+concept Sequence = Is<T, std::vector<typename T::value_type>>;
+template <class T>
+concept Optional = Is<T, std::optional<typename T::value_type>>;
+
+/// Copies a model to the wire. Everything counts as valid: the receiver decides.
+struct ToWire {
+  bool operator()(const Vec3& model, msg::Vector& wire) const {
+    wire = {model.x(), model.y(), model.z()};
+    return true;
+  }
+  bool operator()(const Quat& model, msg::Quaternion& wire) const {
+    wire = {model.w(), model.x(), model.y(), model.z()};
+    return true;
+  }
+  bool operator()(const Eigen::Matrix3d& model, msg::SymmetricTensor& wire) const {
+    wire.xx() = model(0, 0);
+    wire.yy() = model(1, 1);
+    wire.zz() = model(2, 2);
+    wire.xy() = model(0, 1);
+    wire.yz() = model(1, 2);
+    wire.zx() = model(2, 0);
+    return true;
+  }
+  template <class M, class W>
+  bool operator()(const M& model, W& wire) const {
+    if constexpr (std::is_arithmetic_v<W>) {
+      wire = static_cast<W>(model);
+    } else if constexpr (std::same_as<M, W> && !Sequence<M>) {
+      wire = model;
+    } else {
+      fields(*this, model, wire);
+    }
+    return true;
+  }
+
+  bool not_negative(double model, double& wire) const { return (*this)(model, wire); }
+  bool positive(double model, double& wire) const { return (*this)(model, wire); }
+  bool ratio(int model, std::uint32_t& wire) const { return (*this)(model, wire); }
+  bool kind(auto model, auto& wire, auto) const { return (*this)(model, wire); }
+  bool same(BodyId model, std::uint32_t& wire) const { return (*this)(model, wire); }
+  bool check(bool) const { return true; }
+
+  /// Also reserves what the model has reserved, so that a loop does not allocate.
+  void resize(const auto& model, auto& wire) const {
+    wire.reserve(model.capacity());
+    wire.resize(model.size());
+  }
+  bool length(auto& wire, std::size_t size) const {
+    wire.resize(size);
+    return true;
+  }
+  void present(const auto& model, bool& wire) const { wire = model.has_value(); }
+  void present(const auto& model, auto& wire) const {
+    wire.reserve(1);
+    wire.resize(model ? 1 : 0);
+  }
+};
+
+/// Copies the wire to a model.
+struct FromWire {
+  bool operator()(Vec3& model, const msg::Vector& wire) const {
+    model = Vec3{wire[0], wire[1], wire[2]};
+    return model.allFinite();
+  }
+  bool operator()(Quat& model, const msg::Quaternion& wire) const {
+    model = Quat{wire[0], wire[1], wire[2], wire[3]};
+    const double off = std::abs(model.squaredNorm() - 1.0);
+    if (!(off <= kQuaternionNear)) return false;
+    if (off > kQuaternionExact) model.normalize();
+    return true;
+  }
+  /// Refuses an inertia that no body can have.
+  bool operator()(Eigen::Matrix3d& model, const msg::SymmetricTensor& wire) const {
+    model << wire.xx(), wire.xy(), wire.zx(), wire.xy(), wire.yy(), wire.yz(), wire.zx(), wire.yz(), wire.zz();
+    return model.allFinite() && model.llt().info() == Eigen::Success;
+  }
+  template <class M, class W>
+  bool operator()(M& model, const W& wire) const {
+    if constexpr (std::is_floating_point_v<W>) {
+      model = wire;
+      return std::isfinite(wire);
+    } else if constexpr (std::is_arithmetic_v<W>) {
+      model = static_cast<M>(wire);
+      return true;
+    } else if constexpr (std::same_as<M, W>) {
+      model = wire;
+      return true;
+    } else {
+      return fields(*this, model, wire);
+    }
+  }
+
+  bool not_negative(double& model, double wire) const { return (*this)(model, wire) && wire >= 0.0; }
+  bool positive(double& model, double wire) const { return (*this)(model, wire) && wire > 0.0; }
+  bool ratio(int& model, std::uint32_t wire) const { return (*this)(model, wire) && model >= 1 && model <= kMostRatio; }
+  template <class E, class W>
+  bool kind(E& model, W wire, E last) const {
+    return (*this)(model, wire) && wire <= static_cast<W>(last);
+  }
+  bool same(BodyId model, std::uint32_t wire) const { return wire == index(model); }
+  bool check(bool valid) const { return valid; }
+
+  void resize(auto& model, const auto& wire) const { model.resize(wire.size()); }
+  bool length(const auto& wire, std::size_t size) const { return wire.size() == size; }
+  void present(auto& model, bool wire) const {
+    model.reset();
+    if (wire) model.emplace();
+  }
+  template <class W>
+  void present(auto& model, const std::vector<W>& wire) const {
+    present(model, !wire.empty());
+  }
+};
+
+bool fields(const auto& copy, Sequence auto& m, auto& w) {
+  copy.resize(m, w);
+  for (std::size_t i = 0; i < m.size(); ++i) {
+    if (!copy(m[i], w[i])) return false;
+  }
+  return true;
+}
+
+/// A sequence of length 0 or 1 on the wire.
+bool fields(const auto& copy, Optional auto& m, auto& w) {
+  copy.present(m, w);
+  return copy.check(w.size() <= 1) && (!m || copy(*m, w.front()));
+}
+
+bool fields(const auto& copy, Is<Pose> auto& m, auto& w) {
+  return copy(m.position, w.position()) && copy(m.orientation, w.orientation());
+}
+
+bool fields(const auto& copy, Is<Wrench> auto& m, auto& w) {
+  return copy(m.force, w.force()) && copy(m.torque, w.torque());
+}
+
+/// The caller copies the id, which is not in this struct.
+bool fields(const auto& copy, Is<BodyState> auto& m, auto& w) {
+  return copy(m.position, w.position()) && copy(m.orientation, w.orientation()) &&
+         copy(m.linear_velocity, w.linear_velocity()) && copy(m.angular_velocity, w.angular_velocity());
+}
+
+bool fields(const auto& copy, Is<StampedBody> auto& m, auto& w) { return copy(m.id, w.body()) && copy(m.state, w); }
+
+bool fields(const auto& copy, Is<Mesh> auto& m, auto& w) {
+  return copy(m.file, w.file()) && copy(m.vertices, w.vertices()) && copy(m.triangles, w.triangles()) &&
+         copy.check(std::ranges::all_of(m.triangles, [&](const auto& triangle) {
+           return std::ranges::all_of(triangle, [&](std::uint32_t corner) { return corner < m.vertices.size(); });
+         }));
+}
+
+bool fields(const auto& copy, Is<Body> auto& m, auto& w) {
+  return copy(m.id, w.id()) && copy(m.name, w.name()) && copy.kind(m.shape.kind, w.shape(), ShapeKind::mesh) &&
+         copy(m.shape.half_extents, w.half_extents()) && copy.check((m.shape.half_extents.array() >= 0.0).all()) &&
+         copy.not_negative(m.shape.radius, w.radius()) && copy.not_negative(m.shape.half_length, w.half_length()) &&
+         copy(m.shape.mesh, w.mesh()) && copy.not_negative(m.material.friction, w.friction()) &&
+         copy.not_negative(m.material.restitution, w.restitution()) && copy.check(m.material.restitution <= 1.0) &&
+         copy.not_negative(m.mass, w.mass()) && copy(m.inertia, w.inertia()) &&
+         copy.check((m.inertia.array() >= 0.0).all()) && copy(m.gravity, w.gravity()) && copy(m.rotates, w.rotates());
+}
+
+bool fields(const auto& copy, Is<EnteringBody> auto& m, auto& w) {
+  return copy(m.body, w.body()) && copy(m.state, w.state()) && copy.same(m.body.id, w.state().body());
+}
+
+bool fields(const auto& copy, Is<BoundaryContact> auto& m, auto& w) {
+  return copy(m.inside, w.inside()) && copy(m.outside, w.outside()) && copy(m.point, w.point()) &&
+         copy(m.normal, w.normal()) && copy(m.distance, w.distance()) && copy(m.normal_impulse, w.normal_impulse()) &&
+         copy(m.tangential_impulse, w.tangential_impulse());
+}
+
+bool fields(const auto& copy, Is<CarriedBody> auto& m, auto& w) {
+  return copy.positive(m.mass_kg, w.mass_kg()) && copy(m.centre_m, w.centre_m()) &&
+         copy(m.inertia_kg_m2, w.inertia_kg_m2()) && copy(m.drive, w.drive());
+}
+
+bool fields(const auto& copy, Is<GhostAxis> auto& m, auto& w) {
+  return copy(m.normal, w.normal()) && copy(m.force_n, w.force_n()) &&
+         copy.not_negative(m.coulomb_limit_n, w.coulomb_limit_n()) &&
+         copy(m.load_dependent_friction, w.load_dependent_friction());
+}
+
+bool fields(const auto& copy, Is<GhostModel> auto& m, auto& w) {
+  copy.present(m.carried, w.carried());
+  return copy(m.outside, w.outside()) && copy.positive(m.mass_kg, w.mass_kg()) && copy(m.load_n, w.load_n()) &&
+         copy(m.axis_count, w.axis_count()) && copy.check(m.axis_count <= kMostGhostAxes) &&
+         copy(m.approaching, w.approaching());
+}
+
+/// The ghosts of a frame, with its flat sequences of axes and carried bodies.
+bool ghost_fields(const auto& copy, auto& ghosts, auto& frame) {
+  if constexpr (std::same_as<decltype(copy), const ToWire&>) {
+    frame.ghost_axes().reserve(kMostGhostAxes * ghosts.capacity());
+    frame.ghost_axes().resize(kMostGhostAxes * ghosts.size());
+    copy.resize(ghosts, frame.carried_bodies());
+  }
+  if (!copy(ghosts, frame.ghosts())) return false;
+  std::size_t axes = 0, carried = 0;
+  for (auto& ghost : ghosts) {
+    if (ghost.axis_count > frame.ghost_axes().size() - axes) return false;
+    for (std::size_t i = 0; i < ghost.axis_count; ++i) {
+      if (!copy(ghost.axes[i], frame.ghost_axes()[axes++])) return false;
+    }
+    if (!ghost.carried) continue;
+    if (carried == frame.carried_bodies().size()) return false;
+    if (!copy(*ghost.carried, frame.carried_bodies()[carried++])) return false;
+  }
+  return copy.length(frame.ghost_axes(), axes) && copy.length(frame.carried_bodies(), carried);
+}
+
+bool fields(const auto& copy, Is<PeerDevice> auto& m, auto& w) {
+  return copy(m.proxy, w.proxy()) && copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
+         copy(m.angular_velocity, w.angular_velocity());
+}
+
+bool fields(const auto& copy, Is<Suppression> auto& m, auto& w) {
+  return copy(m.until, w.until_stamp()) && copy(m.place.lower, w.lower()) && copy(m.place.upper, w.upper());
+}
+
+bool fields(const auto& copy, Is<ReportedDevice> auto& m, auto& w) {
+  return copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
+         copy(m.angular_velocity, w.angular_velocity()) && copy(m.applied, w.applied());
+}
+
+bool fields(const auto& copy, Is<Indicators> auto& m, auto& w) {
+  return copy(m.proxy_impulse_n_s, w.proxy_impulse_n_s()) && copy(m.total_impulse_n_s, w.total_impulse_n_s()) &&
+         copy(m.device_impulse_n_s, w.device_impulse_n_s()) && copy(m.border_bodies, w.border_bodies()) &&
+         copy(m.proxy_contacts, w.proxy_contacts());
+}
+
+bool fields(const auto& copy, Is<UserView> auto& m, auto& w) {
+  return copy(m.user, w.user()) && copy(m.proxy, w.proxy()) && copy(m.members, w.members()) &&
+         copy(m.border, w.border()) && copy(m.wrench, w.wrench());
+}
+
+// ---- Topics
+
+bool fields(const auto& copy, Is<SceneDescription> auto& m, auto& w) {
+  const bool valid = copy(m.name, w.name()) && copy(m.settings_hash, w.settings_hash()) &&
+                     copy(m.session, w.session()) && copy(m.users, w.users()) && copy(m.meshes, w.meshes()) &&
+                     copy(m.bodies, w.bodies()) && copy(m.states, w.states()) &&
+                     copy.check(m.states.size() == m.bodies.size());
+  if (!valid) return false;
+  for (std::size_t i = 0; i < std::min(m.bodies.size(), m.states.size()); ++i) {
+    if (!copy.same(m.bodies[i].id, w.states()[i].body())) return false;
+  }
+  return copy.check(std::ranges::all_of(m.bodies, [&](const Body& body) {
+    const bool needs_mesh = body.shape.kind == ShapeKind::convex || body.shape.kind == ShapeKind::mesh;
+    return !needs_mesh || body.shape.mesh < m.meshes.size();
+  }));
+}
+
+bool fields(const auto& copy, Is<DeviceState> auto& m, auto& w) {
+  return copy(m.device, w.device()) && copy(m.session, w.session()) && copy(m.sender, w.sender()) &&
+         copy(m.sequence, w.sequence_number()) && copy(m.stamp_s, w.stamp_s()) && copy(m.sent_ns, w.sent_ns()) &&
+         copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
+         copy(m.angular_velocity, w.angular_velocity()) && copy(m.applied, w.applied()) && copy(m.buttons, w.buttons());
+}
+
+bool fields(const auto& copy, Is<DeviceCommand> auto& m, auto& w) {
+  return copy(m.device, w.device()) && copy(m.session, w.session()) && copy(m.served, w.served()) &&
+         copy(m.sequence, w.sequence_number()) && copy(m.stamp_s, w.stamp_s()) &&
+         copy(m.echoed_sent_ns, w.echoed_sent_ns()) && copy(m.wrench, w.wrench()) && copy(m.pose, w.pose()) &&
+         copy(m.linear_velocity, w.linear_velocity()) && copy(m.angular_velocity, w.angular_velocity()) &&
+         copy(m.last, w.last());
+}
+
+bool fields(const auto& copy, Is<WorldFrame> auto& m, auto& w) {
+  return copy(m.user, w.user()) && copy(m.session, w.session()) && copy(m.served, w.served()) &&
+         copy(m.stamp, w.stamp()) && copy.not_negative(m.stamp_s, w.stamp_s()) && copy(m.start_in_s, w.start_in_s()) &&
+         copy.not_negative(m.real_time_factor, w.real_time_factor()) && copy(m.echoed_sent_ns, w.echoed_sent_ns()) &&
+         copy(m.echoed_stamp, w.echoed_stamp()) && copy(m.last, w.last()) &&
+         copy.not_negative(m.cycle_s, w.cycle_s()) && copy.ratio(m.ratio, w.ratio()) &&
+         copy(m.planned.stamp, w.planned_stamp()) && copy.ratio(m.planned.ratio, w.planned_ratio()) &&
+         copy(m.members, w.members()) && copy(m.fixed, w.fixed_bodies()) && copy(m.islands, w.islands()) &&
+         copy(m.entering, w.entering()) && copy(m.states, w.states()) && copy(m.border_contacts, w.border_contacts()) &&
+         copy(m.border_bodies, w.border_bodies()) && copy(m.border, w.border()) && ghost_fields(copy, m.ghosts, w) &&
+         copy(m.peers, w.peers()) && copy(m.suppression, w.suppression());
+}
+
+bool fields(const auto& copy, Is<HapticReport> auto& m, auto& w) {
+  return copy(m.user, w.user()) && copy(m.session, w.session()) && copy(m.sender, w.sender()) &&
+         copy(m.stamp, w.stamp()) && copy(m.stamp_s, w.stamp_s()) && copy.positive(m.clock_rate, w.clock_rate()) &&
+         copy(m.sent_ns, w.sent_ns()) && copy(m.confirmed_stamp, w.confirmed_stamp()) &&
+         copy(m.impulse_total, w.impulse_total()) && copy(m.device_work_j, w.device_work_j()) &&
+         copy(m.coupling_energy_j, w.coupling_energy_j()) && copy(m.proxy, w.proxy()) && copy(m.device, w.device()) &&
+         copy(m.members, w.members()) && copy(m.islands, w.islands()) && copy(m.indicators, w.indicators()) &&
+         copy(m.timing.mean_s, w.step_mean_s()) && copy(m.timing.max_s, w.step_max_s());
+}
+
+bool fields(const auto& copy, Is<WorldSnapshot> auto& m, auto& w) {
+  return copy(m.sequence, w.sequence_number()) && copy(m.stamp_s, w.stamp_s()) &&
+         copy.not_negative(m.real_time_factor, w.real_time_factor()) && copy(m.moved, w.moved()) &&
+         copy(m.users, w.users());
+}
+
+bool fields(const auto& copy, Is<Control> auto& m, auto& w) {
+  return copy(m.number, w.number()) && copy.kind(m.verb, w.verb(), ControlVerb::set_scheme) &&
+         copy(m.argument, w.argument());
+}
+
+bool fields(const auto& copy, Is<EventCounts> auto& m, auto& w) {
+  return copy(m.matched, w.matched()) && copy(m.unmatched, w.unmatched()) &&
+         copy(m.deadline_missed, w.deadline_missed()) && copy(m.liveliness_lost, w.liveliness_lost()) &&
+         copy(m.incompatible_qos, w.incompatible_qos()) && copy(m.lost, w.lost()) && copy(m.rejected, w.rejected()) &&
+         copy(m.refused, w.refused());
+}
+
+bool fields(const auto& copy, Is<Status> auto& m, auto& w) {
+  return copy.kind(m.program, w.program(), ProgramKind::gui_headless) && copy(m.instance, w.instance()) &&
+         copy(m.state, w.state()) && copy(m.time_s, w.time_s()) && copy(m.rate_hz, w.rate_hz()) &&
+         copy(m.steps, w.steps()) && copy(m.missed_deadlines, w.missed_deadlines()) &&
+         copy(m.missed_by_os, w.missed_by_os()) && copy(m.step_s, w.step_s()) && copy(m.force_n, w.force_n()) &&
+         copy(m.real_time_factor, w.real_time_factor()) && copy(m.done_ratio, w.done_ratio()) &&
+         copy(m.paused, w.paused()) && copy(m.waits_for, w.waits_for()) && copy(m.events, w) && copy(m.text, w.text());
+}
 
 }  // namespace subworld

@@ -18,7 +18,6 @@ static_assert(DDS_VERSION_MAJOR == 0 && DDS_VERSION_MINOR == 10 && DDS_VERSION_P
 #include <dds/ddsrt/mh3.h>
 
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -44,7 +43,6 @@ dds_entity_t require(dds_entity_t entity, const std::string& what) {
 }
 
 // ---- Samples: bytes with a key in front
-// ---------------------------------------------------------------------------------
 
 struct Sertype : ddsi_sertype {
   std::uint32_t key_words = 0;
@@ -58,6 +56,8 @@ struct Serdata : ddsi_serdata {
 /// Samples are created and freed at haptic rates on any thread, so their memory is reused.
 class Pool {
  public:
+  Pool() { free_.reserve(kPooledSamples); }
+
   Serdata* get() {
     const std::lock_guard lock(mutex_);
     if (free_.empty()) return new Serdata;
@@ -79,11 +79,7 @@ class Pool {
 
  private:
   std::mutex mutex_;
-  std::vector<Serdata*> free_ = [] {
-    std::vector<Serdata*> empty;
-    empty.reserve(kPooledSamples);
-    return empty;
-  }();
+  std::vector<Serdata*> free_;
 };
 
 /// Lives as long as the process, because Cyclone's threads may free samples late.
@@ -125,53 +121,53 @@ ddsi_serdata* finish(Serdata* sample) {
 bool equal_keys(const ddsi_serdata* a, const ddsi_serdata* b) { return self(a).key == self(b).key; }
 std::uint32_t size_of(const ddsi_serdata* data) { return static_cast<std::uint32_t>(self(data).bytes.size()); }
 
-ddsi_serdata* from_fragments(const ddsi_sertype* type, ddsi_serdata_kind kind, const nn_rdata* fragment,
-                             std::size_t size) try {
+/// A sample whose `size` bytes `fill` writes; null if memory ran out.
+template <class Fill>
+ddsi_serdata* make_sample(const ddsi_sertype* type, ddsi_serdata_kind kind, std::size_t size, Fill fill) noexcept try {
   Serdata* sample = new_sample(type, kind, size);
-  std::size_t filled = 0;
-  for (; fragment != nullptr; fragment = fragment->nextfrag) {
-    if (fragment->maxp1 <= filled || fragment->min > filled || fragment->maxp1 > size) continue;
-    const unsigned char* payload = NN_RMSG_PAYLOADOFF(fragment->rmsg, NN_RDATA_PAYLOAD_OFF(fragment));
-    std::memcpy(sample->bytes.data() + filled, payload + (filled - fragment->min), fragment->maxp1 - filled);
-    filled = fragment->maxp1;
-  }
+  fill(sample->bytes.data());
   return finish(sample);
 } catch (const std::bad_alloc&) {
   return nullptr;
+}
+
+ddsi_serdata* from_fragments(const ddsi_sertype* type, ddsi_serdata_kind kind, const nn_rdata* fragment,
+                             std::size_t size) {
+  return make_sample(type, kind, size, [&](std::uint8_t* bytes) {
+    std::size_t filled = 0;
+    for (; fragment != nullptr; fragment = fragment->nextfrag) {
+      if (fragment->maxp1 <= filled || fragment->min > filled || fragment->maxp1 > size) continue;
+      const unsigned char* payload = NN_RMSG_PAYLOADOFF(fragment->rmsg, NN_RDATA_PAYLOAD_OFF(fragment));
+      std::memcpy(bytes + filled, payload + (filled - fragment->min), fragment->maxp1 - filled);
+      filled = fragment->maxp1;
+    }
+  });
 }
 
 ddsi_serdata* from_pieces(const ddsi_sertype* type, ddsi_serdata_kind kind, ddsrt_msg_iovlen_t count,
-                          const ddsrt_iovec_t* pieces, std::size_t size) try {
-  Serdata* sample = new_sample(type, kind, size);
-  std::size_t filled = 0;
-  for (ddsrt_msg_iovlen_t i = 0; i < count && filled < size; ++i) {
-    const std::size_t part = std::min<std::size_t>(pieces[i].iov_len, size - filled);
-    std::memcpy(sample->bytes.data() + filled, pieces[i].iov_base, part);
-    filled += part;
-  }
-  return finish(sample);
-} catch (const std::bad_alloc&) {
-  return nullptr;
+                          const ddsrt_iovec_t* pieces, std::size_t size) {
+  return make_sample(type, kind, size, [&](std::uint8_t* bytes) {
+    std::size_t filled = 0;
+    for (ddsrt_msg_iovlen_t i = 0; i < count && filled < size; ++i) {
+      const std::size_t part = std::min<std::size_t>(pieces[i].iov_len, size - filled);
+      std::memcpy(bytes + filled, pieces[i].iov_base, part);
+      filled += part;
+    }
+  });
 }
 
-ddsi_serdata* from_key_hash(const ddsi_sertype* type, const ddsi_keyhash* hash) try {
+ddsi_serdata* from_key_hash(const ddsi_sertype* type, const ddsi_keyhash* hash) {
   const std::uint32_t key_bytes = 4 * static_cast<const Sertype*>(type)->key_words;
-  Serdata* sample = new_sample(type, SDK_KEY, kHeaderBytes + key_bytes);
-  std::memset(sample->bytes.data(), 0, kHeaderBytes);  // CDR, big-endian as the hash
-  std::memcpy(sample->bytes.data() + kHeaderBytes, hash->value, key_bytes);
-  return finish(sample);
-} catch (const std::bad_alloc&) {
-  return nullptr;
+  return make_sample(type, SDK_KEY, kHeaderBytes + key_bytes, [&](std::uint8_t* bytes) {
+    std::memset(bytes, 0, kHeaderBytes);  // CDR, big-endian as the hash
+    std::memcpy(bytes + kHeaderBytes, hash->value, key_bytes);
+  });
 }
 
 /// Argument of `dds_write`: the encoded bytes.
-ddsi_serdata* from_sample(const ddsi_sertype* type, ddsi_serdata_kind kind, const void* data) try {
+ddsi_serdata* from_sample(const ddsi_sertype* type, ddsi_serdata_kind kind, const void* data) {
   const auto& cdr = *static_cast<const std::span<const std::uint8_t>*>(data);
-  Serdata* sample = new_sample(type, kind, cdr.size());
-  std::memcpy(sample->bytes.data(), cdr.data(), cdr.size());
-  return finish(sample);
-} catch (const std::bad_alloc&) {
-  return nullptr;
+  return make_sample(type, kind, cdr.size(), [&](std::uint8_t* bytes) { std::memcpy(bytes, cdr.data(), cdr.size()); });
 }
 
 void to_bytes(const ddsi_serdata* data, std::size_t offset, std::size_t size, void* buffer) {
@@ -266,16 +262,10 @@ const ddsi_sertype_ops kSertypeOps = [] {
 }();
 
 // ---- Endpoints
-// ----------------------------------------------------------------------------------------------------------
 
-struct QosDelete {
-  void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
-};
-struct ListenerDelete {
-  void operator()(dds_listener_t* listener) const { dds_delete_listener(listener); }
-};
-using QosPointer = std::unique_ptr<dds_qos_t, QosDelete>;
-using ListenerPointer = std::unique_ptr<dds_listener_t, ListenerDelete>;
+using QosPointer = std::unique_ptr<dds_qos_t, decltype([](dds_qos_t* qos) { dds_delete_qos(qos); })>;
+using ListenerPointer =
+    std::unique_ptr<dds_listener_t, decltype([](dds_listener_t* one) { dds_delete_listener(one); })>;
 
 dds_duration_t nanoseconds(double seconds) { return static_cast<dds_duration_t>(std::llround(seconds * 1e9)); }
 
@@ -296,103 +286,40 @@ QosPointer make_qos(const Qos& from) {
   return qos;
 }
 
-/// Common part of readers and writers.
-struct Endpoint {
-  const char* side;
-  const char* topic;
-  EventSink& events;
-  std::atomic<int> matched = 0;
-  std::atomic<int> alive = 0;
-
-  void match(int current, int change) {
-    matched = current;
-    if (change != 0)
-      report(change > 0 ? Event::matched : Event::unmatched, static_cast<unsigned>(std::abs(change)), "");
-  }
-  void report(Event event, std::uint64_t count, const char* detail) const {
-    if (count > 0) events.report(event, count, side, topic, detail);
-  }
-};
-
-Endpoint& endpoint(void* pointer) { return *static_cast<Endpoint*>(pointer); }
-
-template <class Count>
-std::uint64_t positive(Count count) {
-  return count > 0 ? static_cast<std::uint64_t>(count) : 0U;
-}
-
-ListenerPointer writer_listener(Endpoint* of) {
-  ListenerPointer listener(dds_create_listener(of));
-  dds_lset_publication_matched(listener.get(), [](dds_entity_t, dds_publication_matched_status_t status, void* arg) {
-    endpoint(arg).match(static_cast<int>(status.current_count), status.current_count_change);
-  });
-  dds_lset_offered_deadline_missed(
-      listener.get(), [](dds_entity_t, dds_offered_deadline_missed_status_t status, void* arg) {
-        endpoint(arg).report(Event::deadline_missed, positive(status.total_count_change), "");
-      });
-  dds_lset_offered_incompatible_qos(listener.get(),
-                                    [](dds_entity_t, dds_offered_incompatible_qos_status_t status, void* arg) {
-                                      endpoint(arg).report(Event::incompatible_qos, positive(status.total_count_change),
-                                                           policy_name(status.last_policy_id));
-                                    });
-  return listener;
-}
-
-ListenerPointer reader_listener(Endpoint* of) {
-  ListenerPointer listener(dds_create_listener(of));
-  dds_lset_data_available(listener.get(), [](dds_entity_t, void* arg) { endpoint(arg).events.wake(); });
-  dds_lset_subscription_matched(listener.get(), [](dds_entity_t, dds_subscription_matched_status_t status, void* arg) {
-    endpoint(arg).match(static_cast<int>(status.current_count), status.current_count_change);
-  });
-  dds_lset_requested_deadline_missed(
-      listener.get(), [](dds_entity_t, dds_requested_deadline_missed_status_t status, void* arg) {
-        endpoint(arg).report(Event::deadline_missed, positive(status.total_count_change), "");
-      });
-  dds_lset_requested_incompatible_qos(
-      listener.get(), [](dds_entity_t, dds_requested_incompatible_qos_status_t status, void* arg) {
-        endpoint(arg).report(Event::incompatible_qos, positive(status.total_count_change),
-                             policy_name(status.last_policy_id));
-      });
-  dds_lset_liveliness_changed(listener.get(), [](dds_entity_t, dds_liveliness_changed_status_t status, void* arg) {
-    endpoint(arg).alive = static_cast<int>(status.alive_count);
-    endpoint(arg).report(Event::liveliness_lost, positive(status.not_alive_count_change), "");
-    endpoint(arg).events.wake();
-  });
-  dds_lset_sample_lost(listener.get(), [](dds_entity_t, dds_sample_lost_status_t status, void* arg) {
-    endpoint(arg).report(Event::lost, positive(status.total_count_change), "");
-  });
-  dds_lset_sample_rejected(listener.get(), [](dds_entity_t, dds_sample_rejected_status_t status, void* arg) {
-    endpoint(arg).report(Event::rejected, positive(status.total_count_change), "limits");
-  });
-  return listener;
-}
-
 class CycloneWriter final : public BackendWriter {
  public:
   CycloneWriter(dds_entity_t publisher, dds_entity_t topic, const EndpointSpec& spec, EventSink& events)
-      : publisher_(publisher), endpoint_{"writer", spec.topic.name, events} {
-    writer_ = require(dds_create_writer(publisher, topic, make_qos(spec.qos).get(), writer_listener(&endpoint_).get()),
+      : BackendWriter(spec.topic.name, events), publisher_(publisher) {
+    writer_ = require(dds_create_writer(publisher, topic, make_qos(spec.qos).get(), listener().get()),
                       fmt::format("writer of {}", spec.topic.name));
   }
   ~CycloneWriter() override { dds_delete(publisher_); }
 
   bool write(std::span<const std::uint8_t> cdr) noexcept override { return dds_write(writer_, &cdr) == DDS_RETCODE_OK; }
-  [[nodiscard]] int matched() const noexcept override { return endpoint_.matched; }
   bool wait_for_acknowledgments(double timeout_s) noexcept override {
     return dds_wait_for_acks(writer_, nanoseconds(timeout_s)) == DDS_RETCODE_OK;
   }
 
  private:
+  static CycloneWriter& of(void* self) { return *static_cast<CycloneWriter*>(self); }
+  ListenerPointer listener() {
+    ListenerPointer made(dds_create_listener(this));
+    dds_listener_t* const to = made.get();
+    dds_lset_publication_matched(to, [](dds_entity_t, auto status, void* self) { of(self).match(status); });
+    dds_lset_offered_deadline_missed(to, [](dds_entity_t, auto status, void* self) { of(self).miss_deadline(status); });
+    dds_lset_offered_incompatible_qos(to, [](dds_entity_t, auto status, void* self) { of(self).differ(status); });
+    return made;
+  }
+
   dds_entity_t publisher_;
-  Endpoint endpoint_;
   dds_entity_t writer_ = 0;
 };
 
 class CycloneReader final : public BackendReader {
  public:
   CycloneReader(dds_entity_t subscriber, dds_entity_t topic, const EndpointSpec& spec, EventSink& events)
-      : subscriber_(subscriber), endpoint_{"reader", spec.topic.name, events} {
-    reader_ = require(dds_create_reader(subscriber, topic, make_qos(spec.qos).get(), reader_listener(&endpoint_).get()),
+      : BackendReader(spec.topic.name, events), subscriber_(subscriber) {
+    reader_ = require(dds_create_reader(subscriber, topic, make_qos(spec.qos).get(), listener().get()),
                       fmt::format("reader of {}", spec.topic.name));
   }
   ~CycloneReader() override { dds_delete(subscriber_); }
@@ -406,17 +333,28 @@ class CycloneReader final : public BackendReader {
     }
     return false;
   }
-  [[nodiscard]] int matched() const noexcept override { return endpoint_.matched; }
-  [[nodiscard]] int alive_writers() const noexcept override { return endpoint_.alive; }
 
  private:
+  static CycloneReader& of(void* self) { return *static_cast<CycloneReader*>(self); }
+  ListenerPointer listener() {
+    ListenerPointer made(dds_create_listener(this));
+    dds_listener_t* const to = made.get();
+    dds_lset_data_available(to, [](dds_entity_t, void* self) { of(self).events_.wake(); });
+    dds_lset_subscription_matched(to, [](dds_entity_t, auto status, void* self) { of(self).match(status); });
+    dds_lset_requested_deadline_missed(to,
+                                       [](dds_entity_t, auto status, void* self) { of(self).miss_deadline(status); });
+    dds_lset_requested_incompatible_qos(to, [](dds_entity_t, auto status, void* self) { of(self).differ(status); });
+    dds_lset_liveliness_changed(to, [](dds_entity_t, auto status, void* self) { of(self).change_liveliness(status); });
+    dds_lset_sample_lost(to, [](dds_entity_t, auto status, void* self) { of(self).lose(status); });
+    dds_lset_sample_rejected(to, [](dds_entity_t, auto status, void* self) { of(self).reject(status); });
+    return made;
+  }
+
   dds_entity_t subscriber_;
-  Endpoint endpoint_;
   dds_entity_t reader_ = 0;
 };
 
 // ---- Participant
-// --------------------------------------------------------------------------------------------------------
 
 /// Defaults, which the settings file may override: unicast, whole-datagram messages, quick repair of losses, no
 /// throttling.
@@ -495,10 +433,6 @@ class CycloneBackend final : public Backend {
     return std::make_unique<CycloneReader>(subscriber, topic(spec.topic), spec, events_);
   }
 
-  [[nodiscard]] std::string describe() const override {
-    return fmt::format("{} interface={} peers={}", DDS_VERSION, interface_, peers_);
-  }
-
  private:
   static QosPointer partition(const EndpointSpec& spec) {
     QosPointer qos(dds_create_qos());
@@ -536,23 +470,19 @@ class CycloneBackend final : public Backend {
     erase_parts(user, "<!--", "-->");
     if (!opening.interface_address.empty()) erase_parts(user, "<Interfaces", "</Interfaces>");
     if (!opening.peers.empty()) erase_parts(user, "<Peers", "</Peers>");
-    const bool own_interface = user.find("<NetworkInterface") != std::string::npos;
-    const bool own_peers = user.find("<Peer ") != std::string::npos;
-
-    const std::string address = opening.interface_address.empty() ? kDefaultInterface : opening.interface_address;
+    const Route route(opening, user.find("<NetworkInterface") != std::string::npos,
+                      user.find("<Peer ") != std::string::npos);
     std::string network;
-    if (!own_interface) {
-      network += fmt::format("<General><Interfaces><NetworkInterface address=\"{}\"/></Interfaces></General>", address);
+    if (!route.address.empty()) {
+      network =
+          fmt::format("<General><Interfaces><NetworkInterface address=\"{}\"/></Interfaces></General>", route.address);
     }
-    auto peers = opening.peers;
-    if (!own_interface) peers.push_back(address);  // the other programs of this host
-    if (!own_peers && !peers.empty()) {
+    if (route.peers && !route.peers->empty()) {
       network += "<Discovery><Peers>";
-      for (const std::string& peer : peers) network += fmt::format("<Peer Address=\"{}\"/>", peer);
+      for (const std::string& peer : *route.peers) network += fmt::format("<Peer Address=\"{}\"/>", peer);
       network += "</Peers></Discovery>";
     }
-    interface_ = own_interface ? "(settings)" : address;
-    peers_ = own_peers ? "(settings)" : fmt::format("{}", fmt::join(peers, ","));
+    route_ = route.text();
     return fmt::format("{},{}{}<CycloneDDS><Domain Id=\"any\">{}</Domain></CycloneDDS>",
                        fmt::format(fmt::runtime(kDefaults), kMessageBytes, kMostParticipants - 1), user,
                        user.empty() ? "" : ",", network);
@@ -561,9 +491,9 @@ class CycloneBackend final : public Backend {
   /// Cyclone allows one domain of a number in a process. A second bus gets another internal number and the same
   /// external one.
   void open_domain(const Opening& opening, const std::string& settings) {
-    const std::lock_guard lock(domains_mutex());
+    const std::lock_guard lock(domains_mutex);
     id_ = static_cast<dds_domainid_t>(opening.domain);
-    while (domains().contains(id_)) id_ += 1000;
+    while (domains.contains(id_)) id_ += 1000;
     std::string all = settings;
     if (id_ != static_cast<dds_domainid_t>(opening.domain)) {
       all += fmt::format(
@@ -574,33 +504,25 @@ class CycloneBackend final : public Backend {
     const LogCapture log;
     domain_ = dds_create_domain(id_, all.c_str());
     if (domain_ < 0) {
-      fail(fmt::format(
-          "domain {} (interface={} peers={}{}{}) was refused: {}; correct the settings, or look for programs "
-          "that still run if no participant index is free",
-          opening.domain, interface_, peers_, opening.settings_file.empty() ? "" : " settings=", opening.settings_file,
-          log.text().empty() ? dds_strretcode(domain_) : log.text()));
+      fail(
+          fmt::format("domain {} ({}{}{}) was refused: {}; correct the settings, or look for programs "
+                      "that still run if no participant index is free",
+                      opening.domain, route_, opening.settings_file.empty() ? "" : " settings=", opening.settings_file,
+                      log.text().empty() ? dds_strretcode(domain_) : log.text()));
     }
-    domains().insert(id_);
+    domains.insert(id_);
   }
 
   void close() noexcept {
     dds_delete(domain_);
-    const std::lock_guard lock(domains_mutex());
-    domains().erase(id_);
+    const std::lock_guard lock(domains_mutex);
+    domains.erase(id_);
   }
 
-  static std::set<dds_domainid_t>& domains() {
-    static std::set<dds_domainid_t> open;
-    return open;
-  }
-  static std::mutex& domains_mutex() {
-    static std::mutex mutex;
-    return mutex;
-  }
+  static inline std::mutex domains_mutex;
+  static inline std::set<dds_domainid_t> domains;  ///< open in this process
 
   EventSink& events_;
-  std::string interface_;
-  std::string peers_;
   dds_domainid_t id_ = 0;
   dds_entity_t domain_ = 0;
   dds_entity_t participant_ = 0;

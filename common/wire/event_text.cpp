@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 
 namespace subworld::wire {
@@ -15,18 +16,11 @@ struct Stream {
   std::string_view without;
 };
 constexpr std::array kStreams{
-    Stream{"world_frame", "world_sim", "the sub-world continued from the last one"},
-    Stream{"haptic_report", "haptic_sim", "the world continued from the last one"},
-    Stream{"device_state", "device_sim", "the force was computed from the last one"},
-    Stream{"device_command", "haptic_sim", "the device held the last force"},
+    Stream{kTopicOf<WorldFrame>.name, "world_sim", "the sub-world continued from the last one"},
+    Stream{kTopicOf<HapticReport>.name, "haptic_sim", "the world continued from the last one"},
+    Stream{kTopicOf<DeviceState>.name, "device_sim", "the force was computed from the last one"},
+    Stream{kTopicOf<DeviceCommand>.name, "haptic_sim", "the device held the last force"},
 };
-
-const Stream* stream_of(std::string_view topic) {
-  for (const Stream& one : kStreams) {
-    if (one.topic == topic) return &one;
-  }
-  return nullptr;
-}
 
 }  // namespace
 
@@ -36,9 +30,9 @@ EventKind kind_of(Event event) noexcept {
 }
 
 std::string explain(Event event, std::string_view side, std::string_view topic, std::string_view detail) {
-  const Stream* stream = stream_of(topic);
-  const std::string_view sender = stream != nullptr ? stream->sender : "its sender";
-  const std::string_view without = stream != nullptr ? stream->without : "its reader continued without it";
+  const auto* const stream = std::ranges::find(kStreams, topic, &Stream::topic);
+  const auto [_, sender, without] =
+      stream != kStreams.end() ? *stream : Stream{topic, "its sender", "its reader continued without it"};
   switch (event) {
     case Event::deadline_missed:
       if (side == "writer") return {};  // the loop itself counts its missed deadlines

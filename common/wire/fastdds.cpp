@@ -27,7 +27,6 @@
 #include <fastdds/dds/topic/Topic.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
 
-#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <map>
@@ -44,11 +43,16 @@ using eprosima::fastrtps::types::ReturnCode_t;
 constexpr const char* kProfile = "subworld";
 constexpr std::uint32_t kHeaderBytes = 4;
 constexpr std::uint32_t kFirstBytes = 512;  // of a history entry; grows with its samples
-
 constexpr int kMostKeys = 256;
 constexpr int kMostKept = 1024;  // acknowledged samples that a keep-all writer stores
 
 [[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, "Fast DDS: " + message); }
+
+template <class Entity>
+Entity* require(Entity* entity, const std::string& what) {
+  if (entity == nullptr) fail(fmt::format("no {}; see its log lines above", what));
+  return entity;
+}
 
 Duration_t duration(double seconds) {
   const double whole = std::floor(seconds);
@@ -109,12 +113,6 @@ class BytesType final : public dds::TopicDataType {
   std::uint32_t key_words_;
 };
 
-void report_match(EventSink& events, const char* side, const char* topic, int change) {
-  if (change != 0)
-    events.report(change > 0 ? Event::matched : Event::unmatched, static_cast<std::uint64_t>(std::abs(change)), side,
-                  topic, "");
-}
-
 /// Removes a listener. Fast DDS 2.9 looks up which listener handles a missed deadline, and then uses the endpoint's
 /// own. If that is removed in between, the process crashes. Therefore a listener stays set, with an empty mask.
 template <class Listener, class Endpoint>
@@ -127,13 +125,12 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
  public:
   FastWriter(dds::DomainParticipant* participant, dds::Publisher* publisher, dds::Topic* topic,
              const EndpointSpec& spec, const dds::DataWriterQos& qos, EventSink& events)
-      : participant_(participant),
+      : BackendWriter(spec.topic.name, events),
+        participant_(participant),
         publisher_(publisher),
-        name_(spec.topic.name),
-        events_(events),
         keeps_all_(spec.qos.keep_all) {
-    writer_ = publisher->create_datawriter(topic, qos, this, dds::StatusMask::all());
-    if (writer_ == nullptr) fail(fmt::format("no writer of {}; see its log lines above", name_));
+    writer_ = require(publisher->create_datawriter(topic, qos, this, dds::StatusMask::all()),
+                      fmt::format("writer of {}", spec.topic.name));
   }
 
   ~FastWriter() override {
@@ -156,8 +153,6 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
     }
   }
 
-  [[nodiscard]] int matched() const noexcept override { return matched_; }
-
   bool wait_for_acknowledgments(double timeout_s) noexcept override {
     return writer_->wait_for_acknowledgments(duration(timeout_s)) == ReturnCode_t::RETCODE_OK;
   }
@@ -171,25 +166,18 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
     kept_ = 0;
   }
 
-  void on_publication_matched(dds::DataWriter*, const dds::PublicationMatchedStatus& status) override {
-    matched_ = status.current_count;
-    report_match(events_, "writer", name_, status.current_count_change);
-  }
+  void on_publication_matched(dds::DataWriter*, const dds::PublicationMatchedStatus& status) override { match(status); }
   void on_offered_deadline_missed(dds::DataWriter*, const dds::OfferedDeadlineMissedStatus& status) override {
-    events_.report(Event::deadline_missed, status.total_count_change, "writer", name_, "");
+    miss_deadline(status);
   }
   void on_offered_incompatible_qos(dds::DataWriter*, const dds::OfferedIncompatibleQosStatus& status) override {
-    events_.report(Event::incompatible_qos, status.total_count_change, "writer", name_,
-                   policy_name(status.last_policy_id));
+    differ(status);
   }
 
   dds::DomainParticipant* participant_;
   dds::Publisher* publisher_;
-  const char* name_;
-  EventSink& events_;
   bool keeps_all_;
   int kept_ = 0;
-  std::atomic<int> matched_ = 0;
   Sample sample_;
   dds::DataWriter* writer_ = nullptr;
 };
@@ -205,9 +193,9 @@ class FastReader final : public BackendReader, dds::DataReaderListener {
  public:
   FastReader(dds::DomainParticipant* participant, dds::Subscriber* subscriber, dds::Topic* topic,
              const EndpointSpec& spec, const dds::DataReaderQos& qos, EventSink& events)
-      : participant_(participant), subscriber_(subscriber), name_(spec.topic.name), events_(events) {
-    reader_ = subscriber->create_datareader(topic, qos, this, dds::StatusMask::all());
-    if (reader_ == nullptr) fail(fmt::format("no reader of {}; see its log lines above", name_));
+      : BackendReader(spec.topic.name, events), participant_(participant), subscriber_(subscriber) {
+    reader_ = require(subscriber->create_datareader(topic, qos, this, dds::StatusMask::all()),
+                      fmt::format("reader of {}", spec.topic.name));
   }
 
   ~FastReader() override {
@@ -230,44 +218,25 @@ class FastReader final : public BackendReader, dds::DataReaderListener {
     return taken;
   }
 
-  [[nodiscard]] int matched() const noexcept override { return matched_; }
-  [[nodiscard]] int alive_writers() const noexcept override { return alive_; }
-
  private:
   void on_data_available(dds::DataReader*) override { events_.wake(); }
   void on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) override {
-    matched_ = status.current_count;
-    report_match(events_, "reader", name_, status.current_count_change);
+    match(status);
   }
   void on_requested_deadline_missed(dds::DataReader*, const dds::RequestedDeadlineMissedStatus& status) override {
-    events_.report(Event::deadline_missed, status.total_count_change, "reader", name_, "");
+    miss_deadline(status);
   }
   void on_liveliness_changed(dds::DataReader*, const dds::LivelinessChangedStatus& status) override {
-    alive_ = status.alive_count;
-    if (status.not_alive_count_change > 0) {
-      events_.report(Event::liveliness_lost, static_cast<std::uint64_t>(status.not_alive_count_change), "reader", name_,
-                     "");
-    } else {
-      events_.wake();
-    }
+    change_liveliness(status);
   }
-  void on_sample_rejected(dds::DataReader*, const dds::SampleRejectedStatus& status) override {
-    events_.report(Event::rejected, status.total_count_change, "reader", name_, "limits");
-  }
+  void on_sample_rejected(dds::DataReader*, const dds::SampleRejectedStatus& status) override { reject(status); }
   void on_requested_incompatible_qos(dds::DataReader*, const dds::RequestedIncompatibleQosStatus& status) override {
-    events_.report(Event::incompatible_qos, status.total_count_change, "reader", name_,
-                   policy_name(status.last_policy_id));
+    differ(status);
   }
-  void on_sample_lost(dds::DataReader*, const dds::SampleLostStatus& status) override {
-    events_.report(Event::lost, static_cast<std::uint64_t>(status.total_count_change), "reader", name_, "");
-  }
+  void on_sample_lost(dds::DataReader*, const dds::SampleLostStatus& status) override { lose(status); }
 
   dds::DomainParticipant* participant_;
   dds::Subscriber* subscriber_;
-  const char* name_;
-  EventSink& events_;
-  std::atomic<int> matched_ = 0;
-  std::atomic<int> alive_ = 0;
   Sample sample_;
   dds::DataReader* reader_ = nullptr;
 };
@@ -398,7 +367,7 @@ class FastBackend final : public Backend {
       fail(fmt::format(
           "no participant in domain {} ({}): its ports are in use or its settings do not fit; choose another "
           "--domain or look for programs that still run",
-          opening.domain, describe()));
+          opening.domain, route_));
     }
   }
 
@@ -410,9 +379,7 @@ class FastBackend final : public Backend {
   std::unique_ptr<BackendWriter> create_writer(const EndpointSpec& spec) override {
     dds::PublisherQos publisher_qos = dds::PUBLISHER_QOS_DEFAULT;
     if (!spec.partition.empty()) publisher_qos.partition().push_back(spec.partition.c_str());
-    dds::Publisher* publisher = participant_->create_publisher(publisher_qos);
-    if (publisher == nullptr)
-      fail(fmt::format("no publisher of {} in partition \"{}\"", spec.topic.name, spec.partition));
+    dds::Publisher* publisher = require(participant_->create_publisher(publisher_qos), "publisher");
     dds::DataWriterQos qos = dds::DATAWRITER_QOS_DEFAULT;
     apply(spec.qos, qos);
     hurry(qos);
@@ -423,18 +390,11 @@ class FastBackend final : public Backend {
   std::unique_ptr<BackendReader> create_reader(const EndpointSpec& spec) override {
     dds::SubscriberQos subscriber_qos = dds::SUBSCRIBER_QOS_DEFAULT;
     if (!spec.partition.empty()) subscriber_qos.partition().push_back(spec.partition.c_str());
-    dds::Subscriber* subscriber = participant_->create_subscriber(subscriber_qos);
-    if (subscriber == nullptr) {
-      fail(fmt::format("no subscriber of {} in partition \"{}\"", spec.topic.name, spec.partition));
-    }
+    dds::Subscriber* subscriber = require(participant_->create_subscriber(subscriber_qos), "subscriber");
     dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
     apply(spec.qos, qos);
     hurry(qos);
     return std::make_unique<FastReader>(participant_, subscriber, topic(spec.topic), spec, qos, events_);
-  }
-
-  [[nodiscard]] std::string describe() const override {
-    return fmt::format("{} interface={} peers={}", FASTRTPS_VERSION_STR, interface_, peers_);
   }
 
  private:
@@ -449,18 +409,14 @@ class FastBackend final : public Backend {
       discovery.initial_announcements.period = duration(0.05);
     }
 
-    const bool own_transport = opening.interface_address.empty() && !qos.transport().user_transports.empty();
-    const std::string address = opening.interface_address.empty() ? kDefaultInterface : opening.interface_address;
-    if (!own_transport) {
-      use_interface(qos, address);
-      qos.wire_protocol().participant_id = free_participant_index(address, opening.domain);
+    const Route route(opening, !qos.transport().user_transports.empty(),
+                      !qos.wire_protocol().builtin.initialPeersList.empty());
+    if (!route.address.empty()) {
+      use_interface(qos, route.address);
+      qos.wire_protocol().participant_id = free_participant_index(route.address, opening.domain);
     }
-    const bool own_peers = opening.peers.empty() && !qos.wire_protocol().builtin.initialPeersList.empty();
-    auto peers = opening.peers;
-    if (!own_transport) peers.push_back(address);  // the other programs of this host
-    if (!own_peers) use_peers(qos, peers);
-    interface_ = own_transport ? "(settings)" : address;
-    peers_ = own_peers ? "(settings)" : fmt::format("{}", fmt::join(peers, ","));
+    if (route.peers) use_peers(qos, *route.peers);
+    route_ = route.text();
     qos.name(opening.participant_name.c_str());
     return qos;
   }
@@ -472,14 +428,11 @@ class FastBackend final : public Backend {
       if (type.register_type(participant_) == ReturnCode_t::RETCODE_OK) {
         topic = participant_->create_topic(spec.name, spec.type, dds::TOPIC_QOS_DEFAULT);
       }
-      if (topic == nullptr) fail(fmt::format("no topic {} of type {}", spec.name, spec.type));
     }
-    return topic;
+    return require(topic, fmt::format("topic {} of type {}", spec.name, spec.type));
   }
 
   EventSink& events_;
-  std::string interface_;
-  std::string peers_;
   std::shared_ptr<dds::DomainParticipantFactory> factory_;
   dds::DomainParticipant* participant_ = nullptr;
   std::map<std::string, dds::Topic*> topics_;

@@ -50,6 +50,7 @@ std::string to_text(const in_addr& address) {
   return text.data();
 }
 
+/// Empty, with the reason in `error`, where there is no address.
 std::string try_resolve(const std::string& host, std::string& error) {
   addrinfo hints{};
   hints.ai_family = AF_INET;
@@ -63,15 +64,6 @@ std::string try_resolve(const std::string& host, std::string& error) {
   std::memcpy(&address, found->ai_addr, sizeof address);
   freeaddrinfo(found);
   return to_text(address.sin_addr);
-}
-
-std::string resolve_peer(const std::string& host) {
-  std::string error;
-  std::string address = try_resolve(host, error);
-  if (address.empty()) {
-    fail(fmt::format("--peers: host {}: {}; give IPv4 addresses or names that this machine can resolve", host, error));
-  }
-  return address;
 }
 
 struct Interface {
@@ -116,18 +108,12 @@ Interface usable_interface(const std::string& wanted) {
 void check_reach(const std::vector<std::string>& peers, const Interface& interface, bool users_settings) {
   const auto remote = std::find_if(peers.begin(), peers.end(), is_remote);
   if (remote == peers.end()) return;
-  if (interface.address.empty() && !users_settings) {
-    fail(
-        fmt::format("--peers {} needs --interface: the default, loopback, reaches this host only; name the network "
-                    "interface that leads there, see `ip -brief address`",
-                    *remote));
-  }
-  if (interface.loopback) {
-    fail(
-        fmt::format("--peers {}: the --interface is loopback, which reaches this host only; name the network "
-                    "interface that leads there, see `ip -brief address`",
-                    *remote));
-  }
+  const bool unnamed = interface.address.empty() && !users_settings;
+  if (!unnamed && !interface.loopback) return;
+  fail(
+      fmt::format("--peers {}{}, reaches this host only; name the network interface that leads there, see `ip -brief "
+                  "address`",
+                  *remote, unnamed ? " needs --interface: the default, loopback" : ": the --interface, loopback"));
 }
 
 }  // namespace
@@ -140,13 +126,20 @@ Opening prepare(const BusConfig& config) {
   opening.domain = config.domain;
   opening.participant_name = config.participant_name;
   const VendorFacts& vendor = facts(config.vendor);
-  const char* environment = std::getenv(vendor.environment);
-  const bool users_settings = !config.qos_file.empty() || (environment != nullptr && *environment != '\0');
+  const char* variable = std::getenv(vendor.environment);
+  const std::string environment = variable != nullptr ? variable : "";
+  const bool users_settings = !config.qos_file.empty() || !environment.empty();
   Interface interface;
   if (!config.interface_address.empty()) interface = usable_interface(config.interface_address);
   check_reach(config.peers, interface, users_settings);
   opening.interface_address = interface.address;
-  for (const std::string& peer : config.peers) opening.peers.push_back(resolve_peer(peer));
+  for (const std::string& peer : config.peers) {
+    std::string error;
+    opening.peers.push_back(try_resolve(peer, error));
+    if (!error.empty())
+      fail(
+          fmt::format("--peers: host {}: {}; give IPv4 addresses or names that this machine can resolve", peer, error));
+  }
 
   const auto beside = program_folder() / "qos" / (std::string(vendor.name) + ".xml");
   if (!config.qos_file.empty()) {
@@ -155,12 +148,15 @@ Opening prepare(const BusConfig& config) {
                        vendor.name));
     }
     opening.settings_file = config.qos_file;
-  } else if (environment != nullptr && *environment != '\0') {
+  } else if (!environment.empty()) {
     opening.settings_from_environment = true;
     opening.settings_file = environment;
   } else if (access(beside.c_str(), R_OK) == 0) {
     opening.settings_file = beside.string();
   }
+  opening.settings_source = opening.settings_from_environment ? fmt::format("{}={}", vendor.environment, environment)
+                            : opening.settings_file.empty()   ? "built-in"
+                                                              : opening.settings_file;
   return opening;
 }
 
@@ -202,13 +198,6 @@ OpenBackend load_plugin(Vendor vendor) {
   if (entry == nullptr)
     fail(fmt::format("{}: has no {}; it is of another version, install both again", file, kOpenBackendName));
   return reinterpret_cast<OpenBackend>(entry);
-}
-
-std::string describe_source(const BusConfig& config, const Opening& opening) {
-  if (opening.settings_from_environment) {
-    return fmt::format("{}={}", facts(config.vendor).environment, opening.settings_file);
-  }
-  return opening.settings_file.empty() ? "built-in" : opening.settings_file;
 }
 
 }  // namespace subworld::wire

@@ -16,7 +16,4 @@ namespace subworld::wire {
 /// The version of a vendor whose plug-in can be loaded; empty: it cannot.
 [[nodiscard]] std::string installed_version(Vendor vendor);
 
-/// For `effective_settings`: where the settings come from.
-[[nodiscard]] std::string describe_source(const BusConfig& config, const Opening& opening);
-
 }  // namespace subworld::wire

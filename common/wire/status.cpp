@@ -100,8 +100,8 @@ std::string StatusBeacon::take_events() {
   return text;
 }
 
-void StatusBeacon::note(std::string text) {
-  auto* const note = new Note{std::move(text), newest_note_.load(std::memory_order_relaxed)};
+void StatusBeacon::note(std::string text, std::optional<std::string> waits_for) {
+  auto* const note = new Note{std::move(text), std::move(waits_for), newest_note_.load(std::memory_order_relaxed)};
   while (!newest_note_.compare_exchange_weak(note->earlier, note, std::memory_order_release)) {
   }
   wake_.release();
@@ -109,12 +109,15 @@ void StatusBeacon::note(std::string text) {
 
 std::string StatusBeacon::take_notes() {
   std::string text;
+  std::optional<std::string> waits_for;
   std::unique_ptr<Note> note(newest_note_.exchange(nullptr, std::memory_order_acquire));
   while (note != nullptr) {
+    if (!waits_for) waits_for = std::move(note->waits_for);
     append(note->text, text);
     text = std::move(note->text);
     note.reset(note->earlier);
   }
+  if (waits_for) status_.waits_for = *std::move(waits_for);
   return text;
 }
 
@@ -138,6 +141,7 @@ void StatusBeacon::publish(double passed_s) {
   status_.done_ratio = done_ratio_.load(std::memory_order_relaxed);
   status_.events = bus_->events();
   append(text, take_notes());
+  status_.paused = paused_.load(std::memory_order_relaxed);  // as set before the notes
   if (!text.empty()) std::fprintf(stderr, "%s: %s\n", label_.c_str(), text.c_str());
   append(unsent_, text);
   status_.text = unsent_;

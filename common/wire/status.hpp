@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <semaphore>
 #include <string>
 #include <thread>
@@ -46,8 +47,11 @@ class StatusBeacon {
   void enter(const std::string& state);
   /// Sets the progress of that state, 0 .. 1; published with the next status.
   void done(double ratio) noexcept { done_ratio_.store(ratio, std::memory_order_relaxed); }
-  /// Publishes and prints a text at once, from the thread. May be called from the loop; does not block.
-  void note(std::string text);
+  /// Sets whether the run is paused, for the next status.
+  void pause(bool paused) noexcept { paused_.store(paused, std::memory_order_relaxed); }
+  /// Publishes and prints a text at once, from the thread. May be called from the loop; does not block. `waits_for`
+  /// sets that field of this status and of later ones.
+  void note(std::string text, std::optional<std::string> waits_for = {});
   /// Middleware events since the loop began to run.
   [[nodiscard]] EventCounts events_of_run();
   /// Time since the last status of that program, in this process's own time, s. May be called at any rate, from the
@@ -63,13 +67,14 @@ class StatusBeacon {
  private:
   struct Note {
     std::string text;
+    std::optional<std::string> waits_for;
     Note* earlier;
   };
 
   void publish(double passed_s);
   /// Receives the other programs' statuses; once a tick.
   void listen();
-  /// Notes since the last call, in order, joined by "; ".
+  /// Notes since the last call, in order, joined by "; ". Sets `waits_for`.
   std::string take_notes();
   /// Text for the middleware events. The absence of a peer is normal while programs start and end. It is reported only
   /// if the loop ran before it, and still runs one status later.
@@ -80,6 +85,7 @@ class StatusBeacon {
   Reader<Status> reader_;
   Status heard_;
   static constexpr std::size_t kPrograms = 4, kInstances = 64;
+  std::atomic<bool> paused_{false};
   std::array<std::atomic<std::uint32_t>, kPrograms * kInstances> status_age_ticks_{};
   std::string label_;
   std::atomic<double> time_s_{0.0}, busy_s_{0.0}, force_n_{0.0}, real_time_factor_{1.0}, done_ratio_{0.0};

@@ -3,11 +3,25 @@
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
-#include <string_view>
+#include <tuple>
+#include <type_traits>
 
 namespace subworld {
+
+namespace msg {
+class Scene;
+class DeviceState;
+class DeviceCommand;
+class WorldFrame;
+class HapticReport;
+class WorldState;
+class Control;
+class Status;
+}  // namespace msg
 
 enum class Reliability : std::uint8_t { best_effort, reliable };
 enum class Durability : std::uint8_t { volatile_, transient_local };
@@ -28,51 +42,52 @@ struct TopicSpec {
 /// of a foreign one. With a larger depth the sample of the right writer is among them.
 inline constexpr int kNewestOfSeveral = 8;
 
-inline constexpr TopicSpec kScene{
-    "scene",          "subworld::msg::Scene", 0, Reliability::reliable, Durability::transient_local,
-    kNewestOfSeveral, DeadlineKind::none};
-inline constexpr TopicSpec kDeviceState{
-    "device_state",   "subworld::msg::DeviceState",    1, Reliability::best_effort, Durability::volatile_,
-    kNewestOfSeveral, DeadlineKind::two_device_periods};
-inline constexpr TopicSpec kDeviceCommand{
-    "device_command", "subworld::msg::DeviceCommand",  1, Reliability::best_effort, Durability::volatile_,
-    kNewestOfSeveral, DeadlineKind::two_device_periods};
-inline constexpr TopicSpec kWorldFrame{"world_frame",           "subworld::msg::WorldFrame", 1,
-                                       Reliability::reliable,   Durability::volatile_,       8,
-                                       DeadlineKind::two_cycles};
-inline constexpr TopicSpec kHapticReport{"haptic_report",         "subworld::msg::HapticReport", 1,
-                                         Reliability::reliable,   Durability::volatile_,         8,
-                                         DeadlineKind::two_cycles};
-inline constexpr TopicSpec kWorldState{
-    "world_state",     "subworld::msg::WorldState", 0, Reliability::best_effort, Durability::volatile_, 1,
-    DeadlineKind::none};
-inline constexpr TopicSpec kControl{
-    "control", "subworld::msg::Control", 0, Reliability::reliable, Durability::transient_local, 16, DeadlineKind::none};
-inline constexpr TopicSpec kStatus{
-    "status", "subworld::msg::Status", 2, Reliability::reliable, Durability::transient_local, 16, DeadlineKind::none};
+/// A row of the table: the model struct `M` travels as the IDL type `W`. An incomplete row does not compile.
+template <class M, class W>
+struct Topic {
+  using Model = M;
+  constexpr Topic(const char* name, const char* type, std::uint32_t key_words, Reliability reliability,
+                  Durability durability, int depth, DeadlineKind deadline) noexcept
+      : spec{name, type, key_words, reliability, durability, depth, deadline} {}
+  TopicSpec spec;
+};
 
-inline constexpr std::array kTopics{&kScene,        &kDeviceState, &kDeviceCommand, &kWorldFrame,
-                                    &kHapticReport, &kWorldState,  &kControl,       &kStatus};
+/// All topics. Codecs, readers and writers follow from this table. A new topic needs a struct in the IDL, its `fields`
+/// in convert.hpp, and a row.
+inline constexpr std::tuple kTopicTable{
+    Topic<SceneDescription, msg::Scene>{"scene", "subworld::msg::Scene", 0, Reliability::reliable,
+                                        Durability::transient_local, kNewestOfSeveral, DeadlineKind::none},
+    Topic<DeviceState, msg::DeviceState>{"device_state", "subworld::msg::DeviceState", 1, Reliability::best_effort,
+                                         Durability::volatile_, kNewestOfSeveral, DeadlineKind::two_device_periods},
+    Topic<DeviceCommand, msg::DeviceCommand>{"device_command", "subworld::msg::DeviceCommand", 1,
+                                             Reliability::best_effort, Durability::volatile_, kNewestOfSeveral,
+                                             DeadlineKind::two_device_periods},
+    Topic<WorldFrame, msg::WorldFrame>{"world_frame", "subworld::msg::WorldFrame", 1, Reliability::reliable,
+                                       Durability::volatile_, 8, DeadlineKind::two_cycles},
+    Topic<HapticReport, msg::HapticReport>{"haptic_report", "subworld::msg::HapticReport", 1, Reliability::reliable,
+                                           Durability::volatile_, 8, DeadlineKind::two_cycles},
+    Topic<WorldSnapshot, msg::WorldState>{"world_state", "subworld::msg::WorldState", 0, Reliability::best_effort,
+                                          Durability::volatile_, 1, DeadlineKind::none},
+    Topic<Control, msg::Control>{"control", "subworld::msg::Control", 0, Reliability::reliable,
+                                 Durability::transient_local, 16, DeadlineKind::none},
+    Topic<Status, msg::Status>{"status", "subworld::msg::Status", 2, Reliability::reliable, Durability::transient_local,
+                               16, DeadlineKind::none},
+};
 
-/// Each model struct has one topic.
+inline constexpr std::array kTopics =
+    std::apply([](const auto&... rows) { return std::array{rows.spec...}; }, kTopicTable);
+
+template <class M, class... Rows>
+consteval std::size_t row_of(const std::tuple<Rows...>&) {
+  constexpr std::array kHere{std::is_same_v<M, typename Rows::Model>...};
+  static_assert(std::ranges::count(kHere, true) == 1, "each model struct has one topic");
+  return static_cast<std::size_t>(std::ranges::find(kHere, true) - kHere.begin());
+}
 template <class M>
-inline constexpr const TopicSpec* kTopicOf = nullptr;
-template <>
-inline constexpr const TopicSpec* kTopicOf<SceneDescription> = &kScene;
-template <>
-inline constexpr const TopicSpec* kTopicOf<DeviceState> = &kDeviceState;
-template <>
-inline constexpr const TopicSpec* kTopicOf<DeviceCommand> = &kDeviceCommand;
-template <>
-inline constexpr const TopicSpec* kTopicOf<WorldFrame> = &kWorldFrame;
-template <>
-inline constexpr const TopicSpec* kTopicOf<HapticReport> = &kHapticReport;
-template <>
-inline constexpr const TopicSpec* kTopicOf<WorldSnapshot> = &kWorldState;
-template <>
-inline constexpr const TopicSpec* kTopicOf<Control> = &kControl;
-template <>
-inline constexpr const TopicSpec* kTopicOf<Status> = &kStatus;
+inline constexpr std::size_t kTopicIndex = row_of<M>(kTopicTable);
+/// The topic of a model struct.
+template <class M>
+inline constexpr const TopicSpec& kTopicOf = kTopics[kTopicIndex<M>];
 
 /// Quality of service that a reader or writer requests.
 struct Qos {

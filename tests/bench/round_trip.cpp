@@ -84,8 +84,10 @@ class Bare {
       topic.name = name;
       return wire::EndpointSpec{topic, qos_of(topic, config.mode, config.device_period_s, config.cycle_s), {}};
     };
-    writer_ = backend_->create_writer(asks ? spec(kWorldFrame, "bare_frame") : spec(kHapticReport, "bare_report"));
-    reader_ = backend_->create_reader(asks ? spec(kHapticReport, "bare_report") : spec(kWorldFrame, "bare_frame"));
+    writer_ = backend_->create_writer(asks ? spec(kTopicOf<WorldFrame>, "bare_frame")
+                                           : spec(kTopicOf<HapticReport>, "bare_report"));
+    reader_ = backend_->create_reader(asks ? spec(kTopicOf<HapticReport>, "bare_report")
+                                           : spec(kTopicOf<WorldFrame>, "bare_frame"));
   }
 
   [[nodiscard]] bool matched() const { return writer_->matched() > 0 && reader_->matched() > 0; }

@@ -26,7 +26,7 @@ class WireExchange : public ::testing::TestWithParam<test::VendorPair> {
   template <class M>
   ::testing::AssertionResult connected(const Writer<M>& writer, const Reader<M>& reader) {
     const bool met = until(*receiver, [&] { return writer.matched() > 0 && reader.matched() > 0; });
-    return met ? ::testing::AssertionSuccess() : ::testing::AssertionFailure() << kTopicOf<M>->name << " did not match";
+    return met ? ::testing::AssertionSuccess() : ::testing::AssertionFailure() << kTopicOf<M>.name << " did not match";
   }
 
   template <class M>
@@ -37,14 +37,14 @@ class WireExchange : public ::testing::TestWithParam<test::VendorPair> {
     SampleMaker make(static_cast<std::uint32_t>(GetParam().first) + 3);
     for (int i = 0; i < 20; ++i) {
       const M sent = make.make<M>();
-      ASSERT_TRUE(writer.write(sent)) << kTopicOf<M>->name;
+      ASSERT_TRUE(writer.write(sent)) << kTopicOf<M>.name;
       M received;
       Take taken = Take::none;
-      ASSERT_TRUE(until(*receiver, [&] { return (taken = reader.take(received)) != Take::none; })) << kTopicOf<M>->name;
-      ASSERT_EQ(taken, Take::sample) << kTopicOf<M>->name;
-      ASSERT_EQ(numbers_of(sent), numbers_of(received)) << kTopicOf<M>->name;
+      ASSERT_TRUE(until(*receiver, [&] { return (taken = reader.take(received)) != Take::none; })) << kTopicOf<M>.name;
+      ASSERT_EQ(taken, Take::sample) << kTopicOf<M>.name;
+      ASSERT_EQ(numbers_of(sent), numbers_of(received)) << kTopicOf<M>.name;
     }
-    EXPECT_TRUE(writer.wait_for_acknowledgments(20.0)) << kTopicOf<M>->name;
+    EXPECT_TRUE(writer.wait_for_acknowledgments(20.0)) << kTopicOf<M>.name;
     EXPECT_GT(writer.sent_bytes(), 0U);
     EXPECT_GE(reader.received_bytes(), writer.sent_bytes());
     EXPECT_LT(reader.received_bytes(), writer.sent_bytes() + 20 * 4);

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -16,10 +17,10 @@ using test::until;
 
 class WireStatus : public ::testing::TestWithParam<test::VendorPair> {
  protected:
-  /// Takes statuses until one contains the text.
-  static bool hears(Bus& bus, Reader<Status>& reader, const std::string& text) {
+  /// Takes statuses until one contains the text; that one, or nothing.
+  static std::optional<Status> hear(Bus& bus, Reader<Status>& reader, const std::string& text) {
     Status status;
-    return until(
+    const bool heard = until(
         bus,
         [&] {
           while (reader.take(status) == Take::sample) {
@@ -28,6 +29,7 @@ class WireStatus : public ::testing::TestWithParam<test::VendorPair> {
           return false;
         },
         5.0);
+    return heard ? std::optional(status) : std::nullopt;
   }
 };
 
@@ -47,7 +49,7 @@ TEST_P(WireStatus, notes_of_a_paused_loop_are_published) {
     });
     beacon.note(said);
     busy.join();
-    EXPECT_TRUE(hears(*receiver, reader, said)) << said;
+    EXPECT_TRUE(hear(*receiver, reader, said)) << said;
     if (HasFailure()) break;
   }
 }
@@ -61,7 +63,31 @@ TEST_P(WireStatus, a_late_reader_gets_earlier_notes) {
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
   auto reader = receiver->reader<Status>();
-  EXPECT_TRUE(hears(*receiver, reader, "control 7: done"));
+  EXPECT_TRUE(hear(*receiver, reader, "control 7: done"));
+}
+
+TEST_P(WireStatus, says_as_data_whether_a_program_waits_or_is_paused) {
+  const TestDomain held;
+  const auto sender = open_bus(config_of(GetParam().first, held.number(), Mode::realtime));
+  const auto receiver = open_bus(config_of(GetParam().second, held.number(), Mode::realtime));
+  auto reader = receiver->reader<Status>();
+  StatusBeacon beacon(*sender, ProgramKind::world_sim, 0, "test");
+  beacon.pause(true);
+  beacon.note("it waits", "haptic_sim 1");
+  auto heard = hear(*receiver, reader, "it waits");
+  ASSERT_TRUE(heard);
+  EXPECT_TRUE(heard->paused);
+  EXPECT_EQ(heard->waits_for, "haptic_sim 1");
+  beacon.pause(false);
+  beacon.note("anything else");
+  heard = hear(*receiver, reader, "anything else");
+  ASSERT_TRUE(heard);
+  EXPECT_FALSE(heard->paused);
+  EXPECT_EQ(heard->waits_for, "haptic_sim 1");
+  beacon.note("it is there", "");
+  heard = hear(*receiver, reader, "it is there");
+  ASSERT_TRUE(heard);
+  EXPECT_TRUE(heard->waits_for.empty());
 }
 
 TEST_P(WireStatus, an_order_reaches_a_reader_that_comes_later) {

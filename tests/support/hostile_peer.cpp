@@ -1,7 +1,6 @@
 // A foreign writer that sends harmful samples into a run: hostile_peer VENDOR DOMAIN MODE KIND [SECONDS]
 // It uses the run's session and the identities of its programs.
 #include "wire/bus.hpp"
-#include "wire/partitions.hpp"
 #include "wire/session.hpp"
 
 #include <chrono>

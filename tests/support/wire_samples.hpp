@@ -145,6 +145,9 @@ class SampleMaker {
     to.echoed_sent_ns = static_cast<std::int64_t>(long_word());
     to.echoed_stamp = long_word();
     to.last = coin();
+    to.cycle_s = positive();
+    to.ratio = 1 + static_cast<int>(word() % 1000);
+    to.planned = {long_word(), 1 + static_cast<int>(word() % 1000)};
     fill_all(to.members);
     fill_all(to.fixed);
     fill_all(to.islands);
@@ -203,6 +206,8 @@ class SampleMaker {
     to.force_n = number();
     to.real_time_factor = number();
     to.done_ratio = number();
+    to.paused = coin();
+    to.waits_for = text();
     to.events = {long_word(), long_word(), long_word(), long_word(), long_word(), long_word(), long_word()};
     to.text = text();
   }
@@ -280,8 +285,9 @@ struct NumberVisitor {
   }
   void operator()(const WorldFrame& f) {
     all(f.user, f.session, f.served, f.stamp, f.stamp_s, f.start_in_s, f.real_time_factor, f.echoed_sent_ns,
-        f.echoed_stamp, f.last, f.members, f.fixed, f.islands, f.entering, f.states, f.border_contacts, f.border_bodies,
-        f.border, f.ghosts, f.peers, f.suppression.has_value());
+        f.echoed_stamp, f.last, f.cycle_s, static_cast<std::uint32_t>(f.ratio), f.planned.stamp,
+        static_cast<std::uint32_t>(f.planned.ratio), f.members, f.fixed, f.islands, f.entering, f.states,
+        f.border_contacts, f.border_bodies, f.border, f.ghosts, f.peers, f.suppression.has_value());
     if (f.suppression) all(f.suppression->until, f.suppression->place.lower, f.suppression->place.upper);
   }
   void operator()(const HapticReport& r) {
@@ -295,9 +301,9 @@ struct NumberVisitor {
   void operator()(const Control& c) { all(c.number, static_cast<std::uint32_t>(c.verb), c.argument); }
   void operator()(const Status& s) {
     all(static_cast<std::uint32_t>(s.program), s.instance, s.state, s.time_s, s.rate_hz, s.steps, s.missed_deadlines,
-        s.missed_by_os, s.step_s, s.force_n, s.real_time_factor, s.done_ratio, s.events.matched, s.events.unmatched,
-        s.events.deadline_missed, s.events.liveliness_lost, s.events.incompatible_qos, s.events.lost, s.events.rejected,
-        s.events.refused, s.text);
+        s.missed_by_os, s.step_s, s.force_n, s.real_time_factor, s.done_ratio, s.paused, s.waits_for, s.events.matched,
+        s.events.unmatched, s.events.deadline_missed, s.events.liveliness_lost, s.events.incompatible_qos,
+        s.events.lost, s.events.rejected, s.events.refused, s.text);
   }
   template <class T>
   void operator()(const std::vector<T>& elements) {

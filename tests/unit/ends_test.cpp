@@ -4,8 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdio>
-#include <fstream>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace subworld {
 namespace {
@@ -60,54 +61,69 @@ TEST(Faults, AnOrderedStopIsNone) {
   EXPECT_TRUE(faults_of(run).empty());
 }
 
-/// Observes once a second a world and a haptic process, one of which does not advance.
-std::vector<std::string> watch(Watchdog& watchdog, int seconds, const Sighting& stands, bool paused = false) {
-  std::vector<std::string> said;
-  static double time_s = 0.0;
-  for (int i = 0; i < seconds; ++i) {
-    time_s += 1.0;
-    const Sighting goes{stands.label == "world_sim" ? "haptic_sim_0" : "world_sim", time_s, ""};
-    for (auto& line : watchdog.look({stands, goes}, paused, 1.0)) said.push_back(std::move(line));
-  }
-  return said;
+Status status_of(ProgramKind program, double time_s) {
+  Status status;
+  status.program = program;
+  status.state = "running";
+  status.steps = 1;
+  status.time_s = time_s;
+  return status;
 }
 
-TEST(WatchdogTest, NamesAProgramThatDoesNotAdvanceOnce) {
-  Watchdog watchdog;
-  const auto said = watch(watchdog, 20, {"haptic_sim_0", 1.5, ""});
+/// Observes once a second a world that advances and a haptic process that does not.
+class WatchdogTest : public ::testing::Test {
+ protected:
+  std::vector<std::string> watch(int seconds, const Status& stands, bool paused = false) {
+    std::vector<std::string> said;
+    for (int i = 0; i < seconds; ++i) {
+      now_s_ += 1.0;
+      Status world = status_of(ProgramKind::world_sim, now_s_);
+      world.paused = paused;
+      for (const Status& status : {world, stands}) {
+        if (auto text = watchdog_.observe(status, now_s_); !text.empty()) said.push_back(std::move(text));
+      }
+    }
+    return said;
+  }
+
+  Watchdog watchdog_;
+  double now_s_ = 0.0;
+  Status stands_ = status_of(ProgramKind::haptic_sim, 1.5);
+};
+
+TEST_F(WatchdogTest, NamesAProgramThatDoesNotAdvanceOnce) {
+  const auto said = watch(20, stands_);
   ASSERT_EQ(said.size(), 1U);
-  EXPECT_TRUE(said[0].starts_with("haptic_sim_0 has not advanced from t = 1.500 s")) << said[0];
-  EXPECT_EQ(watchdog.longest().label, "haptic_sim_0");
-  EXPECT_GT(watchdog.longest().for_s, 15.0);
-  const auto after = watch(watchdog, 1, {"haptic_sim_0", 1.6, ""});
+  EXPECT_TRUE(said[0].starts_with("haptic_sim_0 has not advanced from t = 1.500 s for 4 s")) << said[0];
+  EXPECT_EQ(watchdog_.longest().label, "haptic_sim_0");
+  EXPECT_GT(watchdog_.longest().for_s, 15.0);
+  stands_.time_s = 1.6;
+  const auto after = watch(1, stands_);
   ASSERT_EQ(after.size(), 1U);
   EXPECT_EQ(after[0], "haptic_sim_0 advances again");
 }
 
-TEST(WatchdogTest, SaysNothingOfOneThatWaitsIsPausedOrHasNotBegun) {
-  Watchdog watchdog;
-  EXPECT_TRUE(watch(watchdog, 20, {"haptic_sim_0", 1.5, "world_sim"}).empty());
-  EXPECT_TRUE(watch(watchdog, 20, {"haptic_sim_0", 1.5, ""}, true).empty());
-  EXPECT_TRUE(watch(watchdog, 20, {"haptic_sim_0", -1.0, ""}).empty());
-  EXPECT_EQ(watchdog.longest().for_s, 0.0);
+TEST_F(WatchdogTest, SaysNothingOfOneThatWaitsIsPausedOrHasNotBegun) {
+  stands_.waits_for = "world_sim";
+  EXPECT_TRUE(watch(20, stands_).empty());
+  stands_.waits_for.clear();
+  EXPECT_TRUE(watch(20, stands_, true).empty());
+  EXPECT_TRUE(watch(3, stands_).empty()) << "the time of the pause does not count";
+  stands_.steps = 0;
+  EXPECT_TRUE(watch(20, stands_).empty());
+  stands_.steps = 1;
+  stands_.state = "stopping";
+  EXPECT_TRUE(watch(20, stands_).empty());
+  EXPECT_EQ(watchdog_.longest().for_s, 0.0);
 }
 
-TEST(Logs, SayWhoWaitsAndWhetherAWorldIsPaused) {
-  const std::string file = testing::TempDir() + "/ends_test.log";
-  const auto write = [&](const char* text) { std::ofstream(file) << text; };
-  write("world_sim: waits for haptic_sim 1\n");
-  EXPECT_EQ(waits_for(file), "haptic_sim 1");
-  write("world_sim: waits for haptic_sim 1\nworld_sim: haptic_sim 1 is there again\n");
-  EXPECT_EQ(waits_for(file), "");
-  write("world_sim: control 5: paused\n");
-  EXPECT_TRUE(is_paused(file));
-  write("world_sim: control 5: paused\nworld_sim: control 6: resumed\n");
-  EXPECT_FALSE(is_paused(file));
-  write("time_s,x_m\n0.1,2\n0.2,2\n0.3");
-  EXPECT_EQ(last_time_s(file), 0.2);
-  write("time_s,x_m\n");
-  EXPECT_LT(last_time_s(file), 0.0);
-  std::remove(file.c_str());
+TEST_F(WatchdogTest, JudgesByWhatArrives) {
+  watch(1, stands_);
+  now_s_ += 60.0;  // the launcher itself was suspended
+  stands_.time_s = 61.0;
+  EXPECT_TRUE(watch(2, stands_).empty());
+  EXPECT_TRUE(watch(2, stands_).empty());
+  EXPECT_EQ(watch(2, stands_).size(), 1U);
 }
 
 TEST(PresenceTest, APeerIsGoneThatIsNeitherHeardNorAliveForLong) {

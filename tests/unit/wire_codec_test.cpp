@@ -24,13 +24,14 @@ bool same_bits(const std::vector<double>& a, const std::vector<double>& b) {
 template <class M>
 class WireCodec : public ::testing::Test {};
 
-using Topics = ::testing::Types<SceneDescription, DeviceState, DeviceCommand, WorldFrame, HapticReport, WorldSnapshot,
-                                Control, Status>;
+template <class... Rows>
+::testing::Types<typename Rows::Model...> models_of(const std::tuple<Rows...>&);
+using Topics = decltype(models_of(kTopicTable));
 
 struct TopicName {
   template <class M>
   static std::string GetName(int) {
-    return kTopicOf<M>->name;
+    return kTopicOf<M>.name;
   }
 };
 

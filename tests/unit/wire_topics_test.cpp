@@ -2,38 +2,61 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+#include <string_view>
+#include <type_traits>
+
 namespace subworld {
 namespace {
 
+template <class... Values>
+constexpr bool kIsRow = std::is_constructible_v<Topic<Status, msg::Status>, Values...>;
+static_assert(kIsRow<const char*, const char*, std::uint32_t, Reliability, Durability, int, DeadlineKind>);
+static_assert(!kIsRow<const char*, const char*, std::uint32_t, Reliability, Durability, int>, "no deadline");
+static_assert(!kIsRow<const char*, const char*, std::uint32_t, Durability, int, DeadlineKind>, "no reliability");
+static_assert(!kIsRow<>);
+
+TEST(WireTopics, names_and_types_are_unique) {
+  std::set<std::string_view> names, types;
+  for (const TopicSpec& topic : kTopics) {
+    names.insert(topic.name);
+    types.insert(topic.type);
+    EXPECT_LE(topic.key_words, 4U) << topic.name;
+    EXPECT_GE(topic.depth, 1) << topic.name;
+  }
+  EXPECT_EQ(names.size(), kTopics.size());
+  EXPECT_EQ(types.size(), kTopics.size());
+}
+
 TEST(WireTopics, lockstep_never_loses_and_arms_no_deadline) {
-  for (const TopicSpec* topic : kTopics) {
-    const Qos qos = qos_of(*topic, Mode::lockstep, 0.001, 0.004);
-    EXPECT_TRUE(qos.reliable) << topic->name;
-    EXPECT_TRUE(qos.keep_all) << topic->name;
-    EXPECT_TRUE(qos.transient_local) << topic->name;
-    EXPECT_EQ(qos.deadline_s, 0.0) << topic->name;
+  for (const TopicSpec& topic : kTopics) {
+    const Qos qos = qos_of(topic, Mode::lockstep, 0.001, 0.004);
+    EXPECT_TRUE(qos.reliable) << topic.name;
+    EXPECT_TRUE(qos.keep_all) << topic.name;
+    EXPECT_TRUE(qos.transient_local) << topic.name;
+    EXPECT_EQ(qos.deadline_s, 0.0) << topic.name;
   }
 }
 
 TEST(WireTopics, realtime_follows_the_table) {
   const auto qos = [](const TopicSpec& topic) { return qos_of(topic, Mode::realtime, 0.001, 0.004); };
-  EXPECT_FALSE(qos(kDeviceState).reliable);
-  EXPECT_EQ(qos(kDeviceState).depth, 8) << "room for the right sample beside one of a foreign writer";
-  EXPECT_DOUBLE_EQ(qos(kDeviceState).deadline_s, 0.0029);
-  EXPECT_DOUBLE_EQ(qos(kDeviceCommand).deadline_s, 0.0029);
-  EXPECT_TRUE(qos(kWorldFrame).reliable);
-  EXPECT_EQ(qos(kWorldFrame).depth, 8);
-  EXPECT_DOUBLE_EQ(qos(kWorldFrame).deadline_s, 0.0089);
-  EXPECT_DOUBLE_EQ(qos(kHapticReport).deadline_s, 0.0089);
-  EXPECT_EQ(qos(kWorldState).deadline_s, 0.0);
-  EXPECT_TRUE(qos(kScene).transient_local);
-  EXPECT_TRUE(qos(kControl).transient_local);
-  EXPECT_TRUE(qos(kStatus).transient_local);
-  EXPECT_FALSE(qos(kWorldFrame).transient_local);
-  for (const TopicSpec* topic : kTopics) {
-    EXPECT_EQ(qos(*topic).lease_s, 0.1) << topic->name;
-    EXPECT_EQ(qos(*topic).max_blocking_s, 0.0) << topic->name;
-    EXPECT_FALSE(qos(*topic).keep_all) << topic->name;
+  EXPECT_FALSE(qos(kTopicOf<DeviceState>).reliable);
+  EXPECT_EQ(qos(kTopicOf<DeviceState>).depth, 8) << "room for the right sample beside one of a foreign writer";
+  EXPECT_DOUBLE_EQ(qos(kTopicOf<DeviceState>).deadline_s, 0.0029);
+  EXPECT_DOUBLE_EQ(qos(kTopicOf<DeviceCommand>).deadline_s, 0.0029);
+  EXPECT_TRUE(qos(kTopicOf<WorldFrame>).reliable);
+  EXPECT_EQ(qos(kTopicOf<WorldFrame>).depth, 8);
+  EXPECT_DOUBLE_EQ(qos(kTopicOf<WorldFrame>).deadline_s, 0.0089);
+  EXPECT_DOUBLE_EQ(qos(kTopicOf<HapticReport>).deadline_s, 0.0089);
+  EXPECT_EQ(qos(kTopicOf<WorldSnapshot>).deadline_s, 0.0);
+  EXPECT_TRUE(qos(kTopicOf<SceneDescription>).transient_local);
+  EXPECT_TRUE(qos(kTopicOf<Control>).transient_local);
+  EXPECT_TRUE(qos(kTopicOf<Status>).transient_local);
+  EXPECT_FALSE(qos(kTopicOf<WorldFrame>).transient_local);
+  for (const TopicSpec& topic : kTopics) {
+    EXPECT_EQ(qos(topic).lease_s, 0.1) << topic.name;
+    EXPECT_EQ(qos(topic).max_blocking_s, 0.0) << topic.name;
+    EXPECT_FALSE(qos(topic).keep_all) << topic.name;
   }
 }
 
