@@ -1,7 +1,8 @@
 #include "model/error.hpp"
+#include "program/join.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
-#include "world_sim/run.hpp"
+#include "world_sim/loop.hpp"
 
 #include <fmt/format.h>
 
@@ -12,23 +13,10 @@ namespace subworld {
 bool await_peers(WorldPorts& ports, const Options& options) {
   ports.status.enter("waiting");
   const TimePoint until = Clock::now() + from_seconds(options.wait_s);
-  const auto wait_for = [&](const auto& there, const std::string& missing, const std::string& cure) {
-    while (!there()) {
-      if (stop_signal() != 0) return false;
-      if (Clock::now() > until) {
-        throw Error(ExitCode::failed,
-                    fmt::format("{} on domain {} within {} s; start {} with the same --domain; on another host, "
-                                "name it with --peers and give --interface on both",
-                                missing, options.network.domain, options.wait_s, cure));
-      }
-      ports.bus->wait(0.05);
-    }
-    return true;
-  };
   for (std::size_t u = 0; u < ports.frames.size(); ++u) {
+    const Wanted haptic{fmt::format("haptic_sim for user {}", u), fmt::format("haptic_sim --user {}", u)};
     const auto there = [&] { return ports.frames[u].matched() > 0 && ports.reports[u].matched() > 0; };
-    if (!wait_for(there, fmt::format("user {}: no haptic_sim", u), fmt::format("haptic_sim --user {}", u)))
-      return false;
+    if (!wait_for(*ports.bus, options, haptic, there)) return false;
   }
   if (options.await_display) {
     // What only looks may hold up a run, but does not end it.

@@ -68,18 +68,18 @@ BodyHistory::BodyHistory(const std::string& folder, BodyRecording recording, His
 void BodyHistory::record(const World& world, double room_s) noexcept {
   if (recording_.bodies.empty()) return;
   if (recording_.interval_s > 0.0) {
-    const auto instant = static_cast<std::int64_t>(std::floor(world.time_s() / recording_.interval_s + 1e-6));
+    const auto instant = static_cast<std::int64_t>(std::floor(world.facts().time_s / recording_.interval_s + 1e-6));
     if (instant <= instant_) return;
     instant_ = instant;
   }
-  if (room_s < kSafety * cost_s_ && cost_s_ > kCheap * world.cycle_s()) {
+  if (room_s < kSafety * cost_s_ && cost_s_ > kCheap * world.facts().cycle_s) {
     cost_s_ /= kSlowly;  // and is tried again before long
-    drop(world.time_s());
+    drop(world.facts().time_s);
     return;
   }
   const TimePoint begin = Clock::now();
   if (!write(world, recording_.may_wait)) {
-    drop(world.time_s());
+    drop(world.facts().time_s);
     return;
   }
   const double took_s = to_seconds(Clock::now() - begin);
@@ -87,10 +87,10 @@ void BodyHistory::record(const World& world, double room_s) noexcept {
 }
 
 void BodyHistory::record_now(const World& world) noexcept {
-  if (recording_.bodies.empty() || world.time_s() == written_s_) return;
+  if (recording_.bodies.empty() || world.facts().time_s == written_s_) return;
   instant_ = std::max<std::int64_t>(instant_, 0);
-  if (world.time_s() == dropped_s_) dropped_ -= recording_.bodies.size();
-  if (!write(world, true)) drop(world.time_s());
+  if (world.facts().time_s == dropped_s_) dropped_ -= recording_.bodies.size();
+  if (!write(world, true)) drop(world.facts().time_s);
 }
 
 void BodyHistory::drop(double time_s) noexcept {
@@ -101,7 +101,7 @@ void BodyHistory::drop(double time_s) noexcept {
 bool BodyHistory::write(const World& world, bool may_wait) noexcept {
   const std::size_t count = recording_.bodies.size();
   if (!history_.make_room(count, may_wait)) return false;
-  written_s_ = world.time_s();
+  written_s_ = world.facts().time_s;
   for (std::size_t i = 0; i < count; ++i) {
     const BodyState s = world.engine().state(recording_.bodies[i]);
     const Vec3 &x = s.position, &v = s.linear_velocity, &w = s.angular_velocity;

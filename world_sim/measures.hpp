@@ -16,19 +16,6 @@
 
 namespace subworld {
 
-enum class WorldStage : std::uint8_t {
-  wake,
-  receive,
-  decode,
-  control,
-  synchronise,
-  simulate,
-  account,
-  extract,
-  send,
-  display,
-  count
-};
 inline constexpr std::array kWorldStages{"wake",     "receive", "decode",  "control", "synchronise",
                                          "simulate", "account", "extract", "send",    "display"};
 static_assert(kWorldStages.size() == Stages<WorldStage>::kCount);
@@ -36,9 +23,8 @@ static_assert(kWorldStages.size() == Stages<WorldStage>::kCount);
 /// What the world process says of itself at the end, and its history on the way.
 class WorldMeasures {
  public:
-  /// `folder` and `trace` may be empty: nothing is written.
-  WorldMeasures(const std::string& folder, const std::string& trace, const History::Say& say,
-                const BodyRecording& recording = {});
+  /// Throws `Error` (failed, usage) for what --out, --trace, --bodies and --bodies-rate ask for.
+  WorldMeasures(const Options& options, const Scene& scene, const History::Say& say);
 
   [[nodiscard]] Stages<WorldStage>& stages() noexcept { return stages_; }
   [[nodiscard]] BodyHistory& bodies() noexcept { return bodies_; }
@@ -58,14 +44,15 @@ class WorldMeasures {
 
   /// What the status shows.
   [[nodiscard]] LoopState state(const World& world, double real_time_factor) const noexcept {
-    return {world.time_s(), world.stamp(), late_.all(), late_.by_os, step_.sum_s(), 0.0, real_time_factor};
+    return {world.facts().time_s, world.facts().stamp, late_.all(), late_.by_os, step_.sum_s(), 0.0, real_time_factor};
   }
   /// After the last cycle.
-  [[nodiscard]] Json json(const World& world, std::size_t bodies, double settle_s);
+  [[nodiscard]] Json json(const World& world, double settle_s);
   /// Why a history could not be written; empty: all could.
   [[nodiscard]] std::string fault() const { return history_.fault().empty() ? bodies_.fault() : history_.fault(); }
 
  private:
+  const Scene& scene_;
   History history_;
   BodyHistory bodies_;
   Stages<WorldStage> stages_;

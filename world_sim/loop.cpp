@@ -1,0 +1,74 @@
+#include "world_sim/loop.hpp"
+
+#include "model/error.hpp"
+#include "program/engine_orders.hpp"
+#include "rt/stop.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace subworld {
+
+WorldLoop::WorldLoop(const WorldRun& run)
+    : WorldRun(run), stages(measures.stages()), scheme(scheme_of(scene.settings).properties) {
+  reserve(report, kUsualMembers);
+}
+
+void WorldLoop::follow_orders() {
+  if (const std::string text = ports.second_world(); !text.empty()) ports.status.note(text);
+  Control order;
+  while (ports.control.take(order) == Take::sample) {
+    if (order.verb != ControlVerb::set_engine) {
+      ports.status.answer(order.number, control.follow(order));
+      continue;
+    }
+    const auto wanted = parse_engine_order(order);
+    if (wanted && wanted->target != EngineOrder::Target::world) continue;
+    ports.status.answer(order.number, wanted ? world.change_engine(exchange, *wanted)
+                                             : "refused: unknown engine order \"" + order.argument + "\"");
+  }
+  if (const auto change = follow_exchange(world, exchange, ports.status)) {
+    measures.engine_changed(*change);
+    ports.status.answer(change->order, to_text(*change));
+  }
+}
+
+void WorldLoop::publish_frames(bool last, double start_in_s, double real_time_factor) {
+  for (std::size_t u = 0; u < user_count(); ++u) {
+    if (!last && !world.user_facts(u).waits_for_frame) continue;
+    WorldFrame& frame = world.frame(u);
+    frame.session = ports.session;
+    frame.served = ports.served[u];
+    frame.last = last;
+    frame.start_in_s = start_in_s;
+    frame.real_time_factor = real_time_factor;
+    ports.frames[u].write(frame);
+  }
+}
+
+void WorldLoop::end_cycle() {
+  stages.mark(WorldStage::display);
+  measures.end_cycle();
+  if (world.facts().finite) return;
+  throw Error(ExitCode::failed,
+              fmt::format("the world is no longer finite at t = {:.3f} s; use a smaller step or the preset quality",
+                          world.facts().time_s));
+}
+
+void WorldLoop::close() {
+  constexpr double kAcknowledged_s = 0.5;  // that the last frames may take to arrive, all users together
+  world.close();
+  const TimePoint until = Clock::now() + from_seconds(kAcknowledged_s);
+  for (auto& frames : ports.frames) frames.wait_for_acknowledgments(std::max(0.0, to_seconds(until - Clock::now())));
+}
+
+Ending WorldLoop::ending() const {
+  return {.session = ports.session,
+          .to_s = world.facts().time_s,
+          .by = world.facts().over  ? "duration"
+                : control.stopped() ? "control"
+                                    : name_of_signal(stop_signal())};
+}
+
+}  // namespace subworld
