@@ -18,10 +18,9 @@ bool at_limit(const Wrench& to_operator, const ForceLimits& limits) noexcept {
 
 }  // namespace
 
-HapticMeasures::HapticMeasures(const std::string& folder, const std::string& trace, std::size_t user,
-                               const ForceLimits& limits, double h_s, const History::Say& say)
-    : user_(user),
-      history_(folder.empty() ? "" : fmt::format("{}/haptic_{}.csv", folder, user),
+HapticMeasures::HapticMeasures(const Options& options, const Scene& scene, const History::Say& say)
+    : user_(options.user),
+      history_(options.out.empty() ? "" : fmt::format("{}/haptic_{}.csv", options.out, user_),
                {"time_s",
                 "force_x_n",
                 "force_y_n",
@@ -45,9 +44,9 @@ HapticMeasures::HapticMeasures(const std::string& folder, const std::string& tra
                 "lateness_s",
                 "skipped"},
                say),
-      trace_(trace, {fmt::format("haptic_sim {}", user), 100 + static_cast<int>(user)}, kHapticStages, say),
-      limits_(limits),
-      h_s_(h_s) {}
+      trace_(options.trace, {fmt::format("haptic_sim {}", user_), 100 + user_}, kHapticStages, say),
+      limits_(limits_of(scene.users[static_cast<std::size_t>(user_)].device)),
+      h_s_(scene.settings.h_s) {}
 
 void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept {
   ++steps_;
@@ -55,9 +54,10 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   step_.add(times.step_s);
   lateness_.add(times.lateness_s);
   woken_late_.add(times.woken_late_s);
-  const auto members = static_cast<double>(sub.members());
-  const auto contacts = static_cast<double>(sub.contacts());
-  const auto border = static_cast<double>(sub.border_pairs());
+  const SubWorldFacts& now = sub.facts();
+  const auto members = static_cast<double>(now.members);
+  const auto contacts = static_cast<double>(now.contacts);
+  const auto border = static_cast<double>(now.border_pairs);
   traced_.members = members;
   traced_.lateness_s = times.lateness_s;
   traced_.missed = traced_.missed || times.miss != Miss::none;
@@ -74,10 +74,10 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   const Vec3& f = felt.felt.force;
   const Vec3& commanded = felt.to_operator.force;
   const Vec3& torque = felt.felt.torque;
-  const Vec3 p = sub.proxy().position;
-  const Vec3& d = sub.device().pose.position;
+  const Vec3& p = now.proxy.position;
+  const Vec3& d = now.device.pose.position;
   apart_m_ = std::max(apart_m_, (p - d).norm());
-  history_.row({sub.time_s(),
+  history_.row({now.time_s,
                 f.x(),
                 f.y(),
                 f.z(),
@@ -180,9 +180,9 @@ Json HapticMeasures::json(const SubWorld& sub, double bytes_per_cycle) {
           {"bytes_per_cycle", bytes_per_cycle},
           {"operator_energy", operator_energy(sub.operator_port().net_j(), sub.operator_port().least_j(),
                                               sub.operator_port().created_j())},
-          {"device_work_j", sub.device_work_j()},
+          {"device_work_j", sub.facts().device_work_j},
           {"oscillation_n", oscillation_.worst_n()},
-          {"device_jumps", sub.jumps()},
+          {"device_jumps", sub.facts().jumps},
           {"lost_frames", lost_frames_},
           {"refused_frames", refused_frames_},
           {"resynchronisations", resets_},

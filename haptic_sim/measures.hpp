@@ -5,6 +5,7 @@
 #include "haptic_sim/sub_world.hpp"
 #include "io/history.hpp"
 #include "io/machine_share.hpp"
+#include "io/options.hpp"
 #include "io/results.hpp"
 #include "io/trace.hpp"
 #include "rt/histogram.hpp"
@@ -38,9 +39,8 @@ static_assert(kHapticStages.size() == Stages<HapticStage>::kCount);
 /// What a haptic process says of itself at the end, and its history on the way.
 class HapticMeasures {
  public:
-  /// `folder` and `trace` may be empty: nothing is written. `limits`: of the device; `h_s`: the haptic step.
-  HapticMeasures(const std::string& folder, const std::string& trace, std::size_t user, const ForceLimits& limits,
-                 double h_s, const History::Say& say);
+  /// Throws `Error` (failed) for a file of --out or --trace that cannot be written.
+  HapticMeasures(const Options& options, const Scene& scene, const History::Say& say);
 
   [[nodiscard]] Stages<HapticStage>& stages() noexcept { return stages_; }
 
@@ -68,7 +68,6 @@ class HapticMeasures {
     return std::exchange(settled_change_, std::nullopt);
   }
 
-  [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
   /// What the status shows; missed deadlines with those of the skipped steps.
   [[nodiscard]] LoopState state(double time_s) const noexcept {
     return {time_s, steps_, misses_.all(), misses_.by_os, step_.sum_s(), last_force_.norm()};
@@ -80,7 +79,7 @@ class HapticMeasures {
   [[nodiscard]] std::string fault() const { return history_.fault(); }
 
  private:
-  std::size_t user_;
+  int user_;
   History history_;
   Stages<HapticStage> stages_;
   Trace trace_;
@@ -100,7 +99,6 @@ class HapticMeasures {
   double h_s_;
   double operator_squares_ = 0.0, operator_max_ = 0.0;  ///< force sent to the device, N^2 and N
   double coupling_squares_ = 0.0, coupling_max_ = 0.0;
-  double last_operator_n_ = 0.0;
   std::uint64_t at_limit_ = 0;  ///< steps
   double apart_m_ = 0.0;        ///< proxy and device, at most
 
