@@ -104,10 +104,7 @@ bool BodyHistory::write(const World& world, bool may_wait) noexcept {
   written_s_ = world.facts().time_s;
   for (std::size_t i = 0; i < count; ++i) {
     const BodyState s = world.engine().state(recording_.bodies[i]);
-    const Vec3 &x = s.position, &v = s.linear_velocity, &w = s.angular_velocity;
-    const Quat& q = s.orientation;
-    history_.row({written_s_, static_cast<double>(i), x.x(), x.y(), x.z(), q.w(), q.x(), q.y(), q.z(), v.x(), v.y(),
-                  v.z(), w.x(), w.y(), w.z()});
+    history_.row_of(written_s_, i, s.position, s.orientation, s.linear_velocity, s.angular_velocity);
   }
   rows_ += count;
   return true;

@@ -60,7 +60,6 @@ int main(int argc, char** argv) {
       Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
       ports.status.enter("stopping");
       Json part = measures.json(world, settle_s);
-      if (const Json written = measures.bodies().json(); !written.is_null()) part["world"]["body_history"] = written;
       part["world"]["dds"] = ports.bus->effective_settings();
       part["world"]["events"] = to_json(ports.status.events_of_run());
       part["world"]["refused"] = ports.refused();

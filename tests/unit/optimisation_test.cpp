@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -100,7 +101,7 @@ TEST(Pairs, GoWithGhostsThatAreHeldAgain) {
       for (const GhostModel& ghost : frame.ghosts) {
         const auto then = std::ranges::find(before, ghost.outside, &GhostModel::outside);
         if (then == before.end() || !then->carried || ghost.carried) continue;
-        const auto count = [&](const std::vector<BoundaryContact>& pairs) {
+        const auto count = [&](std::span<const BoundaryContact> pairs) {
           return std::ranges::count(pairs, ghost.outside, &BoundaryContact::outside);
         };
         held_again += count(run.world.user_facts(0).border) > 0;
