@@ -129,7 +129,9 @@ class SimulatedNeighbourhood final : public LocalModel {
     border_->log(report.stamp, engine_);
   }
 
-  BodyState proxy() const override { return engine_.state(proxy_); }
+  BodyState proxy() const override {
+    return engine_.contains(proxy_) ? engine_.state(proxy_) : scene_.initial[index(proxy_)];
+  }
   std::size_t members() const noexcept override { return members_.size(); }
   std::size_t contacts() const noexcept override { return engine_.contacts().size(); }
   LiveEngine* engine() noexcept override { return &engine_; }
