@@ -1,5 +1,7 @@
 #include "device_sim/emulated_device.hpp"
 
+#include "coupling/motion_guard.hpp"
+
 #include <unsupported/Eigen/MatrixFunctions>
 
 #include <algorithm>
@@ -14,17 +16,6 @@ constexpr double kLongestSubstep_s = 0.25e-3;  ///< for the path, and for all qu
 constexpr double kServoRate_rad_s = 2.0 * M_PI * 50.0;        ///< bandwidth of an admittance device
 constexpr double kVelocityFilter_rad_s = 2.0 * M_PI * 100.0;  ///< of the velocity read from quantised positions
 constexpr double kSameTime = 1e-6;                            ///< relative tolerance of a tick's time
-
-Vec3 rotation_vector(const Quat& turn) noexcept {
-  const Eigen::AngleAxisd a(turn);
-  const double angle = a.angle() > M_PI ? a.angle() - 2.0 * M_PI : a.angle();
-  return angle * a.axis();
-}
-
-Vec3 bounded(Vec3 v, double limit) noexcept {
-  const double length = v.norm();
-  return length > limit ? Vec3(v * (limit / length)) : v;
-}
 
 void rotate(Quat& q, const Vec3& rate, double dt) noexcept {
   const double angle = rate.norm() * dt;

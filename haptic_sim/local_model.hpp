@@ -7,7 +7,6 @@
 #include "model/scene.hpp"
 #include "physics/live_engine.hpp"
 
-#include <cstdint>
 #include <memory>
 
 namespace subworld {

@@ -39,11 +39,9 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   members_.add(members);
   contacts_.add(contacts);
   border_.add(border);
-  coupling_squares_ += felt.felt.force.squaredNorm();
-  coupling_max_ = std::max(coupling_max_, felt.felt.force.norm());
-  operator_squares_ += felt.to_operator.force.squaredNorm();
-  operator_max_ = std::max(operator_max_, felt.to_operator.force.norm());
-  at_limit_ += at_limit(felt.to_operator, limits_);
+  coupling_squared_.add(felt.felt.force.squaredNorm());
+  operator_squared_.add(felt.to_operator.force.squaredNorm());
+  at_limit_.add(at_limit(felt.to_operator, limits_) ? 1.0 : 0.0);
   watch_force(felt.to_operator.force);
   oscillation_.step(felt.to_operator.force, h_s_);
   const Vec3 &proxy = now.proxy.position, &device = now.device.pose.position;
@@ -98,7 +96,6 @@ void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noe
 
 Json HapticMeasures::json(const SubWorld& sub, double bytes_per_cycle) {
   settle_change();
-  const double steps = std::max(1.0, static_cast<double>(steps_));
   Json part = {{"user", user_},
                {"steps", steps_},
                {"skipped_steps", skipped_},
@@ -107,14 +104,14 @@ Json HapticMeasures::json(const SubWorld& sub, double bytes_per_cycle) {
                {"missed_by_run", misses_.by_run},
                {"missed_waiting", misses_.waiting},
                {"lateness_s", quantiles(lateness_)},
-               {"force_rms_n", std::sqrt(operator_squares_ / steps)},
-               {"force_max_n", operator_max_},
+               {"force_rms_n", std::sqrt(operator_squared_.mean())},
+               {"force_max_n", std::sqrt(operator_squared_.max)},
                {"force_step_mean_n", force_step_.mean()},
                {"force_step_max_n", force_step_.max},
-               {"at_limit_ratio", static_cast<double>(at_limit_) / steps},
+               {"at_limit_ratio", at_limit_.mean()},
                {"proxy_apart_max_m", apart_m_},
-               {"coupling_force_rms_n", std::sqrt(coupling_squares_ / steps)},
-               {"coupling_force_max_n", coupling_max_},
+               {"coupling_force_rms_n", std::sqrt(coupling_squared_.mean())},
+               {"coupling_force_max_n", std::sqrt(coupling_squared_.max)},
                {"members", mean_max(members_)},
                {"contacts", mean_max(contacts_)},
                {"border_pairs", mean_max(border_)},

@@ -7,7 +7,6 @@
 
 #include <array>
 #include <optional>
-#include <string>
 #include <utility>
 
 namespace subworld {
@@ -74,10 +73,9 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
   int skipped_before_step_ = 0;
   ForceLimits limits_;
   double h_s_;
-  double operator_squares_ = 0.0, operator_max_ = 0.0;  ///< force sent to the device, N^2 and N
-  double coupling_squares_ = 0.0, coupling_max_ = 0.0;
-  std::uint64_t at_limit_ = 0;  ///< steps
-  double apart_m_ = 0.0;        ///< proxy and device, at most
+  MeanMax operator_squared_, coupling_squared_;  ///< force sent to the device and of the coupling, N^2
+  MeanMax at_limit_;                             ///< 1 in a step with all that the device can give
+  double apart_m_ = 0.0;                         ///< proxy and device, at most
 
   static constexpr std::size_t kForceStepWindow = 20;  ///< haptic steps before and after a change of engine
   void watch_force(const Vec3& force) noexcept;

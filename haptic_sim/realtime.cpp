@@ -42,8 +42,7 @@ class RealtimeLoop : HapticRun {
               from_seconds(options.spin_s), stages),
         ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = "last frame"} {}
 
-  Ending run() {
-    const Scheduling scheduling = claim_realtime(priority::kHaptic);
+  Ending run(const Scheduling& scheduling) {
     fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", user(), 1.0 / h_s_, scheduling.text);
     std::fflush(stdout);
     measures.loop_begins(scheduling);
@@ -220,6 +219,9 @@ class RealtimeLoop : HapticRun {
 
 }  // namespace
 
-Ending run_realtime(const HapticRun& run, const FirstFrame& first) { return RealtimeLoop(run, first).run(); }
+Ending run_realtime(const HapticRun& run, const FirstFrame& first) {
+  const Scheduling scheduling = claim_realtime(priority::kHaptic);
+  return RealtimeLoop(run, first).run(scheduling);
+}
 
 }  // namespace subworld

@@ -26,6 +26,22 @@ const char* const kHead =
     "time_s,body,x_m,y_m,z_m,qw,qx,qy,qz,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,angular_velocity_x_rad_s,"
     "angular_velocity_y_rad_s,angular_velocity_z_rad_s\n";
 
+BodyRecording recording_of(const Options& options, const Scene& scene) {
+  BodyRecording recording;
+  if (!options.bodies) return recording;
+  recording.bodies = choose_bodies(scene, *options.bodies);
+  for (const BodyId id : recording.bodies) recording.names.push_back(scene.body(id).name);
+  recording.may_wait = scene.settings.mode == Mode::lockstep;
+  if (options.bodies_rate_hz) {
+    recording.interval_s = 1.0 / *options.bodies_rate_hz;
+    return recording;
+  }
+  const double cycle_s = scene.settings.shortest_cycle_s();
+  const double cycles = std::ceil(static_cast<double>(recording.bodies.size()) / kMostRows_hz / cycle_s - 1e-9);
+  if (cycles > 1.0) recording.interval_s = cycles * cycle_s;
+  return recording;
+}
+
 /// Rows are time, which of the bodies, and its state.
 History::Format format_of(const BodyRecording& recording) {
   return {.width = kWidth,
@@ -46,24 +62,9 @@ std::string path_in(const std::string& folder, const BodyRecording& recording) {
 
 }  // namespace
 
-BodyRecording body_recording(const Options& options, const Scene& scene) {
-  BodyRecording recording;
-  if (!options.bodies) return recording;
-  recording.bodies = choose_bodies(scene, *options.bodies);
-  for (const BodyId id : recording.bodies) recording.names.push_back(scene.body(id).name);
-  recording.may_wait = scene.settings.mode == Mode::lockstep;
-  if (options.bodies_rate_hz) {
-    recording.interval_s = 1.0 / *options.bodies_rate_hz;
-    return recording;
-  }
-  const double cycle_s = scene.settings.shortest_cycle_s();
-  const double cycles = std::ceil(static_cast<double>(recording.bodies.size()) / kMostRows_hz / cycle_s - 1e-9);
-  if (cycles > 1.0) recording.interval_s = cycles * cycle_s;
-  return recording;
-}
-
-BodyHistory::BodyHistory(const std::string& folder, BodyRecording recording, History::Say say)
-    : recording_(std::move(recording)), history_(path_in(folder, recording_), format_of(recording_), std::move(say)) {}
+BodyHistory::BodyHistory(const Options& options, const Scene& scene, History::Say say)
+    : recording_(recording_of(options, scene)),
+      history_(path_in(options.out, recording_), format_of(recording_), std::move(say)) {}
 
 void BodyHistory::record(const World& world, double room_s) noexcept {
   if (recording_.bodies.empty()) return;

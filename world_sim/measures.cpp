@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <utility>
 
 namespace subworld {
 
@@ -30,7 +29,7 @@ WorldMeasures::WorldMeasures(const Options& options, const Scene& scene, const H
                    "ratio,substeps",
                    {"world_sim", 1}, kWorldStages, say),
       scene_(scene),
-      bodies_(options.out, body_recording(options, scene), say),
+      bodies_(options, scene, say),
       omitted_(static_cast<std::size_t>(scene.settings.users)) {}
 
 void WorldMeasures::end_cycle() noexcept {

@@ -250,11 +250,8 @@ void World::set_rate(User& user, double rate) {
 
 void World::hold(const User& user, const DevicePose& target, const ForceLimits& limits, double dt) {
   const BodyId id = user.spec->proxy;
-  const ImplicitStep coupling =
-      implicit_step(user.tool.coupling, limits, user.tool.body, engine_.state(id), target, dt);
-  engine_.set_inertia(id, coupling.mass, coupling.inertia);
-  engine_.set_velocity(id, coupling.start.linear_velocity, coupling.start.angular_velocity);
-  engine_.apply_force(id, coupling.wrench.force, coupling.wrench.torque);
+  const BodyState proxy = engine_.state(id);
+  subworld::hold(engine_, id, implicit_step(user.tool.coupling, limits, user.tool.body, proxy, target, dt));
 }
 
 void World::drive_proxies(double until_s, double dt) {
@@ -308,7 +305,7 @@ void World::simulate_cycle() {
 }
 
 void World::rest(double dt) {
-  engine_.follow(dt, horizon_s());
+  engine_.follow(dt, looked_ahead_s(scene_.settings, scheme_, facts_.cycle_s));
   for (const BodyId id : engine_.woke()) resting_j_ -= potential_j(id);
   for (const BodyId id : engine_.fell_asleep()) count_asleep(id);
 }
@@ -322,8 +319,6 @@ double World::potential_j(BodyId id) const noexcept {
   const Body& body = scene_.body(id);
   return body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
 }
-
-double World::horizon_s() const { return looked_ahead_s(scene_.settings, scheme_, facts_.cycle_s); }
 
 void World::simulate() {
   rest(facts_.cycle_s);

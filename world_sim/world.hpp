@@ -183,8 +183,6 @@ class World {
   void count_asleep(BodyId id);
   /// By its motion, J.
   [[nodiscard]] double potential_j(BodyId id) const noexcept;
-  /// For how long a sub-world may act before the world looks again.
-  [[nodiscard]] double horizon_s() const;
   void plan_ratio();
   void simulate_cycle();
   /// With friction where somebody reads it.

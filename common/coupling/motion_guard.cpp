@@ -7,6 +7,13 @@ namespace subworld {
 
 namespace {
 
+Quat turned(const Quat& from, const Vec3& by) noexcept {
+  const double angle = by.norm();
+  return angle > 0.0 ? (Quat(Eigen::AngleAxisd(angle, by / angle)) * from).normalized() : from;
+}
+
+}  // namespace
+
 Vec3 bounded(const Vec3& v, double limit) noexcept {
   const double length = v.norm();
   return length > limit ? Vec3(v * (limit / length)) : v;
@@ -16,13 +23,6 @@ Vec3 rotation_vector(const Quat& turn) noexcept {
   const Eigen::AngleAxisd a(turn);
   return (a.angle() > M_PI ? a.angle() - 2.0 * M_PI : a.angle()) * a.axis();
 }
-
-Quat turned(const Quat& from, const Vec3& by) noexcept {
-  const double angle = by.norm();
-  return angle > 0.0 ? (Quat(Eigen::AngleAxisd(angle, by / angle)) * from).normalized() : from;
-}
-
-}  // namespace
 
 DeviceMotion MotionGuard::pass(const DeviceMotion& wanted, bool trusted, double dt) noexcept {
   const bool sound =

@@ -4,6 +4,11 @@
 
 namespace subworld {
 
+/// The vector, shortened to the limit.
+[[nodiscard]] Vec3 bounded(const Vec3& v, double limit) noexcept;
+/// The rotation along the shorter arc, rad.
+[[nodiscard]] Vec3 rotation_vector(const Quat& turn) noexcept;
+
 /// How an admittance device is to move: a pose and the velocity there.
 struct DeviceMotion {
   Pose pose;
