@@ -126,10 +126,10 @@ class RealtimeLoop : DeviceRun {
  public:
   explicit RealtimeLoop(const DeviceRun& run)
       : DeviceRun(run),
-        stages(measures.stages()),
+        stages_(measures.stages()),
         rate_hz_(scene.users[static_cast<std::size_t>(options.user)].device.rate_hz),
         period_s_(1.0 / rate_hz_),
-        loop_(Clock::now(), period_s_, from_seconds(options.spin_s), stages),
+        loop_(Clock::now(), period_s_, from_seconds(options.spin_s), stages_),
         haptic_(haptic_sim()) {}
 
   Ending run(const Scheduling& scheduling) {
@@ -172,7 +172,7 @@ class RealtimeLoop : DeviceRun {
   void receive() {
     const TimePoint now = loop_.woke();
     const std::uint64_t refused = ports.commands.refused();
-    while (take(ports.commands, came_, stages) == Take::sample) {
+    while (take(ports.commands, came_, stages_) == Take::sample) {
       const bool to_us = came_.served == ports.identity || (came_.last && came_.served == 0);
       const bool foreign = came_.session != session || !to_us;
       haptic_.came(foreign);
@@ -197,10 +197,10 @@ class RealtimeLoop : DeviceRun {
     felt_ = safe.wrench;
     // The path starts with the haptic loop, however long the device has been on.
     if (running()) device.step(safe, period_s_);
-    stages.mark(DeviceStage::advance);
+    stages_.mark(DeviceStage::advance);
     const DeviceState& state = device.state();
     send_state(begin);
-    const TimePoint end = stages.mark(DeviceStage::send);
+    const TimePoint end = stages_.mark(DeviceStage::send);
     const Miss miss = loop_.judge(end, loop_.deadline());
     // Steps before the haptic loop runs do not count.
     if (running()) {
@@ -209,11 +209,11 @@ class RealtimeLoop : DeviceRun {
     }
     loop_.end(end);
     ports.status.update(measures.state(state.stamp_s));
-    stages.mark(DeviceStage::account);
+    stages_.mark(DeviceStage::account);
     measures.end_step();
   }
 
-  Stages<DeviceStage>& stages;
+  Stages<DeviceStage>& stages_;
   double rate_hz_, period_s_;
   PacedLoop<DeviceStage> loop_;
   PeerWatch haptic_;

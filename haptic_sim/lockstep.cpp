@@ -14,13 +14,16 @@ constexpr double kReportAcknowledged_s = 1.0;  ///< that the last report may tak
 class LockstepLoop : HapticRun {
  public:
   explicit LockstepLoop(const HapticRun& run)
-      : HapticRun(run), stages(measures.stages()), order_(scene, user()), device_sim_{ProgramKind::device_sim, user()} {
+      : HapticRun(run),
+        stages_(measures.stages()),
+        order_(scene, user()),
+        device_sim_{ProgramKind::device_sim, user()} {
     reserve(frame_, kUsualMembers);
   }
 
   Ending run() {
     Ending ending{.session = ports.session, .from_s = sub.facts().time_s, .by = "last frame"};
-    stages.begin();
+    stages_.begin();
     if (scheme().has_sub_worlds) send_report();
     while (order_.take_frames(sub, [this](std::uint64_t) { return take_frame(); }) && take_device()) step();
     ending.to_s = sub.facts().time_s;
@@ -39,13 +42,13 @@ class LockstepLoop : HapticRun {
   /// False after the last frame, or when asked to stop.
   bool take_frame() {
     const auto ours = [this](const WorldFrame& came) { return came.session == ports.session; };
-    if (!await(*ports.bus, ports.status, ports.frames, frame_, stages, kWorldSim, ours, stopped)) return false;
+    if (!await(*ports.bus, ports.status, ports.frames, frame_, stages_, kWorldSim, ours, stopped)) return false;
     if (ports.refused_by(frame_)) throw Error(ExitCode::failed, refused_text(user()));
-    const TimePoint begin = stages.now();
+    const TimePoint begin = stages_.now();
     measures.answered(frame_.echoed_sent_ns, begin);
     last_ = frame_.last;
     const std::uint64_t lost = sub.synchronise_with(frame_);
-    measures.synchronised(to_seconds(stages.mark(HapticStage::synchronise) - begin), lost);
+    measures.synchronised(to_seconds(stages_.mark(HapticStage::synchronise) - begin), lost);
     return !last_;
   }
 
@@ -53,7 +56,7 @@ class LockstepLoop : HapticRun {
     const auto ours = [this](const DeviceState& came) {
       return came.session == ports.session && (device_writer_ == 0 || came.sender == device_writer_);
     };
-    if (!await(*ports.bus, ports.status, ports.device, device_, stages, device_sim_, ours, stopped)) return false;
+    if (!await(*ports.bus, ports.status, ports.device, device_, stages_, device_sim_, ours, stopped)) return false;
     device_writer_ = device_.sender;
     ports.device.trust_sender();
     return true;
@@ -61,22 +64,22 @@ class LockstepLoop : HapticRun {
 
   void step() {
     follow_orders();
-    const TimePoint begin = stages.mark(HapticStage::control);
+    const TimePoint begin = stages_.mark(HapticStage::control);
     const auto send = [this](const DeviceCommand& command, const FeltStep&) {
-      stages.mark(HapticStage::feel);
+      stages_.mark(HapticStage::feel);
       if (!ports.command.write(command))
         throw Error(ExitCode::failed, unsent_text("device_command", ports.device, ports.status, device_sim_));
-      stages.mark(HapticStage::send);
+      stages_.mark(HapticStage::send);
     };
     const FeltStep felt = order_.step(sub, device_, send, [this] {
-      stages.mark(HapticStage::advance);
+      stages_.mark(HapticStage::advance);
       send_report();
     });
-    measures.step(sub, felt, {to_seconds(stages.mark(HapticStage::advance) - begin)});
+    measures.step(sub, felt, {to_seconds(stages_.mark(HapticStage::advance) - begin)});
     if (!sub.facts().finite)
       throw Error(ExitCode::failed, "the sub-world is no longer finite; use a smaller h_s or the preset quality");
     ports.status.update(measures.state(sub.facts().time_s));
-    stages.mark(HapticStage::account);
+    stages_.mark(HapticStage::account);
     measures.end_step();
   }
 
@@ -84,12 +87,12 @@ class LockstepLoop : HapticRun {
     HapticReport* const report = sub.close_cycle(to_ns(Clock::now()));
     if (report != nullptr && !ports.send(*report))
       throw Error(ExitCode::failed, unsent_text("haptic_report", ports.frames, ports.status, kWorldSim));
-    stages.mark(HapticStage::report);
+    stages_.mark(HapticStage::report);
   }
 
   static constexpr Peer kWorldSim{ProgramKind::world_sim, 0};
 
-  Stages<HapticStage>& stages;
+  Stages<HapticStage>& stages_;
   LockstepOrder order_;
   Peer device_sim_;
   DeviceState device_;

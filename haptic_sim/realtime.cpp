@@ -29,7 +29,7 @@ class RealtimeLoop : HapticRun {
  public:
   RealtimeLoop(const HapticRun& run, const FirstFrame& first)
       : HapticRun(run),
-        stages(measures.stages()),
+        stages_(measures.stages()),
         h_s_(scene.settings.h_s),
         longest_cycle_s_(scene.settings.longest_cycle_s()),
         lead_cycles_(scheme().lead_cycles),
@@ -39,7 +39,7 @@ class RealtimeLoop : HapticRun {
         world_sim_({ProgramKind::world_sim, 0}, first.received),
         phase_(longest_cycle_s_, lead_cycles_),
         loop_(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp)), h_s_,
-              from_seconds(options.spin_s), stages),
+              from_seconds(options.spin_s), stages_),
         ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = "last frame"} {}
 
   Ending run(const Scheduling& scheduling) {
@@ -61,11 +61,11 @@ class RealtimeLoop : HapticRun {
  private:
   void step() {
     wake();
-    device_.receive(ports, stages, loop_.woke());
+    device_.receive(ports, stages_, loop_.woke());
     receive_frames();
     use_frames();
     follow_orders();
-    stages.mark(HapticStage::control);
+    stages_.mark(HapticStage::control);
     watch_peers();
     Miss miss = Miss::none;
     const FeltStep felt = advance(miss);
@@ -86,7 +86,7 @@ class RealtimeLoop : HapticRun {
   void receive_frames() {
     const TimePoint now = loop_.woke();
     const std::uint64_t refused = ports.frames.refused();
-    while (!frames_.full() && take(ports.frames, frames_.slot(), stages) == Take::sample) {
+    while (!frames_.full() && take(ports.frames, frames_.slot(), stages_) == Take::sample) {
       const bool foreign = frames_.slot().session != ports.session;
       world_sim_.came(foreign);
       if (foreign) continue;
@@ -115,14 +115,14 @@ class RealtimeLoop : HapticRun {
       const WorldFrame& due = waiting[used];
       const bool lost_track = behind || !sub.facts().finite || !sub.agrees(due);
       if (!lost_track && !sub.accepts(due.stamp)) break;
-      const TimePoint start = stages.now();
+      const TimePoint start = stages_.now();
       std::uint64_t lost = 0;
       if (lost_track) {
         reset_from(due, start);
       } else {
         lost = sub.synchronise_with(due);
       }
-      measures.synchronised(to_seconds(stages.mark(HapticStage::synchronise) - start), lost);
+      measures.synchronised(to_seconds(stages_.mark(HapticStage::synchronise) - start), lost);
     }
     frames_.drop(used);
   }
@@ -154,14 +154,14 @@ class RealtimeLoop : HapticRun {
     const bool alone = to_seconds(now - world_sim_.last_heard()) > std::max(kAlone_s, 4.0 * frame_period_s);
     const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s);
     const auto send = [&](const FeltStep& felt) {
-      stages.mark(HapticStage::feel);
+      stages_.mark(HapticStage::feel);
       ports.command.write(sub.command_for(device_.state(), felt.to_operator));
-      miss = loop_.judge(stages.mark(HapticStage::send), loop_.deadline());
+      miss = loop_.judge(stages_.mark(HapticStage::send), loop_.deadline());
     };
     const auto report = [&] {
-      stages.mark(HapticStage::advance);
+      stages_.mark(HapticStage::advance);
       ports.send(*sub.close_cycle(to_ns(Clock::now())));
-      stages.mark(HapticStage::report);
+      stages_.mark(HapticStage::report);
     };
     const double dt = arrears_.step(h_s_ * rate, sub.facts().cycle_left_s);
     // A force after a long sleep would rely on old states.
@@ -174,18 +174,18 @@ class RealtimeLoop : HapticRun {
                           .paused = alone || phase_.real_time_factor() <= 0.0,
                           .slept = loop_.lateness_s() > kLongSleep_s};
     const FeltStep felt = sub.step(input, send, report);
-    stages.mark(HapticStage::advance);
+    stages_.mark(HapticStage::advance);
     return felt;
   }
 
   void account(const FeltStep& felt, Miss miss) {
     loop_.slew(phase_.slew_ppm());
-    const TimePoint end = stages.now();
+    const TimePoint end = stages_.now();
     loop_.end(end);
     took_s_ = to_seconds(end - loop_.woke());
     measures.step(sub, felt, {took_s_, loop_.lateness_s(), loop_.woken_late_s(), miss});
     ports.status.update(measures.state(sub.facts().time_s));
-    stages.mark(HapticStage::account);
+    stages_.mark(HapticStage::account);
     measures.end_step();
   }
 
@@ -199,7 +199,7 @@ class RealtimeLoop : HapticRun {
     return h_s_ * static_cast<double>(timetable.start(until) - timetable.start(stamp)) + h_s_ + stagger_s_;
   }
 
-  Stages<HapticStage>& stages;
+  Stages<HapticStage>& stages_;
   double h_s_;
   double longest_cycle_s_;
   int lead_cycles_;

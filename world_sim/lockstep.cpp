@@ -22,12 +22,12 @@ class LockstepLoop : WorldLoop {
  public:
   explicit LockstepLoop(const WorldRun& run)
       : WorldLoop(run), snapshots_(ports.snapshots), next_report_(user_count(), 0) {
-    for (std::uint32_t u = 0; u < user_count(); ++u) delays_.emplace_back(scene.settings, scheme.lead_cycles, u);
+    for (std::uint32_t u = 0; u < user_count(); ++u) delays_.emplace_back(scene.settings, scheme_.lead_cycles, u);
   }
 
   Ending run() {
     publish_frames(false, 0.0, 1.0);
-    stages.begin();
+    stages_.begin();
     for (bool last = false; !last;) {
       if (!receive_due()) {
         publish_frames(true, 0.0, 1.0);
@@ -37,7 +37,7 @@ class LockstepLoop : WorldLoop {
       last = step();
     }
     measures.bodies().record_now(world);
-    if (scheme.has_sub_worlds) receive_due();
+    if (scheme_.has_sub_worlds) receive_due();
     close();
     return ending();
   }
@@ -45,7 +45,7 @@ class LockstepLoop : WorldLoop {
  private:
   void wait_while_paused() {
     follow_orders();
-    while (!control.may_step() && !control.stopped() && stop_signal() == 0) {
+    while (!control_.may_step() && !control_.stopped() && stop_signal() == 0) {
       ports.bus->wait(0.05);
       follow_orders();
     }
@@ -53,12 +53,12 @@ class LockstepLoop : WorldLoop {
 
   /// A cycle. True for the last one.
   bool step() {
-    const TimePoint begin = stages.mark(WorldStage::control);
-    world.step([this](WorldStage stage) { stages.mark(stage); });
+    const TimePoint begin = stages_.mark(WorldStage::control);
+    world.step([this](WorldStage stage) { stages_.mark(stage); });
     // A stop takes effect between cycles, and as a last frame: so every program ends in order.
-    const bool last = world.facts().over || stop_signal() != 0 || control.stopped();
+    const bool last = world.facts().over || stop_signal() != 0 || control_.stopped();
     publish_frames(last, 0.0, 1.0);
-    measures.cycle(world, {to_seconds(stages.mark(WorldStage::send) - begin)}, 1.0, 0.0);
+    measures.cycle(world, {to_seconds(stages_.mark(WorldStage::send) - begin)}, 1.0, 0.0);
     measures.bodies().record(world, std::numeric_limits<double>::infinity());
     if (snapshots_.wanted(world.facts().time_s) || last) {
       world.look(view_);
@@ -84,8 +84,8 @@ class LockstepLoop : WorldLoop {
     const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(user)};
     const auto ours = [&](const HapticReport& came) { return ports.accept(user, came); };
     const auto gives_up = [this] { return gives_up_at_signal(); };
-    if (!await(*ports.bus, ports.status, ports.reports[user], report, stages, haptic, ours, gives_up)) return false;
-    if (world.receive(std::move(report)) && world.has_report(user, stamp)) return true;
+    if (!await(*ports.bus, ports.status, ports.reports[user], report_, stages_, haptic, ours, gives_up)) return false;
+    if (world.receive(std::move(report_)) && world.has_report(user, stamp)) return true;
     throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of them on "
                                               "this domain?",
                                               user, world.facts().stamp));

@@ -11,8 +11,8 @@
 namespace subworld {
 
 WorldLoop::WorldLoop(const WorldRun& run)
-    : WorldRun(run), stages(measures.stages()), scheme(scheme_of(scene.settings).properties) {
-  reserve(report, kUsualMembers);
+    : WorldRun(run), stages_(measures.stages()), scheme_(scheme_of(scene.settings).properties) {
+  reserve(report_, kUsualMembers);
 }
 
 void WorldLoop::follow_orders() {
@@ -20,7 +20,7 @@ void WorldLoop::follow_orders() {
   Control order;
   while (ports.control.take(order) == Take::sample) {
     if (order.verb != ControlVerb::set_engine) {
-      ports.status.answer(order.number, control.follow(order));
+      ports.status.answer(order.number, control_.follow(order));
       continue;
     }
     const auto wanted = parse_engine_order(order);
@@ -48,7 +48,7 @@ void WorldLoop::publish_frames(bool last, double start_in_s, double real_time_fa
 }
 
 void WorldLoop::end_cycle() {
-  stages.mark(WorldStage::display);
+  stages_.mark(WorldStage::display);
   measures.end_cycle();
   if (world.facts().finite) return;
   throw Error(ExitCode::failed,
@@ -66,9 +66,9 @@ void WorldLoop::close() {
 Ending WorldLoop::ending() const {
   return {.session = ports.session,
           .to_s = world.facts().time_s,
-          .by = world.facts().over  ? "duration"
-                : control.stopped() ? "control"
-                                    : name_of_signal(stop_signal())};
+          .by = world.facts().over   ? "duration"
+                : control_.stopped() ? "control"
+                                     : name_of_signal(stop_signal())};
 }
 
 }  // namespace subworld

@@ -48,10 +48,10 @@ class WorldLoop : protected WorldRun {
   /// How the run ended.
   [[nodiscard]] Ending ending() const;
 
-  Stages<WorldStage>& stages;
-  RunControl control;
-  const SchemeProperties& scheme;
-  HapticReport report;  ///< the newest received
+  Stages<WorldStage>& stages_;
+  RunControl control_;
+  const SchemeProperties& scheme_;
+  HapticReport report_;  ///< the newest received
 };
 
 }  // namespace subworld

@@ -49,7 +49,7 @@ class RealtimeLoop : WorldLoop {
   explicit RealtimeLoop(const WorldRun& run)
       : WorldLoop(run),
         snapshots_(ports.snapshots, world),
-        lead_(static_cast<std::uint64_t>(scheme.lead_cycles)),
+        lead_(static_cast<std::uint64_t>(scheme_.lead_cycles)),
         first_cycle_s_(cycle_s(lead_)),
         pace_(first_cycle_s_),
         newest_(user_count(), 0) {
@@ -64,7 +64,7 @@ class RealtimeLoop : WorldLoop {
     // The sub-worlds are ahead by the lead, and the world must wait for what they do.
     const double start_in_s = kStartIn_s + scene.settings.h_s * static_cast<double>(world.timetable().start(lead_));
     publish_frames(false, start_in_s, pace_.real_time_factor());
-    PacedLoop<WorldStage> loop(Clock::now() + from_seconds(start_in_s), first_cycle_s_, Duration::zero(), stages);
+    PacedLoop<WorldStage> loop(Clock::now() + from_seconds(start_in_s), first_cycle_s_, Duration::zero(), stages_);
     measures.loop_begins(scheduling);
     while (!last_) step(loop);
     measures.loop_ends();
@@ -86,7 +86,7 @@ class RealtimeLoop : WorldLoop {
     TimePoint next = Clock::now();
     while (true) {
       for (std::size_t u = 0; u < user_count(); ++u) {
-        while (ports.reports[u].take(report) == Take::sample) answered[u] = answered[u] || ports.accept(u, report);
+        while (ports.reports[u].take(report_) == Take::sample) answered[u] = answered[u] || ports.accept(u, report_);
       }
       const auto missing = std::ranges::find(answered, false);
       if (missing == answered.end()) return true;
@@ -115,9 +115,9 @@ class RealtimeLoop : WorldLoop {
     receive_reports(loop.woke());
     follow_orders();
     observe_users(loop.woke(), period_s);
-    stages.mark(WorldStage::control);
-    last_ = stop_signal() != 0 || control.stopped() || all_gone();
-    if (control.may_step() || last_) {
+    stages_.mark(WorldStage::control);
+    last_ = stop_signal() != 0 || control_.stopped() || all_gone();
+    if (control_.may_step() || last_) {
       simulate(loop, cycle_s, period_s);
     } else {
       stand(loop, cycle_s);
@@ -131,15 +131,15 @@ class RealtimeLoop : WorldLoop {
 
   void receive_reports(TimePoint now) {
     for (std::size_t u = 0; u < user_count(); ++u) {
-      while (take(ports.reports[u], report, stages) == Take::sample) {
-        if (!ports.accept(u, report)) {
+      while (take(ports.reports[u], report_, stages_) == Take::sample) {
+        if (!ports.accept(u, report_)) {
           measures.refused_report();
           continue;
         }
         users_[u].heard(now);
-        if (report.stamp > newest_[u] + 1) measures.lost_report();
-        newest_[u] = std::max(newest_[u], report.stamp);
-        if (!world.receive(std::move(report))) measures.refused_report();
+        if (report_.stamp > newest_[u] + 1) measures.lost_report();
+        newest_[u] = std::max(newest_[u], report_.stamp);
+        if (!world.receive(std::move(report_))) measures.refused_report();
       }
     }
   }
@@ -162,21 +162,21 @@ class RealtimeLoop : WorldLoop {
   void stand(PacedLoop<WorldStage>& loop, double cycle_s) {
     publish_frames(false, cycle_s, 0.0);
     ports.status.update(measures.state(world, 0.0));
-    stages.mark(WorldStage::send);
-    loop.end(stages.now());
+    stages_.mark(WorldStage::send);
+    loop.end(stages_.now());
     measures.end_cycle();
   }
 
   void simulate(PacedLoop<WorldStage>& loop, double cycle_s, double period_s) {
-    world.step([this](WorldStage stage) { stages.mark(stage); });
+    world.step([this](WorldStage stage) { stages_.mark(stage); });
     last_ = last_ || world.facts().over;
-    const TimePoint stepped = stages.now(), deadline = loop.deadline();
+    const TimePoint stepped = stages_.now(), deadline = loop.deadline();
     const double cost_s = to_seconds(stepped - loop.woke()) + publish_s_;
     world.took(cost_s);
     const double slip_s = pace_.cycle(cost_s, to_seconds(stepped - deadline) + publish_s_);
     loop.shift(slip_s);
     publish_frames(last_, to_seconds(loop.deadline() - Clock::now()), pace_.real_time_factor());
-    const TimePoint end = stages.mark(WorldStage::send);
+    const TimePoint end = stages_.mark(WorldStage::send);
     publish_s_ = to_seconds(end - stepped);
     const Miss miss = loop.judge(end, deadline);
     loop.end(end);
