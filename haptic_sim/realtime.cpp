@@ -1,4 +1,3 @@
-#include "haptic_sim/device_feed.hpp"
 #include "haptic_sim/frame_queue.hpp"
 #include "haptic_sim/phase.hpp"
 #include "haptic_sim/run.hpp"
@@ -8,6 +7,7 @@
 #include "rt/paced_loop.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
+#include "wire/take.hpp"
 
 #include <fmt/format.h>
 
@@ -18,6 +18,7 @@ namespace subworld {
 
 namespace {
 
+constexpr double kStale_s = 0.005;          ///< age of a device's state on which no force relies
 constexpr double kLongSleep_s = 0.05;       ///< longer than a device needs to fade out without commands
 constexpr double kAlone_s = 0.25;           ///< without a frame: the world has gone or is paused
 constexpr int kFadeSteps = 30;              ///< before the last command: the force fades to zero
@@ -34,7 +35,9 @@ class RealtimeLoop : HapticRun {
         longest_cycle_s_(scene.settings.longest_cycle_s()),
         lead_cycles_(scheme().lead_cycles),
         stagger_s_(h_s_ * user() / scene.settings.users),
-        device_(user(), scene.users[user()].device.rate_hz),
+        stale_s_(std::max(kStale_s, 5.0 / scene.users[user()].device.rate_hz)),
+        device_{.device = user()},
+        device_sim_({ProgramKind::device_sim, user()}),
         frames_(first.frame.stamp),
         world_sim_({ProgramKind::world_sim, 0}, first.received),
         phase_(longest_cycle_s_, lead_cycles_),
@@ -48,7 +51,7 @@ class RealtimeLoop : HapticRun {
     measures.loop_begins(scheduling);
     while (fading_ < kFadeSteps) step();
     measures.loop_ends();
-    send_last_command(ports, device_.state(), kTimesLast);
+    send_last_command(ports, device_, kTimesLast);
     ending_.to_s = sub.facts().time_s;
     if (!ending_.fault.empty()) {
       ending_.by = "fault";
@@ -61,7 +64,7 @@ class RealtimeLoop : HapticRun {
  private:
   void step() {
     wake();
-    device_.receive(ports, stages_, loop_.woke());
+    receive_device();
     receive_frames();
     use_frames();
     follow_orders();
@@ -82,6 +85,17 @@ class RealtimeLoop : HapticRun {
     arrears_.owe(over * h_s_ * phase_.rate());
     fading_ += last_ || stop_signal() != 0;
   }
+
+  /// The newest state of the device; the first device that is heard stays the one.
+  void receive_device() {
+    while (take(ports.device, came_, stages_) == Take::sample) {
+      if (came_.session != ports.session || (device_heard() && came_.sender != device_.sender)) continue;
+      ports.device.trust_sender();
+      device_ = came_;
+      device_sim_.heard(loop_.woke());
+    }
+  }
+  [[nodiscard]] bool device_heard() const noexcept { return device_sim_.last_heard() != TimePoint{}; }
 
   void receive_frames() {
     const TimePoint now = loop_.woke();
@@ -137,8 +151,8 @@ class RealtimeLoop : HapticRun {
   void watch_peers() {
     const TimePoint now = loop_.woke();
     world_sim_.observe(ports.frames, ports.status, now, h_s_);
-    device_.observe(ports, now, h_s_);
-    const std::string fault = world_sim_.gone() ? world_sim_.fault() : device_.fault();
+    device_sim_.observe(ports.device, ports.status, now, h_s_);
+    const std::string fault = world_sim_.gone() ? world_sim_.fault() : device_sim_.fault();
     if (ending_.fault.empty()) ending_.fault = fault;
     last_ = last_ || !ending_.fault.empty();
     const bool silent = now - world_sim_.last_heard() > from_seconds(kGone_s);
@@ -155,7 +169,7 @@ class RealtimeLoop : HapticRun {
     const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s);
     const auto send = [&](const FeltStep& felt) {
       stages_.mark(HapticStage::feel);
-      ports.command.write(sub.command_for(device_.state(), felt.to_operator));
+      ports.command.write(sub.command_for(device_, felt.to_operator));
       miss = loop_.judge(stages_.mark(HapticStage::send), loop_.deadline());
     };
     const auto report = [&] {
@@ -165,14 +179,15 @@ class RealtimeLoop : HapticRun {
     };
     const double dt = arrears_.step(h_s_ * rate, sub.facts().cycle_left_s);
     // A force after a long sleep would rely on old states.
-    const StepInput input{.device = device_.heard() ? &device_.state() : nullptr,
-                          .device_trusted = fading_ == 0 && device_.fresh(now),
-                          .wall_s = h_s_,
-                          .dt = dt,
-                          .clock_rate = rate,
-                          .took_s = took_s_,
-                          .paused = alone || phase_.real_time_factor() <= 0.0,
-                          .slept = loop_.lateness_s() > kLongSleep_s};
+    const StepInput input{
+        .device = device_heard() ? &device_ : nullptr,
+        .device_trusted = fading_ == 0 && device_heard() && to_seconds(now - device_sim_.last_heard()) < stale_s_,
+        .wall_s = h_s_,
+        .dt = dt,
+        .clock_rate = rate,
+        .took_s = took_s_,
+        .paused = alone || phase_.real_time_factor() <= 0.0,
+        .slept = loop_.lateness_s() > kLongSleep_s};
     const FeltStep felt = sub.step(input, send, report);
     stages_.mark(HapticStage::advance);
     return felt;
@@ -204,7 +219,9 @@ class RealtimeLoop : HapticRun {
   double longest_cycle_s_;
   int lead_cycles_;
   double stagger_s_;
-  DeviceFeed device_;
+  double stale_s_;  ///< age of the device's state at which the force fades out
+  DeviceState device_, came_;
+  PeerWatch device_sim_;
   FrameQueue frames_;
   PeerWatch world_sim_;
   Phase phase_;
