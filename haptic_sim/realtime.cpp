@@ -36,7 +36,7 @@ class RealtimeLoop : HapticRun {
         lead_cycles_(scheme().lead_cycles),
         stagger_s_(h_s_ * user() / scene.settings.users),
         stale_s_(std::max(kStale_s, 5.0 / scene.users[user()].device.rate_hz)),
-        device_{.device = user()},
+        device_{.device = user(), .pose = {}, .applied = {}},
         device_sim_({ProgramKind::device_sim, user()}),
         frames_(first.frame.stamp),
         world_sim_({ProgramKind::world_sim, 0}, first.received),

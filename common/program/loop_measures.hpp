@@ -15,8 +15,8 @@
 
 namespace subworld {
 
-/// Measurements of a program's loop for its results: stages, step times, missed deadlines and the machine's share, with
-/// a history and a trace. Each program adds its own.
+/// Measurements of a program's loop for its results: stages, step times, missed deadlines and what the kernel gave to
+/// it, with a history and a trace. Each program adds its own.
 template <class Stage>
 class LoopMeasures {
  public:
