@@ -31,7 +31,7 @@ DevicePorts::DevicePorts(const Options& options, const Scene& scene_file)
              fmt::format("device_sim {}", options.user)) {}
 
 DeviceMeasures::DeviceMeasures(const Options& options, const History::Say& say)
-    : LoopMeasures(options, fmt::format("device{}", options.user),
+    : LoopMeasures(options, fmt::format("device_{}", options.user),
                    "time_s,x_m,y_m,z_m,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,force_x_n,force_y_n,force_z_n,"
                    "qw,qx,qy,qz,angular_velocity_x_rad_s,angular_velocity_y_rad_s,angular_velocity_z_rad_s,"
                    "torque_x_n_m,torque_y_n_m,torque_z_n_m",

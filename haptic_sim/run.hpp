@@ -35,11 +35,11 @@ struct FirstFrame {
 /// None when asked to stop. Throws `Error` (failed, usage) that names what is missing.
 [[nodiscard]] std::optional<FirstFrame> join(const HapticRun& run);
 
-/// Nobody looks at a clock: each step waits for its device state, each cycle for its frame. Ends with the frame that is
-/// the last, or when asked to stop. Throws `Error` (failed) when a peer dies or is started again.
+/// Lock-step: each step waits for its device state, each cycle for its frame. Ends with the frame that is the last, or
+/// when asked to stop. Throws `Error` (failed) when a peer dies or is started again.
 [[nodiscard]] Ending run_lockstep(const HapticRun& run);
 
-/// Nobody waits: absolute deadlines, the newest data, what comes late is counted and used late. A fault where the world
+/// Real time: absolute deadlines, the newest data; what comes late is counted and used late. A fault where the world
 /// or the device has gone or was started again; the force has faded by then.
 [[nodiscard]] Ending run_realtime(const HapticRun& run, const FirstFrame& first);
 

@@ -22,13 +22,13 @@ struct WorldRun {
 /// who is missing.
 [[nodiscard]] bool await_peers(WorldPorts& ports, const Options& options);
 
-/// Each cycle waits for every user's report. Throws `Error` (failed) when a haptic process dies or is started again, or
-/// the world is no longer finite.
+/// Lock-step: each cycle waits for every user's report. Throws `Error` (failed) when a haptic process dies or is
+/// started again, or the world is no longer finite.
 [[nodiscard]] Ending run_lockstep(const WorldRun& run);
 
-/// The clock starts when every haptic process has answered, or throws `Error` (failed) after `options.wait_s` seconds.
-/// Absolute deadlines; reports are used as they come. A world that cannot keep up slows its clock, not its step. It
-/// goes on for those users who are there, until none is left; that others have gone is a fault.
+/// Real time: the clock starts when every haptic process has answered, or throws `Error` (failed) after
+/// `options.wait_s` seconds. Absolute deadlines; reports are used as they come. A world that cannot keep up slows its
+/// clock, not its step. It goes on for those users who are there, until none is left; that others have gone is a fault.
 [[nodiscard]] Ending run_realtime(const WorldRun& run);
 
 /// What both loops of the world process do in a cycle, but for waiting.
