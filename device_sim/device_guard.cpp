@@ -3,7 +3,6 @@
 #include "coupling/passivity.hpp"
 
 #include <algorithm>
-#include <utility>
 
 namespace subworld {
 

@@ -19,13 +19,12 @@ int main(int argc, char** argv) {
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     DevicePorts ports(options, scene);
     if (realtime) leave_realtime();
-    DeviceMeasures measures(options.out, options.trace, options.user,
-                            [&](std::string text) { ports.status.note(std::move(text)); });
+    DeviceMeasures measures(options, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("device_sim {}: {}\n", options.user, ports.bus->effective_settings());
-    if (const auto session = join(ports, scene, options)) {
-      Ending ending = realtime
-                          ? run_realtime(ports, device, guard, measures, user, *session, from_seconds(options.spin_s))
-                          : run_lockstep(ports, device, guard, measures, scene, *session);
+    DeviceRun run{options, scene, ports, device, guard, measures};
+    if (const auto session = join(run)) {
+      run.session = *session;
+      Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
       ports.status.enter("stopping");
       Json part = measures.json(guard);
       part["dds"] = ports.bus->effective_settings();

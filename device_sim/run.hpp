@@ -3,15 +3,10 @@
 #include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
 #include "io/ending.hpp"
-#include "io/history.hpp"
-#include "io/machine_share.hpp"
-#include "io/options.hpp"
-#include "io/results.hpp"
-#include "io/trace.hpp"
-#include "rt/stages.hpp"
+#include "program/loop_measures.hpp"
+#include "wire/await.hpp"
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
-#include "wire/status.hpp"
 
 #include <array>
 #include <memory>
@@ -36,54 +31,52 @@ inline constexpr std::array kDeviceStages{"wake", "receive", "decode", "advance"
 static_assert(kDeviceStages.size() == Stages<DeviceStage>::kCount);
 
 /// Measurements of a device process for its results, and its history.
-class DeviceMeasures {
+class DeviceMeasures : public LoopMeasures<DeviceStage> {
  public:
-  /// `folder` and `trace` may be empty: writes nothing.
-  DeviceMeasures(const std::string& folder, const std::string& trace, int user, const History::Say& say);
-  [[nodiscard]] Stages<DeviceStage>& stages() noexcept { return stages_; }
+  /// Throws `Error` (failed) for a file of --out or --trace that cannot be written.
+  DeviceMeasures(const Options& options, const History::Say& say);
   void step(const DeviceState& state, const Wrench& wrench, const StepTimes& times) noexcept;
   /// Closes the step's stages. Call last in a step.
-  void end_step() noexcept;
+  void end_step() noexcept { LoopMeasures::end_step({}, {{Trace::Name::missed_deadline, newest_.miss != Miss::none}}); }
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   /// Data of the loop for the status.
-  [[nodiscard]] LoopState state(double time_s) const noexcept {
-    return {time_s, steps_, misses_.all(), misses_.by_os, step_.sum_s()};
-  }
-  /// loop_begins() and loop_ends() enclose a loop in real time; call them in its thread.
-  void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
-  void loop_ends() { machine_.end(); }
+  [[nodiscard]] LoopState state(double time_s) const noexcept { return LoopMeasures::state(time_s, 0.0, 1.0); }
   /// After the last step.
   [[nodiscard]] Json json(const DeviceGuard& guard);
-  /// Why the history could not be written; empty if there was no error.
-  [[nodiscard]] std::string fault() const { return history_.fault(); }
 
  private:
   int user_;
-  History history_;
-  Stages<DeviceStage> stages_;
-  Trace trace_;
-  bool newest_missed_ = false;
-  Histogram round_trip_, step_, woken_late_;
-  std::uint64_t steps_ = 0;
-  Misses misses_;
-  MachineShare machine_;
+  Histogram round_trip_;
+};
+
+/// Everything that a run of a device process consists of.
+struct DeviceRun {
+  const Options& options;
+  const Scene& scene;
+  DevicePorts& ports;
+  EmulatedDevice& device;
+  DeviceGuard& guard;
+  DeviceMeasures& measures;
+  std::uint64_t session = 0;  ///< of the world; 0: not joined yet
+
+  [[nodiscard]] Peer haptic_sim() const noexcept { return {ProgramKind::haptic_sim, device.state().device}; }
+  /// Sends the device's state as it is now.
+  bool send_state(TimePoint now) const noexcept;
 };
 
 /// Waits for the world's scene and the haptic process. Returns the world's session, or nothing after a request to stop.
 /// Throws `Error` (failed, usage) that names the missing program.
-[[nodiscard]] std::optional<std::uint64_t> join(DevicePorts& ports, const Scene& scene, const Options& options);
+[[nodiscard]] std::optional<std::uint64_t> join(const DeviceRun& run);
 
 /// Lock-step: each step waits for the command that answers its state. Throws `Error` (failed) when the haptic process
 /// dies or is restarted.
-[[nodiscard]] Ending run_lockstep(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& guard,
-                                  DeviceMeasures& measures, const Scene& scene, std::uint64_t session);
+[[nodiscard]] Ending run_lockstep(const DeviceRun& run);
 
 /// Time in which a device's force rises again after missing commands, in real time.
 inline constexpr double kFadeIn_s = 0.02;
 
 /// Real time: at the device's own rate, with the newest command; the force of an old one fades out. The ending has a
-/// fault if the haptic process has gone. `spin`: see Cyclic.
-[[nodiscard]] Ending run_realtime(DevicePorts& ports, EmulatedDevice& device, DeviceGuard& guard,
-                                  DeviceMeasures& measures, const UserSpec& user, std::uint64_t session, Duration spin);
+/// fault if the haptic process has gone.
+[[nodiscard]] Ending run_realtime(const DeviceRun& run);
 
 }  // namespace subworld

@@ -74,7 +74,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     } else {
       const ImplicitStep coupling =
           implicit_step(drive.tool.coupling, drive.limits, drive.tool.body, engine_.state(proxy_), drive.device, dt);
-      hold(proxy_, coupling);
+      hold(engine_, proxy_, coupling);
       engine_.step(dt);
       mean = exerted(drive.tool.coupling, drive.limits, coupling, engine_.state(proxy_), dt);
     }
@@ -129,7 +129,9 @@ class SimulatedNeighbourhood final : public LocalModel {
     border_->log(report.stamp, engine_);
   }
 
-  BodyState proxy() const override { return engine_.state(proxy_); }
+  BodyState proxy() const override {
+    return engine_.contains(proxy_) ? engine_.state(proxy_) : scene_.initial[index(proxy_)];
+  }
   std::size_t members() const noexcept override { return members_.size(); }
   std::size_t contacts() const noexcept override { return engine_.contacts().size(); }
   LiveEngine* engine() noexcept override { return &engine_; }
@@ -148,12 +150,6 @@ class SimulatedNeighbourhood final : public LocalModel {
     return static_cast<int>(std::clamp(wanted, 1.0, std::max(1.0, std::round(cycle_s / scene_.settings.h_s))));
   }
 
-  void hold(BodyId proxy, const ImplicitStep& coupling) {
-    engine_.set_inertia(proxy, coupling.mass, coupling.inertia);
-    engine_.set_velocity(proxy, coupling.start.linear_velocity, coupling.start.angular_velocity);
-    engine_.apply_force(proxy, coupling.wrench.force, coupling.wrench.torque);
-  }
-
   /// Returns how hard they press, N.
   double move_peers(double time_s, double dt) {
     double force_n = 0.0;
@@ -166,7 +162,7 @@ class SimulatedNeighbourhood final : public LocalModel {
       const Tool tool = tool_at(rate_, *user, scene_.body(peer.proxy));
       const ImplicitStep coupling =
           implicit_step(tool.coupling, limits_of(user->device), tool.body, engine_.state(peer.proxy), device, dt);
-      hold(peer.proxy, coupling);
+      hold(engine_, peer.proxy, coupling);
       force_n += coupling.wrench.force.norm();
     }
     return force_n;

@@ -7,7 +7,6 @@
 #include "model/scene.hpp"
 #include "physics/live_engine.hpp"
 
-#include <cstdint>
 #include <memory>
 
 namespace subworld {
@@ -44,6 +43,7 @@ class LocalModel {
   /// Adds members and islands to a report, and remembers the rest.
   virtual void describe(HapticReport& report) = 0;
 
+  /// At its start before the first frame.
   [[nodiscard]] virtual BodyState proxy() const = 0;
   [[nodiscard]] virtual std::size_t members() const noexcept = 0;
   [[nodiscard]] virtual std::size_t contacts() const noexcept = 0;

@@ -12,11 +12,11 @@ namespace subworld {
 /// process and the lab's run in one process share it, so their results are equal bit by bit.
 class LockstepOrder {
  public:
-  LockstepOrder(const Scene& scene, const SubWorld& sub)
+  LockstepOrder(const Scene& scene, std::uint32_t user)
       : h_s_(scene.settings.h_s),
-        delay_(scene.settings, sub.scheme().properties.lead_cycles, static_cast<std::uint32_t>(sub.user())),
-        states_(scene.settings, Direction::from_device, static_cast<std::uint32_t>(sub.user())),
-        commands_(scene.settings, Direction::to_device, static_cast<std::uint32_t>(sub.user())) {}
+        delay_(scene.settings, scheme_of(scene.settings).properties.lead_cycles, user),
+        states_(scene.settings, Direction::from_device, user),
+        commands_(scene.settings, Direction::to_device, user) {}
 
   /// Calls `take(stamp)` for each frame that is due before the next step; it returns false where none comes. False
   /// then.
@@ -30,9 +30,10 @@ class LockstepOrder {
   }
 
   /// The next step, for the state that the device sends now. `on_command(command, felt)` gets the command that arrives
-  /// at the device in this step; `on_report()` is called where a report is due.
+  /// at the device in this step; `on_report()` is called where a report is due. `took_s`: see StepInput.
   template <class OnCommand, class OnReport>
-  FeltStep step(SubWorld& sub, const DeviceState& sent, OnCommand&& on_command, OnReport&& on_report) {
+  FeltStep step(SubWorld& sub, const DeviceState& sent, OnCommand&& on_command, OnReport&& on_report,
+                double took_s = 0.0) {
     const DeviceState& known = states_.pass(sent, step_);
     const auto on_force = [&](const FeltStep& felt) {
       DeviceCommand command = commands_.pass(sub.command_for(known, felt.to_operator), step_);
@@ -40,12 +41,11 @@ class LockstepOrder {
       command.echoed_sent_ns = sent.sent_ns;
       on_command(command, felt);
     };
-    const FeltStep felt = sub.step({&known, true, h_s_, h_s_}, on_force, std::forward<OnReport>(on_report));
+    const StepInput input{.device = &known, .wall_s = h_s_, .dt = h_s_, .took_s = took_s};
+    const FeltStep felt = sub.step(input, on_force, std::forward<OnReport>(on_report));
     ++step_;
     return felt;
   }
-
-  [[nodiscard]] std::uint64_t next_frame() const noexcept { return next_frame_; }
 
  private:
   double h_s_;

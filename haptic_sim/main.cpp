@@ -16,16 +16,13 @@ int main(int argc, char** argv) {
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     HapticPorts ports(options, scene);
     if (realtime) leave_realtime();
-    HapticMeasures measures(options.out, options.trace, sub.user(), limits_of(scene.users[sub.user()].device),
-                            scene.settings.h_s, [&](std::string text) { ports.status.note(std::move(text)); });
+    HapticMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
-    const auto first = join(ports, sub, scene, options);
-    if (first) {
-      Ending ending = realtime
-                          ? run_realtime(ports, sub, measures, exchange, scene, *first, from_seconds(options.spin_s))
-                          : run_lockstep(ports, sub, measures, exchange, scene);
+    const HapticRun run{options, scene, ports, sub, measures, exchange};
+    if (const auto first = join(run)) {
+      Ending ending = realtime ? run_realtime(run, *first) : run_lockstep(run);
       ports.status.enter("stopping");
-      const double cycles = std::max(1.0, static_cast<double>(sub.stamp()));
+      const double cycles = std::max(1.0, static_cast<double>(sub.facts().stamp));
       const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());
       Json part = measures.json(sub, bytes / cycles);
       part["dds"] = ports.bus->effective_settings();

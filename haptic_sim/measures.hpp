@@ -3,17 +3,10 @@
 #include "coupling/oscillation.hpp"
 #include "coupling/virtual_coupling.hpp"
 #include "haptic_sim/sub_world.hpp"
-#include "io/history.hpp"
-#include "io/machine_share.hpp"
-#include "io/results.hpp"
-#include "io/trace.hpp"
-#include "rt/histogram.hpp"
-#include "rt/stages.hpp"
-#include "wire/status.hpp"
+#include "program/loop_measures.hpp"
 
 #include <array>
 #include <optional>
-#include <string>
 #include <utility>
 
 namespace subworld {
@@ -36,13 +29,10 @@ inline constexpr std::array kHapticStages{"wake", "receive", "decode",  "synchro
 static_assert(kHapticStages.size() == Stages<HapticStage>::kCount);
 
 /// What a haptic process says of itself at the end, and its history on the way.
-class HapticMeasures {
+class HapticMeasures : public LoopMeasures<HapticStage> {
  public:
-  /// `folder` and `trace` may be empty: nothing is written. `limits`: of the device; `h_s`: the haptic step.
-  HapticMeasures(const std::string& folder, const std::string& trace, std::size_t user, const ForceLimits& limits,
-                 double h_s, const History::Say& say);
-
-  [[nodiscard]] Stages<HapticStage>& stages() noexcept { return stages_; }
+  /// Throws `Error` (failed) for a file of --out or --trace that cannot be written.
+  HapticMeasures(const Options& options, const Scene& scene, const History::Say& say);
 
   /// After every step.
   void step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept;
@@ -50,9 +40,6 @@ class HapticMeasures {
   void end_step() noexcept;
   /// Periods that were over before their steps could begin: missed deadlines, and no steps. `by_os`: of these.
   void skipped(int periods, int by_os) noexcept;
-  /// Around a loop in real time, in its thread.
-  void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
-  void loop_ends() { machine_.end(); }
   void synchronised(double seconds, std::uint64_t lost_frames) noexcept;
   /// A frame that came at `now` echoes when the report that the world used last was sent; 0: none was.
   void answered(std::int64_t echoed_sent_ns, TimePoint now) noexcept {
@@ -68,41 +55,27 @@ class HapticMeasures {
     return std::exchange(settled_change_, std::nullopt);
   }
 
-  [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
   /// What the status shows; missed deadlines with those of the skipped steps.
   [[nodiscard]] LoopState state(double time_s) const noexcept {
-    return {time_s, steps_, misses_.all(), misses_.by_os, step_.sum_s(), last_force_.norm()};
+    return LoopMeasures::state(time_s, last_force_.norm(), 1.0);
   }
 
   /// After the last step.
   [[nodiscard]] Json json(const SubWorld& sub, double bytes_per_cycle);
-  /// Why the history could not be written; empty: it could.
-  [[nodiscard]] std::string fault() const { return history_.fault(); }
 
  private:
-  std::size_t user_;
-  History history_;
-  Stages<HapticStage> stages_;
-  Trace trace_;
-  struct Traced {
-    double lateness_s = 0.0;
-    double members = 0.0;
-    bool missed = false;
-    bool lost_frames = false;
-  } traced_;  ///< of the present step
-  Histogram step_, lateness_, woken_late_, sync_, round_trip_;
-  Misses misses_;
-  MachineShare machine_;
+  int user_;
+  double newest_members_ = 0.0;
+  bool missed_ = false, lost_ = false;  ///< a deadline and frames, in the present step
+  Histogram sync_, round_trip_;
   MeanMax members_, contacts_, border_;
-  std::uint64_t steps_ = 0, skipped_ = 0, lost_frames_ = 0, resets_ = 0, refused_frames_ = 0;
+  std::uint64_t skipped_ = 0, lost_frames_ = 0, resets_ = 0, refused_frames_ = 0;
   int skipped_before_step_ = 0;
   ForceLimits limits_;
   double h_s_;
-  double operator_squares_ = 0.0, operator_max_ = 0.0;  ///< force sent to the device, N^2 and N
-  double coupling_squares_ = 0.0, coupling_max_ = 0.0;
-  double last_operator_n_ = 0.0;
-  std::uint64_t at_limit_ = 0;  ///< steps
-  double apart_m_ = 0.0;        ///< proxy and device, at most
+  MeanMax operator_squared_, coupling_squared_;  ///< force sent to the device and of the coupling, N^2
+  MeanMax at_limit_;                             ///< 1 in a step with all that the device can give
+  double apart_m_ = 0.0;                         ///< proxy and device, at most
 
   static constexpr std::size_t kForceStepWindow = 20;  ///< haptic steps before and after a change of engine
   void watch_force(const Vec3& force) noexcept;

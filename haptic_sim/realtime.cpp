@@ -1,14 +1,13 @@
-#include "haptic_sim/device_feed.hpp"
-#include "haptic_sim/engine_orders.hpp"
 #include "haptic_sim/frame_queue.hpp"
-#include "haptic_sim/peer_watch.hpp"
 #include "haptic_sim/phase.hpp"
 #include "haptic_sim/run.hpp"
+#include "program/peer_watch.hpp"
 #include "rt/arrears.hpp"
 #include "rt/dilation.hpp"
 #include "rt/paced_loop.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
+#include "wire/take.hpp"
 
 #include <fmt/format.h>
 
@@ -19,6 +18,7 @@ namespace subworld {
 
 namespace {
 
+constexpr double kStale_s = 0.005;          ///< age of a device's state on which no force relies
 constexpr double kLongSleep_s = 0.05;       ///< longer than a device needs to fade out without commands
 constexpr double kAlone_s = 0.25;           ///< without a frame: the world has gone or is paused
 constexpr int kFadeSteps = 30;              ///< before the last command: the force fades to zero
@@ -26,32 +26,33 @@ constexpr int kTimesLast = 5;               ///< the last command is sent: one m
 constexpr std::uint64_t kTooFarBehind = 8;  ///< cycles; then the sub-world restarts from the world's states
 
 /// The haptic process in real time.
-class RealtimeLoop {
+class RealtimeLoop : HapticRun {
  public:
-  RealtimeLoop(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
-               const Scene& scene, const FirstFrame& first, Duration spin)
-      : ports_(ports),
-        sub_(sub),
-        measures_(measures),
+  RealtimeLoop(const HapticRun& run, const FirstFrame& first)
+      : HapticRun(run),
         stages_(measures.stages()),
-        orders_(ports, sub, measures, exchange),
         h_s_(scene.settings.h_s),
         longest_cycle_s_(scene.settings.longest_cycle_s()),
-        lead_cycles_(sub.scheme().properties.lead_cycles),
-        stagger_s_(h_s_ * static_cast<double>(sub.user()) / scene.settings.users),
-        device_(static_cast<std::uint32_t>(sub.user()), scene.users[sub.user()].device.rate_hz),
+        lead_cycles_(scheme().lead_cycles),
+        stagger_s_(h_s_ * user() / scene.settings.users),
+        stale_s_(std::max(kStale_s, 5.0 / scene.users[user()].device.rate_hz)),
+        device_{.device = user(), .pose = {}, .applied = {}},
+        device_sim_({ProgramKind::device_sim, user()}),
         frames_(first.frame.stamp),
-        peers_(static_cast<std::uint32_t>(sub.user()), first.received),
+        world_sim_({ProgramKind::world_sim, 0}, first.received),
         phase_(longest_cycle_s_, lead_cycles_),
-        loop_(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp)), h_s_, spin, stages_),
+        loop_(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp)), h_s_,
+              from_seconds(options.spin_s), stages_),
         ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = "last frame"} {}
 
   Ending run(const Scheduling& scheduling) {
-    measures_.loop_begins(scheduling);
+    fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", user(), 1.0 / h_s_, scheduling.text);
+    std::fflush(stdout);
+    measures.loop_begins(scheduling);
     while (fading_ < kFadeSteps) step();
-    measures_.loop_ends();
-    send_last_command(ports_, device_.state(), kTimesLast);
-    ending_.to_s = sub_.time_s();
+    measures.loop_ends();
+    send_last_command(ports, device_, kTimesLast);
+    ending_.to_s = sub.facts().time_s;
     if (!ending_.fault.empty()) {
       ending_.by = "fault";
     } else if (!last_) {
@@ -63,15 +64,14 @@ class RealtimeLoop {
  private:
   void step() {
     wake();
-    device_.receive(ports_, stages_, loop_.woke());
+    receive_device();
     receive_frames();
     use_frames();
-    orders_.follow();
+    follow_orders();
     stages_.mark(HapticStage::control);
     watch_peers();
-    const double rate = follow_clock();
     Miss miss = Miss::none;
-    const FeltStep felt = advance(rate, miss);
+    const FeltStep felt = advance(miss);
     account(felt, miss);
   }
 
@@ -80,100 +80,116 @@ class RealtimeLoop {
     const int over_by_os = loop_.wake(h_s_);
     // The periods that the OS has slept through are over: their forces would come too late to be felt.
     const int over = loop_.skip_missed();
-    measures_.skipped(over, over_by_os);
+    measures.skipped(over, over_by_os);
     loop_.begin();
     arrears_.owe(over * h_s_ * phase_.rate());
-    // A force after a long sleep would rely on old states.
-    if (loop_.lateness_s() > kLongSleep_s) sub_.re_engage();
     fading_ += last_ || stop_signal() != 0;
   }
 
+  /// The newest state of the device; the first device that is heard stays the one.
+  void receive_device() {
+    while (take(ports.device, came_, stages_) == Take::sample) {
+      if (came_.session != ports.session || (device_heard() && came_.sender != device_.sender)) continue;
+      ports.device.trust_sender();
+      device_ = came_;
+      device_sim_.heard(loop_.woke());
+    }
+  }
+  [[nodiscard]] bool device_heard() const noexcept { return device_sim_.last_heard() != TimePoint{}; }
+
   void receive_frames() {
     const TimePoint now = loop_.woke();
-    const std::uint64_t refused = ports_.frames.refused();
-    while (!frames_.full() && take(ports_.frames, frames_.slot(), stages_) == Take::sample) {
-      const bool foreign = frames_.slot().session != ports_.session;
-      peers_.frame_came(foreign);
+    const std::uint64_t refused = ports.frames.refused();
+    while (!frames_.full() && take(ports.frames, frames_.slot(), stages_) == Take::sample) {
+      const bool foreign = frames_.slot().session != ports.session;
+      world_sim_.came(foreign);
       if (foreign) continue;
       const WorldFrame* const came = frames_.push();
       if (came == nullptr) {
-        measures_.refused_frame();
+        measures.refused_frame();
         continue;
       }
-      if (ports_.refused_by(*came)) ending_.fault = refused_text(static_cast<std::uint32_t>(sub_.user()));
-      peers_.framed(now);
+      if (ports.refused_by(*came)) ending_.fault = refused_text(user());
+      world_sim_.heard(now);
       const double until_s = to_seconds(now - loop_.released()) + came->start_in_s;
       phase_.observe(came->stamp_s, ahead_s(came->stamp), until_s, came->real_time_factor,
-                     sub_.time_s() + arrears_.owed_s());
+                     sub.facts().time_s + arrears_.owed_s());
       last_ = last_ || came->last;
-      measures_.answered(came->echoed_sent_ns, now);
+      measures.answered(came->echoed_sent_ns, now);
     }
-    if (ports_.frames.refused() > refused) peers_.refused(now);
+    if (ports.frames.refused() > refused) world_sim_.refused(now);
   }
 
   void use_frames() {
     const std::span<const WorldFrame> waiting = frames_.waiting();
     // A sub-world that has fallen too far behind restarts from the newest frame.
-    const bool behind = !waiting.empty() && waiting.back().stamp > sub_.stamp() + kTooFarBehind;
+    const bool behind = !waiting.empty() && waiting.back().stamp > sub.facts().stamp + kTooFarBehind;
     std::size_t used = behind ? waiting.size() - 1 : 0;
     for (; used < waiting.size(); ++used) {
       const WorldFrame& due = waiting[used];
-      const bool lost_track = behind || !sub_.finite() || !sub_.agrees(due);
-      if (!lost_track && !sub_.accepts(due.stamp)) break;
+      const bool lost_track = behind || !sub.facts().finite || !sub.agrees(due);
+      if (!lost_track && !sub.accepts(due.stamp)) break;
       const TimePoint start = stages_.now();
       std::uint64_t lost = 0;
       if (lost_track) {
         reset_from(due, start);
       } else {
-        lost = sub_.synchronise_with(due);
+        lost = sub.synchronise_with(due);
       }
-      measures_.synchronised(to_seconds(stages_.mark(HapticStage::synchronise) - start), lost);
+      measures.synchronised(to_seconds(stages_.mark(HapticStage::synchronise) - start), lost);
     }
     frames_.drop(used);
   }
 
   void reset_from(const WorldFrame& frame, TimePoint now) {
-    sub_.reset_from(frame);
+    sub.reset_from(frame);
     loop_.shift(std::max(0.0, to_seconds(now - loop_.deadline())));
     arrears_.forget();
-    measures_.resynchronised();
+    measures.resynchronised();
   }
 
   void watch_peers() {
     const TimePoint now = loop_.woke();
-    const std::string fault = peers_.observe(ports_, device_.heard_at(now), now, h_s_);
+    world_sim_.observe(ports.frames, ports.status, now, h_s_);
+    device_sim_.observe(ports.device, ports.status, now, h_s_);
+    const std::string fault = world_sim_.gone() ? world_sim_.fault() : device_sim_.fault();
     if (ending_.fault.empty()) ending_.fault = fault;
     last_ = last_ || !ending_.fault.empty();
+    const bool silent = now - world_sim_.last_heard() > from_seconds(kGone_s);
+    if (silent && !silent_)
+      ports.status.note("waits for world_sim: no frame for 2 s; the force has faded", "world_sim");
+    if (!silent && silent_) ports.status.note("world_sim is there again", "");
+    silent_ = silent;
   }
 
-  /// Simulated seconds per second in the step that begins. Without frames the sub-world pauses: its border holds for a
-  /// short time only.
-  double follow_clock() {
+  FeltStep advance(Miss& miss) {
     const TimePoint now = loop_.woke();
+    // Without frames the sub-world pauses: its border holds for a short time only.
     const double frame_period_s = longest_cycle_s_ / std::max(phase_.real_time_factor(), kLeastRealTimeFactor);
-    const bool alone = peers_.without_frame_s(now) > std::max(kAlone_s, 4.0 * frame_period_s);
-    sub_.pause(alone || phase_.real_time_factor() <= 0.0);
-    const double rate = alone ? 0.0 : phase_.step(sub_.time_s());
-    sub_.set_rate(rate);
-    peers_.announce(ports_.status, now);
-    return rate;
-  }
-
-  FeltStep advance(double rate, Miss& miss) {
-    const TimePoint now = loop_.woke();
+    const bool alone = to_seconds(now - world_sim_.last_heard()) > std::max(kAlone_s, 4.0 * frame_period_s);
+    const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s);
     const auto send = [&](const FeltStep& felt) {
       stages_.mark(HapticStage::feel);
-      ports_.command.write(sub_.command_for(device_.state(), felt.to_operator));
+      ports.command.write(sub.command_for(device_, felt.to_operator));
       miss = loop_.judge(stages_.mark(HapticStage::send), loop_.deadline());
     };
     const auto report = [&] {
       stages_.mark(HapticStage::advance);
-      ports_.send(sub_.report(to_ns(Clock::now())));
+      ports.send(*sub.close_cycle(to_ns(Clock::now())));
       stages_.mark(HapticStage::report);
     };
-    const double dt = arrears_.step(h_s_ * rate, sub_.cycle_left_s());
-    const DeviceState* const device = device_.heard() ? &device_.state() : nullptr;
-    const FeltStep felt = sub_.step({device, fading_ == 0 && device_.fresh(now), h_s_, dt}, send, report);
+    const double dt = arrears_.step(h_s_ * rate, sub.facts().cycle_left_s);
+    // A force after a long sleep would rely on old states.
+    const StepInput input{
+        .device = device_heard() ? &device_ : nullptr,
+        .device_trusted = fading_ == 0 && device_heard() && to_seconds(now - device_sim_.last_heard()) < stale_s_,
+        .wall_s = h_s_,
+        .dt = dt,
+        .clock_rate = rate,
+        .took_s = took_s_,
+        .paused = alone || phase_.real_time_factor() <= 0.0,
+        .slept = loop_.lateness_s() > kLongSleep_s};
+    const FeltStep felt = sub.step(input, send, report);
     stages_.mark(HapticStage::advance);
     return felt;
   }
@@ -182,12 +198,11 @@ class RealtimeLoop {
     loop_.slew(phase_.slew_ppm());
     const TimePoint end = stages_.now();
     loop_.end(end);
-    const double step_s = to_seconds(end - loop_.woke());
-    sub_.took(step_s);
-    measures_.step(sub_, felt, {step_s, loop_.lateness_s(), loop_.woken_late_s(), miss});
-    ports_.status.update(measures_.state(sub_.time_s()));
+    took_s_ = to_seconds(end - loop_.woke());
+    measures.step(sub, felt, {took_s_, loop_.lateness_s(), loop_.woken_late_s(), miss});
+    ports.status.update(measures.state(sub.facts().time_s));
     stages_.mark(HapticStage::account);
-    measures_.end_step();
+    measures.end_step();
   }
 
   /// By how much the haptic clock is ahead of the world's when that shows a frame's stamp. A world that trails the
@@ -195,39 +210,36 @@ class RealtimeLoop {
   /// the other, so that those that share a core do not wait for each other.
   [[nodiscard]] double ahead_s(std::uint64_t stamp) const {
     if (lead_cycles_ == 0) return stagger_s_;
-    const Timetable& timetable = sub_.timetable();
+    const Timetable& timetable = sub.timetable();
     const std::uint64_t until = stamp + static_cast<std::uint64_t>(lead_cycles_);
     return h_s_ * static_cast<double>(timetable.start(until) - timetable.start(stamp)) + h_s_ + stagger_s_;
   }
 
-  HapticPorts& ports_;
-  SubWorld& sub_;
-  HapticMeasures& measures_;
   Stages<HapticStage>& stages_;
-  EngineOrders orders_;
   double h_s_;
   double longest_cycle_s_;
   int lead_cycles_;
   double stagger_s_;
-  DeviceFeed device_;
+  double stale_s_;  ///< age of the device's state at which the force fades out
+  DeviceState device_, came_;
+  PeerWatch device_sim_;
   FrameQueue frames_;
-  PeerWatch peers_;
+  PeerWatch world_sim_;
   Phase phase_;
   Arrears arrears_;
   PacedLoop<HapticStage> loop_;
   Ending ending_;
+  double took_s_ = 0.0;  ///< the step before
+  bool silent_ = false;  ///< frames stay away, and the user knows
   bool last_ = false;
   int fading_ = 0;  ///< steps since the run is to end
 };
 
 }  // namespace
 
-Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
-                    const Scene& scene, const FirstFrame& first, Duration spin) {
+Ending run_realtime(const HapticRun& run, const FirstFrame& first) {
   const Scheduling scheduling = claim_realtime(priority::kHaptic);
-  fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", sub.user(), 1.0 / scene.settings.h_s, scheduling.text);
-  std::fflush(stdout);
-  return RealtimeLoop(ports, sub, measures, exchange, scene, first, spin).run(scheduling);
+  return RealtimeLoop(run, first).run(scheduling);
 }
 
 }  // namespace subworld

@@ -10,6 +10,21 @@
 
 namespace subworld {
 
+/// Everything that a run of a haptic process consists of.
+struct HapticRun {
+  const Options& options;
+  const Scene& scene;
+  HapticPorts& ports;
+  SubWorld& sub;
+  HapticMeasures& measures;
+  EngineExchange& exchange;
+
+  [[nodiscard]] std::uint32_t user() const noexcept { return static_cast<std::uint32_t>(options.user); }
+  [[nodiscard]] const SchemeProperties& scheme() const { return scheme_of(scene.settings).properties; }
+  /// Follows orders to change the sub-world's engine, between two steps and without waiting.
+  void follow_orders() const;
+};
+
 /// The first frame and when it came.
 struct FirstFrame {
   WorldFrame frame;
@@ -18,18 +33,14 @@ struct FirstFrame {
 
 /// Waits until the world's scene, the device and the first frame are there, and makes the frame the sub-world.
 /// None when asked to stop. Throws `Error` (failed, usage) that names what is missing.
-[[nodiscard]] std::optional<FirstFrame> join(HapticPorts& ports, SubWorld& sub, const Scene& scene,
-                                             const Options& options);
+[[nodiscard]] std::optional<FirstFrame> join(const HapticRun& run);
 
-/// Nobody looks at a clock: each step waits for its device state, each cycle for its frame. Ends with the frame that is
-/// the last, or when asked to stop. Throws `Error` (failed) when a peer dies or is started again.
-[[nodiscard]] Ending run_lockstep(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
-                                  const Scene& scene);
+/// Lock-step: each step waits for its device state, each cycle for its frame. Ends with the frame that is the last, or
+/// when asked to stop. Throws `Error` (failed) when a peer dies or is started again.
+[[nodiscard]] Ending run_lockstep(const HapticRun& run);
 
-/// Nobody waits: absolute deadlines, the newest data, what comes late is counted and used late. A fault where the world
-/// or the device has gone or was started again; the force has faded by then. `spin`: see
-/// Cyclic.
-[[nodiscard]] Ending run_realtime(HapticPorts& ports, SubWorld& sub, HapticMeasures& measures, EngineExchange& exchange,
-                                  const Scene& scene, const FirstFrame& first, Duration spin);
+/// Real time: absolute deadlines, the newest data; what comes late is counted and used late. A fault where the world
+/// or the device has gone or was started again; the force has faded by then.
+[[nodiscard]] Ending run_realtime(const HapticRun& run, const FirstFrame& first);
 
 }  // namespace subworld

@@ -36,6 +36,8 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       suppression_(scheme_.properties.lead_cycles),
       timetable_(scene.settings.ratio, remembered_cycles(scene.settings, scheme_)),
       reports_(remembered_cycles(scene.settings, scheme_)) {
+  facts_.device = declutch_.device();
+  look();
   if (scene.settings.mode != Mode::realtime) return;
   for (HapticReport& report : reports_) reserve(report, kUsualMembers);
 }
@@ -53,23 +55,33 @@ bool SubWorld::exchange_engine(EngineExchange& exchange) {
   LiveEngine* engine = model_->engine();
   if (engine == nullptr || !exchange.poll(*engine)) return false;
   guard_.soften();
+  look();
   return true;
 }
 
-std::string SubWorld::engine_name() const {
+void SubWorld::look() {
+  const double h_s = scene_.settings.h_s;
+  facts_.time_s = h_s * static_cast<double>(timetable_.start(facts_.stamp)) + in_cycle_s_;
+  facts_.at_boundary = in_cycle_s_ >= cycle_s() - 1e-6 * h_s;
+  facts_.cycle_left_s = facts_.at_boundary ? h_s * timetable_.ratio(facts_.stamp + 1) : cycle_s() - in_cycle_s_;
+  facts_.proxy = model_->proxy();
+  facts_.members = model_->members();
+  facts_.contacts = model_->contacts();
   const LiveEngine* engine = model_->engine();
-  return engine == nullptr ? std::string() : std::string(engine->name());
+  facts_.engine = engine == nullptr ? std::string_view() : engine->name();
 }
 
-double SubWorld::time_s() const noexcept {
-  return scene_.settings.h_s * static_cast<double>(timetable_.start(stamp_)) + in_cycle_s_;
+FeltStep SubWorld::begin_step(const StepInput& input) {
+  if (input.took_s > 0.0) {
+    took_s_ += input.took_s;
+    took_max_s_ = std::max(took_max_s_, input.took_s);
+    ++timed_steps_;
+  }
+  if (input.slept) guard_.restart();
+  declutch_.open(input.paused);
+  set_rate(input.clock_rate);
+  return input.device != nullptr ? feel(*input.device, input.device_trusted, input.wall_s) : FeltStep{};
 }
-
-double SubWorld::cycle_left_s() const noexcept {
-  return at_boundary() ? scene_.settings.h_s * timetable_.ratio(stamp_ + 1) : cycle_s() - in_cycle_s_;
-}
-
-bool SubWorld::at_boundary() const noexcept { return in_cycle_s_ >= cycle_s() - 1e-6 * scene_.settings.h_s; }
 
 void SubWorld::set_rate(double rate) {
   if (!(rate > 0.0)) return;
@@ -77,6 +89,7 @@ void SubWorld::set_rate(double rate) {
   if (rate_ == before) return;
   tool_ = tool_at(rate_, spec_, scene_.body(spec_.proxy));
   model_->change_rate(before, rate_);
+  facts_.proxy = model_->proxy();
 }
 
 bool SubWorld::jumped(const DeviceState& state, double wall_s) const noexcept {
@@ -91,25 +104,25 @@ FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double wall_s) {
   const bool jump = jumped(state, wall_s);
   if (jump) {
     // Met where it is now, from zero.
-    ++jumps_;
+    ++facts_.jumps;
     guard_.declutch();
   }
-  const bool stands = declutch_.is_open();
-  declutch_.open(stands || jump);
+  const bool paused = declutch_.is_open();
+  declutch_.open(paused || jump);
   declutch_.follow(state, rate_);
-  declutch_.open(stands);
+  declutch_.open(paused);
+  facts_.device = declutch_.device();
   before_ = state;
   heard_ = true;
   wall_s_ = wall_s;
   applied_ = saturated(state.applied, limits_);
   const bool admittance = spec_.device.kind == DeviceKind::admittance;
-  felt_ = admittance ? applied_ : coupling_wrench(tool_.coupling, limits_, proxy(), device());
-  trusted_ = trusted && finite_ && !declutch_.is_open();
+  felt_ = admittance ? applied_ : coupling_wrench(tool_.coupling, limits_, facts_.proxy, facts_.device);
+  trusted_ = trusted && facts_.finite && !declutch_.is_open();
   port_.step(state);
   const Wrench to_operator =
       guard_.pass({-felt_.force, -felt_.torque}, jump ? Vec3(Vec3::Zero()) : state.linear_velocity, trusted_, wall_s);
   port_.hold(to_operator);
-  felt_now_ = true;
   return {felt_, to_operator};
 }
 
@@ -119,10 +132,10 @@ DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_
   command.session = device.session;
   command.served = device.sender;
   command.sequence = device.sequence;
-  command.stamp_s = time_s();
+  command.stamp_s = facts_.time_s;
   command.echoed_sent_ns = device.sent_ns;
   command.wrench = to_operator;
-  const BodyState now = proxy();
+  const BodyState& now = facts_.proxy;
   const BodyState& start = scene_.initial[index(spec_.proxy)];
   DeviceMotion motion{{now.position - declutch_.offset(), now.orientation * start.orientation.conjugate()},
                       rate_ * now.linear_velocity,
@@ -135,40 +148,42 @@ DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_
 }
 
 void SubWorld::advance(double dt) {
-  felt_now_ = false;
   if (dt <= 0.0) return;
-  const Wrench mean =
-      model_->advance({spec_.device.kind, tool_, limits_, device(), applied_, felt_}, time_s(), dt, indicators_);
-  const BodyState moved = proxy();
-  finite_ = finite_ && subworld::finite(moved);
+  const Wrench mean = model_->advance({spec_.device.kind, tool_, limits_, facts_.device, applied_, felt_},
+                                      facts_.time_s, dt, indicators_);
+  in_cycle_s_ += dt;
+  ++steps_;
+  look();
+  facts_.finite = facts_.finite && finite(facts_.proxy);
   impulse_total_.force += dt * mean.force;
   impulse_total_.torque += dt * mean.torque;
   indicators_.device_impulse_n_s += dt * mean.force.norm();
   // A spring's other end moves with the device; an admittance device presses the proxy itself.
   const bool spring = spec_.device.kind == DeviceKind::impedance;
-  device_work_j_ += dt * (mean.force.dot(spring ? device().linear_velocity : moved.linear_velocity) +
-                          mean.torque.dot(spring ? device().angular_velocity : moved.angular_velocity));
+  const Vec3& velocity = spring ? facts_.device.linear_velocity : facts_.proxy.linear_velocity;
+  const Vec3& angular_velocity = spring ? facts_.device.angular_velocity : facts_.proxy.angular_velocity;
+  facts_.device_work_j += dt * (mean.force.dot(velocity) + mean.torque.dot(angular_velocity));
   declutch_.advance(dt);  // extrapolated to the end of the step
-  in_cycle_s_ += dt;
-  ++steps_;
+  facts_.device = declutch_.device();
 }
 
 bool SubWorld::suppresses_report() const {
-  if (!may_suppress_ || !suppression_.may_lack_report(stamp_ + 1)) return false;
-  const BodyState now = proxy();
+  if (!may_suppress_ || !suppression_.may_lack_report(facts_.stamp + 1)) return false;
+  const BodyState& now = facts_.proxy;
   const Box there = bounds(scene_.body(spec_.proxy).shape, now, scene_.meshes);
   return suppression_.place().holds(operator_reach(there, now, looked_ahead_s(scene_.settings, scheme_, cycle_s())));
 }
 
 void SubWorld::begin_cycle() {
+  in_cycle_s_ = 0.0;
   indicators_ = {};
   steps_ = 0;
+  look();
 }
 
 HapticReport* SubWorld::close_cycle(std::int64_t sent_ns) {
   if (!suppresses_report()) return &report(sent_ns);
-  ++stamp_;
-  in_cycle_s_ = 0.0;
+  ++facts_.stamp;
   begin_cycle();
   return nullptr;
 }
@@ -180,25 +195,23 @@ bool SubWorld::passes_frame(std::uint64_t stamp) noexcept {
 }
 
 HapticReport& SubWorld::report(std::int64_t sent_ns) {
-  if (steps_ > 0) ++stamp_;
-  in_cycle_s_ = 0.0;
-  suppression_.end(stamp_);
-  HapticReport& report = reports_[stamp_ % reports_.size()];
+  if (steps_ > 0) ++facts_.stamp;
+  suppression_.end(facts_.stamp);
+  HapticReport& report = reports_[facts_.stamp % reports_.size()];
   report.user = UserId{static_cast<std::uint32_t>(user_)};
-  report.stamp = stamp_;
-  report.stamp_s = time_s();
+  report.stamp = facts_.stamp;
+  report.stamp_s = scene_.settings.h_s * static_cast<double>(timetable_.start(facts_.stamp));
   report.clock_rate = rate_;
   report.sent_ns = sent_ns;
   report.confirmed_stamp = frame_stamp_;
   report.impulse_total = impulse_total_;
-  report.device_work_j = device_work_j_;
-  report.proxy = proxy();
+  report.device_work_j = facts_.device_work_j;
+  report.proxy = facts_.proxy;
   const bool spring = spec_.device.kind == DeviceKind::impedance;
-  report.coupling_energy_j = spring ? coupling_energy(spec_.coupling, limits_, report.proxy, device()) : 0.0;
+  report.coupling_energy_j = spring ? coupling_energy(spec_.coupling, limits_, report.proxy, facts_.device) : 0.0;
   report.device.reset();
-  if (reports_device_) {
-    report.device = {device().pose, device().linear_velocity, device().angular_velocity, applied_};
-  }
+  const DevicePose& device = facts_.device;
+  if (reports_device_) report.device = {device.pose, device.linear_velocity, device.angular_velocity, applied_};
   report.members.clear();
   report.islands.clear();
   report.indicators = indicators_;
@@ -226,7 +239,7 @@ bool SubWorld::knows(const WorldFrame& frame) const noexcept {
 void SubWorld::note(const WorldFrame& frame) noexcept {
   framed_ = true;
   frame_stamp_ = frame.stamp;
-  border_pairs_ = frame.border_contacts;
+  facts_.border_pairs = frame.border_contacts;
   if (may_suppress_) suppression_.begin(frame);
 }
 
@@ -234,11 +247,13 @@ std::uint64_t SubWorld::synchronise_with(const WorldFrame& frame) {
   if (!knows(frame)) return 0;
   if (framed_ && frame.stamp <= frame_stamp_) return 0;
   const std::uint64_t missing = framed_ ? frame.stamp - frame_stamp_ - 1 : 0;
-  if (frame.planned.stamp > stamp_) timetable_.plan(frame.planned);
+  if (frame.planned.stamp > facts_.stamp) timetable_.plan(frame.planned);
   const HapticReport& mine = reports_[frame.stamp % reports_.size()];
-  const double cycles = static_cast<double>(stamp_) - static_cast<double>(frame.stamp) + in_cycle_s_ / cycle_s();
-  model_->follow(frame, framed_ && mine.stamp == frame.stamp ? &mine : nullptr, {time_s() - frame.stamp_s, cycles});
+  const double cycles = static_cast<double>(facts_.stamp) - static_cast<double>(frame.stamp) + in_cycle_s_ / cycle_s();
+  model_->follow(frame, framed_ && mine.stamp == frame.stamp ? &mine : nullptr,
+                 {facts_.time_s - frame.stamp_s, cycles});
   note(frame);
+  look();
   return missing;
 }
 
@@ -246,7 +261,7 @@ bool SubWorld::agrees(const WorldFrame& frame) const noexcept {
   const double stamp_s = scene_.settings.h_s * static_cast<double>(timetable_.start(frame.stamp));
   const RatioChange& planned = frame.planned;
   return std::abs(stamp_s - frame.stamp_s) < 0.5 * scene_.settings.h_s &&
-         (planned.stamp > stamp_ || timetable_.ratio(planned.stamp) == planned.ratio);
+         (planned.stamp > facts_.stamp || timetable_.ratio(planned.stamp) == planned.ratio);
 }
 
 bool SubWorld::reset_from(const WorldFrame& frame) {
@@ -255,12 +270,10 @@ bool SubWorld::reset_from(const WorldFrame& frame) {
                      frame.ratio);
   timetable_.plan(frame.planned);
   const bool has_proxy = model_->reset_from(frame);
-  finite_ = true;
-  stamp_ = frame.stamp;
-  in_cycle_s_ = 0.0;
+  facts_.finite = true;
+  facts_.stamp = frame.stamp;
   begin_cycle();
   suppression_.forget();
-  felt_now_ = false;
   note(frame);
   return has_proxy;
 }

@@ -26,6 +26,22 @@ const char* const kHead =
     "time_s,body,x_m,y_m,z_m,qw,qx,qy,qz,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,angular_velocity_x_rad_s,"
     "angular_velocity_y_rad_s,angular_velocity_z_rad_s\n";
 
+BodyRecording recording_of(const Options& options, const Scene& scene) {
+  BodyRecording recording;
+  if (!options.bodies) return recording;
+  recording.bodies = choose_bodies(scene, *options.bodies);
+  for (const BodyId id : recording.bodies) recording.names.push_back(scene.body(id).name);
+  recording.may_wait = scene.settings.mode == Mode::lockstep;
+  if (options.bodies_rate_hz) {
+    recording.interval_s = 1.0 / *options.bodies_rate_hz;
+    return recording;
+  }
+  const double cycle_s = scene.settings.shortest_cycle_s();
+  const double cycles = std::ceil(static_cast<double>(recording.bodies.size()) / kMostRows_hz / cycle_s - 1e-9);
+  if (cycles > 1.0) recording.interval_s = cycles * cycle_s;
+  return recording;
+}
+
 /// Rows are time, which of the bodies, and its state.
 History::Format format_of(const BodyRecording& recording) {
   return {.width = kWidth,
@@ -46,40 +62,25 @@ std::string path_in(const std::string& folder, const BodyRecording& recording) {
 
 }  // namespace
 
-BodyRecording body_recording(const Options& options, const Scene& scene) {
-  BodyRecording recording;
-  if (!options.bodies) return recording;
-  recording.bodies = choose_bodies(scene, *options.bodies);
-  for (const BodyId id : recording.bodies) recording.names.push_back(scene.body(id).name);
-  recording.may_wait = scene.settings.mode == Mode::lockstep;
-  if (options.bodies_rate_hz) {
-    recording.interval_s = 1.0 / *options.bodies_rate_hz;
-    return recording;
-  }
-  const double cycle_s = scene.settings.shortest_cycle_s();
-  const double cycles = std::ceil(static_cast<double>(recording.bodies.size()) / kMostRows_hz / cycle_s - 1e-9);
-  if (cycles > 1.0) recording.interval_s = cycles * cycle_s;
-  return recording;
-}
-
-BodyHistory::BodyHistory(const std::string& folder, BodyRecording recording, History::Say say)
-    : recording_(std::move(recording)), history_(path_in(folder, recording_), format_of(recording_), std::move(say)) {}
+BodyHistory::BodyHistory(const Options& options, const Scene& scene, History::Say say)
+    : recording_(recording_of(options, scene)),
+      history_(path_in(options.out, recording_), format_of(recording_), std::move(say)) {}
 
 void BodyHistory::record(const World& world, double room_s) noexcept {
   if (recording_.bodies.empty()) return;
   if (recording_.interval_s > 0.0) {
-    const auto instant = static_cast<std::int64_t>(std::floor(world.time_s() / recording_.interval_s + 1e-6));
+    const auto instant = static_cast<std::int64_t>(std::floor(world.facts().time_s / recording_.interval_s + 1e-6));
     if (instant <= instant_) return;
     instant_ = instant;
   }
-  if (room_s < kSafety * cost_s_ && cost_s_ > kCheap * world.cycle_s()) {
+  if (room_s < kSafety * cost_s_ && cost_s_ > kCheap * world.facts().cycle_s) {
     cost_s_ /= kSlowly;  // and is tried again before long
-    drop(world.time_s());
+    drop(world.facts().time_s);
     return;
   }
   const TimePoint begin = Clock::now();
   if (!write(world, recording_.may_wait)) {
-    drop(world.time_s());
+    drop(world.facts().time_s);
     return;
   }
   const double took_s = to_seconds(Clock::now() - begin);
@@ -87,10 +88,10 @@ void BodyHistory::record(const World& world, double room_s) noexcept {
 }
 
 void BodyHistory::record_now(const World& world) noexcept {
-  if (recording_.bodies.empty() || world.time_s() == written_s_) return;
+  if (recording_.bodies.empty() || world.facts().time_s == written_s_) return;
   instant_ = std::max<std::int64_t>(instant_, 0);
-  if (world.time_s() == dropped_s_) dropped_ -= recording_.bodies.size();
-  if (!write(world, true)) drop(world.time_s());
+  if (world.facts().time_s == dropped_s_) dropped_ -= recording_.bodies.size();
+  if (!write(world, true)) drop(world.facts().time_s);
 }
 
 void BodyHistory::drop(double time_s) noexcept {
@@ -101,13 +102,10 @@ void BodyHistory::drop(double time_s) noexcept {
 bool BodyHistory::write(const World& world, bool may_wait) noexcept {
   const std::size_t count = recording_.bodies.size();
   if (!history_.make_room(count, may_wait)) return false;
-  written_s_ = world.time_s();
+  written_s_ = world.facts().time_s;
   for (std::size_t i = 0; i < count; ++i) {
     const BodyState s = world.engine().state(recording_.bodies[i]);
-    const Vec3 &x = s.position, &v = s.linear_velocity, &w = s.angular_velocity;
-    const Quat& q = s.orientation;
-    history_.row({written_s_, static_cast<double>(i), x.x(), x.y(), x.z(), q.w(), q.x(), q.y(), q.z(), v.x(), v.y(),
-                  v.z(), w.x(), w.y(), w.z()});
+    history_.row_of(written_s_, i, s.position, s.orientation, s.linear_velocity, s.angular_velocity);
   }
   rows_ += count;
   return true;

@@ -21,19 +21,16 @@ struct BodyRecording {
   bool may_wait = false;           ///< the world waits for the file: in lock-step nothing is dropped
 };
 
-/// What --bodies and --bodies-rate ask for. Without a rate: every cycle, or as many cycles apart as keep the file
-/// within 10,000 rows a simulated second. Throws `Error` (usage) for a body that the scene does not have.
-[[nodiscard]] BodyRecording body_recording(const Options& options, const Scene& scene);
-
 /// The states of bodies over time (paper 3.1) in FOLDER/bodies.csv, a row for each body and instant: so a spreadsheet
 /// filters by body or by time, and neither the number of columns nor their names depend on the scene. An instant is
 /// written whole or not at all. As in world.csv the states are those at the end of a cycle, before the corrections that
 /// the next one begins with.
 class BodyHistory {
  public:
-  /// Throws `Error` (failed) where the file cannot be opened, (usage) where bodies are to be written and there is no
-  /// folder.
-  BodyHistory(const std::string& folder, BodyRecording recording, History::Say say);
+  /// As --bodies and --bodies-rate ask for. Without a rate: every cycle, or as many cycles apart as keep the file
+  /// within 10,000 rows a simulated second. Throws `Error` (failed) where the file cannot be opened, (usage) for a body
+  /// that the scene does not have, or where bodies are to be written and there is no folder.
+  BodyHistory(const Options& options, const Scene& scene, History::Say say);
 
   /// After every cycle, at the world's present stamp. In real time it allocates nothing and never waits: an instant
   /// that does not fit into the `room_s` seconds which are left of the cycle, or into the memory that waits for the

@@ -101,10 +101,10 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   select_members(scratch_, scene_.bodies, spec.proxy, chosen);
   if (spec.selection == Selection::budget) {
     Budget budget = user.budget;
-    budget.limit_s /= user.correction.factor();
+    budget.limit_s /= user.selection.cost_factor;
     budget_.limit(spec.proxy, before_, now.graph, now.cycle_s, bounds, budget, chosen.members);
-    user.expected_s = budget_.cost_s();
-    user.omitted = budget_.omitted();
+    user.selection.expected_s = budget_.cost_s();
+    user.selection.omitted = budget_.omitted();
   }
   Box reach = box;
   const double gravity_m_s2 = scene_.settings.world.gravity.norm();

@@ -8,7 +8,6 @@
 #include "model/scene.hpp"
 #include "world_sim/suppression_finder.hpp"
 
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -40,14 +39,13 @@ class FrameMaker {
 
   /// What a haptic step of a user took, mean over a cycle; 0: not known. Corrects what bodies are thought to cost.
   void observe_step(std::size_t user, double mean_s) noexcept {
-    users_[user].correction.observe(users_[user].expected_s, mean_s);
+    User& of = users_[user];
+    of.correction.observe(of.selection.expected_s, mean_s);
+    of.selection.cost_factor = of.correction.factor();
   }
 
   /// Of a stamp that is remembered.
   [[nodiscard]] WorldFrame& frame(std::size_t user, std::uint64_t stamp) {
-    return users_[user].frames[stamp % users_[user].frames.size()];
-  }
-  [[nodiscard]] const WorldFrame& frame(std::size_t user, std::uint64_t stamp) const {
     return users_[user].frames[stamp % users_[user].frames.size()];
   }
   /// Between the sub-world's bodies and others, at the newest stamp: contacts, and what may become one.
@@ -55,9 +53,7 @@ class FrameMaker {
     return users_[user].border;
   }
   [[nodiscard]] const Membership& membership(std::size_t user) const noexcept { return users_[user].membership; }
-  [[nodiscard]] SelectionFacts selection(std::size_t user) const noexcept {
-    return {users_[user].omitted, users_[user].expected_s, users_[user].correction.factor()};
-  }
+  [[nodiscard]] const SelectionFacts& selection(std::size_t user) const noexcept { return users_[user].selection; }
   /// How many sub-worlds hold a body.
   [[nodiscard]] int holders(BodyId id) const;
 
@@ -68,8 +64,7 @@ class FrameMaker {
     std::vector<BoundaryContact> border;
     Budget budget;
     CostCorrection correction;
-    std::size_t omitted = 0;         ///< of the box's bodies
-    double expected_s = 0.0;         ///< of a haptic step, by the published costs
+    SelectionFacts selection;
     std::vector<WorldFrame> frames;  ///< by stamp
   };
 

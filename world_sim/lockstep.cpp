@@ -2,8 +2,7 @@
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
-#include "world_sim/cycle.hpp"
-#include "world_sim/run.hpp"
+#include "world_sim/loop.hpp"
 #include "world_sim/snapshots.hpp"
 
 #include <fmt/format.h>
@@ -19,74 +18,63 @@ namespace {
 constexpr double kLastReport_s = 0.3;  ///< that a report may take after the world was asked to stop
 
 /// The world process in lock-step.
-class LockstepLoop {
+class LockstepLoop : WorldLoop {
  public:
-  LockstepLoop(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange, const Scene& scene)
-      : ports_(ports),
-        world_(world),
-        measures_(measures),
-        stages_(measures.stages()),
-        cycle_(ports, world, measures, exchange),
-        snapshots_(ports.snapshots),
-        next_report_(world.user_count(), 0) {
-    reserve(report_, kUsualMembers);
-    const int lead_cycles = world.scheme().properties.lead_cycles;
-    for (std::size_t u = 0; u < world.user_count(); ++u)
-      delays_.emplace_back(scene.settings, lead_cycles, static_cast<std::uint32_t>(u));
+  explicit LockstepLoop(const WorldRun& run)
+      : WorldLoop(run), snapshots_(ports.snapshots), next_report_(user_count(), 0) {
+    for (std::uint32_t u = 0; u < user_count(); ++u) delays_.emplace_back(scene.settings, scheme_.lead_cycles, u);
   }
 
   Ending run() {
-    cycle_.publish_frames(false, 0.0, 1.0);
+    publish_frames(false, 0.0, 1.0);
     stages_.begin();
     for (bool last = false; !last;) {
       if (!receive_due()) {
-        cycle_.publish_frames(true, 0.0, 1.0);
+        publish_frames(true, 0.0, 1.0);
         break;
       }
       wait_while_paused();
       last = step();
     }
-    measures_.bodies().record_now(world_);
-    if (world_.scheme().properties.has_sub_worlds && receive_due()) world_.synchronise();
-    cycle_.close();
-    return cycle_.ending();
+    measures.bodies().record_now(world);
+    if (scheme_.has_sub_worlds) receive_due();
+    close();
+    return ending();
   }
 
  private:
   void wait_while_paused() {
-    cycle_.follow_orders();
-    while (!cycle_.control().may_step() && !cycle_.control().stopped() && stop_signal() == 0) {
-      ports_.bus->wait(0.05);
-      cycle_.follow_orders();
+    follow_orders();
+    while (!control_.may_step() && !control_.stopped() && stop_signal() == 0) {
+      ports.bus->wait(0.05);
+      follow_orders();
     }
   }
 
   /// A cycle. True for the last one.
   bool step() {
     const TimePoint begin = stages_.mark(WorldStage::control);
-    cycle_.step();
+    world.step([this](WorldStage stage) { stages_.mark(stage); });
     // A stop takes effect between cycles, and as a last frame: so every program ends in order.
-    const bool last = world_.over() || stop_signal() != 0 || cycle_.control().stopped();
-    cycle_.publish_frames(last, 0.0, 1.0);
-    measures_.cycle(world_, {to_seconds(stages_.mark(WorldStage::send) - begin)}, 1.0, 0.0);
-    measures_.bodies().record(world_, std::numeric_limits<double>::infinity());
-    if (snapshots_.wanted(world_.time_s()) || last) {
-      world_.look(view_);
+    const bool last = world.facts().over || stop_signal() != 0 || control_.stopped();
+    publish_frames(last, 0.0, 1.0);
+    measures.cycle(world, {to_seconds(stages_.mark(WorldStage::send) - begin)}, 1.0, 0.0);
+    measures.bodies().record(world, std::numeric_limits<double>::infinity());
+    if (snapshots_.wanted(world.facts().time_s) || last) {
+      world.look(view_);
       snapshots_.publish(view_, last);
     }
-    ports_.status.update(measures_.state(world_, 1.0));
-    stages_.mark(WorldStage::display);
-    measures_.end_cycle();
-    cycle_.check_finite();
+    ports.status.update(measures.state(world, 1.0));
+    end_cycle();
     return last;
   }
 
   /// Receives every report that the world uses before its next cycle. False when asked to stop and one does not come.
   bool receive_due() {
-    for (std::size_t u = 0; u < world_.user_count(); ++u) {
-      for (std::uint64_t& next = next_report_[u]; delays_[u].report_due(next, world_.stamp(), world_.timetable());
+    for (std::size_t u = 0; u < user_count(); ++u) {
+      for (std::uint64_t& next = next_report_[u]; delays_[u].report_due(next, world.facts().stamp, world.timetable());
            ++next) {
-        if (!world_.has_report(u, next) && !receive(u, next)) return false;
+        if (!world.has_report(u, next) && !receive(u, next)) return false;
       }
     }
     return true;
@@ -94,14 +82,13 @@ class LockstepLoop {
 
   bool receive(std::size_t user, std::uint64_t stamp) {
     const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(user)};
-    const auto ours = [&](const HapticReport& came) { return ports_.accept(user, came); };
+    const auto ours = [&](const HapticReport& came) { return ports.accept(user, came); };
     const auto gives_up = [this] { return gives_up_at_signal(); };
-    if (!await(*ports_.bus, ports_.status, ports_.reports[user], report_, stages_, haptic, ours, gives_up))
-      return false;
-    if (world_.receive(std::move(report_)) && world_.has_report(user, stamp)) return true;
+    if (!await(*ports.bus, ports.status, ports.reports[user], report_, stages_, haptic, ours, gives_up)) return false;
+    if (world.receive(std::move(report_)) && world.has_report(user, stamp)) return true;
     throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of them on "
                                               "this domain?",
-                                              user, world_.stamp()));
+                                              user, world.facts().stamp));
   }
 
   /// After a stop signal the world waits a little longer: a report that comes lets every program end in order.
@@ -111,14 +98,8 @@ class LockstepLoop {
     return to_seconds(Clock::now() - asked_) > kLastReport_s;
   }
 
-  WorldPorts& ports_;
-  World& world_;
-  WorldMeasures& measures_;
-  Stages<WorldStage>& stages_;
-  WorldCycle cycle_;
   Snapshots snapshots_;
   WorldView view_;
-  HapticReport report_;
   std::vector<Delay> delays_;               ///< by user
   std::vector<std::uint64_t> next_report_;  ///< by user: the stamp that is received next
   TimePoint asked_{};                       ///< to stop
@@ -126,9 +107,6 @@ class LockstepLoop {
 
 }  // namespace
 
-Ending run_lockstep(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
-                    const Scene& scene) {
-  return LockstepLoop(ports, world, measures, exchange, scene).run();
-}
+Ending run_lockstep(const WorldRun& run) { return LockstepLoop(run).run(); }
 
 }  // namespace subworld

@@ -1,7 +1,7 @@
 #include "rt/cyclic.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
-#include "world_sim/run.hpp"
+#include "world_sim/loop.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -37,9 +37,7 @@ int main(int argc, char** argv) {
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     WorldPorts ports(options, scene);
     if (realtime) leave_realtime();
-    WorldMeasures measures(
-        options.out, options.trace, [&](std::string text) { ports.status.note(std::move(text)); },
-        body_recording(options, scene));
+    WorldMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
     ports.status.enter("loading");
     World world(scene, [&](double part) { ports.status.done(part); });
@@ -47,9 +45,7 @@ int main(int argc, char** argv) {
         realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
     watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
     const TimePoint begin = Clock::now();
-    SceneDescription description = world.description(settings_hash(scene));
-    description.session = ports.session;
-    ports.scene.write(description);
+    ports.describe(scene, world.engine());
     ports.status.enter("settling");
     Progress progress;
     const auto settling = [&](double part) {
@@ -60,11 +56,10 @@ int main(int argc, char** argv) {
     const double settle_s = to_seconds(Clock::now() - begin);
     if (await_peers(ports, options)) {
       measures.bodies().record_now(world);
-      Ending ending = realtime ? run_realtime(ports, world, measures, exchange, scene, options.wait_s)
-                               : run_lockstep(ports, world, measures, exchange, scene);
+      const WorldRun run{options, scene, ports, world, measures, exchange};
+      Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
       ports.status.enter("stopping");
-      Json part = measures.json(world, scene.bodies.size(), settle_s);
-      if (const Json written = measures.bodies().json(); !written.is_null()) part["world"]["body_history"] = written;
+      Json part = measures.json(world, settle_s);
       part["world"]["dds"] = ports.bus->effective_settings();
       part["world"]["events"] = to_json(ports.status.events_of_run());
       part["world"]["refused"] = ports.refused();

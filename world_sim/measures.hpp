@@ -1,12 +1,6 @@
 #pragma once
 
-#include "io/history.hpp"
-#include "io/machine_share.hpp"
-#include "io/results.hpp"
-#include "io/trace.hpp"
-#include "rt/histogram.hpp"
-#include "rt/stages.hpp"
-#include "wire/status.hpp"
+#include "program/loop_measures.hpp"
 #include "world_sim/body_history.hpp"
 #include "world_sim/world.hpp"
 
@@ -16,31 +10,16 @@
 
 namespace subworld {
 
-enum class WorldStage : std::uint8_t {
-  wake,
-  receive,
-  decode,
-  control,
-  synchronise,
-  simulate,
-  account,
-  extract,
-  send,
-  display,
-  count
-};
 inline constexpr std::array kWorldStages{"wake",     "receive", "decode",  "control", "synchronise",
                                          "simulate", "account", "extract", "send",    "display"};
 static_assert(kWorldStages.size() == Stages<WorldStage>::kCount);
 
 /// What the world process says of itself at the end, and its history on the way.
-class WorldMeasures {
+class WorldMeasures : public LoopMeasures<WorldStage> {
  public:
-  /// `folder` and `trace` may be empty: nothing is written.
-  WorldMeasures(const std::string& folder, const std::string& trace, const History::Say& say,
-                const BodyRecording& recording = {});
+  /// Throws `Error` (failed, usage) for what --out, --trace, --bodies and --bodies-rate ask for.
+  WorldMeasures(const Options& options, const Scene& scene, const History::Say& say);
 
-  [[nodiscard]] Stages<WorldStage>& stages() noexcept { return stages_; }
   [[nodiscard]] BodyHistory& bodies() noexcept { return bodies_; }
 
   /// After every cycle. `wall_s`: its period on a clock that runs at `real_time_factor`; 0 in lock-step.
@@ -49,33 +28,24 @@ class WorldMeasures {
   void end_cycle() noexcept;
   /// Wall time for which the world needed more than its slowest clock gave it.
   void stuck(double wall_s) noexcept { stuck_s_ += wall_s; }
-  /// Around the loop in real time, in its thread.
-  void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
-  void loop_ends() { machine_.end(); }
   void engine_changed(const EngineChange& change) { engine_changes_.push_back(to_json(change)); }
   void lost_report() noexcept { ++lost_reports_; }
   void refused_report() noexcept { ++refused_reports_; }
 
   /// What the status shows.
   [[nodiscard]] LoopState state(const World& world, double real_time_factor) const noexcept {
-    return {world.time_s(), world.stamp(), late_.all(), late_.by_os, step_.sum_s(), 0.0, real_time_factor};
+    return LoopMeasures::state(world.facts().time_s, 0.0, real_time_factor);
   }
   /// After the last cycle.
-  [[nodiscard]] Json json(const World& world, std::size_t bodies, double settle_s);
+  [[nodiscard]] Json json(const World& world, double settle_s);
   /// Why a history could not be written; empty: all could.
   [[nodiscard]] std::string fault() const { return history_.fault().empty() ? bodies_.fault() : history_.fault(); }
 
  private:
-  History history_;
+  const Scene& scene_;
   BodyHistory bodies_;
-  Stages<WorldStage> stages_;
-  Trace trace_;
-  double newest_lateness_s_ = 0.0, newest_real_time_factor_ = 1.0;
-  bool newest_late_ = false;
-  Histogram step_, lateness_, woken_late_;
-  Misses late_;
-  MachineShare machine_;
-  std::uint64_t cycles_ = 0, lost_reports_ = 0, refused_reports_ = 0;
+  double newest_real_time_factor_ = 1.0;
+  std::uint64_t lost_reports_ = 0, refused_reports_ = 0;
   std::vector<MeanMax> omitted_;  ///< bodies, by user
   MeanMax ratio_, substeps_;
   double real_time_factor_min_ = 1.0;

@@ -1,5 +1,7 @@
 #include "world_sim/pace.hpp"
 
+#include <algorithm>
+
 namespace subworld {
 
 namespace {

@@ -2,7 +2,6 @@
 
 #include "rt/dilation.hpp"
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>

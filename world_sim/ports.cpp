@@ -19,6 +19,21 @@ WorldPorts::WorldPorts(const Options& options, const Scene& scene_file)
   }
 }
 
+void WorldPorts::describe(const Scene& scene_file, const Engine& engine) {
+  SceneDescription description{.name = scene_file.name,
+                               .settings_hash = settings_hash(scene_file),
+                               .session = session,
+                               .users = static_cast<std::uint32_t>(frames.size()),
+                               .meshes = scene_file.meshes,
+                               .bodies = scene_file.bodies,
+                               .states = {}};
+  for (const Body& body : scene_file.bodies) {
+    const BodyState& initial = scene_file.initial[index(body.id)];
+    description.states.push_back(engine.contains(body.id) ? engine.state(body.id) : initial);
+  }
+  scene.write(description);
+}
+
 bool WorldPorts::accept(std::size_t user, const HapticReport& report) noexcept {
   if (report.session != session) return false;
   if (served[user] == 0) {

@@ -2,6 +2,7 @@
 
 #include "io/options.hpp"
 #include "io/results.hpp"
+#include "physics/engine.hpp"
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
 #include "wire/status.hpp"
@@ -15,6 +16,8 @@ namespace subworld {
 struct WorldPorts {
   WorldPorts(const Options& options, const Scene& scene);
 
+  /// Publishes all that a late joiner needs to create every body. `engine` has their states.
+  void describe(const Scene& scene_file, const Engine& engine);
   /// Whether a report is of this run and of the process that is served; the first one of a user is, from then on.
   bool accept(std::size_t user, const HapticReport& report) noexcept;
 

@@ -1,12 +1,10 @@
 #include "model/error.hpp"
+#include "program/peer_watch.hpp"
 #include "rt/paced_loop.hpp"
-#include "rt/presence.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
-#include "wire/await.hpp"
-#include "world_sim/cycle.hpp"
+#include "world_sim/loop.hpp"
 #include "world_sim/pace.hpp"
-#include "world_sim/run.hpp"
 #include "world_sim/snapshots.hpp"
 
 #include <fmt/format.h>
@@ -22,38 +20,6 @@ namespace subworld {
 namespace {
 
 constexpr double kStartIn_s = 0.2;
-
-/// Which users are still there: the world goes on for those.
-class Users {
- public:
-  explicit Users(std::size_t count) : heard_(count, false), there_(count) {}
-
-  void hear(std::size_t user) { heard_[user] = true; }
-  /// Once a cycle. Announces users whose programs are gone.
-  void observe(WorldPorts& ports, double time_s, double period_s) {
-    for (std::size_t u = 0; u < there_.size(); ++u) {
-      const bool was_gone = there_[u].gone();
-      const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(u)};
-      there_[u].observe(heard_[u], alive(ports.reports[u], ports.status, haptic), period_s);
-      heard_[u] = false;
-      if (was_gone || !there_[u].gone()) continue;
-      const std::string text =
-          fmt::format("{}; user {} is no longer served from t = {:.3f} s on",
-                      gone_text(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u)), u, time_s - kGone_s);
-      fault_ += (fault_.empty() ? "" : "; ") + text;
-      ports.status.note(text);
-    }
-  }
-  [[nodiscard]] bool all_gone() const {
-    return std::ranges::all_of(there_, [](const Presence& user) { return user.gone(); });
-  }
-  [[nodiscard]] const std::string& fault() const noexcept { return fault_; }
-
- private:
-  std::vector<bool> heard_;  ///< a report, since the last cycle
-  std::vector<Presence> there_;
-  std::string fault_;
-};
 
 /// Announces when the world's clock slows, and when it is back at full speed.
 void announce_pace(StatusBeacon& status, Pace& pace, double cycle_s) {
@@ -78,140 +44,152 @@ void announce_pace(StatusBeacon& status, Pace& pace, double cycle_s) {
 }
 
 /// The world process in real time.
-class RealtimeLoop {
+class RealtimeLoop : WorldLoop {
  public:
-  RealtimeLoop(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange, const Scene& scene)
-      : ports_(ports),
-        world_(world),
-        measures_(measures),
-        stages_(measures.stages()),
-        cycle_(ports, world, measures, exchange),
+  explicit RealtimeLoop(const WorldRun& run)
+      : WorldLoop(run),
         snapshots_(ports.snapshots, world),
-        h_s_(scene.settings.h_s),
-        lead_(static_cast<std::uint64_t>(world.scheme().properties.lead_cycles)),
-        first_cycle_s_(h_s_ * world.timetable().ratio(lead_)),
+        lead_(static_cast<std::uint64_t>(scheme_.lead_cycles)),
+        first_cycle_s_(cycle_s(lead_)),
         pace_(first_cycle_s_),
-        users_(world.user_count()),
-        newest_(world.user_count(), 0) {
-    reserve(report_, kUsualMembers);
+        newest_(user_count(), 0) {
+    for (std::uint32_t u = 0; u < user_count(); ++u) users_.emplace_back(Peer{ProgramKind::haptic_sim, u});
   }
 
-  [[nodiscard]] double first_cycle_s() const noexcept { return first_cycle_s_; }
-
-  Ending run(const Scheduling& scheduling, double wait_s) {
-    if (!handshake(wait_s)) return cycle_.ending();
+  Ending run() {
+    const Scheduling scheduling = claim_realtime(priority::kWorld);
+    fmt::print("world_sim: running at {:.1f} Hz, {}\n", 1.0 / first_cycle_s_, scheduling.text);
+    std::fflush(stdout);
+    if (!handshake()) return ending();
     // The sub-worlds are ahead by the lead, and the world must wait for what they do.
-    const double start_in_s = kStartIn_s + h_s_ * static_cast<double>(world_.timetable().start(lead_));
-    cycle_.publish_frames(false, start_in_s, pace_.real_time_factor());
+    const double start_in_s = kStartIn_s + scene.settings.h_s * static_cast<double>(world.timetable().start(lead_));
+    publish_frames(false, start_in_s, pace_.real_time_factor());
     PacedLoop<WorldStage> loop(Clock::now() + from_seconds(start_in_s), first_cycle_s_, Duration::zero(), stages_);
-    measures_.loop_begins(scheduling);
+    measures.loop_begins(scheduling);
     while (!last_) step(loop);
-    measures_.loop_ends();
-    measures_.bodies().record_now(world_);
+    measures.loop_ends();
+    measures.bodies().record_now(world);
     snapshots_.finish();
-    cycle_.close();
-    Ending ending = cycle_.ending();
-    ending.fault = users_.fault();
-    if (users_.all_gone()) ending.by = "fault";
-    return ending;
+    close();
+    Ending ended = ending();
+    ended.fault = fault_;
+    if (all_gone()) ended.by = "fault";
+    return ended;
   }
 
  private:
   /// Publishes standing frames until every haptic process has answered one: a reader that has only just been matched
   /// may miss the first ones. False when asked to stop.
-  bool handshake(double wait_s) {
-    std::vector<bool> answered(world_.user_count(), false);
-    const TimePoint until = Clock::now() + from_seconds(wait_s);
+  bool handshake() {
+    std::vector<bool> answered(user_count(), false);
+    const TimePoint until = Clock::now() + from_seconds(options.wait_s);
     TimePoint next = Clock::now();
     while (true) {
-      for (std::size_t u = 0; u < world_.user_count(); ++u) {
-        while (ports_.reports[u].take(report_) == Take::sample) answered[u] = answered[u] || ports_.accept(u, report_);
+      for (std::size_t u = 0; u < user_count(); ++u) {
+        while (ports.reports[u].take(report_) == Take::sample) answered[u] = answered[u] || ports.accept(u, report_);
       }
       const auto missing = std::ranges::find(answered, false);
       if (missing == answered.end()) return true;
       if (stop_signal() != 0) return false;
-      if (const std::string text = ports_.second_world(); !text.empty()) throw Error(ExitCode::usage, text);
+      if (const std::string text = ports.second_world(); !text.empty()) throw Error(ExitCode::usage, text);
       if (Clock::now() > until) {
         throw Error(ExitCode::failed, fmt::format("haptic_sim {} does not answer; is it stuck, or another network's?",
                                                   missing - answered.begin()));
       }
       if (Clock::now() >= next) {
-        cycle_.publish_frames(false, 0.0, 0.0);
+        publish_frames(false, 0.0, 0.0);
         next = Clock::now() + from_seconds(0.05);
       }
-      ports_.bus->wait(0.01);
+      ports.bus->wait(0.01);
     }
   }
 
   void step(PacedLoop<WorldStage>& loop) {
     loop.wait();
-    const double cycle_s = h_s_ * world_.timetable().ratio(world_.stamp() + lead_);
+    const double cycle_s = this->cycle_s(world.facts().stamp + lead_);
     pace_.begin(cycle_s);
     const double period_s = pace_.period_s();
     loop.shift(period_s - first_cycle_s_);  // the deadline of this cycle, on a slowed clock
     loop.wake(period_s);
     loop.begin();
-    receive_reports();
-    cycle_.follow_orders();
-    users_.observe(ports_, world_.time_s(), period_s);
+    receive_reports(loop.woke());
+    follow_orders();
+    observe_users(loop.woke(), period_s);
     stages_.mark(WorldStage::control);
-    last_ = stop_signal() != 0 || cycle_.control().stopped() || users_.all_gone();
-    if (cycle_.control().may_step() || last_) {
+    last_ = stop_signal() != 0 || control_.stopped() || all_gone();
+    if (control_.may_step() || last_) {
       simulate(loop, cycle_s, period_s);
     } else {
       stand(loop, cycle_s);
     }
   }
 
-  void receive_reports() {
-    for (std::size_t u = 0; u < world_.user_count(); ++u) {
-      while (take(ports_.reports[u], report_, stages_) == Take::sample) {
-        if (!ports_.accept(u, report_)) {
-          measures_.refused_report();
+  /// Length of the cycle that begins at a stamp.
+  [[nodiscard]] double cycle_s(std::uint64_t stamp) const {
+    return scene.settings.h_s * world.timetable().ratio(stamp);
+  }
+
+  void receive_reports(TimePoint now) {
+    for (std::size_t u = 0; u < user_count(); ++u) {
+      while (take(ports.reports[u], report_, stages_) == Take::sample) {
+        if (!ports.accept(u, report_)) {
+          measures.refused_report();
           continue;
         }
-        users_.hear(u);
-        if (report_.stamp > newest_[u] + 1) measures_.lost_report();
+        users_[u].heard(now);
+        if (report_.stamp > newest_[u] + 1) measures.lost_report();
         newest_[u] = std::max(newest_[u], report_.stamp);
-        if (!world_.receive(std::move(report_))) measures_.refused_report();
+        if (!world.receive(std::move(report_))) measures.refused_report();
       }
     }
   }
 
+  /// Announces users whose programs are gone: the world goes on for the others.
+  void observe_users(TimePoint now, double period_s) {
+    for (std::size_t u = 0; u < users_.size(); ++u) {
+      const bool was_gone = users_[u].gone();
+      users_[u].observe(ports.reports[u], ports.status, now, period_s);
+      if (was_gone || !users_[u].gone()) continue;
+      const std::string text = fmt::format("{}; user {} is no longer served from t = {:.3f} s on", users_[u].fault(), u,
+                                           world.facts().time_s - kGone_s);
+      fault_ += (fault_.empty() ? "" : "; ") + text;
+      ports.status.note(text);
+    }
+  }
+  [[nodiscard]] bool all_gone() const { return std::ranges::all_of(users_, &PeerWatch::gone); }
+
   /// A period of a paused world: the haptic processes hold their sub-worlds still meanwhile.
   void stand(PacedLoop<WorldStage>& loop, double cycle_s) {
-    cycle_.publish_frames(false, cycle_s, 0.0);
-    ports_.status.update(measures_.state(world_, 0.0));
+    publish_frames(false, cycle_s, 0.0);
+    ports.status.update(measures.state(world, 0.0));
     stages_.mark(WorldStage::send);
     loop.end(stages_.now());
-    measures_.end_cycle();
+    measures.end_cycle();
   }
 
   void simulate(PacedLoop<WorldStage>& loop, double cycle_s, double period_s) {
-    cycle_.step();
-    last_ = last_ || world_.over();
+    world.step([this](WorldStage stage) { stages_.mark(stage); });
+    last_ = last_ || world.facts().over;
     const TimePoint stepped = stages_.now(), deadline = loop.deadline();
     const double cost_s = to_seconds(stepped - loop.woke()) + publish_s_;
-    world_.took(cost_s);
+    world.took(cost_s);
     const double slip_s = pace_.cycle(cost_s, to_seconds(stepped - deadline) + publish_s_);
     loop.shift(slip_s);
-    cycle_.publish_frames(last_, to_seconds(loop.deadline() - Clock::now()), pace_.real_time_factor());
+    publish_frames(last_, to_seconds(loop.deadline() - Clock::now()), pace_.real_time_factor());
     const TimePoint end = stages_.mark(WorldStage::send);
     publish_s_ = to_seconds(end - stepped);
     const Miss miss = loop.judge(end, deadline);
     loop.end(end);
     const double wall_s = period_s + slip_s;
-    measures_.cycle(world_, {to_seconds(end - loop.woke()), loop.lateness_s(), loop.woken_late_s(), miss},
-                    cycle_s / wall_s, wall_s);
-    if (pace_.stuck()) measures_.stuck(wall_s);
-    announce_pace(ports_.status, pace_, cycle_s);
+    measures.cycle(world, {to_seconds(end - loop.woke()), loop.lateness_s(), loop.woken_late_s(), miss},
+                   cycle_s / wall_s, wall_s);
+    if (pace_.stuck()) measures.stuck(wall_s);
+    announce_pace(ports.status, pace_, cycle_s);
     yield_while_stuck();
-    measures_.bodies().record(world_, to_seconds(loop.deadline() - Clock::now()));
-    snapshots_.renew(world_, pace_.real_time_factor());
-    ports_.status.update(measures_.state(world_, pace_.real_time_factor()));
-    stages_.mark(WorldStage::display);
-    measures_.end_cycle();
-    cycle_.check_finite();
+    measures.bodies().record(world, to_seconds(loop.deadline() - Clock::now()));
+    snapshots_.renew(world, pace_.real_time_factor());
+    ports.status.update(measures.state(world, pace_.real_time_factor()));
+    end_cycle();
   }
 
   /// A stuck world has no deadline that it could meet: threads without a priority get their share of the processor.
@@ -225,33 +203,20 @@ class RealtimeLoop {
     }
   }
 
-  WorldPorts& ports_;
-  World& world_;
-  WorldMeasures& measures_;
-  Stages<WorldStage>& stages_;
-  WorldCycle cycle_;
   BackgroundSnapshots snapshots_;
-  double h_s_;
   std::uint64_t lead_;  ///< cycles by which the sub-worlds are ahead
   double first_cycle_s_;
   Pace pace_;
-  Users users_;
+  std::vector<PeerWatch> users_;
+  std::string fault_;                  ///< which users have gone
   std::vector<std::uint64_t> newest_;  ///< by user: the newest report's stamp
-  HapticReport report_;
-  double publish_s_ = 0.0;  ///< that publishing the frames of the cycle before took
+  double publish_s_ = 0.0;             ///< that publishing the frames of the cycle before took
   bool yielding_ = false;
   bool last_ = false;
 };
 
 }  // namespace
 
-Ending run_realtime(WorldPorts& ports, World& world, WorldMeasures& measures, EngineExchange& exchange,
-                    const Scene& scene, double wait_s) {
-  RealtimeLoop loop(ports, world, measures, exchange, scene);
-  const Scheduling scheduling = claim_realtime(priority::kWorld);
-  fmt::print("world_sim: running at {:.1f} Hz, {}\n", 1.0 / loop.first_cycle_s(), scheduling.text);
-  std::fflush(stdout);
-  return loop.run(scheduling, wait_s);
-}
+Ending run_realtime(const WorldRun& run) { return RealtimeLoop(run).run(); }
 
 }  // namespace subworld

@@ -55,12 +55,10 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
       live_(make(without_substeps(scene.settings.world), scene.meshes)),
       engine_(live_, scene, proxies_of(scene), enabled(scene, Optimisation::rest), enabled(scene, Optimisation::sway)),
       users_(static_cast<std::size_t>(scene.settings.users)),
-      hash_(kHashSeed),
       remembered_(remembered_cycles(scene.settings, scheme_)),
       timetable_(scene.settings.ratio, remembered_),
       ratio_control_(scene.settings),
       engine_cost_(engine_cost(without_substeps(scene.settings.world))),
-      cycle_s_(scene.settings.shortest_cycle_s()),
       reads_friction_(scheme_.properties.has_sub_worlds || !enabled(scene, Optimisation::impulses)),
       reads_friction_later_(scheme_.properties.has_sub_worlds && enabled(scene, Optimisation::impulses)),
       motions_(scene.bodies.size()),
@@ -73,6 +71,9 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
     return economises ? correction_.factor() * published_cost_s(cycle_s, parts) : 0.0;
   };
   near_.reserve(scene.bodies.size());
+  facts_.engine = engine_.name();
+  facts_.ratio = scene.settings.ratio;
+  set_stamp(0);
   begin_cycle();
   const auto later = [&](BodyId id) {
     return std::ranges::any_of(scene.users, [&](const UserSpec& user) { return user.joins_late && user.proxy == id; });
@@ -119,8 +120,8 @@ bool World::settle(const std::function<bool(double)>& progress) {
   const std::span<const Contact> now = engine_.contacts_with_friction();
   settled_.assign(now.begin(), now.end());
   for (Contact& c : settled_) {
-    c.normal_impulse *= cycle_s_ / dt;
-    c.tangential_impulse *= cycle_s_ / dt;
+    c.normal_impulse *= facts_.cycle_s / dt;
+    c.tangential_impulse *= facts_.cycle_s / dt;
   }
   contacts_ = settled_;
   for (const UserSpec& user : scene_.users) {
@@ -128,7 +129,7 @@ bool World::settle(const std::function<bool(double)>& progress) {
   }
   account();
   make_frames();
-  start_energy_j_ = kinetic_j_ + potential_j_;
+  start_energy_j_ = facts_.kinetic_j + facts_.potential_j;
   return true;
 }
 
@@ -136,7 +137,7 @@ std::string World::change_engine(EngineExchange& exchange, const EngineOrder& or
   EngineSettings settings = without_substeps(scene_.settings.world);
   settings.change_to(order.engine, order.preset);
   engine_.wake_all();  // the other engine must be able to hold those too that sleep
-  const bool begun = exchange.begin(settings, live_, cycle_s_ / substeps_, order.number);
+  const bool begun = exchange.begin(settings, live_, facts_.cycle_s / facts_.substeps, order.number);
   if (begun) next_engine_ = settings;
   return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
 }
@@ -145,6 +146,7 @@ bool World::exchange_engine(EngineExchange& exchange) {
   if (!exchange.poll(live_)) return false;
   contacts_ = {};
   engine_cost_ = engine_cost(next_engine_);
+  facts_.engine = engine_.name();
   return true;
 }
 
@@ -153,20 +155,20 @@ double World::published_cost_s(double cycle_s, int parts) const noexcept {
 }
 
 void World::begin_cycle() {
-  cycle_s_ = seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp_)));
+  facts_.cycle_s = seconds(static_cast<std::uint64_t>(timetable_.ratio(facts_.stamp)));
   // A scheme that minds the world's step minds what the engine makes of it.
   const double for_scheme_s = scheme_.properties.longest_world_step_s;
   const double longest_s =
       std::isfinite(for_scheme_s) ? std::min(for_scheme_s, engine_.capabilities().longest_step_s) : for_scheme_s;
   const auto lead = static_cast<std::uint64_t>(scheme_.properties.lead_cycles);
-  const double time_s = seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp_ + lead)));
-  substeps_ = ratio_control_.choose_substeps(substeps_, cycle_s_, longest_s, time_s, cycle_cost_);
+  const double time_s = seconds(static_cast<std::uint64_t>(timetable_.ratio(facts_.stamp + lead)));
+  facts_.substeps = ratio_control_.choose_substeps(facts_.substeps, facts_.cycle_s, longest_s, time_s, cycle_cost_);
 }
 
 bool World::border_is_felt(std::size_t user) {
-  const WorldFrame& frame = frames_.frame(user, stamp_ == 0 ? 0 : stamp_ - 1);
+  const WorldFrame& frame = frames_.frame(user, facts_.stamp == 0 ? 0 : facts_.stamp - 1);
   if (frames_.border(user).empty()) return false;
-  const double until_s = static_cast<double>(planned_cycles(scene_.settings, scheme_)) * cycle_s_;
+  const double until_s = static_cast<double>(planned_cycles(scene_.settings, scheme_)) * facts_.cycle_s;
   const BodyId proxy = users_[user].spec->proxy;
   const BodyState& now = motions_[index(proxy)].state;
   const Box reach = swept_bounds(now, engine_.bounds(proxy), scene_.settings.world.gravity.norm(), until_s);
@@ -177,13 +179,13 @@ bool World::border_is_felt(std::size_t user) {
 }
 
 void World::plan_ratio() {
-  if (!scene_.settings.adapts_ratio() || timetable_.newest().stamp > stamp_) return;
+  if (!scene_.settings.adapts_ratio() || timetable_.newest().stamp > facts_.stamp) return;
   bool felt = false;
   for (std::size_t u = 0; u < users_.size() && !felt; ++u) felt = border_is_felt(u);
-  const int present = timetable_.ratio(stamp_);
-  const int ratio = ratio_control_.choose_ratio(present, felt, cycle_s_, cycle_cost_);
-  ratio_changes_ += ratio != present;
-  timetable_.plan({stamp_ + planned_cycles(scene_.settings, scheme_), ratio});
+  const int present = timetable_.ratio(facts_.stamp);
+  const int ratio = ratio_control_.choose_ratio(present, felt, facts_.cycle_s, cycle_cost_);
+  facts_.ratio_changes += ratio != present;
+  timetable_.plan({facts_.stamp + planned_cycles(scene_.settings, scheme_), ratio});
 }
 
 bool World::receive(HapticReport&& report) {
@@ -191,7 +193,7 @@ bool World::receive(HapticReport&& report) {
   User& user = users_[index(report.user)];
   if (user.heard && report.stamp <= user.report.stamp) return false;
   const std::uint64_t most_ahead = user.inbox.size() - remembered_ / 2;
-  if (report.stamp > stamp_ + most_ahead || report.stamp + remembered_ <= stamp_) return false;
+  if (report.stamp > facts_.stamp + most_ahead || report.stamp + remembered_ <= facts_.stamp) return false;
   // A sub-world that has missed a change of the ratio counts other cycles.
   const double stamp_s = seconds(timetable_.start(report.stamp));
   if (std::abs(report.stamp_s - stamp_s) > 0.5 * scene_.settings.h_s) return false;
@@ -203,10 +205,10 @@ bool World::receive(HapticReport&& report) {
 }
 
 void World::synchronise() {
-  const std::uint64_t oldest = stamp_ >= remembered_ ? stamp_ - remembered_ + 1 : 0;
+  const std::uint64_t oldest = facts_.stamp >= remembered_ ? facts_.stamp - remembered_ + 1 : 0;
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
-    for (std::uint64_t j = oldest; j <= stamp_; ++j) {
+    for (std::uint64_t j = oldest; j <= facts_.stamp; ++j) {
       const std::size_t slot = j % user.inbox.size();
       if (!user.waiting[slot] || user.inbox[slot].stamp != j) continue;
       user.waiting[slot] = false;
@@ -246,18 +248,15 @@ void World::set_rate(User& user, double rate) {
 
 void World::hold(const User& user, const DevicePose& target, const ForceLimits& limits, double dt) {
   const BodyId id = user.spec->proxy;
-  const ImplicitStep coupling =
-      implicit_step(user.tool.coupling, limits, user.tool.body, engine_.state(id), target, dt);
-  engine_.set_inertia(id, coupling.mass, coupling.inertia);
-  engine_.set_velocity(id, coupling.start.linear_velocity, coupling.start.angular_velocity);
-  engine_.apply_force(id, coupling.wrench.force, coupling.wrench.torque);
+  const BodyState proxy = engine_.state(id);
+  subworld::hold(engine_, id, implicit_step(user.tool.coupling, limits, user.tool.body, proxy, target, dt));
 }
 
 void World::drive_proxies(double until_s, double dt) {
   for (User& user : users_) {
     if (!user.heard) continue;
     // A report that is ahead of the world tells what the user does in this very cycle.
-    const HapticReport& now = user.at(wants());
+    const HapticReport& now = user.at(facts_.stamp + static_cast<std::uint64_t>(scheme_.properties.lead_cycles));
     const HapticReport& before = &now == &user.report ? user.before : user.report;
     set_rate(user, now.clock_rate);
     const ProxyDrive drive = side_->drive(*user.spec, before, now, until_s + half_step_offset_s());
@@ -268,7 +267,7 @@ void World::drive_proxies(double until_s, double dt) {
 
 std::span<const Contact> World::contacts_of_step() {
   lacks_friction_ = !reads_friction_;
-  if (reads_friction_later_ && substeps_ == 1) {
+  if (reads_friction_later_ && facts_.substeps == 1) {
     lacks_friction_ = engine_.capabilities().tangential_impulse == Fidelity::estimated;
   }
   return lacks_friction_ ? engine_.contacts() : engine_.contacts_with_friction();
@@ -282,12 +281,12 @@ bool World::find_friction() {
 }
 
 void World::simulate_cycle() {
-  const double dt = cycle_s_ / substeps_;
+  const double dt = facts_.cycle_s / facts_.substeps;
   totals_.clear();
-  for (int i = 0; i < substeps_; ++i) {
-    drive_proxies(time_s() + (i + 1) * dt, dt);
+  for (int i = 0; i < facts_.substeps; ++i) {
+    drive_proxies(facts_.time_s + (i + 1) * dt, dt);
     engine_.step(dt);
-    if (substeps_ == 1) {
+    if (facts_.substeps == 1) {
       contacts_ = contacts_of_step();
       return;
     }
@@ -304,7 +303,7 @@ void World::simulate_cycle() {
 }
 
 void World::rest(double dt) {
-  engine_.follow(dt, horizon_s());
+  engine_.follow(dt, looked_ahead_s(scene_.settings, scheme_, facts_.cycle_s));
   for (const BodyId id : engine_.woke()) resting_j_ -= potential_j(id);
   for (const BodyId id : engine_.fell_asleep()) count_asleep(id);
 }
@@ -319,77 +318,72 @@ double World::potential_j(BodyId id) const noexcept {
   return body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
 }
 
-double World::horizon_s() const { return looked_ahead_s(scene_.settings, scheme_, cycle_s_); }
-
 void World::simulate() {
-  rest(cycle_s_);
+  rest(facts_.cycle_s);
   begin_cycle();
   simulate_cycle();
-  ++stamp_;
+  facts_.ratio = timetable_.ratio(facts_.stamp);
+  set_stamp(facts_.stamp + 1);
 }
 
-void World::step() {
-  synchronise();
-  simulate();
+void World::set_stamp(std::uint64_t stamp) noexcept {
+  facts_.stamp = stamp;
+  facts_.time_s = seconds(timetable_.start(stamp));
+  const double half_cycle_s = 0.5 * seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp)));
+  facts_.over = facts_.time_s + half_cycle_s > scene_.settings.duration_s;
+}
+
+void World::close() {
+  if (scheme_.properties.has_sub_worlds) synchronise();
   account();
-  make_frames();
 }
 
 void World::make_frames() {
   plan_ratio();
   graph_.build(contacts_, scene_.bodies.size());
   for (std::size_t u = 0; u < users_.size(); ++u)
-    heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(stamp_), !tells(u)};
+    heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(facts_.stamp), !waits_for_frame(users_[u])};
   const std::function<bool()> friction = [this] { return find_friction(); };
-  frames_.make({stamp_, time_s(), cycle_s_, timetable_, engine_, contacts_, friction, graph_, motions_}, heard_,
-               -half_step_offset_s());
+  frames_.make(
+      {facts_.stamp, facts_.time_s, facts_.cycle_s, timetable_, engine_, contacts_, friction, graph_, motions_}, heard_,
+      -half_step_offset_s());
   for (std::size_t u = 0; u < users_.size(); ++u) {
-    if (tells(u)) users_[u].suppression.begin(frames_.frame(u, stamp_));
+    if (waits_for_frame(users_[u])) users_[u].suppression.begin(frames_.frame(u, facts_.stamp));
   }
 }
 
 double World::half_step_offset_s() const {
   if (scheme_.properties.lead_cycles == 0) return 0.0;
-  return 0.5 * (integration_substep_s() - scene_.settings.h_s);
+  return 0.5 * (engine_.integration_substep_s(facts_.cycle_s / facts_.substeps) - scene_.settings.h_s);
 }
 
 void World::account() {
-  kinetic_j_ = 0.0;
-  potential_j_ = resting_j_;
+  facts_.kinetic_j = 0.0;
+  facts_.potential_j = resting_j_;
   for (const BodyId id : engine_.awake()) {
     const Body& body = scene_.body(id);
     const BodyState s = engine_.state(body.id);
     Motion& motion = motions_[index(body.id)];
-    if (stamp_ > 0) motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / cycle_s_;
+    if (facts_.stamp > 0) motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / facts_.cycle_s;
     motion.state = s;
-    mix(hash_, s);
-    finite_ = finite_ && subworld::finite(s);
-    kinetic_j_ += kinetic_energy(body, s);
-    potential_j_ += potential_j(id);
+    mix(facts_.state_hash, s);
+    facts_.finite = facts_.finite && finite(s);
+    facts_.kinetic_j += kinetic_energy(body, s);
+    facts_.potential_j += potential_j(id);
   }
   double of_operators_j = 0.0;
   for (const User& user : users_) {
     const BodyState& s = motions_[index(user.spec->proxy)].state;
     const double proxy_j = kinetic_energy(user.tool.body, s);
-    kinetic_j_ += proxy_j - kinetic_energy(scene_.body(user.spec->proxy), s);
+    facts_.kinetic_j += proxy_j - kinetic_energy(scene_.body(user.spec->proxy), s);
     of_operators_j += proxy_j;
   }
-  const double energy_j = kinetic_j_ + potential_j_;
+  const double energy_j = facts_.kinetic_j + facts_.potential_j;
   // The proxies' kinetic energy is the operators' work.
   const double of_bodies_j = energy_j - of_operators_j;
-  released_j_ += stamp_ > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_operators_j;
+  facts_.released_j += facts_.stamp > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_operators_j;
   of_bodies_j_ = of_bodies_j;
-  energy_j_[stamp_ % remembered_] = energy_j;
-}
-
-double World::contact_slack_j() const {
-  constexpr double kOverlap = 0.02;  // of a body's thickness
-  double sum_j = 0.0;
-  for (const Body& body : scene_.bodies) {
-    if (body.fixed() || !body.gravity) continue;
-    sum_j += body.mass * scene_.settings.world.gravity.norm() * kOverlap * thickness(body.shape, scene_.meshes);
-  }
-  return sum_j;
+  energy_j_[facts_.stamp % remembered_] = energy_j;
 }
 
 void World::balance() {
@@ -399,26 +393,17 @@ void World::balance() {
     if (!user.heard || user.report.stamp != users_.front().report.stamp) return;
     given_j += user.report.device_work_j - user.report.coupling_energy_j;
   }
-  if (users_.empty() || users_.front().report.stamp + remembered_ <= stamp_) return;
+  if (users_.empty() || users_.front().report.stamp + remembered_ <= facts_.stamp) return;
   const double energy_j = energy_j_[users_.front().report.stamp % remembered_];
-  energy_excess_j_ = std::max(energy_excess_j_, energy_j - start_energy_j_ - given_j);
+  facts_.energy_excess_j = std::max(facts_.energy_excess_j, energy_j - start_energy_j_ - given_j);
 }
 
-SceneDescription World::description(std::uint64_t settings_hash) const {
-  SceneDescription description;
-  description.name = scene_.name;
-  description.settings_hash = settings_hash;
-  description.users = static_cast<std::uint32_t>(users_.size());
-  description.meshes = scene_.meshes;
-  description.bodies = scene_.bodies;
-  for (const Body& body : scene_.bodies) {
-    description.states.push_back(engine_.contains(body.id) ? engine_.state(body.id) : scene_.initial[index(body.id)]);
-  }
-  return description;
+UserFacts World::user_facts(std::size_t user) const noexcept {
+  return {waits_for_frame(users_[user]), frames_.border(user), frames_.selection(user)};
 }
 
 void World::look(WorldView& view) const {
-  view.stamp_s = time_s();
+  view.stamp_s = facts_.time_s;
   view.states.resize(scene_.bodies.size());
   for (const Body& body : scene_.bodies) view.states[index(body.id)] = engine_.state(body.id);
   view.users.resize(users_.size());

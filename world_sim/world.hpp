@@ -16,6 +16,7 @@
 
 #include <functional>
 #include <memory>
+#include <string_view>
 #include <vector>
 
 namespace subworld {
@@ -26,6 +27,49 @@ struct WorldView {
   double real_time_factor = 1.0;
   std::vector<BodyState> states;  ///< by body id
   std::vector<UserView> users;
+};
+
+/// Stages of a cycle of the world process. World::step() consists of `synchronise` to `extract`.
+enum class WorldStage : std::uint8_t {
+  wake,
+  receive,
+  decode,
+  control,
+  synchronise,  ///< applies the blends that are due
+  simulate,     ///< drives the proxies and simulates [jT, (j+1)T)
+  account,      ///< hash, energies and motions of the new stamp
+  extract,      ///< makes every user's frame of the new stamp
+  send,
+  display,
+  count
+};
+
+/// The world at the present stamp, in numbers.
+struct WorldFacts {
+  std::string_view engine;  ///< name of the engine in use
+  std::uint64_t stamp = 0;
+  double time_s = 0.0;
+  bool over = false;                ///< the duration of the scene is over, to the nearest cycle
+  double cycle_s = 0.0;             ///< length of the last cycle
+  int ratio = 1;                    ///< haptic steps in the last cycle
+  int substeps = 1;                 ///< steps of the engine in the last cycle
+  std::uint64_t ratio_changes = 0;  ///< planned so far
+  /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
+  std::uint64_t state_hash = 0xcbf29ce484222325ULL;
+  bool finite = true;  ///< false once a body's state is not finite
+  double kinetic_j = 0.0;
+  double potential_j = 0.0;
+  double energy_excess_j = 0.0;  ///< largest rise of the energy above its start plus the work of the devices, so far
+  /// Energy that the bodies have lost so far, but for the proxies' motion after the start: most that they can have
+  /// given to operators.
+  double released_j = 0.0;
+};
+
+/// A user's sub-world at the present stamp.
+struct UserFacts {
+  bool waits_for_frame = true;              ///< the frame of this stamp is to be sent
+  std::span<const BoundaryContact> border;  ///< contacts with bodies outside, and what may become one
+  SelectionFacts selection;
 };
 
 /// The truth: every body, and for each user the membership of the sub-world, its border and the merge.
@@ -45,89 +89,43 @@ class World {
   /// old, too far ahead or of a user that does not exist. The caller gets an older report for it, so that a reader need
   /// not allocate for the next one.
   bool receive(HapticReport&& report);
-
-  /// Applies the blends that are due, drives the proxies and simulates [jT, (j+1)T): `synchronise`, `simulate`,
-  /// `account` and `make_frames`, for who does not time them.
-  void step();
-
-  /// Whether the frame of the present stamp is to be sent: its user's sub-world waits for it.
-  [[nodiscard]] bool tells(std::size_t user) const noexcept { return !users_[user].suppression.lacks_frame(stamp_); }
   /// Whether the report of this stamp is here and not used yet, or will not come.
   [[nodiscard]] bool has_report(std::size_t user, std::uint64_t stamp) const noexcept {
     return users_[user].holds(stamp) || users_[user].suppression.lacks_report(stamp);
   }
 
-  /// The stamp of the newest report that the next step uses if it is there.
-  [[nodiscard]] std::uint64_t wants() const noexcept { return stamp_ + scheme_.properties.lead_cycles; }
-
-  /// Applies the blends that are due; on its own for the reports that arrive after the last step.
-  void synchronise();
-  /// Drives the proxies and simulates the cycle.
-  void simulate();
-  /// Hash, energies and motions of the present stamp.
-  void account();
-  /// Makes every user's frame of the present stamp.
-  void make_frames();
-
-  /// Adds the final states to the hash.
-  void close() { account(); }
+  /// A cycle. `on_stage(WorldStage)` is called after each of its stages.
+  template <class OnStage = void (*)(WorldStage)>
+  void step(OnStage&& on_stage = [](WorldStage) {}) {
+    synchronise();
+    on_stage(WorldStage::synchronise);
+    simulate();
+    on_stage(WorldStage::simulate);
+    account();
+    on_stage(WorldStage::account);
+    make_frames();
+    on_stage(WorldStage::extract);
+  }
+  /// What the last cycle took, by the caller's clock: corrects what the world is thought to cost. Without it, published
+  /// costs count, and runs repeat bit by bit.
+  void took(double cost_s) noexcept { correction_.observe(published_cost_s(facts_.cycle_s, facts_.substeps), cost_s); }
+  /// After the last cycle: applies the reports that have arrived since, and adds the final states to the hash.
+  void close();
 
   /// Asks for another engine. Returns what came of it, in words; exchange_engine() hands over between two steps,
   /// when the other one is ready.
   std::string change_engine(EngineExchange& exchange, const EngineOrder& order);
   bool exchange_engine(EngineExchange& exchange);
 
-  /// What the last cycle took, by the caller's clock: corrects what the world is thought to cost. Without it, published
-  /// costs count, and runs repeat bit by bit.
-  void took(double cost_s) noexcept { correction_.observe(published_cost_s(cycle_s_, substeps_), cost_s); }
-
+  [[nodiscard]] const WorldFacts& facts() const noexcept { return facts_; }
+  [[nodiscard]] UserFacts user_facts(std::size_t user) const noexcept;
   /// The world at the present stamp as user u sees it; new after each step().
-  [[nodiscard]] WorldFrame& frame(std::size_t user) { return frames_.frame(user, stamp_); }
-  /// The border of user u's sub-world, at the present stamp.
-  [[nodiscard]] const std::vector<BoundaryContact>& border(std::size_t user) const noexcept {
-    return frames_.border(user);
-  }
-  /// How user u's sub-world was chosen, at the present stamp.
-  [[nodiscard]] SelectionFacts selection(std::size_t user) const noexcept { return frames_.selection(user); }
-  [[nodiscard]] SceneDescription description(std::uint64_t settings_hash) const;
+  [[nodiscard]] WorldFrame& frame(std::size_t user) { return frames_.frame(user, facts_.stamp); }
   /// Allocates only until the view has grown to the world.
   void look(WorldView& view) const;
-
-  [[nodiscard]] std::uint64_t stamp() const noexcept { return stamp_; }
-  [[nodiscard]] double time_s() const noexcept { return seconds(timetable_.start(stamp_)); }
-  /// Whether the duration of the scene is over, to the nearest cycle.
-  [[nodiscard]] bool over() const noexcept {
-    return time_s() + 0.5 * seconds(static_cast<std::uint64_t>(timetable_.ratio(stamp_))) > scene_.settings.duration_s;
-  }
   /// Cycles that are over, and that are coming, in haptic steps.
   [[nodiscard]] const Timetable& timetable() const noexcept { return timetable_; }
-  /// Of the cycle that ended last.
-  [[nodiscard]] double cycle_s() const noexcept { return cycle_s_; }
-  [[nodiscard]] int ratio() const noexcept {
-    return stamp_ == 0 ? scene_.settings.ratio : timetable_.ratio(stamp_ - 1);
-  }
-  [[nodiscard]] std::uint64_t ratio_changes() const noexcept { return ratio_changes_; }
-  [[nodiscard]] std::size_t asleep() const noexcept { return engine_.asleep_count(); }
-  [[nodiscard]] const Engine& engine() const noexcept { return engine_; }
-  [[nodiscard]] const Scheme& scheme() const noexcept { return scheme_; }
-  /// Steps of the engine in the last cycle.
-  [[nodiscard]] int substeps() const noexcept { return substeps_; }
-  /// Length of the parts in which the engine integrated.
-  [[nodiscard]] double integration_substep_s() const { return engine_.integration_substep_s(cycle_s_ / substeps_); }
-  [[nodiscard]] std::size_t user_count() const noexcept { return users_.size(); }
-  /// Chained over the states of all bodies after every cycle: equal runs have equal hashes.
-  [[nodiscard]] std::uint64_t state_hash() const noexcept { return hash_; }
-  /// Energy that the bodies have lost so far, but for the proxies' motion after the start, J: most that they can have
-  /// given to operators.
-  [[nodiscard]] double released_j() const noexcept { return released_j_; }
-  /// What lifts every body by as much as engines let contacts overlap, J.
-  [[nodiscard]] double contact_slack_j() const;
-  /// Most that the energy rose above its start plus the work of the devices, so far, J.
-  [[nodiscard]] double energy_excess_j() const noexcept { return energy_excess_j_; }
-  [[nodiscard]] double kinetic_energy_j() const noexcept { return kinetic_j_; }
-  [[nodiscard]] double potential_energy_j() const noexcept { return potential_j_; }
-  /// False once a body's state is not finite.
-  [[nodiscard]] bool finite() const noexcept { return finite_; }
+  [[nodiscard]] const RestingEngine& engine() const noexcept { return engine_; }
 
  private:
   static constexpr double kTracking = 0.05;  ///< of what a cycle costs, in a cycle
@@ -155,6 +153,10 @@ class World {
     }
   };
 
+  void synchronise();
+  void simulate();
+  void account();
+  void make_frames();
   void apply(std::size_t user, const HapticReport& report);
   void drive_proxies(double until_s, double dt);
   /// The proxy's dynamics at the rate of the haptic clock.
@@ -166,6 +168,11 @@ class World {
   [[nodiscard]] double seconds(std::uint64_t haptic_steps) const noexcept {
     return scene_.settings.h_s * static_cast<double>(haptic_steps);
   }
+  /// Whether user u's sub-world waits for the frame of the present stamp.
+  [[nodiscard]] bool waits_for_frame(const User& user) const noexcept {
+    return !user.suppression.lacks_frame(facts_.stamp);
+  }
+  void set_stamp(std::uint64_t stamp) noexcept;
   /// What a cycle costs by the published coefficients of the engine, s.
   [[nodiscard]] double published_cost_s(double cycle_s, int parts) const noexcept;
   /// Whether forces across the border are felt, or may before a change of the ratio takes effect.
@@ -176,8 +183,6 @@ class World {
   void count_asleep(BodyId id);
   /// By its motion, J.
   [[nodiscard]] double potential_j(BodyId id) const noexcept;
-  /// For how long a sub-world may act before the world looks again.
-  [[nodiscard]] double horizon_s() const;
   void plan_ratio();
   void simulate_cycle();
   /// With friction where somebody reads it.
@@ -192,18 +197,14 @@ class World {
   LiveEngine live_;
   RestingEngine engine_;
   std::vector<User> users_;
-  std::uint64_t stamp_ = 0;
-  std::uint64_t hash_;
+  WorldFacts facts_;  ///< the length and sub-steps of the cycle under way while there is one
   std::uint64_t remembered_;
   Timetable timetable_;
   RatioControl ratio_control_;
-  std::uint64_t ratio_changes_ = 0;  ///< planned
-  EngineCost engine_cost_;           ///< of the engine in use
-  EngineSettings next_engine_;       ///< that was asked for
+  EngineCost engine_cost_;      ///< of the engine in use
+  EngineSettings next_engine_;  ///< that was asked for
   CostCorrection correction_{kTracking};
   CycleCost cycle_cost_;
-  double cycle_s_;  ///< of the last cycle, or the one under way
-  int substeps_ = 1;
   std::vector<BodyId> near_;
   ContactTotals totals_;               ///< of the sub-steps
   std::vector<Contact> settled_;       ///< as if the last step of settling had been a cycle
@@ -217,13 +218,8 @@ class World {
   std::vector<Heard> heard_;      ///< by user, while frames are made
   std::vector<double> energy_j_;  ///< kinetic and potential, by stamp
   double start_energy_j_ = 0.0;
-  double kinetic_j_ = 0.0;
-  double potential_j_ = 0.0;
-  double resting_j_ = 0.0;  ///< of what sleeps
-  double energy_excess_j_ = 0.0;
-  double released_j_ = 0.0;
+  double resting_j_ = 0.0;    ///< of what sleeps
   double of_bodies_j_ = 0.0;  ///< kinetic and potential, without the proxies' motion
-  bool finite_ = true;
 };
 
 }  // namespace subworld

@@ -1,6 +1,7 @@
 #include "coupling/virtual_coupling.hpp"
 
 #include "model/vectors.hpp"
+#include "physics/engine.hpp"
 
 #include <cmath>
 
@@ -89,6 +90,12 @@ ImplicitStep implicit_step(const CouplingSettings& k, const ForceLimits& limits,
     step.wrench.torque = limits.torque_n_m * mean_torque.normalized();
   }
   return step;
+}
+
+void hold(Engine& engine, BodyId proxy, const ImplicitStep& step) {
+  engine.set_inertia(proxy, step.mass, step.inertia);
+  engine.set_velocity(proxy, step.start.linear_velocity, step.start.angular_velocity);
+  engine.apply_force(proxy, step.wrench.force, step.wrench.torque);
 }
 
 Wrench exerted(const CouplingSettings& k, const ForceLimits& limits, const ImplicitStep& step, const BodyState& after,

@@ -6,6 +6,8 @@
 
 namespace subworld {
 
+class Engine;
+
 struct DevicePose {
   Pose pose;                             ///< in scene coordinates
   Vec3 linear_velocity = Vec3::Zero();   ///< m/s in simulated time
@@ -44,6 +46,9 @@ struct ImplicitStep {
 [[nodiscard]] ImplicitStep implicit_step(const CouplingSettings& coupling, const ForceLimits& limits,
                                          const Body& proxy_body, const BodyState& proxy, const DevicePose& device,
                                          double dt) noexcept;
+
+/// Prepares the engine's next step to be that one.
+void hold(Engine& engine, BodyId proxy, const ImplicitStep& step);
 
 /// The mean wrench that the coupling exerted on the proxy over that step, from the proxy's velocity after it; within
 /// the limits, also where a contact stopped the proxy in the middle of the step.

@@ -21,9 +21,9 @@ constexpr std::chrono::milliseconds kWriteEvery{100};
 constexpr std::chrono::milliseconds kLookForRoom{1};
 constexpr std::size_t kPiece = 8192;  // bytes written at once
 
-History::Format csv(const std::vector<std::string>& columns) {
-  return {.width = columns.size(),
-          .head = fmt::format("{}\n", fmt::join(columns, ",")),
+History::Format csv(const std::string& columns) {
+  return {.width = 1 + static_cast<std::size_t>(std::ranges::count(columns, ',')),
+          .head = columns + "\n",
           .row = [](std::string& text, std::span<const double> row) {
             fmt::format_to(std::back_inserter(text), "{:.9g}\n", fmt::join(row, ","));
           }};
@@ -31,7 +31,7 @@ History::Format csv(const std::vector<std::string>& columns) {
 
 }  // namespace
 
-History::History(const std::string& path, const std::vector<std::string>& columns, Say say)
+History::History(const std::string& path, const std::string& columns, Say say)
     : History(path, csv(columns), std::move(say)) {}
 
 History::History(const std::string& path, Format format, Say say)
@@ -66,7 +66,7 @@ void History::finish() {
   thread_.join();
 }
 
-void History::row(std::initializer_list<double> values) noexcept {
+void History::row(std::span<const double> values) noexcept {
   if (file_ < 0) return;
   const std::size_t head = head_.load(std::memory_order_relaxed);
   if (values.size() != format_.width || head - tail_.load(std::memory_order_acquire) >= format_.rows) {

@@ -1,5 +1,9 @@
 #pragma once
 
+#include "model/types.hpp"
+
+#include <algorithm>
+#include <array>
 #include <atomic>
 #include <condition_variable>
 #include <cstddef>
@@ -10,6 +14,7 @@
 #include <span>
 #include <string>
 #include <thread>
+#include <type_traits>
 #include <vector>
 
 namespace subworld {
@@ -35,14 +40,33 @@ class History {
   /// Throws `Error` (failed) if the file cannot be opened. An empty path: rows are discarded. The writing thread calls
   /// `say` when rows cannot be written; they wait in the ring until writing succeeds.
   History(const std::string& path, Format format, Say say);
-  /// As CSV.
-  History(const std::string& path, const std::vector<std::string>& columns, Say say);
+  /// As CSV; `columns` are the names, separated by commas.
+  History(const std::string& path, const std::string& columns, Say say);
   ~History();
   History(const History&) = delete;
   History& operator=(const History&) = delete;
 
   /// Adds one row; as many numbers as there are columns. Always the same thread. Allocates nothing.
-  void row(std::initializer_list<double> values) noexcept;
+  void row(std::initializer_list<double> values) noexcept { row(std::span(values.begin(), values.size())); }
+  void row(std::span<const double> values) noexcept;
+  /// Adds one row of numbers, vectors (x, y, z) and quaternions (w, x, y, z).
+  template <class... Parts>
+  void row_of(const Parts&... parts) noexcept {
+    std::array<double, (kNumbers<Parts> + ...)> values;
+    double* next = values.data();
+    const auto put = [&](const auto& part) {
+      using Part = std::decay_t<decltype(part)>;
+      if constexpr (std::is_same_v<Part, Quat>) {
+        for (const double value : {part.w(), part.x(), part.y(), part.z()}) *next++ = value;
+      } else if constexpr (std::is_same_v<Part, Vec3>) {
+        next = std::copy_n(part.data(), 3, next);
+      } else {
+        *next++ = static_cast<double>(part);
+      }
+    };
+    (put(parts), ...);
+    row(std::span<const double>(values));
+  }
   /// Whether this many rows fit now, for rows that are only useful together. `may_wait`: blocks until they fit, unless
   /// the file cannot be written. Same thread as `row`.
   [[nodiscard]] bool make_room(std::size_t rows, bool may_wait) noexcept;
@@ -54,6 +78,11 @@ class History {
   [[nodiscard]] std::string fault() const;
 
  private:
+  template <class Part>
+  static constexpr std::size_t kNumbers = std::is_same_v<Part, Quat>   ? 4
+                                          : std::is_same_v<Part, Vec3> ? 3
+                                                                       : 1;
+
   void write_out();
   bool write_text();
   void pause();

@@ -125,16 +125,16 @@ void answer(const Scene& scene, const BusConfig& config, int cycles, Shared& sha
   shared.answered = 0;
   receive(*bus, frames, frame);
   sub.synchronise_with(frame);
-  reports.write(sub.report(0));
+  reports.write(*sub.close_cycle(0));
   for (int cycle = 1; cycle <= cycles; ++cycle) {
     do {
       const DeviceState state = device.state();
       const FeltStep felt = sub.step(
-          {&state, true, h, h}, [](const FeltStep&) {}, [] {});
+          {.device = &state, .wall_s = h, .dt = h}, [](const FeltStep&) {}, [] {});
       device.step(sub.command_for(state, felt.to_operator), h);
-    } while (!sub.report_due());
+    } while (!sub.facts().at_boundary);
     const TimePoint begin = Clock::now();
-    const HapticReport& report = sub.report(0);
+    const HapticReport& report = *sub.close_cycle(0);
     shared.describe.add(to_seconds(Clock::now() - begin));
     const std::vector<std::uint8_t> bytes = [&] {
       const auto encoded = codec.encode(report);

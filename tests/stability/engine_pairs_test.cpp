@@ -54,9 +54,9 @@ TEST_P(WorldEngine, IsFollowedByEverySubWorldEngine) {
 TEST_P(WorldEngine, ReportsTheFrictionAtTheBorder) {
   CoupledRun run(scene_of("pyramid", "reduced", 4, GetParam(), "bullet"));
   double normal = 0.0, tangential = 0.0;
-  while (run.world.time_s() < 1.5) {
+  while (run.world.facts().time_s < 1.5) {
     run.cycle();
-    for (const BoundaryContact& pair : run.world.border(0)) {
+    for (const BoundaryContact& pair : run.world.user_facts(0).border) {
       normal += pair.normal_impulse;
       tangential += pair.tangential_impulse.norm();
     }

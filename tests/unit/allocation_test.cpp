@@ -63,9 +63,11 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
   const TemporaryFolder folder;
   Options options;
   options.bodies = "all";
-  WorldMeasures world_measures(folder.path(), folder.path() + "/world_trace.json", {}, body_recording(options, scene));
-  HapticMeasures haptic_measures(folder.path(), folder.path() + "/haptic_trace.json", 0,
-                                 limits_of(scene.users[0].device), scene.settings.h_s, {});
+  options.out = folder.path();
+  options.trace = folder.path() + "/world_trace.json";
+  WorldMeasures world_measures(options, scene, {});
+  options.trace = folder.path() + "/haptic_trace.json";
+  HapticMeasures haptic_measures(options, scene, {});
   Topic<WorldFrame> frames;
   Topic<HapticReport> reports;
   Topic<DeviceState> states;
@@ -82,15 +84,17 @@ TEST_P(Loops, AllocateNothingInTenThousandCycles) {
     haptic_measures.synchronised(1e-4, 0);
     for (int i = 0; i < scene.settings.ratio; ++i) {
       states.send(device.state());
-      const FeltStep felt = sub.feel(states.received, true, scene.settings.h_s);
-      commands.send(sub.command_for(states.received, felt.to_operator));
-      device.step(commands.received, scene.settings.h_s);
-      sub.advance(scene.settings.h_s);
+      const auto send = [&](const FeltStep& now) {
+        commands.send(sub.command_for(states.received, now.to_operator));
+        device.step(commands.received, scene.settings.h_s);
+      };
+      const FeltStep felt =
+          sub.step({.device = &states.received, .wall_s = scene.settings.h_s, .dt = scene.settings.h_s}, send,
+                   [&] { reports.send(*sub.close_cycle(1)); });
       haptic_measures.stages().mark(HapticStage::advance);
       haptic_measures.step(sub, felt, {1e-4, 1e-5, 1e-5, Miss::os});
       haptic_measures.end_step();
     }
-    reports.send(sub.report(1));
     world.receive(std::move(reports.received));
     world.step();
     world_measures.stages().mark(WorldStage::simulate);

@@ -160,38 +160,44 @@ using Rate = std::function<double(int step)>;
 /// device moves in wall time. Frames arrive in the middle of a cycle, as in real time.
 SceneRun run_scene(Scene scene, int steps, const Rate& rate) {
   keep_users(scene, 1);
+  scene.settings.disable(disabled(Optimisation::suppression));  // every cycle has its messages, as in real time
   const double h = scene.settings.h_s;
   World world(scene);
   world.settle([](double) { return true; });
   SubWorld sub(scene, 0);
   EmulatedDevice device(scene.users[0].device, 0);
   Arrears arrears;
-  const auto lead = static_cast<std::uint64_t>(sub.scheme().properties.lead_cycles);
+  const auto lead = static_cast<std::uint64_t>(scheme_of(scene.settings).properties.lead_cycles);
   sub.synchronise_with(world.frame(0));
-  std::vector<HapticReport> reports{sub.report(1)};
+  std::vector<HapticReport> reports{*sub.close_cycle(1)};
   std::optional<WorldFrame> on_its_way;
   SceneRun run;
   for (int step = 0; step < steps; ++step) {
-    if (on_its_way && sub.cycle_left_s() < 0.6 * scene.settings.shortest_cycle_s()) {
+    if (on_its_way && sub.facts().cycle_left_s < 0.6 * scene.settings.shortest_cycle_s()) {
       sub.synchronise_with(*on_its_way);
       on_its_way.reset();
     }
-    sub.set_rate(rate(step));
-    const FeltStep felt = sub.feel(device.state(), true, h);
-    run.forces.push_back(felt.to_operator.force);
-    run.device.push_back(device.state().pose);
-    device.step(sub.command_for(device.state(), felt.to_operator), h);
-    sub.advance(arrears.step(h * rate(step), sub.cycle_left_s()));
-    if (!sub.at_boundary()) continue;
-    reports.push_back(sub.report(1));
+    const DeviceState state = device.state();
+    const auto send = [&](const FeltStep& felt) {
+      run.forces.push_back(felt.to_operator.force);
+      run.device.push_back(state.pose);
+      device.step(sub.command_for(state, felt.to_operator), h);
+    };
+    const std::size_t reported = reports.size();
+    (void)sub.step({.device = &state,
+                    .wall_s = h,
+                    .dt = arrears.step(h * rate(step), sub.facts().cycle_left_s),
+                    .clock_rate = rate(step)},
+                   send, [&] { reports.push_back(*sub.close_cycle(1)); });
+    if (reports.size() == reported) continue;
     if (reports.size() <= 1 + lead) continue;
     world.receive(HapticReport(reports[reports.size() - 1 - lead]));
     world.receive(HapticReport(reports.back()));
     world.step();
     on_its_way = world.frame(0);
   }
-  run.device_work_j = sub.device_work_j();
-  run.energy_excess_j = world.energy_excess_j();
+  run.device_work_j = sub.facts().device_work_j;
+  run.energy_excess_j = world.facts().energy_excess_j;
   return run;
 }
 

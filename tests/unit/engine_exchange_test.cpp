@@ -70,10 +70,10 @@ TEST_P(Pairs, ThePressingOperatorFeelsNoJump) {
   EngineExchange world_exchange(EngineExchange::Preparation::at_once, scene.meshes);
   EngineExchange haptic_exchange(EngineExchange::Preparation::at_once, scene.meshes);
   std::size_t changed_at = 0;
-  while (!run.world.over()) {
+  while (!run.world.facts().over) {
     run.cycle();
-    ASSERT_TRUE(run.finite()) << run.world.time_s();
-    if (changed_at > 0 || run.world.time_s() < 0.9) continue;  // the cube is pressed against the wall
+    ASSERT_TRUE(run.finite()) << run.world.facts().time_s;
+    if (changed_at > 0 || run.world.facts().time_s < 0.9) continue;  // the cube is pressed against the wall
     changed_at = run.felt[0].force.size();
     run.subs[0]->change_engine(haptic_exchange, {EngineOrder::Target::haptic, to, "fast"});
     ASSERT_TRUE(run.subs[0]->exchange_engine(haptic_exchange)) << haptic_exchange.take_failure();

@@ -23,10 +23,11 @@ const std::map<std::string, Names> kMayInclude{
     {"wire", {"model", "wire"}},
     {"rt", {"rt"}},
     {"io", {"model", "rt", "io"}},
-    {"world_sim", {"model", "physics", "coupling", "wire", "rt", "io", "world_sim"}},
-    {"haptic_sim", {"model", "physics", "coupling", "wire", "rt", "io", "haptic_sim"}},
-    {"device_sim", {"model", "physics", "coupling", "wire", "rt", "io", "device_sim"}},
-    {"gui_headless", {"model", "physics", "coupling", "wire", "rt", "io", "gui_headless"}},
+    {"program", {"model", "physics", "wire", "rt", "io", "program"}},
+    {"world_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "world_sim"}},
+    {"haptic_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "haptic_sim"}},
+    {"device_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "device_sim"}},
+    {"gui_headless", {"model", "physics", "coupling", "wire", "rt", "io", "program", "gui_headless"}},
     {"deploy", {"model", "physics", "coupling", "wire", "rt", "io", "deploy"}},
 };
 

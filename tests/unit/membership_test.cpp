@@ -35,8 +35,8 @@ FeltMembers felt(const MembershipCase& c, bool changes) {
   scene.users[0].budget_ratio = c.budget_ratio;
   CoupledRun run(scene);
   FeltMembers result;
-  while (!run.world.over()) {
-    if (changes && run.world.time_s() >= c.change_s) run.subs[0]->took(c.step_s);
+  while (!run.world.facts().over) {
+    if (changes && run.world.facts().time_s >= c.change_s) run.haptic_step_s = c.step_s;
     run.cycle();
     result.members.push_back(run.frame().members);
   }

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -94,17 +95,17 @@ TEST(Pairs, GoWithGhostsThatAreHeldAgain) {
     scene.settings.duration_s = 2.5;
     CoupledRun run(scene);
     std::vector<GhostModel> before;
-    while (run.finite() && run.world.time_s() < scene.settings.duration_s) {
+    while (run.finite() && run.world.facts().time_s < scene.settings.duration_s) {
       run.cycle();
       const WorldFrame& frame = run.frame();
       for (const GhostModel& ghost : frame.ghosts) {
         const auto then = std::ranges::find(before, ghost.outside, &GhostModel::outside);
         if (then == before.end() || !then->carried || ghost.carried) continue;
-        const auto count = [&](const std::vector<BoundaryContact>& pairs) {
+        const auto count = [&](std::span<const BoundaryContact> pairs) {
           return std::ranges::count(pairs, ghost.outside, &BoundaryContact::outside);
         };
-        held_again += count(run.world.border(0)) > 0;
-        EXPECT_EQ(count(frame.border), count(run.world.border(0))) << name << " at " << frame.stamp_s;
+        held_again += count(run.world.user_facts(0).border) > 0;
+        EXPECT_EQ(count(frame.border), count(run.world.user_facts(0).border)) << name << " at " << frame.stamp_s;
       }
       before = frame.ghosts;
     }

@@ -135,13 +135,13 @@ TEST(AdaptiveRatio, RepeatsBitByBitAndIsFeltAsTheSmallestRatio) {
   const Scene scene = scene_of("row", {4, 10});
   CoupledRun once(scene), again(scene), fixed(scene_of("row", {4, 4}));
   std::vector<int> ratios;
-  while (once.world.time_s() < 1.5) {
+  while (once.world.facts().time_s < 1.5) {
     once.cycle();
     again.cycle();
-    ratios.push_back(once.world.ratio());
+    ratios.push_back(once.world.facts().ratio);
   }
-  while (fixed.world.time_s() < once.world.time_s() - 1e-9) fixed.cycle();
-  EXPECT_EQ(once.world.state_hash(), again.world.state_hash());
+  while (fixed.world.facts().time_s < once.world.facts().time_s - 1e-9) fixed.cycle();
+  EXPECT_EQ(once.world.facts().state_hash, again.world.facts().state_hash);
   EXPECT_EQ(std::ranges::count(ratios, 10) > 5, true) << "before the tool comes";
   EXPECT_EQ(ratios.back(), 4) << "while it pushes";
   double difference = 0.0, squares = 0.0;
@@ -158,12 +158,12 @@ std::vector<Vec3> felt_at_cost(const Scene& scene, double until_s, std::vector<d
   constexpr int kManyTimes = 200;  // so that the cost of a cycle is known at once
   CoupledRun run(scene);
   int ratio = scene.settings.ratio;
-  while (run.world.time_s() < until_s) {
-    const double now_s = run.world.time_s();
+  while (run.world.facts().time_s < until_s) {
+    const double now_s = run.world.facts().time_s;
     for (int i = 0; i < kManyTimes; ++i) run.world.took(cost_s(now_s));
     run.cycle();
-    if (run.world.ratio() != ratio) changes_s.push_back(now_s);
-    ratio = run.world.ratio();
+    if (run.world.facts().ratio != ratio) changes_s.push_back(now_s);
+    ratio = run.world.facts().ratio;
   }
   return run.felt[0].force;
 }
@@ -193,14 +193,14 @@ TEST(AdaptiveRatio, TheCycleBeforeShorterOnesHasNoMoreSubStepsThanFitTheirTime) 
   const Scene scene = scene_of("row", {4, 12});
   CoupledRun run(scene);
   int seen = 0, most_substeps = 0;
-  while (run.world.time_s() < 1.0) {
-    for (int i = 0; i < 200; ++i) run.world.took(kPart_s * run.world.substeps());
+  while (run.world.facts().time_s < 1.0) {
+    for (int i = 0; i < 200; ++i) run.world.took(kPart_s * run.world.facts().substeps);
     run.cycle();
-    const int ratio = run.world.ratio(), next = run.world.timetable().ratio(run.world.stamp());
-    if (ratio == 12 && next == 12) most_substeps = std::max(most_substeps, run.world.substeps());
+    const int ratio = run.world.facts().ratio, next = run.world.timetable().ratio(run.world.facts().stamp);
+    if (ratio == 12 && next == 12) most_substeps = std::max(most_substeps, run.world.facts().substeps);
     if (ratio <= next) continue;
     ++seen;
-    EXPECT_LE(kPart_s * run.world.substeps(), RatioControl::kOverShare * next * scene.settings.h_s);
+    EXPECT_LE(kPart_s * run.world.facts().substeps, RatioControl::kOverShare * next * scene.settings.h_s);
   }
   EXPECT_GE(seen, 1);
   EXPECT_EQ(most_substeps, 3) << "with enough time, the requested number";
@@ -210,21 +210,21 @@ TEST(AdaptiveRatio, AnOperatorAtRestInContactNeedsNoShortCycles) {
   Scene scene = scene_of("row", {4, 10});
   scene.users[0].device.path.pop_back();  // it stays at its pushed position
   CoupledRun run(scene);
-  while (run.world.time_s() < 3.0) run.cycle();
+  while (run.world.facts().time_s < 3.0) run.cycle();
   EXPECT_GT(run.felt[0].force.back().norm(), 1.0) << "it leans on the row";
   EXPECT_GT(run.frame().border_contacts, 0U);
-  EXPECT_EQ(run.world.ratio(), 10);
+  EXPECT_EQ(run.world.facts().ratio, 10);
 }
 
 TEST(AdaptiveRatio, AFrameHasTheLengthOfItsCycle) {
   CoupledRun run(scene_of("row", {4, 10}));
   double before_s = 0.0;
   bool changed = false;
-  while (run.world.time_s() < 0.5) {
+  while (run.world.facts().time_s < 0.5) {
     run.cycle();
-    if (run.world.stamp() == 0) continue;
+    if (run.world.facts().stamp == 0) continue;
     ASSERT_NEAR(run.frame().cycle_s, run.frame().stamp_s - before_s, 1e-12) << "at " << before_s;
-    changed |= run.world.ratio() != 4;
+    changed |= run.world.facts().ratio != 4;
     before_s = run.frame().stamp_s;
   }
   EXPECT_TRUE(changed);
@@ -259,23 +259,23 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeReportsItAndRestarts) {
   const DeviceState device;
   WorldFrame before, after;
   // No frames reach the sub-world until the change is over: without an operator the ratio grows.
-  while (world.timetable().newest().stamp == 0 || world.stamp() < world.timetable().newest().stamp + 3) {
+  while (world.timetable().newest().stamp == 0 || world.facts().stamp < world.timetable().newest().stamp + 3) {
     world.step();
     after = world.frame(0);
-    if (world.stamp() + 1 == world.timetable().newest().stamp) before = after;
+    if (world.facts().stamp + 1 == world.timetable().newest().stamp) before = after;
   }
-  while (sub.stamp() <= after.stamp) {
+  while (sub.facts().stamp <= after.stamp) {
     (void)sub.step(
-        {&device, true, scene.settings.h_s, scene.settings.h_s}, [](const FeltStep&) {}, [] {});
-    if (sub.report_due()) (void)sub.report(1);
+        {.device = &device, .wall_s = scene.settings.h_s, .dt = scene.settings.h_s}, [](const FeltStep&) {},
+        [&] { (void)sub.close_cycle(1); });
   }
-  EXPECT_FALSE(world.receive(HapticReport(sub.report(1)))) << "its stamps are of other times";
+  EXPECT_FALSE(world.receive(HapticReport(*sub.close_cycle(1)))) << "its stamps are of other times";
   EXPECT_FALSE(sub.agrees(before)) << "the report is older than the change, and says so";
   ASSERT_FALSE(sub.agrees(after));
   ASSERT_TRUE(sub.reset_from(after));
   EXPECT_TRUE(sub.agrees(after));
-  EXPECT_NEAR(sub.time_s(), world.time_s(), 1e-9);
-  EXPECT_NEAR(sub.cycle_left_s(), scene.settings.longest_cycle_s(), 1e-9);
+  EXPECT_NEAR(sub.facts().time_s, world.facts().time_s, 1e-9);
+  EXPECT_NEAR(sub.facts().cycle_left_s, scene.settings.longest_cycle_s(), 1e-9);
 }
 
 }  // namespace

@@ -210,12 +210,12 @@ TEST(RestingWorld, ARowThatSleptIsFeltAsOneThatDidNot) {
   keep_users(scene, 1);
   CoupledRun asleep(scene);
   asleep.cycle();
-  EXPECT_EQ(asleep.world.asleep(), 10U);
+  EXPECT_EQ(asleep.world.engine().asleep_count(), 10U);
   ASSERT_TRUE(asleep.run());
   scene.settings.disable(kDisableAll);
   CoupledRun awake(scene);
   ASSERT_TRUE(awake.run());
-  EXPECT_EQ(awake.world.asleep(), 0U);
+  EXPECT_EQ(awake.world.engine().asleep_count(), 0U);
   EXPECT_LT(force_error(asleep.felt[0].force, awake.felt[0].force, scene.settings.h_s).rms, 0.005);
 }
 
@@ -231,7 +231,7 @@ class SleepingRow : public ::testing::Test {
     const std::string folders = std::string(EXAMPLE_ENGINES_FOLDER) + ":" + ENGINES_FOLDER;
     setenv("SUBWORLD_ENGINES", folders.c_str(), 1);
     for (int i = 0; i < 5; ++i) run.cycle();
-    ASSERT_EQ(run.world.asleep(), 10U);
+    ASSERT_EQ(run.world.engine().asleep_count(), 10U);
   }
 
   Scene scene = row();
@@ -259,12 +259,12 @@ TEST_F(SleepingRow, RefusesAnEngineThatCannotHoldIt) {
 
 // The last correction of a body that has fallen asleep since wakes no body.
 TEST_F(SleepingRow, SleepsAgainWhenTheOperatorHasGone) {
-  while (run.world.time_s() < 2.0) run.cycle();
-  ASSERT_EQ(run.world.asleep(), 0U) << "it is pushed";
-  while (run.world.time_s() < 4.0 && run.world.asleep() < 10) run.cycle();
+  while (run.world.facts().time_s < 2.0) run.cycle();
+  ASSERT_EQ(run.world.engine().asleep_count(), 0U) << "it is pushed";
+  while (run.world.facts().time_s < 4.0 && run.world.engine().asleep_count() < 10) run.cycle();
   for (int i = 0; i < 100; ++i) {
     run.cycle();
-    ASSERT_EQ(run.world.asleep(), 10U) << i;
+    ASSERT_EQ(run.world.engine().asleep_count(), 10U) << i;
   }
 }
 
@@ -274,11 +274,11 @@ TEST_F(SleepingRow, KeepsTheEnergyOfTheWorld) {
   awake.settings.disable(kDisableAll);
   CoupledRun other(awake);
   for (int i = 0; i < 5; ++i) other.cycle();
-  EXPECT_NEAR(run.world.potential_energy_j(), other.world.potential_energy_j(), 1e-3);
+  EXPECT_NEAR(run.world.facts().potential_j, other.world.facts().potential_j, 1e-3);
   ASSERT_TRUE(run.run());
   ASSERT_TRUE(other.run());
-  EXPECT_NEAR(run.world.potential_energy_j(), other.world.potential_energy_j(), 1e-3);
-  EXPECT_LT(run.world.energy_excess_j(), 1e-3);
+  EXPECT_NEAR(run.world.facts().potential_j, other.world.facts().potential_j, 1e-3);
+  EXPECT_LT(run.world.facts().energy_excess_j, 1e-3);
 }
 
 /// A scene that changes while it runs, with all optimisations on and off.
@@ -294,7 +294,7 @@ class PlanOfAChangingScene : public ::testing::Test {
       Scene one = scene;
       one.settings.disable(kept);
       CoupledRun run(one);
-      while (run.finite() && run.world.time_s() < one.settings.duration_s) {
+      while (run.finite() && run.world.facts().time_s < one.settings.duration_s) {
         change(run);
         run.cycle();
       }
@@ -334,7 +334,7 @@ TEST_F(PlanOfAChangingScene, TheWorldGetsAnotherEngineWhileItRests) {
   const CoupledRun* of = nullptr;
   EXPECT_LT(difference(kDisableAll,
                        [&](CoupledRun& run) {
-                         if (&run != of && run.world.time_s() > 0.1) {
+                         if (&run != of && run.world.facts().time_s > 0.1) {
                            of = &run;
                            run.world.change_engine(exchange, {EngineOrder::Target::world, "bullet_float", "fast"});
                          }
@@ -376,7 +376,7 @@ TEST_F(PlanOfAChangingScene, FrictionIsEstimatedOnlyWhileABorderReadsIt) {
       return estimates;
     };
     EXPECT_EQ(estimates_in(26), disabled == kDisableNothing ? 0 : 25) << "the operator is in free space";
-    while (run.world.time_s() < 1.5) run.cycle();
+    while (run.world.facts().time_s < 1.5) run.cycle();
     EXPECT_EQ(estimates_in(25), 25) << "it pushes";
   }
 }

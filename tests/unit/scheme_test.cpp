@@ -35,7 +35,7 @@ double largest(const std::vector<Vec3>& forces) {
 
 Seen run_all(CoupledRun& run, double duration_s) {
   Seen seen;
-  while (run.world.time_s() < duration_s - 1e-9) {
+  while (run.world.facts().time_s < duration_s - 1e-9) {
     run.cycle();
     seen.border_contacts = std::max<std::size_t>(seen.border_contacts, run.frame().border_contacts);
     seen.fewest_members = std::min(seen.fewest_members, run.frame().members.size());
@@ -91,9 +91,9 @@ double error_on_row(const std::string& scheme, int ratio, const std::vector<Vec3
   scene.settings.delay = delay;
   CoupledRun run(scene);
   EXPECT_TRUE(run.run());
-  const double work_j = run.subs[0]->device_work_j();
+  const double work_j = run.subs[0]->facts().device_work_j;
   if (scheme == "reduced") {
-    EXPECT_LE(run.world.energy_excess_j(), 1e-3 * work_j);
+    EXPECT_LE(run.world.facts().energy_excess_j, 1e-3 * work_j);
   }
   return force_error(run.felt[0].force, reference, scene.settings.h_s).rms;
 }
@@ -122,7 +122,7 @@ double error_of(const Scene& scene) {
   EXPECT_TRUE(reference.run());
   CoupledRun coupled(scene);
   EXPECT_TRUE(coupled.run());
-  EXPECT_LE(coupled.world.energy_excess_j(), 1e-3 * coupled.subs[0]->device_work_j());
+  EXPECT_LE(coupled.world.facts().energy_excess_j, 1e-3 * coupled.subs[0]->facts().device_work_j);
   return force_error(coupled.felt[0].force, reference.felt[0].force, scene.settings.h_s).rms;
 }
 
@@ -309,13 +309,13 @@ TEST(Figure10, TheBaseFeelsTheTowerAboveIt) {
 // Figure 14: three of the ten cubes are members, and the felt force is that of the whole row.
 TEST(Figure14, TheRowIsFeltThroughThreeCubes) {
   CoupledRun run(scene_of("row", "paper", 4));
-  while (run.world.time_s() < 2.0) run.cycle();
+  while (run.world.facts().time_s < 2.0) run.cycle();
   EXPECT_EQ(run.frame().members.size(), 4U);     // with the proxy
   const double sliding = 10 * 0.5 * 0.2 * 9.81;  // mu m g of all ten
   double most = 0.0;
   for (const Vec3& f : run.felt[0].force) most = std::max(most, std::abs(f.x()));
   EXPECT_GT(most, 0.8 * sliding);
-  EXPECT_GT(run.world.description(0).states[index(scene_of("row", "paper", 4).users[0].proxy)].position.x(), -0.08);
+  EXPECT_GT(run.world.engine().state(scene_of("row", "paper", 4).users[0].proxy).position.x(), -0.08);
 }
 
 // In a pushed row, each further contact adds one cube; the box contains only the first one.
@@ -324,7 +324,7 @@ TEST(Membership, FollowsTheContactsToTheDepthAskedFor) {
   scene.users[0].box_half_m = 0.05;
   scene.users[0].contact_depth = 3;
   CoupledRun run(scene);
-  while (run.world.time_s() < 1.0) run.cycle();
+  while (run.world.facts().time_s < 1.0) run.cycle();
   EXPECT_EQ(run.frame().members.size(), 4U);  // with the proxy
 }
 
@@ -332,7 +332,7 @@ TEST(Membership, BodiesEnterAndLeaveWhileRunning) {
   CoupledRun run(scene_of("scatter", "paper", 4));
   const Seen seen = run_all(run, 2.0);
   EXPECT_LT(seen.fewest_members, seen.most_members);
-  EXPECT_EQ(run.subs[0]->members(), run.frame().members.size());
+  EXPECT_EQ(run.subs[0]->facts().members, run.frame().members.size());
 }
 
 class PeersNonsense : public testing::TestWithParam<const char*> {};
@@ -366,8 +366,9 @@ TEST_P(PeersNonsense, IsRefusedAndTheNextFrameCountsIt) {
   WorldFrame good = run.frame();
   good.stamp += 2;
   EXPECT_EQ(sub.synchronise_with(good), 1U);
-  sub.advance(0.001);
-  EXPECT_TRUE(sub.finite());
+  (void)sub.step(
+      {.dt = 0.001}, [](const FeltStep&) {}, [] {});
+  EXPECT_TRUE(sub.facts().finite);
 }
 
 // A frame of a world that assumes that this sub-world has already reported.
@@ -396,7 +397,7 @@ TEST(Reduced, AnUnphysicalDriveLeavesTheForceBounded) {
     const DeviceState device;
     for (int i = 0; i < 200; ++i) {
       const FeltStep felt = sub.step(
-          {&device, true, 0.001, 0.001}, [](const FeltStep&) {}, [] {});
+          {.device = &device, .wall_s = 0.001, .dt = 0.001}, [](const FeltStep&) {}, [] {});
       ASSERT_TRUE(felt.to_operator.force.allFinite());
       ASSERT_LE(felt.to_operator.force.norm(), 40.0 + 1e-9);
     }
@@ -410,7 +411,7 @@ TEST(Lockstep, EqualRunsHaveEqualHashes) {
   const auto hash = [] {
     CoupledRun run(scene_of("row", "paper", 4));
     for (int i = 0; i < 100; ++i) run.cycle();
-    return run.world.state_hash();
+    return run.world.facts().state_hash;
   };
   EXPECT_EQ(hash(), hash());
 }
@@ -423,7 +424,7 @@ TEST(CoupledRun, TurnsAnAdmittanceDevice) {
   ASSERT_TRUE(run.run());
   const Quat& device = run.devices[0]->state().pose.orientation;
   EXPECT_NEAR(device.angularDistance(Quat::Identity()), 20.0 * M_PI / 180.0, 0.05) << "rad";
-  EXPECT_LT(device.angularDistance(run.subs[0]->proxy().orientation), 0.01) << "rad";
+  EXPECT_LT(device.angularDistance(run.subs[0]->facts().proxy.orientation), 0.01) << "rad";
 }
 
 }  // namespace

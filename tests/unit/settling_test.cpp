@@ -233,8 +233,8 @@ users:
 )");
   const auto asleep_after = [&](double seconds) {
     CoupledRun run(scene);
-    while (run.world.time_s() < seconds) run.cycle();
-    return run.world.asleep();
+    while (run.world.facts().time_s < seconds) run.cycle();
+    return run.world.engine().asleep_count();
   };
   EXPECT_EQ(asleep_after(25.0), 250U);
   scene.settings.disable(disabled(Optimisation::sway));

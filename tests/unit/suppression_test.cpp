@@ -73,7 +73,7 @@ class LoneOperator : public ::testing::Test {
     one.settings.disable(kept);
     CoupledRun coupled(one);
     Seen seen;
-    while (coupled.finite() && !coupled.world.over()) {
+    while (coupled.finite() && !coupled.world.facts().over) {
       coupled.cycle();
       ++seen.cycles;
       seen.frames += coupled.sent_frame();
@@ -117,12 +117,12 @@ TEST_F(LoneOperator, IsAboutWhereItIsInTheWorldToo) {
   CoupledRun run(scene);
   const BodyId proxy = scene.users[0].proxy;
   std::uint64_t silent = 0;
-  while (run.world.time_s() < 0.8) {
+  while (run.world.facts().time_s < 0.8) {
     run.cycle();
-    if (run.world.stamp() == 0) continue;
+    if (run.world.facts().stamp == 0) continue;
     silent += !run.sent_frame();
-    const BodyState& there = run.felt[0].proxy.at(run.world.timetable().start(run.world.stamp()) - 1);
-    EXPECT_LT((run.world.engine().state(proxy).position - there.position).norm(), kApart_m) << run.world.time_s();
+    const BodyState& there = run.felt[0].proxy.at(run.world.timetable().start(run.world.facts().stamp) - 1);
+    EXPECT_LT((run.world.engine().state(proxy).position - there.position).norm(), kApart_m) << run.world.facts().time_s;
   }
   EXPECT_GT(silent, 100U);
 }

@@ -124,26 +124,26 @@ void add_run_times(Json& row, const Outcome& run) {
 std::optional<Outcome> run_out(const Scene& scene) {
   const auto run = std::make_unique<CoupledRun>(scene);
   Outcome out;
-  while (run->finite() && !run->world.over()) {
+  while (run->finite() && !run->world.facts().over) {
     if (stop_signal() != 0) return std::nullopt;
-    const std::uint64_t stamp = run->world.stamp();
+    const std::uint64_t stamp = run->world.facts().stamp;
     run->cycle();
-    if (run->world.stamp() > stamp) {
-      out.ratio.add(run->world.ratio());
-      out.ratios.insert(out.ratios.end(), static_cast<std::size_t>(run->world.ratio()), run->world.ratio());
+    if (run->world.facts().stamp > stamp) {
+      out.ratio.add(run->world.facts().ratio);
+      out.ratios.insert(out.ratios.end(), static_cast<std::size_t>(run->world.facts().ratio), run->world.facts().ratio);
     }
     for (std::size_t u = 0; u < run->subs.size(); ++u) {
       const WorldFrame& frame = run->frame(u);
       out.members.add(static_cast<double>(frame.members.size()));
       out.ghosts.add(static_cast<double>(frame.ghosts.size()));
-      out.border_pairs.add(static_cast<double>(run->world.border(u).size()));
+      out.border_pairs.add(static_cast<double>(run->world.user_facts(u).border.size()));
     }
   }
   out.finite = run->finite();
-  out.simulated_s = run->world.time_s();
-  out.substeps = run->world.substeps();
-  out.energy_excess_j = run->world.energy_excess_j();
-  for (const auto& sub : run->subs) out.device_work_j += sub->device_work_j();
+  out.simulated_s = run->world.facts().time_s;
+  out.substeps = run->world.facts().substeps;
+  out.energy_excess_j = run->world.facts().energy_excess_j;
+  for (const auto& sub : run->subs) out.device_work_j += sub->facts().device_work_j;
   for (const Body& body : scene.bodies) out.end.push_back(run->world.engine().state(body.id));
   out.felt = std::move(run->felt);
   out.cpu = run->cpu;

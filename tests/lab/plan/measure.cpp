@@ -58,7 +58,7 @@ Json figures_of(const Scene& scene) {
   Codec<HapticReport> reports;
   double bytes = 0.0;
   std::uint64_t cycles = 0;
-  while (run.finite() && !run.world.over()) {
+  while (run.finite() && !run.world.facts().over) {
     run.cycle();
     for (std::size_t u = 0; u < run.subs.size(); ++u) {
       if (run.sent_frame(u)) bytes += static_cast<double>(frames.encode(run.frame(u)).size());

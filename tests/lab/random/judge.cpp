@@ -41,11 +41,11 @@ class Trial {
   }
 
   void go(Verdict& verdict) {
-    while (!run_.world.over()) {
+    while (!run_.world.facts().over) {
       run_.cycle();
       if (!run_.finite()) {
-        fail(verdict, Fault::not_finite, run_.world.time_s(),
-             fmt::format("a state is not finite at {:.4g} s", run_.world.time_s()));
+        fail(verdict, Fault::not_finite, run_.world.facts().time_s,
+             fmt::format("a state is not finite at {:.4g} s", run_.world.facts().time_s));
         return;
       }
       weigh(verdict);
@@ -64,7 +64,7 @@ class Trial {
     const double above_j = book.unexplained_j() - tolerance_j;
     const double put_in_j = book.put_in_j();
     const double gain = above_j <= 0.0 ? 0.0 : above_j / std::max(put_in_j, tolerance_j);
-    if (above_s_ < 0.0 && gain > kMostGain) above_s_ = run_.world.time_s();
+    if (above_s_ < 0.0 && gain > kMostGain) above_s_ = run_.world.facts().time_s;
     if (gain < verdict.gain) return;
     verdict.gain = gain;
     verdict.unexplained_j = book.unexplained_j();
@@ -110,7 +110,7 @@ class Trial {
   void check_port(std::size_t user, Verdict& verdict) const {
     const OperatorPort& port = run_.guards[user]->port();
     // Energy of bodies that fall or fly into an operator's proxy is not created.
-    const double created_j = port.created_j() - run_.world.released_j();
+    const double created_j = port.created_j() - run_.world.facts().released_j;
     verdict.at_operator_j = std::max(verdict.at_operator_j, created_j);
     const double most_j = kMostAtOperator_j + kMostAtOperator * std::abs(port.net_j());
     if (enabled(scene_, Optimisation::passivity, user) || created_j <= most_j) return;

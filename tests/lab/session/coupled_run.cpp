@@ -11,7 +11,7 @@ namespace subworld {
 CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
     : scene_(scene), world(scene_, {}, make), felt(static_cast<std::size_t>(scene_.settings.users)) {
   world.settle([](double) { return true; });
-  const Scheme& scheme = world.scheme();
+  const Scheme& scheme = scheme_of(scene_.settings);
   for (std::size_t u = 0; u < felt.size(); ++u) {
     subs.push_back(std::make_unique<SubWorld>(scene_, u));
     devices.push_back(std::make_unique<EmulatedDevice>(scene_.users[u].device, static_cast<std::uint32_t>(u)));
@@ -20,14 +20,14 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
                                                    !enabled(scene_, Optimisation::passivity, u), 0.0));
     const auto number = static_cast<std::uint32_t>(u);
     Link link{.delay = Delay(scene_.settings, scheme.properties.lead_cycles, number),
-              .order = LockstepOrder(scene_, *subs[u]),
+              .order = LockstepOrder(scene_, number),
               .reports = {},
               .frames = {}};
     link.reports.resize(remembered_cycles(scene_.settings, scheme));
     link.frames.resize(link.reports.size());
     links_.push_back(std::move(link));
     subs[u]->synchronise_with(world.frame(u));
-    if (subs[u]->reports_at_start()) send_report(u);
+    if (scheme.properties.has_sub_worlds) send_report(u);
   }
 }
 
@@ -43,7 +43,7 @@ void CoupledRun::send_report(std::size_t user) {
 void CoupledRun::deliver_reports(std::size_t user) {
   Link& link = links_[user];
   while (link.next_report <= link.newest_report &&
-         link.delay.report_due(link.next_report, world.stamp(), world.timetable())) {
+         link.delay.report_due(link.next_report, world.facts().stamp, world.timetable())) {
     const HapticReport* report = &link.reports[link.next_report % link.reports.size()];
     // The report that ends a period of message suppression.
     if (report->stamp != link.next_report) report = &this->report(user);
@@ -55,7 +55,7 @@ void CoupledRun::deliver_reports(std::size_t user) {
 void CoupledRun::deliver_frames(std::size_t user) {
   Link& link = links_[user];
   link.order.take_frames(*subs[user], [&](std::uint64_t stamp) {
-    if (stamp > world.stamp()) return false;
+    if (stamp > world.facts().stamp) return false;
     const CpuTimer timer(cpu.synchronise);
     subs[user]->synchronise_with(link.frames[stamp % link.frames.size()]);
     return true;
@@ -78,13 +78,13 @@ void CoupledRun::haptic_cycle(std::size_t user) {
       const CpuTimer timer(cpu.haptic);
       now = link.order.step(
           sub, state, [&](const DeviceCommand& arrived, const FeltStep&) { command = arrived; },
-          [&] { send_report(user); });
+          [&] { send_report(user); }, haptic_step_s);
     }
     felt[user].force.push_back(now.felt.force);
     const DeviceCommand safe = guards[user]->pass(command, state, true, h);
     felt[user].on_operator.push_back(safe.wrench.force);
     device.step(safe, h);
-    felt[user].proxy.push_back(sub.proxy());
+    felt[user].proxy.push_back(sub.facts().proxy);
   }
   deliver_frames(user);
 }
@@ -96,7 +96,7 @@ void CoupledRun::cycle() {
     do haptic_cycle(u);
     while (!links_[u].reported);
   }
-  const auto lead = static_cast<std::uint64_t>(world.scheme().properties.lead_cycles);
+  const auto lead = static_cast<std::uint64_t>(scheme_of(scene_.settings).properties.lead_cycles);
   ++cycle_;
   if (cycle_ > lead) {
     for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
@@ -105,18 +105,18 @@ void CoupledRun::cycle() {
       world.step();
     }
     for (std::size_t u = 0; u < subs.size(); ++u) {
-      links_[u].frames[world.stamp() % links_[u].frames.size()] = world.frame(u);
+      links_[u].frames[world.facts().stamp % links_[u].frames.size()] = world.frame(u);
     }
   }
   for (std::size_t u = 0; u < subs.size(); ++u) deliver_frames(u);
 }
 
 bool CoupledRun::finite() const noexcept {
-  return world.finite() && std::ranges::all_of(subs, [](const auto& sub) { return sub->finite(); });
+  return world.facts().finite && std::ranges::all_of(subs, [](const auto& sub) { return sub->facts().finite; });
 }
 
 std::uint64_t CoupledRun::hash() const noexcept {
-  std::uint64_t hash = world.state_hash();
+  std::uint64_t hash = world.facts().state_hash;
   for (const FeltHistory& user : felt) {
     for (const Vec3& force : user.on_operator) {
       for (int i = 0; i < 3; ++i) hash = (hash ^ std::bit_cast<std::uint64_t>(force[i])) * 0x100000001b3ULL;
@@ -126,15 +126,12 @@ std::uint64_t CoupledRun::hash() const noexcept {
 }
 
 bool CoupledRun::run() {
-  while (finite() && !world.over()) cycle();
+  while (finite() && !world.facts().over) cycle();
   return finite();
 }
 
 void CoupledRun::close() {
-  if (world.scheme().properties.has_sub_worlds) {
-    for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
-    world.synchronise();
-  }
+  for (std::size_t u = 0; u < subs.size(); ++u) deliver_reports(u);
   world.close();
 }
 

@@ -47,7 +47,7 @@ class CoupledRun {
 
   [[nodiscard]] WorldFrame& frame(std::size_t user = 0) { return world.frame(user); }
   /// Whether the last cycle sent a frame or a report.
-  [[nodiscard]] bool sent_frame(std::size_t user = 0) const { return world.tells(user); }
+  [[nodiscard]] bool sent_frame(std::size_t user = 0) const { return world.user_facts(user).waits_for_frame; }
   [[nodiscard]] bool sent_report(std::size_t user = 0) const { return links_[user].reported; }
   /// The newest report of the user's sub-world.
   [[nodiscard]] const HapticReport& report(std::size_t user = 0) const {
@@ -81,6 +81,7 @@ class CoupledRun {
   std::vector<std::unique_ptr<DeviceGuard>> guards;
   std::vector<FeltHistory> felt;  ///< by user
   CpuTimes cpu;
+  double haptic_step_s = 0.0;  ///< that each haptic step is said to take; 0: not known
 };
 
 }  // namespace subworld

@@ -68,7 +68,7 @@ Scene in_engine(Scene scene, const Setting& setting) {
 }
 
 void run_while(CoupledRun& run, double until_s, const std::function<bool()>& goes_on) {
-  while (run.world.time_s() < until_s - 1e-9) {
+  while (run.world.facts().time_s < until_s - 1e-9) {
     if (stop_signal() != 0) throw Interrupted{};
     run.cycle();
     if (!run.finite()) throw std::runtime_error("the state of a body is not finite");

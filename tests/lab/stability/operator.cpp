@@ -23,7 +23,7 @@ bool comes_to_rest(const Scene& scene, double rest_s) {
   double early_m_s = 0.0, late_m_s = 0.0;
   run_while(run, rest_s, [&] {
     const double speed_m_s = run.devices[0]->state().linear_velocity.norm();
-    const double t_s = run.world.time_s();
+    const double t_s = run.world.facts().time_s;
     if (t_s > 0.25 * rest_s && t_s <= 0.5 * rest_s) early_m_s = std::max(early_m_s, speed_m_s);
     if (t_s > 0.75 * rest_s || speed_m_s > kGone_m_s) late_m_s = std::max(late_m_s, speed_m_s);
     return speed_m_s <= kGone_m_s;

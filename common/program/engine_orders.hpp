@@ -1,0 +1,29 @@
+#pragma once
+
+#include "io/results.hpp"
+#include "physics/engine_exchange.hpp"
+#include "rt/cyclic.hpp"
+#include "wire/status.hpp"
+
+#include <optional>
+#include <string>
+
+namespace subworld {
+
+/// Between two steps of a `World` or `SubWorld`: replaces its engine if an ordered one is ready. Answers the order
+/// where that fails; returns the exchange where it succeeds.
+template <class Simulation>
+std::optional<EngineChange> follow_exchange(Simulation& simulation, EngineExchange& exchange, StatusBeacon& status) {
+  const std::string before(simulation.facts().engine);
+  const TimePoint begin = Clock::now();
+  if (simulation.exchange_engine(exchange)) {
+    return EngineChange{exchange.order(), simulation.facts().time_s, before, std::string(simulation.facts().engine),
+                        to_seconds(Clock::now() - begin)};
+  }
+  if (const std::string failure = exchange.take_failure(); !failure.empty()) {
+    status.answer(exchange.order(), "refused: " + failure);
+  }
+  return {};
+}
+
+}  // namespace subworld

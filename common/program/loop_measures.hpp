@@ -1,0 +1,86 @@
+#pragma once
+
+#include "io/history.hpp"
+#include "io/machine_share.hpp"
+#include "io/options.hpp"
+#include "io/results.hpp"
+#include "io/trace.hpp"
+#include "rt/stages.hpp"
+#include "wire/status.hpp"
+
+#include <initializer_list>
+#include <span>
+#include <string>
+#include <utility>
+
+namespace subworld {
+
+/// Measurements of a program's loop for its results: stages, step times, missed deadlines and what the kernel gave to
+/// it, with a history and a trace. Each program adds its own.
+template <class Stage>
+class LoopMeasures {
+ public:
+  [[nodiscard]] Stages<Stage>& stages() noexcept { return stages_; }
+  /// loop_begins() and loop_ends() enclose a loop in real time; call them in its thread.
+  void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
+  void loop_ends() { machine_.end(); }
+  /// Why the history could not be written; empty if there was no error.
+  [[nodiscard]] std::string fault() const { return history_.fault(); }
+
+ protected:
+  /// The history is FILE.csv in the folder --out, the trace is --trace; neither is written without its option.
+  /// `columns` and `stages` are their names. Throws `Error` (failed) if a file cannot be written.
+  LoopMeasures(const Options& options, const std::string& file, const std::string& columns, const TraceProgram& program,
+               std::span<const char* const> stages, const History::Say& say)
+      : history_(options.out.empty() ? "" : options.out + "/" + file + ".csv", columns, say),
+        trace_(options.trace, program, stages, say),
+        names_(stages) {}
+
+  void add(const StepTimes& times) noexcept {
+    ++steps_;
+    misses_.add(times.miss);
+    step_.add(times.step_s);
+    lateness_.add(times.lateness_s);
+    woken_late_.add(times.woken_late_s);
+    newest_ = times;
+  }
+  /// Ends the step's stages, and traces them with these counters and events.
+  void end_step(std::initializer_list<std::pair<Trace::Name, double>> counters,
+                std::initializer_list<std::pair<Trace::Name, bool>> events) noexcept {
+    const StageStep step = stages_.end();
+    for (const auto& [name, value] : counters) trace_.counter(name, step.begin, value);
+    for (const auto& [name, occurred] : events) {
+      if (occurred) trace_.instant(name, step.begin);
+    }
+    trace_.step(step);
+  }
+  /// Data of the loop for the status.
+  [[nodiscard]] LoopState state(double time_s, double force_n, double real_time_factor) const noexcept {
+    return {time_s, steps_, misses_.all(), misses_.by_os, step_.sum_s(), force_n, real_time_factor};
+  }
+  /// Call after the last step: adds what all programs measure.
+  void add_to(Json& part) {
+    history_.finish();
+    part["step_s"] = quantiles(step_);
+    part["woken_late_s"] = quantiles(woken_late_);
+    part["machine"] = machine_.json();
+    part["stages"] = subworld::stages(stages_.times(), names_);
+    part["history_rows_dropped"] = history_.dropped();
+    part["trace_events_dropped"] = trace_.dropped();
+  }
+
+  History history_;
+  Stages<Stage> stages_;
+  std::uint64_t steps_ = 0;
+  Misses misses_;
+  Histogram lateness_;
+  StepTimes newest_;
+
+ private:
+  Trace trace_;
+  std::span<const char* const> names_;
+  Histogram step_, woken_late_;
+  MachineShare machine_;
+};
+
+}  // namespace subworld

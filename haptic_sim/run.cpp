@@ -1,0 +1,75 @@
+#include "haptic_sim/run.hpp"
+#include "model/error.hpp"
+#include "program/engine_orders.hpp"
+#include "program/join.hpp"
+
+#include <fmt/format.h>
+
+namespace subworld {
+
+void HapticRun::follow_orders() const {
+  Control order;
+  while (ports.control.take(order) == Take::sample) {
+    if (order.verb != ControlVerb::set_engine) continue;
+    const auto wanted = parse_engine_order(order);
+    if (!wanted || wanted->target != EngineOrder::Target::haptic) continue;
+    ports.status.answer(order.number, sub.change_engine(exchange, *wanted));
+  }
+  if (const auto change = follow_exchange(sub, exchange, ports.status)) measures.engine_changed(*change);
+  if (const auto change = measures.take_settled_change()) {
+    ports.status.answer(change->order, fmt::format("{}; force steps {:.3f} N, before {:.3f} N", to_text(*change),
+                                                   change->force_step_n, change->force_step_before_n));
+  }
+}
+
+std::optional<FirstFrame> join(const HapticRun& run) {
+  const auto& [options, scene, ports, sub, measures, exchange] = run;
+  ports.status.enter("waiting");
+  SessionFinder finder(ports.scene, settings_hash(scene));
+  const auto found = [&] { return finder.look(options.scene, options.network.domain); };
+  // A big world takes its time, and says every second that it is there.
+  const auto world_is_there = [&] { return ports.status.hears(ProgramKind::world_sim, 0); };
+  if (!wait_for(*ports.bus, options, {"world", "world_sim"}, found, world_is_there)) return std::nullopt;
+  const std::string device_sim = fmt::format("device_sim --user {}", options.user);
+  const auto held = [&] { return ports.device.matched() > 0 && ports.command.matched() > 0; };
+  if (!wait_for(*ports.bus, options, {"device", device_sim}, held)) return std::nullopt;
+  // A device that has matched may still look for the world: it would miss a short run, and wait for ever. In lock-step
+  // its first state is the first step's, and is waited for there.
+  DeviceState state;
+  const auto runs = [&] {
+    while (ports.device.take(state) == Take::sample) {
+      if (found() && state.session == finder.session()) return true;
+    }
+    return false;
+  };
+  if (scene.settings.mode == Mode::realtime &&
+      !wait_for(*ports.bus, options, {"running device", device_sim + " anew"}, runs))
+    return std::nullopt;
+
+  FirstFrame first;
+  bool joined = false;
+  // The world stands until it has heard everybody; a standing frame is answered, each time, for the answer may be lost.
+  const auto started = [&] {
+    found();  // the newest world counts
+    ports.session = finder.session();
+    while (ports.frames.take(first.frame) == Take::sample) {
+      if (first.frame.session != ports.session) continue;
+      if (ports.refused_by(first.frame)) throw Error(ExitCode::failed, refused_text(run.user()));
+      first.received = Clock::now();
+      if (!joined) joined = sub.reset_from(first.frame);
+      if (joined) ports.frames.trust_sender();
+      if (!joined) continue;  // not answered: a standing world tells again
+      if (first.frame.real_time_factor > 0.0) return true;
+      ports.send(*sub.close_cycle(to_ns(first.received)));
+    }
+    return false;
+  };
+  const auto settles = [&] { return ports.scene.alive_writers() > 0; };  // a living world may take its time
+  if (!wait_for(*ports.bus, options, {"frame of the world", "every user's haptic_sim and device_sim"}, started,
+                settles))
+    return std::nullopt;
+  ports.status.enter("running");
+  return first;
+}
+
+}  // namespace subworld

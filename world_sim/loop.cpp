@@ -1,0 +1,102 @@
+#include "world_sim/loop.hpp"
+
+#include "model/error.hpp"
+#include "program/engine_orders.hpp"
+#include "program/join.hpp"
+#include "rt/stop.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace subworld {
+
+bool await_peers(WorldPorts& ports, const Options& options) {
+  ports.status.enter("waiting");
+  const TimePoint until = Clock::now() + from_seconds(options.wait_s);
+  for (std::size_t u = 0; u < ports.frames.size(); ++u) {
+    const Wanted haptic{fmt::format("haptic_sim for user {}", u), fmt::format("haptic_sim --user {}", u)};
+    const auto there = [&] { return ports.frames[u].matched() > 0 && ports.reports[u].matched() > 0; };
+    if (!wait_for(*ports.bus, options, haptic, there)) return false;
+  }
+  if (options.await_display) {
+    // What only looks may hold up a run, but does not end it.
+    const auto looks = [&] { return ports.snapshots.matched() > 0; };
+    const auto may_wait = [&] { return stop_signal() == 0 && Clock::now() < until; };
+    while (!looks() && may_wait()) ports.bus->wait(0.05);
+    if (!looks()) ports.status.note("no display has come: the run goes on without one");
+    // One that holds the scene has found this world's other topics too; one that has died never will.
+    while (looks() && may_wait() && !ports.scene.wait_for_acknowledgments(0.1)) {
+    }
+    if (stop_signal() != 0) return false;
+  }
+  // A process that has found the others' endpoints by now has found another world's too.
+  if (const std::string text = ports.second_world(); !text.empty()) throw Error(ExitCode::usage, text);
+  ports.status.enter("running");
+  return true;
+}
+
+WorldLoop::WorldLoop(const WorldRun& run)
+    : WorldRun(run), stages_(measures.stages()), scheme_(scheme_of(scene.settings).properties) {
+  reserve(report_, kUsualMembers);
+}
+
+void WorldLoop::follow_orders() {
+  if (const std::string text = ports.second_world(); !text.empty()) ports.status.note(text);
+  Control order;
+  while (ports.control.take(order) == Take::sample) {
+    if (order.verb != ControlVerb::set_engine) {
+      const std::string answer = control_.follow(order);
+      ports.status.pause(control_.paused());
+      ports.status.answer(order.number, answer);
+      continue;
+    }
+    const auto wanted = parse_engine_order(order);
+    if (wanted && wanted->target != EngineOrder::Target::world) continue;
+    ports.status.answer(order.number, wanted ? world.change_engine(exchange, *wanted)
+                                             : "refused: unknown engine order \"" + order.argument + "\"");
+  }
+  if (const auto change = follow_exchange(world, exchange, ports.status)) {
+    measures.engine_changed(*change);
+    ports.status.answer(change->order, to_text(*change));
+  }
+}
+
+void WorldLoop::publish_frames(bool last, double start_in_s, double real_time_factor) {
+  for (std::size_t u = 0; u < user_count(); ++u) {
+    if (!last && !world.user_facts(u).waits_for_frame) continue;
+    WorldFrame& frame = world.frame(u);
+    frame.session = ports.session;
+    frame.served = ports.served[u];
+    frame.last = last;
+    frame.start_in_s = start_in_s;
+    frame.real_time_factor = real_time_factor;
+    ports.frames[u].write(frame);
+  }
+}
+
+void WorldLoop::end_cycle() {
+  stages_.mark(WorldStage::display);
+  measures.end_cycle();
+  if (world.facts().finite) return;
+  throw Error(ExitCode::failed,
+              fmt::format("the world is no longer finite at t = {:.3f} s; use a smaller step or the preset quality",
+                          world.facts().time_s));
+}
+
+void WorldLoop::close() {
+  constexpr double kAcknowledged_s = 0.5;  // that the last frames may take to arrive, all users together
+  world.close();
+  const TimePoint until = Clock::now() + from_seconds(kAcknowledged_s);
+  for (auto& frames : ports.frames) frames.wait_for_acknowledgments(std::max(0.0, to_seconds(until - Clock::now())));
+}
+
+Ending WorldLoop::ending() const {
+  return {.session = ports.session,
+          .to_s = world.facts().time_s,
+          .by = world.facts().over   ? "duration"
+                : control_.stopped() ? "control"
+                                     : name_of_signal(stop_signal())};
+}
+
+}  // namespace subworld

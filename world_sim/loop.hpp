@@ -1,0 +1,57 @@
+#pragma once
+
+#include "io/ending.hpp"
+#include "world_sim/measures.hpp"
+#include "world_sim/ports.hpp"
+#include "world_sim/run_control.hpp"
+#include "world_sim/world.hpp"
+
+namespace subworld {
+
+/// Everything that a run of the world process consists of.
+struct WorldRun {
+  const Options& options;
+  const Scene& scene;
+  WorldPorts& ports;
+  World& world;
+  WorldMeasures& measures;
+  EngineExchange& exchange;
+};
+
+/// Waits until every user's haptic process has joined. False when asked to stop. Throws `Error` (failed) that names
+/// who is missing.
+[[nodiscard]] bool await_peers(WorldPorts& ports, const Options& options);
+
+/// Lock-step: each cycle waits for every user's report. Throws `Error` (failed) when a haptic process dies or is
+/// started again, or the world is no longer finite.
+[[nodiscard]] Ending run_lockstep(const WorldRun& run);
+
+/// Real time: the clock starts when every haptic process has answered, or throws `Error` (failed) after
+/// `options.wait_s` seconds. Absolute deadlines; reports are used as they come. A world that cannot keep up slows its
+/// clock, not its step. It goes on for those users who are there, until none is left; that others have gone is a fault.
+[[nodiscard]] Ending run_realtime(const WorldRun& run);
+
+/// What both loops of the world process do in a cycle, but for waiting.
+class WorldLoop : protected WorldRun {
+ protected:
+  explicit WorldLoop(const WorldRun& run);
+
+  [[nodiscard]] std::size_t user_count() const noexcept { return ports.frames.size(); }
+  /// Follows the orders that have come, and changes the engine once the new one is ready.
+  void follow_orders();
+  /// Publishes each user's frame; the last one in any case. `start_in_s`: see WorldFrame.
+  void publish_frames(bool last, double start_in_s, double real_time_factor);
+  /// Closes a cycle's stages. Throws `Error` (failed) where a body's state is not finite.
+  void end_cycle();
+  /// The last frames and reports: writes the last states, and waits for readers.
+  void close();
+  /// How the run ended.
+  [[nodiscard]] Ending ending() const;
+
+  Stages<WorldStage>& stages_;
+  RunControl control_;
+  const SchemeProperties& scheme_;
+  HapticReport report_;  ///< the newest received
+};
+
+}  // namespace subworld
