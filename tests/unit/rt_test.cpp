@@ -228,7 +228,7 @@ TEST(Stages, OfAStepThatDidNotComeHaveNoTime) {
 
 // The kernel counts a process's children also across execve(), here 1100 s of a build before the run.
 TEST(CoreLoad, CountsTheRunAlone) {
-  const CoreLoad load = core_load({{500.0, 1.0}, 1100.0}, {{512.0, 2.0}, 1109.0}, 10.0, 2);
+  const CoreLoad load = core_load({500.0, 1.0, 1100.0}, {512.0, 2.0, 1109.0}, 10.0, 2);
   EXPECT_DOUBLE_EQ(load.own, 0.9);
   EXPECT_DOUBLE_EQ(load.other, 0.3);
   EXPECT_DOUBLE_EQ(load.stolen, 0.1);
