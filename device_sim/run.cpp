@@ -6,7 +6,6 @@
 #include "rt/paced_loop.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
-#include "wire/partitions.hpp"
 
 #include <fmt/format.h>
 
