@@ -3,6 +3,7 @@
 #include "physics/engine_exchange.hpp"
 #include "rt/cyclic.hpp"
 #include "wire/bus.hpp"
+#include "wire/session.hpp"
 #include "wire/status.hpp"
 
 #include <fmt/format.h>
@@ -69,9 +70,9 @@ class Answers {
     if (asked) said_.try_emplace(status.instance);
     for (const std::string& answer : answers_in(status.text, order_)) {
       if (asked && answer.find(kRefused) != std::string::npos) {
-        throw Error(ExitCode::failed, fmt::format("{}: {}", name(status.program, status.instance), answer));
+        throw Error(ExitCode::failed, fmt::format("{}: {}", label_of(status.program, status.instance), answer));
       }
-      fmt::print("{}: {}\n", name(status.program, status.instance), answer);
+      fmt::print("{}: {}\n", label_of(status.program, status.instance), answer);
       if (asked) said_[status.instance] = answer;
     }
   }
@@ -88,22 +89,17 @@ class Answers {
     std::vector<std::string> names;
     for (const auto& [instance, said] : said_) {
       if (done(said)) continue;
-      names.push_back(name(asked_, instance) + (said.empty() ? "" : fmt::format(" (so far: \"{}\")", said)));
+      names.push_back(label_of(asked_, instance) + (said.empty() ? "" : fmt::format(" (so far: \"{}\")", said)));
     }
     if (said_.size() < expected_) {
-      names.push_back(fmt::format("{} {} that did not answer", expected_ - said_.size(), program(asked_)));
+      names.push_back(fmt::format("{} {} that did not answer", expected_ - said_.size(),
+                                  of_sub_worlds() ? "haptic_sim" : "world_sim"));
     }
     return fmt::format("{}", fmt::join(names, " and "));
   }
 
  private:
   [[nodiscard]] static bool done(const std::string& said) { return !said.empty() && !said.starts_with(kPreparing); }
-  [[nodiscard]] static std::string name(ProgramKind kind, std::uint32_t instance) {
-    return kind == ProgramKind::world_sim ? program(kind) : fmt::format("{} {}", program(kind), instance);
-  }
-  [[nodiscard]] static std::string program(ProgramKind kind) {
-    return kind == ProgramKind::world_sim ? "world_sim" : "haptic_sim";
-  }
   std::uint32_t order_;
   ProgramKind asked_;
   std::uint32_t expected_;

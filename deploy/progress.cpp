@@ -1,5 +1,7 @@
 #include "progress.hpp"
 
+#include "wire/session.hpp"
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <unistd.h>
@@ -14,20 +16,6 @@ namespace {
 
 constexpr int kCallsPerLine = 50;  ///< where lines are not rewritten
 constexpr double kSlow = 0.9;      ///< real-time factor below which the remaining time is shown
-
-std::string name_of(const Status& status) {
-  switch (status.program) {
-    case ProgramKind::world_sim:
-      return "world_sim";
-    case ProgramKind::haptic_sim:
-      return fmt::format("haptic_sim {}", status.instance);
-    case ProgramKind::device_sim:
-      return fmt::format("device_sim {}", status.instance);
-    case ProgramKind::gui_headless:
-      break;
-  }
-  return "gui_headless";
-}
 
 std::string starting_line(const Status& world, std::size_t bodies) {
   if (world.state == "loading") return fmt::format("creating {} bodies: {:.0f} %", bodies, 100.0 * world.done_ratio);
@@ -113,17 +101,19 @@ void Progress::say(const Status& status) {
   // `subworld control` prints the answers to orders.
   if (status.text.empty() || status.text.starts_with("control ") || !said_.insert(status.text).second) return;
   finish();
-  fmt::print("{}: {}\n", name_of(status), status.text);
+  fmt::print("{}: {}\n", label_of(status.program, status.instance), status.text);
 }
 
 void Progress::warn_of_overload(const Status& status) {
   if (scene_.settings.mode != Mode::realtime || status.program != ProgramKind::haptic_sim) return;
-  if (status.step_s <= scene_.settings.h_s || !said_.insert("overload of " + name_of(status)).second) return;
+  if (status.step_s <= scene_.settings.h_s ||
+      !said_.insert("overload of " + label_of(status.program, status.instance)).second)
+    return;
   finish();
   fmt::print(
       "{}: cannot keep up: a step takes {:.2f} ms of {:.2f} ms; choose a lower budget_ratio or a smaller box_half_m, "
       "the preset fast, or a longer h_s\n",
-      name_of(status), 1e3 * status.step_s, 1e3 * scene_.settings.h_s);
+      label_of(status.program, status.instance), 1e3 * status.step_s, 1e3 * scene_.settings.h_s);
 }
 
 }  // namespace subworld

@@ -79,22 +79,22 @@ void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, const 
                 q.w(),         q.x(), q.y(), q.z(), w.x(), w.y(), w.z(), torque.x(), torque.y(), torque.z()});
 }
 
-Json DeviceMeasures::json(const DeviceGuard& guard) {
+DeviceResult DeviceMeasures::result(const DeviceGuard& guard) {
   history_.finish();
-  return {{"user", user_},
-          {"steps", steps_},
-          {"round_trip_s", quantiles(round_trip_)},
-          {"missed_deadlines", misses_.all()},
-          {"missed_by_os", misses_.by_os},
-          {"missed_by_run", misses_.by_run},
-          {"step_s", quantiles(step_)},
-          {"operator_energy", operator_energy(guard.port().net_j(), guard.port().least_j(), guard.port().created_j())},
-          {"energy_bounded_ratio", guard.bounded_ratio()},
-          {"oscillation_n", guard.oscillation().worst_n()},
-          {"woken_late_s", quantiles(woken_late_)},
-          {"machine", machine_.json()},
-          {"stages", subworld::stages(stages_.times(), kDeviceStages)},
-          {"trace_events_dropped", trace_.dropped()}};
+  return {.user = static_cast<std::size_t>(user_),
+          .steps = steps_,
+          .round_trip_s = quantiles(round_trip_),
+          .missed_deadlines = misses_.all(),
+          .missed_by_os = misses_.by_os,
+          .missed_by_run = misses_.by_run,
+          .step_s = quantiles(step_),
+          .operator_energy = {guard.port().net_j(), guard.port().least_j(), guard.port().created_j()},
+          .energy_bounded_ratio = guard.bounded_ratio(),
+          .oscillation_n = guard.oscillation().worst_n(),
+          .woken_late_s = quantiles(woken_late_),
+          .machine = machine_,
+          .stages = subworld::stages(stages_.times(), kDeviceStages),
+          .trace_events_dropped = trace_.dropped()};
 }
 
 std::optional<std::uint64_t> join(DevicePorts& ports, const Scene& scene, const Options& options) {

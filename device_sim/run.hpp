@@ -4,9 +4,8 @@
 #include "device_sim/emulated_device.hpp"
 #include "io/ending.hpp"
 #include "io/history.hpp"
-#include "io/machine_share.hpp"
 #include "io/options.hpp"
-#include "io/results.hpp"
+#include "io/program_results.hpp"
 #include "io/trace.hpp"
 #include "rt/stages.hpp"
 #include "wire/bus.hpp"
@@ -53,7 +52,7 @@ class DeviceMeasures {
   void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
   void loop_ends() { machine_.end(); }
   /// After the last step.
-  [[nodiscard]] Json json(const DeviceGuard& guard);
+  [[nodiscard]] DeviceResult result(const DeviceGuard& guard);
   /// Why the history could not be written; empty if there was no error.
   [[nodiscard]] std::string fault() const { return history_.fault(); }
 

@@ -131,7 +131,7 @@ void HapticMeasures::watch_force(const Vec3& force) noexcept {
 void HapticMeasures::settle_change() {
   if (!open_change_) return;
   open_change_->force_step_n = *std::ranges::max_element(force_steps_);
-  engine_changes_.push_back(to_json(*open_change_));
+  engine_changes_.push_back(*open_change_);
   settled_change_ = std::exchange(open_change_, std::nullopt);
 }
 
@@ -148,47 +148,47 @@ void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noe
   traced_.lost_frames = traced_.lost_frames || lost_frames > 0;
 }
 
-Json HapticMeasures::json(const SubWorld& sub, double bytes_per_cycle) {
+HapticResult HapticMeasures::result(const SubWorld& sub, double bytes_per_cycle) {
   history_.finish();
   settle_change();
   const double steps = std::max(1.0, static_cast<double>(steps_));
-  return {{"user", user_},
-          {"steps", steps_},
-          {"skipped_steps", skipped_},
-          {"missed_deadlines", misses_.all()},
-          {"missed_by_os", misses_.by_os},
-          {"missed_by_run", misses_.by_run},
-          {"missed_waiting", misses_.waiting},
-          {"lateness_s", quantiles(lateness_)},
-          {"woken_late_s", quantiles(woken_late_)},
-          {"machine", machine_.json()},
-          {"step_s", quantiles(step_)},
-          {"stages", subworld::stages(stages_.times(), kHapticStages)},
-          {"force_rms_n", std::sqrt(operator_squares_ / steps)},
-          {"force_max_n", operator_max_},
-          {"force_step_mean_n", force_step_.mean()},
-          {"force_step_max_n", force_step_.max},
-          {"at_limit_ratio", static_cast<double>(at_limit_) / steps},
-          {"proxy_apart_max_m", apart_m_},
-          {"coupling_force_rms_n", std::sqrt(coupling_squares_ / steps)},
-          {"coupling_force_max_n", coupling_max_},
-          {"members", mean_max(members_)},
-          {"contacts", mean_max(contacts_)},
-          {"border_pairs", mean_max(border_)},
-          {"sync_s", quantiles(sync_)},
-          {"round_trip_s", quantiles(round_trip_)},
-          {"bytes_per_cycle", bytes_per_cycle},
-          {"operator_energy", operator_energy(sub.operator_port().net_j(), sub.operator_port().least_j(),
-                                              sub.operator_port().created_j())},
-          {"device_work_j", sub.device_work_j()},
-          {"oscillation_n", oscillation_.worst_n()},
-          {"device_jumps", sub.jumps()},
-          {"lost_frames", lost_frames_},
-          {"refused_frames", refused_frames_},
-          {"resynchronisations", resets_},
-          {"engine_changes", engine_changes_},
-          {"history_rows_dropped", history_.dropped()},
-          {"trace_events_dropped", trace_.dropped()}};
+  return {
+      .user = user_,
+      .steps = steps_,
+      .skipped_steps = skipped_,
+      .missed_deadlines = misses_.all(),
+      .missed_by_os = misses_.by_os,
+      .missed_by_run = misses_.by_run,
+      .missed_waiting = misses_.waiting,
+      .lateness_s = quantiles(lateness_),
+      .woken_late_s = quantiles(woken_late_),
+      .machine = machine_,
+      .step_s = quantiles(step_),
+      .stages = subworld::stages(stages_.times(), kHapticStages),
+      .force_rms_n = std::sqrt(operator_squares_ / steps),
+      .force_max_n = operator_max_,
+      .force_step_mean_n = force_step_.mean(),
+      .force_step_max_n = force_step_.max,
+      .at_limit_ratio = static_cast<double>(at_limit_) / steps,
+      .proxy_apart_max_m = apart_m_,
+      .coupling_force_rms_n = std::sqrt(coupling_squares_ / steps),
+      .coupling_force_max_n = coupling_max_,
+      .members = members_,
+      .contacts = contacts_,
+      .border_pairs = border_,
+      .sync_s = quantiles(sync_),
+      .round_trip_s = quantiles(round_trip_),
+      .bytes_per_cycle = bytes_per_cycle,
+      .operator_energy = {sub.operator_port().net_j(), sub.operator_port().least_j(), sub.operator_port().created_j()},
+      .device_work_j = sub.device_work_j(),
+      .oscillation_n = oscillation_.worst_n(),
+      .device_jumps = sub.jumps(),
+      .lost_frames = lost_frames_,
+      .refused_frames = refused_frames_,
+      .resynchronisations = resets_,
+      .engine_changes = engine_changes_,
+      .history_rows_dropped = history_.dropped(),
+      .trace_events_dropped = trace_.dropped()};
 }
 
 }  // namespace subworld

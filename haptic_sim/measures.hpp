@@ -4,8 +4,7 @@
 #include "coupling/virtual_coupling.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "io/history.hpp"
-#include "io/machine_share.hpp"
-#include "io/results.hpp"
+#include "io/program_results.hpp"
 #include "io/trace.hpp"
 #include "rt/histogram.hpp"
 #include "rt/stages.hpp"
@@ -75,7 +74,7 @@ class HapticMeasures {
   }
 
   /// After the last step.
-  [[nodiscard]] Json json(const SubWorld& sub, double bytes_per_cycle);
+  [[nodiscard]] HapticResult result(const SubWorld& sub, double bytes_per_cycle);
   /// Why the history could not be written; empty: it could.
   [[nodiscard]] std::string fault() const { return history_.fault(); }
 
@@ -113,7 +112,7 @@ class HapticMeasures {
   MeanMax force_step_;  ///< N, all of them
   std::optional<EngineChange> open_change_, settled_change_;
   std::uint64_t change_settles_at_ = 0;  ///< step
-  Json engine_changes_ = Json::array();
+  std::vector<EngineChange> engine_changes_;
 };
 
 }  // namespace subworld

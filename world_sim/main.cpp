@@ -63,11 +63,10 @@ int main(int argc, char** argv) {
       Ending ending = realtime ? run_realtime(ports, world, measures, exchange, scene, options.wait_s)
                                : run_lockstep(ports, world, measures, exchange, scene);
       ports.status.enter("stopping");
-      Json part = measures.json(world, scene.bodies.size(), settle_s);
-      if (const Json written = measures.bodies().json(); !written.is_null()) part["world"]["body_history"] = written;
-      part["world"]["dds"] = ports.bus->effective_settings();
-      part["world"]["events"] = to_json(ports.status.events_of_run());
-      part["world"]["refused"] = ports.refused();
+      WorldPart part = measures.result(world, scene.bodies.size(), settle_s);
+      part.world.dds = ports.bus->effective_settings();
+      part.world.events = ports.status.events_of_run();
+      part.world.refused = ports.refused();
       if (ending.fault.empty()) ending.fault = measures.fault();
       conclude(options.out.empty() ? "" : options.out + "/world.json", part, ending);
     }

@@ -48,48 +48,45 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double rea
                 times.step_s, times.lateness_s, real_time_factor, ratio, substeps});
 }
 
-Json WorldMeasures::json(const World& world, std::size_t bodies, double settle_s) {
+WorldPart WorldMeasures::result(const World& world, std::size_t bodies, double settle_s) {
   history_.finish();
-  Json selections = Json::array();
+  std::vector<SelectionResult> selections;
   for (std::size_t u = 0; u < omitted_.size(); ++u) {
     const SelectionFacts last = world.selection(u);
-    selections.push_back({{"user", u},
-                          {"omitted", mean_max(omitted_[u])},
-                          {"expected_step_s", last.expected_s},
-                          {"cost_factor", last.cost_factor}});
+    selections.push_back({u, omitted_[u], last.expected_s, last.cost_factor});
   }
-  return {{"state_hash", fmt::format("{:016x}", world.state_hash())},
-          {"simulated_s", world.time_s()},
-          {"energy_excess_j", world.energy_excess_j()},
-          {"world",
-           {{"bodies", bodies},
-            {"cycles", cycles_},
-            {"ratio", mean_max(ratio_)},
-            {"ratio_changes", world.ratio_changes()},
-            {"substeps", mean_max(substeps_)},
-            {"integration_substep_s", world.integration_substep_s()},
-            {"late_cycles", late_.all()},
-            {"late_by_os", late_.by_os},
-            {"late_by_run", late_.by_run},
-            {"woken_late_s", quantiles(woken_late_)},
-            {"machine", machine_.json()},
-            {"step_s", quantiles(step_)},
-            {"stages", subworld::stages(stages_.times(), kWorldStages)},
-            {"lateness_s", quantiles(lateness_)},
-            {"real_time_factor_min", real_time_factor_min_},
-            {"real_time_factor_mean", wall_s_ > 0.0 ? simulated_s_ / wall_s_ : 1.0},
-            {"slowed_s", slowed_s_},
-            {"stuck_s", stuck_s_},
-            {"released_j", world.released_j()},
-            {"contact_slack_j", world.contact_slack_j()},
-            {"asleep_at_end", world.asleep()},
-            {"selections", selections},
-            {"lost_reports", lost_reports_},
-            {"refused_reports", refused_reports_},
-            {"engine_changes", engine_changes_},
-            {"settle_wall_s", settle_s},
-            {"history_rows_dropped", history_.dropped()},
-            {"trace_events_dropped", trace_.dropped()}}}};
+  return {.state_hash = fmt::format("{:016x}", world.state_hash()),
+          .simulated_s = world.time_s(),
+          .energy_excess_j = world.energy_excess_j(),
+          .world = {.bodies = bodies,
+                    .cycles = cycles_,
+                    .ratio = ratio_,
+                    .ratio_changes = world.ratio_changes(),
+                    .substeps = substeps_,
+                    .integration_substep_s = world.integration_substep_s(),
+                    .late_cycles = late_.all(),
+                    .late_by_os = late_.by_os,
+                    .late_by_run = late_.by_run,
+                    .woken_late_s = quantiles(woken_late_),
+                    .machine = machine_,
+                    .step_s = quantiles(step_),
+                    .stages = subworld::stages(stages_.times(), kWorldStages),
+                    .lateness_s = quantiles(lateness_),
+                    .real_time_factor_min = real_time_factor_min_,
+                    .real_time_factor_mean = wall_s_ > 0.0 ? simulated_s_ / wall_s_ : 1.0,
+                    .slowed_s = slowed_s_,
+                    .stuck_s = stuck_s_,
+                    .released_j = world.released_j(),
+                    .contact_slack_j = world.contact_slack_j(),
+                    .asleep_at_end = world.asleep(),
+                    .selections = std::move(selections),
+                    .lost_reports = lost_reports_,
+                    .refused_reports = refused_reports_,
+                    .engine_changes = engine_changes_,
+                    .settle_wall_s = settle_s,
+                    .history_rows_dropped = history_.dropped(),
+                    .trace_events_dropped = trace_.dropped(),
+                    .body_history = bodies_.result()}};
 }
 
 }  // namespace subworld

@@ -1,8 +1,7 @@
 #pragma once
 
 #include "io/history.hpp"
-#include "io/machine_share.hpp"
-#include "io/results.hpp"
+#include "io/program_results.hpp"
 #include "io/trace.hpp"
 #include "rt/histogram.hpp"
 #include "rt/stages.hpp"
@@ -52,7 +51,7 @@ class WorldMeasures {
   /// Around the loop in real time, in its thread.
   void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
   void loop_ends() { machine_.end(); }
-  void engine_changed(const EngineChange& change) { engine_changes_.push_back(to_json(change)); }
+  void engine_changed(const EngineChange& change) { engine_changes_.push_back(change); }
   void lost_report() noexcept { ++lost_reports_; }
   void refused_report() noexcept { ++refused_reports_; }
 
@@ -61,7 +60,7 @@ class WorldMeasures {
     return {world.time_s(), world.stamp(), late_.all(), late_.by_os, step_.sum_s(), 0.0, real_time_factor};
   }
   /// After the last cycle.
-  [[nodiscard]] Json json(const World& world, std::size_t bodies, double settle_s);
+  [[nodiscard]] WorldPart result(const World& world, std::size_t bodies, double settle_s);
   /// Why a history could not be written; empty: all could.
   [[nodiscard]] std::string fault() const { return history_.fault().empty() ? bodies_.fault() : history_.fault(); }
 
@@ -81,7 +80,7 @@ class WorldMeasures {
   double real_time_factor_min_ = 1.0;
   double simulated_s_ = 0.0, wall_s_ = 0.0;  ///< of all cycles
   double slowed_s_ = 0.0, stuck_s_ = 0.0;    ///< wall time with a real-time factor below 1, and below its floor
-  Json engine_changes_ = Json::array();
+  std::vector<EngineChange> engine_changes_;
 };
 
 }  // namespace subworld
