@@ -31,6 +31,10 @@ std::string calibration_text(const RunResults& run) {
 
 namespace {
 
+constexpr Unit kCount{"", 1.0, "1"}, kOfSteps{"% of steps", 100.0, "ratio"}, kMilliseconds{"ms", 1e3, "s"},
+    kJoule{"J", 1.0, "J"}, kMetre{"m", 1.0, "m"}, kNewtonRms{"N RMS", 1.0, "N RMS"};
+constexpr const char* kMissedByTheOs = "missed by the OS";
+
 constexpr double kMissedRatio = 0.001;
 constexpr double kLatenessP99_s = 0.25e-3;
 constexpr double kAtLimitRatio = 0.01;
@@ -51,17 +55,10 @@ struct View {
   [[nodiscard]] const HapticResult& haptic() const { return run.haptic[user]; }
   [[nodiscard]] const DeviceResult& device() const { return run.device[user]; }
   [[nodiscard]] const DeviceSpec& spec() const { return run.scene.users[user].device; }
-  [[nodiscard]] double cycle_s() const { return settings().h_s * run.world.ratio.mean(); }
   /// Of the haptic loop, with the skipped ones.
   [[nodiscard]] double periods() const {
     return std::max(1.0, static_cast<double>(haptic().steps + haptic().skipped_steps));
   }
-};
-
-/// Who missed a gate, and the cure.
-struct Cause {
-  Culprit culprit;
-  std::string why;
 };
 
 /// Late part of the wake-ups of bare loops before the run; 0: not measured.
@@ -126,18 +123,19 @@ Cause by_late_starts(const View& at) {
   return os ? by_late_wake_ups(at) : by_own_steps(at);
 }
 
-Cause by_slow_cycles(const View& at) {
-  const WorldResult& world = at.run.world;
+Cause by_slow_cycles(const RunResults& run) {
+  const WorldResult& world = run.world;
   const auto by_os = static_cast<double>(world.late_by_os), cycles = static_cast<double>(world.cycles);
-  const bool has_own_core = !at.run.placement.world.empty();
+  const double cycle_s = run.scene.settings.h_s * world.ratio.mean();
+  const bool has_own_core = !run.placement.world.empty();
   if (world.late_by_run > world.late_by_os ||
-      delayed_by_the_run(world, by_os, cycles, by_os * at.cycle_s(), !has_own_core, at.run)) {
+      delayed_by_the_run(world, by_os, cycles, by_os * cycle_s, !has_own_core, run)) {
     return {Culprit::run, fmt::format("the world's step takes {:.2f} ms (p99 {:.2f} ms) of cycles of {:.3g} ms; a "
                                       "higher ratio, fewer bodies, or a faster preset or engine",
-                                      1e3 * world.step_s.p50, 1e3 * world.step_s.p99, 1e3 * at.cycle_s())};
+                                      1e3 * world.step_s.p50, 1e3 * world.step_s.p99, 1e3 * cycle_s)};
   }
   return {Culprit::os, fmt::format("the OS woke the world late or pre-empted it in {:.0f} of {} cycles ({}); {}", by_os,
-                                   grouped(world.cycles), load_text(at.run), quiet_cure(world.machine))};
+                                   grouped(world.cycles), load_text(run), quiet_cure(world.machine))};
 }
 
 /// What makes the coupling of a user stable again.
@@ -165,124 +163,88 @@ double most_created_j(const View& at) {
 
 /// Energy that the bodies may gain beyond the operators' work and their own fall: what engines gain and lose in
 /// contacts.
-double most_gained_j(const View& at) {
+double most_gained_j(const RunResults& run) {
   constexpr double kOfTheWork = 0.25, kOfTheFall = 0.05;
   double all_j = 0.0;
-  for (const HapticResult& haptic : at.run.haptic) all_j += work_j(haptic);
-  return at.run.world.contact_slack_j + std::max(kLeastEnergy_j, kOfTheWork * all_j) +
-         kOfTheFall * at.run.world.released_j;
+  for (const HapticResult& haptic : run.haptic) all_j += work_j(haptic);
+  return run.world.contact_slack_j + std::max(kLeastEnergy_j, kOfTheWork * all_j) + kOfTheFall * run.world.released_j;
 }
 
-/// Beside the name of the gate.
-std::string too_short(const View& at) {
+std::string oscillation_name(const RunResults& run) {
   constexpr double kLeast_s = OscillationWatch::kBlock_s * (1.0 + OscillationWatch::kLasting);
-  if (at.run.simulated_s >= kLeast_s) return {};
-  return fmt::format(" (a run of less than {:g} s is too short to detect it)", kLeast_s);
+  if (run.simulated_s >= kLeast_s) return "oscillation of the force";
+  return fmt::format("oscillation of the force (a run of less than {:g} s is too short to detect it)", kLeast_s);
 }
 
-/// Samples of programs that do not belong to the run.
-Cause by_foreign(const char* program) {
+/// A count of samples of programs that do not belong to the run.
+Gate foreign_writer_gate(const char* topic, const char* program, std::uint64_t refused) {
   return {
-      Culprit::foreign_writer,
-      fmt::format("another program published them as {}, and they were refused; end it, or give it another --domain",
-                  program)};
-}
-Cause by_foreign_world(const View&) { return by_foreign("world_sim"); }
-Cause by_foreign_haptic(const View&) { return by_foreign("haptic_sim"); }
-Cause by_foreign_device(const View&) { return by_foreign("device_sim"); }
-
-double none(const View&) { return 0.0; }
-/// As a double.
-double count(std::uint64_t samples) { return static_cast<double>(samples); }
-template <double kBound>
-double fixed(const View&) {
-  return kBound;
+      fmt::format("{} from a foreign writer", topic),
+      kCount,
+      static_cast<double>(refused),
+      0.0,
+      {Culprit::foreign_writer,
+       fmt::format("another program published them as {}, and they were refused; end it, or give it another --domain",
+                   program)}};
 }
 
-constexpr Unit kCount{"", 1.0, "1"}, kOfSteps{"% of steps", 100.0, "ratio"}, kMilliseconds{"ms", 1e3, "s"},
-    kJoule{"J", 1.0, "J"}, kMetre{"m", 1.0, "m"}, kNewtonRms{"N RMS", 1.0, "N RMS"};
-
-/// A gate: where and when it holds, what it is called, its value and bound in SI units, and why it is missed.
+/// Gates of a user, some of which hold only for some devices or modes.
 struct Row {
-  enum class Place : std::uint8_t { first, user, last } place;
-  bool (*when)(const View&);
-  const char* name;
-  Unit unit;
-  double (*value)(const View&);
-  double (*bound)(const View&);
-  Cause (*cause)(const View&);
-  bool at_most = true;
-  std::string (*note)(const View&) = [](const View&) { return std::string(); };
+  bool holds;
+  Gate gate;
 };
-
-bool always(const View&) { return true; }
-bool realtime(const View& at) { return at.run.realtime(); }
-bool admittance(const View& at) { return at.spec().kind == DeviceKind::admittance; }
-
-using enum Row::Place;
-/// Causes before their effects: a verdict gives the first reason.
-const Row kGates[] = {
-    {first, always, "scene from a foreign writer", kCount,
-     [](const View& at) { return count(at.run.world.refused.scene); }, none, by_foreign_world},
-    {first, always, "haptic_report from a foreign writer", kCount,
-     [](const View& at) { return count(at.run.world.refused.haptic_report); }, none, by_foreign_haptic},
-    {first, always, "energy that the bodies gained", kJoule, [](const View& at) { return at.run.energy_excess_j; },
-     most_gained_j,
-     [](const View& at) {
-       return Cause{Culprit::unstable,
-                    at.settings().scheme == "paper"
-                        ? "the operators did not put it in: with late messages the scheme paper creates it; --scheme "
-                          "reduced, or less delay"
-                        : "the operators did not put it in; a smaller --ratio, --preset quality, or another --engine"};
-     }},
-    {user, always, "world_frame from a foreign writer", kCount,
-     [](const View& at) { return count(at.haptic().refused.world_frame); }, none, by_foreign_world},
-    {user, always, "device_state from a foreign writer", kCount,
-     [](const View& at) { return count(at.haptic().refused.device_state); }, none, by_foreign_device},
-    {user, always, "device_command from a foreign writer", kCount,
-     [](const View& at) { return count(at.device().refused.device_command); }, none, by_foreign_haptic},
-    {user, admittance, "distance between proxy and device", kMetre,
-     [](const View& at) { return at.haptic().proxy_apart_max_m; }, farthest_proxy_m,
-     [](const View& at) {
-       return Cause{Culprit::unstable,
-                    fmt::format("the proxy ran away from its device, which moves at most at {:g} m/s; {}",
-                                at.spec().speed_limit_m_s, coupling_cure(at))};
-     }},
-    {user, always, "created energy at the operator", kJoule,
-     [](const View& at) { return at.device().operator_energy.created_j; }, most_created_j,
-     [](const View& at) {
-       return Cause{Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)};
-     }},
-    {user, always, "oscillation of the force", kNewtonRms, [](const View& at) { return at.device().oscillation_n; },
-     [](const View& at) { return kOscillationRatio * at.spec().force_limit_n; },
-     [](const View&) {
-       return Cause{Culprit::unstable,
-                    "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or "
-                    "damping_n_s_m, a smaller --ratio or h_s, or the scheme reduced"};
-     },
-     true, too_short},
-    {user, realtime, "missed by the run", kOfSteps,
-     [](const View& at) { return count(at.haptic().missed_by_run) / at.periods(); }, fixed<kMissedRatio>, by_own_steps},
-    {user, realtime, "missed by the OS", kOfSteps,
-     [](const View& at) { return count(at.haptic().missed_by_os) / at.periods(); }, fixed<kMissedRatio>,
-     by_late_wake_ups},
-    {user, realtime, "lateness p99", kMilliseconds, [](const View& at) { return at.haptic().lateness_s.p99; },
-     fixed<kLatenessP99_s>, by_late_starts},
-    {user, always, "lost frames", kCount, [](const View& at) { return count(at.haptic().lost_frames); }, none,
-     [](const View&) {
-       return Cause{Culprit::run,
-                    "frames of the world were lost on the way; look for a slow network, or for a sub-world that was "
-                    "halted"};
-     }},
-    {user, always, "at the device's limit", kOfSteps, [](const View& at) { return at.haptic().at_limit_ratio; },
-     fixed<kAtLimitRatio>,
-     [](const View&) {
-       return Cause{Culprit::scene,
-                    "the operator feels the limit, not the scene; move the device less far into bodies, lower the "
-                    "coupling's stiffness, or raise the device's force_limit_n"};
-     }},
-    {last, realtime, "world real-time factor", kCount, [](const View& at) { return at.run.world.real_time_factor_min; },
-     fixed<1.0>, by_slow_cycles, false}};
+std::vector<Row> rows_of(const View& at) {
+  const HapticResult& haptic = at.haptic();
+  const DeviceResult& device = at.device();
+  const DeviceSpec& spec = at.spec();
+  const bool realtime = at.run.realtime(), admittance = spec.kind == DeviceKind::admittance;
+  return {{true, foreign_writer_gate("world_frame", "world_sim", haptic.refused.world_frame)},
+          {true, foreign_writer_gate("device_state", "device_sim", haptic.refused.device_state)},
+          {true, foreign_writer_gate("device_command", "haptic_sim", device.refused.device_command)},
+          {admittance,
+           {"distance between proxy and device",
+            kMetre,
+            haptic.proxy_apart_max_m,
+            farthest_proxy_m(at),
+            {Culprit::unstable, fmt::format("the proxy ran away from its device, which moves at most at {:g} m/s; {}",
+                                            spec.speed_limit_m_s, coupling_cure(at))}}},
+          {true,
+           {"created energy at the operator",
+            kJoule,
+            device.operator_energy.created_j,
+            most_created_j(at),
+            {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}}},
+          {true,
+           {oscillation_name(at.run),
+            kNewtonRms,
+            device.oscillation_n,
+            kOscillationRatio * spec.force_limit_n,
+            {Culprit::unstable,
+             "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or damping_n_s_m, a "
+             "smaller --ratio or h_s, or the scheme reduced"}}},
+          {realtime,
+           {"missed by the run", kOfSteps, static_cast<double>(haptic.missed_by_run) / at.periods(), kMissedRatio,
+            by_own_steps(at)}},
+          {realtime,
+           {kMissedByTheOs, kOfSteps, static_cast<double>(haptic.missed_by_os) / at.periods(), kMissedRatio,
+            by_late_wake_ups(at)}},
+          {realtime, {"lateness p99", kMilliseconds, haptic.lateness_s.p99, kLatenessP99_s, by_late_starts(at)}},
+          {true,
+           {"lost frames",
+            kCount,
+            static_cast<double>(haptic.lost_frames),
+            0.0,
+            {Culprit::run,
+             "frames of the world were lost on the way; look for a slow network, or for a sub-world that was halted"}}},
+          {true,
+           {"at the device's limit",
+            kOfSteps,
+            haptic.at_limit_ratio,
+            kAtLimitRatio,
+            {Culprit::scene,
+             "the operator feels the limit, not the scene; move the device less far into bodies, lower the coupling's "
+             "stiffness, or raise the device's force_limit_n"}}}};
+}
 
 /// "0.31 ms"
 std::string with_unit(double value, const Unit& unit) {
@@ -302,7 +264,8 @@ std::string os_remark(const RunResults& run) {
   if (!run.realtime() || delayed == 0) return {};
   const std::string bare = calibration_text(run);
   return fmt::format("; the OS delayed {} of {} steps past their deadline ({:.2g} %){}{}", grouped(delayed),
-                     grouped(periods), 100.0 * count(delayed) / count(periods), bare.empty() ? "" : "; ", bare);
+                     grouped(periods), 100.0 * static_cast<double>(delayed) / static_cast<double>(periods),
+                     bare.empty() ? "" : "; ", bare);
 }
 
 }  // namespace
@@ -311,10 +274,10 @@ std::string Gate::line() const {
   const std::string held = fmt::format("{} {} {}", figure(*this), at_most ? "<=" : ">=", with_unit(bound, unit));
   if (ok()) return held + ": ok";
   return fmt::format("{}: {}{}{}", held,
-                     spoils_verdict()         ? "MISSED"
-                     : culprit == Culprit::os ? "remark"
-                                              : "warning",
-                     why.empty() ? "" : ": ", why);
+                     spoils_verdict()               ? "MISSED"
+                     : cause.culprit == Culprit::os ? "remark"
+                                                    : "warning",
+                     cause.why.empty() ? "" : ": ", cause.why);
 }
 
 void to_json(Json& json, const Gate& gate) {
@@ -327,28 +290,33 @@ void to_json(Json& json, const Gate& gate) {
           {"ok", gate.ok()},
           {"warning", !gate.ok() && !gate.spoils_verdict()}};
   if (!gate.ok()) {
-    json["missed_by"] = kCulprits[static_cast<std::size_t>(gate.culprit)];
-    json["why"] = gate.why;
+    json["missed_by"] = kCulprits[static_cast<std::size_t>(gate.cause.culprit)];
+    json["why"] = gate.cause.why;
   }
 }
 
 std::vector<Gate> gates(const RunResults& run) {
-  std::vector<Gate> all;
-  const auto add = [&](Row::Place place, const View& at) {
-    for (const Row& row : kGates) {
-      if (row.place != place || !row.when(at)) continue;
-      const std::string who = place == user ? fmt::format("user {}: ", at.user) : "";
-      Gate& gate =
-          all.emplace_back(Gate{who + row.name + row.note(at), row.value(at), row.bound(at), row.at_most, row.unit});
-      if (gate.ok()) continue;
-      const Cause cause = row.cause(at);
-      gate.culprit = cause.culprit;
-      gate.why = cause.why;
+  const WorldResult& world = run.world;
+  std::vector<Gate> all{
+      foreign_writer_gate("scene", "world_sim", world.refused.scene),
+      foreign_writer_gate("haptic_report", "haptic_sim", world.refused.haptic_report),
+      {"energy that the bodies gained",
+       kJoule,
+       run.energy_excess_j,
+       most_gained_j(run),
+       {Culprit::unstable,
+        run.scene.settings.scheme == "paper"
+            ? "the operators did not put it in: with late messages the scheme paper creates it; --scheme reduced, or "
+              "less delay"
+            : "the operators did not put it in; a smaller --ratio, --preset quality, or another --engine"}}};
+  for (std::size_t u = 0; u < run.haptic.size(); ++u) {
+    for (Row& row : rows_of({run, u})) {
+      row.gate.name = fmt::format("user {}: {}", u, row.gate.name);
+      if (row.holds) all.push_back(std::move(row.gate));
     }
-  };
-  add(first, {run});
-  for (std::size_t u = 0; u < run.haptic.size(); ++u) add(user, {run, u});
-  add(last, {run});
+  }
+  if (run.realtime())
+    all.push_back({"world real-time factor", kCount, world.real_time_factor_min, 1.0, by_slow_cycles(run), false});
   return all;
 }
 
@@ -356,19 +324,19 @@ std::string verdict_of(const std::vector<Gate>& gates, const RunResults& run) {
   std::string unstable, foreign, missed;
   for (const Gate& gate : gates) {
     if (!gate.spoils_verdict()) continue;
-    std::string& reason = gate.culprit == Culprit::unstable         ? unstable
-                          : gate.culprit == Culprit::foreign_writer ? foreign
-                                                                    : missed;
-    if (reason.empty()) reason = fmt::format("{}: {}", figure(gate), gate.why);
+    std::string& reason = gate.cause.culprit == Culprit::unstable         ? unstable
+                          : gate.cause.culprit == Culprit::foreign_writer ? foreign
+                                                                          : missed;
+    if (reason.empty()) reason = fmt::format("{}: {}", figure(gate), gate.cause.why);
   }
   // One reason is enough; `gates` has all of them. A foreign writer may be the cause of any other.
   if (!unstable.empty()) return "unstable: " + unstable + (foreign.empty() ? "" : "; also " + foreign);
   if (!foreign.empty() || !missed.empty()) return "quality gate missed: " + (foreign.empty() ? missed : foreign);
   std::string text = "ok" + os_remark(run);
   for (const Gate& gate : gates) {
-    const bool said = gate.name.ends_with("missed by the OS");
+    const bool said = gate.name.ends_with(kMissedByTheOs);
     if (!gate.ok() && !said)
-      text += fmt::format("; {}{}", figure(gate), gate.culprit == Culprit::os ? ", by the OS" : "");
+      text += fmt::format("; {}{}", figure(gate), gate.cause.culprit == Culprit::os ? ", by the OS" : "");
   }
   return text;
 }

@@ -21,23 +21,28 @@ struct Unit {
   const char* si;    ///< in the summary
 };
 
-/// One measured quantity against its bound.
+/// Who misses a gate, why, and the cure.
+struct Cause {
+  Culprit culprit = Culprit::run;
+  std::string why;
+};
+
+/// One measured quantity against its bound, both in SI units.
 struct Gate {
   std::string name;
+  Unit unit;
   double value = 0.0;
   double bound = 0.0;
+  Cause cause;  ///< where it is missed
   bool at_most = true;
-  Unit unit{"", 1.0, "1"};
-  Culprit culprit = Culprit::run;
-  std::string why = {};  ///< the reason and the cure, where the gate is missed
 
   [[nodiscard]] bool ok() const noexcept { return at_most ? value <= bound : value >= bound; }
   /// A gate that the scene or the OS missed is a warning or a remark.
   [[nodiscard]] bool spoils_verdict() const noexcept {
-    return !ok() && culprit != Culprit::scene && culprit != Culprit::os;
+    return !ok() && cause.culprit != Culprit::scene && cause.culprit != Culprit::os;
   }
   /// For --strict, which counts the OS too.
-  [[nodiscard]] bool counts_strictly() const noexcept { return !ok() && culprit != Culprit::scene; }
+  [[nodiscard]] bool counts_strictly() const noexcept { return !ok() && cause.culprit != Culprit::scene; }
   [[nodiscard]] std::string line() const;
 };
 void to_json(Json& json, const Gate& gate);

@@ -64,7 +64,7 @@ Culprit culprit_of(const RunResults& run, const std::string& gate) {
   const auto found = std::ranges::find(all, gate, &Gate::name);
   EXPECT_NE(found, all.end()) << gate;
   EXPECT_FALSE(found->ok());
-  return found->culprit;
+  return found->cause.culprit;
 }
 
 std::string verdict(const RunResults& run) { return verdict_of(gates(run), run); }
