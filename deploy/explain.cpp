@@ -1,32 +1,18 @@
 #include "explain.hpp"
 
+#include "io/command_line.hpp"
 #include "summary.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 
 namespace subworld {
 
 namespace {
 
-constexpr std::size_t kWidth = 100;  ///< characters of a line
-
-/// In indented lines of at most kWidth characters.
-std::string paragraph(const std::string& text) {
-  std::istringstream words(text);
-  std::string lines, line = " ";
-  for (std::string word; words >> word;) {
-    if (line.size() + 1 + word.size() > kWidth) {
-      lines += line + "\n";
-      line.assign(1, ' ');
-    }
-    line += " " + word;
-  }
-  return lines + line + "\n";
-}
+std::string paragraph(const std::string& text) { return folded(text, 98, "  ") + "\n"; }
 
 std::string rate_text(double hz) { return grouped(static_cast<std::uint64_t>(std::llround(hz))) + " Hz"; }
 

@@ -22,20 +22,15 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
-#include <chrono>
-#include <csignal>
 #include <cstdlib>
-#include <cstring>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <optional>
 #include <regex>
-#include <thread>
 #include <vector>
 
 namespace subworld {
@@ -172,7 +167,12 @@ Calibration measure_machine(const Settings& settings) {
   std::fflush(stdout);
   const int cores = std::max(1, static_cast<int>(allowed_cores().size()));
   const Calibration found = calibrate(std::min(settings.users, cores), settings.h_s, duration_s);
-  fmt::print("subworld: {}\n", to_text(found));
+  const Histogram& late = found.lateness;
+  fmt::print(
+      "subworld: this machine wakes {} at {:.0f} Hz p99 {:.3f} ms late, at most {:.3f} ms, {} of {} times later than a "
+      "period\n",
+      found.loops == 1 ? "a bare loop" : fmt::format("{} bare loops", found.loops), 1.0 / found.period_s,
+      1e3 * late.quantile_s(0.99), 1e3 * late.max_s(), late.count_above(found.period_s), late.count());
   if (!found.granted.fifo || !found.granted.memory_locked) {
     fmt::print("subworld: warning: without all real-time rights deadlines may be missed: {}\n", found.granted.text);
   }
@@ -330,7 +330,6 @@ int run(const RunRequest& request) {
   run.scene = load_scene(options);
   const Settings& settings = run.scene.settings;
   check_request(run.scene, request);
-  warn_of_limits(run.scene);
   FileLock folder, domain_lock;
   claim_folder(options.out, run.scene.name, folder);
   if (!options.trace.empty()) {

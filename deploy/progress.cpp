@@ -18,9 +18,9 @@ constexpr int kCallsPerLine = 50;  ///< where lines are not rewritten
 constexpr double kSlow = 0.9;      ///< real-time factor below which the remaining time is shown
 
 std::string starting_line(const Status& world, std::size_t bodies) {
-  if (world.state == "loading") return fmt::format("creating {} bodies: {:.0f} %", bodies, 100.0 * world.done_ratio);
-  if (world.state == "settling") return fmt::format("settling {} bodies: {:.0f} %", bodies, 100.0 * world.done_ratio);
-  return world.state;
+  if (world.state != "loading" && world.state != "settling") return world.state;
+  return fmt::format("{} {} bodies: {:.0f} %", world.state == "loading" ? "creating" : "settling", bodies,
+                     100.0 * world.done_ratio);
 }
 
 }  // namespace

@@ -222,15 +222,6 @@ void to_json(Json& json, const RunResults& run) {
   put(json, "display", run.display);
 }
 
-std::string to_text(const Calibration& calibration) {
-  const Histogram& late = calibration.lateness;
-  return fmt::format(
-      "this machine wakes {} at {:.0f} Hz p99 {:.3f} ms late, at most {:.3f} ms, {} of {} times later than a period",
-      calibration.loops == 1 ? "a bare loop" : fmt::format("{} bare loops", calibration.loops),
-      1.0 / calibration.period_s, 1e3 * late.quantile_s(0.99), 1e3 * late.max_s(),
-      late.count_above(calibration.period_s), late.count());
-}
-
 void print_summary(const RunResults& run) {
   const Settings& s = run.scene.settings;
   fmt::print("{} {}: {} bodies, {} user{}, scheme {}, {}, {}\n", run.scene.name,

@@ -56,7 +56,4 @@ void to_json(Json& json, const RunResults& run);
 /// Prints the run in a few lines.
 void print_summary(const RunResults& run);
 
-/// How late the machine wakes bare loops, on one line.
-[[nodiscard]] std::string to_text(const Calibration& calibration);
-
 }  // namespace subworld

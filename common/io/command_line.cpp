@@ -18,6 +18,18 @@
 
 namespace subworld {
 
+std::string folded(const std::string& text, std::size_t width, const std::string& indent) {
+  std::istringstream words(text);
+  std::string lines = indent;
+  std::size_t used = 0;
+  for (std::string word; words >> word; used += word.size() + 1) {
+    const bool next_line = used > 0 && used + word.size() > width;
+    if (next_line) used = 0;
+    lines += (next_line ? "\n" + indent : used > 0 ? " " : "") + word;
+  }
+  return lines;
+}
+
 namespace {
 
 constexpr std::size_t kHelpWidth = 72;  ///< characters of a description's line
@@ -46,19 +58,6 @@ template <class T>
 constexpr bool kIsList = std::is_same_v<T, std::vector<ContentOf<T>>>;
 template <class T>
 constexpr bool kIsText = std::is_same_v<ContentOf<T>, std::string>;
-
-/// In lines of at most kHelpWidth characters.
-std::string folded(const std::string& text) {
-  std::istringstream words(text);
-  std::string lines;
-  std::size_t width = 0;
-  for (std::string word; words >> word; width += word.size() + 1) {
-    const bool next_line = width + word.size() > kHelpWidth;
-    if (next_line) width = 0;
-    lines += (lines.empty() ? "" : next_line ? "\n" : " ") + word;
-  }
-  return lines;
-}
 
 std::string with_unit(const std::string& text, const std::string& unit) {
   return unit.empty() || unit == kPartUnit ? text : text + " " + unit;
@@ -181,7 +180,7 @@ std::string description(const Option::Data& data) {
   if (!data.preset.empty() && !data.required) facts.push_back("default: " + data.preset);
   if (!data.variable.empty()) facts.push_back("environment: " + data.variable);
   if (data.needed) facts.push_back("needs " + data.needed->name);
-  return folded(facts.empty() ? data.what : fmt::format("{} ({})", data.what, fmt::join(facts, "; ")));
+  return folded(facts.empty() ? data.what : fmt::format("{} ({})", data.what, fmt::join(facts, "; ")), kHelpWidth);
 }
 
 /// The default that the target holds, in words; empty: it holds none.
@@ -275,7 +274,7 @@ Option CommandLine::add(const std::string& name, OptionTarget target, const std:
 Option CommandLine::flag(const std::string& name, bool& target, const std::string& what) {
   auto data = std::make_shared<Option::Data>();
   data->name = name;
-  data->option = impl_->app->add_flag(name, target, folded(what));
+  data->option = impl_->app->add_flag(name, target, folded(what, kHelpWidth));
   impl_->options.push_back(data);
   return Option(data);
 }

@@ -16,6 +16,9 @@ class Option;
 
 namespace subworld {
 
+/// The words of a text in lines of at most `width` characters, each after `indent`.
+[[nodiscard]] std::string folded(const std::string& text, std::size_t width, const std::string& indent = "");
+
 /// What an option sets. A vector takes a list, separated by commas; as a positional argument also by spaces.
 using OptionTarget =
     std::variant<std::string*, std::optional<std::string>*, double*, std::optional<double>*, int*, std::optional<int>*,
@@ -49,10 +52,8 @@ class Option {
   /// Both ends belong to it; a value outside is refused with the likely slip of its unit ("s", "m", ...).
   Option& range(double least, double most, const std::string& unit = "") {
     data_->limits = {.least = least, .most = most};
-    return this->unit(unit);
+    return set(data_->unit, unit);
   }
-  /// Shows the unit of a value whose range is checked elsewhere.
-  Option& unit(const std::string& unit) { return set(data_->unit, unit); }
   Option& one_of(const std::vector<std::string>& words) { return set(data_->words, words); }
   /// `fault` gives what is wrong with a text, and the cure; empty: nothing.
   Option& check(std::function<std::string(const std::string&)> fault) { return set(data_->fault, std::move(fault)); }

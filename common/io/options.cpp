@@ -184,31 +184,6 @@ void add_tuning(CommandLine& line, const char* program, Options& o) {
 
 }  // namespace
 
-Parsed parse_options(Program program, int argc, const char* const* argv) {
-  const About& me = about(program);
-  Parsed parsed;
-  Options& o = parsed.options;
-  CommandLine line(me.name, me.what);
-  line.footer(me.examples);
-  add_run_options(line, o);
-  add_dds(line, o.network.dds, {"fastdds", "cyclonedds"});
-  add_domain(line, o.network.domain);
-  if (program == Program::haptic_sim || program == Program::device_sim)
-    line.add("--user", &o.user, "the scene's user that it serves, from 0").range(0, 63);
-  if (program != Program::gui_headless) add_trace_option(line, o);
-  add_tuning(line, me.name, o);
-  if (program == Program::world_sim) {
-    add_bodies_options(line, o);
-    line.flag("--await-display", o.await_display, "start only when a display is there, so that it misses nothing");
-  }
-  if (program == Program::gui_headless) {
-    line.add("--picture-every", &o.picture_every_s, "a picture also each so many simulated seconds; 0: only the last")
-        .range(0.0, 1e6, "s");
-  }
-  parsed.exit_code = line.parse(argc, argv);
-  return parsed;
-}
-
 Scene load_scene(const Options& o) {
   Scene scene = load_scene(scene_file(o.scene));
   Settings& s = scene.settings;
@@ -285,17 +260,35 @@ int guarded(const char* program, const std::function<int()>& body) noexcept {
 
 int run_program(Program program, int argc, const char* const* argv,
                 const std::function<void(const Options&, const Scene&)>& body) noexcept {
-  return guarded(about(program).name, [&] {
-    const Parsed parsed = parse_options(program, argc, argv);
-    if (parsed.exit_code) return *parsed.exit_code;
+  const About& me = about(program);
+  return guarded(me.name, [&] {
+    Options o;
+    CommandLine line(me.name, me.what);
+    line.footer(me.examples);
+    add_run_options(line, o);
+    add_dds(line, o.network.dds, {"fastdds", "cyclonedds"});
+    add_domain(line, o.network.domain);
+    if (program == Program::haptic_sim || program == Program::device_sim)
+      line.add("--user", &o.user, "the scene's user that it serves, from 0").range(0, 63);
+    if (program != Program::gui_headless) add_trace_option(line, o);
+    add_tuning(line, me.name, o);
+    if (program == Program::world_sim) {
+      add_bodies_options(line, o);
+      line.flag("--await-display", o.await_display, "start only when a display is there, so that it misses nothing");
+    }
+    if (program == Program::gui_headless) {
+      line.add("--picture-every", &o.picture_every_s, "a picture also each so many simulated seconds; 0: only the last")
+          .range(0.0, 1e6, "s");
+    }
+    if (const auto code = line.parse(argc, argv)) return *code;
     end_at_stop_signals();
-    if (const std::vector<int>& cores = parsed.options.cores; !cores.empty() && !keep_to_cores(cores))
+    if (!o.cores.empty() && !keep_to_cores(o.cores))
       throw Error(ExitCode::usage, fmt::format("--core {}: this machine does not have it, or not for this program",
-                                               fmt::join(cores, ",")));
+                                               fmt::join(o.cores, ",")));
     std::setvbuf(stdout, nullptr, _IOLBF, 0);  // a log is complete, however the program ends
-    const Scene scene = load_scene(parsed.options);
-    if (!parsed.options.out.empty()) make_folder(parsed.options.out);
-    body(parsed.options, scene);
+    const Scene scene = load_scene(o);
+    if (!o.out.empty()) make_folder(o.out);
+    body(o, scene);
     return static_cast<int>(ExitCode::done);
   });
 }

@@ -46,14 +46,6 @@ struct Options {
   bool await_display = false;            ///< world_sim: starts when a display is there
 };
 
-struct Parsed {
-  Options options;
-  std::optional<int> exit_code;  ///< set where nothing is left to do (`--help`)
-};
-
-/// Reads the command line of a program. Throws `Error` (usage) with the flag and the cure.
-[[nodiscard]] Parsed parse_options(Program program, int argc, const char* const* argv);
-
 /// Loads the scene and lets the options override its settings; afterwards `settings.users` counts the users that take
 /// part. Throws `Error` (usage).
 [[nodiscard]] Scene load_scene(const Options& options);
