@@ -92,16 +92,14 @@ class Answers {
       names.push_back(label_of(asked_, instance) + (said.empty() ? "" : fmt::format(" (so far: \"{}\")", said)));
     }
     if (said_.size() < expected_) {
-      names.push_back(fmt::format("{} {} that did not answer", expected_ - said_.size(), program(asked_)));
+      names.push_back(fmt::format("{} {} that did not answer", expected_ - said_.size(),
+                                  of_sub_worlds() ? "haptic_sim" : "world_sim"));
     }
     return fmt::format("{}", fmt::join(names, " and "));
   }
 
  private:
   [[nodiscard]] static bool done(const std::string& said) { return !said.empty() && !said.starts_with(kPreparing); }
-  [[nodiscard]] static std::string program(ProgramKind kind) {
-    return kind == ProgramKind::world_sim ? "world_sim" : "haptic_sim";
-  }
   std::uint32_t order_;
   ProgramKind asked_;
   std::uint32_t expected_;

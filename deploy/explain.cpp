@@ -1,81 +1,60 @@
 #include "explain.hpp"
 
-#include "gates.hpp"
+#include "io/command_line.hpp"
+#include "summary.hpp"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
-#include <sstream>
 
 namespace subworld {
 
 namespace {
 
-constexpr std::size_t kWidth = 100;  ///< characters of a line
-
-/// In indented lines of at most kWidth characters.
-std::string paragraph(const std::string& text) {
-  std::istringstream words(text);
-  std::string lines, line = " ";
-  for (std::string word; words >> word;) {
-    if (line.size() + 1 + word.size() > kWidth) {
-      lines += line + "\n";
-      line.assign(1, ' ');
-    }
-    line += " " + word;
-  }
-  return lines + line + "\n";
-}
+std::string paragraph(const std::string& text) { return folded(text, 98, "  ") + "\n"; }
 
 std::string rate_text(double hz) { return grouped(static_cast<std::uint64_t>(std::llround(hz))) + " Hz"; }
 
-std::string scene_text(const Json& summary) {
-  const Json& world = summary["world"];
-  const bool realtime = summary["mode"] == "realtime";
-  const int users = summary["users"];
-  const double h_s = summary["h_s"].get<double>();
+std::string scene_text(const RunResults& run) {
+  const Settings& settings = run.scene.settings;
+  const int users = settings.users;
   return fmt::format(
       "A world of {} bodies, the scene \"{}\", was simulated for {:.3g} s{}. {} touched it with {} haptic device{}. "
       "The "
       "whole world was simulated in {} cycles a second; for each user, the bodies near the tool were simulated a "
-      "second "
-      "time, at {}.",
-      grouped(world["bodies"].get<std::uint64_t>()), summary["scene"].get<std::string>(),
-      summary["simulated_s"].get<double>(),
-      realtime ? " in real time" : fmt::format(" in lock-step, in {:.1f} s", summary["wall_s"].get<double>()),
+      "second time, at {}.",
+      grouped(run.world.bodies), run.scene.name, run.simulated_s,
+      run.realtime() ? " in real time" : fmt::format(" in lock-step, in {:.1f} s", run.wall_s),
       users == 1 ? "An emulated operator" : fmt::format("{} emulated operators", users), users == 1 ? "a" : "one",
-      users == 1 ? "" : " each", std::lround(1.0 / (h_s * world["ratio"]["mean"].get<double>())), rate_text(1.0 / h_s));
+      users == 1 ? "" : " each", std::lround(1.0 / (settings.h_s * run.world.ratio.mean())),
+      rate_text(1.0 / settings.h_s));
 }
 
-std::string user_text(const Json& summary, const Json& haptic) {
+std::string user_text(const RunResults& run, const HapticResult& haptic) {
   std::string text = fmt::format(
       "{} felt {:.1f} N (RMS), at most {:.1f} N. {:.0f} bodies were near the tool on average, at most {:.0f}.",
-      summary["users"] == 1 ? "The operator" : fmt::format("Operator {}", haptic["user"].get<int>()),
-      haptic["force_rms_n"].get<double>(), haptic["force_max_n"].get<double>(), haptic["members"]["mean"].get<double>(),
-      haptic["members"]["max"].get<double>());
-  if (summary["mode"] != "realtime") return text;
-  const auto steps = haptic["steps"].get<std::uint64_t>() + haptic["skipped_steps"].get<std::uint64_t>();
-  const auto by_run = haptic["missed_by_run"].get<std::uint64_t>(), by_os = haptic["missed_by_os"].get<std::uint64_t>();
-  if (by_run + by_os == 0) return text + fmt::format(" All of its {} forces left in time.", grouped(steps));
+      run.haptic.size() == 1 ? "The operator" : fmt::format("Operator {}", haptic.user), haptic.force_rms_n,
+      haptic.force_max_n, haptic.members.mean(), haptic.members.max);
+  if (!run.realtime()) return text;
+  const std::uint64_t steps = haptic.steps + haptic.skipped_steps, late = haptic.missed_by_run + haptic.missed_by_os;
+  if (late == 0) return text + fmt::format(" All of its {} forces left in time.", grouped(steps));
   return text + fmt::format(
                     " Of its {} forces, {} left in time ({:.4g} %). Of the others, the operating system delayed "
                     "{}, the simulation {}.",
-                    grouped(steps), grouped(steps - std::min(steps, by_run + by_os)),
-                    100.0 - 100.0 * static_cast<double>(by_run + by_os) / static_cast<double>(steps), grouped(by_os),
-                    grouped(by_run));
-}
-
-std::string verdict_text(const std::string& verdict) {
-  if (verdict.starts_with("ok")) return "All quality gates of the run itself were met.";
-  return "The verdict above is not \"ok\"; it names the cause and the cure.";
+                    grouped(steps), grouped(steps - std::min(steps, late)),
+                    100.0 - 100.0 * static_cast<double>(late) / static_cast<double>(steps),
+                    grouped(haptic.missed_by_os), grouped(haptic.missed_by_run));
 }
 
 }  // namespace
 
-std::string explanation(const Json& summary, const std::string& folder, bool pictured, const std::string& command) {
-  std::string text = "\nWhat happened\n" + paragraph(scene_text(summary));
-  for (const Json& haptic : summary["haptic"]) text += paragraph(user_text(summary, haptic));
-  text += paragraph(verdict_text(summary["verdict"].get<std::string>()));
+std::string explanation(const RunResults& run, const std::string& folder, bool pictured, const std::string& command) {
+  std::string text = "\nWhat happened\n" + paragraph(scene_text(run));
+  for (const HapticResult& haptic : run.haptic) text += paragraph(user_text(run, haptic));
+  text +=
+      paragraph(run.verdict.starts_with("ok") ? "All quality gates of the run itself were met."
+                                              : "The verdict above is not \"ok\"; it names the cause and the cure.");
   text += "\nWhat to look at\n";
   const auto file = [&](const char* name, const char* what) {
     text += fmt::format("  {}/{}\n      {}\n", folder, name, what);

@@ -9,28 +9,23 @@
 
 namespace subworld {
 
+FileLock::~FileLock() {
+  if (file_ >= 0) close(file_);
+}
+
 bool FileLock::take(const std::string& name) {
-  release();
   const auto path = std::filesystem::temp_directory_path() / (name + ".lock");
-  const int file = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-  if (file < 0) return false;
-  if (flock(file, LOCK_EX | LOCK_NB) != 0) {
-    close(file);
-    return false;
-  }
-  file_ = file;
-  return true;
+  return lock(path.c_str(), O_RDWR | O_CREAT) == 0;
 }
 
 bool FileLock::take_folder(const std::string& folder) {
-  release();
-  file_ = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  return file_ < 0 || flock(file_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;
+  return lock(folder.c_str(), O_RDONLY | O_DIRECTORY) != EWOULDBLOCK;
 }
 
-void FileLock::release() noexcept {
+int FileLock::lock(const char* path, int flags) {
   if (file_ >= 0) close(file_);
-  file_ = -1;
+  file_ = open(path, flags | O_CLOEXEC, 0666);
+  return file_ >= 0 && flock(file_, LOCK_EX | LOCK_NB) == 0 ? 0 : errno;
 }
 
 }  // namespace subworld

@@ -8,7 +8,7 @@ namespace subworld {
 class FileLock {
  public:
   FileLock() = default;
-  ~FileLock() { release(); }
+  ~FileLock();
   FileLock(const FileLock&) = delete;
   FileLock& operator=(const FileLock&) = delete;
 
@@ -16,9 +16,10 @@ class FileLock {
   bool take(const std::string& name);
   /// False where another run holds this folder. A file system without locks refuses none.
   bool take_folder(const std::string& folder);
-  void release() noexcept;
 
  private:
+  /// 0, or the error number.
+  int lock(const char* path, int flags);
   int file_ = -1;
 };
 

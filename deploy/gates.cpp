@@ -1,6 +1,8 @@
 #include "gates.hpp"
 
 #include "coupling/oscillation.hpp"
+#include "coupling/plan.hpp"
+#include "summary.hpp"
 
 #include <fmt/format.h>
 
@@ -10,30 +12,28 @@
 
 namespace subworld {
 
-double milliseconds(const Json& seconds) { return 1e3 * seconds.get<double>(); }
-
 std::string grouped(std::uint64_t count) {
   std::string digits = std::to_string(count);
   for (std::size_t at = digits.size(); at > 3; at -= 3) digits.insert(at - 3, 1, ',');
   return digits;
 }
 
-std::string load_text(const Json& summary) {
-  const Json& load = summary["machine_load"];
-  return fmt::format("of {} cores the run used {:.2f}, other programs {:.2f}, the hypervisor {:.2f}",
-                     summary["machine"]["cores"].get<int>(), load["own_cores"].get<double>(),
-                     load["other_cores"].get<double>(), load["stolen_cores"].get<double>());
+std::string load_text(const RunResults& run) {
+  return fmt::format("of {} cores the run used {:.2f}, other programs {:.2f}, the hypervisor {:.2f}", run.cores,
+                     run.load.own, run.load.other, run.load.stolen);
 }
 
-std::string calibration_text(const Json& summary) {
-  if (!summary.contains("calibration")) return {};
-  const Json& calibration = summary["calibration"];
-  return fmt::format("bare loops on this machine: {} of {} wake-ups late",
-                     grouped(calibration["late"].get<std::uint64_t>()),
-                     grouped(calibration["wake_ups"].get<std::uint64_t>()));
+std::string calibration_text(const RunResults& run) {
+  if (!run.calibration) return {};
+  return fmt::format("bare loops on this machine: {} of {} wake-ups late", grouped(run.calibration->late),
+                     grouped(run.calibration->wake_ups));
 }
 
 namespace {
+
+constexpr Unit kCount{"", 1.0, "1"}, kOfSteps{"% of steps", 100.0, "ratio"}, kMilliseconds{"ms", 1e3, "s"},
+    kJoule{"J", 1.0, "J"}, kMetre{"m", 1.0, "m"}, kNewtonRms{"N RMS", 1.0, "N RMS"};
+constexpr const char* kMissedByTheOs = "missed by the OS";
 
 constexpr double kMissedRatio = 0.001;
 constexpr double kLatenessP99_s = 0.25e-3;
@@ -46,11 +46,25 @@ constexpr double kOscillationRatio = 0.05;  ///< of the device's force limit
 constexpr double kFullCores = 0.8;   ///< part of the cores; above it the programs of the run delay each other
 constexpr double kQuietCores = 0.1;  ///< cores that other programs and the hypervisor use on a quiet machine
 
+/// What a gate looks at: the run, and one of its users.
+struct View {
+  const RunResults& run;
+  std::size_t user = 0;
+
+  [[nodiscard]] const Settings& settings() const { return run.scene.settings; }
+  [[nodiscard]] const HapticResult& haptic() const { return run.haptic[user]; }
+  [[nodiscard]] const DeviceResult& device() const { return run.device[user]; }
+  [[nodiscard]] const DeviceSpec& spec() const { return run.scene.users[user].device; }
+  /// Of the haptic loop, with the skipped ones.
+  [[nodiscard]] double periods() const {
+    return std::max(1.0, static_cast<double>(haptic().steps + haptic().skipped_steps));
+  }
+};
+
 /// Late part of the wake-ups of bare loops before the run; 0: not measured.
-double late_bare_ratio(const Json& summary) {
-  if (!summary.contains("calibration")) return 0.0;
-  const Json& calibration = summary["calibration"];
-  return calibration["late"].get<double>() / std::max(1.0, calibration["wake_ups"].get<double>());
+double late_bare_ratio(const RunResults& run) {
+  if (!run.calibration) return 0.0;
+  return static_cast<double>(run.calibration->late) / std::max(1.0, static_cast<double>(run.calibration->wake_ups));
 }
 
 /// Whether other loops of the run, more than the OS, delayed this loop in `delayed` of its `steps`, by `lost_s` in all.
@@ -60,324 +74,269 @@ double late_bare_ratio(const Json& summary) {
 ///  * the loop waited longer for a core than it lost, typical wake-ups not counted;
 ///  * a program of the run could take that core: a rival of at least the loop's priority, or, for a loop without
 ///    real-time priority on cores that the run fills, any.
-bool delayed_by_the_run(const Json& loop, double delayed, double steps, double lost_s, bool has_rivals,
-                        const Json& summary) {
-  const Json& load = summary["machine_load"];
-  const bool quiet = load["other_cores"].get<double>() + load["stolen_cores"].get<double>() < kQuietCores;
-  if (!quiet || delayed <= late_bare_ratio(summary) * steps) return false;
-  const double queued_s =
-      loop["machine"]["run_queue_delay_s"].get<double>() - steps * loop["woken_late_s"]["p50"].get<double>();
-  const bool full = load["own_cores"] > kFullCores * summary["machine"]["cores"].get<double>();
-  return queued_s > lost_s && (has_rivals || (full && !loop["machine"]["fifo"].get<bool>()));
+template <class Loop>
+bool delayed_by_the_run(const Loop& loop, double delayed, double steps, double lost_s, bool has_rivals,
+                        const RunResults& run) {
+  const bool quiet = run.load.other + run.load.stolen < kQuietCores;
+  if (!quiet || delayed <= late_bare_ratio(run) * steps) return false;
+  const double queued_s = loop.machine.run_queue_delay_s - steps * loop.woken_late_s.p50;
+  const bool full = run.load.own > kFullCores * run.cores;
+  return queued_s > lost_s && (has_rivals || (full && !loop.machine.fifo));
 }
 
 /// Why a loop's own steps miss deadlines.
-std::string why_the_run_missed(const Json& haptic, double h_s) {
-  const double by_run = haptic["missed_by_run"].get<double>();
-  if (haptic["missed_waiting"].get<double>() > 0.5 * by_run) {
-    return "steps slept or waited for a lock, most likely in the middleware; look for a slow network, or try the other "
-           "--dds";
+Cause by_own_steps(const View& at) {
+  const HapticResult& haptic = at.haptic();
+  if (static_cast<double>(haptic.missed_waiting) > 0.5 * static_cast<double>(haptic.missed_by_run)) {
+    return {Culprit::run,
+            "steps slept or waited for a lock, most likely in the middleware; look for a slow network, or try the "
+            "other --dds"};
   }
-  return fmt::format(
-      "steps take {:.2f} ms (p99 {:.2f} ms) of {:g} ms; a lower budget_ratio or a smaller box_half_m, a faster preset "
-      "or engine, or a longer h_s",
-      milliseconds(haptic["step_s"]["p50"]), milliseconds(haptic["step_s"]["p99"]), 1e3 * h_s);
+  return {Culprit::run, fmt::format("steps take {:.2f} ms (p99 {:.2f} ms) of {:g} ms; a lower budget_ratio or a "
+                                    "smaller box_half_m, a faster preset or engine, or a longer h_s",
+                                    1e3 * haptic.step_s.p50, 1e3 * haptic.step_s.p99, 1e3 * at.settings().h_s)};
 }
 
-const char* quiet_cure(const Json& loop) {
-  return loop["machine"]["fifo"].get<bool>() ? "run again when the machine is quiet"
-                                             : "run with real-time rights, or again when the machine is quiet";
+const char* quiet_cure(const MachineShare& machine) {
+  return machine.fifo ? "run again when the machine is quiet"
+                      : "run with real-time rights, or again when the machine is quiet";
 }
 
-Gate os_gate(const std::string& who, const Json& haptic, double periods, const Json& summary) {
-  const double missed = haptic["missed_by_os"].get<double>();
-  Gate gate{who + "missed by the OS", missed / periods, kMissedRatio, true, "% of steps", 100.0};
-  if (delayed_by_the_run(haptic, missed, periods, missed * summary["h_s"].get<double>(), summary["users"] > 1,
-                         summary)) {
-    gate.why = fmt::format(
-        "the programs of the run compete for the cores (this loop was ready for {:.0f} ms without one; {}); fewer "
-        "users or members, more cores, a higher ratio, or a longer h_s",
-        milliseconds(haptic["machine"]["run_queue_delay_s"]), load_text(summary));
-  } else {
-    gate.culprit = Culprit::os;
-    gate.why = fmt::format("the OS woke the loop late or pre-empted it ({}; {}); {}", calibration_text(summary),
-                           load_text(summary), quiet_cure(haptic));
+Cause by_late_wake_ups(const View& at) {
+  const HapticResult& haptic = at.haptic();
+  const auto missed = static_cast<double>(haptic.missed_by_os);
+  if (delayed_by_the_run(haptic, missed, at.periods(), missed * at.settings().h_s, at.run.haptic.size() > 1, at.run)) {
+    return {Culprit::run,
+            fmt::format(
+                "the programs of the run compete for the cores (this loop was ready for {:.0f} ms without one; {}); "
+                "fewer users or members, more cores, a higher ratio, or a longer h_s",
+                1e3 * haptic.machine.run_queue_delay_s, load_text(at.run))};
   }
-  return gate;
+  return {Culprit::os, fmt::format("the OS woke the loop late or pre-empted it ({}; {}); {}", calibration_text(at.run),
+                                   load_text(at.run), quiet_cure(haptic.machine))};
 }
 
 /// A step that starts late was woken late, or the step before it ended late.
-Gate lateness_gate(const std::string& who, const Json& haptic, const Gate& by_os, const std::string& why_run) {
-  const bool woken_late = haptic["woken_late_s"]["p99"].get<double>() > kLatenessP99_s;
-  const bool os = woken_late || haptic["missed_by_os"] > haptic["missed_by_run"];
-  return {who + "lateness p99",
-          haptic["lateness_s"]["p99"].get<double>(),
-          kLatenessP99_s,
-          true,
-          "ms",
-          1e3,
-          os ? by_os.culprit : Culprit::run,
-          os ? by_os.why : why_run};
+Cause by_late_starts(const View& at) {
+  const HapticResult& haptic = at.haptic();
+  const bool os = haptic.woken_late_s.p99 > kLatenessP99_s || haptic.missed_by_os > haptic.missed_by_run;
+  return os ? by_late_wake_ups(at) : by_own_steps(at);
 }
 
-Gate clock_gate(const Json& summary) {
-  const Json& world = summary["world"];
-  const double by_run = world["late_by_run"].get<double>(), by_os = world["late_by_os"].get<double>();
-  const bool has_own_core = !summary["placement"]["world"].empty();
-  const double cycle_s = summary["h_s"].get<double>() * world["ratio"]["mean"].get<double>();
-  const bool by_the_run = by_run > by_os || delayed_by_the_run(world, by_os, world["cycles"].get<double>(),
-                                                               by_os * cycle_s, !has_own_core, summary);
-  Gate gate{"world real-time factor", world["real_time_factor_min"].get<double>(), 1.0, false};
-  if (by_the_run) {
-    gate.why = fmt::format(
-        "the world's step takes {:.2f} ms (p99 {:.2f} ms) of cycles of {:.3g} ms; a higher ratio, fewer bodies, or a "
-        "faster preset or engine",
-        milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]), 1e3 * cycle_s);
-  } else {
-    gate.culprit = Culprit::os;
-    gate.why = fmt::format("the OS woke the world late or pre-empted it in {:.0f} of {} cycles ({}); {}", by_os,
-                           grouped(world["cycles"].get<std::uint64_t>()), load_text(summary), quiet_cure(world));
+Cause by_slow_cycles(const RunResults& run) {
+  const WorldResult& world = run.world;
+  const auto by_os = static_cast<double>(world.late_by_os), cycles = static_cast<double>(world.cycles);
+  const double cycle_s = run.scene.settings.h_s * world.ratio.mean();
+  const bool has_own_core = !run.placement.world.empty();
+  if (world.late_by_run > world.late_by_os ||
+      delayed_by_the_run(world, by_os, cycles, by_os * cycle_s, !has_own_core, run)) {
+    return {Culprit::run, fmt::format("the world's step takes {:.2f} ms (p99 {:.2f} ms) of cycles of {:.3g} ms; a "
+                                      "higher ratio, fewer bodies, or a faster preset or engine",
+                                      1e3 * world.step_s.p50, 1e3 * world.step_s.p99, 1e3 * cycle_s)};
   }
-  return gate;
+  return {Culprit::os, fmt::format("the OS woke the world late or pre-empted it in {:.0f} of {} cycles ({}); {}", by_os,
+                                   grouped(world.cycles), load_text(run), quiet_cure(world.machine))};
 }
 
-/// Whether the energy that the operator gets is bounded.
-bool passivity_acts(const Json& summary, const Json& user) {
-  for (const Json& item : summary["settings"].value("plan", Json::array())) {
-    if (item["item"] == "passivity" && item["user"] == user) return !item["enabled"].get<bool>();
-  }
-  return false;
-}
-
-const char* cure_of(const Json& spec) {
-  return spec["kind"] == "admittance" ? "a heavier proxy, less delay or a smaller --ratio"
-                                      : "a lower coupling stiffness_n_m, less delay or a smaller --ratio";
-}
-
-/// Energy that an operator was given and that neither the operator nor the bodies had.
-Gate energy_gate(const std::string& who, const Json& haptic, const Json& device, const Json& spec,
-                 const Json& summary) {
-  const Json& energy = device["operator_energy"];
-  const double work_j = haptic["device_work_j"].get<double>();
-  const double allowed_j =
-      summary["world"]["released_j"].get<double>() + std::max(kLeastEnergy_j, kUnexplainedRatio * std::abs(work_j));
-  return {who + "created energy at the operator",
-          energy["created_j"].get<double>(),
-          allowed_j,
-          true,
-          "J",
-          1.0,
-          Culprit::unstable,
-          fmt::format("neither the operator nor the bodies had it; {}{}", cure_of(spec),
-                      passivity_acts(summary, haptic["user"]) ? "" : ", or --passivity on")};
+/// What makes the coupling of a user stable again.
+std::string coupling_cure(const View& at) {
+  return fmt::format("{}, less delay or a smaller --ratio{}",
+                     at.spec().kind == DeviceKind::admittance ? "a heavier proxy" : "a lower coupling stiffness_n_m",
+                     enabled(at.run.scene, Optimisation::passivity, at.user) ? ", or --passivity on" : "");
 }
 
 /// An admittance device that its proxy leaves behind: the coupling no longer holds the proxy.
-Gate runaway_gate(const std::string& who, const Json& haptic, const Json& spec, const Json& summary) {
+double farthest_proxy_m(const View& at) {
   constexpr double kFree_m = 0.1, kRounds = 2.0;
-  const Json& delay = summary["settings"]["delay"];
-  double late_s = summary["h_s"].get<double>() * summary["ratio_most"].get<double>();
-  for (const char* way : {"up_s", "down_s", "from_device_s", "to_device_s", "jitter_s"})
-    late_s += delay[way].get<double>();
-  const double speed_m_s = spec["speed_limit_m_s"].get<double>();
-  return {who + "distance between proxy and device",
-          haptic["proxy_apart_max_m"].get<double>(),
-          kFree_m + kRounds * late_s * speed_m_s,
-          true,
-          "m",
-          1.0,
-          Culprit::unstable,
-          fmt::format("the proxy ran away from its device, which moves at most at {:g} m/s; {}{}", speed_m_s,
-                      cure_of(spec), passivity_acts(summary, haptic["user"]) ? "" : ", or --passivity on")};
+  const DelaySettings& d = at.settings().delay;
+  const double late_s =
+      at.settings().longest_cycle_s() + d.up_s + d.down_s + d.from_device_s + d.to_device_s + d.jitter_s;
+  return kFree_m + kRounds * late_s * at.spec().speed_limit_m_s;
 }
 
-/// Energy that the bodies gained beyond the operators' work and their own fall. The bound allows for what engines gain
-/// and lose in contacts.
-Gate world_energy_gate(const Json& summary) {
+double work_j(const HapticResult& haptic) { return std::abs(haptic.device_work_j); }
+
+/// Energy that an operator may be given: the operator's own, or that of bodies.
+double most_created_j(const View& at) {
+  return at.run.world.released_j + std::max(kLeastEnergy_j, kUnexplainedRatio * work_j(at.haptic()));
+}
+
+/// Energy that the bodies may gain beyond the operators' work and their own fall: what engines gain and lose in
+/// contacts.
+double most_gained_j(const RunResults& run) {
   constexpr double kOfTheWork = 0.25, kOfTheFall = 0.05;
-  const Json& world = summary["world"];
-  double work_j = 0.0;
-  for (const Json& haptic : summary["haptic"]) work_j += std::abs(haptic["device_work_j"].get<double>());
-  const double allowed_j = world["contact_slack_j"].get<double>() + std::max(kLeastEnergy_j, kOfTheWork * work_j) +
-                           kOfTheFall * world["released_j"].get<double>();
-  const bool late_paper = summary.value("scheme", "") == "paper";
-  return {"energy that the bodies gained",
-          summary["haptic"][0]["energy_excess_j"].get<double>(),
-          allowed_j,
-          true,
-          "J",
-          1.0,
-          Culprit::unstable,
-          late_paper
-              ? "the operators did not put it in: with late messages the scheme paper creates it; --scheme reduced, or "
-                "less delay"
-              : "the operators did not put it in; a smaller --ratio, --preset quality, or another --engine"};
+  double all_j = 0.0;
+  for (const HapticResult& haptic : run.haptic) all_j += work_j(haptic);
+  return run.world.contact_slack_j + std::max(kLeastEnergy_j, kOfTheWork * all_j) + kOfTheFall * run.world.released_j;
 }
 
-Gate oscillation_gate(const std::string& who, const Json& device, double force_limit_n, double simulated_s) {
+std::string oscillation_name(const RunResults& run) {
   constexpr double kLeast_s = OscillationWatch::kBlock_s * (1.0 + OscillationWatch::kLasting);
+  if (run.simulated_s >= kLeast_s) return "oscillation of the force";
+  return fmt::format("oscillation of the force (a run of less than {:g} s is too short to detect it)", kLeast_s);
+}
+
+/// A count of samples of programs that do not belong to the run.
+Gate foreign_writer_gate(const char* topic, const char* program, std::uint64_t refused) {
   return {
-      fmt::format("{}oscillation of the force{}", who,
-                  simulated_s < kLeast_s
-                      ? fmt::format(" (a run of less than {:g} s is too short to detect it)", kLeast_s)
-                      : ""),
-      device["oscillation_n"].get<double>(),
-      kOscillationRatio * force_limit_n,
-      true,
-      "N RMS",
-      1.0,
-      Culprit::unstable,
-      "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or damping_n_s_m, a smaller "
-      "--ratio or h_s, or the scheme reduced"};
+      fmt::format("{} from a foreign writer", topic),
+      kCount,
+      static_cast<double>(refused),
+      0.0,
+      {Culprit::foreign_writer,
+       fmt::format("another program published them as {}, and they were refused; end it, or give it another --domain",
+                   program)}};
 }
 
-/// Samples of programs that do not belong to the run.
-void add_foreign_writer_gates(std::vector<Gate>& all, const std::string& who, const Json& refused) {
-  struct Sender {
-    const char* topic;
-    const char* program;
-  };
-  constexpr std::array kSenders{Sender{"scene", "world_sim"}, Sender{"world_frame", "world_sim"},
-                                Sender{"haptic_report", "haptic_sim"}, Sender{"device_state", "device_sim"},
-                                Sender{"device_command", "haptic_sim"}};
-  for (const Sender& sender : kSenders) {
-    if (!refused.contains(sender.topic)) continue;
-    all.push_back(
-        {fmt::format("{}{} from a foreign writer", who, sender.topic), refused[sender.topic].get<double>(), 0.0, true,
-         "", 1.0, Culprit::foreign_writer,
-         fmt::format("another program published them as {}, and they were refused; end it, or give it another --domain",
-                     sender.program)});
-  }
+/// Gates of a user, some of which hold only for some devices or modes.
+struct Row {
+  bool holds;
+  Gate gate;
+};
+std::vector<Row> rows_of(const View& at) {
+  const HapticResult& haptic = at.haptic();
+  const DeviceResult& device = at.device();
+  const DeviceSpec& spec = at.spec();
+  const bool realtime = at.run.realtime(), admittance = spec.kind == DeviceKind::admittance;
+  return {{true, foreign_writer_gate("world_frame", "world_sim", haptic.refused.world_frame)},
+          {true, foreign_writer_gate("device_state", "device_sim", haptic.refused.device_state)},
+          {true, foreign_writer_gate("device_command", "haptic_sim", device.refused.device_command)},
+          {admittance,
+           {"distance between proxy and device",
+            kMetre,
+            haptic.proxy_apart_max_m,
+            farthest_proxy_m(at),
+            {Culprit::unstable, fmt::format("the proxy ran away from its device, which moves at most at {:g} m/s; {}",
+                                            spec.speed_limit_m_s, coupling_cure(at))}}},
+          {true,
+           {"created energy at the operator",
+            kJoule,
+            device.operator_energy.created_j,
+            most_created_j(at),
+            {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}}},
+          {true,
+           {oscillation_name(at.run),
+            kNewtonRms,
+            device.oscillation_n,
+            kOscillationRatio * spec.force_limit_n,
+            {Culprit::unstable,
+             "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or damping_n_s_m, a "
+             "smaller --ratio or h_s, or the scheme reduced"}}},
+          {realtime,
+           {"missed by the run", kOfSteps, static_cast<double>(haptic.missed_by_run) / at.periods(), kMissedRatio,
+            by_own_steps(at)}},
+          {realtime,
+           {kMissedByTheOs, kOfSteps, static_cast<double>(haptic.missed_by_os) / at.periods(), kMissedRatio,
+            by_late_wake_ups(at)}},
+          {realtime, {"lateness p99", kMilliseconds, haptic.lateness_s.p99, kLatenessP99_s, by_late_starts(at)}},
+          {true,
+           {"lost frames",
+            kCount,
+            static_cast<double>(haptic.lost_frames),
+            0.0,
+            {Culprit::run,
+             "frames of the world were lost on the way; look for a slow network, or for a sub-world that was halted"}}},
+          {true,
+           {"at the device's limit",
+            kOfSteps,
+            haptic.at_limit_ratio,
+            kAtLimitRatio,
+            {Culprit::scene,
+             "the operator feels the limit, not the scene; move the device less far into bodies, lower the coupling's "
+             "stiffness, or raise the device's force_limit_n"}}}};
 }
 
-const char* name_of(Culprit culprit) {
-  switch (culprit) {
-    case Culprit::run:
-      return "run";
-    case Culprit::os:
-      return "os";
-    case Culprit::unstable:
-      return "unstable";
-    case Culprit::foreign_writer:
-      return "foreign_writer";
-    case Culprit::scene:
-      break;
-  }
-  return "scene";
+/// "0.31 ms"
+std::string with_unit(double value, const Unit& unit) {
+  return fmt::format("{:.4g}{}{}", unit.scale * value, *unit.text ? " " : "", unit.text);
 }
-
-}  // namespace
-
-std::string Gate::line() const {
-  const std::string held = fmt::format("{} {:.4g}{}{} {} {:.4g}{}{}", name, scale * value, *unit ? " " : "", unit,
-                                       at_most ? "<=" : ">=", scale * bar, *unit ? " " : "", unit);
-  if (ok()) return held + ": ok";
-  return fmt::format("{}: {}{}{}", held,
-                     spoils_verdict()         ? "MISSED"
-                     : culprit == Culprit::os ? "remark"
-                                              : "warning",
-                     why.empty() ? "" : ": ", why);
-}
-
-Json to_json(const Gate& gate) {
-  Json json{{"name", gate.name},
-            {"value", gate.value},
-            {"bound", gate.bar},
-            {"at_most", gate.at_most},
-            {"unit", gate.scale == 100.0 ? "ratio"
-                     : gate.scale == 1e3 ? "s"
-                     : *gate.unit        ? gate.unit
-                                         : "1"},
-            {"ok", gate.ok()},
-            {"warning", !gate.ok() && !gate.spoils_verdict()}};
-  if (!gate.ok()) {
-    json["missed_by"] = name_of(gate.culprit);
-    json["why"] = gate.why;
-  }
-  return json;
-}
-
-std::vector<Gate> gates(const Json& summary) {
-  std::vector<Gate> all;  // causes before their effects: a verdict gives the first reason
-  const bool realtime = summary["mode"] == "realtime";
-  const double h_s = summary["h_s"].get<double>();
-  add_foreign_writer_gates(all, "", summary["world"]["refused"]);
-  all.push_back(world_energy_gate(summary));
-  for (const Json& haptic : summary["haptic"]) {
-    const std::string who = fmt::format("user {}: ", haptic["user"].get<int>());
-    const Json& device = summary["device"][haptic["user"].get<std::size_t>()];
-    const Json& spec = summary["settings"]["users"][haptic["user"].get<std::size_t>()]["device"];
-    add_foreign_writer_gates(all, who, haptic["refused"]);
-    add_foreign_writer_gates(all, who, device["refused"]);
-    if (spec["kind"] == "admittance") all.push_back(runaway_gate(who, haptic, spec, summary));
-    all.push_back(energy_gate(who, haptic, device, spec, summary));
-    all.push_back(
-        oscillation_gate(who, device, spec["force_limit_n"].get<double>(), summary["simulated_s"].get<double>()));
-    if (realtime) {
-      const double periods = std::max(1.0, haptic["steps"].get<double>() + haptic["skipped_steps"].get<double>());
-      const std::string why_run = why_the_run_missed(haptic, h_s);
-      all.push_back({who + "missed by the run", haptic["missed_by_run"].get<double>() / periods, kMissedRatio, true,
-                     "% of steps", 100.0, Culprit::run, why_run});
-      const Gate by_os = os_gate(who, haptic, periods, summary);
-      all.push_back(by_os);
-      all.push_back(lateness_gate(who, haptic, by_os, why_run));
-    }
-    all.push_back(
-        {who + "lost frames", haptic["lost_frames"].get<double>(), 0.0, true, "", 1.0, Culprit::run,
-         "frames of the world were lost on the way; look for a slow network, or for a sub-world that was halted"});
-    all.push_back(
-        {who + "at the device's limit", haptic["at_limit_ratio"].get<double>(), kAtLimitRatio, true, "% of steps",
-         100.0, Culprit::scene,
-         "the operator feels the limit, not the scene; move the device less far into bodies, lower the coupling's "
-         "stiffness, or raise the device's force_limit_n"});
-  }
-  if (realtime) all.push_back(clock_gate(summary));
-  return all;
-}
-
-namespace {
 
 /// "user 0: lateness p99 0.31 ms"
-std::string figure(const Gate& gate) {
-  return fmt::format("{} {:.4g}{}{}", gate.name, gate.scale * gate.value, *gate.unit ? " " : "", gate.unit);
-}
+std::string figure(const Gate& gate) { return fmt::format("{} {}", gate.name, with_unit(gate.value, gate.unit)); }
 
 /// How often the OS delayed the haptic loops, beside how often it does so to bare ones; empty: never.
-std::string os_remark(const Json& summary) {
-  if (summary["mode"] != "realtime") return {};
+std::string os_remark(const RunResults& run) {
   std::uint64_t delayed = 0, periods = 0;
-  for (const Json& haptic : summary["haptic"]) {
-    delayed += haptic["missed_by_os"].get<std::uint64_t>();
-    periods += haptic["steps"].get<std::uint64_t>() + haptic["skipped_steps"].get<std::uint64_t>();
+  for (const HapticResult& haptic : run.haptic) {
+    delayed += haptic.missed_by_os;
+    periods += haptic.steps + haptic.skipped_steps;
   }
-  if (delayed == 0) return {};
-  const std::string bare = calibration_text(summary);
-  return fmt::format("the OS delayed {} of {} steps past their deadline ({:.2g} %){}{}", grouped(delayed),
+  if (!run.realtime() || delayed == 0) return {};
+  const std::string bare = calibration_text(run);
+  return fmt::format("; the OS delayed {} of {} steps past their deadline ({:.2g} %){}{}", grouped(delayed),
                      grouped(periods), 100.0 * static_cast<double>(delayed) / static_cast<double>(periods),
                      bare.empty() ? "" : "; ", bare);
 }
 
 }  // namespace
 
-std::string verdict_of(const std::vector<Gate>& gates, const Json& summary) {
+std::string Gate::line() const {
+  const std::string held = fmt::format("{} {} {}", figure(*this), at_most ? "<=" : ">=", with_unit(bound, unit));
+  if (ok()) return held + ": ok";
+  return fmt::format("{}: {}{}{}", held,
+                     spoils_verdict()               ? "MISSED"
+                     : cause.culprit == Culprit::os ? "remark"
+                                                    : "warning",
+                     cause.why.empty() ? "" : ": ", cause.why);
+}
+
+void to_json(Json& json, const Gate& gate) {
+  constexpr std::array kCulprits{"run", "os", "scene", "unstable", "foreign_writer"};  // in the order of Culprit
+  json = {{"name", gate.name},
+          {"value", gate.value},
+          {"bound", gate.bound},
+          {"at_most", gate.at_most},
+          {"unit", gate.unit.si},
+          {"ok", gate.ok()},
+          {"warning", !gate.ok() && !gate.spoils_verdict()}};
+  if (!gate.ok()) {
+    json["missed_by"] = kCulprits[static_cast<std::size_t>(gate.cause.culprit)];
+    json["why"] = gate.cause.why;
+  }
+}
+
+std::vector<Gate> gates(const RunResults& run) {
+  const WorldResult& world = run.world;
+  std::vector<Gate> all{
+      foreign_writer_gate("scene", "world_sim", world.refused.scene),
+      foreign_writer_gate("haptic_report", "haptic_sim", world.refused.haptic_report),
+      {"energy that the bodies gained",
+       kJoule,
+       run.energy_excess_j,
+       most_gained_j(run),
+       {Culprit::unstable,
+        run.scene.settings.scheme == "paper"
+            ? "the operators did not put it in: with late messages the scheme paper creates it; --scheme reduced, or "
+              "less delay"
+            : "the operators did not put it in; a smaller --ratio, --preset quality, or another --engine"}}};
+  for (std::size_t u = 0; u < run.haptic.size(); ++u) {
+    for (Row& row : rows_of({run, u})) {
+      row.gate.name = fmt::format("user {}: {}", u, row.gate.name);
+      if (row.holds) all.push_back(std::move(row.gate));
+    }
+  }
+  if (run.realtime())
+    all.push_back({"world real-time factor", kCount, world.real_time_factor_min, 1.0, by_slow_cycles(run), false});
+  return all;
+}
+
+std::string verdict_of(const std::vector<Gate>& gates, const RunResults& run) {
   std::string unstable, foreign, missed;
   for (const Gate& gate : gates) {
     if (!gate.spoils_verdict()) continue;
-    std::string& first = gate.culprit == Culprit::unstable         ? unstable
-                         : gate.culprit == Culprit::foreign_writer ? foreign
-                                                                   : missed;
-    if (first.empty()) first = fmt::format("{}: {}", figure(gate), gate.why);
+    std::string& reason = gate.cause.culprit == Culprit::unstable         ? unstable
+                          : gate.cause.culprit == Culprit::foreign_writer ? foreign
+                                                                          : missed;
+    if (reason.empty()) reason = fmt::format("{}: {}", figure(gate), gate.cause.why);
   }
   // One reason is enough; `gates` has all of them. A foreign writer may be the cause of any other.
   if (!unstable.empty()) return "unstable: " + unstable + (foreign.empty() ? "" : "; also " + foreign);
-  if (!foreign.empty()) return "quality gate missed: " + foreign;
-  if (!missed.empty()) return "quality gate missed: " + missed;
-  std::string text = "ok";
-  if (const std::string remark = os_remark(summary); !remark.empty()) text += "; " + remark;
+  if (!foreign.empty() || !missed.empty()) return "quality gate missed: " + (foreign.empty() ? missed : foreign);
+  std::string text = "ok" + os_remark(run);
   for (const Gate& gate : gates) {
-    const bool said = gate.name.ends_with("missed by the OS");
+    const bool said = gate.name.ends_with(kMissedByTheOs);
     if (!gate.ok() && !said)
-      text += fmt::format("; {}{}", figure(gate), gate.culprit == Culprit::os ? ", by the OS" : "");
+      text += fmt::format("; {}{}", figure(gate), gate.cause.culprit == Culprit::os ? ", by the OS" : "");
   }
   return text;
 }

@@ -8,47 +8,58 @@
 
 namespace subworld {
 
+struct RunResults;
+
 /// What caused a missed gate. `unstable`: energy or oscillation that no operator has put in; `foreign_writer`: a
 /// program that does not belong to the run; `scene`: the scene asks for it.
 enum class Culprit : std::uint8_t { run, os, scene, unstable, foreign_writer };
 
-/// One measured quantity against its bound.
-struct Gate {
-  std::string name;
-  double value = 0.0;
-  double bar = 0.0;
-  bool at_most = true;
-  const char* unit = "";
-  double scale = 1.0;  ///< from SI to the unit
-  Culprit culprit = Culprit::run;
-  std::string why = {};  ///< the reason and the cure, where the gate is missed
-
-  [[nodiscard]] bool ok() const noexcept { return at_most ? value <= bar : value >= bar; }
-  /// A gate that the scene or the OS missed is a warning or a remark.
-  [[nodiscard]] bool spoils_verdict() const noexcept {
-    return !ok() && culprit != Culprit::scene && culprit != Culprit::os;
-  }
-  /// For --strict, which counts the OS too.
-  [[nodiscard]] bool counts_strictly() const noexcept { return !ok() && culprit != Culprit::scene; }
-  [[nodiscard]] std::string line() const;
+/// Of a gate's value and bound.
+struct Unit {
+  const char* text;  ///< as printed
+  double scale;      ///< from SI
+  const char* si;    ///< in the summary
 };
 
+/// Who misses a gate, why, and the cure.
+struct Cause {
+  Culprit culprit = Culprit::run;
+  std::string why;
+};
+
+/// One measured quantity against its bound, both in SI units.
+struct Gate {
+  std::string name;
+  Unit unit;
+  double value = 0.0;
+  double bound = 0.0;
+  Cause cause;  ///< where it is missed
+  bool at_most = true;
+
+  [[nodiscard]] bool ok() const noexcept { return at_most ? value <= bound : value >= bound; }
+  /// A gate that the scene or the OS missed is a warning or a remark.
+  [[nodiscard]] bool spoils_verdict() const noexcept {
+    return !ok() && cause.culprit != Culprit::scene && cause.culprit != Culprit::os;
+  }
+  /// For --strict, which counts the OS too.
+  [[nodiscard]] bool counts_strictly() const noexcept { return !ok() && cause.culprit != Culprit::scene; }
+  [[nodiscard]] std::string line() const;
+};
+void to_json(Json& json, const Gate& gate);
+
 /// The gates of a run: in both modes energy, oscillation, lost frames and the device's limit; in real time also
-/// deadlines, lateness and the world's real-time factor.
-[[nodiscard]] std::vector<Gate> gates(const Json& summary);
-[[nodiscard]] Json to_json(const Gate& gate);
+/// deadlines, lateness and the world's real-time factor. Causes come before their effects.
+[[nodiscard]] std::vector<Gate> gates(const RunResults& run);
 
 /// "ok" with remarks on the OS and the scene, or the first missed gate with its cause and cure.
-[[nodiscard]] std::string verdict_of(const std::vector<Gate>& gates, const Json& summary);
+[[nodiscard]] std::string verdict_of(const std::vector<Gate>& gates, const RunResults& run);
 /// The names of the gates for which --strict ends a run with exit code 4.
 [[nodiscard]] std::vector<std::string> missed_strictly(const std::vector<Gate>& gates);
 
-/// Of a time in s.
-[[nodiscard]] double milliseconds(const Json& seconds);
 /// Which programs used the cores.
-[[nodiscard]] std::string load_text(const Json& summary);
+[[nodiscard]] std::string load_text(const RunResults& run);
 /// How often the machine wakes a bare loop late; empty where it was not measured.
-[[nodiscard]] std::string calibration_text(const Json& summary);
+[[nodiscard]] std::string calibration_text(const RunResults& run);
 /// "10,034"
 [[nodiscard]] std::string grouped(std::uint64_t count);
 

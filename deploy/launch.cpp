@@ -4,7 +4,7 @@
 #include "explain.hpp"
 #include "file_lock.hpp"
 #include "gates.hpp"
-#include "io/results.hpp"
+#include "io/ending.hpp"
 #include "io/trace.hpp"
 #include "limits.hpp"
 #include "model/error.hpp"
@@ -22,20 +22,15 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
-#include <chrono>
-#include <csignal>
 #include <cstdlib>
-#include <cstring>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <optional>
 #include <regex>
-#include <thread>
 #include <vector>
 
 namespace subworld {
@@ -47,38 +42,23 @@ namespace {
 constexpr int kFirstDomain = 60;
 constexpr int kLastDomain = 100;
 
-/// A domain that no other run on this machine holds, for the life of this object.
-class DomainClaim {
- public:
-  explicit DomainClaim(int wanted) {
-    if (wanted >= 0) {
-      if (!claim(wanted)) {
-        throw Error(ExitCode::middleware,
-                    fmt::format("domain {} is in use by another run on this machine; choose another --domain, or omit "
-                                "it: the first free one is taken",
-                                wanted));
-      }
-      return;
-    }
-    for (int domain = kLastDomain; domain >= kFirstDomain; --domain) {
-      if (claim(domain)) return;
-    }
+/// A domain that no other run on this machine holds, while the lock lives.
+int claim_domain(int wanted, FileLock& lock) {
+  const auto claim = [&](int domain) { return lock.take(fmt::format("subworld-domain-{}", domain)); };
+  if (wanted >= 0) {
+    if (claim(wanted)) return wanted;
     throw Error(ExitCode::middleware,
-                fmt::format("all domains from {} to {} are in use by other runs; name one with --domain", kFirstDomain,
-                            kLastDomain));
+                fmt::format("domain {} is in use by another run on this machine; choose another --domain, or omit it: "
+                            "the first free one is taken",
+                            wanted));
   }
-  [[nodiscard]] int domain() const noexcept { return domain_; }
-
- private:
-  bool claim(int domain) {
-    if (!lock_.take(fmt::format("subworld-domain-{}", domain))) return false;
-    domain_ = domain;
-    return true;
+  for (int domain = kLastDomain; domain >= kFirstDomain; --domain) {
+    if (claim(domain)) return domain;
   }
-
-  FileLock lock_;
-  int domain_ = -1;
-};
+  throw Error(ExitCode::middleware,
+              fmt::format("all domains from {} to {} are in use by other runs; name one with --domain", kFirstDomain,
+                          kLastDomain));
+}
 
 std::string vendor_of(const std::string& dds, int position) {
   if (dds != "mixed") return dds;
@@ -109,12 +89,6 @@ void collect_trace(const Supervisor& programs, const Options& options) {
   fmt::print("subworld: trace in {}; open it with ui.perfetto.dev, chrome://tracing or speedscope\n", options.trace);
 }
 
-/// File of a program's part of the results; the launcher makes one summary of them.
-std::string part_of(const std::string& folder, std::string_view program, int user) {
-  const std::string_view name = program.substr(0, program.find('_'));
-  return user < 0 ? fmt::format("{}/{}.json", folder, name) : fmt::format("{}/{}_{}.json", folder, name, user);
-}
-
 /// Whether the environment chooses the cores of a program.
 bool is_placed_by_hand(const std::string& program) {
   std::string variable = "SUBWORLD_" + program + "_CORE";
@@ -130,7 +104,7 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     std::vector<std::string> flags = flags_of(options);
     flags.insert(flags.end(), {"--domain", std::to_string(domain), "--dds", vendor_of(request.dds, position++)});
     const std::string label = user < 0 ? program : fmt::format("{}_{}", program, user);
-    const std::string part = essential ? part_of(options.out, program, user) : "";
+    const std::string part = essential ? part_file(options.out, program, user) : "";
     if (user >= 0) flags.insert(flags.end(), {"--user", std::to_string(user)});
     if (!options.trace.empty() && program != "gui_headless")
       flags.insert(flags.end(), {"--trace", trace_part(options.out, label)});
@@ -153,13 +127,6 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (users > 1) ++position;  // with mixed, users have different pairs of vendors
   }
   if (request.gui) start("gui_headless", -1, false);
-}
-
-void remove_parts(const std::string& folder, int users) {
-  std::filesystem::remove(part_of(folder, "world_sim", -1));
-  for (int u = 0; u < users; ++u) {
-    for (const char* program : {"haptic_sim", "device_sim"}) std::filesystem::remove(part_of(folder, program, u));
-  }
 }
 
 /// Reserves the folder that the user named for this run, and deletes the results of an earlier one; or makes a new one.
@@ -187,24 +154,10 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
   }
 }
 
-int report_failure(const Supervisor::Failure& failure, const std::string& folder, Json& summary) {
-  const Supervisor::Child& failed = failure.child;
-  const int code = exit_code_of(failed);
-  const std::string reason = fmt::format("{} {}", failed.label, failure.reason);
-  const std::string error = last_line(failed.log, "error:");
-  fmt::print(stderr, "subworld: error: {}; everything else was stopped\n  {}\n  its log: {}\n", reason,
-             error.empty() ? last_line(failed.log) : error, failed.log);
-  summary["verdict"] = fmt::format("failed: {}{}{}", reason, error.empty() ? "" : ": ", error);
-  write_json(folder + "/summary.json", summary);
-  fmt::print("verdict: {}\n", summary["verdict"].get<std::string>());
-  return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
-}
-
 /// ISO 8601 with the zone.
 std::string iso_date(std::time_t time) {
   const std::string text = fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(time));
-  const std::size_t minutes = text.size() - 2;  // of the zone
-  return fmt::format("{}:{}", text.substr(0, minutes), text.substr(minutes));
+  return text.substr(0, text.size() - 2) + ":" + text.substr(text.size() - 2);  // the minutes of the zone
 }
 
 /// Takes a tenth of the run, at most a second, before any program of the run starts.
@@ -214,7 +167,12 @@ Calibration measure_machine(const Settings& settings) {
   std::fflush(stdout);
   const int cores = std::max(1, static_cast<int>(allowed_cores().size()));
   const Calibration found = calibrate(std::min(settings.users, cores), settings.h_s, duration_s);
-  fmt::print("subworld: {}\n", to_text(found));
+  const Histogram& late = found.lateness;
+  fmt::print(
+      "subworld: this machine wakes {} at {:.0f} Hz p99 {:.3f} ms late, at most {:.3f} ms, {} of {} times later than a "
+      "period\n",
+      found.loops == 1 ? "a bare loop" : fmt::format("{} bare loops", found.loops), 1.0 / found.period_s,
+      1e3 * late.quantile_s(0.99), 1e3 * late.max_s(), late.count_above(found.period_s), late.count());
   if (!found.granted.fifo || !found.granted.memory_locked) {
     fmt::print("subworld: warning: without all real-time rights deadlines may be missed: {}\n", found.granted.text);
   }
@@ -222,12 +180,122 @@ Calibration measure_machine(const Settings& settings) {
   return found;
 }
 
-/// How the display ended, where it did not end by itself; empty otherwise. It ends no run.
-std::string lost_display(const Supervisor& programs) {
-  for (const Supervisor::Child& child : programs.children()) {
-    if (!child.essential && exit_code_of(child) != 0) return fmt::format("{} {}", child.label, end_of(child));
+/// How the programs ended.
+struct Ended {
+  std::optional<Supervisor::Failure> failure;
+  Watchdog::Stall stall;
+  int signal = 0;                  ///< that stopped the run; 0: none
+  std::string display;             ///< how it died, although that ends no run; empty: it did not
+  std::vector<std::string> parts;  ///< files of the results
+};
+
+/// Starts the programs, shows how they advance, and stops what is left of them.
+Ended run_programs(const RunRequest& request, const Options& options, int domain, RunResults& run) {
+  const Scene& scene = run.scene;
+  const TimePoint begin = Clock::now();
+  const MachineUse use = machine_use();
+  Supervisor programs;
+  // Of several runs at a time only the first is placed: two worlds must not share one core.
+  FileLock first_run;
+  if (request.place && first_run.take("subworld-cores")) run.placement = place(scene, allowed_cores());
+  start_programs(programs, request, options, scene.settings.users, domain, run.placement);
+  Ended ended;
+  Watchdog watchdog;
+  {
+    Network network = options.network;
+    network.dds = vendor_of(request.dds, 0);
+    network.domain = domain;
+    Progress progress(network, scene, watchdog);
+    ended.failure = programs.watch(
+        [&] { progress(); },
+        [&](const Supervisor::Child& child) { return early_end(child.part, scene.settings.duration_s); });
   }
-  return {};
+  programs.stop();
+  ended.stall = watchdog.longest();
+  ended.signal = stop_signal();
+  for (const Supervisor::Child& child : programs.children()) {
+    if (!child.part.empty()) ended.parts.push_back(child.part);
+    if (!child.essential && exit_code_of(child) != 0) ended.display = child.label + " " + end_of(child);
+  }
+  run.wall_s = to_seconds(Clock::now() - begin);
+  run.load = core_load(use, machine_use(), run.wall_s, run.cores);
+  collect_trace(programs, options);
+  return ended;
+}
+
+/// Reads the parts of the results and removes them. False where some are missing after a failure or a signal.
+bool collect_parts(RunResults& run, const Options& options, const Ended& ended,
+                   const std::optional<Calibration>& calibration) {
+  try {
+    read_parts(run, options.out, calibration);
+  } catch (const Error& wrong) {
+    if (ended.signal == 0 && !ended.failure) throw;
+  }
+  for (const std::string& part : ended.parts) std::filesystem::remove(part);
+  return !run.haptic.empty();
+}
+
+int report_failure(const Supervisor::Failure& failure, const std::string& folder, RunResults& run) {
+  const Supervisor::Child& failed = failure.child;
+  const int code = exit_code_of(failed);
+  const std::string reason = fmt::format("{} {}", failed.label, failure.reason);
+  const std::string error = last_line(failed.log, "error:");
+  fmt::print(stderr, "subworld: error: {}; everything else was stopped\n  {}\n  its log: {}\n", reason,
+             error.empty() ? last_line(failed.log) : error, failed.log);
+  run.verdict = fmt::format("failed: {}{}{}", reason, error.empty() ? "" : ": ", error);
+  write_json(folder + "/summary.json", run);
+  fmt::print("verdict: {}\n", run.verdict);
+  return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
+}
+
+/// Prints the missed gates and sets the verdict. Returns why the run is not valid; empty: it is.
+std::vector<std::string> judge(RunResults& run, const Ended& ended) {
+  const Settings& settings = run.scene.settings;
+  run.gates = gates(run);
+  for (const Gate& gate : run.gates) {
+    if (!gate.ok()) fmt::print("  {}\n", gate.line());
+  }
+  fmt::print("  {} of {} gates ok (details: `gates` in summary.json)\n", std::ranges::count_if(run.gates, &Gate::ok),
+             run.gates.size());
+  run.verdict = verdict_of(run.gates, run);
+  if (run.simulated_s < settings.duration_s - settings.longest_cycle_s()) {
+    const bool ok = std::ranges::none_of(run.gates, &Gate::spoils_verdict);
+    run.verdict =
+        fmt::format("stopped by {} at t = {:.3f} s{}", ended.signal == 0 ? "control" : name_of_signal(ended.signal),
+                    run.simulated_s, ok ? "" : "; until then: " + run.verdict);
+  }
+  std::vector<std::string> faults = ended.signal == 0 ? faults_of(run) : std::vector<std::string>{};
+  if (ended.stall.for_s > 0.0 && run.realtime()) {
+    faults.push_back(fmt::format("{} did not advance from t = {:.3f} s for {:.0f} s, although the run was not paused",
+                                 ended.stall.label, ended.stall.at_s, ended.stall.for_s));
+  }
+  if (!faults.empty()) run.verdict = fmt::format("failed: {}", fmt::join(faults, "; "));
+  return faults;
+}
+
+/// Prints the results of a complete run, judges and writes them. Returns the exit code.
+int report(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder) {
+  print_summary(run);
+  const std::vector<std::string> faults = judge(run, ended);
+  const std::string picture = folder + "/picture.png";
+  const bool pictured = std::filesystem::exists(picture);
+  if (!ended.display.empty()) run.display = ended.display;
+  write_json(folder + "/summary.json", run);
+  fmt::print(
+      "state hash {}\nverdict: {}{}\nsummary: {}/summary.json\n", run.state_hash, run.verdict,
+      run.display ? fmt::format("; the display failed ({}){}", *run.display, pictured ? "" : ": no picture") : "",
+      folder);
+  if (request.gui)
+    fmt::print("{}\n", pictured ? "picture: " + picture : "no picture: see " + folder + "/logs/gui_headless.log");
+  if (request.explain) {
+    const bool checkout = std::filesystem::exists("deploy/subworld");
+    fmt::print("{}", explanation(run, folder, pictured, checkout ? "deploy/subworld" : "subworld"));
+  }
+  if (!faults.empty()) return static_cast<int>(ExitCode::failed);
+  const std::vector<std::string> strict = request.strict ? missed_strictly(run.gates) : std::vector<std::string>{};
+  if (strict.empty() || ended.signal != 0) return static_cast<int>(ExitCode::done);
+  fmt::print("subworld: exit code 4: --strict counts {}\n", fmt::join(strict, ", "));
+  return static_cast<int>(ExitCode::quality);
 }
 
 }  // namespace
@@ -237,113 +305,34 @@ std::string program_folder() { return std::filesystem::read_symlink("/proc/self/
 int run(const RunRequest& request) {
   end_at_stop_signals();
   Options options = request.options;
-  const Scene scene = load_scene(options);
-  check_request(scene, request);
-  warn_of_limits(scene);
-  FileLock folder;
-  claim_folder(options.out, scene.name, folder);
+  RunResults run;
+  run.scene = load_scene(options);
+  const Settings& settings = run.scene.settings;
+  check_request(run.scene, request);
+  FileLock folder, domain_lock;
+  claim_folder(options.out, run.scene.name, folder);
   if (!options.trace.empty()) {
     merge_traces({}, options.trace);  // an unwritable file is an error before anything runs
     make_folder(options.out + "/trace");
   }
-  const DomainClaim claim(request.domain);
-  fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", scene.file,
-             scene.settings.mode == Mode::realtime ? "real time" : "lock-step", scene.settings.duration_s,
-             claim.domain(), options.out);
-
-  RunRecord record;
-  record.command_line = request.command_line;
-  record.date = iso_date(std::time(nullptr));
-  record.dds = request.dds;
-  if (scene.settings.mode == Mode::realtime) record.calibration = measure_machine(scene.settings);
+  const int domain = claim_domain(request.domain, domain_lock);
+  fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", run.scene.file,
+             run.realtime() ? "real time" : "lock-step", settings.duration_s, domain, options.out);
+  run.command_line = request.command_line;
+  run.date = iso_date(std::time(nullptr));
+  run.dds = request.dds;
+  std::optional<Calibration> calibration;
+  if (run.realtime()) calibration = measure_machine(settings);
 
   watch_stop_signals();
-  const TimePoint begin = Clock::now();
-  const MachineUse use = machine_use();
-  Supervisor programs;
-  // Of several runs at a time only the first is placed: two worlds must not share one core.
-  FileLock first_run;
-  const bool is_first = request.place && first_run.take("subworld-cores");
-  record.placement = is_first ? place(scene, allowed_cores()) : Placement{};
-  start_programs(programs, request, options, scene.settings.users, claim.domain(), record.placement);
-  std::optional<Supervisor::Failure> failure;
-  Watchdog watchdog;
-  {
-    Network network = options.network;
-    network.dds = vendor_of(request.dds, 0);
-    network.domain = claim.domain();
-    Progress progress(network, scene, watchdog);
-    failure = programs.watch(
-        [&] { progress(); },
-        [&](const Supervisor::Child& child) { return early_end(child.part, scene.settings.duration_s); });
-  }
-  programs.stop();
-  record.wall_s = to_seconds(Clock::now() - begin);
-  record.load = core_load(use, machine_use(), record.wall_s, machine_cores());
-  collect_trace(programs, options);
-
-  Json summary = describe_run(scene, record);
-  const int signal = stop_signal();
-  const std::string stopped = signal == 0 ? "" : fmt::format("stopped by SIG{}", sigabbrev_np(signal));
-  bool complete = true;
-  try {
-    add_parts(summary, scene, record, options.out);
-  } catch (const Error& wrong) {
-    if (signal == 0 && !failure) throw;
-    complete = false;
-  }
-  remove_parts(options.out, scene.settings.users);
-  if (failure) return report_failure(*failure, options.out, summary);
-  if (!complete) {
-    summary["verdict"] = stopped;
-    write_json(options.out + "/summary.json", summary);
-    fmt::print("subworld: {}; results so far in {}\n", stopped, options.out);
-    return static_cast<int>(ExitCode::done);
-  }
-
-  print_summary(summary);
-  const std::vector<Gate> held = gates(summary);
-  std::size_t fine = 0;
-  for (const Gate& gate : held) {
-    summary["gates"].push_back(to_json(gate));
-    fine += gate.ok();
-    if (!gate.ok()) fmt::print("  {}\n", gate.line());
-  }
-  fmt::print("  {} of {} gates ok (details: `gates` in summary.json)\n", fine, held.size());
-  summary["verdict"] = verdict_of(held, summary);
-  const bool ok = std::ranges::none_of(held, &Gate::spoils_verdict);
-  const std::vector<std::string> strict = request.strict ? missed_strictly(held) : std::vector<std::string>{};
-  const double simulated_s = summary["simulated_s"].get<double>();
-  if (simulated_s < scene.settings.duration_s - scene.settings.longest_cycle_s()) {
-    summary["verdict"] = fmt::format("{} at t = {:.3f} s{}", signal == 0 ? "stopped by control" : stopped, simulated_s,
-                                     ok ? "" : "; until then: " + summary["verdict"].get<std::string>());
-  }
-  std::vector<std::string> faults = signal == 0 ? faults_of(summary) : std::vector<std::string>{};
-  if (const Watchdog::Stall& stall = watchdog.longest(); stall.for_s > 0.0 && scene.settings.mode == Mode::realtime) {
-    faults.push_back(fmt::format("{} did not advance from t = {:.3f} s for {:.0f} s, although the run was not paused",
-                                 stall.label, stall.at_s, stall.for_s));
-  }
-  if (!faults.empty()) summary["verdict"] = fmt::format("failed: {}", fmt::join(faults, "; "));
-  const std::string lost = lost_display(programs);
-  const std::string picture = options.out + "/picture.png";
-  const bool pictured = std::filesystem::exists(picture);
-  if (!lost.empty()) summary["display"] = lost;
-  write_json(options.out + "/summary.json", summary);
-  fmt::print("state hash {}\nverdict: {}{}\nsummary: {}/summary.json\n", summary["state_hash"].get<std::string>(),
-             summary["verdict"].get<std::string>(),
-             lost.empty() ? "" : fmt::format("; the display failed ({}){}", lost, pictured ? "" : ": no picture"),
-             options.out);
-  if (request.gui) {
-    fmt::print("{}\n", pictured ? "picture: " + picture : "no picture: see " + options.out + "/logs/gui_headless.log");
-  }
-  if (request.explain) {
-    const bool checkout = std::filesystem::exists("deploy/subworld");
-    fmt::print("{}", explanation(summary, options.out, pictured, checkout ? "deploy/subworld" : "subworld"));
-  }
-  if (!faults.empty()) return static_cast<int>(ExitCode::failed);
-  if (strict.empty() || signal != 0) return static_cast<int>(ExitCode::done);
-  fmt::print("subworld: exit code 4: --strict counts {}\n", fmt::join(strict, ", "));
-  return static_cast<int>(ExitCode::quality);
+  const Ended ended = run_programs(request, options, domain, run);
+  const bool complete = collect_parts(run, options, ended, calibration);
+  if (ended.failure) return report_failure(*ended.failure, options.out, run);
+  if (complete) return report(run, ended, request, options.out);
+  run.verdict = "stopped by " + name_of_signal(ended.signal);
+  write_json(options.out + "/summary.json", run);
+  fmt::print("subworld: {}; results so far in {}\n", run.verdict, options.out);
+  return static_cast<int>(ExitCode::done);
 }
 
 }  // namespace subworld

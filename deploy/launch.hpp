@@ -28,15 +28,8 @@ int run(const RunRequest& request);
 /// within as long again.
 void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, double wait_s);
 
-/// The engines and DDS vendors that are installed, with their versions, for --version.
-[[nodiscard]] std::string part_versions();
-
 /// The folder of this program and of those that it starts.
 [[nodiscard]] std::string program_folder();
-
-/// Becomes the evaluation program `lab_NAME`. `arguments` end with a null, the first is the program's own name.
-/// Throws `Error` (failed) where that program is missing.
-void become_lab(const std::string& name, char** arguments);
 
 /// Prints which optimisations are on or off for a scene, with the reasons. Throws `Error` (usage) where `run` would.
 void print_plan(const RunRequest& request);

@@ -394,9 +394,6 @@ void check_request(const Scene& scene, const RunRequest& request) {
   check_engine(scene.settings.world, request.options.engine ? "--engine" : scene.file + ": settings.world");
   check_engine(scene.settings.haptic,
                request.options.haptic_engine ? "--haptic-engine" : scene.file + ": settings.haptic");
-}
-
-void warn_of_limits(const Scene& scene) {
   for (const std::string& warning : beyond_limits(scene)) fmt::print(stderr, "subworld: {}\n", warning);
 }
 

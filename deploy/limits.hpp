@@ -9,15 +9,12 @@ namespace subworld {
 
 struct RunRequest;
 
-/// Throws `Error` (usage) for a request that the programs would refuse, before any is started; it names the place and
-/// the cure.
+/// Prints warnings of what is beyond limits. Throws `Error` (usage) for a request that the programs would refuse,
+/// before any is started; it names the place and the cure.
 void check_request(const Scene& scene, const RunRequest& request);
 
 /// What of a scene is beyond the limits of its engines, rates or devices, each with the cure in a sentence or two.
 /// Throws `Error` (usage) where the settings name no engine or preset.
 [[nodiscard]] std::vector<std::string> beyond_limits(const Scene& scene);
-
-/// Prints them on the error output.
-void warn_of_limits(const Scene& scene);
 
 }  // namespace subworld

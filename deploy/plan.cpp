@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -14,18 +15,6 @@
 namespace subworld {
 
 namespace {
-
-const char* to_text(Fidelity fidelity) {
-  switch (fidelity) {
-    case Fidelity::absent:
-      return "none";
-    case Fidelity::estimated:
-      return "estimated";
-    case Fidelity::exact:
-      break;
-  }
-  return "exact";
-}
 
 /// Two lines: the engine, and its capabilities. Throws `Error` (usage) where the settings name no
 /// engine or preset.
@@ -37,13 +26,16 @@ std::string describe_engine(const EngineSettings& settings) {
   if (settings.substeps) asked += fmt::format("; here {} sub-steps", *settings.substeps);
   if (settings.longest_substep_s)
     asked += fmt::format("; here sub-steps of at most {:g} ms", 1e3 * *settings.longest_substep_s);
+  const auto fidelity = [](Fidelity of) {
+    return std::array{"none", "estimated", "exact"}[static_cast<std::size_t>(of)];
+  };
   const Capabilities can = make_engine(settings, {})->capabilities();
   return fmt::format(
       "engine {} ({}; licence {}), preset {}: {}{}\n"
       "    normal impulses {}, friction impulses {}, gyroscopic torque {}, checkpoint {}, {}; unit of length {:g} m\n",
       plugin.name, plugin.version, plugin.licence, settings.preset, plugin.presets[preset].what, asked,
-      to_text(can.normal_impulse), to_text(can.tangential_impulse), to_text(can.gyroscopic), to_text(can.checkpoint),
-      can.deterministic ? "deterministic" : "not deterministic", settings.length_unit_m);
+      fidelity(can.normal_impulse), fidelity(can.tangential_impulse), fidelity(can.gyroscopic),
+      fidelity(can.checkpoint), can.deterministic ? "deterministic" : "not deterministic", settings.length_unit_m);
 }
 
 std::string cycle_text(const Settings& s) {
@@ -59,6 +51,10 @@ std::string short_text(double value) {
   return value < 99.5 ? fmt::format("{:.2g}", value) : fmt::format("{:.0f}", value);
 }
 
+std::size_t movable_bodies(const Scene& scene) {
+  return static_cast<std::size_t>(std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); }));
+}
+
 /// Time of the engine in a cycle by its published costs, in as many sub-steps as the scheme requests, s.
 double cycle_cost_s(const Settings& settings, double cycle_s, std::size_t bodies, std::size_t contacts) {
   const double longest_s = scheme_of(settings).properties.longest_world_step_s;
@@ -70,8 +66,7 @@ double cycle_cost_s(const Settings& settings, double cycle_s, std::size_t bodies
 std::string estimate(const Scene& scene, Optimisation optimisation) {
   if (optimisation != Optimisation::rest) return "";
   const Settings& s = scene.settings;
-  const auto movable =
-      static_cast<std::size_t>(std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); }));
+  const std::size_t movable = movable_bodies(scene);
   const auto proxies = static_cast<std::size_t>(s.users);
   const auto cost_ms = [&](std::size_t bodies, std::size_t contacts) {
     return 1e3 * cycle_cost_s(s, s.shortest_cycle_s(), bodies, contacts);
@@ -84,8 +79,7 @@ std::string estimate(const Scene& scene, Optimisation optimisation) {
 std::vector<std::string> advice(const Scene& scene) {
   constexpr double kRoom = 0.7;  // of a cycle, for the engine
   const Settings& s = scene.settings;
-  const auto movable =
-      static_cast<std::size_t>(std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); }));
+  const std::size_t movable = movable_bodies(scene);
   const auto step_s = [&](double cycle_s) { return cycle_cost_s(s, cycle_s, movable, kContacts * movable); };
   const double longest_s = s.longest_cycle_s();
   if (step_s(longest_s) <= kRoom * longest_s) return {};
@@ -158,12 +152,11 @@ void print_plan(const RunRequest& request) {
   const Settings& s = scene.settings;
   const bool gui = request.gui;
   check_request(scene, request);
-  warn_of_limits(scene);
   const std::string of_world = describe_engine(s.world), of_haptic = describe_engine(s.haptic);
-  const auto fixed = std::count_if(scene.bodies.begin(), scene.bodies.end(), [](const Body& b) { return b.fixed(); });
+  const std::size_t movable = movable_bodies(scene);
   const bool realtime = s.mode == Mode::realtime;
-  fmt::print("{}: {} movable and {} fixed bodies, {} of {} users\n", scene.name,
-             static_cast<long>(scene.bodies.size()) - fixed, fixed, s.users, scene.users.size());
+  fmt::print("{}: {} movable and {} fixed bodies, {} of {} users\n", scene.name, movable, scene.bodies.size() - movable,
+             s.users, scene.users.size());
   fmt::print("  processes: world_sim, {0} haptic_sim, {0} device_sim{1}\n", s.users, gui ? ", gui_headless" : "");
   fmt::print("  clock: {}; h = {:g} ms, r = {}, T = {}\n", realtime ? "real time" : "lock-step", 1e3 * s.h_s,
              to_text(s.ratio_bounds()), cycle_text(s));

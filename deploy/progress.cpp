@@ -18,12 +18,10 @@ namespace {
 constexpr int kCallsPerLine = 50;  ///< where lines are not rewritten
 constexpr double kSlow = 0.9;      ///< real-time factor below which the remaining time is shown
 
-std::string name_of(const Status& status) { return label_of(status.program, status.instance); }
-
 std::string starting_line(const Status& world, std::size_t bodies) {
-  if (world.state == "loading") return fmt::format("creating {} bodies: {:.0f} %", bodies, 100.0 * world.done_ratio);
-  if (world.state == "settling") return fmt::format("settling {} bodies: {:.0f} %", bodies, 100.0 * world.done_ratio);
-  return world.state;
+  if (world.state != "loading" && world.state != "settling") return world.state;
+  return fmt::format("{} {} bodies: {:.0f} %", world.state == "loading" ? "creating" : "settling", bodies,
+                     100.0 * world.done_ratio);
 }
 
 }  // namespace
@@ -106,7 +104,7 @@ void Progress::say(const Status& status) {
   // `subworld control` prints the answers to orders.
   if (status.text.empty() || status.text.starts_with("control ") || !said_.insert(status.text).second) return;
   finish();
-  fmt::print("{}: {}\n", name_of(status), status.text);
+  fmt::print("{}: {}\n", label_of(status.program, status.instance), status.text);
 }
 
 void Progress::watch(const Status& status) {
@@ -120,12 +118,14 @@ void Progress::watch(const Status& status) {
 
 void Progress::warn_of_overload(const Status& status) {
   if (scene_.settings.mode != Mode::realtime || status.program != ProgramKind::haptic_sim) return;
-  if (status.step_s <= scene_.settings.h_s || !said_.insert("overload of " + name_of(status)).second) return;
+  if (status.step_s <= scene_.settings.h_s ||
+      !said_.insert("overload of " + label_of(status.program, status.instance)).second)
+    return;
   finish();
   fmt::print(
       "{}: cannot keep up: a step takes {:.2f} ms of {:.2f} ms; choose a lower budget_ratio or a smaller box_half_m, "
       "the preset fast, or a longer h_s\n",
-      name_of(status), 1e3 * status.step_s, 1e3 * scene_.settings.h_s);
+      label_of(status.program, status.instance), 1e3 * status.step_s, 1e3 * scene_.settings.h_s);
 }
 
 }  // namespace subworld

@@ -1,12 +1,17 @@
 #include "io/command_line.hpp"
 #include "launch.hpp"
 #include "model/error.hpp"
+#include "physics/plugin.hpp"
+#include "wire/plugin.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <cstring>
 #include <string_view>
 
 namespace {
@@ -83,6 +88,34 @@ void control(ControlRequest& request) {
   }
   if (request.haptic) request.engine.target = EngineOrder::Target::haptic;
   send_control(request.network, request.verb, request.engine, request.wait_s);
+}
+
+/// The engines and DDS vendors that are installed, with their versions, for --version.
+std::string part_versions() {
+  std::string text;
+  for (const std::string& name : engine_names()) {
+    std::string version = "cannot be loaded";
+    try {
+      version = engine_plugin(name).version;
+    } catch (const Error&) {
+      // A run with this engine reports the cause.
+    }
+    text += fmt::format("engine {}: {}\n", name, version);
+  }
+  for (const Vendor vendor : {Vendor::fastdds, Vendor::cyclonedds}) {
+    const std::string version = wire::installed_version(vendor);
+    text += fmt::format("DDS {}: {}\n", name_of(vendor), version.empty() ? "not installed" : version);
+  }
+  if (text.ends_with('\n')) text.pop_back();
+  return text;
+}
+
+/// Becomes the evaluation program `lab_NAME`. `arguments` end with a null, the first is the program's own name.
+void become_lab(const char* name, char** arguments) {
+  const std::string program = program_folder() + "/lab_" + name;
+  execv(program.c_str(), arguments);
+  throw Error(ExitCode::failed,
+              fmt::format("{}: cannot start ({}); build it with deploy/build", program, std::strerror(errno)));
 }
 
 int main_of(int argc, char** argv) {

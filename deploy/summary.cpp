@@ -13,6 +13,14 @@
 
 namespace subworld {
 
+SUBWORLD_JSON(BareLoops, period_s, loops, wake_ups, late, late_means_s, woken_late_s, fifo)
+SUBWORLD_JSON(CouplingSettings, stiffness_n_m, damping_n_s_m, rotational_stiffness_n_m, rotational_damping_n_m_s,
+              ramp_s)
+SUBWORLD_JSON(OperatorSpec, mass_kg, damping_n_s_m, stiffness_n_m, inertia_kg_m2, rotational_damping_n_m_s,
+              rotational_stiffness_n_m)
+SUBWORLD_JSON(PaperSettings, device_force_in_world, device_impulse_threshold_n_s)
+SUBWORLD_JSON(DelaySettings, up_s, down_s, from_device_s, to_device_s, jitter_s, loss_ratio, seed)
+
 namespace {
 
 Json describe(const EngineSettings& engine) {
@@ -24,31 +32,16 @@ Json describe(const EngineSettings& engine) {
             {"gravity_m_s2", {engine.gravity.x(), engine.gravity.y(), engine.gravity.z()}}};
   const auto preset = std::ranges::find(plugin.presets, engine.preset, &EnginePreset::name);
   if (preset != plugin.presets.end()) json["preset_means"] = preset->what;
-  if (engine.iterations) json["iterations"] = *engine.iterations;
-  if (engine.substeps) json["substeps"] = *engine.substeps;
-  if (engine.longest_substep_s) json["longest_substep_s"] = *engine.longest_substep_s;
+  put(json, "iterations", engine.iterations);
+  put(json, "substeps", engine.substeps);
+  put(json, "longest_substep_s", engine.longest_substep_s);
   return json;
 }
 
-constexpr std::array kSelections{"box", "contacts", "budget"};  ///< in the order of Selection
-
 Json describe(const UserSpec& user) {
-  const CouplingSettings& c = user.coupling;
+  constexpr std::array kSelections{"box", "contacts", "budget"};  // in the order of Selection
   const DeviceSpec& d = user.device;
-  Json json{{"name", user.name},
-            {"selection",
-             {{"by", kSelections[static_cast<std::size_t>(user.selection)]},
-              {"box_half_m", user.box_half_m},
-              {"contact_depth", user.contact_depth},
-              {"budget_ratio", user.budget_ratio}}},
-            {"coupling",
-             {{"stiffness_n_m", c.stiffness_n_m},
-              {"damping_n_s_m", c.damping_n_s_m},
-              {"rotational_stiffness_n_m", c.rotational_stiffness_n_m},
-              {"rotational_damping_n_m_s", c.rotational_damping_n_m_s},
-              {"ramp_s", c.ramp_s}}},
-            {"device",
-             {{"kind", d.kind == DeviceKind::impedance ? "impedance" : "admittance"},
+  Json device{{"kind", d.kind == DeviceKind::impedance ? "impedance" : "admittance"},
               {"degrees_of_freedom", d.degrees_of_freedom},
               {"rate_hz", d.rate_hz},
               {"force_limit_n", d.force_limit_n},
@@ -60,16 +53,16 @@ Json describe(const UserSpec& user) {
               {"damping_n_s_m", d.damping_n_s_m},
               {"friction_n", d.friction_n},
               {"position_resolution_m", d.position_resolution_m},
-              {"path_segments", d.path.size()}}}};
-  if (d.operator_model) {
-    json["device"]["operator"] = {{"mass_kg", d.operator_model->mass_kg},
-                                  {"damping_n_s_m", d.operator_model->damping_n_s_m},
-                                  {"stiffness_n_m", d.operator_model->stiffness_n_m},
-                                  {"inertia_kg_m2", d.operator_model->inertia_kg_m2},
-                                  {"rotational_damping_n_m_s", d.operator_model->rotational_damping_n_m_s},
-                                  {"rotational_stiffness_n_m", d.operator_model->rotational_stiffness_n_m}};
-  }
-  return json;
+              {"path_segments", d.path.size()}};
+  put(device, "operator", d.operator_model);
+  return {{"name", user.name},
+          {"selection",
+           {{"by", kSelections[static_cast<std::size_t>(user.selection)]},
+            {"box_half_m", user.box_half_m},
+            {"contact_depth", user.contact_depth},
+            {"budget_ratio", user.budget_ratio}}},
+          {"coupling", user.coupling},
+          {"device", device}};
 }
 
 Json describe(const Scene& scene) {
@@ -83,187 +76,163 @@ Json describe(const Scene& scene) {
           {"haptic_engine", haptic_engine},
           {"settle_s", s.settle_s},
           {"settle_step_s", s.settle_step_s},
-          {"paper",
-           {{"device_force_in_world", s.paper.device_force_in_world},
-            {"device_impulse_threshold_n_s", s.paper.device_impulse_threshold_n_s}}},
-          {"delay",
-           {{"up_s", s.delay.up_s},
-            {"down_s", s.delay.down_s},
-            {"from_device_s", s.delay.from_device_s},
-            {"to_device_s", s.delay.to_device_s},
-            {"jitter_s", s.delay.jitter_s},
-            {"loss_ratio", s.delay.loss_ratio},
-            {"seed", s.delay.seed}}},
+          {"paper", s.paper},
+          {"delay", s.delay},
           {"passivity", std::array{"automatic", "on", "off"}[static_cast<std::size_t>(s.passivity)]},
           {"disabled", disabled_names(s.disabled)},
           {"plan", to_json(plan_of(scene))},
           {"users", users}};
 }
 
-/// Bare wake-ups; late ones are later than the time that a haptic step leaves of its period.
-Json describe(const Calibration& calibration, double spare_s) {
-  return {{"period_s", calibration.period_s},
-          {"loops", calibration.loops},
-          {"wake_ups", calibration.lateness.count()},
-          {"late", calibration.lateness.count_above(spare_s)},
-          {"late_means_s", spare_s},
-          {"woken_late_s", quantiles(calibration.lateness)},
-          {"fifo", calibration.granted.fifo}};
-}
-
 /// The stages that take most of a loop's time.
-void print_stages(const Json& stages) {
+void print_stages(const StageTimes& stages) {
   constexpr double kLeastShare = 0.05;
   std::string text;
-  for (const auto& [name, stage] : stages.items()) {
-    const double share = stage.value("share", 0.0);
-    if (share < kLeastShare) continue;
-    text += fmt::format("{}{} {:.0f} % (p50 {:.3f}, p99 {:.3f} ms)", text.empty() ? "" : ", ",
-                        name.substr(0, name.size() - 2), 100.0 * share, milliseconds(stage["p50"]),
-                        milliseconds(stage["p99"]));
+  for (const StageTime& stage : stages.all) {
+    if (stage.share.value_or(0.0) < kLeastShare) continue;
+    text += fmt::format("{}{} {:.0f} % (p50 {:.3f}, p99 {:.3f} ms)", text.empty() ? "" : ", ", stage.name,
+                        100.0 * *stage.share, 1e3 * stage.p50, 1e3 * stage.p99);
   }
   if (!text.empty()) fmt::print("    time of a step: {}\n", text);
 }
 
-}  // namespace
-
-std::string to_text(const Calibration& calibration) {
-  const Histogram& late = calibration.lateness;
-  return fmt::format(
-      "this machine wakes {} at {:.0f} Hz p99 {:.3f} ms late, at most {:.3f} ms, {} of {} times later than a period",
-      calibration.loops == 1 ? "a bare loop" : fmt::format("{} bare loops", calibration.loops),
-      1.0 / calibration.period_s, 1e3 * late.quantile_s(0.99), 1e3 * late.max_s(),
-      late.count_above(calibration.period_s), late.count());
+/// How many states of bodies were recorded, and a warning of dropped ones.
+void print_body_history(const BodyHistoryResult& written) {
+  fmt::print("    {}: {} bodies {}, {} rows{}\n", written.file, written.bodies,
+             written.interval_s > 0.0 ? fmt::format("every {:g} ms", 1e3 * written.interval_s) : "every cycle",
+             written.rows,
+             written.rows_dropped == 0
+                 ? ""
+                 : fmt::format("; warning: {} rows dropped, which could not be written in time; fewer --bodies, a "
+                               "lower --bodies-rate, or lock-step, which waits for the file",
+                               written.rows_dropped));
 }
 
-Json describe_run(const Scene& scene, const RunRecord& record) {
-  const Settings& s = scene.settings;
-  return {{"scene", scene.name},
-          {"scene_file", scene.file},
-          {"command_line", record.command_line},
-          {"date", record.date},
-          {"mode", s.mode == Mode::realtime ? "realtime" : "lockstep"},
+std::string ratio_text(const RunResults& run) {
+  const auto [least, most] = run.scene.settings.ratio_bounds();
+  if (least == most) return fmt::format("r = {}", least);
+  return fmt::format("r = {} to {} (mean {:.1f})", least, most, run.world.ratio.mean());
+}
+
+void print_world(const RunResults& run) {
+  const WorldResult& world = run.world;
+  fmt::print(
+      "  world: {} cycles, step p50 {:.2f} ms, p99 {:.2f} ms, late {}, real-time factor >= {:.3f}, energy excess "
+      "{:.2g} J\n",
+      world.cycles, 1e3 * world.step_s.p50, 1e3 * world.step_s.p99, world.late_cycles, world.real_time_factor_min,
+      run.energy_excess_j);
+  if (world.slowed_s > 0.0) {
+    fmt::print(
+        "    the clock was slowed for {:.2f} s, mean real-time factor {:.2f}; too slow even for the least factor for "
+        "{:.2f} s; cure: fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
+        world.slowed_s, world.real_time_factor_mean, world.stuck_s);
+  }
+  if (world.body_history) print_body_history(*world.body_history);
+  if (run.realtime()) print_stages(world.stages);
+}
+
+void print_user(const RunResults& run, const HapticResult& haptic, const DeviceResult& device) {
+  fmt::print(
+      "  user {}: {:.0f} Hz, {} steps, {} missed ({} by the run, {} by the OS), lateness p99 {:.3f} ms, step p50 "
+      "{:.3f} ms p99 {:.3f} ms\n",
+      haptic.user, 1.0 / run.scene.settings.h_s, haptic.steps, haptic.missed_deadlines, haptic.missed_by_run,
+      haptic.missed_by_os, 1e3 * haptic.lateness_s.p99, 1e3 * haptic.step_s.p50, 1e3 * haptic.step_s.p99);
+  if (run.realtime()) {
+    fmt::print("    woken late p99 {:.3f} ms max {:.3f} ms; pre-empted {} times, {:.1f} ms ready without a core\n",
+               1e3 * haptic.woken_late_s.p99, 1e3 * haptic.woken_late_s.max, haptic.machine.involuntary_switches,
+               1e3 * haptic.machine.run_queue_delay_s);
+  }
+  fmt::print(
+      "    force on the operator rms {:.2f} N, max {:.2f} N, largest step {:.2f} N; at the device's limit in {:.2g} % "
+      "of steps\n",
+      haptic.force_rms_n, haptic.force_max_n, haptic.force_step_max_n, 100.0 * haptic.at_limit_ratio);
+  fmt::print("    members mean {:.1f} max {:.0f}; border pairs mean {:.1f} max {:.0f}; contacts mean {:.1f}\n",
+             haptic.members.mean(), haptic.members.max, haptic.border_pairs.mean(), haptic.border_pairs.max,
+             haptic.contacts.mean());
+  fmt::print(
+      "    synchronisation p50 {:.3f} ms p99 {:.3f} ms; device round trip p50 {:.3f} ms p99 {:.3f} ms{}; {:.1f} kB a "
+      "cycle\n",
+      1e3 * haptic.sync_s.p50, 1e3 * haptic.sync_s.p99, 1e3 * device.round_trip_s.p50, 1e3 * device.round_trip_s.p99,
+      device.missed_deadlines == 0 ? "" : fmt::format(", {} of its own deadlines missed", device.missed_deadlines),
+      1e-3 * haptic.bytes_per_cycle);
+  if (run.realtime()) print_stages(haptic.stages);
+}
+
+}  // namespace
+
+std::string part_file(const std::string& folder, std::string_view program, int user) {
+  const std::string_view name = program.substr(0, program.find('_'));
+  return user < 0 ? fmt::format("{}/{}.json", folder, name) : fmt::format("{}/{}_{}.json", folder, name, user);
+}
+
+void read_parts(RunResults& run, const std::string& folder, const std::optional<Calibration>& calibration) {
+  const auto world = read_json(part_file(folder, "world_sim", -1)).get<WorldPart>();
+  std::vector<HapticResult> haptic;
+  for (int u = 0; u < run.scene.settings.users; ++u) {
+    haptic.push_back(read_json(part_file(folder, "haptic_sim", u)));
+    run.device.push_back(read_json(part_file(folder, "device_sim", u)));
+  }
+  static_cast<WorldPart&>(run) = world;
+  run.haptic = std::move(haptic);
+  if (!calibration) return;
+  const double spare_s = std::max(0.0, run.scene.settings.h_s - run.haptic[0].step_s.p50);
+  run.calibration = {calibration->period_s,
+                     calibration->loops,
+                     calibration->lateness.count(),
+                     calibration->lateness.count_above(spare_s),
+                     spare_s,
+                     quantiles(calibration->lateness),
+                     calibration->granted.fifo};
+}
+
+void to_json(Json& json, const RunResults& run) {
+  const Settings& s = run.scene.settings;
+  json = {{"scene", run.scene.name},
+          {"scene_file", run.scene.file},
+          {"command_line", run.command_line},
+          {"date", run.date},
+          {"mode", run.realtime() ? "realtime" : "lockstep"},
           {"scheme", s.scheme},
           {"engine", s.world.name},
           {"haptic_engine", s.haptic.name},
-          {"dds", record.dds},
+          {"dds", run.dds},
           {"h_s", s.h_s},
           {"ratio", s.ratio},
           {"ratio_most", s.largest_ratio()},
           {"users", s.users},
           {"duration_s", s.duration_s},
-          {"wall_s", record.wall_s},
-          {"verdict", ""},
-          {"gates", Json::array()},
-          {"settings", describe(scene)},
+          {"wall_s", run.wall_s},
+          {"verdict", run.verdict},
+          {"gates", run.gates},
+          {"settings", describe(run.scene)},
           {"machine", machine()},
-          {"placement", {{"world", record.placement.world}, {"others", record.placement.others}}},
+          {"placement", {{"world", run.placement.world}, {"others", run.placement.others}}},
           {"machine_load",
-           {{"own_cores", record.load.own}, {"other_cores", record.load.other}, {"stolen_cores", record.load.stolen}}},
+           {{"own_cores", run.load.own}, {"other_cores", run.load.other}, {"stolen_cores", run.load.stolen}}},
           {"version", version_text()}};
+  if (run.haptic.empty()) return;
+  json["simulated_s"] = run.simulated_s;
+  json["state_hash"] = run.state_hash;
+  json["world"] = run.world;
+  json["world"]["ending"] = run.ending;
+  json["haptic"] = run.haptic;
+  for (Json& haptic : json["haptic"]) haptic["energy_excess_j"] = run.energy_excess_j;
+  json["device"] = run.device;
+  put(json, "calibration", run.calibration);
+  put(json, "display", run.display);
 }
 
-void add_parts(Json& summary, const Scene& scene, const RunRecord& record, const std::string& folder) {
-  const Settings& s = scene.settings;
-  const Json world = read_json(folder + "/world.json");
-  std::vector<Json> haptics, devices;
-  for (int u = 0; u < s.users; ++u) {
-    haptics.push_back(read_json(fmt::format("{}/haptic_{}.json", folder, u)));
-    haptics.back()["energy_excess_j"] = world["energy_excess_j"];
-    devices.push_back(read_json(fmt::format("{}/device_{}.json", folder, u)));
+void print_summary(const RunResults& run) {
+  const Settings& s = run.scene.settings;
+  fmt::print("{} {}: {} bodies, {} user{}, scheme {}, {}, {}\n", run.scene.name,
+             run.realtime() ? "realtime" : "lockstep", run.world.bodies, s.users, s.users == 1 ? "" : "s", s.scheme,
+             ratio_text(run), run.dds);
+  print_world(run);
+  if (run.calibration) {
+    fmt::print("  {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(run),
+               1e3 * run.calibration->woken_late_s.p99, 1e3 * run.calibration->woken_late_s.max, load_text(run));
   }
-  summary["simulated_s"] = world["simulated_s"];
-  summary["state_hash"] = world["state_hash"];
-  summary["world"] = world["world"];
-  summary["world"]["ending"] = world["ending"];
-  summary["haptic"] = haptics;
-  summary["device"] = devices;
-  if (record.calibration) {
-    const double step_s = summary["haptic"][0]["step_s"]["p50"].get<double>();
-    summary["calibration"] = describe(*record.calibration, std::max(0.0, s.h_s - step_s));
-  }
-}
-
-/// How many states of bodies were recorded, and a warning of dropped ones.
-void print_body_history(const Json& written) {
-  const double interval_s = written["interval_s"].get<double>();
-  const auto dropped = written["rows_dropped"].get<std::uint64_t>();
-  fmt::print("    {}: {} bodies {}, {} rows{}\n", written["file"].get<std::string>(), written["bodies"].get<int>(),
-             interval_s > 0.0 ? fmt::format("every {:g} ms", 1e3 * interval_s) : "every cycle",
-             written["rows"].get<std::uint64_t>(),
-             dropped == 0
-                 ? ""
-                 : fmt::format("; warning: {} rows dropped, which could not be written in time; fewer --bodies, a "
-                               "lower --bodies-rate, or lock-step, which waits for the file",
-                               dropped));
-}
-
-std::string ratio_text(const Json& summary) {
-  const int least = summary["ratio"].get<int>(), most = summary["ratio_most"].get<int>();
-  if (least == most) return fmt::format("r = {}", least);
-  return fmt::format("r = {} to {} (mean {:.1f})", least, most, summary["world"]["ratio"]["mean"].get<double>());
-}
-
-void print_summary(const Json& summary) {
-  const Json& world = summary["world"];
-  fmt::print("{} {}: {} bodies, {} user{}, scheme {}, {}, {}\n", summary["scene"].get<std::string>(),
-             summary["mode"].get<std::string>(), world["bodies"].get<int>(), summary["users"].get<int>(),
-             summary["users"] == 1 ? "" : "s", summary["scheme"].get<std::string>(), ratio_text(summary),
-             summary["dds"].get<std::string>());
-  fmt::print(
-      "  world: {} cycles, step p50 {:.2f} ms, p99 {:.2f} ms, late {}, real-time factor >= {:.3f}, energy excess "
-      "{:.2g} J\n",
-      world["cycles"].get<std::uint64_t>(), milliseconds(world["step_s"]["p50"]), milliseconds(world["step_s"]["p99"]),
-      world["late_cycles"].get<std::uint64_t>(), world["real_time_factor_min"].get<double>(),
-      summary["haptic"][0]["energy_excess_j"].get<double>());
-  if (const double slowed_s = world["slowed_s"].get<double>(); slowed_s > 0.0) {
-    fmt::print(
-        "    the clock was slowed for {:.2f} s, mean real-time factor {:.2f}; too slow even for the least factor for "
-        "{:.2f} s; cure: fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
-        slowed_s, world["real_time_factor_mean"].get<double>(), world["stuck_s"].get<double>());
-  }
-  if (world.contains("body_history")) print_body_history(world["body_history"]);
-  const bool realtime = summary["mode"] == "realtime";
-  if (realtime) print_stages(world["stages"]);
-  if (summary.contains("calibration")) {
-    const Json& late = summary["calibration"]["woken_late_s"];
-    fmt::print("  {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(summary), milliseconds(late["p99"]),
-               milliseconds(late["max"]), load_text(summary));
-  }
-  for (const Json& haptic : summary["haptic"]) {
-    const Json& device = summary["device"][haptic["user"].get<std::size_t>()];
-    fmt::print(
-        "  user {}: {:.0f} Hz, {} steps, {} missed ({} by the run, {} by the OS), lateness p99 {:.3f} ms, step p50 "
-        "{:.3f} ms p99 {:.3f} ms\n",
-        haptic["user"].get<int>(), 1.0 / summary["h_s"].get<double>(), haptic["steps"].get<std::uint64_t>(),
-        haptic["missed_deadlines"].get<std::uint64_t>(), haptic["missed_by_run"].get<std::uint64_t>(),
-        haptic["missed_by_os"].get<std::uint64_t>(), milliseconds(haptic["lateness_s"]["p99"]),
-        milliseconds(haptic["step_s"]["p50"]), milliseconds(haptic["step_s"]["p99"]));
-    if (realtime) {
-      const Json& kernel = haptic["machine"];
-      fmt::print("    woken late p99 {:.3f} ms max {:.3f} ms; pre-empted {} times, {:.1f} ms ready without a core\n",
-                 milliseconds(haptic["woken_late_s"]["p99"]), milliseconds(haptic["woken_late_s"]["max"]),
-                 kernel["involuntary_switches"].get<std::uint64_t>(), milliseconds(kernel["run_queue_delay_s"]));
-    }
-    fmt::print(
-        "    force on the operator rms {:.2f} N, max {:.2f} N, largest step {:.2f} N; at the device's limit in {:.2g} "
-        "% of steps\n",
-        haptic["force_rms_n"].get<double>(), haptic["force_max_n"].get<double>(),
-        haptic["force_step_max_n"].get<double>(), 100.0 * haptic["at_limit_ratio"].get<double>());
-    fmt::print("    members mean {:.1f} max {:.0f}; border pairs mean {:.1f} max {:.0f}; contacts mean {:.1f}\n",
-               haptic["members"]["mean"].get<double>(), haptic["members"]["max"].get<double>(),
-               haptic["border_pairs"]["mean"].get<double>(), haptic["border_pairs"]["max"].get<double>(),
-               haptic["contacts"]["mean"].get<double>());
-    const auto missed = device["missed_deadlines"].get<std::uint64_t>();
-    fmt::print(
-        "    synchronisation p50 {:.3f} ms p99 {:.3f} ms; device round trip p50 {:.3f} ms p99 {:.3f} ms{}; {:.1f} kB a "
-        "cycle\n",
-        milliseconds(haptic["sync_s"]["p50"]), milliseconds(haptic["sync_s"]["p99"]),
-        milliseconds(device["round_trip_s"]["p50"]), milliseconds(device["round_trip_s"]["p99"]),
-        missed == 0 ? "" : fmt::format(", {} of its own deadlines missed", missed),
-        1e-3 * haptic["bytes_per_cycle"].get<double>());
-    if (realtime) print_stages(haptic["stages"]);
-  }
+  for (std::size_t u = 0; u < run.haptic.size(); ++u) print_user(run, run.haptic[u], run.device[u]);
 }
 
 }  // namespace subworld

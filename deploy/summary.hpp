@@ -1,6 +1,7 @@
 #pragma once
 
-#include "io/results.hpp"
+#include "gates.hpp"
+#include "io/program_results.hpp"
 #include "model/scene.hpp"
 #include "placement.hpp"
 #include "rt/calibration.hpp"
@@ -8,30 +9,51 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace subworld {
 
-/// The launcher's own record of a run.
-struct RunRecord {
+/// Wake-ups of bare loops before a run. One is late that takes longer than the time that a haptic step leaves of its
+/// period.
+struct BareLoops {
+  double period_s = 0.0;
+  int loops = 0;
+  std::uint64_t wake_ups = 0, late = 0;
+  double late_means_s = 0.0;
+  Quantiles woken_late_s;
+  bool fifo = false;
+};
+
+/// What ran, where, and what the programs measured: the source of gates, verdict and summary.
+struct RunResults : WorldPart {
+  Scene scene;
   std::string command_line;
   std::string date;  ///< of the start, ISO 8601 with the zone
   std::string dds;   ///< a vendor or mixed
-  std::optional<Calibration> calibration;
   Placement placement;
   double wall_s = 0.0;
+  int cores = machine_cores();
   CoreLoad load;
+  std::optional<BareLoops> calibration;  ///< in real time
+  std::vector<HapticResult> haptic;      ///< by user, as `device`; empty: the programs have written no results
+  std::vector<DeviceResult> device;
+  std::vector<Gate> gates;
+  std::string verdict;
+  std::optional<std::string> display;  ///< how the display died
+
+  [[nodiscard]] bool realtime() const noexcept { return scene.settings.mode == Mode::realtime; }
 };
 
-/// What ran, with which settings and where: everything but the results of the programs.
-[[nodiscard]] Json describe_run(const Scene& scene, const RunRecord& record);
-/// Adds the parts that the programs wrote into the folder. Throws `Error` (failed) where one is missing.
-void add_parts(Json& summary, const Scene& scene, const RunRecord& record, const std::string& folder);
+/// File in which a program writes its part of the results. `user`: negative for the world.
+[[nodiscard]] std::string part_file(const std::string& folder, std::string_view program, int user);
+/// Reads what the programs wrote into the folder. Throws `Error` (failed) where a part is missing.
+void read_parts(RunResults& run, const std::string& folder, const std::optional<Calibration>& calibration);
+
+/// The contents of summary.json.
+void to_json(Json& json, const RunResults& run);
 
 /// Prints the run in a few lines.
-void print_summary(const Json& summary);
-
-/// How late the machine wakes bare loops, on one line.
-[[nodiscard]] std::string to_text(const Calibration& calibration);
+void print_summary(const RunResults& run);
 
 }  // namespace subworld

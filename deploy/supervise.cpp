@@ -1,5 +1,6 @@
 #include "supervise.hpp"
 
+#include "io/ending.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 
@@ -170,11 +171,7 @@ int exit_code_of(const Supervisor::Child& child) {
 }
 
 std::string end_of(const Supervisor::Child& child) {
-  if (WIFSIGNALED(child.status)) {
-    const int signal = WTERMSIG(child.status);
-    const char* name = sigabbrev_np(signal);
-    return name != nullptr ? fmt::format("killed by SIG{}", name) : fmt::format("killed by signal {}", signal);
-  }
+  if (WIFSIGNALED(child.status)) return "killed by " + name_of_signal(WTERMSIG(child.status));
   return fmt::format("exited with {}", exit_code_of(child));
 }
 

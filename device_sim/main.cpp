@@ -26,10 +26,10 @@ int main(int argc, char** argv) {
       run.session = *session;
       Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
       ports.status.enter("stopping");
-      Json part = measures.json(guard);
-      part["dds"] = ports.bus->effective_settings();
-      part["events"] = to_json(ports.status.events_of_run());
-      part["refused"] = {{"device_command", ports.commands.refused()}};
+      DeviceResult part = measures.result(guard);
+      part.dds = ports.bus->effective_settings();
+      part.events = ports.status.events_of_run();
+      part.refused = {.device_command = ports.commands.refused()};
       if (ending.fault.empty()) ending.fault = measures.fault();
       conclude(options.out.empty() ? "" : fmt::format("{}/device_{}.json", options.out, options.user), part, ending);
     }

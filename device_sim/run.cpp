@@ -43,19 +43,18 @@ void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, const 
                   state.angular_velocity, wrench.torque);
 }
 
-Json DeviceMeasures::json(const DeviceGuard& guard) {
-  Json part = {
-      {"user", user_},
-      {"steps", steps_},
-      {"round_trip_s", quantiles(round_trip_)},
-      {"missed_deadlines", misses_.all()},
-      {"missed_by_os", misses_.by_os},
-      {"missed_by_run", misses_.by_run},
-      {"operator_energy", operator_energy(guard.port().net_j(), guard.port().least_j(), guard.port().created_j())},
-      {"energy_bounded_ratio", guard.bounded_ratio()},
-      {"oscillation_n", guard.oscillation().worst_n()}};
-  add_to(part);
-  return part;
+DeviceResult DeviceMeasures::result(const DeviceGuard& guard) {
+  DeviceResult result{.user = static_cast<std::size_t>(user_),
+                      .steps = steps_,
+                      .round_trip_s = quantiles(round_trip_),
+                      .missed_deadlines = misses_.all(),
+                      .missed_by_os = misses_.by_os,
+                      .missed_by_run = misses_.by_run,
+                      .operator_energy = {guard.port().net_j(), guard.port().least_j(), guard.port().created_j()},
+                      .energy_bounded_ratio = guard.bounded_ratio(),
+                      .oscillation_n = guard.oscillation().worst_n()};
+  add_to(result);
+  return result;
 }
 
 bool DeviceRun::send_state(TimePoint now) const noexcept {

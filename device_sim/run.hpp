@@ -2,7 +2,7 @@
 
 #include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
-#include "io/ending.hpp"
+#include "io/program_results.hpp"
 #include "program/loop_measures.hpp"
 #include "wire/await.hpp"
 #include "wire/bus.hpp"
@@ -42,7 +42,7 @@ class DeviceMeasures : public LoopMeasures<DeviceStage> {
   /// Data of the loop for the status.
   [[nodiscard]] LoopState state(double time_s) const noexcept { return LoopMeasures::state(time_s, 0.0, 1.0); }
   /// After the last step.
-  [[nodiscard]] Json json(const DeviceGuard& guard);
+  [[nodiscard]] DeviceResult result(const DeviceGuard& guard);
 
  private:
   int user_;

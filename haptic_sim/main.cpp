@@ -24,10 +24,10 @@ int main(int argc, char** argv) {
       ports.status.enter("stopping");
       const double cycles = std::max(1.0, static_cast<double>(sub.facts().stamp));
       const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());
-      Json part = measures.json(sub, bytes / cycles);
-      part["dds"] = ports.bus->effective_settings();
-      part["events"] = to_json(ports.status.events_of_run());
-      part["refused"] = {{"device_state", ports.device.refused()}, {"world_frame", ports.frames.refused()}};
+      HapticResult part = measures.result(sub, bytes / cycles);
+      part.dds = ports.bus->effective_settings();
+      part.events = ports.status.events_of_run();
+      part.refused = {.device_state = ports.device.refused(), .world_frame = ports.frames.refused()};
       if (ending.fault.empty()) ending.fault = measures.fault();
       conclude(options.out.empty() ? "" : fmt::format("{}/haptic_{}.json", options.out, options.user), part, ending);
     }

@@ -77,7 +77,7 @@ void HapticMeasures::watch_force(const Vec3& force) noexcept {
 void HapticMeasures::settle_change() {
   if (!open_change_) return;
   open_change_->force_step_n = *std::ranges::max_element(force_steps_);
-  engine_changes_.push_back(to_json(*open_change_));
+  engine_changes_.push_back(*open_change_);
   settled_change_ = std::exchange(open_change_, std::nullopt);
 }
 
@@ -94,41 +94,41 @@ void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noe
   lost_ = lost_ || lost_frames > 0;
 }
 
-Json HapticMeasures::json(const SubWorld& sub, double bytes_per_cycle) {
+HapticResult HapticMeasures::result(const SubWorld& sub, double bytes_per_cycle) {
   settle_change();
-  Json part = {{"user", user_},
-               {"steps", steps_},
-               {"skipped_steps", skipped_},
-               {"missed_deadlines", misses_.all()},
-               {"missed_by_os", misses_.by_os},
-               {"missed_by_run", misses_.by_run},
-               {"missed_waiting", misses_.waiting},
-               {"lateness_s", quantiles(lateness_)},
-               {"force_rms_n", std::sqrt(operator_squared_.mean())},
-               {"force_max_n", std::sqrt(operator_squared_.max)},
-               {"force_step_mean_n", force_step_.mean()},
-               {"force_step_max_n", force_step_.max},
-               {"at_limit_ratio", at_limit_.mean()},
-               {"proxy_apart_max_m", apart_m_},
-               {"coupling_force_rms_n", std::sqrt(coupling_squared_.mean())},
-               {"coupling_force_max_n", std::sqrt(coupling_squared_.max)},
-               {"members", mean_max(members_)},
-               {"contacts", mean_max(contacts_)},
-               {"border_pairs", mean_max(border_)},
-               {"sync_s", quantiles(sync_)},
-               {"round_trip_s", quantiles(round_trip_)},
-               {"bytes_per_cycle", bytes_per_cycle},
-               {"operator_energy", operator_energy(sub.operator_port().net_j(), sub.operator_port().least_j(),
-                                                   sub.operator_port().created_j())},
-               {"device_work_j", sub.facts().device_work_j},
-               {"oscillation_n", oscillation_.worst_n()},
-               {"device_jumps", sub.facts().jumps},
-               {"lost_frames", lost_frames_},
-               {"refused_frames", refused_frames_},
-               {"resynchronisations", resets_},
-               {"engine_changes", engine_changes_}};
-  add_to(part);
-  return part;
+  const OperatorPort& port = sub.operator_port();
+  HapticResult result{.user = static_cast<std::size_t>(user_),
+                      .steps = steps_,
+                      .skipped_steps = skipped_,
+                      .missed_deadlines = misses_.all(),
+                      .missed_by_os = misses_.by_os,
+                      .missed_by_run = misses_.by_run,
+                      .missed_waiting = misses_.waiting,
+                      .lateness_s = quantiles(lateness_),
+                      .force_rms_n = std::sqrt(operator_squared_.mean()),
+                      .force_max_n = std::sqrt(operator_squared_.max),
+                      .force_step_mean_n = force_step_.mean(),
+                      .force_step_max_n = force_step_.max,
+                      .at_limit_ratio = at_limit_.mean(),
+                      .proxy_apart_max_m = apart_m_,
+                      .coupling_force_rms_n = std::sqrt(coupling_squared_.mean()),
+                      .coupling_force_max_n = std::sqrt(coupling_squared_.max),
+                      .members = members_,
+                      .contacts = contacts_,
+                      .border_pairs = border_,
+                      .sync_s = quantiles(sync_),
+                      .round_trip_s = quantiles(round_trip_),
+                      .bytes_per_cycle = bytes_per_cycle,
+                      .operator_energy = {port.net_j(), port.least_j(), port.created_j()},
+                      .device_work_j = sub.facts().device_work_j,
+                      .oscillation_n = oscillation_.worst_n(),
+                      .device_jumps = sub.facts().jumps,
+                      .lost_frames = lost_frames_,
+                      .refused_frames = refused_frames_,
+                      .resynchronisations = resets_,
+                      .engine_changes = engine_changes_};
+  add_to(result);
+  return result;
 }
 
 }  // namespace subworld

@@ -3,6 +3,7 @@
 #include "coupling/oscillation.hpp"
 #include "coupling/virtual_coupling.hpp"
 #include "haptic_sim/sub_world.hpp"
+#include "io/program_results.hpp"
 #include "program/loop_measures.hpp"
 
 #include <array>
@@ -61,7 +62,7 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
   }
 
   /// After the last step.
-  [[nodiscard]] Json json(const SubWorld& sub, double bytes_per_cycle);
+  [[nodiscard]] HapticResult result(const SubWorld& sub, double bytes_per_cycle);
 
  private:
   int user_;
@@ -86,7 +87,7 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
   MeanMax force_step_;  ///< N, all of them
   std::optional<EngineChange> open_change_, settled_change_;
   std::uint64_t change_settles_at_ = 0;  ///< step
-  Json engine_changes_ = Json::array();
+  std::vector<EngineChange> engine_changes_;
 };
 
 }  // namespace subworld

@@ -111,14 +111,11 @@ bool BodyHistory::write(const World& world, bool may_wait) noexcept {
   return true;
 }
 
-Json BodyHistory::json() {
+std::optional<BodyHistoryResult> BodyHistory::result() {
   history_.finish();
   if (recording_.bodies.empty()) return {};
-  return {{"file", "bodies.csv"},
-          {"bodies", recording_.bodies.size()},
-          {"interval_s", recording_.interval_s},
-          {"rows", rows_},
-          {"rows_dropped", dropped_}};
+  return BodyHistoryResult{
+      .bodies = recording_.bodies.size(), .interval_s = recording_.interval_s, .rows = rows_, .rows_dropped = dropped_};
 }
 
 }  // namespace subworld

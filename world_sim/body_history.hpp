@@ -2,10 +2,11 @@
 
 #include "io/history.hpp"
 #include "io/options.hpp"
-#include "io/results.hpp"
+#include "io/program_results.hpp"
 #include "model/scene.hpp"
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -40,7 +41,7 @@ class BodyHistory {
   void record_now(const World& world) noexcept;
 
   /// After the last instant: file, bodies, interval, rows, rows dropped; nothing where no bodies are written.
-  [[nodiscard]] Json json();
+  [[nodiscard]] std::optional<BodyHistoryResult> result();
   /// Why rows could not be written, in words; empty: all could.
   [[nodiscard]] std::string fault() const { return history_.fault(); }
 

@@ -59,10 +59,10 @@ int main(int argc, char** argv) {
       const WorldRun run{options, scene, ports, world, measures, exchange};
       Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
       ports.status.enter("stopping");
-      Json part = measures.json(world, settle_s);
-      part["world"]["dds"] = ports.bus->effective_settings();
-      part["world"]["events"] = to_json(ports.status.events_of_run());
-      part["world"]["refused"] = ports.refused();
+      WorldPart part = measures.result(world, settle_s);
+      part.world.dds = ports.bus->effective_settings();
+      part.world.events = ports.status.events_of_run();
+      part.world.refused = ports.refused();
       if (ending.fault.empty()) ending.fault = measures.fault();
       conclude(options.out.empty() ? "" : options.out + "/world.json", part, ending);
     }

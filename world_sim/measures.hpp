@@ -1,5 +1,6 @@
 #pragma once
 
+#include "io/program_results.hpp"
 #include "program/loop_measures.hpp"
 #include "world_sim/body_history.hpp"
 #include "world_sim/world.hpp"
@@ -28,7 +29,7 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
   void end_cycle() noexcept;
   /// Wall time for which the world needed more than its slowest clock gave it.
   void stuck(double wall_s) noexcept { stuck_s_ += wall_s; }
-  void engine_changed(const EngineChange& change) { engine_changes_.push_back(to_json(change)); }
+  void engine_changed(const EngineChange& change) { engine_changes_.push_back(change); }
   void lost_report() noexcept { ++lost_reports_; }
   void refused_report() noexcept { ++refused_reports_; }
 
@@ -37,7 +38,7 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
     return LoopMeasures::state(world.facts().time_s, 0.0, real_time_factor);
   }
   /// After the last cycle.
-  [[nodiscard]] Json json(const World& world, double settle_s);
+  [[nodiscard]] WorldPart result(const World& world, double settle_s);
   /// Why a history could not be written; empty: all could.
   [[nodiscard]] std::string fault() const { return history_.fault().empty() ? bodies_.fault() : history_.fault(); }
 
@@ -51,7 +52,7 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
   double real_time_factor_min_ = 1.0;
   double simulated_s_ = 0.0, wall_s_ = 0.0;  ///< of all cycles
   double slowed_s_ = 0.0, stuck_s_ = 0.0;    ///< wall time with a real-time factor below 1, and below its floor
-  Json engine_changes_ = Json::array();
+  std::vector<EngineChange> engine_changes_;
 };
 
 }  // namespace subworld

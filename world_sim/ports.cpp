@@ -43,10 +43,10 @@ bool WorldPorts::accept(std::size_t user, const HapticReport& report) noexcept {
   return report.sender == served[user];
 }
 
-Json WorldPorts::refused() const {
+WorldRefused WorldPorts::refused() const {
   std::uint64_t sent = 0;
   for (const auto& reader : reports) sent += reader.refused();
-  return {{"haptic_report", sent}, {"scene", second_worlds_}};
+  return {.haptic_report = sent, .scene = second_worlds_};
 }
 
 std::string WorldPorts::second_world() {

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "io/options.hpp"
-#include "io/results.hpp"
+#include "io/program_results.hpp"
 #include "physics/engine.hpp"
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
@@ -24,7 +24,7 @@ struct WorldPorts {
   /// What to do about another world that has shown up on this domain since the last call; empty: none has.
   [[nodiscard]] std::string second_world();
   /// Samples of others than the programs that take part, by topic.
-  [[nodiscard]] Json refused() const;
+  [[nodiscard]] WorldRefused refused() const;
 
   const std::uint64_t session = draw_identity();
   const int domain;

@@ -18,6 +18,18 @@
 
 namespace subworld {
 
+std::string folded(const std::string& text, std::size_t width, const std::string& indent) {
+  std::istringstream words(text);
+  std::string lines = indent;
+  std::size_t used = 0;
+  for (std::string word; words >> word; used += word.size() + 1) {
+    const bool next_line = used > 0 && used + word.size() > width;
+    if (next_line) used = 0;
+    lines += (next_line ? "\n" + indent : used > 0 ? " " : "") + word;
+  }
+  return lines;
+}
+
 namespace {
 
 constexpr std::size_t kHelpWidth = 72;  ///< characters of a description's line
@@ -44,19 +56,8 @@ template <class T>
 using ContentOf = typename Content<T>::type;
 template <class T>
 constexpr bool kIsList = std::is_same_v<T, std::vector<ContentOf<T>>>;
-
-/// In lines of at most kHelpWidth characters.
-std::string folded(const std::string& text) {
-  std::istringstream words(text);
-  std::string lines;
-  std::size_t width = 0;
-  for (std::string word; words >> word; width += word.size() + 1) {
-    const bool next_line = width + word.size() > kHelpWidth;
-    if (next_line) width = 0;
-    lines += (lines.empty() ? "" : next_line ? "\n" : " ") + word;
-  }
-  return lines;
-}
+template <class T>
+constexpr bool kIsText = std::is_same_v<ContentOf<T>, std::string>;
 
 std::string with_unit(const std::string& text, const std::string& unit) {
   return unit.empty() || unit == kPartUnit ? text : text + " " + unit;
@@ -64,6 +65,8 @@ std::string with_unit(const std::string& text, const std::string& unit) {
 
 /// Large round numbers in digits.
 std::string plain(double value) { return fmt::format("{:.9g}", value); }
+
+std::string did_you_mean(std::string_view near) { return near.empty() ? "" : fmt::format("; did you mean {}?", near); }
 
 std::vector<std::string> split(const std::string& text) {
   std::vector<std::string> items;
@@ -76,92 +79,76 @@ std::vector<std::string> split(const std::string& text) {
 
 }  // namespace
 
-struct Option::Data {
-  CLI::Option* option = nullptr;
-  OptionTarget target;
-  std::string name;  ///< as written, with its dashes
-  std::string what;
-  std::string preset;  ///< the default, in words
-  std::string unit;
-  Limits limits;
-  std::vector<std::string> words;
-  std::function<std::string(const std::string&)> fault;
-  std::string variable;
-  std::string other;  ///< name of an option that it needs
-  bool positional = false;
-  bool required = false;
-
-  /// Writes the values, as given, to the target. Throws `Fault`.
-  void assign(const std::vector<std::string>& given) const;
-  /// For the help.
-  [[nodiscard]] std::string placeholder() const;
-  [[nodiscard]] std::string description() const;
-
- private:
-  [[noreturn]] void refuse(const std::string& value, const std::string& why) const;
-  void check_range(double value, const std::string& text) const;
-  void convert(const std::string& text, std::string& value) const { value = text; }
-  void convert(const std::string& text, double& value) const;
-  template <class Integer>
-  void convert(const std::string& text, Integer& value) const;
-};
-
-void Option::Data::refuse(const std::string& value, const std::string& why) const {
-  const char* const set = variable.empty() ? nullptr : std::getenv(variable.c_str());
-  const bool from_environment = set != nullptr && value == set && option->count() <= 1;
-  throw Fault{fmt::format("{}{} {}: {}", name, from_environment ? fmt::format(" (or {})", variable) : "", value, why)};
+bool Option::Data::is_list() const {
+  return std::visit([](auto* into) { return kIsList<std::remove_pointer_t<decltype(into)>>; }, target);
 }
 
-void Option::Data::check_range(double value, const std::string& text) const {
-  if (limits.contains(value)) return;
-  refuse(text, fmt::format("out of range {} to {}{}", plain(limits.least), with_unit(plain(limits.most), unit),
-                           likely_slip(value, limits, unit)));
+std::vector<std::string> Option::as_given() const {
+  if (!given()) return {};
+  return {data_->name, data_->is_list() ? fmt::format("{}", fmt::join(data_->given, ",")) : data_->given.back()};
 }
 
-void Option::Data::convert(const std::string& text, double& value) const {
+namespace {
+
+[[noreturn]] void refuse(const Option::Data& data, const std::string& value, const std::string& why) {
+  const char* const set = data.variable.empty() ? nullptr : std::getenv(data.variable.c_str());
+  const bool from_environment = set != nullptr && value == set && data.option->count() <= 1;
+  throw Fault{fmt::format("{}{} {}: {}", data.name, from_environment ? fmt::format(" (or {})", data.variable) : "",
+                          value, why)};
+}
+
+void convert(const Option::Data&, const std::string& text, std::string& value) { value = text; }
+
+template <class Number>
+void convert(const Option::Data& data, const std::string& text, Number& value) {
   const char* const begin = text.c_str() + (text.starts_with('+') ? 1 : 0);
   const char* const end = text.c_str() + text.size();
-  const auto [rest, error] = std::from_chars(begin, end, value);
-  if (error == std::errc::result_out_of_range || (error == std::errc{} && !std::isfinite(value)))
-    refuse(text, "must be a finite number");
-  if (error == std::errc{} && rest != end && std::isalpha(static_cast<unsigned char>(*rest)) != 0)
-    refuse(text, unit.empty() || unit == kPartUnit
-                     ? "must be a number without a unit"
-                     : fmt::format("must be a number without its unit, which is {}", unit));
-  if (error != std::errc{} || rest != end) refuse(text, "must be a number, such as 0.5 or 1e-4");
-  check_range(value, text);
-}
-
-template <class Integer>
-void Option::Data::convert(const std::string& text, Integer& value) const {
-  const char* const begin = text.c_str() + (text.starts_with('+') ? 1 : 0);
-  const char* const end = text.c_str() + text.size();
-  const auto [rest, error] = std::from_chars(begin, end, value);
   double number = 0.0;
-  const auto [after, wrong] = std::from_chars(begin, end, number);
-  if (wrong != std::errc{} || after != end || number != std::floor(number)) refuse(text, "must be a whole number");
-  check_range(number, text);
-  if (error != std::errc{} || rest != end) refuse(text, "must be a whole number in digits, and not too large");
+  const auto [rest, error] = std::from_chars(begin, end, number);
+  if constexpr (std::is_integral_v<Number>) {
+    if (error != std::errc{} || rest != end || number != std::floor(number))
+      refuse(data, text, "must be a whole number");
+  } else {
+    if (error == std::errc::result_out_of_range || (error == std::errc{} && !std::isfinite(number)))
+      refuse(data, text, "must be a finite number");
+    if (error == std::errc{} && rest != end && std::isalpha(static_cast<unsigned char>(*rest)) != 0)
+      refuse(data, text,
+             data.unit.empty() || data.unit == kPartUnit
+                 ? "must be a number without a unit"
+                 : fmt::format("must be a number without its unit, which is {}", data.unit));
+    if (error != std::errc{} || rest != end) refuse(data, text, "must be a number, such as 0.5 or 1e-4");
+  }
+  if (!data.limits.contains(number)) {
+    refuse(data, text,
+           fmt::format("out of range {} to {}{}", plain(data.limits.least),
+                       with_unit(plain(data.limits.most), data.unit), likely_slip(number, data.limits, data.unit)));
+  }
+  const auto [last, wrong] = std::from_chars(begin, end, value);
+  if (wrong != std::errc{} || last != end) refuse(data, text, "must be a whole number in digits, and not too large");
 }
 
-void Option::Data::assign(const std::vector<std::string>& given) const {
+void check_word(const Option::Data& data, const std::string& word) {
+  if (!data.words.empty() && std::ranges::find(data.words, word) == data.words.end()) {
+    const std::string_view near = nearest(word, {data.words.begin(), data.words.end()});
+    refuse(data, word, fmt::format("choose one of {}{}", fmt::join(data.words, ", "), did_you_mean(near)));
+  }
+  if (!data.fault) return;
+  if (const std::string why = data.fault(word); !why.empty()) refuse(data, word, why);
+}
+
+/// Writes the values, as given, to the target. Throws `Fault`.
+void assign(Option::Data& data, const std::vector<std::string>& given) {
+  data.given = given;
   std::visit(
       [&](auto* const into) {
         using T = std::remove_pointer_t<decltype(into)>;
         if constexpr (kIsList<T>) into->clear();
         for (const std::string& text : given) {
-          if (text.starts_with("--")) throw Fault{fmt::format("{} needs a value, before {}", name, text)};
+          if (text.starts_with("--")) throw Fault{fmt::format("{} needs a value, before {}", data.name, text)};
           for (const std::string& item : kIsList<T> ? split(text) : std::vector<std::string>{text}) {
-            if (!words.empty() && std::ranges::find(words, item) == words.end()) {
-              const std::string_view near = nearest(item, {words.begin(), words.end()});
-              refuse(item, fmt::format("choose one of {}{}", fmt::join(words, ", "),
-                                       near.empty() ? "" : fmt::format("; did you mean {}?", near)));
-            }
-            if (fault) {
-              if (const std::string why = fault(item); !why.empty()) refuse(item, why);
-            }
+            check_word(data, item);
             ContentOf<T> value{};
-            convert(item, value);
+            convert(data, item, value);
             if constexpr (kIsList<T>) {
               into->push_back(value);
             } else {
@@ -170,92 +157,49 @@ void Option::Data::assign(const std::vector<std::string>& given) const {
           }
         }
       },
-      target);
+      data.target);
 }
 
-std::string Option::Data::placeholder() const {
-  if (positional && words.empty()) return required ? "" : "(optional)";
-  if (!words.empty()) return fmt::format("{{{}}}", fmt::join(words, ","));
+/// For the help, as the next one.
+std::string placeholder(const Option::Data& data) {
+  if (!data.words.empty()) return fmt::format("{{{}}}", fmt::join(data.words, ","));
+  if (data.positional()) return data.required ? "" : "(optional)";
   return std::visit(
       [&](auto* const into) -> std::string {
         using T = std::remove_pointer_t<decltype(into)>;
-        const std::string one = std::is_same_v<ContentOf<T>, std::string> ? "TEXT"
-                                : unit.empty() || unit == kPartUnit       ? "N"
-                                                                          : unit;
+        const std::string one = kIsText<T> ? "TEXT" : data.unit.empty() || data.unit == kPartUnit ? "N" : data.unit;
         return fmt::format("<{}>{}", one, kIsList<T> ? ",..." : "");
       },
-      target);
+      data.target);
 }
 
-std::string Option::Data::description() const {
+std::string description(const Option::Data& data) {
   std::vector<std::string> facts;
-  if (std::isfinite(limits.least) && std::isfinite(limits.most))
-    facts.push_back(fmt::format("{} to {}", plain(limits.least), with_unit(plain(limits.most), unit)));
-  if (!preset.empty()) facts.push_back("default: " + preset);
-  if (!variable.empty()) facts.push_back("environment: " + variable);
-  if (!other.empty()) facts.push_back("needs " + other);
-  return folded(facts.empty() ? what : fmt::format("{} ({})", what, fmt::join(facts, "; ")));
+  if (std::isfinite(data.limits.least) && std::isfinite(data.limits.most))
+    facts.push_back(fmt::format("{} to {}", plain(data.limits.least), with_unit(plain(data.limits.most), data.unit)));
+  if (!data.preset.empty() && !data.required) facts.push_back("default: " + data.preset);
+  if (!data.variable.empty()) facts.push_back("environment: " + data.variable);
+  if (data.needed) facts.push_back("needs " + data.needed->name);
+  return folded(facts.empty() ? data.what : fmt::format("{} ({})", data.what, fmt::join(facts, "; ")), kHelpWidth);
 }
 
-Option& Option::range(double least, double most, const std::string& unit) {
-  data_->limits = {.least = least, .most = most};
-  return this->unit(unit);
+/// The default that the target holds, in words; empty: it holds none.
+std::string held(const Option::Data& data) {
+  return std::visit(
+      [&](auto* const into) {
+        using T = std::remove_pointer_t<decltype(into)>;
+        std::string text;
+        if constexpr (kIsList<T>) {
+          text = fmt::format("{}", fmt::join(*into, ","));
+        } else if constexpr (std::is_same_v<T, ContentOf<T>>) {
+          text = fmt::format(fmt::runtime(std::is_same_v<T, double> ? "{:g}" : "{}"), *into);
+        }
+        return text.empty() || kIsText<T> ? text : with_unit(text, data.unit);
+      },
+      data.target);
 }
 
-Option& Option::unit(const std::string& unit) {
-  const bool number = std::visit(
-      [](auto* into) { return !std::is_same_v<ContentOf<std::remove_pointer_t<decltype(into)>>, std::string>; },
-      data_->target);
-  if (!data_->preset.empty() && number) data_->preset = with_unit(data_->preset, unit);
-  data_->unit = unit;
-  return *this;
-}
-
-Option& Option::one_of(const std::vector<std::string>& words) {
-  data_->words = words;
-  return *this;
-}
-
-Option& Option::check(std::function<std::string(const std::string&)> fault) {
-  data_->fault = std::move(fault);
-  return *this;
-}
-
-Option& Option::otherwise(const std::string& text) {
-  data_->preset = text;
-  return *this;
-}
-
-Option& Option::required() {
-  data_->required = true;
-  data_->preset.clear();
-  data_->option->required();
-  return *this;
-}
-
-Option& Option::environment(const std::string& name) {
-  data_->variable = name;
-  data_->option->envname(name);
-  return *this;
-}
-
-Option& Option::needs(const Option& other) {
-  data_->other = other.data_->name;
-  data_->option->needs(other.data_->option);
-  return *this;
-}
-
-Option& Option::implies(const std::string& value) {
-  data_->option->expected(0, 1)->default_str(value);
-  return *this;
-}
-
-Option& Option::hidden() {
-  data_->option->group("");
-  return *this;
-}
-
-bool Option::given() const { return data_->option->count() > 0; }
+}  // namespace
 
 struct CommandLine::Impl {
   std::unique_ptr<CLI::App> owned;
@@ -264,13 +208,20 @@ struct CommandLine::Impl {
   std::vector<std::unique_ptr<CommandLine>> commands;
   std::function<std::string()> more;
 
-  /// Options of this command's help.
-  void describe() const {
+  /// Passes on to CLI11 what was said of the options since they were added.
+  void prepare() const {
     for (const auto& data : options) {
-      data->option->option_text(data->placeholder() + (data->required && !data->positional ? " (required)" : ""));
-      data->option->description(data->description());
+      CLI::Option& option = *data->option;
+      option.required(data->required)->envname(data->variable);
+      if (data->needed) option.needs(data->needed->option);
+      if (!data->implied.empty()) option.expected(0, 1)->default_str(data->implied);
+      if (data->hidden) option.group("");
+      if (data->what.empty()) continue;  // a flag, or hidden
+      if (data->preset.empty()) data->preset = held(*data);
+      option.option_text(placeholder(*data) + (data->required && !data->positional() ? " (required)" : ""));
+      option.description(description(*data));
     }
-    for (const auto& command : commands) command->impl_->describe();
+    for (const auto& command : commands) command->impl_->prepare();
   }
   /// Throws `Fault` where the first word is meant as a command and is none: CLI11 would not name it.
   void check_command(int argc, const char* const* argv) const {
@@ -282,9 +233,8 @@ struct CommandLine::Impl {
       known.push_back(name);
     }
     if (argc < 2) throw Fault{fmt::format("a command is missing; choose one of: {}", fmt::join(known, ", "))};
-    const std::string_view near = nearest(argv[1], known);
     throw Fault{fmt::format("\"{}\" is no command; choose one of: {}{}", argv[1], fmt::join(known, ", "),
-                            near.empty() ? "" : fmt::format("; did you mean {}?", near))};
+                            did_you_mean(nearest(argv[1], known)))};
   }
 };
 
@@ -310,26 +260,13 @@ Option CommandLine::add(const std::string& name, OptionTarget target, const std:
   data->target = target;
   data->name = name;
   data->what = what;
-  data->positional = !name.starts_with('-');
   data->option = impl_->app->add_option(name, [data = data.get()](const CLI::results_t& given) {
-    data->assign(given);
+    assign(*data, given);
     return true;
   });
-  data->option->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
-  std::visit(
-      [&](auto* const into) {
-        using T = std::remove_pointer_t<decltype(into)>;
-        if constexpr (kIsList<T>) {
-          data->option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-          if (data->positional) data->option->expected(-1);
-          data->preset = fmt::format("{}", fmt::join(*into, ","));
-        } else if constexpr (std::is_same_v<T, double>) {
-          data->preset = fmt::format("{:g}", *into);
-        } else if constexpr (std::is_same_v<T, ContentOf<T>>) {
-          data->preset = fmt::format("{}", *into);
-        }
-      },
-      target);
+  const bool list = data->is_list();
+  data->option->multi_option_policy(list ? CLI::MultiOptionPolicy::TakeAll : CLI::MultiOptionPolicy::TakeLast);
+  if (list && data->positional()) data->option->expected(-1);
   impl_->options.push_back(data);
   return Option(data);
 }
@@ -337,7 +274,8 @@ Option CommandLine::add(const std::string& name, OptionTarget target, const std:
 Option CommandLine::flag(const std::string& name, bool& target, const std::string& what) {
   auto data = std::make_shared<Option::Data>();
   data->name = name;
-  data->option = impl_->app->add_flag(name, target, folded(what));
+  data->option = impl_->app->add_flag(name, target, folded(what, kHelpWidth));
+  impl_->options.push_back(data);
   return Option(data);
 }
 
@@ -359,16 +297,6 @@ void CommandLine::takes_all() { impl_->app->prefix_command()->set_help_flag(); }
 
 namespace {
 
-/// The names of a command's options, without their dashes and without hidden ones.
-std::vector<std::string_view> option_names(const CLI::App& command) {
-  std::vector<std::string_view> names;
-  for (const CLI::Option* option : command.get_options()) {
-    if (option->get_group().empty()) continue;
-    for (const std::string& name : option->get_lnames()) names.push_back(name);
-  }
-  return names;
-}
-
 bool is_option(std::string_view word) {
   return word.size() > 1 && word.front() == '-' && std::isdigit(static_cast<unsigned char>(word[1])) == 0;
 }
@@ -378,8 +306,13 @@ std::string fault_of(const CLI::App& command, const std::string& otherwise) {
   for (const std::string& word : command.remaining()) {
     if (!is_option(word)) continue;
     const std::string option = word.substr(0, word.find('='));
-    const std::string_view near = nearest(option.substr(option.find_first_not_of('-')), option_names(command));
-    return fmt::format("unknown option {}{}", option, near.empty() ? "" : fmt::format("; did you mean --{}?", near));
+    std::vector<std::string_view> names;
+    for (const CLI::Option* known : command.get_options()) {
+      if (known->get_group().empty()) continue;  // hidden
+      for (const std::string& name : known->get_lnames()) names.push_back(name);
+    }
+    const std::string_view near = nearest(option.substr(option.find_first_not_of('-')), names);
+    return fmt::format("unknown option {}{}", option, did_you_mean(near.empty() ? "" : fmt::format("--{}", near)));
   }
   return otherwise;
 }
@@ -399,7 +332,7 @@ std::string fault_of(const CLI::App& command, const std::string& otherwise) {
 
 std::optional<int> CommandLine::parse(int argc, const char* const* argv) {
   CLI::App& app = *impl_->app;
-  impl_->describe();
+  impl_->prepare();
   try {
     impl_->check_command(argc, argv);
     app.parse(argc, argv);

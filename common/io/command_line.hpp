@@ -1,5 +1,7 @@
 #pragma once
 
+#include "model/slips.hpp"
+
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -8,7 +10,14 @@
 #include <variant>
 #include <vector>
 
+namespace CLI {
+class Option;
+}
+
 namespace subworld {
+
+/// The words of a text in lines of at most `width` characters, each after `indent`.
+[[nodiscard]] std::string folded(const std::string& text, std::size_t width, const std::string& indent = "");
 
 /// What an option sets. A vector takes a list, separated by commas; as a positional argument also by spaces.
 using OptionTarget =
@@ -19,31 +28,57 @@ using OptionTarget =
 /// finite.
 class Option {
  public:
-  struct Data;
+  struct Data {
+    CLI::Option* option = nullptr;
+    OptionTarget target;
+    std::string name;  ///< as written, with its dashes
+    std::string what;
+    std::string preset;  ///< the default, in words
+    std::string unit;
+    Limits limits;
+    std::vector<std::string> words;
+    std::function<std::string(const std::string&)> fault;
+    std::string variable;
+    std::shared_ptr<Data> needed;
+    std::string implied;
+    bool required = false, hidden = false;
+    std::vector<std::string> given;  ///< the values, as written
+
+    [[nodiscard]] bool positional() const { return !name.starts_with('-'); }
+    [[nodiscard]] bool is_list() const;
+  };
   explicit Option(std::shared_ptr<Data> data) : data_(std::move(data)) {}
 
   /// Both ends belong to it; a value outside is refused with the likely slip of its unit ("s", "m", ...).
-  Option& range(double least, double most, const std::string& unit = "");
-  /// Shows the unit of a value whose range is checked elsewhere.
-  Option& unit(const std::string& unit);
-  Option& one_of(const std::vector<std::string>& words);
+  Option& range(double least, double most, const std::string& unit = "") {
+    data_->limits = {.least = least, .most = most};
+    return set(data_->unit, unit);
+  }
+  Option& one_of(const std::vector<std::string>& words) { return set(data_->words, words); }
   /// `fault` gives what is wrong with a text, and the cure; empty: nothing.
-  Option& check(std::function<std::string(const std::string&)> fault);
+  Option& check(std::function<std::string(const std::string&)> fault) { return set(data_->fault, std::move(fault)); }
   /// The default, in words, where the target does not hold it.
-  Option& otherwise(const std::string& text);
-  Option& required();
+  Option& otherwise(const std::string& text) { return set(data_->preset, text); }
+  Option& required() { return set(data_->required, true); }
   /// Also set by this environment variable.
-  Option& environment(const std::string& name);
+  Option& environment(const std::string& name) { return set(data_->variable, name); }
   /// Refused without the other one.
-  Option& needs(const Option& other);
+  Option& needs(const Option& other) { return set(data_->needed, other.data_); }
   /// The value is optional; this one is the default.
-  Option& implies(const std::string& value);
+  Option& implies(const std::string& value) { return set(data_->implied, value); }
   /// Not in the help.
-  Option& hidden();
+  Option& hidden() { return set(data_->hidden, true); }
 
-  [[nodiscard]] bool given() const;
+  [[nodiscard]] bool given() const { return !data_->given.empty(); }
+  /// The option and its value, as words of a command line; none where it is not given.
+  [[nodiscard]] std::vector<std::string> as_given() const;
 
  private:
+  template <class T>
+  Option& set(T& what, T value) {
+    what = std::move(value);
+    return *this;
+  }
   std::shared_ptr<Data> data_;
 };
 

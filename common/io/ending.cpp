@@ -1,25 +1,25 @@
 #include "io/ending.hpp"
 
-#include "model/error.hpp"
-
 #include <fmt/format.h>
 
 #include <cstring>
 
 namespace subworld {
 
-Json to_json(const Ending& ending) {
-  return {{"session", fmt::format("{:016x}", ending.session)},
+void to_json(Json& json, const Ending& ending) {
+  json = {{"session", fmt::format("{:016x}", ending.session)},
           {"from_s", ending.from_s},
           {"to_s", ending.to_s},
           {"by", ending.by},
           {"fault", ending.fault}};
 }
 
-void conclude(const std::string& path, Json part, const Ending& ending) {
-  part["ending"] = to_json(ending);
-  if (!path.empty()) write_json(path, part);
-  if (!ending.fault.empty()) throw Error(ExitCode::failed, ending.fault);
+void from_json(const Json& json, Ending& ending) {
+  ending = {.session = std::stoull(json.at("session").get<std::string>(), nullptr, 16),
+            .from_s = json.at("from_s"),
+            .to_s = json.at("to_s"),
+            .by = json.at("by"),
+            .fault = json.at("fault")};
 }
 
 std::string name_of_signal(int signal) {

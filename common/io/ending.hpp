@@ -1,6 +1,7 @@
 #pragma once
 
 #include "io/results.hpp"
+#include "model/error.hpp"
 
 #include <cstdint>
 #include <string>
@@ -16,11 +17,17 @@ struct Ending {
   std::string fault = {};  ///< error text; empty: no error
 };
 
-[[nodiscard]] Json to_json(const Ending& ending);
+void to_json(Json& json, const Ending& ending);
+void from_json(const Json& json, Ending& ending);
 
 /// Writes a program's part of the results, with how it ended. An empty path: writes nothing. Then throws `Error`
 /// (failed) with the fault, if there is one.
-void conclude(const std::string& path, Json part, const Ending& ending);
+template <class Part>
+void conclude(const std::string& path, Part part, const Ending& ending) {
+  part.ending = ending;
+  if (!path.empty()) write_json(path, part);
+  if (!ending.fault.empty()) throw Error(ExitCode::failed, ending.fault);
+}
 
 /// For example "SIGTERM".
 [[nodiscard]] std::string name_of_signal(int signal);

@@ -16,18 +16,15 @@ struct StepTimes {
 };
 
 /// Scheduling that the OS granted to a real-time loop, and the time that the kernel gave to its thread or withheld.
-class MachineShare {
- public:
-  void begin(const Scheduling& granted) {
-    granted_ = granted;
-    begin_ = kernel_share();
-  }
-  void end() { share_ = kernel_share().since(begin_); }
-  [[nodiscard]] Json json() const;
+struct MachineShare : KernelShare {
+  std::string scheduling;
+  bool fifo = false;
+  bool memory_locked = false;
 
- private:
-  Scheduling granted_;
-  KernelShare begin_, share_;
+  void begin(const Scheduling& granted) { *this = {kernel_share(), granted.text, granted.fifo, granted.memory_locked}; }
+  void end() { KernelShare::operator=(kernel_share().since(*this)); }
 };
+SUBWORLD_JSON(MachineShare, scheduling, fifo, memory_locked, cpu_s, run_queue_delay_s, involuntary_switches,
+              voluntary_switches, stolen_s)
 
 }  // namespace subworld

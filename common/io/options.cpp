@@ -85,66 +85,62 @@ std::string fixed_ratio_fault(const std::string& text) {
 
 void add_run_options(CommandLine& line, Options& o) {
   const std::string scenes = "the scene's";
+  const auto add = [&](const char* name, OptionTarget target, const char* what) -> Option& {
+    return o.shared.emplace_back(line.add(name, target, what));
+  };
   line.add("scene", &o.scene, "scene file (YAML), or the name of a scene in deploy/scenes").required();
-  line.add("--mode", &o.mode,
-           "lockstep: the processes advance together, independent of wall time; realtime: absolute deadlines")
+  add("--mode", &o.mode,
+      "lockstep: the processes advance together, independent of wall time; realtime: absolute deadlines")
       .one_of({"lockstep", "realtime"})
       .otherwise(scenes);
-  line.add("--duration", &o.duration_s, "simulated time").range(0.001, 1e6, "s").otherwise(scenes);
-  line.add("--users", &o.users, "number of the scene's users that take part, the first ones")
-      .range(1, 64)
-      .otherwise(scenes);
-  line.add("--scheme", &o.scheme, "coupling scheme: reduced, paper or direct").otherwise(scenes + ", else reduced");
-  line.add("--ratio", &o.ratio,
-           "simulation ratio r = T / h; two as in 4-12: it adapts between them to what the operator feels and to what "
-           "the world costs")
+  add("--duration", &o.duration_s, "simulated time").range(0.001, 1e6, "s").otherwise(scenes);
+  add("--users", &o.users, "number of the scene's users that take part, the first ones").range(1, 64).otherwise(scenes);
+  add("--scheme", &o.scheme, "coupling scheme: reduced, paper or direct").otherwise(scenes + ", else reduced");
+  add("--ratio", &o.ratio,
+      "simulation ratio r = T / h; two as in 4-12: it adapts between them to what the operator feels and to what "
+      "the world costs")
       .check(ratio_fault)
       .otherwise(scenes);
-  line.add("--budget", &o.budget_ratio,
-           "part of the haptic step that the step of a sub-world may take; of the bodies in its box, those that matter "
-           "most and fit are simulated")
+  add("--budget", &o.budget_ratio,
+      "part of the haptic step that the step of a sub-world may take; of the bodies in its box, those that matter "
+      "most and fit are simulated")
       .range(1e-3, 1e3)
       .otherwise(scenes);
-  line.add("--engine", &o.engine, "physics engine of the world").otherwise(scenes);
-  line.add("--preset", &o.preset, "preset of the world's engine: fast or quality").otherwise(scenes);
-  line.add("--haptic-engine", &o.haptic_engine, "physics engine of the sub-worlds").otherwise(scenes);
-  line.add("--haptic-preset", &o.haptic_preset, "preset of the sub-worlds' engine: fast or quality").otherwise(scenes);
-  line.add("--disable", &o.disabled,
-           "optimisations to disable, for comparison: names that `subworld plan` lists, separated by commas, or all");
-  line.add("--passivity", &o.passivity,
-           "bounds the energy that a device gives to its operator: on, off, or automatic (where messages are delayed; "
-           "in real time with --peers)")
+  add("--engine", &o.engine, "physics engine of the world").otherwise(scenes);
+  add("--preset", &o.preset, "preset of the world's engine: fast or quality").otherwise(scenes);
+  add("--haptic-engine", &o.haptic_engine, "physics engine of the sub-worlds").otherwise(scenes);
+  add("--haptic-preset", &o.haptic_preset, "preset of the sub-worlds' engine: fast or quality").otherwise(scenes);
+  add("--disable", &o.disabled,
+      "optimisations to disable, for comparison: names that `subworld plan` lists, separated by commas, or all");
+  add("--passivity", &o.passivity,
+      "bounds the energy that a device gives to its operator: on, off, or automatic (where messages are delayed; "
+      "in real time with --peers)")
       .one_of({"automatic", "on", "off"})
       .otherwise(scenes);
-  line.add("--latency", &o.latency_s,
-           "lock-step: artificial delay, added to the round trip between world and sub-world")
+  add("--latency", &o.latency_s, "lock-step: artificial delay, added to the round trip between world and sub-world")
       .range(0.0, 2.0, "s")
       .otherwise(scenes);
-  line.add("--device-latency", &o.device_latency_s,
-           "lock-step: artificial delay, added to the round trip between device and sub-world")
+  add("--device-latency", &o.device_latency_s,
+      "lock-step: artificial delay, added to the round trip between device and sub-world")
       .range(0.0, 2.0, "s")
       .otherwise(scenes);
-  line.add("--jitter", &o.jitter_s, "lock-step: longest extra delay of a single message, at random")
+  add("--jitter", &o.jitter_s, "lock-step: longest extra delay of a single message, at random")
       .range(0.0, 1.0, "s")
       .otherwise(scenes);
-  line.add("--loss", &o.loss_ratio,
-           "lock-step: part of the messages that is lost; between world and sub-world they arrive one round trip later")
+  add("--loss", &o.loss_ratio,
+      "lock-step: part of the messages that is lost; between world and sub-world they arrive one round trip later")
       .range(0.0, 0.9, kPartUnit)
       .otherwise(scenes);
-  add_network_options(line, o.network);
-  line.add("--qos", &o.network.qos_file, "the DDS vendor's settings file")
-      .otherwise("the vendor's environment variable, else qos/VENDOR.xml beside the programs");
-  line.add("--wait", &o.wait_s, "longest wait for the other programs").range(0.1, 3600.0, "s");
-  line.add("--out", &o.out, "folder for results");
-}
-
-void add_network_options(CommandLine& line, Network& network) {
-  line.add("--interface", &network.interface_address,
-           "own network interface, by name or IPv4 address; other hosts are reached with --peers too")
+  add("--interface", &o.network.interface_address,
+      "own network interface, by name or IPv4 address; other hosts are reached with --peers too")
       .otherwise("loopback, which reaches this host only");
-  line.add("--peers", &network.peers,
-           "other hosts of the run: IPv4 addresses or names, separated by commas; needs --interface")
+  add("--peers", &o.network.peers,
+      "other hosts of the run: IPv4 addresses or names, separated by commas; needs --interface")
       .otherwise("this host");
+  add("--qos", &o.network.qos_file, "the DDS vendor's settings file")
+      .otherwise("the vendor's environment variable, else qos/VENDOR.xml beside the programs");
+  add("--wait", &o.wait_s, "longest wait for the other programs").range(0.1, 3600.0, "s");
+  line.add("--out", &o.out, "folder for results");
 }
 
 Option add_dds(CommandLine& line, std::string& dds, const std::vector<std::string>& vendors) {
@@ -187,31 +183,6 @@ void add_tuning(CommandLine& line, const char* program, Options& o) {
 }
 
 }  // namespace
-
-Parsed parse_options(Program program, int argc, const char* const* argv) {
-  const About& me = about(program);
-  Parsed parsed;
-  Options& o = parsed.options;
-  CommandLine line(me.name, me.what);
-  line.footer(me.examples);
-  add_run_options(line, o);
-  add_dds(line, o.network.dds, {"fastdds", "cyclonedds"});
-  add_domain(line, o.network.domain);
-  if (program == Program::haptic_sim || program == Program::device_sim)
-    line.add("--user", &o.user, "the scene's user that it serves, from 0").range(0, 63);
-  if (program != Program::gui_headless) add_trace_option(line, o);
-  add_tuning(line, me.name, o);
-  if (program == Program::world_sim) {
-    add_bodies_options(line, o);
-    line.flag("--await-display", o.await_display, "start only when a display is there, so that it misses nothing");
-  }
-  if (program == Program::gui_headless) {
-    line.add("--picture-every", &o.picture_every_s, "a picture also each so many simulated seconds; 0: only the last")
-        .range(0.0, 1e6, "s");
-  }
-  parsed.exit_code = line.parse(argc, argv);
-  return parsed;
-}
 
 Scene load_scene(const Options& o) {
   Scene scene = load_scene(scene_file(o.scene));
@@ -267,31 +238,11 @@ Scene load_scene(const Options& o) {
 
 std::vector<std::string> flags_of(const Options& o) {
   std::vector<std::string> flags{o.scene};
-  const auto add = [&](const char* flag, const auto& value) {
-    if (value) flags.insert(flags.end(), {flag, fmt::format("{}", *value)});
-  };
-  add("--mode", o.mode);
-  add("--scheme", o.scheme);
-  add("--latency", o.latency_s);
-  add("--jitter", o.jitter_s);
-  add("--device-latency", o.device_latency_s);
-  add("--loss", o.loss_ratio);
-  add("--passivity", o.passivity);
-  if (!o.disabled.empty()) flags.insert(flags.end(), {"--disable", fmt::format("{}", fmt::join(o.disabled, ","))});
-  add("--engine", o.engine);
-  add("--haptic-engine", o.haptic_engine);
-  add("--preset", o.preset);
-  add("--haptic-preset", o.haptic_preset);
-  add("--ratio", o.ratio);
-  add("--users", o.users);
-  add("--budget", o.budget_ratio);
-  add("--duration", o.duration_s);
-  if (!o.network.peers.empty())
-    flags.insert(flags.end(), {"--peers", fmt::format("{}", fmt::join(o.network.peers, ","))});
-  if (!o.network.interface_address.empty()) flags.insert(flags.end(), {"--interface", o.network.interface_address});
-  if (!o.network.qos_file.empty()) flags.insert(flags.end(), {"--qos", o.network.qos_file});
+  for (const Option& option : o.shared) {
+    const std::vector<std::string> words = option.as_given();
+    flags.insert(flags.end(), words.begin(), words.end());
+  }
   if (!o.out.empty()) flags.insert(flags.end(), {"--out", o.out});
-  flags.insert(flags.end(), {"--wait", fmt::format("{}", o.wait_s)});
   return flags;
 }
 
@@ -309,17 +260,35 @@ int guarded(const char* program, const std::function<int()>& body) noexcept {
 
 int run_program(Program program, int argc, const char* const* argv,
                 const std::function<void(const Options&, const Scene&)>& body) noexcept {
-  return guarded(about(program).name, [&] {
-    const Parsed parsed = parse_options(program, argc, argv);
-    if (parsed.exit_code) return *parsed.exit_code;
+  const About& me = about(program);
+  return guarded(me.name, [&] {
+    Options o;
+    CommandLine line(me.name, me.what);
+    line.footer(me.examples);
+    add_run_options(line, o);
+    add_dds(line, o.network.dds, {"fastdds", "cyclonedds"});
+    add_domain(line, o.network.domain);
+    if (program == Program::haptic_sim || program == Program::device_sim)
+      line.add("--user", &o.user, "the scene's user that it serves, from 0").range(0, 63);
+    if (program != Program::gui_headless) add_trace_option(line, o);
+    add_tuning(line, me.name, o);
+    if (program == Program::world_sim) {
+      add_bodies_options(line, o);
+      line.flag("--await-display", o.await_display, "start only when a display is there, so that it misses nothing");
+    }
+    if (program == Program::gui_headless) {
+      line.add("--picture-every", &o.picture_every_s, "a picture also each so many simulated seconds; 0: only the last")
+          .range(0.0, 1e6, "s");
+    }
+    if (const auto code = line.parse(argc, argv)) return *code;
     end_at_stop_signals();
-    if (const std::vector<int>& cores = parsed.options.cores; !cores.empty() && !keep_to_cores(cores))
+    if (!o.cores.empty() && !keep_to_cores(o.cores))
       throw Error(ExitCode::usage, fmt::format("--core {}: this machine does not have it, or not for this program",
-                                               fmt::join(cores, ",")));
+                                               fmt::join(o.cores, ",")));
     std::setvbuf(stdout, nullptr, _IOLBF, 0);  // a log is complete, however the program ends
-    const Scene scene = load_scene(parsed.options);
-    if (!parsed.options.out.empty()) make_folder(parsed.options.out);
-    body(parsed.options, scene);
+    const Scene scene = load_scene(o);
+    if (!o.out.empty()) make_folder(o.out);
+    body(o, scene);
     return static_cast<int>(ExitCode::done);
   });
 }

@@ -41,17 +41,10 @@ struct Options {
   std::string trace;                     ///< file for a trace of the loops; empty: none. Not of the display
   int user = 0;                          ///< haptic_sim, device_sim
   double wait_s = 30.0;                  ///< for the other programs
+  std::vector<Option> shared = {};       ///< those that all programs of a run have
   double picture_every_s = 0.0;          ///< gui_headless
   bool await_display = false;            ///< world_sim: starts when a display is there
 };
-
-struct Parsed {
-  Options options;
-  std::optional<int> exit_code;  ///< set where nothing is left to do (`--help`)
-};
-
-/// Reads the command line of a program. Throws `Error` (usage) with the flag and the cure.
-[[nodiscard]] Parsed parse_options(Program program, int argc, const char* const* argv);
 
 /// Loads the scene and lets the options override its settings; afterwards `settings.users` counts the users that take
 /// part. Throws `Error` (usage).
@@ -62,8 +55,6 @@ struct Parsed {
 
 /// Adds the options that the launcher and all programs share.
 void add_run_options(CommandLine& line, Options& options);
-/// Adds --interface and --peers.
-void add_network_options(CommandLine& line, Network& network);
 /// Adds --dds and --domain.
 Option add_dds(CommandLine& line, std::string& dds, const std::vector<std::string>& vendors);
 Option add_domain(CommandLine& line, int& domain);

@@ -13,54 +13,40 @@
 
 namespace subworld {
 
-Json quantiles(const Histogram& h) {
-  return {{"p50", h.quantile_s(0.5)},
-          {"p99", h.quantile_s(0.99)},
-          {"p99_9", h.quantile_s(0.999)},
-          {"max", h.max_s()},
-          {"mean", h.mean_s()}};
+Quantiles quantiles(const Histogram& h) {
+  return {h.quantile_s(0.5), h.quantile_s(0.99), h.quantile_s(0.999), h.max_s(), h.mean_s()};
 }
 
-Json stages(std::span<const Histogram> times, std::span<const char* const> names) {
+StageTimes stages(std::span<const Histogram> times, std::span<const char* const> names) {
   const auto total_s = [](const Histogram& h) { return h.mean_s() * static_cast<double>(h.count()); };
   double working_s = 0.0;
   for (std::size_t i = 0; i < times.size(); ++i) working_s += i == kWaitingStage ? 0.0 : total_s(times[i]);
-  Json json = Json::object();
+  StageTimes stages;
   for (std::size_t i = 0; i < times.size(); ++i) {
-    Json stage = quantiles(times[i]);
-    if (i != kWaitingStage) stage["share"] = working_s > 0.0 ? total_s(times[i]) / working_s : 0.0;
-    json[fmt::format("{}_s", names[i])] = std::move(stage);
+    StageTime& stage = stages.all.emplace_back(StageTime{quantiles(times[i]), names[i]});
+    if (i != kWaitingStage) stage.share = working_s > 0.0 ? total_s(times[i]) / working_s : 0.0;
   }
-  return json;
+  return stages;
 }
 
-Json mean_max(const MeanMax& values) { return {{"mean", values.mean()}, {"max", values.max}}; }
-
-Json operator_energy(double net_j, double least_j, double created_j) {
-  return {{"net_j", net_j}, {"least_j", least_j}, {"created_j", created_j}};
+void to_json(Json& json, const StageTimes& stages) {
+  json = Json::object();
+  for (const StageTime& stage : stages.all) {
+    Json& one = json[stage.name + "_s"] = static_cast<const Quantiles&>(stage);
+    put(one, "share", stage.share);
+  }
 }
 
-Json to_json(const EventCounts& events) {
-  return {{"deadline_missed", events.deadline_missed},
-          {"liveliness_lost", events.liveliness_lost},
-          {"incompatible_qos", events.incompatible_qos},
-          {"lost", events.lost},
-          {"rejected", events.rejected},
-          {"refused", events.refused}};
+void from_json(const Json& json, StageTimes& stages) {
+  for (const auto& [key, one] : json.items()) {
+    StageTime& stage = stages.all.emplace_back(StageTime{one.get<Quantiles>(), key.substr(0, key.size() - 2)});
+    get(one, "share", stage.share);
+  }
 }
 
 std::string to_text(const EngineChange& change) {
   return fmt::format("engine {} -> {} at {:.3f} s, in {:.2f} ms", change.from, change.to, change.at_s,
                      1e3 * change.exchange_s);
-}
-
-Json to_json(const EngineChange& change) {
-  return {{"at_s", change.at_s},
-          {"from", change.from},
-          {"to", change.to},
-          {"exchange_s", change.exchange_s},
-          {"force_step_n", change.force_step_n},
-          {"force_step_before_n", change.force_step_before_n}};
 }
 
 Json to_json(std::span<const PlannedItem> plan) {

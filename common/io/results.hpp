@@ -6,21 +6,64 @@
 
 #include <nlohmann/json.hpp>
 
+#include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace subworld {
 
 using Json = nlohmann::ordered_json;
 
-/// {"p50", "p99", "p99_9", "max", "mean"} in seconds.
-[[nodiscard]] Json quantiles(const Histogram& histogram);
+template <class T>
+void put(Json& json, const char* key, const T& value) {
+  json[key] = value;
+}
+template <class T>
+void put(Json& json, const char* key, const std::optional<T>& value) {
+  if (value) json[key] = *value;
+}
+template <class T>
+void get(const Json& json, const char* key, T& value) {
+  json.at(key).get_to(value);
+}
+template <class T>
+void get(const Json& json, const char* key, std::optional<T>& value) {
+  if (json.contains(key)) json[key].get_to(value.emplace());
+}
+#define SUBWORLD_PUT(member) put(json, #member, from.member);
+#define SUBWORLD_GET(member) get(json, #member, to.member);
+/// The conversion of a struct to JSON and back: a key for each of these members, in this order. An empty optional has
+/// no key.
+#define SUBWORLD_JSON(Type, ...)                                         \
+  inline void to_json(Json& json, const Type& from) {                    \
+    NLOHMANN_JSON_EXPAND(NLOHMANN_JSON_PASTE(SUBWORLD_PUT, __VA_ARGS__)) \
+  }                                                                      \
+  inline void from_json(const Json& json, Type& to) {                    \
+    NLOHMANN_JSON_EXPAND(NLOHMANN_JSON_PASTE(SUBWORLD_GET, __VA_ARGS__)) \
+  }
 
-/// A loop's stages (rt/stages), by name: {"NAME_s": quantiles over the steps that contain the stage, with its `share`
-/// of the time outside waking up}.
-[[nodiscard]] Json stages(std::span<const Histogram> times, std::span<const char* const> names);
+/// Of a measured time, s.
+struct Quantiles {
+  double p50 = 0.0, p99 = 0.0, p99_9 = 0.0, max = 0.0, mean = 0.0;
+};
+SUBWORLD_JSON(Quantiles, p50, p99, p99_9, max, mean)
+[[nodiscard]] Quantiles quantiles(const Histogram& histogram);
 
-/// Mean and maximum of a count.
+/// Time of a loop's stage, over the steps that contain it.
+struct StageTime : Quantiles {
+  std::string name;
+  std::optional<double> share = {};  ///< of the time outside waking up, which has none
+};
+/// A loop's stages (rt/stages). JSON: {"NAME_s": its times}.
+struct StageTimes {
+  std::vector<StageTime> all;
+};
+[[nodiscard]] StageTimes stages(std::span<const Histogram> times, std::span<const char* const> names);
+void to_json(Json& json, const StageTimes& stages);
+void from_json(const Json& json, StageTimes& stages);
+
+/// Mean and maximum of a count. JSON: {"mean", "max"}.
 struct MeanMax {
   double sum = 0.0;
   double max = 0.0;
@@ -33,7 +76,8 @@ struct MeanMax {
   }
   [[nodiscard]] double mean() const noexcept { return count == 0 ? 0.0 : sum / static_cast<double>(count); }
 };
-[[nodiscard]] Json mean_max(const MeanMax& values);
+inline void to_json(Json& json, const MeanMax& values) { json = {{"mean", values.mean()}, {"max", values.max}}; }
+inline void from_json(const Json& json, MeanMax& values) { values = {json.at("mean"), json.at("max"), 1}; }
 
 /// An exchange of engines while running.
 struct EngineChange {
@@ -45,14 +89,11 @@ struct EngineChange {
   double force_step_n = 0.0;  ///< largest change of the force on the operator between two steps just after; haptic only
   double force_step_before_n = 0.0;  ///< likewise just before the exchange
 };
-/// Energy balance of an operator (coupling/energy_port), J: final energy, least energy, and the energy delivered to the
-/// operator beyond what the coupling could store.
-[[nodiscard]] Json operator_energy(double net_j, double least_j, double created_j);
-/// Middleware events while a loop ran.
-[[nodiscard]] Json to_json(const EventCounts& events);
-
+SUBWORLD_JSON(EngineChange, at_s, from, to, exchange_s, force_step_n, force_step_before_n)
 [[nodiscard]] std::string to_text(const EngineChange& change);
-[[nodiscard]] Json to_json(const EngineChange& change);
+
+/// Middleware events while a loop ran.
+SUBWORLD_JSON(EventCounts, deadline_missed, liveliness_lost, incompatible_qos, lost, rejected, refused)
 
 /// Decision and reason of each item of the plan.
 [[nodiscard]] Json to_json(std::span<const PlannedItem> plan);

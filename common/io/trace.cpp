@@ -25,25 +25,23 @@ double ns(TimePoint t) noexcept { return static_cast<double>(to_ns(t)); }
 
 void put_event(std::string& text, std::span<const double> row, int pid, const std::vector<std::string>& stages) {
   const auto out = std::back_inserter(text);
+  const auto kind = static_cast<Kind>(static_cast<int>(row[0]));
   const auto which = static_cast<std::size_t>(row[1]);
-  const double ts_us = 1e-3 * row[2];
-  switch (static_cast<Kind>(static_cast<int>(row[0]))) {
-    case Kind::step:
-    case Kind::stage: {
-      const char* name = static_cast<Kind>(static_cast<int>(row[0])) == Kind::step ? "step" : stages[which].c_str();
-      fmt::format_to(out, ",\n{{\"ph\":\"X\",\"name\":\"{}\",\"pid\":{},\"tid\":1,\"ts\":{:.3f},\"dur\":{:.3f}}}", name,
-                     pid, ts_us, 1e-3 * row[3]);
-      break;
-    }
-    case Kind::counter:
-      fmt::format_to(
-          out, ",\n{{\"ph\":\"C\",\"name\":\"{}\",\"pid\":{},\"tid\":1,\"ts\":{:.3f},\"args\":{{\"value\":{:.6g}}}}}",
-          kNames[which], pid, ts_us, row[3]);
-      break;
-    case Kind::instant:
-      fmt::format_to(out, ",\n{{\"ph\":\"i\",\"s\":\"p\",\"name\":\"{}\",\"pid\":{},\"tid\":1,\"ts\":{:.3f}}}",
-                     kNames[which], pid, ts_us);
-      break;
+  const bool lasts = kind == Kind::step || kind == Kind::stage;
+  fmt::format_to(out, ",\n{{\"ph\":\"{}\",\"name\":\"{}\",\"pid\":{},\"tid\":1,\"ts\":{:.3f},",
+                 lasts                   ? "X"
+                 : kind == Kind::counter ? "C"
+                                         : "i",
+                 kind == Kind::step ? "step"
+                 : lasts            ? stages[which]
+                                    : kNames[which],
+                 pid, 1e-3 * row[2]);
+  if (lasts) {
+    fmt::format_to(out, "\"dur\":{:.3f}}}", 1e-3 * row[3]);
+  } else if (kind == Kind::counter) {
+    fmt::format_to(out, "\"args\":{{\"value\":{:.6g}}}}}", row[3]);
+  } else {
+    text += "\"s\":\"p\"}";
   }
 }
 

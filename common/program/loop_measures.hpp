@@ -58,15 +58,16 @@ class LoopMeasures {
   [[nodiscard]] LoopState state(double time_s, double force_n, double real_time_factor) const noexcept {
     return {time_s, steps_, misses_.all(), misses_.by_os, step_.sum_s(), force_n, real_time_factor};
   }
-  /// Call after the last step: adds what all programs measure.
-  void add_to(Json& part) {
+  /// Call after the last step: sets what all programs measure.
+  template <class Result>
+  void add_to(Result& result) {
     history_.finish();
-    part["step_s"] = quantiles(step_);
-    part["woken_late_s"] = quantiles(woken_late_);
-    part["machine"] = machine_.json();
-    part["stages"] = subworld::stages(stages_.times(), names_);
-    part["history_rows_dropped"] = history_.dropped();
-    part["trace_events_dropped"] = trace_.dropped();
+    result.step_s = quantiles(step_);
+    result.woken_late_s = quantiles(woken_late_);
+    result.machine = machine_;
+    result.stages = subworld::stages(stages_.times(), names_);
+    result.history_rows_dropped = history_.dropped();
+    result.trace_events_dropped = trace_.dropped();
   }
 
   History history_;

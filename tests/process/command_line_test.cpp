@@ -255,6 +255,29 @@ TEST_F(CommandLine, AnInterfaceHasANameOrAnAddress) {
   expect_says(wrong, {"--interface nosuch0", "ip -brief address"});
 }
 
+// An interface that has an address and is down, in a network of its own.
+TEST_F(CommandLine, AnInterfaceThatIsDownIsRefused) {
+  Words words{"/usr/bin/env",
+              "unshare",
+              "--map-root-user",
+              "--net",
+              "/bin/sh",
+              "-c",
+              "ip address add 192.0.2.9/24 dev lo && exec \"$@\"",
+              "sh"};
+  Words probe = words;
+  probe.emplace_back("true");
+  if (finish(probe).code != 0) GTEST_SKIP() << "unshare and ip are not permitted here";
+  for (const char* dds : {"fastdds", "cyclonedds"}) {
+    Words refused = words;
+    const Words run = run_words(scene("press"), {"--duration", "0.05", "--dds", dds, "--interface", "192.0.2.9"});
+    refused.insert(refused.end(), run.begin(), run.end());
+    const Ended ended = finish(refused);
+    EXPECT_EQ(ended.code, 3);
+    expect_says(ended, {"--interface 192.0.2.9: is not running", "ip -brief link"});
+  }
+}
+
 // Loopback reaches no other host: what would wait in vain is refused.
 TEST_F(CommandLine, PeersNeedAnInterface) {
   for (const Words& more : {Words{}, Words{"--interface", "lo"}}) {

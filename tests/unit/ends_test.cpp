@@ -1,5 +1,6 @@
 #include "ends.hpp"
 #include "rt/presence.hpp"
+#include "summary.hpp"
 #include "watchdog.hpp"
 
 #include <gtest/gtest.h>
@@ -11,22 +12,22 @@
 namespace subworld {
 namespace {
 
-Json ending(const char* by, double to_s) {
-  return {{"session", "1"}, {"from_s", 0.0}, {"to_s", to_s}, {"by", by}, {"fault", ""}};
-}
+Ending ending(const char* by, double to_s) { return {.session = 1, .to_s = to_s, .by = by}; }
 
 /// Results of a complete run of one user.
-Json whole_run() {
-  return {{"duration_s", 8.0},
-          {"h_s", 0.001},
-          {"ratio_most", 4},
-          {"world", {{"ending", ending("duration", 8.0)}}},
-          {"haptic", Json::array({{{"user", 0}, {"ending", ending("last frame", 7.99)}}})},
-          {"device", Json::array({{{"user", 0}, {"ending", ending("last command", 8.3)}}})}};
+RunResults whole_run() {
+  RunResults run;
+  run.scene.settings.duration_s = 8.0;
+  run.ending = ending("duration", 8.0);
+  run.haptic.resize(1);
+  run.haptic[0].ending = ending("last frame", 7.99);
+  run.device.resize(1);
+  run.device[0].ending = ending("last command", 8.3);
+  return run;
 }
 
-void expect_fault(const Json& summary, const std::string& words) {
-  const auto faults = faults_of(summary);
+void expect_fault(const RunResults& run, const std::string& words) {
+  const auto faults = faults_of(run);
   ASSERT_EQ(faults.size(), 1U) << words;
   EXPECT_NE(faults[0].find(words), std::string::npos) << faults[0];
 }
@@ -34,30 +35,30 @@ void expect_fault(const Json& summary, const std::string& words) {
 TEST(Faults, AWholeRunHasNone) { EXPECT_TRUE(faults_of(whole_run()).empty()); }
 
 TEST(Faults, NameWhoWasStopped) {
-  Json run = whole_run();
-  run["device"][0]["ending"] = ending("SIGTERM", 2.9);
+  RunResults run = whole_run();
+  run.device[0].ending = ending("SIGTERM", 2.9);
   expect_fault(run, "device_sim_0 was stopped by SIGTERM at t = 2.900 of 8 s");
 }
 
 TEST(Faults, NameAUserWhoWasNotServedToTheEnd) {
-  Json run = whole_run();
-  run["haptic"][0]["ending"]["to_s"] = 2.9;
+  RunResults run = whole_run();
+  run.haptic[0].ending.to_s = 2.9;
   expect_fault(run, "haptic_sim_0 served its user from 0.000 to 2.900 s, the world ran to 8.000 s");
   run = whole_run();
-  run["haptic"][0]["ending"]["from_s"] = 1.0;
+  run.haptic[0].ending.from_s = 1.0;
   expect_fault(run, "haptic_sim_0 served its user from 1.000");
 }
 
 TEST(Faults, NameWhoWasInAnotherRun) {
-  Json run = whole_run();
-  run["haptic"][0]["ending"]["session"] = "2";
+  RunResults run = whole_run();
+  run.haptic[0].ending.session = 2;
   expect_fault(run, "haptic_sim_0 took part in another world's run");
 }
 
 TEST(Faults, AnOrderedStopIsNone) {
-  Json run = whole_run();
-  run["world"]["ending"] = ending("control", 3.0);
-  run["haptic"][0]["ending"]["to_s"] = 2.99;
+  RunResults run = whole_run();
+  run.ending = ending("control", 3.0);
+  run.haptic[0].ending.to_s = 2.99;
   EXPECT_TRUE(faults_of(run).empty());
 }
 

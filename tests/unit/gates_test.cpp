@@ -1,6 +1,8 @@
 // Attribution of a missed gate, by the measurements of a run.
 #include "gates.hpp"
 
+#include "summary.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,72 +10,64 @@
 namespace subworld {
 namespace {
 
-Json share(double run_queue_delay_s) { return {{"fifo", true}, {"run_queue_delay_s", run_queue_delay_s}}; }
+MachineShare share(double run_queue_delay_s) {
+  MachineShare share;
+  share.fifo = true;
+  share.run_queue_delay_s = run_queue_delay_s;
+  return share;
+}
+
+BareLoops bare_loops(std::uint64_t late, std::uint64_t wake_ups) {
+  BareLoops loops;
+  loops.late = late;
+  loops.wake_ups = wake_ups;
+  return loops;
+}
 
 /// A run of 10 s at 1 kHz on a quiet machine whose loops miss 20 steps and a cycle because the OS withheld time.
-Json late_run(int users, bool placed, double queued_s) {
-  Json run{
-      {"mode", "realtime"},
-      {"h_s", 0.001},
-      {"users", users},
-      {"simulated_s", 10.0},
-      {"ratio_most", 4},
-      {"machine", {{"cores", 2}}},
-      {"machine_load", {{"own_cores", 1.0}, {"other_cores", 0.0}, {"stolen_cores", 0.0}}},
-      {"placement", {{"world", placed ? std::vector<int>{1} : std::vector<int>{}}}},
-      {"world",
-       {{"cycles", 2500},
-        {"late_by_run", 0},
-        {"late_by_os", 1},
-        {"woken_late_s", {{"p50", 0.0}}},
-        {"real_time_factor_min", 0.5},
-        {"ratio", {{"mean", 4.0}}},
-        {"step_s", {{"p50", 0.002}, {"p99", 0.003}}},
-        {"machine", share(queued_s)},
-        {"released_j", 0.0},
-        {"contact_slack_j", 0.02},
-        {"refused", {{"haptic_report", 0}, {"scene", 0}}}}},
-      {"settings",
-       {{"users", Json::array()},
-        {"delay", {{"up_s", 0.0}, {"down_s", 0.0}, {"from_device_s", 0.0}, {"to_device_s", 0.0}, {"jitter_s", 0.0}}}}},
-      {"device", Json::array()},
-      {"haptic", Json::array()}};
-  for (int u = 0; u < users; ++u) {
-    run["haptic"].push_back({{"user", u},
-                             {"steps", 10000},
-                             {"skipped_steps", 0},
-                             {"missed_by_run", 0},
-                             {"missed_by_os", 20},
-                             {"missed_waiting", 0},
-                             {"lateness_s", {{"p99", 0.0001}}},
-                             {"woken_late_s", {{"p50", 0.00001}, {"p99", 0.0001}}},
-                             {"step_s", {{"p50", 0.0002}, {"p99", 0.0005}}},
-                             {"lost_frames", 0},
-                             {"at_limit_ratio", 0.0},
-                             {"proxy_apart_max_m", 0.02},
-                             {"device_work_j", 0.2},
-                             {"energy_excess_j", 0.0},
-                             {"refused", {{"device_state", 0}, {"world_frame", 0}}},
-                             {"machine", share(queued_s)}});
-    run["device"].push_back({{"user", u},
-                             {"operator_energy", {{"net_j", 0.1}, {"least_j", 0.0}, {"created_j", 0.0}}},
-                             {"oscillation_n", 0.5},
-                             {"refused", {{"device_command", 0}}}});
-    run["settings"]["users"].push_back(
-        {{"device", {{"kind", "impedance"}, {"force_limit_n", 40.0}, {"speed_limit_m_s", 0.4}}}});
+RunResults late_run(std::size_t users, bool placed, double queued_s) {
+  RunResults run;
+  run.scene.settings.mode = Mode::realtime;
+  run.simulated_s = 10.0;
+  run.cores = 2;
+  run.load = {.own = 1.0};
+  if (placed) run.placement.world = {1};
+  run.world.cycles = 2500;
+  run.world.late_by_os = 1;
+  run.world.real_time_factor_min = 0.5;
+  run.world.ratio.add(4.0);
+  run.world.step_s = {.p50 = 0.002, .p99 = 0.003};
+  run.world.machine = share(queued_s);
+  run.world.contact_slack_j = 0.02;
+  run.scene.users.resize(users);
+  for (std::size_t u = 0; u < users; ++u) {
+    HapticResult& haptic = run.haptic.emplace_back();
+    haptic.user = u;
+    haptic.steps = 10000;
+    haptic.missed_by_os = 20;
+    haptic.lateness_s.p99 = 0.0001;
+    haptic.woken_late_s = {.p50 = 0.00001, .p99 = 0.0001};
+    haptic.machine = share(queued_s);
+    haptic.step_s = {.p50 = 0.0002, .p99 = 0.0005};
+    haptic.proxy_apart_max_m = 0.02;
+    haptic.device_work_j = 0.2;
+    DeviceResult& device = run.device.emplace_back();
+    device.user = u;
+    device.operator_energy.net_j = 0.1;
+    device.oscillation_n = 0.5;
   }
   return run;
 }
 
-Culprit culprit_of(const Json& run, const std::string& gate) {
+Culprit culprit_of(const RunResults& run, const std::string& gate) {
   const auto all = gates(run);
   const auto found = std::ranges::find(all, gate, &Gate::name);
   EXPECT_NE(found, all.end()) << gate;
   EXPECT_FALSE(found->ok());
-  return found->culprit;
+  return found->cause.culprit;
 }
 
-std::string verdict(const Json& run) { return verdict_of(gates(run), run); }
+std::string verdict(const RunResults& run) { return verdict_of(gates(run), run); }
 
 constexpr const char* kMissed = "user 0: missed by the OS";
 constexpr const char* kClock = "world real-time factor";
@@ -83,126 +77,126 @@ TEST(Gates, ALoopThatWaitedForAnotherOneOfTheRunIsTheRunsFault) {
   EXPECT_EQ(culprit_of(late_run(2, true, 0.001), kMissed), Culprit::os) << "it hardly waited";
   EXPECT_EQ(culprit_of(late_run(2, true, 0.11), kMissed), Culprit::os) << "10,000 typical wake-ups take 0.1 s";
   EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kMissed), Culprit::os) << "there is no other";
-  Json busy = late_run(2, true, 0.5);
-  busy["machine_load"]["other_cores"] = 0.5;
+  RunResults busy = late_run(2, true, 0.5);
+  busy.load.other = 0.5;
   EXPECT_EQ(culprit_of(busy, kMissed), Culprit::os) << "others may have had the core";
 }
 
 TEST(Gates, AMachineThatWakesBareLoopsAsLateIsTheCause) {
-  Json run = late_run(2, true, 0.5);
-  run["calibration"] = {{"late", 1}, {"wake_ups", 1000}};
+  RunResults run = late_run(2, true, 0.5);
+  run.calibration = bare_loops(1, 1000);
   EXPECT_EQ(culprit_of(run, kMissed), Culprit::run) << "a bare loop is late half as often";
-  run["calibration"]["late"] = 9;
+  run.calibration->late = 9;
   EXPECT_EQ(culprit_of(run, kMissed), Culprit::os);
 }
 
 TEST(Gates, ALoopWithoutRealTimePriorityCompetesWithTheProgramsOfAFullRun) {
-  Json run = late_run(1, true, 0.5);
-  run["machine_load"]["own_cores"] = 1.9;
+  RunResults run = late_run(1, true, 0.5);
+  run.load.own = 1.9;
   EXPECT_EQ(culprit_of(run, kMissed), Culprit::os) << "nothing of the run pre-empts it";
-  run["haptic"][0]["machine"]["fifo"] = false;
+  run.haptic[0].machine.fifo = false;
   EXPECT_EQ(culprit_of(run, kMissed), Culprit::run);
 }
 
 TEST(Gates, AWorldWithACoreOfItsOwnWaitsForNobody) {
   EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kClock), Culprit::os);
   EXPECT_EQ(culprit_of(late_run(1, false, 0.5), kClock), Culprit::run);
-  Json slow = late_run(1, true, 0.0);
-  slow["world"]["late_by_run"] = 5;
+  RunResults slow = late_run(1, true, 0.0);
+  slow.world.late_by_run = 5;
   EXPECT_EQ(culprit_of(slow, kClock), Culprit::run);
 }
 
 /// A run that misses nothing.
-Json quiet_run() {
-  Json run = late_run(1, true, 0.0);
-  run["haptic"][0]["missed_by_os"] = 0;
-  run["world"]["real_time_factor_min"] = 1.0;
+RunResults quiet_run() {
+  RunResults run = late_run(1, true, 0.0);
+  run.haptic[0].missed_by_os = 0;
+  run.world.real_time_factor_min = 1.0;
   return run;
 }
 
 // What the OS did is a remark: the verdict speaks of the run, and --strict of both.
 TEST(Gates, AnOsThatIsLateIsARemark) {
-  Json run = late_run(1, true, 0.0);
-  run["calibration"] = {{"late", 9}, {"wake_ups", 1000}};
-  run["haptic"][0]["missed_by_os"] = 12;
-  run["haptic"][0]["skipped_steps"] = 34;
+  RunResults run = late_run(1, true, 0.0);
+  run.calibration = bare_loops(9, 1000);
+  run.haptic[0].missed_by_os = 12;
+  run.haptic[0].skipped_steps = 34;
   const std::string remark =
       "ok; the OS delayed 12 of 10,034 steps past their deadline (0.12 %); bare loops on this machine: 9 of 1,000 "
       "wake-ups late";
   EXPECT_EQ(verdict(run), remark + "; world real-time factor 0.5, by the OS");
   EXPECT_EQ(missed_strictly(gates(run)), (std::vector<std::string>{"user 0: missed by the OS", kClock}));
-  run["world"]["real_time_factor_min"] = 1.0;
-  run["haptic"][0]["lateness_s"]["p99"] = run["haptic"][0]["woken_late_s"]["p99"] = 0.0003;
+  run.world.real_time_factor_min = 1.0;
+  run.haptic[0].lateness_s.p99 = run.haptic[0].woken_late_s.p99 = 0.0003;
   EXPECT_EQ(verdict(run), remark + "; user 0: lateness p99 0.3 ms, by the OS");
 }
 
 TEST(Gates, StepsThatTakeTooLongAreNoRemark) {
-  Json run = late_run(1, true, 0.0);
-  run["haptic"][0]["missed_by_run"] = 30;
+  RunResults run = late_run(1, true, 0.0);
+  run.haptic[0].missed_by_run = 30;
   EXPECT_TRUE(verdict(run).starts_with("quality gate missed: user 0: missed by the run 0.3 % of steps: steps take "))
       << verdict(run);
-  run["haptic"][0]["missed_by_run"] = 10;
+  run.haptic[0].missed_by_run = 10;
   EXPECT_TRUE(verdict(run).starts_with("ok; ")) << "within the gate: " << verdict(run);
-  run["haptic"][0]["missed_by_os"] = 0;
-  run["haptic"][0]["lateness_s"]["p99"] = 0.0003;
+  run.haptic[0].missed_by_os = 0;
+  run.haptic[0].lateness_s.p99 = 0.0003;
   EXPECT_TRUE(verdict(run).starts_with("quality gate missed: user 0: lateness p99"))
       << "woken in time: " << verdict(run);
 }
 
 TEST(Gates, EnergyThatNoOperatorPutInIsUnstable) {
-  Json run = quiet_run();
+  RunResults run = quiet_run();
   ASSERT_EQ(verdict(run), "ok");
-  run["device"][0]["operator_energy"]["created_j"] = 0.02;
+  run.device[0].operator_energy.created_j = 0.02;
   EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: created energy at the operator 0.02 J")) << verdict(run);
-  run["world"]["released_j"] = 0.03;
+  run.world.released_j = 0.03;
   EXPECT_EQ(verdict(run), "ok") << "bodies that fell may have brought it";
 }
 
 TEST(Gates, EnergyThatTheBodiesGainedIsUnstable) {
-  Json run = quiet_run();
-  run["haptic"][0]["energy_excess_j"] = 0.08;
+  RunResults run = quiet_run();
+  run.energy_excess_j = 0.08;
   EXPECT_TRUE(verdict(run).starts_with("unstable: energy that the bodies gained 0.08 J")) << verdict(run);
-  run["world"]["released_j"] = 0.4;
+  run.world.released_j = 0.4;
   EXPECT_EQ(verdict(run), "ok") << "an engine may add a little energy to a falling body";
 }
 
 TEST(Gates, AForceThatOscillatesIsUnstable) {
-  Json run = quiet_run();
-  run["device"][0]["oscillation_n"] = 2.5;
+  RunResults run = quiet_run();
+  run.device[0].oscillation_n = 2.5;
   EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: oscillation of the force 2.5 N RMS")) << verdict(run);
 }
 
 TEST(Gates, AnAdmittanceDeviceThatItsProxyLeavesIsUnstable) {
-  Json run = quiet_run();
-  run["haptic"][0]["proxy_apart_max_m"] = 3.0;
+  RunResults run = quiet_run();
+  run.haptic[0].proxy_apart_max_m = 3.0;
   EXPECT_EQ(verdict(run), "ok") << "the spring of an impedance device holds it, up to its limit";
-  run["settings"]["users"][0]["device"]["kind"] = "admittance";
+  run.scene.users[0].device.kind = DeviceKind::admittance;
   EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: distance between proxy and device 3 m")) << verdict(run);
-  run["settings"]["delay"]["to_device_s"] = 5.0;
+  run.scene.settings.delay.to_device_s = 5.0;
   EXPECT_EQ(verdict(run), "ok") << "a late device is behind";
 }
 
 TEST(Gates, TheLimitsOfAShortRunAreReported) {
-  Json run = quiet_run();
-  run["simulated_s"] = 1.0;
+  RunResults run = quiet_run();
+  run.simulated_s = 1.0;
   bool said = false;
   for (const Gate& gate : gates(run)) said = said || gate.name.find("too short to detect") != std::string::npos;
   EXPECT_TRUE(said);
 }
 
 TEST(Gates, AGoodVerdictReportsTheDevicesLimit) {
-  Json run = quiet_run();
-  run["haptic"][0]["at_limit_ratio"] = 0.83;
+  RunResults run = quiet_run();
+  run.haptic[0].at_limit_ratio = 0.83;
   EXPECT_EQ(verdict(run), "ok; user 0: at the device's limit 83 % of steps");
 }
 
 TEST(Gates, AForeignWriterIsNamed) {
-  Json run = quiet_run();
-  run["device"][0]["refused"]["device_command"] = 12;
+  RunResults run = quiet_run();
+  run.device[0].refused.device_command = 12;
   EXPECT_TRUE(verdict(run).starts_with("quality gate missed: user 0: device_command from a foreign writer 12"))
       << verdict(run);
   EXPECT_NE(verdict(run).find("haptic_sim"), std::string::npos);
-  run["device"][0]["oscillation_n"] = 2.5;
+  run.device[0].oscillation_n = 2.5;
   EXPECT_TRUE(verdict(run).starts_with("unstable: ")) << verdict(run);
   EXPECT_NE(verdict(run).find("; also user 0: device_command from a foreign writer 12"), std::string::npos)
       << verdict(run);

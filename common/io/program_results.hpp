@@ -1,0 +1,153 @@
+#pragma once
+
+#include "io/ending.hpp"
+#include "io/machine_share.hpp"
+#include "io/results.hpp"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+// What the programs write at their end, and the launcher reads. The keys are the names of the members; deploy/README.md
+// says what each means.
+
+struct OperatorEnergy {
+  double net_j = 0.0, least_j = 0.0, created_j = 0.0;
+};
+SUBWORLD_JSON(OperatorEnergy, net_j, least_j, created_j)
+
+struct SelectionResult {
+  std::size_t user = 0;
+  MeanMax omitted;
+  double expected_step_s = 0.0, cost_factor = 1.0;
+};
+SUBWORLD_JSON(SelectionResult, user, omitted, expected_step_s, cost_factor)
+
+struct BodyHistoryResult {
+  std::string file = "bodies.csv";
+  std::size_t bodies = 0;
+  double interval_s = 0.0;
+  std::uint64_t rows = 0, rows_dropped = 0;
+};
+SUBWORLD_JSON(BodyHistoryResult, file, bodies, interval_s, rows, rows_dropped)
+
+struct WorldRefused {
+  std::uint64_t haptic_report = 0, scene = 0;
+};
+SUBWORLD_JSON(WorldRefused, haptic_report, scene)
+
+struct WorldResult {
+  std::size_t bodies = 0;
+  std::uint64_t cycles = 0;
+  MeanMax ratio;
+  std::uint64_t ratio_changes = 0;
+  MeanMax substeps;
+  double integration_substep_s = 0.0;
+  std::uint64_t late_cycles = 0, late_by_os = 0, late_by_run = 0;
+  Quantiles woken_late_s;
+  MachineShare machine;
+  Quantiles step_s;
+  StageTimes stages;
+  Quantiles lateness_s;
+  double real_time_factor_min = 1.0, real_time_factor_mean = 1.0;
+  double slowed_s = 0.0, stuck_s = 0.0;
+  double released_j = 0.0, contact_slack_j = 0.0;
+  std::size_t asleep_at_end = 0;
+  std::vector<SelectionResult> selections = {};
+  std::uint64_t lost_reports = 0, refused_reports = 0;
+  std::vector<EngineChange> engine_changes = {};
+  double settle_wall_s = 0.0;
+  std::uint64_t history_rows_dropped = 0, trace_events_dropped = 0;
+  std::optional<BodyHistoryResult> body_history = {};
+  std::string dds = {};
+  EventCounts events = {};
+  WorldRefused refused = {};
+};
+SUBWORLD_JSON(WorldResult, bodies, cycles, ratio, ratio_changes, substeps, integration_substep_s, late_cycles,
+              late_by_os, late_by_run, woken_late_s, machine, step_s, stages, lateness_s, real_time_factor_min,
+              real_time_factor_mean, slowed_s, stuck_s, released_j, contact_slack_j, asleep_at_end, selections,
+              lost_reports, refused_reports, engine_changes, settle_wall_s, history_rows_dropped, trace_events_dropped,
+              body_history, dds, events, refused)
+
+/// The file of world_sim.
+struct WorldPart {
+  std::string state_hash;
+  double simulated_s = 0.0;
+  double energy_excess_j = 0.0;
+  WorldResult world;
+  Ending ending = {};
+};
+SUBWORLD_JSON(WorldPart, state_hash, simulated_s, energy_excess_j, world, ending)
+
+struct HapticRefused {
+  std::uint64_t device_state = 0, world_frame = 0;
+};
+SUBWORLD_JSON(HapticRefused, device_state, world_frame)
+
+/// The file of a haptic_sim.
+struct HapticResult {
+  std::size_t user = 0;
+  std::uint64_t steps = 0, skipped_steps = 0;
+  std::uint64_t missed_deadlines = 0, missed_by_os = 0, missed_by_run = 0, missed_waiting = 0;
+  Quantiles lateness_s, woken_late_s;
+  MachineShare machine;
+  Quantiles step_s;
+  StageTimes stages;
+  double force_rms_n = 0.0, force_max_n = 0.0, force_step_mean_n = 0.0, force_step_max_n = 0.0;
+  double at_limit_ratio = 0.0;
+  double proxy_apart_max_m = 0.0;
+  double coupling_force_rms_n = 0.0, coupling_force_max_n = 0.0;
+  MeanMax members, contacts, border_pairs;
+  Quantiles sync_s, round_trip_s;
+  double bytes_per_cycle = 0.0;
+  OperatorEnergy operator_energy;
+  double device_work_j = 0.0;
+  double oscillation_n = 0.0;
+  std::uint64_t device_jumps = 0;
+  std::uint64_t lost_frames = 0, refused_frames = 0, resynchronisations = 0;
+  std::vector<EngineChange> engine_changes = {};
+  std::uint64_t history_rows_dropped = 0, trace_events_dropped = 0;
+  std::string dds = {};
+  EventCounts events = {};
+  HapticRefused refused = {};
+  Ending ending = {};
+};
+SUBWORLD_JSON(HapticResult, user, steps, skipped_steps, missed_deadlines, missed_by_os, missed_by_run, missed_waiting,
+              lateness_s, woken_late_s, machine, step_s, stages, force_rms_n, force_max_n, force_step_mean_n,
+              force_step_max_n, at_limit_ratio, proxy_apart_max_m, coupling_force_rms_n, coupling_force_max_n, members,
+              contacts, border_pairs, sync_s, round_trip_s, bytes_per_cycle, operator_energy, device_work_j,
+              oscillation_n, device_jumps, lost_frames, refused_frames, resynchronisations, engine_changes,
+              history_rows_dropped, trace_events_dropped, dds, events, refused, ending)
+
+struct DeviceRefused {
+  std::uint64_t device_command = 0;
+};
+SUBWORLD_JSON(DeviceRefused, device_command)
+
+/// The file of a device_sim.
+struct DeviceResult {
+  std::size_t user = 0;
+  std::uint64_t steps = 0;
+  Quantiles round_trip_s;
+  std::uint64_t missed_deadlines = 0, missed_by_os = 0, missed_by_run = 0;
+  Quantiles step_s;
+  OperatorEnergy operator_energy;
+  double energy_bounded_ratio = 0.0;
+  double oscillation_n = 0.0;
+  Quantiles woken_late_s;
+  MachineShare machine;
+  StageTimes stages;
+  std::uint64_t history_rows_dropped = 0, trace_events_dropped = 0;
+  std::string dds = {};
+  EventCounts events = {};
+  DeviceRefused refused = {};
+  Ending ending = {};
+};
+SUBWORLD_JSON(DeviceResult, user, steps, round_trip_s, missed_deadlines, missed_by_os, missed_by_run, step_s,
+              operator_energy, energy_bounded_ratio, oscillation_n, woken_late_s, machine, stages, history_rows_dropped,
+              trace_events_dropped, dds, events, refused, ending)
+
+}  // namespace subworld
