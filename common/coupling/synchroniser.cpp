@@ -48,11 +48,12 @@ std::span<const PairShift> Synchroniser::synchronise(const WorldFrame& frame, co
                                        [](const PairShift& p) -> const Shift& { return p.world; });
     const BodyState ours = caught_up(sub.id, sub.state, report.confirmed_stamp, frame.stamp,
                                      [](const PairShift& p) -> const Shift& { return p.sub; });
-    const Correction part = scheme_->correction({authority_.owner(sub.id), lag_cycles}, report.indicators, *settings_);
+    const Correction correction =
+        scheme_->correction({authority_.owner(sub.id), lag_cycles}, report.indicators, *settings_);
     const auto shift = [](const BodyState& from, const BodyState& to, double part) {
       return part > 0.0 ? scaled(difference(from, to), part) : Shift{};
     };
-    blend.pairs.push_back({sub.id, shift(theirs, ours, part.world), shift(ours, theirs, part.sub)});
+    blend.pairs.push_back({sub.id, shift(theirs, ours, correction.world), shift(ours, theirs, correction.sub)});
   }
   return blend.pairs;
 }
