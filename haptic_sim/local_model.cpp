@@ -58,7 +58,6 @@ class SimulatedNeighbourhood final : public LocalModel {
         reads_friction_(!enabled(scene, Optimisation::impulses)),
         border_(scheme.make_sub_world_side(scene, remembered_cycles(scene.settings, scheme))) {
     for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
-    left_.reserve(kUsualMembers);
     peers_.reserve(scene.users.size());
   }
 
@@ -117,7 +116,6 @@ class SimulatedNeighbourhood final : public LocalModel {
     }
     border_->clear(engine_);
     follow_membership(frame, 0.0);
-    left_.clear();
     follow_border(frame, {}, 1);
     return engine_.contains(proxy_);
   }
@@ -189,15 +187,12 @@ class SimulatedNeighbourhood final : public LocalModel {
   void follow_membership(const WorldFrame& frame, double lag_s) {
     const auto remove = [&](std::vector<BodyId>& have, const std::vector<BodyId>& want) {
       missing_from(have, want, scratch_);
-      for (const BodyId id : scratch_) engine_.remove(id);
+      for (const BodyId id : scratch_) {
+        gradual_.forget(id);
+        engine_.remove(id);
+      }
       std::erase_if(have, [&](BodyId id) { return std::ranges::binary_search(scratch_, id); });
     };
-    missing_from(members_, frame.members, scratch_);
-    left_.clear();
-    for (const BodyId id : scratch_) {
-      left_.push_back({id, gradual_.completed(id, engine_.state(id))});
-      gradual_.forget(id);
-    }
     remove(members_, frame.members);
     remove(fixed_, frame.fixed);
     for (const BodyId id : frame.members) {
@@ -219,7 +214,7 @@ class SimulatedNeighbourhood final : public LocalModel {
 
   void follow_border(const WorldFrame& frame, const Age& age, int substeps) {
     const Correction part = scheme_.correction({.lag_cycles = age.cycles}, {}, scene_.settings);
-    border_->follow(frame, left_, engine_, {.lag_s = age.s, .gain = part.sub, .substeps = substeps});
+    border_->follow(frame, engine_, {.lag_s = age.s, .gain = part.sub, .substeps = substeps});
     border_bodies_ = frame.border_bodies;
     compares_islands_ = !frame.islands.empty();
     peers_ = frame.peers;
@@ -253,7 +248,6 @@ class SimulatedNeighbourhood final : public LocalModel {
   std::uint32_t border_bodies_ = 0;
   bool compares_islands_ = false;
   Islands islands_;
-  std::vector<StampedBody> left_;  ///< members that the present frame has no more
   std::vector<BodyId> scratch_;
 };
 

@@ -5,7 +5,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <span>
 
 namespace subworld {
 
@@ -20,10 +19,8 @@ class SubWorldSide {
     double gain = 0.0;   ///< the part of an error that is corrected, 0 .. 1,
     int substeps = 1;    ///< spread over so many steps
   };
-  /// Takes over a frame, after the members have entered, left and been corrected. `left`: bodies that were members
-  /// until now, ascending, with their last states.
-  virtual void follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine,
-                      const Following& how) = 0;
+  /// Takes over a frame, after the members have entered, left and been corrected.
+  virtual void follow(const WorldFrame& frame, Engine& engine, const Following& how) = 0;
   /// Removes a body that becomes a member from the engine. Its state, if the border simulated it.
   [[nodiscard]] virtual std::optional<BodyState> release(BodyId id, Engine& engine) = 0;
   /// Removes everything from the engine.

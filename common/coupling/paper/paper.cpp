@@ -33,7 +33,7 @@ class FrozenBorder final : public SubWorldSide {
     impulses_.reserve(4 * kUsualMembers);
   }
 
-  void follow(const WorldFrame& frame, std::span<const StampedBody>, Engine&, const Following&) override {
+  void follow(const WorldFrame& frame, Engine&, const Following&) override {
     border_ = frame.border;
     cycle_s_ = frame.cycle_s;
     for_step_s_ = 0.0;

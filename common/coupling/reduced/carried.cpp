@@ -68,16 +68,12 @@ bool CarriedModeller::only_inside_holds(BodyId outside, const Membership& member
 
 std::optional<CarriedBody> CarriedModeller::model(BodyId outside, std::span<const GhostModel> ghosts,
                                                   const Membership& membership, const ContactGraph& graph,
-                                                  const std::function<BodyState(BodyId)>& state_of, double step_s) {
+                                                  const std::function<BodyState(BodyId)>& state_of) {
   if (!only_inside_holds(outside, membership, graph)) return std::nullopt;
   const Vec3 origin = state_of(outside).position;
   CarriedBody found;
   Eigen::Matrix3d about_origin = Eigen::Matrix3d::Zero();
   Vec3 moment = Vec3::Zero();
-  const auto act = [&](const Vec3& force, const Vec3& at) {
-    found.drive.force += force;
-    found.drive.torque += at.cross(force);
-  };
   whole_.assign(1, outside);
   for (std::size_t k = 0; k < whole_.size(); ++k) {
     const Body& body = scene_.body(whole_[k]);
@@ -88,18 +84,16 @@ std::optional<CarriedBody> CarriedModeller::model(BodyId outside, std::span<cons
     found.mass_kg += body.mass;
     moment += body.mass * arm;
     about_origin += axes * body.inertia.asDiagonal() * axes.transpose() - body.mass * cross * cross;
-    if (body.gravity) act(body.mass * scene_.settings.world.gravity, arm);
+    if (body.gravity) {
+      const Vec3 weight_n = body.mass * scene_.settings.world.gravity;
+      found.drive.force += weight_n;
+      found.drive.torque += arm.cross(weight_n);
+    }
     for (const Neighbour& n : graph.neighbours(body.id)) {
       const BodyId next = n.body;
       if (std::ranges::binary_search(membership.members, next)) continue;
-      if (std::ranges::find(whole_, next) != whole_.end()) continue;
-      if (std::ranges::binary_search(ghosts, next, {}, &GhostModel::outside)) {
-        const Contact& c = graph.contact(n.index);
-        const double sign = c.a == body.id ? 1.0 : -1.0;
-        act(sign / step_s * (c.normal_impulse * c.normal + c.tangential_impulse), c.point - origin);
-      } else {
-        whole_.push_back(next);
-      }
+      if (std::ranges::binary_search(ghosts, next, {}, &GhostModel::outside)) continue;
+      if (std::ranges::find(whole_, next) == whole_.end()) whole_.push_back(next);
     }
   }
   found.centre_m = moment / found.mass_kg;

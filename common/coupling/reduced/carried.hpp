@@ -17,19 +17,17 @@ using Vec6 = Eigen::Matrix<double, 6, 1>;  ///< of a twist or a wrench: the line
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 /// Finds the outside bodies that nothing but the inside holds: those from which no chain of outside contacts leads to
-/// something fixed. What such a body carries goes with it as one rigid body, up to the next ghost, whose contacts act
-/// as the forces that they are in the world.
+/// something fixed. What such a body carries goes with it as one rigid body, up to the next ghost.
 class CarriedModeller {
  public:
   explicit CarriedModeller(const Scene& scene);
 
   /// Forgets what was found of another frame.
   void begin();
-  /// Nothing where something else holds the body. `ghosts` ascend; `graph` is that of the world's contacts, totals over
-  /// `step_s`.
+  /// Nothing where something else holds the body. `ghosts` ascend; `graph` is that of the world's contacts.
   [[nodiscard]] std::optional<CarriedBody> model(BodyId outside, std::span<const GhostModel> ghosts,
                                                  const Membership& membership, const ContactGraph& graph,
-                                                 const std::function<BodyState(BodyId)>& state_of, double step_s);
+                                                 const std::function<BodyState(BodyId)>& state_of);
 
  private:
   enum class Hold : std::uint8_t { unknown, inside, held };

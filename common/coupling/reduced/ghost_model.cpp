@@ -15,7 +15,6 @@ constexpr double kOnSupport = 0.3;  ///< cosine; a push that is steeper to a sup
 constexpr double kSameWay = 0.7;    ///< cosine; border contacts of one axis
 constexpr double kDistinct = 0.5;   ///< sine; what is closer to the axes there are than this is no axis of its own
 constexpr double kWallMass_kg = 1e5;
-constexpr double kCreep_m_s = 1e-3;  ///< of a wall towards what it ought to carry
 /// Of a wall away from a load that nothing in the scene can exert. With 0.01 to 0.2 m/s, and none of the two bodies
 /// moved, the felt force in a heap between engines of unequal stiffness is as smooth as between equal ones.
 constexpr double kYield_m_s = 0.02;
@@ -37,10 +36,6 @@ GhostModeller::GhostModeller(const Scene& scene) : scene_(scene), carried_(scene
   holds_.reserve(64);
   pushed_.reserve(4 * scene.bodies.size());
   approaching_.reserve(scene.bodies.size());
-}
-
-bool GhostModeller::grounded(BodyId id, const ContactGraph& graph) const {
-  return std::ranges::any_of(graph.neighbours(id), [&](const Neighbour& n) { return scene_.body(n.body).fixed(); });
 }
 
 bool GhostModeller::push(BodyId from, const Vec3& along, const Surroundings& around) {
@@ -119,11 +114,9 @@ GhostModeller::EffectiveMass GhostModeller::walk(BodyId from, const Vec3& along,
     for (const Neighbour& n : around.graph.neighbours(id)) {
       const BodyId beside = n.body;
       const double mu = friction(scene_.body(id), scene_.body(beside));
-      const double ahead = along.dot(n.outwards);
-      if (rolls && ahead < -kPushing && id == from) holds_.push_back({-n.outwards, n.impulse_n_s, mu});
-      if (rolls || std::abs(ahead) > kPushing) continue;
+      if (rolls || std::abs(along.dot(n.outwards)) > kPushing) continue;
       if (in_engine(beside, around) || pushed_by_another(beside, from, along)) continue;
-      if (scene_.body(beside).fixed() || grounded(beside, around.graph)) {
+      if (scene_.body(beside).fixed()) {
         found.limit_n += mu * n.impulse_n_s / around.step_s;
         if (id == from) holds_.push_back({n.outwards, n.impulse_n_s, mu});
       } else {
@@ -170,18 +163,7 @@ void GhostModeller::find_axes(std::span<const BoundaryContact> border, const Con
       if (first == nullptr || pair.normal_impulse > first->normal_impulse) first = &pair;
     }
     if (first == nullptr) return;
-    Vec3 pressed = Vec3::Zero();
-    Vec3 touch = Vec3::Zero();
-    for (const BoundaryContact& pair : border) {
-      const double way = pair.outside == ghost.outside ? pair.normal.dot(first->normal) : 0.0;
-      if (std::abs(way) < kSameWay) continue;
-      pressed += pair.normal_impulse * pair.normal;
-      if (way > 0.0) touch += pair.normal;
-    }
-    // A mean that lies along the axes there are already has no direction of its own.
-    const Vec3 mean = pressed.norm() > 0.0 ? pressed : touch;
-    const bool distinct = across(ghost, mean).norm() > kDistinct * mean.norm();
-    const Vec3 way = across(ghost, distinct ? mean : first->normal).normalized();
+    const Vec3 way = across(ghost, first->normal).normalized();
     const Vec3 held = across(ghost, -support_direction(ghost.outside, -way, graph));
     ghost.axes[ghost.axis_count++] = {.normal = held.norm() > kDistinct ? held.normalized() : way};
   }
@@ -247,7 +229,7 @@ void GhostModeller::model_axis(GhostAxis& axis, const Motion& motion, const Surr
   double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
   double c = found.limit_n;
   const bool slides = motion.state.linear_velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
-  c = slides ? std::max(0.0, q - f) : std::max(c, q - f);
+  if (slides) c = std::max(0.0, q - f);
   f = std::clamp(f, q - c, q + c);
   axis.force_n = f;
   axis.coulomb_limit_n = c;
@@ -261,15 +243,13 @@ void GhostModeller::model(std::span<const BoundaryContact> border, const Surroun
   for (const BoundaryContact& pair : border) {
     const Vec3 on_inside_n = (pair.normal_impulse * pair.normal + pair.tangential_impulse) / around.step_s;
     find_sorted(out, pair.outside, &GhostModel::outside)->load_n -= on_inside_n;
-    const auto pusher = find_sorted(out, pair.inside, &GhostModel::outside);
-    if (pusher != out.end()) pusher->load_n += on_inside_n;
   }
   for (GhostModel& ghost : out) find_axes(border, around.graph, ghost);
   find_pushed(out, around);
   carried_.begin();
   const auto state_of = [&around](BodyId id) { return around.motions[index(id)].state; };
   for (GhostModel& ghost : out) {
-    ghost.carried = carried_.model(ghost.outside, out, around.membership, around.graph, state_of, around.step_s);
+    ghost.carried = carried_.model(ghost.outside, out, around.membership, around.graph, state_of);
     const Motion& motion = around.motions[index(ghost.outside)];
     for (std::size_t i = 0; i < ghost.axis_count; ++i) model_axis(ghost.axes[i], motion, around, ghost);
     if (ghost.mass_kg == 0.0) ghost.mass_kg = kWallMass_kg;
@@ -314,7 +294,7 @@ Vec3 GhostMotion::begin(const Vec3& velocity, double dt, double spare_n) const n
     const double end = velocity.dot(axis.normal) + (axis.force_n - held_n) / model.mass_kg * dt;
     if (wall) {
       const double yields = contact_n > held_n ? kYield_m_s * std::min(1.0, contact_n / held_n - 1.0) : 0.0;
-      start -= (end - std::clamp(end, -kCreep_m_s, kCreep_m_s) + yields) * axis.normal;
+      start -= (end + yields) * axis.normal;
       continue;
     }
     const double limit_n =

@@ -25,21 +25,21 @@ struct Surroundings {
 };
 
 /// Finds the reduced model of every outside body that touches inside ones: how heavy it is to push along the border's
-/// normals, which force drives it and how much friction holds it. An axis of a model is the impulse-weighted mean of
-/// the border contacts that point one way, or the way across what that presses the outside on, if that is fixed:
-/// pressed obliquely, it is the support that holds it, and along the support it slides. Others become further axes, as
-/// far as they are across the first ones, and so do the ways in which nothing but the inside holds the outside. What
-/// the inside alone holds in every way has a model of its own (carried.hpp).
+/// normals, which force drives it and how much friction holds it. An axis of a model is the normal of the border
+/// contact with the largest impulse, or of the fixed support that this presses the outside on: pressed obliquely, it is
+/// the support that holds it, and along the support it slides. Other contacts become further axes, as far as they are
+/// across the first ones, and so do the ways in which nothing but the inside holds the outside. What the inside alone
+/// holds in every way has a model of its own (carried.hpp).
 ///
 /// For each axis n the outside is walked from the body along d = -n. What it pushes adds its mass; something fixed
-/// makes a wall. A side contact with the ground, or with a body that stands on the ground, adds mu lambda / T to the
-/// Coulomb limit; with any other body it adds that body's mass. What another ghost pushes the same way is no hold.
+/// makes a wall. A side contact with something fixed adds mu lambda / T to the Coulomb limit; with a movable body it
+/// adds that body's mass. What another ghost pushes the same way is no hold.
 /// What rolls on something fixed adds its moment of inertia over its radius squared, and instead of mu lambda / T that
 /// of the contacts by which it is pushed and pushes: on them it turns.
 ///
 /// Force f = M g.n. Where the load p and the outside's motion say more than the walk can see, limit and force give way:
-/// of p, q = p + sum(m a).n is what the inertia of all that is pushed does not take; sliding, c = q - f; at rest, c >=
-/// q - f; and always |q - f| <= c. The limit holds under the load that the inside puts on the outside in the world;
+/// of p, q = p + sum(m a).n is what the inertia of all that is pushed does not take; sliding, c = q - f; and always
+/// |q - f| <= c. The limit holds under the load that the inside puts on the outside in the world;
 /// what presses the ghost harder on its supports adds mu times as much (load-dependent friction).
 class GhostModeller {
  public:
@@ -63,13 +63,13 @@ class GhostModeller {
     double impulse_n_s = 0.0;
     double friction = 0.0;
   };
-  /// Fills the normals.
   /// One ghost for each outside body of the border, ascending, and which of them only approach.
   void list(std::span<const BoundaryContact> border, const Membership& membership, std::vector<GhostModel>& out);
   /// The bodies that each ghost pushes along its axes.
   void find_pushed(std::span<const GhostModel> ghosts, const Surroundings& around);
   /// Driving force and friction limit of one axis, and the mass of the ghost if no axis gave it yet.
   void model_axis(GhostAxis& axis, const Motion& motion, const Surroundings& around, GhostModel& ghost);
+  /// Fills the normals.
   void find_axes(std::span<const BoundaryContact> border, const ContactGraph& graph, GhostModel& ghost) const;
   /// Where a push `along` presses the body on something fixed, the way which that blocks; else `along`.
   [[nodiscard]] Vec3 support_direction(BodyId id, const Vec3& along, const ContactGraph& graph) const;
@@ -97,7 +97,6 @@ class GhostModeller {
   /// Whether the sub-world itself has the contacts of a ghost with this body.
   [[nodiscard]] bool in_engine(BodyId id, const Surroundings& around) const;
   [[nodiscard]] bool pushed_by_another(BodyId body, BodyId from, const Vec3& along) const;
-  [[nodiscard]] bool grounded(BodyId id, const ContactGraph& graph) const;
 
   const Scene& scene_;
   CarriedModeller carried_;

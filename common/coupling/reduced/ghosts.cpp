@@ -12,8 +12,6 @@ namespace subworld {
 
 namespace {
 
-constexpr double kVelocityGain = 0.8;  ///< of the error along the normal
-constexpr double kImpact_m_s2 = 5.0;  ///< copies whose speeds change so differently: one has met an impact, one not yet
 /// What a wall may have to carry beyond its load in the world, which is a cycle old or more: so many times what the
 /// operators press with now, wedges included, and so many times the weight of its body, for what topples.
 constexpr double kSpareForces = 2.0;
@@ -49,27 +47,24 @@ std::vector<Ghosts::Ghost>::iterator Ghosts::drop(std::vector<Ghost>::iterator g
   return ghosts_.erase(ghost);
 }
 
-void Ghosts::follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine, const Following& how) {
+void Ghosts::follow(const WorldFrame& frame, Engine& engine, const Following& how) {
   for (auto ghost = ghosts_.begin(); ghost != ghosts_.end();) {
-    const bool stays = std::ranges::binary_search(frame.ghosts, ghost->id, {}, &GhostModel::outside);
-    ghost = stays ? std::next(ghost) : drop(ghost, engine);
+    const auto model = find_sorted(frame.ghosts, ghost->id, &GhostModel::outside);
+    const bool gone = model == frame.ghosts.end();
+    // What was carried and is held now begins anew: it collided with nothing that is fixed, and may have passed
+    // through.
+    ghost = gone || (ghost->carried && !model->carried) ? drop(ghost, engine) : std::next(ghost);
   }
   for (const GhostModel& model : frame.ghosts) {
     const BodyState* world = state_in(frame, model.outside);
     if (world == nullptr) continue;
     const auto at = find_sorted(ghosts_, model.outside, &Ghost::id);
     if (at == ghosts_.end()) {
-      const auto member = find_sorted(left, model.outside, &StampedBody::id);
-      create(model, *world, member != left.end() ? &member->state : nullptr, frame, engine, how.lag_s);
+      create(model, *world, frame, engine, how.lag_s);
       continue;
     }
-    const bool held_now = at->carried && !model.carried;
     adapt(*at, model, engine);
-    if (held_now) {
-      replace(*at, *world, frame, engine, how.lag_s);
-    } else {
-      correct(*at, *world, frame, engine, how);
-    }
+    correct(*at, *world, frame, engine, how);
   }
 }
 
@@ -95,14 +90,11 @@ void Ghosts::adapt(Ghost& ghost, const GhostModel& model, Engine& engine) {
       const BodyState now = engine.state(ghost.id);
       ghost.carried.emplace();
       ghost.carried->velocity << now.linear_velocity, now.angular_velocity;
-      ghost.carried->impulse << scene_.settings.h_s * motion.load_n, Vec3::Zero();
       engine.set_inertia(ghost.id, body.mass, body.inertia);
     }
     ghost.carried->follow(*model.carried);
-  } else if (ghost.carried || motion.model.mass_kg != model.mass_kg) {
+  } else if (motion.model.mass_kg != model.mass_kg) {
     engine.set_inertia(ghost.id, model.mass_kg, kSpinInertia * body.inertia);
-    if (ghost.carried) motion.load_n = ghost.carried->impulse.head<3>() / scene_.settings.h_s;
-    ghost.carried.reset();
   }
   motion.model = model;
 }
@@ -129,38 +121,17 @@ BodyState Ghosts::constrained(const GhostMotion& motion, const BodyState& own, c
           .angular_velocity = world.angular_velocity};
 }
 
-void Ghosts::create(const GhostModel& model, const BodyState& world, const BodyState* member, const WorldFrame& frame,
-                    Engine& engine, double lag_s) {
+void Ghosts::create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine,
+                    double lag_s) {
   if (engine.contains(model.outside)) return;
   const Body body = as_ghost(model);
-  const GhostMotion motion{.model = model, .world_velocity = world.linear_velocity};
-  const BodyState start = member == nullptr ? start_of(model, world, frame, engine, lag_s)
-                          : model.carried   ? *member
-                                            : constrained(motion, *member, world, lag_s);
-  engine.add(body, start, role_of(model));
-  Ghost ghost{.id = body.id, .motion = motion, .spin = world.angular_velocity, .log = empty_log()};
-  ghost.motion.load_n = model.load_n;
+  engine.add(body, start_of(model, world, frame, engine, lag_s), role_of(model));
+  Ghost ghost{.id = body.id,
+              .motion = {.model = model, .world_velocity = world.linear_velocity},
+              .spin = world.angular_velocity,
+              .log = empty_log()};
   adapt(ghost, model, engine);
   ghosts_.insert(std::ranges::lower_bound(ghosts_, body.id, {}, &Ghost::id), std::move(ghost));
-}
-
-void Ghosts::replace(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s) {
-  gradual_.forget(ghost.id);
-  engine.set_state(ghost.id, start_of(ghost.motion.model, world, frame, engine, lag_s));
-  ghost.motion.world_velocity = world.linear_velocity;
-  ghost.motion.load_n = ghost.motion.model.load_n;
-  ghost.spin = world.angular_velocity;
-  for (Logged& entry : ghost.log) entry.written = false;
-}
-
-bool Ghosts::impact_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const {
-  const std::uint64_t stamp = frame.stamp;
-  const Logged& now = ghost.log[stamp % remembered_];
-  const Logged& before = ghost.log[(stamp - 1) % remembered_];
-  if (stamp == 0 || !before.written || before.stamp != stamp - 1) return false;
-  const Vec3 ours = now.state.linear_velocity - before.state.linear_velocity;
-  const Vec3 theirs = world.linear_velocity - ghost.motion.world_velocity;
-  return ghost.motion.along(theirs - ours).norm() > kImpact_m_s2 * frame.cycle_s;
 }
 
 void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine,
@@ -174,9 +145,8 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
       ghost.carried->velocity.head<3>() += shift.linear_velocity;
       ghost.carried->velocity.tail<3>() += shift.angular_velocity;
     } else {
-      const double gain_of_velocity = impact_is_due(ghost, world, frame) ? 0.0 : kVelocityGain;
       shift.position = motion.along(how.gain * (world.position - then.state.position));
-      shift.linear_velocity = gain_of_velocity * motion.along(world.linear_velocity - then.state.linear_velocity);
+      shift.linear_velocity = motion.along(world.linear_velocity - then.state.linear_velocity);
     }
     for (std::uint64_t stamp = frame.stamp; stamp <= logged_; ++stamp) {
       Logged& entry = ghost.log[stamp % remembered_];

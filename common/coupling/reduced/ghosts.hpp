@@ -8,7 +8,6 @@
 #include "physics/engine.hpp"
 
 #include <optional>
-#include <span>
 #include <vector>
 
 namespace subworld {
@@ -21,8 +20,7 @@ class Ghosts final : public SubWorldSide {
   Ghosts(const Scene& scene, std::uint64_t remembered_cycles);
 
   /// Ghosts that come and go, models, and the error in their own ways.
-  void follow(const WorldFrame& frame, std::span<const StampedBody> left, Engine& engine,
-              const Following& how) override;
+  void follow(const WorldFrame& frame, Engine& engine, const Following& how) override;
   [[nodiscard]] std::optional<BodyState> release(BodyId id, Engine& engine) override;
   void clear(Engine& engine) override;
   void begin(Engine& engine, double dt, double operators_n) override;
@@ -51,22 +49,15 @@ class Ghosts final : public SubWorldSide {
   std::vector<Ghost>::iterator drop(std::vector<Ghost>::iterator ghost, Engine& engine);
   /// The body as the engine is to have it.
   [[nodiscard]] Body as_ghost(const GhostModel& model) const;
-  /// Where a ghost of a body that the sub-world did not have begins.
+  /// Where a ghost begins.
   [[nodiscard]] BodyState start_of(const GhostModel& model, const BodyState& world, const WorldFrame& frame,
                                    const Engine& engine, double lag_s) const;
-  /// Begins anew what was carried and is held now: meeting nothing that is fixed, it may have passed through it.
-  void replace(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s);
-  /// `member`: what the body was doing as a member until now, or null.
-  void create(const GhostModel& model, const BodyState& world, const BodyState* member, const WorldFrame& frame,
-              Engine& engine, double lag_s);
+  void create(const GhostModel& model, const BodyState& world, const WorldFrame& frame, Engine& engine, double lag_s);
   /// A state along the axes, the world's across them.
   [[nodiscard]] static BodyState constrained(const GhostMotion& motion, const BodyState& own, const BodyState& world,
                                              double lag_s);
   /// Makes a ghost follow a new model.
   void adapt(Ghost& ghost, const GhostModel& model, Engine& engine);
-  /// Whether one copy met an impact sooner than the other. Its timing is no error of the velocity: to correct it
-  /// would give the ghost, and by now what it pushes as well, the impact once more or take it back.
-  [[nodiscard]] bool impact_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const;
   void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, const Following& how);
 
   const Scene& scene_;
