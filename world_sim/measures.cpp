@@ -57,37 +57,37 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double rea
 
 WorldPart WorldMeasures::result(const World& world, double settle_s) {
   const WorldFacts& end = world.facts();
-  WorldResult result{.bodies = scene_.bodies.size(),
-                     .cycles = steps_,
-                     .ratio = ratio_,
-                     .ratio_changes = end.ratio_changes,
-                     .substeps = substeps_,
-                     .integration_substep_s = world.engine().integration_substep_s(end.cycle_s / end.substeps),
-                     .late_cycles = misses_.all(),
-                     .late_by_os = misses_.by_os,
-                     .late_by_run = misses_.by_run,
-                     .lateness_s = quantiles(lateness_),
-                     .real_time_factor_min = real_time_factor_min_,
-                     .real_time_factor_mean = wall_s_ > 0.0 ? simulated_s_ / wall_s_ : 1.0,
-                     .slowed_s = slowed_s_,
-                     .stuck_s = stuck_s_,
-                     .released_j = end.released_j,
-                     .contact_slack_j = contact_slack_j(scene_),
-                     .asleep_at_end = world.engine().asleep_count(),
-                     .lost_reports = lost_reports_,
-                     .refused_reports = refused_reports_,
-                     .engine_changes = engine_changes_,
-                     .settle_wall_s = settle_s,
-                     .body_history = bodies_.result()};
+  WorldPart part{.state_hash = fmt::format("{:016x}", end.state_hash),
+                 .simulated_s = end.time_s,
+                 .energy_excess_j = end.energy_excess_j,
+                 .world = {.bodies = scene_.bodies.size(),
+                           .cycles = steps_,
+                           .ratio = ratio_,
+                           .ratio_changes = end.ratio_changes,
+                           .substeps = substeps_,
+                           .integration_substep_s = world.engine().integration_substep_s(end.cycle_s / end.substeps),
+                           .late_cycles = misses_.all(),
+                           .late_by_os = misses_.by_os,
+                           .late_by_run = misses_.by_run,
+                           .lateness_s = quantiles(lateness_),
+                           .real_time_factor_min = real_time_factor_min_,
+                           .real_time_factor_mean = wall_s_ > 0.0 ? simulated_s_ / wall_s_ : 1.0,
+                           .slowed_s = slowed_s_,
+                           .stuck_s = stuck_s_,
+                           .released_j = end.released_j,
+                           .contact_slack_j = contact_slack_j(scene_),
+                           .asleep_at_end = world.engine().asleep_count(),
+                           .lost_reports = lost_reports_,
+                           .refused_reports = refused_reports_,
+                           .engine_changes = engine_changes_,
+                           .settle_wall_s = settle_s,
+                           .body_history = bodies_.result()}};
   for (std::size_t u = 0; u < omitted_.size(); ++u) {
     const SelectionFacts last = world.user_facts(u).selection;
-    result.selections.push_back({u, omitted_[u], last.expected_s, last.cost_factor});
+    part.world.selections.push_back({u, omitted_[u], last.expected_s, last.cost_factor});
   }
-  add_to(result);
-  return {.state_hash = fmt::format("{:016x}", end.state_hash),
-          .simulated_s = end.time_s,
-          .energy_excess_j = end.energy_excess_j,
-          .world = std::move(result)};
+  add_to(part.world);
+  return part;
 }
 
 }  // namespace subworld

@@ -4,9 +4,6 @@
 
 namespace subworld {
 
-namespace {
-
-/// A contact as a border contact of the one of its bodies that is inside. Its impulses are turned to act on that one.
 BoundaryContact pair_of(const Contact& contact, BodyId inside) {
   const bool a_inside = contact.a == inside;
   const double sign = a_inside ? 1.0 : -1.0;
@@ -18,8 +15,6 @@ BoundaryContact pair_of(const Contact& contact, BodyId inside) {
           .normal_impulse = contact.normal_impulse,
           .tangential_impulse = sign * contact.tangential_impulse};
 }
-
-}  // namespace
 
 void extract_border(std::span<const Contact> contacts, const Membership& membership,
                     std::vector<BoundaryContact>& out) {

@@ -9,6 +9,9 @@
 
 namespace subworld {
 
+/// A contact as a border contact of the one of its bodies that is inside. Its impulses are turned to act on that one.
+[[nodiscard]] BoundaryContact pair_of(const Contact& contact, BodyId inside);
+
 /// Border contacts: those of the world's last step between a member and a body that is not in the sub-world
 /// (paper 4.2).
 void extract_border(std::span<const Contact> contacts, const Membership& membership, std::vector<BoundaryContact>& out);

@@ -19,6 +19,7 @@ struct Neighbour {
   BodyId body{};             ///< the other one
   Vec3 outwards;             ///< the contact's normal, from this body towards the other
   double impulse_n_s = 0.0;  ///< normal
+  std::uint32_t index = 0;   ///< of the contact
 };
 
 /// Which contacts a body has. Refers to the contacts it was made from.
@@ -37,10 +38,11 @@ class ContactGraph {
     const auto entries = std::span(entries_).subspan(begin_[index(id)], count_[index(id)]);
     return entries | std::views::transform([this, id](std::uint32_t i) {
              const Contact& c = contacts_[i];
-             return c.a == id ? Neighbour{c.b, -c.normal, c.normal_impulse}
-                              : Neighbour{c.a, c.normal, c.normal_impulse};
+             return c.a == id ? Neighbour{c.b, -c.normal, c.normal_impulse, i}
+                              : Neighbour{c.a, c.normal, c.normal_impulse, i};
            });
   }
+  [[nodiscard]] const Contact& contact(std::uint32_t i) const noexcept { return contacts_[i]; }
 
  private:
   std::span<const Contact> contacts_;

@@ -194,6 +194,31 @@ TEST(Approach, ABodyBehindTheBorderIsRepresentedByIt) {
   EXPECT_EQ(border[0].outside, BodyId{1});
 }
 
+// The member pushes the second cube, the second pushes the third, and the third is close to the fourth. So the third is
+// at the border itself, by its contact with the second. Bodies that approach from the side do not count.
+TEST(Approach, ABodyBehindTheBorderThatIsPushedIntoAnotherIsAtTheBorder) {
+  const auto row = [](const Vec3& fourth, const Vec3& velocity) {
+    Two two;
+    for (const std::uint32_t i : {2U, 3U}) two.scene.bodies.push_back(test::cube(BodyId{i}, kSide_m));
+    two.states = {test::at(0, 0, 0), test::at(0.1, 0, 0), test::at(0.2, 0, 0), {}};
+    two.states[3].position = fourth;
+    two.states[3].linear_velocity = velocity;
+    for (std::size_t i = 0; i < 3; ++i) two.states[i].linear_velocity.x() = 0.3;
+    two.contacts = {{.a = BodyId{0}, .b = BodyId{1}, .normal = -Vec3::UnitX(), .normal_impulse = 0.2},
+                    {.a = BodyId{1}, .b = BodyId{2}, .normal = -Vec3::UnitX(), .normal_impulse = 0.1}};
+    return two.near();
+  };
+  const auto border = row(Vec3(0.305, 0, 0), Vec3::Zero());
+  ASSERT_EQ(border.size(), 3U);
+  EXPECT_EQ(border[1].inside, BodyId{1});
+  EXPECT_EQ(border[1].outside, BodyId{2});
+  EXPECT_EQ(border[1].normal_impulse, 0.1);
+  EXPECT_EQ(border[2].inside, BodyId{2});
+  EXPECT_EQ(border[2].outside, BodyId{3});
+  EXPECT_EQ(border[2].normal_impulse, 0.0);
+  EXPECT_EQ(row(Vec3(0.25, 0.105, 0), Vec3(0, -0.3, 0)).size(), 1U);
+}
+
 // The third cube is out of reach of the member, but within reach of the second, which the member touches and pushes.
 // Then the third is close to a fourth.
 TEST(Approach, ABodyThatTheBorderIsPushedIntoIsFoundToo) {

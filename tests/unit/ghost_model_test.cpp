@@ -39,6 +39,19 @@ TEST(GhostModel, ARowBehindTheBorderIsItsMassAndItsFriction) {
   EXPECT_LT((models[0].load_n - Vec3(0.5, 0, 0)).norm(), 1e-12);
 }
 
+// Cube 3 is at the border itself, because it may hit another body: the sub-world has its contact with 2.
+TEST(GhostModel, APushedGhostIsNotPartOfItsPusher) {
+  const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0), Vec3::Zero(), {BodyId{3}});
+  ASSERT_EQ(models.size(), 2U);
+  EXPECT_FALSE(models[0].approaching);
+  EXPECT_NEAR(models[0].mass_kg, kCube_kg, 1e-12);
+  EXPECT_LT((models[0].load_n - Vec3(1.5, 0, 0)).norm(), 1e-12) << "without the share of 3";
+  EXPECT_NEAR(models[0].axes[0].coulomb_limit_n, 1.5, 1e-9);
+  EXPECT_EQ(models[1].outside, BodyId{3});
+  EXPECT_TRUE(models[1].approaching);
+  EXPECT_NEAR(models[1].axes[0].coulomb_limit_n, 1.5, 1e-9);
+}
+
 TEST(GhostModel, ASlidingBodyResistsWithTheForceThatPushesIt) {
   const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0));
   EXPECT_NEAR(models.at(0).axes[0].coulomb_limit_n, 3.0, 1e-9);

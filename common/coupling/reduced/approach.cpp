@@ -1,5 +1,7 @@
 #include "coupling/reduced/approach.hpp"
 
+#include "coupling/border.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -36,7 +38,7 @@ double smallest(const Box& bounds) noexcept { return (bounds.upper - bounds.lowe
 }  // namespace
 
 ApproachFinder::ApproachFinder(const Scene& scene)
-    : scene_(scene), places_(scene.bodies.size()), listed_(scene.bodies.size()) {
+    : scene_(scene), places_(scene.bodies.size()), hooks_(scene.bodies.size()), listed_(scene.bodies.size()) {
   touched_.reserve(2 * scene.bodies.size());
   pushers_.reserve(scene.bodies.size());
   near_.reserve(scene.bodies.size());
@@ -77,10 +79,11 @@ Box ApproachFinder::ghost(BodyId id, const BodyState& state, const Box& bounds) 
 
 void ApproachFinder::attach(std::size_t first, const Membership& membership, const ContactGraph& graph) {
   for (std::size_t k = first; k < linked_.size(); ++k) {
-    for (const Neighbour& n : graph.neighbours(linked_[k])) {
-      if (places_[index(n.body)] != Place::apart || scene_.body(n.body).fixed() || membership.holds(n.body)) continue;
-      put(n.body, Place::attached);
-      linked_.push_back(n.body);
+    for (const auto& [next, outwards, impulse, i] : graph.neighbours(linked_[k])) {
+      if (places_[index(next)] != Place::apart || scene_.body(next).fixed() || membership.holds(next)) continue;
+      put(next, Place::hanging);
+      hooks_[index(next)] = i;
+      linked_.push_back(next);
     }
   }
 }
@@ -93,9 +96,30 @@ std::span<const BodyId> ApproachFinder::touching(const Membership& membership, c
     put(pair.outside, Place::touching);
     linked_.push_back(pair.outside);
   }
-  const std::size_t touching = linked_.size();
   attach(0, membership, graph);
-  return std::span(linked_).first(touching);
+  return linked_;
+}
+
+bool ApproachFinder::pushed(const BoundaryContact& pair, const ContactGraph& graph) const {
+  BodyId pusher = pair.inside;
+  while (places_[index(pusher)] == Place::hanging) {
+    const Contact& hook = graph.contact(hooks_[index(pusher)]);
+    if (std::abs(hook.normal.dot(pair.normal)) < kAcross) return false;
+    pusher = hook.a == pusher ? hook.b : hook.a;
+  }
+  return pusher != pair.outside;
+}
+
+void ApproachFinder::unhang(BodyId hanging, const ContactGraph& graph, std::vector<BoundaryContact>& border) {
+  while (places_[index(hanging)] == Place::hanging) {
+    put(hanging, Place::found);
+    const Contact& hook = graph.contact(hooks_[index(hanging)]);
+    const BodyId pusher = hook.a == hanging ? hook.b : hook.a;
+    for (const Neighbour& n : graph.neighbours(hanging)) {
+      if (n.body == pusher) border.push_back(pair_of(graph.contact(n.index), pusher));
+    }
+    hanging = pusher;
+  }
 }
 
 bool ApproachFinder::may_come(BodyId id) const {
@@ -171,7 +195,8 @@ std::optional<Box> ApproachFinder::find(const Membership& membership, const Cont
     for (const Mover& other : near_) {
       if (!swept.meets(other.swept()) || !wanted(pusher, other)) continue;
       const std::optional<BoundaryContact> pair = meet(pusher, other);
-      if (!pair) continue;
+      if (!pair || !pushed(*pair, graph)) continue;
+      unhang(pusher.id, graph, border);
       border.push_back(*pair);
       if (places_[index(other.id)] != Place::apart) continue;
       put(other.id, Place::found);

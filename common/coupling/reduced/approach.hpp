@@ -14,7 +14,8 @@ namespace subworld {
 
 /// Finds what does not touch a sub-world yet but may before it hears of it: the sub-world is ahead of the world, and
 /// would run into a body, or push its ghosts into one, that the world tells it of only after the contact. What is found
-/// may push on in turn. A body that contacts attach to one that touches the inside, or is found, goes with that one.
+/// may push on in turn. A body that hangs by contacts on one that touches the inside, or is found, goes with that one;
+/// but where it is to be pushed into something, it is at the border itself, with all that lies between.
 ///
 /// For each sub-world: `begin`; `inside` for its members; `touching`; then, for as long as `find` names a place, what
 /// there is by `outside`.
@@ -26,8 +27,9 @@ class ApproachFinder {
   void begin(double time_s);
   /// A member.
   void inside(BodyId id, const BodyState& state, const Box& bounds);
-  /// `contacts` are the border's, `graph` that of all the world's. Returns the outside bodies that touch the inside;
-  /// each is to be listed by `ghost`, which returns the bounds of all places that it may reach.
+  /// `contacts` are the border's, `graph` that of all the world's. Returns the outside bodies that touch the inside and
+  /// those that contacts attach to them; each is to be listed by `ghost`, which returns the bounds of all places that
+  /// it may reach.
   std::span<const BodyId> touching(const Membership& membership, const ContactGraph& graph,
                                    std::span<const BoundaryContact> contacts);
   Box ghost(BodyId id, const BodyState& state, const Box& bounds);
@@ -36,7 +38,8 @@ class ApproachFinder {
   [[nodiscard]] bool may_come(BodyId id) const;
 
   /// Adds to `border`, which holds the contacts, pairs that may become ones, without impulses. Their normals are those
-  /// of the faces, or the line between the centres, that part them most. Returns where to look for what they may meet.
+  /// of the faces, or the line between the centres, that part them most. The contacts by which what hangs is pushed
+  /// into something are added as well. Returns where to look for what they may meet.
   std::optional<Box> find(const Membership& membership, const ContactGraph& graph,
                           std::vector<BoundaryContact>& border);
 
@@ -55,14 +58,18 @@ class ApproachFinder {
     Vec3 normal = Vec3::UnitZ();  ///< towards the first body
     double distance = 0.0;        ///< m
   };
-  enum class Place : std::uint8_t { apart, attached, found, touching, inside };
+  enum class Place : std::uint8_t { apart, hanging, found, touching, inside };
 
   [[nodiscard]] Mover mover(BodyId id, const BodyState& state, const Box& bounds) const noexcept;
   void put(BodyId id, Place place);
-  /// What contacts attach to the linked bodies from `first` on goes with them.
+  /// What hangs by contacts on the linked bodies from `first` on goes with them.
   void attach(std::size_t first, const Membership& membership, const ContactGraph& graph);
   [[nodiscard]] double reach_m(const Mover& mover, const Vec3& along) const;
   [[nodiscard]] Gap gap_along(Vec3 normal, const Mover& one, const Mover& other) const;
+  /// Whether the pair's first body, if it is attached, is pushed towards the second by the body it is attached to.
+  [[nodiscard]] bool pushed(const BoundaryContact& pair, const ContactGraph& graph) const;
+  /// Takes an attached body, and those between it and the body it is attached to, to the border.
+  void unhang(BodyId hanging, const ContactGraph& graph, std::vector<BoundaryContact>& border);
   /// The pair, if it may become a contact.
   [[nodiscard]] std::optional<BoundaryContact> meet(const Mover& pusher, const Mover& other) const;
 
@@ -71,10 +78,11 @@ class ApproachFinder {
   std::vector<Mover> pushers_;  ///< members, then ghosts, then what has been found
   std::size_t done_ = 0;        ///< of the pushers
   std::vector<Mover> near_;
-  std::vector<BodyId> touched_;  ///< whose place or `listed_` may be another than at the start
-  std::vector<Place> places_;    ///< by body
-  std::vector<bool> listed_;     ///< by body: it is in `near_`
-  std::vector<BodyId> linked_;   ///< touching bodies, then attached ones, then found ones and those attached to them
+  std::vector<BodyId> touched_;       ///< whose place or `listed_` may be another than at the start
+  std::vector<Place> places_;         ///< by body
+  std::vector<std::uint32_t> hooks_;  ///< by body: the contact by which it hangs
+  std::vector<bool> listed_;          ///< by body: it is in `near_`
+  std::vector<BodyId> linked_;  ///< touching bodies, then attached ones, then found ones and those attached to them
 };
 
 }  // namespace subworld

@@ -243,6 +243,8 @@ void GhostModeller::model(std::span<const BoundaryContact> border, const Surroun
   for (const BoundaryContact& pair : border) {
     const Vec3 on_inside_n = (pair.normal_impulse * pair.normal + pair.tangential_impulse) / around.step_s;
     find_sorted(out, pair.outside, &GhostModel::outside)->load_n -= on_inside_n;
+    const auto pusher = find_sorted(out, pair.inside, &GhostModel::outside);
+    if (pusher != out.end()) pusher->load_n += on_inside_n;
   }
   for (GhostModel& ghost : out) find_axes(border, around.graph, ghost);
   find_pushed(out, around);

@@ -12,6 +12,7 @@ namespace subworld {
 
 namespace {
 
+constexpr double kImpact_m_s2 = 5.0;  ///< copies whose speeds change so differently: one has met an impact, one not yet
 /// What a wall may have to carry beyond its load in the world, which is a cycle old or more: so many times what the
 /// operators press with now, wedges included, and so many times the weight of its body, for what topples.
 constexpr double kSpareForces = 2.0;
@@ -128,10 +129,21 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
   engine.add(body, start_of(model, world, frame, engine, lag_s), role_of(model));
   Ghost ghost{.id = body.id,
               .motion = {.model = model, .world_velocity = world.linear_velocity},
+              .world_stamp = frame.stamp,
               .spin = world.angular_velocity,
               .log = empty_log()};
   adapt(ghost, model, engine);
   ghosts_.insert(std::ranges::lower_bound(ghosts_, body.id, {}, &Ghost::id), std::move(ghost));
+}
+
+bool Ghosts::impact_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const {
+  const Logged& now = ghost.log[frame.stamp % remembered_];
+  const Logged& before = ghost.log[ghost.world_stamp % remembered_];
+  if (!before.written || before.stamp != ghost.world_stamp) return false;
+  const Vec3 ours = now.state.linear_velocity - before.state.linear_velocity;
+  const Vec3 theirs = world.linear_velocity - ghost.motion.world_velocity;
+  const double passed_s = static_cast<double>(frame.stamp - ghost.world_stamp) * frame.cycle_s;
+  return ghost.motion.along(theirs - ours).norm() > kImpact_m_s2 * passed_s;
 }
 
 void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine,
@@ -146,7 +158,8 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
       ghost.carried->velocity.tail<3>() += shift.angular_velocity;
     } else {
       shift.position = motion.along(how.gain * (world.position - then.state.position));
-      shift.linear_velocity = motion.along(world.linear_velocity - then.state.linear_velocity);
+      if (!impact_is_due(ghost, world, frame))
+        shift.linear_velocity = motion.along(world.linear_velocity - then.state.linear_velocity);
     }
     for (std::uint64_t stamp = frame.stamp; stamp <= logged_; ++stamp) {
       Logged& entry = ghost.log[stamp % remembered_];
@@ -154,6 +167,7 @@ void Ghosts::correct(Ghost& ghost, const BodyState& world, const WorldFrame& fra
     }
   }
   ghost.motion.world_velocity = world.linear_velocity;
+  ghost.world_stamp = frame.stamp;
   ghost.spin = world.angular_velocity;
   const BodyState now = engine.state(ghost.id);
   gradual_.begin(engine, ghost.id, ghost.carried ? now : constrained(motion, now, world, how.lag_s), shift,

@@ -38,6 +38,7 @@ class Ghosts final : public SubWorldSide {
   struct Ghost {
     BodyId id{};
     GhostMotion motion;
+    std::uint64_t world_stamp = 0;              ///< of the frame used last
     std::optional<CarriedMotion> carried = {};  ///< in the place of `motion`
     Vec3 spin = Vec3::Zero();                   ///< the world's, rad/s
     Vec6 start = Vec6::Zero();                  ///< velocity with which the step under way began
@@ -58,6 +59,10 @@ class Ghosts final : public SubWorldSide {
                                              double lag_s);
   /// Makes a ghost follow a new model.
   void adapt(Ghost& ghost, const GhostModel& model, Engine& engine);
+  /// Whether one copy met an impact sooner than the other, since the frame used last. Its timing is no error of the
+  /// velocity: to correct it would give the ghost, and by now what it pushes as well, the impact once more or take it
+  /// back.
+  [[nodiscard]] bool impact_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const;
   void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, const Following& how);
 
   const Scene& scene_;

@@ -13,11 +13,16 @@ namespace {
 constexpr double kLargestGain = 0.5;  ///< of (7)
 constexpr double kDelayGain = 1.2;    ///< of (7), over the lag in cycles
 
-/// The proxy between two reports; beyond the newest, at constant velocity.
+/// The proxy between two reports, cubic in position; beyond the newest, at constant velocity.
 BodyState between(const HapticReport& before, const HapticReport& now, double t_s) noexcept {
   const double span = now.stamp_s - before.stamp_s;
   if (t_s >= now.stamp_s || span <= 0.0) return advanced(now.proxy, t_s - now.stamp_s);
-  return blend(before.proxy, now.proxy, (t_s - before.stamp_s) / span);
+  const double s = (t_s - before.stamp_s) / span;
+  BodyState on_the_way = blend(before.proxy, now.proxy, s);
+  on_the_way.position += s * (1.0 - s) *
+                         ((1.0 - s) * (span * before.proxy.linear_velocity) - s * (span * now.proxy.linear_velocity) -
+                          (1.0 - 2.0 * s) * (now.proxy.position - before.proxy.position));
+  return on_the_way;
 }
 
 Correction reduced_correction(const CopyPair& pair, const Indicators&, const Settings&) noexcept {

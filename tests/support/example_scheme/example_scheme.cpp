@@ -18,7 +18,7 @@ class ExampleWorldSide final : public WorldSide {
 
 class NothingOutside final : public SubWorldSide {
  public:
-  void follow(const WorldFrame&, std::span<const StampedBody>, Engine&, const Following&) override {}
+  void follow(const WorldFrame&, Engine&, const Following&) override {}
   std::optional<BodyState> release(BodyId, Engine&) override { return std::nullopt; }
   void clear(Engine&) override {}
   void begin(Engine&, double, double) override {}
