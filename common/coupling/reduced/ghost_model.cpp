@@ -10,14 +10,14 @@ namespace subworld {
 
 namespace {
 
-constexpr double kPushing = 0.5;    ///< cosine; a contact that is steeper to the way than this is a side contact
-constexpr double kOnSupport = 0.3;  ///< cosine; a push that is steeper to a support does not press on it
-constexpr double kSameWay = 0.7;    ///< cosine; border contacts of one axis
-constexpr double kDistinct = 0.5;   ///< sine; what is closer to the axes there are than this is no axis of its own
-constexpr double kWallMass_kg = 1e5;
-/// Of a wall away from a load that nothing in the scene can exert. With 0.01 to 0.2 m/s, and none of the two bodies
-/// moved, the felt force in a heap between engines of unequal stiffness is as smooth as between equal ones.
-constexpr double kYield_m_s = 0.02;
+// What was tried for each constant: coupling/RESULTS.md.
+/// Cosine: a contact closer to the push transmits it, and a support closer to the push is pressed by it; any other is a
+/// side contact.
+constexpr double kPushing = 0.5;
+constexpr double kSameWay = 0.7;         ///< cosine: border contacts of one axis, pushes of one direction
+constexpr double kDistinct = 0.5;        ///< sine to the axes there are; what is closer to them is no axis of its own
+constexpr double kWallMass_kg = 1e5;     ///< of what cannot give way: heavier than anything that it meets
+constexpr double kYield_m_s = 0.02;      ///< of a wall away from a load that nothing in the scene can exert
 constexpr double kSliding_m_s = -0.002;  ///< faster away from the inside than this: the outside slides
 
 double friction(const Body& a, const Body& b) noexcept { return std::sqrt(a.material.friction * b.material.friction); }
@@ -141,7 +141,7 @@ Vec3 GhostModeller::load_dependent_friction() const {
 }
 
 Vec3 GhostModeller::support_direction(BodyId id, const Vec3& along, const ContactGraph& graph) const {
-  double most = kOnSupport;
+  double most = kPushing;
   Vec3 way = along;
   for (const Neighbour& n : graph.neighbours(id)) {
     const double towards = along.dot(n.outwards);
@@ -229,7 +229,7 @@ void GhostModeller::model_axis(GhostAxis& axis, const Motion& motion, const Surr
   double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
   double c = found.limit_n;
   const bool slides = motion.state.linear_velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
-  if (slides) c = std::max(0.0, q - f);
+  c = slides ? std::max(0.0, q - f) : std::max(c, q - f);
   f = std::clamp(f, q - c, q + c);
   axis.force_n = f;
   axis.coulomb_limit_n = c;

@@ -38,8 +38,8 @@ struct Surroundings {
 /// of the contacts by which it is pushed and pushes: on them it turns.
 ///
 /// Force f = M g.n. Where the load p and the outside's motion say more than the walk can see, limit and force give way:
-/// of p, q = p + sum(m a).n is what the inertia of all that is pushed does not take; sliding, c = q - f; and always
-/// |q - f| <= c. The limit holds under the load that the inside puts on the outside in the world;
+/// of p, q = p + sum(m a).n is what the inertia of all that is pushed does not take; sliding, c = q - f; at rest, c >=
+/// q - f; and always |q - f| <= c. The limit holds under the load that the inside puts on the outside in the world;
 /// what presses the ghost harder on its supports adds mu times as much (load-dependent friction).
 class GhostModeller {
  public:
