@@ -11,11 +11,10 @@ namespace subworld {
 namespace {
 
 // What was tried for each constant: coupling/RESULTS.md.
-/// Cosine: a contact closer to the push transmits it, and a support closer to the push is pressed by it; any other is a
-/// side contact.
-constexpr double kPushing = 0.5;
-constexpr double kSameWay = 0.7;         ///< cosine: border contacts of one axis, pushes of one direction
-constexpr double kDistinct = 0.5;        ///< sine to the axes there are; what is closer to them is no axis of its own
+constexpr double kPushing = 0.5;    ///< cosine: a contact closer to the push transmits it, any other is a side contact
+constexpr double kOnSupport = 0.3;  ///< cosine: a push that is steeper to a support does not press on it
+constexpr double kSameWay = 0.7;    ///< cosine: border contacts of one axis, pushes of one direction
+constexpr double kDistinct = 0.5;   ///< sine to the axes there are; what is closer to them is no axis of its own
 constexpr double kWallMass_kg = 1e5;     ///< of what cannot give way: heavier than anything that it meets
 constexpr double kYield_m_s = 0.02;      ///< of a wall away from a load that nothing in the scene can exert
 constexpr double kSliding_m_s = -0.002;  ///< faster away from the inside than this: the outside slides
@@ -141,7 +140,7 @@ Vec3 GhostModeller::load_dependent_friction() const {
 }
 
 Vec3 GhostModeller::support_direction(BodyId id, const Vec3& along, const ContactGraph& graph) const {
-  double most = kPushing;
+  double most = kOnSupport;
   Vec3 way = along;
   for (const Neighbour& n : graph.neighbours(id)) {
     const double towards = along.dot(n.outwards);
