@@ -16,6 +16,7 @@ constexpr double kOnSupport = 0.3;  ///< cosine: a push that is steeper to a sup
 constexpr double kSameWay = 0.7;    ///< cosine: border contacts of one axis, pushes of one direction
 constexpr double kDistinct = 0.5;   ///< sine to the axes there are; what is closer to them is no axis of its own
 constexpr double kWallMass_kg = 1e5;     ///< of what cannot give way: heavier than anything that it meets
+constexpr double kCreep_m_s = 1e-3;      ///< of a wall towards what it ought to carry
 constexpr double kYield_m_s = 0.02;      ///< of a wall away from a load that nothing in the scene can exert
 constexpr double kSliding_m_s = -0.002;  ///< faster away from the inside than this: the outside slides
 
@@ -295,7 +296,7 @@ Vec3 GhostMotion::begin(const Vec3& velocity, double dt, double spare_n) const n
     const double end = velocity.dot(axis.normal) + (axis.force_n - held_n) / model.mass_kg * dt;
     if (wall) {
       const double yields = contact_n > held_n ? kYield_m_s * std::min(1.0, contact_n / held_n - 1.0) : 0.0;
-      start -= (end + yields) * axis.normal;
+      start -= (end - std::clamp(end, -kCreep_m_s, kCreep_m_s) + yields) * axis.normal;
       continue;
     }
     const double limit_n =
