@@ -161,7 +161,7 @@ void assign(Option::Data& data, const std::vector<std::string>& given) {
 }
 
 /// For the help, as the next one.
-std::string placeholder(const Option::Data& data) {
+std::string value_name(const Option::Data& data) {
   if (!data.words.empty()) return fmt::format("{{{}}}", fmt::join(data.words, ","));
   if (data.positional()) return data.required ? "" : "(optional)";
   return std::visit(
@@ -218,7 +218,7 @@ struct CommandLine::Impl {
       if (data->hidden) option.group("");
       if (data->what.empty()) continue;  // a flag, or hidden
       if (data->preset.empty()) data->preset = held(*data);
-      option.option_text(placeholder(*data) + (data->required && !data->positional() ? " (required)" : ""));
+      option.option_text(value_name(*data) + (data->required && !data->positional() ? " (required)" : ""));
       option.description(description(*data));
     }
     for (const auto& command : commands) command->impl_->prepare();

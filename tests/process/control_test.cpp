@@ -60,6 +60,17 @@ TEST_F(Control, PausesStepsResumesAndStops) {
   EXPECT_EQ(process.wait(), 0) << process.err();
 }
 
+// The launcher names a program that does not advance for 3 s, and such a run fails. A paused world does not advance
+// either.
+TEST_F(Control, APauseIsNotTakenForAStall) {
+  Process process(run_words(scene("press"), {"--mode", "realtime", "--duration", "600"}), folder_.path());
+  ASSERT_EQ(control({"pause"}).code, 0);
+  std::this_thread::sleep_for(std::chrono::seconds(6));
+  ASSERT_EQ(control({"stop"}).code, 0);
+  EXPECT_EQ(process.wait(), 0) << process.err();
+  EXPECT_EQ(process.err().find("has not advanced"), std::string::npos) << process.err();
+}
+
 // A device moves while the world is paused. This must neither load the coupling nor throw the tool afterwards.
 TEST_F(Control, AnOperatorThatMovesDuringAPauseReEngagesWithoutAJump) {
   Json haptic;
