@@ -142,7 +142,7 @@ Cause by_slow_cycles(const RunResults& run) {
 std::string coupling_cure(const View& at) {
   return fmt::format("{}, less delay or a smaller --ratio{}",
                      at.spec().kind == DeviceKind::admittance ? "a heavier proxy" : "a lower coupling stiffness_n_m",
-                     enabled(at.run.scene, Optimisation::passivity, at.user) ? ", or --passivity on" : "");
+                     enabled(at.run.scene, Optimisation::energy_bound, at.user) ? ", or --passivity on" : "");
 }
 
 /// An admittance device that its proxy leaves behind: the coupling no longer holds the proxy.

@@ -18,6 +18,7 @@
 #include "summary.hpp"
 #include "supervise.hpp"
 #include "watchdog.hpp"
+#include "wire/bus.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -309,6 +310,11 @@ int run(const RunRequest& request) {
   run.scene = load_scene(options);
   const Settings& settings = run.scene.settings;
   check_request(run.scene, request);
+  for (const int position : {0, 1}) {  // with mixed, both vendors
+    Network network = options.network;
+    network.dds = vendor_of(request.dds, position);
+    check_network(network);
+  }
   FileLock folder, domain_lock;
   claim_folder(options.out, run.scene.name, folder);
   if (!options.trace.empty()) {

@@ -366,7 +366,7 @@ std::vector<std::string> beyond_limits(const Scene& scene) {
     warn_of_speed(scene, at, out);
   }
   for (std::size_t u = 0; u < scene.users.size(); ++u) {
-    warn_of_stiffness(scene.users[u], s, !enabled(scene, Optimisation::passivity, u), out);
+    warn_of_stiffness(scene.users[u], s, !enabled(scene, Optimisation::energy_bound, u), out);
   }
   warn_of_slips(scene, out);
   warn_of_the_start(scene, out);
@@ -390,7 +390,7 @@ void check_request(const Scene& scene, const RunRequest& request) {
       throw Error(ExitCode::usage, fmt::format("--peers {}: is no host; give hosts, separated by commas", peer));
   }
   if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);
-  (void)scheme_of(scene.settings);
+  (void)scheme_of(scene.settings, request.options.scheme ? "--scheme" : scene.file + ": settings.scheme");
   check_engine(scene.settings.world, request.options.engine ? "--engine" : scene.file + ": settings.world");
   check_engine(scene.settings.haptic,
                request.options.haptic_engine ? "--haptic-engine" : scene.file + ": settings.haptic");

@@ -46,6 +46,7 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement) {
   add_run_options(line, request.options);
   add_dds(line, request.dds, {"fastdds", "cyclonedds", "mixed"});
   add_domain(line, request.domain).otherwise("the first from 100 down to 60 that no other run on this host uses");
+  add_out(line, request.options, "folder for results").otherwise("a new out/SCENE-TIME");
   line.flag("--gui", request.gui, "also start the display, which writes a picture");
   add_bodies_options(line, request.options);
   add_trace_option(line, request.options);

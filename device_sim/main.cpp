@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
     const UserSpec& user = scene.users[static_cast<std::size_t>(options.user)];
     EmulatedDevice device(user.device, static_cast<std::uint32_t>(options.user));
     DeviceGuard guard(user, scene.body(user.proxy),
-                      !enabled(scene, Optimisation::passivity, static_cast<std::size_t>(options.user)),
+                      !enabled(scene, Optimisation::energy_bound, static_cast<std::size_t>(options.user)),
                       realtime ? kFadeIn_s : 0.0);
     watch_stop_signals(kLongestEnd_s);                    // from here on an orderly end is needed
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it

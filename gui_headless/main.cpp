@@ -37,7 +37,7 @@ void follow(DisplayPorts& ports, Display& display, const Options& options) {
                                                 options.network.domain, options.wait_s));
     }
     if (display.described() && absent_s > 1.0) return;
-    if (options.picture_every_s > 0.0 && !options.out.empty() && display.snapshots() > 0 &&
+    if (options.picture_every_s > 0.0 && display.snapshots() > 0 &&
         display.time_s() >= next_picture_s) {
       display.write_picture(fmt::format("{}/picture_{:08.3f}.png", options.out, display.time_s()));
       next_picture_s += options.picture_every_s;
@@ -60,10 +60,14 @@ int main(int argc, char** argv) {
     fmt::print("gui_headless: {}\n", ports.bus->effective_settings());
     follow(ports, display, options);
     ports.status.enter("stopping");
-    if (!options.out.empty() && display.snapshots() > 0) {
-      const std::string file = options.out + "/picture.png";
-      display.write_picture(file);
-      fmt::print("gui_headless: picture at t = {:.3f} s in {}\n", display.time_s(), file);
+    if (display.snapshots() == 0) {
+      if (stop_signal() != 0) return;
+      throw Error(ExitCode::failed,
+                  "no picture: the world ended before it sent a state; start the display before the world, and the "
+                  "world with --await-display");
     }
+    const std::string file = options.out + "/picture.png";
+    display.write_picture(file);
+    fmt::print("gui_headless: picture at t = {:.3f} s in {}\n", display.time_s(), file);
   });
 }

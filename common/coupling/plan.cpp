@@ -71,7 +71,7 @@ Decision decide_suppression(const Scene& scene, std::size_t) {
   return {true, false, "while no body is near the only proxy, messages carry no information"};
 }
 
-Decision decide_passivity(const Scene& scene, std::size_t user) {
+Decision decide_energy_bound(const Scene& scene, std::size_t user) {
   const Settings& s = scene.settings;
   if (s.passivity == Passivity::on) return {false, true, "as the scene or --passivity says"};
   if (s.passivity == Passivity::off) return {true, true, "as the scene or --passivity says"};
@@ -86,7 +86,7 @@ Decision decide_passivity(const Scene& scene, std::size_t user) {
 
 /// In the order of `Optimisation`.
 constexpr std::array kDecide{decide_rest,  decide_sway,   decide_friction,    decide_impulses,
-                             decide_pairs, decide_device, decide_suppression, decide_passivity};
+                             decide_pairs, decide_device, decide_suppression, decide_energy_bound};
 
 }  // namespace
 

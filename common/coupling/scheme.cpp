@@ -4,11 +4,11 @@
 #include "coupling/paper/paper.hpp"
 #include "coupling/reduced/reduced.hpp"
 #include "model/error.hpp"
+#include "model/nearest.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
-#include <algorithm>
-#include <string>
 #include <vector>
 
 namespace subworld {
@@ -26,13 +26,16 @@ std::span<const Scheme* const> schemes() { return table(); }
 
 void add_scheme(const Scheme& scheme) { table().push_back(&scheme); }
 
-const Scheme& scheme_of(const Settings& settings) {
-  std::string known;
+const Scheme& scheme_of(const Settings& settings, std::string_view where) {
+  std::vector<std::string_view> known;
   for (const Scheme* scheme : schemes()) {
     if (scheme->properties.name == settings.scheme) return *scheme;
-    known += fmt::format("{}{}", known.empty() ? "" : ", ", scheme->properties.name);
+    known.push_back(scheme->properties.name);
   }
-  throw Error(ExitCode::usage, fmt::format("scheme \"{}\" is unknown; choose one of: {}", settings.scheme, known));
+  const std::string_view near = nearest(settings.scheme, known);
+  throw Error(ExitCode::usage,
+              fmt::format("{}: there is no scheme \"{}\"; choose one of {}{}", where, settings.scheme,
+                          fmt::join(known, ", "), near.empty() ? "" : fmt::format("; did you mean {}?", near)));
 }
 
 }  // namespace subworld

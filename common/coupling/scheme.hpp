@@ -62,7 +62,7 @@ struct Scheme {
 [[nodiscard]] std::span<const Scheme* const> schemes();
 /// Adds one from outside this folder, which must live as long as the program; before any scene is loaded.
 void add_scheme(const Scheme& scheme);
-/// The one of the settings. Throws `Error` (usage) for an unknown name, naming those that exist.
-[[nodiscard]] const Scheme& scheme_of(const Settings& settings);
+/// The one of the settings. Throws `Error` (usage) for an unknown name, naming `where` it stands and those that exist.
+[[nodiscard]] const Scheme& scheme_of(const Settings& settings, std::string_view where = "--scheme or settings.scheme");
 
 }  // namespace subworld

@@ -140,8 +140,9 @@ void add_run_options(CommandLine& line, Options& o) {
   add("--qos", &o.network.qos_file, "the DDS vendor's settings file")
       .otherwise("the vendor's environment variable, else qos/VENDOR.xml beside the programs");
   add("--wait", &o.wait_s, "longest wait for the other programs").range(0.1, 3600.0, "s");
-  line.add("--out", &o.out, "folder for results");
 }
+
+Option add_out(CommandLine& line, Options& o, const char* what) { return line.add("--out", &o.out, what); }
 
 Option add_dds(CommandLine& line, std::string& dds, const std::vector<std::string>& vendors) {
   return line.add("--dds", &dds, "DDS vendor").one_of(vendors).environment("SUBWORLD_DDS");
@@ -230,8 +231,9 @@ Scene load_scene(const Options& o) {
   }
   if (o.user >= s.users) {
     throw Error(ExitCode::usage,
-                fmt::format("--user {}: {} user{} take part in {}; users count from 0; for more give --users", o.user,
-                            s.users, s.users == 1 ? "" : "s", o.scene));
+                fmt::format("--user {}: {} user{} in {}, counted from 0; {}", o.user, s.users,
+                            s.users == 1 ? " takes part" : "s take part", o.scene,
+                            o.user < declared ? "for more give --users" : "declare more under `users`"));
   }
   return scene;
 }
@@ -270,13 +272,16 @@ int run_program(Program program, int argc, const char* const* argv,
     add_domain(line, o.network.domain);
     if (program == Program::haptic_sim || program == Program::device_sim)
       line.add("--user", &o.user, "the scene's user that it serves, from 0").range(0, 63);
-    if (program != Program::gui_headless) add_trace_option(line, o);
+    const bool display = program == Program::gui_headless;
+    if (display) o.out = "out/display";
+    add_out(line, o, display ? "folder for the pictures" : "folder for results; without it none are written");
+    if (!display) add_trace_option(line, o);
     add_tuning(line, me.name, o);
     if (program == Program::world_sim) {
       add_bodies_options(line, o);
       line.flag("--await-display", o.await_display, "start only when a display is there, so that it misses nothing");
     }
-    if (program == Program::gui_headless) {
+    if (display) {
       line.add("--picture-every", &o.picture_every_s, "a picture also each so many simulated seconds; 0: only the last")
           .range(0.0, 1e6, "s");
     }

@@ -55,6 +55,7 @@ struct Options {
 
 /// Adds the options that the launcher and all programs share.
 void add_run_options(CommandLine& line, Options& options);
+Option add_out(CommandLine& line, Options& options, const char* what);
 /// Adds --dds and --domain.
 Option add_dds(CommandLine& line, std::string& dds, const std::vector<std::string>& vendors);
 Option add_domain(CommandLine& line, int& domain);

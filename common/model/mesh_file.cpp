@@ -57,7 +57,7 @@ class Welder {
 Mesh read_mesh(const std::string& file, double scale) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) {
-    throw std::runtime_error("no such mesh file; the path is relative to the scene file's folder");
+    throw std::runtime_error(fmt::format("no such mesh file: {}; paths are relative to the scene file's folder", file));
   }
   if (std::filesystem::file_size(file, error) > kLargestMeshFile) {
     throw std::runtime_error(fmt::format("is larger than {} MB; simplify it", kLargestMeshFile >> 20U));

@@ -27,10 +27,10 @@ constexpr std::array kItems{
     OptimisationItem{Optimisation::device, "device", "reports", "motion of the device", false},
     OptimisationItem{Optimisation::suppression, "suppression", "frames, reports",
                      "messages of cycles in which no body is near the only proxy", false},
-    OptimisationItem{Optimisation::passivity, "passivity", "device", "bound on the energy that the operator receives",
-                     true}};
+    OptimisationItem{Optimisation::energy_bound, "energy_bound", "device",
+                     "bound on the energy that the operator receives", true}};
 static_assert(std::ranges::is_sorted(kItems, {}, &OptimisationItem::optimisation) &&
-                  kItems.size() == static_cast<std::size_t>(Optimisation::passivity) + 1,
+                  kItems.size() == static_cast<std::size_t>(Optimisation::energy_bound) + 1,
               "the index of an item is its number");
 
 }  // namespace

@@ -14,7 +14,6 @@ constexpr Limits kDelay{.least = 0.0, .most = 1.0};                    // s
 const std::initializer_list<std::string_view> kSettingsKeys = {"h_s",       "ratio",  "duration_s",   "settle", "users",
                                                                "mode",      "scheme", "gravity_m_s2", "paper",  "delay",
                                                                "passivity", "world",  "haptic"};
-const std::initializer_list<std::string_view> kSchemes = {"reduced", "paper", "direct"};
 const std::initializer_list<std::string_view> kPresets = {"fast", "quality"};
 
 /// The engine's name is checked when the engine is made: this room knows no engines.
@@ -75,7 +74,7 @@ void read_settings(const YamlValue& value, Settings& settings) {
   }
   map.read("users", settings.users, 0, 64);
   if (const auto mode = map.find("mode")) settings.mode = static_cast<Mode>(mode->choice({"lockstep", "realtime"}));
-  if (const auto scheme = map.find("scheme")) settings.scheme = *(kSchemes.begin() + scheme->choice(kSchemes));
+  if (const auto scheme = map.find("scheme")) settings.scheme = scheme->name();  // the coupling checks it
   if (const auto paper = map.find("paper")) {
     const YamlMap own(*paper, {"device_force_in_world", "device_impulse_threshold_n_s"});
     own.read("device_force_in_world", settings.paper.device_force_in_world);

@@ -27,6 +27,10 @@ constexpr std::size_t kDeepest = 32;
   throw Error(ExitCode::usage, fmt::format("{}:{}:{}: {}", file, mark.line, mark.column, what));
 }
 
+[[noreturn]] void fail(const std::string& file, std::string_view what) {
+  throw Error(ExitCode::usage, fmt::format("{}: {}", file, what));
+}
+
 /// Builds the tree from the parser's events. The open lists and maps are a stack of values, not pointers, because a
 /// parent's storage may move while a child is being read.
 class TreeBuilder : public YAML::EventHandler {
@@ -136,28 +140,40 @@ std::string read_text(const std::string& file) {
   namespace fs = std::filesystem;
   std::error_code error;
   const fs::file_status status = fs::status(file, error);
-  if (!fs::exists(status)) fail(file, {}, "no such file; give the path of a scene, e.g. deploy/scenes/row.yaml");
-  if (fs::is_directory(status)) fail(file, {}, "is a directory; give the path of a scene file inside it");
-  if (!fs::is_regular_file(status)) fail(file, {}, "is not a regular file; give the path of a scene file");
+  if (!fs::exists(status)) fail(file, "no such file; give the path of a scene, e.g. deploy/scenes/row.yaml");
+  if (fs::is_directory(status)) fail(file, "is a directory; give the path of a scene file inside it");
+  if (!fs::is_regular_file(status)) fail(file, "is not a regular file; give the path of a scene file");
   const std::uintmax_t size = fs::file_size(file, error);
   if (!error && size > kLargestSceneFile) {
-    fail(file, {}, fmt::format("is larger than {} MB; use \"repeat\" for many bodies", kLargestSceneFile >> 20U));
+    fail(file, fmt::format("is larger than {} MB; use \"repeat\" for many bodies", kLargestSceneFile >> 20U));
   }
   std::ifstream in(file, std::ios::binary);
   std::ostringstream text;
   if (size > 0) text << in.rdbuf();
-  if (!in || !text) fail(file, {}, "cannot be read; check its permissions");
+  if (!in || !text) fail(file, "cannot be read; check its permissions");
   return std::move(text).str();
+}
+
+/// A tab in the indentation, which YAML forbids and no editor shows. Throws `Error` (usage) at the first one.
+void refuse_tabs(const std::string& file, const std::string& text) {
+  std::istringstream lines(text);
+  int number = 1;
+  for (std::string line; std::getline(lines, line); ++number) {
+    const std::size_t tab = line.find_first_not_of(' ');
+    if (tab != std::string::npos && line[tab] == '\t')
+      fail(file, {number, static_cast<int>(tab) + 1}, "a tab in the indentation; YAML takes spaces only");
+  }
 }
 
 }  // namespace
 
 YamlNode read_yaml(const std::string& file) {
-  std::istringstream text(read_text(file));
+  const std::string content = read_text(file);
+  std::istringstream text(content);
   TreeBuilder builder(file);
   try {
     YAML::Parser parser(text);
-    if (!parser.HandleNextDocument(builder)) fail(file, {}, "is empty; a scene needs at least bodies and users");
+    if (!parser.HandleNextDocument(builder)) fail(file, "is empty; a scene needs at least bodies and users");
     YamlNode root = builder.take();
     TreeBuilder second(file);
     if (parser.HandleNextDocument(second)) {
@@ -165,6 +181,7 @@ YamlNode read_yaml(const std::string& file) {
     }
     return root;
   } catch (const YAML::Exception& e) {
+    refuse_tabs(file, content);
     const Mark mark = e.mark.is_null() ? Mark{} : Mark{e.mark.line + 1, e.mark.column + 1};
     fail(file, mark,
          fmt::format("not YAML: {}; check indentation, brackets and quotes; a text with \": \" in it needs quotes",

@@ -220,6 +220,14 @@ const std::string& Bus::effective_settings() const noexcept { return impl_->sett
 
 std::unique_ptr<Bus> open_bus(const BusConfig& config) { return std::make_unique<Bus>(config); }
 
+void check_network(const Network& network) {
+  (void)wire::prepare({.vendor = parse_vendor(network.dds),
+                       .domain = network.domain,
+                       .peers = network.peers,
+                       .interface_address = network.interface_address,
+                       .qos_file = network.qos_file});
+}
+
 std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, double device_period_s,
                               const std::string& participant_name) {
   return open_bus({.vendor = parse_vendor(network.dds),

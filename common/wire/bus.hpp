@@ -173,6 +173,8 @@ inline std::string device_partition(int device) { return "device_" + std::to_str
 
 /// Throws `Error` (middleware) with place, fault and cure.
 [[nodiscard]] std::unique_ptr<Bus> open_bus(const BusConfig& config);
+/// Checks interface, peers and settings file as open_bus does, without opening anything. Throws like it.
+void check_network(const Network& network);
 /// Opens a program's bus by its command line and scene.
 [[nodiscard]] std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, double device_period_s,
                                             const std::string& participant_name);

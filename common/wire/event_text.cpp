@@ -48,8 +48,8 @@ std::string explain(Event event, std::string_view side, std::string_view topic, 
                          sender, topic);
     case Event::incompatible_qos:
       return fmt::format(
-          "{} of {} matches a peer with incompatible settings ({}): the peer runs in the other mode or is another "
-          "version; give every program on this domain the same --mode, or another --domain",
+          "{} of {} matches a peer with incompatible settings ({}): another --ratio, h_s, --mode or version; give "
+          "every program of the run the same scene and flags, and other runs another --domain",
           side, topic, detail);
     case Event::rejected:
       return fmt::format(

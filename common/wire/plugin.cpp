@@ -72,6 +72,8 @@ struct Interface {
   bool loopback = false;
 };
 
+constexpr const char* kLoopback = "127.0.0.1";
+
 /// The interface that has this name or IPv4 address.
 Interface find_interface(const std::string& wanted) {
   ifaddrs* all = nullptr;
@@ -106,6 +108,8 @@ Interface usable_interface(const std::string& wanted) {
 
 /// A program on loopback reaches no other host. Where the user names a settings file, that may choose the interface.
 void check_reach(const std::vector<std::string>& peers, const Interface& interface, bool users_settings) {
+  if (interface.address.empty() && !users_settings && !find_interface(kLoopback).running)
+    fail("loopback, the default interface, is down; `ip link set lo up`, or name another --interface");
   const auto remote = std::find_if(peers.begin(), peers.end(), is_remote);
   if (remote == peers.end()) return;
   const bool unnamed = interface.address.empty() && !users_settings;

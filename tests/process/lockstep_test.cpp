@@ -133,7 +133,7 @@ class Suppression : public ProcessTest {};
 
 TEST_F(Suppression, OfAnOperatorInFreeSpaceSavesMessagesAndChangesNoForce) {
   std::vector<Json> users;
-  for (const char* item : {"suppression", "passivity"}) {  // optimisation off; passivity does not affect messages
+  for (const char* item : {"suppression", "energy_bound"}) {  // optimisation off; the bound does not affect messages
     ASSERT_EQ(run(scene("scatter"), {"--duration", "0.2", "--disable", item}).code, 0);
     users.push_back(summary()["haptic"][0]);
   }

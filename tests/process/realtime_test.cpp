@@ -64,9 +64,9 @@ TEST_F(Overload, OfTheSubWorldEndsWithTheWorld) {
   const double wall_s = 3.0 / json["world"]["real_time_factor_mean"].get<double>();
   EXPECT_LE(json["haptic"][0]["steps"].get<double>(), 1500.0 * wall_s) << "more steps than there was time for";
   EXPECT_NE(ended.out.find(": MISSED: steps take "), std::string::npos) << ended.out;
-  // On a slow machine the force of so few steps also oscillates, which a verdict names first.
-  const bool oscillates = ended.out.find("\nverdict: unstable: user 0: oscillation of the force") != std::string::npos;
-  EXPECT_TRUE(oscillates || ended.out.find("\nverdict: quality gate missed: ") != std::string::npos) << ended.out;
+  // With so few steps the force may also oscillate, or the bodies gain energy, which a verdict names first.
+  const auto verdict = json["verdict"].get<std::string>();
+  EXPECT_TRUE(verdict.starts_with("unstable: ") || verdict.starts_with("quality gate missed: ")) << ended.out;
 }
 
 // A world that is too slow lowers its real-time factor, reports it, and recovers; the haptic loop runs at its rate.

@@ -125,10 +125,11 @@ TEST_F(Summary, BlamesTheStepsWhereTheyTakeTooLong) {
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json json = summary();
   EXPECT_GT(json["haptic"][0]["step_s"]["p50"], json["h_s"]);
+  EXPECT_NE(ended.out.find(": MISSED: steps take "), std::string::npos) << ended.out;
+  // With so few steps the force may also oscillate, which a verdict names first.
   const auto verdict = json["verdict"].get<std::string>();
-  EXPECT_TRUE(verdict.starts_with("quality gate missed: ")) << verdict;
-  EXPECT_NE(verdict.find("steps take "), std::string::npos) << verdict;
-  EXPECT_GT(json["haptic"][0]["missed_by_run"], json["haptic"][0]["missed_by_os"]);
+  EXPECT_TRUE(verdict.starts_with("unstable: ") || verdict.starts_with("quality gate missed: ")) << verdict;
+  EXPECT_GT(json["haptic"][0]["missed_by_run"], json["haptic"][0]["missed_by_os"]) << ended.out;
   EXPECT_NE(ended.out.find("cannot keep up: a step takes"), std::string::npos) << ended.out;
 }
 

@@ -119,7 +119,7 @@ TEST_F(Limits, ABodyBeyondTheEndOfAPlane) {
 TEST_F(Limits, AnOptimisationThatIsDisabledAndDecidedOtherwise) {
   scene.settings.users = 1;
   scene.users.emplace_back().coupling = {.stiffness_n_m = 10, .damping_n_s_m = 1};
-  scene.settings.disabled = disabled(Optimisation::passivity);
+  scene.settings.disabled = disabled(Optimisation::energy_bound);
   EXPECT_THAT(warnings(), IsEmpty());
   scene.settings.passivity = Passivity::off;
   EXPECT_THAT(warnings(), ElementsAre(HasSubstr("--disable passivity changes nothing")));

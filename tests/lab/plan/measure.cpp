@@ -154,7 +154,7 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
   // The reference has all optimisations off, and no passivity bound, which is no physics of the scene.
   Scene all = with;
   for (std::size_t u = 0; u < all.users.size(); ++u) {
-    if (enabled(without, Optimisation::passivity, u)) all.settings.passivity = Passivity::off;
+    if (enabled(without, Optimisation::energy_bound, u)) all.settings.passivity = Passivity::off;
   }
   const Apart judged = apart(kMost_s, [&]() -> Json {
     const std::optional<Reference> reference = reference_of(in_one_world(all));

@@ -113,7 +113,7 @@ class Trial {
     const double created_j = port.created_j() - run_.world.facts().released_j;
     verdict.at_operator_j = std::max(verdict.at_operator_j, created_j);
     const double most_j = kMostAtOperator_j + kMostAtOperator * std::abs(port.net_j());
-    if (enabled(scene_, Optimisation::passivity, user) || created_j <= most_j) return;
+    if (enabled(scene_, Optimisation::energy_bound, user) || created_j <= most_j) return;
     fail(verdict, Fault::port, scene_.settings.duration_s,
          fmt::format("operator {} received {:.3g} J beyond what the coupling could store, with passivity on; the limit "
                      "is {:.3g} J",
