@@ -296,7 +296,7 @@ TEST_F(CommandLine, PeersBoundTheEnergyOfTheDevice) {
     Words words{program("subworld"), "plan", "row", "--mode", "realtime"};
     words.insert(words.end(), flags.begin(), flags.end());
     const std::string out = finish(words).out;
-    return out.find("passivity ") > out.find("needed:");
+    return out.find("energy_bound ") > out.find("needed:");
   };
   EXPECT_FALSE(planned({}));
   EXPECT_TRUE(planned({"--peers", "10.77.0.9", "--interface", "eth0"}));

@@ -122,7 +122,7 @@ TEST_F(Limits, AnOptimisationThatIsDisabledAndDecidedOtherwise) {
   scene.settings.disabled = disabled(Optimisation::energy_bound);
   EXPECT_THAT(warnings(), IsEmpty());
   scene.settings.passivity = Passivity::off;
-  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("--disable passivity changes nothing")));
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("--disable energy_bound changes nothing")));
   scene.settings.disabled = kDisableAll;
   EXPECT_THAT(warnings(), IsEmpty()) << "it was not disabled by name";
 }
