@@ -173,7 +173,7 @@ YamlNode read_yaml(const std::string& file) {
   TreeBuilder builder(file);
   try {
     YAML::Parser parser(text);
-    if (!parser.HandleNextDocument(builder)) fail(file, "is empty; a scene needs at least bodies and users");
+    if (!parser.HandleNextDocument(builder)) fail(file, {}, "is empty; a scene needs at least bodies and users");
     YamlNode root = builder.take();
     TreeBuilder second(file);
     if (parser.HandleNextDocument(second)) {
