@@ -156,9 +156,13 @@ double farthest_proxy_m(const View& at) {
 
 double work_j(const HapticResult& haptic) { return std::abs(haptic.device_work_j); }
 
-/// Energy that an operator may be given: the operator's own, or that of bodies.
+/// Energy that an operator may be given: the operator's own, that of bodies, or what other operators have put in.
 double most_created_j(const View& at) {
-  return at.run.world.released_j + std::max(kLeastEnergy_j, kUnexplainedRatio * work_j(at.haptic()));
+  double of_others_j = 0.0;
+  for (const DeviceResult& device : at.run.device) {
+    if (device.user != at.user) of_others_j += std::max(0.0, device.operator_energy.net_j);
+  }
+  return at.run.world.released_j + of_others_j + std::max(kLeastEnergy_j, kUnexplainedRatio * work_j(at.haptic()));
 }
 
 /// Energy that the bodies may gain beyond the operators' work and their own fall: what engines gain and lose in

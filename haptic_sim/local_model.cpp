@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 #include <vector>
 
 namespace subworld {
@@ -38,6 +39,7 @@ class MirroredProxy final : public LocalModel {
   BodyState proxy() const override { return proxy_; }
   std::size_t members() const noexcept override { return 0; }
   std::size_t contacts() const noexcept override { return 0; }
+  std::uint64_t peers() const noexcept override { return 0; }
   LiveEngine* engine() noexcept override { return nullptr; }
   bool reports_afterwards() const noexcept override { return false; }
 
@@ -65,7 +67,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     Wrench mean = drive.felt;
     gradual_.step(engine_);
     const Wrench& pressed = drive.kind == DeviceKind::admittance ? drive.applied : drive.felt;
-    const double peers_n = move_peers(time_s, dt);
+    const double peers_n = move_peers(drive.peers, time_s, dt);
     border_->begin(engine_, dt, pressed.force.norm() + peers_n);
     if (drive.kind == DeviceKind::admittance) {
       engine_.apply_force(proxy_, drive.applied.force, drive.applied.torque);
@@ -124,6 +126,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     for (const BodyId id : members_) report.members.push_back({id, gradual_.completed(id, engine_.state(id))});
     if (compares_islands_) Authority::label(scene_, islands_, members_, engine_.contacts(), {}, report.islands);
     report.indicators.border_bodies = border_bodies_;
+    report.peer_age_s = std::exchange(peer_age_s_, 0.0);
     border_->log(report.stamp, engine_);
   }
 
@@ -132,6 +135,11 @@ class SimulatedNeighbourhood final : public LocalModel {
   }
   std::size_t members() const noexcept override { return members_.size(); }
   std::size_t contacts() const noexcept override { return engine_.contacts().size(); }
+  std::uint64_t peers() const noexcept override {
+    std::uint64_t users = 0;
+    for (const PeerDevice& peer : peers_) users |= std::uint64_t{1} << user_index(peer.proxy);
+    return users;
+  }
   LiveEngine* engine() noexcept override { return &engine_; }
   bool reports_afterwards() const noexcept override { return true; }
 
@@ -149,14 +157,14 @@ class SimulatedNeighbourhood final : public LocalModel {
   }
 
   /// Returns how hard they press, N.
-  double move_peers(double time_s, double dt) {
+  double move_peers(std::span<const DeviceState* const> heard, double time_s, double dt) {
     double force_n = 0.0;
     // By their devices, not by their forces: a force that is late drops what it holds.
     for (const PeerDevice& peer : peers_) {
-      const UserSpec* user = user_of(peer.proxy);
-      if (user == nullptr || !engine_.contains(peer.proxy)) continue;
-      DevicePose device{peer.pose, peer.linear_velocity, peer.angular_velocity};
-      device.pose.position += (time_s - peers_stamp_s_) * device.linear_velocity;
+      const std::size_t number = user_index(peer.proxy);
+      if (number == scene_.users.size() || !engine_.contains(peer.proxy)) continue;
+      const UserSpec* user = &scene_.users[number];
+      const DevicePose device = peer_device(peer, number < heard.size() ? heard[number] : nullptr, time_s);
       const Tool tool = tool_at(rate_, *user, scene_.body(peer.proxy));
       const ImplicitStep coupling =
           implicit_step(tool.coupling, limits_of(user->device), tool.body, engine_.state(peer.proxy), device, dt);
@@ -164,6 +172,22 @@ class SimulatedNeighbourhood final : public LocalModel {
       force_n += coupling.wrench.force.norm();
     }
     return force_n;
+  }
+
+  /// Where a peer's device is, by the newest of the world's account and its own state.
+  [[nodiscard]] DevicePose peer_device(const PeerDevice& peer, const DeviceState* heard, double time_s) {
+    DevicePose device{peer.pose, peer.linear_velocity, peer.angular_velocity};
+    double at_s = peers_stamp_s_;
+    if (heard != nullptr && heard->stamp_s > peer.device_s) {
+      device = {
+          {heard->pose.position + peer.offset, heard->pose.orientation * scene_.initial[index(peer.proxy)].orientation},
+          heard->linear_velocity / rate_,
+          heard->angular_velocity / rate_};
+      at_s += rate_ * (heard->stamp_s - peer.device_s);
+    }
+    device.pose.position += (time_s - at_s) * device.linear_velocity;
+    peer_age_s_ = std::max(peer_age_s_, time_s - at_s);
+    return device;
   }
 
   /// The proxy without what an implicit step of its coupling adds to it.
@@ -179,9 +203,12 @@ class SimulatedNeighbourhood final : public LocalModel {
     }
   }
 
+  [[nodiscard]] std::size_t user_index(BodyId proxy) const {
+    return static_cast<std::size_t>(std::ranges::find(scene_.users, proxy, &UserSpec::proxy) - scene_.users.begin());
+  }
   [[nodiscard]] const UserSpec* user_of(BodyId proxy) const {
-    const auto user = std::ranges::find(scene_.users, proxy, &UserSpec::proxy);
-    return user == scene_.users.end() ? nullptr : &*user;
+    const std::size_t user = user_index(proxy);
+    return user == scene_.users.size() ? nullptr : &scene_.users[user];
   }
 
   void follow_membership(const WorldFrame& frame, double lag_s) {
@@ -244,7 +271,8 @@ class SimulatedNeighbourhood final : public LocalModel {
   std::vector<BodyId> members_, fixed_;  ///< ascending
   std::vector<PeerDevice> peers_;
   double peers_stamp_s_ = 0.0;
-  double rate_ = 1.0;  ///< of the clock
+  double peer_age_s_ = 0.0;  ///< greatest since the last report
+  double rate_ = 1.0;        ///< of the clock
   std::uint32_t border_bodies_ = 0;
   bool compares_islands_ = false;
   Islands islands_;

@@ -7,7 +7,9 @@
 #include "model/scene.hpp"
 #include "physics/live_engine.hpp"
 
+#include <cstdint>
 #include <memory>
+#include <span>
 
 namespace subworld {
 
@@ -17,8 +19,9 @@ struct Drive {
   const Tool& tool;
   const ForceLimits& limits;
   const DevicePose& device;
-  const Wrench& applied;  ///< of an admittance device, within the limits
-  const Wrench& felt;     ///< of the coupling when the step begins
+  const Wrench& applied;                      ///< of an admittance device, within the limits
+  const Wrench& felt;                         ///< of the coupling when the step begins
+  std::span<const DeviceState* const> peers;  ///< see StepInput
 };
 
 /// How old the world's state is where the sub-world uses it.
@@ -47,6 +50,8 @@ class LocalModel {
   [[nodiscard]] virtual BodyState proxy() const = 0;
   [[nodiscard]] virtual std::size_t members() const noexcept = 0;
   [[nodiscard]] virtual std::size_t contacts() const noexcept = 0;
+  /// See SubWorldFacts.
+  [[nodiscard]] virtual std::uint64_t peers() const noexcept = 0;
   /// The engine that simulates it; null where there is none.
   [[nodiscard]] virtual LiveEngine* engine() noexcept = 0;
   /// Whether a report tells how a cycle went. Else it tells with which device pose one begins.

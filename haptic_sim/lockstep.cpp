@@ -25,7 +25,8 @@ class LockstepLoop : HapticRun {
     Ending ending{.session = ports.session, .from_s = sub.facts().time_s, .by = "last frame"};
     stages_.begin();
     if (scheme().has_sub_worlds) send_report();
-    while (order_.take_frames(sub, [this](std::uint64_t) { return take_frame(); }) && take_device()) step();
+    while (order_.take_frames(sub, [this](std::uint64_t) { return take_frame(); }) && take_device() && take_peers())
+      step();
     ending.to_s = sub.facts().time_s;
     if (last_) {
       send_last_command(ports, device_, 1);
@@ -62,6 +63,33 @@ class LockstepLoop : HapticRun {
     return true;
   }
 
+  /// The states of the other users' devices: of this step, where their proxies are in the sub-world; else those that
+  /// have come.
+  bool take_peers() {
+    if (!scheme().replicates_peers) return true;
+    for (std::uint32_t p = 0; p < scene.users.size(); ++p) {
+      if (p != user() && !take_peer(p)) return false;
+    }
+    return true;
+  }
+  bool take_peer(std::uint32_t peer) {
+    const bool needed = (sub.facts().peers >> peer & 1U) != 0;
+    Reader<DeviceState>& reader = ports.peer_device(peer);
+    const auto ours = [this](const DeviceState& came) { return came.session == ports.session; };
+    while (order_.heard(peer) <= order_.next_step()) {
+      if (needed) {
+        if (!await(*ports.bus, ports.status, reader, peer_, stages_, {ProgramKind::device_sim, peer}, ours, stopped))
+          return false;
+      } else {
+        const Take taken = take(reader, peer_, stages_);
+        if (taken == Take::none) return true;
+        if (taken != Take::sample || !ours(peer_)) continue;
+      }
+      order_.hear(peer, peer_);
+    }
+    return true;
+  }
+
   void step() {
     follow_orders();
     const TimePoint begin = stages_.mark(HapticStage::control);
@@ -95,7 +123,7 @@ class LockstepLoop : HapticRun {
   Stages<HapticStage>& stages_;
   LockstepOrder order_;
   Peer device_sim_;
-  DeviceState device_;
+  DeviceState device_, peer_;
   WorldFrame frame_;
   std::uint64_t device_writer_ = 0;  ///< the process that sent the first state
   bool last_ = false;

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 namespace subworld {
 
@@ -16,7 +17,23 @@ class LockstepOrder {
       : h_s_(scene.settings.h_s),
         delay_(scene.settings, scheme_of(scene.settings).properties.lead_cycles, user),
         states_(scene.settings, Direction::from_device, user),
-        commands_(scene.settings, Direction::to_device, user) {}
+        commands_(scene.settings, Direction::to_device, user),
+        known_(static_cast<std::size_t>(scene.settings.users)) {
+    if (!scheme_of(scene.settings).properties.replicates_peers) return;
+    for (std::uint32_t u = 0; u < known_.size(); ++u)
+      peers_.emplace_back(scene.settings, Direction::from_peer, link(user, u));
+  }
+
+  /// The number of the step that comes next.
+  [[nodiscard]] std::uint64_t next_step() const noexcept { return step_; }
+  /// How many states of a peer's device have been heard. Before step k, which needs them of the peers in the sub-world,
+  /// there must be k + 1.
+  [[nodiscard]] std::uint64_t heard(std::size_t peer) const noexcept { return peers_[peer].steps; }
+  /// The state that a peer's device sends in the step heard(peer).
+  void hear(std::size_t peer, const DeviceState& state) noexcept {
+    Peer& from = peers_[peer];
+    known_[peer] = &from.states.pass(state, from.steps++);
+  }
 
   /// Calls `take(stamp)` for each frame that is due before the next step; it returns false where none comes. False
   /// then.
@@ -41,19 +58,29 @@ class LockstepOrder {
       command.echoed_sent_ns = sent.sent_ns;
       on_command(command, felt);
     };
-    const StepInput input{.device = &known, .wall_s = h_s_, .dt = h_s_, .took_s = took_s};
+    const StepInput input{.device = &known, .peers = known_, .wall_s = h_s_, .dt = h_s_, .took_s = took_s};
     const FeltStep felt = sub.step(input, on_force, std::forward<OnReport>(on_report));
     ++step_;
     return felt;
   }
 
  private:
+  struct Peer {
+    Peer(const Settings& settings, Direction direction, std::uint32_t link) : states(settings, direction, link) {}
+    DelayLine<DeviceState> states;
+    std::uint64_t steps = 0;  ///< heard
+  };
+  /// Apart from the users' numbers.
+  static std::uint32_t link(std::uint32_t user, std::uint32_t peer) noexcept { return 64 * (user + 1) + peer; }
+
   double h_s_;
   Delay delay_;
   DelayLine<DeviceState> states_;
   DelayLine<DeviceCommand> commands_;
-  std::uint64_t step_ = 0;        ///< the next
-  std::uint64_t next_frame_ = 1;  ///< stamp
+  std::vector<Peer> peers_;                ///< by user; none where the scheme does not replicate them
+  std::vector<const DeviceState*> known_;  ///< by user; null: none heard
+  std::uint64_t step_ = 0;                 ///< the next
+  std::uint64_t next_frame_ = 1;           ///< stamp
 };
 
 }  // namespace subworld

@@ -1,5 +1,7 @@
 #include "haptic_sim/ports.hpp"
 
+#include "coupling/scheme.hpp"
+
 #include <fmt/format.h>
 
 #include <chrono>
@@ -17,7 +19,19 @@ HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
       frames(bus->reader<WorldFrame>(user_partition(options.user))),
       reports(bus->writer<HapticReport>(user_partition(options.user))),
       status(*bus, ProgramKind::haptic_sim, static_cast<std::uint32_t>(options.user),
-             fmt::format("haptic_sim {}", options.user)) {}
+             fmt::format("haptic_sim {}", options.user)),
+      peer_devices_(scene_file.users.size()) {
+  if (scene_file.settings.mode != Mode::lockstep || !scheme_of(scene_file.settings).properties.replicates_peers) return;
+  for (std::size_t u = 0; u < peer_devices_.size(); ++u) {
+    if (static_cast<int>(u) != options.user) (void)peer_device(u);
+  }
+}
+
+Reader<DeviceState>& HapticPorts::peer_device(std::size_t user) {
+  std::optional<Reader<DeviceState>>& reader = peer_devices_[user];
+  if (!reader) reader.emplace(bus->reader<DeviceState>(device_partition(static_cast<int>(user))));
+  return *reader;
+}
 
 bool HapticPorts::send(HapticReport& report) noexcept {
   report.session = session;

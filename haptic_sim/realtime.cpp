@@ -37,6 +37,8 @@ class RealtimeLoop : HapticRun {
         stagger_s_(h_s_ * user() / scene.settings.users),
         stale_s_(std::max(kStale_s, 5.0 / scene.users[user()].device.rate_hz)),
         device_{.device = user(), .pose = {}, .applied = {}},
+        peers_(scene.users.size()),
+        known_peers_(scene.users.size()),
         device_sim_({ProgramKind::device_sim, user()}),
         frames_(first.frame.stamp),
         world_sim_({ProgramKind::world_sim, 0}, first.received),
@@ -65,6 +67,7 @@ class RealtimeLoop : HapticRun {
   void step() {
     wake();
     receive_device();
+    receive_peers();
     receive_frames();
     use_frames();
     follow_orders();
@@ -95,6 +98,21 @@ class RealtimeLoop : HapticRun {
       device_sim_.heard(loop_.woke());
     }
   }
+  /// The newest states of the devices whose users' proxies are in the sub-world.
+  void receive_peers() {
+    for (std::size_t p = 0; p < peers_.size(); ++p) {
+      known_peers_[p] = nullptr;
+      if ((sub.facts().peers >> p & 1U) == 0) continue;
+      Reader<DeviceState>& reader = ports.peer_device(p);
+      while (take(reader, came_, stages_) == Take::sample) {
+        if (came_.session != ports.session) continue;
+        reader.trust_sender();
+        peers_[p] = came_;
+      }
+      if (peers_[p].session == ports.session) known_peers_[p] = &peers_[p];
+    }
+  }
+
   [[nodiscard]] bool device_heard() const noexcept { return device_sim_.last_heard() != TimePoint{}; }
 
   void receive_frames() {
@@ -183,6 +201,7 @@ class RealtimeLoop : HapticRun {
     const StepInput input{
         .device = device_heard() ? &device_ : nullptr,
         .device_trusted = fading_ == 0 && device_heard() && to_seconds(now - device_sim_.last_heard()) < stale_s_,
+        .peers = known_peers_,
         .wall_s = h_s_,
         .dt = dt,
         .clock_rate = rate,
@@ -222,6 +241,8 @@ class RealtimeLoop : HapticRun {
   double stagger_s_;
   double stale_s_;  ///< age of the device's state at which the force fades out
   DeviceState device_, came_;
+  std::vector<DeviceState> peers_;               ///< by user
+  std::vector<const DeviceState*> known_peers_;  ///< by user; null: none has come
   PeerWatch device_sim_;
   FrameQueue frames_;
   PeerWatch world_sim_;

@@ -67,6 +67,7 @@ void SubWorld::look() {
   facts_.proxy = model_->proxy();
   facts_.members = model_->members();
   facts_.contacts = model_->contacts();
+  facts_.peers = model_->peers();
   const LiveEngine* engine = model_->engine();
   facts_.engine = engine == nullptr ? std::string_view() : engine->name();
 }
@@ -113,6 +114,7 @@ FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double wall_s) {
   declutch_.open(paused);
   facts_.device = declutch_.device();
   before_ = state;
+  device_s_ = state.stamp_s;
   heard_ = true;
   wall_s_ = wall_s;
   applied_ = saturated(state.applied, limits_);
@@ -147,9 +149,9 @@ DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_
   return command;
 }
 
-void SubWorld::advance(double dt) {
+void SubWorld::advance(double dt, std::span<const DeviceState* const> peers) {
   if (dt <= 0.0) return;
-  const Wrench mean = model_->advance({spec_.device.kind, tool_, limits_, facts_.device, applied_, felt_},
+  const Wrench mean = model_->advance({spec_.device.kind, tool_, limits_, facts_.device, applied_, felt_, peers},
                                       facts_.time_s, dt, indicators_);
   in_cycle_s_ += dt;
   ++steps_;
@@ -164,6 +166,7 @@ void SubWorld::advance(double dt) {
   const Vec3& angular_velocity = spring ? facts_.device.angular_velocity : facts_.proxy.angular_velocity;
   facts_.device_work_j += dt * (mean.force.dot(velocity) + mean.torque.dot(angular_velocity));
   declutch_.advance(dt);  // extrapolated to the end of the step
+  device_s_ += dt / rate_;
   facts_.device = declutch_.device();
 }
 
@@ -211,7 +214,10 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.coupling_energy_j = spring ? coupling_energy(spec_.coupling, limits_, report.proxy, facts_.device) : 0.0;
   report.device.reset();
   const DevicePose& device = facts_.device;
-  if (reports_device_) report.device = {device.pose, device.linear_velocity, device.angular_velocity, applied_};
+  if (reports_device_) {
+    report.device = {device.pose, device.linear_velocity, device.angular_velocity, applied_,
+                     device_s_,   declutch_.offset()};
+  }
   report.members.clear();
   report.islands.clear();
   report.indicators = indicators_;

@@ -13,6 +13,7 @@
 #include "physics/engine_exchange.hpp"
 
 #include <memory>
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -28,8 +29,11 @@ struct FeltStep {
 struct StepInput {
   const DeviceState* device = nullptr;  ///< null: none has been received yet, and no force is felt
   bool device_trusted = true;           ///< its state is fresh
-  double wall_s = 0.0;                  ///< since the step before
-  double dt = 0.0;                      ///< simulated time that the step covers
+  /// By user, the newest state of the device of each whose proxy is in the sub-world (`SubWorldFacts::peers`); null:
+  /// none has come, and the world's account of it counts.
+  std::span<const DeviceState* const> peers = {};
+  double wall_s = 0.0;  ///< since the step before
+  double dt = 0.0;      ///< simulated time that the step covers
   /// Rate of the clock, simulated seconds per second (coupling/tool). A clock that stands, 0, changes nothing: the tool
   /// goes on from the rate that it had.
   double clock_rate = 1.0;
@@ -55,6 +59,7 @@ struct SubWorldFacts {
   std::size_t contacts = 0;
   std::size_t border_pairs = 0;
   double device_work_j = 0.0;
+  std::uint64_t peers = 0;  ///< bit u: the proxy of user u is in the sub-world, and follows that user's device
   std::uint64_t jumps = 0;  ///< device states that no operator can have reached since the one before
 };
 
@@ -73,7 +78,7 @@ class SubWorld {
     const FeltStep felt = begin_step(input);
     on_force(felt);
     if (!model_->reports_afterwards() && input.device != nullptr && (steps_ == 0 || facts_.at_boundary)) on_report();
-    advance(input.dt);
+    advance(input.dt, input.peers);
     if (model_->reports_afterwards() && facts_.at_boundary) on_report();
     return felt;
   }
@@ -116,7 +121,7 @@ class SubWorld {
   FeltStep begin_step(const StepInput& input);
   void set_rate(double rate);
   [[nodiscard]] FeltStep feel(const DeviceState& device, bool device_trusted, double wall_s);
-  void advance(double dt);
+  void advance(double dt, std::span<const DeviceState* const> peers);
   HapticReport& report(std::int64_t sent_ns);
   /// Whether the device moved farther since the state before than an operator can move it.
   [[nodiscard]] bool jumped(const DeviceState& state, double wall_s) const noexcept;
@@ -142,7 +147,8 @@ class SubWorld {
   MotionGuard motion_;
   OperatorPort port_;
   Declutch declutch_;
-  DeviceState before_;  ///< the device in the step before
+  DeviceState before_;     ///< the device in the step before
+  double device_s_ = 0.0;  ///< device time that belongs to the present time
   bool heard_ = false;
   bool trusted_ = false;
   double wall_s_ = 0.0;  ///< of the present step

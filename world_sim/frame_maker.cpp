@@ -32,6 +32,7 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
       remembered_(remembered_cycles),
       users_(static_cast<std::size_t>(scene.settings.users)),
       side_(side),
+      peers_(scene),
       budget_(scene),
       tells_all_pairs_(!enabled(scene, Optimisation::pairs)),
       suppression_(scene, scheme),
@@ -42,6 +43,7 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
     user.spec = &scene.users[u];
+    if (scheme.properties.replicates_peers) user.peers = peers_of(scene, u);
     user.budget = {.limit_s = user.spec->budget_ratio * s.h_s,
                    .cost = engine_cost(s.haptic).step(s.h_s),
                    .simulates_border = scheme.properties.simulates_border};
@@ -97,17 +99,25 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   scratch_.clear();
   if (spec.selection != Selection::contacts) now.engine.overlap(box, scratch_);
   if (spec.contact_depth > 0) add_neighbours(now.graph, scene_.bodies, spec.proxy, spec.contact_depth, scratch_);
+  const double gravity_m_s2 = scene_.settings.world.gravity.norm();
+  const auto reachable = [&](BodyId proxy, std::vector<BodyId>& out) {
+    now.engine.overlap(swept_bounds(now.engine.state(proxy), bounds(proxy), gravity_m_s2, horizon_s), out);
+  };
+  std::span<const PeerContact> peers;
+  const auto fits = [&](std::size_t bodies, std::size_t contacts) {
+    return user.budget.cost.of(bodies, contacts) <= user.budget.limit_s / user.selection.cost_factor;
+  };
+  if (!user.peers.empty()) peers = peers_.find(spec.proxy, user.peers, now.graph, reachable, fits, scratch_);
   before_ = chosen.members;
   select_members(scratch_, scene_.bodies, spec.proxy, chosen);
   if (spec.selection == Selection::budget) {
     Budget budget = user.budget;
     budget.limit_s /= user.selection.cost_factor;
-    budget_.limit(spec.proxy, before_, now.graph, now.cycle_s, bounds, budget, chosen.members);
+    budget_.limit(spec.proxy, before_, now.graph, now.cycle_s, peers, bounds, budget, chosen.members);
     user.selection.expected_s = budget_.cost_s();
     user.selection.omitted = budget_.omitted();
   }
   Box reach = box;
-  const double gravity_m_s2 = scene_.settings.world.gravity.norm();
   for (const BodyId id : chosen.members) {
     reach.extend(swept_bounds(now.engine.state(id), bounds(id), gravity_m_s2, horizon_s));
   }
@@ -136,8 +146,15 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
     if (!heard[p].any || !std::ranges::binary_search(frame.members, spec.proxy)) continue;
     const HapticReport& report = *heard[p].at_stamp;
     if (!report.device) continue;
-    PeerDevice device{spec.proxy, report.device->pose, report.device->linear_velocity, report.device->angular_velocity};
-    device.pose.position += (now.stamp_s - report.stamp_s) * device.linear_velocity;
+    const ReportedDevice& at_report = *report.device;
+    const double passed_s = now.stamp_s - report.stamp_s;
+    PeerDevice device{.proxy = spec.proxy,
+                      .pose = at_report.pose,
+                      .linear_velocity = at_report.linear_velocity,
+                      .angular_velocity = at_report.angular_velocity,
+                      .device_s = at_report.device_s + passed_s / report.clock_rate,
+                      .offset = at_report.offset};
+    device.pose.position += passed_s * device.linear_velocity;
     frame.peers.push_back(device);
   }
 }

@@ -2,6 +2,7 @@
 
 #include "coupling/budget.hpp"
 #include "coupling/contact_graph.hpp"
+#include "coupling/peers.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/selection.hpp"
 #include "model/exchange.hpp"
@@ -60,6 +61,7 @@ class FrameMaker {
  private:
   struct User {
     const UserSpec* spec = nullptr;
+    std::vector<BodyId> peers;  ///< proxies of the other users
     Membership membership;
     std::vector<BoundaryContact> border;
     Budget budget;
@@ -82,6 +84,7 @@ class FrameMaker {
   std::uint64_t remembered_;
   std::vector<User> users_;
   WorldSide& side_;
+  PeerFinder peers_;
   BudgetSelector budget_;
   bool tells_all_pairs_;
   SuppressionFinder suppression_;

@@ -1,5 +1,6 @@
 #include "world_sim/world.hpp"
 
+#include "coupling/blend.hpp"
 #include "coupling/plan.hpp"
 #include "coupling/swept_bounds.hpp"
 #include "coupling/virtual_coupling.hpp"
@@ -62,6 +63,8 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
       reads_friction_(scheme_.properties.has_sub_worlds || !enabled(scene, Optimisation::impulses)),
       reads_friction_later_(scheme_.properties.has_sub_worlds && enabled(scene, Optimisation::impulses)),
       motions_(scene.bodies.size()),
+      shared_(scene),
+      reports_(users_.size()),
       frames_(scene, scheme_, *side_, remembered_),
       heard_(users_.size()),
       energy_j_(remembered_, 0.0) {
@@ -324,6 +327,19 @@ void World::simulate() {
   simulate_cycle();
   facts_.ratio = timetable_.ratio(facts_.stamp);
   set_stamp(facts_.stamp + 1);
+  merge_shared();
+}
+
+void World::merge_shared() {
+  if (!scheme_.properties.merges_shared_islands || users_.size() < 2) return;
+  for (std::size_t u = 0; u < users_.size(); ++u) {
+    const HapticReport& report = users_[u].at(facts_.stamp);
+    reports_[u] = report.stamp == facts_.stamp ? &report : nullptr;
+  }
+  for (const auto& [id, mean, weight] : shared_.merge(contacts_, reports_, facts_.cycle_s)) {
+    const BodyState to = blend(engine_.state(id), advanced(mean, half_step_offset_s()), weight);
+    if (!engine_.asleep(id) || !engine_.negligible(id, to)) engine_.set_state(id, to);
+  }
 }
 
 void World::set_stamp(std::uint64_t stamp) noexcept {

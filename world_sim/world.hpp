@@ -3,6 +3,7 @@
 #include "coupling/contact_graph.hpp"
 #include "coupling/ratio_control.hpp"
 #include "coupling/scheme.hpp"
+#include "coupling/shared_islands.hpp"
 #include "coupling/suppression.hpp"
 #include "coupling/synchroniser.hpp"
 #include "coupling/timetable.hpp"
@@ -155,6 +156,8 @@ class World {
 
   void synchronise();
   void simulate();
+  /// Takes over what the sub-worlds say of islands that they share.
+  void merge_shared();
   void account();
   void make_frames();
   void apply(std::size_t user, const HapticReport& report);
@@ -214,6 +217,8 @@ class World {
   bool lacks_friction_ = false;        ///< contacts_ does
   ContactGraph graph_;
   std::vector<Motion> motions_;  ///< by body, in the last cycle
+  SharedIslands shared_;
+  std::vector<const HapticReport*> reports_;  ///< by user, while shared islands are merged
   FrameMaker frames_;
   std::vector<Heard> heard_;      ///< by user, while frames are made
   std::vector<double> energy_j_;  ///< kinetic and potential, by stamp

@@ -86,8 +86,8 @@ BudgetSelector::Size BudgetSelector::with(BodyId id, Size size, const ContactGra
 }
 
 void BudgetSelector::limit(BodyId proxy, std::span<const BodyId> present, const ContactGraph& graph, double step_s,
-                           const std::function<Box(BodyId)>& bounds, const Budget& budget,
-                           std::vector<BodyId>& members) {
+                           std::span<const PeerContact> peers, const std::function<Box(BodyId)>& bounds,
+                           const Budget& budget, std::vector<BodyId>& members) {
   for (const BodyId id : members) standing(id).candidate = true;
   for (const BodyId id : present) standing(id).present = true;
   const Box near = bounds(proxy);
@@ -110,6 +110,9 @@ void BudgetSelector::limit(BodyId proxy, std::span<const BodyId> present, const 
     next.member = true;
     for (const BodyId ghost : new_ghosts_) standing(ghost).ghost = true;
     spread(id, next.importance, graph, step_s);
+    for (const PeerContact& peer : peers) {
+      if (peer.body == id) offer(peer.proxy, next.importance);
+    }
   }
   offers_.clear();
   cost_s_ = budget.cost.of(size.bodies, size.contacts);

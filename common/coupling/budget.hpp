@@ -1,6 +1,7 @@
 #pragma once
 
 #include "coupling/contact_graph.hpp"
+#include "coupling/peers.hpp"
 #include "model/body.hpp"
 #include "model/scene.hpp"
 #include "model/step_cost.hpp"
@@ -43,7 +44,8 @@ class CostCorrection {
 /// is 1. Each body shares its importance w among its neighbours by what they would put at the border:
 ///     w(b) = max over neighbours a of w(a) l_ab / sum over all neighbours c of a of l_ac.
 /// There, l_ab is the sum of load + m_b g over the contact points of a and b. A body that no contact joins to the proxy
-/// counts by how near it is, and so little that any contact comes first.
+/// counts by how near it is, and so little that any contact comes first. The proxy of another user, who may press with
+/// any force, counts as much as the body that it touches.
 ///
 /// What fits: bodies enter by importance, until the next one would cost too much. Present members count more than
 /// others and may stay while the cost is a little above the limit, so that noise in the loads exchanges nobody.
@@ -52,9 +54,10 @@ class BudgetSelector {
   explicit BudgetSelector(const Scene& scene);
 
   /// Keeps those of `members` that fit; ascending, movable, the proxy is one of them and stays. `present` are the
-  /// members so far; `graph` holds impulses over `step_s`.
+  /// members so far; `graph` holds impulses over `step_s`; `peers`: see PeerFinder.
   void limit(BodyId proxy, std::span<const BodyId> present, const ContactGraph& graph, double step_s,
-             const std::function<Box(BodyId)>& bounds, const Budget& budget, std::vector<BodyId>& members);
+             std::span<const PeerContact> peers, const std::function<Box(BodyId)>& bounds, const Budget& budget,
+             std::vector<BodyId>& members);
 
   /// What the step of the chosen ones costs by the coefficients, s.
   [[nodiscard]] double cost_s() const noexcept { return cost_s_; }

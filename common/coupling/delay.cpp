@@ -28,6 +28,8 @@ double Journey::delay_s(Direction direction) const noexcept {
       return settings_.down_s;
     case Direction::from_device:
       return settings_.from_device_s;
+    case Direction::from_peer:
+      return settings_.from_device_s + settings_.down_s;
     case Direction::to_device:
       break;
   }

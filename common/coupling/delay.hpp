@@ -9,7 +9,8 @@
 
 namespace subworld {
 
-enum class Direction : std::uint8_t { up, down, from_device, to_device };
+/// `from_peer`: from the device of another user to the sub-world, one hop of the network beyond that device's own link.
+enum class Direction : std::uint8_t { up, down, from_device, to_device, from_peer };
 
 /// What becomes of one message of a user under the settings' delay, jitter and loss: a pure function, so that both
 /// sides know it and a run repeats bit by bit.

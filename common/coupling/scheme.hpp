@@ -24,6 +24,8 @@ struct SchemeProperties {
   bool simulates_border = false;
   /// A sub-world moves the proxies of other users by their devices; else they are bodies as any.
   bool replicates_peers = false;
+  /// The world takes over islands that several sub-worlds hold wholly (coupling/shared_islands).
+  bool merges_shared_islands = false;
   /// The correction weighs the impulses of all contacts, friction included, and the whole border.
   bool weighs_impulses = false;
   /// The sub-world's share of a correction is spread over the cycle; else it is made at once.

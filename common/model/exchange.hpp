@@ -124,9 +124,11 @@ struct EnteringBody {
 /// The device of another user whose proxy is in the sub-world.
 struct PeerDevice {
   BodyId proxy{};
-  Pose pose;  ///< in scene coordinates
-  Vec3 linear_velocity = Vec3::Zero();
-  Vec3 angular_velocity = Vec3::Zero();
+  Pose pose;                             ///< in scene coordinates, at the frame's stamp
+  Vec3 linear_velocity = Vec3::Zero();   ///< in simulated time
+  Vec3 angular_velocity = Vec3::Zero();  ///< in simulated time
+  double device_s = 0.0;                 ///< device time that belongs to the frame's stamp
+  Vec3 offset = Vec3::Zero();            ///< position in the scene minus that of the device
 };
 
 /// Message suppression (coupling/suppression): no messages are sent until a stamp, or until the proxy leaves a region.
@@ -201,6 +203,8 @@ struct ReportedDevice {
   Vec3 linear_velocity = Vec3::Zero();   ///< in simulated time
   Vec3 angular_velocity = Vec3::Zero();  ///< in simulated time
   Wrench applied;                        ///< admittance devices
+  double device_s = 0.0;                 ///< device time that belongs to the report's stamp
+  Vec3 offset = Vec3::Zero();            ///< position in the scene minus that of the device
 };
 
 /// Topic `haptic_report`, keyed by user: the sub-world at t = stamp_s, and the cycle before.
@@ -222,6 +226,7 @@ struct HapticReport {
   std::vector<std::uint32_t> islands;    ///< island of each member, by the sub-world's contacts
   Indicators indicators;
   StepTiming timing;
+  double peer_age_s = 0.0;  ///< greatest age of the other users' device motion that the cycle used, simulated time
 };
 
 inline void reserve(HapticReport& report, std::size_t bodies) {

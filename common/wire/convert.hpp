@@ -240,7 +240,7 @@ bool ghost_fields(const auto& copy, auto& ghosts, auto& frame) {
 
 bool fields(const auto& copy, Is<PeerDevice> auto& m, auto& w) {
   return copy(m.proxy, w.proxy()) && copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
-         copy(m.angular_velocity, w.angular_velocity());
+         copy(m.angular_velocity, w.angular_velocity()) && copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
 }
 
 bool fields(const auto& copy, Is<Suppression> auto& m, auto& w) {
@@ -249,7 +249,8 @@ bool fields(const auto& copy, Is<Suppression> auto& m, auto& w) {
 
 bool fields(const auto& copy, Is<ReportedDevice> auto& m, auto& w) {
   return copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
-         copy(m.angular_velocity, w.angular_velocity()) && copy(m.applied, w.applied());
+         copy(m.angular_velocity, w.angular_velocity()) && copy(m.applied, w.applied()) &&
+         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
 }
 
 bool fields(const auto& copy, Is<Indicators> auto& m, auto& w) {
@@ -315,7 +316,8 @@ bool fields(const auto& copy, Is<HapticReport> auto& m, auto& w) {
          copy(m.impulse_total, w.impulse_total()) && copy(m.device_work_j, w.device_work_j()) &&
          copy(m.coupling_energy_j, w.coupling_energy_j()) && copy(m.proxy, w.proxy()) && copy(m.device, w.device()) &&
          copy(m.members, w.members()) && copy(m.islands, w.islands()) && copy(m.indicators, w.indicators()) &&
-         copy(m.timing.mean_s, w.step_mean_s()) && copy(m.timing.max_s, w.step_max_s());
+         copy(m.timing.mean_s, w.step_mean_s()) && copy(m.timing.max_s, w.step_max_s()) &&
+         copy(m.peer_age_s, w.peer_age_s());
 }
 
 bool fields(const auto& copy, Is<WorldSnapshot> auto& m, auto& w) {

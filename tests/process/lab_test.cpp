@@ -81,7 +81,7 @@ TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
   EXPECT_EQ(trace.columns.size(), 8U);
   EXPECT_EQ(trace.rows.size(), 1000U);
   EXPECT_TRUE(std::filesystem::exists(out() + "/traces/press_paper_r4_late_10_ms.csv"));
-  EXPECT_NE(page().find("Felt force at ratio 4, 10 ms late"), std::string::npos);
+  EXPECT_NE(page().find("Felt force of user 0 at ratio 4, 10 ms late"), std::string::npos);
   EXPECT_FALSE(std::filesystem::exists(old_trace));
 
   EXPECT_NE(page().find("imperceptible"), std::string::npos);

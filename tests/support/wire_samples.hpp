@@ -57,6 +57,8 @@ class SampleMaker {
     fill(to.pose);
     to.linear_velocity = vector();
     to.angular_velocity = vector();
+    to.device_s = positive();
+    to.offset = vector();
   }
   void fill(Body& to) {
     to.id = BodyId{word()};
@@ -270,7 +272,9 @@ struct NumberVisitor {
       for (int i = 0; i < 3; ++i) all(Vec3(g.carried->inertia_kg_m2.col(i)));
     }
   }
-  void operator()(const PeerDevice& p) { all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity); }
+  void operator()(const PeerDevice& p) {
+    all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity, p.device_s, p.offset);
+  }
   void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
   void operator()(const SceneDescription& s) {
     all(s.name, s.settings_hash, s.session, s.users, s.meshes, s.bodies, s.states);

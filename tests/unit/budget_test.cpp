@@ -25,7 +25,8 @@ class Budgets : public testing::Test {
     candidates.clear();
     for (std::uint32_t i = 1; i <= cubes; ++i) candidates.push_back(BodyId{i});
   }
-  std::vector<BodyId> chosen(const Budget& budget, std::vector<BodyId> present = {}) {
+  std::vector<BodyId> chosen(const Budget& budget, std::vector<BodyId> present = {},
+                             std::vector<PeerContact> peers = {}) {
     ContactGraph graph;
     graph.build(world->contacts, world->scene.bodies.size());
     if (!selector) selector.emplace(world->scene);
@@ -33,7 +34,7 @@ class Budgets : public testing::Test {
     const auto bounds = [&](BodyId id) {
       return Box{centres[index(id)] - Vec3::Constant(0.05), centres[index(id)] + Vec3::Constant(0.05)};
     };
-    selector->limit(BodyId{1}, present, graph, kStep_s, bounds, budget, members);
+    selector->limit(BodyId{1}, present, graph, kStep_s, peers, bounds, budget, members);
     return members;
   }
 
@@ -69,6 +70,17 @@ TEST_F(Budgets, ARowEntersFromTheProxyOn) {
     const auto members = chosen({.limit_s = size + 0.5, .cost = kCountBodies});
     EXPECT_EQ(members, std::vector(candidates.begin(), candidates.begin() + size));
   }
+}
+
+// A peer who barely touches a body may press it with any force in the next step.
+TEST_F(Budgets, APeerCountsAsMuchAsTheBodyThatItTouches) {
+  make(5);
+  world->touch(1, 2, Vec3::UnitX(), 10.0);
+  world->touch(2, 3, Vec3::UnitX(), 10.0);
+  world->touch(2, 4, Vec3::UnitY(), 1e-3);
+  world->scene.bodies[4].mass = 1e-3;
+  EXPECT_EQ(chosen({.limit_s = 3.5, .cost = kCountBodies}), ids({1, 2, 3}));
+  EXPECT_EQ(chosen({.limit_s = 3.5, .cost = kCountBodies}, {}, {{BodyId{2}, BodyId{4}}}), ids({1, 2, 4}));
 }
 
 TEST_F(Budgets, TheMoreLoadedNeighbourAndTheHeavierOneComeFirst) {

@@ -152,6 +152,17 @@ TEST(Gates, EnergyThatNoOperatorPutInIsUnstable) {
   EXPECT_EQ(verdict(run), "ok") << "bodies that fell may have brought it";
 }
 
+// One operator moves the device of the other through a body.
+TEST(Gates, AnOperatorMayReceiveWhatAnotherPutIn) {
+  RunResults run = late_run(2, true, 0.0);
+  for (HapticResult& haptic : run.haptic) haptic.missed_by_os = 0;
+  run.device[0].operator_energy.net_j = 0.05;
+  run.device[1].operator_energy = {.net_j = -0.04, .least_j = -0.04, .created_j = 0.04};
+  EXPECT_TRUE(verdict(run).starts_with("ok")) << verdict(run);
+  run.device[0].operator_energy.net_j = 0.02;
+  EXPECT_TRUE(verdict(run).starts_with("unstable: user 1: created energy at the operator 0.04 J")) << verdict(run);
+}
+
 TEST(Gates, EnergyThatTheBodiesGainedIsUnstable) {
   RunResults run = quiet_run();
   run.energy_excess_j = 0.08;

@@ -44,6 +44,7 @@ constinit const Scheme kReduced{
                    .summary = "impulses up, states down, the outside as ghosts: small errors, also with delay",
                    .simulates_border = true,
                    .replicates_peers = true,
+                   .merges_shared_islands = true,
                    .corrects_gradually = true,
                    .lead_cycles = 1,
                    .longest_world_step_s = 0.005},

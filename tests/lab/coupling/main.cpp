@@ -18,6 +18,7 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <iterator>
 
 namespace {
 
@@ -51,7 +52,8 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "  subworld lab coupling row heavy_outside --scheme reduced --box 0.15,0.2,0.3 --substeps 1,4\n"
       "  subworld lab coupling raft pyramid --variants 10 --ratio 4,10\n"
       "  subworld lab coupling deploy/scenes/row.yaml --latency 0,0.02,0.1 --jitter 0,0.01\n"
-      "DIR/report.html shows the results, DIR/results.csv and results.json hold them, DIR/traces the felt forces.\n"
+      "DIR/report.html shows the results, DIR/results.csv and results.json hold them, DIR/users.csv those\n"
+      "of each user, DIR/traces the felt forces.\n"
       "Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
   const std::string scenes = "the scene's";
@@ -225,9 +227,11 @@ Findings sweep_all(const Sweep& sweep, const std::vector<Point>& points, const s
     std::optional<Measured> measured = measure(point, references);
     if (!measured) break;
     found.rows.push_back(std::move(measured->row));
-    if (shown(point, sweep) && found.traces.size() < kMostTraces) {
-      write_trace(out, measured->trace);
-      found.traces.push_back(std::move(measured->trace));
+    std::ranges::move(measured->users, std::back_inserter(found.users));
+    for (Trace& trace : measured->traces) {
+      if (!shown(point, sweep) || found.traces.size() == kMostTraces) break;
+      write_trace(out, trace);
+      found.traces.push_back(std::move(trace));
     }
     write_json(out + "/results.json", found.rows);
     progress(found.rows);
@@ -297,6 +301,7 @@ int run_lab(int argc, char** argv) {
 
   Findings found = sweep_all(request.sweep, points, out);
   found.summary = summary_of(request, found, points.size());
+  write_csv(out + "/users.csv", found.users);
   print_findings(found);
   return end_lab(out, found.rows, found.summary, [&](const std::string& page) { write_report(page, found); });
 }

@@ -85,24 +85,48 @@ Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
           {"coupling_stiffness_n_m", scene.users.front().coupling.stiffness_n_m}};
 }
 
+constexpr ForceError kNoError{kNone, kNone, kNone, kNone, kNone, kNone, kNone};
+
+Json errors_of(const ForceError& e, double reference_error) {
+  return {{"force_error_rms", e.rms},
+          {"force_error_p99", e.p99},
+          {"force_error_max", e.max},
+          {"time_offset_s", e.time_offset_s},
+          {"value_offset", e.value_offset},
+          {"jitter_ratio", e.jitter_ratio},
+          {"smoothed_force_error_rms", e.smoothed_rms},
+          {"reference_error", reference_error}};
+}
+
+/// A row of each user; and the worst one's in the row of all.
+std::vector<Json> add_users(Json& row, const Json& settings, const Scene& scene, const Outcome& run,
+                            const Reference& reference) {
+  std::vector<ForceError> errors(run.felt.size(), kNoError);
+  if (run.finite) errors = force_errors(run.felt, reference.run.felt, scene.settings.h_s);
+  std::vector<Json> users;
+  std::size_t worst = 0;
+  for (std::size_t u = 0; u < errors.size(); ++u) {
+    users.push_back(settings);
+    users.back().update({{"user", u}, {"user_name", scene.users[u].name}});
+    users.back().update(errors_of(errors[u], reference.errors[u]));
+    if (!(errors[u].rms <= errors[worst].rms)) worst = u;  // a value that is not a number stays
+  }
+  row.update({{"worst_user", worst},
+              {"worst_user_force_error_rms", errors[worst].rms},
+              {"worst_user_reference_error", reference.errors[worst]}});
+  return users;
+}
+
 void add_errors(Json& row, const Scene& scene, const Outcome& run, const Reference& reference) {
-  const ForceError e = run.finite ? force_error(run.felt, reference.run.felt, scene.settings.h_s)
-                                  : ForceError{kNone, kNone, kNone, kNone, kNone, kNone, kNone};
+  const ForceError e = run.finite ? force_error(run.felt, reference.run.felt, scene.settings.h_s) : kNoError;
   const double drift_m = run.finite ? drift_max_m(scene, run, reference.run) : kNone;
+  row.update(errors_of(e, reference.error));
   row.update({{"survived", run.finite && std::isfinite(drift_m)},
-              {"force_error_rms", e.rms},
-              {"force_error_p99", e.p99},
-              {"force_error_max", e.max},
-              {"time_offset_s", e.time_offset_s},
-              {"value_offset", e.value_offset},
-              {"jitter_ratio", e.jitter_ratio},
-              {"smoothed_force_error_rms", e.smoothed_rms},
               {"position_error_rms_m", run.finite ? position_error_rms_m(run.felt, reference.run.felt) : kNone},
               {"drift_max_m", drift_m},
               {"energy_excess_j", run.energy_excess_j},
               {"reference_energy_excess_j", reference.run.energy_excess_j},
               {"device_work_j", run.device_work_j},
-              {"reference_error", reference.error},
               {"at_reference_error", e.rms <= reference.error && usable(reference.error)}});
 }
 
@@ -157,12 +181,24 @@ std::optional<Reference> reference_of(const Scene& scene) {
   if (!fine) return std::nullopt;
   const Joined both = joined(run->felt, fine->felt, kFiner);
   const double error = force_error(both.a, both.b, scene.settings.h_s).rms;
-  return Reference{std::move(*run), error};
+  std::vector<double> errors;
+  for (const ForceError& e : force_errors(run->felt, fine->felt, scene.settings.h_s, kFiner)) errors.push_back(e.rms);
+  return Reference{std::move(*run), error, std::move(errors)};
 }
 
 ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference, double h_s) {
   const Joined both = joined(felt, reference);
   return force_error(both.a, both.b, h_s);
+}
+
+std::vector<ForceError> force_errors(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference,
+                                     double h_s, int finer) {
+  std::vector<ForceError> errors;
+  for (std::size_t u = 0; u < felt.size(); ++u) {
+    const Joined both = joined({felt[u]}, {reference[u]}, finer);
+    errors.push_back(force_error(both.a, both.b, h_s));
+  }
+  return errors;
 }
 
 const Reference* References::of(const Point& point) {
@@ -179,24 +215,31 @@ std::optional<Measured> measure(const Point& point, References& references) {
   const std::optional<Outcome> run = run_out(scene);
   if (!run) return std::nullopt;
 
-  Measured measured{.row = settings_of(point, scene, *run), .trace = {}};
+  const Json settings = settings_of(point, scene, *run);
+  Measured measured{.row = settings, .users = {}, .traces = {}};
   add_errors(measured.row, scene, *run, *reference);
+  measured.users = add_users(measured.row, settings, scene, *run, *reference);
   add_run_times(measured.row, *run);
   const std::string late = point.latency_s > 0.0 ? fmt::format("_late_{:g}_ms", 1e3 * point.latency_s) : "";
   const std::string substeps = run->substeps > 1 ? fmt::format("_{}_substeps", run->substeps) : "";
-  measured.trace = {.scene = scene.name,
-                    .scheme = point.scheme,
-                    .ratio = point.ratio,
-                    .latency_s = point.latency_s,
-                    .name = fmt::format("{}_{}_r{}{}{}", scene.name, point.scheme, point.ratio, substeps, late),
-                    .h_s = scene.settings.h_s,
-                    .force = run->felt.front().force,
-                    .reference = reference->run.felt.front().force,
-                    .ratios = run->ratios};
-  const std::size_t n = std::min(measured.trace.force.size(), measured.trace.reference.size());
-  measured.trace.force.resize(n);
-  measured.trace.reference.resize(n);
-  measured.trace.ratios.resize(n, scene.settings.ratio);
+  for (std::size_t u = 0; u < run->felt.size(); ++u) {
+    const std::string of_user = run->felt.size() > 1 ? fmt::format("_user_{}", u) : "";
+    Trace& trace = measured.traces.emplace_back(
+        Trace{.scene = scene.name,
+              .user = u,
+              .scheme = point.scheme,
+              .ratio = point.ratio,
+              .latency_s = point.latency_s,
+              .name = fmt::format("{}_{}_r{}{}{}{}", scene.name, point.scheme, point.ratio, substeps, late, of_user),
+              .h_s = scene.settings.h_s,
+              .force = run->felt[u].force,
+              .reference = reference->run.felt[u].force,
+              .ratios = run->ratios});
+    const std::size_t n = std::min(trace.force.size(), trace.reference.size());
+    trace.force.resize(n);
+    trace.reference.resize(n);
+    trace.ratios.resize(n, scene.settings.ratio);
+  }
   return measured;
 }
 

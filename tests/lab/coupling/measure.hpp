@@ -35,7 +35,8 @@ struct Outcome {
 
 struct Reference {
   Outcome run;
-  double error = 0.0;  ///< RMS force error of the reference against itself at h / 4
+  double error = 0.0;          ///< RMS force error of the reference against itself at h / 4, of all users
+  std::vector<double> errors;  ///< the same, by user
 };
 
 /// Reference of a scene in one world (lab/sweep). Empty if a signal requested a stop.
@@ -44,6 +45,11 @@ struct Reference {
 /// Difference of the felt forces of all users in two runs of one scene.
 [[nodiscard]] ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference,
                                      double h_s);
+
+/// The same for each user. `finer`: steps of the reference in one of the run.
+[[nodiscard]] std::vector<ForceError> force_errors(const std::vector<FeltHistory>& felt,
+                                                   const std::vector<FeltHistory>& reference, double h_s,
+                                                   int finer = 1);
 
 /// Cache of references.
 class References {
@@ -55,9 +61,10 @@ class References {
   std::map<std::string, Reference> known_;
 };
 
-/// Felt force and motion of user 0, with the reference.
+/// Felt force of a user, with the reference.
 struct Trace {
   std::string scene;
+  std::size_t user = 0;
   std::string scheme;
   int ratio = 1;
   double latency_s = 0.0;
@@ -69,11 +76,12 @@ struct Trace {
 };
 
 struct Measured {
-  Json row;
-  Trace trace;
+  Json row;                   ///< flat
+  std::vector<Json> users;    ///< a flat row for each user
+  std::vector<Trace> traces;  ///< by user
 };
 
-/// One flat row. Empty if a signal requested a stop.
+/// Empty if a signal requested a stop.
 [[nodiscard]] std::optional<Measured> measure(const Point& point, References& references);
 
 /// CPU seconds per simulated second, summed over a row.

@@ -12,6 +12,7 @@ namespace subworld {
 /// Results of a sweep.
 struct Findings {
   Rows rows;
+  Rows users;  ///< a row for each point and user
   std::vector<Trace> traces;
   Json summary;
 };

@@ -9,6 +9,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 
 namespace subworld {
 
@@ -189,7 +190,7 @@ Plot felt_force(const std::vector<const Trace*>& traces) {
   for (const Vec3& f : first.reference) largest = std::max(largest, std::abs(f[axis]));
   const double limit = 2.5 * largest;
   const std::string late = first.latency_s > 0.0 ? fmt::format(", {:g} ms late", 1e3 * first.latency_s) : "";
-  Plot plot{.title = fmt::format("Felt force at ratio {}{}", first.ratio, late),
+  Plot plot{.title = fmt::format("Felt force of user {} at ratio {}{}", first.user, first.ratio, late),
             .x_label = "time, s",
             .y_label = fmt::format("force {}, N", "xyz"[axis]),
             .x_ticks = {},
@@ -266,13 +267,13 @@ std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
                         "world_substeps", "coupling_stiffness_n_m", "h_s"}) {
     if (std::ranges::find(columns, x) != columns.end()) plots.push_back(error_against(x, rows, columns));
   }
-  std::map<double, std::vector<const Trace*>> by_latency;
+  std::map<std::pair<double, std::size_t>, std::vector<const Trace*>> by_latency_and_user;
   for (const Trace& trace : traces) {
-    if (trace.scene == rows.front().at("scene")) by_latency[trace.latency_s].push_back(&trace);
+    if (trace.scene == rows.front().at("scene")) by_latency_and_user[{trace.latency_s, trace.user}].push_back(&trace);
   }
-  for (const auto& [latency_s, alike] : by_latency) {
+  for (const auto& [key, alike] : by_latency_and_user) {
     plots.push_back(felt_force(alike));
-    if (auto adapted = ratios(alike)) plots.push_back(std::move(*adapted));
+    if (auto adapted = key.second == 0 ? ratios(alike) : std::nullopt) plots.push_back(std::move(*adapted));
   }
   return plots;
 }

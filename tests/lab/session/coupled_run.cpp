@@ -10,6 +10,7 @@ namespace subworld {
 
 CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
     : scene_(scene), world(scene_, {}, make), felt(static_cast<std::size_t>(scene_.settings.users)) {
+  states_.resize(felt.size());
   world.settle([](double) { return true; });
   const Scheme& scheme = scheme_of(scene_.settings);
   for (std::size_t u = 0; u < felt.size(); ++u) {
@@ -62,39 +63,48 @@ void CoupledRun::deliver_frames(std::size_t user) {
   });
 }
 
-void CoupledRun::haptic_cycle(std::size_t user) {
+void CoupledRun::haptic_step(std::size_t user) {
   const double h = scene_.settings.h_s;
   SubWorld& sub = *subs[user];
-  EmulatedDevice& device = *devices[user];
   Link& link = links_[user];
-  const std::uint64_t cycle = link.cycle++;
-  const int steps = sub.timetable().ratio(cycle);
-  for (int step = 0; step < steps; ++step) {
-    deliver_frames(user);
-    const DeviceState state = device.state();
-    DeviceCommand command;
-    FeltStep now;
-    {
-      const CpuTimer timer(cpu.haptic);
-      now = link.order.step(
-          sub, state, [&](const DeviceCommand& arrived, const FeltStep&) { command = arrived; },
-          [&] { send_report(user); }, haptic_step_s);
-    }
-    felt[user].force.push_back(now.felt.force);
-    const DeviceCommand safe = guards[user]->pass(command, state, true, h);
-    felt[user].on_operator.push_back(safe.wrench.force);
-    device.step(safe, h);
-    felt[user].proxy.push_back(sub.facts().proxy);
+  DeviceCommand command;
+  FeltStep now;
+  {
+    const CpuTimer timer(cpu.haptic);
+    now = link.order.step(
+        sub, states_[user], [&](const DeviceCommand& arrived, const FeltStep&) { command = arrived; },
+        [&] { send_report(user); }, haptic_step_s);
   }
-  deliver_frames(user);
+  felt[user].force.push_back(now.felt.force);
+  const DeviceCommand safe = guards[user]->pass(command, states_[user], true, h);
+  felt[user].on_operator.push_back(safe.wrench.force);
+  devices[user]->step(safe, h);
+  felt[user].proxy.push_back(sub.facts().proxy);
+}
+
+void CoupledRun::haptic_cycles() {
+  const bool peers = scheme_of(scene_.settings).properties.replicates_peers;
+  const int steps = subs.front()->timetable().ratio(haptic_cycle_++);
+  for (int step = 0; step < steps; ++step) {
+    for (std::size_t u = 0; u < subs.size(); ++u) {
+      deliver_frames(u);
+      states_[u] = devices[u]->state();
+    }
+    for (std::size_t u = 0; u < subs.size(); ++u) {
+      for (std::size_t p = 0; peers && p < subs.size(); ++p) {
+        if (p != u) links_[u].order.hear(p, states_[p]);
+      }
+      haptic_step(u);
+    }
+  }
+  for (std::size_t u = 0; u < subs.size(); ++u) deliver_frames(u);
 }
 
 void CoupledRun::cycle() {
-  for (std::size_t u = 0; u < subs.size(); ++u) {
-    links_[u].reported = false;
-    if (links_[u].cycle > cycle_) continue;
-    do haptic_cycle(u);
-    while (!links_[u].reported);
+  for (Link& link : links_) link.reported = false;
+  if (!subs.empty() && haptic_cycle_ <= cycle_) {
+    do haptic_cycles();
+    while (std::ranges::none_of(links_, &Link::reported));
   }
   const auto lead = static_cast<std::uint64_t>(scheme_of(scene_.settings).properties.lead_cycles);
   ++cycle_;

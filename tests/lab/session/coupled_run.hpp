@@ -62,17 +62,19 @@ class CoupledRun {
     std::vector<WorldFrame> frames;     ///< by stamp
     std::uint64_t next_report = 0;      ///< that the world uses
     std::uint64_t newest_report = 0;
-    std::uint64_t cycle = 0;  ///< of the sub-world, which is ahead during message suppression
-    bool reported = false;    ///< in the last cycle of the run
+    bool reported = false;  ///< in the last cycle of the run
   };
-  void haptic_cycle(std::size_t user);
+  void haptic_cycles();
+  void haptic_step(std::size_t user);
   void deliver_reports(std::size_t user);
   void send_report(std::size_t user);
   void deliver_frames(std::size_t user);
 
   Scene scene_;
-  std::uint64_t cycle_ = 0;
+  std::uint64_t cycle_ = 0;         ///< of the world and its lead
+  std::uint64_t haptic_cycle_ = 0;  ///< of the sub-worlds, which are ahead during message suppression
   std::vector<Link> links_;
+  std::vector<DeviceState> states_;  ///< of the devices in the present step
 
  public:
   World world;
