@@ -185,7 +185,7 @@ class SimulatedNeighbourhood final : public LocalModel {
           heard->angular_velocity / rate_};
       at_s += rate_ * (heard->stamp_s - peer.device_s);
     }
-    device.pose.position += (time_s - at_s) * device.linear_velocity;
+    device.pose.position += std::min(time_s - at_s, kLongestGuess_s) * device.linear_velocity;
     peer_age_s_ = std::max(peer_age_s_, time_s - at_s);
     return device;
   }

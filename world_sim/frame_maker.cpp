@@ -154,7 +154,7 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
                       .angular_velocity = at_report.angular_velocity,
                       .device_s = at_report.device_s + passed_s / report.clock_rate,
                       .offset = at_report.offset};
-    device.pose.position += passed_s * device.linear_velocity;
+    device.pose.position += std::min(passed_s, kLongestGuess_s) * device.linear_velocity;
     frame.peers.push_back(device);
   }
 }

@@ -14,8 +14,8 @@ namespace subworld {
 /// The authority over islands of several users. Where an island lies wholly inside each sub-world that holds any of its
 /// bodies, in the world's copy and in all of theirs, the copies of the sub-worlds are right: they have the shorter step
 /// and the motion of all devices. The world takes over their mean,
-///   x <- x + w (sum of x_u / n - x),  w = max(0, 1 - t_p / T) min(1, k / 8),                              (16)
-/// and each sub-world is corrected towards it as towards any state of the world.
+///   x <- x + w (sum of x_u / n - x),  w = max(0, 1 - t_p / T) min(1, k / 8).                              (16)
+/// Each sub-world is corrected towards it as towards any state of the world.
 ///
 /// | symbol | unit | is |
 /// |---|---|---|

@@ -121,6 +121,9 @@ struct EnteringBody {
   BodyState state;
 };
 
+/// No device is extrapolated for longer, s of simulated time: its user may have gone.
+inline constexpr double kLongestGuess_s = 0.2;
+
 /// The device of another user whose proxy is in the sub-world.
 struct PeerDevice {
   BodyId proxy{};

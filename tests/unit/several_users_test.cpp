@@ -1,0 +1,54 @@
+#include "lab/session/coupled_run.hpp"
+#include "lab/session/metrics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace subworld {
+namespace {
+
+Scene shared_scene(const std::string& name, const std::string& scheme, int ratio, double latency_s = 0.0) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml");
+  scene.settings.users = static_cast<int>(scene.users.size());
+  scene.settings.scheme = scheme;
+  scene.settings.set_ratio({ratio, ratio});
+  scene.settings.world.substeps = 1;
+  scene.settings.delay.up_s = scene.settings.delay.down_s = 0.5 * latency_s;
+  return scene;
+}
+
+struct Shared {
+  std::string scene;
+  int ratio;
+  double latency_s;
+  double most;  ///< RMS error of the worst user
+};
+
+class SeveralUsers : public testing::TestWithParam<Shared> {};
+
+// At most two to three times what common/coupling/RESULTS.md reports, but for cells of almost zero.
+TEST_P(SeveralUsers, FeelEachOtherThroughWhatTheyShare) {
+  const Shared& c = GetParam();
+  CoupledRun reference(shared_scene(c.scene, "direct", 1));
+  ASSERT_TRUE(reference.run());
+  const Scene scene = shared_scene(c.scene, "reduced", c.ratio, c.latency_s);
+  CoupledRun coupled(scene);
+  ASSERT_TRUE(coupled.run());
+  for (std::size_t u = 0; u < coupled.felt.size(); ++u) {
+    EXPECT_LE(force_error(coupled.felt[u].force, reference.felt[u].force, scene.settings.h_s).rms, c.most) << u;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, SeveralUsers,
+                         testing::Values(Shared{"squeeze", 4, 0.0, 0.002}, Shared{"squeeze", 20, 0.0, 0.005},
+                                         Shared{"squeeze", 5, 0.02, 0.008}, Shared{"squeeze", 5, 0.1, 0.06},
+                                         Shared{"weight", 10, 0.0, 0.001}, Shared{"weight", 5, 0.02, 0.005},
+                                         Shared{"carry", 10, 0.0, 0.001}),
+                         [](const auto& tested) {
+                           return tested.param.scene + "_r" + std::to_string(tested.param.ratio) + "_" +
+                                  std::to_string(static_cast<int>(1e3 * tested.param.latency_s)) + "_ms";
+                         });
+
+}  // namespace
+}  // namespace subworld
