@@ -156,22 +156,22 @@ double farthest_proxy_m(const View& at) {
 
 double work_j(const HapticResult& haptic) { return std::abs(haptic.device_work_j); }
 
-/// Energy that an operator may be given: the operator's own, that of bodies, or what other operators have put in.
-double most_created_j(const View& at) {
-  double of_others_j = 0.0;
-  for (const DeviceResult& device : at.run.device) {
-    if (device.user != at.user) of_others_j += std::max(0.0, device.operator_energy.net_j);
-  }
-  return at.run.world.released_j + of_others_j + std::max(kLeastEnergy_j, kUnexplainedRatio * work_j(at.haptic()));
+double all_work_j(const RunResults& run) {
+  double all_j = 0.0;
+  for (const HapticResult& haptic : run.haptic) all_j += work_j(haptic);
+  return all_j;
+}
+
+/// Energy that operators who did so much work may be given without having put it in: that of bodies.
+double most_created_j(const RunResults& run, double work_j) {
+  return run.world.released_j + std::max(kLeastEnergy_j, kUnexplainedRatio * work_j);
 }
 
 /// Energy that the bodies may gain beyond the operators' work and their own fall: what engines gain and lose in
 /// contacts.
 double most_gained_j(const RunResults& run) {
   constexpr double kOfTheWork = 0.25, kOfTheFall = 0.05;
-  double all_j = 0.0;
-  for (const HapticResult& haptic : run.haptic) all_j += work_j(haptic);
-  return run.world.contact_slack_j + std::max(kLeastEnergy_j, kOfTheWork * all_j) + kOfTheFall * run.world.released_j;
+  return run.world.contact_slack_j + std::max(kLeastEnergy_j, kOfTheWork * all_work_j(run)) + kOfTheFall * run.world.released_j;
 }
 
 std::string oscillation_name(const RunResults& run) {
@@ -216,7 +216,7 @@ std::vector<Row> rows_of(const View& at) {
            {"created energy at the operator",
             kJoule,
             device.operator_energy.created_j,
-            most_created_j(at),
+            most_created_j(at.run, work_j(haptic)),
             {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}}},
           {true,
            {oscillation_name(at.run),
@@ -313,6 +313,13 @@ std::vector<Gate> gates(const RunResults& run) {
             ? "the operators did not put it in: with late messages the scheme paper creates it; --scheme reduced, or "
               "less delay"
             : "the operators did not put it in; a smaller --ratio, --preset quality, or another --engine"}}};
+  if (run.haptic.size() > 1) {
+    all.push_back({"created energy at all operators together",
+                   kJoule,
+                   world.operators_created_j,
+                   most_created_j(run, all_work_j(run)),
+                   {Culprit::unstable, "neither an operator nor the bodies had it; less delay, or a smaller --ratio"}});
+  }
   for (std::size_t u = 0; u < run.haptic.size(); ++u) {
     for (Row& row : rows_of({run, u})) {
       row.gate.name = fmt::format("user {}: {}", u, row.gate.name);

@@ -1,6 +1,7 @@
 #include "device_sim/device_guard.hpp"
 
 #include "coupling/passivity.hpp"
+#include "coupling/plan.hpp"
 
 #include <algorithm>
 
@@ -15,20 +16,20 @@ constexpr double kSamePlace_m = 1e-9;
 
 }  // namespace
 
-DeviceGuard::DeviceGuard(const UserSpec& user, const Body& proxy, bool passive, double fade_in_s)
-    : user_(user),
-      proxy_mass_kg_(proxy.mass),
-      proxy_inertia_kg_m2_(proxy.inertia.minCoeff()),
-      passive_(passive),
-      force_(operator_limits_of(user.device), fade_in_s),
-      motion_(user.device.speed_limit_m_s, user.device.speed_limit_m_s / kTurnRadius_m),
-      port_(user) {}
+DeviceGuard::DeviceGuard(const Scene& scene, std::size_t user, double fade_in_s)
+    : user_(scene.users[user]),
+      proxy_mass_kg_(scene.body(user_.proxy).mass),
+      proxy_inertia_kg_m2_(scene.body(user_.proxy).inertia.minCoeff()),
+      passive_(!enabled(scene, Optimisation::energy_bound, user)),
+      force_(operator_limits_of(user_.device), fade_in_s),
+      motion_(user_.device.speed_limit_m_s, user_.device.speed_limit_m_s / kTurnRadius_m),
+      port_(scene, user) {}
 
 Wrench DeviceGuard::passive(const Wrench& wanted, const DeviceState& now, double dt) noexcept {
   const Wrench bounded{
-      passive_force(wanted.force, now.linear_velocity, port_.linear().level_j(), user_.coupling.stiffness_n_m, dt),
-      passive_force(wanted.torque, now.angular_velocity, port_.angular().level_j(),
-                    user_.coupling.rotational_stiffness_n_m, dt)};
+      passive_force(wanted.force, now.linear_velocity, port_.linear_j(), user_.coupling.stiffness_n_m, dt),
+      passive_force(wanted.torque, now.angular_velocity, port_.angular_j(), user_.coupling.rotational_stiffness_n_m,
+                    dt)};
   bounded_ += bounded.force != wanted.force || bounded.torque != wanted.torque;
   return bounded;
 }
@@ -42,7 +43,7 @@ DeviceMotion DeviceGuard::passive(DeviceMotion wanted, const DeviceState& now, d
   // Drives follow with a delay: the remaining motion against the operator counts as energy already spent.
   const Vec3 to_come = (apart_ ? moved_ : wanted).pose.position - now.pose.position + kDriveLag_s * now.linear_velocity;
   const double to_come_j = -now.applied.force.dot(to_come);
-  const double stored_j = std::max(0.0, port_.linear().level_j() - std::max(0.0, to_come_j));
+  const double stored_j = std::max(0.0, port_.linear_j() - std::max(0.0, to_come_j));
   const Vec3 bounded = passive_velocity(wanted.linear_velocity, now.applied.force, stored_j, proxy_mass_kg_, dt);
   const bool acts = bounded != wanted.linear_velocity;
   bounded_ += acts;
@@ -55,8 +56,8 @@ DeviceMotion DeviceGuard::passive(DeviceMotion wanted, const DeviceState& now, d
   moved_.pose.position += dt * bounded;
   moved_.pose.orientation = wanted.pose.orientation;
   moved_.linear_velocity = bounded;
-  moved_.angular_velocity = passive_velocity(wanted.angular_velocity, now.applied.torque, port_.angular().level_j(),
-                                             proxy_inertia_kg_m2_, dt);
+  moved_.angular_velocity =
+      passive_velocity(wanted.angular_velocity, now.applied.torque, port_.angular_j(), proxy_inertia_kg_m2_, dt);
   return moved_;
 }
 
@@ -64,6 +65,7 @@ DeviceCommand DeviceGuard::pass(const DeviceCommand& received, const DeviceState
                                 double dt) noexcept {
   DeviceCommand command = received;
   // Energy received since the last step may be spent in this one.
+  port_.share(received.others_work_j);
   port_.step(now);
   ++steps_;
   const bool impedance = user_.device.kind == DeviceKind::impedance;

@@ -10,12 +10,12 @@
 namespace subworld {
 
 /// Safety stage of the device between a received command and the operator: limits and fading (coupling/force_guard,
-/// coupling/motion_guard), an observer of the energy exchanged with the operator, and, if `passive`, a bound on that
-/// energy (coupling/passivity).
+/// coupling/motion_guard), an observer of the energy exchanged with the operator, and, unless the
+/// optimisation `energy_bound` leaves it out, a bound on that energy (coupling/passivity).
 class DeviceGuard {
  public:
   /// `fade_in_s`: time in which the force rises again after missing commands, s.
-  DeviceGuard(const UserSpec& user, const Body& proxy, bool passive, double fade_in_s);
+  DeviceGuard(const Scene& scene, std::size_t user, double fade_in_s);
 
   /// Call once per step of `dt` (s). Returns the command to apply until the next step. `now`: the device's state;
   /// `trusted`: the command is fresh.

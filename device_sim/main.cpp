@@ -1,4 +1,3 @@
-#include "coupling/plan.hpp"
 #include "device_sim/run.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
@@ -10,11 +9,9 @@ int main(int argc, char** argv) {
   return run_program(Program::device_sim, argc, argv, [](const Options& options, const Scene& scene) {
     const bool realtime = scene.settings.mode == Mode::realtime;
 
-    const UserSpec& user = scene.users[static_cast<std::size_t>(options.user)];
-    EmulatedDevice device(user.device, static_cast<std::uint32_t>(options.user));
-    DeviceGuard guard(user, scene.body(user.proxy),
-                      !enabled(scene, Optimisation::energy_bound, static_cast<std::size_t>(options.user)),
-                      realtime ? kFadeIn_s : 0.0);
+    const auto user = static_cast<std::size_t>(options.user);
+    EmulatedDevice device(scene.users[user].device, static_cast<std::uint32_t>(user));
+    DeviceGuard guard(scene, user, realtime ? kFadeIn_s : 0.0);
     watch_stop_signals(kLongestEnd_s);                    // from here on an orderly end is needed
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     DevicePorts ports(options, scene);

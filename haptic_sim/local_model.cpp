@@ -1,6 +1,7 @@
 #include "haptic_sim/local_model.hpp"
 
 #include "coupling/authority.hpp"
+#include "coupling/energy_port.hpp"
 #include "coupling/gradual_shifts.hpp"
 #include "coupling/plan.hpp"
 #include "coupling/selection.hpp"
@@ -30,6 +31,7 @@ class MirroredProxy final : public LocalModel {
   void change_rate(double before, double after) override { proxy_ = at_rate(proxy_, before, after); }
   void follow(const WorldFrame& frame, const HapticReport*, const Age&) override { (void)reset_from(frame); }
   bool reset_from(const WorldFrame& frame) override {
+    others_work_j_ = frame.outside_work_j;
     const auto published_state = std::ranges::find(frame.states, id_, &StampedBody::id);
     if (published_state == frame.states.end()) return false;
     proxy_ = published_state->state;
@@ -40,12 +42,14 @@ class MirroredProxy final : public LocalModel {
   std::size_t members() const noexcept override { return 0; }
   std::size_t contacts() const noexcept override { return 0; }
   std::uint64_t peers() const noexcept override { return 0; }
+  double others_work_j() const noexcept override { return others_work_j_; }
   LiveEngine* engine() noexcept override { return nullptr; }
   bool reports_afterwards() const noexcept override { return false; }
 
  private:
   BodyId id_;
   BodyState proxy_;
+  double others_work_j_ = 0.0;
 };
 
 /// A copy of the neighbourhood in an engine of its own, with the outside at its border.
@@ -61,23 +65,30 @@ class SimulatedNeighbourhood final : public LocalModel {
         border_(scheme.make_sub_world_side(scene, remembered_cycles(scene.settings, scheme))) {
     for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
     peers_.reserve(scene.users.size());
+    peer_work_.assign(scene.users.size(), PortWork(DeviceKind::impedance));
+    pulls_.reserve(scene.users.size());
   }
 
   Wrench advance(const Drive& drive, double time_s, double dt, Indicators& indicators) override {
     Wrench mean = drive.felt;
     gradual_.step(engine_);
     const Wrench& pressed = drive.kind == DeviceKind::admittance ? drive.applied : drive.felt;
+    pulls_.clear();
     const double peers_n = move_peers(drive.peers, time_s, dt);
     border_->begin(engine_, dt, pressed.force.norm() + peers_n);
     if (drive.kind == DeviceKind::admittance) {
       engine_.apply_force(proxy_, drive.applied.force, drive.applied.torque);
-      engine_.step(dt);
     } else {
-      const ImplicitStep coupling =
-          implicit_step(drive.tool.coupling, drive.limits, drive.tool.body, engine_.state(proxy_), drive.device, dt);
-      hold(engine_, proxy_, coupling);
-      engine_.step(dt);
-      mean = exerted(drive.tool.coupling, drive.limits, coupling, engine_.state(proxy_), dt);
+      pull(drive.tool, drive.limits, drive.device, dt);
+    }
+    engine_.step(dt);
+    for (const Pull& by : pulls_) {
+      const Wrench on_proxy = exerted(by.coupling, by.limits, by.step, engine_.state(by.proxy), dt);
+      if (by.proxy == proxy_) {
+        mean = on_proxy;
+      } else {
+        peer_work_[user_index(by.proxy)].hold({-on_proxy.force, -on_proxy.torque});
+      }
     }
     border_->end(engine_, dt);
     observe_contacts(indicators);
@@ -105,6 +116,7 @@ class SimulatedNeighbourhood final : public LocalModel {
         gradual_.begin(engine_, pair.id, engine_.state(pair.id), pair.sub, member ? substeps : 1);
       }
     }
+    others_work_j_ += frame.outside_work_j - outside_work_j_;
     release_peers();
     follow_membership(frame, age.s);
     follow_border(frame, age, substeps);
@@ -140,10 +152,27 @@ class SimulatedNeighbourhood final : public LocalModel {
     for (const PeerDevice& peer : peers_) users |= std::uint64_t{1} << user_index(peer.proxy);
     return users;
   }
+  double others_work_j() const noexcept override { return others_work_j_; }
   LiveEngine* engine() noexcept override { return &engine_; }
   bool reports_afterwards() const noexcept override { return true; }
 
  private:
+  /// The coupling of a proxy in the present step.
+  struct Pull {
+    BodyId proxy;
+    CouplingSettings coupling;
+    ForceLimits limits;
+    ImplicitStep step;
+  };
+  /// Returns the force with which the step begins, N.
+  double pull(const Tool& tool, const ForceLimits& limits, const DevicePose& device, double dt) {
+    const BodyId proxy = tool.body.id;
+    const ImplicitStep step = implicit_step(tool.coupling, limits, tool.body, engine_.state(proxy), device, dt);
+    hold(engine_, proxy, step);
+    pulls_.push_back({proxy, tool.coupling, limits, step});
+    return step.wrench.force.norm();
+  }
+
   /// As many as it takes until no step of the force is felt, the same for all bodies: those that touch move together.
   int substeps_of(std::span<const PairShift> pairs, double cycle_s) const {
     const CouplingSettings& coupling = user_of(proxy_)->coupling;
@@ -163,13 +192,11 @@ class SimulatedNeighbourhood final : public LocalModel {
     for (const PeerDevice& peer : peers_) {
       const std::size_t number = user_index(peer.proxy);
       if (number == scene_.users.size() || !engine_.contains(peer.proxy)) continue;
-      const UserSpec* user = &scene_.users[number];
+      const UserSpec& user = scene_.users[number];
       const DevicePose device = peer_device(peer, number < heard.size() ? heard[number] : nullptr, time_s);
-      const Tool tool = tool_at(rate_, *user, scene_.body(peer.proxy));
-      const ImplicitStep coupling =
-          implicit_step(tool.coupling, limits_of(user->device), tool.body, engine_.state(peer.proxy), device, dt);
-      hold(engine_, peer.proxy, coupling);
-      force_n += coupling.wrench.force.norm();
+      const PortWork::Work work = peer_work_[number].step(device.pose, {});
+      others_work_j_ += work.linear_j + work.angular_j;
+      force_n += pull(tool_at(rate_, user, scene_.body(peer.proxy)), limits_of(user.device), device, dt);
     }
     return force_n;
   }
@@ -246,6 +273,11 @@ class SimulatedNeighbourhood final : public LocalModel {
     compares_islands_ = !frame.islands.empty();
     peers_ = frame.peers;
     peers_stamp_s_ = frame.stamp_s;
+    outside_work_j_ = frame.outside_work_j;
+    const std::uint64_t inside = peers();
+    for (std::size_t u = 0; u < peer_work_.size(); ++u) {
+      if ((inside >> u & 1U) == 0) peer_work_[u].restart();
+    }
   }
 
   void observe_contacts(Indicators& indicators) {
@@ -271,8 +303,12 @@ class SimulatedNeighbourhood final : public LocalModel {
   std::vector<BodyId> members_, fixed_;  ///< ascending
   std::vector<PeerDevice> peers_;
   double peers_stamp_s_ = 0.0;
-  double peer_age_s_ = 0.0;  ///< greatest since the last report
-  double rate_ = 1.0;        ///< of the clock
+  double peer_age_s_ = 0.0;          ///< greatest since the last report
+  std::vector<PortWork> peer_work_;  ///< by user
+  std::vector<Pull> pulls_;
+  double others_work_j_ = 0.0;
+  double outside_work_j_ = 0.0;  ///< part of it, of peers that are not in the sub-world
+  double rate_ = 1.0;            ///< of the clock
   std::uint32_t border_bodies_ = 0;
   bool compares_islands_ = false;
   Islands islands_;

@@ -28,7 +28,7 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       limits_(limits_of(spec_.device)),
       guard_(operator_limits_of(spec_.device), spec_.coupling.ramp_s),
       motion_(spec_.device.speed_limit_m_s, spec_.device.speed_limit_m_s / kTurnRadius_m),
-      port_(spec_),
+      port_(scene, user),
       declutch_(scene.initial[index(spec_.proxy)]),
       tool_(tool_at(rate_, spec_, scene.body(spec_.proxy))),
       reports_device_(!enabled(scene, Optimisation::device)),
@@ -121,6 +121,7 @@ FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double wall_s) {
   const bool admittance = spec_.device.kind == DeviceKind::admittance;
   felt_ = admittance ? applied_ : coupling_wrench(tool_.coupling, limits_, facts_.proxy, facts_.device);
   trusted_ = trusted && facts_.finite && !declutch_.is_open();
+  port_.share(model_->others_work_j());
   port_.step(state);
   const Wrench to_operator =
       guard_.pass({-felt_.force, -felt_.torque}, jump ? Vec3(Vec3::Zero()) : state.linear_velocity, trusted_, wall_s);
@@ -137,6 +138,7 @@ DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_
   command.stamp_s = facts_.time_s;
   command.echoed_sent_ns = device.sent_ns;
   command.wrench = to_operator;
+  command.others_work_j = model_->others_work_j();
   const BodyState& now = facts_.proxy;
   const BodyState& start = scene_.initial[index(spec_.proxy)];
   DeviceMotion motion{{now.position - declutch_.offset(), now.orientation * start.orientation.conjugate()},
@@ -212,6 +214,7 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.proxy = facts_.proxy;
   const bool spring = spec_.device.kind == DeviceKind::impedance;
   report.coupling_energy_j = spring ? coupling_energy(spec_.coupling, limits_, report.proxy, facts_.device) : 0.0;
+  report.operator_work_j = port_.net_j();
   report.device.reset();
   const DevicePose& device = facts_.device;
   if (reports_device_) {

@@ -7,6 +7,7 @@
 #include "model/sorted.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace subworld {
 
@@ -35,6 +36,8 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
       peers_(scene),
       budget_(scene),
       tells_all_pairs_(!enabled(scene, Optimisation::pairs)),
+      operators_j_(users_.size(), 0.0),
+      work_j_(users_.size(), 0.0),
       suppression_(scene, scheme),
       may_suppress_(enabled(scene, Optimisation::suppression)) {
   const Settings& s = scene.settings;
@@ -43,7 +46,7 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
     user.spec = &scene.users[u];
-    if (scheme.properties.replicates_peers) user.peers = peers_of(scene, u);
+    user.peers = peers_of(scene, u);
     user.budget = {.limit_s = user.spec->budget_ratio * s.h_s,
                    .cost = engine_cost(s.haptic).step(s.h_s),
                    .simulates_border = scheme.properties.simulates_border};
@@ -56,6 +59,7 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
 }
 
 void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double offset_s) {
+  note_work(heard);
   const std::function<bool(BodyId)> shared = [this](BodyId id) { return holders(id) > 1; };
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
@@ -79,6 +83,7 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
     if (scheme_.properties.has_sub_worlds)
       side_.extract(now, {user.membership, reach, until_heard_s, shared}, user.border, out);
     if (scheme_.properties.replicates_peers) list_peers(user, now, heard, out);
+    count_outside_work(user, out);
     list_unconfirmed(user, now, heard[u], offset_s, out);
     tell_border(user, now, heard[u], out);
     out.suppression.reset();
@@ -87,10 +92,27 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
   }
 }
 
+void FrameMaker::find_peers(User& user, const WorldNow& now, double horizon_s, std::vector<BodyId>& bodies) {
+  user.felt.clear();
+  if (user.peers.empty()) return;
+  const double gravity_m_s2 = scene_.settings.world.gravity.norm();
+  const auto reachable = [&](BodyId proxy, std::vector<BodyId>& out) {
+    const Box bounds = now.engine.bounds(proxy);
+    now.engine.overlap(swept_bounds(now.engine.state(proxy), bounds, gravity_m_s2, horizon_s), out);
+  };
+  const auto fits = [&](std::size_t island, std::size_t contacts) {
+    return user.budget.cost.of(island, contacts) <= user.budget.limit_s / user.selection.cost_factor;
+  };
+  const auto felt = peers_.find(user.spec->proxy, user.peers, now.graph, reachable, fits, bodies);
+  user.felt.assign(felt.begin(), felt.end());
+}
+
 Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   const UserSpec& spec = *user.spec;
   Membership& chosen = user.membership;
   if (!scheme_.properties.has_sub_worlds) {
+    scratch_.clear();
+    find_peers(user, now, horizon_s, scratch_);
     chosen.members.assign(1, spec.proxy);
     return {};
   }
@@ -100,19 +122,14 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   if (spec.selection != Selection::contacts) now.engine.overlap(box, scratch_);
   if (spec.contact_depth > 0) add_neighbours(now.graph, scene_.bodies, spec.proxy, spec.contact_depth, scratch_);
   const double gravity_m_s2 = scene_.settings.world.gravity.norm();
-  const auto reachable = [&](BodyId proxy, std::vector<BodyId>& out) {
-    now.engine.overlap(swept_bounds(now.engine.state(proxy), bounds(proxy), gravity_m_s2, horizon_s), out);
-  };
-  std::span<const PeerContact> peers;
-  const auto fits = [&](std::size_t bodies, std::size_t contacts) {
-    return user.budget.cost.of(bodies, contacts) <= user.budget.limit_s / user.selection.cost_factor;
-  };
-  if (!user.peers.empty()) peers = peers_.find(spec.proxy, user.peers, now.graph, reachable, fits, scratch_);
+  before_.clear();
+  find_peers(user, now, horizon_s, scheme_.properties.replicates_peers ? scratch_ : before_);
   before_ = chosen.members;
   select_members(scratch_, scene_.bodies, spec.proxy, chosen);
   if (spec.selection == Selection::budget) {
     Budget budget = user.budget;
     budget.limit_s /= user.selection.cost_factor;
+    const auto peers = std::span(user.felt).first(scheme_.properties.replicates_peers ? user.felt.size() : 0);
     budget_.limit(spec.proxy, before_, now.graph, now.cycle_s, peers, bounds, budget, chosen.members);
     user.selection.expected_s = budget_.cost_s();
     user.selection.omitted = budget_.omitted();
@@ -157,6 +174,23 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
     device.pose.position += std::min(passed_s, kLongestGuess_s) * device.linear_velocity;
     frame.peers.push_back(device);
   }
+}
+
+void FrameMaker::note_work(std::span<const Heard> heard) {
+  for (std::size_t u = 0; u < users_.size(); ++u) {
+    const double now_j = heard[u].any ? heard[u].newest->operator_work_j : 0.0;
+    work_j_[u] = now_j - std::exchange(operators_j_[u], now_j);
+  }
+}
+
+void FrameMaker::count_outside_work(User& user, WorldFrame& frame) const {
+  for (const PeerContact& felt : user.felt) {
+    const auto is_felt = [&](const User& other) { return other.spec->proxy == felt.proxy; };
+    const auto peer = static_cast<std::size_t>(std::ranges::find_if(users_, is_felt) - users_.begin());
+    const bool inside = std::ranges::find(frame.peers, felt.proxy, &PeerDevice::proxy) != frame.peers.end();
+    if (!inside) user.outside_work_j += work_j_[peer];
+  }
+  frame.outside_work_j = user.outside_work_j;
 }
 
 std::uint64_t FrameMaker::first_unconfirmed(const WorldNow& now, const Heard& heard) const noexcept {

@@ -61,7 +61,9 @@ class FrameMaker {
  private:
   struct User {
     const UserSpec* spec = nullptr;
-    std::vector<BodyId> peers;  ///< proxies of the other users
+    std::vector<BodyId> peers;      ///< proxies of the other users
+    std::vector<PeerContact> felt;  ///< of those of them that the user may feel
+    double outside_work_j = 0.0;    ///< see WorldFrame
     Membership membership;
     std::vector<BoundaryContact> border;
     Budget budget;
@@ -70,9 +72,14 @@ class FrameMaker {
     std::vector<WorldFrame> frames;  ///< by stamp
   };
 
+  /// Finds the other users that this one may feel; adds to `bodies` what the sub-world needs for them.
+  void find_peers(User& user, const WorldNow& now, double horizon_s, std::vector<BodyId>& bodies);
   /// Fills the membership; returns where its members may get within the time.
   Box select(User& user, const WorldNow& now, double horizon_s);
   void list_peers(const User& user, const WorldNow& now, std::span<const Heard> heard, WorldFrame& frame) const;
+  /// Adds what connected users did in the last cycle whose devices do not move their proxies in the sub-world.
+  void count_outside_work(User& user, WorldFrame& frame) const;
+  void note_work(std::span<const Heard> heard);
   void list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s, WorldFrame& frame);
   void tell_border(const User& user, const WorldNow& now, const Heard& heard, WorldFrame& frame);
   /// The oldest frame of those after which the sub-world may not know of a body, at most the present one.
@@ -87,6 +94,7 @@ class FrameMaker {
   PeerFinder peers_;
   BudgetSelector budget_;
   bool tells_all_pairs_;
+  std::vector<double> operators_j_, work_j_;  ///< by user: work of the operator, since the start and in the last cycle
   SuppressionFinder suppression_;
   bool may_suppress_;
   std::vector<BodyId> scratch_, before_;

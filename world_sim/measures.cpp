@@ -75,6 +75,7 @@ WorldPart WorldMeasures::result(const World& world, double settle_s) {
                            .slowed_s = slowed_s_,
                            .stuck_s = stuck_s_,
                            .released_j = end.released_j,
+                           .operators_created_j = end.operators_created_j,
                            .contact_slack_j = contact_slack_j(scene_),
                            .asleep_at_end = world.engine().asleep_count(),
                            .lost_reports = lost_reports_,

@@ -67,7 +67,8 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
       reports_(users_.size()),
       frames_(scene, scheme_, *side_, remembered_),
       heard_(users_.size()),
-      energy_j_(remembered_, 0.0) {
+      energy_j_(remembered_, 0.0),
+      operators_(others_capacity_j(scene, users_.size())) {
   // Who repeats bit by bit and has no choice economises for nobody.
   const bool economises = scene.settings.mode == Mode::realtime || scene.settings.adapts_ratio();
   cycle_cost_ = [this, economises](double cycle_s, int parts) {
@@ -404,11 +405,17 @@ void World::account() {
 
 void World::balance() {
   // Energy and work of one stamp: the newest that all users have reported.
-  double given_j = 0.0;
+  double given_j = 0.0, stored_j = 0.0, operators_j = 0.0;
   for (const User& user : users_) {
     if (!user.heard || user.report.stamp != users_.front().report.stamp) return;
     given_j += user.report.device_work_j - user.report.coupling_energy_j;
+    stored_j += user.report.coupling_energy_j;
+    operators_j += user.report.operator_work_j;
   }
+  double none_j = 0.0;
+  const bool at_limit = stored_j > others_capacity_j(scene_, users_.size());
+  operators_.flow(operators_j - operators_.net_j(), at_limit, none_j);
+  facts_.operators_created_j = operators_.created_j();
   if (users_.empty() || users_.front().report.stamp + remembered_ <= facts_.stamp) return;
   const double energy_j = energy_j_[users_.front().report.stamp % remembered_];
   facts_.energy_excess_j = std::max(facts_.energy_excess_j, energy_j - start_energy_j_ - given_j);

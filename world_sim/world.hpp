@@ -1,6 +1,7 @@
 #pragma once
 
 #include "coupling/contact_graph.hpp"
+#include "coupling/energy_port.hpp"
 #include "coupling/ratio_control.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/shared_islands.hpp"
@@ -64,6 +65,8 @@ struct WorldFacts {
   /// Energy that the bodies have lost so far, but for the proxies' motion after the start: most that they can have
   /// given to operators.
   double released_j = 0.0;
+  /// Taken by all operators together from what none of them had put in (coupling/energy_port).
+  double operators_created_j = 0.0;
 };
 
 /// A user's sub-world at the present stamp.
@@ -222,6 +225,7 @@ class World {
   FrameMaker frames_;
   std::vector<Heard> heard_;      ///< by user, while frames are made
   std::vector<double> energy_j_;  ///< kinetic and potential, by stamp
+  EnergyPort operators_;  ///< of all users as one
   double start_energy_j_ = 0.0;
   double resting_j_ = 0.0;    ///< of what sleeps
   double of_bodies_j_ = 0.0;  ///< kinetic and potential, without the proxies' motion

@@ -4,6 +4,8 @@
 #include "model/scene.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 
 namespace subworld {
 
@@ -14,19 +16,31 @@ namespace subworld {
 /// coupling can store; what is taken from the empty tank has been created. A coupling at its limit is a constant force
 /// that stores what is put in. Bodies that fall or fly onto the proxy bring energy of their own: only the world knows
 /// how much.
+///
+/// Several operators: one may receive what another has put in. What is taken from the empty tank comes first from the
+/// energy of the others (OperatorPort), and only what is not there either has been created.
 class EnergyPort {
  public:
   explicit EnergyPort(double capacity_j) noexcept : capacity_j_(capacity_j) {}
 
-  /// `at_limit`: the coupling gives all that the device can.
-  void flow(double into_j, bool at_limit) noexcept {
+  /// `at_limit`: the coupling gives all that the device can. `others_j`: energy of the other operators, of which the
+  /// port takes what it lacks.
+  void flow(double into_j, bool at_limit, double& others_j) noexcept {
     net_j_ += into_j;
     least_j_ = std::min(least_j_, net_j_);
     level_j_ += into_j;
     if (!at_limit) level_j_ = std::min(level_j_, capacity_j_);
     if (level_j_ >= 0.0) return;
-    created_j_ -= level_j_;
+    const double taken_j = std::min(-level_j_, others_j);
+    others_j -= taken_j;
+    created_j_ -= level_j_ + taken_j;
     level_j_ = 0.0;
+  }
+  /// Another operator has received so much of what this one put in. Returns what the tank does not hold.
+  double give(double to_others_j) noexcept {
+    const double given_j = std::min(to_others_j, level_j_);
+    level_j_ -= given_j;
+    return to_others_j - given_j;
   }
 
   [[nodiscard]] double net_j() const noexcept { return net_j_; }
@@ -55,41 +69,46 @@ class EnergyPort {
                                                                       : kTurn_rad * limit_n_m;
 }
 
-/// The port between a device and its operator.
-class OperatorPort {
- public:
-  explicit OperatorPort(const UserSpec& user) noexcept
-      : kind_(user.device.kind),
-        force_limit_n_(user.device.force_limit_n),
-        torque_limit_n_m_(user.device.torque_limit_n_m),
-        linear_(linear_capacity_j(user)),
-        angular_(angular_capacity_j(user)) {}
+/// Most that the tanks of the users other than `user` hold, J.
+[[nodiscard]] inline double others_capacity_j(const Scene& scene, std::size_t user) noexcept {
+  double sum_j = 0.0;
+  for (std::size_t u = 0; u < scene.users.size() && static_cast<int>(u) < scene.settings.users; ++u) {
+    if (u == user) continue;
+    sum_j += linear_capacity_j(scene.users[u]);
+    if (scene.users[u].device.degrees_of_freedom == 6) sum_j += angular_capacity_j(scene.users[u]);
+  }
+  return sum_j;
+}
 
-  /// Once per step, with the device as it is now: what has crossed since the last step. An impedance device has held
-  /// the wrench on the operator since then; of an admittance device the operator's own counts, as it is measured.
-  void step(const DeviceState& now) noexcept {
-    const Wrench of_operator = kind_ == DeviceKind::impedance
-                                   ? Wrench{-held_.force, -held_.torque}
-                                   : Wrench{0.5 * (before_.applied.force + now.applied.force),
-                                            0.5 * (before_.applied.torque + now.applied.torque)};
+/// The work of an operator on a device, from one step to the next.
+class PortWork {
+ public:
+  explicit PortWork(DeviceKind kind) noexcept : kind_(kind) {}
+
+  struct Work {
+    Wrench of_operator;  ///< mean over the step
+    double linear_j = 0.0, angular_j = 0.0;
+  };
+  /// With the device as it is now: what has crossed since the last call; nothing at the first. An impedance device has
+  /// held the wrench on the operator since then; of an admittance device the operator's own counts, as it is measured.
+  Work step(const Pose& pose, const Wrench& applied) noexcept {
+    Work work;
+    work.of_operator = kind_ == DeviceKind::impedance
+                           ? Wrench{-held_.force, -held_.torque}
+                           : Wrench{0.5 * (applied_.force + applied.force), 0.5 * (applied_.torque + applied.torque)};
     if (begun_) {
-      constexpr double kAll = 0.999;
-      linear_.flow(of_operator.force.dot(now.pose.position - before_.pose.position),
-                   of_operator.force.norm() >= kAll * force_limit_n_);
-      angular_.flow(of_operator.torque.dot(turn(before_.pose.orientation, now.pose.orientation)),
-                    of_operator.torque.norm() >= kAll * torque_limit_n_m_);
+      work.linear_j = work.of_operator.force.dot(pose.position - pose_.position);
+      work.angular_j = work.of_operator.torque.dot(turn(pose_.orientation, pose.orientation));
     }
     begun_ = true;
-    before_ = now;
+    pose_ = pose;
+    applied_ = applied;
+    return work;
   }
   /// The wrench on the operator from now on.
   void hold(const Wrench& on_operator) noexcept { held_ = on_operator; }
-
-  [[nodiscard]] const EnergyPort& linear() const noexcept { return linear_; }
-  [[nodiscard]] const EnergyPort& angular() const noexcept { return angular_; }
-  [[nodiscard]] double net_j() const noexcept { return linear_.net_j() + angular_.net_j(); }
-  [[nodiscard]] double least_j() const noexcept { return linear_.least_j() + angular_.least_j(); }
-  [[nodiscard]] double created_j() const noexcept { return linear_.created_j() + angular_.created_j(); }
+  /// The next call of step() is the first.
+  void restart() noexcept { begun_ = false; }
 
  private:
   static Vec3 turn(const Quat& from, const Quat& to) noexcept {
@@ -98,11 +117,59 @@ class OperatorPort {
   }
 
   DeviceKind kind_;
-  double force_limit_n_, torque_limit_n_m_;
-  EnergyPort linear_, angular_;
   bool begun_ = false;
-  DeviceState before_;
-  Wrench held_;
+  Pose pose_;
+  Wrench applied_, held_;
+};
+
+/// The port between a device and its operator, with the energy that the other operators have put into the bodies which
+/// this one feels.
+class OperatorPort {
+ public:
+  OperatorPort(const Scene& scene, std::size_t user) noexcept
+      : force_limit_n_(scene.users[user].device.force_limit_n),
+        torque_limit_n_m_(scene.users[user].device.torque_limit_n_m),
+        work_(scene.users[user].device.kind),
+        linear_(linear_capacity_j(scene.users[user])),
+        angular_(angular_capacity_j(scene.users[user])),
+        others_capacity_j_(others_capacity_j(scene, user)) {}
+
+  /// Work of the other operators since the start, J; less than before where they have received energy. That is theirs,
+  /// so it is taken from what they had put in, then from what this one has. A change that no device can make within a
+  /// step is a new start of the account.
+  void share(double others_work_j) noexcept {
+    const double into_j = others_work_j - others_work_j_;
+    others_work_j_ = others_work_j;
+    if (!(std::abs(into_j) <= others_capacity_j_)) return;
+    others_j_ = std::min(others_j_ + into_j, others_capacity_j_);
+    if (others_j_ >= 0.0) return;
+    (void)angular_.give(linear_.give(-others_j_));
+    others_j_ = 0.0;
+  }
+  /// Once per step, with the device as it is now.
+  void step(const DeviceState& now) noexcept {
+    constexpr double kAll = 0.999;
+    const PortWork::Work work = work_.step(now.pose, now.applied);
+    linear_.flow(work.linear_j, work.of_operator.force.norm() >= kAll * force_limit_n_, others_j_);
+    angular_.flow(work.angular_j, work.of_operator.torque.norm() >= kAll * torque_limit_n_m_, others_j_);
+  }
+  /// The wrench on the operator from now on.
+  void hold(const Wrench& on_operator) noexcept { work_.hold(on_operator); }
+
+  /// What the operator may be given by forces, and by torques, J: of the own tank, and of the others' energy.
+  [[nodiscard]] double linear_j() const noexcept { return linear_.level_j() + others_j_; }
+  [[nodiscard]] double angular_j() const noexcept { return angular_.level_j() + others_j_; }
+  [[nodiscard]] double net_j() const noexcept { return linear_.net_j() + angular_.net_j(); }
+  [[nodiscard]] double least_j() const noexcept { return linear_.least_j() + angular_.least_j(); }
+  [[nodiscard]] double created_j() const noexcept { return linear_.created_j() + angular_.created_j(); }
+
+ private:
+  double force_limit_n_, torque_limit_n_m_;
+  PortWork work_;
+  EnergyPort linear_, angular_;
+  double others_capacity_j_;
+  double others_work_j_ = 0.0;
+  double others_j_ = 0.0;  ///< put in by others and not given to anybody
 };
 
 }  // namespace subworld

@@ -54,7 +54,7 @@ struct WorldResult {
   Quantiles lateness_s;
   double real_time_factor_min = 1.0, real_time_factor_mean = 1.0;
   double slowed_s = 0.0, stuck_s = 0.0;
-  double released_j = 0.0, contact_slack_j = 0.0;
+  double released_j = 0.0, operators_created_j = 0.0, contact_slack_j = 0.0;
   std::size_t asleep_at_end = 0;
   std::vector<SelectionResult> selections = {};
   std::uint64_t lost_reports = 0, refused_reports = 0;
@@ -68,7 +68,7 @@ struct WorldResult {
 };
 SUBWORLD_JSON(WorldResult, bodies, cycles, ratio, ratio_changes, substeps, integration_substep_s, late_cycles,
               late_by_os, late_by_run, woken_late_s, machine, step_s, stages, lateness_s, real_time_factor_min,
-              real_time_factor_mean, slowed_s, stuck_s, released_j, contact_slack_j, asleep_at_end, selections,
+              real_time_factor_mean, slowed_s, stuck_s, released_j, operators_created_j, contact_slack_j, asleep_at_end, selections,
               lost_reports, refused_reports, engine_changes, settle_wall_s, history_rows_dropped, trace_events_dropped,
               body_history, dds, events, refused)
 

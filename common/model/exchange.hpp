@@ -60,7 +60,8 @@ struct DeviceCommand {
   Pose pose;      ///< for admittance devices, as the velocities
   Vec3 linear_velocity = Vec3::Zero();
   Vec3 angular_velocity = Vec3::Zero();
-  bool last = false;  ///< the run is over
+  double others_work_j = 0.0;  ///< of the other operators on the bodies that this one feels, since the start
+  bool last = false;           ///< the run is over
 };
 
 /// A Coulomb limit that no load in a scene exceeds. It marks a body that does not move.
@@ -173,6 +174,8 @@ struct WorldFrame {
   std::vector<BoundaryContact> border;  ///< the contacts that the sub-world needs
   std::vector<GhostModel> ghosts;
   std::vector<PeerDevice> peers;
+  /// Since the start, of the other operators whom contacts connect to this one while they are not among `peers`.
+  double outside_work_j = 0.0;
   std::optional<Suppression> suppression;  ///< takes effect after this frame
 };
 
@@ -223,6 +226,7 @@ struct HapticReport {
   Wrench impulse_total;               ///< injected by the user since t = 0, N s and N m s
   double device_work_j = 0.0;         ///< since t = 0
   double coupling_energy_j = 0.0;     ///< stored in the springs of the virtual coupling
+  double operator_work_j = 0.0;       ///< of the operator on the device, since the start
   BodyState proxy;
   std::optional<ReportedDevice> device;  ///< empty if no reader needs it (optimisation `device`)
   std::vector<StampedBody> members;      ///< the sub-world's own result, before any blend

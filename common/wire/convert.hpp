@@ -293,7 +293,7 @@ bool fields(const auto& copy, Is<DeviceCommand> auto& m, auto& w) {
          copy(m.sequence, w.sequence_number()) && copy(m.stamp_s, w.stamp_s()) &&
          copy(m.echoed_sent_ns, w.echoed_sent_ns()) && copy(m.wrench, w.wrench()) && copy(m.pose, w.pose()) &&
          copy(m.linear_velocity, w.linear_velocity()) && copy(m.angular_velocity, w.angular_velocity()) &&
-         copy(m.last, w.last());
+         copy(m.others_work_j, w.others_work_j()) && copy(m.last, w.last());
 }
 
 bool fields(const auto& copy, Is<WorldFrame> auto& m, auto& w) {
@@ -306,7 +306,7 @@ bool fields(const auto& copy, Is<WorldFrame> auto& m, auto& w) {
          copy(m.members, w.members()) && copy(m.fixed, w.fixed_bodies()) && copy(m.islands, w.islands()) &&
          copy(m.entering, w.entering()) && copy(m.states, w.states()) && copy(m.border_contacts, w.border_contacts()) &&
          copy(m.border_bodies, w.border_bodies()) && copy(m.border, w.border()) && ghost_fields(copy, m.ghosts, w) &&
-         copy(m.peers, w.peers()) && copy(m.suppression, w.suppression());
+         copy(m.peers, w.peers()) && copy(m.outside_work_j, w.outside_work_j()) && copy(m.suppression, w.suppression());
 }
 
 bool fields(const auto& copy, Is<HapticReport> auto& m, auto& w) {
@@ -314,10 +314,10 @@ bool fields(const auto& copy, Is<HapticReport> auto& m, auto& w) {
          copy(m.stamp, w.stamp()) && copy(m.stamp_s, w.stamp_s()) && copy.positive(m.clock_rate, w.clock_rate()) &&
          copy(m.sent_ns, w.sent_ns()) && copy(m.confirmed_stamp, w.confirmed_stamp()) &&
          copy(m.impulse_total, w.impulse_total()) && copy(m.device_work_j, w.device_work_j()) &&
-         copy(m.coupling_energy_j, w.coupling_energy_j()) && copy(m.proxy, w.proxy()) && copy(m.device, w.device()) &&
-         copy(m.members, w.members()) && copy(m.islands, w.islands()) && copy(m.indicators, w.indicators()) &&
-         copy(m.timing.mean_s, w.step_mean_s()) && copy(m.timing.max_s, w.step_max_s()) &&
-         copy(m.peer_age_s, w.peer_age_s());
+         copy(m.coupling_energy_j, w.coupling_energy_j()) && copy(m.operator_work_j, w.operator_work_j()) &&
+         copy(m.proxy, w.proxy()) && copy(m.device, w.device()) && copy(m.members, w.members()) &&
+         copy(m.islands, w.islands()) && copy(m.indicators, w.indicators()) && copy(m.timing.mean_s, w.step_mean_s()) &&
+         copy(m.timing.max_s, w.step_max_s()) && copy(m.peer_age_s, w.peer_age_s());
 }
 
 bool fields(const auto& copy, Is<WorldSnapshot> auto& m, auto& w) {

@@ -4,6 +4,7 @@
 #include "coupling/delay.hpp"
 #include "coupling/force_guard.hpp"
 #include "coupling/paper/paper.hpp"
+#include "coupling/passivity.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/selection.hpp"
 #include "coupling/synchroniser.hpp"
@@ -466,6 +467,37 @@ TEST(Delay, AFrameIsLateByBothDirectionsWhereTheWorldTrails) {
   EXPECT_EQ(trailing.frame_due(3, timetable), 3U * 5 + 5 + 10);
   EXPECT_FALSE(trailing.report_due(3, 1, timetable));
   EXPECT_TRUE(trailing.report_due(3, 2, timetable));
+}
+
+TEST(Delay, OfAPeersDeviceIsThatOfItsLinkAndOfOneHop) {
+  Settings settings;
+  settings.delay = {.up_s = 0.004, .down_s = 0.006, .from_device_s = 0.002, .to_device_s = 0.003};
+  EXPECT_EQ(Journey(settings, 0).steps(Direction::from_peer, 7), 8U);
+  EXPECT_EQ(Journey(settings, 0).steps(Direction::from_device, 7), 2U);
+}
+
+// Equation (7) of common/coupling/README.md.
+TEST(Reduced, CorrectsLessTheLaterTheWorldsStateComes) {
+  const auto gain = [](double lag_cycles) {
+    return scheme_of(Settings{}).correction({Owner::world, lag_cycles}, {}, {}).sub;
+  };
+  EXPECT_DOUBLE_EQ(gain(1.0), 0.5);
+  EXPECT_DOUBLE_EQ(gain(2.0), 0.5);
+  EXPECT_DOUBLE_EQ(gain(4.0), 0.3);
+  EXPECT_DOUBLE_EQ(gain(12.0), 0.1);
+}
+
+// Bounds (1) and (2) of coupling/passivity.
+TEST(Passivity, BoundsTheForceOfASpringAndTheSpeedOfAMassThatHoldTheEnergy) {
+  const auto force_n = [](double velocity_m_s) {
+    return passive_force({10, 0, 0}, {velocity_m_s, 0, 0}, 0.005, 1000.0, 1e-3).x();
+  };
+  EXPECT_NEAR(force_n(0.0), std::sqrt(10.0), 1e-12);
+  EXPECT_NEAR(force_n(0.1), std::sqrt(10.0), 1e-12);
+  EXPECT_NEAR(force_n(-0.01), 10.0, 1e-12) << "it brakes";
+  EXPECT_NEAR(force_n(-0.005), 0.5 * (10.0 + std::sqrt(10.0)), 1e-12);
+  EXPECT_NEAR(passive_velocity({1, 0, 0}, Vec3::Zero(), 0.002, 0.1, 1e-3).x(), 0.2, 1e-12);
+  EXPECT_NEAR(passive_velocity({1, 0, 0}, {5, 0, 0}, 0.002, 0.1, 1e-3).x(), 0.25, 1e-12) << "pushed by the operator";
 }
 
 TEST(Delay, JitterRepeatsAndStaysInItsBounds) {

@@ -154,22 +154,6 @@ TEST(MotionGuard, NeverMovesFasterThanItsLimitNorToNowhere) {
   }
 }
 
-TEST(EnergyPort, CountsWhatIsTakenFromAnEmptyStoreAsCreated) {
-  EnergyPort port(0.8);
-  port.flow(5.0, false);  // friction has dissipated most of it
-  EXPECT_DOUBLE_EQ(port.level_j(), 0.8);
-  port.flow(-0.7, false);
-  EXPECT_DOUBLE_EQ(port.created_j(), 0.0);
-  port.flow(-0.3, false);
-  EXPECT_NEAR(port.created_j(), 0.2, 1e-12);
-  EXPECT_DOUBLE_EQ(port.level_j(), 0.0);
-  EXPECT_DOUBLE_EQ(port.net_j(), 4.0);
-  EXPECT_DOUBLE_EQ(port.least_j(), 0.0);
-  port.flow(3.0, true);  // a saturated spring has stored all of it
-  port.flow(-3.0, true);
-  EXPECT_NEAR(port.created_j(), 0.2, 1e-12);
-}
-
 TEST(OscillationWatch, DistinguishesVibrationFromMotionAndImpact) {
   const auto watched = [](auto&& force_n) {
     OscillationWatch watch;

@@ -26,7 +26,7 @@ class Peers : public testing::Test {
     graph.build(world.contacts, world.scene.bodies.size());
     std::vector<BodyId> bodies = numbered(inside);
     const auto reach = [this](BodyId proxy, std::vector<BodyId>& out) { out = numbered(reachable[index(proxy)]); };
-    const auto fits = [this](std::size_t bodies, std::size_t contacts) { return bodies + contacts <= most; };
+    const auto fits = [this](std::size_t island, std::size_t contacts) { return island + contacts <= most; };
     PeerFinder finder(world.scene);
     for (int again = 0; again < 2; ++again) {  // a search leaves nothing behind
       bodies = numbered(inside);

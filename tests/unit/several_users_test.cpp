@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
+#include <utility>
 
 namespace subworld {
 namespace {
@@ -49,6 +51,33 @@ INSTANTIATE_TEST_SUITE_P(Scenes, SeveralUsers,
                            return tested.param.scene + "_r" + std::to_string(tested.param.ratio) + "_" +
                                   std::to_string(static_cast<int>(1e3 * tested.param.latency_s)) + "_ms";
                          });
+
+// Both sub-worlds say the same of the cube that they share: it moves there, not twice as far.
+TEST(SeveralUsers, CorrectWhatTheyShareTogetherOnce) {
+  const Scene scene = shared_scene("lift", "paper", 4);
+  const BodyId cube = std::ranges::find(scene.bodies, "cube", &Body::name)->id;
+  const auto position_m = [&](double shift_m) {
+    World world(scene);
+    world.step();
+    for (const std::uint32_t u : {0U, 1U}) {
+      const WorldFrame& frame = world.frame(u);
+      HapticReport report;
+      report.user = UserId{u};
+      report.stamp = frame.stamp;
+      report.stamp_s = frame.stamp_s;
+      report.indicators = {
+          .proxy_impulse_n_s = 1.0, .total_impulse_n_s = 1.0, .device_impulse_n_s = 1.0, .proxy_contacts = 1};
+      for (const BodyId id : frame.members) {
+        report.members.push_back(*std::ranges::find(frame.states, id, &StampedBody::id));
+        if (id == cube) report.members.back().state.position.x() += shift_m;
+      }
+      EXPECT_TRUE(world.receive(std::move(report)));
+    }
+    world.step();
+    return world.engine().state(cube).position.x();
+  };
+  EXPECT_NEAR(position_m(1e-3) - position_m(0.0), 1e-3, 5e-5);
+}
 
 }  // namespace
 }  // namespace subworld

@@ -16,9 +16,7 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
   for (std::size_t u = 0; u < felt.size(); ++u) {
     subs.push_back(std::make_unique<SubWorld>(scene_, u));
     devices.push_back(std::make_unique<EmulatedDevice>(scene_.users[u].device, static_cast<std::uint32_t>(u)));
-    const UserSpec& user = scene_.users[u];
-    guards.push_back(std::make_unique<DeviceGuard>(user, scene_.body(user.proxy),
-                                                   !enabled(scene_, Optimisation::energy_bound, u), 0.0));
+    guards.push_back(std::make_unique<DeviceGuard>(scene_, u, 0.0));
     const auto number = static_cast<std::uint32_t>(u);
     Link link{.delay = Delay(scene_.settings, scheme.properties.lead_cycles, number),
               .order = LockstepOrder(scene_, number),

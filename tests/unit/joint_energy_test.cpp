@@ -1,0 +1,143 @@
+#include "lab/session/coupled_run.hpp"
+#include "lab/session/metrics.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <utility>
+
+namespace subworld {
+namespace {
+
+TEST(EnergyPort, CountsWhatIsTakenFromAnEmptyStoreAsCreated) {
+  EnergyPort port(0.8);
+  double none_j = 0.0;
+  port.flow(5.0, false, none_j);  // friction has dissipated most of it
+  EXPECT_DOUBLE_EQ(port.level_j(), 0.8);
+  port.flow(-0.7, false, none_j);
+  EXPECT_DOUBLE_EQ(port.created_j(), 0.0);
+  port.flow(-0.3, false, none_j);
+  EXPECT_NEAR(port.created_j(), 0.2, 1e-12);
+  EXPECT_DOUBLE_EQ(port.level_j(), 0.0);
+  EXPECT_DOUBLE_EQ(port.net_j(), 4.0);
+  EXPECT_DOUBLE_EQ(port.least_j(), 0.0);
+  port.flow(3.0, true, none_j);  // a saturated spring has stored all of it
+  port.flow(-3.0, true, none_j);
+  EXPECT_NEAR(port.created_j(), 0.2, 1e-12);
+}
+
+/// Two users press a cube from both sides. The first pushes the other back, and is pushed back by less.
+Scene pushed_back(const std::string& scheme, int ratio, double latency_s, Passivity passivity) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/lift.yaml");
+  scene.settings.users = 2;
+  scene.settings.duration_s = 2.0;
+  scene.settings.scheme = scheme;
+  scene.settings.set_ratio({ratio, ratio});
+  scene.settings.delay.up_s = scene.settings.delay.down_s = 0.5 * latency_s;
+  scene.settings.passivity = passivity;
+  scene.users[0].device.path = {{.from_s = 0.2, .to_s = 0.5, .displacement = {0.03, 0, 0}},
+                                {.from_s = 0.6, .to_s = 1.2, .displacement = {0.06, 0, 0}},
+                                {.from_s = 1.4, .to_s = 1.8, .displacement = {-0.03, 0, 0}}};
+  scene.users[1].device.path = {{.from_s = 0.2, .to_s = 0.5, .displacement = {-0.03, 0, 0}},
+                                {.from_s = 0.6, .to_s = 1.2, .displacement = {0.055, 0, 0}},
+                                {.from_s = 1.4, .to_s = 1.8, .displacement = {-0.03, 0, 0}}};
+  return scene;
+}
+
+/// The port of the second user of that scene, and the device.
+class SecondPort : public ::testing::Test {
+ protected:
+  /// Moves the device along a constant force on the operator, or against it (< 0).
+  void give(double energy_j) {
+    constexpr double kForce_n = 2.0;
+    port.hold({Vec3(kForce_n, 0, 0), Vec3::Zero()});
+    state.pose.position.x() += energy_j / kForce_n;
+    port.step(state);
+  }
+
+  Scene scene = pushed_back("reduced", 4, 0.0, Passivity::on);
+  OperatorPort port{scene, 1};
+  DeviceState state;
+
+  void SetUp() override { port.step(state); }
+};
+
+TEST_F(SecondPort, GivesWhatTheOtherOperatorPutIn) {
+  port.share(0.05);
+  EXPECT_DOUBLE_EQ(port.linear_j(), 0.05);
+  give(0.03);
+  EXPECT_NEAR(port.linear_j(), 0.02, 1e-12);
+  EXPECT_DOUBLE_EQ(port.created_j(), 0.0);
+  EXPECT_NEAR(port.net_j(), -0.03, 1e-12);
+  give(0.04);
+  EXPECT_NEAR(port.created_j(), 0.02, 1e-12) << "that is nobody's";
+}
+
+TEST_F(SecondPort, DoesNotGiveTwiceWhatWentBackToTheOther) {
+  port.share(0.05);
+  port.share(0.01);  // the other one took 0.04 J back
+  give(0.03);
+  EXPECT_NEAR(port.created_j(), 0.02, 1e-12);
+  give(-0.05);
+  port.share(-0.02);  // and 0.03 J of this operator's
+  EXPECT_NEAR(port.linear_j(), 0.02, 1e-12);
+}
+
+TEST_F(SecondPort, DoesNotHoldMoreThanTheCouplingsOfTheOthersStore) {
+  for (int i = 1; i <= 100; ++i) port.share(0.1 * i);  // friction has dissipated most of it
+  EXPECT_NEAR(port.linear_j(), 40.0 * 40.0 / (2.0 * 1000.0), 1e-12);
+  port.share(1e9);
+  port.share(NAN);
+  EXPECT_NEAR(port.linear_j(), 0.8, 1e-12) << "no device can do that in a step";
+}
+
+TEST(JointEnergy, AnOperatorIsPushedBackByAnotherWithTheForceThatThereIsWithoutABound) {
+  struct Case {
+    const char* scheme;
+    int ratio;
+    double latency_s;
+  };
+  for (const auto& [scheme, ratio, latency_s] :
+       {Case{"reduced", 1, 0.0}, Case{"reduced", 4, 0.0}, Case{"reduced", 20, 0.0}, Case{"reduced", 5, 0.05},
+        Case{"direct", 4, 0.0}, Case{"paper", 4, 0.0}}) {
+    SCOPED_TRACE(fmt::format("{}, r = {}, delay {} s", scheme, ratio, latency_s));
+    CoupledRun bounded(pushed_back(scheme, ratio, latency_s, Passivity::on));
+    CoupledRun unbounded(pushed_back(scheme, ratio, latency_s, Passivity::off));
+    ASSERT_TRUE(bounded.run() && unbounded.run());
+    bounded.close();
+    for (std::size_t u = 0; u < 2; ++u) {
+      const double h_s = 1e-3;
+      EXPECT_LT(force_error(bounded.felt[u].on_operator, unbounded.felt[u].on_operator, h_s).rms, 0.02) << u;
+      EXPECT_LT(bounded.guards[u]->port().created_j(), 1e-3) << u;
+    }
+    EXPECT_LT(bounded.world.facts().operators_created_j, 1e-3);
+    EXPECT_LT(bounded.guards[1]->port().least_j(), -0.2) << "the work of the first operator";
+  }
+}
+
+// The port of the second operator gives 20 mJ more than there is.
+TEST(JointEnergy, OfNobodyIsSeenByTheWorld) {
+  Scene scene = pushed_back("reduced", 4, 0.0, Passivity::off);
+  CoupledRun run(scene);
+  for (int i = 0; i < 100; ++i) run.cycle();
+  HapticReport report = run.report(1);
+  ASSERT_LT(run.world.facts().operators_created_j, 1e-3);
+  World world(scene);
+  for (std::uint64_t stamp = 0; stamp < 20; ++stamp) {
+    for (const std::uint32_t u : {0U, 1U}) {
+      report.user = UserId{u};
+      report.stamp = stamp;
+      report.stamp_s = 4e-3 * static_cast<double>(stamp);
+      report.operator_work_j = u == 0 ? 2e-3 * static_cast<double>(stamp) : -3e-3 * static_cast<double>(stamp);
+      HapticReport sent = report;
+      ASSERT_TRUE(world.receive(std::move(sent)));
+    }
+    world.step();
+  }
+  EXPECT_NEAR(world.facts().operators_created_j, 0.019, 1e-12) << "1 mJ a cycle";
+}
+
+}  // namespace
+}  // namespace subworld
