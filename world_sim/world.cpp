@@ -256,14 +256,23 @@ void World::hold(const User& user, const DevicePose& target, const ForceLimits& 
   subworld::hold(engine_, id, implicit_step(user.tool.coupling, limits, user.tool.body, proxy, target, dt));
 }
 
-void World::drive_proxies(double until_s, double dt) {
+void World::pass_impulses() {
+  const std::uint64_t stamp = told_stamp();
   for (User& user : users_) {
     if (!user.heard) continue;
-    // A report that is ahead of the world tells what the user does in this very cycle.
-    const HapticReport& now = user.at(facts_.stamp + static_cast<std::uint64_t>(scheme_.properties.lead_cycles));
-    const HapticReport& before = &now == &user.report ? user.before : user.report;
+    const HapticReport& now = user.at(stamp);
     set_rate(user, now.clock_rate);
-    const ProxyDrive drive = side_->drive(*user.spec, before, now, until_s + half_step_offset_s());
+    user.mean =
+        user.impulse.pass(user.before_that(now), now, limits_of(user.spec->device), seconds(timetable_.start(stamp)));
+  }
+}
+
+void World::drive_proxies(double until_s, double dt) {
+  for (const User& user : users_) {
+    if (!user.heard) continue;
+    const HapticReport& now = user.at(told_stamp());
+    const double moved_until_s = until_s + half_step_offset_s();
+    const ProxyDrive drive = side_->drive(*user.spec, user.mean, user.before_that(now), now, moved_until_s);
     if (drive.target) hold(user, *drive.target, drive.limits, dt);
     engine_.apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
   }
@@ -287,6 +296,7 @@ bool World::find_friction() {
 void World::simulate_cycle() {
   const double dt = facts_.cycle_s / facts_.substeps;
   totals_.clear();
+  pass_impulses();
   for (int i = 0; i < facts_.substeps; ++i) {
     drive_proxies(facts_.time_s + (i + 1) * dt, dt);
     engine_.step(dt);
@@ -422,7 +432,7 @@ void World::balance() {
 }
 
 UserFacts World::user_facts(std::size_t user) const noexcept {
-  return {waits_for_frame(users_[user]), frames_.border(user), frames_.selection(user)};
+  return {waits_for_frame(users_[user]), frames_.border(user), frames_.selection(user), users_[user].impulse.applied()};
 }
 
 void World::look(WorldView& view) const {

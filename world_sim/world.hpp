@@ -2,6 +2,7 @@
 
 #include "coupling/contact_graph.hpp"
 #include "coupling/energy_port.hpp"
+#include "coupling/impulse_account.hpp"
 #include "coupling/ratio_control.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/shared_islands.hpp"
@@ -74,6 +75,7 @@ struct UserFacts {
   bool waits_for_frame = true;              ///< the frame of this stamp is to be sent
   std::span<const BoundaryContact> border;  ///< contacts with bodies outside, and what may become one
   SelectionFacts selection;
+  Wrench impulse;  ///< of the user on the proxy that has been passed on to the world, since the start
 };
 
 /// The truth: every body, and for each user the membership of the sub-world, its border and the merge.
@@ -144,6 +146,8 @@ class World {
     HapticReport report;              ///< newest used
     HapticReport before;              ///< the one used before it
     bool heard = false;
+    ImpulseAccount impulse;
+    Wrench mean;  ///< of the user in the cycle under way
     SuppressedCycles suppression{0};
 
     [[nodiscard]] bool holds(std::uint64_t stamp) const noexcept {
@@ -155,6 +159,9 @@ class World {
       while (suppression.lacks_report(stamp)) ++stamp;
       return holds(stamp) ? inbox[stamp % inbox.size()] : report;
     }
+    [[nodiscard]] const HapticReport& before_that(const HapticReport& now) const noexcept {
+      return &now == &report ? before : report;
+    }
   };
 
   void synchronise();
@@ -164,6 +171,8 @@ class World {
   void account();
   void make_frames();
   void apply(std::size_t user, const HapticReport& report);
+  /// Passes the users' impulses on to the cycle under way.
+  void pass_impulses();
   void drive_proxies(double until_s, double dt);
   /// The proxy's dynamics at the rate of the haptic clock.
   void set_rate(User& user, double rate);
@@ -177,6 +186,10 @@ class World {
   /// Whether user u's sub-world waits for the frame of the present stamp.
   [[nodiscard]] bool waits_for_frame(const User& user) const noexcept {
     return !user.suppression.lacks_frame(facts_.stamp);
+  }
+  /// The stamp of the reports that tell what the users do in the cycle under way.
+  [[nodiscard]] std::uint64_t told_stamp() const noexcept {
+    return facts_.stamp + static_cast<std::uint64_t>(scheme_.properties.lead_cycles);
   }
   void set_stamp(std::uint64_t stamp) noexcept;
   /// What a cycle costs by the published coefficients of the engine, s.
@@ -225,7 +238,7 @@ class World {
   FrameMaker frames_;
   std::vector<Heard> heard_;      ///< by user, while frames are made
   std::vector<double> energy_j_;  ///< kinetic and potential, by stamp
-  EnergyPort operators_;  ///< of all users as one
+  EnergyPort operators_;          ///< of all users as one
   double start_energy_j_ = 0.0;
   double resting_j_ = 0.0;    ///< of what sleeps
   double of_bodies_j_ = 0.0;  ///< kinetic and potential, without the proxies' motion

@@ -58,10 +58,11 @@ class WorldSide {
  public:
   virtual ~WorldSide() = default;
 
-  /// The user's action on the world's proxy in the step that ends at `until_s`. `now` is the report of the cycle's end
-  /// or the newest there is, `before` the one before it.
-  [[nodiscard]] virtual ProxyDrive drive(const UserSpec& user, const HapticReport& before, const HapticReport& now,
-                                         double until_s) const = 0;
+  /// The user's action on the world's proxy in the step that ends at `until_s`. `mean` is the user's wrench in the
+  /// cycle (coupling/impulse_account), `now` the report of the cycle's end or the newest there is, `before` the one
+  /// before it.
+  [[nodiscard]] virtual ProxyDrive drive(const UserSpec& user, const Wrench& mean, const HapticReport& before,
+                                         const HapticReport& now, double until_s) const = 0;
   /// Fills `border`, and ghosts and islands of the frame. Not called without sub-worlds.
   virtual void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border,
                        WorldFrame& frame) = 0;

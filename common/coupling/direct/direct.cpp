@@ -6,7 +6,8 @@ namespace {
 
 class DirectWorldSide final : public WorldSide {
  public:
-  ProxyDrive drive(const UserSpec& user, const HapticReport&, const HapticReport& now, double) const override {
+  ProxyDrive drive(const UserSpec& user, const Wrench&, const HapticReport&, const HapticReport& now,
+                   double) const override {
     if (!now.device) return {};
     const ReportedDevice& device = *now.device;
     if (user.device.kind == DeviceKind::admittance) return {device.applied, std::nullopt, {}};

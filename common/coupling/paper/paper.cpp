@@ -13,9 +13,10 @@ class PaperWorldSide final : public WorldSide {
  public:
   explicit PaperWorldSide(const PaperSettings& settings) : settings_(settings) {}
 
-  ProxyDrive drive(const UserSpec&, const HapticReport& before, const HapticReport& now, double) const override {
+  ProxyDrive drive(const UserSpec&, const Wrench& mean, const HapticReport&, const HapticReport&,
+                   double) const override {
     if (!settings_.device_force_in_world) return {};
-    return {mean_wrench(before, now), std::nullopt, {}};
+    return {mean, std::nullopt, {}};
   }
   void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border, WorldFrame&) override {
     extract_border(now.contacts, inside.membership, border);

@@ -13,10 +13,10 @@ namespace {
 constexpr double kLargestGain = 0.5;  ///< of (7)
 constexpr double kDelayGain = 1.2;    ///< of (7), over the lag in cycles
 
-/// The proxy between two reports, cubic in position; beyond the newest, at constant velocity.
+/// The proxy between two reports, cubic in position; beyond the newest, at constant velocity for a while.
 BodyState between(const HapticReport& before, const HapticReport& now, double t_s) noexcept {
   const double span = now.stamp_s - before.stamp_s;
-  if (t_s >= now.stamp_s || span <= 0.0) return advanced(now.proxy, t_s - now.stamp_s);
+  if (t_s >= now.stamp_s || span <= 0.0) return advanced(now.proxy, std::min(t_s - now.stamp_s, kLongestGuess_s));
   const double s = (t_s - before.stamp_s) / span;
   BodyState on_the_way = blend(before.proxy, now.proxy, s);
   on_the_way.position += s * (1.0 - s) *
@@ -32,10 +32,10 @@ Correction reduced_correction(const CopyPair& pair, const Indicators&, const Set
 
 }  // namespace
 
-ProxyDrive reduced_drive(const UserSpec& user, const HapticReport& before, const HapticReport& now, double until_s) {
+ProxyDrive reduced_drive(const UserSpec& user, const Wrench& mean, const HapticReport& before, const HapticReport& now,
+                         double until_s) {
   const BodyState proxy = between(before, now, until_s);
-  return {mean_wrench(before, now),
-          DevicePose{{proxy.position, proxy.orientation}, proxy.linear_velocity, proxy.angular_velocity},
+  return {mean, DevicePose{{proxy.position, proxy.orientation}, proxy.linear_velocity, proxy.angular_velocity},
           ForceLimits{INFINITY, INFINITY, user.device.degrees_of_freedom == 6}};
 }
 

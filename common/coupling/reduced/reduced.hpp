@@ -37,7 +37,7 @@ extern const Scheme kReduced;
 /// The world's side; `drive` is in reduced.cpp.
 [[nodiscard]] std::unique_ptr<WorldSide> make_reduced_world_side(const Scene& scene);
 /// Equation (6), and the spring to the sub-world's proxy at `until_s`.
-[[nodiscard]] ProxyDrive reduced_drive(const UserSpec& user, const HapticReport& before, const HapticReport& now,
-                                       double until_s);
+[[nodiscard]] ProxyDrive reduced_drive(const UserSpec& user, const Wrench& mean, const HapticReport& before,
+                                       const HapticReport& now, double until_s);
 
 }  // namespace subworld

@@ -15,9 +15,9 @@ class ReducedWorldSide final : public WorldSide {
  public:
   explicit ReducedWorldSide(const Scene& scene) : scene_(scene), approach_(scene), modeller_(scene) {}
 
-  ProxyDrive drive(const UserSpec& user, const HapticReport& before, const HapticReport& now,
+  ProxyDrive drive(const UserSpec& user, const Wrench& mean, const HapticReport& before, const HapticReport& now,
                    double until_s) const override {
-    return reduced_drive(user, before, now, until_s);
+    return reduced_drive(user, mean, before, now, until_s);
   }
 
   void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border,

@@ -8,8 +8,9 @@ namespace {
 
 class ExampleWorldSide final : public WorldSide {
  public:
-  ProxyDrive drive(const UserSpec&, const HapticReport& before, const HapticReport& now, double) const override {
-    return {mean_wrench(before, now), std::nullopt, {}};
+  ProxyDrive drive(const UserSpec&, const Wrench& mean, const HapticReport&, const HapticReport&,
+                   double) const override {
+    return {mean, std::nullopt, {}};
   }
   void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border, WorldFrame&) override {
     extract_border(now.contacts, inside.membership, border);
