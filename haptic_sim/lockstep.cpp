@@ -74,7 +74,7 @@ class LockstepLoop : HapticRun {
   }
   bool take_peer(std::uint32_t peer) {
     const bool needed = (sub.facts().peers >> peer & 1U) != 0;
-    Reader<DeviceState>& reader = ports.peer_device(peer);
+    Reader<DeviceState>& reader = ports.peer_devices.open(peer);
     const auto ours = [this](const DeviceState& came) { return came.session == ports.session; };
     while (order_.heard(peer) <= order_.next_step()) {
       if (needed) {

@@ -20,17 +20,13 @@ HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
       reports(bus->writer<HapticReport>(user_partition(options.user))),
       status(*bus, ProgramKind::haptic_sim, static_cast<std::uint32_t>(options.user),
              fmt::format("haptic_sim {}", options.user)),
-      peer_devices_(scene_file.users.size()) {
-  if (scene_file.settings.mode != Mode::lockstep || !scheme_of(scene_file.settings).properties.replicates_peers) return;
-  for (std::size_t u = 0; u < peer_devices_.size(); ++u) {
-    if (static_cast<int>(u) != options.user) (void)peer_device(u);
+      peer_devices(*bus, scene_file.users.size()) {
+  const std::size_t users = scene_file.users.size();
+  if (users < 2 || !scheme_of(scene_file.settings).properties.replicates_peers) return;
+  if (scene_file.settings.mode == Mode::realtime) peer_devices.open_in_background();
+  for (std::size_t u = 0; scene_file.settings.mode == Mode::lockstep && u < users; ++u) {
+    if (static_cast<int>(u) != options.user) (void)peer_devices.open(u);
   }
-}
-
-Reader<DeviceState>& HapticPorts::peer_device(std::size_t user) {
-  std::optional<Reader<DeviceState>>& reader = peer_devices_[user];
-  if (!reader) reader.emplace(bus->reader<DeviceState>(device_partition(static_cast<int>(user))));
-  return *reader;
 }
 
 bool HapticPorts::send(HapticReport& report) noexcept {

@@ -1,14 +1,13 @@
 #pragma once
 
+#include "haptic_sim/peer_devices.hpp"
 #include "io/options.hpp"
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
 #include "wire/status.hpp"
 
-#include <cstddef>
 #include <memory>
-#include <optional>
-#include <vector>
+#include <string>
 
 namespace subworld {
 
@@ -18,10 +17,6 @@ struct HapticPorts {
 
   /// Sends what the sub-world has to say; as one of the run `session`.
   bool send(HapticReport& report) noexcept;
-
-  /// The device of another user. In real time it is heard from the first call on: a peer that cannot be felt costs
-  /// nothing. In lock-step it is heard from the start, because a late reader would miss steps.
-  [[nodiscard]] Reader<DeviceState>& peer_device(std::size_t user);
 
   /// The world serves the first process that joins for a user; one that comes later, or again, is refused.
   [[nodiscard]] bool refused_by(const WorldFrame& frame) const noexcept {
@@ -38,9 +33,7 @@ struct HapticPorts {
   Reader<WorldFrame> frames;
   Writer<HapticReport> reports;
   StatusBeacon status;
-
- private:
-  std::vector<std::optional<Reader<DeviceState>>> peer_devices_;  ///< by user
+  PeerDevices peer_devices;  ///< in lock-step all are open from the start, because a late reader would miss steps
 };
 
 [[nodiscard]] std::string refused_text(std::uint32_t user);

@@ -54,6 +54,7 @@ class RealtimeLoop : HapticRun {
     while (fading_ < kFadeSteps) step();
     measures.loop_ends();
     send_last_command(ports, device_, kTimesLast);
+    if (const std::string text = ports.peer_devices.fault(); !text.empty()) ports.status.note(text);
     ending_.to_s = sub.facts().time_s;
     if (!ending_.fault.empty()) {
       ending_.by = "fault";
@@ -103,10 +104,11 @@ class RealtimeLoop : HapticRun {
     for (std::size_t p = 0; p < peers_.size(); ++p) {
       known_peers_[p] = nullptr;
       if ((sub.facts().peers >> p & 1U) == 0) continue;
-      Reader<DeviceState>& reader = ports.peer_device(p);
-      while (take(reader, came_, stages_) == Take::sample) {
+      Reader<DeviceState>* const reader = ports.peer_devices.find(p);
+      if (reader == nullptr) continue;
+      while (take(*reader, came_, stages_) == Take::sample) {
         if (came_.session != ports.session) continue;
-        reader.trust_sender();
+        reader->trust_sender();
         peers_[p] = came_;
       }
       if (peers_[p].session == ports.session) known_peers_[p] = &peers_[p];
