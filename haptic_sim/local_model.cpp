@@ -67,6 +67,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     peers_.reserve(scene.users.size());
     peer_work_.assign(scene.users.size(), PortWork(DeviceKind::impedance));
     pulls_.reserve(scene.users.size());
+    outside_pulls_.reserve(scene.users.size());
   }
 
   Wrench advance(const Drive& drive, double time_s, double dt, Indicators& indicators) override {
@@ -75,7 +76,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     const Wrench& pressed = drive.kind == DeviceKind::admittance ? drive.applied : drive.felt;
     pulls_.clear();
     const double peers_n = move_peers(drive.peers, time_s, dt);
-    border_->begin(engine_, dt, pressed.force.norm() + peers_n);
+    border_->begin(engine_, dt, pressed.force.norm() + peers_n, outside_pulls_);
     if (drive.kind == DeviceKind::admittance) {
       engine_.apply_force(proxy_, drive.applied.force, drive.applied.torque);
     } else {
@@ -188,12 +189,18 @@ class SimulatedNeighbourhood final : public LocalModel {
   /// Returns how hard they press, N.
   double move_peers(std::span<const DeviceState* const> heard, double time_s, double dt) {
     double force_n = 0.0;
+    outside_pulls_.clear();
     // By their devices, not by their forces: a force that is late drops what it holds.
     for (const PeerDevice& peer : peers_) {
       const std::size_t number = user_index(peer.proxy);
-      if (number == scene_.users.size() || !engine_.contains(peer.proxy)) continue;
+      if (number == scene_.users.size()) continue;
       const UserSpec& user = scene_.users[number];
       const DevicePose device = peer_device(peer, number < heard.size() ? heard[number] : nullptr, time_s);
+      if (!std::ranges::binary_search(members_, peer.proxy)) {
+        const Tool tool = tool_at(rate_, user, scene_.body(peer.proxy));
+        outside_pulls_.push_back({peer.proxy, device, tool.coupling, user.device.force_limit_n});
+        continue;
+      }
       const PortWork::Work work = peer_work_[number].step(device.pose, {});
       others_work_j_ += work.linear_j + work.angular_j;
       force_n += pull(tool_at(rate_, user, scene_.body(peer.proxy)), limits_of(user.device), device, dt);
@@ -226,7 +233,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   void release_peers() {
     for (const PeerDevice& peer : peers_) {
       const UserSpec* user = user_of(peer.proxy);
-      if (user != nullptr && engine_.contains(peer.proxy)) declutch(*user);
+      if (user != nullptr && std::ranges::binary_search(members_, peer.proxy)) declutch(*user);
     }
   }
 
@@ -274,9 +281,10 @@ class SimulatedNeighbourhood final : public LocalModel {
     peers_ = frame.peers;
     peers_stamp_s_ = frame.stamp_s;
     outside_work_j_ = frame.outside_work_j;
-    const std::uint64_t inside = peers();
     for (std::size_t u = 0; u < peer_work_.size(); ++u) {
-      if ((inside >> u & 1U) == 0) peer_work_[u].restart();
+      const BodyId proxy = scene_.users[u].proxy;
+      const bool moved = std::ranges::find(peers_, proxy, &PeerDevice::proxy) != peers_.end();
+      if (!moved || !std::ranges::binary_search(members_, proxy)) peer_work_[u].restart();
     }
   }
 
@@ -306,8 +314,9 @@ class SimulatedNeighbourhood final : public LocalModel {
   double peer_age_s_ = 0.0;          ///< greatest since the last report
   std::vector<PortWork> peer_work_;  ///< by user
   std::vector<Pull> pulls_;
+  std::vector<PeerPull> outside_pulls_;
   double others_work_j_ = 0.0;
-  double outside_work_j_ = 0.0;  ///< part of it, of peers that are not in the sub-world
+  double outside_work_j_ = 0.0;  ///< part of it, of peers that are not members
   double rate_ = 1.0;            ///< of the clock
   std::uint32_t border_bodies_ = 0;
   bool compares_islands_ = false;

@@ -241,6 +241,7 @@ bool SubWorld::knows(const WorldFrame& frame) const noexcept {
   };
   return std::ranges::all_of(frame.members, in_scene) && std::ranges::all_of(frame.fixed, in_scene) &&
          std::ranges::all_of(frame.ghosts, possible) &&
+         std::ranges::all_of(frame.ghost_peers, in_scene, &GhostPeer::proxy) &&
          std::ranges::all_of(frame.peers, in_scene, &PeerDevice::proxy) &&
          std::ranges::all_of(frame.entering, in_scene, [](const EnteringBody& e) { return e.body.id; });
 }

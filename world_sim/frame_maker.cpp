@@ -160,7 +160,9 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
   for (std::size_t p = 0; p < users_.size(); ++p) {
     const UserSpec& spec = *users_[p].spec;
     if (&users_[p] == &user || spec.device.kind != DeviceKind::impedance) continue;
-    if (!heard[p].any || !std::ranges::binary_search(frame.members, spec.proxy)) continue;
+    const bool inside = std::ranges::binary_search(frame.members, spec.proxy);
+    const bool pushes = std::ranges::find(frame.ghost_peers, spec.proxy, &GhostPeer::proxy) != frame.ghost_peers.end();
+    if (!heard[p].any || (!inside && !pushes)) continue;
     const HapticReport& report = *heard[p].at_stamp;
     if (!report.device) continue;
     const ReportedDevice& at_report = *report.device;
@@ -187,8 +189,7 @@ void FrameMaker::count_outside_work(User& user, WorldFrame& frame) const {
   for (const PeerContact& felt : user.felt) {
     const auto is_felt = [&](const User& other) { return other.spec->proxy == felt.proxy; };
     const auto peer = static_cast<std::size_t>(std::ranges::find_if(users_, is_felt) - users_.begin());
-    const bool inside = std::ranges::find(frame.peers, felt.proxy, &PeerDevice::proxy) != frame.peers.end();
-    if (!inside) user.outside_work_j += work_j_[peer];
+    if (!std::ranges::binary_search(frame.members, felt.proxy)) user.outside_work_j += work_j_[peer];
   }
   frame.outside_work_j = user.outside_work_j;
 }

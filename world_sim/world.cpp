@@ -370,10 +370,15 @@ void World::make_frames() {
   graph_.build(contacts_, scene_.bodies.size());
   for (std::size_t u = 0; u < users_.size(); ++u)
     heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(facts_.stamp), !waits_for_frame(users_[u])};
+  pulls_.clear();
+  for (const User& user : users_) {
+    if (!user.heard || user.spec->device.kind != DeviceKind::impedance) continue;
+    pulls_.push_back({user.spec->proxy, user.mean.force});
+  }
   const std::function<bool()> friction = [this] { return find_friction(); };
   frames_.make(
-      {facts_.stamp, facts_.time_s, facts_.cycle_s, timetable_, engine_, contacts_, friction, graph_, motions_}, heard_,
-      -half_step_offset_s());
+      {facts_.stamp, facts_.time_s, facts_.cycle_s, timetable_, engine_, contacts_, friction, graph_, motions_, pulls_},
+      heard_, -half_step_offset_s());
   for (std::size_t u = 0; u < users_.size(); ++u) {
     if (waits_for_frame(users_[u])) users_[u].suppression.begin(frames_.frame(u, facts_.stamp));
   }

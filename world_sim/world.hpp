@@ -237,6 +237,7 @@ class World {
   std::vector<const HapticReport*> reports_;  ///< by user, while shared islands are merged
   FrameMaker frames_;
   std::vector<Heard> heard_;      ///< by user, while frames are made
+  std::vector<UserPull> pulls_;   ///< of the users that have been heard
   std::vector<double> energy_j_;  ///< kinetic and potential, by stamp
   EnergyPort operators_;          ///< of all users as one
   double start_energy_j_ = 0.0;

@@ -1,12 +1,22 @@
 #pragma once
 
+#include "coupling/virtual_coupling.hpp"
 #include "model/exchange.hpp"
 #include "physics/engine.hpp"
 
 #include <cstdint>
 #include <optional>
+#include <span>
 
 namespace subworld {
+
+/// The device of another user, whose spring pulls a proxy that is not in the engine.
+struct PeerPull {
+  BodyId proxy{};
+  DevicePose device;
+  CouplingSettings coupling;
+  double limit_n = 0.0;
+};
 
 /// A scheme's side in a haptic process: what represents the outside at the border of a sub-world, in its engine.
 class SubWorldSide {
@@ -27,7 +37,7 @@ class SubWorldSide {
   virtual void clear(Engine& engine) = 0;
 
   /// Before each step of `dt` s. `operators_n`: sum of the forces of all operators on bodies in the engine, N.
-  virtual void begin(Engine& engine, double dt, double operators_n) = 0;
+  virtual void begin(Engine& engine, double dt, double operators_n, std::span<const PeerPull> peers) = 0;
   /// After each step.
   virtual void end(const Engine& engine, double dt) = 0;
   /// Stores the states of the border's bodies at a stamp.

@@ -22,6 +22,12 @@ struct Motion {
   Vec3 acceleration = Vec3::Zero();  ///< mean, m/s^2
 };
 
+/// A user whose device pulls the proxy by a spring.
+struct UserPull {
+  BodyId proxy{};
+  Vec3 force_n = Vec3::Zero();  ///< mean over the last cycle
+};
+
 /// The world at one stamp, as frames are made from it.
 struct WorldNow {
   std::uint64_t stamp = 0;
@@ -33,6 +39,7 @@ struct WorldNow {
   const std::function<bool()>& find_friction;  ///< of the contacts; false where it was there
   const ContactGraph& graph;                   ///< of the contacts
   std::span<const Motion> motions;             ///< by body
+  std::span<const UserPull> pulls = {};
 };
 
 /// One user's sub-world within it.

@@ -100,6 +100,14 @@ struct GhostModel {
   bool approaching = false;  ///< touches no member yet; collides with ghosts too
 };
 
+/// Another user who pushes the outside towards the sub-world, along an axis of a ghost.
+struct GhostPeer {
+  BodyId outside{};        ///< of the ghost
+  std::uint32_t axis = 0;  ///< of the ghost, 0 .. kMostGhostAxes - 1
+  BodyId proxy{};          ///< of the user
+  double offset_m = 0.0;   ///< of the proxy from the outside body, along the axis
+};
+
 /// A contact between a body inside the sub-world and one outside (paper 4.2), or a pair that may come into contact soon
 /// (coupling/approach). In a pair of the second kind, `inside` may be a ghost. Impulses act on `inside`.
 struct BoundaryContact {
@@ -125,7 +133,7 @@ struct EnteringBody {
 /// No device is extrapolated for longer, s of simulated time: its user may have gone.
 inline constexpr double kLongestGuess_s = 0.2;
 
-/// The device of another user whose proxy is in the sub-world.
+/// The device of another user whose proxy is in the sub-world, or pushes one of its ghosts.
 struct PeerDevice {
   BodyId proxy{};
   Pose pose;                             ///< in scene coordinates, at the frame's stamp
@@ -173,8 +181,9 @@ struct WorldFrame {
   std::uint32_t border_bodies = 0;      ///< members with such a contact, or with one soon
   std::vector<BoundaryContact> border;  ///< the contacts that the sub-world needs
   std::vector<GhostModel> ghosts;
+  std::vector<GhostPeer> ghost_peers;
   std::vector<PeerDevice> peers;
-  /// Since the start, of the other operators whom contacts connect to this one while they are not among `peers`.
+  /// Since the start, of the other operators whom contacts connect to this one while their proxies are not members.
   double outside_work_j = 0.0;
   std::optional<Suppression> suppression;  ///< takes effect after this frame
 };
@@ -188,6 +197,7 @@ inline void reserve(WorldFrame& frame, std::size_t bodies) {
   frame.islands.reserve(bodies);
   frame.border.reserve(4 * bodies);
   frame.ghosts.reserve(bodies);
+  frame.ghost_peers.reserve(bodies);
 }
 
 /// Criteria for blending the two copies of a body (paper 4.3); sums over one haptic cycle.

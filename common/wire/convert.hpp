@@ -238,6 +238,11 @@ bool ghost_fields(const auto& copy, auto& ghosts, auto& frame) {
   return copy.length(frame.ghost_axes(), axes) && copy.length(frame.carried_bodies(), carried);
 }
 
+bool fields(const auto& copy, Is<GhostPeer> auto& m, auto& w) {
+  return copy(m.outside, w.outside()) && copy(m.axis, w.axis()) && copy.check(m.axis < kMostGhostAxes) &&
+         copy(m.proxy, w.proxy()) && copy(m.offset_m, w.offset_m());
+}
+
 bool fields(const auto& copy, Is<PeerDevice> auto& m, auto& w) {
   return copy(m.proxy, w.proxy()) && copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
          copy(m.angular_velocity, w.angular_velocity()) && copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
@@ -306,7 +311,8 @@ bool fields(const auto& copy, Is<WorldFrame> auto& m, auto& w) {
          copy(m.members, w.members()) && copy(m.fixed, w.fixed_bodies()) && copy(m.islands, w.islands()) &&
          copy(m.entering, w.entering()) && copy(m.states, w.states()) && copy(m.border_contacts, w.border_contacts()) &&
          copy(m.border_bodies, w.border_bodies()) && copy(m.border, w.border()) && ghost_fields(copy, m.ghosts, w) &&
-         copy(m.peers, w.peers()) && copy(m.outside_work_j, w.outside_work_j()) && copy(m.suppression, w.suppression());
+         copy(m.ghost_peers, w.ghost_peers()) && copy(m.peers, w.peers()) &&
+         copy(m.outside_work_j, w.outside_work_j()) && copy(m.suppression, w.suppression());
 }
 
 bool fields(const auto& copy, Is<HapticReport> auto& m, auto& w) {

@@ -41,11 +41,13 @@ struct Outside {
                                 {{.orientation = orientation, .linear_velocity = velocity}, acceleration});
     for (std::size_t i = 0; i < positions.size(); ++i) motions[i].state.position = positions[i];
     for (std::size_t i = 0; i < accelerations.size(); ++i) motions[i].acceleration = accelerations[i];
-    GhostModeller(scene).model(border, {membership, graph, motions, kStep_s}, out);
+    GhostModeller(scene).model(border, {membership, graph, motions, kStep_s, pulls}, out, peers);
     return out;
   }
 
   Scene scene;
+  std::vector<UserPull> pulls;   ///< of other users' devices
+  std::vector<GhostPeer> peers;  ///< that were found
   std::vector<Contact> contacts;
   std::vector<Vec3> positions;  ///< by body; none: all in one place
   std::vector<Vec3> accelerations;

@@ -52,6 +52,7 @@ class SampleMaker {
       fill(carried.drive);
     }
   }
+  void fill(GhostPeer& to) { to = {BodyId{word()}, word() % 3, BodyId{word()}, number()}; }
   void fill(PeerDevice& to) {
     to.proxy = BodyId{word()};
     fill(to.pose);
@@ -134,6 +135,7 @@ class SampleMaker {
     fill(to.pose);
     to.linear_velocity = vector();
     to.angular_velocity = vector();
+    to.others_work_j = number();
     to.last = coin();
   }
   void fill(WorldFrame& to) {
@@ -159,7 +161,9 @@ class SampleMaker {
     to.border_bodies = word();
     fill_all(to.border);
     fill_all(to.ghosts);
+    fill_all(to.ghost_peers);
     fill_all(to.peers);
+    to.outside_work_j = number();
     if (coin()) to.suppression = {long_word(), {vector(), vector()}};
   }
   void fill(HapticReport& to) {
@@ -174,6 +178,8 @@ class SampleMaker {
     fill(to.impulse_total);
     to.device_work_j = number();
     to.coupling_energy_j = number();
+    to.operator_work_j = number();
+    to.peer_age_s = number();
     fill(to.proxy);
     if (coin()) {
       to.device.emplace();
@@ -272,6 +278,7 @@ struct NumberVisitor {
       for (int i = 0; i < 3; ++i) all(Vec3(g.carried->inertia_kg_m2.col(i)));
     }
   }
+  void operator()(const GhostPeer& p) { all(p.outside, p.axis, p.proxy, p.offset_m); }
   void operator()(const PeerDevice& p) {
     all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity, p.device_s, p.offset);
   }
@@ -285,19 +292,20 @@ struct NumberVisitor {
   }
   void operator()(const DeviceCommand& d) {
     all(d.device, d.session, d.served, d.sequence, d.stamp_s, d.echoed_sent_ns, d.wrench, d.pose, d.linear_velocity,
-        d.angular_velocity, d.last);
+        d.angular_velocity, d.others_work_j, d.last);
   }
   void operator()(const WorldFrame& f) {
     all(f.user, f.session, f.served, f.stamp, f.stamp_s, f.start_in_s, f.real_time_factor, f.echoed_sent_ns,
         f.echoed_stamp, f.last, f.cycle_s, static_cast<std::uint32_t>(f.ratio), f.planned.stamp,
         static_cast<std::uint32_t>(f.planned.ratio), f.members, f.fixed, f.islands, f.entering, f.states,
-        f.border_contacts, f.border_bodies, f.border, f.ghosts, f.peers, f.suppression.has_value());
+        f.border_contacts, f.border_bodies, f.border, f.ghosts, f.ghost_peers, f.peers, f.outside_work_j,
+        f.suppression.has_value());
     if (f.suppression) all(f.suppression->until, f.suppression->place.lower, f.suppression->place.upper);
   }
   void operator()(const HapticReport& r) {
     all(r.user, r.session, r.sender, r.stamp, r.stamp_s, r.clock_rate, r.sent_ns, r.confirmed_stamp, r.impulse_total,
-        r.device_work_j, r.coupling_energy_j, r.proxy, r.device.has_value(), r.members, r.islands,
-        r.indicators.proxy_impulse_n_s, r.indicators.total_impulse_n_s, r.indicators.device_impulse_n_s,
+        r.device_work_j, r.coupling_energy_j, r.operator_work_j, r.peer_age_s, r.proxy, r.device.has_value(), r.members,
+        r.islands, r.indicators.proxy_impulse_n_s, r.indicators.total_impulse_n_s, r.indicators.device_impulse_n_s,
         r.indicators.border_bodies, r.indicators.proxy_contacts, r.timing.mean_s, r.timing.max_s);
     if (r.device) all(r.device->pose, r.device->linear_velocity, r.device->angular_velocity, r.device->applied);
   }

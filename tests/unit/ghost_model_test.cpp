@@ -52,6 +52,23 @@ TEST(GhostModel, APushedGhostIsNotPartOfItsPusher) {
   EXPECT_NEAR(models[1].axes[0].coulomb_limit_n, 1.5, 1e-9);
 }
 
+// Cube 3 is the proxy of another user, whose device pushes it with 4 N towards the border; 5 N arrive there.
+TEST(GhostModel, AnotherUsersPushIsNoFriction) {
+  Outside o = row(5.0);
+  o.positions = {Vec3::Zero(), Vec3::Zero(), Vec3(0.1, 0, 0), Vec3(0.22, 0, 0)};
+  const double friction_n = 0.5 * 2 * kWeight_n;
+  EXPECT_NEAR(o.models({BodyId{1}}).at(0).axes[0].coulomb_limit_n, 5.0, 1e-9) << "unknown, it looks like friction";
+  EXPECT_TRUE(o.peers.empty());
+  o.pulls = {{BodyId{3}, Vec3(-4, 0, 0)}};
+  const GhostModel ghost = o.models({BodyId{1}}).at(0);
+  EXPECT_NEAR(ghost.axes[0].coulomb_limit_n, std::max(friction_n, 1.0), 1e-9);
+  ASSERT_EQ(o.peers.size(), 1U);
+  EXPECT_EQ(o.peers[0].outside, BodyId{2});
+  EXPECT_EQ(o.peers[0].proxy, BodyId{3});
+  EXPECT_NEAR(o.peers[0].offset_m, -0.12, 1e-12) << "along the axis, which points to the inside";
+  EXPECT_TRUE((o.models({BodyId{1}, BodyId{2}, BodyId{3}}), o.peers.empty())) << "its proxy is a member";
+}
+
 TEST(GhostModel, ASlidingBodyResistsWithTheForceThatPushesIt) {
   const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0));
   EXPECT_NEAR(models.at(0).axes[0].coulomb_limit_n, 3.0, 1e-9);

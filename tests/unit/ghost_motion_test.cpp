@@ -47,6 +47,31 @@ TEST(GhostMotion, SticksUnderItsLimitAndSlidesAboveIt) {
   EXPECT_NEAR(speed, (8.0 - 5.0) / 0.6 * 0.2, 0.02);  // (F - c) / (m + M) t
 }
 
+// Pushed by a force F, a mass m and a ghost M that a spring K, B holds come to rest at x = F / K: like the formula of
+// the damped oscillator, to the first order in the step.
+TEST(GhostMotion, GivesWayAsTheSpringOfAnotherUsersDevice) {
+  const double h = 0.0005, force_n = 4.0, mass_kg = 0.2, stiffness = 1000.0, damping = 20.0;
+  GhostMotion ghost = sticking(0.0);
+  double v = 0.0, x = 0.0, worst_m = 0.0;
+  const double total_kg = mass_kg + ghost.model.mass_kg;
+  const double decay = damping / (2.0 * total_kg), omega = std::sqrt(stiffness / total_kg - decay * decay);
+  for (int i = 1; i <= 1000; ++i) {
+    // The axis points against x, and so does the pull of a device that stays at x = 0.
+    ghost.springs[0] = {.force_n = stiffness * x, .added_kg = h * (damping + h * stiffness)};
+    const double before = ghost.begin(Vec3(v, 0, 0), h, kNoLimit_n).x();
+    // The pushing mass stays in contact; the ghost moves as an engine would move its mass.
+    v = (mass_kg * v + force_n * h + ghost.mass_kg() * before - stiffness * x * h) / (mass_kg + ghost.mass_kg());
+    ghost.end(Vec3(before, 0, 0), Vec3(v, 0, 0), h);
+    x += h * v;
+    const double t_s = h * i;
+    const double swing = std::cos(omega * t_s) + decay / omega * std::sin(omega * t_s);
+    worst_m = std::max(worst_m, std::abs(x - force_n / stiffness * (1.0 - std::exp(-decay * t_s) * swing)));
+  }
+  EXPECT_LT(worst_m, 0.02 * force_n / stiffness);
+  EXPECT_NEAR(x, force_n / stiffness, 1e-5);
+  EXPECT_NEAR(ghost.load_n.x(), force_n, 0.01);
+}
+
 TEST(GhostMotion, HoldsHarderWhatIsPressedDown) {
   const double h = 0.001;
   const auto slowed = [&](double down_n) {

@@ -246,7 +246,7 @@ TEST(AdaptiveRatio, AFrozenBorderDividesItsImpulsesOverTheirOwnCycle) {
                           .normal = Vec3::UnitX(),
                           .normal_impulse = 0.5});
   border->follow(frame, *engine, {});
-  border->begin(*engine, 0.001, 0.0);
+  border->begin(*engine, 0.001, 0.0, {});
   EXPECT_NEAR(cube->mass * engine->state(cube->id).linear_velocity.x(), 0.05, 1e-9);
 }
 

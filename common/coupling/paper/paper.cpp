@@ -41,7 +41,7 @@ class FrozenBorder final : public SubWorldSide {
   }
   std::optional<BodyState> release(BodyId, Engine&) override { return std::nullopt; }
   void clear(Engine&) override { border_.clear(); }
-  void begin(Engine& engine, double dt, double) override {
+  void begin(Engine& engine, double dt, double, std::span<const PeerPull>) override {
     if (dt != for_step_s_) {
       frozen_impulses(border_, dt / cycle_s_, impulses_);
       for_step_s_ = dt;

@@ -217,7 +217,23 @@ void GhostModeller::find_pushed(std::span<const GhostModel> ghosts, const Surrou
   std::ranges::sort(pushed_, {}, &Pushed::body);
 }
 
-void GhostModeller::model_axis(GhostAxis& axis, const Motion& motion, const Surroundings& around, GhostModel& ghost) {
+Vec3 GhostModeller::find_peers(std::uint32_t axis, const Surroundings& around, const GhostModel& ghost,
+                               std::vector<GhostPeer>& peers) const {
+  Vec3 sum_n = Vec3::Zero();
+  for (const UserPull& pull : around.pulls) {
+    if (std::ranges::find(way_, pull.proxy) == way_.end()) continue;
+    sum_n += pull.force_n;
+    const Vec3& from = around.motions[index(ghost.outside)].state.position;
+    const Vec3& to = around.motions[index(pull.proxy)].state.position;
+    peers.push_back({ghost.outside, axis, pull.proxy, ghost.axes[axis].normal.dot(to - from)});
+  }
+  return sum_n;
+}
+
+void GhostModeller::model_axis(std::uint32_t number, const Surroundings& around, GhostModel& ghost,
+                               std::vector<GhostPeer>& peers) {
+  GhostAxis& axis = ghost.axes[number];
+  const Motion& motion = around.motions[index(ghost.outside)];
   const double load_n = -ghost.load_n.dot(axis.normal);
   const EffectiveMass found = walk(ghost.outside, -axis.normal, around);
   if (found.wall) {
@@ -225,7 +241,8 @@ void GhostModeller::model_axis(GhostAxis& axis, const Motion& motion, const Surr
     axis.coulomb_limit_n = kWallLimit_n;
     return;
   }
-  const double q = load_n + found.inertial_n.dot(axis.normal);
+  const Vec3 pull_n = find_peers(number, around, ghost, peers);
+  const double q = load_n + (found.inertial_n - pull_n).dot(axis.normal);
   double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
   double c = found.limit_n;
   const bool slides = motion.state.linear_velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
@@ -238,7 +255,8 @@ void GhostModeller::model_axis(GhostAxis& axis, const Motion& motion, const Surr
 }
 
 void GhostModeller::model(std::span<const BoundaryContact> border, const Surroundings& around,
-                          std::vector<GhostModel>& out) {
+                          std::vector<GhostModel>& out, std::vector<GhostPeer>& peers) {
+  peers.clear();
   list(border, around.membership, out);
   for (const BoundaryContact& pair : border) {
     const Vec3 on_inside_n = (pair.normal_impulse * pair.normal + pair.tangential_impulse) / around.step_s;
@@ -252,10 +270,9 @@ void GhostModeller::model(std::span<const BoundaryContact> border, const Surroun
   const auto state_of = [&around](BodyId id) { return around.motions[index(id)].state; };
   for (GhostModel& ghost : out) {
     ghost.carried = carried_.model(ghost.outside, out, around.membership, around.graph, state_of);
-    const Motion& motion = around.motions[index(ghost.outside)];
-    for (std::size_t i = 0; i < ghost.axis_count; ++i) model_axis(ghost.axes[i], motion, around, ghost);
+    for (std::uint32_t i = 0; i < ghost.axis_count; ++i) model_axis(i, around, ghost, peers);
     if (ghost.mass_kg == 0.0) ghost.mass_kg = kWallMass_kg;
-    if (!ghost.carried) add_unconstrained_directions(motion, around, ghost);
+    if (!ghost.carried) add_unconstrained_directions(around.motions[index(ghost.outside)], around, ghost);
   }
 }
 
@@ -279,21 +296,32 @@ Vec3 GhostMotion::along(const Vec3& v) const noexcept {
   return part;
 }
 
+double GhostMotion::mass_kg() const noexcept {
+  return model.mass_kg + std::ranges::max(springs, {}, &AxisSpring::added_kg).added_kg;
+}
+
 Vec3 GhostMotion::force() const noexcept {
   Vec3 sum = Vec3::Zero();
-  for (std::size_t i = 0; i < model.axis_count; ++i) sum += model.axes[i].force_n * model.axes[i].normal;
+  for (std::size_t i = 0; i < model.axis_count; ++i) {
+    sum += (model.axes[i].force_n + springs[i].force_n) * model.axes[i].normal;
+  }
   return sum;
 }
 
 Vec3 GhostMotion::begin(const Vec3& velocity, double dt, double spare_n) const noexcept {
   Vec3 start = world_velocity - along(world_velocity) + along(velocity);
+  const double mass = mass_kg();
   for (std::size_t i = 0; i < model.axis_count; ++i) {
     const GhostAxis& axis = model.axes[i];
+    const AxisSpring& spring = springs[i];
+    const double speed = velocity.dot(axis.normal);
+    const double braked = speed * spring.added_kg / (model.mass_kg + spring.added_kg);
+    start -= braked * axis.normal;
     const bool wall = axis.coulomb_limit_n >= kWallLimit_n;
     const double contact_n = std::max(0.0, -load_n.dot(axis.normal));
     const double held_n = wall ? std::min(contact_n, axis.force_n + spare_n) : contact_n;
     // Where the step would end, the load being that of the last one.
-    const double end = velocity.dot(axis.normal) + (axis.force_n - held_n) / model.mass_kg * dt;
+    const double end = speed - braked + (axis.force_n + spring.force_n - held_n) / mass * dt;
     if (wall) {
       const double yields = contact_n > held_n ? kYield_m_s * std::min(1.0, contact_n / held_n - 1.0) : 0.0;
       start -= (end - std::clamp(end, -kCreep_m_s, kCreep_m_s) + yields) * axis.normal;
@@ -301,14 +329,14 @@ Vec3 GhostMotion::begin(const Vec3& velocity, double dt, double spare_n) const n
     }
     const double limit_n =
         std::max(0.0, axis.coulomb_limit_n + axis.load_dependent_friction.dot(load_n - model.load_n));
-    const double limit = limit_n / model.mass_kg * dt;
+    const double limit = limit_n / mass * dt;
     start -= std::clamp(end, -limit, limit) * axis.normal;
   }
   return start;
 }
 
 void GhostMotion::end(const Vec3& before, const Vec3& after, double dt) noexcept {
-  load_n = model.mass_kg / dt * (after - before) - force();
+  load_n = mass_kg() / dt * (after - before) - force();
 }
 
 }  // namespace subworld

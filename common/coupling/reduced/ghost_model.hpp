@@ -22,6 +22,7 @@ struct Surroundings {
   const ContactGraph& graph;        ///< totals over step_s
   std::span<const Motion> motions;  ///< by body
   double step_s;
+  std::span<const UserPull> pulls = {};
 };
 
 /// Finds the reduced model of every outside body that touches inside ones: how heavy it is to push along the border's
@@ -41,12 +42,16 @@ struct Surroundings {
 /// of p, q = p + sum(m a).n is what the inertia of all that is pushed does not take; sliding, c = q - f; at rest, c >=
 /// q - f; and always |q - f| <= c. The limit holds under the load that the inside puts on the outside in the world;
 /// what presses the ghost harder on its supports adds mu times as much (load-dependent friction).
+///
+/// Another user's proxy among what is pushed is held by a spring, not by friction: q is without the pull of its device,
+/// and the ghost gets the spring instead (GhostPeer).
 class GhostModeller {
  public:
   explicit GhostModeller(const Scene& scene);
 
-  /// Ascending by `outside`.
-  void model(std::span<const BoundaryContact> border, const Surroundings& around, std::vector<GhostModel>& out);
+  /// Ghosts ascend by `outside`. `peers`: who pushes them.
+  void model(std::span<const BoundaryContact> border, const Surroundings& around, std::vector<GhostModel>& out,
+             std::vector<GhostPeer>& peers);
 
  private:
   struct EffectiveMass {
@@ -68,7 +73,10 @@ class GhostModeller {
   /// The bodies that each ghost pushes along its axes.
   void find_pushed(std::span<const GhostModel> ghosts, const Surroundings& around);
   /// Driving force and friction limit of one axis, and the mass of the ghost if no axis gave it yet.
-  void model_axis(GhostAxis& axis, const Motion& motion, const Surroundings& around, GhostModel& ghost);
+  void model_axis(std::uint32_t axis, const Surroundings& around, GhostModel& ghost, std::vector<GhostPeer>& peers);
+  /// The pull of the users' devices, N, on what the last walk has found; lists them.
+  [[nodiscard]] Vec3 find_peers(std::uint32_t axis, const Surroundings& around, const GhostModel& ghost,
+                                std::vector<GhostPeer>& peers) const;
   /// Fills the normals.
   void find_axes(std::span<const BoundaryContact> border, const ContactGraph& graph, GhostModel& ghost) const;
   /// Where a push `along` presses the body on something fixed, the way which that blocks; else `along`.
@@ -112,13 +120,22 @@ class GhostModeller {
 [[nodiscard]] Vec3 clearance(const GhostModel& ghost, std::span<const BoundaryContact> border,
                              const std::function<Vec3(BodyId)>& offset_of);
 
+/// The couplings of other users behind an axis of a ghost, for one linearly implicit step (coupling/virtual_coupling).
+struct AxisSpring {
+  double force_n = 0.0;   ///< K (x_d - x_p) + B v_d, along the axis
+  double added_kg = 0.0;  ///< dt (B + dt K)
+};
+
 /// A ghost while it runs: a point mass with friction along its axes, the world's body across them. What it feels is a
 /// contraction, so an outside that sticks stays where it is.
 struct GhostMotion {
   GhostModel model;
   Vec3 world_velocity = Vec3::Zero();  ///< m/s, of the world's body
   Vec3 load_n = Vec3::Zero();          ///< of the inside on it, in the last step
+  std::array<AxisSpring, kMostGhostAxes> springs = {};
 
+  /// In the engine: the model's, with what the springs add.
+  [[nodiscard]] double mass_kg() const noexcept;
   /// The part of a vector along the axes.
   [[nodiscard]] Vec3 along(const Vec3& v) const noexcept;
   /// The force that drives it, N.

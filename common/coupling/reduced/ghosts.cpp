@@ -49,6 +49,7 @@ std::vector<Ghosts::Ghost>::iterator Ghosts::drop(std::vector<Ghost>::iterator g
 }
 
 void Ghosts::follow(const WorldFrame& frame, Engine& engine, const Following& how) {
+  peers_ = frame.ghost_peers;
   for (auto ghost = ghosts_.begin(); ghost != ghosts_.end();) {
     const auto model = find_sorted(frame.ghosts, ghost->id, &GhostModel::outside);
     const bool gone = model == frame.ghosts.end();
@@ -83,8 +84,10 @@ void Ghosts::adapt(Ghost& ghost, const GhostModel& model, Engine& engine) {
   GhostMotion& motion = ghost.motion;
   if (motion.model.approaching != model.approaching) {
     const BodyState now = engine.state(ghost.id);
+    const Body renewed = as_ghost(model);
     engine.remove(ghost.id);
-    engine.add(as_ghost(model), now, role_of(model));
+    engine.add(renewed, now, role_of(model));
+    ghost.mass_kg = renewed.mass;
   }
   if (model.carried) {
     if (!ghost.carried) {
@@ -94,8 +97,6 @@ void Ghosts::adapt(Ghost& ghost, const GhostModel& model, Engine& engine) {
       engine.set_inertia(ghost.id, body.mass, body.inertia);
     }
     ghost.carried->follow(*model.carried);
-  } else if (motion.model.mass_kg != model.mass_kg) {
-    engine.set_inertia(ghost.id, model.mass_kg, kSpinInertia * body.inertia);
   }
   motion.model = model;
 }
@@ -131,6 +132,7 @@ void Ghosts::create(const GhostModel& model, const BodyState& world, const World
               .motion = {.model = model, .world_velocity = world.linear_velocity},
               .world_stamp = frame.stamp,
               .spin = world.angular_velocity,
+              .mass_kg = body.mass,
               .log = empty_log()};
   adapt(ghost, model, engine);
   ghosts_.insert(std::ranges::lower_bound(ghosts_, body.id, {}, &Ghost::id), std::move(ghost));
@@ -186,7 +188,30 @@ void Ghosts::clear(Engine& engine) {
   while (!ghosts_.empty()) drop(ghosts_.end() - 1, engine);
 }
 
-void Ghosts::begin(Engine& engine, double dt, double operators_n) {
+void Ghosts::attach(Ghost& ghost, const BodyState& now, double dt, std::span<const PeerPull> peers) const {
+  ghost.motion.springs = {};
+  for (const GhostPeer& behind : peers_) {
+    const auto peer = std::ranges::find(peers, behind.proxy, &PeerPull::proxy);
+    if (behind.outside != ghost.id || behind.axis >= ghost.motion.model.axis_count || peer == peers.end()) continue;
+    const Vec3& normal = ghost.motion.model.axes[behind.axis].normal;
+    const auto& [stiffness, damping] = std::pair(peer->coupling.stiffness_n_m, peer->coupling.damping_n_s_m);
+    const double proxy_m = normal.dot(now.position) + behind.offset_m;
+    const double pull_n = stiffness * (normal.dot(peer->device.pose.position) - proxy_m) +
+                          damping * normal.dot(peer->device.linear_velocity);
+    const double resistance = damping + dt * stiffness;
+    // The proxy pushes and does not pull; at its limit it is a constant force.
+    const double mean_n = pull_n - resistance * normal.dot(now.linear_velocity);
+    AxisSpring& spring = ghost.motion.springs[behind.axis];
+    if (mean_n >= peer->limit_n) {
+      spring.force_n += peer->limit_n;
+    } else if (mean_n > 0.0) {
+      spring.force_n += pull_n;
+      spring.added_kg += dt * resistance;
+    }
+  }
+}
+
+void Ghosts::begin(Engine& engine, double dt, double operators_n, std::span<const PeerPull> peers) {
   gradual_.step(engine);
   const double gravity_m_s2 = scene_.settings.world.gravity.norm();
   for (Ghost& ghost : ghosts_) {
@@ -194,7 +219,13 @@ void Ghosts::begin(Engine& engine, double dt, double operators_n) {
     if (ghost.carried) {
       ghost.start = ghost.carried->begin(scene_.body(ghost.id), now.orientation, dt);
     } else {
-      const double spare_n = kSpareForces * operators_n + kSpareWeights * gravity_m_s2 * scene_.body(ghost.id).mass;
+      const Body& body = scene_.body(ghost.id);
+      attach(ghost, now, dt, peers);
+      if (ghost.motion.mass_kg() != ghost.mass_kg) {
+        ghost.mass_kg = ghost.motion.mass_kg();
+        engine.set_inertia(ghost.id, ghost.mass_kg, kSpinInertia * body.inertia);
+      }
+      const double spare_n = kSpareForces * operators_n + kSpareWeights * gravity_m_s2 * body.mass;
       ghost.start << ghost.motion.begin(now.linear_velocity, dt, spare_n), ghost.spin;
       engine.apply_force(ghost.id, ghost.motion.force(), Vec3::Zero());
     }

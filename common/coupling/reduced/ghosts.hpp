@@ -23,7 +23,7 @@ class Ghosts final : public SubWorldSide {
   void follow(const WorldFrame& frame, Engine& engine, const Following& how) override;
   [[nodiscard]] std::optional<BodyState> release(BodyId id, Engine& engine) override;
   void clear(Engine& engine) override;
-  void begin(Engine& engine, double dt, double operators_n) override;
+  void begin(Engine& engine, double dt, double operators_n, std::span<const PeerPull> peers) override;
   void end(const Engine& engine, double dt) override;
   void log(std::uint64_t stamp, const Engine& engine) override;
 
@@ -42,6 +42,7 @@ class Ghosts final : public SubWorldSide {
     std::optional<CarriedMotion> carried = {};  ///< in the place of `motion`
     Vec3 spin = Vec3::Zero();                   ///< the world's, rad/s
     Vec6 start = Vec6::Zero();                  ///< velocity with which the step under way began
+    double mass_kg = 0.0;                       ///< in the engine, of a ghost that is not carried
     std::vector<Logged> log;
   };
 
@@ -63,11 +64,14 @@ class Ghosts final : public SubWorldSide {
   /// velocity: to correct it would give the ghost, and by now what it pushes as well, the impact once more or take it
   /// back.
   [[nodiscard]] bool impact_is_due(const Ghost& ghost, const BodyState& world, const WorldFrame& frame) const;
+  /// The springs of the peers behind a ghost, for a step.
+  void attach(Ghost& ghost, const BodyState& now, double dt, std::span<const PeerPull> peers) const;
   void correct(Ghost& ghost, const BodyState& world, const WorldFrame& frame, Engine& engine, const Following& how);
 
   const Scene& scene_;
   std::uint64_t remembered_;
   std::vector<Ghost> ghosts_;  ///< by id
+  std::vector<GhostPeer> peers_;
   GradualShifts gradual_;
   std::uint64_t logged_ = 0;                     ///< latest stamp in the logs
   std::vector<std::vector<Logged>> spare_logs_;  ///< of ghosts that have gone: a loop does not allocate

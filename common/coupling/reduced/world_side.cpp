@@ -31,7 +31,8 @@ class ReducedWorldSide final : public WorldSide {
       find_contacts();
       find_approaching(now, inside, border);
     }
-    modeller_.model(border, {inside.membership, now.graph, now.motions, now.cycle_s}, frame.ghosts);
+    modeller_.model(border, {inside.membership, now.graph, now.motions, now.cycle_s, now.pulls}, frame.ghosts,
+                    frame.ghost_peers);
     Authority::label(scene_, islands_, inside.membership.members, now.contacts, inside.shared, frame.islands);
   }
 

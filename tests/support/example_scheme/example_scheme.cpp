@@ -22,7 +22,7 @@ class NothingOutside final : public SubWorldSide {
   void follow(const WorldFrame&, Engine&, const Following&) override {}
   std::optional<BodyState> release(BodyId, Engine&) override { return std::nullopt; }
   void clear(Engine&) override {}
-  void begin(Engine&, double, double) override {}
+  void begin(Engine&, double, double, std::span<const PeerPull>) override {}
   void end(const Engine&, double) override {}
   void log(std::uint64_t, const Engine&) override {}
 };
