@@ -189,7 +189,9 @@ void FrameMaker::count_outside_work(User& user, WorldFrame& frame) const {
   for (const PeerContact& felt : user.felt) {
     const auto is_felt = [&](const User& other) { return other.spec->proxy == felt.proxy; };
     const auto peer = static_cast<std::size_t>(std::ranges::find_if(users_, is_felt) - users_.begin());
-    if (!std::ranges::binary_search(frame.members, felt.proxy)) user.outside_work_j += work_j_[peer];
+    const bool inside = std::ranges::find(frame.peers, felt.proxy, &PeerDevice::proxy) != frame.peers.end() &&
+                        std::ranges::binary_search(frame.members, felt.proxy);
+    if (!inside) user.outside_work_j += work_j_[peer];
   }
   frame.outside_work_j = user.outside_work_j;
 }

@@ -117,6 +117,26 @@ TEST(JointEnergy, AnOperatorIsPushedBackByAnotherWithTheForceThatThereIsWithoutA
   }
 }
 
+// Messages that are late, in bursts, and lost: the world receives the impulse that the devices gave, no more and no less.
+TEST(JointImpulse, OfTheDevicesIsThatOfTheWorld) {
+  for (const char* scheme : {"reduced", "paper"}) {
+    Scene scene = pushed_back(scheme, 4, 0.02, Passivity::off);
+    scene.settings.delay.jitter_s = 0.02;
+    scene.settings.delay.loss_ratio = 0.1;
+    // Both let go at the end, so that the last reports say the same as the ones before.
+    scene.users[0].device.path.push_back({.from_s = 1.8, .to_s = 1.85, .displacement = {-0.06, 0, 0}});
+    scene.users[1].device.path.push_back({.from_s = 1.8, .to_s = 1.85, .displacement = {0.06, 0, 0}});
+    scene.settings.duration_s = 2.3;
+    CoupledRun run(scene);
+    ASSERT_TRUE(run.run());
+    for (std::size_t u = 0; u < 2; ++u) {
+      const Vec3 given = run.report(u).impulse_total.force, received = run.world.user_facts(u).impulse.force;
+      ASSERT_GT(given.norm(), 1.0) << scheme;
+      EXPECT_LT((given - received).norm(), 1e-9 * given.norm()) << scheme << " " << u;
+    }
+  }
+}
+
 // The port of the second operator gives 20 mJ more than there is.
 TEST(JointEnergy, OfNobodyIsSeenByTheWorld) {
   Scene scene = pushed_back("reduced", 4, 0.0, Passivity::off);
