@@ -65,7 +65,7 @@ class SimulatedNeighbourhood final : public LocalModel {
         border_(scheme.make_sub_world_side(scene, remembered_cycles(scene.settings, scheme))) {
     for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
     peers_.reserve(scene.users.size());
-    peer_work_.assign(scene.users.size(), PortWork(DeviceKind::impedance));
+    for (const UserSpec& of : scene.users) peer_work_.emplace_back(of.device.kind);
     pulls_.reserve(scene.users.size());
     outside_pulls_.reserve(scene.users.size());
   }
@@ -195,33 +195,48 @@ class SimulatedNeighbourhood final : public LocalModel {
       const std::size_t number = user_index(peer.proxy);
       if (number == scene_.users.size()) continue;
       const UserSpec& user = scene_.users[number];
-      const DevicePose device = peer_device(peer, number < heard.size() ? heard[number] : nullptr, time_s);
+      const bool spring = user.device.kind == DeviceKind::impedance;
+      const auto [device, applied] = peer_device(peer, number < heard.size() ? heard[number] : nullptr, time_s);
       if (!std::ranges::binary_search(members_, peer.proxy)) {
+        if (!spring) continue;  // a part of the ghost's force
         const Tool tool = tool_at(rate_, user, scene_.body(peer.proxy));
         outside_pulls_.push_back({peer.proxy, device, tool.coupling, user.device.force_limit_n});
         continue;
       }
-      const PortWork::Work work = peer_work_[number].step(device.pose, {});
+      const BodyState now = engine_.state(peer.proxy);
+      const Pose port = spring ? device.pose : Pose{now.position, now.orientation};
+      const PortWork::Work work = peer_work_[number].step(port, applied);
       others_work_j_ += work.linear_j + work.angular_j;
+      if (!spring) {
+        engine_.apply_force(peer.proxy, applied.force, applied.torque);
+        force_n += applied.force.norm();
+        continue;
+      }
       force_n += pull(tool_at(rate_, user, scene_.body(peer.proxy)), limits_of(user.device), device, dt);
     }
     return force_n;
   }
 
-  /// Where a peer's device is, by the newest of the world's account and its own state.
-  [[nodiscard]] DevicePose peer_device(const PeerDevice& peer, const DeviceState* heard, double time_s) {
+  /// A peer's device, by the newest of the world's account and its own state.
+  struct PeerState {
+    DevicePose device;
+    Wrench applied;
+  };
+  [[nodiscard]] PeerState peer_device(const PeerDevice& peer, const DeviceState* heard, double time_s) {
     DevicePose device{peer.pose, peer.linear_velocity, peer.angular_velocity};
+    Wrench applied = peer.applied;
     double at_s = peers_stamp_s_;
     if (heard != nullptr && heard->stamp_s > peer.device_s) {
       device = {
           {heard->pose.position + peer.offset, heard->pose.orientation * scene_.initial[index(peer.proxy)].orientation},
           heard->linear_velocity / rate_,
           heard->angular_velocity / rate_};
+      applied = heard->applied;
       at_s += rate_ * (heard->stamp_s - peer.device_s);
     }
     device.pose.position += std::min(time_s - at_s, kLongestGuess_s) * device.linear_velocity;
     peer_age_s_ = std::max(peer_age_s_, time_s - at_s);
-    return device;
+    return {device, saturated(applied, limits_of(scene_.users[user_index(peer.proxy)].device))};
   }
 
   /// The proxy without what an implicit step of its coupling adds to it.

@@ -372,8 +372,8 @@ void World::make_frames() {
     heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(facts_.stamp), !waits_for_frame(users_[u])};
   pulls_.clear();
   for (const User& user : users_) {
-    if (!user.heard || user.spec->device.kind != DeviceKind::impedance) continue;
-    pulls_.push_back({user.spec->proxy, user.mean.force});
+    const bool spring = user.spec->device.kind == DeviceKind::impedance;
+    if (user.heard) pulls_.push_back({user.spec->proxy, user.mean.force, spring});
   }
   const std::function<bool()> friction = [this] { return find_friction(); };
   frames_.make(

@@ -22,10 +22,11 @@ struct Motion {
   Vec3 acceleration = Vec3::Zero();  ///< mean, m/s^2
 };
 
-/// A user whose device pulls the proxy by a spring.
+/// How a user's device pulls the proxy.
 struct UserPull {
   BodyId proxy{};
   Vec3 force_n = Vec3::Zero();  ///< mean over the last cycle
+  bool spring = true;           ///< else the operator's force itself, of an admittance device
 };
 
 /// The world at one stamp, as frames are made from it.

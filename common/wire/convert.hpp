@@ -245,7 +245,8 @@ bool fields(const auto& copy, Is<GhostPeer> auto& m, auto& w) {
 
 bool fields(const auto& copy, Is<PeerDevice> auto& m, auto& w) {
   return copy(m.proxy, w.proxy()) && copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
-         copy(m.angular_velocity, w.angular_velocity()) && copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
+         copy(m.angular_velocity, w.angular_velocity()) && copy(m.applied, w.applied()) &&
+         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
 }
 
 bool fields(const auto& copy, Is<Suppression> auto& m, auto& w) {

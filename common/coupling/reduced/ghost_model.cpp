@@ -217,17 +217,18 @@ void GhostModeller::find_pushed(std::span<const GhostModel> ghosts, const Surrou
   std::ranges::sort(pushed_, {}, &Pushed::body);
 }
 
-Vec3 GhostModeller::find_peers(std::uint32_t axis, const Surroundings& around, const GhostModel& ghost,
-                               std::vector<GhostPeer>& peers) const {
-  Vec3 sum_n = Vec3::Zero();
+GhostModeller::Pulled GhostModeller::find_peers(std::uint32_t axis, const Surroundings& around, const GhostModel& ghost,
+                                                std::vector<GhostPeer>& peers) const {
+  Pulled found;
   for (const UserPull& pull : around.pulls) {
     if (std::ranges::find(way_, pull.proxy) == way_.end()) continue;
-    sum_n += pull.force_n;
+    (pull.spring ? found.by_springs : found.by_forces) += pull.force_n;
+    if (!pull.spring) continue;
     const Vec3& from = around.motions[index(ghost.outside)].state.position;
     const Vec3& to = around.motions[index(pull.proxy)].state.position;
     peers.push_back({ghost.outside, axis, pull.proxy, ghost.axes[axis].normal.dot(to - from)});
   }
-  return sum_n;
+  return found;
 }
 
 void GhostModeller::model_axis(std::uint32_t number, const Surroundings& around, GhostModel& ghost,
@@ -241,14 +242,14 @@ void GhostModeller::model_axis(std::uint32_t number, const Surroundings& around,
     axis.coulomb_limit_n = kWallLimit_n;
     return;
   }
-  const Vec3 pull_n = find_peers(number, around, ghost, peers);
-  const double q = load_n + (found.inertial_n - pull_n).dot(axis.normal);
+  const Pulled pulled = find_peers(number, around, ghost, peers);
+  const double q = load_n + (found.inertial_n - pulled.by_springs - pulled.by_forces).dot(axis.normal);
   double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
   double c = found.limit_n;
   const bool slides = motion.state.linear_velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
   c = slides ? std::max(0.0, q - f) : std::max(c, q - f);
   f = std::clamp(f, q - c, q + c);
-  axis.force_n = f;
+  axis.force_n = f + pulled.by_forces.dot(axis.normal);
   axis.coulomb_limit_n = c;
   axis.load_dependent_friction = found.load_dependent_friction;
   if (ghost.mass_kg == 0.0) ghost.mass_kg = found.mass_kg;  // the heaviest loaded way that gives

@@ -44,7 +44,7 @@ struct Surroundings {
 /// what presses the ghost harder on its supports adds mu times as much (load-dependent friction).
 ///
 /// Another user's proxy among what is pushed is held by a spring, not by friction: q is without the pull of its device,
-/// and the ghost gets the spring instead (GhostPeer).
+/// and the ghost gets the spring instead (GhostPeer). The force of an operator at an admittance device adds to f.
 class GhostModeller {
  public:
   explicit GhostModeller(const Scene& scene);
@@ -74,9 +74,14 @@ class GhostModeller {
   void find_pushed(std::span<const GhostModel> ghosts, const Surroundings& around);
   /// Driving force and friction limit of one axis, and the mass of the ghost if no axis gave it yet.
   void model_axis(std::uint32_t axis, const Surroundings& around, GhostModel& ghost, std::vector<GhostPeer>& peers);
-  /// The pull of the users' devices, N, on what the last walk has found; lists them.
-  [[nodiscard]] Vec3 find_peers(std::uint32_t axis, const Surroundings& around, const GhostModel& ghost,
-                                std::vector<GhostPeer>& peers) const;
+  /// The pull of the users' devices, N, on what the last walk has found.
+  struct Pulled {
+    Vec3 by_springs = Vec3::Zero();
+    Vec3 by_forces = Vec3::Zero();
+  };
+  /// Lists the springs.
+  [[nodiscard]] Pulled find_peers(std::uint32_t axis, const Surroundings& around, const GhostModel& ghost,
+                                  std::vector<GhostPeer>& peers) const;
   /// Fills the normals.
   void find_axes(std::span<const BoundaryContact> border, const ContactGraph& graph, GhostModel& ghost) const;
   /// Where a push `along` presses the body on something fixed, the way which that blocks; else `along`.
