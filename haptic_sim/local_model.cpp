@@ -20,6 +20,9 @@ namespace {
 /// which engines answer with work: Rapier's step takes up to a seventh longer.
 constexpr double kUnfelt_n = 0.05;
 
+constexpr double kSlower = 1.001;   ///< of the haptic step: from there on a device is slower
+constexpr double kSameTime = 1e-6;  ///< of a device's period
+
 /// The proxy lives in the world alone.
 class MirroredProxy final : public LocalModel {
  public:
@@ -159,35 +162,55 @@ class SimulatedNeighbourhood final : public LocalModel {
   /// Returns how hard they press, N.
   double move_peers(std::span<const DeviceState* const> heard, double time_s, double dt) {
     double force_n = 0.0;
-    // By their devices, not by their forces: a force that is late drops what it holds.
     for (const PeerDevice& peer : peers_) {
       const std::size_t number = user_index(peer.proxy);
       if (number == scene_.users.size() || !engine_.contains(peer.proxy)) continue;
-      const UserSpec* user = &scene_.users[number];
-      const DevicePose device = peer_device(peer, number < heard.size() ? heard[number] : nullptr, time_s);
-      const Tool tool = tool_at(rate_, *user, scene_.body(peer.proxy));
+      const UserSpec& user = scene_.users[number];
+      const PeerMotion motion = peer_motion(peer, user, number < heard.size() ? heard[number] : nullptr, time_s);
+      // By the device's pose where there is a coupling: a force that is late drops what it holds.
+      if (user.device.kind == DeviceKind::admittance) {
+        const Wrench applied = saturated(motion.applied, limits_of(user.device));
+        engine_.apply_force(peer.proxy, applied.force, applied.torque);
+        force_n += applied.force.norm();
+        continue;
+      }
+      const Tool tool = tool_at(rate_, user, scene_.body(peer.proxy));
       const ImplicitStep coupling =
-          implicit_step(tool.coupling, limits_of(user->device), tool.body, engine_.state(peer.proxy), device, dt);
+          implicit_step(tool.coupling, limits_of(user.device), tool.body, engine_.state(peer.proxy), motion.device, dt);
       hold(engine_, peer.proxy, coupling);
       force_n += coupling.wrench.force.norm();
     }
     return force_n;
   }
 
-  /// Where a peer's device is, by the newest of the world's account and its own state.
-  [[nodiscard]] DevicePose peer_device(const PeerDevice& peer, const DeviceState* heard, double time_s) {
-    DevicePose device{peer.pose, peer.linear_velocity, peer.angular_velocity};
+  struct PeerMotion {
+    DevicePose device;
+    Wrench applied;  ///< admittance devices
+  };
+
+  /// A peer's device in this step, by the newest of the world's account and its own state.
+  [[nodiscard]] PeerMotion peer_motion(const PeerDevice& peer, const UserSpec& user, const DeviceState* heard,
+                                       double time_s) {
+    PeerMotion motion{{peer.pose, peer.linear_velocity, peer.angular_velocity}, peer.applied};
+    // In the peer's sub-world, the state of a device that is slower than the haptic step holds until the next one.
+    const double period_s = 1.0 / user.device.rate_hz;
+    const double held_s = period_s > kSlower * scene_.settings.h_s ? period_s : 0.0;
     double at_s = peers_stamp_s_;
-    if (heard != nullptr && heard->stamp_s > peer.device_s) {
-      device = {
+    double held_on_s = 0.0;
+    if (heard != nullptr && heard->stamp_s + held_s > peer.device_s) {
+      motion.device = {
           {heard->pose.position + peer.offset, heard->pose.orientation * scene_.initial[index(peer.proxy)].orientation},
           heard->linear_velocity / rate_,
           heard->angular_velocity / rate_};
+      motion.applied = heard->applied;
       at_s += rate_ * (heard->stamp_s - peer.device_s);
+      held_on_s = rate_ * held_s;
     }
-    device.pose.position += std::min(time_s - at_s, kLongestGuess_s) * device.linear_velocity;
-    peer_age_s_ = std::max(peer_age_s_, time_s - at_s);
-    return device;
+    double age_s = time_s - at_s;
+    if (held_on_s > 0.0) age_s = held_on_s * std::floor(age_s / held_on_s + kSameTime);
+    motion.device.pose.position += std::min(age_s, kLongestGuess_s) * motion.device.linear_velocity;
+    peer_age_s_ = std::max(peer_age_s_, age_s);
+    return motion;
   }
 
   /// The proxy without what an implicit step of its coupling adds to it.

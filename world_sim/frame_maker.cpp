@@ -142,8 +142,7 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
   frame.peers.clear();
   for (std::size_t p = 0; p < users_.size(); ++p) {
     const UserSpec& spec = *users_[p].spec;
-    if (&users_[p] == &user || spec.device.kind != DeviceKind::impedance) continue;
-    if (!heard[p].any || !std::ranges::binary_search(frame.members, spec.proxy)) continue;
+    if (&users_[p] == &user || !heard[p].any || !std::ranges::binary_search(frame.members, spec.proxy)) continue;
     const HapticReport& report = *heard[p].at_stamp;
     if (!report.device) continue;
     const ReportedDevice& at_report = *report.device;
@@ -152,6 +151,7 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
                       .pose = at_report.pose,
                       .linear_velocity = at_report.linear_velocity,
                       .angular_velocity = at_report.angular_velocity,
+                      .applied = at_report.applied,
                       .device_s = at_report.device_s + passed_s / report.clock_rate,
                       .offset = at_report.offset};
     device.pose.position += std::min(passed_s, kLongestGuess_s) * device.linear_velocity;

@@ -240,7 +240,8 @@ bool ghost_fields(const auto& copy, auto& ghosts, auto& frame) {
 
 bool fields(const auto& copy, Is<PeerDevice> auto& m, auto& w) {
   return copy(m.proxy, w.proxy()) && copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
-         copy(m.angular_velocity, w.angular_velocity()) && copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
+         copy(m.angular_velocity, w.angular_velocity()) && copy(m.applied, w.applied()) &&
+         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
 }
 
 bool fields(const auto& copy, Is<Suppression> auto& m, auto& w) {

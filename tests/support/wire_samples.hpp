@@ -57,6 +57,7 @@ class SampleMaker {
     fill(to.pose);
     to.linear_velocity = vector();
     to.angular_velocity = vector();
+    fill(to.applied);
     to.device_s = positive();
     to.offset = vector();
   }
@@ -273,7 +274,7 @@ struct NumberVisitor {
     }
   }
   void operator()(const PeerDevice& p) {
-    all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity, p.device_s, p.offset);
+    all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity, p.applied, p.device_s, p.offset);
   }
   void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
   void operator()(const SceneDescription& s) {
