@@ -32,7 +32,10 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
       remembered_(remembered_cycles),
       users_(static_cast<std::size_t>(scene.settings.users)),
       side_(side),
+      replicates_peers_(scheme.properties.replicates_peers && users_.size() > 1),
       peers_(scene),
+      user_of_(scene.bodies.size()),
+      holders_(scene.bodies.size()),
       budget_(scene),
       tells_all_pairs_(!enabled(scene, Optimisation::pairs)),
       suppression_(scene, scheme),
@@ -40,15 +43,18 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
   const Settings& s = scene.settings;
   scratch_.reserve(scene.bodies.size() + remembered_ * kUsualMembers);
   before_.reserve(kUsualMembers);
+  contacts_.reserve(kUsualContacts);
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
     user.spec = &scene.users[u];
-    if (scheme.properties.replicates_peers) user.peers = peers_of(scene, u);
+    proxies_.push_back(user.spec->proxy);
+    user_of_[index(user.spec->proxy)] = static_cast<std::uint8_t>(u);
     user.budget = {.limit_s = user.spec->budget_ratio * s.h_s,
                    .cost = engine_cost(s.haptic).step(s.h_s),
                    .simulates_border = scheme.properties.simulates_border};
     user.frames.resize(remembered_);
     user.border.reserve(4 * kUsualMembers);
+    user.near.reserve(kUsualMembers);
     if (s.mode == Mode::realtime) {
       for (WorldFrame& frame : user.frames) reserve(frame, kUsualMembers);
     }
@@ -57,6 +63,8 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
 
 void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double offset_s) {
   const std::function<bool(BodyId)> shared = [this](BodyId id) { return holders(id) > 1; };
+  if (replicates_peers_) begin_peers(now, heard);
+  if (scheme_.properties.has_sub_worlds) side_.begin(now);
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
     if (heard[u].silent) {
@@ -64,7 +72,10 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
       continue;
     }
     const double until_heard_s = horizon_s(now, heard[u]);
+    before_ = user.membership.members;
     const Box reach = select(user, now, until_heard_s);
+    for (const BodyId id : before_) --holders_[index(id)];
+    for (const BodyId id : user.membership.members) ++holders_[index(id)];
     WorldFrame& out = frame(u, now.stamp);
     out.user = UserId{static_cast<std::uint32_t>(u)};
     out.stamp = now.stamp;
@@ -87,6 +98,27 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
   }
 }
 
+void FrameMaker::begin_peers(const WorldNow& now, std::span<const Heard> heard) {
+  double longest_s = 0.0;
+  for (std::size_t u = 0; u < users_.size(); ++u) {
+    users_[u].near_for_s = kNever_s;
+    longest_s = std::max(longest_s, horizon_s(now, heard[u]));
+  }
+  peers_.begin(now.contacts, proxies_, [&](BodyId proxy, std::vector<BodyId>& out) {
+    out = near(users_[user_of_[index(proxy)]], now, longest_s);
+  });
+}
+
+const std::vector<BodyId>& FrameMaker::near(User& user, const WorldNow& now, double horizon_s) {
+  if (user.near_for_s == horizon_s) return user.near;
+  user.near_for_s = horizon_s;
+  const BodyId proxy = user.spec->proxy;
+  const double gravity_m_s2 = scene_.settings.world.gravity.norm();
+  now.engine.overlap(swept_bounds(now.engine.state(proxy), now.engine.bounds(proxy), gravity_m_s2, horizon_s),
+                     user.near);
+  return user.near;
+}
+
 Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   const UserSpec& spec = *user.spec;
   Membership& chosen = user.membership;
@@ -101,14 +133,13 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   if (spec.contact_depth > 0) add_neighbours(now.graph, scene_.bodies, spec.proxy, spec.contact_depth, scratch_);
   const double gravity_m_s2 = scene_.settings.world.gravity.norm();
   const auto reachable = [&](BodyId proxy, std::vector<BodyId>& out) {
-    now.engine.overlap(swept_bounds(now.engine.state(proxy), bounds(proxy), gravity_m_s2, horizon_s), out);
+    out = near(users_[user_of_[index(proxy)]], now, horizon_s);
   };
   std::span<const PeerContact> peers;
   const auto fits = [&](std::size_t bodies, std::size_t contacts) {
     return user.budget.cost.of(bodies, contacts) <= user.budget.limit_s / user.selection.cost_factor;
   };
-  if (!user.peers.empty()) peers = peers_.find(spec.proxy, user.peers, now.graph, reachable, fits, scratch_);
-  before_ = chosen.members;
+  if (replicates_peers_) peers = peers_.find(spec.proxy, now.graph, reachable, fits, scratch_);
   select_members(scratch_, scene_.bodies, spec.proxy, chosen);
   if (spec.selection == Selection::budget) {
     Budget budget = user.budget;
@@ -122,13 +153,9 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
     reach.extend(swept_bounds(now.engine.state(id), bounds(id), gravity_m_s2, horizon_s));
   }
   now.engine.overlap(reach, scratch_);
-  select_fixed(scratch_, now.contacts, scene_.bodies, chosen);
+  now.graph.contacts_of(chosen.members, contacts_);
+  select_fixed(scratch_, contacts_, scene_.bodies, chosen);
   return reach;
-}
-
-int FrameMaker::holders(BodyId id) const {
-  return static_cast<int>(std::ranges::count_if(
-      users_, [id](const User& user) { return std::ranges::binary_search(user.membership.members, id); }));
 }
 
 double FrameMaker::horizon_s(const WorldNow& now, const Heard& heard) const {

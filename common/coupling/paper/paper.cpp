@@ -11,18 +11,20 @@ namespace {
 
 class PaperWorldSide final : public WorldSide {
  public:
-  explicit PaperWorldSide(const PaperSettings& settings) : settings_(settings) {}
+  explicit PaperWorldSide(const PaperSettings& settings) : settings_(settings) { contacts_.reserve(kUsualContacts); }
 
   ProxyDrive drive(const UserSpec&, const HapticReport& before, const HapticReport& now, double) const override {
     if (!settings_.device_force_in_world) return {};
     return {mean_wrench(before, now), std::nullopt, {}};
   }
   void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border, WorldFrame&) override {
-    extract_border(now.contacts, inside.membership, border);
+    now.graph.contacts_of(inside.membership.members, contacts_);
+    extract_border(contacts_, inside.membership, border);
   }
 
  private:
   PaperSettings settings_;
+  std::vector<Contact> contacts_;  ///< of the members
 };
 
 /// The world's impulses of its last step, divided over the haptic steps.
