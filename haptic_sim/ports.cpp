@@ -21,6 +21,7 @@ HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
       status(*bus, ProgramKind::haptic_sim, static_cast<std::uint32_t>(options.user),
              fmt::format("haptic_sim {}", options.user)),
       peer_devices_(scene_file.users.size()) {
+  for (const UserSpec& user : scene_file.users) device_periods_s_.push_back(1.0 / user.device.rate_hz);
   if (scene_file.settings.mode != Mode::lockstep || !scheme_of(scene_file.settings).properties.replicates_peers) return;
   for (std::size_t u = 0; u < peer_devices_.size(); ++u) {
     if (static_cast<int>(u) != options.user) (void)peer_device(u);
@@ -29,7 +30,7 @@ HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
 
 Reader<DeviceState>& HapticPorts::peer_device(std::size_t user) {
   std::optional<Reader<DeviceState>>& reader = peer_devices_[user];
-  if (!reader) reader.emplace(bus->reader<DeviceState>(device_partition(static_cast<int>(user))));
+  if (!reader) reader.emplace(bus->device_reader(device_partition(static_cast<int>(user)), device_periods_s_[user]));
   return *reader;
 }
 

@@ -41,6 +41,7 @@ struct HapticPorts {
 
  private:
   std::vector<std::optional<Reader<DeviceState>>> peer_devices_;  ///< by user
+  std::vector<double> device_periods_s_;                          ///< by user
 };
 
 [[nodiscard]] std::string refused_text(std::uint32_t user);
