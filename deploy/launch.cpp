@@ -324,6 +324,7 @@ int run(const RunRequest& request) {
   const int domain = claim_domain(request.domain, domain_lock);
   fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", run.scene.file,
              run.realtime() ? "real time" : "lock-step", settings.duration_s, domain, options.out);
+  if (settings.users > 1) fmt::print("subworld: {} users; {}\n", settings.users, user_limit(domain));
   run.command_line = request.command_line;
   run.date = iso_date(std::time(nullptr));
   run.dds = request.dds;

@@ -319,8 +319,6 @@ void warn_of_the_start(const Scene& scene, std::vector<std::string>& out) {
   }
 }
 
-constexpr int kMostParticipants = 32;  // of one domain on one host, as the back ends number them
-
 /// That there is such an engine and preset. Throws `Error` (usage) that names the place.
 void check_engine(const EngineSettings& settings, const std::string& where) {
   try {
@@ -375,15 +373,19 @@ std::vector<std::string> beyond_limits(const Scene& scene) {
   return out;
 }
 
+std::string user_limit(int domain) {
+  return fmt::format(
+      "one host has room for {} users of a run: a DDS domain has UDP ports for {} participants on a host, and a run "
+      "needs 2 for each user and {} more",
+      user_room(domain), participant_room(domain), participants_of(0));
+}
+
 void check_request(const Scene& scene, const RunRequest& request) {
-  const int participants = 2 + 2 * scene.settings.users + (request.gui ? 1 : 0);  // with this one
-  if (participants > kMostParticipants) {
-    throw Error(
-        ExitCode::usage,
-        fmt::format(
-            "--users {}: that needs {} processes, and a DDS domain has room for {} on one host; take fewer users, or "
-            "start some programs by hand on other hosts",
-            scene.settings.users, participants, kMostParticipants));
+  const int domain = std::max(0, request.domain);
+  if (scene.settings.users > user_room(domain)) {
+    throw Error(ExitCode::usage,
+                fmt::format("--users {}: {}; take fewer users, or start the programs by hand on several hosts",
+                            scene.settings.users, user_limit(domain)));
   }
   for (const std::string& peer : request.options.network.peers) {
     if (peer.starts_with("-"))

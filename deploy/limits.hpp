@@ -13,6 +13,9 @@ struct RunRequest;
 /// before any is started; it names the place and the cure.
 void check_request(const Scene& scene, const RunRequest& request);
 
+/// How many users of a run on this domain one host has room for, and why.
+[[nodiscard]] std::string user_limit(int domain);
+
 /// What of a scene is beyond the limits of its engines, rates or devices, each with the cure in a sentence or two.
 /// Throws `Error` (usage) where the settings name no engine or preset.
 [[nodiscard]] std::vector<std::string> beyond_limits(const Scene& scene);

@@ -158,6 +158,7 @@ void print_plan(const RunRequest& request) {
   fmt::print("{}: {} movable and {} fixed bodies, {} of {} users\n", scene.name, movable, scene.bodies.size() - movable,
              s.users, scene.users.size());
   fmt::print("  processes: world_sim, {0} haptic_sim, {0} device_sim{1}\n", s.users, gui ? ", gui_headless" : "");
+  fmt::print("  limit: {}; a scene has at most {} users\n", user_limit(std::max(0, request.domain)), kMostUsers);
   fmt::print("  clock: {}; h = {:g} ms, r = {}, T = {}\n", realtime ? "real time" : "lock-step", 1e3 * s.h_s,
              to_text(s.ratio_bounds()), cycle_text(s));
   if (of_world == of_haptic) {

@@ -60,6 +60,7 @@ Progress::Progress(const Network& network, const Scene& scene, Watchdog& watchdo
   // A reader of real-time quality matches programs in both modes.
   Settings listening;
   listening.mode = Mode::realtime;
+  listening.users = scene.settings.users;
   try {
     bus_ = open_bus(network, listening, 0.001, "subworld run");
     reader_ = std::make_unique<Reader<Status>>(bus_->reader<Status>());

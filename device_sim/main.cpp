@@ -1,4 +1,5 @@
 #include "device_sim/run.hpp"
+#include "program/leave.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 
@@ -15,6 +16,7 @@ int main(int argc, char** argv) {
     watch_stop_signals(kLongestEnd_s);                    // from here on an orderly end is needed
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     DevicePorts ports(options, scene);
+    Leave leave;
     if (realtime) leave_realtime();
     DeviceMeasures measures(options, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("device_sim {}: {}\n", options.user, ports.bus->effective_settings());
@@ -29,6 +31,7 @@ int main(int argc, char** argv) {
       part.refused = {.device_command = ports.commands.refused()};
       if (ending.fault.empty()) ending.fault = measures.fault();
       conclude(options.out.empty() ? "" : fmt::format("{}/device_{}.json", options.out, options.user), part, ending);
+      if (ending.by == kLastCommand) leave.at_once();
     }
   });
 }

@@ -76,7 +76,11 @@ std::optional<std::uint64_t> join(const DeviceRun& run) {
   if (!wait_for(*ports.bus, options, {"world", "world_sim"}, found, world_is_there)) return std::nullopt;
   const Wanted haptic{fmt::format("haptic_sim for user {}", options.user),
                       fmt::format("haptic_sim --user {}", options.user)};
-  const auto held = [&] { return found() && ports.states.matched() > 0 && ports.commands.matched() > 0; };
+  // Without its status, a program that takes long to find the others would later count as dead.
+  const auto held = [&] {
+    return found() && ports.states.matched() > 0 && ports.commands.matched() > 0 &&
+           ports.status.met(ProgramKind::haptic_sim, static_cast<std::uint32_t>(options.user));
+  };
   if (!wait_for(*ports.bus, options, haptic, held)) return std::nullopt;
   ports.status.enter("running");
   return finder.session();
@@ -85,7 +89,7 @@ std::optional<std::uint64_t> join(const DeviceRun& run) {
 Ending run_lockstep(const DeviceRun& run) {
   const auto& [options, scene, ports, device, guard, measures, session] = run;
   const double h_s = scene.settings.h_s;
-  Ending ending{.session = session, .from_s = device.state().stamp_s, .by = "last command"};
+  Ending ending{.session = session, .from_s = device.state().stamp_s, .by = kLastCommand};
   DeviceCommand command;
   const auto stopped = [] { return stop_signal() != 0; };
   Stages<DeviceStage>& stages = measures.stages();
@@ -133,7 +137,7 @@ class RealtimeLoop : DeviceRun {
   Ending run(const Scheduling& scheduling) {
     fmt::print("device_sim {}: {:.0f} Hz, {}\n", options.user, rate_hz_, scheduling.text);
     std::fflush(stdout);
-    Ending ending{.session = session, .from_s = device.state().stamp_s, .by = "last command"};
+    Ending ending{.session = session, .from_s = device.state().stamp_s, .by = kLastCommand};
     measures.loop_begins(scheduling);
     while (stop_signal() == 0 && ending.fault.empty()) {
       wake();

@@ -21,6 +21,9 @@ namespace {
 /// which engines answer with work: Rapier's step takes up to a seventh longer.
 constexpr double kUnfelt_n = 0.05;
 
+constexpr double kSlower = 1.001;   ///< of the haptic step: from there on a device is slower
+constexpr double kSameTime = 1e-6;  ///< of a device's period
+
 /// The proxy lives in the world alone.
 class MirroredProxy final : public LocalModel {
  public:
@@ -190,13 +193,12 @@ class SimulatedNeighbourhood final : public LocalModel {
   double move_peers(std::span<const DeviceState* const> heard, double time_s, double dt) {
     double force_n = 0.0;
     outside_pulls_.clear();
-    // By their devices, not by their forces: a force that is late drops what it holds.
     for (const PeerDevice& peer : peers_) {
       const std::size_t number = user_index(peer.proxy);
       if (number == scene_.users.size()) continue;
       const UserSpec& user = scene_.users[number];
       const bool spring = user.device.kind == DeviceKind::impedance;
-      const auto [device, applied] = peer_device(peer, number < heard.size() ? heard[number] : nullptr, time_s);
+      const auto [device, applied] = peer_motion(peer, user, number < heard.size() ? heard[number] : nullptr, time_s);
       if (!std::ranges::binary_search(members_, peer.proxy)) {
         if (!spring) continue;  // a part of the ghost's force
         const Tool tool = tool_at(rate_, user, scene_.body(peer.proxy));
@@ -207,6 +209,7 @@ class SimulatedNeighbourhood final : public LocalModel {
       const Pose port = spring ? device.pose : Pose{now.position, now.orientation};
       const PortWork::Work work = peer_work_[number].step(port, applied);
       others_work_j_ += work.linear_j + work.angular_j;
+      // By the device's pose where there is a coupling: a force that is late drops what it holds.
       if (!spring) {
         engine_.apply_force(peer.proxy, applied.force, applied.torque);
         force_n += applied.force.norm();
@@ -217,26 +220,35 @@ class SimulatedNeighbourhood final : public LocalModel {
     return force_n;
   }
 
-  /// A peer's device, by the newest of the world's account and its own state.
-  struct PeerState {
+  struct PeerMotion {
     DevicePose device;
-    Wrench applied;
+    Wrench applied;  ///< admittance devices
   };
-  [[nodiscard]] PeerState peer_device(const PeerDevice& peer, const DeviceState* heard, double time_s) {
-    DevicePose device{peer.pose, peer.linear_velocity, peer.angular_velocity};
-    Wrench applied = peer.applied;
+
+  /// A peer's device in this step, by the newest of the world's account and its own state.
+  [[nodiscard]] PeerMotion peer_motion(const PeerDevice& peer, const UserSpec& user, const DeviceState* heard,
+                                       double time_s) {
+    PeerMotion motion{{peer.pose, peer.linear_velocity, peer.angular_velocity}, peer.applied};
+    // In the peer's sub-world, the state of a device that is slower than the haptic step holds until the next one.
+    const double period_s = 1.0 / user.device.rate_hz;
+    const double held_s = period_s > kSlower * scene_.settings.h_s ? period_s : 0.0;
     double at_s = peers_stamp_s_;
-    if (heard != nullptr && heard->stamp_s > peer.device_s) {
-      device = {
+    double held_on_s = 0.0;
+    if (heard != nullptr && heard->stamp_s + held_s > peer.device_s) {
+      motion.device = {
           {heard->pose.position + peer.offset, heard->pose.orientation * scene_.initial[index(peer.proxy)].orientation},
           heard->linear_velocity / rate_,
           heard->angular_velocity / rate_};
-      applied = heard->applied;
+      motion.applied = heard->applied;
       at_s += rate_ * (heard->stamp_s - peer.device_s);
+      held_on_s = rate_ * held_s;
     }
-    device.pose.position += std::min(time_s - at_s, kLongestGuess_s) * device.linear_velocity;
-    peer_age_s_ = std::max(peer_age_s_, time_s - at_s);
-    return {device, saturated(applied, limits_of(scene_.users[user_index(peer.proxy)].device))};
+    double age_s = time_s - at_s;
+    if (held_on_s > 0.0) age_s = held_on_s * std::floor(age_s / held_on_s + kSameTime);
+    motion.device.pose.position += std::min(age_s, kLongestGuess_s) * motion.device.linear_velocity;
+    motion.applied = saturated(motion.applied, limits_of(user.device));
+    peer_age_s_ = std::max(peer_age_s_, age_s);
+    return motion;
   }
 
   /// The proxy without what an implicit step of its coupling adds to it.

@@ -22,7 +22,7 @@ class LockstepLoop : HapticRun {
   }
 
   Ending run() {
-    Ending ending{.session = ports.session, .from_s = sub.facts().time_s, .by = "last frame"};
+    Ending ending{.session = ports.session, .from_s = sub.facts().time_s, .by = kLastFrame};
     stages_.begin();
     if (scheme().has_sub_worlds) send_report();
     while (order_.take_frames(sub, [this](std::uint64_t) { return take_frame(); }) && take_device() && take_peers())

@@ -1,4 +1,5 @@
 #include "haptic_sim/run.hpp"
+#include "program/leave.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 
@@ -15,6 +16,7 @@ int main(int argc, char** argv) {
     watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     HapticPorts ports(options, scene);
+    Leave leave;
     if (realtime) leave_realtime();
     HapticMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
@@ -30,6 +32,7 @@ int main(int argc, char** argv) {
       part.refused = {.device_state = ports.device.refused(), .world_frame = ports.frames.refused()};
       if (ending.fault.empty()) ending.fault = measures.fault();
       conclude(options.out.empty() ? "" : fmt::format("{}/haptic_{}.json", options.out, options.user), part, ending);
+      if (ending.by == kLastFrame) leave.at_once();
     }
   });
 }

@@ -10,6 +10,10 @@ constexpr std::uint64_t bit(std::size_t user) noexcept { return std::uint64_t{1}
 
 }  // namespace
 
+PeerDevices::PeerDevices(Bus& bus, const Scene& scene) : bus_(bus), readers_(scene.users.size()) {
+  for (const UserSpec& user : scene.users) periods_s_.push_back(1.0 / user.device.rate_hz);
+}
+
 PeerDevices::~PeerDevices() { stop(); }
 
 void PeerDevices::stop() {
@@ -21,7 +25,7 @@ void PeerDevices::stop() {
 
 Reader<DeviceState>& PeerDevices::open(std::size_t user) {
   std::optional<Reader<DeviceState>>& reader = readers_[user];
-  if (!reader) reader.emplace(bus_.reader<DeviceState>(device_partition(static_cast<int>(user))));
+  if (!reader) reader.emplace(bus_.device_reader(device_partition(static_cast<int>(user)), periods_s_[user]));
   open_.fetch_or(bit(user), std::memory_order_release);
   return *reader;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "model/exchange.hpp"
+#include "model/scene.hpp"
 #include "wire/bus.hpp"
 
 #include <atomic>
@@ -19,7 +20,7 @@ namespace subworld {
 class PeerDevices {
  public:
   /// At most 64 users. The bus must outlive this.
-  PeerDevices(Bus& bus, std::size_t users) : bus_(bus), readers_(users) {}
+  PeerDevices(Bus& bus, const Scene& scene);
   ~PeerDevices();
   PeerDevices(const PeerDevices&) = delete;
   PeerDevices& operator=(const PeerDevices&) = delete;
@@ -38,6 +39,7 @@ class PeerDevices {
   void stop();
 
   Bus& bus_;
+  std::vector<double> periods_s_;                            ///< of the devices, by user
   std::vector<std::optional<Reader<DeviceState>>> readers_;  ///< by user
   std::uint64_t asked_ = 0;                                  ///< users whose readers find() has asked for
   std::atomic<std::uint64_t> wanted_{0};                     ///< the same, for the thread

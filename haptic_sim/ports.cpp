@@ -20,7 +20,7 @@ HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
       reports(bus->writer<HapticReport>(user_partition(options.user))),
       status(*bus, ProgramKind::haptic_sim, static_cast<std::uint32_t>(options.user),
              fmt::format("haptic_sim {}", options.user)),
-      peer_devices(*bus, scene_file.users.size()) {
+      peer_devices(*bus, scene_file) {
   const std::size_t users = scene_file.users.size();
   if (users < 2 || !scheme_of(scene_file.settings).properties.replicates_peers) return;
   if (scene_file.settings.mode == Mode::realtime) peer_devices.open_in_background();

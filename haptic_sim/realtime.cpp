@@ -45,7 +45,7 @@ class RealtimeLoop : HapticRun {
         phase_(longest_cycle_s_, lead_cycles_),
         loop_(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp)), h_s_,
               from_seconds(options.spin_s), stages_),
-        ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = "last frame"} {}
+        ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = kLastFrame} {}
 
   Ending run(const Scheduling& scheduling) {
     fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", user(), 1.0 / h_s_, scheduling.text);

@@ -1,4 +1,5 @@
 #include "haptic_sim/run.hpp"
+#include "coupling/scheme.hpp"
 #include "model/error.hpp"
 #include "program/engine_orders.hpp"
 #include "program/join.hpp"
@@ -31,8 +32,22 @@ std::optional<FirstFrame> join(const HapticRun& run) {
   const auto world_is_there = [&] { return ports.status.hears(ProgramKind::world_sim, 0); };
   if (!wait_for(*ports.bus, options, {"world", "world_sim"}, found, world_is_there)) return std::nullopt;
   const std::string device_sim = fmt::format("device_sim --user {}", options.user);
-  const auto held = [&] { return ports.device.matched() > 0 && ports.command.matched() > 0; };
+  const bool lockstep = scene.settings.mode == Mode::lockstep;
+  // In lock-step a device must send its status too.
+  const auto met = [&](std::size_t u) {
+    return !lockstep || ports.status.met(ProgramKind::device_sim, static_cast<std::uint32_t>(u));
+  };
+  const auto held = [&] { return ports.device.matched() > 0 && ports.command.matched() > 0 && met(run.user()); };
   if (!wait_for(*ports.bus, options, {"device", device_sim}, held)) return std::nullopt;
+  // In lock-step each state of the others' devices counts from the first on.
+  if (lockstep && scheme_of(scene.settings).properties.replicates_peers) {
+    for (std::size_t u = 0; u < scene.users.size(); ++u) {
+      if (u == run.user()) continue;
+      const Wanted peer{fmt::format("device of user {}", u), fmt::format("device_sim --user {}", u)};
+      if (!wait_for(*ports.bus, options, peer, [&] { return ports.peer_devices.open(u).matched() > 0 && met(u); }))
+        return std::nullopt;
+    }
+  }
   // A device that has matched may still look for the world: it would miss a short run, and wait for ever. In lock-step
   // its first state is the first step's, and is waited for there.
   DeviceState state;
@@ -42,9 +57,7 @@ std::optional<FirstFrame> join(const HapticRun& run) {
     }
     return false;
   };
-  if (scene.settings.mode == Mode::realtime &&
-      !wait_for(*ports.bus, options, {"running device", device_sim + " anew"}, runs))
-    return std::nullopt;
+  if (!lockstep && !wait_for(*ports.bus, options, {"running device", device_sim + " anew"}, runs)) return std::nullopt;
 
   FirstFrame first;
   bool joined = false;

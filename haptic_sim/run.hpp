@@ -10,6 +10,9 @@
 
 namespace subworld {
 
+/// `Ending::by` of a run that the world has ended.
+inline constexpr const char* kLastFrame = "last frame";
+
 /// Everything that a run of a haptic process consists of.
 struct HapticRun {
   const Options& options;

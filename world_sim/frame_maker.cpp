@@ -34,6 +34,8 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
       users_(static_cast<std::size_t>(scene.settings.users)),
       side_(side),
       peers_(scene),
+      user_of_(scene.bodies.size()),
+      holders_(scene.bodies.size()),
       budget_(scene),
       tells_all_pairs_(!enabled(scene, Optimisation::pairs)),
       operators_j_(users_.size(), 0.0),
@@ -43,15 +45,18 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
   const Settings& s = scene.settings;
   scratch_.reserve(scene.bodies.size() + remembered_ * kUsualMembers);
   before_.reserve(kUsualMembers);
+  contacts_.reserve(kUsualContacts);
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
     user.spec = &scene.users[u];
-    user.peers = peers_of(scene, u);
+    proxies_.push_back(user.spec->proxy);
+    user_of_[index(user.spec->proxy)] = static_cast<std::uint8_t>(u);
     user.budget = {.limit_s = user.spec->budget_ratio * s.h_s,
                    .cost = engine_cost(s.haptic).step(s.h_s),
                    .simulates_border = scheme.properties.simulates_border};
     user.frames.resize(remembered_);
     user.border.reserve(4 * kUsualMembers);
+    user.near.reserve(kUsualMembers);
     if (s.mode == Mode::realtime) {
       for (WorldFrame& frame : user.frames) reserve(frame, kUsualMembers);
     }
@@ -61,6 +66,8 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
 void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double offset_s) {
   note_work(heard);
   const std::function<bool(BodyId)> shared = [this](BodyId id) { return holders(id) > 1; };
+  if (users_.size() > 1) begin_peers(now, heard);
+  if (scheme_.properties.has_sub_worlds) side_.begin(now);
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
     if (heard[u].silent) {
@@ -68,7 +75,10 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
       continue;
     }
     const double until_heard_s = horizon_s(now, heard[u]);
+    before_ = user.membership.members;
     const Box reach = select(user, now, until_heard_s);
+    for (const BodyId id : before_) --holders_[index(id)];
+    for (const BodyId id : user.membership.members) ++holders_[index(id)];
     WorldFrame& out = frame(u, now.stamp);
     out.user = UserId{static_cast<std::uint32_t>(u)};
     out.stamp = now.stamp;
@@ -92,18 +102,36 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
   }
 }
 
-void FrameMaker::find_peers(User& user, const WorldNow& now, double horizon_s, std::vector<BodyId>& bodies) {
-  user.felt.clear();
-  if (user.peers.empty()) return;
+void FrameMaker::begin_peers(const WorldNow& now, std::span<const Heard> heard) {
+  double longest_s = 0.0;
+  for (std::size_t u = 0; u < users_.size(); ++u) {
+    users_[u].near_for_s = kNever_s;
+    longest_s = std::max(longest_s, horizon_s(now, heard[u]));
+  }
+  peers_.begin(now.contacts, proxies_, [&](BodyId proxy, std::vector<BodyId>& out) {
+    out = near(users_[user_of_[index(proxy)]], now, longest_s);
+  });
+}
+
+const std::vector<BodyId>& FrameMaker::near(User& user, const WorldNow& now, double horizon_s) {
+  if (user.near_for_s == horizon_s) return user.near;
+  user.near_for_s = horizon_s;
+  const BodyId proxy = user.spec->proxy;
   const double gravity_m_s2 = scene_.settings.world.gravity.norm();
+  now.engine.overlap(swept_bounds(now.engine.state(proxy), now.engine.bounds(proxy), gravity_m_s2, horizon_s),
+                     user.near);
+  return user.near;
+}
+
+void FrameMaker::find_peers(User& user, const WorldNow& now, double horizon_s, std::vector<BodyId>& bodies) {
+  if (users_.size() < 2) return;
   const auto reachable = [&](BodyId proxy, std::vector<BodyId>& out) {
-    const Box bounds = now.engine.bounds(proxy);
-    now.engine.overlap(swept_bounds(now.engine.state(proxy), bounds, gravity_m_s2, horizon_s), out);
+    out = near(users_[user_of_[index(proxy)]], now, horizon_s);
   };
   const auto fits = [&](std::size_t island, std::size_t contacts) {
     return user.budget.cost.of(island, contacts) <= user.budget.limit_s / user.selection.cost_factor;
   };
-  const auto felt = peers_.find(user.spec->proxy, user.peers, now.graph, reachable, fits, bodies);
+  const auto felt = peers_.find(user.spec->proxy, now.graph, reachable, fits, bodies);
   user.felt.assign(felt.begin(), felt.end());
 }
 
@@ -122,7 +150,7 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   if (spec.selection != Selection::contacts) now.engine.overlap(box, scratch_);
   if (spec.contact_depth > 0) add_neighbours(now.graph, scene_.bodies, spec.proxy, spec.contact_depth, scratch_);
   const double gravity_m_s2 = scene_.settings.world.gravity.norm();
-  before_.clear();
+  before_.clear();  // only who is felt counts for a scheme that does not replicate peers
   find_peers(user, now, horizon_s, scheme_.properties.replicates_peers ? scratch_ : before_);
   before_ = chosen.members;
   select_members(scratch_, scene_.bodies, spec.proxy, chosen);
@@ -139,13 +167,9 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
     reach.extend(swept_bounds(now.engine.state(id), bounds(id), gravity_m_s2, horizon_s));
   }
   now.engine.overlap(reach, scratch_);
-  select_fixed(scratch_, now.contacts, scene_.bodies, chosen);
+  now.graph.contacts_of(chosen.members, contacts_);
+  select_fixed(scratch_, contacts_, scene_.bodies, chosen);
   return reach;
-}
-
-int FrameMaker::holders(BodyId id) const {
-  return static_cast<int>(std::ranges::count_if(
-      users_, [id](const User& user) { return std::ranges::binary_search(user.membership.members, id); }));
 }
 
 double FrameMaker::horizon_s(const WorldNow& now, const Heard& heard) const {
@@ -159,10 +183,10 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
   frame.peers.clear();
   for (std::size_t p = 0; p < users_.size(); ++p) {
     const UserSpec& spec = *users_[p].spec;
-    if (&users_[p] == &user) continue;
+    if (&users_[p] == &user || !heard[p].any) continue;
     const bool inside = std::ranges::binary_search(frame.members, spec.proxy);
     const bool pushes = std::ranges::find(frame.ghost_peers, spec.proxy, &GhostPeer::proxy) != frame.ghost_peers.end();
-    if (!heard[p].any || (!inside && !pushes)) continue;
+    if (!inside && !pushes) continue;
     const HapticReport& report = *heard[p].at_stamp;
     if (!report.device) continue;
     const ReportedDevice& at_report = *report.device;

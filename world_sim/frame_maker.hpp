@@ -9,6 +9,7 @@
 #include "model/scene.hpp"
 #include "world_sim/suppression_finder.hpp"
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -56,13 +57,12 @@ class FrameMaker {
   [[nodiscard]] const Membership& membership(std::size_t user) const noexcept { return users_[user].membership; }
   [[nodiscard]] const SelectionFacts& selection(std::size_t user) const noexcept { return users_[user].selection; }
   /// How many sub-worlds hold a body.
-  [[nodiscard]] int holders(BodyId id) const;
+  [[nodiscard]] int holders(BodyId id) const noexcept { return holders_[index(id)]; }
 
  private:
   struct User {
     const UserSpec* spec = nullptr;
-    std::vector<BodyId> peers;      ///< proxies of the other users
-    std::vector<PeerContact> felt;  ///< of those of them that the user may feel
+    std::vector<PeerContact> felt;  ///< of the other users whom this one may feel
     double outside_work_j = 0.0;    ///< see WorldFrame
     Membership membership;
     std::vector<BoundaryContact> border;
@@ -70,8 +70,15 @@ class FrameMaker {
     CostCorrection correction;
     SelectionFacts selection;
     std::vector<WorldFrame> frames;  ///< by stamp
+    std::vector<BodyId> near;        ///< what the proxy may reach within `near_for_s`
+    double near_for_s = kNever_s;
   };
+  static constexpr double kNever_s = -1.0;
 
+  /// A new stamp for the peers.
+  void begin_peers(const WorldNow& now, std::span<const Heard> heard);
+  /// What the proxy of a user may reach within the time.
+  const std::vector<BodyId>& near(User& user, const WorldNow& now, double horizon_s);
   /// Finds the other users that this one may feel; adds to `bodies` what the sub-world needs for them.
   void find_peers(User& user, const WorldNow& now, double horizon_s, std::vector<BodyId>& bodies);
   /// Fills the membership; returns where its members may get within the time.
@@ -92,12 +99,16 @@ class FrameMaker {
   std::vector<User> users_;
   WorldSide& side_;
   PeerFinder peers_;
+  std::vector<BodyId> proxies_;        ///< by user
+  std::vector<std::uint8_t> user_of_;  ///< by body, of which it is the proxy
+  std::vector<std::uint8_t> holders_;  ///< by body: sub-worlds that hold it
   BudgetSelector budget_;
   bool tells_all_pairs_;
   std::vector<double> operators_j_, work_j_;  ///< by user: work of the operator, since the start and in the last cycle
   SuppressionFinder suppression_;
   bool may_suppress_;
   std::vector<BodyId> scratch_, before_;
+  std::vector<Contact> contacts_;  ///< of the members
 };
 
 }  // namespace subworld

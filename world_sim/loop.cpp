@@ -16,7 +16,10 @@ bool await_peers(WorldPorts& ports, const Options& options) {
   const TimePoint until = Clock::now() + from_seconds(options.wait_s);
   for (std::size_t u = 0; u < ports.frames.size(); ++u) {
     const Wanted haptic{fmt::format("haptic_sim for user {}", u), fmt::format("haptic_sim --user {}", u)};
-    const auto there = [&] { return ports.frames[u].matched() > 0 && ports.reports[u].matched() > 0; };
+    const auto there = [&] {
+      return ports.frames[u].matched() > 0 && ports.reports[u].matched() > 0 &&
+             ports.status.met(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u));
+    };
     if (!wait_for(*ports.bus, options, haptic, there)) return false;
   }
   if (options.await_display) {

@@ -33,6 +33,19 @@ void ContactGraph::build(std::span<const Contact> contacts, std::size_t bodies) 
   }
 }
 
+void ContactGraph::contacts_of(std::span<const BodyId> ids, std::vector<Contact>& out) const {
+  listed_.clear();
+  for (const BodyId id : ids) {
+    const auto entries = std::span(entries_).subspan(begin_[index(id)], count_[index(id)]);
+    listed_.insert(listed_.end(), entries.begin(), entries.end());
+  }
+  std::ranges::sort(listed_);
+  const auto twice = std::ranges::unique(listed_);
+  listed_.erase(twice.begin(), twice.end());
+  out.clear();
+  for (const std::uint32_t i : listed_) out.push_back(contacts_[i]);
+}
+
 void Islands::begin(std::span<const BodyId> ids) {
   ids_.assign(ids.begin(), ids.end());
   sets_.reset(ids.size());

@@ -28,6 +28,7 @@ class ContactGraph {
   ContactGraph() {
     entries_.reserve(kUsualContacts);
     touched_.reserve(kUsualContacts);
+    listed_.reserve(kUsualContacts);
   }
 
   /// Ids of both bodies of every contact must be below `bodies`. Costs nothing for bodies without contacts.
@@ -42,6 +43,8 @@ class ContactGraph {
                               : Neighbour{c.a, c.normal, c.normal_impulse, i};
            });
   }
+  /// The contacts of any of these bodies, in the order of all contacts.
+  void contacts_of(std::span<const BodyId> ids, std::vector<Contact>& out) const;
   [[nodiscard]] const Contact& contact(std::uint32_t i) const noexcept { return contacts_[i]; }
 
  private:
@@ -49,6 +52,7 @@ class ContactGraph {
   std::vector<std::uint32_t> begin_, count_;  ///< by body: its place in entries_; zero for who has no contact
   std::vector<BodyId> touched_;               ///< bodies with contacts
   std::vector<std::uint32_t> entries_;
+  mutable std::vector<std::uint32_t> listed_;
 };
 
 /// Label of an island that reaches out of the sub-world.

@@ -89,6 +89,8 @@ std::span<const MergedBody> SharedIslands::merge(std::span<const Contact> contac
   merged_.clear();
   hold(reports);
   if (std::ranges::find(reports, nullptr) != reports.end()) return merged_;
+  const auto is_shared = [this](BodyId id) { return std::popcount(copies_[index(id)].holders) > 1; };
+  if (std::ranges::none_of(held_, is_shared)) return merged_;
   sets_.reset(held_.size());
   islands_.assign(held_.size(), {});
   for (const Contact& c : contacts) {

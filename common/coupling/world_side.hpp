@@ -71,6 +71,8 @@ class WorldSide {
   /// before it.
   [[nodiscard]] virtual ProxyDrive drive(const UserSpec& user, const Wrench& mean, const HapticReport& before,
                                          const HapticReport& now, double until_s) const = 0;
+  /// A new stamp, of which `extract` follows for each user. Not called without sub-worlds.
+  virtual void begin(const WorldNow& /*now*/) {}
   /// Fills `border`, and ghosts and islands of the frame. Not called without sub-worlds.
   virtual void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border,
                        WorldFrame& frame) = 0;

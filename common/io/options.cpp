@@ -94,7 +94,9 @@ void add_run_options(CommandLine& line, Options& o) {
       .one_of({"lockstep", "realtime"})
       .otherwise(scenes);
   add("--duration", &o.duration_s, "simulated time").range(0.001, 1e6, "s").otherwise(scenes);
-  add("--users", &o.users, "number of the scene's users that take part, the first ones").range(1, 64).otherwise(scenes);
+  add("--users", &o.users, "number of the scene's users that take part, the first ones")
+      .range(1, kMostUsers)
+      .otherwise(scenes);
   add("--scheme", &o.scheme, "coupling scheme: reduced, paper or direct").otherwise(scenes + ", else reduced");
   add("--ratio", &o.ratio,
       "simulation ratio r = T / h; two as in 4-12: it adapts between them to what the operator feels and to what "

@@ -139,7 +139,7 @@ struct PeerDevice {
   Pose pose;                             ///< in scene coordinates, at the frame's stamp
   Vec3 linear_velocity = Vec3::Zero();   ///< in simulated time
   Vec3 angular_velocity = Vec3::Zero();  ///< in simulated time
-  Wrench applied;                        ///< admittance devices
+  Wrench applied = {};                   ///< admittance devices
   double device_s = 0.0;                 ///< device time that belongs to the frame's stamp
   Vec3 offset = Vec3::Zero();            ///< position in the scene minus that of the device
 };

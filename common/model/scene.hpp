@@ -159,6 +159,9 @@ struct RatioBounds {
 
 enum class Mode : std::uint8_t { lockstep, realtime };
 
+/// Users of a scene: the programs exchange sets of users as 64 bits.
+inline constexpr int kMostUsers = 64;
+
 struct Settings {
   double h_s = 0.001;  ///< haptic step
   int ratio = 4;       ///< r, and its least value: the world's cycle is T = r h

@@ -13,7 +13,6 @@ constexpr Limits kTime{.least = 0.0, .most = 1e6};                           // 
 constexpr Limits kLongerThanZero{.least = 0.0, .most = 1e6, .above = true};  // s, m
 constexpr Limits kLarge{.least = 0.0, .most = 1e9};
 constexpr Limits kLargePositive{.least = 0.0, .most = 1e9, .above = true};
-constexpr int kMostUsers = 64;
 
 const std::initializer_list<std::string_view> kSegmentForms = {"move", "turn", "circle", "wave"};
 
@@ -144,7 +143,8 @@ void read_device(const YamlValue& value, DeviceSpec& device) {
 void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
   const std::vector<YamlValue> items = list.items();
   if (items.empty()) list.fail("a scene needs at least one user; add one");
-  if (items.size() > kMostUsers) list.fail(fmt::format("{} users; a scene has at most {}", items.size(), kMostUsers));
+  if (items.size() > kMostUsers)
+    list.fail(fmt::format("{} users; a scene has at most {}: split it", items.size(), kMostUsers));
   for (const YamlValue& item : items) {
     const YamlMap map(item, {"name", "proxy", "joins", "coupling", "selection", "box_half_m", "contact_depth",
                              "budget_ratio", "device"});

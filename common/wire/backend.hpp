@@ -134,8 +134,6 @@ class Backend {
   std::string route_;
 };
 
-/// Largest number of participants of one domain on one host.
-inline constexpr int kMostParticipants = 32;
 /// Size of one datagram; larger samples are sent in fragments.
 inline constexpr int kMessageBytes = 65500;
 
@@ -143,6 +141,7 @@ inline constexpr int kMessageBytes = 65500;
 /// environment variable or settings file, then the built-in default.
 struct Opening {
   int domain = 0;
+  int participants = 0;  ///< of the domain on a host, at most
   std::string participant_name;
   std::string interface_address;   ///< flag; empty: as in the settings, else the default
   std::vector<std::string> peers;  ///< flag; empty: as in the settings, else the interface itself

@@ -126,8 +126,10 @@ struct Bus::Impl {
   Events events;
   std::unique_ptr<wire::Backend> backend;  // declared after events: its threads report until it is destroyed
 
-  [[nodiscard]] wire::EndpointSpec spec(std::size_t topic, const std::string& partition) const {
-    return {kTopics[topic], qos_of(kTopics[topic], config.mode, config.device_period_s, config.cycle_s), partition};
+  [[nodiscard]] wire::EndpointSpec spec(std::size_t topic, const std::string& partition,
+                                        std::optional<double> device_period_s = {}) const {
+    const double period_s = device_period_s.value_or(config.device_period_s);
+    return {kTopics[topic], qos_of(kTopics[topic], config.mode, period_s, config.cycle_s), partition};
   }
 };
 
@@ -168,9 +170,10 @@ struct AnyReader::Impl {
   std::uint64_t refused = 0;
 };
 
-AnyReader::AnyReader(const Bus& bus, std::size_t topic, const std::string& partition)
-    : impl_(new Impl{bus.impl_->backend->create_reader(bus.impl_->spec(topic, partition)), make_codec(topic),
-                     bus.impl_->events, kTopics[topic].name}) {
+AnyReader::AnyReader(const Bus& bus, std::size_t topic, const std::string& partition,
+                     std::optional<double> device_period_s)
+    : impl_(new Impl{bus.impl_->backend->create_reader(bus.impl_->spec(topic, partition, device_period_s)),
+                     make_codec(topic), bus.impl_->events, kTopics[topic].name}) {
   impl_->cdr.reserve(wire::kMessageBytes);
 }
 AnyReader::AnyReader(AnyReader&&) noexcept = default;
@@ -228,6 +231,17 @@ void check_network(const Network& network) {
                        .qos_file = network.qos_file});
 }
 
+namespace {
+
+/// Those of the run, and some that are not of it. A program that does not know the run searches for all.
+int searched_participants(int users, int domain) {
+  constexpr int kUsual = 32;
+  const int room = participant_room(domain);
+  return users == 0 ? room : std::clamp(participants_of(users), std::min(kUsual, room), room);
+}
+
+}  // namespace
+
 std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, double device_period_s,
                               const std::string& participant_name) {
   return open_bus({.vendor = parse_vendor(network.dds),
@@ -238,6 +252,7 @@ std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, 
                    .qos_file = network.qos_file,
                    .device_period_s = device_period_s,
                    .cycle_s = settings.longest_cycle_s(),
+                   .participants = searched_participants(settings.users, network.domain),
                    .participant_name = participant_name});
 }
 

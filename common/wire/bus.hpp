@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -28,6 +29,7 @@ struct BusConfig {
   std::string qos_file;            ///< vendor's settings; empty: its environment variable, else qos/ beside the program
   double device_period_s = 0.001;  ///< for deadlines
   double cycle_s = 0.004;          ///< the longest cycle, for deadlines
+  int participants = 32;           ///< of the domain on a host, at most: each host is searched for so many
   std::string participant_name = "subworld";
 };
 
@@ -92,12 +94,12 @@ class AnyReader {
   [[nodiscard]] std::uint64_t refused() const noexcept;
   /// Number of matched writers, dead or alive.
   [[nodiscard]] int matched() const noexcept;
-  /// Writers with a sign of life within the lease (100 ms).
+  /// Writers with a sign of life within the lease (100 ms; 1 s in lock-step).
   [[nodiscard]] int alive_writers() const noexcept;
   [[nodiscard]] std::uint64_t received_bytes() const noexcept;  ///< payload
 
  protected:
-  AnyReader(const Bus& bus, std::size_t topic, const std::string& partition);
+  AnyReader(const Bus& bus, std::size_t topic, const std::string& partition, std::optional<double> device_period_s);
   bool decode_any(void* sample) noexcept;
 
  private:
@@ -120,7 +122,8 @@ class Reader : public AnyReader {
 
  private:
   friend class Bus;
-  Reader(const Bus& bus, const std::string& partition) : AnyReader(bus, kTopicIndex<M>, partition) {}
+  Reader(const Bus& bus, const std::string& partition, std::optional<double> device_period_s = {})
+      : AnyReader(bus, kTopicIndex<M>, partition, device_period_s) {}
 };
 
 /// Kinds of middleware events. `fault`: must not happen. `absence`: a peer or a sample is missing, which is normal
@@ -136,7 +139,7 @@ class Bus {
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// A partition separates users: only equal partitions match; a reader may ask for "*". Both throw `Error`
+  /// A partition separates users: only equal partitions match; a reader may ask for "*". All throw `Error`
   /// (middleware).
   template <class M>
   [[nodiscard]] Writer<M> writer(const std::string& partition = {}) {
@@ -145,6 +148,10 @@ class Bus {
   template <class M>
   [[nodiscard]] Reader<M> reader(const std::string& partition = {}) {
     return {*this, partition};
+  }
+  /// Of a device whose period is another one than the bus's.
+  [[nodiscard]] Reader<DeviceState> device_reader(const std::string& partition, double device_period_s) {
+    return {*this, partition, device_period_s};
   }
 
   /// Waits for new data in any reader, or for an event, since the last call returned. False after the timeout. One

@@ -484,7 +484,7 @@ class CycloneBackend final : public Backend {
     }
     route_ = route.text();
     return fmt::format("{},{}{}<CycloneDDS><Domain Id=\"any\">{}</Domain></CycloneDDS>",
-                       fmt::format(fmt::runtime(kDefaults), kMessageBytes, kMostParticipants - 1), user,
+                       fmt::format(fmt::runtime(kDefaults), kMessageBytes, opening.participants - 1), user,
                        user.empty() ? "" : ",", network);
   }
 

@@ -44,6 +44,9 @@ constexpr const char* kProfile = "subworld";
 constexpr std::uint32_t kHeaderBytes = 4;
 constexpr std::uint32_t kFirstBytes = 512;  // of a history entry; grows with its samples
 constexpr int kMostKeys = 256;
+// Fast DDS 2.9 may abort where a lease is checked while its participant leaves: run ends must not coincide with checks.
+// The programs notice a death by the missing status.
+constexpr double kLease_s = 100.0;
 constexpr int kMostKept = 1024;  // acknowledged samples that a keep-all writer stores
 
 [[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, "Fast DDS: " + message); }
@@ -293,11 +296,11 @@ void load_settings(dds::DomainParticipantFactory& factory, const Opening& openin
   }
 }
 
-void use_interface(dds::DomainParticipantQos& qos, const std::string& address) {
+void use_interface(dds::DomainParticipantQos& qos, const std::string& address, int participants) {
   auto udp = std::make_shared<UDPv4TransportDescriptor>();
   udp->interfaceWhiteList = {address};
   udp->maxMessageSize = kMessageBytes;
-  udp->maxInitialPeersRange = kMostParticipants;
+  udp->maxInitialPeersRange = static_cast<std::uint32_t>(participants);
   udp->sendBufferSize = 1U << 20U;
   udp->receiveBufferSize = 4U << 20U;
   qos.transport().user_transports = {udp};
@@ -337,10 +340,10 @@ bool port_is_free(const std::string& interface_address, int port) {
 /// The library numbers the participants of a process in ascending order, until their ports are outside the range that
 /// peers try. This function returns the lowest number whose ports are free. If another process takes it first, the
 /// library itself moves on.
-int free_participant_index(const std::string& interface_address, int domain) {
+int free_participant_index(const std::string& interface_address, int domain, int participants) {
   const rtps::PortParameters ports;
   const int first = ports.portBase + ports.domainIDGain * domain;
-  for (int index = 0; index < kMostParticipants; ++index) {
+  for (int index = 0; index < participants; ++index) {
     const int own = first + ports.participantIDGain * index;
     if (port_is_free(interface_address, own + ports.offsetd1) &&
         port_is_free(interface_address, own + ports.offsetd3)) {
@@ -350,7 +353,7 @@ int free_participant_index(const std::string& interface_address, int domain) {
   fail(fmt::format(
       "domain {}: the ports of all {} participants on {} are in use; choose another --domain or stop programs "
       "that still run",
-      domain, kMostParticipants, interface_address));
+      domain, participants, interface_address));
 }
 
 class FastBackend final : public Backend {
@@ -403,7 +406,7 @@ class FastBackend final : public Backend {
     load_settings(*factory_, opening, qos);
     auto& discovery = qos.wire_protocol().builtin.discovery_config;
     if (discovery == rtps::DiscoverySettings{}) {
-      discovery.leaseDuration = duration(10.0);
+      discovery.leaseDuration = duration(kLease_s);
       discovery.leaseDuration_announcementperiod = duration(1.0);
       discovery.initial_announcements.count = 10;
       discovery.initial_announcements.period = duration(0.05);
@@ -412,8 +415,8 @@ class FastBackend final : public Backend {
     const Route route(opening, !qos.transport().user_transports.empty(),
                       !qos.wire_protocol().builtin.initialPeersList.empty());
     if (!route.address.empty()) {
-      use_interface(qos, route.address);
-      qos.wire_protocol().participant_id = free_participant_index(route.address, opening.domain);
+      use_interface(qos, route.address, opening.participants);
+      qos.wire_protocol().participant_id = free_participant_index(route.address, opening.domain, opening.participants);
     }
     if (route.peers) use_peers(qos, *route.peers);
     route_ = route.text();

@@ -128,6 +128,7 @@ Opening prepare(const BusConfig& config) {
   }
   Opening opening;
   opening.domain = config.domain;
+  opening.participants = config.participants;
   opening.participant_name = config.participant_name;
   const VendorFacts& vendor = facts(config.vendor);
   const char* variable = std::getenv(vendor.environment);

@@ -50,9 +50,16 @@ void StatusBeacon::listen() {
   for (auto& ticks : status_age_ticks_) ticks.fetch_add(1, std::memory_order_relaxed);
   for (Take taken = reader_.take(heard_); taken != Take::none; taken = reader_.take(heard_)) {
     const auto program = static_cast<std::size_t>(heard_.program);
-    if (taken == Take::sample && program < kPrograms && heard_.instance < kInstances)
-      status_age_ticks_[program * kInstances + heard_.instance].store(0, std::memory_order_relaxed);
+    if (taken != Take::sample || program >= kPrograms || heard_.instance >= kInstances) continue;
+    const std::size_t slot = program * kInstances + heard_.instance;
+    status_age_ticks_[slot].store(0, std::memory_order_relaxed);
+    met_[slot].store(true, std::memory_order_relaxed);
   }
+}
+
+bool StatusBeacon::met(ProgramKind program, std::uint32_t instance) const noexcept {
+  const std::size_t slot = static_cast<std::size_t>(program) * kInstances + instance;
+  return slot < met_.size() && met_[slot].load(std::memory_order_relaxed);
 }
 
 double StatusBeacon::status_age_s(ProgramKind program, std::uint32_t instance) const noexcept {

@@ -55,12 +55,14 @@ class StatusBeacon {
   /// Middleware events since the loop began to run.
   [[nodiscard]] EventCounts events_of_run();
   /// Time since the last status of that program, in this process's own time, s. May be called at any rate, from the
-  /// loop. Fast DDS reports the death of one of several programs only after the lease of its participant, 10 s.
+  /// loop. Fast DDS reports the death of one of several programs only after the lease of its participant, 100 s.
   [[nodiscard]] double status_age_s(ProgramKind program, std::uint32_t instance) const noexcept;
   /// Whether a status of that program arrived within kStatusTimeout_s.
   [[nodiscard]] bool hears(ProgramKind program, std::uint32_t instance) const noexcept {
     return status_age_s(program, instance) < kStatusTimeout_s;
   }
+  /// Whether a status of that program has ever arrived. Before, its age counts from the start of this program.
+  [[nodiscard]] bool met(ProgramKind program, std::uint32_t instance) const noexcept;
   /// Publishes the result of an order, like note().
   void answer(std::uint32_t order, const std::string& text) { note(answer_prefix(order) + text); }
 
@@ -84,9 +86,10 @@ class StatusBeacon {
   Writer<Status> writer_;
   Reader<Status> reader_;
   Status heard_;
-  static constexpr std::size_t kPrograms = 4, kInstances = 64;
+  static constexpr std::size_t kPrograms = 4, kInstances = kMostUsers;
   std::atomic<bool> paused_{false};
   std::array<std::atomic<std::uint32_t>, kPrograms * kInstances> status_age_ticks_{};
+  std::array<std::atomic<bool>, kPrograms * kInstances> met_{};
   std::string label_;
   std::atomic<double> time_s_{0.0}, busy_s_{0.0}, force_n_{0.0}, real_time_factor_{1.0}, done_ratio_{0.0};
   std::atomic<std::uint64_t> steps_{0}, missed_{0}, missed_by_os_{0};

@@ -112,12 +112,17 @@ constexpr double deadline_s(double interval_s) noexcept {
   return (static_cast<double>(begun) + 1.9) * kMillisecond;
 }
 
+inline constexpr double kLongLease_s = 1.0;
+
 /// In lock-step a lost sample would stop the run. Therefore every topic is reliable, keep-all and without deadline. It
 /// is transient local too, because a volatile reader may miss samples written in the milliseconds after both sides have
 /// matched. In real time a writer drops samples that the network delays, instead of blocking the loop.
 constexpr Qos qos_of(const TopicSpec& topic, Mode mode, double device_period_s, double cycle_s) noexcept {
   Qos qos;
   qos.transient_local = topic.durability == Durability::transient_local;
+  // Each participant renews its lease at each other one, so that the messages grow with the square of their number.
+  // Lock-step has no use for a short lease. What late joiners read must match in both modes.
+  if (mode == Mode::lockstep || qos.transient_local) qos.lease_s = kLongLease_s;
   if (mode == Mode::lockstep) {
     qos.reliable = true;
     qos.keep_all = true;

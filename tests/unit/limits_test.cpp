@@ -1,6 +1,8 @@
 // Warnings of `plan` and `run` for scenes beyond the limits of an engine or a device.
 #include "limits.hpp"
 
+#include "launch.hpp"
+#include "model/error.hpp"
 #include "physics/plugin.hpp"
 
 #include <gmock/gmock.h>
@@ -196,6 +198,26 @@ TEST_F(Limits, AStiffCouplingAndFewCycles) {
   EXPECT_THAT(warnings(),
               ElementsAre(AllOf(HasSubstr("anna: coupling.stiffness_n_m 1e+06"), HasSubstr("oscillates above")),
                           HasSubstr("only 2 times in the 0.008 s")));
+}
+
+TEST_F(Limits, UsersForWhomADomainHasRoom) {
+  RunRequest request;
+  const auto refusal = [&](int users) -> std::string {
+    scene.settings.users = users;
+    try {
+      check_request(scene, request);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ExitCode::usage);
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal(57), "");
+  EXPECT_THAT(refusal(58), AllOf(HasSubstr("--users 58: one host has room for 57 users"), HasSubstr("120 participants"),
+                                 HasSubstr("take fewer users"), HasSubstr("several hosts")));
+  request.domain = 232;  // beyond port 65535 there are none
+  EXPECT_EQ(refusal(29), "");
+  EXPECT_THAT(refusal(30), HasSubstr("room for 29 users"));
 }
 
 TEST(HeavyOnLight, IsInterpolatedInLogarithms) {

@@ -24,13 +24,16 @@ class Peers : public testing::Test {
   std::vector<BodyId> found(std::initializer_list<std::uint32_t> peers, std::initializer_list<std::uint32_t> inside) {
     ContactGraph graph;
     graph.build(world.contacts, world.scene.bodies.size());
-    std::vector<BodyId> bodies = numbered(inside);
+    std::vector<BodyId> bodies;
     const auto reach = [this](BodyId proxy, std::vector<BodyId>& out) { out = numbered(reachable[index(proxy)]); };
     const auto fits = [this](std::size_t island, std::size_t contacts) { return island + contacts <= most; };
     PeerFinder finder(world.scene);
+    std::vector<BodyId> proxies = numbered(peers);
+    proxies.insert(proxies.begin(), BodyId{1});
     for (int again = 0; again < 2; ++again) {  // a search leaves nothing behind
       bodies = numbered(inside);
-      const auto links = finder.find(BodyId{1}, numbered(peers), graph, reach, fits, bodies);
+      finder.begin(world.contacts, proxies, reach);
+      const auto links = finder.find(BodyId{1}, graph, reach, fits, bodies);
       last.assign(links.begin(), links.end());
     }
     return bodies;

@@ -44,11 +44,28 @@ TEST_P(SeveralUsers, FeelEachOtherThroughWhatTheyShare) {
   }
 }
 
+// The devices' rates, 1000 Hz in the scene, differ from each other and from that of the haptic steps.
+TEST(SeveralUsers, FeelDevicesOfAnyRate) {
+  const auto with_rates = [](const std::string& scheme, int ratio) {
+    Scene scene = shared_scene("squeeze", scheme, ratio);
+    scene.users[0].device.rate_hz = 2500;
+    scene.users[1].device.rate_hz = 150;
+    return scene;
+  };
+  CoupledRun reference(with_rates("direct", 1));
+  ASSERT_TRUE(reference.run());
+  CoupledRun coupled(with_rates("reduced", 4));
+  ASSERT_TRUE(coupled.run());
+  for (std::size_t u = 0; u < coupled.felt.size(); ++u) {
+    EXPECT_LE(force_error(coupled.felt[u].force, reference.felt[u].force, 0.001).rms, 0.002) << u;
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, SeveralUsers,
-                         testing::Values(Shared{"squeeze", 4, 0.0, 0.005}, Shared{"squeeze", 20, 0.0, 0.005},
-                                         Shared{"squeeze", 5, 0.02, 0.008}, Shared{"squeeze", 5, 0.1, 0.06},
-                                         Shared{"weight", 10, 0.0, 0.001}, Shared{"weight", 5, 0.02, 0.005},
-                                         Shared{"carry", 10, 0.0, 0.001},
+                         testing::Values(Shared{"devices", 4, 0.0, 0.03}, Shared{"squeeze", 4, 0.0, 0.005},
+                                         Shared{"squeeze", 20, 0.0, 0.005}, Shared{"squeeze", 5, 0.02, 0.008},
+                                         Shared{"squeeze", 5, 0.1, 0.06}, Shared{"weight", 10, 0.0, 0.001},
+                                         Shared{"weight", 5, 0.02, 0.005}, Shared{"carry", 10, 0.0, 0.001},
                                          // The chain to the other user does not fit.
                                          Shared{"squeeze", 4, 0.0, 0.025, 0.1}, Shared{"squeeze", 10, 0.0, 0.025, 0.2},
                                          Shared{"squeeze", 5, 0.02, 0.03, 0.1}),

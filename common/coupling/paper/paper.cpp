@@ -11,7 +11,7 @@ namespace {
 
 class PaperWorldSide final : public WorldSide {
  public:
-  explicit PaperWorldSide(const PaperSettings& settings) : settings_(settings) {}
+  explicit PaperWorldSide(const PaperSettings& settings) : settings_(settings) { contacts_.reserve(kUsualContacts); }
 
   ProxyDrive drive(const UserSpec&, const Wrench& mean, const HapticReport&, const HapticReport&,
                    double) const override {
@@ -19,11 +19,13 @@ class PaperWorldSide final : public WorldSide {
     return {mean, std::nullopt, {}};
   }
   void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border, WorldFrame&) override {
-    extract_border(now.contacts, inside.membership, border);
+    now.graph.contacts_of(inside.membership.members, contacts_);
+    extract_border(contacts_, inside.membership, border);
   }
 
  private:
   PaperSettings settings_;
+  std::vector<Contact> contacts_;  ///< of the members
 };
 
 /// The world's impulses of its last step, divided over the haptic steps.

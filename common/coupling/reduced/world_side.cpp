@@ -13,17 +13,24 @@ namespace {
 /// The border of a frame: contacts, contacts to come, the ghosts' models and the islands.
 class ReducedWorldSide final : public WorldSide {
  public:
-  explicit ReducedWorldSide(const Scene& scene) : scene_(scene), approach_(scene), modeller_(scene) {}
+  explicit ReducedWorldSide(const Scene& scene) : scene_(scene), approach_(scene), modeller_(scene) {
+    contacts_.reserve(kUsualContacts);
+    swept_.reserve(scene.bodies.size());
+  }
 
   ProxyDrive drive(const UserSpec& user, const Wrench& mean, const HapticReport& before, const HapticReport& now,
                    double until_s) const override {
     return reduced_drive(user, mean, before, now, until_s);
   }
 
+  void begin(const WorldNow&) override { swept_for_s_ = kNever_s; }
   void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border,
                WorldFrame& frame) override {
     // Only a border reads the friction of contacts, and some engines must estimate it.
-    const auto find_contacts = [&] { extract_border(now.contacts, inside.membership, border); };
+    const auto find_contacts = [&] {
+      now.graph.contacts_of(inside.membership.members, contacts_);
+      extract_border(contacts_, inside.membership, border);
+    };
     find_contacts();
     if (!border.empty() && now.find_friction()) find_contacts();
     find_approaching(now, inside, border);
@@ -33,7 +40,7 @@ class ReducedWorldSide final : public WorldSide {
     }
     modeller_.model(border, {inside.membership, now.graph, now.motions, now.cycle_s, now.pulls}, frame.ghosts,
                     frame.ghost_peers);
-    Authority::label(scene_, islands_, inside.membership.members, now.contacts, inside.shared, frame.islands);
+    Authority::label(scene_, islands_, inside.membership.members, contacts_, inside.shared, frame.islands);
   }
 
  private:
@@ -46,17 +53,38 @@ class ReducedWorldSide final : public WorldSide {
     for (const BodyId id : approach_.touching(inside.membership, now.graph, border)) {
       reach.extend(approach_.ghost(id, now.engine.state(id), now.engine.bounds(id)));
     }
+    if (inside.horizon_s != swept_for_s_) sweep(now, inside.horizon_s);
     std::optional<Box> where = reach;
     while (where) {
-      for (const BodyId id : now.engine.awake()) {
-        if (!approach_.may_come(id)) continue;
-        approach_.outside(id, now.motions[index(id)].state, now.engine.bounds(id), *where);
+      for (const Swept& awake : swept_) {
+        if (!awake.box.meets(*where) || !approach_.may_come(awake.id)) continue;
+        approach_.outside(awake.id, now.motions[index(awake.id)].state, now.engine.bounds(awake.id), *where);
       }
       where = approach_.find(inside.membership, now.graph, border);
     }
   }
 
+  /// Where what is awake may get within the time. The same for all users whose next frame comes at the same time.
+  void sweep(const WorldNow& now, double horizon_s) {
+    swept_for_s_ = horizon_s;
+    swept_.clear();
+    const double gravity_m_s2 = scene_.settings.world.gravity.norm();
+    for (const BodyId id : now.engine.awake()) {
+      swept_.push_back(
+          {id, swept_bounds(now.motions[index(id)].state, now.engine.bounds(id), gravity_m_s2, horizon_s)});
+    }
+  }
+
+  struct Swept {
+    BodyId id{};
+    Box box;
+  };
+  static constexpr double kNever_s = -1.0;
+
   const Scene& scene_;
+  std::vector<Contact> contacts_;  ///< of the members
+  std::vector<Swept> swept_;       ///< in the order of the ids
+  double swept_for_s_ = kNever_s;
   ApproachFinder approach_;
   GhostModeller modeller_;
   Islands islands_;
