@@ -16,7 +16,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <iterator>
 
@@ -52,6 +51,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "  subworld lab coupling row heavy_outside --scheme reduced --box 0.15,0.2,0.3 --substeps 1,4\n"
       "  subworld lab coupling raft pyramid --variants 10 --ratio 4,10\n"
       "  subworld lab coupling deploy/scenes/row.yaml --latency 0,0.02,0.1 --jitter 0,0.01\n"
+      "  subworld lab coupling lift --ratio 4 --latency 0.05 --loss 0,0.05 --passivity on,off\n"
       "DIR/report.html shows the results, DIR/results.csv and results.json hold them, DIR/users.csv those\n"
       "of each user, DIR/traces the felt forces.\n"
       "Ctrl-C writes what has been measured so far.\n"
@@ -81,6 +81,18 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   line.add("--substeps", &sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme requests").range(0, 1000);
   line.add("--latency", &sweep.latencies_s, "delays added to the round trip, half each way").range(0.0, 10.0, "s");
   line.add("--jitter", &sweep.jitters_s, "longest extra delays of a single message").range(0.0, 10.0, "s");
+  line.add("--device-latency", &sweep.device_latencies_s,
+           "delays added to the round trip between device and sub-world, half each way")
+      .range(0.0, 2.0, "s");
+  line.add("--loss", &sweep.loss_ratios,
+           "parts of the messages that are lost; between world and sub-world they are sent again and arrive late, on "
+           "the device's link the newest that arrived counts")
+      .range(0.0, 0.9, kPartUnit);
+  line.add("--passivity", &sweep.passivities,
+           "the bound on the energy that a device gives to its operator: on, off, or automatic (on where messages are "
+           "delayed or lost)")
+      .one_of({"on", "off", "automatic"})
+      .otherwise(scenes);
   line.add("--stiffness", &sweep.stiffness_factors, "factors on the coupling's stiffness").range(1e-3, 1e3);
   line.add("--h", &sweep.h_s, "haptic steps").range(1e-5, 0.1, "s").otherwise(scenes);
   line.add("--engine", &sweep.engines, "the world's engines").otherwise(scenes);
@@ -157,6 +169,9 @@ Json asked(const Sweep& s) {
           {"world_substeps", s.substeps},
           {"latency_s", s.latencies_s},
           {"jitter_s", s.jitters_s},
+          {"device_latency_s", s.device_latencies_s},
+          {"loss_ratio", s.loss_ratios},
+          {"passivity", s.passivities},
           {"stiffness_factor", s.stiffness_factors},
           {"h_s", s.h_s}};
 }
@@ -207,10 +222,13 @@ class Progress {
       text += fmt::format(", budget {:g} %, {:.1f} members", 100.0 * row.at("budget_ratio").get<double>(),
                           row.at("members_mean").get<double>());
     if (row.at("world_substeps") != 1) text += fmt::format(", {} sub-steps", row.at("world_substeps").get<int>());
-    for (const char* delay : {"latency_s", "jitter_s"}) {
-      if (const double s = row.at(delay).get<double>(); s > 0.0)
-        text += fmt::format(", {} {:g} ms", std::string(delay).substr(0, std::strlen(delay) - 2), 1e3 * s);
+    for (const auto& [column, name] :
+         {std::pair{"latency_s", "latency"}, {"jitter_s", "jitter"}, {"device_latency_s", "device latency"}}) {
+      if (const double s = row.at(column).get<double>(); s > 0.0) text += fmt::format(", {} {:g} ms", name, 1e3 * s);
     }
+    if (const double loss = row.at("loss_ratio").get<double>(); loss > 0.0)
+      text += fmt::format(", loss {:g} %", 1e2 * loss);
+    if (sweep_.passivities.size() > 1) text += fmt::format(", passivity {}", row.at("passivity").get<std::string>());
     return text;
   }
 

@@ -23,7 +23,11 @@ network. Errors under 0.01 % are drawn at 0.01 %.</p>
 <b>Offset</b> is the lag with the least error, and <b>RMS without offset</b> the error at that lag. <b>Jitter</b> is the
 force without its 41-step mean, relative to that of the reference; <b>smoothed</b> is the error of those means. <b>Drift</b>
 is the largest distance of a body from its place in the reference, at the end. <b>Energy excess</b> is the world's gain of
-energy beyond the work of the devices. <b>Ghosts</b> are the outside bodies that the scheme <i>reduced</i> models.</p>
+energy beyond the work of the devices. <b>Ghosts</b> are the outside bodies that the scheme <i>reduced</i> models. <b>On the operator</b> is the error of the
+force behind the device's link, its limits and its passivity bound, against the reference without them. <b>Created</b> is
+the energy that the operators received beyond what the couplings could store. The <b>momentum error</b> is the impulse
+that the users gave and the world did not receive, over that of all forces. <b>Copies</b> is the distance between two
+users' copies of a body.</p>
 )";
 
 constexpr int kFewestFitted = 3;  ///< points; an order needs at least as many
@@ -47,6 +51,9 @@ constexpr Column kColumns[] = {{"variant", "variant", 1, 4, nullptr, true},
                                {"world sub-steps", "world_substeps", 1, 4, nullptr, true},
                                {"latency ms", "latency_s", 1e3, 4, nullptr, true},
                                {"jitter ms", "jitter_s", 1e3, 4, nullptr, true},
+                               {"device latency ms", "device_latency_s", 1e3, 4, nullptr, true},
+                               {"loss %", "loss_ratio", 1e2, 3, nullptr, true},
+                               {"passivity", "passivity", 1, 0, nullptr, true},
                                {"K N/m", "coupling_stiffness_n_m", 1, 5, nullptr, true},
                                {"error RMS %", "force_error_rms", 1e2, 3},
                                {"p99 %", "force_error_p99", 1e2, 3},
@@ -57,6 +64,12 @@ constexpr Column kColumns[] = {{"variant", "variant", 1, 4, nullptr, true},
                                {"smoothed RMS %", "smoothed_force_error_rms", 1e2, 3},
                                {"proxy error RMS mm", "position_error_rms_m", 1e3, 3},
                                {"drift max mm", "drift_max_m", 1e3, 3},
+                               {"on the operator: RMS %", "operator_force_error_rms", 1e2, 3},
+                               {"p99 %", "operator_force_error_p99", 1e2, 3},
+                               {"offset ms", "operator_time_offset_s", 1e3, 3},
+                               {"created mJ", "created_j", 1e3, 3},
+                               {"momentum error %", "momentum_error_ratio", 1e2, 3},
+                               {"copies RMS mm", "copies_rms_m", 1e3, 3},
                                {"energy excess J", "energy_excess_j", 1, 3},
                                {"device work J", "device_work_j", 1, 3},
                                {"members", "members_mean", 1, 3},
@@ -106,7 +119,9 @@ std::string choices_of(const Rows& rows) {
   if (!comparable(rows.front())) return "";
   std::vector<const Json*> open;
   for (const Json& row : rows) {
-    if (alike(row, rows.front(), {"variant", "latency_s", "jitter_s", "coupling_stiffness_n_m", "h_s"}))
+    if (alike(row, rows.front(),
+              {"variant", "latency_s", "jitter_s", "device_latency_s", "loss_ratio", "passivity",
+               "coupling_stiffness_n_m", "h_s"}))
       open.push_back(&row);
   }
   const std::vector<std::string> columns = swept(rows);
@@ -178,7 +193,8 @@ std::string list_of(const char* title, const std::vector<std::string>& lines) {
 
 std::vector<std::string> orders_of(const Json& fits, const Rows& rows) {
   std::vector<std::string> columns = swept(rows);
-  for (const char* other : {"scheme", "latency_s", "jitter_s"}) std::erase(columns, other);
+  for (const char* other : {"scheme", "latency_s", "jitter_s", "device_latency_s", "loss_ratio", "passivity"})
+    std::erase(columns, other);
   std::vector<std::string> lines;
   for (const Json& fit : fits) {
     if (!alike(fit, rows.front(), {"scene", "variant"}) || fit.at("order").is_null()) continue;
