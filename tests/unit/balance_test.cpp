@@ -1,0 +1,69 @@
+// The accounts of a run: momentum, energy and the copies of shared bodies.
+
+#include "lab/coupling/balance.hpp"
+#include "lab/coupling/measure.hpp"
+#include "lab/coupling/sweep.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+namespace subworld {
+namespace {
+
+Point point_of(const std::string& scene, const std::string& scheme, double duration_s) {
+  Point point;
+  point.scene = std::string(SCENES_FOLDER) + "/" + scene + ".yaml";
+  point.scheme = scheme;
+  point.ratio = 4;
+  point.duration_s = duration_s;
+  return point;
+}
+
+TEST(Balance, OfMomentumIsRelativeToAllForces) {
+  MomentumBalance all;
+  all.add({.missing_n_s = Vec3(0.1, 0, 0), .impulse_n_s = 2.0});
+  all.add({.missing_n_s = Vec3(-0.1, 0.3, 0), .impulse_n_s = 1.0});
+  EXPECT_NEAR(all.error_ratio(), 0.1, 1e-12) << "what one user lacks, another has too much of";
+  EXPECT_TRUE(std::isnan(MomentumBalance{}.error_ratio()));
+}
+
+TEST(Balance, OfCopiesHasTheirRmsAndTheLargest) {
+  CopyDifference copies;
+  EXPECT_TRUE(std::isnan(copies.rms_m()));
+  EXPECT_TRUE(std::isnan(copies.max_m()));
+  copies.add(0.003);
+  CopyDifference more;
+  more.add(0.004);
+  copies.add(more);
+  EXPECT_NEAR(copies.rms_m(), 0.005 / std::sqrt(2.0), 1e-12);
+  EXPECT_EQ(copies.max_m(), 0.004);
+}
+
+// In scheme paper, the world gets the mean of the users' impulses over each cycle, so nothing is lost without delay.
+TEST(Balance, TheWorldReceivesWhatTheUsersGave) {
+  const auto run = run_out(scene_of(point_of("row", "paper", 1.0)));
+  ASSERT_GT(run->momentum.impulse_n_s, 0.5);
+  EXPECT_LT(run->momentum.error_ratio(), 0.02);
+  Point lost = point_of("row", "paper", 1.0);
+  lost.loss_ratio = 0.3;
+  EXPECT_GT(run_out(scene_of(lost))->momentum.error_ratio(), 5.0 * run->momentum.error_ratio());
+}
+
+TEST(Balance, CopiesOfASharedBodyDifferMoreWithDelay) {
+  Point point = point_of("lift", "reduced", 1.0);
+  const auto now = run_out(scene_of(point));
+  point.latency_s = 0.05;
+  const auto late = run_out(scene_of(point));
+  for (std::size_t u = 0; u < 2; ++u) {
+    EXPECT_LT(now->balance[u].copies.rms_m(), 1e-6);
+    EXPECT_GT(late->balance[u].copies.rms_m(), 1e-5);
+    EXPECT_GE(late->balance[u].copies.max_m(), late->balance[u].copies.rms_m());
+  }
+  const auto alone = run_out(scene_of(point_of("row", "reduced", 0.3)));
+  EXPECT_TRUE(std::isnan(alone->balance[0].copies.rms_m())) << "one user shares nothing";
+}
+
+}  // namespace
+}  // namespace subworld
