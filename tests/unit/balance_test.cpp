@@ -2,6 +2,7 @@
 
 #include "lab/coupling/balance.hpp"
 #include "lab/coupling/measure.hpp"
+#include "lab/coupling/mutual.hpp"
 #include "lab/coupling/sweep.hpp"
 
 #include <gtest/gtest.h>
@@ -63,6 +64,33 @@ TEST(Balance, CopiesOfASharedBodyDifferMoreWithDelay) {
   }
   const auto alone = run_out(scene_of(point_of("row", "reduced", 0.3)));
   EXPECT_TRUE(std::isnan(alone->balance[0].copies.rms_m())) << "one user shares nothing";
+}
+
+// A peer's device moves its proxy in the sub-world directly (scheme reduced), without a delay at once.
+TEST(MutualLatency, IsNoneWithoutDelayAndGrowsWithIt) {
+  References references;
+  MutualLatencies mutual;
+  double now_s = 0.0;
+  for (const double latency_s : {0.0, 0.06}) {
+    Point point = point_of("lift", "reduced", 1.6);
+    point.latency_s = latency_s;
+    const Reference* reference = references.of(point);
+    const auto run = run_out(scene_of(point));
+    std::vector<std::optional<MutualLatency>> late(2);
+    ASSERT_TRUE(mutual.measure(point, *run, *reference, late));
+    for (std::size_t u = 0; u < 2; ++u) {
+      ASSERT_TRUE(late[u]) << "both press the same cube";
+      EXPECT_EQ(late[u]->of_user, 1 - u);
+      EXPECT_GT(late[u]->reference_s, 0.0);
+      EXPECT_LT(late[u]->reference_s, 0.02);
+    }
+    if (latency_s == 0.0) {
+      now_s = late[0]->late_s;
+      EXPECT_NEAR(now_s, 0.0, 0.001);
+    } else {
+      EXPECT_NEAR(late[0]->late_s - now_s, 0.5 * latency_s, 0.005) << "one way: the device sends to its peers too";
+    }
+  }
 }
 
 }  // namespace

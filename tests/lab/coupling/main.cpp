@@ -5,6 +5,7 @@
 #include "io/scene_name.hpp"
 #include "lab/coupling/analysis.hpp"
 #include "lab/coupling/measure.hpp"
+#include "lab/coupling/mutual.hpp"
 #include "lab/coupling/report.hpp"
 #include "lab/coupling/sweep.hpp"
 #include "lab/page/command_line.hpp"
@@ -33,6 +34,7 @@ const std::vector<int> kQuickRatios{4, 20};
 struct Request {
   Sweep sweep;
   int variants = 0;
+  bool mutual = false;
   bool quick = false;
   std::string out;
 };
@@ -101,6 +103,9 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
            "number of variants of each scene, with other friction, masses and paths: whether an error is that of one "
            "lucky scene")
       .range(0, 1000);
+  line.flag("--mutual", request.mutual,
+            "also measures how late each user feels the motion of the others, for DIR/users.csv: a run more for each "
+            "user and point");
   add_duration(line, sweep.duration_s);
   line.flag("--quick", request.quick,
             fmt::format("a first look: scenes {}, ratios {}, {:g} s, where nothing else is given",
@@ -237,12 +242,15 @@ class Progress {
   TimeLeft left_;
 };
 
-Findings sweep_all(const Sweep& sweep, const std::vector<Point>& points, const std::string& out) {
+Findings sweep_all(const Request& request, const std::vector<Point>& points) {
+  const Sweep& sweep = request.sweep;
+  const std::string& out = request.out;
   Findings found;
   References references;
+  MutualLatencies mutual;
   Progress progress(points.size(), sweep);
   for (const Point& point : points) {
-    std::optional<Measured> measured = measure(point, references);
+    std::optional<Measured> measured = measure(point, references, request.mutual ? &mutual : nullptr);
     if (!measured) break;
     found.rows.push_back(std::move(measured->row));
     std::ranges::move(measured->users, std::back_inserter(found.users));
@@ -317,7 +325,7 @@ int run_lab(int argc, char** argv) {
   fmt::print("subworld lab coupling: {} points, results in {}\n", points.size(), out);
   std::fflush(stdout);
 
-  Findings found = sweep_all(request.sweep, points, out);
+  Findings found = sweep_all(request, points);
   found.summary = summary_of(request, found, points.size());
   write_csv(out + "/users.csv", found.users);
   print_findings(found);

@@ -1,6 +1,7 @@
 #include "lab/coupling/measure.hpp"
 
 #include "lab/coupling/analysis.hpp"
+#include "lab/coupling/mutual.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/format.h>
@@ -17,28 +18,16 @@ constexpr int kFiner = 4;  ///< refinement of the step for the error of the refe
 constexpr const char* kPassivityWords[] = {"automatic", "on", "off"};
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-std::vector<Vec3> every(std::span<const Vec3> values, int step) {
-  std::vector<Vec3> kept;
-  for (std::size_t i = 0; i < values.size(); i += static_cast<std::size_t>(step)) kept.push_back(values[i]);
+/// Every `step`th force of each user.
+std::vector<FeltHistory> thinned(const std::vector<FeltHistory>& felt, std::size_t step) {
+  std::vector<FeltHistory> kept(felt.size());
+  for (std::size_t u = 0; u < felt.size(); ++u) {
+    for (std::size_t i = 0; i < felt[u].force.size(); i += step) {
+      kept[u].force.push_back(felt[u].force[i]);
+      kept[u].on_operator.push_back(felt[u].on_operator[i]);
+    }
+  }
   return kept;
-}
-
-/// Forces of all users, concatenated; each is cut to the length that both runs have. `finer`: steps of b in one of a.
-struct Joined {
-  std::vector<Vec3> a;
-  std::vector<Vec3> b;
-};
-void join(Joined& both, const FeltHistory& a, const FeltHistory& b, ForceOf force, int finer) {
-  const std::vector<Vec3>& of_a = a.*force;
-  const std::vector<Vec3> of_b = every(b.*force, finer);
-  const auto n = static_cast<std::ptrdiff_t>(std::min(of_a.size(), of_b.size()));
-  both.a.insert(both.a.end(), of_a.begin(), of_a.begin() + n);
-  both.b.insert(both.b.end(), of_b.begin(), of_b.begin() + n);
-}
-Joined joined(const std::vector<FeltHistory>& a, const std::vector<FeltHistory>& b, ForceOf force, int finer = 1) {
-  Joined both;
-  for (std::size_t u = 0; u < a.size(); ++u) join(both, a[u], b[u], force, finer);
-  return both;
 }
 
 double position_error_rms_m(const std::vector<FeltHistory>& a, const std::vector<FeltHistory>& b) {
@@ -121,6 +110,12 @@ Json balance_of(double created_j, double reference_created_j, double work_j, con
 
 Json copies_of(const CopyDifference& copies) {
   return {{"copies_rms_m", copies.rms_m()}, {"copies_max_m", copies.max_m()}};
+}
+
+Json mutual_of(const std::optional<MutualLatency>& late) {
+  return {{"mutual_latency_s", late ? Json(late->late_s) : Json(nullptr)},
+          {"mutual_latency_of_user", late ? Json(late->of_user) : Json(nullptr)},
+          {"reference_mutual_latency_s", late ? Json(late->reference_s) : Json(nullptr)}};
 }
 
 double work_j(const Outcome& run) {
@@ -241,30 +236,26 @@ std::optional<Reference> reference_of(const Scene& scene) {
   const std::optional<Outcome> fine = run_out(refined(scene, kFiner));
   if (!fine) return std::nullopt;
   const double h_s = scene.settings.h_s;
-  const Joined both = joined(run->felt, fine->felt, &FeltHistory::force, kFiner);
-  Reference reference{
-      .run = {},
-      .error = force_error(both.a, both.b, h_s).rms,
-      .errors = force_errors(run->felt, fine->felt, h_s, &FeltHistory::force, kFiner),
-      .on_operator_errors = force_errors(run->felt, fine->felt, h_s, &FeltHistory::on_operator, kFiner)};
+  const std::vector<FeltHistory> finer = thinned(fine->felt, kFiner);
+  Reference reference{.run = {},
+                      .error = force_error(run->felt, finer, h_s).rms,
+                      .errors = force_errors(run->felt, finer, h_s),
+                      .on_operator_errors = force_errors(run->felt, finer, h_s, &FeltHistory::on_operator)};
   reference.run = std::move(*run);
   return reference;
 }
 
 ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference, double h_s,
                        ForceOf force) {
-  const Joined both = joined(felt, reference, force);
-  return force_error(both.a, both.b, h_s);
+  std::vector<ForcePair> users;
+  for (std::size_t u = 0; u < felt.size(); ++u) users.push_back({felt[u].*force, reference[u].*force});
+  return force_error(users, h_s);
 }
 
 std::vector<ForceError> force_errors(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference,
-                                     double h_s, ForceOf force, int finer) {
+                                     double h_s, ForceOf force) {
   std::vector<ForceError> errors;
-  for (std::size_t u = 0; u < felt.size(); ++u) {
-    Joined both;
-    join(both, felt[u], reference[u], force, finer);
-    errors.push_back(force_error(both.a, both.b, h_s));
-  }
+  for (std::size_t u = 0; u < felt.size(); ++u) errors.push_back(force_error(felt[u].*force, reference[u].*force, h_s));
   return errors;
 }
 
@@ -275,7 +266,7 @@ const Reference* References::of(const Point& point) {
   return reference ? &known_.emplace(key, std::move(*reference)).first->second : nullptr;
 }
 
-std::optional<Measured> measure(const Point& point, References& references) {
+std::optional<Measured> measure(const Point& point, References& references, MutualLatencies* mutual) {
   const Reference* reference = references.of(point);
   if (reference == nullptr) return std::nullopt;
   const Scene scene = scene_of(point);
@@ -287,6 +278,9 @@ std::optional<Measured> measure(const Point& point, References& references) {
   add_errors(measured.row, scene, *run, *reference);
   measured.users = add_users(measured.row, settings, scene, *run, *reference);
   add_run_times(measured.row, *run);
+  std::vector<std::optional<MutualLatency>> latencies(run->felt.size());
+  if (mutual != nullptr && run->finite && !mutual->measure(point, *run, *reference, latencies)) return std::nullopt;
+  for (std::size_t u = 0; u < latencies.size(); ++u) measured.users[u].update(mutual_of(latencies[u]));
   const std::string late = point.latency_s > 0.0 ? fmt::format("_late_{:g}_ms", 1e3 * point.latency_s) : "";
   const std::string substeps = run->substeps > 1 ? fmt::format("_{}_substeps", run->substeps) : "";
   for (std::size_t u = 0; u < run->felt.size(); ++u) {

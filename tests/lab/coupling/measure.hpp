@@ -53,10 +53,10 @@ using ForceOf = std::vector<Vec3> FeltHistory::*;
 [[nodiscard]] ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference,
                                      double h_s, ForceOf force = &FeltHistory::force);
 
-/// The same for each user. `finer`: steps of the reference in one of the run.
+/// The same for each user.
 [[nodiscard]] std::vector<ForceError> force_errors(const std::vector<FeltHistory>& felt,
                                                    const std::vector<FeltHistory>& reference, double h_s,
-                                                   ForceOf force = &FeltHistory::force, int finer = 1);
+                                                   ForceOf force = &FeltHistory::force);
 
 /// Cache of references.
 class References {
@@ -88,8 +88,12 @@ struct Measured {
   std::vector<Trace> traces;  ///< by user
 };
 
-/// Empty if a signal requested a stop.
-[[nodiscard]] std::optional<Measured> measure(const Point& point, References& references);
+class MutualLatencies;
+
+/// Empty if a signal requested a stop. With `mutual`, users also have their mutual latency (lab/coupling/mutual), which
+/// takes a run more for each user.
+[[nodiscard]] std::optional<Measured> measure(const Point& point, References& references,
+                                              MutualLatencies* mutual = nullptr);
 
 /// CPU seconds per simulated second, summed over a row.
 [[nodiscard]] double total_cpu(const Json& row);

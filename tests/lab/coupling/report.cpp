@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace subworld {
 
@@ -112,6 +113,35 @@ std::string table_of(const Rows& rows) {
   return text +
          "</table></div>\n<p class=facts>Grey, &ldquo;dominated&rdquo;: another point under the same conditions is "
          "better in error or CPU time and not worse in the other; errors below the reference error are equal.</p>\n";
+}
+
+constexpr Column kUserColumns[] = {{"error RMS %", "force_error_rms", 1e2, 3},
+                                   {"p99 %", "force_error_p99", 1e2, 3},
+                                   {"offset ms", "time_offset_s", 1e3, 3},
+                                   {"reference error %", "reference_error", 1e2, 3},
+                                   {"on the operator: RMS %", "operator_force_error_rms", 1e2, 3},
+                                   {"bounded % of steps", "bounded_ratio", 1e2, 3},
+                                   {"work J", "work_j", 1, 3},
+                                   {"created % of all work", "created_ratio", 1e2, 3},
+                                   {"momentum error %", "momentum_error_ratio", 1e2, 3},
+                                   {"copies RMS mm", "copies_rms_m", 1e3, 3},
+                                   {"copies max mm", "copies_max_m", 1e3, 3},
+                                   {"mutual latency ms", "mutual_latency_s", 1e3, 3}};
+
+/// The users of one scene; empty for a single one, whose figures are in the table of all.
+std::string users_of(const Rows& users, const Json& scene) {
+  Rows mine;
+  std::ranges::copy_if(users, std::back_inserter(mine), [&](const Json& row) { return row.at("scene") == scene; });
+  if (std::ranges::all_of(mine, [](const Json& row) { return row.at("user") == 0; })) return "";
+  const std::vector<std::string> columns = swept(mine);
+  TextTable table{.head = {"user", "setting"}, .rows = {}, .texts = 2};
+  for (const Column& column : kUserColumns) table.head.emplace_back(column.title);
+  for (const Json& row : mine) {
+    std::vector<std::string>& cells = table.rows.emplace_back();
+    cells = {escaped(row.at("user_name").get<std::string>()), escaped(swept_text(row, columns, ""))};
+    for (const Column& column : kUserColumns) cells.push_back(cell_of(column, row));
+  }
+  return "<p>Each user alone (<code>users.csv</code>):</p>\n" + html_of(table);
 }
 
 /// The best setting for each budget, for the first latency, jitter and stiffness.
@@ -257,7 +287,8 @@ void write_report(const std::string& path, const Findings& found) {
     page.add(facts_of(facts) + plan_of(facts) + doubt_of(section.rows) + choices_of(section.rows));
     page.plots(pictures.data() + section.first_plot, section.plots);
     page.add(list_of(kOrders, orders_of(found.summary.at("convergence"), section.rows)) +
-             list_of(kVariants, variants_of(found.summary.at("over_variants"), section.rows)) + table_of(section.rows));
+             list_of(kVariants, variants_of(found.summary.at("over_variants"), section.rows)) + table_of(section.rows) +
+             users_of(found.users, scene));
   }
   page.close();
 }
