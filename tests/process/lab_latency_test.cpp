@@ -1,6 +1,7 @@
 #include "process/lab_test.hpp"
 
-#include <filesystem>
+#include <algorithm>
+#include <map>
 
 namespace subworld::test {
 namespace {
@@ -61,6 +62,9 @@ TEST_F(LatencyLab, TwoSeedsAgree) {
     ASSERT_EQ(ended.code, 0) << ended.err;
     for (const Json& row : results()) {
       if (row["kind"] == "limit" && row["user"] == 0) limits.push_back(row["limit_s"]);
+      if (row["kind"] == "point" && row["exceeded"].is_null() && row["force_error_p99"] > 0.035) {
+        EXPECT_EQ(row["starts"], 4) << "near a bound, the paths begin at several instants of a cycle";
+      }
     }
   }
   ASSERT_EQ(limits.size(), 2U);

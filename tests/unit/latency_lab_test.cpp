@@ -5,9 +5,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -99,6 +101,13 @@ TEST(Limit, IsTheCriterionThatExceedsItsBoundMost) {
   values = {};
   values[Criterion::p99] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(exceeded(values, default_bounds()), Criterion::p99);
+}
+
+TEST(Limit, IsNearByTheLargestShareOfABound) {
+  Criteria values;
+  values[Criterion::p99] = 0.035;
+  values[Criterion::offset] = 0.001;
+  EXPECT_NEAR(nearness(values, default_bounds()), 0.5, 1e-12);
 }
 
 UserLimit limited(const std::string& name, double within_s, double beyond_s, double rms) {

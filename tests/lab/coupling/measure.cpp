@@ -266,6 +266,14 @@ const Reference* References::of(const Point& point) {
   return reference ? &known_.emplace(key, std::move(*reference)).first->second : nullptr;
 }
 
+const Outcome* References::run_of(const Point& point) {
+  const std::string key = reference_key(point);
+  if (const auto found = known_.find(key); found != known_.end()) return &found->second.run;
+  if (const auto found = runs_.find(key); found != runs_.end()) return &found->second;
+  std::optional<Outcome> run = run_out(reference_scene_of(point));
+  return run ? &runs_.emplace(key, std::move(*run)).first->second : nullptr;
+}
+
 std::optional<Measured> measure(const Point& point, References& references, MutualLatencies* mutual) {
   const Reference* reference = references.of(point);
   if (reference == nullptr) return std::nullopt;

@@ -63,9 +63,12 @@ class References {
  public:
   /// Empty if a signal requested a stop.
   [[nodiscard]] const Reference* of(const Point& point);
+  /// Without the error of the reference, which takes most of the time.
+  [[nodiscard]] const Outcome* run_of(const Point& point);
 
  private:
   std::map<std::string, Reference> known_;
+  std::map<std::string, Outcome> runs_;
 };
 
 /// Felt force of a user, with the reference.

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -77,6 +78,14 @@ std::optional<Criterion> exceeded(const Criteria& values, const Criteria& bounds
     worst = text.criterion;
   }
   return worst;
+}
+
+double nearness(const Criteria& values, const Criteria& bounds) noexcept {
+  double most = 0.0;
+  for (const CriterionText& text : kCriterionTexts) {
+    if (bounds[text.criterion] > 0.0) most = std::max(most, values[text.criterion] / bounds[text.criterion]);
+  }
+  return most;
 }
 
 std::string text_of(Criterion criterion, double value) {

@@ -59,6 +59,9 @@ inline constexpr std::array<CriterionText, kCriteria> kCriterionTexts{{
 /// The criterion that exceeds its bound most, relative to the bound. A value that is not a number exceeds it.
 [[nodiscard]] std::optional<Criterion> exceeded(const Criteria& values, const Criteria& bounds) noexcept;
 
+/// The largest value over its bound, of the criteria that have one.
+[[nodiscard]] double nearness(const Criteria& values, const Criteria& bounds) noexcept;
+
 /// "the RMS error is 3.6 %"
 [[nodiscard]] std::string text_of(Criterion criterion, double value);
 

@@ -86,7 +86,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       .otherwise(scenes);
   add_duration(line, point.duration_s);
   add_seed(line, request.seed,
-           "seed of the grid of delays, of the instant in a cycle at which the paths begin, and of "
+           "seed of the grid of delays, of the instants in a cycle at which the paths begin, and of "
            "jitter and loss");
   line.flag("--quick", request.quick,
             fmt::format("a first look: scene {}, {:g} s, a coarse grid, where nothing else is given",
@@ -96,6 +96,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   if (request.quick) {
     question.range.stride = 2.0;
     question.range.precision = 1.2;
+    question.starts = 1;
     if (!point.duration_s) point.duration_s = kMostDuration_s;
   }
   if (request.scenes.empty()) request.scenes = scene_files(request.quick ? kQuickScenes : kScenes);
@@ -117,7 +118,7 @@ std::vector<LatencyQuestion> questions_of(const Request& request) {
   return questions;
 }
 
-/// Prints a line for each run.
+/// Prints a line for each delay.
 class Progress {
  public:
   void operator()(const LatencyQuestion& question, const LatencyAnswer& answer, const DelayedRun& run,
@@ -143,12 +144,15 @@ class Progress {
 
 Json summary_of(const Request& request, const LatencyFindings& found) {
   std::size_t runs = 0;
-  for (const LatencyAnswer& answer : found.answers) runs += answer.runs.size();
+  for (const LatencyAnswer& answer : found.answers) {
+    for (const DelayedRun& at : answer.runs) runs += static_cast<std::size_t>(at.starts);
+  }
   Json summary = begin_summary("latency", found.answers.size(), found.questions.size());
   summary["runs"] = runs;
   summary["seed"] = request.seed;
   for (const CriterionText& text : kCriterionTexts)
     summary["bounds"][text.column] = request.question.bounds[text.criterion];
+  summary["starts"] = request.question.starts;
   summary["largest_s"] = request.question.largest_s;
   summary["answers"] = Json::array();
   std::string verdict;

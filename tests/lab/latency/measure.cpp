@@ -46,14 +46,14 @@ double had_j(const Outcome& run, std::size_t user, const UserBalance& reference)
   return std::max(of_others_j, (1.0 + kImperceptibleRms) * reference.created_j);
 }
 
-std::vector<Criteria> criteria_of(const Scene& scene, Link link, const Outcome& run, const Reference& reference) {
+std::vector<Criteria> criteria_of(const Scene& scene, Link link, const Outcome& run, const Outcome& reference) {
   std::vector<Criteria> users(run.felt.size());
   std::vector<ForceError> errors(users.size());
-  if (run.finite) errors = force_errors(run.felt, reference.run.felt, scene.settings.h_s, &FeltHistory::on_operator);
+  if (run.finite) errors = force_errors(run.felt, reference.felt, scene.settings.h_s, &FeltHistory::on_operator);
   for (std::size_t u = 0; u < users.size(); ++u) {
     Criteria& values = users[u];
     const UserBalance& mine = run.balance[u];
-    const UserBalance& without = reference.run.balance[u];
+    const UserBalance& without = reference.balance[u];
     values[Criterion::unstable] = run.finite ? 0.0 : 1.0;
     if (!run.finite) continue;
     set_errors(values, errors[u]);
@@ -62,6 +62,47 @@ std::vector<Criteria> criteria_of(const Scene& scene, Link link, const Outcome& 
     if (link == Link::device) values[Criterion::stiffness] = stiffness_ratio(scene.users[u], scene.settings);
   }
   return users;
+}
+
+void raise(std::vector<Criteria>& most, const std::vector<Criteria>& users) {
+  if (most.empty()) most.resize(users.size());
+  for (std::size_t u = 0; u < users.size(); ++u) {
+    for (const CriterionText& text : kCriterionTexts) {
+      double& value = most[u][text.criterion];
+      if (!(users[u][text.criterion] <= value)) value = users[u][text.criterion];  // not a number stays
+    }
+  }
+}
+
+/// The scene with a start of its paths: each is a run of its own, with a reference of its own.
+Point started(const LatencyQuestion& question, int start, double cycle_s) {
+  Point point = question.point;
+  point.starts_later_s = std::fmod(point.starts_later_s + start * cycle_s / question.starts, cycle_s);
+  return point;
+}
+
+/// Empty if a signal requested a stop. `decided`: the users whose limits are searched.
+std::optional<DelayedRun> measured_at(const LatencyQuestion& question, int delay, std::span<const std::size_t> decided,
+                                      References& references) {
+  constexpr double kNear = 0.5;
+  DelayedRun at;
+  const auto is_open = [&](std::size_t u) {
+    return !exceeded(at.users[u], question.bounds) && nearness(at.users[u], question.bounds) > kNear;
+  };
+  const double cycle_s = scene_of(question.point).settings.longest_cycle_s();
+  do {
+    const Point point = started(question, at.starts, cycle_s);
+    Scene scene = scene_of(point);
+    scene.settings.delay.seed = question.seed;
+    lengthen(scene, question.link, delay);
+    const Outcome* const reference = references.run_of(point);
+    const std::optional<Outcome> run = reference != nullptr ? run_out(scene) : std::nullopt;
+    if (!run) return std::nullopt;
+    raise(at.users, criteria_of(scene, question.link, *run, *reference));
+    at.delay_s = delay * scene.settings.h_s;
+    ++at.starts;
+  } while (at.starts < question.starts && std::ranges::any_of(decided, is_open));
+  return at;
 }
 
 /// Why no limit can be found; empty: one can.
@@ -115,8 +156,7 @@ const char* name_of(Link link) noexcept { return link == Link::world ? "world" :
 const char* words_of(Link link) noexcept { return link == Link::world ? "round-trip delay" : "device delay"; }
 
 LatencyAnswer answer(const LatencyQuestion& question, References& references, const OnRun& on_run) {
-  Scene scene = scene_of(question.point);
-  scene.settings.delay.seed = question.seed;
+  const Scene scene = scene_of(question.point);
   LatencyAnswer answer;
   const Reference* const reference = begin(answer, question, scene, references);
   std::vector<std::size_t> decided;
@@ -127,15 +167,13 @@ LatencyAnswer answer(const LatencyQuestion& question, References& references, co
   range.largest = std::max(1, static_cast<int>(std::lround(question.largest_s / scene.settings.h_s)));
   DelaySearch search(range, decided.size());
   for (auto delay = search.next(); delay && reference != nullptr; delay = search.next()) {
-    lengthen(scene, question.link, *delay);
-    const std::optional<Outcome> run = run_out(scene);
-    if (!run) break;
-    DelayedRun at{.delay_s = *delay * scene.settings.h_s, .users = criteria_of(scene, question.link, *run, *reference)};
+    std::optional<DelayedRun> at = measured_at(question, *delay, decided, references);
+    if (!at) break;
     std::vector<bool> within;
-    for (const std::size_t u : decided) within.push_back(!exceeded(at.users[u], question.bounds));
+    for (const std::size_t u : decided) within.push_back(!exceeded(at->users[u], question.bounds));
     search.add(*delay, within);
-    const auto after = std::ranges::upper_bound(answer.runs, at.delay_s, {}, &DelayedRun::delay_s);
-    const DelayedRun& added = *answer.runs.insert(after, std::move(at));
+    const auto after = std::ranges::upper_bound(answer.runs, at->delay_s, {}, &DelayedRun::delay_s);
+    const DelayedRun& added = *answer.runs.insert(after, std::move(*at));
     on_run(answer, added, search.most());
   }
   answer.finished = reference != nullptr && !search.next();
@@ -171,11 +209,13 @@ Rows rows_of(const LatencyQuestion& question, const LatencyAnswer& answer) {
     for (std::size_t u = 0; u < run.users.size(); ++u) {
       const Sample sample{run.delay_s, run.users[u]};
       add(rows.emplace_back(row_of("point", u)), &sample);
+      rows.back()["starts"] = run.starts;
     }
   }
   for (std::size_t u = 0; u < answer.limits.size(); ++u) {
     const Limit& limit = answer.limits[u].limit;
     add(rows.emplace_back(row_of("limit", u)), limit.beyond ? &*limit.beyond : nullptr);
+    rows.back()["starts"] = nullptr;
   }
   for (Json& row : rows) {
     const UserLimit& user = answer.limits[row.at("user").get<std::size_t>()];

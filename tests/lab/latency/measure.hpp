@@ -25,13 +25,15 @@ struct LatencyQuestion {
   Criteria bounds = default_bounds();
   double largest_s = 0.5;
   DelayRange range;  ///< its `largest` is computed from largest_s
+  int starts = 4;    ///< instants in a cycle of the world at which the paths begin
   std::uint64_t seed = 1;
 };
 
-/// A run at one delay.
+/// What was measured at one delay.
 struct DelayedRun {
   double delay_s = 0.0;
-  std::vector<Criteria> users;
+  int starts = 0;               ///< runs, each with another start of the paths
+  std::vector<Criteria> users;  ///< the largest of all starts, by user
 };
 
 struct LatencyAnswer {
@@ -43,16 +45,17 @@ struct LatencyAnswer {
   bool finished = true;
 };
 
-/// Called after each run, with the most runs that the search may take.
+/// Called after each delay, with the most delays that the search may take.
 using OnRun = std::function<void(const LatencyAnswer&, const DelayedRun&, std::size_t most)>;
 
 /// Searches the limit of each user (latency/search). Each direction of the link has half of the delay, in whole haptic
-/// steps. Stops early, with what there is, where a signal asks for it. Throws `Error` (usage) for a scene that cannot
-/// be run.
+/// steps. A delay that is within the bounds, but nearer to them than half, is run with all starts, and the largest
+/// values count: the error depends on where in a cycle a contact begins. Stops early, with what there is, where a
+/// signal asks for it. Throws `Error` (usage) for a scene that cannot be run.
 [[nodiscard]] LatencyAnswer answer(const LatencyQuestion& question, References& references, const OnRun& on_run);
 
-/// The instant in a cycle at which all paths begin, and the shift of the grid of delays: two seeds are two independent
-/// measurements.
+/// Draws the instants in a cycle at which all paths begin, and the shift of the grid of delays: two seeds are two
+/// independent measurements.
 void scatter(LatencyQuestion& question, std::uint64_t seed);
 
 /// A row for each run and user, and one for the limit of each user.

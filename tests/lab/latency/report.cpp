@@ -12,7 +12,7 @@ namespace subworld {
 namespace {
 
 constexpr const char* kHowToRead =
-    R"(<p>Each point is a run of the whole system (world, sub-worlds, emulated devices) in
+    R"(<p>Each point is one run or more of the whole system (world, sub-worlds, emulated devices) in
 lock-step in one process, with an artificial delay. The <b>force on the operator</b>, behind the device's link, its limits
 and its passivity bound, is compared with that of a <b>reference</b>: the same scene in one world at the haptic step,
 without a delay and without a bound. A run is within the bounds if all of these are at most their bound: the <b>RMS</b>
@@ -21,6 +21,8 @@ the <b>time offset</b> with the least error; the <b>created energy</b>, which th
 neither the coupling, nor another operator, nor a body had it; the <b>oscillation</b> of the force beyond that of the reference; and
 for the device delay the <b>stiffness</b> of the coupling over the largest with which the device comes to rest in
 a wall.</p>
+<p>The error depends on where in a cycle of the world a contact begins. So a delay that is within the bounds, but nearer
+to them than half, is run with the paths beginning at several instants of a cycle, and the largest values count.</p>
 <p>The error need not rise with the delay. The <b>limit</b> of a user is the largest measured delay at which, and at all
 smaller measured delays, the user is within the bounds. The lab measures a grid of delays, then bisects the interval
 before the first failure. The <b>reference error</b> is the difference of the reference from the same world at a quarter
