@@ -59,7 +59,6 @@ std::vector<UserBalance> BalanceWatch::by_user(double h_s) const {
     MomentumBalance momentum = momentum_[u];
     for (const Vec3& force : run_.felt[u].force) momentum.impulse_n_s += h_s * force.norm();
     users.push_back({.momentum = momentum,
-                     .net_j = run_.guards[u]->port().net_j(),
                      .created_j = run_.guards[u]->port().created_j(),
                      .bounded_ratio = run_.guards[u]->bounded_ratio(),
                      .oscillation_n = run_.guards[u]->oscillation().worst_n(),

@@ -43,7 +43,6 @@ class CopyDifference {
 
 struct UserBalance {
   MomentumBalance momentum;
-  double net_j = 0.0;      ///< that the operator put in and did not get back
   double created_j = 0.0;  ///< delivered to the operator beyond what the coupling could store (coupling/energy_port)
   double bounded_ratio = 0.0;  ///< share of the steps in which the passivity bound acted
   double oscillation_n = 0.0;  ///< of the force on the operator (coupling/oscillation)

@@ -93,7 +93,7 @@ std::string text_of(Criterion criterion, double value) {
   if (criterion == Criterion::unstable) return text.subject;
   if (criterion == Criterion::stiffness && std::isinf(value))
     return "the damping of the coupling alone makes the device oscillate in a wall";
-  return fmt::format("{} {:.2g}{}", text.subject, text.scale * value, text.unit);
+  return fmt::format("{} {:.3g}{}", text.subject, text.scale * value, text.unit);
 }
 
 Limit limit_of(std::span<const Sample> samples, const Criteria& bounds) {

@@ -14,6 +14,9 @@ namespace subworld {
 
 namespace {
 
+/// Bodies give an operator energy in the reference too. An imperceptible error of the force changes it by as much.
+constexpr double kOfTheReference = 1.0 + kImperceptibleRms;
+
 /// Half of the delay each way; the odd step on the way to the sub-world.
 void lengthen(Scene& scene, Link link, int steps) {
   DelaySettings& delay = scene.settings.delay;
@@ -36,16 +39,6 @@ double stiffness_ratio(const UserSpec& user, const Settings& settings) {
   return user.coupling.stiffness_n_m / largest_stiffness(user, settings);
 }
 
-/// Energy that an operator may receive beyond what the coupling stores: of other operators, or of bodies, which is as
-/// large in the reference. An imperceptible error of the force changes it by as much.
-double had_j(const Outcome& run, std::size_t user, const UserBalance& reference) {
-  double of_others_j = 0.0;
-  for (std::size_t u = 0; u < run.balance.size(); ++u) {
-    if (u != user) of_others_j += std::max(0.0, run.balance[u].net_j);
-  }
-  return std::max(of_others_j, (1.0 + kImperceptibleRms) * reference.created_j);
-}
-
 std::vector<Criteria> criteria_of(const Scene& scene, Link link, const Outcome& run, const Outcome& reference) {
   std::vector<Criteria> users(run.felt.size());
   std::vector<ForceError> errors(users.size());
@@ -57,7 +50,7 @@ std::vector<Criteria> criteria_of(const Scene& scene, Link link, const Outcome& 
     values[Criterion::unstable] = run.finite ? 0.0 : 1.0;
     if (!run.finite) continue;
     set_errors(values, errors[u]);
-    values[Criterion::energy] = std::max(0.0, mine.created_j - had_j(run, u, without));
+    values[Criterion::energy] = std::max(0.0, mine.created_j - kOfTheReference * without.created_j);
     values[Criterion::oscillation] = std::max(0.0, mine.oscillation_n - without.oscillation_n);
     if (link == Link::device) values[Criterion::stiffness] = stiffness_ratio(scene.users[u], scene.settings);
   }
