@@ -26,7 +26,8 @@ constexpr std::array kLabs{
     Lab{"coupling", "The error of the felt force against the run time of each coupling scheme"},
     Lab{"engines", "The cost of a step of each physics engine, and whether structures stand"},
     Lab{"stability", "The distance of each engine from formulas and limits of mechanics, with margins"},
-    Lab{"plan", "The time that each optimisation saves, and the difference that it makes"}};
+    Lab{"plan", "The time that each optimisation saves, and the difference that it makes"},
+    Lab{"latency", "The largest delay that a user does not feel"}};
 
 constexpr const char* kExamples =
     "Examples:\n"
@@ -148,6 +149,7 @@ int main_of(int argc, char** argv) {
       "  subworld lab engines --quick --out out/engines\n"
       "  subworld lab stability --quick --out out/stability\n"
       "  subworld lab plan --quick --out out/plan\n"
+      "  subworld lab latency row --out out/latency\n"
       "  subworld lab coupling --help");
   for (const Lab& lab : kLabs) lab_command.command(lab.name, lab.about).takes_all();
 

@@ -1,5 +1,6 @@
 #include "process/lab_test.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -21,6 +22,9 @@ const std::vector<std::string> kFlatColumns{"scene",
                                             "world_substeps",
                                             "latency_s",
                                             "jitter_s",
+                                            "device_latency_s",
+                                            "loss_ratio",
+                                            "passivity",
                                             "coupling_stiffness_n_m",
                                             "survived",
                                             "force_error_rms",
@@ -32,6 +36,12 @@ const std::vector<std::string> kFlatColumns{"scene",
                                             "smoothed_force_error_rms",
                                             "position_error_rms_m",
                                             "drift_max_m",
+                                            "operator_force_error_rms",
+                                            "operator_time_offset_s",
+                                            "created_j",
+                                            "created_ratio",
+                                            "momentum_error_ratio",
+                                            "copies_rms_m",
                                             "energy_excess_j",
                                             "reference_energy_excess_j",
                                             "device_work_j",
@@ -100,6 +110,35 @@ TEST_F(Lab, SeveralAxesGiveAPlotEach) {
   }
 }
 
+// A delay of the device's link shifts the force on the operator, and the bound takes from it.
+TEST_F(Lab, TheLinkOfTheDeviceActsOnTheForceOnTheOperator) {
+  const Ended ended =
+      finish(lab_words({"squeeze", "--duration", "1.5", "--ratio", "4", "--scheme", "reduced", "--device-latency",
+                        "0,0.01", "--loss", "0,0.05", "--passivity", "on,off", "--mutual", "--out", out()}));
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const Json rows = results();
+  ASSERT_EQ(rows.size(), 8U);
+  for (const Json& row : rows) {
+    if (row["passivity"] == "on") continue;
+    if (row["device_latency_s"] == 0.01) {
+      EXPECT_NEAR(row["operator_time_offset_s"], 0.01, 0.003);
+    } else {
+      EXPECT_NEAR(row["operator_force_error_rms"], row["force_error_rms"], 0.01);
+    }
+  }
+  const std::string users = read_text(out() + "/users.csv");
+  EXPECT_EQ(std::ranges::count(users, '\n'), 17) << "a head, and a row for each point and user";
+  for (const char* column : {"user_name", "work_j", "created_ratio", "momentum_error_ratio", "copies_max_m",
+                             "bounded_ratio", "mutual_latency_s", "reference_mutual_latency_s"}) {
+    EXPECT_NE(users.find(column), std::string::npos) << column;
+  }
+  const std::string text = page();
+  for (const char* part : {"passivity off", "Error against latency of the device", "Error against lost messages",
+                           "Each user alone", "mutual latency ms"}) {
+    EXPECT_NE(text.find(part), std::string::npos) << part;
+  }
+}
+
 TEST_F(Lab, VariantsOfASceneHaveReferencesOfTheirOwn) {
   const Ended ended = finish(lab_words(
       {"row", "--duration", "0.6", "--ratio", "4", "--scheme", "reduced", "--variants", "2", "--out", out()}));
@@ -132,6 +171,8 @@ TEST_F(Lab, WrongOptionsAreNamedWithTheCure) {
                   {{"press", "--ratio", "5-2"}, {"--ratio 2 --ratio-most 5"}},
                   {{"press", "--variants", "-1"}, {"--variants", "-1"}},
                   {{"press", "--latency", "0,nan"}, {"--latency", "nan"}},
+                  {{"press", "--loss", "5"}, {"--loss", "0.05"}},
+                  {{"press", "--passivity", "maybe"}, {"maybe", "automatic"}},
                   {{"press", "--engine", "havoc"}, {"havoc", "bullet"}},
                   {{"no_such_scene"}, {"no_such_scene"}},
                   {{"press", "--durations", "1"}, {"did you mean --duration?"}},

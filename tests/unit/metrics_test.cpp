@@ -32,6 +32,23 @@ std::vector<Vec3> with_noise(std::vector<Vec3> force, double deviation_n) {
   return force;
 }
 
+// One user ends with a large force where the next begins without: the lag does not mix them.
+TEST(ForceError, OfSeveralUsersHasTheirCommonLag) {
+  const std::vector<Vec3> early = sine(), late = sine(0.01);
+  std::vector<Vec3> strong = early, strong_late = late;
+  for (std::vector<Vec3>* force : {&strong, &strong_late}) {
+    for (Vec3& f : *force) f += Vec3(100, 0, 0);
+  }
+  const ForcePair users[] = {{strong_late, strong}, {late, early}};
+  EXPECT_NEAR(force_error(users, kH_s).time_offset_s, 0.01, 1e-4);
+  const ForceError alone = force_error(late, early, kH_s);
+  const ForcePair twice[] = {{late, early}, {late, early}};
+  const ForceError both = force_error(twice, kH_s);
+  EXPECT_NEAR(both.rms, alone.rms, 1e-12);
+  EXPECT_NEAR(both.smoothed_rms, alone.smoothed_rms, 1e-12);
+  EXPECT_NEAR(both.jitter_ratio, alone.jitter_ratio, 1e-12);
+}
+
 TEST(ForceError, OfEqualForcesIsZero) {
   const ForceError e = force_error(sine(), sine(), kH_s);
   for (const double zero : {e.rms, e.p99, e.max, e.value_offset, e.smoothed_rms}) EXPECT_EQ(zero, 0.0);

@@ -3,6 +3,7 @@
 #include "lab/coupling/measure.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace subworld {
@@ -11,11 +12,15 @@ namespace {
 
 /// Columns of the conditions that are equal for all schemes.
 const std::vector<std::string> kConditions{
-    "scene", "variant", "engine", "h_s", "latency_s", "jitter_s", "coupling_stiffness_n_m"};
-/// Columns of the settings of a run, without its duration and latency.
+    "scene",    "variant",          "engine",     "h_s",       "latency_s",
+    "jitter_s", "device_latency_s", "loss_ratio", "passivity", "coupling_stiffness_n_m"};
+/// Columns of the settings of a run, without its duration and its links.
 const std::vector<std::string> kSetting{
     "scene", "variant",       "scheme",       "engine",         "haptic_engine",         "h_s", "ratio", "ratio_most",
     "box_m", "contact_depth", "budget_ratio", "world_substeps", "coupling_stiffness_n_m"};
+
+/// Columns of what delays or loses messages.
+constexpr std::array kLinkFaults{"latency_s", "jitter_s", "device_latency_s", "loss_ratio"};
 
 /// Errors below a usable reference error are not significant, so they count as equal.
 double significant_error(const Json& row) {
@@ -27,8 +32,9 @@ double significant_error(const Json& row) {
 bool ranked(const Json& row) { return row.at("survived").get<bool>() && comparable(row); }
 
 bool fits(const Json& row) {
-  return ranked(row) && !row.at("at_reference_error").get<bool>() && number(row, "latency_s") == 0.0 &&
-         number(row, "jitter_s") == 0.0 && number(row, "force_error_rms") > 0.0;
+  const auto absent = [&](const char* fault) { return number(row, fault) == 0.0; };
+  return ranked(row) && !row.at("at_reference_error").get<bool>() && std::ranges::all_of(kLinkFaults, absent) &&
+         number(row, "force_error_rms") > 0.0;
 }
 
 }  // namespace
@@ -88,7 +94,8 @@ Json convergence(const Rows& rows, const std::string& x) {
 
 Json over_variants(const Rows& rows) {
   std::vector<std::string> fixed = kSetting;
-  fixed.insert(fixed.end(), {"latency_s", "jitter_s"});
+  fixed.insert(fixed.end(), kLinkFaults.begin(), kLinkFaults.end());
+  fixed.emplace_back("passivity");
   std::erase(fixed, "variant");
   Json all = Json::array();
   if (std::ranges::all_of(rows, [](const Json& row) { return row.at("variant") == 0; })) return all;

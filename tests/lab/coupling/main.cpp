@@ -5,6 +5,7 @@
 #include "io/scene_name.hpp"
 #include "lab/coupling/analysis.hpp"
 #include "lab/coupling/measure.hpp"
+#include "lab/coupling/mutual.hpp"
 #include "lab/coupling/report.hpp"
 #include "lab/coupling/sweep.hpp"
 #include "lab/page/command_line.hpp"
@@ -16,7 +17,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <iterator>
 
@@ -34,6 +34,7 @@ const std::vector<int> kQuickRatios{4, 20};
 struct Request {
   Sweep sweep;
   int variants = 0;
+  bool mutual = false;
   bool quick = false;
   std::string out;
 };
@@ -52,6 +53,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "  subworld lab coupling row heavy_outside --scheme reduced --box 0.15,0.2,0.3 --substeps 1,4\n"
       "  subworld lab coupling raft pyramid --variants 10 --ratio 4,10\n"
       "  subworld lab coupling deploy/scenes/row.yaml --latency 0,0.02,0.1 --jitter 0,0.01\n"
+      "  subworld lab coupling lift --ratio 4 --latency 0.05 --loss 0,0.05 --passivity on,off\n"
       "DIR/report.html shows the results, DIR/results.csv and results.json hold them, DIR/users.csv those\n"
       "of each user, DIR/traces the felt forces.\n"
       "Ctrl-C writes what has been measured so far.\n"
@@ -81,6 +83,18 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   line.add("--substeps", &sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme requests").range(0, 1000);
   line.add("--latency", &sweep.latencies_s, "delays added to the round trip, half each way").range(0.0, 10.0, "s");
   line.add("--jitter", &sweep.jitters_s, "longest extra delays of a single message").range(0.0, 10.0, "s");
+  line.add("--device-latency", &sweep.device_latencies_s,
+           "delays added to the round trip between device and sub-world, half each way")
+      .range(0.0, 2.0, "s");
+  line.add("--loss", &sweep.loss_ratios,
+           "parts of the messages that are lost; between world and sub-world they are sent again and arrive late, on "
+           "the device's link the newest that arrived counts")
+      .range(0.0, 0.9, kPartUnit);
+  line.add("--passivity", &sweep.passivities,
+           "the bound on the energy that a device gives to its operator: on, off, or automatic (on where messages are "
+           "delayed or lost)")
+      .one_of({"on", "off", "automatic"})
+      .otherwise(scenes);
   line.add("--stiffness", &sweep.stiffness_factors, "factors on the coupling's stiffness").range(1e-3, 1e3);
   line.add("--h", &sweep.h_s, "haptic steps").range(1e-5, 0.1, "s").otherwise(scenes);
   line.add("--engine", &sweep.engines, "the world's engines").otherwise(scenes);
@@ -89,6 +103,9 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
            "number of variants of each scene, with other friction, masses and paths: whether an error is that of one "
            "lucky scene")
       .range(0, 1000);
+  line.flag("--mutual", request.mutual,
+            "also measures how late each user feels the motion of the others, for DIR/users.csv: a run more for each "
+            "user and point");
   add_duration(line, sweep.duration_s);
   line.flag("--quick", request.quick,
             fmt::format("a first look: scenes {}, ratios {}, {:g} s, where nothing else is given",
@@ -157,6 +174,9 @@ Json asked(const Sweep& s) {
           {"world_substeps", s.substeps},
           {"latency_s", s.latencies_s},
           {"jitter_s", s.jitters_s},
+          {"device_latency_s", s.device_latencies_s},
+          {"loss_ratio", s.loss_ratios},
+          {"passivity", s.passivities},
           {"stiffness_factor", s.stiffness_factors},
           {"h_s", s.h_s}};
 }
@@ -207,10 +227,13 @@ class Progress {
       text += fmt::format(", budget {:g} %, {:.1f} members", 100.0 * row.at("budget_ratio").get<double>(),
                           row.at("members_mean").get<double>());
     if (row.at("world_substeps") != 1) text += fmt::format(", {} sub-steps", row.at("world_substeps").get<int>());
-    for (const char* delay : {"latency_s", "jitter_s"}) {
-      if (const double s = row.at(delay).get<double>(); s > 0.0)
-        text += fmt::format(", {} {:g} ms", std::string(delay).substr(0, std::strlen(delay) - 2), 1e3 * s);
+    for (const auto& [column, name] :
+         {std::pair{"latency_s", "latency"}, {"jitter_s", "jitter"}, {"device_latency_s", "device latency"}}) {
+      if (const double s = row.at(column).get<double>(); s > 0.0) text += fmt::format(", {} {:g} ms", name, 1e3 * s);
     }
+    if (const double loss = row.at("loss_ratio").get<double>(); loss > 0.0)
+      text += fmt::format(", loss {:g} %", 1e2 * loss);
+    if (sweep_.passivities.size() > 1) text += fmt::format(", passivity {}", row.at("passivity").get<std::string>());
     return text;
   }
 
@@ -219,12 +242,15 @@ class Progress {
   TimeLeft left_;
 };
 
-Findings sweep_all(const Sweep& sweep, const std::vector<Point>& points, const std::string& out) {
+Findings sweep_all(const Request& request, const std::vector<Point>& points) {
+  const Sweep& sweep = request.sweep;
+  const std::string& out = request.out;
   Findings found;
   References references;
+  MutualLatencies mutual;
   Progress progress(points.size(), sweep);
   for (const Point& point : points) {
-    std::optional<Measured> measured = measure(point, references);
+    std::optional<Measured> measured = measure(point, references, request.mutual ? &mutual : nullptr);
     if (!measured) break;
     found.rows.push_back(std::move(measured->row));
     std::ranges::move(measured->users, std::back_inserter(found.users));
@@ -299,7 +325,7 @@ int run_lab(int argc, char** argv) {
   fmt::print("subworld lab coupling: {} points, results in {}\n", points.size(), out);
   std::fflush(stdout);
 
-  Findings found = sweep_all(request.sweep, points, out);
+  Findings found = sweep_all(request, points);
   found.summary = summary_of(request, found, points.size());
   write_csv(out + "/users.csv", found.users);
   print_findings(found);

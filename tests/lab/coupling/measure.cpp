@@ -1,6 +1,7 @@
 #include "lab/coupling/measure.hpp"
 
 #include "lab/coupling/analysis.hpp"
+#include "lab/coupling/mutual.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/format.h>
@@ -14,28 +15,19 @@ namespace subworld {
 namespace {
 
 constexpr int kFiner = 4;  ///< refinement of the step for the error of the reference
+constexpr const char* kPassivityWords[] = {"automatic", "on", "off"};
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-std::vector<Vec3> every(std::span<const Vec3> values, int step) {
-  std::vector<Vec3> kept;
-  for (std::size_t i = 0; i < values.size(); i += static_cast<std::size_t>(step)) kept.push_back(values[i]);
-  return kept;
-}
-
-/// Forces of all users, concatenated; each is cut to the length that both runs have. `finer`: steps of b in one of a.
-struct Joined {
-  std::vector<Vec3> a;
-  std::vector<Vec3> b;
-};
-Joined joined(const std::vector<FeltHistory>& a, const std::vector<FeltHistory>& b, int finer = 1) {
-  Joined both;
-  for (std::size_t u = 0; u < a.size(); ++u) {
-    const std::vector<Vec3> of_b = every(b[u].force, finer);
-    const auto n = static_cast<std::ptrdiff_t>(std::min(a[u].force.size(), of_b.size()));
-    both.a.insert(both.a.end(), a[u].force.begin(), a[u].force.begin() + n);
-    both.b.insert(both.b.end(), of_b.begin(), of_b.begin() + n);
+/// Every `step`th force of each user.
+std::vector<FeltHistory> thinned(const std::vector<FeltHistory>& felt, std::size_t step) {
+  std::vector<FeltHistory> kept(felt.size());
+  for (std::size_t u = 0; u < felt.size(); ++u) {
+    for (std::size_t i = 0; i < felt[u].force.size(); i += step) {
+      kept[u].force.push_back(felt[u].force[i]);
+      kept[u].on_operator.push_back(felt[u].on_operator[i]);
+    }
   }
-  return both;
+  return kept;
 }
 
 double position_error_rms_m(const std::vector<FeltHistory>& a, const std::vector<FeltHistory>& b) {
@@ -82,6 +74,9 @@ Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
           {"world_substeps", run.substeps},
           {"latency_s", point.latency_s},
           {"jitter_s", point.jitter_s},
+          {"device_latency_s", point.device_latency_s},
+          {"loss_ratio", point.loss_ratio},
+          {"passivity", kPassivityWords[static_cast<std::size_t>(s.passivity)]},
           {"coupling_stiffness_n_m", scene.users.front().coupling.stiffness_n_m}};
 }
 
@@ -98,29 +93,86 @@ Json errors_of(const ForceError& e, double reference_error) {
           {"reference_error", reference_error}};
 }
 
+Json on_operator_errors_of(const ForceError& e) {
+  return {{"operator_force_error_rms", e.rms},
+          {"operator_force_error_p99", e.p99},
+          {"operator_time_offset_s", e.time_offset_s}};
+}
+
+/// `created_ratio`: energy that the coupling created, beyond that of the reference, as a share of the users' work.
+Json balance_of(double created_j, double reference_created_j, double work_j, const MomentumBalance& momentum) {
+  const double more_j = std::max(0.0, created_j - reference_created_j);
+  return {{"created_j", created_j},
+          {"reference_created_j", reference_created_j},
+          {"created_ratio", work_j > 0.0 ? more_j / work_j : kNone},
+          {"momentum_error_ratio", momentum.error_ratio()}};
+}
+
+Json copies_of(const CopyDifference& copies) {
+  return {{"copies_rms_m", copies.rms_m()}, {"copies_max_m", copies.max_m()}};
+}
+
+Json mutual_of(const std::optional<MutualLatency>& late) {
+  return {{"mutual_latency_s", late ? Json(late->late_s) : Json(nullptr)},
+          {"mutual_latency_of_user", late ? Json(late->of_user) : Json(nullptr)},
+          {"reference_mutual_latency_s", late ? Json(late->reference_s) : Json(nullptr)}};
+}
+
+double work_j(const Outcome& run) {
+  double sum = 0.0;
+  for (const FeltHistory& user : run.felt) sum += user.work_j;
+  return sum;
+}
+
+void add_balance(Json& row, const Outcome& run, const Reference& reference) {
+  double created_j = 0.0, reference_created_j = 0.0;
+  CopyDifference copies;
+  for (const UserBalance& user : reference.run.balance) reference_created_j += user.created_j;
+  for (const UserBalance& user : run.balance) {
+    created_j += user.created_j;
+    copies.add(user.copies);
+  }
+  row.update(balance_of(created_j, reference_created_j, work_j(run), run.momentum));
+  row.update(copies_of(copies));
+}
+
 /// A row of each user; and the worst one's in the row of all.
 std::vector<Json> add_users(Json& row, const Json& settings, const Scene& scene, const Outcome& run,
                             const Reference& reference) {
-  std::vector<ForceError> errors(run.felt.size(), kNoError);
-  if (run.finite) errors = force_errors(run.felt, reference.run.felt, scene.settings.h_s);
+  std::vector<ForceError> errors(run.felt.size(), kNoError), on_operator = errors;
+  if (run.finite) {
+    errors = force_errors(run.felt, reference.run.felt, scene.settings.h_s);
+    on_operator = force_errors(run.felt, reference.run.felt, scene.settings.h_s, &FeltHistory::on_operator);
+  }
   std::vector<Json> users;
   std::size_t worst = 0;
   for (std::size_t u = 0; u < errors.size(); ++u) {
     users.push_back(settings);
     users.back().update({{"user", u}, {"user_name", scene.users[u].name}});
-    users.back().update(errors_of(errors[u], reference.errors[u]));
+    users.back().update(errors_of(errors[u], reference.errors[u].rms));
+    users.back().update(on_operator_errors_of(on_operator[u]));
+    const UserBalance& balance = run.balance[u];
+    users.back()["work_j"] = run.felt[u].work_j;
+    users.back().update(
+        balance_of(balance.created_j, reference.run.balance[u].created_j, work_j(run), balance.momentum));
+    users.back().update(copies_of(balance.copies));
+    users.back()["bounded_ratio"] = balance.bounded_ratio;
     if (!(errors[u].rms <= errors[worst].rms)) worst = u;  // a value that is not a number stays
   }
   row.update({{"worst_user", worst},
               {"worst_user_force_error_rms", errors[worst].rms},
-              {"worst_user_reference_error", reference.errors[worst]}});
+              {"worst_user_reference_error", reference.errors[worst].rms}});
   return users;
 }
 
 void add_errors(Json& row, const Scene& scene, const Outcome& run, const Reference& reference) {
   const ForceError e = run.finite ? force_error(run.felt, reference.run.felt, scene.settings.h_s) : kNoError;
+  const ForceError on_operator =
+      run.finite ? force_error(run.felt, reference.run.felt, scene.settings.h_s, &FeltHistory::on_operator) : kNoError;
   const double drift_m = run.finite ? drift_max_m(scene, run, reference.run) : kNone;
   row.update(errors_of(e, reference.error));
+  row.update(on_operator_errors_of(on_operator));
+  add_balance(row, run, reference);
   row.update({{"survived", run.finite && std::isfinite(drift_m)},
               {"position_error_rms_m", run.finite ? position_error_rms_m(run.felt, reference.run.felt) : kNone},
               {"drift_max_m", drift_m},
@@ -148,6 +200,7 @@ void add_run_times(Json& row, const Outcome& run) {
 std::optional<Outcome> run_out(const Scene& scene) {
   const auto run = std::make_unique<CoupledRun>(scene);
   Outcome out;
+  BalanceWatch balance(*run, scene);
   while (run->finite() && !run->world.facts().over) {
     if (stop_signal() != 0) return std::nullopt;
     const std::uint64_t stamp = run->world.facts().stamp;
@@ -155,6 +208,7 @@ std::optional<Outcome> run_out(const Scene& scene) {
     if (run->world.facts().stamp > stamp) {
       out.ratio.add(run->world.facts().ratio);
       out.ratios.insert(out.ratios.end(), static_cast<std::size_t>(run->world.facts().ratio), run->world.facts().ratio);
+      balance.observe();
     }
     for (std::size_t u = 0; u < run->subs.size(); ++u) {
       const WorldFrame& frame = run->frame(u);
@@ -168,6 +222,8 @@ std::optional<Outcome> run_out(const Scene& scene) {
   out.substeps = run->world.facts().substeps;
   out.energy_excess_j = run->world.facts().energy_excess_j;
   for (const auto& sub : run->subs) out.device_work_j += sub->facts().device_work_j;
+  out.balance = balance.by_user(scene.settings.h_s);
+  for (const UserBalance& user : out.balance) out.momentum.add(user.momentum);
   for (const Body& body : scene.bodies) out.end.push_back(run->world.engine().state(body.id));
   out.felt = std::move(run->felt);
   out.cpu = run->cpu;
@@ -179,25 +235,27 @@ std::optional<Reference> reference_of(const Scene& scene) {
   if (!run) return std::nullopt;
   const std::optional<Outcome> fine = run_out(refined(scene, kFiner));
   if (!fine) return std::nullopt;
-  const Joined both = joined(run->felt, fine->felt, kFiner);
-  const double error = force_error(both.a, both.b, scene.settings.h_s).rms;
-  std::vector<double> errors;
-  for (const ForceError& e : force_errors(run->felt, fine->felt, scene.settings.h_s, kFiner)) errors.push_back(e.rms);
-  return Reference{std::move(*run), error, std::move(errors)};
+  const double h_s = scene.settings.h_s;
+  const std::vector<FeltHistory> finer = thinned(fine->felt, kFiner);
+  Reference reference{.run = {},
+                      .error = force_error(run->felt, finer, h_s).rms,
+                      .errors = force_errors(run->felt, finer, h_s),
+                      .on_operator_errors = force_errors(run->felt, finer, h_s, &FeltHistory::on_operator)};
+  reference.run = std::move(*run);
+  return reference;
 }
 
-ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference, double h_s) {
-  const Joined both = joined(felt, reference);
-  return force_error(both.a, both.b, h_s);
+ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference, double h_s,
+                       ForceOf force) {
+  std::vector<ForcePair> users;
+  for (std::size_t u = 0; u < felt.size(); ++u) users.push_back({felt[u].*force, reference[u].*force});
+  return force_error(users, h_s);
 }
 
 std::vector<ForceError> force_errors(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference,
-                                     double h_s, int finer) {
+                                     double h_s, ForceOf force) {
   std::vector<ForceError> errors;
-  for (std::size_t u = 0; u < felt.size(); ++u) {
-    const Joined both = joined({felt[u]}, {reference[u]}, finer);
-    errors.push_back(force_error(both.a, both.b, h_s));
-  }
+  for (std::size_t u = 0; u < felt.size(); ++u) errors.push_back(force_error(felt[u].*force, reference[u].*force, h_s));
   return errors;
 }
 
@@ -208,7 +266,15 @@ const Reference* References::of(const Point& point) {
   return reference ? &known_.emplace(key, std::move(*reference)).first->second : nullptr;
 }
 
-std::optional<Measured> measure(const Point& point, References& references) {
+const Outcome* References::run_of(const Point& point) {
+  const std::string key = reference_key(point);
+  if (const auto found = known_.find(key); found != known_.end()) return &found->second.run;
+  if (const auto found = runs_.find(key); found != runs_.end()) return &found->second;
+  std::optional<Outcome> run = run_out(reference_scene_of(point));
+  return run ? &runs_.emplace(key, std::move(*run)).first->second : nullptr;
+}
+
+std::optional<Measured> measure(const Point& point, References& references, MutualLatencies* mutual) {
   const Reference* reference = references.of(point);
   if (reference == nullptr) return std::nullopt;
   const Scene scene = scene_of(point);
@@ -220,6 +286,9 @@ std::optional<Measured> measure(const Point& point, References& references) {
   add_errors(measured.row, scene, *run, *reference);
   measured.users = add_users(measured.row, settings, scene, *run, *reference);
   add_run_times(measured.row, *run);
+  std::vector<std::optional<MutualLatency>> latencies(run->felt.size());
+  if (mutual != nullptr && run->finite && !mutual->measure(point, *run, *reference, latencies)) return std::nullopt;
+  for (std::size_t u = 0; u < latencies.size(); ++u) measured.users[u].update(mutual_of(latencies[u]));
   const std::string late = point.latency_s > 0.0 ? fmt::format("_late_{:g}_ms", 1e3 * point.latency_s) : "";
   const std::string substeps = run->substeps > 1 ? fmt::format("_{}_substeps", run->substeps) : "";
   for (std::size_t u = 0; u < run->felt.size(); ++u) {

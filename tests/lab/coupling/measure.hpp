@@ -1,6 +1,7 @@
 #pragma once
 
 #include "io/results.hpp"
+#include "lab/coupling/balance.hpp"
 #include "lab/coupling/sweep.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
@@ -16,8 +17,10 @@ namespace subworld {
 /// Results of a run.
 struct Outcome {
   bool finite = true;
-  std::vector<FeltHistory> felt;  ///< by user
-  std::vector<BodyState> end;     ///< of the scene's bodies, in the world
+  std::vector<FeltHistory> felt;     ///< by user
+  std::vector<UserBalance> balance;  ///< by user
+  MomentumBalance momentum;          ///< of all users
+  std::vector<BodyState> end;        ///< of the scene's bodies, in the world
   double energy_excess_j = 0.0;
   double device_work_j = 0.0;  ///< of all users
   int substeps = 1;
@@ -35,30 +38,37 @@ struct Outcome {
 
 struct Reference {
   Outcome run;
-  double error = 0.0;          ///< RMS force error of the reference against itself at h / 4, of all users
-  std::vector<double> errors;  ///< the same, by user
+  double error = 0.0;              ///< RMS force error of the reference against itself at h / 4, of all users
+  std::vector<ForceError> errors;  ///< the same, by user
+  std::vector<ForceError> on_operator_errors;  ///< of the force on the operator
 };
 
 /// Reference of a scene in one world (lab/sweep). Empty if a signal requested a stop.
 [[nodiscard]] std::optional<Reference> reference_of(const Scene& scene);
 
-/// Difference of the felt forces of all users in two runs of one scene.
-[[nodiscard]] ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference,
-                                     double h_s);
+/// Which force of a history is compared.
+using ForceOf = std::vector<Vec3> FeltHistory::*;
 
-/// The same for each user. `finer`: steps of the reference in one of the run.
+/// Difference of the forces of all users in two runs of one scene.
+[[nodiscard]] ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference,
+                                     double h_s, ForceOf force = &FeltHistory::force);
+
+/// The same for each user.
 [[nodiscard]] std::vector<ForceError> force_errors(const std::vector<FeltHistory>& felt,
                                                    const std::vector<FeltHistory>& reference, double h_s,
-                                                   int finer = 1);
+                                                   ForceOf force = &FeltHistory::force);
 
 /// Cache of references.
 class References {
  public:
   /// Empty if a signal requested a stop.
   [[nodiscard]] const Reference* of(const Point& point);
+  /// Without the error of the reference, which takes most of the time.
+  [[nodiscard]] const Outcome* run_of(const Point& point);
 
  private:
   std::map<std::string, Reference> known_;
+  std::map<std::string, Outcome> runs_;
 };
 
 /// Felt force of a user, with the reference.
@@ -81,8 +91,12 @@ struct Measured {
   std::vector<Trace> traces;  ///< by user
 };
 
-/// Empty if a signal requested a stop.
-[[nodiscard]] std::optional<Measured> measure(const Point& point, References& references);
+class MutualLatencies;
+
+/// Empty if a signal requested a stop. With `mutual`, users also have their mutual latency (lab/coupling/mutual), which
+/// takes a run more for each user.
+[[nodiscard]] std::optional<Measured> measure(const Point& point, References& references,
+                                              MutualLatencies* mutual = nullptr);
 
 /// CPU seconds per simulated second, summed over a row.
 [[nodiscard]] double total_cpu(const Json& row);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace subworld {
 
@@ -23,7 +24,11 @@ network. Errors under 0.01 % are drawn at 0.01 %.</p>
 <b>Offset</b> is the lag with the least error, and <b>RMS without offset</b> the error at that lag. <b>Jitter</b> is the
 force without its 41-step mean, relative to that of the reference; <b>smoothed</b> is the error of those means. <b>Drift</b>
 is the largest distance of a body from its place in the reference, at the end. <b>Energy excess</b> is the world's gain of
-energy beyond the work of the devices. <b>Ghosts</b> are the outside bodies that the scheme <i>reduced</i> models.</p>
+energy beyond the work of the devices. <b>Ghosts</b> are the outside bodies that the scheme <i>reduced</i> models. <b>On the operator</b> is the error of the
+force behind the device's link, its limits and its passivity bound, against the reference without them. <b>Created</b> is
+the energy that the operators received beyond what the couplings could store. The <b>momentum error</b> is the impulse
+that the users gave and the world did not receive, over that of all forces. <b>Copies</b> is the distance between two
+users' copies of a body.</p>
 )";
 
 constexpr int kFewestFitted = 3;  ///< points; an order needs at least as many
@@ -47,6 +52,9 @@ constexpr Column kColumns[] = {{"variant", "variant", 1, 4, nullptr, true},
                                {"world sub-steps", "world_substeps", 1, 4, nullptr, true},
                                {"latency ms", "latency_s", 1e3, 4, nullptr, true},
                                {"jitter ms", "jitter_s", 1e3, 4, nullptr, true},
+                               {"device latency ms", "device_latency_s", 1e3, 4, nullptr, true},
+                               {"loss %", "loss_ratio", 1e2, 3, nullptr, true},
+                               {"passivity", "passivity", 1, 0, nullptr, true},
                                {"K N/m", "coupling_stiffness_n_m", 1, 5, nullptr, true},
                                {"error RMS %", "force_error_rms", 1e2, 3},
                                {"p99 %", "force_error_p99", 1e2, 3},
@@ -57,6 +65,12 @@ constexpr Column kColumns[] = {{"variant", "variant", 1, 4, nullptr, true},
                                {"smoothed RMS %", "smoothed_force_error_rms", 1e2, 3},
                                {"proxy error RMS mm", "position_error_rms_m", 1e3, 3},
                                {"drift max mm", "drift_max_m", 1e3, 3},
+                               {"on the operator: RMS %", "operator_force_error_rms", 1e2, 3},
+                               {"p99 %", "operator_force_error_p99", 1e2, 3},
+                               {"offset ms", "operator_time_offset_s", 1e3, 3},
+                               {"created mJ", "created_j", 1e3, 3},
+                               {"momentum error %", "momentum_error_ratio", 1e2, 3},
+                               {"copies RMS mm", "copies_rms_m", 1e3, 3},
                                {"energy excess J", "energy_excess_j", 1, 3},
                                {"device work J", "device_work_j", 1, 3},
                                {"members", "members_mean", 1, 3},
@@ -101,12 +115,43 @@ std::string table_of(const Rows& rows) {
          "better in error or CPU time and not worse in the other; errors below the reference error are equal.</p>\n";
 }
 
+constexpr Column kUserColumns[] = {{"error RMS %", "force_error_rms", 1e2, 3},
+                                   {"p99 %", "force_error_p99", 1e2, 3},
+                                   {"offset ms", "time_offset_s", 1e3, 3},
+                                   {"reference error %", "reference_error", 1e2, 3},
+                                   {"on the operator: RMS %", "operator_force_error_rms", 1e2, 3},
+                                   {"bounded % of steps", "bounded_ratio", 1e2, 3},
+                                   {"work J", "work_j", 1, 3},
+                                   {"created % of all work", "created_ratio", 1e2, 3},
+                                   {"momentum error %", "momentum_error_ratio", 1e2, 3},
+                                   {"copies RMS mm", "copies_rms_m", 1e3, 3},
+                                   {"copies max mm", "copies_max_m", 1e3, 3},
+                                   {"mutual latency ms", "mutual_latency_s", 1e3, 3}};
+
+/// The users of one scene; empty for a single one, whose figures are in the table of all.
+std::string users_of(const Rows& users, const Json& scene) {
+  Rows mine;
+  std::ranges::copy_if(users, std::back_inserter(mine), [&](const Json& row) { return row.at("scene") == scene; });
+  if (std::ranges::all_of(mine, [](const Json& row) { return row.at("user") == 0; })) return "";
+  const std::vector<std::string> columns = swept(mine);
+  TextTable table{.head = {"user", "setting"}, .rows = {}, .texts = 2};
+  for (const Column& column : kUserColumns) table.head.emplace_back(column.title);
+  for (const Json& row : mine) {
+    std::vector<std::string>& cells = table.rows.emplace_back();
+    cells = {escaped(row.at("user_name").get<std::string>()), escaped(swept_text(row, columns, ""))};
+    for (const Column& column : kUserColumns) cells.push_back(cell_of(column, row));
+  }
+  return "<p>Each user alone (<code>users.csv</code>):</p>\n" + html_of(table);
+}
+
 /// The best setting for each budget, for the first latency, jitter and stiffness.
 std::string choices_of(const Rows& rows) {
   if (!comparable(rows.front())) return "";
   std::vector<const Json*> open;
   for (const Json& row : rows) {
-    if (alike(row, rows.front(), {"variant", "latency_s", "jitter_s", "coupling_stiffness_n_m", "h_s"}))
+    if (alike(row, rows.front(),
+              {"variant", "latency_s", "jitter_s", "device_latency_s", "loss_ratio", "passivity",
+               "coupling_stiffness_n_m", "h_s"}))
       open.push_back(&row);
   }
   const std::vector<std::string> columns = swept(rows);
@@ -178,7 +223,8 @@ std::string list_of(const char* title, const std::vector<std::string>& lines) {
 
 std::vector<std::string> orders_of(const Json& fits, const Rows& rows) {
   std::vector<std::string> columns = swept(rows);
-  for (const char* other : {"scheme", "latency_s", "jitter_s"}) std::erase(columns, other);
+  for (const char* other : {"scheme", "latency_s", "jitter_s", "device_latency_s", "loss_ratio", "passivity"})
+    std::erase(columns, other);
   std::vector<std::string> lines;
   for (const Json& fit : fits) {
     if (!alike(fit, rows.front(), {"scene", "variant"}) || fit.at("order").is_null()) continue;
@@ -241,7 +287,8 @@ void write_report(const std::string& path, const Findings& found) {
     page.add(facts_of(facts) + plan_of(facts) + doubt_of(section.rows) + choices_of(section.rows));
     page.plots(pictures.data() + section.first_plot, section.plots);
     page.add(list_of(kOrders, orders_of(found.summary.at("convergence"), section.rows)) +
-             list_of(kVariants, variants_of(found.summary.at("over_variants"), section.rows)) + table_of(section.rows));
+             list_of(kVariants, variants_of(found.summary.at("over_variants"), section.rows)) + table_of(section.rows) +
+             users_of(found.users, scene));
   }
   page.close();
 }

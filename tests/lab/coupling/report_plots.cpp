@@ -38,6 +38,10 @@ constexpr std::array kSwept{
     Swept{"world_substeps", "sub-steps", "sub-steps", "world sub-steps per cycle", 1.0, ""},
     Swept{"latency_s", "latency", "latency", "latency added to the round trip, ms", 1e3, " ms"},
     Swept{"jitter_s", "jitter", "jitter", "jitter, ms", 1e3, " ms"},
+    Swept{"device_latency_s", "device latency", "latency of the device",
+          "latency added between device and sub-world, ms", 1e3, " ms"},
+    Swept{"loss_ratio", "loss", "lost messages", "lost messages, %", 1e2, " %"},
+    Swept{"passivity", "passivity", "", "", 1.0, ""},
     Swept{"coupling_stiffness_n_m", "K", "coupling stiffness", "coupling stiffness, N/m", 1.0, " N/m"}};
 
 struct Look {
@@ -117,7 +121,7 @@ std::vector<const Json*> slice(const Rows& rows, std::vector<std::string> column
   return kept;
 }
 
-std::set<std::string> kinds() { return {"scheme", "engine", "haptic_engine"}; }
+std::set<std::string> kinds() { return {"scheme", "engine", "haptic_engine", "passivity"}; }
 
 /// "Error against X", with the values of the swept columns that are common to all rows.
 std::string title_of(const std::string& against, const std::vector<const Json*>& rows,
@@ -264,7 +268,7 @@ std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
   const std::vector<std::string> columns = swept(rows);
   std::vector<Plot> plots{work_precision(rows, columns)};
   for (const char* x : {"ratio", "ratio_most", "box_m", "contact_depth", "budget_ratio", "latency_s", "jitter_s",
-                        "world_substeps", "coupling_stiffness_n_m", "h_s"}) {
+                        "device_latency_s", "loss_ratio", "world_substeps", "coupling_stiffness_n_m", "h_s"}) {
     if (std::ranges::find(columns, x) != columns.end()) plots.push_back(error_against(x, rows, columns));
   }
   std::map<std::pair<double, std::size_t>, std::vector<const Trace*>> by_latency_and_user;

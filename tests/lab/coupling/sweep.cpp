@@ -32,6 +32,7 @@ Scene loaded(const Point& point) {
   Options options;
   options.scene = point.scene;
   options.mode = "lockstep";
+  if (!point.passivity.empty()) options.passivity = point.passivity;
   Scene scene = load_scene(options);
   Settings& s = scene.settings;
   if (!point.engine.empty()) {
@@ -49,7 +50,13 @@ Scene loaded(const Point& point) {
                                              "--duration or a longer --h",
                                              point.scene, s.duration_s, s.h_s, kMostSteps));
   }
-  for (UserSpec& user : scene.users) user.coupling.stiffness_n_m *= point.stiffness_factor;
+  for (UserSpec& user : scene.users) {
+    user.coupling.stiffness_n_m *= point.stiffness_factor;
+    for (PathSegment& segment : user.device.path) {
+      segment.from_s += point.starts_later_s;
+      segment.to_s += point.starts_later_s;
+    }
+  }
   return varied(std::move(scene), point.variant);
 }
 
@@ -69,6 +76,9 @@ std::vector<Point> points_of(const Sweep& sweep) {
                                axis(sweep.substeps, &Point::substeps),
                                axis(sweep.latencies_s, &Point::latency_s),
                                axis(sweep.jitters_s, &Point::jitter_s),
+                               axis(sweep.device_latencies_s, &Point::device_latency_s),
+                               axis(sweep.loss_ratios, &Point::loss_ratio),
+                               axis(sweep.passivities, &Point::passivity),
                                axis(sweep.ratios_most, &Point::ratio_most),
                                axis(sweep.ratios, &Point::ratio)};
   std::size_t count = 1;
@@ -91,12 +101,17 @@ Scene scene_of(const Point& point) {
   Scene scene = loaded(point);
   Settings& s = scene.settings;
   const bool literal = point.scheme == "paper_literal";
-  s.scheme = literal ? "paper" : point.scheme;
+  if (!point.scheme.empty()) s.scheme = literal ? "paper" : point.scheme;
   s.paper.device_force_in_world = !literal;
-  s.set_ratio({point.ratio, point.ratio_most});
+  if (point.ratio > 0) s.set_ratio({point.ratio, point.ratio_most});
   s.world.substeps.reset();
   if (point.substeps > 0) s.world.substeps = point.substeps;
-  s.delay = {.up_s = 0.5 * point.latency_s, .down_s = 0.5 * point.latency_s, .jitter_s = point.jitter_s};
+  s.delay = {.up_s = 0.5 * point.latency_s,
+             .down_s = 0.5 * point.latency_s,
+             .from_device_s = 0.5 * point.device_latency_s,
+             .to_device_s = 0.5 * point.device_latency_s,
+             .jitter_s = point.jitter_s,
+             .loss_ratio = point.loss_ratio};
   for (UserSpec& user : scene.users) {
     if (point.box_m > 0.0) user.box_half_m = point.box_m;
     if (point.contact_depth >= 0) user.contact_depth = point.contact_depth;
@@ -118,6 +133,7 @@ Scene in_one_world(Scene scene) {
   scene.settings.set_ratio({1, 1});
   scene.settings.world.substeps = 1;
   scene.settings.delay = {};
+  scene.settings.passivity = Passivity::off;
   return scene;
 }
 
@@ -128,7 +144,7 @@ Scene refined(Scene scene, int factor) {
 }
 
 std::string reference_key(const Point& p) {
-  return fmt::format("{}|{}|{}|{}|{}", p.scene, p.variant, p.h_s, p.stiffness_factor, p.engine);
+  return fmt::format("{}|{}|{}|{}|{}|{}", p.scene, p.variant, p.h_s, p.stiffness_factor, p.engine, p.starts_later_s);
 }
 
 int shown_ratio(const std::vector<int>& ratios) {
@@ -140,7 +156,9 @@ bool shown(const Point& p, const Sweep& s) {
          p.engine == s.engines.front() && p.haptic_engine == s.haptic_engines.front() && p.box_m == s.boxes_m.front() &&
          p.contact_depth == s.contact_depths.front() && p.budget_ratio == s.budget_ratios.front() &&
          p.substeps == s.substeps.front() && p.jitter_s == s.jitters_s.front() &&
-         p.stiffness_factor == s.stiffness_factors.front() && p.h_s == s.h_s.front();
+         p.device_latency_s == s.device_latencies_s.front() && p.loss_ratio == s.loss_ratios.front() &&
+         p.passivity == s.passivities.front() && p.stiffness_factor == s.stiffness_factors.front() &&
+         p.h_s == s.h_s.front();
 }
 
 }  // namespace subworld

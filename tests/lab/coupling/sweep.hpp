@@ -8,8 +8,8 @@
 
 namespace subworld {
 
-/// Requested values of each axis of the sweep. An empty name, a box of 0, an h of 0, a budget of 0 and a depth of -1
-/// mean the scene's own.
+/// Requested values of each axis of the sweep. An empty name or word, a box of 0, an h of 0, a budget of 0 and a depth
+/// of -1 mean the scene's own.
 struct Sweep {
   std::vector<std::string> scenes;  ///< files
   std::vector<int> variants{0};     ///< of each scene (lab/variants); 0: itself
@@ -24,12 +24,15 @@ struct Sweep {
   std::vector<int> substeps{1};            ///< of the world, per cycle; 0: as the scheme requires
   std::vector<double> latencies_s{0.0};
   std::vector<double> jitters_s{0.0};
+  std::vector<double> device_latencies_s{0.0};
+  std::vector<double> loss_ratios{0.0};
+  std::vector<std::string> passivities{""};
   std::vector<double> stiffness_factors{1.0};
   std::vector<double> h_s{0.0};
   std::optional<double> duration_s;
 };
 
-/// One run.
+/// One run. An empty scheme and a ratio of 0 also mean the scene's own.
 struct Point {
   std::string scene;
   int variant = 0;
@@ -44,8 +47,12 @@ struct Point {
   int substeps = 1;
   double latency_s = 0.0;  ///< added to the round trip, half each way
   double jitter_s = 0.0;
+  double device_latency_s = 0.0;  ///< the same between device and sub-world
+  double loss_ratio = 0.0;
+  std::string passivity;
   double stiffness_factor = 1.0;
   double h_s = 0.0;
+  double starts_later_s = 0.0;  ///< by which the paths of all users begin later
   std::optional<double> duration_s;
 
   bool operator==(const Point&) const = default;
@@ -58,7 +65,7 @@ struct Point {
 [[nodiscard]] Scene scene_of(const Point& point);
 /// The reference of the point: the whole scene in one world of the same engine at step h, without delay.
 [[nodiscard]] Scene reference_scene_of(const Point& point);
-/// The whole scene in one world at step h, without delay.
+/// The whole scene in one world at step h, without delay and without a bound on the energy of the devices.
 [[nodiscard]] Scene in_one_world(Scene scene);
 /// The same at h / `factor`.
 [[nodiscard]] Scene refined(Scene scene, int factor);

@@ -22,9 +22,9 @@ std::vector<std::string> scene_files(const std::vector<std::string>& names) {
   return files;
 }
 
-Option add_seed(CommandLine& line, std::uint64_t& seed) {
+Option add_seed(CommandLine& line, std::uint64_t& seed, const std::string& what) {
   constexpr double kMost = 9e15;  // that every program that reads a table can hold
-  return line.add("--seed", &seed, "seed of the random scenes").range(0.0, kMost);
+  return line.add("--seed", &seed, what).range(0.0, kMost);
 }
 
 void add_out(CommandLine& line, const std::string& lab, std::string& out) {

@@ -15,8 +15,8 @@ namespace subworld {
 /// The files of these scenes. Throws `Error` (usage) if there is no scenes folder.
 [[nodiscard]] std::vector<std::string> scene_files(const std::vector<std::string>& names);
 
-/// --seed of random scenes.
-Option add_seed(CommandLine& line, std::uint64_t& seed);
+/// --seed, of random scenes if nothing else is said.
+Option add_seed(CommandLine& line, std::uint64_t& seed, const std::string& what = "seed of the random scenes");
 void add_out(CommandLine& line, const std::string& lab, std::string& out);
 /// --duration, of which the scene has the default.
 Option add_duration(CommandLine& line, std::optional<double>& duration_s);

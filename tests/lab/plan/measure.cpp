@@ -152,12 +152,8 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
   row["force_difference_rms"] = difference;
   if (difference == 0.0) return row;
   // The reference has all optimisations off, and no passivity bound, which is no physics of the scene.
-  Scene all = with;
-  for (std::size_t u = 0; u < all.users.size(); ++u) {
-    if (enabled(without, Optimisation::energy_bound, u)) all.settings.passivity = Passivity::off;
-  }
   const Apart judged = apart(kMost_s, [&]() -> Json {
-    const std::optional<Reference> reference = reference_of(in_one_world(all));
+    const std::optional<Reference> reference = reference_of(in_one_world(with));
     if (!reference) return nullptr;
     const auto error_of = [&](const Json& run) {
       return force_error(felt_of(run), reference->run.felt, without.settings.h_s).rms;

@@ -74,7 +74,9 @@ void CoupledRun::haptic_step(std::size_t user) {
         [&] { send_report(user); }, haptic_step_s);
   }
   felt[user].force.push_back(now.felt.force);
+  const double before_j = guards[user]->port().net_j();
   const DeviceCommand safe = guards[user]->pass(command, states_[user], true, h);
+  felt[user].work_j += std::max(0.0, guards[user]->port().net_j() - before_j);
   felt[user].on_operator.push_back(safe.wrench.force);
   devices[user]->step(safe, h);
   felt[user].proxy.push_back(sub.facts().proxy);

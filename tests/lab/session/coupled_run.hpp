@@ -19,6 +19,7 @@ struct FeltHistory {
   std::vector<Vec3> force;        ///< N, of the coupling, before the ramp
   std::vector<Vec3> on_operator;  ///< N, of the device on the operator
   std::vector<BodyState> proxy;
+  double work_j = 0.0;  ///< that the operator has put in, without what came back
 };
 
 /// CPU times, s per call.
@@ -52,6 +53,11 @@ class CoupledRun {
   /// The newest report of the user's sub-world.
   [[nodiscard]] const HapticReport& report(std::size_t user = 0) const {
     return links_[user].reports[links_[user].newest_report % links_[user].reports.size()];
+  }
+  /// The report of this stamp; null if there is none, or none any more.
+  [[nodiscard]] const HapticReport* report_of(std::size_t user, std::uint64_t stamp) const {
+    const HapticReport& kept = links_[user].reports[stamp % links_[user].reports.size()];
+    return kept.sent_ns != 0 && kept.stamp == stamp ? &kept : nullptr;
   }
 
  private:

@@ -17,20 +17,64 @@ struct Sums {
 };
 
 /// RMS error of F against R, with F taken `lag` samples later.
-double rms_at(std::span<const Vec3> force, std::span<const Vec3> reference, std::ptrdiff_t lag) noexcept {
+double rms_at(std::span<const ForcePair> users, std::ptrdiff_t lag) noexcept {
   Sums sums;
-  const auto n = static_cast<std::ptrdiff_t>(reference.size());
-  for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(0, -lag); i < std::min(n, n - lag); ++i) {
-    sums.difference += (force[i + lag] - reference[i]).squaredNorm();
-    sums.reference += reference[i].squaredNorm();
+  for (const auto& [force, reference] : users) {
+    const auto n = static_cast<std::ptrdiff_t>(reference.size());
+    for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(0, -lag); i < std::min(n, n - lag); ++i) {
+      sums.difference += (force[i + lag] - reference[i]).squaredNorm();
+      sums.reference += reference[i].squaredNorm();
+    }
   }
   return sums.ratio();
 }
 
+/// Sum of |F - mean|^2.
 double roughness(std::span<const Vec3> force, std::span<const Vec3> mean) noexcept {
   double sum = 0.0;
   for (std::size_t i = 0; i < force.size(); ++i) sum += (force[i] - mean[i]).squaredNorm();
-  return std::sqrt(sum / static_cast<double>(force.size()));
+  return sum;
+}
+
+/// Sets `time_offset_s` and `value_offset`.
+void find_offset(ForceError& error, std::span<const ForcePair> users, std::size_t shortest, double h_s) {
+  const auto most = std::min(static_cast<std::ptrdiff_t>(kMostLag_s / h_s), static_cast<std::ptrdiff_t>(shortest / 2));
+  std::ptrdiff_t best = 0;
+  error.value_offset = error.rms;
+  for (std::ptrdiff_t lag = -most; lag <= most; ++lag) {
+    const double rms = rms_at(users, lag);
+    if (rms < error.value_offset) {
+      error.value_offset = rms;
+      best = lag;
+    }
+  }
+  // The square of the RMS is smooth in the lag: a parabola through three points gives the minimum between samples.
+  double fraction = 0.0;
+  if (std::abs(best) < most) {
+    const double left = std::pow(rms_at(users, best - 1), 2);
+    const double middle = std::pow(error.value_offset, 2);
+    const double right = std::pow(rms_at(users, best + 1), 2);
+    const double bend = left - 2.0 * middle + right;
+    if (bend > 0.0) fraction = std::clamp(0.5 * (left - right) / bend, -0.5, 0.5);
+  }
+  error.time_offset_s = (static_cast<double>(best) + fraction) * h_s;
+}
+
+/// Sets `jitter_ratio` and `smoothed_rms`.
+void compare_smoothed(ForceError& error, std::span<const ForcePair> users) {
+  std::vector<std::vector<Vec3>> means;
+  means.reserve(2 * users.size());
+  std::vector<ForcePair> smooth;
+  Sums noise;
+  for (const auto& [force, reference] : users) {
+    const std::vector<Vec3>& mean = means.emplace_back(smoothed(force, kWindow));
+    const std::vector<Vec3>& reference_mean = means.emplace_back(smoothed(reference, kWindow));
+    noise.difference += roughness(force, mean);
+    noise.reference += roughness(reference, reference_mean);
+    smooth.push_back({mean, reference_mean});
+  }
+  error.jitter_ratio = noise.ratio();
+  error.smoothed_rms = rms_at(smooth, 0);
 }
 
 }  // namespace
@@ -49,53 +93,40 @@ std::vector<Vec3> smoothed(std::span<const Vec3> force, int window) {
   return means;
 }
 
-double noise_n(std::span<const Vec3> force) { return roughness(force, smoothed(force, kWindow)); }
+double noise_n(std::span<const Vec3> force) {
+  return std::sqrt(roughness(force, smoothed(force, kWindow)) / static_cast<double>(force.size()));
+}
 
-ForceError force_error(std::span<const Vec3> force, std::span<const Vec3> reference, double h_s) {
+ForceError force_error(std::span<const ForcePair> all, double h_s) {
   ForceError error;
-  const std::size_t n = std::min(force.size(), reference.size());
-  force = force.first(n);
-  reference = reference.first(n);
-  if (n == 0) return error;
-
-  std::vector<double> distances(n);
+  std::vector<ForcePair> users;
+  std::vector<double> distances;
   double largest = 0.0;
-  for (std::size_t i = 0; i < n; ++i) {
-    distances[i] = (force[i] - reference[i]).norm();
-    largest = std::max(largest, reference[i].norm());
+  std::size_t shortest = all.empty() ? 0 : all.front().force.size();
+  for (const auto& [force, reference] : all) {
+    const std::size_t n = std::min(force.size(), reference.size());
+    users.push_back({force.first(n), reference.first(n)});
+    shortest = std::min(shortest, n);
+    for (std::size_t i = 0; i < n; ++i) {
+      distances.push_back((force[i] - reference[i]).norm());
+      largest = std::max(largest, reference[i].norm());
+    }
   }
-  error.rms = rms_at(force, reference, 0);
+  if (distances.empty()) return error;
+  error.rms = rms_at(users, 0);
   error.max = *std::ranges::max_element(distances) / largest;
+  const std::size_t n = distances.size();
   const std::size_t at = std::min(n - 1, static_cast<std::size_t>(0.99 * static_cast<double>(n)));
   std::ranges::nth_element(distances, distances.begin() + static_cast<std::ptrdiff_t>(at));
   error.p99 = distances[at] / largest;
-
-  const auto most = std::min(static_cast<std::ptrdiff_t>(kMostLag_s / h_s), static_cast<std::ptrdiff_t>(n / 2));
-  std::ptrdiff_t best = 0;
-  error.value_offset = error.rms;
-  for (std::ptrdiff_t lag = -most; lag <= most; ++lag) {
-    const double rms = rms_at(force, reference, lag);
-    if (rms < error.value_offset) {
-      error.value_offset = rms;
-      best = lag;
-    }
-  }
-  // The square of the RMS is smooth in the lag: a parabola through three points gives the minimum between samples.
-  double fraction = 0.0;
-  if (std::abs(best) < most) {
-    const double left = std::pow(rms_at(force, reference, best - 1), 2);
-    const double middle = std::pow(error.value_offset, 2);
-    const double right = std::pow(rms_at(force, reference, best + 1), 2);
-    const double bend = left - 2.0 * middle + right;
-    if (bend > 0.0) fraction = std::clamp(0.5 * (left - right) / bend, -0.5, 0.5);
-  }
-  error.time_offset_s = (static_cast<double>(best) + fraction) * h_s;
-
-  const std::vector<Vec3> mean = smoothed(force, kWindow);
-  const std::vector<Vec3> reference_mean = smoothed(reference, kWindow);
-  error.jitter_ratio = roughness(force, mean) / roughness(reference, reference_mean);
-  error.smoothed_rms = rms_at(mean, reference_mean, 0);
+  find_offset(error, users, shortest, h_s);
+  compare_smoothed(error, users);
   return error;
+}
+
+ForceError force_error(std::span<const Vec3> force, std::span<const Vec3> reference, double h_s) {
+  const ForcePair user{force, reference};
+  return force_error(std::span(&user, 1), h_s);
 }
 
 }  // namespace subworld

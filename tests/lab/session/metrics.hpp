@@ -19,7 +19,16 @@ struct ForceError {
   double smoothed_rms = 0.0;  ///< `rms` of the centred 41-sample means
 };
 
-/// Over the common length. Forces in N, h in s. Not finite where F is not.
+/// Forces of one user.
+struct ForcePair {
+  std::span<const Vec3> force;
+  std::span<const Vec3> reference;
+};
+
+/// Over the common length of each user; the sums and the largest values go over all users, the lag is common to all.
+/// Forces in N, h in s. Not finite where F is not.
+[[nodiscard]] ForceError force_error(std::span<const ForcePair> users, double h_s);
+/// Of one user.
 [[nodiscard]] ForceError force_error(std::span<const Vec3> force, std::span<const Vec3> reference, double h_s);
 
 /// RMS of the force minus its centred 41-sample mean, N: vibration that is faster than an operator's motion.
