@@ -76,6 +76,7 @@ void CoupledRun::haptic_step(std::size_t user) {
         [&] { send_report(user); }, haptic_step_s);
   }
   felt[user].force.push_back(now.felt.force);
+  felt[user].torque.push_back(now.felt.torque);
   const DeviceCommand safe = guards[user]->pass(command, states_[user], true, h);
   felt[user].on_operator.push_back(safe.wrench.force);
   devices[user]->step(safe, h);
