@@ -257,7 +257,7 @@ void World::hold(const User& user, const DevicePose& target, const ForceLimits& 
 }
 
 void World::pass_impulses() {
-  const std::uint64_t stamp = told_stamp();
+  const std::uint64_t stamp = report_stamp();
   for (User& user : users_) {
     if (!user.heard) continue;
     const HapticReport& now = user.at(stamp);
@@ -270,7 +270,7 @@ void World::pass_impulses() {
 void World::drive_proxies(double until_s, double dt) {
   for (const User& user : users_) {
     if (!user.heard) continue;
-    const HapticReport& now = user.at(told_stamp());
+    const HapticReport& now = user.at(report_stamp());
     const double moved_until_s = until_s + half_step_offset_s();
     const ProxyDrive drive = side_->drive(*user.spec, user.mean, user.before_that(now), now, moved_until_s);
     if (drive.target) hold(user, *drive.target, drive.limits, dt);

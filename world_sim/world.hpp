@@ -187,8 +187,8 @@ class World {
   [[nodiscard]] bool waits_for_frame(const User& user) const noexcept {
     return !user.suppression.lacks_frame(facts_.stamp);
   }
-  /// The stamp of the reports that tell what the users do in the cycle under way.
-  [[nodiscard]] std::uint64_t told_stamp() const noexcept {
+  /// Of the reports on what the users do in the cycle under way.
+  [[nodiscard]] std::uint64_t report_stamp() const noexcept {
     return facts_.stamp + static_cast<std::uint64_t>(scheme_.properties.lead_cycles);
   }
   void set_stamp(std::uint64_t stamp) noexcept;

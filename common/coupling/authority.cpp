@@ -1,5 +1,7 @@
 #include "coupling/authority.hpp"
 
+#include "model/sorted.hpp"
+
 #include <algorithm>
 
 namespace subworld {
@@ -27,6 +29,11 @@ void Authority::compare(const WorldFrame& frame, const HapticReport& report) {
   for (const StampedBody& sub : report.members) reported_.push_back(sub.id);
   islands_.join(reported_, report.islands);
   reported_.clear();
+}
+
+bool Authority::has_peer(const HapticReport& report) const {
+  return std::ranges::any_of(
+      peers_, [&](BodyId peer) { return find_sorted(report.members, peer, &StampedBody::id) != report.members.end(); });
 }
 
 Owner Authority::owner(BodyId id) {

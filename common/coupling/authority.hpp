@@ -37,6 +37,8 @@ class Authority {
 
   /// Takes both sides' labels of one stamp. A frame without labels says nothing of islands: none is closed.
   void compare(const WorldFrame& frame, const HapticReport& report);
+  /// Whether the sub-world of a report holds another user's proxy.
+  [[nodiscard]] bool has_peer(const HapticReport& report) const;
   /// After compare().
   [[nodiscard]] Owner owner(BodyId id);
 

@@ -41,12 +41,16 @@ struct SchemeProperties {
 struct Correction {
   double world = 0.0;
   double sub = 0.0;
+  double world_turn = world;  ///< of orientation and angular velocity, in place of `world`
 };
 
 /// The two copies of one body when they are made one.
 struct CopyPair {
   Owner owner = Owner::world;
-  double lag_cycles = 0.0;  ///< age of the world's state when the sub-world uses it
+  double lag_cycles = 0.0;         ///< age of the world's state when the sub-world uses it
+  double report_lag_cycles = 0.0;  ///< age of the newest frame that the sub-world had used when it reported
+  /// The tool has six degrees of freedom, and the sub-world holds no other user's proxy.
+  bool turns_alone = false;
 };
 
 /// A coupling scheme: its properties and its two sides. The programs ask, they do not know which one runs. A scheme is

@@ -7,6 +7,22 @@
 
 namespace subworld {
 
+namespace {
+
+/// A share of the difference of two states, and another one of its rotation and angular velocity.
+Shift part_of(const BodyState& from, const BodyState& to, double share, double turn_share) noexcept {
+  if (share == 0.0 && turn_share == 0.0) return {};
+  const Shift whole = difference(from, to);
+  Shift part = scaled(whole, share);
+  if (turn_share == share) return part;
+  const Shift turn = scaled(whole, turn_share);
+  part.rotation = turn.rotation;
+  part.angular_velocity = turn.angular_velocity;
+  return part;
+}
+
+}  // namespace
+
 std::uint64_t remembered_cycles(const Settings& settings, const Scheme& scheme) noexcept {
   return 16 + Delay(settings, scheme.properties.lead_cycles, 0).longest_cycles();
 }
@@ -19,6 +35,7 @@ Synchroniser::Synchroniser(const Scheme& scheme, const Scene& scene, std::size_t
     : scheme_(&scheme),
       settings_(&scene.settings),
       authority_(scene.users[user].proxy, peers_of(scene, user)),
+      tool_turns_(scene.users[user].device.degrees_of_freedom == 6),
       blends_(remembered_cycles(scene.settings, scheme)) {
   for (Blend& blend : blends_) blend.pairs.reserve(kUsualMembers);
 }
@@ -42,6 +59,8 @@ std::span<const PairShift> Synchroniser::synchronise(const WorldFrame& frame, co
   blend.stamp = frame.stamp;
   blend.pairs.clear();
   authority_.compare(frame, report);
+  const bool turns_alone = tool_turns_ && !authority_.has_peer(report);
+  const double report_lag_cycles = static_cast<double>(report.stamp) - static_cast<double>(report.confirmed_stamp);
   for (const StampedBody& sub : report.members) {
     const auto world = find_sorted(frame.states, sub.id, &StampedBody::id);
     if (world == frame.states.end()) continue;
@@ -49,11 +68,10 @@ std::span<const PairShift> Synchroniser::synchronise(const WorldFrame& frame, co
                                        [](const PairShift& p) -> const Shift& { return p.world; });
     const BodyState ours = caught_up(sub.id, sub.state, report.confirmed_stamp, frame.stamp,
                                      [](const PairShift& p) -> const Shift& { return p.sub; });
-    const Correction part = scheme_->correction({authority_.owner(sub.id), lag_cycles}, report.indicators, *settings_);
-    const auto shift = [](const BodyState& from, const BodyState& to, double share) {
-      return share > 0.0 ? scaled(difference(from, to), share) : Shift{};
-    };
-    blend.pairs.push_back({sub.id, shift(theirs, ours, part.world), shift(ours, theirs, part.sub)});
+    const CopyPair pair{authority_.owner(sub.id), lag_cycles, report_lag_cycles, turns_alone};
+    const Correction part = scheme_->correction(pair, report.indicators, *settings_);
+    blend.pairs.push_back(
+        {sub.id, part_of(theirs, ours, part.world, part.world_turn), part_of(ours, theirs, part.sub, part.sub)});
   }
   return blend.pairs;
 }

@@ -53,6 +53,7 @@ class Synchroniser {
   const Scheme* scheme_;
   const Settings* settings_;
   Authority authority_;
+  bool tool_turns_;
   std::vector<Blend> blends_;  ///< by stamp
 };
 

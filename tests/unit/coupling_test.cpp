@@ -420,6 +420,36 @@ TEST(Synchroniser, LateBlendsAreNotAppliedTwice) {
   EXPECT_NEAR(on_time[0].world.position.x(), 0.1, 1e-15);
 }
 
+// What friction holds turns less in the shorter step of the sub-world. What the outside does shows in the positions.
+TEST(Synchroniser, TheWorldFollowsTheSubWorldInRotationAlone) {
+  Scene scene = with_proxies(BodyId{9}, BodyId{8});
+  scene.settings.scheme = "reduced";
+  const Scheme& scheme = scheme_of(scene.settings);
+  BodyState sub = at(1, 0, 0);
+  sub.orientation = Eigen::AngleAxisd(0.4, Vec3::UnitZ());
+  sub.linear_velocity.x() = 2.0;
+  sub.angular_velocity.z() = 3.0;
+  const auto of_world = [&](std::uint64_t confirmed, BodyId peer, double lag_cycles, int degrees_of_freedom = 6) {
+    Scene with_peer = with_proxies(BodyId{9}, peer);
+    with_peer.users[0].device.degrees_of_freedom = degrees_of_freedom;
+    Synchroniser s(scheme, with_peer, 0);
+    HapticReport report = pushing_report(30, confirmed, sub);
+    return s.synchronise(frame_of(30, 29, at(0, 0, 0)), report, lag_cycles)[0].world;
+  };
+  for (const auto& [confirmed, share] : {std::pair{29U, 0.5}, std::pair{28U, 0.5}, std::pair{20U, 0.1}}) {
+    const Shift shift = of_world(confirmed, BodyId{8}, 1.0);
+    EXPECT_NEAR(Eigen::AngleAxisd(shift.rotation).angle(), share * 0.4, 1e-12) << confirmed;
+    EXPECT_NEAR(shift.angular_velocity.z(), share * 3.0, 1e-12) << confirmed;
+    EXPECT_EQ(shift.position, Vec3(0, 0, 0));
+    EXPECT_EQ(shift.linear_velocity, Vec3(0, 0, 0));
+  }
+  // World and sub-world compute it alike, though only the sub-world knows when it uses the frame.
+  EXPECT_EQ(of_world(20, BodyId{8}, INFINITY).angular_velocity, of_world(20, BodyId{8}, 1.0).angular_velocity);
+  // Other users' copies of these bodies may say otherwise.
+  EXPECT_EQ(of_world(29, BodyId{1}, 1.0).angular_velocity, Vec3(0, 0, 0)) << "a peer is inside";
+  EXPECT_EQ(of_world(29, BodyId{8}, 1.0, 3).angular_velocity, Vec3(0, 0, 0)) << "a tool that does not turn";
+}
+
 TEST(Schemes, UnknownNameIsAnErrorThatNamesTheCure) {
   Settings s;
   s.scheme = "papers";

@@ -141,29 +141,34 @@ TEST(SceneLibrary, ARowMayStepAnyWay) {
   EXPECT_LT((step - Vec3(0.098481, 0, 0.017365)).norm(), 1e-5);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Design10, CanonicalScene,
-    testing::Values(
-        Canon{"row", 10, 1, 0.30, 3.0}, Canon{"press", 1, 1, 0.20, 2.0}, Canon{"scatter", 56, 1, 0.20, 2.5},
-        Canon{"tower_inside", 10, 1, 0.16, 3.0}, Canon{"tower_press", 10, 1, 0.16, 3.0},
-        Canon{"tower_inside_20", 20, 1, 0.16, 3.0}, Canon{"tower_press_20", 20, 1, 0.16, 3.0},
-        Canon{"raft", 10, 1, 0.24, 3.0}, Canon{"hidden_load", 8, 1, 0.30, 3.0}, Canon{"heavy_outside", 5, 1, 0.30, 3.0},
-        Canon{"slope", 6, 1, 0.30, 3.0}, Canon{"pyramid", 10, 1, 0.20, 3.0}, Canon{"see_saw", 3, 1, 0.10, 2.0},
-        Canon{"leaning", 5, 1, 0.18, 2.0}, Canon{"loose", 5, 1, 0.30, 3.0}, Canon{"toppling", 2, 1, 0.15, 2.5},
-        Canon{"tower_base", 8, 1, 0.12, 3.0}, Canon{"heap", 250, 2, 0.20, 10.0}, Canon{"lift", 1, 2, 0.20, 2.8},
-        Canon{"squeeze", 6, 2, 0.20, 3.0}, Canon{"crossing", 6, 2, 0.20, 3.0}, Canon{"carry", 10, 4, 0.20, 2.6},
-        Canon{"turn", 3, 1, 0.20, 3.0}, Canon{"weight", 1, 2, 0.20, 3.0}, Canon{"hand_over", 1, 4, 0.20, 3.0},
-        Canon{"press_turn", 1, 2, 0.20, 2.5}, Canon{"devices", 1, 4, 0.20, 2.0}, Canon{"stir", 250, 16, 0.12, 2.0},
-        Canon{"stack", 50, 1, 0.20, 10.0}, Canon{"card_house", 89, 1, 0.20, 10.0}, Canon{"basin", 8000, 1, 0.20, 24.0}),
-    [](const auto& at) { return std::string(at.param.scene); });
+INSTANTIATE_TEST_SUITE_P(Design10, CanonicalScene,
+                         testing::Values(Canon{"row", 10, 1, 0.30, 3.0}, Canon{"press", 1, 1, 0.20, 2.0},
+                                         Canon{"scatter", 56, 1, 0.20, 2.5}, Canon{"tower_inside", 10, 1, 0.16, 3.0},
+                                         Canon{"tower_press", 10, 1, 0.16, 3.0},
+                                         Canon{"tower_inside_20", 20, 1, 0.16, 3.0},
+                                         Canon{"tower_press_20", 20, 1, 0.16, 3.0}, Canon{"raft", 10, 1, 0.24, 3.0},
+                                         Canon{"hidden_load", 8, 1, 0.30, 3.0}, Canon{"heavy_outside", 5, 1, 0.30, 3.0},
+                                         Canon{"slope", 6, 1, 0.30, 3.0}, Canon{"pyramid", 10, 1, 0.20, 3.0},
+                                         Canon{"see_saw", 3, 1, 0.10, 2.0}, Canon{"leaning", 5, 1, 0.18, 2.0},
+                                         Canon{"loose", 5, 1, 0.30, 3.0}, Canon{"toppling", 2, 1, 0.15, 2.5},
+                                         Canon{"tower_base", 8, 1, 0.12, 3.0}, Canon{"heap", 250, 2, 0.20, 10.0},
+                                         Canon{"lift", 1, 2, 0.20, 2.8}, Canon{"squeeze", 6, 2, 0.20, 3.0},
+                                         Canon{"crossing", 6, 2, 0.20, 3.0}, Canon{"carry", 10, 4, 0.20, 2.6},
+                                         Canon{"turn", 3, 1, 0.20, 3.0}, Canon{"turn_rows", 6, 1, 0.20, 3.0},
+                                         Canon{"weight", 1, 2, 0.20, 3.0}, Canon{"hand_over", 1, 4, 0.20, 3.0},
+                                         Canon{"press_turn", 1, 2, 0.20, 2.5}, Canon{"devices", 1, 4, 0.20, 2.0},
+                                         Canon{"stir", 250, 16, 0.12, 2.0}, Canon{"stack", 50, 1, 0.20, 10.0},
+                                         Canon{"card_house", 89, 1, 0.20, 10.0}, Canon{"basin", 8000, 1, 0.20, 24.0}),
+                         [](const auto& at) { return std::string(at.param.scene); });
 
 TEST(SceneLibrary, EveryFileIsTested) {
   const std::set<std::string> tested{
-      "row",        "press",           "scatter",        "tower_inside", "tower_press", "tower_base",    "heap",
-      "heap_press", "tower_inside_20", "tower_press_20", "raft",         "hidden_load", "heavy_outside", "slope",
-      "pyramid",    "see_saw",         "leaning",        "loose",        "toppling",    "lift",          "squeeze",
-      "crossing",   "carry",           "turn",           "weight",       "stack",       "card_house",    "basin",
-      "example",    "first",           "hand_over",      "pull_apart",   "press_turn",  "devices",       "stir"};
+      "row",           "press",      "scatter",         "tower_inside",   "tower_press", "tower_base",
+      "heap",          "heap_press", "tower_inside_20", "tower_press_20", "raft",        "hidden_load",
+      "heavy_outside", "slope",      "pyramid",         "see_saw",        "leaning",     "loose",
+      "toppling",      "lift",       "squeeze",         "crossing",       "carry",       "turn",
+      "turn_rows",     "weight",     "stack",           "card_house",     "basin",       "example",
+      "first",         "hand_over",  "pull_apart",      "press_turn",     "devices",     "stir"};
   for (const auto& entry : std::filesystem::directory_iterator(SCENES_FOLDER)) {
     if (entry.path().extension() != ".yaml") continue;
     EXPECT_TRUE(tested.contains(entry.path().stem().string())) << entry.path();

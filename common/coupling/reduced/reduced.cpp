@@ -12,6 +12,8 @@ namespace {
 
 constexpr double kLargestGain = 0.5;  ///< of (7)
 constexpr double kDelayGain = 1.2;    ///< of (7), over the lag in cycles
+/// Of (7b), cycles: without delay both copies meet halfway. What was tried: coupling/RESULTS.md.
+constexpr double kFewestTurnCycles = 2.0;
 
 /// The proxy between two reports, cubic in position; beyond the newest, at constant velocity for a while.
 BodyState between(const HapticReport& before, const HapticReport& now, double t_s) noexcept {
@@ -27,7 +29,9 @@ BodyState between(const HapticReport& before, const HapticReport& now, double t_
 
 Correction reduced_correction(const CopyPair& pair, const Indicators&, const Settings&) noexcept {
   if (pair.owner == Owner::island) return {.world = 1.0, .sub = 0.0};
-  return {.world = 0.0, .sub = std::min(kLargestGain, kDelayGain / std::max(1.0, pair.lag_cycles))};
+  return {.world = 0.0,
+          .sub = std::min(kLargestGain, kDelayGain / std::max(1.0, pair.lag_cycles)),
+          .world_turn = pair.turns_alone ? 1.0 / std::max(kFewestTurnCycles, pair.report_lag_cycles) : 0.0};
 }
 
 }  // namespace

@@ -15,14 +15,20 @@ namespace subworld {
 /// | F | N | its mean force over the cycle |
 /// | W_j, S_j | | state of a body at stamp j in the world and in the sub-world |
 /// | a | | gain of a correction |
+/// | R_W, R_S | | orientations of a body in W_j and S_j; angular velocities likewise |
+/// | b, d | 1, cycles | the world's share of a turn; age of the newest frame that S_j knows of |
 ///
 ///   J_j = sum of F_i h,  F = J_j / T                                                                         (6)
 ///   e = W_j - S_j,  x <- x + a e,  a = min(1/2, 1.2 r / (r + q))                                             (7)
+///   R_W <- R_W + b (R_S - R_W),  b = 1 / max(2, d) or 0                                                      (7b)
 ///
 /// Up: the world simulates a cycle when it has the sub-world's report of it (lead_cycles = 1). F acts on the world's
 /// proxy, and an implicit spring draws the proxy to where the sub-world's was at the same time; where the two agree, F
 /// alone acts. Down: a closed island is the sub-world's (authority.hpp); of any other difference the part a goes into
-/// the sub-world. A larger gain would drag the sub-world ahead of itself under delay.
+/// the sub-world. A larger gain would drag the sub-world ahead of itself under delay. With a tool of six degrees of
+/// freedom, rotations are corrected on both sides: a body that friction holds creeps, in each engine step by a part of
+/// what loads it, and so turns faster in the world's longer step than in the sub-world's. Corrected on one side, both
+/// copies would creep as the world's does. b is 0 for other tools, and where another user's proxy is inside.
 ///
 /// | file | holds |
 /// |---|---|

@@ -136,6 +136,11 @@ void add_balance(Json& row, const Outcome& run, const Reference& reference) {
   row.update(copies_of(copies));
 }
 
+/// RMS error of the felt torque; of a device with three degrees of freedom there is none.
+double torque_error_rms(const UserSpec& user, const FeltHistory& run, const FeltHistory& reference, double h_s) {
+  return user.device.degrees_of_freedom == 6 ? force_error(run.torque, reference.torque, h_s).rms : kNone;
+}
+
 /// A row of each user; and the worst one's in the row of all.
 std::vector<Json> add_users(Json& row, const Json& settings, const Scene& scene, const Outcome& run,
                             const Reference& reference) {
@@ -146,6 +151,7 @@ std::vector<Json> add_users(Json& row, const Json& settings, const Scene& scene,
   }
   std::vector<Json> users;
   std::size_t worst = 0;
+  double worst_torque = kNone;
   for (std::size_t u = 0; u < errors.size(); ++u) {
     users.push_back(settings);
     users.back().update({{"user", u}, {"user_name", scene.users[u].name}});
@@ -157,11 +163,16 @@ std::vector<Json> add_users(Json& row, const Json& settings, const Scene& scene,
         balance_of(balance.created_j, reference.run.balance[u].created_j, work_j(run), balance.momentum));
     users.back().update(copies_of(balance.copies));
     users.back()["bounded_ratio"] = balance.bounded_ratio;
+    const double torque_error =
+        torque_error_rms(scene.users[u], run.felt[u], reference.run.felt[u], scene.settings.h_s);
+    users.back()["torque_error_rms"] = torque_error;
+    if (!(torque_error <= worst_torque) && !std::isnan(torque_error)) worst_torque = torque_error;
     if (!(errors[u].rms <= errors[worst].rms)) worst = u;  // a value that is not a number stays
   }
   row.update({{"worst_user", worst},
               {"worst_user_force_error_rms", errors[worst].rms},
-              {"worst_user_reference_error", reference.errors[worst].rms}});
+              {"worst_user_reference_error", reference.errors[worst].rms},
+              {"torque_error_rms", worst_torque}});
   return users;
 }
 

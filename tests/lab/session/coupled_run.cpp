@@ -75,6 +75,7 @@ void CoupledRun::haptic_step(std::size_t user) {
   }
   felt[user].force.push_back(now.felt.force);
   const double before_j = guards[user]->port().net_j();
+  felt[user].torque.push_back(now.felt.torque);
   const DeviceCommand safe = guards[user]->pass(command, states_[user], true, h);
   felt[user].work_j += std::max(0.0, guards[user]->port().net_j() - before_j);
   felt[user].on_operator.push_back(safe.wrench.force);

@@ -17,6 +17,7 @@ namespace subworld {
 /// Forces and motion of one user, one entry per haptic step, at the proxy.
 struct FeltHistory {
   std::vector<Vec3> force;        ///< N, of the coupling, before the ramp
+  std::vector<Vec3> torque;       ///< N m, likewise
   std::vector<Vec3> on_operator;  ///< N, of the device on the operator
   std::vector<BodyState> proxy;
   double work_j = 0.0;  ///< that the operator has put in, without what came back
