@@ -64,8 +64,8 @@ TEST(GhostMotion, GivesWayAsTheSpringOfAnotherUsersDevice) {
     ghost.end(Vec3(before, 0, 0), Vec3(v, 0, 0), h);
     x += h * v;
     const double t_s = h * i;
-    const double swing = std::cos(omega * t_s) + decay / omega * std::sin(omega * t_s);
-    worst_m = std::max(worst_m, std::abs(x - force_n / stiffness * (1.0 - std::exp(-decay * t_s) * swing)));
+    const double course = std::cos(omega * t_s) + decay / omega * std::sin(omega * t_s);
+    worst_m = std::max(worst_m, std::abs(x - force_n / stiffness * (1.0 - std::exp(-decay * t_s) * course)));
   }
   EXPECT_LT(worst_m, 0.02 * force_n / stiffness);
   EXPECT_NEAR(x, force_n / stiffness, 1e-5);

@@ -123,7 +123,7 @@ TEST(JointImpulse, OfTheDevicesIsThatOfTheWorld) {
     Scene scene = pushed_back(scheme, 4, 0.02, Passivity::off);
     scene.settings.delay.jitter_s = 0.02;
     scene.settings.delay.loss_ratio = 0.1;
-    // Both let go at the end, so that the last reports say the same as the ones before.
+    // Both retreat at the end, so that the last reports say the same as the ones before.
     scene.users[0].device.path.push_back({.from_s = 1.8, .to_s = 1.85, .displacement = {-0.06, 0, 0}});
     scene.users[1].device.path.push_back({.from_s = 1.8, .to_s = 1.85, .displacement = {0.06, 0, 0}});
     scene.settings.duration_s = 2.3;
