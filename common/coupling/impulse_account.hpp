@@ -13,7 +13,7 @@ namespace subworld {
 /// | J_w | N s | impulse that the world has applied, up to t_w |
 ///
 /// In the cycle that ends at t, the wrench on the world's proxy is
-///   F = (J(t) - J_w) / (t - t_w),  then  J_w = J(t).                                              (17)
+///   F = (J(t) - J_w) / (t - t_w),  then  J_w = J(t).                                              (18)
 /// With reports in time this is the mean wrench of the cycle. A late report corrects in the next cycle what has been
 /// guessed without it; a correction beyond the device's limits is spread over several cycles. The guess ends after
 /// kLongestGuess_s: the user may have gone.
