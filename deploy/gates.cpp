@@ -171,7 +171,8 @@ double most_created_j(const RunResults& run, double work_j) {
 /// contacts.
 double most_gained_j(const RunResults& run) {
   constexpr double kOfTheWork = 0.25, kOfTheFall = 0.05;
-  return run.world.contact_slack_j + std::max(kLeastEnergy_j, kOfTheWork * all_work_j(run)) + kOfTheFall * run.world.released_j;
+  return run.world.contact_slack_j + std::max(kLeastEnergy_j, kOfTheWork * all_work_j(run)) +
+         kOfTheFall * run.world.released_j;
 }
 
 std::string oscillation_name(const RunResults& run) {

@@ -138,6 +138,7 @@ class OperatorPort {
   /// so it is taken from what they had put in, then from what this one has. A change that no device can make within a
   /// step is a new start of the account.
   void share(double others_work_j) noexcept {
+    if (!std::isfinite(others_work_j)) return;
     const double into_j = others_work_j - others_work_j_;
     others_work_j_ = others_work_j;
     if (!(std::abs(into_j) <= others_capacity_j_)) return;

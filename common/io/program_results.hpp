@@ -68,9 +68,9 @@ struct WorldResult {
 };
 SUBWORLD_JSON(WorldResult, bodies, cycles, ratio, ratio_changes, substeps, integration_substep_s, late_cycles,
               late_by_os, late_by_run, woken_late_s, machine, step_s, stages, lateness_s, real_time_factor_min,
-              real_time_factor_mean, slowed_s, stuck_s, released_j, operators_created_j, contact_slack_j, asleep_at_end, selections,
-              lost_reports, refused_reports, engine_changes, settle_wall_s, history_rows_dropped, trace_events_dropped,
-              body_history, dds, events, refused)
+              real_time_factor_mean, slowed_s, stuck_s, released_j, operators_created_j, contact_slack_j, asleep_at_end,
+              selections, lost_reports, refused_reports, engine_changes, settle_wall_s, history_rows_dropped,
+              trace_events_dropped, body_history, dds, events, refused)
 
 /// The file of world_sim.
 struct WorldPart {

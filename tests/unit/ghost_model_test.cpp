@@ -66,6 +66,13 @@ TEST(GhostModel, AnotherUsersPushIsNoFriction) {
   EXPECT_EQ(o.peers[0].outside, BodyId{2});
   EXPECT_EQ(o.peers[0].proxy, BodyId{3});
   EXPECT_NEAR(o.peers[0].offset_m, -0.12, 1e-12) << "along the axis, which points to the inside";
+  EXPECT_NEAR(ghost.axes[0].force_n, 0.0, 1e-9) << "the spring is not part of the ghost's own force";
+  o.pulls[0].spring = false;  // the operator of an admittance device
+  const GhostModel forced = o.models({BodyId{1}}).at(0);
+  EXPECT_NEAR(forced.axes[0].force_n, 4.0, 1e-9);
+  EXPECT_NEAR(forced.axes[0].coulomb_limit_n, ghost.axes[0].coulomb_limit_n, 1e-9);
+  EXPECT_TRUE(o.peers.empty());
+  o.pulls[0].spring = true;
   EXPECT_TRUE((o.models({BodyId{1}, BodyId{2}, BodyId{3}}), o.peers.empty())) << "its proxy is a member";
 }
 

@@ -72,6 +72,24 @@ TEST(GhostMotion, GivesWayAsTheSpringOfAnotherUsersDevice) {
   EXPECT_NEAR(ghost.load_n.x(), force_n, 0.01);
 }
 
+// Equation (17) of common/coupling/README.md; the axis is -x, and the proxy at x = 0.2.
+TEST(GhostMotion, AnotherUsersProxyPushesUpToTheLimitAndDoesNotPull) {
+  const double h = 0.001;
+  const auto pushed_by = [&](double device_x, double speed) {
+    const PeerPull peer{.proxy = BodyId{1},
+                        .device = {.pose = {.position = Vec3(device_x, 0, 0)}},
+                        .coupling = {.stiffness_n_m = 1000.0, .damping_n_s_m = 20.0},
+                        .limit_n = 40.0};
+    return push_of(peer, -Vec3::UnitX(), -0.2, speed, h);
+  };
+  EXPECT_NEAR(pushed_by(0.197, 0.0).force_n, 3.0, 1e-9);
+  EXPECT_NEAR(pushed_by(0.197, 0.0).added_kg, h * (20.0 + h * 1000.0), 1e-12);
+  EXPECT_EQ(pushed_by(0.203, 0.0).force_n, 0.0) << "the device retreats";
+  EXPECT_EQ(pushed_by(0.197, 0.2).force_n, 0.0) << "the proxy moves away faster than the spring follows";
+  EXPECT_EQ(pushed_by(0.1, 0.0).force_n, 40.0);
+  EXPECT_EQ(pushed_by(0.1, 0.0).added_kg, 0.0) << "a constant force";
+}
+
 TEST(GhostMotion, HoldsHarderWhatIsPressedDown) {
   const double h = 0.001;
   const auto slowed = [&](double down_n) {

@@ -91,6 +91,9 @@ TEST_F(SecondPort, DoesNotHoldMoreThanTheCouplingsOfTheOthersStore) {
   port.share(1e9);
   port.share(NAN);
   EXPECT_NEAR(port.linear_j(), 0.8, 1e-12) << "no device can do that in a step";
+  give(0.5);
+  port.share(1e9 + 0.25);
+  EXPECT_NEAR(port.linear_j(), 0.55, 1e-6) << "the account goes on";
 }
 
 TEST(JointEnergy, AnOperatorIsPushedBackByAnotherWithTheForceThatThereIsWithoutABound) {
@@ -117,7 +120,8 @@ TEST(JointEnergy, AnOperatorIsPushedBackByAnotherWithTheForceThatThereIsWithoutA
   }
 }
 
-// Messages that are late, in bursts, and lost: the world receives the impulse that the devices gave, no more and no less.
+// Messages that are late, in bursts, and lost: the world receives the impulse that the devices gave, no more and no
+// less.
 TEST(JointImpulse, OfTheDevicesIsThatOfTheWorld) {
   for (const char* scheme : {"reduced", "paper"}) {
     Scene scene = pushed_back(scheme, 4, 0.02, Passivity::off);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace subworld {
 
@@ -295,6 +296,17 @@ Vec3 GhostMotion::along(const Vec3& v) const noexcept {
   Vec3 part = Vec3::Zero();
   for (std::size_t i = 0; i < model.axis_count; ++i) part += v.dot(model.axes[i].normal) * model.axes[i].normal;
   return part;
+}
+
+AxisSpring push_of(const PeerPull& peer, const Vec3& normal, double proxy_m, double speed_m_s, double dt) noexcept {
+  const auto& [stiffness, damping] = std::pair(peer.coupling.stiffness_n_m, peer.coupling.damping_n_s_m);
+  const double pull_n =
+      stiffness * (normal.dot(peer.device.pose.position) - proxy_m) + damping * normal.dot(peer.device.linear_velocity);
+  const double resistance = damping + dt * stiffness;
+  const double mean_n = pull_n - resistance * speed_m_s;
+  if (mean_n >= peer.limit_n) return {.force_n = peer.limit_n};
+  if (mean_n <= 0.0) return {};
+  return {.force_n = pull_n, .added_kg = dt * resistance};
 }
 
 double GhostMotion::mass_kg() const noexcept {

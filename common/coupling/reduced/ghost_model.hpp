@@ -4,6 +4,7 @@
 #include "coupling/contact_graph.hpp"
 #include "coupling/reduced/carried.hpp"
 #include "coupling/selection.hpp"
+#include "coupling/sub_world_side.hpp"
 #include "coupling/world_side.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
@@ -130,6 +131,11 @@ struct AxisSpring {
   double force_n = 0.0;   ///< K (x_d - x_p) + B v_d, along the axis
   double added_kg = 0.0;  ///< dt (B + dt K)
 };
+
+/// That of one user whose proxy is at `proxy_m` along the axis `normal` and moves there at `speed_m_s`. The proxy
+/// pushes and does not pull; at the device's limit it is a constant force.
+[[nodiscard]] AxisSpring push_of(const PeerPull& peer, const Vec3& normal, double proxy_m, double speed_m_s,
+                                 double dt) noexcept;
 
 /// A ghost while it runs: a point mass with friction along its axes, the world's body across them. What it feels is a
 /// contraction, so an outside that sticks stays where it is.

@@ -194,20 +194,11 @@ void Ghosts::attach(Ghost& ghost, const BodyState& now, double dt, std::span<con
     const auto peer = std::ranges::find(peers, behind.proxy, &PeerPull::proxy);
     if (behind.outside != ghost.id || behind.axis >= ghost.motion.model.axis_count || peer == peers.end()) continue;
     const Vec3& normal = ghost.motion.model.axes[behind.axis].normal;
-    const auto& [stiffness, damping] = std::pair(peer->coupling.stiffness_n_m, peer->coupling.damping_n_s_m);
-    const double proxy_m = normal.dot(now.position) + behind.offset_m;
-    const double pull_n = stiffness * (normal.dot(peer->device.pose.position) - proxy_m) +
-                          damping * normal.dot(peer->device.linear_velocity);
-    const double resistance = damping + dt * stiffness;
-    // The proxy pushes and does not pull; at its limit it is a constant force.
-    const double mean_n = pull_n - resistance * normal.dot(now.linear_velocity);
+    const AxisSpring pushes =
+        push_of(*peer, normal, normal.dot(now.position) + behind.offset_m, normal.dot(now.linear_velocity), dt);
     AxisSpring& spring = ghost.motion.springs[behind.axis];
-    if (mean_n >= peer->limit_n) {
-      spring.force_n += peer->limit_n;
-    } else if (mean_n > 0.0) {
-      spring.force_n += pull_n;
-      spring.added_kg += dt * resistance;
-    }
+    spring.force_n += pushes.force_n;
+    spring.added_kg += pushes.added_kg;
   }
 }
 
