@@ -104,6 +104,8 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
   const auto start = [&](const std::string& program, int user, bool essential) {
     std::vector<std::string> flags = flags_of(options);
     flags.insert(flags.end(), {"--domain", std::to_string(domain), "--dds", vendor_of(request.dds, position++)});
+    if (options.budget_limit_ratio)
+      flags.insert(flags.end(), {"--budget-limit", fmt::format("{}", *options.budget_limit_ratio)});
     const std::string label = user < 0 ? program : fmt::format("{}_{}", program, user);
     const std::string part = essential ? part_file(options.out, program, user) : "";
     if (user >= 0) flags.insert(flags.end(), {"--user", std::to_string(user)});
@@ -179,6 +181,16 @@ Calibration measure_machine(const Settings& settings) {
   }
   std::fflush(stdout);
   return found;
+}
+
+/// Lowers the users' budgets to what the cores have left, where they are the scene's.
+void share_cores(Options& options, Scene& scene) {
+  if (options.budget_ratio || options.budget_limit_ratio) return;
+  const std::size_t cores = allowed_cores().size();
+  options.budget_limit_ratio = budget_limit_ratio(scene, cores);
+  if (limit_budgets(scene, *options.budget_limit_ratio) == 0) return;
+  fmt::print("subworld: {} users share {} core{}: budget_ratio at most {:.2g} (--budget and --budget-limit set it)\n",
+             scene.users.size(), cores, cores == 1 ? "" : "s", *options.budget_limit_ratio);
 }
 
 /// How the programs ended.
@@ -325,6 +337,7 @@ int run(const RunRequest& request) {
   fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", run.scene.file,
              run.realtime() ? "real time" : "lock-step", settings.duration_s, domain, options.out);
   if (settings.users > 1) fmt::print("subworld: {} users; {}\n", settings.users, user_limit(domain));
+  if (run.realtime()) share_cores(options, run.scene);
   run.command_line = request.command_line;
   run.date = iso_date(std::time(nullptr));
   run.dds = request.dds;

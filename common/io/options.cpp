@@ -108,6 +108,9 @@ void add_run_options(CommandLine& line, Options& o) {
       "most and fit are simulated")
       .range(1e-3, 1e3)
       .otherwise(scenes);
+  add("--budget-limit", &o.budget_limit_ratio, "largest budget of a user; lowers the scene's where they are above it")
+      .range(1e-3, 1e3)
+      .otherwise("in real time under `subworld run`, without --budget: what the cores have left; else none");
   add("--engine", &o.engine, "physics engine of the world").otherwise(scenes);
   add("--preset", &o.preset, "preset of the world's engine: fast or quality").otherwise(scenes);
   add("--haptic-engine", &o.haptic_engine, "physics engine of the sub-worlds").otherwise(scenes);
@@ -231,6 +234,7 @@ Scene load_scene(const Options& o) {
       user.budget_ratio = *o.budget_ratio;
     }
   }
+  if (o.budget_limit_ratio) limit_budgets(scene, *o.budget_limit_ratio);
   if (o.user >= s.users) {
     throw Error(ExitCode::usage,
                 fmt::format("--user {}: {} user{} in {}, counted from 0; {}", o.user, s.users,
@@ -238,6 +242,16 @@ Scene load_scene(const Options& o) {
                             o.user < declared ? "for more give --users" : "declare more under `users`"));
   }
   return scene;
+}
+
+int limit_budgets(Scene& scene, double limit_ratio) {
+  int lowered = 0;
+  for (UserSpec& user : scene.users) {
+    if (user.selection != Selection::budget || user.budget_ratio <= limit_ratio) continue;
+    user.budget_ratio = limit_ratio;
+    ++lowered;
+  }
+  return lowered;
 }
 
 std::vector<std::string> flags_of(const Options& o) {

@@ -32,6 +32,7 @@ struct Options {
   std::optional<std::string> ratio;  ///< parse_ratio() reads it
   std::optional<int> users;
   std::optional<double> budget_ratio;
+  std::optional<double> budget_limit_ratio;
   std::optional<double> duration_s;
   std::string out;                       ///< folder for results; empty: none are written
   std::optional<std::string> bodies;     ///< world_sim: bodies to record; choose_bodies() reads it
@@ -49,6 +50,9 @@ struct Options {
 /// Loads the scene and lets the options override its settings; afterwards `settings.users` counts the users that take
 /// part. Throws `Error` (usage).
 [[nodiscard]] Scene load_scene(const Options& options);
+
+/// Lowers the budgets that are above the limit. Returns the number of users whom that concerns.
+int limit_budgets(Scene& scene, double limit_ratio);
 
 /// The flags that give the same settings to another program.
 [[nodiscard]] std::vector<std::string> flags_of(const Options& options);

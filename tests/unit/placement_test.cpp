@@ -1,6 +1,8 @@
 // Placement of a run's programs on cores.
 #include "placement.hpp"
 
+#include "io/options.hpp"
+
 #include <gtest/gtest.h>
 
 namespace subworld {
@@ -21,13 +23,30 @@ TEST(Placement, TheWorldTakesTheLastCoreAndTheOthersTheRest) {
   EXPECT_EQ(two.of("world_sim"), std::vector<int>{5});
   EXPECT_EQ(two.of("haptic_sim"), std::vector<int>{2});
   EXPECT_EQ(two.of("device_sim"), std::vector<int>{2});
-  EXPECT_EQ(to_text(place(scene_for(5), kFour).others), "0,1,2");
+  EXPECT_EQ(to_text(place(scene_for(4), kFour).others), "0,1,2");
 }
 
 TEST(Placement, NothingIsPlacedWhereTheHapticLoopsNeedAllCores) {
   EXPECT_TRUE(place(scene_for(3), kTwo).world.empty());
   EXPECT_TRUE(place(scene_for(8), kFour).of("haptic_sim").empty());
   EXPECT_TRUE(place(scene_for(1), std::vector<int>{0}).world.empty());
+}
+
+TEST(Placement, BudgetsShareTheCores) {
+  EXPECT_GT(budget_limit_ratio(scene_for(1), 2), 0.4) << "a default budget fits";
+  EXPECT_NEAR(budget_limit_ratio(scene_for(4), 2), 0.121, 1e-12) << "half of the 0.97 cores that four users leave";
+  EXPECT_NEAR(budget_limit_ratio(scene_for(40), 2), 0.02, 1e-12) << "room for the nearest members in any case";
+  Scene slower = scene_for(4);
+  slower.settings.h_s = 0.002;
+  EXPECT_NEAR(budget_limit_ratio(slower, 2), 0.1855, 1e-12);
+
+  Scene scene = scene_for(4);
+  scene.users[1].budget_ratio = 0.01;
+  scene.users[2].selection = Selection::box;
+  EXPECT_EQ(limit_budgets(scene, 0.1), 2);
+  EXPECT_EQ(scene.users[0].budget_ratio, 0.1);
+  EXPECT_EQ(scene.users[1].budget_ratio, 0.01);
+  EXPECT_EQ(scene.users[2].budget_ratio, 0.4);
 }
 
 TEST(Placement, InLockStepNothingIsPlaced) { EXPECT_TRUE(place(scene_for(1, Mode::lockstep), kTwo).world.empty()); }
