@@ -20,18 +20,20 @@ int main(int argc, char** argv) {
     if (realtime) leave_realtime();
     DeviceMeasures measures(options, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("device_sim {}: {}\n", options.user, ports.bus->effective_settings());
-    DeviceRun run{options, scene, ports, device, guard, measures};
-    if (const auto session = join(run)) {
-      run.session = *session;
-      Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
-      ports.status.enter("stopping");
-      DeviceResult part = measures.result(guard);
-      part.dds = ports.bus->effective_settings();
-      part.events = ports.status.events_of_run();
-      part.refused = {.device_command = ports.commands.refused()};
-      if (ending.fault.empty()) ending.fault = measures.fault();
-      conclude(options.out.empty() ? "" : fmt::format("{}/device_{}.json", options.out, options.user), part, ending);
-      if (ending.by == kLastCommand) leave.at_once();
-    }
+    with_last_words(ports.status, [&] {
+      DeviceRun run{options, scene, ports, device, guard, measures};
+      if (const auto session = join(run)) {
+        run.session = *session;
+        Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
+        ports.status.enter("stopping");
+        DeviceResult part = measures.result(guard);
+        part.dds = ports.bus->effective_settings();
+        part.events = ports.status.events_of_run();
+        part.refused = {.device_command = ports.commands.refused()};
+        if (ending.fault.empty()) ending.fault = measures.fault();
+        conclude(options.out.empty() ? "" : fmt::format("{}/device_{}.json", options.out, options.user), part, ending);
+        if (ending.by == kLastCommand) leave.at_once();
+      }
+    });
   });
 }

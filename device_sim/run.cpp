@@ -69,8 +69,8 @@ std::optional<std::uint64_t> join(const DeviceRun& run) {
   const Options& options = run.options;
   DevicePorts& ports = run.ports;
   ports.status.enter("waiting");
-  SessionFinder finder(ports.scene, settings_hash(run.scene));
-  const auto found = [&] { return finder.look(options.scene, options.network.domain); };
+  SessionFinder finder(ports.scene, run.scene);
+  const auto found = [&] { return finder.look(options.network.domain); };
   // A world may take long to load; its status arrives every second.
   const auto world_is_there = [&] { return ports.status.hears(ProgramKind::world_sim, 0); };
   if (!wait_for(*ports.bus, options, {"world", "world_sim"}, found, world_is_there)) return std::nullopt;
@@ -144,7 +144,7 @@ class RealtimeLoop : DeviceRun {
       receive();
       if (command_.last) break;
       haptic_.observe(ports.commands, ports.status, loop_.woke(), period_s_);
-      ending.fault = haptic_.fault();
+      ending.fault = haptic_.fault(ports.status);
       if (ending.fault.empty()) act(fresh());
     }
     // The commands with which the haptic loop fades the force may have arrived late or not at all.

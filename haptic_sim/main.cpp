@@ -20,19 +20,21 @@ int main(int argc, char** argv) {
     if (realtime) leave_realtime();
     HapticMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
-    const HapticRun run{options, scene, ports, sub, measures, exchange};
-    if (const auto first = join(run)) {
-      Ending ending = realtime ? run_realtime(run, *first) : run_lockstep(run);
-      ports.status.enter("stopping");
-      const double cycles = std::max(1.0, static_cast<double>(sub.facts().stamp));
-      const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());
-      HapticResult part = measures.result(sub, bytes / cycles);
-      part.dds = ports.bus->effective_settings();
-      part.events = ports.status.events_of_run();
-      part.refused = {.device_state = ports.device.refused(), .world_frame = ports.frames.refused()};
-      if (ending.fault.empty()) ending.fault = measures.fault();
-      conclude(options.out.empty() ? "" : fmt::format("{}/haptic_{}.json", options.out, options.user), part, ending);
-      if (ending.by == kLastFrame) leave.at_once();
-    }
+    with_last_words(ports.status, [&] {
+      const HapticRun run{options, scene, ports, sub, measures, exchange};
+      if (const auto first = join(run)) {
+        Ending ending = realtime ? run_realtime(run, *first) : run_lockstep(run);
+        ports.status.enter("stopping");
+        const double cycles = std::max(1.0, static_cast<double>(sub.facts().stamp));
+        const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());
+        HapticResult part = measures.result(sub, bytes / cycles);
+        part.dds = ports.bus->effective_settings();
+        part.events = ports.status.events_of_run();
+        part.refused = {.device_state = ports.device.refused(), .world_frame = ports.frames.refused()};
+        if (ending.fault.empty()) ending.fault = measures.fault();
+        conclude(options.out.empty() ? "" : fmt::format("{}/haptic_{}.json", options.out, options.user), part, ending);
+        if (ending.by == kLastFrame) leave.at_once();
+      }
+    });
   });
 }

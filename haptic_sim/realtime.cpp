@@ -172,7 +172,7 @@ class RealtimeLoop : HapticRun {
     const TimePoint now = loop_.woke();
     world_sim_.observe(ports.frames, ports.status, now, h_s_);
     device_sim_.observe(ports.device, ports.status, now, h_s_);
-    const std::string fault = world_sim_.gone() ? world_sim_.fault() : device_sim_.fault();
+    const std::string fault = (world_sim_.gone() ? world_sim_ : device_sim_).fault(ports.status);
     if (ending_.fault.empty()) ending_.fault = fault;
     last_ = last_ || !ending_.fault.empty();
     const bool silent = now - world_sim_.last_heard() > from_seconds(kGone_s);

@@ -26,8 +26,8 @@ void HapticRun::follow_orders() const {
 std::optional<FirstFrame> join(const HapticRun& run) {
   const auto& [options, scene, ports, sub, measures, exchange] = run;
   ports.status.enter("waiting");
-  SessionFinder finder(ports.scene, settings_hash(scene));
-  const auto found = [&] { return finder.look(options.scene, options.network.domain); };
+  SessionFinder finder(ports.scene, scene);
+  const auto found = [&] { return finder.look(options.network.domain); };
   // A big world takes its time, and says every second that it is there.
   const auto world_is_there = [&] { return ports.status.hears(ProgramKind::world_sim, 0); };
   if (!wait_for(*ports.bus, options, {"world", "world_sim"}, found, world_is_there)) return std::nullopt;

@@ -39,32 +39,34 @@ int main(int argc, char** argv) {
     if (realtime) leave_realtime();
     WorldMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
-    ports.status.enter("loading");
-    World world(scene, [&](double part) { ports.status.done(part); });
-    EngineExchange exchange(
-        realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
-    watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
-    const TimePoint begin = Clock::now();
-    ports.describe(scene, world.engine());
-    ports.status.enter("settling");
-    Progress progress;
-    const auto settling = [&](double part) {
-      ports.status.done(part);
-      return progress(part);
-    };
-    if (!world.settle(settling)) return;
-    const double settle_s = to_seconds(Clock::now() - begin);
-    if (await_peers(ports, options)) {
-      measures.bodies().record_now(world);
-      const WorldRun run{options, scene, ports, world, measures, exchange};
-      Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
-      ports.status.enter("stopping");
-      WorldPart part = measures.result(world, settle_s);
-      part.world.dds = ports.bus->effective_settings();
-      part.world.events = ports.status.events_of_run();
-      part.world.refused = ports.refused();
-      if (ending.fault.empty()) ending.fault = measures.fault();
-      conclude(options.out.empty() ? "" : options.out + "/world.json", part, ending);
-    }
+    with_last_words(ports.status, [&] {
+      ports.status.enter("loading");
+      World world(scene, [&](double part) { ports.status.done(part); });
+      EngineExchange exchange(
+          realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
+      watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
+      const TimePoint begin = Clock::now();
+      ports.describe(scene, world.engine());
+      ports.status.enter("settling");
+      Progress progress;
+      const auto settling = [&](double part) {
+        ports.status.done(part);
+        return progress(part);
+      };
+      if (!world.settle(settling)) return;
+      const double settle_s = to_seconds(Clock::now() - begin);
+      if (await_peers(ports, options)) {
+        measures.bodies().record_now(world);
+        const WorldRun run{options, scene, ports, world, measures, exchange};
+        Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
+        ports.status.enter("stopping");
+        WorldPart part = measures.result(world, settle_s);
+        part.world.dds = ports.bus->effective_settings();
+        part.world.events = ports.status.events_of_run();
+        part.world.refused = ports.refused();
+        if (ending.fault.empty()) ending.fault = measures.fault();
+        conclude(options.out.empty() ? "" : options.out + "/world.json", part, ending);
+      }
+    });
   });
 }

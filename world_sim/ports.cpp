@@ -21,7 +21,7 @@ WorldPorts::WorldPorts(const Options& options, const Scene& scene_file)
 
 void WorldPorts::describe(const Scene& scene_file, const Engine& engine) {
   SceneDescription description{.name = scene_file.name,
-                               .settings_hash = settings_hash(scene_file),
+                               .settings = agreed_settings(scene_file),
                                .session = session,
                                .users = static_cast<std::uint32_t>(frames.size()),
                                .meshes = scene_file.meshes,

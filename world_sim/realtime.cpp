@@ -150,7 +150,7 @@ class RealtimeLoop : WorldLoop {
       const bool was_gone = users_[u].gone();
       users_[u].observe(ports.reports[u], ports.status, now, period_s);
       if (was_gone || !users_[u].gone()) continue;
-      const std::string text = fmt::format("{}; user {} is no longer served from t = {:.3f} s on", users_[u].fault(), u,
+      const std::string text = fmt::format("{}; user {} is no longer served from t = {:.3f} s on", users_[u].fault(ports.status), u,
                                            world.facts().time_s - kGone_s);
       fault_ += (fault_.empty() ? "" : "; ") + text;
       ports.status.note(text);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/agreed_settings.hpp"
 #include "model/body.hpp"
 #include "model/contact.hpp"
 
@@ -22,12 +23,17 @@ struct Wrench {
   Vec3 torque = Vec3::Zero();  ///< N m
 };
 
+/// Version of the messages: it changes with each change of their layout or meaning. Programs of different versions
+/// refuse to work together. Versions before had none; they begin with the length of a name, which is shorter.
+inline constexpr std::uint32_t kWireVersion = 100'001;
+
 /// Topic `scene`: all that a late joiner needs to create every body.
 struct SceneDescription {
+  std::uint32_t wire_version = kWireVersion;  ///< of another version nothing else is known
   std::string name;
-  std::uint64_t settings_hash = 0;  ///< programs with different scenes or settings refuse to work together
-  std::uint64_t session = 0;        ///< drawn by the world
-  std::uint32_t users = 0;          ///< haptic processes that take part
+  std::vector<NamedSetting> settings;  ///< programs with other ones refuse to work together
+  std::uint64_t session = 0;           ///< drawn by the world
+  std::uint32_t users = 0;             ///< haptic processes that take part
   std::vector<Mesh> meshes;
   std::vector<Body> bodies;
   std::vector<BodyState> states;  ///< of bodies[i] when the description was written
@@ -305,11 +311,15 @@ struct EventCounts {
 
 enum class ProgramKind : std::uint8_t { world_sim, haptic_sim, device_sim, gui_headless };
 
+/// State in a `Status` of a program that ends with an error; `text` is the reason.
+inline constexpr const char* kFailedState = "failed";
+
 /// Topic `status`, keyed by program and instance: each program sends one a second.
 struct Status {
   ProgramKind program = ProgramKind::world_sim;
-  std::uint32_t instance = 0;  ///< user or device
-  std::string state;           ///< loading, settling, waiting, running, stopping
+  std::uint32_t instance = 0;                 ///< user or device
+  std::uint32_t wire_version = kWireVersion;  ///< of another version nothing else is known
+  std::string state;                          ///< loading, settling, waiting, running, stopping, failed
   double time_s = 0.0;
   double rate_hz = 0.0;
   std::uint64_t steps = 0;

@@ -213,8 +213,4 @@ void keep_users(Scene& scene, int count);
 /// Reads a scene file and its meshes. Throws `Error` (usage) with file:line:column, the key and the cure.
 [[nodiscard]] Scene load_scene(const std::string& file);
 
-/// Hash of bodies, meshes, initial states, users and all settings but the duration. Equal for two programs that may
-/// work together. FNV-1a of 64 bits, equal on every machine.
-[[nodiscard]] std::uint64_t settings_hash(const Scene& scene);
-
 }  // namespace subworld

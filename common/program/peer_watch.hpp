@@ -28,7 +28,7 @@ class PeerWatch {
   }
   [[nodiscard]] bool gone() const noexcept { return presence_.gone(); }
   /// Error text if the peer is gone or was replaced; empty otherwise.
-  [[nodiscard]] std::string fault() const;
+  [[nodiscard]] std::string fault(const StatusBeacon& status) const;
   [[nodiscard]] TimePoint last_heard() const noexcept { return heard_; }
 
  private:

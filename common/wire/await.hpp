@@ -30,7 +30,7 @@ bool alive(const Reader<M>& reader, const StatusBeacon& status, const Peer& peer
 /// `reader` receives the peer's messages.
 template <class M>
 std::string unsent_text(const char* topic, const Reader<M>& reader, const StatusBeacon& status, const Peer& peer) {
-  if (!alive(reader, status, peer)) return gone_text(peer.program, peer.instance) + kEndsWithoutIt;
+  if (!alive(reader, status, peer)) return status.gone_text(peer.program, peer.instance) + kEndsWithoutIt;
   return std::string(topic) + " could not be sent; is " + label_of(peer.program, peer.instance) + " stuck?";
 }
 
@@ -61,7 +61,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
     if (stopped()) return false;
     if (absent > kPatience) {
       throw Error(ExitCode::failed, foreign ? replaced_text(peer.program, peer.instance)
-                                            : gone_text(peer.program, peer.instance) + kEndsWithoutIt);
+                                            : status.gone_text(peer.program, peer.instance) + kEndsWithoutIt);
     }
     if (waited > 2s && !said) {
       const std::string label = label_of(peer.program, peer.instance);

@@ -59,6 +59,17 @@ class CodecOf final : public AnyCodec {
       FastBuffer buffer(const_cast<char*>(reinterpret_cast<const char*>(bytes.data())), bytes.size());
       Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
       cdr.read_encapsulation();
+      if constexpr (requires { sample_.wire_version; }) {
+        Cdr::state begin = cdr.getState();
+        std::uint32_t version = 0;
+        for (std::uint32_t words = 0; words <= kTopicOf<Model>.key_words; ++words) cdr >> version;
+        if (version != kWireVersion) {
+          *static_cast<Model*>(sample) = Model{};
+          static_cast<Model*>(sample)->wire_version = version;
+          return true;
+        }
+        cdr.setState(begin);
+      }
       wire_.deserialize(cdr);
       if (bytes.size() - cdr.getSerializedDataLength() <= kMostPadding && FromWire{}(sample_, std::as_const(wire_))) {
         std::swap(*static_cast<Model*>(sample), sample_);

@@ -27,7 +27,7 @@ class Codec {
   [[nodiscard]] std::span<const std::uint8_t> encode(const M& sample) noexcept { return codec_->encode(&sample); }
   /// Returns false, and leaves `sample` unchanged, if the bytes are truncated or corrupt, or the contents are invalid:
   /// numbers that are not finite, quaternions that are not unit, unknown kinds, sizes that disagree, indices out of
-  /// range.
+  /// range. Of a struct with another `wire_version` only that is set.
   [[nodiscard]] bool decode(std::span<const std::uint8_t> cdr, M& sample) noexcept {
     return codec_->decode(cdr, &sample);
   }

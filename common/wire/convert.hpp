@@ -270,12 +270,16 @@ bool fields(const auto& copy, Is<UserView> auto& m, auto& w) {
          copy(m.border, w.border()) && copy(m.wrench, w.wrench());
 }
 
+bool fields(const auto& copy, Is<NamedSetting> auto& m, auto& w) {
+  return copy(m.name, w.name()) && copy(m.value, w.value());
+}
+
 // ---- Topics
 
 bool fields(const auto& copy, Is<SceneDescription> auto& m, auto& w) {
-  const bool valid = copy(m.name, w.name()) && copy(m.settings_hash, w.settings_hash()) &&
-                     copy(m.session, w.session()) && copy(m.users, w.users()) && copy(m.meshes, w.meshes()) &&
-                     copy(m.bodies, w.bodies()) && copy(m.states, w.states()) &&
+  const bool valid = copy(m.wire_version, w.wire_version()) && copy(m.name, w.name()) &&
+                     copy(m.settings, w.settings()) && copy(m.session, w.session()) && copy(m.users, w.users()) &&
+                     copy(m.meshes, w.meshes()) && copy(m.bodies, w.bodies()) && copy(m.states, w.states()) &&
                      copy.check(m.states.size() == m.bodies.size());
   if (!valid) return false;
   for (std::size_t i = 0; i < std::min(m.bodies.size(), m.states.size()); ++i) {
@@ -347,8 +351,8 @@ bool fields(const auto& copy, Is<EventCounts> auto& m, auto& w) {
 
 bool fields(const auto& copy, Is<Status> auto& m, auto& w) {
   return copy.kind(m.program, w.program(), ProgramKind::gui_headless) && copy(m.instance, w.instance()) &&
-         copy(m.state, w.state()) && copy(m.time_s, w.time_s()) && copy(m.rate_hz, w.rate_hz()) &&
-         copy(m.steps, w.steps()) && copy(m.missed_deadlines, w.missed_deadlines()) &&
+         copy(m.wire_version, w.wire_version()) && copy(m.state, w.state()) && copy(m.time_s, w.time_s()) &&
+         copy(m.rate_hz, w.rate_hz()) && copy(m.steps, w.steps()) && copy(m.missed_deadlines, w.missed_deadlines()) &&
          copy(m.missed_by_os, w.missed_by_os()) && copy(m.step_s, w.step_s()) && copy(m.force_n, w.force_n()) &&
          copy(m.real_time_factor, w.real_time_factor()) && copy(m.done_ratio, w.done_ratio()) &&
          copy(m.paused, w.paused()) && copy(m.waits_for, w.waits_for()) && copy(m.events, w) && copy(m.text, w.text());

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <random>
 
@@ -12,6 +13,17 @@ namespace subworld {
 namespace {
 
 using namespace std::chrono_literals;
+
+/// Which body differs from the world's, for an error text; empty: none, or not in what the description carries.
+std::string bodies_differ(const Scene& scene, const SceneDescription& world) {
+  if (world.bodies.size() != scene.bodies.size())
+    return fmt::format("the scene has {} bodies, in the world {}", scene.bodies.size(), world.bodies.size());
+  for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
+    const std::string what = difference(settings_of(scene.bodies[i]), settings_of(world.bodies[i]), 1);
+    if (!what.empty()) return fmt::format("of body {}, {}", scene.bodies[i].name, what);
+  }
+  return {};
+}
 
 constexpr auto kMayBeEnding = 2s;  ///< a world of another run, whose last sample arrived recently
 
@@ -31,10 +43,6 @@ std::string label_of(ProgramKind program, std::uint32_t instance) {
   return one_per_user ? fmt::format("{} {}", name, instance) : name;
 }
 
-std::string gone_text(ProgramKind program, std::uint32_t instance) {
-  return fmt::format("{} has died or is suspended: it sends no sign of life", label_of(program, instance));
-}
-
 std::string replaced_text(ProgramKind program, std::uint32_t instance) {
   return fmt::format(
       "{} was started again, or two of them are on this domain: its messages belong to another run or to another "
@@ -42,20 +50,40 @@ std::string replaced_text(ProgramKind program, std::uint32_t instance) {
       label_of(program, instance));
 }
 
-bool SessionFinder::look(const std::string& scene_file, int domain) {
-  while (scene_->take(description_) == Take::sample) {
-    if (description_.settings_hash == settings_hash_) {
+std::string SessionFinder::misfit(int domain) const {
+  const SceneDescription& there = description_;
+  if (there.wire_version != kWireVersion) {
+    return fmt::format(
+        "the world on domain {} has version {} of the messages, this program {}; install the same version of Subworld "
+        "on all hosts",
+        domain, there.wire_version, kWireVersion);
+  }
+  if (there.settings == settings_) return {};
+  std::string what = bodies_differ(scene_, there);
+  // A hash says less than the body that differs.
+  const auto shown = [&](std::vector<NamedSetting> settings) {
+    if (!what.empty()) std::erase_if(settings, [](const NamedSetting& setting) { return setting.name == "bodies"; });
+    return settings;
+  };
+  if (const std::string other = difference(shown(settings_), shown(there.settings)); !other.empty())
+    what = other + (what.empty() ? "" : "; ") + what;
+  return fmt::format(
+      "{}: the world on domain {} runs scene \"{}\" with other settings: {}. Give all programs the same file and the "
+      "same flags",
+      scene_.file, domain, there.name, what);
+}
+
+bool SessionFinder::look(int domain) {
+  while (reader_->take(description_) == Take::sample) {
+    misfit_ = misfit(domain);
+    if (misfit_.empty()) {
       session_ = description_.session;
     } else if (!other_) {
       other_ = std::chrono::steady_clock::now();
     }
   }
-  if (session_ == 0 && other_ && std::chrono::steady_clock::now() - *other_ > kMayBeEnding) {
-    throw Error(ExitCode::usage,
-                fmt::format("{}: the world on domain {} runs scene \"{}\" with other settings; give all programs the "
-                            "same file and the same flags",
-                            scene_file, domain, description_.name));
-  }
+  if (session_ == 0 && other_ && std::chrono::steady_clock::now() - *other_ > kMayBeEnding)
+    throw Error(ExitCode::usage, misfit_);
   return session_ != 0;
 }
 

@@ -1,5 +1,7 @@
 #include "wire/status.hpp"
 
+#include "wire/session.hpp"
+
 #include <sched.h>
 
 #include <algorithm>
@@ -52,9 +54,55 @@ void StatusBeacon::listen() {
     const auto program = static_cast<std::size_t>(heard_.program);
     if (taken != Take::sample || program >= kPrograms || heard_.instance >= kInstances) continue;
     const std::size_t slot = program * kInstances + heard_.instance;
+    if (heard_.wire_version != kWireVersion) {
+      if (!std::exchange(other_version_, true)) {
+        note("a program on this domain has version " + std::to_string(heard_.wire_version) +
+             " of the messages, this one " + std::to_string(kWireVersion) +
+             "; install the same version of Subworld on all hosts");
+      }
+      continue;
+    }
+    hear_end(heard_, slot);
     status_age_ticks_[slot].store(0, std::memory_order_relaxed);
     met_[slot].store(true, std::memory_order_relaxed);
   }
+}
+
+void StatusBeacon::hear_end(const Status& status, std::size_t slot) {
+  const bool failed = status.state == kFailedState;
+  {
+    const std::lock_guard lock(words_mutex_);
+    if (!failed) {
+      last_words_.erase(slot);
+      return;
+    }
+    if (!last_words_.emplace(slot, status.text).second) return;
+  }
+  if (label_ != label_of(status.program, status.instance)) note(gone_text(status.program, status.instance));
+}
+
+void StatusBeacon::fail(const std::string& reason) {
+  constexpr double kAcknowledged_s = 0.5;
+  {
+    const std::lock_guard lock(mutex_);
+    status_.state = kFailedState;
+    status_.text = reason;
+    if (!writer_.write(status_)) return;
+    failed_ = true;
+  }
+  writer_.wait_for_acknowledgments(kAcknowledged_s);
+}
+
+std::string StatusBeacon::last_words(ProgramKind program, std::uint32_t instance) const {
+  const std::lock_guard lock(words_mutex_);
+  const auto said = last_words_.find(static_cast<std::size_t>(program) * kInstances + instance);
+  return said == last_words_.end() ? "" : said->second;
+}
+
+std::string StatusBeacon::gone_text(ProgramKind program, std::uint32_t instance) const {
+  const std::string label = label_of(program, instance);
+  const std::string why = last_words(program, instance);
+  return why.empty() ? label + " has died or is suspended: it sends no sign of life" : label + " has ended: " + why;
 }
 
 bool StatusBeacon::met(ProgramKind program, std::uint32_t instance) const noexcept {
@@ -129,6 +177,7 @@ std::string StatusBeacon::take_notes() {
 }
 
 void StatusBeacon::publish(double passed_s) {
+  if (failed_) return;  // the reason stays its last word
   const std::uint64_t steps = steps_.load(std::memory_order_relaxed);
   std::string text = passed_s > 0.0 ? take_events() : bus_->take_event_text(EventKind::fault);
   const double busy_s = busy_s_.load(std::memory_order_relaxed);

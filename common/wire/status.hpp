@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/error.hpp"
 #include "model/exchange.hpp"
 #include "wire/bus.hpp"
 
@@ -7,6 +8,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <semaphore>
@@ -63,6 +65,13 @@ class StatusBeacon {
   }
   /// Whether a status of that program has ever arrived. Before, its age counts from the start of this program.
   [[nodiscard]] bool met(ProgramKind program, std::uint32_t instance) const noexcept;
+  /// Publishes why the program ends, and waits up to half a second until the others have it.
+  void fail(const std::string& reason);
+  /// Why that program has ended, by its own word; empty: it has sent none, or was started anew since.
+  [[nodiscard]] std::string last_words(ProgramKind program, std::uint32_t instance) const;
+  /// Error text for a peer without a sign of life: what it said itself, or else "haptic_sim 0 has died or is
+  /// suspended".
+  [[nodiscard]] std::string gone_text(ProgramKind program, std::uint32_t instance) const;
   /// Publishes the result of an order, like note().
   void answer(std::uint32_t order, const std::string& text) { note(answer_prefix(order) + text); }
 
@@ -82,6 +91,9 @@ class StatusBeacon {
   /// if the loop ran before it, and still runs one status later.
   std::string take_events();
 
+  /// Takes note of how another program ended.
+  void hear_end(const Status& status, std::size_t slot);
+
   Bus* bus_;
   Writer<Status> writer_;
   Reader<Status> reader_;
@@ -90,6 +102,9 @@ class StatusBeacon {
   std::atomic<bool> paused_{false};
   std::array<std::atomic<std::uint32_t>, kPrograms * kInstances> status_age_ticks_{};
   std::array<std::atomic<bool>, kPrograms * kInstances> met_{};
+  mutable std::mutex words_mutex_;
+  std::map<std::size_t, std::string> last_words_;  ///< by program and instance
+  bool other_version_ = false;                     ///< a program of another version has been reported
   std::string label_;
   std::atomic<double> time_s_{0.0}, busy_s_{0.0}, force_n_{0.0}, real_time_factor_{1.0}, done_ratio_{0.0};
   std::atomic<std::uint64_t> steps_{0}, missed_{0}, missed_by_os_{0};
@@ -98,6 +113,7 @@ class StatusBeacon {
   std::atomic<bool> stop_{false};
   std::mutex mutex_;  ///< guards the following; the loop never locks it
   Status status_;
+  bool failed_ = false;
   std::uint64_t counted_steps_ = 0;  ///< steps at the last computation of the rate
   double counted_busy_s_ = 0.0;      ///< busy time at the last computation of the rate
   EventCounts at_start_;             ///< counts when the loop began to run
@@ -105,5 +121,16 @@ class StatusBeacon {
   std::string unsent_;               ///< texts that no status has carried yet
   std::thread thread_;
 };
+
+/// Runs a program's body. An error that leaves it is published first, so that the others can say why this one ended.
+template <class Body>
+void with_last_words(StatusBeacon& status, Body&& body) {
+  try {
+    body();
+  } catch (const Error& wrong) {
+    status.fail(wrong.what());
+    throw;
+  }
+}
 
 }  // namespace subworld

@@ -200,13 +200,22 @@ INSTANTIATE_TEST_SUITE_P(Programs, LostByHand, ::testing::ValuesIn(losses({"fast
 
 class OtherScene : public ByHandEnds, public ::testing::WithParamInterface<std::string> {};
 
-TEST_P(OtherScene, OfADeviceIsRefused) {
+TEST_P(OtherScene, OfADeviceIsRefusedAndTheOthersLearnWhy) {
   common_ = {"--mode", GetParam(), "--duration", "1000"};
-  start("world_sim");
-  start("haptic_sim");
+  Process& world = start("world_sim");
+  Process& haptic = start("haptic_sim");
   Process& device = start("device_sim", {"--ratio", "10"});
   EXPECT_EQ(device.wait(10.0), 2) << device.err();
-  EXPECT_NE(device.err().find("with other settings"), std::string::npos) << device.err();
+  const std::string why = "with other settings: settings.ratio is 10, in the world 4. Give all programs";
+  EXPECT_NE(device.err().find(why), std::string::npos) << device.err();
+  for (Process* const other : {&world, &haptic}) {
+    const auto knows = [&] {
+      const std::string said = other->err();
+      const std::size_t at = said.find("device_sim 0 has ended: ");
+      return at != std::string::npos && said.find(why, at) != std::string::npos;
+    };
+    EXPECT_TRUE(eventually(knows)) << other->err();
+  }
   for (const Started& one : started_) one.process->signal(SIGTERM);
   for (const Started& one : started_) EXPECT_TRUE(one.process->wait(10.0)) << one.name;
 }

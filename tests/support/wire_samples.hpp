@@ -98,9 +98,13 @@ class SampleMaker {
     for (T& element : to) fill(element);
   }
 
+  void fill(NamedSetting& to) {
+    to.name = text();
+    to.value = text();
+  }
   void fill(SceneDescription& to) {
     to.name = text();
-    to.settings_hash = long_word();
+    fill_all(to.settings);
     to.session = long_word();
     to.users = word();
     to.meshes.resize(1 + count());
@@ -284,8 +288,9 @@ struct NumberVisitor {
     all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity, p.applied, p.device_s, p.offset);
   }
   void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
+  void operator()(const NamedSetting& s) { all(s.name, s.value); }
   void operator()(const SceneDescription& s) {
-    all(s.name, s.settings_hash, s.session, s.users, s.meshes, s.bodies, s.states);
+    all(s.wire_version, s.name, s.settings, s.session, s.users, s.meshes, s.bodies, s.states);
   }
   void operator()(const DeviceState& d) {
     all(d.device, d.session, d.sender, d.sequence, d.stamp_s, d.sent_ns, d.pose, d.linear_velocity, d.angular_velocity,

@@ -7,6 +7,7 @@
 #include "lab/random/shrink.hpp"
 #include "lab/random/structures.hpp"
 #include "lab/session/apart.hpp"
+#include "model/agreed_settings.hpp"
 #include "model/error.hpp"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+#include "model/agreed_settings.hpp"
 #include "model/scene.hpp"
 #include "support/box_overlap.hpp"
 
@@ -307,6 +308,26 @@ TEST(SettingsHash, SeesWhatProgramsMustShareAndNothingElse) {
   EXPECT_TRUE(changed([](Scene& s) { s.users[0].selection = Selection::box; }));
   EXPECT_TRUE(changed([](Scene& s) { s.users[0].budget_ratio = 0.3; }));
   EXPECT_TRUE(changed([](Scene& s) { s.users[0].device.path.pop_back(); }));
+}
+
+TEST(AgreedSettings, NamesWhatDiffersFromTheWorld) {
+  const Scene scene = load("row");
+  Scene other = scene;
+  EXPECT_EQ(difference(agreed_settings(scene), agreed_settings(other)), "");
+  other.settings.ratio = 10;
+  other.users[0].device.force_limit_n = 12.5;
+  EXPECT_EQ(difference(agreed_settings(scene), agreed_settings(other)),
+            "settings.ratio is 4, in the world 10; users[0].device.force_limit_n is 40, in the world 12.5");
+  other.settings.world.iterations = std::nullopt;
+  other.settings.haptic.substeps = 3;
+  EXPECT_EQ(difference(agreed_settings(scene), agreed_settings(other), 1),
+            "settings.ratio is 4, in the world 10; and 3 more");
+  EXPECT_NE(difference(agreed_settings(other), agreed_settings(scene), 9).find("is not set, in the world 50"),
+            std::string::npos);
+  other = scene;
+  other.bodies[3].mass = 0.25;
+  EXPECT_EQ(difference(settings_of(other.bodies[3]), settings_of(scene.bodies[3])),
+            "mass_kg is 0.25, in the world 0.2");
 }
 
 TEST(Example, IsTheOneOnThePage) {
