@@ -1,15 +1,14 @@
 #include "launch.hpp"
 
+#include "claim.hpp"
 #include "ends.hpp"
-#include "explain.hpp"
 #include "file_lock.hpp"
-#include "gates.hpp"
-#include "io/ending.hpp"
 #include "io/trace.hpp"
 #include "limits.hpp"
 #include "model/error.hpp"
 #include "placement.hpp"
 #include "progress.hpp"
+#include "report.hpp"
 #include "rt/calibration.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/kernel_share.hpp"
@@ -20,60 +19,18 @@
 #include "watchdog.hpp"
 #include "wire/bus.hpp"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>
 #include <cstdlib>
-#include <ctime>
 #include <filesystem>
-#include <fstream>
 #include <optional>
-#include <regex>
 #include <vector>
 
 namespace subworld {
 
 namespace {
-
-// Domains that a run chooses by itself, the last first. Their ports start at 7400 + 250 times the domain and lie below
-// 32768: above, Linux gives ports to any socket, which could occupy one of them.
-constexpr int kFirstDomain = 60;
-constexpr int kLastDomain = 100;
-
-/// A domain that no other run on this machine holds, while the lock lives.
-int claim_domain(int wanted, FileLock& lock) {
-  const auto claim = [&](int domain) { return lock.take(fmt::format("subworld-domain-{}", domain)); };
-  if (wanted >= 0) {
-    if (claim(wanted)) return wanted;
-    throw Error(ExitCode::middleware,
-                fmt::format("domain {} is in use by another run on this machine; choose another --domain, or omit it: "
-                            "the first free one is taken",
-                            wanted));
-  }
-  for (int domain = kLastDomain; domain >= kFirstDomain; --domain) {
-    if (claim(domain)) return domain;
-  }
-  throw Error(ExitCode::middleware,
-              fmt::format("all domains from {} to {} are in use by other runs; name one with --domain", kFirstDomain,
-                          kLastDomain));
-}
-
-std::string vendor_of(const std::string& dds, int position) {
-  if (dds != "mixed") return dds;
-  return position % 2 == 0 ? "fastdds" : "cyclonedds";
-}
-
-std::string last_line(const std::string& path, std::string_view holding = {}) {
-  std::ifstream file(path);
-  std::string line, last;
-  while (std::getline(file, line)) {
-    if (!line.empty() && line.find(holding) != std::string::npos) last = line.substr(line.rfind('\r') + 1);
-  }
-  return last;
-}
 
 /// File of a program's part of the trace, until the parts are merged.
 std::string trace_part(const std::string& folder, const std::string& label) {
@@ -132,37 +89,6 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
   if (request.gui) start("gui_headless", -1, false);
 }
 
-/// Reserves the folder that the user named for this run, and deletes the results of an earlier one; or makes a new one.
-void claim_folder(std::string& folder, const std::string& scene, FileLock& lock) {
-  if (folder.empty()) {
-    const std::string wanted = fmt::format("out/{}-{:%Y%m%d-%H%M%S}", scene, fmt::localtime(std::time(nullptr)));
-    make_folder("out");
-    folder = wanted;
-    for (int n = 2; !std::filesystem::create_directory(folder); ++n) folder = fmt::format("{}-{}", wanted, n);
-  }
-  make_folder(folder + "/logs");
-  if (!lock.take_folder(folder)) {
-    throw Error(ExitCode::usage, fmt::format("--out {}: another run writes its results there; choose another folder, "
-                                             "or omit it: a new one is made",
-                                             folder));
-  }
-  const std::regex ours(R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)|bodies\.csv|picture\.png)");
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    // Results go through a link that the user made.
-    if (!entry.is_symlink() && std::regex_match(entry.path().filename().string(), ours))
-      std::filesystem::remove(entry.path());
-  }
-  for (const auto& entry : std::filesystem::directory_iterator(folder + "/logs")) {
-    if (entry.path().extension() == ".log") std::filesystem::remove(entry.path());
-  }
-}
-
-/// ISO 8601 with the zone.
-std::string iso_date(std::time_t time) {
-  const std::string text = fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(time));
-  return text.substr(0, text.size() - 2) + ":" + text.substr(text.size() - 2);  // the minutes of the zone
-}
-
 /// Takes a tenth of the run, at most a second, before any program of the run starts.
 Calibration measure_machine(const Settings& settings) {
   const double duration_s = std::clamp(0.1 * settings.duration_s, 0.2, 1.0);
@@ -192,15 +118,6 @@ void share_cores(Options& options, Scene& scene) {
   fmt::print("subworld: {} users share {} core{}: budget_ratio at most {:.2g} (--budget and --budget-limit set it)\n",
              scene.users.size(), cores, cores == 1 ? "" : "s", *options.budget_limit_ratio);
 }
-
-/// How the programs ended.
-struct Ended {
-  std::optional<Supervisor::Failure> failure;
-  Watchdog::Stall stall;
-  int signal = 0;                  ///< that stopped the run; 0: none
-  std::string display;             ///< how it died, although that ends no run; empty: it did not
-  std::vector<std::string> parts;  ///< files of the results
-};
 
 /// Starts the programs, shows how they advance, and stops what is left of them.
 Ended run_programs(const RunRequest& request, const Options& options, int domain, RunResults& run) {
@@ -236,82 +153,12 @@ Ended run_programs(const RunRequest& request, const Options& options, int domain
   return ended;
 }
 
-/// Reads the parts of the results and removes them. False where some are missing after a failure or a signal.
-bool collect_parts(RunResults& run, const Options& options, const Ended& ended,
-                   const std::optional<Calibration>& calibration) {
-  try {
-    read_parts(run, options.out, calibration);
-  } catch (const Error& wrong) {
-    if (ended.signal == 0 && !ended.failure) throw;
-  }
-  for (const std::string& part : ended.parts) std::filesystem::remove(part);
-  return !run.haptic.empty();
-}
-
-int report_failure(const Supervisor::Failure& failure, const std::string& folder, RunResults& run) {
-  const Supervisor::Child& failed = failure.child;
-  const int code = exit_code_of(failed);
-  const std::string reason = fmt::format("{} {}", failed.label, failure.reason);
-  const std::string error = last_line(failed.log, "error:");
-  fmt::print(stderr, "subworld: error: {}; everything else was stopped\n  {}\n  its log: {}\n", reason,
-             error.empty() ? last_line(failed.log) : error, failed.log);
-  run.verdict = fmt::format("failed: {}{}{}", reason, error.empty() ? "" : ": ", error);
-  write_json(folder + "/summary.json", run);
-  fmt::print("verdict: {}\n", run.verdict);
-  return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
-}
-
-/// Prints the missed gates and sets the verdict. Returns why the run is not valid; empty: it is.
-std::vector<std::string> judge(RunResults& run, const Ended& ended) {
-  const Settings& settings = run.scene.settings;
-  run.gates = gates(run);
-  for (const Gate& gate : run.gates) {
-    if (!gate.ok()) fmt::print("  {}\n", gate.line());
-  }
-  fmt::print("  {} of {} gates ok (details: `gates` in summary.json)\n", std::ranges::count_if(run.gates, &Gate::ok),
-             run.gates.size());
-  run.verdict = verdict_of(run.gates, run);
-  if (run.simulated_s < settings.duration_s - settings.longest_cycle_s()) {
-    const bool ok = std::ranges::none_of(run.gates, &Gate::spoils_verdict);
-    run.verdict =
-        fmt::format("stopped by {} at t = {:.3f} s{}", ended.signal == 0 ? "control" : name_of_signal(ended.signal),
-                    run.simulated_s, ok ? "" : "; until then: " + run.verdict);
-  }
-  std::vector<std::string> faults = ended.signal == 0 ? faults_of(run) : std::vector<std::string>{};
-  if (ended.stall.for_s > 0.0 && run.realtime()) {
-    faults.push_back(fmt::format("{} did not advance from t = {:.3f} s for {:.0f} s, although the run was not paused",
-                                 ended.stall.label, ended.stall.at_s, ended.stall.for_s));
-  }
-  if (!faults.empty()) run.verdict = fmt::format("failed: {}", fmt::join(faults, "; "));
-  return faults;
-}
-
-/// Prints the results of a complete run, judges and writes them. Returns the exit code.
-int report(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder) {
-  print_summary(run);
-  const std::vector<std::string> faults = judge(run, ended);
-  const std::string picture = folder + "/picture.png";
-  const bool pictured = std::filesystem::exists(picture);
-  if (!ended.display.empty()) run.display = ended.display;
-  write_json(folder + "/summary.json", run);
-  fmt::print(
-      "state hash {}\nverdict: {}{}\nsummary: {}/summary.json\n", run.state_hash, run.verdict,
-      run.display ? fmt::format("; the display failed ({}){}", *run.display, pictured ? "" : ": no picture") : "",
-      folder);
-  if (request.gui)
-    fmt::print("{}\n", pictured ? "picture: " + picture : "no picture: see " + folder + "/logs/gui_headless.log");
-  if (request.explain) {
-    const bool checkout = std::filesystem::exists("deploy/subworld");
-    fmt::print("{}", explanation(run, folder, pictured, checkout ? "deploy/subworld" : "subworld"));
-  }
-  if (!faults.empty()) return static_cast<int>(ExitCode::failed);
-  const std::vector<std::string> strict = request.strict ? missed_strictly(run.gates) : std::vector<std::string>{};
-  if (strict.empty() || ended.signal != 0) return static_cast<int>(ExitCode::done);
-  fmt::print("subworld: exit code 4: --strict counts {}\n", fmt::join(strict, ", "));
-  return static_cast<int>(ExitCode::quality);
-}
-
 }  // namespace
+
+std::string vendor_of(const std::string& dds, int position) {
+  if (dds != "mixed") return dds;
+  return position % 2 == 0 ? "fastdds" : "cyclonedds";
+}
 
 std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
 
@@ -339,20 +186,14 @@ int run(const RunRequest& request) {
   if (settings.users > 1) fmt::print("subworld: {} users; {}\n", settings.users, user_limit(domain));
   if (run.realtime()) share_cores(options, run.scene);
   run.command_line = request.command_line;
-  run.date = iso_date(std::time(nullptr));
+  run.date = date_of_now();
   run.dds = request.dds;
   std::optional<Calibration> calibration;
   if (run.realtime()) calibration = measure_machine(settings);
 
   watch_stop_signals();
   const Ended ended = run_programs(request, options, domain, run);
-  const bool complete = collect_parts(run, options, ended, calibration);
-  if (ended.failure) return report_failure(*ended.failure, options.out, run);
-  if (complete) return report(run, ended, request, options.out);
-  run.verdict = "stopped by " + name_of_signal(ended.signal);
-  write_json(options.out + "/summary.json", run);
-  fmt::print("subworld: {}; results so far in {}\n", run.verdict, options.out);
-  return static_cast<int>(ExitCode::done);
+  return conclude_run(run, ended, request, options.out, calibration);
 }
 
 }  // namespace subworld

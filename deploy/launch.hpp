@@ -28,6 +28,9 @@ int run(const RunRequest& request);
 /// within as long again.
 void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, double wait_s);
 
+/// The vendor of the program at a position among those of a run; with "mixed" they alternate.
+[[nodiscard]] std::string vendor_of(const std::string& dds, int position);
+
 /// The folder of this program and of those that it starts.
 [[nodiscard]] std::string program_folder();
 

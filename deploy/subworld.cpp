@@ -2,6 +2,7 @@
 #include "launch.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
+#include "session/session.hpp"
 #include "wire/plugin.hpp"
 
 #include <fmt/format.h>
@@ -59,6 +60,33 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement) {
   line.flag("--explain", request.explain,
             "also explain the result in plain words, with what to look at and to try next");
   line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
+}
+
+void add_up(CommandLine& line, SessionRequest& request) {
+  line.add("session", &request.session, "session file (YAML), or the name of a session in deploy/sessions").required();
+  const Option host = line.add("--host", &request.host, "start only the programs of this host, here").otherwise("all");
+  line.flag("--namespaces", request.namespaces,
+            "make each host a network namespace of this machine; needs the rights of root");
+  line.add("--link", &request.link, "with --namespaces: the link between any two hosts, as for `subworld link`")
+      .otherwise("the session's");
+  line.add("--ssh", &request.ssh, "program that starts commands on the hosts which have `ssh`");
+  line.add("--out", &request.out, "folder for the results").otherwise("a new out/SESSION-TIME");
+  line.flag("--explain", request.explain, "also explain the result in plain words");
+  line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
+  line.footer(
+      "Examples:\n"
+      "  subworld up three_hosts --namespaces\n"
+      "  subworld up my_session.yaml\n"
+      "  subworld up my_session.yaml --host left");
+}
+
+void add_collect(CommandLine& line, CollectRequest& request) {
+  line.add("folder", &request.folders, "folders that the programs of one run wrote to").required();
+  line.add("--scene", &request.scene, "the scene's file").otherwise("where it lay on the world's host");
+  line.add("--out", &request.out, "folder for the summary").otherwise("a new out/SCENE-TIME");
+  line.flag("--explain", request.explain, "also explain the result in plain words");
+  line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
+  line.footer("Examples:\n  subworld collect out/a out/b");
 }
 
 struct ControlRequest {
@@ -141,6 +169,15 @@ int main_of(int argc, char** argv) {
       line.command("control", "Stops, pauses, resumes or steps a running world, or changes its engine");
   add_control(control_command, control_request);
 
+  SessionRequest session;
+  CommandLine& up_command = line.command("up", "Runs a session: the programs of one run on several hosts");
+  add_up(up_command, session);
+
+  CollectRequest collection;
+  CommandLine& collect_command =
+      line.command("collect", "Makes one summary and verdict of results that programs wrote into several folders");
+  add_collect(collect_command, collection);
+
   CommandLine& lab_command = line.command("lab", "Evaluations: runs a sweep and writes tables and a report");
   lab_command.footer(
       "Examples:\n"
@@ -157,8 +194,11 @@ int main_of(int argc, char** argv) {
       std::ranges::any_of(kLabs, [&](const Lab& lab) { return std::string_view(lab.name) == argv[2]; }))
     become_lab(argv[2], argv + 2);
   if (const auto code = line.parse(argc, argv)) return *code;
+  request.command_line = session.command_line = collection.command_line =
+      fmt::format("{}", fmt::join(argv, argv + argc, " "));
+  if (up_command.chosen()) return up(session);
+  if (collect_command.chosen()) return collect(collection);
   if (run_command.chosen()) {
-    request.command_line = fmt::format("{}", fmt::join(argv, argv + argc, " "));
     request.place = placement == "auto";
     return run(request);
   }

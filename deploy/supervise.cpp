@@ -31,7 +31,8 @@ constexpr std::chrono::milliseconds kAll{1500};        ///< then SIGKILL
 
 double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
-[[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments, int log, pid_t parent) {
+[[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments,
+                         const std::function<bool()>& enter, int log, pid_t parent) {
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   if (getppid() != parent) _exit(1);
   setpgid(0, 0);  // a terminal's Ctrl-C reaches the launcher alone, which stops all in order
@@ -40,7 +41,11 @@ double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);
-  execv(program.c_str(), argv.data());
+  if (enter && !enter()) {
+    dprintf(STDERR_FILENO, "%s: error: cannot enter the network namespace of its host\n", program.c_str());
+    _exit(1);
+  }
+  execvp(program.c_str(), argv.data());
   dprintf(STDERR_FILENO, "%s: %s\n", program.c_str(), std::strerror(errno));
   _exit(127);
 }
@@ -49,7 +54,8 @@ double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration
 
 Supervisor::~Supervisor() { stop(); }
 
-void Supervisor::start(Child child, const std::string& program, const std::vector<std::string>& arguments) {
+void Supervisor::start(Child child, const std::string& program, const std::vector<std::string>& arguments,
+                       const std::function<bool()>& enter) {
   const int file = open(child.log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (file < 0) {
     throw Error(ExitCode::failed,
@@ -57,7 +63,7 @@ void Supervisor::start(Child child, const std::string& program, const std::vecto
   }
   const pid_t parent = getpid();
   child.pid = fork();
-  if (child.pid == 0) become(program, arguments, file, parent);
+  if (child.pid == 0) become(program, arguments, enter, file, parent);
   close(file);
   if (child.pid < 0) throw Error(ExitCode::failed, fmt::format("cannot start {}: {}", program, std::strerror(errno)));
   children_.push_back(std::move(child));

@@ -35,8 +35,10 @@ class Supervisor {
   Supervisor(const Supervisor&) = delete;
   Supervisor& operator=(const Supervisor&) = delete;
 
-  /// Starts a program; its output goes to `child.log`. It ends with this process, however that ends.
-  void start(Child child, const std::string& program, const std::vector<std::string>& arguments);
+  /// Starts a program; its output goes to `child.log`. It ends with this process, however that ends. `enter` is called
+  /// in the new process before the program begins, and may not allocate: it moves the process to another namespace.
+  void start(Child child, const std::string& program, const std::vector<std::string>& arguments,
+             const std::function<bool()>& enter = {});
 
   /// Watches until all have ended, an essential one failed, or a signal asks to stop; calls `tick` ten times a second.
   /// A program fails that ends with another code than 0, is halted for a second, does not end within 30 s of the

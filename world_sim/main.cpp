@@ -61,6 +61,7 @@ int main(int argc, char** argv) {
         Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
         ports.status.enter("stopping");
         WorldPart part = measures.result(world, settle_s);
+        part.arguments = settings_flags_of(options);
         part.world.dds = ports.bus->effective_settings();
         part.world.events = ports.status.events_of_run();
         part.world.refused = ports.refused();

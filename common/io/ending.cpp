@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <unistd.h>
+
+#include <array>
 #include <cstring>
 
 namespace subworld {
@@ -20,6 +23,11 @@ void from_json(const Json& json, Ending& ending) {
             .to_s = json.at("to_s"),
             .by = json.at("by"),
             .fault = json.at("fault")};
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
 }
 
 std::string name_of_signal(int signal) {

@@ -20,11 +20,15 @@ struct Ending {
 void to_json(Json& json, const Ending& ending);
 void from_json(const Json& json, Ending& ending);
 
-/// Writes a program's part of the results, with how it ended. An empty path: writes nothing. Then throws `Error`
-/// (failed) with the fault, if there is one.
+/// The name of this machine.
+[[nodiscard]] std::string host_name();
+
+/// Writes a program's part of the results, with how it ended and where. An empty path: writes nothing. Then throws
+/// `Error` (failed) with the fault, if there is one.
 template <class Part>
 void conclude(const std::string& path, Part part, const Ending& ending) {
   part.ending = ending;
+  part.host = host_name();
   if (!path.empty()) write_json(path, part);
   if (!ending.fault.empty()) throw Error(ExitCode::failed, ending.fault);
 }

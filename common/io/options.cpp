@@ -254,12 +254,17 @@ int limit_budgets(Scene& scene, double limit_ratio) {
   return lowered;
 }
 
-std::vector<std::string> flags_of(const Options& o) {
+std::vector<std::string> settings_flags_of(const Options& o) {
   std::vector<std::string> flags{o.scene};
   for (const Option& option : o.shared) {
     const std::vector<std::string> words = option.as_given();
     flags.insert(flags.end(), words.begin(), words.end());
   }
+  return flags;
+}
+
+std::vector<std::string> flags_of(const Options& o) {
+  std::vector<std::string> flags = settings_flags_of(o);
   if (!o.out.empty()) flags.insert(flags.end(), {"--out", o.out});
   return flags;
 }

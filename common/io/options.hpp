@@ -54,7 +54,9 @@ struct Options {
 /// Lowers the budgets that are above the limit. Returns the number of users whom that concerns.
 int limit_budgets(Scene& scene, double limit_ratio);
 
-/// The flags that give the same settings to another program.
+/// The scene and the flags that give the same settings to another program.
+[[nodiscard]] std::vector<std::string> settings_flags_of(const Options& options);
+/// The same with the folder for results.
 [[nodiscard]] std::vector<std::string> flags_of(const Options& options);
 
 /// Adds the options that the launcher and all programs share.

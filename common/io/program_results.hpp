@@ -79,8 +79,10 @@ struct WorldPart {
   double energy_excess_j = 0.0;
   WorldResult world;
   Ending ending = {};
+  std::string host = {};
+  std::vector<std::string> arguments = {};  ///< scene and flags, from which others know the run
 };
-SUBWORLD_JSON(WorldPart, state_hash, simulated_s, energy_excess_j, world, ending)
+SUBWORLD_JSON(WorldPart, state_hash, simulated_s, energy_excess_j, world, ending, host, arguments)
 
 struct HapticRefused {
   std::uint64_t device_state = 0, world_frame = 0;
@@ -115,13 +117,14 @@ struct HapticResult {
   EventCounts events = {};
   HapticRefused refused = {};
   Ending ending = {};
+  std::string host = {};
 };
 SUBWORLD_JSON(HapticResult, user, steps, skipped_steps, missed_deadlines, missed_by_os, missed_by_run, missed_waiting,
               lateness_s, woken_late_s, machine, step_s, stages, force_rms_n, force_max_n, force_step_mean_n,
               force_step_max_n, at_limit_ratio, proxy_apart_max_m, coupling_force_rms_n, coupling_force_max_n, members,
               contacts, border_pairs, sync_s, round_trip_s, bytes_per_cycle, operator_energy, device_work_j,
               oscillation_n, device_jumps, lost_frames, refused_frames, resynchronisations, engine_changes,
-              history_rows_dropped, trace_events_dropped, dds, events, refused, ending)
+              history_rows_dropped, trace_events_dropped, dds, events, refused, ending, host)
 
 struct DeviceRefused {
   std::uint64_t device_command = 0;
@@ -146,9 +149,10 @@ struct DeviceResult {
   EventCounts events = {};
   DeviceRefused refused = {};
   Ending ending = {};
+  std::string host = {};
 };
 SUBWORLD_JSON(DeviceResult, user, steps, round_trip_s, missed_deadlines, missed_by_os, missed_by_run, step_s,
               operator_energy, energy_bounded_ratio, oscillation_n, woken_late_s, machine, stages, history_rows_dropped,
-              trace_events_dropped, dds, events, refused, ending)
+              trace_events_dropped, dds, events, refused, ending, host)
 
 }  // namespace subworld

@@ -102,7 +102,7 @@ std::string StatusBeacon::last_words(ProgramKind program, std::uint32_t instance
 std::string StatusBeacon::gone_text(ProgramKind program, std::uint32_t instance) const {
   const std::string label = label_of(program, instance);
   const std::string why = last_words(program, instance);
-  return why.empty() ? label + " has died or is suspended: it sends no sign of life" : label + " has ended: " + why;
+  return why.empty() ? label + " has died, is suspended, or cannot be reached over the network: it sends no sign of life" : label + " has ended: " + why;
 }
 
 bool StatusBeacon::met(ProgramKind program, std::uint32_t instance) const noexcept {

@@ -69,7 +69,7 @@ class StatusBeacon {
   void fail(const std::string& reason);
   /// Why that program has ended, by its own word; empty: it has sent none, or was started anew since.
   [[nodiscard]] std::string last_words(ProgramKind program, std::uint32_t instance) const;
-  /// Error text for a peer without a sign of life: what it said itself, or else "haptic_sim 0 has died or is
+  /// Error text for a peer without a sign of life: what it said itself, or else "haptic_sim 0 has died, is
   /// suspended".
   [[nodiscard]] std::string gone_text(ProgramKind program, std::uint32_t instance) const;
   /// Publishes the result of an order, like note().

@@ -1,0 +1,17 @@
+#pragma once
+
+#include "file_lock.hpp"
+
+#include <string>
+
+namespace subworld {
+
+/// A domain that no other run on this machine holds while the lock lives: `wanted`, or the first free one where that is
+/// negative. Throws `Error` (middleware).
+[[nodiscard]] int claim_domain(int wanted, FileLock& lock);
+
+/// Reserves the folder that the user named for this run, and deletes the results of an earlier one; or makes a new one,
+/// named after the scene and the time. Throws `Error` (usage, failed).
+void claim_folder(std::string& folder, const std::string& scene, FileLock& lock);
+
+}  // namespace subworld

@@ -1,0 +1,125 @@
+#include "report.hpp"
+
+#include "ends.hpp"
+#include "explain.hpp"
+#include "gates.hpp"
+#include "io/ending.hpp"
+#include "io/results.hpp"
+#include "model/error.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <string_view>
+
+namespace subworld {
+
+namespace {
+
+std::string last_line(const std::string& path, std::string_view holding = {}) {
+  std::ifstream file(path);
+  std::string line, last;
+  while (std::getline(file, line)) {
+    if (!line.empty() && line.find(holding) != std::string::npos) last = line.substr(line.rfind('\r') + 1);
+  }
+  return last;
+}
+
+/// Prints the missed gates and sets the verdict. Returns why the run is not valid; empty: it is.
+std::vector<std::string> judge(RunResults& run, const Ended& ended) {
+  const Settings& settings = run.scene.settings;
+  run.gates = gates(run);
+  for (const Gate& gate : run.gates) {
+    if (!gate.ok()) fmt::print("  {}\n", gate.line());
+  }
+  fmt::print("  {} of {} gates ok (details: `gates` in summary.json)\n", std::ranges::count_if(run.gates, &Gate::ok),
+             run.gates.size());
+  run.verdict = verdict_of(run.gates, run);
+  if (run.simulated_s < settings.duration_s - settings.longest_cycle_s()) {
+    const bool ok = std::ranges::none_of(run.gates, &Gate::spoils_verdict);
+    run.verdict =
+        fmt::format("stopped by {} at t = {:.3f} s{}", ended.signal == 0 ? "control" : name_of_signal(ended.signal),
+                    run.simulated_s, ok ? "" : "; until then: " + run.verdict);
+  }
+  std::vector<std::string> faults = ended.signal == 0 ? faults_of(run) : std::vector<std::string>{};
+  if (ended.stall.for_s > 0.0 && run.realtime()) {
+    faults.push_back(fmt::format("{} did not advance from t = {:.3f} s for {:.0f} s, although the run was not paused",
+                                 ended.stall.label, ended.stall.at_s, ended.stall.for_s));
+  }
+  if (!faults.empty()) run.verdict = fmt::format("failed: {}", fmt::join(faults, "; "));
+  return faults;
+}
+
+int report_failure(const Supervisor::Failure& failure, const std::string& folder, RunResults& run) {
+  const Supervisor::Child& failed = failure.child;
+  const int code = exit_code_of(failed);
+  const std::string reason = fmt::format("{} {}", failed.label, failure.reason);
+  const std::string error = last_line(failed.log, "error:");
+  fmt::print(stderr, "subworld: error: {}; everything else was stopped\n  {}\n  its log: {}\n", reason,
+             error.empty() ? last_line(failed.log) : error, failed.log);
+  run.verdict = fmt::format("failed: {}{}{}", reason, error.empty() ? "" : ": ", error);
+  write_json(folder + "/summary.json", run);
+  fmt::print("verdict: {}\n", run.verdict);
+  return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
+}
+
+int report(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder) {
+  print_summary(run);
+  const std::vector<std::string> faults = judge(run, ended);
+  const std::string picture = folder + "/picture.png";
+  const bool pictured = std::filesystem::exists(picture);
+  if (!ended.display.empty()) run.display = ended.display;
+  write_json(folder + "/summary.json", run);
+  fmt::print(
+      "state hash {}\nverdict: {}{}\nsummary: {}/summary.json\n", run.state_hash, run.verdict,
+      run.display ? fmt::format("; the display failed ({}){}", *run.display, pictured ? "" : ": no picture") : "",
+      folder);
+  if (request.gui)
+    fmt::print("{}\n", pictured ? "picture: " + picture : "no picture: see " + folder + "/logs/gui_headless.log");
+  if (request.explain) {
+    const bool checkout = std::filesystem::exists("deploy/subworld");
+    fmt::print("{}", explanation(run, folder, pictured, checkout ? "deploy/subworld" : "subworld"));
+  }
+  if (!faults.empty()) return static_cast<int>(ExitCode::failed);
+  const std::vector<std::string> strict = request.strict ? missed_strictly(run.gates) : std::vector<std::string>{};
+  if (strict.empty() || ended.signal != 0) return static_cast<int>(ExitCode::done);
+  fmt::print("subworld: exit code 4: --strict counts {}\n", fmt::join(strict, ", "));
+  return static_cast<int>(ExitCode::quality);
+}
+
+/// Reads the parts of the results and removes them. False where some are missing after a failure or a signal.
+bool collect_parts(RunResults& run, const std::string& folder, const Ended& ended,
+                   const std::optional<Calibration>& calibration) {
+  try {
+    read_parts(run, folder, calibration);
+  } catch (const Error& wrong) {
+    if (ended.signal == 0 && !ended.failure) throw;
+  }
+  for (const std::string& part : ended.parts) std::filesystem::remove(part);
+  return !run.haptic.empty();
+}
+
+}  // namespace
+
+int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
+                 const std::optional<Calibration>& calibration) {
+  const bool complete = collect_parts(run, folder, ended, calibration);
+  if (ended.failure) return report_failure(*ended.failure, folder, run);
+  if (complete) return report(run, ended, request, folder);
+  run.verdict = "stopped by " + name_of_signal(ended.signal);
+  write_json(folder + "/summary.json", run);
+  fmt::print("subworld: {}; results so far in {}\n", run.verdict, folder);
+  return static_cast<int>(ExitCode::done);
+}
+
+std::string date_of_now() {
+  const std::string text = fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(std::time(nullptr)));
+  return text.substr(0, text.size() - 2) + ":" + text.substr(text.size() - 2);  // the minutes of the zone
+}
+
+}  // namespace subworld

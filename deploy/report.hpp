@@ -1,0 +1,32 @@
+#pragma once
+
+#include "launch.hpp"
+#include "rt/calibration.hpp"
+#include "summary.hpp"
+#include "supervise.hpp"
+#include "watchdog.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+/// How the programs ended.
+struct Ended {
+  std::optional<Supervisor::Failure> failure;
+  Watchdog::Stall stall;
+  int signal = 0;                  ///< that stopped the run; 0: none
+  std::string display;             ///< how it died, although that ends no run; empty: it did not
+  std::vector<std::string> parts;  ///< files of the results
+};
+
+/// The end of a run: reads the parts of the results and removes them, prints, judges, and writes the summary. Returns
+/// the exit code. Throws `Error` (failed) where a part is missing although no program failed.
+int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
+                 const std::optional<Calibration>& calibration);
+
+/// ISO 8601 with the zone.
+[[nodiscard]] std::string date_of_now();
+
+}  // namespace subworld

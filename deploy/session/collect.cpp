@@ -1,0 +1,142 @@
+#include "session/collect.hpp"
+
+#include "claim.hpp"
+#include "io/results.hpp"
+#include "model/error.hpp"
+#include "report.hpp"
+#include "session/session.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <regex>
+#include <set>
+
+namespace subworld {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+const std::regex& results() {
+  static const std::regex names(R"((world|haptic_\d+|device_\d+)\.(json|csv)|bodies\.csv|picture\.png)");
+  return names;
+}
+
+std::vector<std::string> parts_of(const std::string& folder, int users) {
+  std::vector<std::string> parts{part_file(folder, "world_sim", -1)};
+  for (int user = 0; user < users; ++user) {
+    for (const char* program : {"haptic_sim", "device_sim"}) parts.push_back(part_file(folder, program, user));
+  }
+  return parts;
+}
+
+/// The vendor that all programs used, or "mixed".
+std::string vendors_of(const std::string& folder, int users) {
+  std::set<std::string> vendors;
+  for (const std::string& part : parts_of(folder, users)) {
+    const Json json = read_json(part);
+    const std::string text = (json.contains("world") ? json.at("world") : json).at("dds");
+    vendors.insert(text.find("cyclonedds") == std::string::npos ? "fastdds" : "cyclonedds");
+  }
+  return vendors.size() == 1 ? *vendors.begin() : "mixed";
+}
+
+/// Throws `Error` (usage) where a program of the run has left no results, or those of another run.
+void check_parts(const RunResults& run, const std::string& folder) {
+  const std::uint64_t session = read_json(part_file(folder, "world_sim", -1)).get<WorldPart>().ending.session;
+  for (int user = 0; user < run.scene.settings.users; ++user) {
+    for (const char* program : {"haptic_sim", "device_sim"}) {
+      const std::string file = part_file(folder, program, user);
+      const std::string label = fmt::format("{} {}", program, user);
+      if (!fs::exists(file)) {
+        throw Error(ExitCode::usage,
+                    fmt::format("no results of {}: name the folder that it wrote to with --out, too", label));
+      }
+      if (read_json(file).at("ending").get<Ending>().session != session) {
+        throw Error(ExitCode::usage,
+                    fmt::format("the results of {} belong to another run than those of world_sim; name "
+                                "folders of one run",
+                                label));
+      }
+    }
+  }
+}
+
+/// The scene and the settings with which the world ran.
+Options options_of(const WorldPart& world, const std::string& scene) {
+  std::vector<std::string> words{"world_sim"};
+  words.insert(words.end(), world.arguments.begin(), world.arguments.end());
+  if (!scene.empty() && words.size() > 1) words[1] = scene;
+  std::vector<const char*> argv;
+  for (const std::string& word : words) argv.push_back(word.c_str());
+  Options options;
+  CommandLine line("world_sim", "");
+  add_run_options(line, options);
+  (void)line.parse(static_cast<int>(argv.size()), argv.data());
+  return options;
+}
+
+}  // namespace
+
+void gather(const std::vector<std::string>& folders, const std::string& out) {
+  std::map<std::string, fs::path> found;
+  for (const std::string& folder : folders) {
+    if (!fs::is_directory(folder))
+      throw Error(ExitCode::usage, fmt::format("{}: is no folder; name those that the programs wrote to", folder));
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+      const std::string name = entry.path().filename().string();
+      if (!entry.is_regular_file() || !std::regex_match(name, results())) continue;
+      const auto [at, is_new] = found.emplace(name, entry.path());
+      if (!is_new && !fs::equivalent(at->second, entry.path())) {
+        throw Error(ExitCode::usage, fmt::format("{} and {} are results of the same program; name folders of one run",
+                                                 at->second.string(), entry.path().string()));
+      }
+    }
+  }
+  for (const auto& [name, path] : found) {
+    std::error_code error;
+    fs::copy_file(path, fs::path(out) / name, fs::copy_options::overwrite_existing, error);
+    if (error) throw Error(ExitCode::failed, fmt::format("{}/{}: {}", out, name, error.message()));
+  }
+}
+
+int collect(const CollectRequest& request) {
+  // Into a new folder first: the results may lie in the one that is to receive the summary.
+  std::string found;
+  for (const std::string& folder : request.folders) {
+    if (!fs::is_directory(folder))
+      throw Error(ExitCode::usage, fmt::format("{}: is no folder; name those that the programs wrote to", folder));
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+      if (entry.path().filename() == "world.json") found = entry.path().string();
+    }
+  }
+  if (found.empty())
+    throw Error(ExitCode::usage,
+                "no world.json in these folders: name the one that world_sim wrote to with --out, too");
+  RunResults run;
+  run.scene = load_scene(options_of(read_json(found).get<WorldPart>(), request.scene));
+  std::string out = request.out;
+  FileLock lock;
+  for (const std::string& folder : request.folders) {
+    if (!out.empty() && fs::exists(out) && fs::equivalent(folder, out))
+      throw Error(ExitCode::usage,
+                  fmt::format("--out {}: holds results that are to be merged; choose another folder", out));
+  }
+  claim_folder(out, run.scene.name, lock);
+  gather(request.folders, out);
+  check_parts(run, out);
+  run.command_line = request.command_line;
+  run.date = date_of_now();
+  run.dds = vendors_of(out, run.scene.settings.users);
+  Ended ended;
+  ended.parts = parts_of(out, run.scene.settings.users);
+  RunRequest how;
+  how.explain = request.explain;
+  how.strict = request.strict;
+  return conclude_run(run, ended, how, out, {});
+}
+
+}  // namespace subworld

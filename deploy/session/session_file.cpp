@@ -1,0 +1,173 @@
+#include "session/session_file.hpp"
+
+#include "io/scene_name.hpp"
+#include "model/error.hpp"
+#include "model/nearest.hpp"
+#include "model/yaml_reader.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <filesystem>
+
+namespace subworld {
+
+namespace {
+
+constexpr std::array kPrograms{"world_sim", "haptic_sim", "device_sim", "gui_headless"};
+
+bool is_of_user(std::string_view program) { return program == "haptic_sim" || program == "device_sim"; }
+
+/// "haptic_sim 0" or "world_sim".
+SessionProgram read_program(const YamlValue& value) {
+  const std::string text = value.text();
+  const std::size_t space = text.find(' ');
+  SessionProgram program{text.substr(0, space)};
+  if (std::ranges::find(kPrograms, program.name) == kPrograms.end()) {
+    value.fail(fmt::format("there is no program \"{}\"; did you mean \"{}\"?", program.name,
+                           nearest(program.name, {kPrograms.begin(), kPrograms.end()})));
+  }
+  if (!is_of_user(program.name)) {
+    if (space != std::string::npos) value.fail(fmt::format("{} has no user; write {}", program.name, program.name));
+    return program;
+  }
+  const std::string user = space == std::string::npos ? "" : text.substr(space + 1);
+  const auto [end, error] = std::from_chars(user.data(), user.data() + user.size(), program.user);
+  if (error != std::errc{} || end != user.data() + user.size() || program.user < 0 || program.user >= kMostUsers)
+    value.fail(fmt::format("{0} needs the number of its user, from 0; for example: {0} 0", program.name));
+  return program;
+}
+
+SessionHost read_host(const YamlValue& value) {
+  const YamlMap map(value, {"name", "address", "interface", "ssh", "folder", "programs"});
+  SessionHost host;
+  host.name = map.at("name").name();
+  map.read("address", host.address);
+  map.read("interface", host.network_interface);
+  map.read("ssh", host.ssh);
+  map.read("folder", host.folder);
+  for (const YamlValue& program : map.at("programs").items()) host.programs.push_back(read_program(program));
+  if (host.programs.empty()) map.at("programs").fail("is empty; name a program, for example: [world_sim]");
+  return host;
+}
+
+/// Flags of `subworld run`, as a map of names without dashes: {mode: lockstep, ratio: 4-12}.
+Options read_options(const YamlMap& map) {
+  std::vector<std::string> words{"subworld", map.at("scene").text()};
+  const auto flags = map.find("flags");
+  if (flags) {
+    for (const YamlValue::Named& flag : flags->entries()) {
+      if (flag.value.is_scalar()) {
+        words.insert(words.end(), {"--" + flag.key, flag.value.text()});
+      } else {
+        std::vector<std::string> items;
+        for (const YamlValue& item : flag.value.items()) items.push_back(item.text());
+        words.insert(words.end(), {"--" + flag.key, fmt::format("{}", fmt::join(items, ","))});
+      }
+    }
+  }
+  std::vector<const char*> argv;
+  for (const std::string& word : words) argv.push_back(word.c_str());
+  Options options;
+  CommandLine line("session", "");
+  add_run_options(line, options);
+  try {
+    (void)line.parse(static_cast<int>(argv.size()), argv.data());
+  } catch (const Error& wrong) {
+    (flags ? *flags : map.whole()).fail(wrong.what());
+  }
+  for (const auto& [set, flag, instead] :
+       {std::tuple{!options.network.interface_address.empty(), "interface", "interface of each host"},
+        std::tuple{!options.network.peers.empty(), "peers", "address of each host"}}) {
+    if (set) flags->fail(fmt::format("{} is not a flag of a session; give the {}", flag, instead));
+  }
+  return options;
+}
+
+}  // namespace
+
+std::string SessionProgram::label() const { return user < 0 ? name : fmt::format("{}_{}", name, user); }
+
+const SessionHost& Session::host(const std::string& wanted) const {
+  std::vector<std::string> names;
+  for (const SessionHost& host : hosts) {
+    if (host.name == wanted) return host;
+    names.push_back(host.name);
+  }
+  throw Error(ExitCode::usage,
+              fmt::format("--host {}: {} has no such host; it has {}", wanted, file, fmt::join(names, ", ")));
+}
+
+std::string session_file(const std::string& session) {
+  namespace fs = std::filesystem;
+  std::error_code unreadable;  // reading the file reports the reason
+  const fs::path folder = scenes_folder().parent_path() / "sessions";
+  if (fs::exists(session, unreadable) || session.find('/') != std::string::npos || !fs::is_directory(folder))
+    return session;
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.path().extension() == ".yaml") names.push_back(entry.path().stem().string());
+  }
+  std::ranges::sort(names);
+  if (std::ranges::find(names, session) != names.end()) return (folder / (session + ".yaml")).string();
+  throw Error(ExitCode::usage,
+              fmt::format("\"{}\" is neither a file nor the name of a session in deploy/sessions; those are {}",
+                          session, fmt::join(names, ", ")));
+}
+
+Session load_session(const std::string& file) {
+  const YamlNode node = read_yaml(file);
+  const YamlMap map(YamlValue(file, "", node, node.mark),
+                    {"name", "description", "scene", "flags", "dds", "domain", "link", "hosts"});
+  Session session;
+  session.file = file;
+  session.name = map.at("name").name();
+  session.options = read_options(map);
+  if (const auto dds = map.find("dds"))
+    session.dds = std::array{"fastdds", "cyclonedds", "mixed"}[dds->choice({"fastdds", "cyclonedds", "mixed"})];
+  map.read("domain", session.domain, 0, 232);
+  map.read("link", session.link);
+  for (const YamlValue& value : map.at("hosts").items()) {
+    session.hosts.push_back(read_host(value));
+    const auto same = [&](const SessionHost& host) { return host.name == session.hosts.back().name; };
+    if (std::ranges::count_if(session.hosts, same) > 1)
+      value.fail(fmt::format("there are two hosts \"{}\"; give each its own name", session.hosts.back().name));
+  }
+  return session;
+}
+
+void check_programs(const Session& session, const Scene& scene) {
+  const auto runs = [&](const SessionProgram& wanted) {
+    std::ptrdiff_t count = 0;
+    for (const SessionHost& host : session.hosts) count += std::ranges::count(host.programs, wanted);
+    return count;
+  };
+  const auto check = [&](const SessionProgram& wanted) {
+    const std::string text = wanted.user < 0 ? wanted.name : fmt::format("{} {}", wanted.name, wanted.user);
+    const std::ptrdiff_t count = runs(wanted);
+    if (count == 1) return;
+    throw Error(ExitCode::usage,
+                count == 0 ? fmt::format("{}: no host runs {}; add it to the programs of one", session.file, text)
+                           : fmt::format("{}: {} runs {} times; keep one", session.file, text, count));
+  };
+  check({"world_sim"});
+  for (int user = 0; user < scene.settings.users; ++user) {
+    check({"haptic_sim", user});
+    check({"device_sim", user});
+  }
+  for (const SessionHost& host : session.hosts) {
+    for (const SessionProgram& program : host.programs) {
+      if (program.user >= scene.settings.users) {
+        throw Error(
+            ExitCode::usage,
+            fmt::format("{}: host {} runs {} {}, but {} users take part; remove it, or set flags: {{users: {}}}",
+                        session.file, host.name, program.name, program.user, scene.settings.users, program.user + 1));
+      }
+    }
+  }
+}
+
+}  // namespace subworld

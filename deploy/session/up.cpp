@@ -1,0 +1,241 @@
+#include "claim.hpp"
+#include "ends.hpp"
+#include "limits.hpp"
+#include "model/error.hpp"
+#include "progress.hpp"
+#include "report.hpp"
+#include "rt/cyclic.hpp"
+#include "rt/stop.hpp"
+#include "session/collect.hpp"
+#include "session/session.hpp"
+#include "session/session_file.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+
+namespace subworld {
+
+namespace {
+
+/// A word for a shell.
+std::string quoted(const std::string& word) {
+  std::string text = "'";
+  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
+}
+
+/// The programs of a session from their start to their end.
+class SessionRun {
+ public:
+  SessionRun(const SessionRequest& request, Session session, Scene scene, std::string out)
+      : request_(request), session_(std::move(session)), out_(std::move(out)) {
+    run_.scene = std::move(scene);
+    for (const SessionHost& host : session_.hosts) {
+      if (request.host.empty() || host.name == request.host) chosen_.push_back(&host);
+    }
+  }
+
+  int operator()() {
+    run_.command_line = request_.command_line;
+    run_.date = date_of_now();
+    run_.dds = session_.dds;
+    for (const SessionHost* const host : chosen_) {
+      if (!is_distant(*host)) make_folder(folder_here(*host));
+    }
+    watch_stop_signals();
+    const TimePoint begin = Clock::now();
+    Ended ended = watch();
+    run_.wall_s = to_seconds(Clock::now() - begin);
+    fetch();
+    if (!request_.host.empty()) return report_share(ended);
+    gather({out_ + "/hosts"}, out_);
+    for (std::string& part : ended.parts) part = out_ + part.substr(part.rfind('/'));
+    return conclude_run(run_, ended, run_request(), out_, {});
+  }
+
+ private:
+  [[nodiscard]] RunRequest run_request() const {
+    RunRequest request;
+    request.options = session_.options;
+    request.dds = session_.dds;
+    request.explain = request_.explain;
+    request.strict = request_.strict;
+    return request;
+  }
+  [[nodiscard]] bool is_distant(const SessionHost& host) const {
+    return !request_.namespaces && request_.host.empty() && !host.ssh.empty();
+  }
+  [[nodiscard]] std::string folder_here(const SessionHost& host) const { return out_ + "/hosts/" + host.name; }
+  [[nodiscard]] static std::string checkout(const SessionHost& host) {
+    return host.folder.empty() ? "subworld" : host.folder;
+  }
+  /// On a distant host, in its checkout.
+  [[nodiscard]] std::string folder_there(const SessionHost& host) const {
+    return fmt::format("out/sessions/{}/{}", std::filesystem::absolute(out_).filename().string(), host.name);
+  }
+
+  /// Starts the programs, the world first: it ends the others in order.
+  void start(Supervisor& programs) {
+    int position = 0;
+    const auto start_one = [&](const SessionProgram& program) {
+      const std::string vendor = vendor_of(session_.dds, position++);
+      for (const SessionHost* const host : chosen_) {
+        if (std::ranges::find(host->programs, program) != host->programs.end()) start(programs, *host, program, vendor);
+      }
+    };
+    start_one({"world_sim"});
+    const int users = run_.scene.settings.users;
+    for (int user = 0; user < users; ++user) {
+      start_one({"haptic_sim", user});
+      start_one({"device_sim", user});
+      if (users > 1) ++position;  // with mixed, users have different pairs of vendors
+    }
+    start_one({"gui_headless"});
+  }
+
+  void start(Supervisor& programs, const SessionHost& host, const SessionProgram& program, const std::string& vendor) {
+    std::vector<std::string> words = settings_flags_of(session_.options);
+    words.insert(words.end(), {"--domain", std::to_string(session_.domain), "--dds", vendor});
+    if (!host.network_interface.empty()) words.insert(words.end(), {"--interface", host.network_interface});
+    if (const auto peers = peers_of(host); !peers.empty())
+      words.insert(words.end(), {"--peers", fmt::format("{}", fmt::join(peers, ","))});
+    if (program.user >= 0) words.insert(words.end(), {"--user", std::to_string(program.user)});
+    words.insert(words.end(), {"--out", is_distant(host) ? folder_there(host) : folder_here(host)});
+    const bool essential = program.name != "gui_headless";
+    const std::string part = part_file(folder_here(host), program.name, program.user);
+    Supervisor::Child child{.label = program.label(),
+                            .log = fmt::format("{}/logs/{}.log", out_, program.label()),
+                            .part = essential ? part : "",
+                            .essential = essential};
+    if (!is_distant(host)) {
+      programs.start(std::move(child), program_folder() + "/" + program.name, words);
+      return;
+    }
+    std::string command = fmt::format("cd {} && exec build/release/bin/{}", quoted(checkout(host)), program.name);
+    for (const std::string& word : words) command += " " + quoted(word);
+    // With a terminal, the program there gets SIGHUP where this one ends.
+    programs.start(std::move(child), request_.ssh, {"-tt", "-o", "BatchMode=yes", host.ssh, command});
+  }
+
+  [[nodiscard]] std::vector<std::string> peers_of(const SessionHost& host) const {
+    std::vector<std::string> peers;
+    for (const SessionHost& other : session_.hosts) {
+      if (other.name != host.name && !other.address.empty()) peers.push_back(other.address);
+    }
+    return peers;
+  }
+
+  Ended watch() {
+    Supervisor programs;
+    start(programs);
+    Ended ended;
+    Watchdog watchdog;
+    {
+      std::unique_ptr<Progress> progress = show(watchdog);
+      ended.failure = programs.watch(
+          [&] {
+            if (progress) (*progress)();
+          },
+          [&](const Supervisor::Child& child) { return early_end(child.part, run_.scene.settings.duration_s); });
+    }
+    programs.stop();
+    ended.stall = watchdog.longest();
+    ended.signal = stop_signal();
+    for (const Supervisor::Child& child : programs.children()) {
+      if (!child.part.empty()) ended.parts.push_back(child.part);
+      if (!child.essential && exit_code_of(child) != 0) ended.display = child.label + " " + end_of(child);
+    }
+    return ended;
+  }
+
+  /// Live progress needs a host of the session on this machine.
+  std::unique_ptr<Progress> show(Watchdog& watchdog) {
+    const auto here = std::ranges::find_if(chosen_, [&](const SessionHost* host) { return !is_distant(*host); });
+    if (here == chosen_.end()) {
+      fmt::print("subworld: no host of the session is on this machine: no live progress\n");
+      return nullptr;
+    }
+    Network network = session_.options.network;
+    network.dds = vendor_of(session_.dds, 0);
+    network.domain = session_.domain;
+    network.interface_address = (*here)->network_interface;
+    network.peers = peers_of(**here);
+    return std::make_unique<Progress>(network, run_.scene, watchdog);
+  }
+
+  /// Brings the results of distant hosts here.
+  void fetch() {
+    for (const SessionHost* const host : chosen_) {
+      if (!is_distant(*host)) continue;
+      const std::string folder = folder_here(*host);
+      make_folder(folder);
+      const std::string there =
+          fmt::format("cd {}/{} && tar c .", quoted(checkout(*host)), quoted(folder_there(*host)));
+      const std::string command = fmt::format("{} -o BatchMode=yes {} {} | tar x -C {}", quoted(request_.ssh),
+                                              quoted(host->ssh), quoted(there), quoted(folder));
+      if (std::system(command.c_str()) != 0)
+        fmt::print(stderr, "subworld: warning: no results from host {}; try: {}\n", host->name, command);
+    }
+  }
+
+  int report_share(const Ended& ended) {
+    const std::string folder = folder_here(*chosen_.front());
+    if (ended.failure) {
+      const Supervisor::Child& failed = ended.failure->child;
+      fmt::print(stderr, "subworld: error: {} {}; its log: {}\n", failed.label, ended.failure->reason, failed.log);
+      const int code = exit_code_of(failed);
+      return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
+    }
+    fmt::print(
+        "results of host {}: {}\nthe verdict needs those of all hosts: copy them to one machine, then run\n"
+        "  subworld collect DIR...\n",
+        request_.host, folder);
+    return static_cast<int>(ExitCode::done);
+  }
+
+  const SessionRequest& request_;
+  Session session_;
+  std::string out_;
+  RunResults run_;
+  std::vector<const SessionHost*> chosen_;
+};
+
+/// Throws `Error` (usage) where a host cannot find the others.
+void check_hosts(const Session& session) {
+  if (session.hosts.size() < 2) return;
+  for (const SessionHost& host : session.hosts) {
+    if (!host.address.empty() && !host.network_interface.empty()) continue;
+    throw Error(ExitCode::usage,
+                fmt::format("{}: host {} has no {}; add it, or run all hosts on this machine: --namespaces",
+                            session.file, host.name, host.address.empty() ? "address" : "interface"));
+  }
+}
+
+}  // namespace
+
+int up(const SessionRequest& request) {
+  end_at_stop_signals();
+  Session session = load_session(session_file(request.session));
+  Scene scene = load_scene(session.options);
+  check_programs(session, scene);
+  RunRequest as_a_run;
+  as_a_run.options = session.options;
+  as_a_run.dds = session.dds;
+  check_request(scene, as_a_run);
+  if (!request.host.empty()) (void)session.host(request.host);
+  if (!request.namespaces) check_hosts(session);
+  std::string out = request.out;
+  FileLock folder;
+  claim_folder(out, session.name, folder);
+  std::filesystem::remove_all(out + "/hosts");
+  fmt::print("subworld: session {}: {} in {}, {} s, {} hosts, domain {}, results in {}\n", session.name, scene.file,
+             scene.settings.mode == Mode::realtime ? "real time" : "lock-step", scene.settings.duration_s,
+             session.hosts.size(), session.domain, out);
+  return SessionRun(request, std::move(session), std::move(scene), std::move(out))();
+}
+
+}  // namespace subworld
