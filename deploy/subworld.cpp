@@ -1,5 +1,6 @@
 #include "io/command_line.hpp"
 #include "launch.hpp"
+#include "link/command.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
 #include "wire/plugin.hpp"
@@ -38,6 +39,7 @@ constexpr const char* kExamples =
     "  subworld control pause --domain 100\n"
     "  subworld control engine havok --haptic --domain 100\n"
     "  subworld plan deploy/scenes/row.yaml\n"
+    "  subworld link wifi --validate\n"
     "  subworld lab coupling --quick\n"
     "`subworld run` starts all programs on this host. For several hosts start the programs by hand: world_sim --help.\n"
     "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
@@ -141,6 +143,11 @@ int main_of(int argc, char** argv) {
       line.command("control", "Stops, pauses, resumes or steps a running world, or changes its engine");
   add_control(control_command, control_request);
 
+  LinkRequest link_request;
+  CommandLine& link_command =
+      line.command("link", "Emulates a network between hosts on this machine: delay, jitter, loss, rate, outage");
+  add_link_options(link_command, link_request);
+
   CommandLine& lab_command = line.command("lab", "Evaluations: runs a sweep and writes tables and a report");
   lab_command.footer(
       "Examples:\n"
@@ -162,6 +169,7 @@ int main_of(int argc, char** argv) {
     request.place = placement == "auto";
     return run(request);
   }
+  if (link_command.chosen()) return run_link(link_request);
   if (control_command.chosen()) {
     control(control_request);
   } else {
