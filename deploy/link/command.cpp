@@ -31,7 +31,6 @@ LinkBackend backend_of(const std::string& name) {
   return name == "tun" ? LinkBackend::tun : LinkBackend::automatic;
 }
 
-/// Sleeps for `kPoll_s`; a signal ends it early.
 void nap() { std::this_thread::sleep_for(from_seconds(kPoll_s)); }
 
 /// The commands in the hosts. The destructor ends them.
@@ -47,7 +46,7 @@ class HostCommands {
     const TimePoint until = Clock::now() + from_seconds(kPatience_s);
     while (!running_.empty() && Clock::now() < until) {
       collect();
-      if (!running_.empty()) std::this_thread::sleep_for(from_seconds(kPoll_s));
+      if (!running_.empty()) nap();
     }
     for (const auto& [pid, host] : running_) {
       kill(-pid, SIGKILL);
@@ -105,6 +104,7 @@ void print_link(const EmulatedNetwork& network) {
   fmt::print("link: {} hosts, back end {}\n", network.hosts(), network.description());
   const std::string ab = to_text(network.link({0, 1})), ba = to_text(network.link({1, 0}));
   fmt::print("  {}\n", ab == ba ? "each direction: " + ab : fmt::format("a -> b: {}; b -> a: {}", ab, ba));
+  if (network.hosts() > 2) fmt::print("  other pairs: {}\n", to_text(network.link({0, 2})));
   for (int i = 0; i < network.hosts(); ++i) {
     fmt::print("  host {}: {} on {}; enter it with: nsenter --net={} bash\n", host_name(i), network.address(i),
                EmulatedNetwork::kInterface, network.host(i).path());
@@ -115,8 +115,13 @@ void print_link(const EmulatedNetwork& network) {
 int validated(EmulatedNetwork& network, double duration_s) {
   fmt::print("  validation: 1000 probes a second in each direction for {} s\n", duration_s);
   std::fflush(stdout);
+  const std::vector<LinkValidation> found = validate(network, duration_s);
+  if (stop_signal() != 0) {
+    fmt::print("validation: stopped by a signal\n");
+    return static_cast<int>(ExitCode::done);
+  }
   bool ok = true;
-  for (const LinkValidation& one : validate(network, duration_s)) {
+  for (const LinkValidation& one : found) {
     fmt::print("{} -> {}: {}\n{}", host_name(one.ends.from), host_name(one.ends.to), to_text(network.link(one.ends)),
                table_of(one.checks));
     ok = ok && one.ok();
