@@ -1,5 +1,6 @@
 #include "io/command_line.hpp"
 #include "launch.hpp"
+#include "link/command.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
 #include "session/session.hpp"
@@ -39,6 +40,7 @@ constexpr const char* kExamples =
     "  subworld control pause --domain 100\n"
     "  subworld control engine havok --haptic --domain 100\n"
     "  subworld plan deploy/scenes/row.yaml\n"
+    "  subworld link wifi --validate\n"
     "  subworld lab coupling --quick\n"
     "`subworld run` starts all programs on this host. For several hosts start the programs by hand: world_sim --help.\n"
     "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
@@ -68,6 +70,9 @@ void add_up(CommandLine& line, SessionRequest& request) {
   line.flag("--namespaces", request.namespaces,
             "make each host a network namespace of this machine; needs the rights of root");
   line.add("--link", &request.link, "with --namespaces: the link between any two hosts, as for `subworld link`")
+      .otherwise("the session's");
+  line.add("--dds", &request.dds, "DDS vendor; mixed alternates over the programs")
+      .one_of({"fastdds", "cyclonedds", "mixed"})
       .otherwise("the session's");
   line.add("--ssh", &request.ssh, "program that starts commands on the hosts which have `ssh`");
   line.add("--out", &request.out, "folder for the results").otherwise("a new out/SESSION-TIME");
@@ -178,6 +183,11 @@ int main_of(int argc, char** argv) {
       line.command("collect", "Makes one summary and verdict of results that programs wrote into several folders");
   add_collect(collect_command, collection);
 
+  LinkRequest link_request;
+  CommandLine& link_command =
+      line.command("link", "Emulates a network between hosts on this machine: delay, jitter, loss, rate, outage");
+  add_link_options(link_command, link_request);
+
   CommandLine& lab_command = line.command("lab", "Evaluations: runs a sweep and writes tables and a report");
   lab_command.footer(
       "Examples:\n"
@@ -202,6 +212,7 @@ int main_of(int argc, char** argv) {
     request.place = placement == "auto";
     return run(request);
   }
+  if (link_command.chosen()) return run_link(link_request);
   if (control_command.chosen()) {
     control(control_request);
   } else {

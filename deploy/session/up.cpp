@@ -1,6 +1,7 @@
 #include "claim.hpp"
 #include "ends.hpp"
 #include "limits.hpp"
+#include "link/network.hpp"
 #include "model/error.hpp"
 #include "progress.hpp"
 #include "report.hpp"
@@ -16,6 +17,8 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
+#include <optional>
 
 namespace subworld {
 
@@ -46,6 +49,7 @@ class SessionRun {
     for (const SessionHost* const host : chosen_) {
       if (!is_distant(*host)) make_folder(folder_here(*host));
     }
+    if (request_.namespaces) make_namespaces();
     watch_stop_signals();
     const TimePoint begin = Clock::now();
     Ended ended = watch();
@@ -76,6 +80,25 @@ class SessionRun {
   /// On a distant host, in its checkout.
   [[nodiscard]] std::string folder_there(const SessionHost& host) const {
     return fmt::format("out/sessions/{}/{}", std::filesystem::absolute(out_).filename().string(), host.name);
+  }
+
+  /// A network namespace for each host, with addresses and links between them.
+  void make_namespaces() {
+    network_.emplace();
+    for (const SessionHost& host : session_.hosts) network_->add_host(host.name);
+    const LinkSettings link = parse_link(request_.link.empty() ? session_.link : request_.link);
+    network_->set_links(link);
+    network_->start();
+    for (std::size_t i = 0; i < session_.hosts.size(); ++i) {
+      session_.hosts[i].address = network_->address(static_cast<int>(i));
+      session_.hosts[i].network_interface = EmulatedNetwork::kInterface;
+    }
+    fmt::print("subworld: {} network namespaces; link between any two, each way: {}; {}\n", session_.hosts.size(),
+               to_text(link), network_->description());
+  }
+  /// The namespace of a host; null: this machine's own.
+  [[nodiscard]] const NetworkHost* namespace_of(const SessionHost& host) const {
+    return network_ ? &network_->host(static_cast<int>(&host - session_.hosts.data())) : nullptr;
   }
 
   /// Starts the programs, the world first: it ends the others in order.
@@ -112,7 +135,10 @@ class SessionRun {
                             .part = essential ? part : "",
                             .essential = essential};
     if (!is_distant(host)) {
-      programs.start(std::move(child), program_folder() + "/" + program.name, words);
+      const NetworkHost* const inside = namespace_of(host);
+      programs.start(
+          std::move(child), program_folder() + "/" + program.name, words,
+          inside == nullptr ? std::function<bool()>() : [inside] { return inside->enter(); });
       return;
     }
     std::string command = fmt::format("cd {} && exec build/release/bin/{}", quoted(checkout(host)), program.name);
@@ -164,7 +190,14 @@ class SessionRun {
     network.domain = session_.domain;
     network.interface_address = (*here)->network_interface;
     network.peers = peers_of(**here);
-    return std::make_unique<Progress>(network, run_.scene, watchdog);
+    std::unique_ptr<Progress> progress;
+    const auto open = [&] { progress = std::make_unique<Progress>(network, run_.scene, watchdog); };
+    if (const NetworkHost* const inside = namespace_of(**here); inside != nullptr) {
+      inside->inside(open);
+    } else {
+      open();
+    }
+    return progress;
   }
 
   /// Brings the results of distant hosts here.
@@ -202,6 +235,7 @@ class SessionRun {
   std::string out_;
   RunResults run_;
   std::vector<const SessionHost*> chosen_;
+  std::optional<EmulatedNetwork> network_;  ///< with --namespaces
 };
 
 /// Throws `Error` (usage) where a host cannot find the others.
@@ -220,6 +254,7 @@ void check_hosts(const Session& session) {
 int up(const SessionRequest& request) {
   end_at_stop_signals();
   Session session = load_session(session_file(request.session));
+  if (!request.dds.empty()) session.dds = request.dds;
   Scene scene = load_scene(session.options);
   check_programs(session, scene);
   RunRequest as_a_run;

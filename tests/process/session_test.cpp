@@ -88,6 +88,22 @@ TEST_F(Sessions, SharesThatAreStartedByHostAreCollectedIntoOneVerdict) {
   EXPECT_NE(users.err.find("no world.json"), std::string::npos) << users.err;
 }
 
+class NamespacedSessions : public Sessions, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(NamespacedSessions, OverALinkThatDelaysAndLosesTheHashIsThatOfOneHost) {
+  const Ended probe = finish({"/usr/bin/unshare", "--net", "/bin/true"});
+  if (probe.code != 0) GTEST_SKIP() << "network namespaces are not permitted here: " << probe.err;
+  const Ended ended =
+      finish(up(session(), out(), {"--namespaces", "--dds", GetParam(), "--link", "delay 2ms jitter 2ms loss 1%"}));
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+  EXPECT_EQ(summary()["verdict"], "ok");
+  EXPECT_EQ(summary()["dds"], GetParam());
+  EXPECT_EQ(summary()["state_hash"], hash_of_one_host());
+}
+
+INSTANTIATE_TEST_SUITE_P(Vendors, NamespacedSessions, ::testing::Values("fastdds", "cyclonedds", "mixed"),
+                         [](const auto& one) { return one.param; });
+
 TEST_F(Sessions, MistakesAreNamedWithTheirPlaceAndCure) {
   expect_error(session("haptic_sim 1, device_sim 1", "haptic_sim 1"), "no host runs device_sim 1; add it");
   expect_error(session("device_sim 1", "device_sim 1, device_sim 0"), "device_sim 0 runs 2 times; keep one");
