@@ -81,7 +81,7 @@ Options options_of(const WorldPart& world, const std::string& scene) {
 
 }  // namespace
 
-void gather(const std::vector<std::string>& folders, const std::string& out) {
+void merge_results(const std::vector<std::string>& folders, const std::string& out) {
   std::map<std::string, fs::path> found;
   for (const std::string& folder : folders) {
     if (!fs::is_directory(folder))
@@ -126,7 +126,7 @@ int collect(const CollectRequest& request) {
                   fmt::format("--out {}: holds results that are to be merged; choose another folder", out));
   }
   claim_folder(out, run.scene.name, lock);
-  gather(request.folders, out);
+  merge_results(request.folders, out);
   check_parts(run, out);
   run.command_line = request.command_line;
   run.date = date_of_now();

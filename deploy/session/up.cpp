@@ -56,7 +56,7 @@ class SessionRun {
     run_.wall_s = to_seconds(Clock::now() - begin);
     fetch();
     if (!request_.host.empty()) return report_share(ended);
-    gather({out_ + "/hosts"}, out_);
+    merge_results({out_ + "/hosts"}, out_);
     for (std::string& part : ended.parts) part = out_ + part.substr(part.rfind('/'));
     return conclude_run(run_, ended, run_request(), out_, {});
   }
