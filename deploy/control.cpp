@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -27,8 +28,6 @@ struct Verb {
 constexpr std::array kVerbs{Verb{"stop", ControlVerb::stop}, Verb{"pause", ControlVerb::pause},
                             Verb{"resume", ControlVerb::resume}, Verb{"step", ControlVerb::step},
                             Verb{"engine", ControlVerb::set_engine}};
-constexpr std::string_view kRefused = "refused: ";
-constexpr std::string_view kPreparing = "preparing";
 
 /// Waits until the world has described itself. Throws `Error` (middleware) where none does.
 SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Network& network, double wait_s) {
@@ -47,34 +46,25 @@ SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Net
   return description;
 }
 
-/// The answers in a status to the order of that number; several ones are joined by "; ".
-std::vector<std::string> answers_in(const std::string& status, std::uint32_t order) {
-  std::vector<std::string> answers;
-  const std::string prefix = answer_prefix(order);
-  for (std::size_t at = status.find(prefix); at != std::string::npos; at = status.find(prefix, at)) {
-    at += prefix.size();
-    answers.push_back(status.substr(at, status.find("; control ", at) - at));
-  }
-  return answers;
-}
-
 /// The answers of those that an order is for: the world, or every sub-world.
 class Answers {
  public:
   Answers(const Control& order, ProgramKind asked, std::uint32_t expected)
       : order_(order.number), asked_(asked), expected_(expected) {}
 
-  /// Prints the answers in a status. Throws `Error` (failed) where one that the order is for refuses.
-  void hear(const Status& status) {
-    const bool asked = status.program == asked_;
-    if (asked) said_.try_emplace(status.instance);
-    for (const std::string& answer : answers_in(status.text, order_)) {
-      if (asked && answer.find(kRefused) != std::string::npos) {
-        throw Error(ExitCode::failed, fmt::format("{}: {}", label_of(status.program, status.instance), answer));
-      }
-      fmt::print("{}: {}\n", label_of(status.program, status.instance), answer);
-      if (asked) said_[status.instance] = answer;
-    }
+  /// Prints the answer. Throws `Error` (failed) where one that the order is for refuses.
+  void hear(const ControlReply& reply) {
+    if (reply.number != order_) return;
+    const bool asked = reply.program == asked_;
+    const std::string label = label_of(reply.program, reply.instance);
+    if (asked && reply.answer.outcome == OrderState::refused)
+      throw Error(ExitCode::failed, fmt::format("{}: refused: {}", label, reply.answer.text));
+    fmt::print("{}: {}\n", label, reply.answer.text);
+    if (asked) said_[reply.instance] = reply.answer;
+  }
+  /// That program is there.
+  void met(ProgramKind program, std::uint32_t instance) {
+    if (program == asked_) said_.try_emplace(instance);
   }
 
   /// Whether all have executed it.
@@ -89,7 +79,7 @@ class Answers {
     std::vector<std::string> names;
     for (const auto& [instance, said] : said_) {
       if (done(said)) continue;
-      names.push_back(label_of(asked_, instance) + (said.empty() ? "" : fmt::format(" (so far: \"{}\")", said)));
+      names.push_back(label_of(asked_, instance) + (said ? fmt::format(" (so far: \"{}\")", said->text) : ""));
     }
     if (said_.size() < expected_) {
       names.push_back(fmt::format("{} {} that did not answer", expected_ - said_.size(),
@@ -99,21 +89,25 @@ class Answers {
   }
 
  private:
-  [[nodiscard]] static bool done(const std::string& said) { return !said.empty() && !said.starts_with(kPreparing); }
+  [[nodiscard]] static bool done(const std::optional<OrderAnswer>& said) {
+    return said && said->outcome != OrderState::preparing;
+  }
   std::uint32_t order_;
   ProgramKind asked_;
   std::uint32_t expected_;
-  std::map<std::uint32_t, std::string> said_;  ///< the newest answer, by instance; empty: no answer yet
+  std::map<std::uint32_t, std::optional<OrderAnswer>> said_;  ///< the newest answer, by instance; none: not yet
 };
 
 /// Prints the answers to the order, until each program that it is for has executed it. Throws `Error` (failed) where
 /// one refuses, or does not execute it within `wait_s`.
-void await_answers(Bus& bus, Reader<Status>& statuses, const Reader<SceneDescription>& scene, const Control& order,
-                   Answers& answers, double wait_s) {
+void await_answers(Bus& bus, Reader<ControlReply>& replies, Reader<Status>& statuses,
+                   const Reader<SceneDescription>& scene, const Control& order, Answers& answers, double wait_s) {
   const TimePoint until = Clock::now() + from_seconds(wait_s);
+  ControlReply reply;
   Status status;
   while (true) {
-    while (statuses.take(status) == Take::sample) answers.hear(status);
+    while (replies.take(reply) == Take::sample) answers.hear(reply);
+    while (statuses.take(status) == Take::sample) answers.met(status.program, status.instance);
     if (answers.complete()) return;
     if (order.verb == ControlVerb::stop && scene.matched() == 0) return;  // it has ended
     if (Clock::now() > until) break;
@@ -142,6 +136,7 @@ void send_control(const Network& network, const std::string& verb, const EngineO
   Settings listening;
   listening.mode = Mode::realtime;
   const auto hearing = open_bus(network, listening, 0.001, "subworld control");
+  auto replies = hearing->reader<ControlReply>();
   auto statuses = hearing->reader<Status>();
   auto scene = hearing->reader<SceneDescription>();
   const auto bus = open_bus(network, Settings{}, 0.001, "subworld control");
@@ -155,7 +150,7 @@ void send_control(const Network& network, const std::string& verb, const EngineO
   const bool for_sub_worlds = verb == "engine" && engine.target == EngineOrder::Target::haptic;
   Answers answers(order, for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
                   for_sub_worlds ? world.users : 1);
-  await_answers(*hearing, statuses, scene, order, answers, wait_s);
+  await_answers(*hearing, replies, statuses, scene, order, answers, wait_s);
 }
 
 }  // namespace subworld

@@ -103,7 +103,7 @@ void Progress::listen() {
 
 void Progress::say(const Status& status) {
   // `subworld control` prints the answers to orders.
-  if (status.text.empty() || status.text.starts_with("control ") || !said_.insert(status.text).second) return;
+  if (status.text.empty() || !said_.insert(status.text).second) return;
   finish();
   fmt::print("{}: {}\n", label_of(status.program, status.instance), status.text);
 }

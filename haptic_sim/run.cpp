@@ -18,8 +18,9 @@ void HapticRun::follow_orders() const {
   }
   if (const auto change = follow_exchange(sub, exchange, ports.status)) measures.engine_changed(*change);
   if (const auto change = measures.take_settled_change()) {
-    ports.status.answer(change->order, fmt::format("{}; force steps {:.3f} N, before {:.3f} N", to_text(*change),
-                                                   change->force_step_n, change->force_step_before_n));
+    ports.status.answer(change->order,
+                        {OrderState::done, fmt::format("{}; force steps {:.3f} N, before {:.3f} N", to_text(*change),
+                                                    change->force_step_n, change->force_step_before_n)});
   }
 }
 

@@ -42,13 +42,14 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
   for (HapticReport& report : reports_) reserve(report, kUsualMembers);
 }
 
-std::string SubWorld::change_engine(EngineExchange& exchange, const EngineOrder& order) {
+OrderAnswer SubWorld::change_engine(EngineExchange& exchange, const EngineOrder& order) {
   const LiveEngine* engine = model_->engine();
-  if (engine == nullptr) return "refused: this scheme has no sub-world and so no engine in it";
+  if (engine == nullptr) return {OrderState::refused, "this scheme has no sub-world and so no engine in it"};
   EngineSettings settings = scene_.settings.haptic;
   settings.change_to(order.engine, order.preset);
   const bool begun = exchange.begin(settings, *engine, scene_.settings.h_s, order.number);
-  return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
+  if (!begun) return {OrderState::refused, "another change of engine is under way; try again"};
+  return {OrderState::preparing, "preparing engine " + order.engine};
 }
 
 bool SubWorld::exchange_engine(EngineExchange& exchange) {

@@ -105,9 +105,9 @@ class SubWorld {
   /// False where the frame brings no proxy: it is no beginning.
   bool reset_from(const WorldFrame& frame);
 
-  /// Asks for another engine. Returns what came of it, in words; exchange_engine() hands over between two steps,
+  /// Asks for another engine. Returns what came of it; exchange_engine() hands over between two steps,
   /// when the other one is ready, and ramps the force.
-  std::string change_engine(EngineExchange& exchange, const EngineOrder& order);
+  OrderAnswer change_engine(EngineExchange& exchange, const EngineOrder& order);
   bool exchange_engine(EngineExchange& exchange);
 
   [[nodiscard]] const SubWorldFacts& facts() const noexcept { return facts_; }

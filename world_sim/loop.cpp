@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace subworld {
 
@@ -49,19 +50,20 @@ void WorldLoop::follow_orders() {
   Control order;
   while (ports.control.take(order) == Take::sample) {
     if (order.verb != ControlVerb::set_engine) {
-      const std::string answer = control_.follow(order);
+      OrderAnswer answer = control_.follow(order);
       ports.status.pause(control_.paused());
-      ports.status.answer(order.number, answer);
+      ports.status.answer(order.number, std::move(answer));
       continue;
     }
     const auto wanted = parse_engine_order(order);
     if (wanted && wanted->target != EngineOrder::Target::world) continue;
-    ports.status.answer(order.number, wanted ? world.change_engine(exchange, *wanted)
-                                             : "refused: unknown engine order \"" + order.argument + "\"");
+    ports.status.answer(order.number,
+                        wanted ? world.change_engine(exchange, *wanted)
+                               : OrderAnswer{OrderState::refused, "unknown engine order \"" + order.argument + "\""});
   }
   if (const auto change = follow_exchange(world, exchange, ports.status)) {
     measures.engine_changed(*change);
-    ports.status.answer(change->order, to_text(*change));
+    ports.status.answer(change->order, {OrderState::done, to_text(*change)});
   }
 }
 

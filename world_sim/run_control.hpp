@@ -2,15 +2,13 @@
 
 #include "model/exchange.hpp"
 
-#include <string>
-
 namespace subworld {
 
 /// What `control` asked of the world's clock.
 class RunControl {
  public:
-  /// Follows one order. Returns what it did, or why not, in words.
-  std::string follow(const Control& order);
+  /// Follows one order. Returns what it did, or why not.
+  OrderAnswer follow(const Control& order);
 
   /// Whether the world may make its next cycle; a granted single step is used up.
   [[nodiscard]] bool may_step() noexcept;

@@ -137,13 +137,14 @@ bool World::settle(const std::function<bool(double)>& progress) {
   return true;
 }
 
-std::string World::change_engine(EngineExchange& exchange, const EngineOrder& order) {
+OrderAnswer World::change_engine(EngineExchange& exchange, const EngineOrder& order) {
   EngineSettings settings = without_substeps(scene_.settings.world);
   settings.change_to(order.engine, order.preset);
   engine_.wake_all();  // the other engine must be able to hold those too that sleep
   const bool begun = exchange.begin(settings, live_, facts_.cycle_s / facts_.substeps, order.number);
   if (begun) next_engine_ = settings;
-  return begun ? "preparing engine " + order.engine : "refused: another change of engine is under way; try again";
+  if (!begun) return {OrderState::refused, "another change of engine is under way; try again"};
+  return {OrderState::preparing, "preparing engine " + order.engine};
 }
 
 bool World::exchange_engine(EngineExchange& exchange) {

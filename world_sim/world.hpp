@@ -118,9 +118,9 @@ class World {
   /// After the last cycle: applies the reports that have arrived since, and adds the final states to the hash.
   void close();
 
-  /// Asks for another engine. Returns what came of it, in words; exchange_engine() hands over between two steps,
+  /// Asks for another engine. Returns what came of it; exchange_engine() hands over between two steps,
   /// when the other one is ready.
-  std::string change_engine(EngineExchange& exchange, const EngineOrder& order);
+  OrderAnswer change_engine(EngineExchange& exchange, const EngineOrder& order);
   bool exchange_engine(EngineExchange& exchange);
 
   [[nodiscard]] const WorldFacts& facts() const noexcept { return facts_; }

@@ -287,6 +287,13 @@ struct Control {
   std::string argument;
 };
 
+/// What came of an order: `preparing` is followed by one of the others.
+enum class OrderState : std::uint8_t { preparing, done, refused };
+struct OrderAnswer {
+  OrderState outcome = OrderState::done;
+  std::string text;
+};
+
 struct EventCounts {
   std::uint64_t matched = 0;
   std::uint64_t unmatched = 0;
@@ -310,6 +317,14 @@ struct EventCounts {
 }
 
 enum class ProgramKind : std::uint8_t { world_sim, haptic_sim, device_sim, gui_headless };
+
+/// Topic `control_reply`, keyed by program and instance.
+struct ControlReply {
+  ProgramKind program = ProgramKind::world_sim;
+  std::uint32_t instance = 0;
+  std::uint32_t number = 0;  ///< of the `Control`
+  OrderAnswer answer;
+};
 
 /// State in a `Status` of a program that ends with an error; `text` is the reason.
 inline constexpr const char* kFailedState = "failed";

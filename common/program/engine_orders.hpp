@@ -21,7 +21,7 @@ std::optional<EngineChange> follow_exchange(Simulation& simulation, EngineExchan
                         to_seconds(Clock::now() - begin)};
   }
   if (const std::string failure = exchange.take_failure(); !failure.empty()) {
-    status.answer(exchange.order(), "refused: " + failure);
+    status.answer(exchange.order(), {OrderState::refused, failure});
   }
   return {};
 }

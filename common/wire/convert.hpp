@@ -342,6 +342,12 @@ bool fields(const auto& copy, Is<Control> auto& m, auto& w) {
          copy(m.argument, w.argument());
 }
 
+bool fields(const auto& copy, Is<ControlReply> auto& m, auto& w) {
+  return copy.kind(m.program, w.program(), ProgramKind::gui_headless) && copy(m.instance, w.instance()) &&
+         copy(m.number, w.number()) && copy.kind(m.answer.outcome, w.outcome(), OrderState::refused) &&
+         copy(m.answer.text, w.text());
+}
+
 bool fields(const auto& copy, Is<EventCounts> auto& m, auto& w) {
   return copy(m.matched, w.matched()) && copy(m.unmatched, w.unmatched()) &&
          copy(m.deadline_missed, w.deadline_missed()) && copy(m.liveliness_lost, w.liveliness_lost()) &&

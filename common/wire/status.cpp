@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <memory>
 #include <utility>
+#include <vector>
 
 namespace subworld {
 
@@ -25,10 +26,12 @@ void append(std::string& text, const std::string& more) {
 
 }  // namespace
 
-std::string answer_prefix(std::uint32_t order) { return "control " + std::to_string(order) + ": "; }
-
 StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance, std::string label)
-    : bus_(&bus), writer_(bus.writer<Status>()), reader_(bus.reader<Status>()), label_(std::move(label)) {
+    : bus_(&bus),
+      writer_(bus.writer<Status>()),
+      replies_(bus.writer<ControlReply>()),
+      reader_(bus.reader<Status>()),
+      label_(std::move(label)) {
   status_.program = program;
   status_.instance = instance;
   thread_ = std::thread([this] {
@@ -102,7 +105,9 @@ std::string StatusBeacon::last_words(ProgramKind program, std::uint32_t instance
 std::string StatusBeacon::gone_text(ProgramKind program, std::uint32_t instance) const {
   const std::string label = label_of(program, instance);
   const std::string why = last_words(program, instance);
-  return why.empty() ? label + " has died, is suspended, or cannot be reached over the network: it sends no sign of life" : label + " has ended: " + why;
+  return why.empty()
+             ? label + " has died, is suspended, or cannot be reached over the network: it sends no sign of life"
+             : label + " has ended: " + why;
 }
 
 bool StatusBeacon::met(ProgramKind program, std::uint32_t instance) const noexcept {
@@ -156,7 +161,15 @@ std::string StatusBeacon::take_events() {
 }
 
 void StatusBeacon::note(std::string text, std::optional<std::string> waits_for) {
-  auto* const note = new Note{std::move(text), std::move(waits_for), newest_note_.load(std::memory_order_relaxed)};
+  leave(new Note{std::move(text), std::move(waits_for), {}, newest_note_.load(std::memory_order_relaxed)});
+}
+
+void StatusBeacon::answer(std::uint32_t order, OrderAnswer answer) {
+  ControlReply reply{status_.program, status_.instance, order, std::move(answer)};
+  leave(new Note{{}, {}, std::move(reply), newest_note_.load(std::memory_order_relaxed)});
+}
+
+void StatusBeacon::leave(Note* note) {
   while (!newest_note_.compare_exchange_weak(note->earlier, note, std::memory_order_release)) {
   }
   wake_.release();
@@ -165,12 +178,19 @@ void StatusBeacon::note(std::string text, std::optional<std::string> waits_for) 
 std::string StatusBeacon::take_notes() {
   std::string text;
   std::optional<std::string> waits_for;
+  std::vector<ControlReply> replies;  // the newest first
   std::unique_ptr<Note> note(newest_note_.exchange(nullptr, std::memory_order_acquire));
   while (note != nullptr) {
     if (!waits_for) waits_for = std::move(note->waits_for);
+    if (note->reply) replies.push_back(*std::move(note->reply));
     append(note->text, text);
     text = std::move(note->text);
     note.reset(note->earlier);
+  }
+  for (auto reply = replies.rbegin(); reply != replies.rend(); ++reply) {
+    replies_.write(*reply);
+    std::fprintf(stderr, "%s: order %u %s: %s\n", label_.c_str(), reply->number,
+                 reply->answer.outcome == OrderState::refused ? "refused" : "followed", reply->answer.text.c_str());
   }
   if (waits_for) status_.waits_for = *std::move(waits_for);
   return text;

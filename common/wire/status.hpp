@@ -20,9 +20,6 @@ namespace subworld {
 /// A program counts as dead after this time without a status, s; one is sent every second.
 inline constexpr double kStatusTimeout_s = 2.0;
 
-/// Prefix of the answer to a `Control` of this number, in the text of a `Status`.
-[[nodiscard]] std::string answer_prefix(std::uint32_t order);
-
 /// Data of a loop that a status shows.
 struct LoopState {
   double time_s = 0.0;
@@ -72,20 +69,22 @@ class StatusBeacon {
   /// Error text for a peer without a sign of life: what it said itself, or else "haptic_sim 0 has died, is
   /// suspended".
   [[nodiscard]] std::string gone_text(ProgramKind program, std::uint32_t instance) const;
-  /// Publishes the result of an order, like note().
-  void answer(std::uint32_t order, const std::string& text) { note(answer_prefix(order) + text); }
+  /// Publishes and prints what came of the `Control` of that number. May be called from the loop; does not block.
+  void answer(std::uint32_t order, OrderAnswer answer);
 
  private:
   struct Note {
     std::string text;
     std::optional<std::string> waits_for;
+    std::optional<ControlReply> reply;
     Note* earlier;
   };
 
   void publish(double passed_s);
   /// Receives the other programs' statuses; once a tick.
   void listen();
-  /// Notes since the last call, in order, joined by "; ". Sets `waits_for`.
+  void leave(Note* note);
+  /// Notes since the last call, in order, joined by "; ". Sets `waits_for`, and publishes replies.
   std::string take_notes();
   /// Text for the middleware events. The absence of a peer is normal while programs start and end. It is reported only
   /// if the loop ran before it, and still runs one status later.
@@ -96,6 +95,7 @@ class StatusBeacon {
 
   Bus* bus_;
   Writer<Status> writer_;
+  Writer<ControlReply> replies_;
   Reader<Status> reader_;
   Status heard_;
   static constexpr std::size_t kPrograms = 4, kInstances = kMostUsers;

@@ -20,6 +20,7 @@ class WorldFrame;
 class HapticReport;
 class WorldState;
 class Control;
+class ControlReply;
 class Status;
 }  // namespace msg
 
@@ -70,6 +71,8 @@ inline constexpr std::tuple kTopicTable{
                                           Durability::volatile_, 1, DeadlineKind::none},
     Topic<Control, msg::Control>{"control", "subworld::msg::Control", 0, Reliability::reliable,
                                  Durability::transient_local, 16, DeadlineKind::none},
+    Topic<ControlReply, msg::ControlReply>{"control_reply", "subworld::msg::ControlReply", 2, Reliability::reliable,
+                                           Durability::transient_local, 16, DeadlineKind::none},
     Topic<Status, msg::Status>{"status", "subworld::msg::Status", 2, Reliability::reliable, Durability::transient_local,
                                16, DeadlineKind::none},
 };

@@ -54,16 +54,20 @@ TEST_P(WireStatus, notes_of_a_paused_loop_are_published) {
   }
 }
 
-TEST_P(WireStatus, a_late_reader_gets_earlier_notes) {
+TEST_P(WireStatus, a_late_reader_gets_earlier_replies) {
   const TestDomain held;
   const int domain = held.number();
   const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
   StatusBeacon beacon(*sender, ProgramKind::world_sim, 0, "test");
-  beacon.answer(7, "done");
+  beacon.answer(7, {OrderState::done, "paused"});
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
-  auto reader = receiver->reader<Status>();
-  EXPECT_TRUE(hear(*receiver, reader, "control 7: done"));
+  auto replies = receiver->reader<ControlReply>();
+  ControlReply reply;
+  ASSERT_TRUE(test::eventually([&] { return replies.take(reply) == Take::sample; }));
+  EXPECT_EQ(reply.number, 7U);
+  EXPECT_EQ(reply.answer.outcome, OrderState::done);
+  EXPECT_EQ(reply.answer.text, "paused");
 }
 
 TEST_P(WireStatus, says_as_data_whether_a_program_waits_or_is_paused) {

@@ -98,6 +98,13 @@ class SampleMaker {
     for (T& element : to) fill(element);
   }
 
+  void fill(ControlReply& to) {
+    to.program = static_cast<ProgramKind>(word() % 4);
+    to.instance = word();
+    to.number = word();
+    to.answer.outcome = static_cast<OrderState>(word() % 3);
+    to.answer.text = text();
+  }
   void fill(NamedSetting& to) {
     to.name = text();
     to.value = text();
@@ -288,6 +295,10 @@ struct NumberVisitor {
     all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity, p.applied, p.device_s, p.offset);
   }
   void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
+  void operator()(const ControlReply& r) {
+    all(static_cast<std::uint32_t>(r.program), r.instance, r.number, static_cast<std::uint32_t>(r.answer.outcome),
+        r.answer.text);
+  }
   void operator()(const NamedSetting& s) { all(s.name, s.value); }
   void operator()(const SceneDescription& s) {
     all(s.wire_version, s.name, s.settings, s.session, s.users, s.meshes, s.bodies, s.states);
