@@ -38,6 +38,11 @@ std::uint64_t link_seed(std::uint64_t seed, std::uint64_t link) noexcept {
   return x ^ (x >> 31);
 }
 
+/// The heap's order: the latest departure is the least.
+constexpr auto kLater = [](const auto& a, const auto& b) {
+  return a.departure_ns != b.departure_ns ? a.departure_ns > b.departure_ns : a.number > b.number;
+};
+
 }  // namespace
 
 void LinkCounters::add(const LinkCounters& other) noexcept {
@@ -159,13 +164,6 @@ void Forwarder::release(std::uint32_t slot) noexcept {
   if (--uses_[slot] == 0) free_.push_back(slot);
 }
 
-namespace {
-/// The heap's order: the latest departure is the least.
-constexpr auto kLater = [](const auto& a, const auto& b) {
-  return a.departure_ns != b.departure_ns ? a.departure_ns > b.departure_ns : a.number > b.number;
-};
-}  // namespace
-
 void Forwarder::send_due() {
   for (int sent = 0; sent < kBatch && !waiting_.empty() && waiting_.front().departure_ns <= now_ns(); ++sent) {
     std::pop_heap(waiting_.begin(), waiting_.end(), kLater);
@@ -198,7 +196,11 @@ bool Forwarder::receive(std::size_t host) {
     if (!room) {
       const std::uint32_t to = destination_of(&pool_[std::size_t{slot} * mtu_]);
       for (std::size_t other = 0; other < hosts_.size(); ++other) {
-        if (hosts_[other].address == to) ++counters_[host * hosts_.size() + other].queue_full;
+        if (hosts_[other].address != to) continue;
+        LinkCounters& counters = counters_[host * hosts_.size() + other];
+        ++counters.packets;
+        counters.bytes += bytes;
+        ++counters.queue_full;
       }
       continue;
     }

@@ -39,7 +39,8 @@ struct LinkEnds {
 /// Forwards IPv4 packets between TUN devices in its own thread. A packet to the address of another host passes the
 /// `LinkModel` of that pair; a broadcast or multicast packet passes one to each other host. The loop sleeps until the
 /// next departure, an absolute time, or until a packet arrives. It allocates nothing after the start: packets lie in a
-/// pool, and a packet that finds no room is dropped and counted as `queue_full`.
+/// pool, and a packet that finds no room is dropped and counted as `queue_full`. One other thread at a
+/// time may call it.
 class Forwarder {
  public:
   struct Host {

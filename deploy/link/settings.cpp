@@ -11,7 +11,7 @@ namespace subworld {
 namespace {
 
 constexpr std::array kLinkPresets{
-    LinkPreset{"ideal", "", "no delay and no loss"},
+    LinkPreset{"ideal", "delay 0ms", "no delay and no loss"},
     LinkPreset{"lan", "delay 0.1ms rate 1gbit", "a switch in the same building"},
     LinkPreset{"wifi", "delay 15ms 10ms loss 8%", "Wi-Fi behind concrete"},
     LinkPreset{"4g", "delay 50ms 15ms loss 3%", "a mobile network"},

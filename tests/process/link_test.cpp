@@ -84,6 +84,26 @@ TEST_F(Link, ARunOverALinkHasTheHashOfOneHost) {
   EXPECT_EQ(world["state_hash"], summary()["state_hash"]);
 }
 
+/// The kernel of the test may have no netem: a program takes the place of `tc`, and the cable is real.
+TEST_F(Link, NetemIsSetAtBothEndsOfACable) {
+  const std::string log = folder_.path() + "/tc.log";
+  const std::string tc = folder_.write("tc", "#!/bin/sh\necho \"$@\" >> " + log + "\n");
+  std::filesystem::permissions(tc, std::filesystem::perms::owner_all);
+  const Environment path{{"PATH", folder_.path() + ":/usr/sbin:/usr/bin:/sbin:/bin"}};
+  const std::string seen = folder_.path() + "/seen";
+  const Ended ended =
+      finish(link_words({"--backend", "netem", "--a-to-b", "delay 20ms 5ms", "--b-to-a", "loss 2%", "--on-a",
+                         "cat /proc/net/route > " + seen, "--on-b", "bash -c 'echo x > /dev/udp/10.9.0.1/5000'"}),
+             path);
+  if (contains(ended.err, "`ip link add")) GTEST_SKIP() << "no virtual cable here: " << ended.err;
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_TRUE(contains(read_text(seen), "eth0")) << read_text(seen);
+  EXPECT_TRUE(contains(ended.out, "back end netem")) << ended.out;
+  const std::string set = read_text(log);
+  EXPECT_TRUE(contains(set, "root netem limit 1000 delay 20000000ns 5000000ns\n")) << set;
+  EXPECT_TRUE(contains(set, "root netem limit 1000 loss random 2.0000000%\n")) << set;
+}
+
 TEST_F(Link, WrongWordsAreNamed) {
   const std::vector<std::pair<Words, std::string>> wrong{
       {{"wify"}, "did you mean wifi?"},
