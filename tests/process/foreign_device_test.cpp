@@ -1,0 +1,44 @@
+#include "process/process_test.hpp"
+
+namespace subworld::test {
+namespace {
+
+class ForeignDevice : public ProcessTest, public ::testing::WithParamInterface<std::string> {};
+
+// A C program of another maker: its types come from the IDL by Cyclone's own compiler.
+TEST_P(ForeignDevice, PlaysAUsersDeviceInARunningSystem) {
+  const auto folder = [&](const std::string& name) {
+    std::filesystem::create_directory(folder_.path() + "/" + name);
+    return folder_.path() + "/" + name;
+  };
+  const Words flags{"--mode",       "realtime", "--duration", "3",     "--domain",
+                    domain_.text(), "--dds",    GetParam(),   "--out", out()};
+  const auto words = [&](const std::string& name, const Words& more = {}) {
+    Words all{program(name), scene("press")};
+    all.insert(all.end(), flags.begin(), flags.end());
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  };
+  Process world(words("world_sim"), folder("world"));
+  Process haptic(words("haptic_sim", {"--user", "0"}), folder("haptic"));
+  Process device({program("foreign_device"), domain_.text(), "0"}, folder("device"),
+                 {{"CYCLONEDDS_URI", std::string("file://") + SOURCE_FOLDER + "/tests/interop/foreign_device.xml"}});
+  EXPECT_EQ(world.wait(), 0) << world.err();
+  EXPECT_EQ(haptic.wait(), 0) << haptic.err();
+  EXPECT_EQ(device.wait(), 0) << device.err();
+  const Json felt = Json::parse(device.out(), nullptr, false);
+  ASSERT_TRUE(felt.is_object()) << device.out();
+  EXPECT_GT(felt["commands"], 200);
+  EXPECT_GT(felt["largest_n"], 5.0) << "it presses the cube against the wall";
+  EXPECT_EQ(felt["at_end_n"], 0.0) << "the last forces fade";
+  EXPECT_EQ(felt["last"], 1);
+  const Json summed = Json::parse(read_text(out() + "/haptic_0.json"), nullptr, false);
+  EXPECT_GT(summed["force_max_n"], 5.0);
+  EXPECT_EQ(summed["ending"]["fault"], "");
+}
+
+INSTANTIATE_TEST_SUITE_P(Vendors, ForeignDevice, ::testing::Values("fastdds", "cyclonedds"),
+                         [](const auto& one) { return one.param; });
+
+}  // namespace
+}  // namespace subworld::test
