@@ -20,7 +20,7 @@ namespace subworld::doctor {
 namespace {
 
 using ListenClock = std::chrono::steady_clock;
-constexpr std::chrono::milliseconds kListen{1500};
+constexpr std::chrono::milliseconds kListen{1300};
 
 /// The newest status of each program.
 void keep_newest(std::vector<Status>& statuses, const Status& heard) {

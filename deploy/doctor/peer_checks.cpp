@@ -67,7 +67,7 @@ void judge_routes(const Facts& facts, Findings& out) {
     out.push_back({.what = peer.source.empty() ? fmt::format("there is no route to {}", peer.host)
                                                : fmt::format("the route to {} leaves by {}, not by --interface {}",
                                                              peer.host, peer.route, own.name),
-                   .why = "messages do not reach the host, or it answers to an address that nobody listens on",
+                   .why = "messages do not reach the host, or its answers go to another address of this one, without a program",
                    .cure = fmt::format("{}ip route replace {}/32 dev {}", as_root(facts), peer.address, own.name)});
   }
 }

@@ -13,6 +13,7 @@
 #include <chrono>
 #include <cstring>
 #include <ctime>
+#include <future>
 #include <optional>
 #include <sstream>
 #include <vector>
@@ -177,8 +178,9 @@ std::string source_address(const std::string& to) {
 }
 
 void probe(Peer& peer, const Interface& from, int unused_port) {
+  std::future<bool> refused = std::async(std::launch::async, [&] { return is_refused(peer, from, unused_port); });
   const Echoes echoes = ping(peer, from);
-  peer.ports_refuse = is_refused(peer, from, unused_port);
+  peer.ports_refuse = refused.get();
   peer.pings = echoes.possible ? echoes.small : peer.ports_refuse;
   peer.pings_full_size = !echoes.possible || !echoes.small || echoes.full;
   peer.clock_offset_s = echoes.clock_offset_s;
