@@ -40,6 +40,12 @@ std::string command_of(const Request& request) {
   return text;
 }
 
+std::string raise_limit(const Facts& facts, const std::string& limit, const std::string& value) {
+  if (facts.machine.may_raise_limits) return fmt::format("{}prlimit --pid $$ --{}={}", as_root(facts), limit, value);
+  return fmt::format("exit  # and start the container with --cap-add SYS_NICE --cap-add IPC_LOCK --ulimit {}={}", limit,
+                     value == "unlimited" ? "-1" : value);
+}
+
 const Interface* own_interface(const Facts& facts) {
   const std::string& wanted = facts.request.network.interface_address;
   if (wanted.empty()) return nullptr;

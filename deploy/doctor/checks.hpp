@@ -43,6 +43,9 @@ struct Check {
 /// "sudo " where the user is not root.
 [[nodiscard]] inline const char* as_root(const Facts& facts) { return facts.machine.root ? "" : "sudo "; }
 
+/// The command that raises a limit of the shell; in a container that has not the right to, the one that starts another.
+[[nodiscard]] std::string raise_limit(const Facts& facts, const std::string& limit, const std::string& value);
+
 /// The own interface that the command line names; null: none is named or found.
 [[nodiscard]] const Interface* own_interface(const Facts& facts);
 

@@ -96,9 +96,14 @@ Facts gather(const Request& request) {
   facts.needs = needs_of(request);
   // The calibration locks memory: the threads of the middleware start after it.
   gather_machine(request, facts.needs, facts.machine);
+  gather_network(request, facts.network);
   constexpr int kFirstChosen = 100;
-  gather_network(request, request.domain.value_or(kFirstChosen), facts.network);
+  NetworkFacts probed = facts.network;
+  auto probes =
+      std::async(std::launch::async, [&] { probe_peers(request, request.domain.value_or(kFirstChosen), probed); });
   gather_domain(request, facts.network, facts.domain);
+  probes.get();
+  facts.network = std::move(probed);
   return facts;
 }
 

@@ -54,8 +54,9 @@ struct InstalledPart {
 };
 
 struct Machine {
-  bool root = true;  ///< effective user
-  bool fifo = true;  ///< SCHED_FIFO at the priority of the haptic loops was granted
+  bool root = true;              ///< effective user
+  bool may_raise_limits = true;  ///< as root: a container may have taken the right (CAP_SYS_RESOURCE)
+  bool fifo = true;              ///< SCHED_FIFO at the priority of the haptic loops was granted
   bool locks_memory = true;
   Limit memory_lock, real_time_priority, open_files, processes;
   bool process_limit_holds = false;  ///< the kernel exempts the user root
@@ -101,7 +102,7 @@ struct Peer {
   bool neighbour_absent = false;  ///< on the same network, and the address is not in use
   bool pings = true;
   bool pings_full_size = true;  ///< with datagrams as long as the MTU of the interface
-  bool ports_refuse = true;     ///< an unused port of the domain answers that it is closed: nothing filters it
+  bool ports_refuse = true;     ///< unused ports of the domain answer that they are closed: nothing filters them
   std::optional<double> clock_offset_s = {};  ///< its clock minus this one (ICMP time stamps)
   double clock_uncertainty_s = 0.0;
 };
@@ -155,7 +156,8 @@ struct Facts {
 
 /// Parts of gather().
 void gather_machine(const Request& request, const Needs& needs, Machine& machine);
-void gather_network(const Request& request, int domain, NetworkFacts& network);
+void gather_network(const Request& request, NetworkFacts& network);
+void probe_peers(const Request& request, int domain, NetworkFacts& network);
 void gather_domain(const Request& request, const NetworkFacts& network, Domain& domain);
 
 }  // namespace subworld::doctor

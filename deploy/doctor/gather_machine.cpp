@@ -111,6 +111,7 @@ void read_limits(Machine& machine) {
   machine.open_files = limit_of(RLIMIT_NOFILE);
   machine.processes = limit_of(RLIMIT_NPROC);
   constexpr int kSysAdmin = 21, kSysResource = 24;
+  machine.may_raise_limits = !machine.root || has_capability(kSysResource);
   machine.process_limit_holds = getuid() != 0 && !has_capability(kSysAdmin) && !has_capability(kSysResource);
   for (const ProcessTimes& one : process_times()) {
     struct stat owner {};

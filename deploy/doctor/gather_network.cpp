@@ -95,7 +95,7 @@ const Interface* chosen_interface(const Request& request, const std::vector<Inte
   return found == interfaces.end() ? nullptr : &*found;
 }
 
-Peer examine(const std::string& host, const Interface* from, const std::vector<Interface>& interfaces, int domain) {
+Peer examine(const std::string& host, const std::vector<Interface>& interfaces) {
   Peer peer{.host = host};
   std::tie(peer.address, peer.fault) = resolve(host);
   if (peer.address.empty()) return peer;
@@ -104,10 +104,6 @@ Peer examine(const std::string& host, const Interface* from, const std::vector<I
   peer.source = source_address(peer.address);
   const auto leaves_by = std::ranges::find(interfaces, peer.source, &Interface::address);
   if (!peer.source.empty() && leaves_by != interfaces.end()) peer.route = leaves_by->name;
-  if (peer.own || from == nullptr || from->address.empty() || from->loopback || !from->running) return peer;
-  if (peer.route != from->name) return peer;
-  const int unused = first_port(domain) + 10 + 2 * (participant_room(domain) - 1) + 1;
-  probe(peer, *from, unused);
   return peer;
 }
 
@@ -126,18 +122,26 @@ std::vector<std::string> read_known_hosts() {
 
 }  // namespace
 
-void gather_network(const Request& request, int domain, NetworkFacts& network) {
+void gather_network(const Request& request, NetworkFacts& network) {
   network.interfaces = read_interfaces();
   network.known_hosts = read_known_hosts();
-  const Interface* const from = chosen_interface(request, network.interfaces);
   std::vector<std::future<Peer>> answers;
-  for (const std::string& host : request.network.peers) {
-    answers.push_back(
-        std::async(std::launch::async, [&, host] { return examine(host, from, network.interfaces, domain); }));
-  }
+  for (const std::string& host : request.network.peers)
+    answers.push_back(std::async(std::launch::async, [&, host] { return examine(host, network.interfaces); }));
   for (auto& answer : answers) network.peers.push_back(answer.get());
   if (const std::string& file = request.network.qos_file; !file.empty() && access(file.c_str(), R_OK) != 0)
     network.qos_fault = std::strerror(errno);
+}
+
+void probe_peers(const Request& request, int domain, NetworkFacts& network) {
+  const Interface* const from = chosen_interface(request, network.interfaces);
+  if (from == nullptr || from->address.empty() || from->loopback || !from->running) return;
+  std::vector<std::future<void>> probes;
+  for (Peer& peer : network.peers) {
+    if (peer.address.empty() || peer.own || peer.route != from->name) continue;
+    probes.push_back(std::async(std::launch::async, [&peer, from, domain] { probe(peer, *from, domain); }));
+  }
+  for (auto& one : probes) one.get();
 }
 
 }  // namespace subworld::doctor

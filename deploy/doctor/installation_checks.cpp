@@ -61,30 +61,34 @@ void judge_engines(const Facts& facts, Findings& out) {
                 fmt::format("{}deploy/build {}", npm ? "SUBWORLD_ENGINES_ALL=1 " : "", missing), out);
 }
 
-constexpr std::array<std::string_view, 14> kVariables{"SUBWORLD_DDS",
-                                                      "SUBWORLD_DOMAIN",
-                                                      "SUBWORLD_PLUGIN_DIR",
-                                                      "SUBWORLD_ENGINES",
-                                                      "SUBWORLD_ENGINES_ALL",
-                                                      "SUBWORLD_PLACEMENT",
-                                                      "SUBWORLD_WORLD_SIM_CORE",
-                                                      "SUBWORLD_WORLD_SIM_SPIN_S",
-                                                      "SUBWORLD_HAPTIC_SIM_CORE",
-                                                      "SUBWORLD_HAPTIC_SIM_SPIN_S",
-                                                      "SUBWORLD_DEVICE_SIM_CORE",
-                                                      "SUBWORLD_DEVICE_SIM_SPIN_S",
-                                                      "SUBWORLD_GUI_HEADLESS_CORE",
-                                                      "SUBWORLD_GUI_HEADLESS_SPIN_S"};
+/// After "SUBWORLD_".
+constexpr std::array<std::string_view, 14> kVariables{"DDS",
+                                                      "DOMAIN",
+                                                      "PLUGIN_DIR",
+                                                      "ENGINES",
+                                                      "ENGINES_ALL",
+                                                      "PLACEMENT",
+                                                      "WORLD_SIM_CORE",
+                                                      "WORLD_SIM_SPIN_S",
+                                                      "HAPTIC_SIM_CORE",
+                                                      "HAPTIC_SIM_SPIN_S",
+                                                      "DEVICE_SIM_CORE",
+                                                      "DEVICE_SIM_SPIN_S",
+                                                      "GUI_HEADLESS_CORE",
+                                                      "GUI_HEADLESS_SPIN_S"};
 
 void judge_variable_names(const Facts& facts, Findings& out) {
+  constexpr std::string_view kPrefix = "SUBWORLD_";
   for (const auto& [name, value] : facts.machine.environment) {
-    if (!name.starts_with("SUBWORLD_") || std::ranges::find(kVariables, name) != kVariables.end()) continue;
-    const std::string_view near = nearest(name, {kVariables.begin(), kVariables.end()});
+    if (!name.starts_with(kPrefix)) continue;
+    const std::string word = name.substr(kPrefix.size());
+    if (std::ranges::find(kVariables, word) != kVariables.end()) continue;
+    const std::string_view near = nearest(word, {kVariables.begin(), kVariables.end()});
     out.push_back({.what = fmt::format("the environment variable {} is none of Subworld's{}", name,
-                                       near.empty() ? "" : fmt::format("; {} is", near)),
+                                       near.empty() ? "" : fmt::format("; {}{} is", kPrefix, near)),
                    .why = "it has no effect, and the default holds",
                    .cure = near.empty() ? fmt::format("unset {}", name)
-                                        : fmt::format("unset {}; export {}='{}'", name, near, value)});
+                                        : fmt::format("unset {}; export {}{}='{}'", name, kPrefix, near, value)});
   }
 }
 

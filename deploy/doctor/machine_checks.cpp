@@ -26,7 +26,7 @@ void judge_rights(const Facts& facts, Findings& out) {
   out.push_back({.what = fmt::format("the loops may not use SCHED_FIFO (RLIMIT_RTPRIO is {}, they need {})",
                                      number_of(machine.real_time_priority.soft), priority::kHaptic),
                  .why = "any other program delays the haptic loop by milliseconds, and deadlines are missed",
-                 .cure = fmt::format("{}prlimit --pid $$ --rtprio={}", as_root(facts), priority::kHaptic)});
+                 .cure = raise_limit(facts, "rtprio", std::to_string(priority::kHaptic))});
 }
 
 void judge_memory_lock(const Facts& facts, Findings& out) {
@@ -36,7 +36,7 @@ void judge_memory_lock(const Facts& facts, Findings& out) {
                                      soft == Limit::kUnlimited ? "unlimited, but the kernel refuses"
                                                                : fmt::format("{} kB", soft / 1024)),
                  .why = "a page that the kernel has moved away delays a step by milliseconds",
-                 .cure = fmt::format("{}prlimit --pid $$ --memlock=unlimited", as_root(facts))});
+                 .cure = raise_limit(facts, "memlock", "unlimited")});
 }
 
 void judge_throttling(const Facts& facts, Findings& out) {
@@ -109,7 +109,7 @@ void judge_open_files(const Facts& facts, Findings& out) {
   out.push_back({.what = fmt::format("a process may open {} files; a run needs {}", limit.soft, needed),
                  .why = "sockets and results cannot be opened, and programs end at their start",
                  .cure = within ? fmt::format("ulimit -n {}", kUsual)
-                                : fmt::format("{0}prlimit --pid $$ --nofile={1}:{1}", as_root(facts), kUsual)});
+                                : raise_limit(facts, "nofile", fmt::format("{0}:{0}", kUsual))});
 }
 
 void judge_processes(const Facts& facts, Findings& out) {
@@ -122,9 +122,8 @@ void judge_processes(const Facts& facts, Findings& out) {
   out.push_back({.what = fmt::format("this user may have {} threads and has {}; a run needs {} more", limit.soft,
                                      machine.own_threads, needed - static_cast<std::uint64_t>(machine.own_threads)),
                  .why = "programs cannot start their threads and end",
-                 .cure = limit.hard >= wanted
-                             ? fmt::format("ulimit -u {}", wanted)
-                             : fmt::format("{0}prlimit --pid $$ --nproc={1}:{1}", as_root(facts), wanted)});
+                 .cure = limit.hard >= wanted ? fmt::format("ulimit -u {}", wanted)
+                                              : raise_limit(facts, "nproc", fmt::format("{0}:{0}", wanted))});
 }
 
 void judge_shared_memory(const Facts& facts, Findings& out) {

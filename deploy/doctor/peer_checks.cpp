@@ -64,11 +64,12 @@ void judge_routes(const Facts& facts, Findings& out) {
   const Interface& own = *own_interface(facts);
   for (const Peer& peer : facts.network.peers) {
     if (peer.address.empty() || peer.own || peer.route == own.name) continue;
-    out.push_back({.what = peer.source.empty() ? fmt::format("there is no route to {}", peer.host)
-                                               : fmt::format("the route to {} leaves by {}, not by --interface {}",
-                                                             peer.host, peer.route, own.name),
-                   .why = "messages do not reach the host, or its answers go to another address of this one, without a program",
-                   .cure = fmt::format("{}ip route replace {}/32 dev {}", as_root(facts), peer.address, own.name)});
+    out.push_back(
+        {.what = peer.source.empty() ? fmt::format("there is no route to {}", peer.host)
+                                     : fmt::format("the route to {} leaves by {}, not by --interface {}", peer.host,
+                                                   peer.route, own.name),
+         .why = "messages do not reach the host, or its answers go to another address of this one, without a program",
+         .cure = fmt::format("{}ip route replace {}/32 dev {}", as_root(facts), peer.address, own.name)});
   }
 }
 
@@ -127,8 +128,9 @@ constexpr std::array kPeerChecks{
     Check{"peer_names", "each host of --peers is an IPv4 address or a name that resolves to one", judge_names},
     Check{"peers_are_others", "--peers names a host other than this one", judge_own_addresses},
     Check{"route", "the route to each peer leaves by --interface", judge_routes},
-    Check{"peer_present", "each peer on the same network answers for its address", judge_presence},
-    Check{"firewall", "a UDP port of the domain that no program uses refuses a message: nothing filters it",
+    Check{"peer_present", "each peer on the same network answers for its address (needs root)", judge_presence},
+    Check{"firewall",
+          "a UDP port of the domain that no program uses refuses a message: nothing filters it (needs root)",
           judge_firewall},
     Check{"path_mtu", "packets as long as the MTU reach each peer (needs root)", judge_path_mtu},
     Check{"clocks", "the clocks of the peers differ by at most 1 s (ICMP time stamps; needs root)", judge_clocks}};

@@ -13,7 +13,6 @@
 #include <chrono>
 #include <cstring>
 #include <ctime>
-#include <future>
 #include <optional>
 #include <sstream>
 #include <vector>
@@ -23,7 +22,8 @@ namespace subworld::doctor {
 namespace {
 
 using ProbeClock = std::chrono::steady_clock;
-constexpr double kPatience_s = 0.5;
+constexpr double kPatience_s = 1.2;  ///< longer than the interval at which Linux answers for closed ports
+constexpr int kRepeat_ms = 200;
 constexpr int kIpHeaderBytes = 20, kIcmpHeaderBytes = 8;
 
 sockaddr_in address_of(const std::string& text, int port) {
@@ -91,6 +91,7 @@ constexpr std::uint16_t kSmall = 1, kFull = 2, kTime = 3;
 /// The requests of ICMP that a host has answered.
 struct Echoes {
   bool possible = false, small = false, full = false;
+  bool refused = false;  ///< a port of the domain is closed, and says so
   std::optional<double> clock_offset_s;
   double round_trip_s = 0.0;
 };
@@ -111,45 +112,65 @@ void read_echo(const std::vector<std::uint8_t>& bytes, ProbeClock::time_point se
   echoes.clock_offset_s = apart_s - 0.5 * echoes.round_trip_s;
 }
 
-/// Needs the right to use raw sockets.
-Echoes ping(const Peer& peer, const Interface& from) {
+/// Whether a message says that a UDP port of the domain is closed. It holds the datagram that it answers.
+bool is_refusal(const std::vector<std::uint8_t>& bytes, int domain) {
+  const std::size_t inner = kIcmpHeaderBytes;
+  if (bytes.size() < inner + kIpHeaderBytes || bytes[0] != ICMP_DEST_UNREACH || bytes[1] != ICMP_PORT_UNREACH)
+    return false;
+  const std::size_t udp = inner + 4U * (bytes[inner] & 15U);
+  if (bytes[inner + 9] != IPPROTO_UDP || bytes.size() < udp + 4) return false;
+  const int port = (bytes[udp + 2] << 8) + bytes[udp + 3];
+  return port >= first_port(domain) && port < first_port(domain) + kPortsOfDomain;
+}
+
+/// The next message, without its IP header; empty: none within the time.
+std::vector<std::uint8_t> receive(const Socket& raw, int timeout_ms) {
+  pollfd ready{.fd = raw.handle(), .events = POLLIN, .revents = 0};
+  if (poll(&ready, 1, timeout_ms) <= 0) return {};
+  std::vector<std::uint8_t> bytes(65'536);
+  const ssize_t size = recv(raw.handle(), bytes.data(), bytes.size(), 0);
+  const std::size_t header = size > 0 ? 4U * (bytes[0] & 15U) : 0U;
+  if (size < 0 || static_cast<std::size_t>(size) < header + kIcmpHeaderBytes) return {};
+  return {bytes.begin() + static_cast<long>(header), bytes.begin() + size};
+}
+
+void send_requests(const Socket& raw, const Interface& from) {
+  const int longest = std::max(0, std::min(from.mtu, 65'535) - kIpHeaderBytes - kIcmpHeaderBytes);
+  for (const auto& bytes : {request(ICMP_TIMESTAMP, kTime, 12), request(ICMP_ECHO, kSmall, 16),
+                            request(ICMP_ECHO, kFull, static_cast<std::size_t>(longest))})
+    (void)send(raw.handle(), bytes.data(), bytes.size(), 0);
+}
+
+Echoes exchange(const Peer& peer, const Interface& from, int domain) {
   Echoes echoes;
-  const Socket raw(SOCK_RAW, IPPROTO_ICMP);
-  if (!raw.open() || !raw.bind_to(address_of(from.address, 0)) || !raw.connect_to(address_of(peer.address, 0)))
+  const Socket raw(SOCK_RAW, IPPROTO_ICMP), udp(SOCK_DGRAM, 0);
+  const int unused_port = first_port(domain) + 10 + 2 * participant_room(domain) - 1;
+  if (!raw.open() || !raw.bind_to(address_of(from.address, 0)) || !raw.connect_to(address_of(peer.address, 0)) ||
+      !udp.bind_to(address_of(from.address, 0)))
     return echoes;
   echoes.possible = true;
   const int never_fragment = IP_PMTUDISC_PROBE;
   setsockopt(raw.handle(), IPPROTO_IP, IP_MTU_DISCOVER, &never_fragment, sizeof never_fragment);
-  const auto sent = ProbeClock::now();
-  const int longest = std::min(from.mtu, 65'535) - kIpHeaderBytes - kIcmpHeaderBytes;
+  const sockaddr_in unused = address_of(peer.address, unused_port);
   const std::uint16_t id = htons(static_cast<std::uint16_t>(getpid()));
-  for (const auto& bytes : {request(ICMP_TIMESTAMP, kTime, 12), request(ICMP_ECHO, kSmall, 16),
-                            request(ICMP_ECHO, kFull, static_cast<std::size_t>(std::max(longest, 0)))})
-    (void)send(raw.handle(), bytes.data(), bytes.size(), 0);
-  std::vector<std::uint8_t> bytes(65'536);
-  while (!(echoes.small && echoes.full && echoes.clock_offset_s)) {
-    const double passed_s = std::chrono::duration<double>(ProbeClock::now() - sent).count();
-    pollfd ready{.fd = raw.handle(), .events = POLLIN, .revents = 0};
-    if (passed_s > kPatience_s || poll(&ready, 1, static_cast<int>(1e3 * (kPatience_s - passed_s)) + 1) <= 0) break;
-    const ssize_t size = recv(raw.handle(), bytes.data(), bytes.size(), 0);
-    const std::size_t header = size > 0 ? 4U * (bytes[0] & 15U) : 0U;
-    if (size < 0 || static_cast<std::size_t>(size) < header + kIcmpHeaderBytes) continue;
-    const std::vector<std::uint8_t> message(bytes.begin() + static_cast<long>(header), bytes.begin() + size);
-    if (std::memcmp(message.data() + 4, &id, sizeof id) == 0) read_echo(message, sent, echoes);
+  const auto begin = ProbeClock::now();
+  send_requests(raw, from);
+  for (auto sent = begin - std::chrono::seconds(1);
+       !(echoes.small && echoes.full && echoes.clock_offset_s && echoes.refused);) {
+    const auto now = ProbeClock::now();
+    if (std::chrono::duration<double>(now - begin).count() > kPatience_s) break;
+    if (now - sent >= std::chrono::milliseconds(kRepeat_ms)) {
+      const char nothing = 0;
+      (void)sendto(udp.handle(), &nothing, sizeof nothing, 0, reinterpret_cast<const sockaddr*>(&unused),
+                   sizeof unused);
+      sent = now;
+    }
+    const std::vector<std::uint8_t> message = receive(raw, kRepeat_ms);
+    if (message.empty()) continue;
+    echoes.refused |= is_refusal(message, domain);
+    if (std::memcmp(message.data() + 4, &id, sizeof id) == 0) read_echo(message, begin, echoes);
   }
   return echoes;
-}
-
-/// Whether a datagram to a port is answered by "nothing is there".
-bool is_refused(const Peer& peer, const Interface& from, int port) {
-  const Socket udp(SOCK_DGRAM, 0);
-  if (!udp.bind_to(address_of(from.address, 0)) || !udp.connect_to(address_of(peer.address, port))) return false;
-  const char nothing = 0;
-  (void)send(udp.handle(), &nothing, sizeof nothing, 0);
-  pollfd ready{.fd = udp.handle(), .events = POLLIN, .revents = 0};
-  if (poll(&ready, 1, static_cast<int>(1e3 * kPatience_s)) <= 0) return false;
-  char answer = 0;
-  return recv(udp.handle(), &answer, sizeof answer, 0) < 0 && errno == ECONNREFUSED;
 }
 
 /// Whether the kernel asked the own network for an address and had no answer.
@@ -177,12 +198,12 @@ std::string source_address(const std::string& to) {
   return text.data();
 }
 
-void probe(Peer& peer, const Interface& from, int unused_port) {
-  std::future<bool> refused = std::async(std::launch::async, [&] { return is_refused(peer, from, unused_port); });
-  const Echoes echoes = ping(peer, from);
-  peer.ports_refuse = refused.get();
-  peer.pings = echoes.possible ? echoes.small : peer.ports_refuse;
-  peer.pings_full_size = !echoes.possible || !echoes.small || echoes.full;
+void probe(Peer& peer, const Interface& from, int domain) {
+  const Echoes echoes = exchange(peer, from, domain);
+  if (!echoes.possible) return;
+  peer.ports_refuse = echoes.refused;
+  peer.pings = echoes.small;
+  peer.pings_full_size = !echoes.small || echoes.full;
   peer.clock_offset_s = echoes.clock_offset_s;
   peer.clock_uncertainty_s = 0.5 * echoes.round_trip_s + 1e-3;
   peer.neighbour_absent = is_absent_neighbour(peer.address);

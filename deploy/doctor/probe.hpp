@@ -10,8 +10,9 @@ namespace subworld::doctor {
 [[nodiscard]] std::string source_address(const std::string& to);
 
 /// Sends to a host, from that interface: an echo request, one as long as the interface's MTU, a request for its time,
-/// and a datagram to an unused UDP port. Waits at most half a second for the answers. Without the right to send echo
-/// requests, the datagram alone counts, and the size is not examined.
-void probe(Peer& peer, const Interface& from, int unused_port);
+/// and datagrams to an unused UDP port of the domain. Listens at most 1.2 s for the answers: a host answers for closed
+/// ports about once a second. Any port of the domain counts. Needs the right to use raw sockets: without it nothing is
+/// known.
+void probe(Peer& peer, const Interface& from, int domain);
 
 }  // namespace subworld::doctor

@@ -63,6 +63,11 @@ std::string command_like(const RunningProgram& world, const std::string& program
   return command;
 }
 
+bool has_finding(const Findings& findings, std::initializer_list<std::string_view> checks) {
+  return std::ranges::any_of(findings,
+                             [&](const Finding& one) { return std::ranges::find(checks, one.check) != checks.end(); });
+}
+
 void judge_suspended(const Facts& facts, Findings& out) {
   for (const RunningProgram& one : facts.domain.programs) {
     if (!one.suspended) continue;
@@ -238,8 +243,7 @@ std::vector<std::pair<std::string, int>> missing_programs(const Facts& facts, co
 void judge_first_samples(const Facts& facts, Findings& out) {
   const auto& statuses = facts.domain.statuses;
   const bool waits = std::ranges::any_of(statuses, [](const Status& one) { return one.state == "waiting"; });
-  const RunningProgram* any_world = world_among(facts.domain.programs);
-  if (!waits || (any_world != nullptr && !strayed(facts, *any_world).empty())) return;
+  if (!waits || has_finding(out, {"worlds", "strayed"})) return;
   const std::vector<RunningProgram> here = programs_here(facts);
   const RunningProgram* model = world_among(here);
   if (model == nullptr && !here.empty()) model = &here.front();
@@ -256,7 +260,8 @@ void judge_first_samples(const Facts& facts, Findings& out) {
   }
 }
 
-/// Differing flags are the usual cause, and have a finding of their own.
+/// The counts of a program hold all that it has met since it started: they matter where a run does not begin. Differing
+/// flags are the usual cause, and have a finding of their own.
 void judge_qos(const Facts& facts, Findings& out) {
   if (std::ranges::any_of(out, [](const Finding& one) { return one.check == "flags" || one.check == "worlds"; }))
     return;

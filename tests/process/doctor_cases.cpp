@@ -32,8 +32,8 @@ start() {
 
 /// Rights that a user without any privilege may have, and which the cases of that user are not about.
 constexpr const char* kUser =
-    "prlimit --rtprio=90 --memlock=unlimited setpriv --reuid 12345 --regid 12345 --clear-groups --bounding-set=-all "
-    "--inh-caps=-all";
+    "setpriv --reuid 12345 --regid 12345 --clear-groups --inh-caps=-all,+sys_nice,+ipc_lock "
+    "--ambient-caps=-all,+sys_nice,+ipc_lock";
 
 std::string on_two_hosts(const std::string& more = "") {
   return "--domain 70 --interface eth0 --peers 10.77.0.2" + more;
@@ -65,7 +65,10 @@ std::vector<Misconfiguration> of_the_machine() {
 std::vector<Misconfiguration> of_the_environment() {
   return {
       {"APluginFolderWithoutPlugins", "vendor_plugin", "export SUBWORLD_PLUGIN_DIR=/nowhere", ""},
-      {"AnEngineFolderWithoutEngines", "engines", "export SUBWORLD_ENGINES=/nowhere", "press"},
+      {"AnEngineThatCannotBeLoaded", "engines",
+       "mkdir $WORK/engines; cp $BROKEN/libsubworld_engine_broken.so $WORK/engines/libsubworld_engine_bullet.so; "
+       "export SUBWORLD_ENGINES=$WORK/engines",
+       "press"},
       {"AMisspeltVariable", "variable_names", "export SUBWORLD_DOMIAN=70", ""},
       {"ACoreThatDoesNotExist", "core_variables", "export SUBWORLD_WORLD_SIM_CORE=900", ""},
       {"SettingsOfFastDdsFromElsewhere", "vendor_variables",
@@ -105,14 +108,16 @@ std::vector<Misconfiguration> of_the_network() {
        on_two_hosts()},
       {"AnAddressWithoutAHost", "peer_present", "host_b; on_b ip address flush dev eth1", on_two_hosts(), "",
        "on_b ip address add 10.77.0.2/24 dev eth1"},
-      {"AFirewallForUdp", "firewall", "host_b; on_b ip rule add ipproto udp dport 24900-25149 blackhole",
-       on_two_hosts(), "", "on_b ip rule delete ipproto udp dport 24900-25149 blackhole"},
+      {"AFirewallForUdp", "firewall",
+       "host_b; on_b ip rule add pref 10 lookup local; on_b ip rule delete pref 0 lookup local; "
+       "on_b ip rule add pref 5 ipproto udp dport 24900-25149 blackhole",
+       on_two_hosts(), "", "on_b ip rule delete pref 5"},
       {"AFirewallForAll", "firewall", "host_b; on_b ip route add blackhole 10.77.0.1/32", on_two_hosts(), "",
        "on_b ip route delete blackhole 10.77.0.1/32"},
       {"PortsThatLinuxGivesAway", "ephemeral_ports", "sysctl -qw net.ipv4.ip_local_port_range='20000 60999'", ""},
       {"ADomainAmongPortsThatLinuxGivesAway", "ephemeral_ports", "", "--domain 180"},
       {"APortOfAnotherProgram", "foreign_ports",
-       "hostile_peer fastdds 70 realtime second_world & until grep -q ':60F[2-9A-F]' /proc/net/udp; do sleep 0.02; "
+       "hostile_peer fastdds 70 realtime second_world & until grep -q ':61[45]' /proc/net/udp; do sleep 0.02; "
        "done",
        "--domain 70"},
   };
@@ -133,11 +138,7 @@ std::vector<Misconfiguration> of_a_run() {
        "start $BIN/haptic_sim press --duration 600 --mode realtime --domain 70; start $BIN/device_sim press --duration "
        "600 --mode realtime --domain 70",
        "--domain 70"},
-      {"TwoWorlds", "worlds",
-       world + world +
-           "start $BIN/haptic_sim press --duration 600 --mode realtime --domain 70; "
-           "start $BIN/device_sim press --duration 600 --mode realtime --domain 70",
-       "--domain 70"},
+      {"TwoWorlds", "worlds", world + world, "--domain 70", "", "", "first_samples first_samples"},
       {"AProgramOnAnotherDomain", "strayed",
        world + "start $BIN/device_sim press --duration 600 --mode realtime --domain 70; start $BIN/haptic_sim press "
                "--duration 600 --mode realtime",
@@ -205,7 +206,7 @@ bool Doctor::has_namespaces() const {
   return getuid() == 0 && finish({"/usr/bin/unshare", "--mount", "--net", "--pid", "--fork", "/bin/true"}).code == 0;
 }
 
-Ended Doctor::run_apart(const std::string& code, const std::string& wrapper) const {
+Ended Doctor::run_apart(const std::string& code, const std::string& wrapper, const std::string& after) const {
   const std::string work = folder_.path() + "/work";
   std::filesystem::create_directories(work + "/tmp");
   std::filesystem::permissions(folder_.path(), std::filesystem::perms::all);
@@ -216,7 +217,8 @@ Ended Doctor::run_apart(const std::string& code, const std::string& wrapper) con
       "ip link set lo up\nmount -t tmpfs tmpfs /dev/shm\nunset SUBWORLD_PLACEMENT\n"
       "export TMPDIR=" +
       work + "/tmp WORK=" + work + " BIN=" + PROGRAMS_FOLDER + " SOURCE=" + SOURCE_FOLDER +
-      "\nexport PATH=$BIN:$PATH\ncd $WORK\n" + wrapper + " bash " + inner + "\n";
+      " BROKEN=" + BROKEN_ENGINES_FOLDER + "\nexport PATH=$BIN:$PATH\ncd $WORK\n" + wrapper + " bash " + inner + "\n" +
+      after + "\n";
   return finish({"/usr/bin/unshare", "--mount", "--net", "--pid", "--fork", "--mount-proc", "--kill-child",
                  "--propagation", "private", "/bin/bash", folder_.write("outer.sh", outer)});
 }
@@ -239,7 +241,7 @@ void Doctor::expect_found_and_cured(const Misconfiguration& wrong) const {
         doctor + " > $WORK/second.txt;;\nesac\n";
   }
   code += "echo; echo code: $first; echo \"took_ms: $(((end - begin) / 1000000))\"; echo \"cure: $cure\"\n";
-  const Ended ended = run_apart(code, wrong.wrapper);
+  const Ended ended = run_apart(code, wrong.wrapper, "[ -e $WORK/second.txt ] || " + doctor + " > $WORK/second.txt");
   const std::string work = folder_.path() + "/work/";
   const std::string first = read_text(work + "first.txt"), second = read_text(work + "second.txt");
   EXPECT_EQ(found_in(first), wrong.check) << first << ended.out << ended.err;
@@ -247,7 +249,8 @@ void Doctor::expect_found_and_cured(const Misconfiguration& wrong) const {
   EXPECT_NE(first.find("\n  why:  "), std::string::npos) << first;
   EXPECT_FALSE(value_in(ended.out, "cure").empty()) << first;
   EXPECT_NE(second.find("checks passed"), std::string::npos) << second << ended.err;
-  EXPECT_EQ(found_in(second), "") << "after the cure: " << second << read_text(work + "cure.log") << first << ended.err;
+  EXPECT_EQ(found_in(second), wrong.left)
+      << "after the cure: " << second << read_text(work + "cure.log") << first << ended.err;
   RecordProperty("took_ms", value_in(ended.out, "took_ms"));
   std::printf("%s: %s, %s ms; cure: %s\n", wrong.name.c_str(), wrong.check.c_str(),
               value_in(ended.out, "took_ms").c_str(), value_in(ended.out, "cure").c_str());
