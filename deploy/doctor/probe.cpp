@@ -11,6 +11,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstring>
 #include <ctime>
 #include <optional>
@@ -108,7 +109,11 @@ void read_echo(const std::vector<std::uint8_t>& bytes, ProbeClock::time_point se
   std::memcpy(&originate, bytes.data() + kIcmpHeaderBytes, sizeof originate);
   std::memcpy(&transmit, bytes.data() + kIcmpHeaderBytes + 8, sizeof transmit);
   echoes.round_trip_s = std::chrono::duration<double>(ProbeClock::now() - sent).count();
-  const double apart_s = 1e-3 * (static_cast<double>(ntohl(transmit)) - static_cast<double>(ntohl(originate)));
+  constexpr std::uint32_t kNoStandardTime = 1U << 31U;  // the highest bit says so (RFC 792)
+  if ((ntohl(transmit) & kNoStandardTime) != 0) return;
+  constexpr double kDay_s = 86'400.0;
+  const double apart_s =
+      std::remainder(1e-3 * (static_cast<double>(ntohl(transmit)) - static_cast<double>(ntohl(originate))), kDay_s);
   echoes.clock_offset_s = apart_s - 0.5 * echoes.round_trip_s;
 }
 

@@ -263,8 +263,9 @@ void judge_first_samples(const Facts& facts, Findings& out) {
 /// The counts of a program hold all that it has met since it started: they matter where a run does not begin. Differing
 /// flags are the usual cause, and have a finding of their own.
 void judge_qos(const Facts& facts, Findings& out) {
-  if (std::ranges::any_of(out, [](const Finding& one) { return one.check == "flags" || one.check == "worlds"; }))
-    return;
+  const bool waits =
+      std::ranges::any_of(facts.domain.statuses, [](const Status& one) { return one.state == "waiting"; });
+  if (!waits || has_finding(out, {"flags", "worlds"})) return;
   for (const Status& one : facts.domain.statuses) {
     if (one.events.incompatible_qos == 0) continue;
     out.push_back(

@@ -228,10 +228,11 @@ void Doctor::expect_found_and_cured(const Misconfiguration& wrong) const {
   std::string code = wrong.setup + "\nbegin=$(date +%s%N)\n" + doctor + " > $WORK/first.txt; first=$?\n" +
                      "end=$(date +%s%N)\n" + "cure=$(grep -A2 '^" + wrong.check +
                      ":' $WORK/first.txt | sed -n 's/^  cure: //p' | head -n 1)\n";
+  code += "echo; echo code: $first; echo \"took_ms: $(((end - begin) / 1000000))\"; echo \"cure: $cure\"\n";
   if (!wrong.instead_of_cure.empty()) {
     code += wrong.instead_of_cure + "\n" + doctor + " > $WORK/second.txt\n";
   } else {
-    // A cure that starts a program is typed in a terminal of its own.
+    // A cure that starts a program is typed in a terminal of its own. One that is `exit` continues outside.
     code +=
         "case \"$cure\" in 'subworld doctor'*) eval \"$cure\" > $WORK/second.txt;;\n"
         "  *_sim*) eval \"{ $cure; } > $WORK/cure.log 2>&1 &\"; sleep 1; " +
@@ -240,7 +241,6 @@ void Doctor::expect_found_and_cured(const Misconfiguration& wrong) const {
         "  *) eval \"$cure\" > $WORK/cure.log 2>&1; sleep 0.2; " +
         doctor + " > $WORK/second.txt;;\nesac\n";
   }
-  code += "echo; echo code: $first; echo \"took_ms: $(((end - begin) / 1000000))\"; echo \"cure: $cure\"\n";
   const Ended ended = run_apart(code, wrong.wrapper, "[ -e $WORK/second.txt ] || " + doctor + " > $WORK/second.txt");
   const std::string work = folder_.path() + "/work/";
   const std::string first = read_text(work + "first.txt"), second = read_text(work + "second.txt");
