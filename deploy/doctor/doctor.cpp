@@ -91,24 +91,24 @@ void print_json(const Facts& facts, const std::vector<Finding>& findings) {
 
 }  // namespace
 
-Facts gather(const Request& request) {
+Facts read_facts(const Request& request) {
   Facts facts{.request = request};
   facts.needs = needs_of(request);
   // The calibration locks memory: the threads of the middleware start after it.
-  gather_machine(request, facts.needs, facts.machine);
-  gather_network(request, facts.network);
+  read_machine(request, facts.needs, facts.machine);
+  read_network(request, facts.network);
   constexpr int kFirstChosen = 100;
   NetworkFacts probed = facts.network;
   auto probes =
       std::async(std::launch::async, [&] { probe_peers(request, request.domain.value_or(kFirstChosen), probed); });
-  gather_domain(request, facts.network, facts.domain);
+  read_domain(request, facts.network, facts.domain);
   probes.get();
   facts.network = std::move(probed);
   return facts;
 }
 
 int run(const Request& request) {
-  const Facts facts = gather(request);
+  const Facts facts = read_facts(request);
   const std::vector<Finding> findings = judge(facts);
   if (request.json) {
     print_json(facts, findings);

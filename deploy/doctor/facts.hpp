@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-/// What `subworld doctor` reads. Reading (gather_*.cpp) is separate from judging (checks.hpp), so that every judgement
+/// What `subworld doctor` reads. Reading (read_*.cpp) is separate from judging (checks.hpp), so that every judgement
 /// has a test, also of a state that a test cannot bring about.
 namespace subworld::doctor {
 
@@ -152,12 +152,12 @@ struct Facts {
 };
 
 /// Reads all of it, in at most three seconds. Throws `Error` (usage) where the scene is wrong.
-[[nodiscard]] Facts gather(const Request& request);
+[[nodiscard]] Facts read_facts(const Request& request);
 
-/// Parts of gather().
-void gather_machine(const Request& request, const Needs& needs, Machine& machine);
-void gather_network(const Request& request, NetworkFacts& network);
+/// Parts of read_facts().
+void read_machine(const Request& request, const Needs& needs, Machine& machine);
+void read_network(const Request& request, NetworkFacts& network);
 void probe_peers(const Request& request, int domain, NetworkFacts& network);
-void gather_domain(const Request& request, const NetworkFacts& network, Domain& domain);
+void read_domain(const Request& request, const NetworkFacts& network, Domain& domain);
 
 }  // namespace subworld::doctor

@@ -271,7 +271,7 @@ void read_kernel_network(Machine& machine) {
 
 }  // namespace
 
-void gather_machine(const Request& request, const Needs& needs, Machine& machine) {
+void read_machine(const Request& request, const Needs& needs, Machine& machine) {
   read_cores(machine);
   read_limits(machine);
   measure_lateness(needs, machine);

@@ -122,7 +122,7 @@ std::vector<std::string> read_known_hosts() {
 
 }  // namespace
 
-void gather_network(const Request& request, NetworkFacts& network) {
+void read_network(const Request& request, NetworkFacts& network) {
   network.interfaces = read_interfaces();
   network.known_hosts = read_known_hosts();
   std::vector<std::future<Peer>> answers;

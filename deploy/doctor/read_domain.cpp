@@ -110,7 +110,7 @@ std::vector<int> find_free_domains(const Domain& domain) {
 
 }  // namespace
 
-void gather_domain(const Request& request, const NetworkFacts& network, Domain& domain) {
+void read_domain(const Request& request, const NetworkFacts& network, Domain& domain) {
   domain.programs = running_programs();
   domain.number = request.domain;
   // Without --domain that of the run on this machine, if there is one.
