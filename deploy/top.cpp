@@ -16,6 +16,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <thread>
 
 namespace subworld {
 
@@ -51,7 +52,7 @@ class Listener {
     }
   }
 
-  /// Takes what has arrived, and forgets programs that have not published for `kStatusTimeout`.
+  /// Takes what has arrived, and forgets programs that have not published for four seconds.
   void listen() {
     Status status;
     const auto now = TopClock::now();
@@ -191,6 +192,8 @@ std::string table_of(const DomainView& view) {
         std::ranges::find_if(view.programs, [&](const RunningProgram& one) { return label_of(one) == label; });
     text += line_of(status, here == view.programs.end() ? nullptr : &*here);
   }
+  if (view.statuses.empty() && view.programs.empty() && view.fault.empty())
+    text += "  no program is received: none runs, or it runs in another network namespace or on another interface\n";
   for (const RunningProgram& one : view.programs) {
     const bool heard = std::ranges::any_of(view.statuses, [&](const Status& status) {
       return label_of(status.program, status.instance) == label_of(one);
@@ -206,14 +209,14 @@ std::string table_of(const DomainView& view) {
 void show_top(const TopRequest& request) {
   Domains domains(request);
   domains.look();
-  const bool live = !request.once && isatty(STDOUT_FILENO) != 0;
   watch_stop_signals();
-  const Keys keys;
-  bool quit = keys.quit_within(kFirstLook);
-  if (!live) {
+  if (request.once || isatty(STDOUT_FILENO) == 0) {
+    std::this_thread::sleep_for(kFirstLook);
     fmt::print("{}", domains.text());
     return;
   }
+  const Keys keys;
+  bool quit = keys.quit_within(kFirstLook);
   fmt::print("\033[?25l");
   while (!quit) {
     domains.look();

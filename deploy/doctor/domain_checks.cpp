@@ -59,11 +59,13 @@ void judge_ephemeral_ports(const Facts& facts, Findings& out) {
 
 void judge_user_room(const Facts& facts, Findings& out) {
   const int domain = facts.domain.number.value_or(0);
-  if (facts.needs.users <= user_room(domain)) return;
-  out.push_back({.what = fmt::format("domain {} has room for {} users on one host; the scene has {}", domain,
-                                     user_room(domain), facts.needs.users),
-                 .why = "a run is refused: each program needs two UDP ports of the domain",
-                 .cure = with_free_domain(facts)});
+  const int users = facts.needs.users, room = user_room(domain), most = user_room(0);
+  if (users <= room) return;
+  out.push_back(
+      {.what = fmt::format("domain {} has room for {} users on one host; the scene has {}", domain, room, users),
+       .why = "a run is refused: each program needs two UDP ports of the domain",
+       .cure = users <= most ? with_free_domain(facts)
+                             : fmt::format("subworld run {} --users {}", facts.request.scene, most)});
 }
 
 void judge_foreign_ports(const Facts& facts, Findings& out) {

@@ -5,6 +5,8 @@
 #include "wire/bus.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -62,11 +64,18 @@ void listen(const Request& request, int number, Domain& domain) {
   }
 }
 
+/// Whether a program may be called: another user's could do anything with this user's rights.
+bool is_trusted(const std::string& file) {
+  struct stat owner {};
+  return file.find('\'') == std::string::npos && stat(file.c_str(), &owner) == 0 &&
+         (owner.st_uid == geteuid() || owner.st_uid == 0);
+}
+
 /// Versions of the programs that were started from another folder than this one.
 void read_versions(Domain& domain) {
   for (const RunningProgram& one : domain.programs) {
     if (one.file.empty() || one.file_replaced) continue;
-    if (std::filesystem::path(one.file).parent_path() == program_folder()) continue;
+    if (std::filesystem::path(one.file).parent_path() == program_folder() || !is_trusted(one.file)) continue;
     const std::unique_ptr<std::FILE, decltype([](std::FILE* pipe) { pclose(pipe); })> pipe(
         popen(fmt::format("'{}' --version 2>&1", one.file).c_str(), "re"));
     std::array<char, 256> line{};
@@ -85,7 +94,12 @@ void read_ports(int number, Domain& domain) {
     if (port < first || port > last) continue;
     const auto owner = owner_of_socket(inode);
     constexpr std::array kOurs{"subworld", "world_sim", "haptic_sim", "device_sim", "gui_headless"};
-    if (owner && std::ranges::find(kOurs, owner->second) != kOurs.end()) continue;
+    const bool ours =
+        owner && (std::ranges::find(kOurs, owner->second) != kOurs.end() || owner->second.starts_with("lab_"));
+    // The sockets of another user's run have no visible owner.
+    const bool perhaps_ours =
+        !owner && std::ranges::find(domain.programs, number, &RunningProgram::domain) != domain.programs.end();
+    if (ours || perhaps_ours) continue;
     domain.foreign_ports.push_back({port, owner ? owner->first : 0, owner ? owner->second : ""});
   }
 }

@@ -10,12 +10,14 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sched.h>
+#include <sys/file.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -146,6 +148,23 @@ void measure_lateness(const Needs& needs, Machine& machine) {
   machine.late_wake_ups = found.lateness.count_above(machine.period_s);
 }
 
+/// Whether a process holds this file's lock, also one of another container.
+bool is_locked(const std::string& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return false;
+  const bool locked = flock(file, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  close(file);
+  return locked;
+}
+
+/// Fast DDS locks the files NAME_el and NAME_sl while it uses the segment NAME.
+bool is_segment_locked(std::string path) {
+  for (const char* ending : {"_el", "_sl"}) {
+    if (path.ends_with(ending)) path.resize(path.size() - 3);
+  }
+  return is_locked(path + "_el") || is_locked(path + "_sl");
+}
+
 void read_left_files(Machine& machine) {
   const std::set<std::string> used = files_in_use("/dev/shm");
   std::error_code ignored;
@@ -156,7 +175,8 @@ void read_left_files(Machine& machine) {
       struct stat file {};
       const bool ours = stat(entry.path().c_str(), &file) == 0 && (file.st_uid == geteuid() || machine.root);
       // The files of another user's process are not visible: nothing is known of them.
-      machine.shared_memory.push_back({.path = entry.path(), .in_use = used.contains(entry.path()) || !ours});
+      machine.shared_memory.push_back(
+          {.path = entry.path(), .in_use = !ours || used.contains(entry.path()) || is_segment_locked(entry.path())});
     }
   }
   std::ranges::sort(machine.shared_memory, {}, &LeftFile::path);

@@ -50,7 +50,8 @@ std::vector<Misconfiguration> of_the_machine() {
       {"FewProcesses", "processes", "ulimit -Su 60", "", kUser},
       {"LeftSharedMemory", "shared_memory",
        "touch /dev/shm/fastrtps_1a2b3c4d /dev/shm/fastrtps_1a2b3c4d_el /dev/shm/sem.fastrtps_port7412_mutex; "
-       "exec 9> /dev/shm/fastrtps_of_a_living_process",
+       "exec 9> /dev/shm/fastrtps_of_a_living_process; touch /dev/shm/fastrtps_locked; "
+       "exec 8> /dev/shm/fastrtps_locked_el; flock --exclusive 8",
        ""},
       {"ALockThatCannotBeOpened", "lock_files", "mkdir $TMPDIR/subworld-domain-100.lock", ""},
       {"NoTemporaryFolder", "temporary_folder", "export TMPDIR=/nowhere", ""},

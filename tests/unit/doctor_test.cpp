@@ -163,7 +163,9 @@ const std::vector<Fault>& faults() {
          f.machine.ephemeral_ports = {10'000, 60'999};
        },
        "ip_local_port_range='32768 60999'"},
-      {"user_room", [](Facts& f) { f.needs.users = 58; }, "--domain 100"},
+      {"user_room", [](Facts& f) { f.needs.users = 40, f.domain = {.number = 232, .free_domains = {100}}; },
+       "--domain 100"},
+      {"user_room", [](Facts& f) { f.needs.users = 58, f.request.scene = "crowd"; }, "subworld run crowd --users 57"},
       {"foreign_ports", [](Facts& f) { f.domain.foreign_ports = {{.port = 24'910, .pid = 8, .name = "talker"}}; },
        "--domain 100"},
       {"ros_domain",
