@@ -30,6 +30,16 @@ Needs needs_of(const Request& request) {
   return needs;
 }
 
+/// Without --domain the run on this machine is examined, through the interface of its programs.
+void adopt_run(const std::vector<RunningProgram>& programs, Request& request) {
+  if (request.domain || programs.empty()) return;
+  const RunningProgram& model = programs.front();
+  request.domain = model.domain;
+  if (!request.network.interface_address.empty() || !request.network.peers.empty()) return;
+  request.network.interface_address = model.network.interface_address;
+  request.network.peers = model.network.peers;
+}
+
 /// Facts that are neither right nor wrong.
 std::vector<std::string> remarks(const Facts& facts) {
   std::vector<std::string> lines;
@@ -94,14 +104,16 @@ void print_json(const Facts& facts, const std::vector<Finding>& findings) {
 Facts read_facts(const Request& request) {
   Facts facts{.request = request};
   facts.needs = needs_of(request);
+  facts.domain.programs = running_programs();
+  adopt_run(facts.domain.programs, facts.request);
   // The calibration locks memory: the threads of the middleware start after it.
-  read_machine(request, facts.needs, facts.machine);
-  read_network(request, facts.network);
+  read_machine(facts.request, facts.needs, facts.machine);
+  read_network(facts.request, facts.network);
   constexpr int kFirstChosen = 100;
   NetworkFacts probed = facts.network;
-  auto probes =
-      std::async(std::launch::async, [&] { probe_peers(request, request.domain.value_or(kFirstChosen), probed); });
-  read_domain(request, facts.network, facts.domain);
+  auto probes = std::async(std::launch::async,
+                           [&] { probe_peers(facts.request, facts.request.domain.value_or(kFirstChosen), probed); });
+  read_domain(facts.request, facts.network, facts.domain);
   probes.get();
   facts.network = std::move(probed);
   return facts;

@@ -14,7 +14,7 @@
 /// has a test, also of a state that a test cannot bring about.
 namespace subworld::doctor {
 
-/// The command line of `subworld doctor`, as given.
+/// The command line of `subworld doctor`. Without --domain, domain and interface are those of the run on this machine.
 struct Request {
   Network network = {};
   std::string dds = "fastdds";  ///< or mixed
@@ -154,7 +154,7 @@ struct Facts {
 /// Reads all of it, in at most three seconds. Throws `Error` (usage) where the scene is wrong.
 [[nodiscard]] Facts read_facts(const Request& request);
 
-/// Parts of read_facts().
+/// Parts of read_facts(). `domain.programs` are known before.
 void read_machine(const Request& request, const Needs& needs, Machine& machine);
 void read_network(const Request& request, NetworkFacts& network);
 void probe_peers(const Request& request, int domain, NetworkFacts& network);

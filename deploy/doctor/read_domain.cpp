@@ -125,10 +125,7 @@ std::vector<int> find_free_domains(const Domain& domain) {
 }  // namespace
 
 void read_domain(const Request& request, const NetworkFacts& network, Domain& domain) {
-  domain.programs = running_programs();
   domain.number = request.domain;
-  // Without --domain that of the run on this machine, if there is one.
-  if (!domain.number && !domain.programs.empty()) domain.number = domain.programs.front().domain;
   domain.free_domains = find_free_domains(domain);
   read_versions(domain);
   if (domain.number) read_ports(*domain.number, domain);

@@ -32,10 +32,9 @@ TEST_F(Doctor, IsSilentOnAHealthySystem) {
   const Ended ended = run_apart(
       "subworld doctor --json > $WORK/alone.json\n"
       "host_b; subworld doctor press --domain 70 --interface eth0 --peers 10.77.0.2 --json > $WORK/two.json\n"
-      "start $BIN/world_sim press --duration 600 --mode realtime --domain 71; start $BIN/haptic_sim press --duration "
-      "600 --mode realtime --domain 71\n"
-      "start $BIN/device_sim press --duration 600 --mode realtime --domain 71\n"
-      "subworld doctor --domain 71 --json > $WORK/running.json; subworld doctor --domain 71\n"
+      "run='press --duration 600 --mode realtime --domain 71 --interface eth0'\n"
+      "start $BIN/world_sim $run; start $BIN/haptic_sim $run; start $BIN/device_sim $run\n"
+      "subworld doctor --json > $WORK/running.json; subworld doctor\n"
       "subworld top; subworld top --once --domain 71 --dds cyclonedds > $WORK/top.txt");
   for (const char* name : {"alone", "two", "running"}) {
     const Json json = Json::parse(read_text(folder_.path() + "/work/" + name + ".json"), nullptr, false);
