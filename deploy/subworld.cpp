@@ -1,9 +1,11 @@
+#include "doctor/doctor.hpp"
 #include "io/command_line.hpp"
 #include "launch.hpp"
 #include "link/command.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
 #include "session/session.hpp"
+#include "top.hpp"
 #include "wire/plugin.hpp"
 
 #include <fmt/format.h>
@@ -41,8 +43,10 @@ constexpr const char* kExamples =
     "  subworld control engine havok --haptic --domain 100\n"
     "  subworld plan deploy/scenes/row.yaml\n"
     "  subworld link wifi --validate\n"
+    "  subworld doctor\n"
+    "  subworld top\n"
     "  subworld lab coupling --quick\n"
-    "`subworld run` starts all programs on this host. For several hosts start the programs by hand: world_sim --help.\n"
+    "`subworld run` starts all programs on this host, `subworld up` those of a session on several hosts.\n"
     "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
     "            4 a quality gate was missed (--strict).";
 
@@ -102,6 +106,14 @@ struct ControlRequest {
   double wait_s = 5.0;
 };
 
+/// `network.domain` and `network.dds` have options of their own, because their defaults differ.
+void add_network(CommandLine& line, Network& network) {
+  line.add("--interface", &network.interface_address, "own network interface, by name or IPv4 address")
+      .otherwise("loopback, which reaches this host only");
+  line.add("--peers", &network.peers, "other hosts of the run: IPv4 addresses or names, separated by commas")
+      .otherwise("this host");
+}
+
 void add_control(CommandLine& line, ControlRequest& request) {
   line.add("verb", &request.verb, "the order").one_of({"stop", "pause", "resume", "step", "engine"}).required();
   line.add("engine", &request.engine.engine, "for the order engine: the engine to change to");
@@ -109,9 +121,7 @@ void add_control(CommandLine& line, ControlRequest& request) {
   line.flag("--haptic", request.haptic, "change the sub-worlds' engine instead of the world's");
   add_domain(line, request.network.domain).required();
   add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
-  line.add("--interface", &request.network.interface_address, "own network interface, by name or IPv4 address")
-      .otherwise("loopback, which reaches this host only");
-  line.add("--peers", &request.network.peers, "the world's host; needs --interface").otherwise("this host");
+  add_network(line, request.network);
   line.add("--wait", &request.wait_s, "longest wait for the world, and then for its answer").range(0.1, 3600.0, "s");
 }
 
@@ -123,6 +133,44 @@ void control(ControlRequest& request) {
   }
   if (request.haptic) request.engine.target = EngineOrder::Target::haptic;
   send_control(request.network, request.verb, request.engine, request.wait_s);
+}
+
+void add_doctor(CommandLine& line, doctor::Request& request) {
+  line.add("scene", &request.scene, "scene that is to run: its users and engines are examined too").otherwise("none");
+  line.add("--domain", &request.domain, "DDS domain")
+      .range(0, 232)
+      .environment("SUBWORLD_DOMAIN")
+      .otherwise("that of the run on this machine");
+  add_dds(line, request.dds, {"fastdds", "cyclonedds", "mixed"});
+  add_network(line, request.network);
+  line.add("--qos", &request.network.qos_file, "the DDS vendor's settings file")
+      .otherwise("the vendor's environment variable, else qos/VENDOR.xml beside the programs");
+  line.add("--out", &request.out, "folder for results of a run").otherwise("out");
+  line.flag("--verbose", request.verbose, "also list all checks, and what was measured");
+  line.flag("--json", request.json, "print one JSON object: healthy, checks, findings, remarks");
+  line.footer(
+      "Examples:\n"
+      "  subworld doctor\n"
+      "  subworld doctor heap --domain 70 --verbose\n"
+      "  subworld doctor --domain 70 --interface eth0 --peers 10.0.0.2\n"
+      "Each finding has a cure: a command for the shell that the doctor was started from.\n"
+      "Exit codes: 0 healthy, 4 something was found, 2 usage or scene.");
+}
+
+void add_top(CommandLine& line, TopRequest& request) {
+  line.add("--domain", &request.domain, "DDS domain")
+      .range(0, 232)
+      .environment("SUBWORLD_DOMAIN")
+      .otherwise("all that programs of this machine use");
+  add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
+  add_network(line, request.network);
+  line.flag("--once", request.once, "print one table and end; so it does where the output is no terminal");
+  line.footer(
+      "Examples:\n"
+      "  subworld top\n"
+      "  subworld top --once\n"
+      "  subworld top --domain 70 --interface eth0 --peers 10.0.0.2\n"
+      "q or Ctrl-C ends. MISSED are deadlines, in brackets those by the OS; FACTOR is the world's real-time factor.");
 }
 
 /// The engines and DDS vendors that are installed, with their versions, for --version.
@@ -187,6 +235,15 @@ int main_of(int argc, char** argv) {
   CommandLine& link_command =
       line.command("link", "Emulates a network between hosts on this machine: delay, jitter, loss, rate, outage");
   add_link_options(link_command, link_request);
+  doctor::Request doctor_request;
+  CommandLine& doctor_command =
+      line.command("doctor", "Examines this machine, its network and a running domain; names faults with their cures");
+  add_doctor(doctor_command, doctor_request);
+
+  TopRequest top_request;
+  CommandLine& top_command =
+      line.command("top", "Shows the domains in use, their programs, rates and missed deadlines");
+  add_top(top_command, top_request);
 
   CommandLine& lab_command = line.command("lab", "Evaluations: runs a sweep and writes tables and a report");
   lab_command.footer(
@@ -213,7 +270,10 @@ int main_of(int argc, char** argv) {
     return run(request);
   }
   if (link_command.chosen()) return run_link(link_request);
-  if (control_command.chosen()) {
+  if (doctor_command.chosen()) return doctor::run(doctor_request);
+  if (top_command.chosen()) {
+    show_top(top_request);
+  } else if (control_command.chosen()) {
     control(control_request);
   } else {
     print_plan(plan_request);

@@ -17,7 +17,7 @@ namespace subworld {
 
 namespace {
 
-constexpr std::array kPrograms{"world_sim", "haptic_sim", "device_sim", "gui_headless"};
+constexpr std::array kOfSessions{"world_sim", "haptic_sim", "device_sim", "gui_headless"};
 
 bool is_of_user(std::string_view program) { return program == "haptic_sim" || program == "device_sim"; }
 
@@ -26,9 +26,9 @@ SessionProgram read_program(const YamlValue& value) {
   const std::string text = value.text();
   const std::size_t space = text.find(' ');
   SessionProgram program{text.substr(0, space)};
-  if (std::ranges::find(kPrograms, program.name) == kPrograms.end()) {
+  if (std::ranges::find(kOfSessions, program.name) == kOfSessions.end()) {
     value.fail(fmt::format("there is no program \"{}\"; did you mean \"{}\"?", program.name,
-                           nearest(program.name, {kPrograms.begin(), kPrograms.end()})));
+                           nearest(program.name, {kOfSessions.begin(), kOfSessions.end()})));
   }
   if (!is_of_user(program.name)) {
     if (space != std::string::npos) value.fail(fmt::format("{} has no user; write {}", program.name, program.name));

@@ -90,6 +90,8 @@ const std::string& Process::read_terminal() {
   return shown_;
 }
 
+void Process::type(const std::string& keys) const { (void)!write(terminal_, keys.data(), keys.size()); }
+
 void Process::close_terminal() {
   if (terminal_ >= 0) close(terminal_);
   terminal_ = -1;

@@ -45,6 +45,8 @@ class Process {
   void signal(int number) const;
   /// Output of the program on its terminal so far. A program blocks if its terminal is not read.
   const std::string& read_terminal();
+  /// Keys for a program on its terminal.
+  void type(const std::string& keys) const;
   void close_terminal();
   /// Exit code, or 128 + signal if a signal ended it; empty if it still runs after `limit_s`.
   std::optional<int> wait(double limit_s = 60.0);
