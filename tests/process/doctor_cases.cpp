@@ -204,7 +204,9 @@ const std::vector<Misconfiguration>& misconfigurations() {
 }
 
 bool Doctor::has_namespaces() const {
-  return getuid() == 0 && finish({"/usr/bin/unshare", "--mount", "--net", "--pid", "--fork", "/bin/true"}).code == 0;
+  return getuid() == 0 &&
+         finish({"/usr/bin/unshare", "--mount", "--net", "--pid", "--fork", "/bin/sh", "-c", "ip link set lo up"})
+                 .code == 0;
 }
 
 Ended Doctor::run_apart(const std::string& code, const std::string& wrapper, const std::string& after) const {
