@@ -80,8 +80,8 @@ class Hasher {
   }
   void put(const Settings& s) {
     add(s.h_s, s.ratio, s.ratio_most, s.settle_s, s.settle_step_s, s.users, s.mode, s.scheme);
-    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.passivity, s.disabled, s.world,
-        s.haptic);
+    add(s.paper.device_force_in_world, s.paper.device_impulse_threshold_n_s, s.delay, s.passivity, s.deadband,
+        s.disabled, s.world, s.haptic);
   }
 
   void byte(unsigned char b) { value_ = hashed(value_, b); }

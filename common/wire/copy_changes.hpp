@@ -51,7 +51,7 @@ bool change(const Copy& copy, M& m, const Plain& base, std::uint8_t bit, auto& m
   return true;
 }
 
-/// A list that is left out where it is as in the base.
+/// A list that is omitted where it is as in the base.
 bool list_fields(const auto& copy, auto& m, auto& w, auto in_base) {
   const Base* const base = copy.delta.base;
   if constexpr (std::same_as<decltype(copy), const ToWire&>) {
@@ -69,7 +69,7 @@ bool list_fields(const auto& copy, auto& m, auto& w, auto in_base) {
   return true;
 }
 
-/// Ids of the elements of a list, which are left out where they are as in the base.
+/// Ids of the elements of a list, which are omitted where they are as in the base.
 template <class T>
 bool id_fields(const auto& copy, T& m, auto& w, const auto* base, auto id) {
   if constexpr (std::same_as<decltype(copy), const ToWire&>) {
@@ -96,8 +96,8 @@ void begin_changes(const auto& copy, auto& wire, std::size_t most) {
   }
 }
 
-/// The states of bodies. `left_out(i)`: whether that of m[i] is not sent.
-bool state_fields(const auto& copy, auto& m, auto& w, auto left_out) {
+/// The states of bodies. `omitted(i)`: whether that of m[i] is not sent.
+bool state_fields(const auto& copy, auto& m, auto& w, auto omitted) {
   constexpr bool kOut = std::same_as<decltype(copy), const ToWire&>;
   const Base* const base = copy.delta.base;
   if (!id_fields(copy, m, w.bodies(), base != nullptr ? &base->states : nullptr, &StampedBody::id)) return false;
@@ -117,7 +117,7 @@ bool state_fields(const auto& copy, auto& m, auto& w, auto left_out) {
     auto& mask = w.changed()[i];
     if constexpr (kOut) {
       mask = 0;
-      if (left_out(i)) continue;
+      if (omitted(i)) continue;
     }
     auto& state = m[i].state;
     if (!change(copy, state.position, before.position, 1, mask, w.vectors(), vectors) ||
