@@ -31,11 +31,12 @@ std::string calibration_text(const RunResults& run) {
 
 namespace {
 
-constexpr Unit kCount{"", 1.0, "1"}, kOfSteps{"% of steps", 100.0, "ratio"}, kMilliseconds{"ms", 1e3, "s"},
-    kJoule{"J", 1.0, "J"}, kMetre{"m", 1.0, "m"}, kNewtonRms{"N RMS", 1.0, "N RMS"};
+constexpr Unit kCount{"", 1.0, "1"}, kOfSteps{"% of steps", 100.0, "ratio"}, kOfReports{"% of reports", 100.0, "ratio"},
+    kMilliseconds{"ms", 1e3, "s"}, kJoule{"J", 1.0, "J"}, kMetre{"m", 1.0, "m"}, kNewtonRms{"N RMS", 1.0, "N RMS"};
 constexpr const char* kMissedByTheOs = "missed by the OS";
 
 constexpr double kMissedRatio = 0.001;
+constexpr double kRefusedRatio = 0.01;
 constexpr double kLatenessP99_s = 0.25e-3;
 constexpr double kAtLimitRatio = 0.01;
 /// Least energy that counts, J: a device of 0.1 kg at 0.3 m/s, or a coupling of 1000 N/m that is stretched by 3 mm.
@@ -314,6 +315,16 @@ std::vector<Gate> gates(const RunResults& run) {
             ? "the operators did not put it in: with late messages the scheme paper creates it; --scheme reduced, or "
               "less delay"
             : "the operators did not put it in; a smaller --ratio, --preset quality, or another --engine"}}};
+  const double reports =
+      static_cast<double>(world.cycles) * static_cast<double>(std::max<std::size_t>(1, run.haptic.size()));
+  all.push_back(
+      {"reports that the world refused",
+       kOfReports,
+       static_cast<double>(world.refused_reports) / std::max(1.0, reports),
+       kRefusedRatio,
+       {Culprit::run,
+        "the world did not get these users' pushes: reports came more than 16 cycles late, between hosts more "
+        "than 0.5 s; look for a slow network, or for a sub-world that was halted"}});
   if (run.haptic.size() > 1) {
     all.push_back({"created energy at all operators together",
                    kJoule,

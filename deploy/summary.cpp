@@ -79,6 +79,7 @@ Json describe(const Scene& scene) {
           {"paper", s.paper},
           {"delay", s.delay},
           {"passivity", std::array{"automatic", "on", "off"}[static_cast<std::size_t>(s.passivity)]},
+          {"deadband", s.deadband},
           {"disabled", disabled_names(s.disabled)},
           {"plan", to_json(plan_of(scene))},
           {"users", users}};

@@ -1,5 +1,6 @@
 #include "device_sim/run.hpp"
 
+#include "coupling/deadband.hpp"
 #include "model/error.hpp"
 #include "program/join.hpp"
 #include "program/peer_watch.hpp"
@@ -20,9 +21,10 @@ constexpr double kStale_s = 0.005;  ///< age of a command at which the force fad
 }  // namespace
 
 DevicePorts::DevicePorts(const Options& options, const Scene& scene_file)
-    : bus(open_bus(options.network, scene_file.settings,
-                   1.0 / scene_file.users[static_cast<std::size_t>(options.user)].device.rate_hz,
-                   fmt::format("device_sim {}", options.user))),
+    : bus(open_bus(
+          options.network, scene_file.settings,
+          scene_file.settings.sample_period_s(scene_file.users[static_cast<std::size_t>(options.user)].device.rate_hz),
+          fmt::format("device_sim {}", options.user))),
       scene(bus->reader<SceneDescription>()),
       states(bus->writer<DeviceState>(device_partition(options.user))),
       commands(bus->reader<DeviceCommand>(device_partition(options.user))),
@@ -47,6 +49,7 @@ DeviceResult DeviceMeasures::result(const DeviceGuard& guard) {
   DeviceResult result{.user = static_cast<std::size_t>(user_),
                       .steps = steps_,
                       .round_trip_s = quantiles(round_trip_),
+                      .sent_ratio = sent_ratio_,
                       .missed_deadlines = misses_.all(),
                       .missed_by_os = misses_.by_os,
                       .missed_by_run = misses_.by_run,
@@ -57,8 +60,7 @@ DeviceResult DeviceMeasures::result(const DeviceGuard& guard) {
   return result;
 }
 
-bool DeviceRun::send_state(TimePoint now) const noexcept {
-  DeviceState state = device.state();
+bool DeviceRun::send_state(TimePoint now, DeviceState state) const noexcept {
   state.session = session;
   state.sender = ports.identity;
   state.sent_ns = to_ns(now);
@@ -91,13 +93,15 @@ Ending run_lockstep(const DeviceRun& run) {
   const double h_s = scene.settings.h_s;
   Ending ending{.session = session, .from_s = device.state().stamp_s, .by = kLastCommand};
   DeviceCommand command;
+  Deadband<DeviceState> deadband(scene.settings.deadband_in_use(), scene.users[static_cast<std::size_t>(options.user)]);
+  Wrench felt;
   const auto stopped = [] { return stop_signal() != 0; };
   Stages<DeviceStage>& stages = measures.stages();
   stages.begin();
   while (true) {
     const TimePoint sent = Clock::now();
     const DeviceState state = device.state();
-    if (!run.send_state(sent))
+    if (!run.send_state(sent, deadband.pass(state, felt, h_s)))
       throw Error(ExitCode::failed, unsent_text("device_state", ports.commands, ports.status, run.haptic_sim()));
     stages.mark(DeviceStage::send);
     const auto ours = [&](const DeviceCommand& came) {
@@ -109,9 +113,11 @@ Ending run_lockstep(const DeviceRun& run) {
       return ending;
     }
     ports.commands.trust_sender();
+    measures.sent(deadband.sent_ratio());
     if (command.last) return ending;
     measures.round_trip(1e-9 * static_cast<double>(to_ns(stages.now()) - command.echoed_sent_ns));
     const DeviceCommand safe = guard.pass(command, state, true, h_s);
+    felt = safe.wrench;
     device.step(safe, h_s);
     stages.mark(DeviceStage::advance);
     measures.step(state, safe.wrench, {to_seconds(stages.now() - sent)});
@@ -131,6 +137,8 @@ class RealtimeLoop : DeviceRun {
         stages_(measures.stages()),
         rate_hz_(scene.users[static_cast<std::size_t>(options.user)].device.rate_hz),
         period_s_(1.0 / rate_hz_),
+        stale_s_(std::max(kStale_s, 5.0 * period_s_) + scene.settings.sample_period_s(rate_hz_) - period_s_),
+        deadband_(scene.settings.deadband_in_use(), scene.users[static_cast<std::size_t>(options.user)]),
         loop_(Clock::now(), period_s_, from_seconds(options.spin_s), stages_),
         haptic_(haptic_sim()) {}
 
@@ -153,6 +161,7 @@ class RealtimeLoop : DeviceRun {
       act(false);
     }
     measures.loop_ends();
+    measures.sent(deadband_.sent_ratio());
     ending.to_s = device.state().stamp_s;
     if (!ending.fault.empty()) {
       ending.by = "fault";
@@ -190,7 +199,7 @@ class RealtimeLoop : DeviceRun {
 
   [[nodiscard]] bool running() const noexcept { return haptic_.last_heard() != TimePoint{}; }
   [[nodiscard]] bool fresh() const noexcept {
-    return running() && to_seconds(loop_.woke() - haptic_.last_heard()) < std::max(kStale_s, 5.0 * period_s_);
+    return running() && to_seconds(loop_.woke() - haptic_.last_heard()) < stale_s_;
   }
 
   void act(bool trusted) {
@@ -201,7 +210,8 @@ class RealtimeLoop : DeviceRun {
     if (running()) device.step(safe, period_s_);
     stages_.mark(DeviceStage::advance);
     const DeviceState& state = device.state();
-    send_state(begin);
+    // Until the haptic loop runs, each sample may be the one that it finds.
+    if (deadband_.sends(state, felt_, period_s_) || !running()) send_state(begin, state);
     const TimePoint end = stages_.mark(DeviceStage::send);
     const Miss miss = loop_.judge(end, loop_.deadline());
     // Steps before the haptic loop runs do not count.
@@ -217,6 +227,8 @@ class RealtimeLoop : DeviceRun {
 
   Stages<DeviceStage>& stages_;
   double rate_hz_, period_s_;
+  double stale_s_;  ///< age of a command at which the force fades out
+  Deadband<DeviceState> deadband_;
   PacedLoop<DeviceStage> loop_;
   PeerWatch haptic_;
   DeviceCommand command_, came_;

@@ -39,6 +39,8 @@ class DeviceMeasures : public LoopMeasures<DeviceStage> {
   /// Closes the step's stages. Call last in a step.
   void end_step() noexcept { LoopMeasures::end_step({}, {{Trace::Name::missed_deadline, newest_.miss != Miss::none}}); }
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
+  /// Share of the states that were sent.
+  void sent(double ratio) noexcept { sent_ratio_ = ratio; }
   /// Data of the loop for the status.
   [[nodiscard]] LoopState state(double time_s) const noexcept { return LoopMeasures::state(time_s, 0.0, 1.0); }
   /// After the last step.
@@ -47,6 +49,7 @@ class DeviceMeasures : public LoopMeasures<DeviceStage> {
  private:
   int user_;
   Histogram round_trip_;
+  double sent_ratio_ = 1.0;
 };
 
 /// Everything that a run of a device process consists of.
@@ -60,8 +63,8 @@ struct DeviceRun {
   std::uint64_t session = 0;  ///< of the world; 0: not joined yet
 
   [[nodiscard]] Peer haptic_sim() const noexcept { return {ProgramKind::haptic_sim, device.state().device}; }
-  /// Sends the device's state as it is now.
-  bool send_state(TimePoint now) const noexcept;
+  /// Sends a state of the device.
+  bool send_state(TimePoint now, DeviceState state) const noexcept;
 };
 
 /// Waits for the world's scene and the haptic process. Returns the world's session, or nothing after a request to stop.

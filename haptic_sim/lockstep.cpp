@@ -28,6 +28,7 @@ class LockstepLoop : HapticRun {
     while (order_.take_frames(sub, [this](std::uint64_t) { return take_frame(); }) && take_device() && take_peers())
       step();
     ending.to_s = sub.facts().time_s;
+    measures.sent(order_.sent_ratio());
     if (last_) {
       send_last_command(ports, device_, 1);
       ports.reports.wait_for_acknowledgments(kReportAcknowledged_s);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "coupling/deadband.hpp"
 #include "coupling/delay.hpp"
 #include "haptic_sim/sub_world.hpp"
 
@@ -17,6 +18,7 @@ class LockstepOrder {
       : h_s_(scene.settings.h_s),
         delay_(scene.settings, scheme_of(scene.settings).properties.lead_cycles, user),
         states_(scene.settings, Direction::from_device, user),
+        deadband_(scene.settings.deadband_in_use(), scene.users[user]),
         commands_(scene.settings, Direction::to_device, user),
         known_(static_cast<std::size_t>(scene.settings.users)) {
     if (!scheme_of(scene.settings).properties.replicates_peers) return;
@@ -24,6 +26,8 @@ class LockstepOrder {
       peers_.emplace_back(scene.settings, Direction::from_peer, link(user, u));
   }
 
+  /// Share of the commands that a link with a deadband has to send.
+  [[nodiscard]] double sent_ratio() const noexcept { return deadband_.sent_ratio(); }
   /// The number of the step that comes next.
   [[nodiscard]] std::uint64_t next_step() const noexcept { return step_; }
   /// How many states of a peer's device have been heard. Before step k, which needs them of the peers in the sub-world,
@@ -53,7 +57,8 @@ class LockstepOrder {
                 double took_s = 0.0) {
     const DeviceState& known = states_.pass(sent, step_);
     const auto on_force = [&](const FeltStep& felt) {
-      DeviceCommand command = commands_.pass(sub.command_for(known, felt.to_operator), step_);
+      const DeviceCommand answer = deadband_.pass(sub.command_for(known, felt.to_operator), felt.to_operator, h_s_);
+      DeviceCommand command = commands_.pass(answer, step_);
       command.sequence = sent.sequence;  // each step of the device waits for its own answer
       command.echoed_sent_ns = sent.sent_ns;
       on_command(command, felt);
@@ -76,6 +81,7 @@ class LockstepOrder {
   double h_s_;
   Delay delay_;
   DelayLine<DeviceState> states_;
+  Deadband<DeviceCommand> deadband_;
   DelayLine<DeviceCommand> commands_;
   std::vector<Peer> peers_;                ///< by user; none where the scheme does not replicate them
   std::vector<const DeviceState*> known_;  ///< by user; null: none heard

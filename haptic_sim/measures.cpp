@@ -119,6 +119,7 @@ HapticResult HapticMeasures::result(const SubWorld& sub, double bytes_per_cycle)
                       .sync_s = quantiles(sync_),
                       .round_trip_s = quantiles(round_trip_),
                       .bytes_per_cycle = bytes_per_cycle,
+                      .sent_ratio = sent_ratio_,
                       .operator_energy = {port.net_j(), port.least_j(), port.created_j()},
                       .device_work_j = sub.facts().device_work_j,
                       .oscillation_n = oscillation_.worst_n(),

@@ -47,6 +47,8 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
     if (echoed_sent_ns != 0) round_trip_.add(1e-9 * static_cast<double>(to_ns(now) - echoed_sent_ns));
   }
   void resynchronised() noexcept { ++resets_; }
+  /// Share of the commands that were sent.
+  void sent(double ratio) noexcept { sent_ratio_ = ratio; }
   /// A frame whose stamp no world has that goes on from the last one.
   void refused_frame() noexcept { ++refused_frames_; }
   /// The engine has just been exchanged; what the force does in the next steps is added to it.
@@ -66,6 +68,7 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
 
  private:
   int user_;
+  double sent_ratio_ = 1.0;
   double newest_members_ = 0.0;
   bool missed_ = false, lost_ = false;  ///< a deadline and frames, in the present step
   Histogram sync_, round_trip_;

@@ -11,7 +11,7 @@ constexpr std::uint64_t bit(std::size_t user) noexcept { return std::uint64_t{1}
 }  // namespace
 
 PeerDevices::PeerDevices(Bus& bus, const Scene& scene) : bus_(bus), readers_(scene.users.size()) {
-  for (const UserSpec& user : scene.users) periods_s_.push_back(1.0 / user.device.rate_hz);
+  for (const UserSpec& user : scene.users) periods_s_.push_back(scene.settings.sample_period_s(user.device.rate_hz));
 }
 
 PeerDevices::~PeerDevices() { stop(); }

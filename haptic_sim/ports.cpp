@@ -10,7 +10,8 @@
 namespace subworld {
 
 HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
-    : bus(open_bus(options.network, scene_file.settings, 1.0 / scene_file.users[options.user].device.rate_hz,
+    : bus(open_bus(options.network, scene_file.settings,
+                   scene_file.settings.sample_period_s(scene_file.users[options.user].device.rate_hz),
                    fmt::format("haptic_sim {}", options.user))),
       scene(bus->reader<SceneDescription>()),
       device(bus->reader<DeviceState>(device_partition(options.user))),

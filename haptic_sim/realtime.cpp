@@ -1,3 +1,4 @@
+#include "coupling/deadband.hpp"
 #include "haptic_sim/frame_queue.hpp"
 #include "haptic_sim/phase.hpp"
 #include "haptic_sim/run.hpp"
@@ -35,7 +36,10 @@ class RealtimeLoop : HapticRun {
         longest_cycle_s_(scene.settings.longest_cycle_s()),
         lead_cycles_(scheme().lead_cycles),
         stagger_s_(h_s_ * user() / scene.settings.users),
-        stale_s_(std::max(kStale_s, 5.0 / scene.users[user()].device.rate_hz)),
+        stale_s_(std::max(kStale_s, 5.0 / scene.users[user()].device.rate_hz) +
+                 (scene.settings.deadband > 0.0 ? kLongestAbsence_s : 0.0)),
+        extrapolates_(scene.settings.deadband_in_use() > 0.0),
+        deadband_(scene.settings.deadband_in_use(), scene.users[user()]),
         device_{.device = user(), .pose = {}, .applied = {}},
         peers_(scene.users.size()),
         known_peers_(scene.users.size()),
@@ -53,6 +57,7 @@ class RealtimeLoop : HapticRun {
     measures.loop_begins(scheduling);
     while (fading_ < kFadeSteps) step();
     measures.loop_ends();
+    measures.sent(deadband_.sent_ratio());
     send_last_command(ports, device_, kTimesLast);
     if (const std::string text = ports.peer_devices.fault(); !text.empty()) ports.status.note(text);
     ending_.to_s = sub.facts().time_s;
@@ -98,6 +103,12 @@ class RealtimeLoop : HapticRun {
       device_ = came_;
       device_sim_.heard(loop_.woke());
     }
+    if (!extrapolates_ || !device_heard()) return;
+    if (device_.sequence != sample_.sequence) sample_ = device_;
+    const double passed_s = to_seconds(loop_.woke() - device_sim_.last_heard());
+    if (passed_s <= 0.0) return;
+    device_ = extrapolated(sample_, std::min(passed_s, kLongestAbsence_s));
+    device_.sent_ns = 0;  // the round trip is of samples that came
   }
   /// The newest states of the devices whose users' proxies are in the sub-world.
   void receive_peers() {
@@ -190,7 +201,8 @@ class RealtimeLoop : HapticRun {
     const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s);
     const auto send = [&](const FeltStep& felt) {
       stages_.mark(HapticStage::feel);
-      ports.command.write(sub.command_for(device_, felt.to_operator));
+      const DeviceCommand command = sub.command_for(device_, felt.to_operator);
+      if (deadband_.sends(command, felt.to_operator, h_s_)) ports.command.write(command);
       miss = loop_.judge(stages_.mark(HapticStage::send), loop_.deadline());
     };
     const auto report = [&] {
@@ -242,7 +254,10 @@ class RealtimeLoop : HapticRun {
   int lead_cycles_;
   double stagger_s_;
   double stale_s_;  ///< age of the device's state at which the force fades out
+  bool extrapolates_;
+  Deadband<DeviceCommand> deadband_;
   DeviceState device_, came_;
+  DeviceState sample_;                           ///< the newest that came, while `device_` is extrapolated from it
   std::vector<DeviceState> peers_;               ///< by user
   std::vector<const DeviceState*> known_peers_;  ///< by user; null: none has come
   PeerWatch device_sim_;

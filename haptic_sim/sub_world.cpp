@@ -32,6 +32,8 @@ SubWorld::SubWorld(const Scene& scene, std::size_t user)
       declutch_(scene.initial[index(spec_.proxy)]),
       tool_(tool_at(rate_, spec_, scene.body(spec_.proxy))),
       reports_device_(!enabled(scene, Optimisation::device)),
+      sends_changes_(enabled(scene, Optimisation::changes)),
+      omits_overruled_(enabled(scene, Optimisation::overruled, user)),
       may_suppress_(enabled(scene, Optimisation::suppression)),
       suppression_(scheme_.properties.lead_cycles),
       timetable_(scene.settings.ratio, remembered_cycles(scene.settings, scheme_)),
@@ -223,6 +225,9 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
     report.device = {device.pose, device.linear_velocity, device.angular_velocity, applied_,
                      device_s_,   declutch_.offset()};
   }
+  report.base_stamp.reset();
+  if (sends_changes_) report.base_stamp = known_stamp_;
+  report.omits_overruled = omits_overruled_;
   report.members.clear();
   report.islands.clear();
   report.indicators = indicators_;
@@ -251,6 +256,7 @@ bool SubWorld::knows(const WorldFrame& frame) const noexcept {
 void SubWorld::note(const WorldFrame& frame) noexcept {
   framed_ = true;
   frame_stamp_ = frame.stamp;
+  if (frame.echoed_sent_ns != 0) known_stamp_ = frame.echoed_stamp;
   facts_.border_pairs = frame.border_contacts;
   if (may_suppress_) suppression_.begin(frame);
 }

@@ -13,6 +13,7 @@
 #include "physics/engine_exchange.hpp"
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -155,9 +156,12 @@ class SubWorld {
   double rate_ = 1.0;    ///< of the clock
   Tool tool_;            ///< at that rate
 
-  bool framed_ = false;            ///< a frame has been used
-  std::uint64_t frame_stamp_ = 0;  ///< of the newest used
+  bool framed_ = false;                       ///< a frame has been used
+  std::uint64_t frame_stamp_ = 0;             ///< of the newest used
+  std::optional<std::uint64_t> known_stamp_;  ///< of the newest report that the world is known to have used
   bool reports_device_;
+  bool sends_changes_;
+  bool omits_overruled_;
   bool may_suppress_;
   SuppressedCycles suppression_;
 

@@ -41,7 +41,8 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
       operators_j_(users_.size(), 0.0),
       work_j_(users_.size(), 0.0),
       suppression_(scene, scheme),
-      may_suppress_(enabled(scene, Optimisation::suppression)) {
+      may_suppress_(enabled(scene, Optimisation::suppression)),
+      sends_changes_(enabled(scene, Optimisation::changes)) {
   const Settings& s = scene.settings;
   scratch_.reserve(scene.bodies.size() + remembered_ * kUsualMembers);
   before_.reserve(kUsualMembers);
@@ -88,6 +89,8 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
     out.planned = now.timetable.newest();
     out.echoed_sent_ns = heard[u].newest->sent_ns;
     out.echoed_stamp = heard[u].newest->stamp;
+    out.base_stamp.reset();
+    if (sends_changes_ && heard[u].any) out.base_stamp = heard[u].newest->confirmed_stamp;
     out.members = user.membership.members;
     out.fixed = user.membership.fixed;
     if (scheme_.properties.has_sub_worlds)

@@ -107,6 +107,7 @@ class FrameMaker {
   std::vector<double> operators_j_, work_j_;  ///< by user: work of the operator, since the start and in the last cycle
   SuppressionFinder suppression_;
   bool may_suppress_;
+  bool sends_changes_;
   std::vector<BodyId> scratch_, before_;
   std::vector<Contact> contacts_;  ///< of the members
 };

@@ -55,9 +55,6 @@ class ContactGraph {
   mutable std::vector<std::uint32_t> listed_;
 };
 
-/// Label of an island that reaches out of the sub-world.
-inline constexpr std::uint32_t kOpenIsland = 0xFFFFFFFF;
-
 /// Islands of bodies that hang together by contacts.
 class Islands {
  public:

@@ -59,6 +59,26 @@ Decision decide_device(const Scene& scene, std::size_t) {
   return {true, false, "only the user's own sub-world reads it"};
 }
 
+Decision decide_changes(const Scene& scene, std::size_t) {
+  const SchemeProperties& scheme = scheme_of(scene.settings).properties;
+  if (!scheme.has_sub_worlds) return {false, false, fmt::format("scheme {} sends little but the proxy", scheme.name)};
+  return {true, false, "each side knows which messages the other one has used"};
+}
+
+Decision decide_overruled(const Scene& scene, std::size_t user) {
+  const Scheme& scheme = scheme_of(scene.settings);
+  if (!scheme.properties.has_sub_worlds) return {false, false, "there are no sub-worlds"};
+  if (scheme.properties.weighs_impulses)
+    return {false, false, fmt::format("scheme {} reads all states", scheme.properties.name)};
+  const bool turns = scene.users[user].device.degrees_of_freedom == 6;
+  for (const Owner owner : {Owner::user, Owner::peer, Owner::world}) {
+    const Correction part = scheme.correction({.owner = owner, .turns_alone = turns}, {}, scene.settings);
+    if (part.world != 0.0) return {false, false, fmt::format("scheme {} reads all states", scheme.properties.name)};
+    if (part.world_turn != 0.0) return {false, false, "the world turns with a tool of six degrees of freedom"};
+  }
+  return {true, false, "the world decides on bodies whose island reaches out of the sub-world"};
+}
+
 Decision decide_suppression(const Scene& scene, std::size_t) {
   const Settings& s = scene.settings;
   const SchemeProperties& scheme = scheme_of(s).properties;
@@ -85,8 +105,8 @@ Decision decide_energy_bound(const Scene& scene, std::size_t user) {
 }
 
 /// In the order of `Optimisation`.
-constexpr std::array kDecide{decide_rest,  decide_sway,   decide_friction,    decide_impulses,
-                             decide_pairs, decide_device, decide_suppression, decide_energy_bound};
+constexpr std::array kDecide{decide_rest,   decide_sway,    decide_friction,  decide_impulses,    decide_pairs,
+                             decide_device, decide_changes, decide_overruled, decide_suppression, decide_energy_bound};
 
 }  // namespace
 

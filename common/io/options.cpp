@@ -122,6 +122,11 @@ void add_run_options(CommandLine& line, Options& o) {
       "in real time with --peers)")
       .one_of({"automatic", "on", "off"})
       .otherwise(scenes);
+  add("--deadband", &o.deadband,
+      "Weber fraction of the link of a device: samples are not sent that an operator cannot tell from their "
+      "extrapolation; in real time with --peers only; 0: all are sent")
+      .range(0.0, kMostDeadband, kPartUnit)
+      .otherwise(scenes);
   add("--latency", &o.latency_s, "lock-step: artificial delay, added to the round trip between world and sub-world")
       .range(0.0, 2.0, "s")
       .otherwise(scenes);
@@ -211,6 +216,7 @@ Scene load_scene(const Options& o) {
   if (o.passivity) {
     s.passivity = *o.passivity == "on" ? Passivity::on : *o.passivity == "off" ? Passivity::off : Passivity::automatic;
   }
+  override_with(s.deadband, o.deadband);
   s.disable(parse_disabled(o.disabled));
   s.remote = std::ranges::any_of(o.network.peers, is_remote);
   if (s.mode == Mode::realtime && s.delay.any()) {

@@ -24,6 +24,7 @@ struct Options {
   std::optional<double> device_latency_s;
   std::optional<double> loss_ratio;
   std::optional<std::string> passivity;
+  std::optional<double> deadband;
   std::vector<std::string> disabled;  ///< parse_disabled() reads it
   std::optional<std::string> engine;
   std::optional<std::string> haptic_engine;

@@ -106,6 +106,7 @@ struct HapticResult {
   MeanMax members, contacts, border_pairs;
   Quantiles sync_s, round_trip_s;
   double bytes_per_cycle = 0.0;
+  double sent_ratio = 1.0;
   OperatorEnergy operator_energy;
   double device_work_j = 0.0;
   double oscillation_n = 0.0;
@@ -122,7 +123,7 @@ struct HapticResult {
 SUBWORLD_JSON(HapticResult, user, steps, skipped_steps, missed_deadlines, missed_by_os, missed_by_run, missed_waiting,
               lateness_s, woken_late_s, machine, step_s, stages, force_rms_n, force_max_n, force_step_mean_n,
               force_step_max_n, at_limit_ratio, proxy_apart_max_m, coupling_force_rms_n, coupling_force_max_n, members,
-              contacts, border_pairs, sync_s, round_trip_s, bytes_per_cycle, operator_energy, device_work_j,
+              contacts, border_pairs, sync_s, round_trip_s, bytes_per_cycle, sent_ratio, operator_energy, device_work_j,
               oscillation_n, device_jumps, lost_frames, refused_frames, resynchronisations, engine_changes,
               history_rows_dropped, trace_events_dropped, dds, events, refused, ending, host)
 
@@ -136,6 +137,7 @@ struct DeviceResult {
   std::size_t user = 0;
   std::uint64_t steps = 0;
   Quantiles round_trip_s;
+  double sent_ratio = 1.0;
   std::uint64_t missed_deadlines = 0, missed_by_os = 0, missed_by_run = 0;
   Quantiles step_s = {};
   OperatorEnergy operator_energy;
@@ -151,7 +153,7 @@ struct DeviceResult {
   Ending ending = {};
   std::string host = {};
 };
-SUBWORLD_JSON(DeviceResult, user, steps, round_trip_s, missed_deadlines, missed_by_os, missed_by_run, step_s,
+SUBWORLD_JSON(DeviceResult, user, steps, round_trip_s, sent_ratio, missed_deadlines, missed_by_os, missed_by_run, step_s,
               operator_energy, energy_bounded_ratio, oscillation_n, woken_late_s, machine, stages, history_rows_dropped,
               trace_events_dropped, dds, events, refused, ending, host)
 

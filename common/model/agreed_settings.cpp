@@ -187,6 +187,7 @@ class Lister {
     put(at + ".paper.device_impulse_threshold_n_s", s.paper.device_impulse_threshold_n_s);
     put(at + ".delay", s.delay);
     put(at + ".passivity", s.passivity);
+    put(at + ".deadband", s.deadband);
     put(at + ".disable", fmt::format("[{}]", fmt::join(disabled_names(s.disabled), ", ")));
     put(at + ".world", s.world);
     put(at + ".haptic", s.haptic);

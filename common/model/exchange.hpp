@@ -162,6 +162,9 @@ struct RatioChange {
   int ratio = 1;
 };
 
+/// Label of an island that reaches out of the sub-world.
+inline constexpr std::uint32_t kOpenIsland = 0xFFFFFFFF;
+
 /// Topic `world_frame`, keyed by user: the world at t = stamp_s for one user.
 struct WorldFrame {
   UserId user{};
@@ -175,9 +178,11 @@ struct WorldFrame {
   std::int64_t echoed_sent_ns = 0;  ///< of the newest report that the world has used
   std::uint64_t echoed_stamp = 0;
   bool last = false;
-  double cycle_s = 0.0;                ///< length of the cycle that ended at this stamp; impulses are totals over it
-  int ratio = 1;                       ///< haptic steps in the cycle that begins here
-  RatioChange planned;                 ///< the newest change; may lie in the past
+  double cycle_s = 0.0;  ///< length of the cycle that ended at this stamp; impulses are totals over it
+  int ratio = 1;         ///< haptic steps in the cycle that begins here
+  RatioChange planned;   ///< the newest change; may lie in the past
+  /// Of an older frame that the sub-world has confirmed: only what differs from it is sent (wire/changes).
+  std::optional<std::uint64_t> base_stamp;
   std::vector<BodyId> members;         ///< movable bodies of the sub-world from this stamp on, proxy included
   std::vector<BodyId> fixed;           ///< fixed bodies of the sub-world
   std::vector<std::uint32_t> islands;  ///< island of each member, by the world's contacts (coupling/contact_graph)
@@ -246,8 +251,13 @@ struct HapticReport {
   double operator_work_j = 0.0;       ///< of the operator on the device, since the start
   BodyState proxy;
   std::optional<ReportedDevice> device;  ///< empty if no reader needs it (optimisation `device`)
-  std::vector<StampedBody> members;      ///< the sub-world's own result, before any blend
-  std::vector<std::uint32_t> islands;    ///< island of each member, by the sub-world's contacts
+  /// Of an older report that the world has used: only what differs from it is sent (wire/changes).
+  std::optional<std::uint64_t> base_stamp;
+  /// The states of members in open islands are not sent: the world overrules them (optimisation `overruled`). A
+  /// receiver has older ones in their place.
+  bool omits_overruled = false;
+  std::vector<StampedBody> members;    ///< the sub-world's own result, before any blend
+  std::vector<std::uint32_t> islands;  ///< island of each member, by the sub-world's contacts
   Indicators indicators;
   StepTiming timing;
   double peer_age_s = 0.0;  ///< greatest age of the other users' device motion that the cycle used, simulated time

@@ -71,6 +71,11 @@ struct DeviceSpec {
   std::optional<OperatorSpec> operator_model;  ///< none: the device follows the path whatever the force
 };
 
+/// Largest Weber fraction that was found for a force (Chaudhari 2011).
+inline constexpr double kMostDeadband = 0.27;
+/// Longest time between two samples in a deadband: a receiver knows soon that a sender has gone.
+inline constexpr double kLongestAbsence_s = 0.005;
+
 /// Virtual coupling between device and proxy (Colgate 1995).
 struct CouplingSettings {
   double stiffness_n_m = 1000.0;
@@ -176,6 +181,14 @@ struct Settings {
   DelaySettings delay;
   Passivity passivity = Passivity::automatic;  ///< automatic: where messages are delayed
   bool remote = false;                         ///< programs of the run are on other hosts (--peers)
+  /// Weber fraction of the link of a device (coupling/deadband); 0: every sample is sent.
+  double deadband = 0.0;
+  /// In real time on one host, messages cost little: every sample is sent.
+  [[nodiscard]] double deadband_in_use() const noexcept { return mode == Mode::lockstep || remote ? deadband : 0.0; }
+  /// Longest regular time between two samples of a device of this rate, s.
+  [[nodiscard]] double sample_period_s(double rate_hz) const noexcept {
+    return 1.0 / rate_hz + (deadband > 0.0 ? kLongestAbsence_s : 0.0);
+  }
   EngineSettings world;
   EngineSettings haptic;
   Disabled disabled = kDisableNothing;  ///< optimisations that are off; set by disable()

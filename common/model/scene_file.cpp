@@ -11,9 +11,9 @@ namespace {
 
 constexpr Limits kDuration{.least = 0.0, .most = 1e6, .above = true};  // s
 constexpr Limits kDelay{.least = 0.0, .most = 1.0};                    // s
-const std::initializer_list<std::string_view> kSettingsKeys = {"h_s",       "ratio",  "duration_s",   "settle", "users",
-                                                               "mode",      "scheme", "gravity_m_s2", "paper",  "delay",
-                                                               "passivity", "world",  "haptic"};
+const std::initializer_list<std::string_view> kSettingsKeys = {
+    "h_s",          "ratio", "duration_s", "settle",    "users",    "mode",  "scheme",
+    "gravity_m_s2", "paper", "delay",      "passivity", "deadband", "world", "haptic"};
 const std::initializer_list<std::string_view> kPresets = {"fast", "quality"};
 
 /// The engine's name is checked when the engine is made: this room knows no engines.
@@ -94,6 +94,7 @@ void read_settings(const YamlValue& value, Settings& settings) {
   }
   if (const auto passivity = map.find("passivity"))
     settings.passivity = static_cast<Passivity>(passivity->choice({"automatic", "on", "off"}));
+  map.read("deadband", settings.deadband, {.least = 0.0, .most = kMostDeadband});
   if (const auto world = map.find("world")) read_engine(*world, settings.world);
   if (const auto haptic = map.find("haptic")) read_engine(*haptic, settings.haptic);
   if (const auto gravity = map.find("gravity_m_s2")) {

@@ -191,9 +191,11 @@ bool AnyReader::receive() noexcept {
 }
 
 bool AnyReader::decode_any(void* sample) noexcept {
-  if (impl_->codec->decode(impl_->cdr, sample)) return true;
-  impl_->events.report(wire::Event::rejected, 1, "reader", impl_->topic, "corrupt or invalid");
-  return false;
+  const Decoded decoded = impl_->codec->decode(impl_->cdr, sample);
+  if (decoded == Decoded::lacks_base) impl_->events.report(wire::Event::lost, 1, "reader", impl_->topic, "");
+  if (decoded == Decoded::invalid)
+    impl_->events.report(wire::Event::rejected, 1, "reader", impl_->topic, "corrupt or invalid");
+  return decoded == Decoded::sample;
 }
 
 void AnyReader::trust_sender() noexcept {

@@ -34,13 +34,14 @@ class CodecOf final : public AnyCodec {
     if constexpr (requires { reserve(sample_, kUsualMembers); }) {
       reserve(sample_, kUsualMembers);
       bytes_.reserve(kUsualBytes);
-      ToWire{}(sample_, wire_);
+      Base nothing;
+      ToWire{{nullptr, &nothing}}(sample_, wire_);
     }
   }
 
   std::span<const std::uint8_t> encode(const void* sample) noexcept override {
     try {
-      ToWire{}(*static_cast<const Model*>(sample), wire_);
+      to_wire(*static_cast<const Model*>(sample));
       bytes_.resize(kHeaderBytes + Wire::getCdrSerializedSize(wire_));
       FastBuffer buffer(reinterpret_cast<char*>(bytes_.data()), bytes_.size());
       Cdr cdr(buffer, Cdr::LITTLE_ENDIANNESS, Cdr::DDS_CDR);
@@ -52,8 +53,8 @@ class CodecOf final : public AnyCodec {
     }
   }
 
-  bool decode(std::span<const std::uint8_t> bytes, void* sample) noexcept override {
-    if (!known_encapsulation(bytes)) return false;
+  Decoded decode(std::span<const std::uint8_t> bytes, void* sample) noexcept override {
+    if (!known_encapsulation(bytes)) return Decoded::invalid;
     try {
       // Fast CDR takes a mutable buffer but only reads from it here.
       FastBuffer buffer(const_cast<char*>(reinterpret_cast<const char*>(bytes.data())), bytes.size());
@@ -66,24 +67,54 @@ class CodecOf final : public AnyCodec {
         if (version != kWireVersion) {
           *static_cast<Model*>(sample) = Model{};
           static_cast<Model*>(sample)->wire_version = version;
-          return true;
+          return Decoded::sample;
         }
         cdr.setState(begin);
       }
       wire_.deserialize(cdr);
-      if (bytes.size() - cdr.getSerializedDataLength() <= kMostPadding && FromWire{}(sample_, std::as_const(wire_))) {
-        std::swap(*static_cast<Model*>(sample), sample_);
-        return true;
-      }
+      if (bytes.size() - cdr.getSerializedDataLength() > kMostPadding) return Decoded::invalid;
+      const Decoded decoded = from_wire();
+      if (decoded == Decoded::sample) std::swap(*static_cast<Model*>(sample), sample_);
+      return decoded;
     } catch (const std::exception&) {
       // A corrupt length may have enlarged the sequences.
       wire_ = Wire{};
     }
-    return false;
+    return Decoded::invalid;
   }
 
  private:
+  static constexpr bool kHasBase = requires(Model m) { m.base_stamp; };
+
+  void to_wire(const Model& sample) {
+    if constexpr (kHasBase) {
+      MessageIdentity identity = identity_of(sample);
+      identity.stamp = sample.base_stamp.value_or(identity.stamp);
+      const bool older = identity.stamp < sample.stamp;
+      ToWire{{older ? sent_.find(identity) : nullptr, &sent_.next()}}(sample, wire_);
+      sent_.keep();
+    } else {
+      ToWire{}(sample, wire_);
+    }
+  }
+
+  Decoded from_wire() {
+    if constexpr (kHasBase) {
+      const Base* base = nullptr;
+      if (wire_.base_stamp() != wire_.stamp()) {
+        base = received_.find(base_of(wire_));
+        if (base == nullptr) return Decoded::lacks_base;
+      }
+      if (!FromWire{{base, &received_.next()}}(sample_, std::as_const(wire_))) return Decoded::invalid;
+      received_.keep();
+      return Decoded::sample;
+    } else {
+      return FromWire{}(sample_, std::as_const(wire_)) ? Decoded::sample : Decoded::invalid;
+    }
+  }
+
   Wire wire_;
+  Bases sent_, received_;
   Model sample_;
   std::vector<std::uint8_t> bytes_;
 };

@@ -2,145 +2,18 @@
 
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
+#include "wire/copy.hpp"
+#include "wire/copy_changes.hpp"
 
 #include <subworld.h>
 
 #include <algorithm>
-#include <cmath>
-#include <concepts>
 #include <cstdint>
-#include <optional>
-#include <type_traits>
-#include <vector>
 
 /// Converts model structs to the types of the IDL and back. Only `codec.cpp` includes this: IDL types stop here. Each
 /// struct has one description, `fields(copy, model, wire)`, for both directions. `copy` is `ToWire` or `FromWire` and
 /// returns whether the value is valid; where it is not, the model may be half filled.
 namespace subworld {
-
-/// A unit quaternion whose norm is off by less than this is not changed, so that both ends of a topic have equal
-/// numbers.
-inline constexpr double kQuaternionExact = 1e-6;
-/// A quaternion whose norm is off by more than this is invalid; between the two limits it is normalised.
-inline constexpr double kQuaternionNear = 1e-2;
-
-/// A model struct, constant while it is sent.
-template <class T, class Struct>
-concept Is = std::same_as<std::remove_const_t<T>, Struct>;
-template <class T>
-concept Sequence = Is<T, std::vector<typename T::value_type>>;
-template <class T>
-concept Optional = Is<T, std::optional<typename T::value_type>>;
-
-/// Copies a model to the wire. Everything counts as valid: the receiver decides.
-struct ToWire {
-  bool operator()(const Vec3& model, msg::Vector& wire) const {
-    wire = {model.x(), model.y(), model.z()};
-    return true;
-  }
-  bool operator()(const Quat& model, msg::Quaternion& wire) const {
-    wire = {model.w(), model.x(), model.y(), model.z()};
-    return true;
-  }
-  bool operator()(const Eigen::Matrix3d& model, msg::SymmetricTensor& wire) const {
-    wire.xx() = model(0, 0);
-    wire.yy() = model(1, 1);
-    wire.zz() = model(2, 2);
-    wire.xy() = model(0, 1);
-    wire.yz() = model(1, 2);
-    wire.zx() = model(2, 0);
-    return true;
-  }
-  template <class M, class W>
-  bool operator()(const M& model, W& wire) const {
-    if constexpr (std::is_arithmetic_v<W>) {
-      wire = static_cast<W>(model);
-    } else if constexpr (std::same_as<M, W> && !Sequence<M>) {
-      wire = model;
-    } else {
-      fields(*this, model, wire);
-    }
-    return true;
-  }
-
-  bool not_negative(double model, double& wire) const { return (*this)(model, wire); }
-  bool positive(double model, double& wire) const { return (*this)(model, wire); }
-  bool ratio(int model, std::uint32_t& wire) const { return (*this)(model, wire); }
-  bool kind(auto model, auto& wire, auto) const { return (*this)(model, wire); }
-  bool same(BodyId model, std::uint32_t& wire) const { return (*this)(model, wire); }
-  bool check(bool) const { return true; }
-
-  /// Also reserves what the model has reserved, so that a loop does not allocate.
-  void resize(const auto& model, auto& wire) const {
-    wire.reserve(model.capacity());
-    wire.resize(model.size());
-  }
-  bool length(auto& wire, std::size_t size) const {
-    wire.resize(size);
-    return true;
-  }
-  void present(const auto& model, bool& wire) const { wire = model.has_value(); }
-  void present(const auto& model, auto& wire) const {
-    wire.reserve(1);
-    wire.resize(model ? 1 : 0);
-  }
-};
-
-/// Copies the wire to a model.
-struct FromWire {
-  bool operator()(Vec3& model, const msg::Vector& wire) const {
-    model = Vec3{wire[0], wire[1], wire[2]};
-    return model.allFinite();
-  }
-  bool operator()(Quat& model, const msg::Quaternion& wire) const {
-    model = Quat{wire[0], wire[1], wire[2], wire[3]};
-    const double off = std::abs(model.squaredNorm() - 1.0);
-    if (!(off <= kQuaternionNear)) return false;
-    if (off > kQuaternionExact) model.normalize();
-    return true;
-  }
-  /// Refuses an inertia that no body can have.
-  bool operator()(Eigen::Matrix3d& model, const msg::SymmetricTensor& wire) const {
-    model << wire.xx(), wire.xy(), wire.zx(), wire.xy(), wire.yy(), wire.yz(), wire.zx(), wire.yz(), wire.zz();
-    return model.allFinite() && model.llt().info() == Eigen::Success;
-  }
-  template <class M, class W>
-  bool operator()(M& model, const W& wire) const {
-    if constexpr (std::is_floating_point_v<W>) {
-      model = wire;
-      return std::isfinite(wire);
-    } else if constexpr (std::is_arithmetic_v<W>) {
-      model = static_cast<M>(wire);
-      return true;
-    } else if constexpr (std::same_as<M, W>) {
-      model = wire;
-      return true;
-    } else {
-      return fields(*this, model, wire);
-    }
-  }
-
-  bool not_negative(double& model, double wire) const { return (*this)(model, wire) && wire >= 0.0; }
-  bool positive(double& model, double wire) const { return (*this)(model, wire) && wire > 0.0; }
-  bool ratio(int& model, std::uint32_t wire) const { return (*this)(model, wire) && model >= 1 && model <= kMostRatio; }
-  template <class E, class W>
-  bool kind(E& model, W wire, E last) const {
-    return (*this)(model, wire) && wire <= static_cast<W>(last);
-  }
-  bool same(BodyId model, std::uint32_t wire) const { return wire == index(model); }
-  bool check(bool valid) const { return valid; }
-
-  void resize(auto& model, const auto& wire) const { model.resize(wire.size()); }
-  bool length(const auto& wire, std::size_t size) const { return wire.size() == size; }
-  void present(auto& model, bool wire) const {
-    model.reset();
-    if (wire) model.emplace();
-  }
-  template <class W>
-  void present(auto& model, const std::vector<W>& wire) const {
-    present(model, !wire.empty());
-  }
-};
 
 bool fields(const auto& copy, Sequence auto& m, auto& w) {
   copy.resize(m, w);
@@ -202,40 +75,6 @@ bool fields(const auto& copy, Is<BoundaryContact> auto& m, auto& w) {
 bool fields(const auto& copy, Is<CarriedBody> auto& m, auto& w) {
   return copy.positive(m.mass_kg, w.mass_kg()) && copy(m.centre_m, w.centre_m()) &&
          copy(m.inertia_kg_m2, w.inertia_kg_m2()) && copy(m.drive, w.drive());
-}
-
-bool fields(const auto& copy, Is<GhostAxis> auto& m, auto& w) {
-  return copy(m.normal, w.normal()) && copy(m.force_n, w.force_n()) &&
-         copy.not_negative(m.coulomb_limit_n, w.coulomb_limit_n()) &&
-         copy(m.load_dependent_friction, w.load_dependent_friction());
-}
-
-bool fields(const auto& copy, Is<GhostModel> auto& m, auto& w) {
-  copy.present(m.carried, w.carried());
-  return copy(m.outside, w.outside()) && copy.positive(m.mass_kg, w.mass_kg()) && copy(m.load_n, w.load_n()) &&
-         copy(m.axis_count, w.axis_count()) && copy.check(m.axis_count <= kMostGhostAxes) &&
-         copy(m.approaching, w.approaching());
-}
-
-/// The ghosts of a frame, with its flat sequences of axes and carried bodies.
-bool ghost_fields(const auto& copy, auto& ghosts, auto& frame) {
-  if constexpr (std::same_as<decltype(copy), const ToWire&>) {
-    frame.ghost_axes().reserve(kMostGhostAxes * ghosts.capacity());
-    frame.ghost_axes().resize(kMostGhostAxes * ghosts.size());
-    copy.resize(ghosts, frame.carried_bodies());
-  }
-  if (!copy(ghosts, frame.ghosts())) return false;
-  std::size_t axes = 0, carried = 0;
-  for (auto& ghost : ghosts) {
-    if (ghost.axis_count > frame.ghost_axes().size() - axes) return false;
-    for (std::size_t i = 0; i < ghost.axis_count; ++i) {
-      if (!copy(ghost.axes[i], frame.ghost_axes()[axes++])) return false;
-    }
-    if (!ghost.carried) continue;
-    if (carried == frame.carried_bodies().size()) return false;
-    if (!copy(*ghost.carried, frame.carried_bodies()[carried++])) return false;
-  }
-  return copy.length(frame.ghost_axes(), axes) && copy.length(frame.carried_bodies(), carried);
 }
 
 bool fields(const auto& copy, Is<GhostPeer> auto& m, auto& w) {
@@ -313,8 +152,10 @@ bool fields(const auto& copy, Is<WorldFrame> auto& m, auto& w) {
          copy(m.echoed_stamp, w.echoed_stamp()) && copy(m.last, w.last()) &&
          copy.not_negative(m.cycle_s, w.cycle_s()) && copy.ratio(m.ratio, w.ratio()) &&
          copy(m.planned.stamp, w.planned_stamp()) && copy.ratio(m.planned.ratio, w.planned_ratio()) &&
-         copy(m.members, w.members()) && copy(m.fixed, w.fixed_bodies()) && copy(m.islands, w.islands()) &&
-         copy(m.entering, w.entering()) && copy(m.states, w.states()) && copy(m.border_contacts, w.border_contacts()) &&
+         base_fields(copy, m, w) && list_fields(copy, m.members, w.members(), &Base::members) &&
+         list_fields(copy, m.fixed, w.fixed_bodies(), &Base::fixed) &&
+         list_fields(copy, m.islands, w.islands(), &Base::islands) && copy(m.entering, w.entering()) &&
+         state_fields(copy, m.states, w.states()) && copy(m.border_contacts, w.border_contacts()) &&
          copy(m.border_bodies, w.border_bodies()) && copy(m.border, w.border()) && ghost_fields(copy, m.ghosts, w) &&
          copy(m.ghost_peers, w.ghost_peers()) && copy(m.peers, w.peers()) &&
          copy(m.outside_work_j, w.outside_work_j()) && copy(m.suppression, w.suppression());
@@ -326,9 +167,11 @@ bool fields(const auto& copy, Is<HapticReport> auto& m, auto& w) {
          copy(m.sent_ns, w.sent_ns()) && copy(m.confirmed_stamp, w.confirmed_stamp()) &&
          copy(m.impulse_total, w.impulse_total()) && copy(m.device_work_j, w.device_work_j()) &&
          copy(m.coupling_energy_j, w.coupling_energy_j()) && copy(m.operator_work_j, w.operator_work_j()) &&
-         copy(m.proxy, w.proxy()) && copy(m.device, w.device()) && copy(m.members, w.members()) &&
-         copy(m.islands, w.islands()) && copy(m.indicators, w.indicators()) && copy(m.timing.mean_s, w.step_mean_s()) &&
-         copy(m.timing.max_s, w.step_max_s()) && copy(m.peer_age_s, w.peer_age_s());
+         copy(m.proxy, w.proxy()) && copy(m.device, w.device()) && base_fields(copy, m, w) &&
+         state_fields(copy, m.members, w.members(), [&m](std::size_t i) { return is_overruled(m, i); }) &&
+         list_fields(copy, m.islands, w.islands(), &Base::islands) && copy(m.indicators, w.indicators()) &&
+         copy(m.timing.mean_s, w.step_mean_s()) && copy(m.timing.max_s, w.step_max_s()) &&
+         copy(m.peer_age_s, w.peer_age_s());
 }
 
 bool fields(const auto& copy, Is<WorldSnapshot> auto& m, auto& w) {

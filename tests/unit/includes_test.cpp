@@ -43,7 +43,7 @@ const std::vector<Foreign>& foreign() {
       {"Fast DDS", std::regex("(fastdds|fastrtps)/.*"), std::regex("common/wire/fastdds\\.cpp")},
       {"Cyclone DDS", std::regex("dds/.*"), std::regex("common/wire/cyclonedds\\.cpp")},
       {"the CDR code", std::regex("fastcdr/.*"), std::regex("common/wire/(fastdds|codec)\\.cpp")},
-      {"generated wire types", std::regex("subworld\\.h"), std::regex("common/wire/(convert|parts)\\.hpp")},
+      {"generated wire types", std::regex("subworld\\.h"), std::regex("common/wire/(convert|copy)\\.hpp")},
       {"Bullet", std::regex("(bullet/|BulletCollision|BulletDynamics|LinearMath|bt[A-Z]).*"),
        std::regex("common/physics/bullet/.*")},
       {"ODE", std::regex("ode/.*"), std::regex("common/physics/ode/.*")},

@@ -11,16 +11,24 @@ namespace subworld {
 namespace {
 
 /// Columns of the conditions that are equal for all schemes.
-const std::vector<std::string> kConditions{
-    "scene",    "variant",          "engine",     "h_s",       "latency_s",
-    "jitter_s", "device_latency_s", "loss_ratio", "passivity", "coupling_stiffness_n_m"};
+const std::vector<std::string> kConditions{"scene",
+                                           "variant",
+                                           "engine",
+                                           "h_s",
+                                           "latency_s",
+                                           "jitter_s",
+                                           "device_latency_s",
+                                           "loss_ratio",
+                                           "deadband",
+                                           "passivity",
+                                           "coupling_stiffness_n_m"};
 /// Columns of the settings of a run, without its duration and its links.
 const std::vector<std::string> kSetting{
     "scene", "variant",       "scheme",       "engine",         "haptic_engine",         "h_s", "ratio", "ratio_most",
     "box_m", "contact_depth", "budget_ratio", "world_substeps", "coupling_stiffness_n_m"};
 
 /// Columns of what delays or loses messages.
-constexpr std::array kLinkFaults{"latency_s", "jitter_s", "device_latency_s", "loss_ratio"};
+constexpr std::array kLinkFaults{"latency_s", "jitter_s", "device_latency_s", "loss_ratio", "deadband"};
 
 /// Errors below a usable reference error are not significant, so they count as equal.
 double significant_error(const Json& row) {

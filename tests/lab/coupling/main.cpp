@@ -90,6 +90,10 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
            "parts of the messages that are lost; between world and sub-world they are sent again and arrive late, on "
            "the device's link the newest that arrived counts")
       .range(0.0, 0.9, kPartUnit);
+  line.add("--deadband", &sweep.deadbands,
+           "Weber fractions of the link of a device: samples are not sent that an operator cannot tell from their "
+           "extrapolation")
+      .range(0.0, kMostDeadband, kPartUnit);
   line.add("--passivity", &sweep.passivities,
            "the bound on the energy that a device gives to its operator: on, off, or automatic (on where messages are "
            "delayed or lost)")
@@ -176,6 +180,7 @@ Json asked(const Sweep& s) {
           {"jitter_s", s.jitters_s},
           {"device_latency_s", s.device_latencies_s},
           {"loss_ratio", s.loss_ratios},
+          {"deadband", s.deadbands},
           {"passivity", s.passivities},
           {"stiffness_factor", s.stiffness_factors},
           {"h_s", s.h_s}};
@@ -233,6 +238,9 @@ class Progress {
     }
     if (const double loss = row.at("loss_ratio").get<double>(); loss > 0.0)
       text += fmt::format(", loss {:g} %", 1e2 * loss);
+    if (const double p = row.at("deadband").get<double>(); p > 0.0)
+      text += fmt::format(", deadband {:g} %: {:.0f} % of the samples", 1e2 * p,
+                          1e2 * row.at("device_sent_ratio").get<double>());
     if (sweep_.passivities.size() > 1) text += fmt::format(", passivity {}", row.at("passivity").get<std::string>());
     return text;
   }

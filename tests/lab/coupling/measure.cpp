@@ -76,6 +76,7 @@ Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
           {"jitter_s", point.jitter_s},
           {"device_latency_s", point.device_latency_s},
           {"loss_ratio", point.loss_ratio},
+          {"deadband", point.deadband},
           {"passivity", kPassivityWords[static_cast<std::size_t>(s.passivity)]},
           {"coupling_stiffness_n_m", scene.users.front().coupling.stiffness_n_m}};
 }
@@ -197,6 +198,7 @@ void add_run_times(Json& row, const Outcome& run) {
   row.update({{"members_mean", run.members.mean()},
               {"ghosts_mean", run.ghosts.mean()},
               {"border_pairs_mean", run.border_pairs.mean()},
+              {"device_sent_ratio", run.device_sent_ratio},
               {"world_cpu_s_per_s", cpu_s_per_s(run.cpu.world, run.simulated_s)},
               {"haptic_cpu_s_per_s", cpu_s_per_s(run.cpu.haptic, run.simulated_s)},
               {"synchronise_cpu_s_per_s", cpu_s_per_s(run.cpu.synchronise, run.simulated_s)},
@@ -236,6 +238,9 @@ std::optional<Outcome> run_out(const Scene& scene) {
   out.balance = balance.by_user(scene.settings.h_s);
   for (const UserBalance& user : out.balance) out.momentum.add(user.momentum);
   for (const Body& body : scene.bodies) out.end.push_back(run->world.engine().state(body.id));
+  MeanMax sent;
+  for (std::size_t u = 0; u < run->subs.size(); ++u) sent.add(run->device_sent_ratio(u));
+  if (!run->subs.empty()) out.device_sent_ratio = sent.mean();
   out.felt = std::move(run->felt);
   out.cpu = run->cpu;
   return out;

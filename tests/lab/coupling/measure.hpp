@@ -22,7 +22,8 @@ struct Outcome {
   MomentumBalance momentum;          ///< of all users
   std::vector<BodyState> end;        ///< of the scene's bodies, in the world
   double energy_excess_j = 0.0;
-  double device_work_j = 0.0;  ///< of all users
+  double device_work_j = 0.0;      ///< of all users
+  double device_sent_ratio = 1.0;  ///< mean over the users
   int substeps = 1;
   CpuTimes cpu;
   double simulated_s = 0.0;

@@ -54,6 +54,8 @@ constexpr Column kColumns[] = {{"variant", "variant", 1, 4, nullptr, true},
                                {"jitter ms", "jitter_s", 1e3, 4, nullptr, true},
                                {"device latency ms", "device_latency_s", 1e3, 4, nullptr, true},
                                {"loss %", "loss_ratio", 1e2, 3, nullptr, true},
+                               {"deadband %", "deadband", 1e2, 3, nullptr, true},
+                               {"device samples sent %", "device_sent_ratio", 1e2, 3, nullptr, true},
                                {"passivity", "passivity", 1, 0, nullptr, true},
                                {"K N/m", "coupling_stiffness_n_m", 1, 5, nullptr, true},
                                {"error RMS %", "force_error_rms", 1e2, 3},
@@ -150,7 +152,7 @@ std::string choices_of(const Rows& rows) {
   std::vector<const Json*> open;
   for (const Json& row : rows) {
     if (alike(row, rows.front(),
-              {"variant", "latency_s", "jitter_s", "device_latency_s", "loss_ratio", "passivity",
+              {"variant", "latency_s", "jitter_s", "device_latency_s", "loss_ratio", "deadband", "passivity",
                "coupling_stiffness_n_m", "h_s"}))
       open.push_back(&row);
   }
@@ -223,7 +225,8 @@ std::string list_of(const char* title, const std::vector<std::string>& lines) {
 
 std::vector<std::string> orders_of(const Json& fits, const Rows& rows) {
   std::vector<std::string> columns = swept(rows);
-  for (const char* other : {"scheme", "latency_s", "jitter_s", "device_latency_s", "loss_ratio", "passivity"})
+  for (const char* other :
+       {"scheme", "latency_s", "jitter_s", "device_latency_s", "loss_ratio", "deadband", "passivity"})
     std::erase(columns, other);
   std::vector<std::string> lines;
   for (const Json& fit : fits) {

@@ -41,6 +41,7 @@ constexpr std::array kSwept{
     Swept{"device_latency_s", "device latency", "latency of the device",
           "latency added between device and sub-world, ms", 1e3, " ms"},
     Swept{"loss_ratio", "loss", "lost messages", "lost messages, %", 1e2, " %"},
+    Swept{"deadband", "deadband", "the deadband", "deadband, %", 1e2, " %"},
     Swept{"passivity", "passivity", "", "", 1.0, ""},
     Swept{"coupling_stiffness_n_m", "K", "coupling stiffness", "coupling stiffness, N/m", 1.0, " N/m"}};
 
@@ -267,8 +268,9 @@ std::string swept_text(const Json& row, const std::vector<std::string>& columns,
 std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
   const std::vector<std::string> columns = swept(rows);
   std::vector<Plot> plots{work_precision(rows, columns)};
-  for (const char* x : {"ratio", "ratio_most", "box_m", "contact_depth", "budget_ratio", "latency_s", "jitter_s",
-                        "device_latency_s", "loss_ratio", "world_substeps", "coupling_stiffness_n_m", "h_s"}) {
+  for (const char* x :
+       {"ratio", "ratio_most", "box_m", "contact_depth", "budget_ratio", "latency_s", "jitter_s", "device_latency_s",
+        "loss_ratio", "deadband", "world_substeps", "coupling_stiffness_n_m", "h_s"}) {
     if (std::ranges::find(columns, x) != columns.end()) plots.push_back(error_against(x, rows, columns));
   }
   std::map<std::pair<double, std::size_t>, std::vector<const Trace*>> by_latency_and_user;

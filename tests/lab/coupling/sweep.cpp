@@ -78,6 +78,7 @@ std::vector<Point> points_of(const Sweep& sweep) {
                                axis(sweep.jitters_s, &Point::jitter_s),
                                axis(sweep.device_latencies_s, &Point::device_latency_s),
                                axis(sweep.loss_ratios, &Point::loss_ratio),
+                               axis(sweep.deadbands, &Point::deadband),
                                axis(sweep.passivities, &Point::passivity),
                                axis(sweep.ratios_most, &Point::ratio_most),
                                axis(sweep.ratios, &Point::ratio)};
@@ -112,6 +113,7 @@ Scene scene_of(const Point& point) {
              .to_device_s = 0.5 * point.device_latency_s,
              .jitter_s = point.jitter_s,
              .loss_ratio = point.loss_ratio};
+  s.deadband = point.deadband;
   for (UserSpec& user : scene.users) {
     if (point.box_m > 0.0) user.box_half_m = point.box_m;
     if (point.contact_depth >= 0) user.contact_depth = point.contact_depth;
@@ -134,6 +136,7 @@ Scene in_one_world(Scene scene) {
   scene.settings.world.substeps = 1;
   scene.settings.delay = {};
   scene.settings.passivity = Passivity::off;
+  scene.settings.deadband = 0.0;
   return scene;
 }
 
@@ -157,8 +160,8 @@ bool shown(const Point& p, const Sweep& s) {
          p.contact_depth == s.contact_depths.front() && p.budget_ratio == s.budget_ratios.front() &&
          p.substeps == s.substeps.front() && p.jitter_s == s.jitters_s.front() &&
          p.device_latency_s == s.device_latencies_s.front() && p.loss_ratio == s.loss_ratios.front() &&
-         p.passivity == s.passivities.front() && p.stiffness_factor == s.stiffness_factors.front() &&
-         p.h_s == s.h_s.front();
+         p.deadband == s.deadbands.front() && p.passivity == s.passivities.front() &&
+         p.stiffness_factor == s.stiffness_factors.front() && p.h_s == s.h_s.front();
 }
 
 }  // namespace subworld

@@ -26,6 +26,7 @@ struct Sweep {
   std::vector<double> jitters_s{0.0};
   std::vector<double> device_latencies_s{0.0};
   std::vector<double> loss_ratios{0.0};
+  std::vector<double> deadbands{0.0};  ///< Weber fractions
   std::vector<std::string> passivities{""};
   std::vector<double> stiffness_factors{1.0};
   std::vector<double> h_s{0.0};
@@ -49,6 +50,7 @@ struct Point {
   double jitter_s = 0.0;
   double device_latency_s = 0.0;  ///< the same between device and sub-world
   double loss_ratio = 0.0;
+  double deadband = 0.0;
   std::string passivity;
   double stiffness_factor = 1.0;
   double h_s = 0.0;

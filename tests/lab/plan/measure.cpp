@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
 namespace subworld {
 
@@ -54,15 +55,15 @@ Json figures_of(const Scene& scene) {
   const double before_bytes = allocated_bytes(), before_s = thread_cpu_s();
   CoupledRun run(scene);
   const double start_s = thread_cpu_s() - before_s;
-  Codec<WorldFrame> frames;
-  Codec<HapticReport> reports;
+  std::vector<Codec<WorldFrame>> frames(run.subs.size());  // by user, as the programs' writers
+  std::vector<Codec<HapticReport>> reports(run.subs.size());
   double bytes = 0.0;
   std::uint64_t cycles = 0;
   while (run.finite() && !run.world.facts().over) {
     run.cycle();
     for (std::size_t u = 0; u < run.subs.size(); ++u) {
-      if (run.sent_frame(u)) bytes += static_cast<double>(frames.encode(run.frame(u)).size());
-      if (run.sent_report(u)) bytes += static_cast<double>(reports.encode(run.report(u)).size());
+      if (run.sent_frame(u)) bytes += static_cast<double>(frames[u].encode(run.frame(u)).size());
+      if (run.sent_report(u)) bytes += static_cast<double>(reports[u].encode(run.report(u)).size());
     }
     ++cycles;
   }

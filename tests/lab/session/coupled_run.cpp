@@ -20,6 +20,8 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
     const auto number = static_cast<std::uint32_t>(u);
     Link link{.delay = Delay(scene_.settings, scheme.properties.lead_cycles, number),
               .order = LockstepOrder(scene_, number),
+              .deadband = Deadband<DeviceState>(scene_.settings.deadband_in_use(), scene_.users[u]),
+              .felt = {},
               .reports = {},
               .frames = {}};
     link.reports.resize(remembered_cycles(scene_.settings, scheme));
@@ -76,7 +78,8 @@ void CoupledRun::haptic_step(std::size_t user) {
   felt[user].force.push_back(now.felt.force);
   const double before_j = guards[user]->port().net_j();
   felt[user].torque.push_back(now.felt.torque);
-  const DeviceCommand safe = guards[user]->pass(command, states_[user], true, h);
+  const DeviceCommand safe = guards[user]->pass(command, devices[user]->state(), true, h);
+  link.felt = safe.wrench;
   felt[user].work_j += std::max(0.0, guards[user]->port().net_j() - before_j);
   felt[user].on_operator.push_back(safe.wrench.force);
   devices[user]->step(safe, h);
@@ -89,7 +92,7 @@ void CoupledRun::haptic_cycles() {
   for (int step = 0; step < steps; ++step) {
     for (std::size_t u = 0; u < subs.size(); ++u) {
       deliver_frames(u);
-      states_[u] = devices[u]->state();
+      states_[u] = links_[u].deadband.pass(devices[u]->state(), links_[u].felt, scene_.settings.h_s);
     }
     for (std::size_t u = 0; u < subs.size(); ++u) {
       for (std::size_t p = 0; peers && p < subs.size(); ++p) {

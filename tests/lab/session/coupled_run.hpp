@@ -1,5 +1,6 @@
 #pragma once
 
+#include "coupling/deadband.hpp"
 #include "coupling/delay.hpp"
 #include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
@@ -48,6 +49,10 @@ class CoupledRun {
   [[nodiscard]] std::uint64_t hash() const noexcept;
 
   [[nodiscard]] WorldFrame& frame(std::size_t user = 0) { return world.frame(user); }
+  /// Share of the states and commands of a device that a link with the deadband of the settings sends.
+  [[nodiscard]] double device_sent_ratio(std::size_t user = 0) const noexcept {
+    return 0.5 * (links_[user].deadband.sent_ratio() + links_[user].order.sent_ratio());
+  }
   /// Whether the last cycle sent a frame or a report.
   [[nodiscard]] bool sent_frame(std::size_t user = 0) const { return world.user_facts(user).waits_for_frame; }
   [[nodiscard]] bool sent_report(std::size_t user = 0) const { return links_[user].reported; }
@@ -65,6 +70,8 @@ class CoupledRun {
   struct Link {
     Delay delay;  ///< of reports
     LockstepOrder order;
+    Deadband<DeviceState> deadband;
+    Wrench felt;                        ///< by the operator
     std::vector<HapticReport> reports;  ///< by stamp
     std::vector<WorldFrame> frames;     ///< by stamp
     std::uint64_t next_report = 0;      ///< that the world uses
