@@ -100,11 +100,10 @@ class RealtimeLoop : HapticRun {
     while (take(ports.device, came_, stages_) == Take::sample) {
       if (came_.session != ports.session || (device_heard() && came_.sender != device_.sender)) continue;
       ports.device.trust_sender();
-      device_ = came_;
+      device_ = sample_ = came_;
       device_sim_.heard(loop_.woke());
     }
     if (!extrapolates_ || !device_heard()) return;
-    if (device_.sequence != sample_.sequence) sample_ = device_;
     const double passed_s = to_seconds(loop_.woke() - device_sim_.last_heard());
     if (passed_s <= 0.0) return;
     device_ = extrapolated(sample_, std::min(passed_s, kLongestAbsence_s));
