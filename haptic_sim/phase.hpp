@@ -25,9 +25,12 @@ class Phase {
   Phase(double cycle_s, int lead_cycles) noexcept : cycle_s_(cycle_s), lead_cycles_(lead_cycles) {}
 
   /// A frame has come. `ahead_s`: by how much the haptic clock is to be ahead of the world's when that shows the
-  /// frame's stamp; `until_s`: wall time until it does, s; `haptic_s`: the haptic clock now.
-  void observe(double stamp_s, double ahead_s, double until_s, double real_time_factor, double haptic_s) noexcept {
-    const double late_s = stamp_s + ahead_s - real_time_factor * until_s - haptic_s;
+  /// frame's stamp; `head_start_s`: between hosts, the round trip on top of that; `until_s`: wall time until it does,
+  /// s; `haptic_s`: the haptic clock now.
+  void observe(double stamp_s, double ahead_s, double head_start_s, double until_s, double real_time_factor,
+               double haptic_s) noexcept {
+    head_start_s_ = head_start_s;
+    const double late_s = stamp_s + ahead_s + head_start_s - real_time_factor * until_s - haptic_s;
     late_cycles_ = late_s / cycle_s_;
     newest_stamp_s_ = seen_ ? std::max(newest_stamp_s_, stamp_s) : stamp_s;
     factor_ = real_time_factor;
@@ -63,7 +66,7 @@ class Phase {
 
   [[nodiscard]] double target(double haptic_s) const noexcept {
     const double late = following_ ? std::clamp(kFollow * late_cycles_, -kMostWait, kMostCatchUp) : 0.0;
-    const double past = (haptic_s - newest_stamp_s_) / cycle_s_ - lead_cycles_ - kFree_cycles;
+    const double past = (haptic_s - newest_stamp_s_ - head_start_s_) / cycle_s_ - lead_cycles_ - kFree_cycles;
     const double brake = seen_ ? std::clamp(1.0 - past / kBraking_cycles, 0.0, 1.0) : 1.0;
     return factor_ * (1.0 + late) * brake;
   }
@@ -71,6 +74,7 @@ class Phase {
   double cycle_s_;
   int lead_cycles_;
   double estimate_s_ = 0.0;
+  double head_start_s_ = 0.0;
   double late_cycles_ = 0.0;
   double newest_stamp_s_ = 0.0;
   double factor_ = 1.0;

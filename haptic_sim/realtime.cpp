@@ -1,5 +1,6 @@
 #include "coupling/deadband.hpp"
 #include "haptic_sim/frame_queue.hpp"
+#include "haptic_sim/head_start.hpp"
 #include "haptic_sim/phase.hpp"
 #include "haptic_sim/run.hpp"
 #include "program/peer_watch.hpp"
@@ -46,8 +47,10 @@ class RealtimeLoop : HapticRun {
         device_sim_({ProgramKind::device_sim, user()}),
         frames_(first.frame.stamp),
         world_sim_({ProgramKind::world_sim, 0}, first.received),
+        world_begins_(first.received + from_seconds(first.frame.start_in_s)),
+        head_start_(first.round_trip_s, longest_cycle_s_),
         phase_(longest_cycle_s_, lead_cycles_),
-        loop_(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp)), h_s_,
+        loop_(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp) - head_start_s()), h_s_,
               from_seconds(options.spin_s), stages_),
         ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = kLastFrame} {}
 
@@ -141,8 +144,9 @@ class RealtimeLoop : HapticRun {
       }
       if (ports.refused_by(*came)) ending_.fault = refused_text(user());
       world_sim_.heard(now);
+      if (scene.settings.remote) head_start_.observe(came->stamp, came->newest_stamp, longest_cycle_s_);
       const double until_s = to_seconds(now - loop_.released()) + came->start_in_s;
-      phase_.observe(came->stamp_s, ahead_s(came->stamp), until_s, came->real_time_factor,
+      phase_.observe(came->stamp_s, ahead_s(came->stamp), head_start_s(), until_s, came->real_time_factor,
                      sub.facts().time_s + arrears_.owed_s());
       last_ = last_ || came->last;
       measures.answered(came->echoed_sent_ns, now);
@@ -196,7 +200,8 @@ class RealtimeLoop : HapticRun {
     const TimePoint now = loop_.woke();
     // Without frames the sub-world pauses: its border holds for a short time only.
     const double frame_period_s = longest_cycle_s_ / std::max(phase_.real_time_factor(), kLeastRealTimeFactor);
-    const bool alone = to_seconds(now - world_sim_.last_heard()) > std::max(kAlone_s, 4.0 * frame_period_s);
+    const TimePoint heard = std::max(world_sim_.last_heard(), world_begins_);
+    const bool alone = to_seconds(now - heard) > std::max(kAlone_s, 4.0 * frame_period_s);
     const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s);
     const auto send = [&](const FeltStep& felt) {
       stages_.mark(HapticStage::feel);
@@ -246,6 +251,8 @@ class RealtimeLoop : HapticRun {
     const std::uint64_t until = stamp + static_cast<std::uint64_t>(lead_cycles_);
     return h_s_ * static_cast<double>(timetable.start(until) - timetable.start(stamp)) + h_s_ + stagger_s_;
   }
+  /// Between hosts, the round trip on top of that.
+  [[nodiscard]] double head_start_s() const { return scene.settings.remote ? head_start_.head_start_s() : 0.0; }
 
   Stages<HapticStage>& stages_;
   double h_s_;
@@ -262,6 +269,8 @@ class RealtimeLoop : HapticRun {
   PeerWatch device_sim_;
   FrameQueue frames_;
   PeerWatch world_sim_;
+  TimePoint world_begins_;  ///< before, it sends no frames
+  HeadStart head_start_;
   Phase phase_;
   Arrears arrears_;
   PacedLoop<HapticStage> loop_;

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace subworld {
 
 void HapticRun::follow_orders() const {
@@ -20,7 +22,7 @@ void HapticRun::follow_orders() const {
   if (const auto change = measures.take_settled_change()) {
     ports.status.answer(change->order,
                         {OrderState::done, fmt::format("{}; force steps {:.3f} N, before {:.3f} N", to_text(*change),
-                                                    change->force_step_n, change->force_step_before_n)});
+                                                       change->force_step_n, change->force_step_before_n)});
   }
 }
 
@@ -61,7 +63,7 @@ std::optional<FirstFrame> join(const HapticRun& run) {
   if (!lockstep && !wait_for(*ports.bus, options, {"running device", device_sim + " anew"}, runs)) return std::nullopt;
 
   FirstFrame first;
-  bool joined = false;
+  bool joined = false, timed = false;
   // The world stands until it has heard everybody; a standing frame is answered, each time, for the answer may be lost.
   const auto started = [&] {
     found();  // the newest world counts
@@ -70,6 +72,11 @@ std::optional<FirstFrame> join(const HapticRun& run) {
       if (first.frame.session != ports.session) continue;
       if (ports.refused_by(first.frame)) throw Error(ExitCode::failed, refused_text(run.user()));
       first.received = Clock::now();
+      if (first.frame.echoed_sent_ns != 0) {
+        const double round_trip_s = 1e-9 * static_cast<double>(to_ns(first.received) - first.frame.echoed_sent_ns);
+        first.round_trip_s = timed ? std::min(first.round_trip_s, round_trip_s) : round_trip_s;
+        timed = true;
+      }
       if (!joined) joined = sub.reset_from(first.frame);
       if (joined) ports.frames.trust_sender();
       if (!joined) continue;  // not answered: a standing world tells again

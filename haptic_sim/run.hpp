@@ -32,6 +32,7 @@ struct HapticRun {
 struct FirstFrame {
   WorldFrame frame;
   TimePoint received;
+  double round_trip_s = 0.0;  ///< of an answer to a standing frame, at least; 0: not known
 };
 
 /// Waits until the world's scene, the device and the first frame are there, and makes the frame the sub-world.

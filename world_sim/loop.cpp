@@ -69,8 +69,10 @@ void WorldLoop::follow_orders() {
 
 void WorldLoop::publish_frames(bool last, double start_in_s, double real_time_factor) {
   for (std::size_t u = 0; u < user_count(); ++u) {
-    if (!last && !world.user_facts(u).waits_for_frame) continue;
+    const UserFacts facts = world.user_facts(u);
+    if (!last && !facts.waits_for_frame) continue;
     WorldFrame& frame = world.frame(u);
+    frame.newest_stamp = facts.newest_stamp;
     frame.session = ports.session;
     frame.served = ports.served[u];
     frame.last = last;

@@ -20,6 +20,7 @@ namespace subworld {
 namespace {
 
 constexpr double kStartIn_s = 0.2;
+constexpr double kStartInBetweenHosts_s = 0.7;  ///< haptic clocks are ahead by the round trip
 
 /// Announces when the world's clock slows, and when it is back at full speed.
 void announce_pace(StatusBeacon& status, Pace& pace, double cycle_s) {
@@ -62,7 +63,8 @@ class RealtimeLoop : WorldLoop {
     std::fflush(stdout);
     if (!handshake()) return ending();
     // The sub-worlds are ahead by the lead, and the world must wait for what they do.
-    const double start_in_s = kStartIn_s + scene.settings.h_s * static_cast<double>(world.timetable().start(lead_));
+    const double notice_s = scene.settings.remote ? kStartInBetweenHosts_s : kStartIn_s;
+    const double start_in_s = notice_s + scene.settings.h_s * static_cast<double>(world.timetable().start(lead_));
     publish_frames(false, start_in_s, pace_.real_time_factor());
     PacedLoop<WorldStage> loop(Clock::now() + from_seconds(start_in_s), first_cycle_s_, Duration::zero(), stages_);
     measures.loop_begins(scheduling);
@@ -86,7 +88,11 @@ class RealtimeLoop : WorldLoop {
     TimePoint next = Clock::now();
     while (true) {
       for (std::size_t u = 0; u < user_count(); ++u) {
-        while (ports.reports[u].take(report_) == Take::sample) answered[u] = answered[u] || ports.accept(u, report_);
+        while (ports.reports[u].take(report_) == Take::sample) {
+          if (!ports.accept(u, report_)) continue;
+          answered[u] = true;
+          world.frame(u).echoed_sent_ns = report_.sent_ns;  // tells the round trip
+        }
       }
       const auto missing = std::ranges::find(answered, false);
       if (missing == answered.end()) return true;
@@ -150,8 +156,8 @@ class RealtimeLoop : WorldLoop {
       const bool was_gone = users_[u].gone();
       users_[u].observe(ports.reports[u], ports.status, now, period_s);
       if (was_gone || !users_[u].gone()) continue;
-      const std::string text = fmt::format("{}; user {} is no longer served from t = {:.3f} s on", users_[u].fault(ports.status), u,
-                                           world.facts().time_s - kGone_s);
+      const std::string text = fmt::format("{}; user {} is no longer served from t = {:.3f} s on",
+                                           users_[u].fault(ports.status), u, world.facts().time_s - kGone_s);
       fault_ += (fault_.empty() ? "" : "; ") + text;
       ports.status.note(text);
     }

@@ -205,6 +205,7 @@ bool World::receive(HapticReport&& report) {
   const std::size_t slot = report.stamp % user.inbox.size();
   std::swap(user.inbox[slot], report);  // the caller goes on with the old one's memory
   user.waiting[slot] = true;
+  user.newest_stamp = std::max(user.newest_stamp, user.inbox[slot].stamp);
   user.suppression.end(user.inbox[slot].stamp);
   return true;
 }
@@ -438,7 +439,8 @@ void World::balance() {
 }
 
 UserFacts World::user_facts(std::size_t user) const noexcept {
-  return {waits_for_frame(users_[user]), frames_.border(user), frames_.selection(user), users_[user].impulse.applied()};
+  return {waits_for_frame(users_[user]), frames_.border(user), frames_.selection(user), users_[user].impulse.applied(),
+          users_[user].newest_stamp};
 }
 
 void World::look(WorldView& view) const {

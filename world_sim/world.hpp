@@ -75,7 +75,8 @@ struct UserFacts {
   bool waits_for_frame = true;              ///< the frame of this stamp is to be sent
   std::span<const BoundaryContact> border;  ///< contacts with bodies outside, and what may become one
   SelectionFacts selection;
-  Wrench impulse;  ///< of the user on the proxy that has been passed on to the world, since the start
+  Wrench impulse;                  ///< of the user on the proxy that has been passed on to the world, since the start
+  std::uint64_t newest_stamp = 0;  ///< of the newest report received
 };
 
 /// The truth: every body, and for each user the membership of the sub-world, its border and the merge.
@@ -145,6 +146,7 @@ class World {
     std::vector<bool> waiting;        ///< inbox holds a report that is not used yet
     HapticReport report;              ///< newest used
     HapticReport before;              ///< the one used before it
+    std::uint64_t newest_stamp = 0;   ///< of those received, used or not
     bool heard = false;
     ImpulseAccount impulse;
     Wrench mean;  ///< of the user in the cycle under way

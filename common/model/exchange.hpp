@@ -177,6 +177,7 @@ struct WorldFrame {
   double real_time_factor = 1.0;    ///< world seconds per second
   std::int64_t echoed_sent_ns = 0;  ///< of the newest report that the world has used
   std::uint64_t echoed_stamp = 0;
+  std::uint64_t newest_stamp = 0;  ///< of the newest report that the world has received, used or not
   bool last = false;
   double cycle_s = 0.0;  ///< length of the cycle that ended at this stamp; impulses are totals over it
   int ratio = 1;         ///< haptic steps in the cycle that begins here

@@ -149,7 +149,7 @@ bool fields(const auto& copy, Is<WorldFrame> auto& m, auto& w) {
   return copy(m.user, w.user()) && copy(m.session, w.session()) && copy(m.served, w.served()) &&
          copy(m.stamp, w.stamp()) && copy.not_negative(m.stamp_s, w.stamp_s()) && copy(m.start_in_s, w.start_in_s()) &&
          copy.not_negative(m.real_time_factor, w.real_time_factor()) && copy(m.echoed_sent_ns, w.echoed_sent_ns()) &&
-         copy(m.echoed_stamp, w.echoed_stamp()) && copy(m.last, w.last()) &&
+         copy(m.echoed_stamp, w.echoed_stamp()) && copy(m.newest_stamp, w.newest_stamp()) && copy(m.last, w.last()) &&
          copy.not_negative(m.cycle_s, w.cycle_s()) && copy.ratio(m.ratio, w.ratio()) &&
          copy(m.planned.stamp, w.planned_stamp()) && copy.ratio(m.planned.ratio, w.planned_ratio()) &&
          base_fields(copy, m, w) && list_fields(copy, m.members, w.members(), &Base::members) &&

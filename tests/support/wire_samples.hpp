@@ -160,6 +160,7 @@ class SampleMaker {
     to.real_time_factor = positive();
     to.echoed_sent_ns = static_cast<std::int64_t>(long_word());
     to.echoed_stamp = long_word();
+    to.newest_stamp = long_word();
     to.last = coin();
     to.cycle_s = positive();
     to.ratio = 1 + static_cast<int>(word() % 1000);
@@ -313,7 +314,7 @@ struct NumberVisitor {
   }
   void operator()(const WorldFrame& f) {
     all(f.user, f.session, f.served, f.stamp, f.stamp_s, f.start_in_s, f.real_time_factor, f.echoed_sent_ns,
-        f.echoed_stamp, f.last, f.cycle_s, static_cast<std::uint32_t>(f.ratio), f.planned.stamp,
+        f.echoed_stamp, f.newest_stamp, f.last, f.cycle_s, static_cast<std::uint32_t>(f.ratio), f.planned.stamp,
         static_cast<std::uint32_t>(f.planned.ratio), f.members, f.fixed, f.islands, f.entering, f.states,
         f.border_contacts, f.border_bodies, f.border, f.ghosts, f.ghost_peers, f.peers, f.outside_work_j,
         f.suppression.has_value());

@@ -62,7 +62,7 @@ struct Follower {
     for (double now = 0.0; now < wall_s; now += h) {
       for (; next < frames.size() && frames[next].sent_s <= now; ++next) {
         const Frame& f = frames[next];
-        phase.observe(f.stamp_s, ahead_s, f.sent_s + f.start_in_s - now, f.real_time_factor,
+        phase.observe(f.stamp_s, ahead_s, 0.0, f.sent_s + f.start_in_s - now, f.real_time_factor,
                       haptic_s + arrears.owed_s());
       }
       const double dt = arrears.step(h * phase.step(haptic_s), cycle_s - in_cycle_s);
@@ -127,7 +127,7 @@ INSTANTIATE_TEST_SUITE_P(Loads, Dilation,
 
 TEST(Phase, StopsSoftlyWhereFramesStayAway) {
   Phase phase(0.004, 1);
-  phase.observe(0.004, 0.005, 0.002, 1.0, 0.007);
+  phase.observe(0.004, 0.005, 0.0, 0.002, 1.0, 0.007);
   double haptic_s = 0.007;
   for (int i = 0; i < 5000; ++i) {
     const double before = phase.rate();
@@ -140,11 +140,11 @@ TEST(Phase, StopsSoftlyWhereFramesStayAway) {
 
 TEST(Phase, AStandingWorldStopsItAtOnceAndGoesOnAtOnce) {
   Phase phase(0.004, 0);
-  phase.observe(0.004, 0.0, 0.002, 1.0, 0.002);
+  phase.observe(0.004, 0.0, 0.0, 0.002, 1.0, 0.002);
   EXPECT_EQ(phase.step(0.002), 1.0);
-  phase.observe(0.004, 0.0, 0.004, 0.0, 0.003);
+  phase.observe(0.004, 0.0, 0.0, 0.004, 0.0, 0.003);
   EXPECT_EQ(phase.step(0.003), 0.0);
-  phase.observe(0.008, 0.0, 0.004, 1.0, 0.004);
+  phase.observe(0.008, 0.0, 0.0, 0.004, 1.0, 0.004);
   EXPECT_NEAR(phase.step(0.004), 1.0, 0.05);
 }
 
