@@ -13,6 +13,9 @@ namespace subworld {
 
 namespace {
 
+/// A frame without a base: one who comes late, or has lost its base, knows the world from it.
+constexpr std::uint64_t kCompleteEvery_cycles = 128;
+
 /// Whether a sub-world that has taken the frame holds the body, in whatever role.
 bool names(const WorldFrame& frame, BodyId id) {
   return std::ranges::binary_search(frame.members, id) || std::ranges::binary_search(frame.fixed, id) ||
@@ -90,7 +93,8 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
     out.echoed_sent_ns = heard[u].newest->sent_ns;
     out.echoed_stamp = heard[u].newest->stamp;
     out.base_stamp.reset();
-    if (sends_changes_ && heard[u].any) out.base_stamp = heard[u].newest->confirmed_stamp;
+    const bool complete = now.stamp % kCompleteEvery_cycles == 0;
+    if (sends_changes_ && heard[u].any && !complete) out.base_stamp = heard[u].newest->confirmed_stamp;
     out.members = user.membership.members;
     out.fixed = user.membership.fixed;
     if (scheme_.properties.has_sub_worlds)

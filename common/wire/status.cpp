@@ -15,7 +15,7 @@ namespace subworld {
 
 namespace {
 
-constexpr const char* kRunning = "running";
+constexpr const char *kRunning = "running", *kStopping = "stopping";
 constexpr std::chrono::milliseconds kTick{250};
 constexpr int kTicksPerStatus = 4;
 
@@ -73,15 +73,22 @@ void StatusBeacon::listen() {
 
 void StatusBeacon::hear_end(const Status& status, std::size_t slot) {
   const bool failed = status.state == kFailedState;
+  std::string who = label_of(status.program, status.instance);
   {
     const std::lock_guard lock(words_mutex_);
-    if (!failed) {
-      last_words_.erase(slot);
+    Heard& heard = heard_of_[slot];
+    heard.ran = heard.ran || status.state == kRunning;
+    // A program that has run does not begin anew: this is another one, whose end is not that of the first.
+    heard.another = heard.another || (heard.ran && !failed && status.state != kRunning && status.state != kStopping);
+    if (!failed && !heard.another) heard.last_words.clear();  // started anew before the run
+    if (!failed) return;
+    if (heard.another) {
+      who = "another " + who;
+    } else if (!std::exchange(heard.last_words, status.text).empty()) {
       return;
     }
-    if (!last_words_.emplace(slot, status.text).second) return;
   }
-  if (label_ != label_of(status.program, status.instance)) note(gone_text(status.program, status.instance));
+  if (label_ != who) note(who + " has ended: " + status.text);
 }
 
 void StatusBeacon::fail(const std::string& reason) {
@@ -98,8 +105,8 @@ void StatusBeacon::fail(const std::string& reason) {
 
 std::string StatusBeacon::last_words(ProgramKind program, std::uint32_t instance) const {
   const std::lock_guard lock(words_mutex_);
-  const auto said = last_words_.find(static_cast<std::size_t>(program) * kInstances + instance);
-  return said == last_words_.end() ? "" : said->second;
+  const auto heard = heard_of_.find(static_cast<std::size_t>(program) * kInstances + instance);
+  return heard == heard_of_.end() ? "" : heard->second.last_words;
 }
 
 std::string StatusBeacon::gone_text(ProgramKind program, std::uint32_t instance) const {

@@ -64,7 +64,7 @@ class StatusBeacon {
   [[nodiscard]] bool met(ProgramKind program, std::uint32_t instance) const noexcept;
   /// Publishes why the program ends, and waits up to half a second until the others have it.
   void fail(const std::string& reason);
-  /// Why that program has ended, by its own word; empty: it has sent none, or was started anew since.
+  /// Why that program has ended, by its own word; empty: it has sent none.
   [[nodiscard]] std::string last_words(ProgramKind program, std::uint32_t instance) const;
   /// Error text for a peer without a sign of life: what it said itself, or else "haptic_sim 0 has died, is
   /// suspended".
@@ -103,8 +103,13 @@ class StatusBeacon {
   std::array<std::atomic<std::uint32_t>, kPrograms * kInstances> status_age_ticks_{};
   std::array<std::atomic<bool>, kPrograms * kInstances> met_{};
   mutable std::mutex words_mutex_;
-  std::map<std::size_t, std::string> last_words_;  ///< by program and instance
-  bool other_version_ = false;                     ///< a program of another version has been reported
+  struct Heard {
+    bool ran = false;
+    bool another = false;    ///< one that was started later takes its place
+    std::string last_words;  ///< empty: none
+  };
+  std::map<std::size_t, Heard> heard_of_;  ///< by program and instance
+  bool other_version_ = false;             ///< a program of another version has been reported
   std::string label_;
   std::atomic<double> time_s_{0.0}, busy_s_{0.0}, force_n_{0.0}, real_time_factor_{1.0}, done_ratio_{0.0};
   std::atomic<std::uint64_t> steps_{0}, missed_{0}, missed_by_os_{0};

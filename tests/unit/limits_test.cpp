@@ -204,6 +204,7 @@ TEST_F(Limits, UsersForWhomADomainHasRoom) {
   RunRequest request;
   const auto refusal = [&](int users) -> std::string {
     scene.settings.users = users;
+    scene.users.resize(static_cast<std::size_t>(users));
     try {
       check_request(scene, request);
     } catch (const Error& error) {

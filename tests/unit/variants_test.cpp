@@ -91,6 +91,7 @@ TEST(Variants, OneThatDoesNotSurviveIsCounted) {
              {"jitter_s", 0.0},
              {"device_latency_s", 0.0},
              {"loss_ratio", 0.0},
+             {"deadband", 0.0},
              {"passivity", "automatic"},
              {"reference_error", 0.01},
              {"survived", v != 2},
