@@ -26,6 +26,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
+#include <utility>
 #include <vector>
 
 namespace subworld {
@@ -129,24 +130,18 @@ Ended run_programs(const RunRequest& request, const Options& options, int domain
   FileLock first_run;
   if (request.place && first_run.take("subworld-cores")) run.placement = place(scene, allowed_cores());
   start_programs(programs, request, options, scene.settings.users, domain, run.placement);
-  Ended ended;
+  std::optional<Supervisor::Failure> failure;
   Watchdog watchdog;
   {
     Network network = options.network;
     network.dds = vendor_of(request.dds, 0);
     network.domain = domain;
     Progress progress(network, scene, watchdog);
-    ended.failure = programs.watch(
+    failure = programs.watch(
         [&] { progress(); },
         [&](const Supervisor::Child& child) { return early_end(child.part, scene.settings.duration_s); });
   }
-  programs.stop();
-  ended.stall = watchdog.longest();
-  ended.signal = stop_signal();
-  for (const Supervisor::Child& child : programs.children()) {
-    if (!child.part.empty()) ended.parts.push_back(child.part);
-    if (!child.essential && exit_code_of(child) != 0) ended.display = child.label + " " + end_of(child);
-  }
+  const Ended ended = end(programs, std::move(failure), watchdog);
   run.wall_s = to_seconds(Clock::now() - begin);
   run.load = core_load(use, machine_use(), run.wall_s, run.cores);
   collect_trace(programs, options);

@@ -6,6 +6,7 @@
 #include "io/ending.hpp"
 #include "io/results.hpp"
 #include "model/error.hpp"
+#include "rt/stop.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -16,6 +17,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string_view>
+#include <utility>
 
 namespace subworld {
 
@@ -105,6 +107,19 @@ bool collect_parts(RunResults& run, const std::string& folder, const Ended& ende
 }
 
 }  // namespace
+
+Ended end(Supervisor& programs, std::optional<Supervisor::Failure> failure, const Watchdog& watchdog) {
+  programs.stop();
+  Ended ended;
+  ended.failure = std::move(failure);
+  ended.stall = watchdog.longest();
+  ended.signal = stop_signal();
+  for (const Supervisor::Child& child : programs.children()) {
+    if (!child.part.empty()) ended.parts.push_back(child.part);
+    if (!child.essential && exit_code_of(child) != 0) ended.display = child.label + " " + end_of(child);
+  }
+  return ended;
+}
 
 int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
                  const std::optional<Calibration>& calibration) {

@@ -21,6 +21,9 @@ struct Ended {
   std::vector<std::string> parts;  ///< files of the results
 };
 
+/// Stops what is left of the programs. How they ended, with the failure that the supervisor has found.
+[[nodiscard]] Ended end(Supervisor& programs, std::optional<Supervisor::Failure> failure, const Watchdog& watchdog);
+
 /// The end of a run: reads the parts of the results and removes them, prints, judges, and writes the summary. Returns
 /// the exit code. Throws `Error` (failed) where a part is missing although no program failed.
 int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,

@@ -22,7 +22,7 @@ class HeadStart {
 
   /// `round_trip_s`: of the handshake.
   HeadStart(double round_trip_s, double cycle_s) noexcept
-      : head_start_s_(std::min(round_trip_s + kMargin_cycles * cycle_s, kMost_s)) {}
+      : head_start_s_(std::clamp(round_trip_s + kMargin_cycles * cycle_s, 0.0, kMost_s)) {}
 
   /// A frame of `stamp` has come; the newest report that the world had then is of `newest_stamp`.
   void observe(std::uint64_t stamp, std::uint64_t newest_stamp, double cycle_s) noexcept {

@@ -124,6 +124,8 @@ HapticResult HapticMeasures::result(const SubWorld& sub, double bytes_per_cycle)
                       .device_work_j = sub.facts().device_work_j,
                       .oscillation_n = oscillation_.worst_n(),
                       .device_jumps = sub.facts().jumps,
+                      .late_reports_ratio = static_cast<double>(lacked_reports_) /
+                                            static_cast<double>(std::max<std::uint64_t>(1, frames_)),
                       .lost_frames = lost_frames_,
                       .refused_frames = refused_frames_,
                       .resynchronisations = resets_,

@@ -46,6 +46,11 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
   void answered(std::int64_t echoed_sent_ns, TimePoint now) noexcept {
     if (echoed_sent_ns != 0) round_trip_.add(1e-9 * static_cast<double>(to_ns(now) - echoed_sent_ns));
   }
+  /// A frame has come; the world lacked the report of its stamp.
+  void framed(bool lacked_report) noexcept {
+    ++frames_;
+    lacked_reports_ += lacked_report ? 1 : 0;
+  }
   void resynchronised() noexcept { ++resets_; }
   /// Share of the commands that were sent.
   void sent(double ratio) noexcept { sent_ratio_ = ratio; }
@@ -73,6 +78,7 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
   bool missed_ = false, lost_ = false;  ///< a deadline and frames, in the present step
   Histogram sync_, round_trip_;
   MeanMax members_, contacts_, border_;
+  std::uint64_t frames_ = 0, lacked_reports_ = 0;
   std::uint64_t skipped_ = 0, lost_frames_ = 0, resets_ = 0, refused_frames_ = 0;
   int skipped_before_step_ = 0;
   ForceLimits limits_;

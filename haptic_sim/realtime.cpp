@@ -144,7 +144,8 @@ class RealtimeLoop : HapticRun {
       }
       if (ports.refused_by(*came)) ending_.fault = refused_text(user());
       world_sim_.heard(now);
-      if (scene.settings.remote) head_start_.observe(came->stamp, came->newest_stamp, longest_cycle_s_);
+      head_start_.observe(came->stamp, came->newest_stamp, longest_cycle_s_);
+      measures.framed(came->newest_stamp < came->stamp);
       const double until_s = to_seconds(now - loop_.released()) + came->start_in_s;
       phase_.observe(came->stamp_s, ahead_s(came->stamp), head_start_s(), until_s, came->real_time_factor,
                      sub.facts().time_s + arrears_.owed_s());
@@ -251,8 +252,10 @@ class RealtimeLoop : HapticRun {
     const std::uint64_t until = stamp + static_cast<std::uint64_t>(lead_cycles_);
     return h_s_ * static_cast<double>(timetable.start(until) - timetable.start(stamp)) + h_s_ + stagger_s_;
   }
-  /// Between hosts, the round trip on top of that.
-  [[nodiscard]] double head_start_s() const { return scene.settings.remote ? head_start_.head_start_s() : 0.0; }
+  /// Between hosts, the round trip on top of that, where the world trails the sub-world.
+  [[nodiscard]] double head_start_s() const {
+    return scene.settings.remote && lead_cycles_ > 0 ? head_start_.head_start_s() : 0.0;
+  }
 
   Stages<HapticStage>& stages_;
   double h_s_;

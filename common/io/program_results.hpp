@@ -111,6 +111,7 @@ struct HapticResult {
   double device_work_j = 0.0;
   double oscillation_n = 0.0;
   std::uint64_t device_jumps = 0;
+  double late_reports_ratio = 0.0;
   std::uint64_t lost_frames = 0, refused_frames = 0, resynchronisations = 0;
   std::vector<EngineChange> engine_changes = {};
   std::uint64_t history_rows_dropped = 0, trace_events_dropped = 0;
@@ -124,8 +125,8 @@ SUBWORLD_JSON(HapticResult, user, steps, skipped_steps, missed_deadlines, missed
               lateness_s, woken_late_s, machine, step_s, stages, force_rms_n, force_max_n, force_step_mean_n,
               force_step_max_n, at_limit_ratio, proxy_apart_max_m, coupling_force_rms_n, coupling_force_max_n, members,
               contacts, border_pairs, sync_s, round_trip_s, bytes_per_cycle, sent_ratio, operator_energy, device_work_j,
-              oscillation_n, device_jumps, lost_frames, refused_frames, resynchronisations, engine_changes,
-              history_rows_dropped, trace_events_dropped, dds, events, refused, ending, host)
+              oscillation_n, device_jumps, late_reports_ratio, lost_frames, refused_frames, resynchronisations,
+              engine_changes, history_rows_dropped, trace_events_dropped, dds, events, refused, ending, host)
 
 struct DeviceRefused {
   std::uint64_t device_command = 0;
@@ -153,8 +154,8 @@ struct DeviceResult {
   Ending ending = {};
   std::string host = {};
 };
-SUBWORLD_JSON(DeviceResult, user, steps, round_trip_s, sent_ratio, missed_deadlines, missed_by_os, missed_by_run, step_s,
-              operator_energy, energy_bounded_ratio, oscillation_n, woken_late_s, machine, stages, history_rows_dropped,
-              trace_events_dropped, dds, events, refused, ending, host)
+SUBWORLD_JSON(DeviceResult, user, steps, round_trip_s, sent_ratio, missed_deadlines, missed_by_os, missed_by_run,
+              step_s, operator_energy, energy_bounded_ratio, oscillation_n, woken_late_s, machine, stages,
+              history_rows_dropped, trace_events_dropped, dds, events, refused, ending, host)
 
 }  // namespace subworld

@@ -19,6 +19,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <utility>
 
 namespace subworld {
 
@@ -158,24 +159,17 @@ class SessionRun {
   Ended watch() {
     Supervisor programs;
     start(programs);
-    Ended ended;
+    std::optional<Supervisor::Failure> failure;
     Watchdog watchdog;
     {
       std::unique_ptr<Progress> progress = show(watchdog);
-      ended.failure = programs.watch(
+      failure = programs.watch(
           [&] {
             if (progress) (*progress)();
           },
           [&](const Supervisor::Child& child) { return early_end(child.part, run_.scene.settings.duration_s); });
     }
-    programs.stop();
-    ended.stall = watchdog.longest();
-    ended.signal = stop_signal();
-    for (const Supervisor::Child& child : programs.children()) {
-      if (!child.part.empty()) ended.parts.push_back(child.part);
-      if (!child.essential && exit_code_of(child) != 0) ended.display = child.label + " " + end_of(child);
-    }
-    return ended;
+    return end(programs, std::move(failure), watchdog);
   }
 
   /// Live progress needs a host of the session on this machine.

@@ -210,7 +210,7 @@ bool Doctor::has_namespaces() const {
 }
 
 Ended Doctor::run_apart(const std::string& code, const std::string& wrapper, const std::string& after) const {
-  const std::string work = folder_.path() + "/work";
+  const std::string work = folder_.path() + "/scratch";
   std::filesystem::create_directories(work + "/tmp");
   std::filesystem::permissions(folder_.path(), std::filesystem::perms::all);
   std::filesystem::permissions(work, std::filesystem::perms::all);
@@ -245,7 +245,7 @@ void Doctor::expect_found_and_cured(const Misconfiguration& wrong) const {
         doctor + " > $WORK/second.txt;;\nesac\n";
   }
   const Ended ended = run_apart(code, wrong.wrapper, "[ -e $WORK/second.txt ] || " + doctor + " > $WORK/second.txt");
-  const std::string work = folder_.path() + "/work/";
+  const std::string work = folder_.path() + "/scratch/";
   const std::string first = read_text(work + "first.txt"), second = read_text(work + "second.txt");
   EXPECT_EQ(found_in(first), wrong.check) << first << ended.out << ended.err;
   EXPECT_EQ(value_in(ended.out, "code"), "4") << first;

@@ -37,13 +37,13 @@ TEST_F(Doctor, IsSilentOnAHealthySystem) {
       "subworld doctor --json > $WORK/running.json; subworld doctor\n"
       "subworld top; subworld top --once --domain 71 --dds cyclonedds > $WORK/top.txt");
   for (const char* name : {"alone", "two", "running"}) {
-    const Json json = Json::parse(read_text(folder_.path() + "/work/" + name + ".json"), nullptr, false);
+    const Json json = Json::parse(read_text(folder_.path() + "/scratch/" + name + ".json"), nullptr, false);
     ASSERT_FALSE(json.is_discarded()) << name << ended.out << ended.err;
     for (const Json& one : json["findings"]) EXPECT_EQ(one["check"], "lateness") << name << ": " << one["what"];
     EXPECT_GT(json["checks"].size(), 40U);
   }
   EXPECT_NE(report_of(ended).find("checks passed\n"), std::string::npos) << ended.out;
-  for (const std::string& table : {ended.out, read_text(folder_.path() + "/work/top.txt")}) {
+  for (const std::string& table : {ended.out, read_text(folder_.path() + "/scratch/top.txt")}) {
     EXPECT_NE(table.find("domain 71, 3 programs"), std::string::npos) << table;
     for (const char* name : {"world_sim ", "haptic_sim 0 ", "device_sim 0 "})
       EXPECT_NE(table.find(std::string("\n  ") + name), std::string::npos) << table;

@@ -104,6 +104,39 @@ TEST_P(NamespacedSessions, OverALinkThatDelaysAndLosesTheHashIsThatOfOneHost) {
 INSTANTIATE_TEST_SUITE_P(Vendors, NamespacedSessions, ::testing::Values("fastdds", "cyclonedds", "mixed"),
                          [](const auto& one) { return one.param; });
 
+class RealTimeSessions : public Sessions, public ::testing::WithParamInterface<std::string> {
+ protected:
+  /// Runs the session in real time over a link of 100 ms. False where namespaces are not permitted.
+  bool run_over_100_ms(const std::string& more_flags) {
+    if (finish({"/usr/bin/unshare", "--net", "/bin/true"}).code != 0) return false;
+    const std::string file = session("mode: lockstep, duration: 0.2", "mode: realtime, duration: 2" + more_flags);
+    const Ended ended = finish(up(file, out(), {"--namespaces", "--dds", GetParam(), "--link", "delay 50ms"}));
+    EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+    for (const Json& user : summary()["haptic"]) EXPECT_GT(user["force_max_n"], 5.0) << "both lift the cube";
+    return true;
+  }
+};
+
+// Else the world would guess what the operators do: an error of the force of tens of percent.
+TEST_P(RealTimeSessions, TheWorldHasEachReportInTimeAlthoughTheLinkDelaysIt) {
+  if (!run_over_100_ms("")) GTEST_SKIP() << "network namespaces are not permitted here";
+  for (const Json& user : summary()["haptic"]) EXPECT_LT(user["late_reports_ratio"], 0.5);
+  EXPECT_EQ(summary()["world"]["refused_reports"], 0);
+}
+
+TEST_P(RealTimeSessions, ADeadbandSendsAFractionOfTheDevicesSamples) {
+  if (!run_over_100_ms(", deadband: 0.1")) GTEST_SKIP() << "network namespaces are not permitted here";
+  for (const char* program : {"haptic", "device"}) {
+    for (const Json& user : summary()[program]) {
+      EXPECT_GT(user["sent_ratio"], 0.05) << program;
+      EXPECT_LT(user["sent_ratio"], 0.6) << program;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Vendors, RealTimeSessions, ::testing::Values("fastdds", "cyclonedds"),
+                         [](const auto& one) { return one.param; });
+
 TEST_F(Sessions, MistakesAreNamedWithTheirPlaceAndCure) {
   expect_error(session("haptic_sim 1, device_sim 1", "haptic_sim 1"), "no host runs device_sim 1; add it");
   expect_error(session("device_sim 1", "device_sim 1, device_sim 0"), "device_sim 0 runs 2 times; keep one");
