@@ -103,5 +103,19 @@ TEST_F(Overload, OfTheWorldSlowsTheClockForAWhile) {
   EXPECT_LT(most, 200U) << "steps without time: the haptic clock stood";
 }
 
+TEST_F(Overload, UsersShareTheCoresOfTheMachine) {
+  const double cores = std::thread::hardware_concurrency();
+  const double expected = std::clamp(0.5 * (cores - 4 * 0.258) / 4, 0.02, 0.4);
+  const Ended ended = run(scene("carry"), {"--mode", "realtime", "--duration", "0.3"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_EQ(ended.out.find("4 users share") != std::string::npos, expected < 0.4) << ended.out;
+  const Json users = summary()["settings"]["users"];
+  EXPECT_EQ(users.size(), 4U);
+  for (const Json& user : users) EXPECT_NEAR(user["selection"]["budget_ratio"], expected, 1e-6);
+  const Ended chosen = run(scene("carry"), {"--mode", "realtime", "--duration", "0.3", "--budget", "0.3"});
+  EXPECT_EQ(chosen.code, 0) << chosen.err;
+  for (const Json& user : summary()["settings"]["users"]) EXPECT_EQ(user["selection"]["budget_ratio"], 0.3);
+}
+
 }  // namespace
 }  // namespace subworld::test
