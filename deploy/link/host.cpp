@@ -167,7 +167,7 @@ int open_tun(const std::string& device, const std::string& address, int mtu) {
   return tun.release();
 }
 
-Finished run_program(const std::vector<std::string>& words, const NetworkHost& host) {
+Finished run_program(const std::vector<std::string>& words, const NetworkHost* host) {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) fail("pipe", "");
   const Descriptor output(ends[0]);
@@ -179,7 +179,9 @@ Finished run_program(const std::vector<std::string>& words, const NetworkHost& h
   if (child < 0) fail("cannot start " + words.front(), "");
   if (child == 0) {
     reset_signals();
-    if (!host.enter() || dup2(input.get(), STDOUT_FILENO) < 0 || dup2(input.get(), STDERR_FILENO) < 0) _exit(126);
+    if ((host != nullptr && !host->enter()) || dup2(input.get(), STDOUT_FILENO) < 0 ||
+        dup2(input.get(), STDERR_FILENO) < 0)
+      _exit(126);
     execvp(arguments.front(), arguments.data());
     _exit(127);
   }

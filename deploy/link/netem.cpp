@@ -19,7 +19,7 @@ std::string netem_time(double s) { return fmt::format("{:.0f}ns", 1e9 * s); }
 std::string netem_ratio(double ratio) { return fmt::format("{:.7f}%", 100.0 * ratio); }
 
 void must_run(const std::vector<std::string>& words, const NetworkHost& host, const std::string& cure) {
-  Finished ended = run_program(words, host);
+  Finished ended = run_program(words, &host);
   while (ended.text.ends_with('\n')) ended.text.pop_back();
   if (ended.code == 0) return;
   throw Error(ExitCode::failed, fmt::format("link: `{}`: {}; {}", fmt::join(words, " "),
@@ -45,13 +45,13 @@ class NetemCable : public LinkCarrier {
   }
   /// Without the cable, so that other devices can have its name.
   static void remove(const NetworkHost& host) {
-    [[maybe_unused]] const Finished ended = run_program({"ip", "link", "delete", EmulatedNetwork::kInterface}, host);
+    [[maybe_unused]] const Finished ended = run_program({"ip", "link", "delete", EmulatedNetwork::kInterface}, &host);
   }
 
   void set(LinkEnds ends, const LinkSettings& settings) override { apply("change", ends.from, settings); }
   LinkCounters counters(LinkEnds ends) override {
     const Finished shown =
-        run_program({"tc", "-s", "qdisc", "show", "dev", EmulatedNetwork::kInterface}, *hosts_[ends.from]);
+        run_program({"tc", "-s", "qdisc", "show", "dev", EmulatedNetwork::kInterface}, hosts_[ends.from]);
     LinkCounters counters;
     unsigned long long bytes = 0, packets = 0, dropped = 0;
     const std::size_t at = shown.text.find("Sent ");

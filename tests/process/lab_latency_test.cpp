@@ -72,6 +72,24 @@ TEST_F(LatencyLab, TwoSeedsAgree) {
   EXPECT_NEAR(limits[1], limits[0], 0.2 * limits[0]);
 }
 
+// Unless the histories are aligned with the reference by the device's path, the error is near 1.
+TEST_F(LatencyLab, RepeatsTheSearchOverAnEmulatedLink) {
+  if (finish({"/usr/bin/unshare", "--net", "/bin/true"}).code != 0)
+    GTEST_SKIP() << "network namespaces are not permitted here";
+  const Ended ended = finish(lab_words({"row", "--link", "--quick", "--largest", "0.004", "--out", out()}));
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  std::map<std::string, int> runs;
+  for (const Json& row : results()) {
+    if (row["kind"] != "point") continue;
+    ++runs[row["link"]];
+    EXPECT_LT(row["force_error_rms"], 0.5) << row.dump();
+    EXPECT_EQ(row["unstable"], 0.0);
+  }
+  EXPECT_GE(runs["emulated"], 2);
+  EXPECT_GE(runs["world"], 2);
+  EXPECT_NE(ended.out.find("of round-trip delay of an emulated link"), std::string::npos) << ended.out;
+}
+
 TEST_F(LatencyLab, BoundsBelowTheReferenceErrorDecideNothing) {
   const Ended ended = finish(lab_words({"row", "--quick", "--rms", "1e-6", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;

@@ -2,6 +2,7 @@
 
 #include "lab/latency/limit.hpp"
 #include "lab/latency/search.hpp"
+#include "lab/over_link/over_link.hpp"
 
 #include <gtest/gtest.h>
 
@@ -143,6 +144,22 @@ TEST(Sentence, SaysWhereNothingCanBeDecided) {
       "user right cannot be decided: the reference error is larger than the bound");
   EXPECT_NE(sentence({limited("hand", 0.084, 0.3, 0.036)}, false).find("stopped before the limit was found"),
             std::string::npos);
+}
+
+/// A device that rests, moves along a line and rests again.
+Vec3 on_path(double t_s) { return {0.05 * std::clamp(t_s - 0.2, 0.0, 0.6), 0.0, 0.0}; }
+
+TEST(PathDelay, IsThatOfTheMotionAlsoWithUnevenSteps) {
+  std::vector<Vec3> reference;
+  for (int i = 0; i < 1200; ++i) reference.push_back(on_path(i * kStep_s));
+  for (const double delay_s : {-0.0204, 0.0, 0.0117, 0.301}) {
+    DevicePath path;
+    for (double t_s = 0.0; t_s < 1.5; t_s += path.time_s.size() % 7 == 0 ? 3.0 * kStep_s : kStep_s) {
+      path.time_s.push_back(t_s);
+      path.position.push_back(on_path(t_s - delay_s));
+    }
+    EXPECT_NEAR(path_delay_s(path, reference, kStep_s), delay_s, 2e-4);
+  }
 }
 
 }  // namespace

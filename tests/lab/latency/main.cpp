@@ -24,6 +24,7 @@ struct Request {
   std::vector<std::string> scenes;
   LatencyQuestion question;  ///< without its scene
   bool device = false;
+  bool emulated = false;
   bool quick = false;
   std::uint64_t seed = 1;
   std::string out;
@@ -60,6 +61,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "  subworld lab latency lift carry --scheme paper --largest 0.1\n"
       "  subworld lab latency row --rms 0.1 --p99 0.2 --seed 2\n"
       "  subworld lab latency press --device-latency\n"
+      "  subworld lab latency row --link --dds cyclonedds\n"
       "DIR/report.html shows the errors against the delay, DIR/results.csv and results.json hold them, with a row\n"
       "for the limit of each user.\n"
       "Ctrl-C writes what has been measured so far.\n"
@@ -70,6 +72,10 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   line.flag("--device-latency", request.device,
             "also search the largest delay between device and sub-world; there the stability of the coupling in a wall "
             "is a bound too");
+  line.flag("--link", request.emulated,
+            "also search the largest round-trip delay of an emulated network link, with the real programs in real time "
+            "on hosts of their own; needs the rights of `subworld link`");
+  add_dds(line, question.dds, {"fastdds", "cyclonedds", "mixed"});
   line.add("--largest", &question.largest_s, "largest delay that is looked at").range(0.001, kLargest_s, "s");
   add_bounds(line, question.bounds);
   line.add("--scheme", &point.scheme, "coupling scheme")
@@ -107,8 +113,9 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
 std::vector<LatencyQuestion> questions_of(const Request& request) {
   std::vector<LatencyQuestion> questions;
   for (const std::string& scene : request.scenes) {
-    for (const Link link : {Link::world, Link::device}) {
+    for (const Link link : {Link::world, Link::device, Link::emulated}) {
       if (link == Link::device && !request.device) continue;
+      if (link == Link::emulated && !request.emulated) continue;
       LatencyQuestion& question = questions.emplace_back(request.question);
       question.point.scene = scene_file(scene);
       question.link = link;

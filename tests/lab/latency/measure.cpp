@@ -2,6 +2,7 @@
 
 #include "coupling/stiffness.hpp"
 #include "lab/coupling/analysis.hpp"
+#include "lab/over_link/over_link.hpp"
 #include "lab/session/draw.hpp"
 
 #include <fmt/format.h>
@@ -57,6 +58,37 @@ std::vector<Criteria> criteria_of(const Scene& scene, Link link, const Outcome& 
   return users;
 }
 
+/// One way: half of the delay, a message at most the jitter later, and its loss.
+std::string emulated_link(const Point& point, double delay_s) {
+  return fmt::format("delay {:.6f}ms {:.6f}ms loss {:.6f}%", 1e3 * 0.5 * (delay_s + point.jitter_s),
+                     1e3 * 0.5 * point.jitter_s, 1e2 * point.loss_ratio);
+}
+
+/// Of a run of the real programs. Each begins its paths at an instant of its own. Empty if a signal requested a stop.
+std::optional<std::vector<Criteria>> criteria_over_link(const LatencyQuestion& question, double delay_s,
+                                                        References& references) {
+  Point point = question.point;
+  point.starts_later_s = 0.0;
+  const Outcome* const punctual = references.run_of(point);
+  if (punctual == nullptr) return std::nullopt;
+  const std::optional<LinkedRun> run =
+      run_over_link(point, {.link = emulated_link(point, delay_s), .dds = question.dds}, *punctual);
+  if (!run) return std::nullopt;
+  const Outcome& reference = run->reference;
+  std::vector<Criteria> users(reference.felt.size());
+  const std::vector<ForceError> errors =
+      force_errors(run->felt, reference.felt, scene_of(point).settings.h_s, &FeltHistory::on_operator);
+  for (std::size_t u = 0; u < users.size(); ++u) {
+    const Json& device = run->summary.at("device").at(u);
+    const UserBalance& without = reference.balance[u];
+    set_errors(users[u], errors[u]);
+    const double created_j = device.at("operator_energy").at("created_j");
+    users[u][Criterion::energy] = std::max(0.0, created_j - kOfTheReference * without.created_j);
+    users[u][Criterion::oscillation] = std::max(0.0, device.at("oscillation_n").get<double>() - without.oscillation_n);
+  }
+  return users;
+}
+
 void raise(std::vector<Criteria>& most, const std::vector<Criteria>& users) {
   if (most.empty()) most.resize(users.size());
   for (std::size_t u = 0; u < users.size(); ++u) {
@@ -74,6 +106,19 @@ Point started(const LatencyQuestion& question, int start, double cycle_s) {
   return point;
 }
 
+/// Of a run in lock-step, with the start of this number. Empty if a signal requested a stop.
+std::optional<std::vector<Criteria>> criteria_in_lockstep(const LatencyQuestion& question, int delay, int start,
+                                                          double cycle_s, References& references) {
+  const Point point = started(question, start, cycle_s);
+  Scene scene = scene_of(point);
+  scene.settings.delay.seed = question.seed;
+  lengthen(scene, question.link, delay);
+  const Outcome* const reference = references.run_of(point);
+  const std::optional<Outcome> run = reference != nullptr ? run_out(scene) : std::nullopt;
+  if (!run) return std::nullopt;
+  return criteria_of(scene, question.link, *run, *reference);
+}
+
 /// Empty if a signal requested a stop. `decided`: the users whose limits are searched.
 std::optional<DelayedRun> measured_at(const LatencyQuestion& question, int delay, std::span<const std::size_t> decided,
                                       References& references) {
@@ -82,17 +127,15 @@ std::optional<DelayedRun> measured_at(const LatencyQuestion& question, int delay
   const auto is_open = [&](std::size_t u) {
     return !exceeded(at.users[u], question.bounds) && nearness(at.users[u], question.bounds) > kNear;
   };
-  const double cycle_s = scene_of(question.point).settings.longest_cycle_s();
+  const Settings settings = scene_of(question.point).settings;
+  at.delay_s = delay * settings.h_s;
   do {
-    const Point point = started(question, at.starts, cycle_s);
-    Scene scene = scene_of(point);
-    scene.settings.delay.seed = question.seed;
-    lengthen(scene, question.link, delay);
-    const Outcome* const reference = references.run_of(point);
-    const std::optional<Outcome> run = reference != nullptr ? run_out(scene) : std::nullopt;
-    if (!run) return std::nullopt;
-    raise(at.users, criteria_of(scene, question.link, *run, *reference));
-    at.delay_s = delay * scene.settings.h_s;
+    const std::optional<std::vector<Criteria>> users =
+        question.link == Link::emulated
+            ? criteria_over_link(question, at.delay_s, references)
+            : criteria_in_lockstep(question, delay, at.starts, settings.longest_cycle_s(), references);
+    if (!users) return std::nullopt;
+    raise(at.users, *users);
     ++at.starts;
   } while (at.starts < question.starts && std::ranges::any_of(decided, is_open));
   return at;
@@ -144,9 +187,15 @@ const Reference* begin(LatencyAnswer& answer, const LatencyQuestion& question, c
 
 }  // namespace
 
-const char* name_of(Link link) noexcept { return link == Link::world ? "world" : "device"; }
+const char* name_of(Link link) noexcept {
+  constexpr const char* kNames[] = {"world", "device", "emulated"};
+  return kNames[static_cast<std::size_t>(link)];
+}
 
-const char* words_of(Link link) noexcept { return link == Link::world ? "round-trip delay" : "device delay"; }
+const char* words_of(Link link) noexcept {
+  constexpr const char* kWords[] = {"round-trip delay", "device delay", "round-trip delay of an emulated link"};
+  return kWords[static_cast<std::size_t>(link)];
+}
 
 LatencyAnswer answer(const LatencyQuestion& question, References& references, const OnRun& on_run) {
   const Scene scene = scene_of(question.point);

@@ -13,15 +13,20 @@
 namespace subworld {
 
 /// The link whose delay is searched.
-enum class Link : std::uint8_t { world, device };
+enum class Link : std::uint8_t {
+  world,     ///< between world and sub-world, in lock-step in one process
+  device,    ///< between device and sub-world, likewise
+  emulated,  ///< as world, but over an emulated network link: the real programs in real time
+};
 [[nodiscard]] const char* name_of(Link link) noexcept;
-/// "round-trip delay": between world and sub-world; "device delay": between device and sub-world.
+/// "round-trip delay", "device delay", "round-trip delay of an emulated link".
 [[nodiscard]] const char* words_of(Link link) noexcept;
 
 /// What is asked about one scene.
 struct LatencyQuestion {
   Point point;  ///< without its delays
   Link link = Link::world;
+  std::string dds = "fastdds";  ///< vendor of an emulated link, or mixed
   Criteria bounds = default_bounds();
   double largest_s = 0.5;
   DelayRange range;  ///< its `largest` is computed from largest_s
