@@ -22,7 +22,7 @@ HapticMeasures::HapticMeasures(const Options& options, const Scene& scene, const
     : LoopMeasures(options, fmt::format("haptic_{}", options.user),
                    "time_s,force_x_n,force_y_n,force_z_n,operator_force_x_n,operator_force_y_n,operator_force_z_n,"
                    "torque_x_n_m,torque_y_n_m,torque_z_n_m,proxy_x_m,proxy_y_m,proxy_z_m,device_x_m,device_y_m,"
-                   "device_z_m,members,contacts,border_pairs,step_s,lateness_s,skipped",
+                   "device_z_m,device_time_s,members,contacts,border_pairs,step_s,lateness_s,skipped",
                    {fmt::format("haptic_sim {}", options.user), 100 + options.user}, kHapticStages, say),
       user_(options.user),
       limits_(limits_of(scene.users[static_cast<std::size_t>(options.user)].device)),
@@ -46,8 +46,9 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   oscillation_.step(felt.to_operator.force, h_s_);
   const Vec3 &proxy = now.proxy.position, &device = now.device.pose.position;
   apart_m_ = std::max(apart_m_, (proxy - device).norm());
-  history_.row_of(now.time_s, felt.felt.force, felt.to_operator.force, felt.felt.torque, proxy, device, members,
-                  contacts, border, times.step_s, times.lateness_s, std::exchange(skipped_before_step_, 0));
+  history_.row_of(now.time_s, felt.felt.force, felt.to_operator.force, felt.felt.torque, proxy, device,
+                  now.device_s, members, contacts, border, times.step_s, times.lateness_s,
+                  std::exchange(skipped_before_step_, 0));
 }
 
 void HapticMeasures::end_step() noexcept {

@@ -119,6 +119,7 @@ FeltStep SubWorld::feel(const DeviceState& state, bool trusted, double wall_s) {
   // A device that is slower than the haptic step sends no new state in each: its time goes on.
   if (!heard_ || state.stamp_s != before_.stamp_s) device_s_ = state.stamp_s;
   before_ = state;
+  facts_.device_s = state.stamp_s;
   heard_ = true;
   wall_s_ = wall_s;
   applied_ = saturated(state.applied, limits_);

@@ -55,7 +55,8 @@ struct SubWorldFacts {
   bool at_boundary = false;   ///< the steps since the last boundary fill a cycle
   bool finite = true;
   BodyState proxy;
-  DevicePose device;  ///< in simulated time
+  DevicePose device;      ///< in simulated time
+  double device_s = 0.0;  ///< time stamp of the device state that the last step used
   std::size_t members = 0;
   std::size_t contacts = 0;
   std::size_t border_pairs = 0;

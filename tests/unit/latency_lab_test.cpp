@@ -146,20 +146,17 @@ TEST(Sentence, SaysWhereNothingCanBeDecided) {
             std::string::npos);
 }
 
-/// A device that rests, moves along a line and rests again.
-Vec3 on_path(double t_s) { return {0.05 * std::clamp(t_s - 0.2, 0.0, 0.6), 0.0, 0.0}; }
-
-TEST(PathDelay, IsThatOfTheMotionAlsoWithUnevenSteps) {
-  std::vector<Vec3> reference;
-  for (int i = 0; i < 1200; ++i) reference.push_back(on_path(i * kStep_s));
-  for (const double delay_s : {-0.0204, 0.0, 0.0117, 0.301}) {
-    DevicePath path;
-    for (double t_s = 0.0; t_s < 1.5; t_s += path.time_s.size() % 7 == 0 ? 3.0 * kStep_s : kStep_s) {
-      path.time_s.push_back(t_s);
-      path.position.push_back(on_path(t_s - delay_s));
-    }
-    EXPECT_NEAR(path_delay_s(path, reference, kStep_s), delay_s, 2e-4);
+TEST(DeviceClock, HasTheStartAndTheDelaysOfADevice) {
+  DeviceClock clock;
+  // It starts at 0.25 s, and its clock stops for 0.1 s at 0.4 s of its path.
+  for (double t_s = 0.0; t_s < 2.0; t_s += kStep_s) {
+    clock.time_s.push_back(t_s);
+    clock.device_s.push_back(std::clamp(t_s - 0.25, 0.0, 0.4) + std::max(0.0, t_s - 0.75));
   }
+  EXPECT_NEAR(clock.time_of(0.2), 0.45, kStep_s);
+  EXPECT_NEAR(clock.time_of(0.3985), 0.6485, kStep_s) << "between two steps";
+  EXPECT_NEAR(clock.time_of(0.5), 0.85, kStep_s);
+  EXPECT_NEAR(clock.time_of(3.0), 3.35, kStep_s) << "behind the last step";
 }
 
 }  // namespace

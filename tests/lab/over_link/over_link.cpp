@@ -11,7 +11,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 #include <sstream>
 
 namespace subworld {
@@ -58,30 +57,36 @@ std::string session_text(const Point& point, const Scene& scene, const OverLink&
 
 /// What a haptic process writes of each step.
 struct HapticHistory {
-  DevicePath device;
+  DeviceClock clock;
   std::vector<Vec3> force, on_operator;  ///< N
 };
 
-HapticHistory read_history(const std::string& file) {
-  constexpr std::size_t kColumns = 16;  // time, force, operator_force, torque, proxy, device
+/// Of the file's first columns, those that are read here.
+constexpr const char* kColumns =
+    "time_s,force_x_n,force_y_n,force_z_n,operator_force_x_n,operator_force_y_n,operator_force_z_n,torque_x_n_m,"
+    "torque_y_n_m,torque_z_n_m,proxy_x_m,proxy_y_m,proxy_z_m,device_x_m,device_y_m,device_z_m,device_time_s,";
+constexpr std::size_t kTime = 0, kForce = 1, kOnOperator = 4, kDeviceTime = 16;
+
+HapticHistory read_history(const std::string& file, double h_s) {
   std::ifstream in(file);
   HapticHistory history;
   std::string line;
   std::getline(in, line);
-  if (!line.starts_with("time_s,force_x_n,")) throw Error(ExitCode::failed, file + ": is not a haptic history");
+  if (!line.starts_with(kColumns)) throw Error(ExitCode::failed, file + ": is not a history of this version");
   while (std::getline(in, line)) {
-    std::array<double, kColumns> row{};
+    std::array<double, kDeviceTime + 1> row{};
     const char* at = line.c_str();
     for (double& value : row) {
       char* end = nullptr;
       value = std::strtod(at, &end);
       at = *end == ',' ? end + 1 : end;
     }
-    if (!history.device.time_s.empty() && row[0] <= history.device.time_s.back()) continue;
-    history.device.time_s.push_back(row[0]);
-    history.force.emplace_back(row[1], row[2], row[3]);
-    history.on_operator.emplace_back(row[4], row[5], row[6]);
-    history.device.position.emplace_back(row[13], row[14], row[15]);
+    const double begin_s = row[kTime] - h_s;  // a row has the time at the end of its step
+    if (!history.force.empty() && begin_s <= history.clock.time_s.back()) continue;
+    history.clock.time_s.push_back(begin_s);
+    history.clock.device_s.push_back(row[kDeviceTime]);
+    history.force.emplace_back(row[kForce], row[kForce + 1], row[kForce + 2]);
+    history.on_operator.emplace_back(row[kOnOperator], row[kOnOperator + 1], row[kOnOperator + 2]);
   }
   if (history.force.empty()) throw Error(ExitCode::failed, file + ": has no step");
   return history;
@@ -97,25 +102,28 @@ Vec3 at_time(const std::vector<double>& time_s, const std::vector<Vec3>& values,
   return values[i - 1] + part * (values[i] - values[i - 1]);
 }
 
-/// On the reference's steps, as far as the history reaches.
+/// Before the end of a history, in which the force fades.
+constexpr double kEnding_s = 0.1;
+
+/// On the reference's steps, as far as the history reaches without its end.
 FeltHistory on_steps(const HapticHistory& history, std::size_t steps, double h_s) {
   FeltHistory felt;
   for (std::size_t i = 0; i < steps; ++i) {
     const double t_s = static_cast<double>(i) * h_s;
-    if (t_s > history.device.time_s.back()) break;
-    felt.force.push_back(at_time(history.device.time_s, history.force, t_s));
-    felt.on_operator.push_back(at_time(history.device.time_s, history.on_operator, t_s));
+    if (t_s > history.clock.time_s.back() - kEnding_s) break;
+    felt.force.push_back(at_time(history.clock.time_s, history.force, t_s));
+    felt.on_operator.push_back(at_time(history.clock.time_s, history.on_operator, t_s));
   }
   return felt;
 }
 
-/// The reference with the paths of its users so much later.
-Scene later(const Point& point, const std::vector<double>& path_delay_s) {
+/// The reference, with the paths of its users as they were.
+Scene with_motions(const Point& point, const std::vector<HapticHistory>& histories) {
   Scene scene = reference_scene_of(point);
-  for (std::size_t user = 0; user < path_delay_s.size(); ++user) {
+  for (std::size_t user = 0; user < histories.size(); ++user) {
     for (PathSegment& segment : scene.users[user].device.path) {
-      segment.from_s = std::max(0.0, segment.from_s + path_delay_s[user]);
-      segment.to_s = std::max(segment.from_s, segment.to_s + path_delay_s[user]);
+      segment.from_s = histories[user].clock.time_of(segment.from_s);
+      if (std::isfinite(segment.to_s)) segment.to_s = histories[user].clock.time_of(segment.to_s);
     }
   }
   return scene;
@@ -129,33 +137,16 @@ std::string end_of_text(const std::string& text) {
 
 }  // namespace
 
-double path_delay_s(const DevicePath& path, const std::vector<Vec3>& reference, double h_s, double most_s) {
-  const auto difference = [&](double delay_s) {
-    double sum = 0.0;
-    for (std::size_t i = 0; i < reference.size(); ++i) {
-      const double t_s = static_cast<double>(i) * h_s + delay_s;
-      sum += (at_time(path.time_s, path.position, t_s) - reference[i]).squaredNorm();
-    }
-    return sum;
-  };
-  double best_s = 0.0;
-  double step_s = 0.01, range_s = most_s;
-  for (constexpr double kFinest_s = 1e-4; step_s > 0.5 * kFinest_s; range_s = step_s, step_s *= 0.1) {
-    const double centre_s = best_s;
-    double least = std::numeric_limits<double>::infinity();
-    const auto n = static_cast<int>(std::lround(range_s / step_s));
-    for (int i = -n; i <= n; ++i) {
-      const double delay_s = centre_s + i * step_s;
-      const double sum = difference(delay_s);
-      if (sum >= least) continue;
-      least = sum;
-      best_s = delay_s;
-    }
-  }
-  return best_s;
+double DeviceClock::time_of(double device_time_s) const noexcept {
+  const auto after = std::ranges::lower_bound(device_s, device_time_s);
+  if (after == device_s.begin()) return std::max(0.0, time_s.front() + device_time_s - device_s.front());
+  if (after == device_s.end()) return time_s.back() + device_time_s - device_s.back();
+  const auto i = static_cast<std::size_t>(after - device_s.begin());
+  const double part = (device_time_s - device_s[i - 1]) / (device_s[i] - device_s[i - 1]);
+  return time_s[i - 1] + part * (time_s[i] - time_s[i - 1]);
 }
 
-std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over, const Outcome& punctual) {
+std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over) {
   const Scene scene = scene_of(point);
   const RunFolder folder;
   const std::string session = folder.path() + "/over_link.yaml", out = folder.path() + "/out";
@@ -168,15 +159,17 @@ std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over,
                                               ended.code, end_of_text(ended.text)));
   LinkedRun run;
   run.summary = read_json(out + "/summary.json");
-  for (std::size_t user = 0; user < punctual.felt.size(); ++user) {
-    const HapticHistory history = read_history(fmt::format("{}/haptic_{}.csv", out, user));
-    const FeltHistory& expected = punctual.felt[user];
-    run.path_delay_s.push_back(path_delay_s(history.device, expected.device, scene.settings.h_s));
-    run.felt.push_back(on_steps(history, expected.force.size(), scene.settings.h_s));
-  }
-  std::optional<Outcome> reference = run_out(later(point, run.path_delay_s));
+  std::vector<HapticHistory> histories;
+  const double h_s = scene.settings.h_s;
+  for (int user = 0; user < scene.settings.users; ++user)
+    histories.push_back(read_history(fmt::format("{}/haptic_{}.csv", out, user), h_s));
+  std::optional<Outcome> reference = run_out(with_motions(point, histories));
   if (!reference) return std::nullopt;
   run.reference = std::move(*reference);
+  for (std::size_t user = 0; user < histories.size(); ++user) {
+    run.start_s.push_back(histories[user].clock.time_of(0.0));
+    run.felt.push_back(on_steps(histories[user], run.reference.felt[user].force.size(), h_s));
+  }
   return run;
 }
 

@@ -19,28 +19,29 @@ struct OverLink {
 /// One run of the real programs in real time, with the world and each user on a host of their own, between which a link
 /// is emulated (`subworld up --namespaces`).
 struct LinkedRun {
-  Json summary;                      ///< of the run
-  std::vector<FeltHistory> felt;     ///< by user; force and on_operator only, on the reference's haptic steps
-  std::vector<double> path_delay_s;  ///< by user: when the device started its path
-  Outcome reference;                 ///< of the scene whose devices start then
+  Json summary;                   ///< of the run
+  std::vector<FeltHistory> felt;  ///< by user; force and on_operator only, on the reference's haptic steps
+  std::vector<double> start_s;    ///< by user: simulated time at which the device started its path
+  Outcome reference;              ///< of the same motions
 };
 
-/// In real time a device starts its path when its haptic process first answers, at another instant for each user. That
-/// instant is found from the positions of the device, and a reference is run whose devices start then. What is left of
-/// a lag between the forces is that of the force behind the motion.
+/// In real time a device starts its path when its haptic process first answers, at another instant for each user, and
+/// its clock may fall behind that of the simulation. So the reference is run with the same motions: each corner of a
+/// path is at the simulated time at which the haptic process had it from the device.
 ///
 /// The scene is the point's file: variants, boxes, budgets, delays, stiffness factors and later starts of a point have
-/// no flags and are not used. `punctual`: the point's reference, whose devices start at t = 0. Empty if a signal
-/// requested a stop. Throws `Error` (failed) with the launcher's message where the run failed.
-[[nodiscard]] std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over, const Outcome& punctual);
+/// no flags and are not used. Empty if a signal requested a stop. Throws `Error` (failed) with the launcher's message
+/// where the run failed.
+[[nodiscard]] std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over);
 
-/// Positions of a device by time.
-struct DevicePath {
-  std::vector<double> time_s;  ///< ascending
-  std::vector<Vec3> position;  ///< m
+/// The clock of a device, as its haptic process saw it.
+struct DeviceClock {
+  std::vector<double> time_s;    ///< simulated time at the begin of each haptic step; ascending
+  std::vector<double> device_s;  ///< time stamp of the device state that the step used
+
+  /// Simulated time at which the device was at `device_time_s` of its path. Linear between the steps; before the first
+  /// and behind the last one the clocks run alike.
+  [[nodiscard]] double time_of(double device_time_s) const noexcept;
 };
-/// The delay of a path behind a reference on a grid of step h (s), within +- `most_s`, to 0.1 ms.
-[[nodiscard]] double path_delay_s(const DevicePath& path, const std::vector<Vec3>& reference, double h_s,
-                                  double most_s = 0.5);
 
 }  // namespace subworld

@@ -76,7 +76,6 @@ void CoupledRun::haptic_step(std::size_t user) {
         [&] { send_report(user); }, haptic_step_s);
   }
   felt[user].force.push_back(now.felt.force);
-  felt[user].device.push_back(sub.facts().device.pose.position);
   const double before_j = guards[user]->port().net_j();
   felt[user].torque.push_back(now.felt.torque);
   const DeviceCommand safe = guards[user]->pass(command, devices[user]->state(), true, h);

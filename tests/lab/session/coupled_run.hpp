@@ -21,7 +21,6 @@ struct FeltHistory {
   std::vector<Vec3> torque;       ///< N m, likewise
   std::vector<Vec3> on_operator;  ///< N, of the device on the operator
   std::vector<BodyState> proxy;
-  std::vector<Vec3> device;  ///< m, its position as the step used it
   double work_j = 0.0;       ///< that the operator has put in, without what came back
 };
 
