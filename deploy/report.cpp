@@ -60,7 +60,7 @@ std::vector<std::string> judge(RunResults& run, const Ended& ended) {
 int report_failure(const Supervisor::Failure& failure, const std::string& folder, RunResults& run) {
   const Supervisor::Child& failed = failure.child;
   const int code = exit_code_of(failed);
-  const std::string reason = fmt::format("{} {}", failed.label, failure.reason);
+  const std::string reason = fmt::format("{} {}", failed.name(), failure.reason);
   const std::string error = last_line(failed.log, "error:");
   fmt::print(stderr, "subworld: error: {}; everything else was stopped\n  {}\n  its log: {}\n", reason,
              error.empty() ? last_line(failed.log) : error, failed.log);
@@ -116,7 +116,7 @@ Ended end(Supervisor& programs, std::optional<Supervisor::Failure> failure, cons
   ended.signal = stop_signal();
   for (const Supervisor::Child& child : programs.children()) {
     if (!child.part.empty()) ended.parts.push_back(child.part);
-    if (!child.essential && exit_code_of(child) != 0) ended.display = child.label + " " + end_of(child);
+    if (!child.essential && exit_code_of(child) != 0) ended.display = child.name() + " " + end_of(child);
   }
   return ended;
 }

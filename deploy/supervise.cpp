@@ -171,6 +171,8 @@ void Supervisor::stop() {
   }
 }
 
+std::string Supervisor::Child::name() const { return host.empty() ? label : fmt::format("{} on host {}", label, host); }
+
 int exit_code_of(const Supervisor::Child& child) {
   if (WIFEXITED(child.status)) return WEXITSTATUS(child.status);
   return WIFSIGNALED(child.status) ? 1 : 0;

@@ -23,6 +23,10 @@ class Supervisor {
     double halted_s = 0.0;  ///< measured by the launcher
     bool judged = false;    ///< has ended with 0, and `early` is set
     std::string early = {};
+    std::string host = {};  ///< of a session; empty: a run on one machine
+
+    /// "haptic_sim_0", or "haptic_sim_0 on host left".
+    [[nodiscard]] std::string name() const;
   };
   /// The cause of a failed run.
   struct Failure {

@@ -13,8 +13,10 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/wait.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
@@ -24,6 +26,10 @@
 namespace subworld {
 
 namespace {
+
+constexpr int kSshFailed = 255;  ///< exit code of ssh: its own failure, or a signal ended the program
+/// Without questions, and with an end where a host does not answer.
+constexpr std::array kSshOptions{"-o", "BatchMode=yes", "-o", "ConnectTimeout=10"};
 
 /// A word for a shell.
 std::string quoted(const std::string& word) {
@@ -51,6 +57,9 @@ class SessionRun {
       if (!is_distant(*host)) make_folder(folder_here(*host));
     }
     if (request_.namespaces) make_namespaces();
+    for (const SessionHost* const host : chosen_) {
+      if (is_distant(*host)) check_distant(*host);
+    }
     watch_stop_signals();
     const TimePoint begin = Clock::now();
     Ended ended = watch();
@@ -81,6 +90,29 @@ class SessionRun {
   /// On a distant host, in its checkout.
   [[nodiscard]] std::string folder_there(const SessionHost& host) const {
     return fmt::format("out/sessions/{}/{}", std::filesystem::absolute(out_).filename().string(), host.name);
+  }
+
+  /// A command line that runs a command on a distant host.
+  [[nodiscard]] std::string by_ssh(const SessionHost& host, const std::string& command) const {
+    return fmt::format("{} {} {} {}", quoted(request_.ssh), fmt::join(kSshOptions, " "), quoted(host.ssh),
+                       quoted(command));
+  }
+
+  /// Throws `Error` (failed) where ssh or the programs do not start there.
+  void check_distant(const SessionHost& host) const {
+    const std::string world = "build/release/bin/world_sim";
+    const std::string command = by_ssh(host, fmt::format("cd {} && test -x {}", quoted(checkout(host)), world));
+    const int status = std::system(command.c_str());
+    if (status == 0) return;
+    if (WIFEXITED(status) && WEXITSTATUS(status) != kSshFailed) {
+      throw Error(
+          ExitCode::failed,
+          fmt::format("host {}: {} has no {} in the folder \"{}\"; build there: deploy/build, or name the folder "
+                      "of the checkout: `folder` of the host in {}",
+                      host.name, host.ssh, world, checkout(host), session_.file));
+    }
+    throw Error(ExitCode::failed, fmt::format("host {}: no connection to {}; this must work without a question: {}",
+                                              host.name, host.ssh, by_ssh(host, "true")));
   }
 
   /// A network namespace for each host, with addresses and links between them.
@@ -134,7 +166,8 @@ class SessionRun {
     Supervisor::Child child{.label = program.label(),
                             .log = fmt::format("{}/logs/{}.log", out_, program.label()),
                             .part = essential ? part : "",
-                            .essential = essential};
+                            .essential = essential,
+                            .host = host.name};
     if (!is_distant(host)) {
       const NetworkHost* const inside = namespace_of(host);
       programs.start(
@@ -145,7 +178,10 @@ class SessionRun {
     std::string command = fmt::format("cd {} && exec build/release/bin/{}", quoted(checkout(host)), program.name);
     for (const std::string& word : words) command += " " + quoted(word);
     // With a terminal, the program there gets SIGHUP where this one ends.
-    programs.start(std::move(child), request_.ssh, {"-tt", "-o", "BatchMode=yes", host.ssh, command});
+    std::vector<std::string> ssh{"-tt"};
+    ssh.insert(ssh.end(), kSshOptions.begin(), kSshOptions.end());
+    ssh.insert(ssh.end(), {host.ssh, command});
+    programs.start(std::move(child), request_.ssh, ssh);
   }
 
   [[nodiscard]] std::vector<std::string> peers_of(const SessionHost& host) const {
@@ -169,6 +205,8 @@ class SessionRun {
           },
           [&](const Supervisor::Child& child) { return early_end(child.part, run_.scene.settings.duration_s); });
     }
+    if (failure && exit_code_of(failure->child) == kSshFailed)
+      failure->reason = "was killed there, or ssh lost the connection to it";
     return end(programs, std::move(failure), watchdog);
   }
 
@@ -202,8 +240,7 @@ class SessionRun {
       make_folder(folder);
       const std::string there =
           fmt::format("cd {}/{} && tar c .", quoted(checkout(*host)), quoted(folder_there(*host)));
-      const std::string command = fmt::format("{} -o BatchMode=yes {} {} | tar x -C {}", quoted(request_.ssh),
-                                              quoted(host->ssh), quoted(there), quoted(folder));
+      const std::string command = fmt::format("{} | tar x -C {}", by_ssh(*host, there), quoted(folder));
       if (std::system(command.c_str()) != 0)
         fmt::print(stderr, "subworld: warning: no results from host {}; try: {}\n", host->name, command);
     }
@@ -213,7 +250,7 @@ class SessionRun {
     const std::string folder = folder_here(*chosen_.front());
     if (ended.failure) {
       const Supervisor::Child& failed = ended.failure->child;
-      fmt::print(stderr, "subworld: error: {} {}; its log: {}\n", failed.label, ended.failure->reason, failed.log);
+      fmt::print(stderr, "subworld: error: {} {}; its log: {}\n", failed.name(), ended.failure->reason, failed.log);
       const int code = exit_code_of(failed);
       return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
     }

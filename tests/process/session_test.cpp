@@ -1,4 +1,4 @@
-#include "process/process_test.hpp"
+#include "process/sessions.hpp"
 
 #include <filesystem>
 #include <memory>
@@ -7,61 +7,6 @@ namespace subworld::test {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Sessions of three hosts, all of which are this machine.
-class Sessions : public ProcessTest {
- protected:
-  /// The library's session of three hosts on loopback, with one passage replaced.
-  [[nodiscard]] std::string session(const std::string& passage = "", const std::string& by = "") const {
-    std::string text = read_text(std::string(SCENES_FOLDER) + "/../sessions/three_hosts.yaml");
-    const auto replace = [&](const std::string& from, const std::string& to, bool all) {
-      std::size_t at = text.find(from);
-      EXPECT_NE(at, std::string::npos) << from;
-      for (; at != std::string::npos; at = all ? text.find(from, at + to.size()) : std::string::npos)
-        text.replace(at, from.size(), to);
-    };
-    for (const char* address : {"address: 10.0.0.1", "address: 10.0.0.2", "address: 10.0.0.3"})
-      replace(address, "address: 127.0.0.1", true);
-    replace("interface: eth0", "interface: lo", true);
-    replace("duration: 1}", "duration: 0.2}", false);
-    replace("hosts:\n", "domain: " + domain_.text() + "\nhosts:\n", false);
-    if (!passage.empty()) replace(passage, by, false);
-    return folder_.write("session.yaml", text);
-  }
-  [[nodiscard]] std::string hash_of_one_host() const {
-    EXPECT_EQ(run(scene("lift"), {"--duration", "0.2"}).code, 0);
-    return summary()["state_hash"];
-  }
-  [[nodiscard]] Words up(const std::string& file, const std::string& out, const Words& flags = {}) const {
-    Words words{program("subworld"), "up", file, "--out", out};
-    words.insert(words.end(), flags.begin(), flags.end());
-    return words;
-  }
-  void expect_error(const std::string& file, const std::string& text) const {
-    const Ended ended = finish(up(file, folder_.path() + "/wrong"));
-    EXPECT_EQ(ended.code, 2) << ended.err;
-    EXPECT_NE(ended.err.find(text), std::string::npos) << ended.err;
-  }
-};
-
-// In the place of ssh stands a shell on this machine, with a folder of its own for each destination.
-TEST_F(Sessions, SshStartsDistantProgramsAndBringsTheirResultsBack) {
-  const std::string home = folder_.path() + "/home";
-  for (const char* user : {"user@10.0.0.2", "user@10.0.0.3"}) {
-    fs::create_directories(fs::path(home) / user / "subworld/build/release");
-    fs::create_directory_symlink(PROGRAMS_FOLDER, fs::path(home) / user / "subworld/build/release/bin");
-  }
-  const std::string ssh = folder_.write("ssh",
-                                        "#!/bin/sh\nwhile :; do case $1 in -o) shift 2;; -*) shift;; *) break;; "
-                                        "esac; done\ncd " +
-                                            home + "/$1 && shift && exec sh -c \"$*\"\n");
-  fs::permissions(ssh, fs::perms::owner_all);
-  const Ended ended = finish(up(session(), out(), {"--ssh", ssh}));
-  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
-  EXPECT_EQ(summary()["verdict"], "ok");
-  EXPECT_TRUE(fs::exists(out() + "/haptic_1.csv")) << "the histories come with the results";
-  EXPECT_EQ(summary()["state_hash"], hash_of_one_host());
-}
 
 TEST_F(Sessions, SharesThatAreStartedByHostAreCollectedIntoOneVerdict) {
   const std::string file = session();
@@ -91,8 +36,7 @@ TEST_F(Sessions, SharesThatAreStartedByHostAreCollectedIntoOneVerdict) {
 class NamespacedSessions : public Sessions, public ::testing::WithParamInterface<std::string> {};
 
 TEST_P(NamespacedSessions, OverALinkThatDelaysAndLosesTheHashIsThatOfOneHost) {
-  const Ended probe = finish({"/usr/bin/unshare", "--net", "/bin/true"});
-  if (probe.code != 0) GTEST_SKIP() << "network namespaces are not permitted here: " << probe.err;
+  if (!has_namespaces()) GTEST_SKIP() << "network namespaces are not permitted here";
   const Ended ended =
       finish(up(session(), out(), {"--namespaces", "--dds", GetParam(), "--link", "delay 2ms jitter 2ms loss 1%"}));
   EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
@@ -108,7 +52,7 @@ class RealTimeSessions : public Sessions, public ::testing::WithParamInterface<s
  protected:
   /// Runs the session in real time over a link of 100 ms. False where namespaces are not permitted.
   bool run_over_100_ms(const std::string& more_flags) {
-    if (finish({"/usr/bin/unshare", "--net", "/bin/true"}).code != 0) return false;
+    if (!has_namespaces()) return false;
     const std::string file = session("mode: lockstep, duration: 0.2", "mode: realtime, duration: 2" + more_flags);
     const Ended ended = finish(up(file, out(), {"--namespaces", "--dds", GetParam(), "--link", "delay 50ms"}));
     EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
@@ -136,6 +80,37 @@ TEST_P(RealTimeSessions, ADeadbandSendsAFractionOfTheDevicesSamples) {
 
 INSTANTIATE_TEST_SUITE_P(Vendors, RealTimeSessions, ::testing::Values("fastdds", "cyclonedds"),
                          [](const auto& one) { return one.param; });
+
+struct Death {
+  std::string program, label, host;
+};
+
+class NamespacedDeaths : public Sessions, public ::testing::WithParamInterface<Death> {};
+
+TEST_P(NamespacedDeaths, AreNamedWithTheirHostAndEndTheRunInOrder) {
+  if (!has_namespaces()) GTEST_SKIP() << "network namespaces are not permitted here";
+  const Death& death = GetParam();
+  Process process(up(session("duration: 0.2", "duration: 1000"), out(), {"--namespaces"}), folder_.path());
+  const std::string results = out() + "/hosts/" + death.host;
+  ASSERT_TRUE(eventually([&] { return read_text(out() + "/hosts/right/haptic_1.csv").size() > 10000; }))
+      << process.err();
+  for (const Running& one : running(results)) {
+    if (one.words.front().ends_with("/" + death.program)) kill(one.pid, SIGKILL);
+  }
+  EXPECT_EQ(process.wait(10.0), 1) << process.err();
+  const std::string verdict = "failed: " + death.label + " on host " + death.host + " killed by SIGKILL";
+  EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with(verdict)) << summary()["verdict"];
+  EXPECT_NE(process.err().find(out() + "/logs/" + death.label + ".log"), std::string::npos) << process.err();
+  for (const char* history : {"haptic_0", "haptic_1", "device_0", "device_1"}) {
+    EXPECT_FALSE(read_table(out() + "/" + history + ".csv").rows.empty()) << "no results of " << history;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, NamespacedDeaths,
+                         ::testing::Values(Death{"world_sim", "world_sim", "world"},
+                                           Death{"haptic_sim", "haptic_sim_1", "right"},
+                                           Death{"device_sim", "device_sim_0", "left"}),
+                         [](const auto& one) { return one.param.program; });
 
 TEST_F(Sessions, MistakesAreNamedWithTheirPlaceAndCure) {
   expect_error(session("haptic_sim 1, device_sim 1", "haptic_sim 1"), "no host runs device_sim 1; add it");

@@ -1,0 +1,152 @@
+#include "process/sessions.hpp"
+
+#include <arpa/inet.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <optional>
+
+namespace subworld::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// In the place of ssh stands a shell on this machine, with a folder of its own for each destination.
+class SessionsByShell : public Sessions {
+ protected:
+  [[nodiscard]] std::string home(const std::string& destination) const {
+    fs::create_directories(folder_.path() + "/home/" + destination);
+    return folder_.path() + "/home/" + destination;
+  }
+  [[nodiscard]] std::string ssh() const {
+    return write_script("ssh", "while :; do case $1 in -o) shift 2;; -*) shift;; *) break;; esac; done\ncd " +
+                                   folder_.path() + "/home/$1 && shift && exec sh -c \"$*\"");
+  }
+};
+
+TEST_F(SessionsByShell, StartDistantProgramsAndBringTheirResultsBack) {
+  for (const char* user : {"user@10.0.0.2", "user@10.0.0.3"}) make_checkout(home(user) + "/subworld");
+  const Ended ended = finish(up(session(), out(), {"--ssh", ssh()}));
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+  EXPECT_EQ(summary()["verdict"], "ok");
+  EXPECT_TRUE(fs::exists(out() + "/haptic_1.csv")) << "the histories come with the results";
+  EXPECT_EQ(summary()["state_hash"], hash_of_one_host());
+}
+
+TEST_F(SessionsByShell, NeedAHostThatAnswers) {
+  const std::string dead = write_script("ssh", "echo 'ssh: connect to host 10.0.0.2: No route to host' >&2; exit 255");
+  const Ended ended = finish(up(session(), out(), {"--ssh", dead}));
+  EXPECT_EQ(ended.code, 1) << ended.err;
+  EXPECT_NE(ended.err.find("No route to host"), std::string::npos) << "what ssh says is shown: " << ended.err;
+  EXPECT_NE(ended.err.find("host left: no connection to user@10.0.0.2"), std::string::npos) << ended.err;
+  EXPECT_NE(ended.err.find("ConnectTimeout=10 'user@10.0.0.2' 'true'"), std::string::npos) << ended.err;
+}
+
+TEST_F(SessionsByShell, NeedACheckoutThatIsBuilt) {
+  make_checkout(home("user@10.0.0.2") + "/subworld");
+  fs::create_directories(home("user@10.0.0.3") + "/subworld");
+  const Ended ended = finish(up(session(), out(), {"--ssh", ssh()}));
+  EXPECT_EQ(ended.code, 1) << ended.err;
+  EXPECT_NE(ended.err.find("host right: user@10.0.0.3 has no build/release/bin/world_sim in the folder \"subworld\""),
+            std::string::npos)
+      << ended.err;
+}
+
+/// A port of loopback that nothing uses.
+int free_port() {
+  const int file = socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof address;
+  (void)bind(file, reinterpret_cast<sockaddr*>(&address), size);
+  (void)getsockname(file, reinterpret_cast<sockaddr*>(&address), &size);
+  close(file);
+  return ntohs(address.sin_port);
+}
+
+/// The hosts left and right are logins on this machine, by a server of ssh with keys and a configuration of its own.
+class SessionsBySsh : public Sessions {
+ protected:
+  void SetUp() override {
+    if (!fs::exists(kServer)) GTEST_SKIP() << "openssh-server is not installed";
+    const std::string folder = folder_.path();
+    for (const char* key : {"host_key", "user_key"})
+      ASSERT_EQ(finish({"/usr/bin/ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", folder + "/" + key}).code, 0);
+    const std::string port = std::to_string(free_port());
+    const std::string configuration = folder_.write(
+        "sshd_config", "Port " + port + "\nListenAddress 127.0.0.1\nHostKey " + folder + "/host_key\nPidFile none\n" +
+                           "AuthorizedKeysFile " + folder + "/user_key.pub\nStrictModes no\nUsePAM no\n");
+    const Ended check = finish({kServer, "-t", "-f", configuration});
+    if (check.code != 0) GTEST_SKIP() << "a server of ssh cannot run here: " << check.err;
+    fs::create_directory(folder + "/server");
+    server_.emplace(Words{kServer, "-D", "-e", "-f", configuration}, folder + "/server");
+    ASSERT_TRUE(eventually([&] { return server_->err().find("listening on") != std::string::npos; })) << server_->err();
+    folder_.write("known_hosts", "subworld_test " + read_text(folder + "/host_key.pub"));
+    const std::string of_client = folder_.write(
+        "ssh_config", "HostName 127.0.0.1\nHostKeyAlias subworld_test\nPort " + port + "\nIdentitiesOnly yes\n" +
+                          "IdentityFile " + folder + "/user_key\nUserKnownHostsFile " + folder + "/known_hosts\n");
+    ssh_ = write_script("ssh", "exec ssh -F " + of_client + " \"$@\"");
+    const Ended login = finish({ssh_, "-o", "BatchMode=yes", "left", "true"});
+    if (login.code != 0) GTEST_SKIP() << "no login by ssh here: " << login.err << server_->err();
+  }
+  void TearDown() override {
+    server_.reset();
+    Sessions::TearDown();
+  }
+
+  [[nodiscard]] std::string session_by_ssh(const std::string& duration) const {
+    std::string text = read_text(session("duration: 0.2", "duration: " + duration));
+    for (const auto& [destination, host] : {std::pair{"user@10.0.0.2", "left"}, std::pair{"user@10.0.0.3", "right"}}) {
+      const std::string checkout = folder_.path() + "/" + host;
+      make_checkout(checkout);
+      text.replace(text.find(destination), std::string(destination).size(), host + ("\n    folder: " + checkout));
+    }
+    return folder_.write("by_ssh.yaml", text);
+  }
+  /// Name of the folder of the results, also in the command lines of the programs on other hosts.
+  [[nodiscard]] std::string mark() const { return fs::path(folder_.path()).filename(); }
+  [[nodiscard]] std::string results() const { return folder_.path() + "/" + mark(); }
+  [[nodiscard]] bool have_ended() const {
+    return eventually([&] { return running("out/sessions/" + mark()).empty() && running(results()).empty(); }, 10.0);
+  }
+
+  static constexpr const char* kServer = "/usr/sbin/sshd";
+  std::string ssh_;
+  std::optional<Process> server_;
+};
+
+TEST_F(SessionsBySsh, RunOverHostsThatOneCommandLogsInto) {
+  const Ended ended = finish(up(session_by_ssh("0.2"), results(), {"--ssh", ssh_}));
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+  const Json one = Json::parse(read_text(results() + "/summary.json"));
+  EXPECT_EQ(one["verdict"], "ok");
+  EXPECT_EQ(one["state_hash"], hash_of_one_host());
+  EXPECT_TRUE(have_ended());
+}
+
+TEST_F(SessionsBySsh, NameTheHostOfAProgramThatDied) {
+  Process process(up(session_by_ssh("1000"), results(), {"--ssh", ssh_}), folder_.path());
+  const std::string history = folder_.path() + "/right/out/sessions/" + mark() + "/right/haptic_1.csv";
+  ASSERT_TRUE(eventually([&] { return read_text(history).size() > 10000; })) << process.err();
+  for (const Running& one : running("out/sessions/" + mark() + "/right")) {
+    if (one.words.front().ends_with("bin/haptic_sim")) kill(one.pid, SIGKILL);
+  }
+  EXPECT_EQ(process.wait(10.0), 1) << process.err();
+  EXPECT_NE(process.err().find("haptic_sim_1 on host right was killed there, or ssh lost the connection to it"),
+            std::string::npos)
+      << process.err();
+  EXPECT_TRUE(have_ended()) << "programs still run on other hosts";
+}
+
+TEST_F(SessionsBySsh, EndOnAllHostsWithTheirCommand) {
+  Process process(up(session_by_ssh("1000"), results(), {"--ssh", ssh_}), folder_.path());
+  const std::string history = folder_.path() + "/right/out/sessions/" + mark() + "/right/haptic_1.csv";
+  ASSERT_TRUE(eventually([&] { return read_text(history).size() > 10000; })) << process.err();
+  process.signal(SIGKILL);
+  EXPECT_TRUE(have_ended()) << "programs still run on other hosts";
+}
+
+}  // namespace
+}  // namespace subworld::test
