@@ -10,6 +10,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+
 namespace {
 
 using namespace subworld;
@@ -111,11 +113,23 @@ struct Verdict {
 Verdict judge(const Rows& rows, const std::vector<Requirement>& requirements) {
   Verdict verdict{.sentences = sentences_of(rows, requirements)};
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (rows[i].at("failure").is_string()) ++verdict.failed;
+    if (failed(rows[i])) ++verdict.failed;
     for (const std::string& text : missed_by(rows[i], requirements))
       verdict.missed.push_back(fmt::format("cell {}: {}; {}", i + 1, text, rows[i].at("command").get<std::string>()));
   }
   return verdict;
+}
+
+std::string gate_text(const Request& request, const Verdict& verdict) {
+  if (request.require.empty()) return "";
+  if (verdict.missed.empty()) return "\nall cells pass";
+  constexpr std::size_t kMostNamed = 10;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(kMostNamed, verdict.missed.size()); ++i)
+    text += "\nMISSED: " + verdict.missed[i];
+  if (verdict.missed.size() > kMostNamed)
+    text += fmt::format("\n{} more are missed, see summary.json", verdict.missed.size() - kMostNamed);
+  return text;
 }
 
 Json summary_of(const Request& request, const Rows& rows, std::size_t planned, const Verdict& verdict) {
@@ -130,10 +144,7 @@ Json summary_of(const Request& request, const Rows& rows, std::size_t planned, c
   summary["verdict"] =
       fmt::format("{}{}{}{}", fmt::join(verdict.sentences, "\n"),
                   verdict.failed > 0 ? fmt::format("; {} cells could not be measured", verdict.failed) : "",
-                  request.require.empty()  ? ""
-                  : verdict.missed.empty() ? "\nall cells pass"
-                                           : fmt::format("\nMISSED: {}", fmt::join(verdict.missed, "\nMISSED: ")),
-                  stopped_text(rows.size(), planned));
+                  gate_text(request, verdict), stopped_text(rows.size(), planned));
   return summary;
 }
 

@@ -9,8 +9,8 @@ namespace subworld {
 
 struct NetworkRunSettings {
   double duration_s = 10.0;  ///< that counts, of each cell
-  int domain = 0;
-  std::uint64_t seed = 1;  ///< of the emulated link
+  int domain = 90;           ///< that no other program of this host uses
+  std::uint64_t seed = 1;    ///< of the emulated link
 };
 
 /// What a cell has shown, over all its users.

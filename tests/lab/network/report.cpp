@@ -16,8 +16,6 @@ Json over(std::uint64_t part, std::uint64_t whole) {
   return whole == 0 ? Json() : Json(static_cast<double>(part) / static_cast<double>(whole));
 }
 
-bool failed(const Json& row) { return row.at("failure").is_string(); }
-
 bool is_carried(const Json& row, const std::vector<Requirement>& requirements) {
   if (failed(row)) return false;
   if (!requirements.empty()) return missed_by(row, requirements).empty();
@@ -115,7 +113,7 @@ Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const C
   row["world_cpu_ratio"] = if_measured(found.world_cpu_ratio);
   row["haptic_cpu_ratio"] = if_measured(found.haptic_cpu_ratio);
   row["link_cpu_ratio"] = linked ? Json(found.link_cpu_ratio) : Json();
-  row["failure"] = measured ? Json() : Json(found.failure);
+  row["failure"] = found.failure;
   row["qos"] = to_text(qos_of(cell));
   row["scheduling"] = found.scheduling;
   row["command"] = fmt::format("subworld lab network {} --duration {} --seed {}", options_of(cell), settings.duration_s,
@@ -129,6 +127,8 @@ std::string result_text(const Json& row) {
                      ms_text(value_of(row, "round_trip_s_p50")), ms_text(value_of(row, "round_trip_s_p99")),
                      ms_text(value_of(row, "silence_s")));
 }
+
+bool failed(const Json& row) { return !row.at("failure").get<std::string>().empty(); }
 
 std::vector<Rows> by_network(const Rows& rows) { return grouped(rows, {"transport", "link", "reliability"}); }
 

@@ -10,6 +10,8 @@ namespace subworld {
 
 /// A row of the table.
 [[nodiscard]] Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const CellFindings& found);
+/// Whether the cell of the row could not be measured.
+[[nodiscard]] bool failed(const Json& row);
 /// For the progress: "lost 0.1 %, round trip p50 0.4 p99 1.2 ms, longest silence 12 ms", or the failure.
 [[nodiscard]] std::string result_text(const Json& row);
 

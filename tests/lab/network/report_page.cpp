@@ -107,9 +107,8 @@ std::string table_of(const Rows& network) {
   for (const Json& row : network) {
     std::vector<std::string> cells{escaped(pair_of(row))};
     for (const Column& column : kNetworkTable) cells.push_back(cell_of(column, row));
-    cells.push_back(
-        escaped((row.at("failure").is_string() ? "FAILED: " + row.at("failure").get<std::string>() + "; " : "") +
-                row.at("qos").get<std::string>() + "; " + row.at("command").get<std::string>()));
+    cells.push_back(escaped((failed(row) ? "FAILED: " + row.at("failure").get<std::string>() + "; " : "") +
+                            row.at("qos").get<std::string>() + "; " + row.at("command").get<std::string>()));
     table.rows.push_back(std::move(cells));
   }
   return html_of(table);
