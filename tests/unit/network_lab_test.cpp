@@ -88,7 +88,7 @@ CellFindings findings(std::uint64_t sent, std::uint64_t received, double round_t
 }
 
 TEST(NetworkCriteria, NameTheValueThatMisses) {
-  const Json row = row_of({}, {}, findings(2000, 1900, 0.03));
+  const Json row = row_of({}, {}, findings(2000, 1900, 0.03), {});
   const Requirement fast = parse_requirement("round_trip_s_p99<0.02", row);
   const Requirement complete = parse_requirement("lost_ratio<0.1", row);
   const Requirement rare = parse_requirement("round_trip_s_p99_99<1", row);
@@ -99,7 +99,7 @@ TEST(NetworkCriteria, NameTheValueThatMisses) {
 }
 
 TEST(NetworkCriteria, WrongOnesAreRefused) {
-  const Json row = row_of({}, {}, {});
+  const Json row = row_of({}, {}, {}, {});
   for (const char* text : {"", "lost_ratio", "lost_ratio<", "lost_ratio<x", "lost<1 2", "<1", "los_ratio<1", "link<1",
                            "failure<1", "lost_ratio<inf"})
     EXPECT_THROW((void)parse_requirement(text, row), Error) << text;
@@ -109,7 +109,7 @@ TEST(NetworkSentence, NamesTheLargestLoadThatAllVendorPairsCarry) {
   const auto row = [](const char* vendor, double rate_hz, std::uint64_t received) {
     NetworkCell cell{.world_dds = vendor};
     cell.rate_hz = rate_hz;
-    return row_of(cell, {}, findings(2000, received, 0.001));
+    return row_of(cell, {}, findings(2000, received, 0.001), {});
   };
   const Rows rows{row("fastdds", 100.0, 2000),  row("cyclonedds", 100.0, 2000),  //
                   row("fastdds", 500.0, 1990),  row("cyclonedds", 500.0, 2000),

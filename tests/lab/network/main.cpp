@@ -3,6 +3,7 @@
 #include "lab/network/criteria.hpp"
 #include "lab/network/measure.hpp"
 #include "lab/network/report.hpp"
+#include "lab/network/udp.hpp"
 #include "lab/page/command_line.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
@@ -11,6 +12,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <map>
 
 namespace {
 
@@ -22,7 +25,9 @@ struct Request {
   NetworkAxes axes;
   NetworkRunSettings settings;
   std::vector<std::string> require;
+  std::string baseline = "on";
   bool quick = false;
+  bool resume = false;
   std::string out;
 };
 
@@ -71,30 +76,85 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   add_seed(line, request.settings.seed, "seed of the emulated link");
   line.flag("--quick", request.quick,
             fmt::format("a first look: {:g} s a cell, where nothing else is given", kQuick_s));
+  line.add("--baseline", &request.baseline, "also measure plain UDP, once for the vendor pairs of a setting")
+      .one_of({"on", "off"});
+  line.flag("--resume", request.resume,
+            "go on with the results in --out: measure only the cells that it does not have");
   add_out(line, "network", request.out);
   if (const auto code = line.parse(argc, argv)) return code;
   if (request.quick && !duration.given()) request.settings.duration_s = kQuick_s;
+  if (request.resume && request.out.empty())
+    throw Error(ExitCode::usage, "--resume: needs --out, the folder of the run that goes on");
   if (request.out.empty()) request.out = default_out("network");
   return std::nullopt;
 }
 
 std::vector<Requirement> requirements_of(const Request& request) {
-  const Json example = row_of({}, request.settings, {});
+  const Json example = row_of({}, request.settings, {}, {});
   std::vector<Requirement> requirements;
   for (const std::string& text : request.require) requirements.push_back(parse_requirement(text, example));
   return requirements;
 }
 
+/// The rows of an earlier run of the same cells, by their command; those that failed are measured again.
+std::map<std::string, Json> earlier_rows(const Request& request) {
+  std::map<std::string, Json> rows;
+  const std::string file = request.out + "/results.json";
+  if (!request.resume || !std::filesystem::exists(file)) return rows;
+  const auto names = [](const Json& row) {
+    std::vector<std::string> found;
+    for (const auto& [name, value] : row.items()) found.push_back(name);
+    return found;
+  };
+  const std::vector<std::string> expected = names(row_of({}, request.settings, {}, {}));
+  for (const Json& row : read_json(file)) {
+    if (row.is_object() && names(row) == expected && !failed(row)) rows[row.at("command").get<std::string>()] = row;
+  }
+  return rows;
+}
+
+/// Plain UDP over the network of a setting, measured once for the cells of its vendor pairs.
+class Baselines {
+ public:
+  explicit Baselines(const Request& request) : request_(request) {}
+  const CellFindings& of(NetworkCell cell) {
+    cell.world_dds = cell.haptic_dds = kPlainUdp;
+    if (to_text(cell) == setting_) return found_;
+    setting_ = to_text(cell);
+    found_ = request_.baseline == "on" && cell.payload_bytes <= kMostDatagram_bytes
+                 ? measure_cell(cell, request_.settings)
+                 : CellFindings{};
+    return found_;
+  }
+
+ private:
+  const Request& request_;
+  std::string setting_;
+  CellFindings found_;
+};
+
 /// The rows of the cells that have been measured.
 Rows measure_all(const std::vector<NetworkCell>& cells, const Request& request) {
+  const std::map<std::string, Json> earlier = earlier_rows(request);
   Rows rows;
-  double all_s = 0.0, done_s = 0.0;
-  for (const NetworkCell& cell : cells) all_s += planned_s(cell, request.settings);
-  const TimeLeft left(all_s);
+  Baselines baselines(request);
+  std::vector<NetworkCell> ahead;
   for (const NetworkCell& cell : cells) {
+    const auto known = earlier.find(command_of(cell, request.settings));
+    if (known == earlier.end())
+      ahead.push_back(cell);
+    else
+      rows.push_back(known->second);
+  }
+  if (!rows.empty()) fmt::print("resumed: {} of {} cells are there\n", rows.size(), cells.size());
+  double all_s = 0.0, done_s = 0.0;
+  for (const NetworkCell& cell : ahead) all_s += planned_s(cell, request.settings);
+  const TimeLeft left(all_s);
+  for (const NetworkCell& cell : ahead) {
+    const CellFindings& baseline = baselines.of(cell);
     const CellFindings found = measure_cell(cell, request.settings);
     if (stop_signal() != 0) break;
-    rows.push_back(row_of(cell, request.settings, found));
+    rows.push_back(row_of(cell, request.settings, found, baseline));
     write_json(request.out + "/results.json", rows);
     done_s += planned_s(cell, request.settings);
     fmt::print("[{:3}/{}] {}: {}{}\n", rows.size(), cells.size(), to_text(cell), result_text(rows.back()),

@@ -1,5 +1,6 @@
 #include "lab/network/peer.hpp"
 
+#include "lab/network/udp.hpp"
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/scheduling.hpp"
@@ -16,6 +17,7 @@
 #include <condition_variable>
 #include <csignal>
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -120,16 +122,8 @@ class Peer {
  public:
   Peer(const PeerPlan& plan, int number, CellShared& shared)
       : plan_(plan), number_(number), shared_(shared), mine_(shared.peers[number]), sink_(shared, mine_) {
-    BusConfig config;
-    config.vendor = parse_vendor(number == 0 ? plan.cell.world_dds : plan.cell.haptic_dds);
-    config.domain = plan.domain;
-    config.mode = Mode::realtime;
-    config.interface_address = plan.interface_address;
-    config.peers = plan.peers;
-    config.participants = plan.cell.users + 2;
-    config.participant_name = number == 0 ? "lab_world" : fmt::format("lab_user_{}", number - 1);
     claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
-    backend_.reset(wire::load_plugin(config.vendor)(wire::prepare(config), sink_));
+    open(number == 0 ? plan.cell.world_dds : plan.cell.haptic_dds);
     const int first = number == 0 ? 0 : number - 1, users = number == 0 ? plan.cell.users : 1;
     for (int user = first; user < first + users; ++user) channels_.push_back(channel_of(user));
   }
@@ -144,6 +138,25 @@ class Peer {
   }
 
  private:
+  void open(const std::string& vendor) {
+    if (vendor == kPlainUdp) {
+      std::unique_ptr<UdpBackend> udp = open_udp(plan_, number_, sink_);
+      wait_ = [datagrams = udp.get()] { datagrams->wait(); };
+      backend_ = std::move(udp);
+      return;
+    }
+    BusConfig config;
+    config.vendor = parse_vendor(vendor);
+    config.domain = plan_.domain;
+    config.mode = Mode::realtime;
+    config.interface_address = plan_.interface_address;
+    config.peers = plan_.peers;
+    config.participants = plan_.cell.users + 2;
+    config.participant_name = number_ == 0 ? "lab_world" : fmt::format("lab_user_{}", number_ - 1);
+    backend_.reset(wire::load_plugin(config.vendor)(wire::prepare(config), sink_));
+    wait_ = [this] { sink_.wait(); };
+  }
+
   [[nodiscard]] Channel channel_of(int user) {
     const auto spec = [&](const char* topic) {
       return wire::EndpointSpec{{.name = topic,
@@ -166,7 +179,7 @@ class Peer {
     const auto matched = [](const Channel& one) { return one.writer->matched() > 0 && one.reader->matched() > 0; };
     while (shared_.phase == CellPhase::matching) {
       if (!mine_.matched && std::ranges::all_of(channels_, matched)) mine_.matched = true;
-      sink_.wait();
+      wait_();
     }
   }
 
@@ -190,7 +203,7 @@ class Peer {
             !written)
           ++figures.refused;
       }
-      sink_.wait();
+      wait_();
     }
     cpu.follow(CellPhase::ending);
     book.close(shared_.sent, shared_.begin_ns, shared_.end_ns);
@@ -223,7 +236,7 @@ class Peer {
             shared_.channels[user].back.add(seconds_between(stamp->returned_ns, now_ns));
         }
       }
-      sink_.wait();
+      wait_();
     }
   }
 
@@ -267,6 +280,7 @@ class Peer {
   PeerShared& mine_;
   PeerSink sink_;
   std::unique_ptr<wire::Backend> backend_;
+  std::function<void()> wait_;  ///< for a message, at most a few milliseconds
   std::vector<Channel> channels_;
 };
 

@@ -23,6 +23,10 @@ bool is_carried(const Json& row, const std::vector<Requirement>& requirements) {
   return value_of(row, "lost_ratio") <= link_ratio + kMostLost && value_of(row, "refused") == 0.0;
 }
 
+std::uint64_t lost(const CellFindings& found, const Arrivals& at) {
+  return found.sent - std::min(at.received, found.sent);
+}
+
 double bytes_per_s(const Json& row) { return value_of(row, "rate_hz") * value_of(row, "payload_bytes"); }
 
 double worst(const Rows& rows, const std::string& column) {
@@ -83,11 +87,16 @@ std::string sentence_of(const Rows& network, const std::vector<Requirement>& req
 
 }  // namespace
 
-Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const CellFindings& found) {
+std::string command_of(const NetworkCell& cell, const NetworkRunSettings& settings) {
+  return fmt::format("subworld lab network {} --duration {} --seed {}", options_of(cell), settings.duration_s,
+                     settings.seed);
+}
+
+Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const CellFindings& found,
+            const CellFindings& baseline) {
   const bool measured = found.failure.empty();
   const bool linked = measured && found.link_packets > 0;
   const auto if_measured = [&](auto value) { return measured ? Json(value) : Json(); };
-  const auto lost = [&](const Arrivals& at) { return found.sent - std::min(at.received, found.sent); };
   Json row = columns_of(cell);
   row["measured_delay_s"] = linked ? Json(found.link_delay_s) : Json();
   row["measured_loss_ratio"] = linked ? Json(found.link_loss_ratio) : Json();
@@ -97,8 +106,8 @@ Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const C
   row["sent_ratio"] = over(found.sent, found.planned);
   row["refused"] = if_measured(found.refused);
   row["received"] = if_measured(found.there.received);
-  row["lost"] = if_measured(lost(found.there));
-  row["lost_ratio"] = over(lost(found.there), found.sent);
+  row["lost"] = if_measured(lost(found, found.there));
+  row["lost_ratio"] = over(lost(found, found.there), found.sent);
   row["lost_burst"] = if_measured(found.there.longest_burst);
   row["duplicates"] = if_measured(found.there.duplicates);
   row["out_of_order"] = if_measured(found.there.out_of_order);
@@ -106,18 +115,19 @@ Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const C
   row["to_user_s"] = percentiles(found.there.delay);
   row["to_world_s"] = percentiles(found.back);
   row["round_trip_s"] = percentiles(found.round_trip.delay);
-  row["round_trip_lost_ratio"] = over(lost(found.round_trip), found.sent);
+  row["round_trip_lost_ratio"] = over(lost(found, found.round_trip), found.sent);
   row["round_trip_silence_s"] = if_measured(found.round_trip.longest_silence_s);
   row["deadline_missed"] = if_measured(found.deadline_missed);
   row["liveliness_lost"] = if_measured(found.liveliness_lost);
   row["world_cpu_ratio"] = if_measured(found.world_cpu_ratio);
   row["haptic_cpu_ratio"] = if_measured(found.haptic_cpu_ratio);
   row["link_cpu_ratio"] = linked ? Json(found.link_cpu_ratio) : Json();
+  row["baseline_round_trip_s"] = percentiles(baseline.round_trip.delay);
+  row["baseline_lost_ratio"] = over(lost(baseline, baseline.there), baseline.sent);
   row["failure"] = found.failure;
   row["qos"] = to_text(qos_of(cell));
   row["scheduling"] = found.scheduling;
-  row["command"] = fmt::format("subworld lab network {} --duration {} --seed {}", options_of(cell), settings.duration_s,
-                               settings.seed);
+  row["command"] = command_of(cell, settings);
   return row;
 }
 

@@ -9,7 +9,10 @@
 namespace subworld {
 
 /// A row of the table.
-[[nodiscard]] Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const CellFindings& found);
+[[nodiscard]] Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const CellFindings& found,
+                          const CellFindings& baseline);
+/// The command line that repeats a cell alone. Equal cells of equal settings have equal ones.
+[[nodiscard]] std::string command_of(const NetworkCell& cell, const NetworkRunSettings& settings);
 /// Whether the cell of the row could not be measured.
 [[nodiscard]] bool failed(const Json& row);
 /// For the progress: "lost 0.1 %, round trip p50 0.4 p99 1.2 ms, longest silence 12 ms", or the failure.
