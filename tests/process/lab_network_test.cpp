@@ -63,6 +63,27 @@ TEST_F(NetworkLab, ALinkDelaysAndLosesAsRequested) {
   EXPECT_NE(ended.out.find(missed), std::string::npos) << ended.out;
 }
 
+TEST_F(NetworkLab, AnInterruptedRunGoesOn) {
+  const Words words{"--transport",  "loopback", "--reliability", "reliable", "--rate",    "200",
+                    "--haptic-dds", "fastdds",  "--duration",    "0.3",      "--baseline"};
+  const auto with = [&](const Words& more) {
+    Words all = words;
+    all.insert(all.end(), more.begin(), more.end());
+    return measured(all);
+  };
+  ASSERT_EQ(with({"off", "--world-dds", "fastdds"}).code, 0);
+  const Json first = results();
+  ASSERT_EQ(first.size(), 1U);
+  EXPECT_TRUE(first[0]["baseline_round_trip_s"]["max"].is_null());
+  const Ended ended = with({"on", "--resume"});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  ASSERT_EQ(results().size(), 2U);
+  EXPECT_EQ(results()[0], first[0]) << "it is not measured again";
+  EXPECT_EQ(results()[1]["world_dds"], "cyclonedds");
+  EXPECT_EQ(results()[1]["baseline_lost_ratio"], 0.0);
+  EXPECT_EQ(results()[1]["baseline_round_trip_s"]["n"], 60);
+}
+
 TEST_F(NetworkLab, MeasurementsSurviveAnInterrupt) {
   expect_kept_after_interrupt(
       {"--transport", "loopback", "--rate", "100", "--duration", "0.2", "--domain", domain_.text()}, "[  1/", 1, 8);

@@ -53,17 +53,17 @@ TEST(NetworkArrivals, CountLossesBurstsDuplicatesAndOrderAfterTheStartUp) {
   EXPECT_EQ(found.duplicates, 1U);
   EXPECT_EQ(found.out_of_order, 1U);
   EXPECT_EQ(found.longest_burst, 3U);
-  EXPECT_NEAR(found.longest_silence_s, 0.005, 1e-9) << "from the last arrival to the end of the sending";
+  EXPECT_NEAR(found.longest_gap_s, 0.005, 1e-9) << "from the last arrival to the end of the sending";
   EXPECT_EQ(found.delay.count(), 7U);
 }
 
-TEST(NetworkArrivals, ALinkThatDeliversNothingIsOneSilence) {
+TEST(NetworkArrivals, ALinkThatDeliversNothingIsOneGap) {
   Arrivals found;
   ArrivalBook book(found, 10, 30);
   book.close(30, 1'000'000'000, 3'000'000'000);
   EXPECT_EQ(found.received, 0U);
   EXPECT_EQ(found.longest_burst, 20U);
-  EXPECT_NEAR(found.longest_silence_s, 2.0, 1e-9);
+  EXPECT_NEAR(found.longest_gap_s, 2.0, 1e-9);
 }
 
 TEST(NetworkPercentiles, NeedTenSamplesBeyondThem) {

@@ -50,10 +50,9 @@ void add_axes(CommandLine& line, NetworkAxes& axes) {
 
 /// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Request& request) {
-  CommandLine line(
-      "subworld lab network",
-      "Measures what a network carries: loss, delay and silence of messages between a world and its users, "
-      "for every combination of the lists.");
+  CommandLine line("subworld lab network",
+                   "Measures what a network carries: loss, delay and gap of messages between a world and its users, "
+                   "for every combination of the lists.");
   line.footer(
       "Examples:\n"
       "  subworld lab network --link wifi --out out/wifi\n"

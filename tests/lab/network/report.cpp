@@ -78,11 +78,11 @@ std::string sentence_of(const Rows& network, const std::vector<Requirement>& req
   return name +
          fmt::format(
              "carries {:g} Hz x {} bytes for {} user{} with {} vendor pair{}: at most {:.2f} % lost, round trip p50 "
-             "{}, p99 {}, longest silence {}",
+             "{}, p99 {}, longest gap {}",
              row.at("rate_hz").get<double>(), row.at("payload_bytes").get<int>(), users, users == 1 ? "" : "s",
              best->size() == 1 ? "the" : fmt::format("each of {}", best->size()), best->size() == 1 ? "" : "s",
              1e2 * worst(*best, "lost_ratio"), ms_text(worst(*best, "round_trip_s_p50")),
-             ms_text(worst(*best, "round_trip_s_p99")), ms_text(worst(*best, "silence_s")));
+             ms_text(worst(*best, "round_trip_s_p99")), ms_text(worst(*best, "gap_s")));
 }
 
 }  // namespace
@@ -111,12 +111,12 @@ Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const C
   row["lost_burst"] = if_measured(found.there.longest_burst);
   row["duplicates"] = if_measured(found.there.duplicates);
   row["out_of_order"] = if_measured(found.there.out_of_order);
-  row["silence_s"] = if_measured(found.there.longest_silence_s);
+  row["gap_s"] = if_measured(found.there.longest_gap_s);
   row["to_user_s"] = percentiles(found.there.delay);
   row["to_world_s"] = percentiles(found.back);
   row["round_trip_s"] = percentiles(found.round_trip.delay);
   row["round_trip_lost_ratio"] = over(lost(found, found.round_trip), found.sent);
-  row["round_trip_silence_s"] = if_measured(found.round_trip.longest_silence_s);
+  row["round_trip_gap_s"] = if_measured(found.round_trip.longest_gap_s);
   row["deadline_missed"] = if_measured(found.deadline_missed);
   row["liveliness_lost"] = if_measured(found.liveliness_lost);
   row["world_cpu_ratio"] = if_measured(found.world_cpu_ratio);
@@ -133,9 +133,9 @@ Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const C
 
 std::string result_text(const Json& row) {
   if (failed(row)) return "FAILED: " + row.at("failure").get<std::string>();
-  return fmt::format("lost {:.2f} %, round trip p50 {} p99 {}, longest silence {}", 1e2 * value_of(row, "lost_ratio"),
+  return fmt::format("lost {:.2f} %, round trip p50 {} p99 {}, longest gap {}", 1e2 * value_of(row, "lost_ratio"),
                      ms_text(value_of(row, "round_trip_s_p50")), ms_text(value_of(row, "round_trip_s_p99")),
-                     ms_text(value_of(row, "silence_s")));
+                     ms_text(value_of(row, "gap_s")));
 }
 
 bool failed(const Json& row) { return !row.at("failure").get<std::string>().empty(); }

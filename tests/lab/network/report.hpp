@@ -15,7 +15,7 @@ namespace subworld {
 [[nodiscard]] std::string command_of(const NetworkCell& cell, const NetworkRunSettings& settings);
 /// Whether the cell of the row could not be measured.
 [[nodiscard]] bool failed(const Json& row);
-/// For the progress: "lost 0.1 %, round trip p50 0.4 p99 1.2 ms, longest silence 12 ms", or the failure.
+/// For the progress: "lost 0.1 %, round trip p50 0.4 p99 1.2 ms, longest gap 12 ms", or the failure.
 [[nodiscard]] std::string result_text(const Json& row);
 
 /// The rows of each transport, link and reliability, in order.

@@ -17,7 +17,7 @@ constexpr const char* kNetworkHowToRead =
 deadlines, and each user returns every message at once. World and users are processes of their own, each on an emulated
 host, and use the same middleware layer as the product. <b>The start-up is excluded</b>: discovery, and the messages of
 the first 0.5 s. The <b>round trip</b> is the time from before the write until the world's thread has the returned message.
-A <b>lost</b> message did not reach the user; one that the middleware refused counts as lost. The <b>silence</b> is the
+A <b>lost</b> message did not reach the user; one that the middleware refused counts as lost. The <b>gap</b> is the
 longest time between two arrivals at a user. A percentile is shown only where at least ten samples lie beyond it. Late
 wake-ups on a busy machine are part of all times.</p>
 <p><b>UDP</b> is the baseline: the same messages as plain datagrams, measured in the same way over the same link, before
@@ -38,7 +38,7 @@ struct Shown {
 constexpr std::array kShown{Shown{"round trip, median", "round trip p50, ms", "round_trip_s_p50", 1e3, true},
                             Shown{"round trip, 99th percentile", "round trip p99, ms", "round_trip_s_p99", 1e3, true},
                             Shown{"lost messages", "lost, %", "lost_ratio", 1e2, false},
-                            Shown{"longest silence", "longest silence, ms", "silence_s", 1e3, true}};
+                            Shown{"longest gap", "longest gap, ms", "gap_s", 1e3, true}};
 
 constexpr std::array kNetworkTable{
     Column{"rate Hz", "rate_hz", 1.0, 6},
@@ -52,7 +52,7 @@ constexpr std::array kNetworkTable{
     Column{"sent", "sent", 1.0, 9},
     Column{"lost %", "lost_ratio", 1e2, 3},
     Column{"lost in a row", "lost_burst", 1.0, 6},
-    Column{"silence ms", "silence_s", 1e3, 4},
+    Column{"gap ms", "gap_s", 1e3, 4},
     Column{"to user p50 ms", "to_user_s", 1e3, 3, "p50"},
     Column{"round trip p50 ms", "round_trip_s", 1e3, 3, "p50"},
     Column{"p90 ms", "round_trip_s", 1e3, 3, "p90"},

@@ -23,12 +23,12 @@ void Arrivals::add(const Arrivals& other) noexcept {
   duplicates += other.duplicates;
   out_of_order += other.out_of_order;
   longest_burst = std::max(longest_burst, other.longest_burst);
-  longest_silence_s = std::max(longest_silence_s, other.longest_silence_s);
+  longest_gap_s = std::max(longest_gap_s, other.longest_gap_s);
   delay.add(other.delay);
 }
 
-void ArrivalBook::note_silence(std::int64_t from_ns, std::int64_t to_ns) noexcept {
-  into_.longest_silence_s = std::max(into_.longest_silence_s, 1e-9 * static_cast<double>(to_ns - from_ns));
+void ArrivalBook::note_gap(std::int64_t from_ns, std::int64_t to_ns) noexcept {
+  into_.longest_gap_s = std::max(into_.longest_gap_s, 1e-9 * static_cast<double>(to_ns - from_ns));
 }
 
 bool ArrivalBook::add(std::uint64_t number, std::int64_t now_ns, double delay_s) noexcept {
@@ -47,16 +47,16 @@ bool ArrivalBook::add(std::uint64_t number, std::int64_t now_ns, double delay_s)
   if (number < newest_) ++into_.out_of_order;
   newest_ = std::max(newest_, number);
   if (last_ns_ == 0)
-    first_gap_ns_ = now_ns;
+    first_arrival_ns_ = now_ns;
   else
-    note_silence(last_ns_, now_ns);
+    note_gap(last_ns_, now_ns);
   last_ns_ = now_ns;
   return true;
 }
 
 void ArrivalBook::close(std::uint64_t sent, std::int64_t begin_ns, std::int64_t end_ns) noexcept {
-  if (first_gap_ns_ != 0) note_silence(begin_ns, first_gap_ns_);
-  note_silence(std::max(last_ns_, begin_ns), end_ns);
+  if (first_arrival_ns_ != 0) note_gap(begin_ns, first_arrival_ns_);
+  note_gap(std::max(last_ns_, begin_ns), end_ns);
   std::uint64_t burst = 0;
   for (std::uint64_t number = first_; number < std::min<std::uint64_t>(sent, seen_.size()); ++number) {
     burst = seen_[number] ? 0 : burst + 1;

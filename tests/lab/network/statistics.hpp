@@ -14,7 +14,7 @@ struct Arrivals {
   std::uint64_t duplicates = 0;
   std::uint64_t out_of_order = 0;   ///< that arrived after a later one
   std::uint64_t longest_burst = 0;  ///< messages that were lost in a row
-  double longest_silence_s = 0.0;   ///< between two arrivals, and from the last one to the end of the sending
+  double longest_gap_s = 0.0;       ///< between two arrivals, and from the last one to the end of the sending
   Histogram delay;
 
   void add(const Arrivals& other) noexcept;
@@ -30,13 +30,13 @@ class ArrivalBook {
   void close(std::uint64_t sent, std::int64_t begin_ns, std::int64_t end_ns) noexcept;
 
  private:
-  void note_silence(std::int64_t from_ns, std::int64_t to_ns) noexcept;
+  void note_gap(std::int64_t from_ns, std::int64_t to_ns) noexcept;
   Arrivals& into_;
   std::uint64_t first_;
   std::vector<bool> seen_;
   std::uint64_t newest_ = 0;
-  std::int64_t last_ns_ = 0;       ///< 0: nothing has arrived
-  std::int64_t first_gap_ns_ = 0;  ///< arrival of the first message that counts, where none came before it
+  std::int64_t last_ns_ = 0;           ///< 0: nothing has arrived
+  std::int64_t first_arrival_ns_ = 0;  ///< arrival of the first message that counts, where none came before it
 };
 
 /// {"p50", "p90", "p99", "p99_9", "p99_99", "max", "mean", "n"}. A quantile q of n samples is null unless at least ten
