@@ -28,6 +28,7 @@ namespace subworld {
 namespace {
 
 constexpr std::size_t kEncapsulation_bytes = 4;
+constexpr double kMostLate_s = 0.1;  // of the last message, where the machine is busy
 constexpr auto kPoll = std::chrono::milliseconds(5);
 
 /// Contents of a message, after its encapsulation.
@@ -248,7 +249,7 @@ class Peer {
     CpuShare cpu(mine_);
     const std::uint64_t first = plan_.first(), most = plan_.most();
     const TimePoint start = Clock::now();
-    const TimePoint until = start + from_seconds(kStartUp_s + plan_.duration_s);
+    const TimePoint until = start + from_seconds(kStartUp_s + plan_.duration_s + kMostLate_s);
     Cyclic cycle(start, from_seconds(1.0 / plan_.cell.rate_hz));
     for (std::uint64_t number = 0; number < most && shared_.phase != CellPhase::ending; ++number) {
       cycle.wait();
