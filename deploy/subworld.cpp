@@ -31,7 +31,8 @@ constexpr std::array kLabs{
     Lab{"engines", "The cost of a step of each physics engine, and whether structures stand"},
     Lab{"stability", "The distance of each engine from formulas and limits of mechanics, with margins"},
     Lab{"plan", "The time that each optimisation saves, and the difference that it makes"},
-    Lab{"latency", "The largest delay that a user does not feel"}};
+    Lab{"latency", "The largest delay that a user does not feel"},
+    Lab{"network", "The loss, delay and gaps of messages over a network, for each vendor and service"}};
 
 constexpr const char* kExamples =
     "Examples:\n"

@@ -1,0 +1,107 @@
+#include "process/lab_test.hpp"
+
+#include <set>
+
+namespace subworld::test {
+namespace {
+
+class NetworkLab : public LabTest {
+ protected:
+  NetworkLab() : LabTest("network") {}
+  [[nodiscard]] Ended measured(Words words) const {
+    words.insert(words.end(), {"--domain", domain_.text(), "--out", out()});
+    return finish(lab_words(words));
+  }
+};
+
+bool not_permitted(const Ended& ended) {
+  return ended.err.find("Operation not permitted") != std::string::npos ||
+         ended.err.find("/dev/net/tun") != std::string::npos;
+}
+
+TEST_F(NetworkLab, MeasuresEveryVendorPairOnLoopback) {
+  const Ended ended = measured({"--transport", "loopback", "--reliability", "reliable", "--rate", "200", "--payload",
+                                "1000", "--users", "2", "--duration", "0.6", "--require", "received>100"});
+  ASSERT_EQ(ended.code, 0) << ended.err << ended.out;
+  std::set<std::string> pairs;
+  for (const Json& row : results()) {
+    pairs.insert(row["world_dds"].get<std::string>() + row["haptic_dds"].get<std::string>());
+    EXPECT_LE(row["sent"], 2 * 120) << "0.6 s to two users; the start-up does not count";
+    EXPECT_EQ(row["round_trip_s"]["n"], row["received"]);
+    EXPECT_GE(row["round_trip_s"]["p50"], row["to_user_s"]["p50"]) << "the way back takes time too";
+    EXPECT_TRUE(row["round_trip_s"]["p99"].is_null()) << "too few samples for it";
+    EXPECT_GT(row["world_cpu_ratio"], 0.0);
+    EXPECT_NE(row["qos"].get<std::string>().find("reliable volatile keep_last 8"), std::string::npos);
+    EXPECT_TRUE(row["measured_delay_s"].is_null()) << "loopback has no emulated link";
+  }
+  EXPECT_EQ(pairs.size(), 4U);
+  const std::string sentence = summary()["sentences"][0];
+  EXPECT_NE(sentence.find("carries 200 Hz x 1000 bytes for 2 users with each of 4 vendor pairs"), std::string::npos);
+  EXPECT_NE(ended.out.find(sentence), std::string::npos) << ended.out;
+  EXPECT_NE(page().find(sentence), std::string::npos);
+  EXPECT_NE(page().find("start-up is excluded"), std::string::npos);
+  expect_columns({"world_dds", "haptic_dds", "transport", "reliability", "rate_hz", "payload_bytes", "users", "delay_s",
+                  "jitter_s", "loss_ratio", "round_trip_s_p99_99", "round_trip_s_n", "lost", "deadline_missed"});
+}
+
+TEST_F(NetworkLab, ALinkDelaysAndLosesAsRequested) {
+  const Ended ended =
+      measured({"--world-dds", "fastdds", "--haptic-dds", "cyclonedds", "--reliability", "best_effort", "--rate", "500",
+                "--link", "delay 10ms loss 20%", "--duration", "1", "--require", "lost_ratio<0.01"});
+  if (not_permitted(ended)) GTEST_SKIP() << "network namespaces are not permitted here: " << ended.err;
+  ASSERT_EQ(ended.code, 4) << ended.err << ended.out;
+  const Json row = results()[0];
+  EXPECT_GE(row["to_user_s"]["p50"], 0.0099);
+  EXPECT_GE(row["round_trip_s"]["p50"], 0.0198);
+  EXPECT_GE(row["measured_delay_s"], 0.0099);
+  EXPECT_NEAR(row["lost_ratio"], 0.2, 0.1) << "5 standard deviations";
+  EXPECT_NEAR(row["measured_loss_ratio"], 0.2, 0.1);
+  EXPECT_GE(row["lost_burst"], 1);
+  const std::string missed = summary()["missed"][0];
+  EXPECT_NE(missed.find("lost_ratio<0.01: it is 0."), std::string::npos) << missed;
+  EXPECT_NE(ended.out.find(missed), std::string::npos) << ended.out;
+}
+
+TEST_F(NetworkLab, AnInterruptedRunGoesOn) {
+  const Words words{"--transport",  "loopback", "--reliability", "reliable", "--rate",    "200",
+                    "--haptic-dds", "fastdds",  "--duration",    "0.3",      "--baseline"};
+  const auto with = [&](const Words& more) {
+    Words all = words;
+    all.insert(all.end(), more.begin(), more.end());
+    return measured(all);
+  };
+  ASSERT_EQ(with({"off", "--world-dds", "fastdds"}).code, 0);
+  const Json first = results();
+  ASSERT_EQ(first.size(), 1U);
+  EXPECT_TRUE(first[0]["baseline_round_trip_s"]["max"].is_null());
+  const Ended ended = with({"on", "--resume"});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  ASSERT_EQ(results().size(), 2U);
+  EXPECT_EQ(results()[0], first[0]) << "it is not measured again";
+  EXPECT_EQ(results()[1]["world_dds"], "cyclonedds");
+  EXPECT_EQ(results()[1]["baseline_lost_ratio"], 0.0);
+  EXPECT_GT(results()[1]["baseline_round_trip_s"]["n"], 0);
+}
+
+TEST_F(NetworkLab, MeasurementsSurviveAnInterrupt) {
+  expect_kept_after_interrupt(
+      {"--transport", "loopback", "--rate", "100", "--duration", "0.2", "--domain", domain_.text()}, "[  1/", 1, 8);
+}
+
+TEST_F(NetworkLab, WrongOptionsAreNamedWithTheCure) {
+  expect_refused({{{"--rate", "0"}, {"--rate", "0"}},
+                  {{"--payload", "8"}, {"--payload", "32"}},
+                  {{"--haptic-dds", "cyclone"}, {"cyclone", "cyclonedds"}},
+                  {{"--link", "wifo"}, {"wifo", "did you mean wifi"}},
+                  {{"--require", "p99<1"}, {"p99", "round_trip_s_p99"}},
+                  {{"--require", "lost_ratio"}, {"COLUMN<NUMBER"}}});
+}
+
+TEST_F(NetworkLab, HelpsWithExamples) {
+  const Ended ended = finish(lab_words({"--help"}));
+  EXPECT_EQ(ended.code, 0);
+  EXPECT_NE(ended.out.find("\n  subworld lab network --link wifi"), std::string::npos) << ended.out;
+}
+
+}  // namespace
+}  // namespace subworld::test

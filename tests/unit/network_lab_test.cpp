@@ -1,0 +1,124 @@
+// The lab of the network: its matrix, the account of numbered messages, percentiles and pass criteria.
+
+#include "lab/network/cell.hpp"
+#include "lab/network/report.hpp"
+#include "model/error.hpp"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+#include <vector>
+
+namespace subworld {
+namespace {
+
+TEST(NetworkCells, AreAllCombinationsWithTheVendorPairsOfASettingTogether) {
+  NetworkAxes axes;
+  axes.rates_hz = {100.0, 1000.0};
+  axes.links = {"ideal", "delay 5ms", "loss 2%"};
+  const std::vector<NetworkCell> cells = cells_of(axes);
+  ASSERT_EQ(cells.size(), 4U * 2U * 2U * 3U);
+  std::set<std::string> all;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    all.insert(to_text(cells[i]));
+    EXPECT_EQ(setting_of(cells[i]), setting_of(cells[i - i % 4]));
+  }
+  EXPECT_EQ(all.size(), cells.size()) << "no cell is measured twice";
+}
+
+TEST(NetworkCells, LoopbackIsNotRepeatedForEachLink) {
+  NetworkAxes axes;
+  axes.transports = {"loopback"};
+  axes.links = {"wifi", "lan", "4g"};
+  const std::vector<NetworkCell> cells = cells_of(axes);
+  EXPECT_EQ(cells.size(), 4U * 2U);
+  for (const NetworkCell& cell : cells) EXPECT_EQ(columns_of(cell).at("delay_s"), 0.0);
+}
+
+TEST(NetworkCells, AWrongLinkIsRefused) {
+  NetworkAxes axes;
+  axes.links = {"lan", "wify"};
+  EXPECT_THROW((void)cells_of(axes), Error);
+}
+
+TEST(NetworkArrivals, CountLossesBurstsDuplicatesAndOrderAfterTheStartUp) {
+  constexpr std::int64_t kMs = 1'000'000, kStart = 1'000'000'000;
+  Arrivals found;
+  ArrivalBook book(found, 10, 30);
+  for (const std::uint64_t number : {0, 5, 9, 10, 11, 13, 12, 13, 17, 18, 19, 40})
+    book.add(number, kStart + static_cast<std::int64_t>(number) * kMs, 0.001);
+  book.close(22, kStart + 10 * kMs, kStart + 24 * kMs);  // 14, 15, 16, 20 and 21 are lost
+  EXPECT_EQ(found.received, 7U);
+  EXPECT_EQ(found.duplicates, 1U);
+  EXPECT_EQ(found.out_of_order, 1U);
+  EXPECT_EQ(found.longest_burst, 3U);
+  EXPECT_NEAR(found.longest_gap_s, 0.005, 1e-9) << "from the last arrival to the end of the sending";
+  EXPECT_EQ(found.delay.count(), 7U);
+}
+
+TEST(NetworkArrivals, ALinkThatDeliversNothingIsOneGap) {
+  Arrivals found;
+  ArrivalBook book(found, 10, 30);
+  book.close(30, 1'000'000'000, 3'000'000'000);
+  EXPECT_EQ(found.received, 0U);
+  EXPECT_EQ(found.longest_burst, 20U);
+  EXPECT_NEAR(found.longest_gap_s, 2.0, 1e-9);
+}
+
+TEST(NetworkPercentiles, NeedTenSamplesBeyondThem) {
+  Histogram times;
+  EXPECT_TRUE(percentiles(times).at("max").is_null());
+  for (int i = 0; i < 999; ++i) times.add(0.001);
+  EXPECT_FALSE(percentiles(times).at("p90").is_null());
+  EXPECT_TRUE(percentiles(times).at("p99").is_null());
+  times.add(0.5);
+  const Json json = percentiles(times);
+  EXPECT_NEAR(json.at("p99").get<double>(), 0.001, 2e-5);
+  EXPECT_TRUE(json.at("p99_9").is_null());
+  EXPECT_EQ(json.at("max"), 0.5);
+  EXPECT_EQ(json.at("n"), 1000);
+}
+
+CellFindings findings(std::uint64_t sent, std::uint64_t received, double round_trip_s) {
+  CellFindings found{.planned = sent, .sent = sent};
+  found.there.received = received;
+  for (std::uint64_t i = 0; i < received; ++i) found.round_trip.delay.add(round_trip_s);
+  return found;
+}
+
+TEST(NetworkCriteria, NameTheValueThatMisses) {
+  const Json row = row_of({}, {}, findings(2000, 1900, 0.03), {});
+  const Requirement fast = parse_requirement("round_trip_s_p99<0.02", row);
+  const Requirement complete = parse_requirement("lost_ratio<0.1", row);
+  const Requirement rare = parse_requirement("round_trip_s_p99_99<1", row);
+  const std::vector<std::string> missed = missed_by(row, {fast, complete, rare});
+  ASSERT_EQ(missed.size(), 2U);
+  EXPECT_NE(missed[0].find("round_trip_s_p99<0.02: it is 0.03"), std::string::npos) << missed[0];
+  EXPECT_NE(missed[1].find("was not measured"), std::string::npos) << missed[1];
+}
+
+TEST(NetworkCriteria, WrongOnesAreRefused) {
+  const Json row = row_of({}, {}, {}, {});
+  for (const char* text : {"", "lost_ratio", "lost_ratio<", "lost_ratio<x", "lost<1 2", "<1", "los_ratio<1", "link<1",
+                           "failure<1", "lost_ratio<inf"})
+    EXPECT_THROW((void)parse_requirement(text, row), Error) << text;
+}
+
+TEST(NetworkSentence, NamesTheLargestLoadThatAllVendorPairsCarry) {
+  const auto row = [](const char* vendor, double rate_hz, std::uint64_t received) {
+    NetworkCell cell{.world_dds = vendor};
+    cell.rate_hz = rate_hz;
+    return row_of(cell, {}, findings(2000, received, 0.001), {});
+  };
+  const Rows rows{row("fastdds", 100.0, 2000),  row("cyclonedds", 100.0, 2000),  //
+                  row("fastdds", 500.0, 1990),  row("cyclonedds", 500.0, 2000),
+                  row("fastdds", 1000.0, 2000), row("cyclonedds", 1000.0, 1000)};
+  const std::vector<std::string> sentences = sentences_of(rows, {});
+  ASSERT_EQ(sentences.size(), 1U);
+  EXPECT_NE(sentences[0].find("carries 500 Hz x 256 bytes for 1 user"), std::string::npos) << sentences[0];
+  EXPECT_NE(sentences_of(rows, {parse_requirement("lost<1", rows[0])})[0].find("carries 100 Hz"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace subworld
