@@ -12,10 +12,10 @@ class WireLoss : public test::TwoHosts, public ::testing::WithParamInterface<tes
     start(GetParam(), mode);
     ASSERT_TRUE(connected()) << text();
     network_->set_links(parse_link(kLoss));
-    heard_.lost = heard_.disorders = heard_.silence = 0;
+    heard_.lost = heard_.disorders = heard_.gap = 0;
     first_ = heard_;
     ASSERT_TRUE(exchange_until([&] { return heard_.stamp >= first_.stamp + reports; }, 50.0)) << text();
-    RecordProperty("longest_silence_samples", static_cast<int>(heard_.silence));
+    RecordProperty("longest_gap_samples", static_cast<int>(heard_.gap));
     RecordProperty("lost_samples", static_cast<int>(heard_.lost));
   }
   test::FromPeer first_;
@@ -27,7 +27,7 @@ TEST_P(WireLoss, in_real_time_the_newest_report_is_never_older_than_a_few_histor
   if (!make_hosts()) GTEST_SKIP() << "network namespaces are not permitted here";
   constexpr std::uint64_t kReports = 600;
   ASSERT_NO_FATAL_FAILURE(lose(Mode::realtime, kReports));
-  EXPECT_LE(heard_.silence, 8U * kTopicOf<HapticReport>.depth);
+  EXPECT_LE(heard_.gap, 8U * kTopicOf<HapticReport>.depth);
   EXPECT_EQ(heard_.disorders == 0, heard_.lost == 0);
   EXPECT_LT(heard_.lost, kReports * 3 / 10) << "no more arrive than without repair";
 }

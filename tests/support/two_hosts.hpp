@@ -35,7 +35,7 @@ struct FromPeer {
   std::uint64_t lost = 0;       ///< reports that never came
   /// Longest time between two receipts, in samples that the peer wrote in it, and at most as many as this side looked
   /// in vain: a machine that is late counts on neither side.
-  std::uint64_t silence = 0;
+  std::uint64_t gap = 0;
   std::uint64_t pid = 0;  ///< of the peer, as it sees itself
 };
 
@@ -153,7 +153,7 @@ class TwoHosts : public ::testing::Test {
       ++heard_.reports;
     }
     if (heard_.reports > before.reports) {
-      if (before.reports > 0) heard_.silence = std::max(heard_.silence, std::min(vain_, heard_.stamp - before.stamp));
+      if (before.reports > 0) heard_.gap = std::max(heard_.gap, std::min(vain_, heard_.stamp - before.stamp));
       vain_ = 0;
     }
     while (states_->take(state_) == Take::sample) {
