@@ -1,5 +1,6 @@
 #include "support/process.hpp"
 #include "support/wire_pairs.hpp"
+#include "wire/session.hpp"
 #include "wire/status.hpp"
 
 #include <gtest/gtest.h>
@@ -109,6 +110,57 @@ TEST_P(WireStatus, an_order_reaches_a_reader_that_comes_later) {
   ASSERT_TRUE(until(
       *receiver, [&] { return reader.take(heard) == Take::sample; }, 5.0));
   EXPECT_EQ(heard.number, 7U);
+}
+
+void expect_both_versions(const std::string& text, std::uint32_t other) {
+  for (const std::uint32_t version : {other, kWireVersion})
+    EXPECT_NE(text.find(std::to_string(version)), std::string::npos) << version << " is not in: " << text;
+  EXPECT_NE(text.find("install the same version of Subworld on all hosts"), std::string::npos) << text;
+}
+
+TEST_P(WireStatus, a_program_of_another_version_is_named_once_and_not_counted_as_met) {
+  constexpr std::uint32_t kOther = kWireVersion + 7;
+  const TestDomain held;
+  const auto sender = open_bus(config_of(GetParam().first, held.number(), Mode::realtime));
+  const auto receiver = open_bus(config_of(GetParam().second, held.number(), Mode::realtime));
+  StatusBeacon beacon(*receiver, ProgramKind::haptic_sim, 0, "test");
+  auto reader = sender->reader<Status>();
+  auto writer = sender->writer<Status>();
+  Status foreign;
+  foreign.wire_version = kOther;
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(writer.write(foreign));
+  const auto heard = hear(*sender, reader, "version");
+  ASSERT_TRUE(heard);
+  expect_both_versions(heard->text, kOther);
+  EXPECT_EQ(heard->text.find("a program on this domain"), heard->text.rfind("a program on this domain"));
+  EXPECT_FALSE(beacon.met(ProgramKind::world_sim, 0));
+}
+
+TEST_P(WireStatus, a_world_of_another_version_is_refused_with_both_versions) {
+  constexpr std::uint32_t kOther = kWireVersion + 7;
+  const TestDomain held;
+  const auto sender = open_bus(config_of(GetParam().first, held.number(), Mode::realtime));
+  const auto receiver = open_bus(config_of(GetParam().second, held.number(), Mode::realtime));
+  auto writer = sender->writer<SceneDescription>();
+  auto reader = receiver->reader<SceneDescription>();
+  SceneDescription foreign;
+  foreign.wire_version = kOther;
+  foreign.session = 5;
+  ASSERT_TRUE(writer.write(foreign));
+  const Scene scene;
+  SessionFinder finder(reader, scene);
+  std::string refusal;
+  ASSERT_TRUE(until(*receiver, [&] {
+    try {
+      EXPECT_FALSE(finder.look(held.number())) << "joined";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ExitCode::usage);
+      refusal = error.what();
+    }
+    return !refusal.empty();
+  }));
+  expect_both_versions(refusal, kOther);
+  EXPECT_EQ(finder.session(), 0U);
 }
 
 INSTANTIATE_TEST_SUITE_P(Pairs, WireStatus, test::kAllPairs, test::name_of_pair);

@@ -60,6 +60,25 @@ TEST(WireTopics, realtime_follows_the_table) {
   }
 }
 
+// Vendors do not resume after an outage where the leases of a writer and its reader differ.
+TEST(WireTopics, a_lease_depends_on_topic_and_mode_alone) {
+  for (const TopicSpec& topic : kTopics) {
+    for (const Mode mode : {Mode::lockstep, Mode::realtime}) {
+      const double lease_s = qos_of(topic, mode, 0.001, 0.004).lease_s;
+      EXPECT_GT(lease_s, 0.0) << topic.name;
+      for (const double period_s : {0.0001, 0.01, 1.0}) {
+        for (const double cycle_s : {0.0005, 0.02, 5.0})
+          EXPECT_EQ(qos_of(topic, mode, period_s, cycle_s).lease_s, lease_s) << topic.name;
+      }
+    }
+    // Programs of both modes read these.
+    if (topic.durability == Durability::transient_local) {
+      EXPECT_EQ(qos_of(topic, Mode::lockstep, 0.001, 0.004).lease_s,
+                qos_of(topic, Mode::realtime, 0.001, 0.004).lease_s);
+    }
+  }
+}
+
 TEST(WireTopics, a_deadline_is_at_least_the_interval_in_whole_milliseconds) {
   EXPECT_DOUBLE_EQ(deadline_s(0.0005), 0.0019);
   EXPECT_DOUBLE_EQ(deadline_s(0.001), 0.0019);
