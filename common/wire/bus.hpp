@@ -95,7 +95,7 @@ class AnyReader {
   /// Number of matched writers, dead or alive.
   [[nodiscard]] int matched() const noexcept;
   /// Writers with a sign of life within the lease (100 ms; 1 s in lock-step). A killed writer whose program starts
-  /// again at once may still count in Fast DDS 2.9, until the lease of its participant has expired.
+  /// again at once may still count in Fast DDS 2.9.
   [[nodiscard]] int alive_writers() const noexcept;
   [[nodiscard]] std::uint64_t received_bytes() const noexcept;  ///< payload
 

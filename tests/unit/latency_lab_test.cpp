@@ -153,6 +153,7 @@ TEST(DeviceClock, HasTheStartAndTheDelaysOfADevice) {
     clock.time_s.push_back(t_s);
     clock.device_s.push_back(std::clamp(t_s - 0.25, 0.0, 0.4) + std::max(0.0, t_s - 0.75));
   }
+  EXPECT_NEAR(clock.time_of(0.0), 0.25, 2.0 * kStep_s) << "the start of the path";
   EXPECT_NEAR(clock.time_of(0.2), 0.45, kStep_s);
   EXPECT_NEAR(clock.time_of(0.3985), 0.6485, kStep_s) << "between two steps";
   EXPECT_NEAR(clock.time_of(0.5), 0.85, kStep_s);

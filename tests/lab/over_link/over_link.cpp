@@ -3,40 +3,20 @@
 #include "link/host.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
+#include "support/temporary_folder.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 
 namespace subworld {
 
 namespace {
-
-/// A folder for one run; the destructor removes it.
-class RunFolder {
- public:
-  RunFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "subworld_link_XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr)
-      throw Error(ExitCode::failed, fmt::format("{}: no temporary folder; TMPDIR names another place", name));
-    path_ = name;
-  }
-  ~RunFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  RunFolder(const RunFolder&) = delete;
-  RunFolder& operator=(const RunFolder&) = delete;
-  [[nodiscard]] const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 /// The session file of a run: the world on a host, and each user on one.
 std::string session_text(const Point& point, const Scene& scene, const OverLink& over) {
@@ -138,7 +118,7 @@ std::string end_of_text(const std::string& text) {
 }  // namespace
 
 double DeviceClock::time_of(double device_time_s) const noexcept {
-  const auto after = std::ranges::lower_bound(device_s, device_time_s);
+  const auto after = std::ranges::upper_bound(device_s, device_time_s);
   if (after == device_s.begin()) return std::max(0.0, time_s.front() + device_time_s - device_s.front());
   if (after == device_s.end()) return time_s.back() + device_time_s - device_s.back();
   const auto i = static_cast<std::size_t>(after - device_s.begin());
@@ -148,9 +128,9 @@ double DeviceClock::time_of(double device_time_s) const noexcept {
 
 std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over) {
   const Scene scene = scene_of(point);
-  const RunFolder folder;
-  const std::string session = folder.path() + "/over_link.yaml", out = folder.path() + "/out";
-  std::ofstream(session) << session_text(point, scene, over);
+  const TemporaryFolder folder;
+  const std::string session = folder.write("over_link.yaml", session_text(point, scene, over));
+  const std::string out = folder.path() + "/out";
   const std::string launcher = std::filesystem::read_symlink("/proc/self/exe").parent_path().string() + "/subworld";
   const Finished ended = run_program({launcher, "up", session, "--namespaces", "--out", out}, nullptr);
   if (stop_signal() != 0) return std::nullopt;

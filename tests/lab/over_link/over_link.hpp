@@ -25,9 +25,9 @@ struct LinkedRun {
   Outcome reference;              ///< of the same motions
 };
 
-/// In real time a device starts its path when its haptic process first answers, at another instant for each user, and
-/// its clock may fall behind that of the simulation. So the reference is run with the same motions: each corner of a
-/// path is at the simulated time at which the haptic process had it from the device.
+/// In real time a device starts its path when its haptic process first answers. That instant differs between users, and
+/// the device's clock may fall behind later. So the reference is run with the same motions: each corner of a path is at
+/// the simulated time at which the haptic process had it from the device.
 ///
 /// The scene is the point's file: variants, boxes, budgets, delays, stiffness factors and later starts of a point have
 /// no flags and are not used. Empty if a signal requested a stop. Throws `Error` (failed) with the launcher's message
@@ -39,7 +39,7 @@ struct DeviceClock {
   std::vector<double> time_s;    ///< simulated time at the begin of each haptic step; ascending
   std::vector<double> device_s;  ///< time stamp of the device state that the step used
 
-  /// Simulated time at which the device was at `device_time_s` of its path. Linear between the steps; before the first
+  /// Simulated time at which the device left `device_time_s` of its path. Linear between the steps; before the first
   /// and behind the last one the clocks run alike.
   [[nodiscard]] double time_of(double device_time_s) const noexcept;
 };
