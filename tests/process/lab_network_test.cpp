@@ -74,13 +74,26 @@ TEST_F(NetworkLab, AnInterruptedRunGoesOn) {
   const Json first = results();
   ASSERT_EQ(first.size(), 1U);
   EXPECT_TRUE(first[0]["baseline_round_trip_s"]["max"].is_null());
-  const Ended ended = with({"on", "--resume"});
+  const Ended ended = with({"udp", "--resume"});
   ASSERT_EQ(ended.code, 0) << ended.err;
   ASSERT_EQ(results().size(), 2U);
   EXPECT_EQ(results()[0], first[0]) << "it is not measured again";
   EXPECT_EQ(results()[1]["world_dds"], "cyclonedds");
   EXPECT_EQ(results()[1]["baseline_lost_ratio"], 0.0);
   EXPECT_GT(results()[1]["baseline_round_trip_s"]["n"], 0);
+}
+
+TEST_F(NetworkLab, AgreesWithDdsperf) {
+  const Ended ended =
+      measured({"--world-dds", "cyclonedds", "--haptic-dds", "cyclonedds", "--reliability", "reliable", "--rate", "20",
+                "--link", "delay 10ms", "--duration", "2", "--baseline", "udp,ddsperf"});
+  if (not_permitted(ended)) GTEST_SKIP() << "network namespaces are not permitted here: " << ended.err;
+  ASSERT_EQ(ended.code, 0) << ended.err << ended.out;
+  const Json row = results()[0];
+  const double lab_s = row["round_trip_s"]["p50"], ddsperf_s = row["ddsperf_round_trip_s"]["p50"];
+  EXPECT_NEAR(lab_s / ddsperf_s, 1.0, 0.2);
+  EXPECT_NEAR(lab_s / row["baseline_round_trip_s"]["p50"].get<double>(), 1.0, 0.2);
+  EXPECT_NE(page().find("ddsperf p50 ms"), std::string::npos);
 }
 
 TEST_F(NetworkLab, MeasurementsSurviveAnInterrupt) {

@@ -1,6 +1,7 @@
 // The lab of the network: its matrix, the account of numbered messages, percentiles and pass criteria.
 
 #include "lab/network/cell.hpp"
+#include "lab/network/ddsperf.hpp"
 #include "lab/network/report.hpp"
 #include "model/error.hpp"
 
@@ -118,6 +119,29 @@ TEST(NetworkSentence, NamesTheLargestLoadThatAllVendorPairsCarry) {
   ASSERT_EQ(sentences.size(), 1U);
   EXPECT_NE(sentences[0].find("carries 500 Hz x 256 bytes for 1 user"), std::string::npos) << sentences[0];
   EXPECT_NE(sentences_of(rows, {parse_requirement("lost<1", rows[0])})[0].find("carries 100 Hz"), std::string::npos);
+}
+
+constexpr const char* kOfDdsperf =
+    "[7] participant vm:7: new (self)\n"
+    "[7] 1.000  vm:8 size 256 mean 900us min 1us 50% 900us 90% 900us 99% 900us max 9000us cnt 100\n"
+    "[7] 1.000  rss:7.2MB vcsw:1086 ivcsw:49 recvUC:5%+0%\n"
+    "[7] 2.000  vm:8 size 256 mean 224.1us min 166.6us 50% 210us 90% 247.2us 99% 290us max 1794.5us cnt 99\n"
+    "[7] 3.000  vm:8 size 256 mean 224.1us min 166.6us 50% 220us 90% 247.2us 99% 280us max 300.5us cnt 100\n"
+    "[7] 4.000  vm:8 size 256 mean 224.1us min 166.6us 50% 230us 90% 247.2us 99% 270us max 300.5us cnt 100\n";
+
+TEST(NetworkLab, RoundTripsOfDdsperfAreTwiceWhatItPrintsWithoutItsStartUp) {
+  const Json figures = ddsperf_figures(kOfDdsperf, 100.0);
+  EXPECT_DOUBLE_EQ(figures["p50"], 440e-6);
+  EXPECT_DOUBLE_EQ(figures["p99"], 560e-6);
+  EXPECT_DOUBLE_EQ(figures["max"], 3589e-6);
+  EXPECT_EQ(figures["n"], 299);
+}
+
+TEST(NetworkLab, PingsThatDdsperfHasDroppedLeaveNoFigure) {
+  const Json figures = ddsperf_figures(kOfDdsperf, 120.0);
+  EXPECT_TRUE(figures["p50"].is_null());
+  EXPECT_EQ(figures["n"], 299);
+  EXPECT_TRUE(ddsperf_figures("", 100.0)["max"].is_null());
 }
 
 }  // namespace

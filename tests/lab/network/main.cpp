@@ -1,6 +1,7 @@
 #include "io/command_line.hpp"
 #include "io/options.hpp"
 #include "lab/network/criteria.hpp"
+#include "lab/network/ddsperf.hpp"
 #include "lab/network/measure.hpp"
 #include "lab/network/report.hpp"
 #include "lab/network/udp.hpp"
@@ -25,7 +26,7 @@ struct Request {
   NetworkAxes axes;
   NetworkRunSettings settings;
   std::vector<std::string> require;
-  std::string baseline = "on";
+  std::vector<std::string> baselines{kPlainUdp};
   bool quick = false;
   bool resume = false;
   std::string out;
@@ -59,6 +60,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "  subworld lab network --link 'ideal,delay 20ms 5ms loss 2%' --rate 250,1000 --payload 256,4096\n"
       "  subworld lab network --reliability reliable --depth 10 --rate 30 --payload 1000 --link 'loss 10%,loss 30%'\n"
       "  subworld lab network --transport loopback --users 1,4 --quick\n"
+      "  subworld lab network --link lan --baseline udp,ddsperf\n"
       "  subworld lab network --link lan --require 'lost_ratio<0.01,round_trip_s_p99<0.02'\n"
       "DIR/results.csv and results.json have a row for each cell, and are written anew after each.\n"
       "The start-up is excluded: discovery, and the first 0.5 s of messages.\n"
@@ -75,12 +77,14 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   add_seed(line, request.settings.seed, "seed of the emulated link");
   line.flag("--quick", request.quick,
             fmt::format("a first look: {:g} s a cell, where nothing else is given", kQuick_s));
-  line.add("--baseline", &request.baseline, "also measure plain UDP, once for the vendor pairs of a setting")
-      .one_of({"on", "off"});
+  line.add("--baseline", &request.baselines,
+           "also measure plain UDP, or the program ddsperf of Cyclone DDS, once for the vendor pairs of a setting")
+      .one_of({kPlainUdp, kDdsperf, "off"});
   line.flag("--resume", request.resume,
             "go on with the results in --out: measure only the cells that it does not have");
   add_out(line, "network", request.out);
   if (const auto code = line.parse(argc, argv)) return code;
+  if (std::ranges::find(request.baselines, kDdsperf) != request.baselines.end()) require_ddsperf();
   if (request.quick && !duration.given()) request.settings.duration_s = kQuick_s;
   if (request.resume && request.out.empty())
     throw Error(ExitCode::usage, "--resume: needs --out, the folder of the run that goes on");
@@ -112,24 +116,28 @@ std::map<std::string, Json> earlier_rows(const Request& request) {
   return rows;
 }
 
-/// Plain UDP over the network of a setting, measured once for the cells of its vendor pairs.
+/// The baselines of a setting, measured once for the cells of its vendor pairs.
 class Baselines {
  public:
   explicit Baselines(const Request& request) : request_(request) {}
-  const CellFindings& of(NetworkCell cell) {
+  const Baseline& of(NetworkCell cell) {
     cell.world_dds = cell.haptic_dds = kPlainUdp;
     if (to_text(cell) == setting_) return found_;
     setting_ = to_text(cell);
-    found_ = request_.baseline == "on" && cell.payload_bytes <= kMostDatagram_bytes
-                 ? measure_cell(cell, request_.settings)
-                 : CellFindings{};
+    found_ = {};
+    if (is_wanted(kPlainUdp) && cell.payload_bytes <= kMostDatagram_bytes)
+      found_.udp = measure_cell(cell, request_.settings);
+    if (is_wanted(kDdsperf)) found_.ddsperf = measure_ddsperf(cell, request_.settings);
     return found_;
   }
 
  private:
+  [[nodiscard]] bool is_wanted(const char* name) const {
+    return std::ranges::find(request_.baselines, name) != request_.baselines.end();
+  }
   const Request& request_;
   std::string setting_;
-  CellFindings found_;
+  Baseline found_;
 };
 
 /// The rows of the cells that have been measured.
@@ -150,7 +158,7 @@ Rows measure_all(const std::vector<NetworkCell>& cells, const Request& request) 
   for (const NetworkCell& cell : ahead) all_s += planned_s(cell, request.settings);
   const TimeLeft left(all_s);
   for (const NetworkCell& cell : ahead) {
-    const CellFindings& baseline = baselines.of(cell);
+    const Baseline& baseline = baselines.of(cell);
     const CellFindings found = measure_cell(cell, request.settings);
     if (stop_signal() != 0) break;
     rows.push_back(row_of(cell, request.settings, found, baseline));

@@ -1,6 +1,5 @@
 #include "lab/network/measure.hpp"
 
-#include "link/network.hpp"
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
@@ -166,17 +165,6 @@ void note_peers(CellFindings& found, const PeerPlan& plan, const CellShared& sha
   found.scheduling = shared.peers[1].scheduling.data();
 }
 
-std::unique_ptr<EmulatedNetwork> network_of(const NetworkCell& cell, std::uint64_t seed) {
-  if (cell.transport != NetworkTransport::udp) return nullptr;
-  // The forwarder counts each packet with its delay, which netem does not.
-  auto network = std::make_unique<EmulatedNetwork>(EmulatedNetworkSettings{.backend = LinkBackend::tun, .seed = seed});
-  network->add_host("world");
-  for (int user = 0; user < cell.users; ++user) network->add_host(fmt::format("user{}", user));
-  network->set_links(parse_link(cell.link));
-  network->start();
-  return network;
-}
-
 PeerPlan plan_of(const NetworkCell& cell, const NetworkRunSettings& settings, const EmulatedNetwork* network, int i) {
   PeerPlan plan{.cell = cell, .duration_s = settings.duration_s, .domain = settings.domain};
   if (network == nullptr) return plan;
@@ -191,6 +179,17 @@ PeerPlan plan_of(const NetworkCell& cell, const NetworkRunSettings& settings, co
 }
 
 }  // namespace
+
+std::unique_ptr<EmulatedNetwork> network_of(const NetworkCell& cell, std::uint64_t seed) {
+  if (cell.transport != NetworkTransport::udp) return nullptr;
+  // The forwarder counts each packet with its delay, which netem does not.
+  auto network = std::make_unique<EmulatedNetwork>(EmulatedNetworkSettings{.backend = LinkBackend::tun, .seed = seed});
+  network->add_host("world");
+  for (int user = 0; user < cell.users; ++user) network->add_host(fmt::format("user{}", user));
+  network->set_links(parse_link(cell.link));
+  network->start();
+  return network;
+}
 
 CellFindings measure_cell(const NetworkCell& cell, const NetworkRunSettings& settings) {
   CellFindings found;

@@ -1,8 +1,10 @@
 #pragma once
 
 #include "lab/network/peer.hpp"
+#include "link/network.hpp"
 
 #include <functional>
+#include <memory>
 #include <string>
 
 namespace subworld {
@@ -32,6 +34,10 @@ struct CellFindings {
   double link_delay_s = 0.0;  ///< mean
   std::string scheduling = {};
 };
+
+/// The world and the users of a cell, each on an emulated host, in this order; null on loopback. Throws `Error`
+/// (failed).
+[[nodiscard]] std::unique_ptr<EmulatedNetwork> network_of(const NetworkCell& cell, std::uint64_t seed);
 
 /// Runs a cell. Throws `Error` (failed) where its processes or its network cannot be made. A stop request ends it: then
 /// its findings are incomplete.

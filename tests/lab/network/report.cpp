@@ -1,5 +1,7 @@
 #include "lab/network/report.hpp"
 
+#include "lab/network/ddsperf.hpp"
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -93,7 +95,7 @@ std::string command_of(const NetworkCell& cell, const NetworkRunSettings& settin
 }
 
 Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const CellFindings& found,
-            const CellFindings& baseline) {
+            const Baseline& baseline) {
   const bool measured = found.failure.empty();
   const bool linked = measured && found.link_packets > 0;
   const auto if_measured = [&](auto value) { return measured ? Json(value) : Json(); };
@@ -122,8 +124,9 @@ Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const C
   row["world_cpu_ratio"] = if_measured(found.world_cpu_ratio);
   row["haptic_cpu_ratio"] = if_measured(found.haptic_cpu_ratio);
   row["link_cpu_ratio"] = linked ? Json(found.link_cpu_ratio) : Json();
-  row["baseline_round_trip_s"] = percentiles(baseline.round_trip.delay);
-  row["baseline_lost_ratio"] = over(lost(baseline, baseline.there), baseline.sent);
+  row["baseline_round_trip_s"] = percentiles(baseline.udp.round_trip.delay);
+  row["baseline_lost_ratio"] = over(lost(baseline.udp, baseline.udp.there), baseline.udp.sent);
+  row["ddsperf_round_trip_s"] = baseline.ddsperf.is_null() ? ddsperf_figures("", cell.rate_hz) : baseline.ddsperf;
   row["failure"] = found.failure;
   row["qos"] = to_text(qos_of(cell));
   row["scheduling"] = found.scheduling;

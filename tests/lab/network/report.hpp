@@ -8,9 +8,15 @@
 
 namespace subworld {
 
+/// The same network and load without the product.
+struct Baseline {
+  CellFindings udp = {};
+  Json ddsperf = {};  ///< as `measure_ddsperf`; null: not measured
+};
+
 /// A row of the table.
 [[nodiscard]] Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const CellFindings& found,
-                          const CellFindings& baseline);
+                          const Baseline& baseline);
 /// The command line that repeats a cell alone. Equal cells of equal settings have equal ones.
 [[nodiscard]] std::string command_of(const NetworkCell& cell, const NetworkRunSettings& settings);
 /// Whether the cell of the row could not be measured.
