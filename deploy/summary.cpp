@@ -211,6 +211,11 @@ void to_json(Json& json, const RunResults& run) {
           {"machine_load",
            {{"own_cores", run.load.own}, {"other_cores", run.load.other}, {"stolen_cores", run.load.stolen}}},
           {"version", version_text()}};
+  for (const HostClock& host : run.hosts) {
+    json["hosts"].push_back({{"host", host.host}, {"clock_offset_s", nullptr}, {"clock_uncertainty_s", nullptr}});
+    put(json["hosts"].back(), "clock_offset_s", host.offset_s);
+    put(json["hosts"].back(), "clock_uncertainty_s", host.uncertainty_s);
+  }
   if (run.haptic.empty()) return;
   json["simulated_s"] = run.simulated_s;
   json["state_hash"] = run.state_hash;

@@ -25,6 +25,13 @@ struct BareLoops {
   bool fifo = false;
 };
 
+/// The wall clock of a host of a session.
+struct HostClock {
+  std::string host;
+  std::optional<double> offset_s = {};  ///< its clock minus that of the launcher
+  std::optional<double> uncertainty_s = {};
+};
+
 /// What ran, where, and what the programs measured: the source of gates, verdict and summary.
 struct RunResults : WorldPart {
   Scene scene;
@@ -38,6 +45,7 @@ struct RunResults : WorldPart {
   std::optional<BareLoops> calibration;  ///< in real time
   std::vector<HapticResult> haptic;      ///< by user, as `device`; empty: the programs have written no results
   std::vector<DeviceResult> device;
+  std::vector<HostClock> hosts;  ///< of a session
   std::vector<Gate> gates;
   std::string verdict;
   std::optional<std::string> display;  ///< how the display died

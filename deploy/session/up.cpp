@@ -8,16 +8,14 @@
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
 #include "session/collect.hpp"
+#include "session/distant_host.hpp"
 #include "session/session.hpp"
 #include "session/session_file.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/wait.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -26,17 +24,6 @@
 namespace subworld {
 
 namespace {
-
-constexpr int kSshFailed = 255;  ///< exit code of ssh: its own failure, or a signal ended the program
-/// Without questions, and with an end where a host does not answer.
-constexpr std::array kSshOptions{"-o", "BatchMode=yes", "-o", "ConnectTimeout=10"};
-
-/// A word for a shell.
-std::string quoted(const std::string& word) {
-  std::string text = "'";
-  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
-}
 
 /// The programs of a session from their start to their end.
 class SessionRun {
@@ -57,9 +44,7 @@ class SessionRun {
       if (!is_distant(*host)) make_folder(folder_here(*host));
     }
     if (request_.namespaces) make_namespaces();
-    for (const SessionHost* const host : chosen_) {
-      if (is_distant(*host)) check_distant(*host);
-    }
+    for (const SessionHost* const host : chosen_) check(*host);
     watch_stop_signals();
     const TimePoint begin = Clock::now();
     Ended ended = watch();
@@ -84,35 +69,16 @@ class SessionRun {
     return !request_.namespaces && request_.host.empty() && !host.ssh.empty();
   }
   [[nodiscard]] std::string folder_here(const SessionHost& host) const { return out_ + "/hosts/" + host.name; }
-  [[nodiscard]] static std::string checkout(const SessionHost& host) {
-    return host.folder.empty() ? "subworld" : host.folder;
-  }
-  /// On a distant host, in its checkout.
-  [[nodiscard]] std::string folder_there(const SessionHost& host) const {
-    return fmt::format("out/sessions/{}/{}", std::filesystem::absolute(out_).filename().string(), host.name);
+  [[nodiscard]] DistantHost distant(const SessionHost& host) const {
+    return {host, request_.ssh, std::filesystem::absolute(out_).filename().string()};
   }
 
-  /// A command line that runs a command on a distant host.
-  [[nodiscard]] std::string by_ssh(const SessionHost& host, const std::string& command) const {
-    return fmt::format("{} {} {} {}", quoted(request_.ssh), fmt::join(kSshOptions, " "), quoted(host.ssh),
-                       quoted(command));
-  }
-
-  /// Throws `Error` (failed) where ssh or the programs do not start there.
-  void check_distant(const SessionHost& host) const {
-    const std::string world = "build/release/bin/world_sim";
-    const std::string command = by_ssh(host, fmt::format("cd {} && test -x {}", quoted(checkout(host)), world));
-    const int status = std::system(command.c_str());
-    if (status == 0) return;
-    if (WIFEXITED(status) && WEXITSTATUS(status) != kSshFailed) {
-      throw Error(
-          ExitCode::failed,
-          fmt::format("host {}: {} has no {} in the folder \"{}\"; build there: deploy/build, or name the folder "
-                      "of the checkout: `folder` of the host in {}",
-                      host.name, host.ssh, world, checkout(host), session_.file));
-    }
-    throw Error(ExitCode::failed, fmt::format("host {}: no connection to {}; this must work without a question: {}",
-                                              host.name, host.ssh, by_ssh(host, "true")));
+  /// Whether its programs can start there, and its clock.
+  void check(const SessionHost& host) {
+    run_.hosts.push_back({.host = host.name, .offset_s = 0.0, .uncertainty_s = 0.0});
+    if (!is_distant(host)) return;
+    distant(host).check(session_.file);
+    run_.hosts.back() = distant(host).clock();
   }
 
   /// A network namespace for each host, with addresses and links between them.
@@ -160,7 +126,7 @@ class SessionRun {
     if (const auto peers = peers_of(host); !peers.empty())
       words.insert(words.end(), {"--peers", fmt::format("{}", fmt::join(peers, ","))});
     if (program.user >= 0) words.insert(words.end(), {"--user", std::to_string(program.user)});
-    words.insert(words.end(), {"--out", is_distant(host) ? folder_there(host) : folder_here(host)});
+    words.insert(words.end(), {"--out", is_distant(host) ? distant(host).folder() : folder_here(host)});
     const bool essential = program.name != "gui_headless";
     const std::string part = part_file(folder_here(host), program.name, program.user);
     Supervisor::Child child{.label = program.label(),
@@ -175,13 +141,7 @@ class SessionRun {
           inside == nullptr ? std::function<bool()>() : [inside] { return inside->enter(); });
       return;
     }
-    std::string command = fmt::format("cd {} && exec build/release/bin/{}", quoted(checkout(host)), program.name);
-    for (const std::string& word : words) command += " " + quoted(word);
-    // With a terminal, the program there gets SIGHUP where this one ends.
-    std::vector<std::string> ssh{"-tt"};
-    ssh.insert(ssh.end(), kSshOptions.begin(), kSshOptions.end());
-    ssh.insert(ssh.end(), {host.ssh, command});
-    programs.start(std::move(child), request_.ssh, ssh);
+    programs.start(std::move(child), request_.ssh, distant(host).words_of(program.name, words));
   }
 
   [[nodiscard]] std::vector<std::string> peers_of(const SessionHost& host) const {
@@ -205,7 +165,7 @@ class SessionRun {
           },
           [&](const Supervisor::Child& child) { return early_end(child.part, run_.scene.settings.duration_s); });
     }
-    if (failure && exit_code_of(failure->child) == kSshFailed)
+    if (failure && exit_code_of(failure->child) == DistantHost::kSshFailed)
       failure->reason = "was killed there, or ssh lost the connection to it";
     return end(programs, std::move(failure), watchdog);
   }
@@ -236,13 +196,8 @@ class SessionRun {
   void fetch() {
     for (const SessionHost* const host : chosen_) {
       if (!is_distant(*host)) continue;
-      const std::string folder = folder_here(*host);
-      make_folder(folder);
-      const std::string there =
-          fmt::format("cd {}/{} && tar c .", quoted(checkout(*host)), quoted(folder_there(*host)));
-      const std::string command = fmt::format("{} | tar x -C {}", by_ssh(*host, there), quoted(folder));
-      if (std::system(command.c_str()) != 0)
-        fmt::print(stderr, "subworld: warning: no results from host {}; try: {}\n", host->name, command);
+      make_folder(folder_here(*host));
+      distant(*host).fetch(folder_here(*host));
     }
   }
 

@@ -34,6 +34,24 @@ TEST_F(SessionsByShell, StartDistantProgramsAndBringTheirResultsBack) {
   EXPECT_EQ(summary()["state_hash"], hash_of_one_host());
 }
 
+TEST_F(SessionsByShell, MeasureTheOffsetsOfTheWallClocks) {
+  for (const char* user : {"user@10.0.0.2", "user@10.0.0.3"}) make_checkout(home(user) + "/subworld");
+  // The clock of the right host is 1000 s ahead.
+  (void)write_script("date", "expr $(/bin/date \"$@\") + 1000000000000");
+  const std::string shell = write_script(
+      "ssh_there", "case \"$*\" in *10.0.0.3*) PATH=" + folder_.path() + ":$PATH;; esac\nexec " + ssh() + " \"$@\"");
+  const Ended ended = finish(up(session(), out(), {"--ssh", shell}));
+  ASSERT_EQ(ended.code, 0) << ended.err << ended.out;
+  const Json hosts = summary()["hosts"];
+  ASSERT_EQ(hosts.size(), 3U);
+  for (const Json& host : hosts) {
+    const double ahead_s = host["host"] == "right" ? 1000.0 : 0.0, uncertainty_s = host["clock_uncertainty_s"];
+    EXPECT_NEAR(host["clock_offset_s"].get<double>(), ahead_s, uncertainty_s + 1e-9) << host;
+  }
+  EXPECT_EQ(hosts[0]["clock_uncertainty_s"], 0.0) << "the launcher's own host: " << hosts;
+  EXPECT_GT(hosts[2]["clock_uncertainty_s"], 0.0) << hosts;
+}
+
 TEST_F(SessionsByShell, NeedAHostThatAnswers) {
   const std::string dead = write_script("ssh", "echo 'ssh: connect to host 10.0.0.2: No route to host' >&2; exit 255");
   const Ended ended = finish(up(session(), out(), {"--ssh", dead}));
