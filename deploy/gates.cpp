@@ -3,6 +3,7 @@
 #include "coupling/oscillation.hpp"
 #include "coupling/plan.hpp"
 #include "summary.hpp"
+#include "wire/topics.hpp"
 
 #include <fmt/format.h>
 
@@ -139,6 +140,18 @@ Cause by_slow_cycles(const RunResults& run) {
                                    grouped(world.cycles), load_text(run), quiet_cure(world.machine))};
 }
 
+/// Why frames of the world did not reach a sub-world. In real time its reader holds a few frames, so one that was
+/// halted for longer loses the others.
+Cause by_loss(const View& at) {
+  const double halted_s = static_cast<double>(at.haptic().skipped_steps) * at.settings().h_s;
+  const double history_s = static_cast<double>(kTopicOf<WorldFrame>.depth) * at.settings().h_s * at.settings().ratio;
+  if (at.run.between_hosts && halted_s < history_s)
+    return {Culprit::network,
+            "frames of the world were lost on the network; look for loss and delay with `subworld lab network`"};
+  return {Culprit::run,
+          "frames of the world were lost on the way; the sub-world was halted, or the network is too slow"};
+}
+
 /// What makes the coupling of a user stable again.
 std::string coupling_cure(const View& at) {
   return fmt::format("{}, less delay or a smaller --ratio{}",
@@ -235,13 +248,7 @@ std::vector<Row> rows_of(const View& at) {
            {kMissedByTheOs, kOfSteps, static_cast<double>(haptic.missed_by_os) / at.periods(), kMissedRatio,
             by_late_wake_ups(at)}},
           {realtime, {"lateness p99", kMilliseconds, haptic.lateness_s.p99, kLatenessP99_s, by_late_starts(at)}},
-          {true,
-           {"lost frames",
-            kCount,
-            static_cast<double>(haptic.lost_frames),
-            0.0,
-            {Culprit::run,
-             "frames of the world were lost on the way; look for a slow network, or for a sub-world that was halted"}}},
+          {true, {"lost frames", kCount, static_cast<double>(haptic.lost_frames), 0.0, by_loss(at)}},
           {true,
            {"at the device's limit",
             kOfSteps,
@@ -280,14 +287,15 @@ std::string Gate::line() const {
   const std::string held = fmt::format("{} {} {}", figure(*this), at_most ? "<=" : ">=", with_unit(bound, unit));
   if (ok()) return held + ": ok";
   return fmt::format("{}: {}{}{}", held,
-                     spoils_verdict()               ? "MISSED"
-                     : cause.culprit == Culprit::os ? "remark"
-                                                    : "warning",
+                     spoils_verdict() ? "MISSED"
+                     : is_remark()    ? "remark"
+                                      : "warning",
                      cause.why.empty() ? "" : ": ", cause.why);
 }
 
 void to_json(Json& json, const Gate& gate) {
-  constexpr std::array kCulprits{"run", "os", "scene", "unstable", "foreign_writer"};  // in the order of Culprit
+  constexpr std::array kCulprits{"run",    "os", "scene", "unstable", "foreign_writer",
+                                 "network"};  // in the order of Culprit
   json = {{"name", gate.name},
           {"value", gate.value},
           {"bound", gate.bound},
@@ -359,7 +367,10 @@ std::string verdict_of(const std::vector<Gate>& gates, const RunResults& run) {
   for (const Gate& gate : gates) {
     const bool said = gate.name.ends_with(kMissedByTheOs);
     if (!gate.ok() && !said)
-      text += fmt::format("; {}{}", figure(gate), gate.cause.culprit == Culprit::os ? ", by the OS" : "");
+      text += fmt::format("; {}{}", figure(gate),
+                          gate.cause.culprit == Culprit::os        ? ", by the OS"
+                          : gate.cause.culprit == Culprit::network ? ", by the network"
+                                                                   : "");
   }
   return text;
 }

@@ -11,8 +11,8 @@ namespace subworld {
 struct RunResults;
 
 /// What caused a missed gate. `unstable`: energy or oscillation that no operator has put in; `foreign_writer`: a
-/// program that does not belong to the run; `scene`: the scene asks for it.
-enum class Culprit : std::uint8_t { run, os, scene, unstable, foreign_writer };
+/// program that does not belong to the run; `scene`: the scene asks for it; `network`: the one between the hosts.
+enum class Culprit : std::uint8_t { run, os, scene, unstable, foreign_writer, network };
 
 /// Of a gate's value and bound.
 struct Unit {
@@ -37,11 +37,14 @@ struct Gate {
   bool at_most = true;
 
   [[nodiscard]] bool ok() const noexcept { return at_most ? value <= bound : value >= bound; }
-  /// A gate that the scene or the OS missed is a warning or a remark.
+  /// A gate that the scene, the OS or the network missed is a warning or a remark.
   [[nodiscard]] bool spoils_verdict() const noexcept {
-    return !ok() && cause.culprit != Culprit::scene && cause.culprit != Culprit::os;
+    return !ok() && cause.culprit != Culprit::scene && !is_remark();
   }
-  /// For --strict, which counts the OS too.
+  [[nodiscard]] bool is_remark() const noexcept {
+    return cause.culprit == Culprit::os || cause.culprit == Culprit::network;
+  }
+  /// For --strict, which counts remarks too.
   [[nodiscard]] bool counts_strictly() const noexcept { return !ok() && cause.culprit != Culprit::scene; }
   [[nodiscard]] std::string line() const;
 };

@@ -40,6 +40,7 @@ struct RunResults : WorldPart {
   std::string dds;   ///< a vendor or mixed
   Placement placement;
   double wall_s = 0.0;
+  bool between_hosts = false;  ///< programs ran on several hosts
   int cores = machine_cores();
   CoreLoad load;
   std::optional<BareLoops> calibration;  ///< in real time

@@ -117,7 +117,9 @@ int collect(const CollectRequest& request) {
     throw Error(ExitCode::usage,
                 "no world.json in these folders: name the one that world_sim wrote to with --out, too");
   RunResults run;
-  run.scene = load_scene(options_of(read_json(found).get<WorldPart>(), request.scene));
+  const Options options = options_of(read_json(found).get<WorldPart>(), request.scene);
+  run.scene = load_scene(options);
+  run.between_hosts = !options.network.peers.empty();
   std::string out = request.out;
   FileLock lock;
   for (const std::string& folder : request.folders) {

@@ -40,6 +40,7 @@ class SessionRun {
     run_.command_line = request_.command_line;
     run_.date = date_of_now();
     run_.dds = session_.dds;
+    run_.between_hosts = session_.hosts.size() > 1;
     for (const SessionHost* const host : chosen_) {
       if (!is_distant(*host)) make_folder(folder_here(*host));
     }

@@ -72,6 +72,23 @@ std::string verdict(const RunResults& run) { return verdict_of(gates(run), run);
 constexpr const char* kMissed = "user 0: missed by the OS";
 constexpr const char* kClock = "world real-time factor";
 
+TEST(Gates, FramesThatTheNetworkLostAreARemark) {
+  constexpr const char* kLost = "user 0: lost frames";
+  RunResults run = late_run(1, true, 0.0);
+  run.haptic[0].missed_by_os = 0;
+  run.haptic[0].lost_frames = 3;
+  run.world.real_time_factor_min = 1.0;
+  run.scene.settings.h_s = 0.001;
+  run.scene.settings.ratio = 4;
+  EXPECT_EQ(culprit_of(run, kLost), Culprit::run) << "there is no network on one host";
+  run.between_hosts = true;
+  EXPECT_EQ(culprit_of(run, kLost), Culprit::network);
+  EXPECT_EQ(verdict(run), "ok; user 0: lost frames 3, by the network");
+  EXPECT_EQ(missed_strictly(gates(run)), std::vector<std::string>{kLost});
+  run.haptic[0].skipped_steps = 32;
+  EXPECT_EQ(culprit_of(run, kLost), Culprit::run) << "the sub-world was halted for eight cycles";
+}
+
 TEST(Gates, ALoopThatWaitedForAnotherOneOfTheRunIsTheRunsFault) {
   EXPECT_EQ(culprit_of(late_run(2, true, 0.5), kMissed), Culprit::run);
   EXPECT_EQ(culprit_of(late_run(2, true, 0.001), kMissed), Culprit::os) << "it hardly waited";
