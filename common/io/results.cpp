@@ -72,7 +72,8 @@ void write_json(const std::string& path, const Json& json) {
   const std::string unfinished = path + ".part";
   {
     std::ofstream file(unfinished);
-    file << json.dump(2) << '\n';
+    // A path need not be UTF-8, which JSON is.
+    file << json.dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
     if (!file.flush()) throw Error(ExitCode::failed, fmt::format("{}: cannot write; is the disk full?", path));
   }
   std::filesystem::rename(unfinished, path);

@@ -3,6 +3,7 @@
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "wire/changes.hpp"
+#include "wire/readable.hpp"
 
 #include <subworld.h>
 
@@ -10,6 +11,7 @@
 #include <concepts>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <type_traits>
 #include <vector>
 
@@ -49,6 +51,10 @@ struct ToWire {
     wire.xy() = model(0, 1);
     wire.yz() = model(1, 2);
     wire.zx() = model(2, 0);
+    return true;
+  }
+  bool operator()(const std::string& model, std::string& wire) const {
+    wire = readable(model);
     return true;
   }
   template <class M, class W>
@@ -105,6 +111,10 @@ struct FromWire {
   bool operator()(Eigen::Matrix3d& model, const msg::SymmetricTensor& wire) const {
     model << wire.xx(), wire.xy(), wire.zx(), wire.xy(), wire.yy(), wire.yz(), wire.zx(), wire.yz(), wire.zz();
     return model.allFinite() && model.llt().info() == Eigen::Success;
+  }
+  bool operator()(std::string& model, const std::string& wire) const {
+    model = wire;
+    return readable(wire) == wire;
   }
   template <class M, class W>
   bool operator()(M& model, const W& wire) const {

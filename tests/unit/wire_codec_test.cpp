@@ -1,5 +1,6 @@
 #include "support/wire_samples.hpp"
 #include "wire/codec.hpp"
+#include "wire/readable.hpp"
 
 #include <gtest/gtest.h>
 
@@ -155,6 +156,22 @@ TEST(WireValidation, numbers_must_be_finite) {
     status.rate_hz = bad;
     EXPECT_FALSE(accepted(status));
   }
+}
+
+TEST(WireValidation, texts_are_readable) {
+  const std::string good = "caf\u00e9 \u20ac \U0001f600\n\tend";
+  EXPECT_EQ(readable(good), good);
+  EXPECT_EQ(readable("\x1b[2J|\x7f|\xff|\xc0\x80|\xed\xa0\x80|\xf4\x90\x80\x80|\xe2\x82"), "?[2J|?|?|??|???|????|??");
+  EXPECT_EQ(readable(std::string_view("a\0b", 3)), "a?b");
+  Codec<ControlReply> codec;
+  ControlReply sent, received;
+  sent.answer.text = "a\x1b";
+  const auto bytes = codec.encode(sent);
+  std::vector<std::uint8_t> whole(bytes.begin(), bytes.end());
+  ASSERT_TRUE(codec.decode(whole, received)) << "the writer makes it readable";
+  EXPECT_EQ(received.answer.text, "a?");
+  *std::ranges::find(whole, static_cast<std::uint8_t>('?')) = 0x1b;
+  EXPECT_FALSE(codec.decode(whole, received)) << "a foreign writer may not";
 }
 
 TEST(WireValidation, quaternions_are_unit_normalised_when_near_and_rejected_when_not) {
