@@ -190,9 +190,8 @@ PeerPlan plan_of(const NetworkCell& cell, const NetworkRunSettings& settings, co
   return plan;
 }
 
-}  // namespace
-
-CellFindings measure_cell(const NetworkCell& cell, const NetworkRunSettings& settings) {
+/// Throws `Error` (failed) where its processes or its network cannot be made.
+CellFindings run_cell(const NetworkCell& cell, const NetworkRunSettings& settings) {
   CellFindings found;
   const std::unique_ptr<EmulatedNetwork> network = network_of(cell, settings.seed);
   const SharedMemory shared;
@@ -220,6 +219,16 @@ CellFindings measure_cell(const NetworkCell& cell, const NetworkRunSettings& set
   }
   if (found.failure.empty()) note_peers(found, plan, *shared);
   return found;
+}
+
+}  // namespace
+
+CellFindings measure_cell(const NetworkCell& cell, const NetworkRunSettings& settings) {
+  try {
+    return run_cell(cell, settings);
+  } catch (const std::exception& e) {
+    return {.failure = e.what()};
+  }
 }
 
 double planned_s(const NetworkCell& cell, const NetworkRunSettings& settings) {

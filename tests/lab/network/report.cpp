@@ -124,6 +124,7 @@ Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const C
   row["link_cpu_ratio"] = linked ? Json(found.link_cpu_ratio) : Json();
   row["baseline_round_trip_s"] = percentiles(baseline.round_trip.delay);
   row["baseline_lost_ratio"] = over(lost(baseline, baseline.there), baseline.sent);
+  row["baseline_failure"] = baseline.failure;
   row["failure"] = found.failure;
   row["qos"] = to_text(qos_of(cell));
   row["scheduling"] = found.scheduling;
@@ -141,6 +142,8 @@ std::string result_text(const Json& row) {
 bool failed(const Json& row) { return !row.at("failure").get<std::string>().empty(); }
 
 std::vector<Rows> by_network(const Rows& rows) { return grouped(rows, {"transport", "link", "reliability"}); }
+
+std::vector<Rows> by_link(const Rows& rows) { return grouped(rows, {"link"}); }
 
 std::vector<std::string> sentences_of(const Rows& rows, const std::vector<Requirement>& requirements) {
   std::vector<std::string> sentences;
