@@ -76,7 +76,14 @@ bool measure(Rows& users, const FeltCell& cell, const FeltSettings& settings, Re
   return true;
 }
 
-std::string in_one_line(std::string text) {
+/// In one line: of the launcher's output the verdict, which names program and fault, or else its errors.
+std::string failure_in(std::string text) {
+  for (const char* const mark : {"verdict: failed: ", "error: "}) {
+    if (const std::size_t at = text.rfind(mark); at != std::string::npos) {
+      text.erase(0, at + std::string(mark).size());
+      break;
+    }
+  }
   while (text.ends_with('\n')) text.pop_back();
   for (std::size_t at = text.find('\n'); at != std::string::npos; at = text.find('\n', at)) text.replace(at, 1, "; ");
   return text;
@@ -103,8 +110,7 @@ std::string figures_of(const Json& row) {
 }
 
 std::string pair_and_user(const Json& row) {
-  return fmt::format("{} > {}, user {}", row.at("world_dds").get<std::string>(),
-                     row.at("haptic_dds").get<std::string>(), row.at("user_name").get<std::string>());
+  return fmt::format("{}, user {}", pair_of(row), row.at("user_name").get<std::string>());
 }
 
 /// The answers of one sentence.
@@ -116,7 +122,7 @@ void judge_link(FeltLists& lists, const Rows& rows) {
   const std::string link = rows.front().at("link");
   const auto undecided = [&](const std::string& why) { lists.undecided.push_back(fmt::format("{} ({})", link, why)); };
   if (const auto bad = std::ranges::find_if(rows, failed); bad != rows.end())
-    return undecided("not measured with " + pair_and_user(*bad));
+    return undecided("not measured with " + pair_of(*bad));
   for (const Json& row : rows) {
     const double error = value_of(row, "reference_error");
     if (std::isfinite(error) && usable(error)) continue;
@@ -187,7 +193,7 @@ Rows measure_felt(const FeltCell& cell, const FeltSettings& settings, References
     if (!measure(users, cell, settings, references)) return {};
   } catch (const std::exception& e) {
     users = without_values;
-    for (Json& row : users) row["failure"] = in_one_line(e.what());
+    for (Json& row : users) row["failure"] = failure_in(e.what());
   }
   return users;
 }

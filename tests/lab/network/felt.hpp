@@ -14,7 +14,7 @@ namespace subworld {
 
 struct FeltSettings {
   std::string scene;  ///< a file, or a name in deploy/scenes; empty: nothing is run
-  std::optional<double> duration_s;
+  std::optional<double> duration_s = {};
   int domain = 90;
 };
 

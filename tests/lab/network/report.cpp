@@ -139,6 +139,10 @@ std::string result_text(const Json& row) {
                      ms_text(value_of(row, "gap_s")));
 }
 
+std::string pair_of(const Json& row) {
+  return row.at("world_dds").get<std::string>() + " > " + row.at("haptic_dds").get<std::string>();
+}
+
 bool failed(const Json& row) { return !row.at("failure").get<std::string>().empty(); }
 
 std::vector<Rows> by_network(const Rows& rows) { return grouped(rows, {"transport", "link", "reliability"}); }

@@ -15,6 +15,8 @@ namespace subworld {
 [[nodiscard]] std::string command_of(const NetworkCell& cell, const NetworkRunSettings& settings);
 /// Whether the cell of the row could not be measured.
 [[nodiscard]] bool failed(const Json& row);
+/// "fastdds > cyclonedds"
+[[nodiscard]] std::string pair_of(const Json& row);
 /// For the progress: "lost 0.1 %, round trip p50 0.4 p99 1.2 ms, longest gap 12 ms", or the failure.
 [[nodiscard]] std::string result_text(const Json& row);
 

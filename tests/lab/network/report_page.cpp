@@ -72,10 +72,6 @@ constexpr std::array kNetworkTable{
     Column{"CPU user", "haptic_cpu_ratio", 1.0, 2},
 };
 
-std::string pair_of(const Json& row) {
-  return row.at("world_dds").get<std::string>() + " > " + row.at("haptic_dds").get<std::string>();
-}
-
 /// What differs from one point of a plot to the next.
 std::string load_of(const Json& row) {
   return fmt::format("{:g} Hz\\n{} B x {}\\ndepth {}", row.at("rate_hz").get<double>(),
