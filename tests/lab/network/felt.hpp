@@ -38,7 +38,7 @@ void check_scene(const FeltSettings& settings);
 [[nodiscard]] Json felt_row_of(const FeltCell& cell, const FeltSettings& settings);
 [[nodiscard]] std::string command_of(const FeltCell& cell, const FeltSettings& settings);
 /// Usual length of a run, s.
-[[nodiscard]] double planned_s(const FeltSettings& settings);
+[[nodiscard]] double planned_s(const FeltCell& cell, const FeltSettings& settings);
 
 /// For the progress.
 [[nodiscard]] std::string to_text(const FeltCell& cell, const FeltSettings& settings);

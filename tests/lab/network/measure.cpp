@@ -24,7 +24,7 @@ namespace {
 constexpr double kMatch_s = 20.0;  // patience
 constexpr double kEnd_s = 5.0;
 constexpr double kLeastRest_s = 0.5;
-constexpr double kUsualMatch_s = 1.0;
+constexpr double kUsualMatch_s = 0.2;
 
 /// How long messages may arrive after the last one was sent: queues empty and lost ones are repeated.
 double rest_s(const NetworkCell& cell) {

@@ -121,7 +121,7 @@ constexpr const char* kFeltHowToRead =
     R"(<p>The real programs run the scene in real time, with the world and each user on an emulated host of their own. The
 force on each operator is compared with that of a <b>reference</b>: the same motions in one world, without a network.
 Errors below the <b>reference error</b> are not significant. Deadlines that the programs missed are those of this
-machine, not of the link. Where the verdict is not "ok", the run was repeated up to three times.</p>
+machine, not of the link. A run whose verdict is not "ok" was repeated, up to three times.</p>
 )";
 
 constexpr std::array kFeltTable{

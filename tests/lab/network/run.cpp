@@ -115,7 +115,7 @@ class Lab {
       const bool first = std::exchange(setting, setting_of(cell)) != setting_of(cell);
       sum_s += planned_s(cell, request_.settings) * (first && Baselines(request_).is_ahead(cell) ? 2.0 : 1.0);
     }
-    if (!felt_.empty()) sum_s += static_cast<double>(felt_.size()) * planned_s(request_.felt);
+    for (const FeltCell& cell : felt_) sum_s += planned_s(cell, request_.felt);
     return sum_s;
   }
 
@@ -140,7 +140,7 @@ class Lab {
       if (users.empty()) return;
       add_felt(users);
       write_json(felt_file_, rows_.felt);
-      report(to_text(cell, request_.felt), felt_result_text(users), planned_s(request_.felt));
+      report(to_text(cell, request_.felt), felt_result_text(users), planned_s(cell, request_.felt));
     }
   }
 

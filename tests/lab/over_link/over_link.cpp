@@ -116,6 +116,13 @@ std::string end_of_text(const std::string& text) {
   return text.size() <= kMost ? text : text.substr(text.find('\n', text.size() - kMost) + 1);
 }
 
+/// Of the haptic processes and of the world.
+double late_steps(const Json& summary) {
+  double late = summary.at("world").at("late_cycles");
+  for (const Json& user : summary.at("haptic")) late += user.at("missed_deadlines").get<double>();
+  return late;
+}
+
 }  // namespace
 
 double DeviceClock::time_of(double device_time_s) const noexcept {
@@ -156,12 +163,16 @@ std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over)
 
 std::optional<LinkedRun> undisturbed_run_over_link(const Point& point, const OverLink& over) {
   constexpr int kAttempts = 4;
-  for (int attempt = 1;; ++attempt) {
+  std::optional<LinkedRun> best;
+  for (int attempt = 1; attempt <= kAttempts; ++attempt) {
     std::optional<LinkedRun> run = run_over_link(point, over);
     if (!run) return run;
-    run->attempts = attempt;
-    if (attempt == kAttempts || run->summary.at("verdict") == "ok") return run;
+    const bool ok = run->summary.at("verdict") == "ok";
+    if (!best || ok || late_steps(run->summary) < late_steps(best->summary)) best = std::move(run);
+    best->attempts = attempt;
+    if (ok) break;
   }
+  return best;
 }
 
 }  // namespace subworld

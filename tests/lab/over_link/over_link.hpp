@@ -24,7 +24,7 @@ struct LinkedRun {
   std::vector<FeltHistory> felt;  ///< by user; force and on_operator only, on the reference's haptic steps
   std::vector<double> start_s;    ///< by user: simulated time at which the device started its path
   Outcome reference;              ///< of the same motions
-  int attempts = 1;               ///< runs that were made for this one
+  int attempts = 1;               ///< runs that were made, this one is the best
 };
 
 /// In real time a device starts its path when its haptic process first answers. That instant differs between users, and
@@ -36,8 +36,8 @@ struct LinkedRun {
 /// where the run failed.
 [[nodiscard]] std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over);
 
-/// The first of at most four runs with the verdict "ok", else the last. A machine that is busy with other things delays
-/// the programs, and the verdict says so: that is not the link's delay.
+/// The first of at most four runs with the verdict "ok", else the one whose programs were late the least often. A
+/// machine that is busy with other things delays the programs, and the verdict says so: that is not the link's delay.
 [[nodiscard]] std::optional<LinkedRun> undisturbed_run_over_link(const Point& point, const OverLink& over);
 
 /// The clock of a device, as its haptic process saw it.
