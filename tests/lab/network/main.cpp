@@ -66,8 +66,8 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "  subworld lab network --transport loopback --users 1,4 --quick\n"
       "  subworld lab network --link lan --require 'lost_ratio<0.01,round_trip_s_p99<0.02'\n"
       "  subworld lab network --scene row --messages off --link 'ideal,wifi,delay 20ms 5ms loss 2%'\n"
-      "  subworld lab network --duration 1 --link ideal,lan,wifi,4g --rate 250,500,1000 --payload 64,256,1024 --resume "
-      "--out out/matrix\n"
+      "  subworld lab network --duration 1 --link ideal,lan,wifi,4g,starlink,hotel,transatlantic --rate 250,500,1000 "
+      "--payload 64,256,1024 --resume --out out/matrix\n"
       "DIR/results.csv and results.json have a row for each cell, felt.csv and felt.json one for each user of the "
       "scene;\n"
       "the JSON files are written anew after each cell. A cell that cannot be measured does not end the lab.\n"
@@ -80,7 +80,8 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   Option duration =
       line.add("--duration", &request.settings.duration_s, "time of each cell that counts").range(0.1, 86'400.0, "s");
   line.add("--require", &request.require,
-           "pass criteria for each cell: COLUMN<NUMBER or COLUMN>NUMBER, with the columns of results.csv")
+           "pass criteria: COLUMN<NUMBER or COLUMN>NUMBER, with the columns of results.csv for each cell and those of "
+           "felt.csv for each user")
       .otherwise("none");
   add_scene(line, request.felt);
   std::string messages = "on", baseline = "on";
@@ -93,7 +94,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   line.add("--baseline", &baseline, "also measure plain UDP, once for the vendor pairs of a setting")
       .one_of({"on", "off"});
   line.flag("--resume", request.resume,
-            "go on with the results in --out: measure only the cells that it does not have");
+            "go on with the results in --out: measure only the cells that it does not have, or that failed");
   add_out(line, "network", request.out);
   if (const auto code = line.parse(argc, argv)) return code;
   request.messages = messages == "on";

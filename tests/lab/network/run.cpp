@@ -72,7 +72,7 @@ class Lab {
       for (const std::string& file : {cells_file_, felt_file_}) std::filesystem::remove(file);
     }
     take_known(plan);
-    const std::string known = rows_.measured() > 0 ? fmt::format(", {} of them are there", rows_.measured()) : "";
+    const std::string known = rows_.measured() > 0 ? fmt::format(", {} of them measured before", rows_.measured()) : "";
     const double work_s = planned_work_s();
     fmt::print("subworld lab network: {} cells{}, {}, results in {}\n", all_, known, about_text(work_s), request.out);
     std::fflush(stdout);
