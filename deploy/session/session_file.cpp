@@ -12,6 +12,7 @@
 #include <array>
 #include <charconv>
 #include <filesystem>
+#include <set>
 
 namespace subworld {
 
@@ -42,13 +43,15 @@ SessionProgram read_program(const YamlValue& value) {
 }
 
 SessionHost read_host(const YamlValue& value) {
-  const YamlMap map(value, {"name", "address", "interface", "ssh", "folder", "programs"});
+  const YamlMap map(value, {"name", "address", "interface", "ssh", "folder", "dds", "programs"});
   SessionHost host;
   host.name = map.at("name").name();
   map.read("address", host.address);
   map.read("interface", host.network_interface);
   map.read("ssh", host.ssh);
   map.read("folder", host.folder);
+  if (const auto dds = map.find("dds"))
+    host.dds = std::array{"fastdds", "cyclonedds"}[dds->choice({"fastdds", "cyclonedds"})];
   for (const YamlValue& program : map.at("programs").items()) host.programs.push_back(read_program(program));
   if (host.programs.empty()) map.at("programs").fail("is empty; name a program, for example: [world_sim]");
   return host;
@@ -90,6 +93,17 @@ Options read_options(const YamlMap& map) {
 }  // namespace
 
 std::string SessionProgram::label() const { return user < 0 ? name : fmt::format("{}_{}", name, user); }
+
+std::string Session::vendors() const {
+  std::set<std::string> used;
+  for (const SessionHost& host : hosts) used.insert(host.dds.empty() ? dds : host.dds);
+  return used.size() == 1 ? *used.begin() : "mixed";
+}
+
+void Session::use_vendor(const std::string& vendor) {
+  dds = vendor;
+  for (SessionHost& host : hosts) host.dds.clear();
+}
 
 const SessionHost& Session::host(const std::string& wanted) const {
   std::vector<std::string> names;

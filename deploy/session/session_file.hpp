@@ -25,6 +25,7 @@ struct SessionHost {
   std::string network_interface;  ///< own interface, by name or address; likewise
   std::string ssh;                ///< destination for ssh; empty: programs start on the machine of `subworld up`
   std::string folder;             ///< checkout of Subworld on that host; empty: the login folder's `subworld`
+  std::string dds;                ///< vendor of its programs; empty: the session's
   std::vector<SessionProgram> programs;
 };
 
@@ -38,6 +39,10 @@ struct Session {
   std::vector<SessionHost> hosts;
   Options options;  ///< of the run: scene and flags
 
+  /// The vendor that all programs use, or "mixed".
+  [[nodiscard]] std::string vendors() const;
+  /// This vendor, or mixed, in place of those of the session and of its hosts.
+  void use_vendor(const std::string& vendor);
   /// Throws `Error` (usage) with the known names.
   [[nodiscard]] const SessionHost& host(const std::string& name) const;
 };

@@ -39,7 +39,7 @@ class SessionRun {
   int operator()() {
     run_.command_line = request_.command_line;
     run_.date = date_of_now();
-    run_.dds = session_.dds;
+    run_.dds = session_.vendors();
     run_.between_hosts = session_.hosts.size() > 1;
     for (const SessionHost* const host : chosen_) {
       if (!is_distant(*host)) make_folder(folder_here(*host));
@@ -61,7 +61,7 @@ class SessionRun {
   [[nodiscard]] RunRequest run_request() const {
     RunRequest request;
     request.options = session_.options;
-    request.dds = session_.dds;
+    request.dds = session_.vendors();
     request.explain = request_.explain;
     request.strict = request_.strict;
     return request;
@@ -107,7 +107,8 @@ class SessionRun {
     const auto start_one = [&](const SessionProgram& program) {
       const std::string vendor = vendor_of(session_.dds, position++);
       for (const SessionHost* const host : chosen_) {
-        if (std::ranges::find(host->programs, program) != host->programs.end()) start(programs, *host, program, vendor);
+        if (std::ranges::find(host->programs, program) == host->programs.end()) continue;
+        start(programs, *host, program, host->dds.empty() ? vendor : host->dds);
       }
     };
     start_one({"world_sim"});
@@ -179,7 +180,7 @@ class SessionRun {
       return nullptr;
     }
     Network network = session_.options.network;
-    network.dds = vendor_of(session_.dds, 0);
+    network.dds = (*here)->dds.empty() ? vendor_of(session_.dds, 0) : (*here)->dds;
     network.domain = session_.domain;
     network.interface_address = (*here)->network_interface;
     network.peers = peers_of(**here);
@@ -241,12 +242,12 @@ void check_hosts(const Session& session) {
 int up(const SessionRequest& request) {
   end_at_stop_signals();
   Session session = load_session(session_file(request.session));
-  if (!request.dds.empty()) session.dds = request.dds;
+  if (!request.dds.empty()) session.use_vendor(request.dds);
   Scene scene = load_scene(session.options);
   check_programs(session, scene);
   RunRequest as_a_run;
   as_a_run.options = session.options;
-  as_a_run.dds = session.dds;
+  as_a_run.dds = session.vendors();
   check_request(scene, as_a_run);
   if (!request.host.empty()) (void)session.host(request.host);
   if (!request.namespaces) check_hosts(session);

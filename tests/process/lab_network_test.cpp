@@ -8,15 +8,24 @@ namespace {
 class NetworkLab : public LabTest {
  protected:
   NetworkLab() : LabTest("network") {}
-  [[nodiscard]] Ended measured(Words words) const {
+  [[nodiscard]] Ended measured(Words words, const Environment& environment = {}) const {
     words.insert(words.end(), {"--domain", domain_.text(), "--out", out()});
-    return finish(lab_words(words));
+    return finish(lab_words(words), environment);
   }
+  [[nodiscard]] Json felt() const { return Json::parse(read_text(out() + "/felt.json"), nullptr, false); }
 };
 
 bool not_permitted(const Ended& ended) {
-  return ended.err.find("Operation not permitted") != std::string::npos ||
-         ended.err.find("/dev/net/tun") != std::string::npos;
+  return ended.out.find("Operation not permitted") != std::string::npos ||
+         ended.out.find("/dev/net/tun") != std::string::npos;
+}
+
+/// With these settings no participant of this vendor starts.
+const Environment kNoCyclone{{"CYCLONEDDS_URI", "file:///nonexistent.xml"}};
+
+Words operator+(Words words, const Words& more) {
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
 }
 
 TEST_F(NetworkLab, MeasuresEveryVendorPairOnLoopback) {
@@ -65,16 +74,11 @@ TEST_F(NetworkLab, ALinkDelaysAndLosesAsRequested) {
 TEST_F(NetworkLab, AnInterruptedRunGoesOn) {
   const Words words{"--transport",  "loopback", "--reliability", "reliable", "--rate",    "200",
                     "--haptic-dds", "fastdds",  "--duration",    "0.3",      "--baseline"};
-  const auto with = [&](const Words& more) {
-    Words all = words;
-    all.insert(all.end(), more.begin(), more.end());
-    return measured(all);
-  };
-  ASSERT_EQ(with({"off", "--world-dds", "fastdds"}).code, 0);
+  ASSERT_EQ(measured(words + Words{"off", "--world-dds", "fastdds"}).code, 0);
   const Json first = results();
   ASSERT_EQ(first.size(), 1U);
   EXPECT_TRUE(first[0]["baseline_round_trip_s"]["max"].is_null());
-  const Ended ended = with({"udp", "--resume"});
+  const Ended ended = measured(words + Words{"udp", "--resume"});
   ASSERT_EQ(ended.code, 0) << ended.err;
   ASSERT_EQ(results().size(), 2U);
   EXPECT_EQ(results()[0], first[0]) << "it is not measured again";
@@ -96,6 +100,84 @@ TEST_F(NetworkLab, AgreesWithDdsperf) {
   EXPECT_NE(page().find("ddsperf p50 ms"), std::string::npos);
 }
 
+TEST_F(NetworkLab, APeerThatDoesNotStartFailsItsCellAlone) {
+  const Words words{"--transport", "loopback",     "--reliability", "reliable",          "--rate",
+                    "200",         "--haptic-dds", "fastdds",       "--duration",        "0.2",
+                    "--baseline",  "off",          "--world-dds",   "cyclonedds,fastdds"};
+  const Ended broken = measured(words, kNoCyclone);
+  EXPECT_EQ(broken.code, 1) << broken.err << broken.out;
+  ASSERT_EQ(results().size(), 2U);
+  const std::string failure = results()[0]["failure"];
+  EXPECT_NE(failure.find("/nonexistent.xml"), std::string::npos) << failure;
+  EXPECT_GT(results()[1]["received"], 0) << "the lab goes on";
+  EXPECT_NE(broken.out.find("1 of 2 cells could not be measured; the first: " + failure), std::string::npos)
+      << broken.out;
+  EXPECT_EQ(summary()["failed"], 1);
+
+  const Json second = results()[1];
+  const Ended ended = measured(words + Words{"--resume"});
+  ASSERT_EQ(ended.code, 0) << ended.err << ended.out;
+  ASSERT_EQ(results().size(), 2U);
+  EXPECT_EQ(results()[0], second) << "it is not measured again";
+  EXPECT_EQ(results()[1]["world_dds"], "cyclonedds");
+  EXPECT_GT(results()[1]["received"], 0);
+}
+
+TEST_F(NetworkLab, ALinkThatIsNotPermittedFailsItsCellAlone) {
+  const Words without_rights{"/usr/bin/setpriv", "--bounding-set", "-sys_admin,-net_admin"};
+  if (finish(without_rights + Words{"/bin/true"}).code != 0) GTEST_SKIP() << "rights cannot be dropped here";
+  const Ended ended =
+      finish(without_rights + lab_words({"--transport",  "udp,loopback", "--reliability", "reliable",    "--rate",
+                                         "200",          "--haptic-dds", "fastdds",       "--world-dds", "fastdds",
+                                         "--link",       "lan",          "--duration",    "0.2",         "--require",
+                                         "lost_ratio<1", "--domain",     domain_.text(),  "--out",       out()}));
+  EXPECT_EQ(ended.code, 1) << "a fault, and no missed criterion" << ended.err << ended.out;
+  ASSERT_EQ(results().size(), 2U);
+  EXPECT_NE(results()[0]["failure"].get<std::string>().find("unshare -rn"), std::string::npos) << "the cure";
+  EXPECT_FALSE(results()[0]["baseline_failure"].get<std::string>().empty());
+  EXPECT_GT(results()[1]["received"], 0) << "the lab goes on";
+  EXPECT_NE(page().find("unshare -rn"), std::string::npos);
+}
+
+// A busy machine delays the programs, so no error is held.
+TEST_F(NetworkLab, WhatUsersFeelIsMeasuredWithTheRealProgramsAndGoesOn) {
+  if (finish({"/usr/bin/unshare", "--net", "/bin/true"}).code != 0)
+    GTEST_SKIP() << "network namespaces are not permitted here";
+  const Words words{"--scene", "row",       "--scene-duration", "0.6",     "--messages", "off",
+                    "--link",  "delay 1ms", "--world-dds",      "fastdds", "--require",  "force_error_max<1e-6"};
+  const Ended broken = measured(words, kNoCyclone);
+  EXPECT_EQ(broken.code, 1) << broken.err << broken.out;
+  ASSERT_EQ(felt().size(), 2U) << "a row for each vendor pair and user";
+  EXPECT_NE(felt()[1]["failure"].get<std::string>().find("/nonexistent.xml"), std::string::npos) << felt()[1];
+  EXPECT_TRUE(felt()[1]["force_error_rms"].is_null());
+  EXPECT_NE(broken.out.find("undecided over delay 1ms (not measured with fastdds > cyclonedds)"), std::string::npos)
+      << broken.out;
+
+  const Json first = felt()[0];
+  const Ended ended = measured(words + Words{"--resume"});
+  EXPECT_EQ(ended.code, 4) << ended.err << ended.out;
+  ASSERT_EQ(felt().size(), 2U);
+  EXPECT_EQ(felt()[0], first) << "it is not measured again";
+  for (const Json& row : felt()) {
+    EXPECT_EQ(row["failure"], "");
+    EXPECT_EQ(row["user"], 0);
+    for (const char* column : {"force_error_rms", "force_error_p99", "time_offset_s", "value_offset", "created_j",
+                               "energy_excess_j", "missed_deadlines", "lost_frames", "reference_error"})
+      EXPECT_TRUE(row[column].is_number()) << column << " " << row;
+    EXPECT_GT(row["force_error_max"], 0.0) << "real time does not repeat the reference bit by bit";
+  }
+  const std::string user = felt()[0]["user_name"];
+  EXPECT_NE(ended.out.find("MISSED: user " + user + ": force_error_max<1e-6: it is "), std::string::npos) << ended.out;
+  const std::string sentence = summary()["felt"];
+  EXPECT_TRUE(
+      sentence.starts_with("scene row: the felt force is within the imperceptible bar (RMS 3.5 %, p99 7 %) over"))
+      << sentence;
+  EXPECT_NE(ended.out.find(sentence), std::string::npos) << ended.out;
+  EXPECT_NE(page().find("What users feel"), std::string::npos);
+  EXPECT_NE(page().find(sentence.substr(0, sentence.find('('))), std::string::npos);
+  EXPECT_NE(read_text(out() + "/felt.csv").find("scene,world_dds,haptic_dds,link,"), std::string::npos);
+}
+
 TEST_F(NetworkLab, MeasurementsSurviveAnInterrupt) {
   expect_kept_after_interrupt(
       {"--transport", "loopback", "--rate", "100", "--duration", "0.2", "--domain", domain_.text()}, "[  1/", 1, 8);
@@ -107,6 +189,9 @@ TEST_F(NetworkLab, WrongOptionsAreNamedWithTheCure) {
                   {{"--haptic-dds", "cyclone"}, {"cyclone", "cyclonedds"}},
                   {{"--link", "wifo"}, {"wifo", "did you mean wifi"}},
                   {{"--require", "p99<1"}, {"p99", "round_trip_s_p99"}},
+                  {{"--require", "force_error_rms<1"}, {"no column force_error_rms"}},
+                  {{"--scene", "rows"}, {"rows", "row"}},
+                  {{"--messages", "off"}, {"--scene"}},
                   {{"--require", "lost_ratio"}, {"COLUMN<NUMBER"}}});
 }
 

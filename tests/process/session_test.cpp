@@ -48,6 +48,27 @@ TEST_P(NamespacedSessions, OverALinkThatDelaysAndLosesTheHashIsThatOfOneHost) {
 INSTANTIATE_TEST_SUITE_P(Vendors, NamespacedSessions, ::testing::Values("fastdds", "cyclonedds", "mixed"),
                          [](const auto& one) { return one.param; });
 
+TEST_F(Sessions, AHostHasAVendorOfItsOwn) {
+  if (!has_namespaces()) GTEST_SKIP() << "network namespaces are not permitted here";
+  const std::string file = session("  - name: world\n", "  - name: world\n    dds: cyclonedds\n");
+  const auto vendor_is = [](const Json& part, const std::string& vendor) {
+    return part["dds"].get<std::string>().find(vendor) != std::string::npos;
+  };
+  Ended ended = finish(up(file, out(), {"--namespaces"}));
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+  EXPECT_EQ(summary()["dds"], "mixed");
+  EXPECT_TRUE(vendor_is(summary()["world"], "cyclonedds")) << summary()["world"]["dds"];
+  for (const char* program : {"haptic", "device"}) {
+    for (const Json& user : summary()[program]) EXPECT_TRUE(vendor_is(user, "fastdds")) << user["dds"];
+  }
+  EXPECT_EQ(summary()["state_hash"], hash_of_one_host());
+
+  ended = finish(up(file, out(), {"--namespaces", "--dds", "fastdds"}));
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+  EXPECT_EQ(summary()["dds"], "fastdds") << "--dds replaces the vendors of the hosts";
+  EXPECT_TRUE(vendor_is(summary()["world"], "fastdds")) << summary()["world"]["dds"];
+}
+
 class RealTimeSessions : public Sessions, public ::testing::WithParamInterface<std::string> {
  protected:
   /// Runs the session in real time over a link of 100 ms. False where namespaces are not permitted.
@@ -121,6 +142,7 @@ TEST_F(Sessions, MistakesAreNamedWithTheirPlaceAndCure) {
   expect_error(session("mode: lockstep", "mode: lockstop"), "session.yaml:6:");
   expect_error(session("mode: lockstep", "peers: 10.0.0.9"), "peers is not a flag of a session");
   expect_error(session("    interface: lo\n", ""), "has no interface; add it, or");
+  expect_error(session("name: left", "name: left\n    dds: mixed"), "hosts[1].dds: unknown \"mixed\"; choose one of");
   expect_error(session("name: right", "name: left"), "two hosts \"left\"");
   expect_error("three_host", "those are three_hosts, two_hosts");
   const Ended ended = finish(up(session(), out(), {"--host", "middle"}));

@@ -2,11 +2,13 @@
 
 #include "lab/network/cell.hpp"
 #include "lab/network/ddsperf.hpp"
+#include "lab/network/felt.hpp"
 #include "lab/network/report.hpp"
 #include "model/error.hpp"
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <set>
 #include <string>
 #include <vector>
@@ -142,6 +144,55 @@ TEST(NetworkLab, PingsThatDdsperfHasDroppedLeaveNoFigure) {
   EXPECT_TRUE(figures["p50"].is_null());
   EXPECT_EQ(figures["n"], 299);
   EXPECT_TRUE(ddsperf_figures("", 100.0)["max"].is_null());
+}
+
+Json felt_row(const std::string& link, double rms, double p99) {
+  Json row = felt_row_of({.link = link}, {.scene = "row"});
+  row["user"] = 0;
+  row["user_name"] = "left";
+  row["force_error_rms"] = rms;
+  row["force_error_p99"] = p99;
+  row["reference_error"] = 0.01;
+  row["missed_ratio"] = 0.0;
+  row["real_time_factor_min"] = 1.0;
+  return row;
+}
+
+TEST(FeltSentence, NamesTheLinksWithinAndBeyondTheBar) {
+  Json other = felt_row("lan", 0.02, 0.01);
+  other["haptic_dds"] = "cyclonedds";
+  const std::string text = felt_sentence_of({felt_row("lan", 0.001, 0.03), other, felt_row("4g", 0.03, 0.08),
+                                             felt_row("wifi", 0.035, 0.07), felt_row("hotel", 0.2, 0.02)});
+  EXPECT_EQ(text,
+            "scene row: the felt force is within the imperceptible bar (RMS 3.5 %, p99 7 %) over lan (RMS 2 %, p99 1 "
+            "%), wifi (RMS 3.5 %, p99 7 %); beyond it over 4g (RMS 3 %, p99 8 %: fastdds > fastdds, user left), hotel "
+            "(RMS 20 %, p99 2 %: fastdds > fastdds, user left)");
+}
+
+TEST(FeltSentence, DecidesNothingWhereTheMachineOrTheReferenceIsAtFault) {
+  Json late = felt_row("lan", 0.1, 0.1), slow = late, failed = felt_row("4g", 0.0, 0.0);
+  late["missed_ratio"] = 0.002;
+  slow["real_time_factor_min"] = 0.9;
+  failed["failure"] = "no programs";
+  Json no_force = felt_row("wifi", std::nan(""), std::nan(""));
+  no_force["reference_error"] = nullptr;
+  Json chaotic = felt_row("hotel", 0.05, 0.05);
+  chaotic["reference_error"] = 0.04;
+  EXPECT_EQ(felt_sentence_of({late, slow, failed, no_force, chaotic}),
+            "scene row: the felt force is within the imperceptible bar (RMS 3.5 %, p99 7 %) over no link; undecided "
+            "over lan (RMS 10 %, p99 10 % in a run that the machine disturbed), 4g (not measured with fastdds > "
+            "fastdds), wifi (the reference felt no force), hotel (the reference error of user left is 4 %)");
+  const std::string text = felt_sentence_of({late, felt_row("lan", 0.05, 0.05)});
+  EXPECT_NE(text.find("beyond it over lan (RMS 5 %"), std::string::npos) << "an undisturbed run decides: " << text;
+}
+
+TEST(FeltCells, AreEachLinkWithEachVendorPair) {
+  const std::vector<FeltCell> cells = felt_cells_of({}, {.scene = "row"});
+  ASSERT_EQ(cells.size(), 2U * 4U);
+  std::set<std::string> commands;
+  for (const FeltCell& cell : cells) commands.insert(command_of(cell, {.scene = "row"}));
+  EXPECT_EQ(commands.size(), cells.size());
+  EXPECT_TRUE(felt_cells_of({}, {}).empty());
 }
 
 }  // namespace

@@ -64,20 +64,12 @@ std::string emulated_link(const Point& point, double delay_s) {
                      1e3 * 0.5 * point.jitter_s, 1e2 * point.loss_ratio);
 }
 
-/// A machine that is busy with other things delays the programs, and the verdict says so: that is not the link's delay.
-constexpr int kAttempts = 4;
-
-/// Of a run of the real programs, the first of several with the verdict "ok", else the last. Each begins its paths at
-/// an instant of its own. Empty if a signal requested a stop.
+/// Of a run of the real programs. Each begins its paths at an instant of its own. Empty if a signal requested a stop.
 std::optional<std::vector<Criteria>> criteria_over_link(const LatencyQuestion& question, double delay_s) {
   Point point = question.point;
   point.starts_later_s = 0.0;
   const OverLink over{.link = emulated_link(point, delay_s), .dds = question.dds};
-  std::optional<LinkedRun> run;
-  for (int attempt = 0; attempt < kAttempts; ++attempt) {
-    run = run_over_link(point, over);
-    if (!run || run->summary.at("verdict") == "ok") break;
-  }
+  const std::optional<LinkedRun> run = undisturbed_run_over_link(point, over);
   if (!run) return std::nullopt;
   const Outcome& reference = run->reference;
   std::vector<Criteria> users(reference.felt.size());

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <set>
 
 namespace subworld {
 
@@ -58,6 +59,14 @@ Requirement parse_requirement(const std::string& text, const Json& example) {
 bool holds(const Requirement& requirement, const Json& row) {
   const double value = value_of(row, requirement.column);
   return requirement.relation == '<' ? value < requirement.bound : value > requirement.bound;
+}
+
+std::vector<Requirement> those_of(const Json& row, const std::vector<Requirement>& requirements) {
+  std::set<std::string> names;
+  for_each_column(row, [&](const std::string& name, const Json&) { names.insert(name); });
+  std::vector<Requirement> found = requirements;
+  std::erase_if(found, [&](const Requirement& one) { return !names.contains(one.column); });
+  return found;
 }
 
 std::vector<std::string> missed_by(const Json& row, const std::vector<Requirement>& requirements) {

@@ -23,6 +23,9 @@ struct Requirement {
 /// A value that was not measured fails.
 [[nodiscard]] bool holds(const Requirement& requirement, const Json& row);
 
+/// Those whose columns the row has.
+[[nodiscard]] std::vector<Requirement> those_of(const Json& row, const std::vector<Requirement>& requirements);
+
 /// Why a row does not pass, one text for each condition that fails.
 [[nodiscard]] std::vector<std::string> missed_by(const Json& row, const std::vector<Requirement>& requirements);
 

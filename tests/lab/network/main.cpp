@@ -2,9 +2,9 @@
 #include "io/options.hpp"
 #include "lab/network/criteria.hpp"
 #include "lab/network/ddsperf.hpp"
-#include "lab/network/measure.hpp"
+#include "lab/network/peer.hpp"
 #include "lab/network/report.hpp"
-#include "lab/network/udp.hpp"
+#include "lab/network/run.hpp"
 #include "lab/page/command_line.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
@@ -14,22 +14,17 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <map>
+#include <functional>
 
 namespace {
 
 using namespace subworld;
 
-constexpr double kQuick_s = 2.0;
+constexpr double kQuick_s = 2.0, kQuickScene_s = 1.0;
 
-struct Request {
-  NetworkAxes axes;
-  NetworkRunSettings settings;
+struct Request : NetworkRequest {
   std::vector<std::string> require;
-  std::vector<std::string> baselines{kPlainUdp};
   bool quick = false;
-  bool resume = false;
-  std::string out;
 };
 
 void add_axes(CommandLine& line, NetworkAxes& axes) {
@@ -49,11 +44,21 @@ void add_axes(CommandLine& line, NetworkAxes& axes) {
   line.add("--link", &axes.links, "links, in the words of `subworld link`");
 }
 
+void add_scene(CommandLine& line, FeltSettings& felt) {
+  line.add("--scene", &felt.scene,
+           "also measure what users feel: the real programs run this scene, a file or a name in deploy/scenes, in real "
+           "time over each link with each vendor pair")
+      .otherwise("none");
+  line.add("--scene-duration", &felt.duration_s, "simulated time of the scene")
+      .range(0.3, 1e4, "s")
+      .otherwise("the scene's");
+}
+
 /// Throws `Error` (usage). Returns an exit code if the program is done.
 std::optional<int> parse(int argc, char** argv, Request& request) {
   CommandLine line("subworld lab network",
                    "Measures what a network carries: loss, delay and gap of messages between a world and its users, "
-                   "for every combination of the lists.");
+                   "for every combination of the lists, and with --scene the force that users feel over it.");
   line.footer(
       "Examples:\n"
       "  subworld lab network --link wifi --out out/wifi\n"
@@ -62,128 +67,85 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "  subworld lab network --transport loopback --users 1,4 --quick\n"
       "  subworld lab network --link lan --baseline udp,ddsperf\n"
       "  subworld lab network --link lan --require 'lost_ratio<0.01,round_trip_s_p99<0.02'\n"
-      "DIR/results.csv and results.json have a row for each cell, and are written anew after each.\n"
+      "  subworld lab network --scene row --messages off --link 'ideal,wifi,delay 20ms 5ms loss 2%'\n"
+      "  subworld lab network --duration 1 --link ideal,lan,wifi,4g,starlink,hotel,transatlantic --rate 250,500,1000 "
+      "--payload 64,256,1024 --resume --out out/matrix\n"
+      "DIR/results.csv and results.json have a row for each cell, felt.csv and felt.json one for each user of the "
+      "scene;\n"
+      "the JSON files are written anew after each cell. A cell that cannot be measured does not end the lab.\n"
       "The start-up is excluded: discovery, and the first 0.5 s of messages.\n"
-      "The transport udp needs root, or a user namespace: unshare -rn subworld lab network ...\n"
+      "The transport udp and --scene need root, or a user namespace: unshare -rn subworld lab network ...\n"
       "Ctrl-C writes what has been measured so far.\n"
-      "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage, 4 a cell misses --require.");
+      "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, or a cell could not be measured,\n"
+      "2 usage or scene, 4 a cell misses --require.");
   add_axes(line, request.axes);
   Option duration =
       line.add("--duration", &request.settings.duration_s, "time of each cell that counts").range(0.1, 86'400.0, "s");
   line.add("--require", &request.require,
-           "pass criteria for each cell: COLUMN<NUMBER or COLUMN>NUMBER, with the columns of results.csv")
+           "pass criteria: COLUMN<NUMBER or COLUMN>NUMBER, with the columns of results.csv for each cell and those of "
+           "felt.csv for each user")
       .otherwise("none");
+  add_scene(line, request.felt);
+  std::string messages = "on";
+  line.add("--messages", &messages, "measure messages; off: only what users feel").one_of({"on", "off"});
   line.add("--domain", &request.settings.domain, "DDS domain").range(0, 232);
   add_seed(line, request.settings.seed, "seed of the emulated link");
   line.flag("--quick", request.quick,
-            fmt::format("a first look: {:g} s a cell, where nothing else is given", kQuick_s));
+            fmt::format("a first look: {:g} s a cell and {:g} s of the scene, where nothing else is given", kQuick_s,
+                        kQuickScene_s));
   line.add("--baseline", &request.baselines,
            "also measure plain UDP, or the program ddsperf of Cyclone DDS, once for the vendor pairs of a setting")
       .one_of({kPlainUdp, kDdsperf, "off"});
   line.flag("--resume", request.resume,
-            "go on with the results in --out: measure only the cells that it does not have");
+            "go on with the results in --out: measure only the cells that it does not have, or that failed");
   add_out(line, "network", request.out);
   if (const auto code = line.parse(argc, argv)) return code;
-  if (std::ranges::find(request.baselines, kDdsperf) != request.baselines.end()) require_ddsperf();
+  request.messages = messages == "on";
+  if (request.has_baseline(kDdsperf)) require_ddsperf();
+  request.felt.domain = request.settings.domain;
   if (request.quick && !duration.given()) request.settings.duration_s = kQuick_s;
+  if (request.quick && !request.felt.duration_s) request.felt.duration_s = kQuickScene_s;
+  if (!request.messages && request.felt.scene.empty())
+    throw Error(ExitCode::usage, "--messages off: nothing is left to measure; name a scene: --scene row");
   if (request.resume && request.out.empty())
     throw Error(ExitCode::usage, "--resume: needs --out, the folder of the run that goes on");
   if (request.out.empty()) request.out = default_out("network");
   return std::nullopt;
 }
 
+/// Conditions on the columns of both parts, as far as they run.
 std::vector<Requirement> requirements_of(const Request& request) {
-  const Json example = row_of({}, request.settings, {}, {});
+  Json example = request.messages ? row_of({}, request.settings, {}, {}) : Json::object();
+  if (!request.felt.scene.empty()) example.update(felt_row_of({}, request.felt));
   std::vector<Requirement> requirements;
   for (const std::string& text : request.require) requirements.push_back(parse_requirement(text, example));
   return requirements;
 }
 
-/// The rows of an earlier run of the same cells, by their command; those that failed are measured again.
-std::map<std::string, Json> earlier_rows(const Request& request) {
-  std::map<std::string, Json> rows;
-  const std::string file = request.out + "/results.json";
-  if (!request.resume || !std::filesystem::exists(file)) return rows;
-  const auto names = [](const Json& row) {
-    std::vector<std::string> found;
-    for (const auto& [name, value] : row.items()) found.push_back(name);
-    return found;
-  };
-  const std::vector<std::string> expected = names(row_of({}, request.settings, {}, {}));
-  for (const Json& row : read_json(file)) {
-    if (row.is_object() && names(row) == expected && !failed(row)) rows[row.at("command").get<std::string>()] = row;
-  }
-  return rows;
-}
-
-/// The baselines of a setting, measured once for the cells of its vendor pairs.
-class Baselines {
- public:
-  explicit Baselines(const Request& request) : request_(request) {}
-  const Baseline& of(NetworkCell cell) {
-    cell.world_dds = cell.haptic_dds = kPlainUdp;
-    if (to_text(cell) == setting_) return found_;
-    setting_ = to_text(cell);
-    found_ = {};
-    if (is_wanted(kPlainUdp) && cell.payload_bytes <= kMostDatagram_bytes)
-      found_.udp = measure_cell(cell, request_.settings);
-    if (is_wanted(kDdsperf)) found_.ddsperf = measure_ddsperf(cell, request_.settings);
-    return found_;
-  }
-
- private:
-  [[nodiscard]] bool is_wanted(const char* name) const {
-    return std::ranges::find(request_.baselines, name) != request_.baselines.end();
-  }
-  const Request& request_;
-  std::string setting_;
-  Baseline found_;
-};
-
-/// The rows of the cells that have been measured.
-Rows measure_all(const std::vector<NetworkCell>& cells, const Request& request) {
-  const std::map<std::string, Json> earlier = earlier_rows(request);
-  Rows rows;
-  Baselines baselines(request);
-  std::vector<NetworkCell> ahead;
-  for (const NetworkCell& cell : cells) {
-    const auto known = earlier.find(command_of(cell, request.settings));
-    if (known == earlier.end())
-      ahead.push_back(cell);
-    else
-      rows.push_back(known->second);
-  }
-  if (!rows.empty()) fmt::print("resumed: {} of {} cells are there\n", rows.size(), cells.size());
-  double all_s = 0.0, done_s = 0.0;
-  for (const NetworkCell& cell : ahead) all_s += planned_s(cell, request.settings);
-  const TimeLeft left(all_s);
-  for (const NetworkCell& cell : ahead) {
-    const Baseline& baseline = baselines.of(cell);
-    const CellFindings found = measure_cell(cell, request.settings);
-    if (stop_signal() != 0) break;
-    rows.push_back(row_of(cell, request.settings, found, baseline));
-    write_json(request.out + "/results.json", rows);
-    done_s += planned_s(cell, request.settings);
-    fmt::print("[{:3}/{}] {}: {}{}\n", rows.size(), cells.size(), to_text(cell), result_text(rows.back()),
-               left.text(done_s));
-    std::fflush(stdout);
-  }
-  return rows;
-}
-
 struct Verdict {
-  std::vector<std::string> sentences;
+  std::vector<std::string> sentences;  ///< by network
+  std::string felt;                    ///< empty: no scene was run
   std::vector<std::string> missed = {};
-  std::size_t failed = 0;
+  std::size_t failed = 0;  ///< cells
+  std::string first_failure = {};
 };
 
-Verdict judge(const Rows& rows, const std::vector<Requirement>& requirements) {
-  Verdict verdict{.sentences = sentences_of(rows, requirements)};
+void judge_part(Verdict& verdict, const Rows& rows, const std::vector<Requirement>& requirements,
+                const std::function<std::string(std::size_t)>& name_of_row) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (failed(rows[i])) ++verdict.failed;
-    for (const std::string& text : missed_by(rows[i], requirements))
-      verdict.missed.push_back(fmt::format("cell {}: {}; {}", i + 1, text, rows[i].at("command").get<std::string>()));
+    const std::string command = rows[i].at("command");
+    if (failed(rows[i]) && verdict.first_failure.empty()) verdict.first_failure = rows[i].at("failure");
+    for (const std::string& text : missed_by(rows[i], those_of(rows[i], requirements)))
+      verdict.missed.push_back(fmt::format("{}: {}; {}", name_of_row(i), text, command));
   }
+}
+
+Verdict judge(const NetworkRows& rows, const std::vector<Requirement>& requirements) {
+  Verdict verdict{.sentences = {}, .felt = felt_sentence_of(rows.felt), .failed = rows.failed_cells()};
+  if (!rows.cells.empty()) verdict.sentences = sentences_of(rows.cells, those_of(rows.cells.front(), requirements));
+  judge_part(verdict, rows.cells, requirements, [](std::size_t i) { return fmt::format("cell {}", i + 1); });
+  judge_part(verdict, rows.felt, requirements,
+             [&](std::size_t i) { return "user " + rows.felt[i].at("user_name").get<std::string>(); });
   return verdict;
 }
 
@@ -199,8 +161,16 @@ std::string gate_text(const Request& request, const Verdict& verdict) {
   return text;
 }
 
-Json summary_of(const Request& request, const Rows& rows, std::size_t planned, const Verdict& verdict) {
-  Json summary = begin_summary("network", rows.size(), planned);
+std::string failed_text(const Request& request, const Verdict& verdict, std::size_t planned) {
+  if (verdict.failed == 0) return "";
+  return fmt::format(
+      "\n{} of {} cells could not be measured; the first: {}; measure them again with --resume --out {} and the same "
+      "options",
+      verdict.failed, planned, verdict.first_failure, request.out);
+}
+
+Json summary_of(const Request& request, const NetworkRows& rows, std::size_t planned, const Verdict& verdict) {
+  Json summary = begin_summary("network", rows.measured(), planned);
   summary["seed"] = request.settings.seed;
   summary["duration_s"] = request.settings.duration_s;
   summary["start_up_excluded_s"] = kStartUp_s;
@@ -208,29 +178,37 @@ Json summary_of(const Request& request, const Rows& rows, std::size_t planned, c
   summary["require"] = request.require;
   summary["missed"] = verdict.missed;
   summary["sentences"] = verdict.sentences;
-  summary["verdict"] =
-      fmt::format("{}{}{}{}", fmt::join(verdict.sentences, "\n"),
-                  verdict.failed > 0 ? fmt::format("; {} cells could not be measured", verdict.failed) : "",
-                  gate_text(request, verdict), stopped_text(rows.size(), planned));
+  summary["felt"] = verdict.felt;
+  std::vector<std::string> sentences = verdict.sentences;
+  if (!verdict.felt.empty()) sentences.push_back(verdict.felt);
+  summary["verdict"] = fmt::format("{}{}{}{}", fmt::join(sentences, "\n"), gate_text(request, verdict),
+                                   failed_text(request, verdict, planned), stopped_text(rows.measured(), planned));
   return summary;
+}
+
+void write_felt(const std::string& out, const Rows& rows) {
+  for (const char* const file : {"/felt.json", "/felt.csv"}) std::filesystem::remove(out + file);
+  if (rows.empty()) return;
+  write_json(out + "/felt.json", rows);
+  write_csv(out + "/felt.csv", rows);
 }
 
 int run_lab(int argc, char** argv) {
   Request request;
   if (const auto code = parse(argc, argv, request)) return *code;
-  const std::vector<NetworkCell> cells = cells_of(request.axes);
+  const NetworkPlan plan = plan_of(request);
   const std::vector<Requirement> requirements = requirements_of(request);
   make_folder(request.out);
   watch_stop_signals();
-  fmt::print("subworld lab network: {} cells, results in {}\n", cells.size(), request.out);
-  std::fflush(stdout);
-  const Rows rows = measure_all(cells, request);
+  const NetworkRows rows = measure_all(plan, request);
   const Verdict verdict = judge(rows, requirements);
-  const Json summary = summary_of(request, rows, cells.size(), verdict);
-  const int code =
-      end_lab(request.out, rows, summary, [&](const std::string& page) { write_network_report(page, rows, summary); });
-  if (!verdict.missed.empty()) return static_cast<int>(ExitCode::quality);
-  return verdict.failed > 0 ? static_cast<int>(ExitCode::failed) : code;
+  const Json summary = summary_of(request, rows, plan.size(), verdict);
+  write_felt(request.out, rows.felt);
+  const int code = end_lab(request.out, rows.cells, summary, [&](const std::string& page) {
+    write_network_report(page, rows.cells, rows.felt, summary);
+  });
+  if (verdict.failed > 0) return static_cast<int>(ExitCode::failed);
+  return verdict.missed.empty() ? code : static_cast<int>(ExitCode::quality);
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ namespace {
 constexpr double kMatch_s = 20.0;  // patience
 constexpr double kEnd_s = 5.0;
 constexpr double kLeastRest_s = 0.5;
-constexpr double kUsualMatch_s = 1.0;
+constexpr double kUsualMatch_s = 0.2;
 
 /// How long messages may arrive after the last one was sent: queues empty and lost ones are repeated.
 double rest_s(const NetworkCell& cell) {
@@ -178,20 +178,8 @@ PeerPlan plan_of(const NetworkCell& cell, const NetworkRunSettings& settings, co
   return plan;
 }
 
-}  // namespace
-
-std::unique_ptr<EmulatedNetwork> network_of(const NetworkCell& cell, std::uint64_t seed) {
-  if (cell.transport != NetworkTransport::udp) return nullptr;
-  // The forwarder counts each packet with its delay, which netem does not.
-  auto network = std::make_unique<EmulatedNetwork>(EmulatedNetworkSettings{.backend = LinkBackend::tun, .seed = seed});
-  network->add_host("world");
-  for (int user = 0; user < cell.users; ++user) network->add_host(fmt::format("user{}", user));
-  network->set_links(parse_link(cell.link));
-  network->start();
-  return network;
-}
-
-CellFindings measure_cell(const NetworkCell& cell, const NetworkRunSettings& settings) {
+/// Throws `Error` (failed) where its processes or its network cannot be made.
+CellFindings run_cell(const NetworkCell& cell, const NetworkRunSettings& settings) {
   CellFindings found;
   const std::unique_ptr<EmulatedNetwork> network = network_of(cell, settings.seed);
   const SharedMemory shared;
@@ -219,6 +207,27 @@ CellFindings measure_cell(const NetworkCell& cell, const NetworkRunSettings& set
   }
   if (found.failure.empty()) note_peers(found, plan, *shared);
   return found;
+}
+
+}  // namespace
+
+std::unique_ptr<EmulatedNetwork> network_of(const NetworkCell& cell, std::uint64_t seed) {
+  if (cell.transport != NetworkTransport::udp) return nullptr;
+  // The forwarder counts each packet with its delay, which netem does not.
+  auto network = std::make_unique<EmulatedNetwork>(EmulatedNetworkSettings{.backend = LinkBackend::tun, .seed = seed});
+  network->add_host("world");
+  for (int user = 0; user < cell.users; ++user) network->add_host(fmt::format("user{}", user));
+  network->set_links(parse_link(cell.link));
+  network->start();
+  return network;
+}
+
+CellFindings measure_cell(const NetworkCell& cell, const NetworkRunSettings& settings) {
+  try {
+    return run_cell(cell, settings);
+  } catch (const std::exception& e) {
+    return {.failure = e.what()};
+  }
 }
 
 double planned_s(const NetworkCell& cell, const NetworkRunSettings& settings) {

@@ -39,8 +39,8 @@ struct CellFindings {
 /// (failed).
 [[nodiscard]] std::unique_ptr<EmulatedNetwork> network_of(const NetworkCell& cell, std::uint64_t seed);
 
-/// Runs a cell. Throws `Error` (failed) where its processes or its network cannot be made. A stop request ends it: then
-/// its findings are incomplete.
+/// Runs a cell. Where its processes or its network cannot be made, the findings have the reason. A stop request ends
+/// it: then its findings are incomplete.
 [[nodiscard]] CellFindings measure_cell(const NetworkCell& cell, const NetworkRunSettings& settings);
 
 /// Length of a cell without failures, s, for the estimate of the time left.

@@ -214,14 +214,10 @@ class Peer {
     std::vector<ArrivalBook> books;
     for (int user = 0; user < plan_.cell.users; ++user)
       books.emplace_back(shared_.channels[user].round_trip, plan_.first(), plan_.most());
-    std::vector<std::uint64_t> refused(plan_.cell.users, 0);
     std::thread receiver([&] { receive_returned(books); });
-    send_all(refused);
+    send_all();
     receiver.join();
-    for (int user = 0; user < plan_.cell.users; ++user) {
-      books[user].close(shared_.sent, shared_.begin_ns, shared_.end_ns);
-      shared_.channels[user].refused += refused[user];
-    }
+    for (ArrivalBook& book : books) book.close(shared_.sent, shared_.begin_ns, shared_.end_ns);
   }
 
   void receive_returned(std::vector<ArrivalBook>& books) {
@@ -242,7 +238,7 @@ class Peer {
   }
 
   /// A sender that cannot keep the rate sends fewer messages in the same time.
-  void send_all(std::vector<std::uint64_t>& refused) {
+  void send_all() {
     note_scheduling(claim_realtime(priority::kWorld));
     std::vector<std::uint8_t> bytes(plan_.cell.payload_bytes, 0);
     bytes[1] = 1;  // little-endian CDR
@@ -261,7 +257,7 @@ class Peer {
       }
       for (std::size_t user = 0; user < channels_.size(); ++user) {
         put(bytes, PingStamp{.number = number, .sent_ns = to_ns(Clock::now())});
-        if (!channels_[user].writer->write(bytes) && number >= first) ++refused[user];
+        if (!channels_[user].writer->write(bytes) && number >= first) ++shared_.channels[user].refused;
       }
       shared_.sent = number + 1;
     }

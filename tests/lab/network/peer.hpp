@@ -40,10 +40,10 @@ struct PeerShared {
 
 /// Of the messages to one user, and back.
 struct ChannelShared {
-  Arrivals there;             ///< at the user; `delay` is one way
-  Arrivals round_trip;        ///< at the world; `delay` is the round trip
-  Histogram back;             ///< one way
-  std::uint64_t refused = 0;  ///< writes that the middleware refused, both ways
+  Arrivals there;                         ///< at the user; `delay` is one way
+  Arrivals round_trip;                    ///< at the world; `delay` is the round trip
+  Histogram back;                         ///< one way
+  std::atomic<std::uint64_t> refused{0};  ///< writes that the middleware refused, both ways
 };
 
 /// Memory of all processes of a cell.

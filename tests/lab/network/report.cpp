@@ -127,6 +127,7 @@ Json row_of(const NetworkCell& cell, const NetworkRunSettings& settings, const C
   row["baseline_round_trip_s"] = percentiles(baseline.udp.round_trip.delay);
   row["baseline_lost_ratio"] = over(lost(baseline.udp, baseline.udp.there), baseline.udp.sent);
   row["ddsperf_round_trip_s"] = baseline.ddsperf.is_null() ? ddsperf_figures("", cell.rate_hz) : baseline.ddsperf;
+  row["baseline_failure"] = baseline.udp.failure;
   row["failure"] = found.failure;
   row["qos"] = to_text(qos_of(cell));
   row["scheduling"] = found.scheduling;
@@ -141,9 +142,15 @@ std::string result_text(const Json& row) {
                      ms_text(value_of(row, "gap_s")));
 }
 
+std::string pair_of(const Json& row) {
+  return row.at("world_dds").get<std::string>() + " > " + row.at("haptic_dds").get<std::string>();
+}
+
 bool failed(const Json& row) { return !row.at("failure").get<std::string>().empty(); }
 
 std::vector<Rows> by_network(const Rows& rows) { return grouped(rows, {"transport", "link", "reliability"}); }
+
+std::vector<Rows> by_link(const Rows& rows) { return grouped(rows, {"link"}); }
 
 std::vector<std::string> sentences_of(const Rows& rows, const std::vector<Requirement>& requirements) {
   std::vector<std::string> sentences;

@@ -1,5 +1,6 @@
 #include "lab/network/report.hpp"
 
+#include "lab/coupling/analysis.hpp"
 #include "lab/page/page.hpp"
 
 #include <fmt/format.h>
@@ -7,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 namespace subworld {
 
@@ -72,10 +74,6 @@ constexpr std::array kNetworkTable{
     Column{"CPU user", "haptic_cpu_ratio", 1.0, 2},
 };
 
-std::string pair_of(const Json& row) {
-  return row.at("world_dds").get<std::string>() + " > " + row.at("haptic_dds").get<std::string>();
-}
-
 /// What differs from one point of a plot to the next.
 std::string load_of(const Json& row) {
   return fmt::format("{:g} Hz\\n{} B x {}\\ndepth {}", row.at("rate_hz").get<double>(),
@@ -121,9 +119,89 @@ std::string table_of(const Rows& network) {
   return html_of(table);
 }
 
+constexpr const char* kFeltHowToRead =
+    R"(<p>The real programs run the scene in real time, with the world and each user on an emulated host of their own. The
+force on each operator is compared with that of a <b>reference</b>: the same motions in one world, without a network.
+Errors below the <b>reference error</b> are not significant. Deadlines that the programs missed are those of this
+machine, not of the link. A run whose verdict is not "ok" was repeated, up to three times.</p>
+)";
+
+constexpr std::array kFeltTable{
+    Column{"RMS error %", "force_error_rms", 1e2, 3},
+    Column{"p99 %", "force_error_p99", 1e2, 3},
+    Column{"max %", "force_error_max", 1e2, 3},
+    Column{"time offset ms", "time_offset_s", 1e3, 3},
+    Column{"RMS without it %", "value_offset", 1e2, 3},
+    Column{"reference error %", "reference_error", 1e2, 3},
+    Column{"created mJ", "created_j", 1e3, 3},
+    Column{"in the reference mJ", "reference_created_j", 1e3, 3},
+    Column{"energy excess mJ", "energy_excess_j", 1e3, 3},
+    Column{"in the reference mJ", "reference_energy_excess_j", 1e3, 3},
+    Column{"missed deadlines", "missed_deadlines", 1.0, 7},
+    Column{"lost frames", "lost_frames", 1.0, 7},
+    Column{"late reports %", "late_reports_ratio", 1e2, 3},
+    Column{"attempts", "attempts", 1.0, 2},
+};
+
+std::string felt_table_of(const Rows& felt) {
+  TextTable table{.head = {"link", "vendors", "user"}, .texts = 3, .remarks = true};
+  for (const Column& column : kFeltTable) table.head.emplace_back(column.title);
+  table.head.emplace_back("verdict; command");
+  for (const Json& row : felt) {
+    std::vector<std::string> cells{escaped(row.at("link")), escaped(pair_of(row)), escaped(row.at("user_name"))};
+    for (const Column& column : kFeltTable) cells.push_back(cell_of(column, row));
+    cells.push_back(escaped(
+        (failed(row) ? "FAILED: " + row.at("failure").get<std::string>() : row.at("verdict").get<std::string>()) +
+        "; " + row.at("command").get<std::string>()));
+    table.rows.push_back(std::move(cells));
+  }
+  return html_of(table);
+}
+
+/// The largest error of all users against the link, for each vendor pair.
+Plot felt_plot_of(const Rows& felt) {
+  Plot plot{.title = "felt force",
+            .x_label = "link",
+            .y_label = "RMS error of the force, %",
+            .log_y = true,
+            .x_ticks = {},
+            .x_names = {},
+            .series = {},
+            .levels = {{"imperceptible", "#b8860b", 1e2 * kImperceptibleRms}}};
+  for (const Rows& link : by_link(felt)) {
+    plot.x_names.push_back(link.front().at("link"));
+    std::map<std::string, double> worst;
+    for (const Json& row : link) {
+      const double error = 1e2 * value_of(row, "force_error_rms");
+      if (error > 0.0) worst[pair_of(row)] = std::max(worst[pair_of(row)], error);
+    }
+    for (const auto& [pair, error] : worst) {
+      auto line = std::ranges::find(plot.series, pair, &Series::title);
+      if (line == plot.series.end()) {
+        plot.series.push_back({.title = pair, .colour = kPairColours[plot.series.size() % 4], .points = {}});
+        line = plot.series.end() - 1;
+      }
+      line->points.emplace_back(static_cast<double>(plot.x_names.size()), error);
+    }
+  }
+  return plot;
+}
+
+void add_felt(Page& page, const Rows& felt, const Json& summary) {
+  if (felt.empty()) return;
+  page.heading("What users feel");
+  page.add(fmt::format("<p class=choice>{}</p>\n", escaped(summary.at("felt"))));
+  page.add(kFeltHowToRead);
+  if (const Plot plot = felt_plot_of(felt); !plot.series.empty()) {
+    const std::vector<std::string> picture = svg_of({plot});
+    page.plots(picture.data(), 1);
+  }
+  page.add(felt_table_of(felt));
+}
+
 }  // namespace
 
-void write_network_report(const std::string& path, const Rows& rows, const Json& summary) {
+void write_network_report(const std::string& path, const Rows& rows, const Rows& felt, const Json& summary) {
   const std::vector<Rows> networks = by_network(rows);
   std::vector<std::vector<Plot>> plots;
   std::vector<Plot> all;
@@ -138,7 +216,7 @@ void write_network_report(const std::string& path, const Rows& rows, const Json&
   const std::vector<std::string> pictures = all.empty() ? std::vector<std::string>{} : svg_of(all);
   Page page(path, "What can this network carry?");
   page.intro("Messages between a world and its users, for each network, service, load and pair of vendors", summary);
-  page.add(kNetworkHowToRead);
+  if (!rows.empty()) page.add(kNetworkHowToRead);
   std::size_t first = 0;
   for (std::size_t i = 0; i < networks.size(); ++i) {
     const Json& any = networks[i].front();
@@ -149,6 +227,7 @@ void write_network_report(const std::string& path, const Rows& rows, const Json&
     first += plots[i].size();
     page.add(table_of(networks[i]));
   }
+  add_felt(page, felt, summary);
   page.close();
 }
 

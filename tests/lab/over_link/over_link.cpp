@@ -30,8 +30,9 @@ std::string session_text(const Point& point, const Scene& scene, const OverLink&
   if (!point.haptic_engine.empty()) text += fmt::format(", haptic-engine: {}", point.haptic_engine);
   if (point.deadband > 0.0) text += fmt::format(", deadband: {}", point.deadband);
   text += "}\nhosts:\n  - name: world\n    programs: [world_sim]\n";
+  const std::string vendor = over.users_dds.empty() ? "" : fmt::format("    dds: {}\n", over.users_dds);
   for (int user = 0; user < scene.settings.users; ++user)
-    text += fmt::format("  - name: user_{0}\n    programs: [haptic_sim {0}, device_sim {0}]\n", user);
+    text += fmt::format("  - name: user_{0}\n{1}    programs: [haptic_sim {0}, device_sim {0}]\n", user, vendor);
   return text;
 }
 
@@ -115,6 +116,13 @@ std::string end_of_text(const std::string& text) {
   return text.size() <= kMost ? text : text.substr(text.find('\n', text.size() - kMost) + 1);
 }
 
+/// Of the haptic processes and of the world.
+double late_steps(const Json& summary) {
+  double late = summary.at("world").at("late_cycles");
+  for (const Json& user : summary.at("haptic")) late += user.at("missed_deadlines").get<double>();
+  return late;
+}
+
 }  // namespace
 
 double DeviceClock::time_of(double device_time_s) const noexcept {
@@ -151,6 +159,20 @@ std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over)
     run.felt.push_back(on_steps(histories[user], run.reference.felt[user].force.size(), h_s));
   }
   return run;
+}
+
+std::optional<LinkedRun> undisturbed_run_over_link(const Point& point, const OverLink& over) {
+  constexpr int kAttempts = 4;
+  std::optional<LinkedRun> best;
+  for (int attempt = 1; attempt <= kAttempts; ++attempt) {
+    std::optional<LinkedRun> run = run_over_link(point, over);
+    if (!run) return run;
+    const bool ok = run->summary.at("verdict") == "ok";
+    if (!best || ok || late_steps(run->summary) < late_steps(best->summary)) best = std::move(run);
+    best->attempts = attempt;
+    if (ok) break;
+  }
+  return best;
 }
 
 }  // namespace subworld

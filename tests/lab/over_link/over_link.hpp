@@ -13,6 +13,7 @@ namespace subworld {
 struct OverLink {
   std::string link;             ///< as `subworld link` reads it: between any two hosts, each way
   std::string dds = "fastdds";  ///< vendor, or mixed
+  std::string users_dds = {};   ///< vendor of the users' programs; empty: as `dds`
   int domain = 70;
 };
 
@@ -23,6 +24,7 @@ struct LinkedRun {
   std::vector<FeltHistory> felt;  ///< by user; force and on_operator only, on the reference's haptic steps
   std::vector<double> start_s;    ///< by user: simulated time at which the device started its path
   Outcome reference;              ///< of the same motions
+  int attempts = 1;               ///< runs that were made, this one is the best
 };
 
 /// In real time a device starts its path when its haptic process first answers. That instant differs between users, and
@@ -33,6 +35,10 @@ struct LinkedRun {
 /// no flags and are not used. Empty if a signal requested a stop. Throws `Error` (failed) with the launcher's message
 /// where the run failed.
 [[nodiscard]] std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over);
+
+/// The first of at most four runs with the verdict "ok", else the one whose programs were late the least often. A
+/// machine that is busy with other things delays the programs, and the verdict says so: that is not the link's delay.
+[[nodiscard]] std::optional<LinkedRun> undisturbed_run_over_link(const Point& point, const OverLink& over);
 
 /// The clock of a device, as its haptic process saw it.
 struct DeviceClock {

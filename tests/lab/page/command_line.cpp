@@ -65,11 +65,11 @@ int end_lab(const std::string& out, const Rows& rows, const Json& summary,
   return static_cast<int>(ExitCode::done);
 }
 
-std::string left_text(double left_s) {
-  if (!(left_s > 0.0)) return "";
-  return left_s < 90.0 ? fmt::format("  about {:.0f} s left", left_s)
-                       : fmt::format("  about {:.0f} min left", left_s / 60.0);
+std::string about_text(double s) {
+  return s < 90.0 ? fmt::format("about {:.0f} s", s) : fmt::format("about {:.0f} min", s / 60.0);
 }
+
+std::string left_text(double left_s) { return left_s > 0.0 ? fmt::format("  {} left", about_text(left_s)) : ""; }
 
 std::string TimeLeft::text(double done) const {
   const double passed_s = std::chrono::duration<double>(Clock::now() - begin_).count();

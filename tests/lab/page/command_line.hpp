@@ -32,6 +32,8 @@ Option add_duration(CommandLine& line, std::optional<double>& duration_s);
 int end_lab(const std::string& out, const Rows& rows, const Json& summary,
             const std::function<void(const std::string&)>& report);
 
+/// "about 12 s", "about 31 min".
+[[nodiscard]] std::string about_text(double s);
 /// "  about 12 s left", or empty if no time is left.
 [[nodiscard]] std::string left_text(double left_s);
 
