@@ -5,6 +5,7 @@
 #include "lab/network/peer.hpp"
 #include "lab/network/report.hpp"
 #include "lab/network/run.hpp"
+#include "lab/network/udp.hpp"
 #include "lab/page/command_line.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"

@@ -123,6 +123,13 @@ double late_steps(const Json& summary) {
   return late;
 }
 
+/// Whether all gates hold, but for those that the network or the scene missed: another run would miss them too.
+bool is_undisturbed(const Json& summary) {
+  return std::ranges::all_of(summary.at("gates"), [](const Json& gate) {
+    return gate.at("ok") || gate.at("missed_by") == "network" || gate.at("missed_by") == "scene";
+  });
+}
+
 }  // namespace
 
 double DeviceClock::time_of(double device_time_s) const noexcept {
@@ -167,7 +174,7 @@ std::optional<LinkedRun> undisturbed_run_over_link(const Point& point, const Ove
   for (int attempt = 1; attempt <= kAttempts; ++attempt) {
     std::optional<LinkedRun> run = run_over_link(point, over);
     if (!run) return run;
-    const bool ok = run->summary.at("verdict") == "ok";
+    const bool ok = is_undisturbed(run->summary);
     if (!best || ok || late_steps(run->summary) < late_steps(best->summary)) best = std::move(run);
     best->attempts = attempt;
     if (ok) break;
