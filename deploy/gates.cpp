@@ -38,6 +38,7 @@ constexpr const char* kMissedByTheOs = "missed by the OS";
 
 constexpr double kMissedRatio = 0.001;
 constexpr double kRefusedRatio = 0.01;
+constexpr double kLateReportsRatio = 0.05;
 constexpr double kLatenessP99_s = 0.25e-3;
 constexpr double kAtLimitRatio = 0.01;
 /// Least energy that counts, J: a device of 0.1 kg at 0.3 m/s, or a coupling of 1000 N/m that is stretched by 3 mm.
@@ -217,46 +218,54 @@ std::vector<Row> rows_of(const View& at) {
   const DeviceResult& device = at.device();
   const DeviceSpec& spec = at.spec();
   const bool realtime = at.run.realtime(), admittance = spec.kind == DeviceKind::admittance;
-  return {{true, foreign_writer_gate("world_frame", "world_sim", haptic.refused.world_frame)},
-          {true, foreign_writer_gate("device_state", "device_sim", haptic.refused.device_state)},
-          {true, foreign_writer_gate("device_command", "haptic_sim", device.refused.device_command)},
-          {admittance,
-           {"distance between proxy and device",
-            kMetre,
-            haptic.proxy_apart_max_m,
-            farthest_proxy_m(at),
-            {Culprit::unstable, fmt::format("the proxy ran away from its device, which moves at most at {:g} m/s; {}",
-                                            spec.speed_limit_m_s, coupling_cure(at))}}},
-          {true,
-           {"created energy at the operator",
-            kJoule,
-            device.operator_energy.created_j,
-            most_created_j(at.run, work_j(haptic)),
-            {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}}},
-          {true,
-           {oscillation_name(at.run),
-            kNewtonRms,
-            device.oscillation_n,
-            kOscillationRatio * spec.force_limit_n,
-            {Culprit::unstable,
-             "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or damping_n_s_m, a "
-             "smaller --ratio or h_s, or the scheme reduced"}}},
-          {realtime,
-           {"missed by the run", kOfSteps, static_cast<double>(haptic.missed_by_run) / at.periods(), kMissedRatio,
-            by_own_steps(at)}},
-          {realtime,
-           {kMissedByTheOs, kOfSteps, static_cast<double>(haptic.missed_by_os) / at.periods(), kMissedRatio,
-            by_late_wake_ups(at)}},
-          {realtime, {"lateness p99", kMilliseconds, haptic.lateness_s.p99, kLatenessP99_s, by_late_starts(at)}},
-          {true, {"lost frames", kCount, static_cast<double>(haptic.lost_frames), 0.0, by_loss(at)}},
-          {true,
-           {"at the device's limit",
-            kOfSteps,
-            haptic.at_limit_ratio,
-            kAtLimitRatio,
-            {Culprit::scene,
-             "the operator feels the limit, not the scene; move the device less far into bodies, lower the coupling's "
-             "stiffness, or raise the device's force_limit_n"}}}};
+  return {
+      {true, foreign_writer_gate("world_frame", "world_sim", haptic.refused.world_frame)},
+      {true, foreign_writer_gate("device_state", "device_sim", haptic.refused.device_state)},
+      {true, foreign_writer_gate("device_command", "haptic_sim", device.refused.device_command)},
+      {admittance,
+       {"distance between proxy and device",
+        kMetre,
+        haptic.proxy_apart_max_m,
+        farthest_proxy_m(at),
+        {Culprit::unstable, fmt::format("the proxy ran away from its device, which moves at most at {:g} m/s; {}",
+                                        spec.speed_limit_m_s, coupling_cure(at))}}},
+      {true,
+       {"created energy at the operator",
+        kJoule,
+        device.operator_energy.created_j,
+        most_created_j(at.run, work_j(haptic)),
+        {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}}},
+      {true,
+       {oscillation_name(at.run),
+        kNewtonRms,
+        device.oscillation_n,
+        kOscillationRatio * spec.force_limit_n,
+        {Culprit::unstable,
+         "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or damping_n_s_m, a "
+         "smaller --ratio or h_s, or the scheme reduced"}}},
+      {realtime,
+       {"missed by the run", kOfSteps, static_cast<double>(haptic.missed_by_run) / at.periods(), kMissedRatio,
+        by_own_steps(at)}},
+      {realtime,
+       {kMissedByTheOs, kOfSteps, static_cast<double>(haptic.missed_by_os) / at.periods(), kMissedRatio,
+        by_late_wake_ups(at)}},
+      {realtime, {"lateness p99", kMilliseconds, haptic.lateness_s.p99, kLatenessP99_s, by_late_starts(at)}},
+      {true, {"lost frames", kCount, static_cast<double>(haptic.lost_frames), 0.0, by_loss(at)}},
+      {realtime,
+       {"late reports",
+        kOfReports,
+        haptic.late_reports_ratio,
+        kLateReportsRatio,
+        {at.run.between_hosts ? Culprit::network : Culprit::os,
+         "reports reached the world after it needed them, so it guessed what the operator did: the force may be off"}}},
+      {true,
+       {"at the device's limit",
+        kOfSteps,
+        haptic.at_limit_ratio,
+        kAtLimitRatio,
+        {Culprit::scene,
+         "the operator feels the limit, not the scene; move the device less far into bodies, lower the coupling's "
+         "stiffness, or raise the device's force_limit_n"}}}};
 }
 
 /// "0.31 ms"

@@ -12,6 +12,7 @@ std::size_t bytes_of_character(std::string_view text) {
   const auto byte = [&](std::size_t i) { return i < text.size() ? static_cast<std::uint8_t>(text[i]) : 0U; };
   const std::uint32_t first = byte(0);
   if (first < 0x80) return 1;
+  if (first < 0xc0) return 0;
   const std::size_t bytes = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
   constexpr std::uint32_t kLeast[] = {0x80, 0x800, 0x10000};  // of a character that needs so many bytes
   std::uint32_t code = first & (0x7fU >> bytes);

@@ -89,6 +89,19 @@ TEST(Gates, FramesThatTheNetworkLostAreARemark) {
   EXPECT_EQ(culprit_of(run, kLost), Culprit::run) << "the sub-world was halted for eight cycles";
 }
 
+TEST(Gates, ReportsThatCameLateAreARemark) {
+  constexpr const char* kLate = "user 0: late reports";
+  RunResults run = late_run(1, true, 0.0);
+  run.haptic[0].missed_by_os = 0;
+  run.world.real_time_factor_min = 1.0;
+  run.haptic[0].late_reports_ratio = 0.04;
+  EXPECT_EQ(verdict(run), "ok");
+  run.haptic[0].late_reports_ratio = 0.15;
+  EXPECT_EQ(culprit_of(run, kLate), Culprit::os);
+  run.between_hosts = true;
+  EXPECT_EQ(verdict(run), "ok; user 0: late reports 15 % of reports, by the network");
+}
+
 TEST(Gates, ALoopThatWaitedForAnotherOneOfTheRunIsTheRunsFault) {
   EXPECT_EQ(culprit_of(late_run(2, true, 0.5), kMissed), Culprit::run);
   EXPECT_EQ(culprit_of(late_run(2, true, 0.001), kMissed), Culprit::os) << "it hardly waited";
