@@ -49,7 +49,7 @@ class RealtimeLoop : HapticRun {
         world_sim_({ProgramKind::world_sim, 0}, first.received),
         world_begins_(first.received + from_seconds(first.frame.start_in_s)),
         head_start_(first.round_trip_s, longest_cycle_s_),
-        phase_(longest_cycle_s_, lead_cycles_),
+        phase_(longest_cycle_s_, lead_cycles_, scene.settings.remote),
         loop_(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp) - head_start_s()), h_s_,
               from_seconds(options.spin_s), stages_),
         ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = kLastFrame} {}
@@ -148,7 +148,7 @@ class RealtimeLoop : HapticRun {
       measures.framed(came->newest_stamp < came->stamp);
       const double until_s = to_seconds(now - loop_.released()) + came->start_in_s;
       phase_.observe(came->stamp_s, ahead_s(came->stamp), head_start_s(), until_s, came->real_time_factor,
-                     sub.facts().time_s + arrears_.owed_s());
+                     sub.facts().time_s + arrears_.owed_s(), to_seconds(now - world_begins_));
       last_ = last_ || came->last;
       measures.answered(came->echoed_sent_ns, now);
     }

@@ -14,6 +14,7 @@
 #include <cmath>
 #include <functional>
 #include <optional>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,9 @@ using Load = std::function<double(double wall_s)>;  // cost of the cycle that be
 
 struct Frame {
   double sent_s, stamp_s, start_in_s, real_time_factor;
+  double delay_s = 0.0;  ///< of the network
+
+  [[nodiscard]] double arrives_s() const { return sent_s + delay_s; }
 };
 
 /// Frames of a world whose cycles have these costs, as run_realtime publishes them.
@@ -49,21 +53,22 @@ struct Follower {
   double h = 0.001;
   int ratio = 4;
   int lead_cycles = 1;
+  bool between_hosts = false;
 
   /// The haptic loop's clock while it receives those frames.
   [[nodiscard]] std::vector<Followed> follow(const std::vector<Frame>& frames, double wall_s) const {
     const double cycle_s = ratio * h;
     const double ahead_s = lead_cycles > 0 ? lead_cycles * cycle_s + h : 0.0;
-    Phase phase(cycle_s, lead_cycles);
+    Phase phase(cycle_s, lead_cycles, between_hosts);
     Arrears arrears;
     std::vector<Followed> seen;
     double haptic_s = ahead_s, in_cycle_s = 0.0;
     std::size_t next = 0;
     for (double now = 0.0; now < wall_s; now += h) {
-      for (; next < frames.size() && frames[next].sent_s <= now; ++next) {
+      for (; next < frames.size() && frames[next].arrives_s() <= now; ++next) {
         const Frame& f = frames[next];
-        phase.observe(f.stamp_s, ahead_s, 0.0, f.sent_s + f.start_in_s - now, f.real_time_factor,
-                      haptic_s + arrears.owed_s());
+        phase.observe(f.stamp_s, ahead_s, 0.0, f.arrives_s() + f.start_in_s - now, f.real_time_factor,
+                      haptic_s + arrears.owed_s(), now);
       }
       const double dt = arrears.step(h * phase.step(haptic_s), cycle_s - in_cycle_s);
       double ahead = 0.0;
@@ -125,9 +130,24 @@ INSTANTIATE_TEST_SUITE_P(Loads, Dilation,
                                          DilationCase{"strong", kStrong, 12.0}, DilationCase{"stalls", kStalls, 8.0}),
                          [](const auto& one) { return std::string(one.param.name); });
 
+TEST(Phase, BetweenHostsTheClockDoesNotFollowEachFramesDelay) {
+  constexpr double kWall_s = 10.0, kSettled_s = 2.0, kJitter_s = 0.02, kLoss = 0.1;
+  const Follower follower{.between_hosts = true};
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  std::vector<Frame> frames = world_frames(follower.h * follower.ratio, kWall_s, [](double) { return 0.5; });
+  std::erase_if(frames, [&](const Frame&) { return uniform(random) < kLoss; });
+  for (Frame& frame : frames) frame.delay_s = kJitter_s * uniform(random);
+  std::ranges::stable_sort(frames, {}, &Frame::arrives_s);
+  for (const Followed& at : follower.follow(frames, kWall_s)) {
+    if (at.wall_s < kSettled_s) continue;
+    ASSERT_NEAR(at.rate, 1.0, 0.01) << "at " << at.wall_s;
+  }
+}
+
 TEST(Phase, StopsSoftlyWhereFramesStayAway) {
   Phase phase(0.004, 1);
-  phase.observe(0.004, 0.005, 0.0, 0.002, 1.0, 0.007);
+  phase.observe(0.004, 0.005, 0.0, 0.002, 1.0, 0.007, 0.0);
   double haptic_s = 0.007;
   for (int i = 0; i < 5000; ++i) {
     const double before = phase.rate();
@@ -140,11 +160,11 @@ TEST(Phase, StopsSoftlyWhereFramesStayAway) {
 
 TEST(Phase, AStandingWorldStopsItAtOnceAndGoesOnAtOnce) {
   Phase phase(0.004, 0);
-  phase.observe(0.004, 0.0, 0.0, 0.002, 1.0, 0.002);
+  phase.observe(0.004, 0.0, 0.0, 0.002, 1.0, 0.002, 0.0);
   EXPECT_EQ(phase.step(0.002), 1.0);
-  phase.observe(0.004, 0.0, 0.0, 0.004, 0.0, 0.003);
+  phase.observe(0.004, 0.0, 0.0, 0.004, 0.0, 0.003, 0.001);
   EXPECT_EQ(phase.step(0.003), 0.0);
-  phase.observe(0.008, 0.0, 0.0, 0.004, 1.0, 0.004);
+  phase.observe(0.008, 0.0, 0.0, 0.004, 1.0, 0.004, 0.002);
   EXPECT_NEAR(phase.step(0.004), 1.0, 0.05);
 }
 
