@@ -197,15 +197,14 @@ std::string oscillation_name(const RunResults& run) {
 }
 
 /// A count of samples of programs that do not belong to the run.
-Gate foreign_writer_gate(const char* topic, const char* program, std::uint64_t refused) {
-  return {
-      fmt::format("{} from a foreign writer", topic),
-      kCount,
-      static_cast<double>(refused),
-      0.0,
-      {Culprit::foreign_writer,
-       fmt::format("another program published them as {}, and they were refused; end it, or give it another --domain",
-                   program)}};
+Gate foreign_writer_gate(const char* topic, const char* program, std::uint64_t refused, const std::string& by) {
+  return {fmt::format("{} from a foreign writer", topic),
+          kCount,
+          static_cast<double>(refused),
+          0.0,
+          {Culprit::foreign_writer,
+           fmt::format("{} published them as {}, and they were refused; end it, or give it another --domain",
+                       by.empty() ? "another program" : fmt::format("another program ({})", by), program)}};
 }
 
 /// Gates of a user, some of which hold only for some devices or modes.
@@ -219,9 +218,9 @@ std::vector<Row> rows_of(const View& at) {
   const DeviceSpec& spec = at.spec();
   const bool realtime = at.run.realtime(), admittance = spec.kind == DeviceKind::admittance;
   return {
-      {true, foreign_writer_gate("world_frame", "world_sim", haptic.refused.world_frame)},
-      {true, foreign_writer_gate("device_state", "device_sim", haptic.refused.device_state)},
-      {true, foreign_writer_gate("device_command", "haptic_sim", device.refused.device_command)},
+      {true, foreign_writer_gate("world_frame", "world_sim", haptic.refused.world_frame, haptic.refused.by)},
+      {true, foreign_writer_gate("device_state", "device_sim", haptic.refused.device_state, haptic.refused.by)},
+      {true, foreign_writer_gate("device_command", "haptic_sim", device.refused.device_command, device.refused.by)},
       {admittance,
        {"distance between proxy and device",
         kMetre,
@@ -321,8 +320,8 @@ void to_json(Json& json, const Gate& gate) {
 std::vector<Gate> gates(const RunResults& run) {
   const WorldResult& world = run.world;
   std::vector<Gate> all{
-      foreign_writer_gate("scene", "world_sim", world.refused.scene),
-      foreign_writer_gate("haptic_report", "haptic_sim", world.refused.haptic_report),
+      foreign_writer_gate("scene", "world_sim", world.refused.scene, world.refused.by),
+      foreign_writer_gate("haptic_report", "haptic_sim", world.refused.haptic_report, world.refused.by),
       {"energy that the bodies gained",
        kJoule,
        run.energy_excess_j,

@@ -29,7 +29,7 @@ int main(int argc, char** argv) {
         DeviceResult part = measures.result(guard);
         part.dds = ports.bus->effective_settings();
         part.events = ports.status.events_of_run();
-        part.refused = {.device_command = ports.commands.refused()};
+        part.refused = {.device_command = ports.commands.refused(), .by = ports.commands.foreign_programs()};
         if (ending.fault.empty()) ending.fault = measures.fault();
         conclude(options.out.empty() ? "" : fmt::format("{}/device_{}.json", options.out, options.user), part, ending);
         if (ending.by == kLastCommand) leave.at_once();

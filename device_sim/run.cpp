@@ -71,7 +71,7 @@ std::optional<std::uint64_t> join(const DeviceRun& run) {
   const Options& options = run.options;
   DevicePorts& ports = run.ports;
   ports.status.enter("waiting");
-  SessionFinder finder(ports.scene, run.scene);
+  SessionFinder finder(ports.scene, run.scene, ports.status);
   const auto found = [&] { return finder.look(options.network.domain); };
   // A world may take long to load; its status arrives every second.
   const auto world_is_there = [&] { return ports.status.hears(ProgramKind::world_sim, 0); };

@@ -30,7 +30,9 @@ int main(int argc, char** argv) {
         HapticResult part = measures.result(sub, bytes / cycles);
         part.dds = ports.bus->effective_settings();
         part.events = ports.status.events_of_run();
-        part.refused = {.device_state = ports.device.refused(), .world_frame = ports.frames.refused()};
+        part.refused = {.device_state = ports.device.refused(),
+                        .world_frame = ports.frames.refused(),
+                        .by = ports.foreign_programs()};
         if (ending.fault.empty()) ending.fault = measures.fault();
         conclude(options.out.empty() ? "" : fmt::format("{}/haptic_{}.json", options.out, options.user), part, ending);
         if (ending.by == kLastFrame) leave.at_once();

@@ -3,8 +3,10 @@
 #include "coupling/scheme.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <chrono>
+#include <set>
 #include <thread>
 
 namespace subworld {
@@ -34,6 +36,12 @@ bool HapticPorts::send(HapticReport& report) noexcept {
   report.session = session;
   report.sender = identity;
   return reports.write(report);
+}
+
+std::string HapticPorts::foreign_programs() const {
+  std::set<std::string> programs{device.foreign_programs(), frames.foreign_programs()};
+  programs.erase("");
+  return fmt::format("{}", fmt::join(programs, "; "));
 }
 
 void send_last_command(HapticPorts& ports, const DeviceState& state, int times) {

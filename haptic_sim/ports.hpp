@@ -18,6 +18,8 @@ struct HapticPorts {
   /// Sends what the sub-world has to say; as one of the run `session`.
   bool send(HapticReport& report) noexcept;
 
+  /// The programs whose samples were refused, as far as they are known.
+  [[nodiscard]] std::string foreign_programs() const;
   /// The world serves the first process that joins for a user; one that comes later, or again, is refused.
   [[nodiscard]] bool refused_by(const WorldFrame& frame) const noexcept {
     return frame.served != 0 && frame.served != identity;

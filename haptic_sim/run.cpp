@@ -29,7 +29,7 @@ void HapticRun::follow_orders() const {
 std::optional<FirstFrame> join(const HapticRun& run) {
   const auto& [options, scene, ports, sub, measures, exchange] = run;
   ports.status.enter("waiting");
-  SessionFinder finder(ports.scene, scene);
+  SessionFinder finder(ports.scene, scene, ports.status);
   const auto found = [&] { return finder.look(options.network.domain); };
   // A big world takes its time, and says every second that it is there.
   const auto world_is_there = [&] { return ports.status.hears(ProgramKind::world_sim, 0); };

@@ -1,6 +1,9 @@
 #include "world_sim/ports.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
 
 namespace subworld {
 
@@ -46,19 +49,33 @@ bool WorldPorts::accept(std::size_t user, const HapticReport& report) noexcept {
 WorldRefused WorldPorts::refused() const {
   std::uint64_t sent = 0;
   for (const auto& reader : reports) sent += reader.refused();
-  return {.haptic_report = sent, .scene = second_worlds_};
+  std::set<std::string> by = scene_writers_;
+  for (const auto& reader : reports) by.insert(reader.foreign_programs());
+  by.erase("");
+  return {.haptic_report = sent, .scene = second_worlds_, .by = fmt::format("{}", fmt::join(by, "; "))};
 }
 
 std::string WorldPorts::second_world() {
+  constexpr std::size_t kMostUnknown = 256, kMostNamed = 4;
   while (worlds.take(heard_scene_) == Take::sample) {
     if (heard_scene_.session == session) continue;
     ++second_worlds_;
-    return fmt::format(
-        "two world_sim are on domain {}, this one and one of scene \"{}\": end one of them, or give it another "
-        "--domain",
-        domain, heard_scene_.name);
+    const std::uint64_t participant = worlds.sender_participant();
+    const auto known = std::ranges::find(unknown_scenes_, participant, &UnknownScene::participant);
+    if (known != unknown_scenes_.end() || unknown_scenes_.size() >= kMostUnknown) continue;
+    unknown_scenes_.push_back({participant, heard_scene_.name});
+    if (scene_writers_.size() < kMostNamed) scene_writers_.insert(worlds.sender_program());
   }
-  return {};
+  const auto world = std::ranges::find_if(unknown_scenes_, [&](const UnknownScene& one) {
+    return status.is_program(ProgramKind::world_sim, one.participant);
+  });
+  if (world == unknown_scenes_.end()) return {};
+  const std::string name = world->name;
+  unknown_scenes_.erase(world);
+  return fmt::format(
+      "two world_sim are on domain {}, this one and one of scene \"{}\": end one of them, or give it another "
+      "--domain",
+      domain, name);
 }
 
 }  // namespace subworld

@@ -8,6 +8,8 @@
 #include "wire/status.hpp"
 
 #include <memory>
+#include <set>
+#include <string>
 #include <vector>
 
 namespace subworld {
@@ -21,7 +23,8 @@ struct WorldPorts {
   /// Whether a report is of this run and of the process that is served; the first one of a user is, from then on.
   bool accept(std::size_t user, const HapticReport& report) noexcept;
 
-  /// What to do about another world that has shown up on this domain since the last call; empty: none has.
+  /// What to do about another world_sim that has shown up on this domain since the last call; empty: none has. A
+  /// foreign writer of the topic, which sends no status as world_sim, is only counted.
   [[nodiscard]] std::string second_world();
   /// Samples of others than the programs that take part, by topic.
   [[nodiscard]] WorldRefused refused() const;
@@ -39,6 +42,13 @@ struct WorldPorts {
   StatusBeacon status;
 
  private:
+  /// A description of another world, from a participant that has sent no status so far.
+  struct UnknownScene {
+    std::uint64_t participant = 0;
+    std::string name;
+  };
+  std::vector<UnknownScene> unknown_scenes_;
+  std::set<std::string> scene_writers_;  ///< programs that have described another world
   SceneDescription heard_scene_;
   std::uint64_t second_worlds_ = 0;  ///< descriptions of other worlds that have come
 };

@@ -36,8 +36,9 @@ SUBWORLD_JSON(BodyHistoryResult, file, bodies, interval_s, rows, rows_dropped)
 
 struct WorldRefused {
   std::uint64_t haptic_report = 0, scene = 0;
+  std::string by;  ///< the programs that wrote them, as far as they are known
 };
-SUBWORLD_JSON(WorldRefused, haptic_report, scene)
+SUBWORLD_JSON(WorldRefused, haptic_report, scene, by)
 
 struct WorldResult {
   std::size_t bodies = 0;
@@ -86,8 +87,9 @@ SUBWORLD_JSON(WorldPart, state_hash, simulated_s, energy_excess_j, world, ending
 
 struct HapticRefused {
   std::uint64_t device_state = 0, world_frame = 0;
+  std::string by;
 };
-SUBWORLD_JSON(HapticRefused, device_state, world_frame)
+SUBWORLD_JSON(HapticRefused, device_state, world_frame, by)
 
 /// The file of a haptic_sim.
 struct HapticResult {
@@ -130,8 +132,9 @@ SUBWORLD_JSON(HapticResult, user, steps, skipped_steps, missed_deadlines, missed
 
 struct DeviceRefused {
   std::uint64_t device_command = 0;
+  std::string by;
 };
-SUBWORLD_JSON(DeviceRefused, device_command)
+SUBWORLD_JSON(DeviceRefused, device_command, by)
 
 /// The file of a device_sim.
 struct DeviceResult {

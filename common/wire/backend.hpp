@@ -1,10 +1,12 @@
 #pragma once
 
+#include "wire/held_samples.hpp"
 #include "wire/topics.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <cstdlib>
@@ -47,6 +49,7 @@ struct EndpointSpec {
   std::string partition;  ///< empty: the default one
 };
 
+inline constexpr const char* kUnknownKey = "for a user or a program that does not exist";
 inline constexpr std::uint32_t kPartitionPolicy = 10;
 /// Policy ids of the DDS specification, used by both vendors.
 constexpr const char* policy_name(std::uint32_t id) noexcept {
@@ -105,7 +108,16 @@ class BackendReader : public Endpoint {
   /// Takes the oldest sample (of any key) that was not yet taken; false if there is none. `writer` identifies its
   /// writer among all that this reader has matched.
   virtual bool take(std::vector<std::uint8_t>& cdr, std::uint64_t& writer) noexcept = 0;
-  [[nodiscard]] int alive_writers() const noexcept { return alive_; }
+  [[nodiscard]] virtual int alive_writers() const noexcept { return alive_; }
+  /// See `HeldSamples`.
+  virtual void trust(std::uint64_t) noexcept {}
+  [[nodiscard]] virtual std::uint64_t refused() const noexcept { return 0; }
+  /// The participant of a matched writer, the same for all of its topics; 0: not known.
+  [[nodiscard]] virtual std::uint64_t participant_of(std::uint64_t) const noexcept { return 0; }
+  /// The program of a writer that matches or has matched, with its process and host; empty: not known.
+  [[nodiscard]] virtual std::string program_of(std::uint64_t) const { return {}; }
+  /// The writers whose samples were refused: the first few.
+  [[nodiscard]] virtual std::vector<std::uint64_t> foreign_writers() const { return {}; }
 
  protected:
   BackendReader(const char* topic, EventSink& events) : Endpoint("reader", topic, events) {}
@@ -120,6 +132,57 @@ class BackendReader : public Endpoint {
  private:
   std::atomic<int> alive_ = 0;
 };
+
+/// A reader whose samples the vendor's threads hold ready.
+class HoldingReader : public BackendReader {
+ public:
+  bool take(std::vector<std::uint8_t>& cdr, std::uint64_t& writer) noexcept override { return held_.take(cdr, writer); }
+  void trust(std::uint64_t writer) noexcept override { held_.trust(writer); }
+  [[nodiscard]] std::uint64_t refused() const noexcept override { return held_.refused(); }
+  [[nodiscard]] std::vector<std::uint64_t> foreign_writers() const override { return held_.foreign_writers(); }
+
+ protected:
+  HoldingReader(const EndpointSpec& spec, EventSink& events)
+      : BackendReader(spec.topic.name, events), topic_(spec.topic), held_(spec.topic, spec.qos) {}
+
+  /// Takes all that has arrived: `take_one(bytes, writer)` is false if there is no more. Any thread may call it at any
+  /// time: one drains, and does it again if others called meanwhile.
+  template <class TakeOne>
+  void drain(TakeOne take_one) noexcept {
+    if (calls_.fetch_add(1) > 0) return;
+    for (int calls = 1;;) {
+      try {
+        while (take_one(scratch_, writer_)) {
+          if (!is_known_key(topic_, scratch_)) {
+            report(Event::rejected, 1, kUnknownKey);
+          } else if (!held_.put(writer_, scratch_, HeldSamples::Clock::now())) {
+            report(Event::refused, 1, "");
+          }
+        }
+      } catch (const std::exception&) {
+        report(Event::lost, 1, "");  // memory ran out
+      }
+      if (calls_.compare_exchange_strong(calls, 0)) break;
+    }
+    events_.wake();
+  }
+  void bury(std::uint64_t writer) noexcept { held_.bury(writer); }
+
+ private:
+  const TopicSpec topic_;
+  HeldSamples held_;
+  std::atomic<int> calls_ = 0;
+  std::vector<std::uint8_t> scratch_;
+  std::uint64_t writer_ = 0;
+};
+
+/// What a participant says of its program, in one text; the vendors send process and host by different names.
+inline std::string program_text(const std::string& name, const std::string& process, const std::string& host) {
+  return fmt::format("{}{}{}", name.empty() ? "a program" : name, process.empty() ? "" : ", process " + process,
+                     host.empty() ? "" : " on " + host);
+}
+inline constexpr std::array kProcessProperties{"fastdds.physical_data.process", "__Pid"};
+inline constexpr std::array kHostProperties{"fastdds.physical_data.host", "__Hostname"};
 
 /// Endpoints must be destroyed before their back end.
 class Backend {

@@ -13,6 +13,7 @@
 #include <condition_variable>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -166,8 +167,6 @@ struct AnyReader::Impl {
   std::vector<std::uint8_t> cdr = {};
   std::uint64_t bytes = 0;
   std::uint64_t writer = 0;  // writer of the last received sample
-  std::optional<std::uint64_t> trusted = {};
-  std::uint64_t refused = 0;
 };
 
 AnyReader::AnyReader(const Bus& bus, std::size_t topic, const std::string& partition,
@@ -181,13 +180,9 @@ AnyReader& AnyReader::operator=(AnyReader&&) noexcept = default;
 AnyReader::~AnyReader() = default;
 
 bool AnyReader::receive() noexcept {
-  while (impl_->backend->take(impl_->cdr, impl_->writer)) {
-    impl_->bytes += impl_->cdr.size();
-    if (impl_->writer == impl_->trusted.value_or(impl_->writer)) return true;
-    ++impl_->refused;
-    impl_->events.report(wire::Event::refused, 1, "reader", impl_->topic, "");
-  }
-  return false;
+  if (!impl_->backend->take(impl_->cdr, impl_->writer)) return false;
+  impl_->bytes += impl_->cdr.size();
+  return true;
 }
 
 bool AnyReader::decode_any(void* sample) noexcept {
@@ -198,10 +193,17 @@ bool AnyReader::decode_any(void* sample) noexcept {
   return decoded == Decoded::sample;
 }
 
-void AnyReader::trust_sender() noexcept {
-  if (!impl_->trusted) impl_->trusted = impl_->writer;
+void AnyReader::trust_sender() noexcept { impl_->backend->trust(impl_->writer); }
+std::uint64_t AnyReader::refused() const noexcept { return impl_->backend->refused(); }
+std::uint64_t AnyReader::sender_participant() const noexcept { return impl_->backend->participant_of(impl_->writer); }
+std::string AnyReader::foreign_programs() const {
+  std::set<std::string> programs;
+  for (const std::uint64_t writer : impl_->backend->foreign_writers())
+    programs.insert(impl_->backend->program_of(writer));
+  programs.erase("");
+  return fmt::format("{}", fmt::join(programs, "; "));
 }
-std::uint64_t AnyReader::refused() const noexcept { return impl_->refused; }
+std::string AnyReader::sender_program() const { return impl_->backend->program_of(impl_->writer); }
 int AnyReader::matched() const noexcept { return impl_->backend->matched(); }
 int AnyReader::alive_writers() const noexcept { return impl_->backend->alive_writers(); }
 std::uint64_t AnyReader::received_bytes() const noexcept { return impl_->bytes; }

@@ -87,15 +87,21 @@ class AnyReader {
   /// none.
   bool receive() noexcept;
   /// From now on accepts only the writer of the sample received last. The middleware identifies writers, so the
-  /// contents of a sample cannot forge one. Samples of foreign writers are dropped and counted as events. Only the
-  /// first call has an effect.
+  /// contents of a sample cannot forge one. Samples of foreign writers are dropped and counted as events. Further calls
+  /// have an effect once that writer is dead, or silent for 2 s while another one writes: then others are accepted.
   void trust_sender() noexcept;
+  /// Identifies the program that wrote the sample received last, the same in all topics; 0: not known.
+  [[nodiscard]] std::uint64_t sender_participant() const noexcept;
   /// Number of samples of foreign writers.
   [[nodiscard]] std::uint64_t refused() const noexcept;
+  /// The programs of foreign writers, the first few: "world_sim, process 123 on host"; empty: not known.
+  [[nodiscard]] std::string foreign_programs() const;
+  /// The program that wrote the sample received last; empty: not known.
+  [[nodiscard]] std::string sender_program() const;
   /// Number of matched writers, dead or alive.
   [[nodiscard]] int matched() const noexcept;
-  /// Writers with a sign of life within the lease (100 ms; 1 s in lock-step). A killed writer whose program starts
-  /// again at once may still count in Fast DDS 2.9.
+  /// Writers with a sign of life within the lease (100 ms; 1 s in lock-step). Fast DDS 2.9 counts a killed one as long
+  /// as any other program is alive, or until a program takes over its UDP port, as one that starts again does.
   [[nodiscard]] int alive_writers() const noexcept;
   [[nodiscard]] std::uint64_t received_bytes() const noexcept;  ///< payload
 

@@ -5,6 +5,7 @@ static_assert(DDS_VERSION_MAJOR == 0 && DDS_VERSION_MINOR == 10 && DDS_VERSION_P
               "ddsi_sertype and ddsi_serdata are internal: compare them with 0.10.2 before another version is used");
 
 #include "model/error.hpp"
+#include "model/hash.hpp"
 #include "wire/backend.hpp"
 
 #include <fmt/format.h>
@@ -30,7 +31,6 @@ static_assert(DDS_VERSION_MAJOR == 0 && DDS_VERSION_MINOR == 10 && DDS_VERSION_P
 namespace subworld::wire {
 namespace {
 
-constexpr std::size_t kHeaderBytes = 4;
 constexpr std::int32_t kKeptForLateReaders = 64;  // of each key
 constexpr std::size_t kPooledSamples = 256;
 constexpr std::size_t kPooledBytes = 1U << 16U;
@@ -45,7 +45,7 @@ dds_entity_t require(dds_entity_t entity, const std::string& what) {
 // ---- Samples: bytes with a key in front
 
 struct Sertype : ddsi_sertype {
-  std::uint32_t key_words = 0;
+  TopicSpec topic{};
 };
 
 struct Serdata : ddsi_serdata {
@@ -103,9 +103,11 @@ void set_hash(Serdata& sample) {
   sample.hash = ddsrt_mh3(sample.key.data(), sample.key.size(), 0) ^ sample.type->serdata_basehash;
 }
 
-/// Reads the key from the bytes. If they are too short, returns the sample to the pool and returns null.
+/// Reads the key from the bytes. If they are too short, returns the sample to the pool and returns null. All keys that
+/// no program has count as one, for which the library reserves room once.
 ddsi_serdata* finish(Serdata* sample) {
-  const std::uint32_t key_bytes = 4 * static_cast<const Sertype*>(sample->type)->key_words;
+  const auto* type = static_cast<const Sertype*>(sample->type);
+  const std::uint32_t key_bytes = 4 * type->topic.key_words;
   if (sample->bytes.size() < kHeaderBytes + key_bytes) {
     pool().put(sample);
     return nullptr;
@@ -114,6 +116,7 @@ ddsi_serdata* finish(Serdata* sample) {
   for (std::uint32_t i = 0; i < key_bytes; ++i) {
     sample->key[i] = sample->bytes[kHeaderBytes + (little ? (i ^ 3U) : i)];
   }
+  if (!is_known_key(type->topic, sample->bytes)) sample->key.fill(0xff);
   set_hash(*sample);
   return sample;
 }
@@ -157,7 +160,7 @@ ddsi_serdata* from_pieces(const ddsi_sertype* type, ddsi_serdata_kind kind, ddsr
 }
 
 ddsi_serdata* from_key_hash(const ddsi_sertype* type, const ddsi_keyhash* hash) {
-  const std::uint32_t key_bytes = 4 * static_cast<const Sertype*>(type)->key_words;
+  const std::uint32_t key_bytes = 4 * static_cast<const Sertype*>(type)->topic.key_words;
   return make_sample(type, SDK_KEY, kHeaderBytes + key_bytes, [&](std::uint8_t* bytes) {
     std::memset(bytes, 0, kHeaderBytes);  // CDR, big-endian as the hash
     std::memcpy(bytes + kHeaderBytes, hash->value, key_bytes);
@@ -218,7 +221,7 @@ void key_hash(const ddsi_serdata* data, ddsi_keyhash* hash, bool force_md5) {
   const auto* type = static_cast<const Sertype*>(data->type);
   ddsrt_md5_state_t state;
   ddsrt_md5_init(&state);
-  ddsrt_md5_append(&state, key.data(), type == nullptr ? 0 : 4 * type->key_words);
+  ddsrt_md5_append(&state, key.data(), type == nullptr ? 0 : 4 * type->topic.key_words);
   ddsrt_md5_finish(&state, hash->value);
 }
 
@@ -255,9 +258,9 @@ const ddsi_sertype_ops kSertypeOps = [] {
   ops.realloc_samples = [](void** out, const ddsi_sertype*, void*, size_t, size_t) { *out = nullptr; };
   ops.free_samples = [](const ddsi_sertype*, void**, size_t, dds_free_op_t) {};
   ops.equal = [](const ddsi_sertype* a, const ddsi_sertype* b) {
-    return static_cast<const Sertype*>(a)->key_words == static_cast<const Sertype*>(b)->key_words;
+    return static_cast<const Sertype*>(a)->topic.key_words == static_cast<const Sertype*>(b)->topic.key_words;
   };
-  ops.hash = [](const ddsi_sertype* type) { return static_cast<const Sertype*>(type)->key_words; };
+  ops.hash = [](const ddsi_sertype* type) { return static_cast<const Sertype*>(type)->topic.key_words; };
   return ops;
 }();
 
@@ -315,56 +318,133 @@ class CycloneWriter final : public BackendWriter {
   dds_entity_t writer_ = 0;
 };
 
-class CycloneReader final : public BackendReader {
+/// What discovery says of writers and their participants, also after they have gone.
+class CyclonePeers {
  public:
-  CycloneReader(dds_entity_t subscriber, dds_entity_t topic, const EndpointSpec& spec, EventSink& events)
-      : BackendReader(spec.topic.name, events), subscriber_(subscriber) {
+  void open(dds_entity_t participant) {
+    publications_ = require(dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION, nullptr, nullptr),
+                            "reader of publications");
+    participants_ = require(dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, nullptr, nullptr),
+                            "reader of participants");
+  }
+
+  /// 0: not known.
+  [[nodiscard]] std::uint64_t participant_of(dds_instance_handle_t writer) const noexcept {
+    std::uint64_t number = 0;
+    look<dds_builtintopic_endpoint_t>(publications_, writer, [&](const auto& found) {
+      number = kHashSeed;
+      for (const std::uint8_t byte : found.participant_key.v) number = hashed(number, byte);
+    });
+    return number;
+  }
+
+  [[nodiscard]] std::string program_of(dds_instance_handle_t writer) const {
+    std::string text;
+    look<dds_builtintopic_endpoint_t>(publications_, writer, [&](const auto& of) {
+      look<dds_builtintopic_participant_t>(participants_, of.participant_instance_handle,
+                                           [&](const auto& found) { text = describe(found.qos); });
+    });
+    return text;
+  }
+
+ private:
+  template <class T, class Use>
+  static void look(dds_entity_t reader, dds_instance_handle_t instance, Use use) {
+    void* sample = nullptr;
+    dds_sample_info_t info;
+    if (instance == 0 || dds_read_instance(reader, &sample, &info, 1, 1, instance) != 1) return;
+    use(*static_cast<const T*>(sample));
+    dds_return_loan(reader, &sample, 1);
+  }
+
+  static std::string describe(const dds_qos_t* qos) {
+    char* name = nullptr;
+    std::string text;
+    if (dds_qget_entity_name(qos, &name) && name != nullptr) text = name;
+    dds_free(name);
+    return program_text(text, property(qos, kProcessProperties), property(qos, kHostProperties));
+  }
+
+  template <class Names>
+  static std::string property(const dds_qos_t* qos, const Names& names) {
+    std::string text;
+    for (const char* name : names) {
+      char* value = nullptr;
+      if (dds_qget_prop(qos, name, &value) && value != nullptr) text = value;
+      dds_free(value);
+    }
+    return text.substr(0, text.find(':'));
+  }
+
+  dds_entity_t publications_ = 0;
+  dds_entity_t participants_ = 0;
+};
+
+class CycloneReader final : public HoldingReader {
+ public:
+  CycloneReader(dds_entity_t subscriber, dds_entity_t topic, const EndpointSpec& spec, const CyclonePeers& peers,
+                EventSink& events)
+      : HoldingReader(spec, events), subscriber_(subscriber), peers_(peers) {
     reader_ = require(dds_create_reader(subscriber, topic, make_qos(spec.qos).get(), listener().get()),
                       fmt::format("reader of {}", spec.topic.name));
   }
   ~CycloneReader() override { dds_delete(subscriber_); }
 
-  bool take(std::vector<std::uint8_t>& cdr, std::uint64_t& writer) noexcept override {
-    void* room = &cdr;
-    dds_sample_info_t info;
-    while (dds_take(reader_, &room, &info, 1, 1) == 1) {
-      writer = info.publication_handle;
-      if (info.valid_data) return true;
-    }
-    return false;
+  [[nodiscard]] std::uint64_t participant_of(std::uint64_t writer) const noexcept override {
+    return peers_.participant_of(writer);
   }
+  [[nodiscard]] std::string program_of(std::uint64_t writer) const override { return peers_.program_of(writer); }
 
  private:
   static CycloneReader& of(void* self) { return *static_cast<CycloneReader*>(self); }
+  void hold(dds_entity_t reader) noexcept {
+    drain([&](std::vector<std::uint8_t>& cdr, std::uint64_t& writer) {
+      void* room = &cdr;
+      dds_sample_info_t info;
+      while (dds_take(reader, &room, &info, 1, 1) == 1) {
+        writer = info.publication_handle;
+        if (info.valid_data) return true;
+      }
+      return false;
+    });
+  }
   ListenerPointer listener() {
     ListenerPointer made(dds_create_listener(this));
     dds_listener_t* const to = made.get();
-    dds_lset_data_available(to, [](dds_entity_t, void* self) { of(self).events_.wake(); });
-    dds_lset_subscription_matched(to, [](dds_entity_t, auto status, void* self) { of(self).match(status); });
+    dds_lset_data_available(to, [](dds_entity_t reader, void* self) { of(self).hold(reader); });
+    dds_lset_subscription_matched(to, [](dds_entity_t, auto status, void* self) {
+      of(self).match(status);
+      if (status.current_count_change < 0) of(self).bury(status.last_publication_handle);
+    });
     dds_lset_requested_deadline_missed(to,
                                        [](dds_entity_t, auto status, void* self) { of(self).miss_deadline(status); });
     dds_lset_requested_incompatible_qos(to, [](dds_entity_t, auto status, void* self) { of(self).differ(status); });
-    dds_lset_liveliness_changed(to, [](dds_entity_t, auto status, void* self) { of(self).change_liveliness(status); });
+    dds_lset_liveliness_changed(to, [](dds_entity_t, auto status, void* self) {
+      of(self).change_liveliness(status);
+      if (status.alive_count_change < 0) of(self).bury(status.last_publication_handle);
+    });
     dds_lset_sample_lost(to, [](dds_entity_t, auto status, void* self) { of(self).lose(status); });
     dds_lset_sample_rejected(to, [](dds_entity_t, auto status, void* self) { of(self).reject(status); });
     return made;
   }
 
   dds_entity_t subscriber_;
+  const CyclonePeers& peers_;
   dds_entity_t reader_ = 0;
 };
 
 // ---- Participant
 
 /// Defaults, which the settings file may override: unicast, whole-datagram messages, quick repair of losses, no
-/// throttling.
+/// throttling. Without adaptation the initial mark is the one that counts: 30 kB by default, beyond which a reader that
+/// was killed blocks its writers until its lease has expired.
 constexpr const char* kDefaults = R"(<CycloneDDS><Domain Id="any">
 <General><AllowMulticast>false</AllowMulticast><MaxMessageSize>{0}B</MaxMessageSize><FragmentSize>65000B</FragmentSize></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{1}</MaxAutoParticipantIndex>
 <LeaseDuration>10s</LeaseDuration><SPDPInterval>1s</SPDPInterval></Discovery>
 <Internal><HeartbeatInterval min="1ms" minsched="5ms" max="100ms">20ms</HeartbeatInterval>
 <GenerateKeyhash>true</GenerateKeyhash><NackDelay>1ms</NackDelay><WriterLingerDuration>100ms</WriterLingerDuration>
-<Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHigh>256MB</WhcHigh></Watermarks></Internal>
+<Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHighInit>256MB</WhcHighInit><WhcHigh>256MB</WhcHigh></Watermarks></Internal>
 </Domain></CycloneDDS>)";
 
 std::string read_file(const std::string& name) {
@@ -413,6 +493,7 @@ class CycloneBackend final : public Backend {
       QosPointer qos(dds_create_qos());
       dds_qset_entity_name(qos.get(), opening.participant_name.c_str());
       participant_ = require(dds_create_participant(id_, qos.get(), nullptr), "participant");
+      peers_.open(participant_);
     } catch (...) {
       close();
       throw;
@@ -430,7 +511,7 @@ class CycloneBackend final : public Backend {
   std::unique_ptr<BackendReader> create_reader(const EndpointSpec& spec) override {
     const dds_entity_t subscriber =
         require(dds_create_subscriber(participant_, partition(spec).get(), nullptr), "subscriber");
-    return std::make_unique<CycloneReader>(subscriber, topic(spec.topic), spec, events_);
+    return std::make_unique<CycloneReader>(subscriber, topic(spec.topic), spec, peers_, events_);
   }
 
  private:
@@ -446,7 +527,7 @@ class CycloneBackend final : public Backend {
     if (topic == 0) {
       auto* type = new Sertype;
       std::memset(static_cast<ddsi_sertype*>(type), 0, sizeof(ddsi_sertype));
-      type->key_words = spec.key_words;
+      type->topic = spec;
       ddsi_sertype_init(type, spec.type, &kSertypeOps, &kSerdataOps, spec.key_words == 0);
       ddsi_sertype* handed_over = type;
       const dds_entity_t created =
@@ -526,6 +607,7 @@ class CycloneBackend final : public Backend {
   dds_domainid_t id_ = 0;
   dds_entity_t domain_ = 0;
   dds_entity_t participant_ = 0;
+  CyclonePeers peers_;
   std::map<std::string, dds_entity_t> topics_;
 };
 

@@ -7,6 +7,7 @@
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <netinet/in.h>
+#include <sched.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -17,6 +18,7 @@
 #include <fastrtps/xmlparser/XMLProfileManager.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
@@ -24,12 +26,23 @@
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/ContentFilteredTopic.hpp>
+#include <fastdds/dds/topic/IContentFilter.hpp>
+#include <fastdds/dds/topic/IContentFilterFactory.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
 
+#include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
+#include <deque>
+#include <filesystem>
 #include <map>
+#include <mutex>
+#include <set>
+#include <utility>
 
 namespace subworld::wire {
 namespace {
@@ -41,9 +54,8 @@ using eprosima::fastrtps::Duration_t;
 using eprosima::fastrtps::types::ReturnCode_t;
 
 constexpr const char* kProfile = "subworld";
-constexpr std::uint32_t kHeaderBytes = 4;
 constexpr std::uint32_t kFirstBytes = 512;  // of a history entry; grows with its samples
-constexpr int kMostKeys = 256;
+constexpr int kMostKeys = 256;              // as many as `is_known_key` accepts
 // Fast DDS 2.9 may abort where a lease is checked while its participant leaves: run ends must not coincide with checks.
 // The programs notice a death by the missing status.
 constexpr double kLease_s = 100.0;
@@ -194,12 +206,71 @@ std::uint64_t number_of(const dds::InstanceHandle_t& handle) noexcept {
   for (int i = 0; i < 16; ++i) number = hashed(number, handle.value[i]);
   return number;
 }
+std::uint64_t number_of(const rtps::GuidPrefix_t& participant) noexcept {
+  std::uint64_t number = kHashSeed;
+  for (const auto byte : participant.value) number = hashed(number, byte);
+  return number;
+}
 
-class FastReader final : public BackendReader, dds::DataReaderListener {
+/// The programs of other participants, as discovery describes them.
+class FastPeers final : public dds::DomainParticipantListener {
  public:
-  FastReader(dds::DomainParticipant* participant, dds::Subscriber* subscriber, dds::Topic* topic,
-             const EndpointSpec& spec, const dds::DataReaderQos& qos, EventSink& events)
-      : BackendReader(spec.topic.name, events), participant_(participant), subscriber_(subscriber) {
+  /// Whether another program has taken over the UDP port of this participant. Then its program is dead, also where the
+  /// lease has not expired. Fast DDS 2.9 renews the leases of all writers whenever any participant renews its own.
+  [[nodiscard]] bool replaced(std::uint64_t participant) const noexcept {
+    const std::lock_guard lock(mutex_);
+    return replaced_.contains(participant);
+  }
+  /// Its program, also after it has gone.
+  [[nodiscard]] std::string program(std::uint64_t participant) const {
+    const std::lock_guard lock(mutex_);
+    const auto found = programs_.find(participant);
+    return found == programs_.end() ? "" : found->second;
+  }
+  /// Changes with each participant that is replaced.
+  [[nodiscard]] std::uint64_t replacements() const noexcept { return replacements_; }
+
+ private:
+  void on_participant_discovery(dds::DomainParticipant*, rtps::ParticipantDiscoveryInfo&& found) override {
+    const std::uint64_t participant = number_of(found.info.m_guid.guidPrefix);
+    const std::lock_guard lock(mutex_);
+    if (found.status == rtps::ParticipantDiscoveryInfo::REMOVED_PARTICIPANT ||
+        found.status == rtps::ParticipantDiscoveryInfo::DROPPED_PARTICIPANT) {
+      replaced_.erase(participant);
+      std::erase_if(owners_, [&](const auto& one) { return one.second == participant; });
+      return;
+    }
+    if (programs_.size() < kMostPrograms) programs_.try_emplace(participant, describe(found.info));
+    for (const rtps::Locator_t& port : found.info.metatraffic_locators.unicast) {
+      const auto [owner, is_new] = owners_.try_emplace(port, participant);
+      if (is_new || owner->second == participant) continue;
+      replaced_.insert(std::exchange(owner->second, participant));
+      ++replacements_;
+    }
+  }
+
+  static std::string describe(const rtps::ParticipantProxyData& data) {
+    std::string process, host;
+    for (const auto& property : data.m_properties) {
+      if (std::ranges::count(kProcessProperties, property.first()) > 0) process = property.second();
+      if (std::ranges::count(kHostProperties, property.first()) > 0) host = property.second();
+    }
+    return program_text(data.m_participantName.to_string(), process, host.substr(0, host.find(':')));
+  }
+
+  static constexpr std::size_t kMostPrograms = 1024;
+  mutable std::mutex mutex_;
+  std::map<std::uint64_t, std::string> programs_;
+  std::map<rtps::Locator_t, std::uint64_t> owners_;
+  std::set<std::uint64_t> replaced_;
+  std::atomic<std::uint64_t> replacements_ = 0;
+};
+
+class FastReader final : public HoldingReader, dds::DataReaderListener {
+ public:
+  FastReader(dds::DomainParticipant* participant, dds::Subscriber* subscriber, dds::TopicDescription* topic,
+             const EndpointSpec& spec, const dds::DataReaderQos& qos, const FastPeers& peers, EventSink& events)
+      : HoldingReader(spec, events), participant_(participant), subscriber_(subscriber), peers_(peers) {
     reader_ = require(subscriber->create_datareader(topic, qos, this, dds::StatusMask::all()),
                       fmt::format("reader of {}", spec.topic.name));
   }
@@ -210,29 +281,54 @@ class FastReader final : public BackendReader, dds::DataReaderListener {
     participant_->delete_subscriber(subscriber_);
   }
 
-  bool take(std::vector<std::uint8_t>& cdr, std::uint64_t& writer) noexcept override {
-    std::swap(sample_.received, cdr);
-    bool taken = false;
-    try {
-      dds::SampleInfo info;
-      while (!taken && reader_->take_next_sample(&sample_, &info) == ReturnCode_t::RETCODE_OK) taken = info.valid_data;
-      if (taken) writer = number_of(info.publication_handle);
-    } catch (const std::exception&) {
-      taken = false;
-    }
-    std::swap(sample_.received, cdr);
-    return taken;
+  [[nodiscard]] int alive_writers() const noexcept override {
+    const std::lock_guard lock(mutex_);
+    return static_cast<int>(std::ranges::count_if(
+        matched_, [&](const Matched& one) { return one.alive && !peers_.replaced(one.participant); }));
+  }
+
+  [[nodiscard]] std::uint64_t participant_of(std::uint64_t writer) const noexcept override {
+    const std::lock_guard lock(mutex_);
+    const auto one = std::ranges::find(matched_, writer, &Matched::writer);
+    return one == matched_.end() ? 0 : one->participant;
+  }
+  [[nodiscard]] std::string program_of(std::uint64_t writer) const override {
+    return peers_.program(participant_of(writer));
   }
 
  private:
-  void on_data_available(dds::DataReader*) override { events_.wake(); }
+  /// A writer that matches or has matched.
+  struct Matched {
+    std::uint64_t writer = 0;
+    std::uint64_t participant = 0;
+    bool alive = false;
+  };
+
+  void on_data_available(dds::DataReader* reader) override {
+    if (const std::uint64_t now = peers_.replacements(); replacements_.exchange(now) != now) bury_replaced();
+    drain([&](std::vector<std::uint8_t>& cdr, std::uint64_t& writer) {
+      dds::SampleInfo info;
+      bool taken = false;
+      std::swap(sample_.received, cdr);
+      while (!taken && reader->take_next_sample(&sample_, &info) == ReturnCode_t::RETCODE_OK) taken = info.valid_data;
+      std::swap(sample_.received, cdr);
+      if (taken) writer = number_of(info.publication_handle);
+      return taken;
+    });
+  }
   void on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) override {
+    note(status.last_publication_handle, [&](Matched& one) { one.alive &= status.current_count_change > 0; });
+    if (status.current_count_change < 0) bury(number_of(status.last_publication_handle));
     match(status);
   }
   void on_requested_deadline_missed(dds::DataReader*, const dds::RequestedDeadlineMissedStatus& status) override {
     miss_deadline(status);
   }
   void on_liveliness_changed(dds::DataReader*, const dds::LivelinessChangedStatus& status) override {
+    if (status.alive_count_change != 0) {
+      note(status.last_publication_handle, [&](Matched& one) { one.alive = status.alive_count_change > 0; });
+      if (status.alive_count_change < 0) bury(number_of(status.last_publication_handle));
+    }
     change_liveliness(status);
   }
   void on_sample_rejected(dds::DataReader*, const dds::SampleRejectedStatus& status) override { reject(status); }
@@ -241,10 +337,71 @@ class FastReader final : public BackendReader, dds::DataReaderListener {
   }
   void on_sample_lost(dds::DataReader*, const dds::SampleLostStatus& status) override { lose(status); }
 
+  /// Changes what is known of a writer. The oldest dead one is forgotten where there are many.
+  template <class Change>
+  void note(const dds::InstanceHandle_t& handle, Change change) noexcept {
+    const rtps::GUID_t writer = rtps::iHandle2GUID(handle);
+    const std::lock_guard lock(mutex_);
+    auto one = std::ranges::find(matched_, number_of(handle), &Matched::writer);
+    if (one == matched_.end()) {
+      const auto dead = std::ranges::find(matched_, false, &Matched::alive);
+      if (matched_.size() >= kMostNoted && dead != matched_.end()) matched_.erase(dead);
+      one = matched_.insert(matched_.end(), {number_of(handle), number_of(writer.guidPrefix), false});
+    }
+    change(*one);
+  }
+
+  void bury_replaced() noexcept {
+    const std::lock_guard lock(mutex_);
+    for (const Matched& one : matched_) {
+      if (peers_.replaced(one.participant)) bury(one.writer);
+    }
+  }
+
+  static constexpr std::size_t kMostNoted = 256;
   dds::DomainParticipant* participant_;
   dds::Subscriber* subscriber_;
-  Sample sample_;
+  const FastPeers& peers_;
+  std::atomic<std::uint64_t> replacements_ = 0;
+  Sample sample_;  // only one thread drains at a time
+  mutable std::mutex mutex_;
+  std::vector<Matched> matched_;
   dds::DataReader* reader_ = nullptr;
+};
+
+/// Refuses samples before they take room. Fast DDS 2.9 frees the room of a key only when all writers of the key are
+/// gone, and accepts no new key once kMostKeys have room.
+class KeyFilter final : public dds::IContentFilter {
+ public:
+  KeyFilter(const TopicSpec& topic, EventSink& events) : topic_(topic), events_(events) {}
+  bool evaluate(const SerializedPayload& payload, const FilterSampleInfo&, const GUID_t&) const override {
+    if (is_known_key(topic_, {payload.data, payload.length})) return true;
+    events_.report(Event::rejected, 1, "reader", topic_.name, kUnknownKey);
+    return false;
+  }
+  [[nodiscard]] const char* type() const noexcept { return topic_.type; }
+
+ private:
+  const TopicSpec topic_;
+  EventSink& events_;
+};
+
+class KeyFilters final : public dds::IContentFilterFactory {
+ public:
+  static constexpr const char* kName = "subworld_known_keys";
+  void add(const TopicSpec& topic, EventSink& events) { filters_.emplace_back(topic, events); }
+
+ private:
+  ReturnCode_t create_content_filter(const char*, const char* type, const dds::TopicDataType*, const char*,
+                                     const ParameterSeq&, dds::IContentFilter*& filter) override {
+    for (KeyFilter& one : filters_) {
+      if (std::string_view(one.type()) == type) filter = &one;
+    }
+    return filter == nullptr ? ReturnCode_t::RETCODE_BAD_PARAMETER : ReturnCode_t::RETCODE_OK;
+  }
+  ReturnCode_t delete_content_filter(const char*, dds::IContentFilter*) override { return ReturnCode_t::RETCODE_OK; }
+
+  std::deque<KeyFilter> filters_;
 };
 
 /// The policies that readers and writers share.
@@ -359,6 +516,27 @@ int free_participant_index(const std::string& interface_address, int domain, int
       domain, participants, interface_address));
 }
 
+/// The threads of this process with real-time priority. They are numbered in the order of their start.
+std::set<pid_t> realtime_threads() {
+  std::set<pid_t> threads;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/task", ignored)) {
+    const pid_t thread = std::atoi(entry.path().filename().c_str());
+    if (sched_getscheduler(thread) == SCHED_FIFO) threads.insert(thread);
+  }
+  return threads;
+}
+
+/// Returns the thread that repeats samples to default scheduling. Fast DDS 2.9 starts it as the last one of a
+/// participant. It spins while another thread holds the lock of the writer whose samples it repeats. With real-time
+/// priority, it would spin for ever on a core where that thread has a lower one.
+void lower_repeating_thread(const std::set<pid_t>& before) {
+  const std::set<pid_t> now = realtime_threads();
+  if (now.empty() || before.contains(*now.rbegin())) return;
+  const sched_param whenever{};
+  sched_setscheduler(*now.rbegin(), SCHED_OTHER, &whenever);
+}
+
 class FastBackend final : public Backend {
  public:
   FastBackend(const Opening& opening, EventSink& events) : events_(events) {
@@ -368,13 +546,17 @@ class FastBackend final : public Backend {
     eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(library);
 
     factory_ = dds::DomainParticipantFactory::get_shared_instance();
-    participant_ = factory_->create_participant(static_cast<std::uint32_t>(opening.domain), settings(opening));
+    const std::set<pid_t> threads = realtime_threads();
+    participant_ = factory_->create_participant(static_cast<std::uint32_t>(opening.domain), settings(opening), &peers_,
+                                                dds::StatusMask::none());
+    lower_repeating_thread(threads);
     if (participant_ == nullptr) {
       fail(fmt::format(
           "no participant in domain {} ({}): its ports are in use or its settings do not fit; choose another "
           "--domain or look for programs that still run",
           opening.domain, route_));
     }
+    participant_->register_content_filter_factory(KeyFilters::kName, &filters_);
   }
 
   ~FastBackend() override {
@@ -390,6 +572,7 @@ class FastBackend final : public Backend {
     apply(spec.qos, qos);
     hurry(qos);
     qos.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
+    qos.writer_resource_limits().reader_filters_allocation = {0, 0};  // readers filter
     return std::make_unique<FastWriter>(participant_, publisher, topic(spec.topic), spec, qos, events_);
   }
 
@@ -400,7 +583,11 @@ class FastBackend final : public Backend {
     dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
     apply(spec.qos, qos);
     hurry(qos);
-    return std::make_unique<FastReader>(participant_, subscriber, topic(spec.topic), spec, qos, events_);
+    // Samples are taken in the library's own threads, and at once.
+    qos.reliability().max_blocking_time = duration(1.0);
+    dds::TopicDescription* from = topic(spec.topic);
+    if (spec.topic.key_words > 0) from = filtered(spec.topic);
+    return std::make_unique<FastReader>(participant_, subscriber, from, spec, qos, peers_, events_);
   }
 
  private:
@@ -438,7 +625,20 @@ class FastBackend final : public Backend {
     return require(topic, fmt::format("topic {} of type {}", spec.name, spec.type));
   }
 
+  dds::ContentFilteredTopic* filtered(const TopicSpec& spec) {
+    dds::ContentFilteredTopic*& made = filtered_[spec.name];
+    if (made == nullptr) {
+      filters_.add(spec, events_);
+      made = participant_->create_contentfilteredtopic(fmt::format("{}_of_known_keys", spec.name), topic(spec), "key",
+                                                       {}, KeyFilters::kName);
+    }
+    return require(made, fmt::format("filter of {}", spec.name));
+  }
+
   EventSink& events_;
+  FastPeers peers_;
+  KeyFilters filters_;
+  std::map<std::string, dds::ContentFilteredTopic*> filtered_;
   std::shared_ptr<dds::DomainParticipantFactory> factory_;
   dds::DomainParticipant* participant_ = nullptr;
   std::map<std::string, dds::Topic*> topics_;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <random>
+#include <utility>
 
 namespace subworld {
 
@@ -25,6 +26,7 @@ std::string bodies_differ(const Scene& scene, const SceneDescription& world) {
   return {};
 }
 
+constexpr std::size_t kMostUnknown = 256;
 constexpr auto kMayBeEnding = 2s;  ///< a world of another run, whose last sample arrived recently
 
 }  // namespace
@@ -73,15 +75,27 @@ std::string SessionFinder::misfit(int domain) const {
       scene_.file, domain, there.name, what);
 }
 
+void SessionFinder::accept(std::uint64_t session, std::string misfit) {
+  misfit_ = std::move(misfit);
+  if (misfit_.empty()) {
+    session_ = session;
+  } else if (!other_) {
+    other_ = std::chrono::steady_clock::now();
+  }
+}
+
 bool SessionFinder::look(int domain) {
   while (reader_->take(description_) == Take::sample) {
-    misfit_ = misfit(domain);
-    if (misfit_.empty()) {
-      session_ = description_.session;
-    } else if (!other_) {
-      other_ = std::chrono::steady_clock::now();
-    }
+    const std::uint64_t participant = reader_->sender_participant();
+    std::erase_if(unknown_, [&](const Unknown& one) { return one.participant == participant; });
+    if (unknown_.size() >= kMostUnknown) unknown_.erase(unknown_.begin());
+    unknown_.push_back({participant, description_.session, misfit(domain)});
   }
+  std::erase_if(unknown_, [&](Unknown& one) {
+    const bool world = status_->is_program(ProgramKind::world_sim, one.participant);
+    if (world) accept(one.session, std::move(one.misfit));
+    return world;
+  });
   if (session_ == 0 && other_ && std::chrono::steady_clock::now() - *other_ > kMayBeEnding)
     throw Error(ExitCode::usage, misfit_);
   return session_ != 0;

@@ -18,6 +18,7 @@ namespace {
 constexpr const char *kRunning = "running", *kStopping = "stopping";
 constexpr std::chrono::milliseconds kTick{250};
 constexpr int kTicksPerStatus = 4;
+constexpr std::size_t kMostHeard = 4096;  // participants and what they are
 
 void append(std::string& text, const std::string& more) {
   if (!text.empty() && !more.empty()) text += "; ";
@@ -57,6 +58,7 @@ void StatusBeacon::listen() {
     const auto program = static_cast<std::size_t>(heard_.program);
     if (taken != Take::sample || program >= kPrograms || heard_.instance >= kInstances) continue;
     const std::size_t slot = program * kInstances + heard_.instance;
+    hear_participant(reader_.sender_participant(), heard_);
     if (heard_.wire_version != kWireVersion) {
       if (!std::exchange(other_version_, true)) {
         note("a program on this domain has version " + std::to_string(heard_.wire_version) +
@@ -69,6 +71,19 @@ void StatusBeacon::listen() {
     status_age_ticks_[slot].store(0, std::memory_order_relaxed);
     met_[slot].store(true, std::memory_order_relaxed);
   }
+}
+
+void StatusBeacon::hear_participant(std::uint64_t participant, const Status& status) {
+  const std::lock_guard lock(words_mutex_);
+  if (programs_of_.size() >= kMostHeard) return;
+  const bool readable = status.wire_version == kWireVersion;
+  programs_of_.emplace(participant, readable ? static_cast<std::size_t>(status.program) : kPrograms);
+}
+
+bool StatusBeacon::is_program(ProgramKind program, std::uint64_t participant) const {
+  const std::lock_guard lock(words_mutex_);
+  return programs_of_.contains({participant, static_cast<std::size_t>(program)}) ||
+         programs_of_.contains({participant, kPrograms});
 }
 
 void StatusBeacon::hear_end(const Status& status, std::size_t slot) {

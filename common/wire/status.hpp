@@ -12,8 +12,10 @@
 #include <mutex>
 #include <optional>
 #include <semaphore>
+#include <set>
 #include <string>
 #include <thread>
+#include <utility>
 
 namespace subworld {
 
@@ -62,6 +64,9 @@ class StatusBeacon {
   }
   /// Whether a status of that program has ever arrived. Before, its age counts from the start of this program.
   [[nodiscard]] bool met(ProgramKind program, std::uint32_t instance) const noexcept;
+  /// Whether that participant (`AnyReader::sender_participant`) has sent a status as a program of this kind, or one of
+  /// another version. What another participant publishes in the place of such a program is of a foreign writer.
+  [[nodiscard]] bool is_program(ProgramKind program, std::uint64_t participant) const;
   /// Publishes why the program ends, and waits up to half a second until the others have it.
   void fail(const std::string& reason);
   /// Why that program has ended, by its own word; empty: it has sent none.
@@ -90,6 +95,7 @@ class StatusBeacon {
   /// if the loop ran before it, and still runs one status later.
   std::string take_events();
 
+  void hear_participant(std::uint64_t participant, const Status& status);
   /// Takes note of how another program ended.
   void hear_end(const Status& status, std::size_t slot);
 
@@ -108,8 +114,9 @@ class StatusBeacon {
     bool another = false;    ///< one that was started later takes its place
     std::string last_words;  ///< empty: none
   };
-  std::map<std::size_t, Heard> heard_of_;  ///< by program and instance
-  bool other_version_ = false;             ///< a program of another version has been reported
+  std::map<std::size_t, Heard> heard_of_;                        ///< by program and instance
+  std::set<std::pair<std::uint64_t, std::size_t>> programs_of_;  ///< participant, kind of program
+  bool other_version_ = false;                                   ///< a program of another version has been reported
   std::string label_;
   std::atomic<double> time_s_{0.0}, busy_s_{0.0}, force_n_{0.0}, real_time_factor_{1.0}, done_ratio_{0.0};
   std::atomic<std::uint64_t> steps_{0}, missed_{0}, missed_by_os_{0};

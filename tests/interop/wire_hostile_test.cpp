@@ -13,6 +13,8 @@
 #include <unistd.h>
 #include <algorithm>
 #include <random>
+#include <set>
+#include <string>
 #include <vector>
 
 namespace subworld {
@@ -113,6 +115,91 @@ TEST_P(WireHostile, rubbish_as_samples_is_rejected_and_genuine_samples_arrive) {
   send_rubbish<HapticReport>(*rubbish);
   send_rubbish<Control>(*rubbish);
   send_rubbish<Status>(*rubbish);
+}
+
+TEST_P(WireHostile, a_foreign_writer_evicts_no_sample) {
+  open();
+  const auto foreign = open_bus(config_of(GetParam().first, domain_.number(), Mode::realtime));
+  const auto floods = [&]<class M>(M genuine) {
+    SCOPED_TRACE(kTopicOf<M>.name);
+    auto reader = receiver_->reader<M>();
+    auto writer = sender_->writer<M>();
+    auto flood = foreign->writer<M>();
+    ASSERT_TRUE(
+        until(*receiver_, [&] { return reader.matched() == 2 && writer.matched() == 1 && flood.matched() == 1; }));
+    M sample;
+    // A volatile reader may miss the first ones.
+    ASSERT_TRUE(until(*receiver_, [&] { return writer.write(genuine) && reader.take(sample) == Take::sample; }));
+    reader.trust_sender();
+    ASSERT_TRUE(until(*receiver_, [&] { return writer.write(genuine) && reader.take(sample) == Take::sample; }));
+    const auto refused = receiver_->events().refused;
+    ASSERT_TRUE(writer.write(genuine));
+    for (int i = 0; i < 200; ++i) ASSERT_TRUE(flood.write(M{}));
+    // Not taken before the flood has arrived.
+    ASSERT_TRUE(until(*receiver_, [&] { return receiver_->events().refused > refused + 20; }));
+    EXPECT_EQ(reader.take(sample), Take::sample);
+    EXPECT_EQ(test::numbers_of(sample), test::numbers_of(genuine));
+    EXPECT_GT(reader.refused(), 20U);
+  };
+  SampleMaker make(3);
+  floods(make.make<DeviceState>());
+  floods(make.make<WorldFrame>());
+  floods(make.make<Status>());
+}
+
+// Before a sender is trusted, too.
+TEST_P(WireHostile, an_unknown_writer_evicts_no_description_of_a_world) {
+  open();
+  const auto foreign = open_bus(config_of(GetParam().first, domain_.number(), Mode::realtime));
+  auto reader = receiver_->reader<SceneDescription>();
+  auto writer = sender_->writer<SceneDescription>();
+  auto flood = foreign->writer<SceneDescription>();
+  ASSERT_TRUE(
+      until(*receiver_, [&] { return reader.matched() == 2 && writer.matched() == 1 && flood.matched() == 1; }));
+  SceneDescription scene;
+  scene.name = "genuine";
+  ASSERT_TRUE(writer.write(scene));
+  ASSERT_TRUE(writer.wait_for_acknowledgments(5.0));
+  scene.name = "foreign";
+  for (int i = 0; i < 200; ++i) ASSERT_TRUE(flood.write(scene));
+  ASSERT_TRUE(flood.wait_for_acknowledgments(5.0));
+  std::set<std::string> names;
+  while (reader.take(scene) == Take::sample) names.insert(scene.name);
+  EXPECT_EQ(names, (std::set<std::string>{"genuine", "foreign"}));
+}
+
+TEST_P(WireHostile, keys_that_no_program_has_take_no_room) {
+  constexpr std::uint32_t kKeys = 2000;
+  open();
+  NoEvents none;
+  const std::unique_ptr<wire::Backend> foreign(wire::load_plugin(GetParam().first)(
+      wire::prepare(config_of(GetParam().first, domain_.number(), Mode::realtime)), none));
+  auto reader = receiver_->reader<Status>();
+  // Of a depth that the foreign one keeps all of its keys for.
+  const auto raw =
+      foreign->create_writer({kTopicOf<Status>, qos_of(kTopicOf<Status>, Mode::lockstep, 0.001, 0.004), ""});
+  ASSERT_TRUE(until(*receiver_, [&] { return raw->matched() > 0 && reader.matched() == 1; }));
+  Codec<Status> codec;
+  const auto before = receiver_->events().rejected;
+  for (std::uint32_t i = 0; i < kKeys; ++i) {
+    const auto encoded = codec.encode(Status{});
+    Bytes bytes(encoded.begin(), encoded.end());
+    for (std::size_t at = 4; at < 12; ++at) bytes[at] = static_cast<std::uint8_t>(random_() | 0x40U);
+    ASSERT_TRUE(raw->write(bytes));
+  }
+  ASSERT_TRUE(until(*receiver_, [&] { return receiver_->events().rejected >= before + kKeys; }));
+  auto writer = sender_->writer<Status>();
+  Status sent;
+  sent.instance = 3;
+  sent.steps = 77;
+  EXPECT_TRUE(until(*receiver_, [&] {
+    EXPECT_TRUE(writer.write(sent));
+    Status received;
+    while (reader.take(received) != Take::none) {
+      if (received.steps == sent.steps) return true;
+    }
+    return false;
+  })) << "a genuine sample does not arrive";
 }
 
 TEST_P(WireHostile, rubbish_on_the_ports_ends_no_participant) {

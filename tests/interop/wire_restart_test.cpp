@@ -20,6 +20,27 @@ TEST_P(WireRestart, a_killed_program_that_starts_again_with_the_same_process_num
   }
 }
 
+TEST_P(WireRestart, a_killed_program_that_starts_again_at_once_counts_once) {
+  if (!make_hosts()) GTEST_SKIP() << "network namespaces are not permitted here";
+  for (const Mode mode : {Mode::realtime, Mode::lockstep}) {
+    SCOPED_TRACE(mode == Mode::realtime ? "realtime" : "lockstep");
+    const auto [there, here] = GetParam();
+    open(here, mode);
+    for (int start = 0; start < 3; ++start) {
+      heard_ = {};
+      start_peer(there, mode);
+      // Trust in the one before does not outlive it.
+      EXPECT_TRUE(exchange_until([&] { return heard_.reports > 0; })) << "start " << start << ": " << text();
+      reports_->trust_sender();
+      EXPECT_TRUE(connected()) << "start " << start << ": " << text();
+      EXPECT_TRUE(exchange_until([&] { return reports_->alive_writers() == 1 && states_->alive_writers() == 1; }, 5.0))
+          << "start " << start << ": " << text();
+      kill_peer();
+    }
+    close();
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Pairs, WireRestart, test::kAllPairs, test::name_of_pair);
 
 }  // namespace

@@ -147,8 +147,13 @@ TEST_P(WireStatus, a_world_of_another_version_is_refused_with_both_versions) {
   foreign.wire_version = kOther;
   foreign.session = 5;
   ASSERT_TRUE(writer.write(foreign));
+  auto statuses = sender->writer<Status>();
+  Status loading;
+  loading.wire_version = kOther;
+  ASSERT_TRUE(statuses.write(loading));
   const Scene scene;
-  SessionFinder finder(reader, scene);
+  const StatusBeacon beacon(*receiver, ProgramKind::haptic_sim, 0, "haptic_sim 0");
+  SessionFinder finder(reader, scene, beacon);
   std::string refusal;
   ASSERT_TRUE(until(*receiver, [&] {
     try {
@@ -161,6 +166,38 @@ TEST_P(WireStatus, a_world_of_another_version_is_refused_with_both_versions) {
   }));
   expect_both_versions(refusal, kOther);
   EXPECT_EQ(finder.session(), 0U);
+}
+
+TEST_P(WireStatus, a_scene_counts_only_if_its_program_is_a_world) {
+  const TestDomain held;
+  const auto sender = open_bus(config_of(GetParam().first, held.number(), Mode::realtime));
+  const auto foreign = open_bus(config_of(GetParam().first, held.number(), Mode::realtime));
+  const auto receiver = open_bus(config_of(GetParam().second, held.number(), Mode::realtime));
+  auto foreign_scenes = foreign->writer<SceneDescription>();
+  auto scenes = sender->writer<SceneDescription>();
+  auto reader = receiver->reader<SceneDescription>();
+  const Scene scene;
+  const StatusBeacon beacon(*receiver, ProgramKind::haptic_sim, 0, "haptic_sim 0");
+  SessionFinder finder(reader, scene, beacon);
+  SceneDescription description;
+  description.name = scene.name;
+  description.settings = agreed_settings(scene);
+  description.session = 5;
+  ASSERT_TRUE(scenes.write(description));
+  // It fits better than the world's own, and comes last.
+  description.session = 7;
+  ASSERT_TRUE(until(*receiver, [&] {
+    EXPECT_TRUE(foreign_scenes.write(description));
+    EXPECT_FALSE(finder.look(held.number()));
+    return reader.matched() == 2;
+  }));
+  StatusBeacon world(*sender, ProgramKind::world_sim, 0, "world_sim");
+  world.enter("loading");
+  ASSERT_TRUE(until(*receiver, [&] {
+    EXPECT_TRUE(foreign_scenes.write(description));
+    return finder.look(held.number());
+  }));
+  EXPECT_EQ(finder.session(), 5U);
 }
 
 INSTANTIATE_TEST_SUITE_P(Pairs, WireStatus, test::kAllPairs, test::name_of_pair);

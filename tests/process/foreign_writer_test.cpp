@@ -65,15 +65,44 @@ TEST_P(ForeignWriters, AreRefusedAndNamed) {
   const std::string folder = folder_.path() + "/foreign_writer";
   std::filesystem::create_directories(folder);
   Process peer({program("hostile_peer"), vendor, domain_.text(), mode, foreign_writer.kind, "1.0"}, folder);
+  const std::string process = "process " + std::to_string(peer.pid());
   ASSERT_EQ(peer.wait(30.0), 0) << peer.err();
   ASSERT_TRUE(run.wait(60.0)) << run.out();
   const Json results = summary();
   ASSERT_TRUE(results.is_object());
   const std::string verdict = results["verdict"];
   EXPECT_NE(verdict.find(foreign_writer.blamed + " from a foreign writer"), std::string::npos) << verdict << run.err();
+  EXPECT_NE(verdict.find(process), std::string::npos) << verdict;
   expect_safe(out());
   EXPECT_GE(results["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << "it ended early: " << verdict;
 }
+
+/// A writer of scenes that is there before the run.
+class SceneFlood : public ProcessTest, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
+
+TEST_P(SceneFlood, DoesNotPreventAStart) {
+  const auto& [run_vendor, vendor] = GetParam();
+  const std::string folder = folder_.path() + "/foreign_writer";
+  std::filesystem::create_directories(folder);
+  Process peer({program("hostile_peer"), vendor, domain_.text(), "realtime", "scene_flood", "60"}, folder);
+  ASSERT_TRUE(eventually([&] { return !peer.out().empty(); })) << peer.err();
+  Process run(run_words(scene("press"), {"--mode", "realtime", "--duration", "1", "--dds", run_vendor}),
+              folder_.path());
+  ASSERT_TRUE(run.wait(40.0)) << run.out() << run.err();
+  const Json results = summary();
+  ASSERT_TRUE(results.is_object()) << run.out() << run.err();
+  EXPECT_GE(results["simulated_s"].get<double>(), 0.99) << results["verdict"];
+  const std::string verdict = results["verdict"];
+  EXPECT_NE(verdict.find("scene from a foreign writer"), std::string::npos) << verdict << run.err();
+  const std::string by = results["world"]["refused"]["by"];
+  EXPECT_NE(by.find("process " + std::to_string(peer.pid())), std::string::npos) << by;
+  EXPECT_NE(verdict.find(by), std::string::npos) << verdict;
+}
+
+INSTANTIATE_TEST_SUITE_P(Vendors, SceneFlood,
+                         ::testing::Combine(::testing::Values("fastdds", "cyclonedds"),
+                                            ::testing::Values("fastdds", "cyclonedds")),
+                         [](const auto& one) { return std::get<0>(one.param) + "_and_" + std::get<1>(one.param); });
 
 /// A real program that the run already has.
 class SecondProgram : public ProcessTest, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};

@@ -1,5 +1,5 @@
 // A foreign writer that sends harmful samples into a run: hostile_peer VENDOR DOMAIN MODE KIND [SECONDS]
-// It uses the run's session and the identities of its programs.
+// It uses the run's session and the identities of its programs. The kind `scene_flood` begins before the run.
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
 
@@ -88,12 +88,29 @@ bool listen(Reader<M>& reader, M& sample) {
   return heard;
 }
 
+/// Describes a world that is not there, 500 times a second and from the beginning.
+int flood(Bus& bus, double seconds) {
+  auto scenes = bus.writer<SceneDescription>();
+  SceneDescription scene;
+  scene.name = "flood";
+  scene.session = 7;
+  std::printf("attacks\n");
+  std::fflush(stdout);
+  const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (std::chrono::steady_clock::now() < until) {
+    scenes.write(scene);
+    std::this_thread::sleep_for(2ms);
+  }
+  return 0;
+}
+
 int attack(const std::string& vendor, int domain, const std::string& mode, const std::string& kind, double seconds) {
   BusConfig config;
   config.vendor = parse_vendor(vendor);
   config.domain = domain;
   config.mode = mode == "realtime" ? Mode::realtime : Mode::lockstep;
   const auto bus = open_bus(config);
+  if (kind == "scene_flood") return flood(*bus, seconds);
   Overheard of;
   auto scene = bus->reader<SceneDescription>();
   auto frame = bus->reader<WorldFrame>(user_partition(0));

@@ -73,6 +73,14 @@ class TwoHosts : public ::testing::Test {
     });
   }
 
+  void close() {
+    states_.reset();
+    reports_.reset();
+    commands_.reset();
+    frames_.reset();
+    bus_.reset();
+  }
+
   /// Opens the bus of the pair's second vendor here, and the peer with the first one.
   void start(const VendorPair& pair, Mode mode) {
     open(pair.second, mode);

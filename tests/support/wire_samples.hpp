@@ -15,6 +15,7 @@ class SampleMaker {
   double number() { return std::uniform_real_distribution<double>(-10.0, 10.0)(random_); }
   double positive() { return std::uniform_real_distribution<double>(0.0, 10.0)(random_); }
   std::uint32_t word() { return static_cast<std::uint32_t>(random_()); }
+  std::uint32_t user() { return word() % static_cast<std::uint32_t>(kMostUsers); }
   std::uint64_t long_word() { return (std::uint64_t{word()} << 32U) | word(); }
   std::size_t count() { return std::uniform_int_distribution<std::size_t>(0, 5)(random_); }
   bool coin() { return (word() & 1U) != 0; }
@@ -100,7 +101,7 @@ class SampleMaker {
 
   void fill(ControlReply& to) {
     to.program = static_cast<ProgramKind>(word() % 4);
-    to.instance = word();
+    to.instance = user();
     to.number = word();
     to.answer.outcome = static_cast<OrderState>(word() % 3);
     to.answer.text = text();
@@ -124,7 +125,7 @@ class SampleMaker {
     to.bodies[0].shape.mesh = word() % static_cast<std::uint32_t>(to.meshes.size());
   }
   void fill(DeviceState& to) {
-    to.device = word();
+    to.device = user();
     to.session = long_word();
     to.sender = long_word();
     to.sequence = long_word();
@@ -137,7 +138,7 @@ class SampleMaker {
     to.buttons = word();
   }
   void fill(DeviceCommand& to) {
-    to.device = word();
+    to.device = user();
     to.session = long_word();
     to.served = long_word();
     to.sequence = long_word();
@@ -151,7 +152,7 @@ class SampleMaker {
     to.last = coin();
   }
   void fill(WorldFrame& to) {
-    to.user = UserId{word()};
+    to.user = UserId{user()};
     to.session = long_word();
     to.served = long_word();
     to.stamp = long_word();
@@ -180,7 +181,7 @@ class SampleMaker {
     if (coin()) to.suppression = {long_word(), {vector(), vector()}};
   }
   void fill(HapticReport& to) {
-    to.user = UserId{word()};
+    to.user = UserId{user()};
     to.session = long_word();
     to.sender = long_word();
     to.stamp = long_word();
@@ -216,7 +217,7 @@ class SampleMaker {
   void fill(Control& to) { to = {static_cast<std::uint32_t>(word()), static_cast<ControlVerb>(word() % 7), text()}; }
   void fill(Status& to) {
     to.program = static_cast<ProgramKind>(word() % 4);
-    to.instance = word();
+    to.instance = user();
     to.state = text();
     to.time_s = number();
     to.rate_hz = number();

@@ -1,0 +1,159 @@
+#pragma once
+
+#include "model/exchange.hpp"
+#include "model/scene.hpp"
+#include "wire/topics.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <limits>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+namespace subworld::wire {
+
+inline constexpr std::size_t kHeaderBytes = 4;  ///< of the encoded bytes, before the key
+
+/// Received samples that a loop has not taken yet, oldest first. The vendor's thread puts them here as they arrive. The
+/// vendors' own histories share their room among all writers of a key, so that a foreign writer would evict the samples
+/// of the right one. Here each writer has its own room: the newest `depth` samples of each key.
+///
+/// A trusted writer is the only one whose samples are held. Trust ends where the writer is dead, or silent for two
+/// seconds while another one writes: a program that is started again is received at once.
+class HeldSamples {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  HeldSamples(const TopicSpec& topic, const Qos& qos)
+      : key_bytes_(4 * topic.key_words), depth_(qos.keep_all ? std::numeric_limits<std::ptrdiff_t>::max() : qos.depth) {
+    spare_.reserve(kSpareBuffers);
+    foreign_.reserve(kMostForeign);
+  }
+
+  /// Takes the bytes over and leaves a buffer in their place. False if they are of a foreign writer, and dropped.
+  bool put(std::uint64_t writer, std::vector<std::uint8_t>& bytes, Clock::time_point now) {
+    const std::lock_guard lock(mutex_);
+    if (writer == trusted_) last_of_trusted_ = now, dead_ = false;
+    if (!accepts(writer, now)) {
+      refuse(writer);
+      return false;
+    }
+    const auto same = [&](const Held& one) { return one.writer == writer && has_same_key(one.bytes, bytes); };
+    if (std::ranges::count_if(held_, same) >= depth_) remove(std::ranges::find_if(held_, same));
+    held_.push_back({writer, std::exchange(bytes, spare())});
+    return true;
+  }
+
+  /// Swaps the oldest sample into `bytes`.
+  bool take(std::vector<std::uint8_t>& bytes, std::uint64_t& writer) noexcept {
+    const std::lock_guard lock(mutex_);
+    // Those that arrived before their writer became a foreign one.
+    while (!held_.empty() && trusted_ && !dead_ && held_.front().writer != trusted_) {
+      refuse(held_.front().writer);
+      remove(held_.begin());
+    }
+    if (held_.empty()) return false;
+    std::swap(bytes, held_.front().bytes);
+    writer = held_.front().writer;
+    remove(held_.begin());
+    return true;
+  }
+
+  /// From now on accepts this writer alone, unless one is trusted that lives.
+  void trust(std::uint64_t writer) noexcept {
+    const std::lock_guard lock(mutex_);
+    if (trusted_ && !dead_) return;
+    trusted_ = writer;
+    dead_ = false;
+    last_of_trusted_ = Clock::now();
+  }
+
+  /// The middleware has noticed that the writer is dead.
+  void bury(std::uint64_t writer) noexcept {
+    const std::lock_guard lock(mutex_);
+    dead_ |= writer == trusted_;
+  }
+
+  /// Number of samples of foreign writers.
+  [[nodiscard]] std::uint64_t refused() const noexcept {
+    const std::lock_guard lock(mutex_);
+    return refused_;
+  }
+  /// The first of them.
+  [[nodiscard]] std::vector<std::uint64_t> foreign_writers() const {
+    const std::lock_guard lock(mutex_);
+    return foreign_;
+  }
+
+ private:
+  static constexpr std::size_t kMostForeign = 4;
+  static constexpr std::size_t kSpareBuffers = 64;
+  static constexpr std::chrono::seconds kAbsence{2};
+
+  struct Held {
+    std::uint64_t writer = 0;
+    std::vector<std::uint8_t> bytes;
+  };
+
+  bool accepts(std::uint64_t writer, Clock::time_point now) noexcept {
+    if (!trusted_ || writer == trusted_) return true;
+    dead_ |= now - last_of_trusted_ > kAbsence;
+    return dead_;
+  }
+
+  void refuse(std::uint64_t writer) noexcept {
+    ++refused_;
+    if (foreign_.size() < kMostForeign && std::ranges::find(foreign_, writer) == foreign_.end())
+      foreign_.push_back(writer);
+  }
+
+  [[nodiscard]] bool has_same_key(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b) const noexcept {
+    const std::size_t end = kHeaderBytes + key_bytes_;
+    if (a.size() < end || b.size() < end) return a.size() < end && b.size() < end;
+    return std::ranges::equal(a.subspan(kHeaderBytes, key_bytes_), b.subspan(kHeaderBytes, key_bytes_));
+  }
+
+  void remove(std::vector<Held>::iterator at) noexcept {
+    if (spare_.size() < spare_.capacity()) spare_.push_back(std::move(at->bytes));
+    held_.erase(at);
+  }
+
+  std::vector<std::uint8_t> spare() noexcept {
+    std::vector<std::uint8_t> buffer;
+    if (spare_.empty()) return buffer;
+    buffer = std::move(spare_.back());
+    spare_.pop_back();
+    return buffer;
+  }
+
+  const std::size_t key_bytes_;
+  const std::ptrdiff_t depth_;
+  mutable std::mutex mutex_;
+  std::vector<Held> held_;
+  std::vector<std::vector<std::uint8_t>> spare_;
+  std::optional<std::uint64_t> trusted_;
+  bool dead_ = false;  ///< the trusted one
+  Clock::time_point last_of_trusted_;
+  std::uint64_t refused_ = 0;
+  std::vector<std::uint64_t> foreign_;
+};
+
+/// Whether a program may have this key: its words are below their limits. Readers refuse other keys, because a vendor
+/// reserves room for each one. Bytes that are too short have no key.
+inline bool is_known_key(const TopicSpec& topic, std::span<const std::uint8_t> bytes) noexcept {
+  constexpr std::uint32_t kPrograms = static_cast<std::uint32_t>(ProgramKind::gui_headless) + 1;
+  if (bytes.size() < kHeaderBytes + 4 * topic.key_words) return true;
+  const bool little = (bytes[1] & 1) != 0;
+  for (std::uint32_t word = 0; word < topic.key_words; ++word) {
+    std::uint32_t value = 0;
+    for (std::uint32_t i = 0; i < 4; ++i) value = (value << 8U) | bytes[kHeaderBytes + 4 * word + (little ? 3 - i : i)];
+    if (value >= (topic.key_words == 2 && word == 0 ? kPrograms : kMostUsers)) return false;
+  }
+  return true;
+}
+
+}  // namespace subworld::wire
