@@ -369,6 +369,8 @@ class FastReader final : public HoldingReader, dds::DataReaderListener {
   dds::DataReader* reader_ = nullptr;
 };
 
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wnon-virtual-dtor"  // of the vendor's interfaces
 /// Refuses samples before they take room. Fast DDS 2.9 frees the room of a key only when all writers of the key are
 /// gone, and accepts no new key once kMostKeys have room.
 class KeyFilter final : public dds::IContentFilter {
@@ -403,6 +405,7 @@ class KeyFilters final : public dds::IContentFilterFactory {
 
   std::deque<KeyFilter> filters_;
 };
+#pragma GCC diagnostic pop
 
 /// The policies that readers and writers share.
 template <class EndpointQos>
