@@ -24,8 +24,9 @@ struct Ended {
 /// Stops what is left of the programs. How they ended, with the failure that the supervisor has found.
 [[nodiscard]] Ended end(Supervisor& programs, std::optional<Supervisor::Failure> failure, const Watchdog& watchdog);
 
-/// The end of a run: reads the parts of the results and removes them, prints, judges, and writes the summary. Returns
-/// the exit code. Throws `Error` (failed) where a part is missing although no program failed.
+/// The end of a run: reads the parts of the results, judges, prints, writes the summary, and removes the parts. Where
+/// programs have written none, what their histories hold is in the summary. Returns the exit code. Throws `Error`
+/// (failed) where the summary cannot be written.
 int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
                  const std::optional<Calibration>& calibration);
 

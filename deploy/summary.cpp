@@ -216,6 +216,8 @@ void to_json(Json& json, const RunResults& run) {
     put(json["hosts"].back(), "clock_offset_s", host.offset_s);
     put(json["hosts"].back(), "clock_uncertainty_s", host.uncertainty_s);
   }
+  if (run.partial) json["partial"] = true;
+  if (run.salvaged.is_object()) json.update(run.salvaged);
   if (run.haptic.empty()) return;
   json["simulated_s"] = run.simulated_s;
   json["state_hash"] = run.state_hash;

@@ -37,7 +37,8 @@ class History {
     std::size_t rows = kRows;  ///< capacity of the ring
   };
 
-  /// Throws `Error` (failed) if the file cannot be opened. An empty path: rows are discarded. The writing thread calls
+  /// Throws `Error`: failed if the file cannot be opened, usage for a table that no run has made. The first row replaces
+  /// what the file held: a program that is refused leaves the history of the one before. An empty path: rows are discarded. The writing thread calls
   /// `say` when rows cannot be written; they wait in the ring until writing succeeds.
   History(const std::string& path, Format format, Say say);
   /// As CSV; `columns` are the names, separated by commas.
@@ -101,6 +102,8 @@ class History {
   std::condition_variable wake_;
   bool hurried_ = false;  ///< a caller waits for the thread
   std::uint64_t dropped_ = 0;
+  bool begun_ = false;    ///< the head is in text_ or written; of the thread
+  bool removed_ = false;  ///< the file, by somebody; set before the thread ends
   int file_ = -1;
   std::string text_;           ///< text of rows taken from the ring
   std::size_t text_done_ = 0;  ///< bytes of text_ that are written

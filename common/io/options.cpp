@@ -1,5 +1,6 @@
 #include "io/options.hpp"
 
+#include "io/output.hpp"
 #include "io/results.hpp"
 #include "io/scene_name.hpp"
 #include "model/error.hpp"
@@ -276,6 +277,7 @@ std::vector<std::string> flags_of(const Options& o) {
 }
 
 int guarded(const char* program, const std::function<int()>& body) noexcept {
+  outlive_full_output();
   try {
     return body();
   } catch (const Error& wrong) {
