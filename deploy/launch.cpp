@@ -161,6 +161,7 @@ std::string program_folder() { return std::filesystem::read_symlink("/proc/self/
 
 int run(const RunRequest& request) {
   end_at_stop_signals();
+  raise_open_files();
   Options options = request.options;
   RunResults run;
   run.scene = load_scene(options);

@@ -38,7 +38,7 @@ std::string last_line(const std::string& path, std::string_view holding = {}) {
 std::string missing_text(const std::vector<std::string>& parts) {
   std::vector<std::string> missing;
   for (const std::string& part : parts) {
-    if (!std::filesystem::exists(part)) missing.push_back(std::filesystem::path(part).stem());
+    if (!std::filesystem::exists(part)) missing.push_back(program_of_part(part));
   }
   return fmt::format("{}", fmt::join(missing, ", "));
 }
@@ -63,6 +63,10 @@ std::vector<std::string> judge(RunResults& run, const Ended& ended) {
   if (ended.stall.for_s > 0.0 && run.realtime()) {
     faults.push_back(fmt::format("{} did not advance from t = {:.3f} s for {:.0f} s, although the run was not paused",
                                  ended.stall.label, ended.stall.at_s, ended.stall.for_s));
+  }
+  if (ended.orphaned) {
+    faults = {fmt::format("`subworld run` was killed at t = {:.3f} of {:g} s; its programs ended in order",
+                          run.simulated_s, settings.duration_s)};
   }
   if (!faults.empty()) run.verdict = fmt::format("failed: {}", fmt::join(faults, "; "));
   return faults;
@@ -145,7 +149,8 @@ bool collect_parts(RunResults& run, const std::string& folder, const std::option
 /// A run without an orderly end and without a failed program.
 int report_partial(RunResults& run, const Ended& ended, const std::string& folder) {
   run.verdict = ended.signal != 0 ? "stopped by " + name_of_signal(ended.signal)
-                                  : "failed: programs have written no results: " + missing_text(ended.parts);
+                                  : fmt::format("failed: no results of {}: killed, or they could not be written{}", missing_text(ended.parts),
+                                                ended.orphaned ? "; `subworld run` was killed" : "");
   fmt::print("verdict: {}\n", run.verdict);
   std::fflush(stdout);
   write_summary(run, ended, folder);

@@ -17,6 +17,7 @@ struct Ended {
   std::optional<Supervisor::Failure> failure;
   Watchdog::Stall stall;
   int signal = 0;                  ///< that stopped the run; 0: none
+  bool orphaned = false;           ///< the launcher was killed
   std::string display;             ///< how it died, although that ends no run; empty: it did not
   std::vector<std::string> parts;  ///< files of the results
 };

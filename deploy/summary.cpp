@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 
 namespace subworld {
 
@@ -164,6 +165,12 @@ void print_user(const RunResults& run, const HapticResult& haptic, const DeviceR
 std::string part_file(const std::string& folder, std::string_view program, int user) {
   const std::string_view name = program.substr(0, program.find('_'));
   return user < 0 ? fmt::format("{}/{}.json", folder, name) : fmt::format("{}/{}_{}.json", folder, name, user);
+}
+
+std::string program_of_part(const std::string& part_file) {
+  const std::string name = std::filesystem::path(part_file).stem();
+  const std::size_t end = name.find('_');
+  return name.substr(0, end) + "_sim" + (end == std::string::npos ? "" : " " + name.substr(end + 1));
 }
 
 void read_parts(RunResults& run, const std::string& folder, const std::optional<Calibration>& calibration) {

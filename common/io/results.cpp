@@ -137,7 +137,8 @@ void write_json(const std::string& path, const Json& json) {
 Json read_json(const std::string& path) {
   std::ifstream file(path);
   if (!file)
-    throw Error(ExitCode::failed, fmt::format("{}: cannot read; did the program that writes it end early?", path));
+    throw Error(ExitCode::failed, fmt::format("{}: {}{}", path, std::strerror(errno),
+                                              errno == ENOENT ? "; did the program that writes it end early?" : ""));
   try {
     return Json::parse(file);
   } catch (const nlohmann::json::exception& wrong) {

@@ -240,6 +240,7 @@ void check_hosts(const Session& session) {
 
 int up(const SessionRequest& request) {
   end_at_stop_signals();
+  raise_open_files();
   Session session = load_session(session_file(request.session));
   if (!request.dds.empty()) session.dds = request.dds;
   Scene scene = load_scene(session.options);
