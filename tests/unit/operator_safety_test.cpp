@@ -294,7 +294,7 @@ TEST(SubWorld, MeetsADeviceThatJumpsFromZero) {
 TEST(SubWorld, ReengagesADeviceThatWasTooFast) {
   Scene scene = scene_with_operator("press", DeviceKind::impedance);
   CoupledRun run(scene);
-  for (int i = 0; i < 60; ++i) run.cycle();
+  for (int i = 0; i < 200; ++i) run.cycle();  // it presses
   SubWorld& sub = *run.subs[0];
   DeviceState state = run.devices[0]->state();
   const auto step = [&](const Vec3& velocity) {
@@ -312,12 +312,12 @@ TEST(SubWorld, ReengagesADeviceThatWasTooFast) {
   EXPECT_EQ(sub.facts().jumps, 800U);
   Vec3 before = Vec3::Zero();
   for (int i = 0; i < 300; ++i) {
-    const Vec3 force = step({0.1, 0, 0});
+    const Vec3 force = step({0.01, 0, 0});
     EXPECT_LE((force - before).norm(), 1.0);
     before = force;
   }
   EXPECT_EQ(sub.facts().jumps, 800U);
-  EXPECT_GT(before.norm(), 5.0) << "it presses 30 mm into the wall";
+  EXPECT_GT(before.norm(), 5.0) << "it presses again";
 }
 
 }  // namespace
