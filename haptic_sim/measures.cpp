@@ -26,7 +26,9 @@ HapticMeasures::HapticMeasures(const Options& options, const Scene& scene, const
                    {fmt::format("haptic_sim {}", options.user), 100 + options.user}, kHapticStages, say),
       user_(options.user),
       limits_(limits_of(scene.users[static_cast<std::size_t>(options.user)].device)),
-      h_s_(scene.settings.h_s) {}
+      h_s_(scene.settings.h_s) {
+  history_.hold();
+}
 
 void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept {
   add(times);

@@ -144,6 +144,7 @@ class RealtimeLoop : HapticRun {
         continue;
       }
       if (ports.refused_by(*came)) ending_.fault = refused_text(user());
+      if (came->last || came->served == ports.identity) measures.accepted();
       world_sim_.heard(now);
       head_start_.observe(came->stamp, came->newest_stamp, longest_cycle_s_);
       measures.framed(came->newest_stamp < came->stamp);

@@ -115,7 +115,7 @@ std::string History::fault() const {
 void History::write_out() {
   std::size_t tail = tail_.load(std::memory_order_relaxed);
   const std::size_t head = head_.load(std::memory_order_acquire);
-  if (tail == head && !begun_) return;
+  if (!begun_ && (tail == head || held_.load())) return;
   if (!std::exchange(begun_, true)) {
     [[maybe_unused]] const int pipes_cannot = ftruncate(file_, 0);
     text_ = format_.head;

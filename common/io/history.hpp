@@ -71,6 +71,9 @@ class History {
   /// Whether this many rows fit now, for rows that are only useful together. `may_wait`: blocks until they fit, unless
   /// the file cannot be written. Same thread as `row`.
   [[nodiscard]] bool make_room(std::size_t rows, bool may_wait) noexcept;
+  /// Rows wait in memory until release(), and are discarded without it: their program may be refused.
+  void hold() noexcept { held_.store(true); }
+  void release() noexcept { held_.store(false); }
   /// Writes all remaining rows. No row may follow.
   void finish();
 
@@ -97,6 +100,7 @@ class History {
   std::atomic<std::size_t> head_{0};  ///< rows written by the loop
   std::atomic<std::size_t> tail_{0};  ///< rows taken by the thread
   std::atomic<bool> stop_{false};
+  std::atomic<bool> held_{false};
   std::atomic<int> error_{0};  ///< the last errno of a write
   std::mutex mutex_;           ///< of hurried_
   std::condition_variable wake_;
