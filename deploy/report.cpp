@@ -115,8 +115,9 @@ int report(RunResults& run, const Ended& ended, const RunRequest& request, const
   const bool pictured = std::filesystem::exists(picture);
   if (!ended.display.empty()) run.display = ended.display;
   // The files come last: the disk may be full.
-  fmt::print("state hash {}\nverdict: {}{}\n", run.state_hash, run.verdict,
-             run.display ? fmt::format("; the display failed ({}){}", *run.display, pictured ? "" : ": no picture") : "");
+  fmt::print(
+      "state hash {}\nverdict: {}{}\n", run.state_hash, run.verdict,
+      run.display ? fmt::format("; the display failed ({}){}", *run.display, pictured ? "" : ": no picture") : "");
   std::fflush(stdout);
   write_summary(run, ended, folder);
   fmt::print("summary: {}/summary.json\n", folder);
@@ -148,9 +149,10 @@ bool collect_parts(RunResults& run, const std::string& folder, const std::option
 
 /// A run without an orderly end and without a failed program.
 int report_partial(RunResults& run, const Ended& ended, const std::string& folder) {
-  run.verdict = ended.signal != 0 ? "stopped by " + name_of_signal(ended.signal)
-                                  : fmt::format("failed: no results of {}: killed, or they could not be written{}", missing_text(ended.parts),
-                                                ended.orphaned ? "; `subworld run` was killed" : "");
+  run.verdict = ended.signal != 0
+                    ? "stopped by " + name_of_signal(ended.signal)
+                    : fmt::format("failed: no results of {}: killed, or they could not be written{}",
+                                  missing_text(ended.parts), ended.orphaned ? "; `subworld run` was killed" : "");
   fmt::print("verdict: {}\n", run.verdict);
   std::fflush(stdout);
   write_summary(run, ended, folder);

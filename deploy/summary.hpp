@@ -49,8 +49,8 @@ struct RunResults : WorldPart {
   std::vector<HostClock> hosts;  ///< of a session
   std::vector<Gate> gates;
   std::string verdict;
-  bool partial = false;                  ///< the run has no orderly end
-  Json salvaged;  ///< instead of `world`, `haptic` and `device`, where programs have written no results
+  bool partial = false;  ///< the run has no orderly end
+  Json salvaged;         ///< instead of `world`, `haptic` and `device`, where programs have written no results
   std::optional<std::string> display;  ///< how the display died
 
   [[nodiscard]] bool realtime() const noexcept { return scene.settings.mode == Mode::realtime; }

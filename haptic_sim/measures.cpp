@@ -48,9 +48,8 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   oscillation_.step(felt.to_operator.force, h_s_);
   const Vec3 &proxy = now.proxy.position, &device = now.device.pose.position;
   apart_m_ = std::max(apart_m_, (proxy - device).norm());
-  history_.row_of(now.time_s, felt.felt.force, felt.to_operator.force, felt.felt.torque, proxy, device,
-                  now.device_s, members, contacts, border, times.step_s, times.lateness_s,
-                  std::exchange(skipped_before_step_, 0));
+  history_.row_of(now.time_s, felt.felt.force, felt.to_operator.force, felt.felt.torque, proxy, device, now.device_s,
+                  members, contacts, border, times.step_s, times.lateness_s, std::exchange(skipped_before_step_, 0));
 }
 
 void HapticMeasures::end_step() noexcept {

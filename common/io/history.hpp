@@ -37,9 +37,10 @@ class History {
     std::size_t rows = kRows;  ///< capacity of the ring
   };
 
-  /// Throws `Error`: failed if the file cannot be opened, usage for a table that no run has made. The first row replaces
-  /// what the file held: a program that is refused leaves the history of the one before. An empty path: rows are discarded. The writing thread calls
-  /// `say` when rows cannot be written; they wait in the ring until writing succeeds.
+  /// Throws `Error`: failed if the file cannot be opened, usage for a table that no run has made. The first row
+  /// replaces what the file held: a program that is refused leaves the history of the one before. An empty path: rows
+  /// are discarded. The writing thread calls `say` when rows cannot be written; they wait in the ring until writing
+  /// succeeds.
   History(const std::string& path, Format format, Say say);
   /// As CSV; `columns` are the names, separated by commas.
   History(const std::string& path, const std::string& columns, Say say);

@@ -30,7 +30,8 @@ ssize_t write_or_lose(void* cookie, const char* text, std::size_t size) {
 
 std::FILE* lossy(int file, int buffering) {
   void* const cookie = reinterpret_cast<void*>(static_cast<std::intptr_t>(file));
-  std::FILE* const stream = fopencookie(cookie, "w", {.read = nullptr, .write = write_or_lose, .seek = nullptr, .close = nullptr});
+  std::FILE* const stream =
+      fopencookie(cookie, "w", {.read = nullptr, .write = write_or_lose, .seek = nullptr, .close = nullptr});
   if (stream != nullptr) std::setvbuf(stream, nullptr, buffering, 0);
   return stream;
 }

@@ -64,8 +64,9 @@ void check_parts(const RunResults& run, const std::string& folder) {
     const std::uint64_t its = session_of(part);
     if (session == 0) session = its;
     if (its != 0 && its != session) {
-      throw Error(ExitCode::usage,
-                  fmt::format("the results of {} belong to another run than the others; name folders of one run", label));
+      throw Error(
+          ExitCode::usage,
+          fmt::format("the results of {} belong to another run than the others; name folders of one run", label));
     }
   }
 }

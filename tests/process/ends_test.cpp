@@ -384,7 +384,8 @@ INSTANTIATE_TEST_SUITE_P(Modes, RestartedInItsFolder, ::testing::Values("lockste
 class SmallDisk : public RunEnds {
  protected:
   Ended on_small_disk(const std::string& before, const Words& words, const std::string& after) const {
-    std::string command = "mount -t tmpfs -o size=2m tmpfs " + out() + " || exit 77; mkdir " + out() + "/results; " + before + "; ";
+    std::string command =
+        "mount -t tmpfs -o size=2m tmpfs " + out() + " || exit 77; mkdir " + out() + "/results; " + before + "; ";
     for (const std::string& word : words) command += "'" + word + "' ";
     std::filesystem::create_directories(out());
     return finish({"/usr/bin/unshare", "-m", "--propagation", "private", "/bin/sh", "-c",
@@ -398,7 +399,8 @@ class SmallDisk : public RunEnds {
 };
 
 TEST_F(SmallDisk, ThatFillsUpLosesNeitherTheVerdictNorTheSummary) {
-  const Ended ended = on_small_disk(":", words({"--duration", "60"}), "cat " + out() + "/results/summary.json; ls " + out() + "/results");
+  const Ended ended = on_small_disk(":", words({"--duration", "60"}),
+                                    "cat " + out() + "/results/summary.json; ls " + out() + "/results");
   if (ended.code == 77) GTEST_SKIP() << "needs the rights of root";
   EXPECT_EQ(ended.code, 1) << ended.err;
   EXPECT_NE(ended.out.find("verdict: failed: "), std::string::npos) << ended.out;
@@ -458,7 +460,8 @@ TEST_F(RunEnds, ADomainsLockOfAnotherUserIsNoRun) {
   const std::string lock = "/tmp/subworld-domain-" + domain_.text() + ".lock";
   const std::string command = "touch " + lock + "; chmod 644 " + lock +
                               "; exec setpriv --reuid 65534 --regid 65534 --clear-groups '" + program("subworld") +
-                              "' run '" + scene("press") + "' --duration 0.1 --domain " + domain_.text() + " --out '" + out() + "/results'";
+                              "' run '" + scene("press") + "' --duration 0.1 --domain " + domain_.text() + " --out '" +
+                              out() + "/results'";
   if (getuid() != 0) GTEST_SKIP() << "needs the rights of root";
   std::filesystem::create_directories(out());
   for (const std::string& open : {folder_.path(), out()})

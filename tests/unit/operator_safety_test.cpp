@@ -301,7 +301,10 @@ TEST(SubWorld, ReengagesADeviceThatWasTooFast) {
     state.stamp_s += 1e-3;
     state.linear_velocity = velocity;
     state.pose.position += 1e-3 * velocity;
-    return sub.step({.device = &state, .wall_s = 1e-3, .dt = 1e-3}, [](const FeltStep&) {}, [] {}).to_operator.force;
+    return sub
+        .step(
+            {.device = &state, .wall_s = 1e-3, .dt = 1e-3}, [](const FeltStep&) {}, [] {})
+        .to_operator.force;
   };
   for (int i = 0; i < 800; ++i) {
     const Vec3 force = step({20.0, 0, 0});
