@@ -64,7 +64,7 @@ std::vector<std::string> judge(RunResults& run, const Ended& ended) {
     faults.push_back(fmt::format("{} did not advance from t = {:.3f} s for {:.0f} s, although the run was not paused",
                                  ended.stall.label, ended.stall.at_s, ended.stall.for_s));
   }
-  if (ended.orphaned) {
+  if (ended.orphaned && run.ending.by.starts_with("SIG")) {
     faults = {fmt::format("`subworld run` was killed at t = {:.3f} of {:g} s; its programs ended in order",
                           run.simulated_s, settings.duration_s)};
   }

@@ -118,7 +118,8 @@ int collect(const CollectRequest& request) {
       throw Error(ExitCode::usage, fmt::format("{}: is no folder; name those that the programs wrote to", folder));
     if (FileLock still; !still.take_folder(folder))
       throw Error(ExitCode::usage, fmt::format("{}: its run has not ended", folder));
-    launched = launched || fs::exists(folder + "/logs/world_sim.log");
+    // A session has its results in another folder than its logs.
+    launched = launched || (fs::exists(folder + "/logs/world_sim.log") && !fs::exists(folder + "/hosts"));
     concluded = concluded || fs::exists(folder + "/summary.json");
     for (const auto& entry : fs::recursive_directory_iterator(folder)) {
       if (entry.path().filename() == "world.json") found = entry.path().string();
