@@ -6,9 +6,14 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <cerrno>
+#include <cstring>
 #include <ctime>
 #include <filesystem>
+#include <fstream>
 #include <regex>
+#include <string_view>
+#include <vector>
 
 namespace subworld {
 
@@ -19,10 +24,35 @@ namespace {
 constexpr int kFirstDomain = 60;
 constexpr int kLastDomain = 100;
 
+/// Whether a run, or a program that was started by hand, has made this file with a name of ours.
+bool is_result(const std::filesystem::path& file) {
+  constexpr std::string_view kFirstColumn = "time_s,";
+  if (file.extension() == ".part" || std::filesystem::file_size(file) == 0) return true;
+  if (file.extension() == ".png") return std::filesystem::exists(file.parent_path() / "logs/gui_headless.log");
+  if (file.extension() == ".csv") {
+    std::string begin(kFirstColumn.size(), '\0');
+    std::ifstream(file).read(begin.data(), static_cast<std::streamsize>(begin.size()));
+    return begin == kFirstColumn;
+  }
+  try {
+    const Json json = read_json(file);
+    return json.is_object() && (json.contains("ending") || json.contains("verdict"));
+  } catch (const Error&) {
+    return false;
+  }
+}
+
 }  // namespace
 
 int claim_domain(int wanted, FileLock& lock) {
-  const auto claim = [&](int domain) { return lock.take(fmt::format("subworld-domain-{}", domain)); };
+  const auto name = [](int domain) { return fmt::format("subworld-domain-{}", domain); };
+  const auto claim = [&](int domain) {
+    const int error = lock.take(name(domain));
+    if (error == 0 || error == EWOULDBLOCK) return error == 0;
+    throw Error(ExitCode::failed,
+                fmt::format("cannot lock domain {}: {}/{}.lock: {}; remove this file, or name another --domain", domain,
+                            std::filesystem::temp_directory_path().string(), name(domain), std::strerror(error)));
+  };
   if (wanted >= 0) {
     if (claim(wanted)) return wanted;
     throw Error(ExitCode::middleware,
@@ -45,18 +75,26 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
     folder = wanted;
     for (int n = 2; !std::filesystem::create_directory(folder); ++n) folder = fmt::format("{}-{}", wanted, n);
   }
-  make_folder(folder + "/logs");
+  make_folder(folder);
   if (!lock.take_folder(folder)) {
     throw Error(ExitCode::usage, fmt::format("--out {}: another run writes its results there; choose another folder, "
                                              "or omit it: a new one is made",
                                              folder));
   }
-  const std::regex ours(R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)|bodies\.csv|picture\.png)");
+  const std::regex ours(R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)(\.part)?|bodies\.csv|picture\.png)");
+  std::vector<std::filesystem::path> old;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     // Results go through a link that the user made.
-    if (!entry.is_symlink() && std::regex_match(entry.path().filename().string(), ours))
-      std::filesystem::remove(entry.path());
+    if (!entry.is_symlink() && std::regex_match(entry.path().filename().string(), ours)) old.push_back(entry.path());
   }
+  for (const std::filesystem::path& file : old) {
+    if (is_result(file)) continue;
+    throw Error(ExitCode::usage, fmt::format("--out {}: holds {}, which no run has made and this one would replace; "
+                                             "move it, or choose another folder",
+                                             folder, file.filename().string()));
+  }
+  make_folder(folder + "/logs");
+  for (const std::filesystem::path& file : old) std::filesystem::remove(file);
   for (const auto& entry : std::filesystem::directory_iterator(folder + "/logs")) {
     if (entry.path().extension() == ".log") std::filesystem::remove(entry.path());
   }

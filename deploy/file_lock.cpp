@@ -13,9 +13,12 @@ FileLock::~FileLock() {
   if (file_ >= 0) close(file_);
 }
 
-bool FileLock::take(const std::string& name) {
+int FileLock::take(const std::string& name) {
   const auto path = std::filesystem::temp_directory_path() / (name + ".lock");
-  return lock(path.c_str(), O_RDWR | O_CREAT) == 0;
+  // A lock needs no right to write. The file may be another user's, and the kernel then refuses to open it with
+  // O_CREAT in a shared folder (fs.protected_regular).
+  const int error = lock(path.c_str(), O_RDONLY);
+  return error == ENOENT ? lock(path.c_str(), O_RDONLY | O_CREAT) : error;
 }
 
 bool FileLock::take_folder(const std::string& folder) {
@@ -24,7 +27,7 @@ bool FileLock::take_folder(const std::string& folder) {
 
 int FileLock::lock(const char* path, int flags) {
   if (file_ >= 0) close(file_);
-  file_ = open(path, flags | O_CLOEXEC, 0666);
+  file_ = open(path, flags | O_CLOEXEC, 0644);
   return file_ >= 0 && flock(file_, LOCK_EX | LOCK_NB) == 0 ? 0 : errno;
 }
 

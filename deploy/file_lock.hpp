@@ -12,8 +12,8 @@ class FileLock {
   FileLock(const FileLock&) = delete;
   FileLock& operator=(const FileLock&) = delete;
 
-  /// False where another run holds it, or the folder cannot be written.
-  bool take(const std::string& name);
+  /// 0, EWOULDBLOCK where another run holds it, or the error number where its file cannot be opened.
+  [[nodiscard]] int take(const std::string& name);
   /// False where another run holds this folder. A file system without locks refuses none.
   bool take_folder(const std::string& folder);
 

@@ -33,6 +33,8 @@ namespace subworld {
 
 namespace {
 
+constexpr std::size_t kSummary_bytes = 1 << 16, kUser_bytes = 1 << 14;  // at most, about
+
 /// File of a program's part of the trace, until the parts are merged.
 std::string trace_part(const std::string& folder, const std::string& label) {
   return fmt::format("{}/trace/{}.json", folder, label);
@@ -128,7 +130,7 @@ Ended run_programs(const RunRequest& request, const Options& options, int domain
   Supervisor programs;
   // Of several runs at a time only the first is placed: two worlds must not share one core.
   FileLock first_run;
-  if (request.place && first_run.take("subworld-cores")) run.placement = place(scene, allowed_cores());
+  if (request.place && first_run.take("subworld-cores") == 0) run.placement = place(scene, allowed_cores());
   start_programs(programs, request, options, scene.settings.users, domain, run.placement);
   std::optional<Supervisor::Failure> failure;
   Watchdog watchdog;
@@ -159,6 +161,7 @@ std::string program_folder() { return std::filesystem::read_symlink("/proc/self/
 
 int run(const RunRequest& request) {
   end_at_stop_signals();
+  raise_open_files();
   Options options = request.options;
   RunResults run;
   run.scene = load_scene(options);
@@ -171,6 +174,7 @@ int run(const RunRequest& request) {
   }
   FileLock folder, domain_lock;
   claim_folder(options.out, run.scene.name, folder);
+  const ReservedFile space(options.out + "/summary.json", kSummary_bytes + kUser_bytes * run.scene.users.size());
   if (!options.trace.empty()) {
     merge_traces({}, options.trace);  // an unwritable file is an error before anything runs
     make_folder(options.out + "/trace");

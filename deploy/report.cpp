@@ -7,12 +7,14 @@
 #include "io/results.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
+#include "salvage.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
@@ -30,6 +32,15 @@ std::string last_line(const std::string& path, std::string_view holding = {}) {
     if (!line.empty() && line.find(holding) != std::string::npos) last = line.substr(line.rfind('\r') + 1);
   }
   return last;
+}
+
+/// Names the parts that do not exist.
+std::string missing_text(const std::vector<std::string>& parts) {
+  std::vector<std::string> missing;
+  for (const std::string& part : parts) {
+    if (!std::filesystem::exists(part)) missing.push_back(program_of_part(part));
+  }
+  return fmt::format("{}", fmt::join(missing, ", "));
 }
 
 /// Prints the missed gates and sets the verdict. Returns why the run is not valid; empty: it is.
@@ -53,20 +64,47 @@ std::vector<std::string> judge(RunResults& run, const Ended& ended) {
     faults.push_back(fmt::format("{} did not advance from t = {:.3f} s for {:.0f} s, although the run was not paused",
                                  ended.stall.label, ended.stall.at_s, ended.stall.for_s));
   }
+  if (ended.orphaned && run.ending.by.starts_with("SIG")) {
+    faults = {fmt::format("`subworld run` was killed at t = {:.3f} of {:g} s; its programs ended in order",
+                          run.simulated_s, settings.duration_s)};
+  }
   if (!faults.empty()) run.verdict = fmt::format("failed: {}", fmt::join(faults, "; "));
   return faults;
 }
 
-int report_failure(const Supervisor::Failure& failure, const std::string& folder, RunResults& run) {
+/// The fault that a program names in its part of the results.
+std::string fault_in(const std::string& part) {
+  try {
+    return part.empty() ? "" : read_json(part).at("ending").get<Ending>().fault;
+  } catch (const Error&) {
+    return {};
+  }
+}
+
+/// Writes the summary, and removes the parts of the results that are in it.
+void write_summary(const RunResults& run, const Ended& ended, const std::string& folder) {
+  write_json(folder + "/summary.json", run);
+  for (const std::string& part : ended.parts) {
+    std::filesystem::remove(part);
+    std::filesystem::remove(part + ".part");  // of a killed program
+  }
+}
+
+int report_failure(const Ended& ended, const std::string& folder, RunResults& run) {
+  const Supervisor::Failure& failure = *ended.failure;
   const Supervisor::Child& failed = failure.child;
   const int code = exit_code_of(failed);
   const std::string reason = fmt::format("{} {}", failed.name(), failure.reason);
-  const std::string error = last_line(failed.log, "error:");
+  // On a full disk the log is not complete.
+  const std::string fault = fault_in(failed.part);
+  const std::string error = fault.empty() ? last_line(failed.log, "error:") : fault;
   fmt::print(stderr, "subworld: error: {}; everything else was stopped\n  {}\n  its log: {}\n", reason,
              error.empty() ? last_line(failed.log) : error, failed.log);
   run.verdict = fmt::format("failed: {}{}{}", reason, error.empty() ? "" : ": ", error);
-  write_json(folder + "/summary.json", run);
   fmt::print("verdict: {}\n", run.verdict);
+  std::fflush(stdout);
+  write_summary(run, ended, folder);
+  fmt::print("summary: {}/summary.json, with what was measured until then\n", folder);
   return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
 }
 
@@ -76,11 +114,13 @@ int report(RunResults& run, const Ended& ended, const RunRequest& request, const
   const std::string picture = folder + "/picture.png";
   const bool pictured = std::filesystem::exists(picture);
   if (!ended.display.empty()) run.display = ended.display;
-  write_json(folder + "/summary.json", run);
+  // The files come last: the disk may be full.
   fmt::print(
-      "state hash {}\nverdict: {}{}\nsummary: {}/summary.json\n", run.state_hash, run.verdict,
-      run.display ? fmt::format("; the display failed ({}){}", *run.display, pictured ? "" : ": no picture") : "",
-      folder);
+      "state hash {}\nverdict: {}{}\n", run.state_hash, run.verdict,
+      run.display ? fmt::format("; the display failed ({}){}", *run.display, pictured ? "" : ": no picture") : "");
+  std::fflush(stdout);
+  write_summary(run, ended, folder);
+  fmt::print("summary: {}/summary.json\n", folder);
   if (request.gui)
     fmt::print("{}\n", pictured ? "picture: " + picture : "no picture: see " + folder + "/logs/gui_headless.log");
   if (request.explain) {
@@ -94,42 +134,58 @@ int report(RunResults& run, const Ended& ended, const RunRequest& request, const
   return static_cast<int>(ExitCode::quality);
 }
 
-/// Reads the parts of the results and removes them. False where some are missing after a failure or a signal.
-bool collect_parts(RunResults& run, const std::string& folder, const Ended& ended,
-                   const std::optional<Calibration>& calibration) {
+/// Reads the parts of the results. False where some are missing or not sound.
+bool collect_parts(RunResults& run, const std::string& folder, const std::optional<Calibration>& calibration) {
   try {
     read_parts(run, folder, calibration);
-  } catch (const Error& wrong) {
-    if (ended.signal == 0 && !ended.failure) throw;
+    return true;
+  } catch (const std::exception&) {
+    static_cast<WorldPart&>(run) = {};
+    run.haptic.clear();
+    run.device.clear();
+    return false;
   }
-  for (const std::string& part : ended.parts) std::filesystem::remove(part);
-  return !run.haptic.empty();
+}
+
+/// A run without an orderly end and without a failed program.
+int report_partial(RunResults& run, const Ended& ended, const std::string& folder) {
+  run.verdict = ended.signal != 0
+                    ? "stopped by " + name_of_signal(ended.signal)
+                    : fmt::format("failed: no results of {}: killed, or they could not be written{}",
+                                  missing_text(ended.parts), ended.orphaned ? "; `subworld run` was killed" : "");
+  fmt::print("verdict: {}\n", run.verdict);
+  std::fflush(stdout);
+  write_summary(run, ended, folder);
+  fmt::print("subworld: results so far in {}\n", folder);
+  return static_cast<int>(ended.signal != 0 ? ExitCode::done : ExitCode::failed);
 }
 
 }  // namespace
 
 Ended end(Supervisor& programs, std::optional<Supervisor::Failure> failure, const Watchdog& watchdog) {
-  programs.stop();
+  // A display that has not ended by itself did not fail.
   Ended ended;
+  for (const Supervisor::Child& child : programs.children()) {
+    if (!child.essential && child.pid < 0 && exit_code_of(child) != 0)
+      ended.display = child.name() + " " + end_of(child);
+  }
+  programs.stop();
   ended.failure = std::move(failure);
   ended.stall = watchdog.longest();
   ended.signal = stop_signal();
   for (const Supervisor::Child& child : programs.children()) {
     if (!child.part.empty()) ended.parts.push_back(child.part);
-    if (!child.essential && exit_code_of(child) != 0) ended.display = child.name() + " " + end_of(child);
   }
   return ended;
 }
 
 int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
                  const std::optional<Calibration>& calibration) {
-  const bool complete = collect_parts(run, folder, ended, calibration);
-  if (ended.failure) return report_failure(*ended.failure, folder, run);
-  if (complete) return report(run, ended, request, folder);
-  run.verdict = "stopped by " + name_of_signal(ended.signal);
-  write_json(folder + "/summary.json", run);
-  fmt::print("subworld: {}; results so far in {}\n", run.verdict, folder);
-  return static_cast<int>(ExitCode::done);
+  const bool complete = collect_parts(run, folder, calibration);
+  run.partial = !complete || ended.failure;
+  if (!complete) run.salvaged = salvage(folder, run.scene.settings.users);
+  if (ended.failure) return report_failure(ended, folder, run);
+  return complete ? report(run, ended, request, folder) : report_partial(run, ended, folder);
 }
 
 std::string date_of_now() {

@@ -17,6 +17,7 @@ struct Ended {
   std::optional<Supervisor::Failure> failure;
   Watchdog::Stall stall;
   int signal = 0;                  ///< that stopped the run; 0: none
+  bool orphaned = false;           ///< the launcher was killed
   std::string display;             ///< how it died, although that ends no run; empty: it did not
   std::vector<std::string> parts;  ///< files of the results
 };
@@ -24,8 +25,9 @@ struct Ended {
 /// Stops what is left of the programs. How they ended, with the failure that the supervisor has found.
 [[nodiscard]] Ended end(Supervisor& programs, std::optional<Supervisor::Failure> failure, const Watchdog& watchdog);
 
-/// The end of a run: reads the parts of the results and removes them, prints, judges, and writes the summary. Returns
-/// the exit code. Throws `Error` (failed) where a part is missing although no program failed.
+/// The end of a run: reads the parts of the results, judges, prints, writes the summary, and removes the parts. Where
+/// programs have written none, what their histories hold is in the summary. Returns the exit code. Throws `Error`
+/// (failed) where the summary cannot be written.
 int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
                  const std::optional<Calibration>& calibration);
 

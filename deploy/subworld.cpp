@@ -1,5 +1,6 @@
 #include "doctor/doctor.hpp"
 #include "io/command_line.hpp"
+#include "io/output.hpp"
 #include "launch.hpp"
 #include "link/command.hpp"
 #include "model/error.hpp"
@@ -285,5 +286,10 @@ int main_of(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return guarded("subworld", [&] { return main_of(argc, argv); });
+  using namespace subworld;
+  const int code = guarded("subworld", [&] { return main_of(argc, argv); });
+  const std::string lost = lost_output();
+  if (lost.empty()) return code;
+  fmt::print(stderr, "subworld: error: {}\n", lost);
+  return code == static_cast<int>(ExitCode::done) ? static_cast<int>(ExitCode::failed) : code;
 }

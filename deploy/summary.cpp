@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 
 namespace subworld {
 
@@ -166,6 +167,12 @@ std::string part_file(const std::string& folder, std::string_view program, int u
   return user < 0 ? fmt::format("{}/{}.json", folder, name) : fmt::format("{}/{}_{}.json", folder, name, user);
 }
 
+std::string program_of_part(const std::string& part_file) {
+  const std::string name = std::filesystem::path(part_file).stem();
+  const std::size_t end = name.find('_');
+  return name.substr(0, end) + "_sim" + (end == std::string::npos ? "" : " " + name.substr(end + 1));
+}
+
 void read_parts(RunResults& run, const std::string& folder, const std::optional<Calibration>& calibration) {
   const auto world = read_json(part_file(folder, "world_sim", -1)).get<WorldPart>();
   std::vector<HapticResult> haptic;
@@ -216,6 +223,8 @@ void to_json(Json& json, const RunResults& run) {
     put(json["hosts"].back(), "clock_offset_s", host.offset_s);
     put(json["hosts"].back(), "clock_uncertainty_s", host.uncertainty_s);
   }
+  if (run.partial) json["partial"] = true;
+  if (run.salvaged.is_object()) json.update(run.salvaged);
   if (run.haptic.empty()) return;
   json["simulated_s"] = run.simulated_s;
   json["state_hash"] = run.state_hash;

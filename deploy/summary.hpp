@@ -49,6 +49,8 @@ struct RunResults : WorldPart {
   std::vector<HostClock> hosts;  ///< of a session
   std::vector<Gate> gates;
   std::string verdict;
+  bool partial = false;  ///< the run has no orderly end
+  Json salvaged;         ///< instead of `world`, `haptic` and `device`, where programs have written no results
   std::optional<std::string> display;  ///< how the display died
 
   [[nodiscard]] bool realtime() const noexcept { return scene.settings.mode == Mode::realtime; }
@@ -56,6 +58,8 @@ struct RunResults : WorldPart {
 
 /// File in which a program writes its part of the results. `user`: negative for the world.
 [[nodiscard]] std::string part_file(const std::string& folder, std::string_view program, int user);
+/// "haptic_sim 0" of "DIR/haptic_0.json".
+[[nodiscard]] std::string program_of_part(const std::string& part_file);
 /// Reads what the programs wrote into the folder. Throws `Error` (failed) where a part is missing.
 void read_parts(RunResults& run, const std::string& folder, const std::optional<Calibration>& calibration);
 

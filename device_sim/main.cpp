@@ -24,7 +24,10 @@ int main(int argc, char** argv) {
       DeviceRun run{options, scene, ports, device, guard, measures};
       if (const auto session = join(run)) {
         run.session = *session;
-        Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
+        const double from_s = device.state().stamp_s;
+        Ending ending =
+            ended([&] { return realtime ? run_realtime(run) : run_lockstep(run); },
+                  [&] { return Ending{.session = *session, .from_s = from_s, .to_s = device.state().stamp_s}; });
         ports.status.enter("stopping");
         DeviceResult part = measures.result(guard);
         part.dds = ports.bus->effective_settings();

@@ -49,6 +49,7 @@ class LockstepLoop : HapticRun {
     const TimePoint begin = stages_.now();
     measures.answered(frame_.echoed_sent_ns, begin);
     last_ = frame_.last;
+    if (last_ || frame_.served == ports.identity) measures.accepted();
     const std::uint64_t lost = sub.synchronise_with(frame_);
     measures.synchronised(to_seconds(stages_.mark(HapticStage::synchronise) - begin), lost);
     return !last_;

@@ -26,7 +26,9 @@ HapticMeasures::HapticMeasures(const Options& options, const Scene& scene, const
                    {fmt::format("haptic_sim {}", options.user), 100 + options.user}, kHapticStages, say),
       user_(options.user),
       limits_(limits_of(scene.users[static_cast<std::size_t>(options.user)].device)),
-      h_s_(scene.settings.h_s) {}
+      h_s_(scene.settings.h_s) {
+  history_.hold();
+}
 
 void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept {
   add(times);
@@ -46,9 +48,8 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   oscillation_.step(felt.to_operator.force, h_s_);
   const Vec3 &proxy = now.proxy.position, &device = now.device.pose.position;
   apart_m_ = std::max(apart_m_, (proxy - device).norm());
-  history_.row_of(now.time_s, felt.felt.force, felt.to_operator.force, felt.felt.torque, proxy, device,
-                  now.device_s, members, contacts, border, times.step_s, times.lateness_s,
-                  std::exchange(skipped_before_step_, 0));
+  history_.row_of(now.time_s, felt.felt.force, felt.to_operator.force, felt.felt.torque, proxy, device, now.device_s,
+                  members, contacts, border, times.step_s, times.lateness_s, std::exchange(skipped_before_step_, 0));
 }
 
 void HapticMeasures::end_step() noexcept {

@@ -35,6 +35,13 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
   /// Throws `Error` (failed) for a file of --out or --trace that cannot be written.
   HapticMeasures(const Options& options, const Scene& scene, const History::Say& say);
 
+  /// The world serves this program. Before, it writes nothing: its folder may hold the history of one that was killed.
+  void accepted() noexcept {
+    accepted_ = true;
+    history_.release();
+  }
+  [[nodiscard]] bool is_accepted() const noexcept { return accepted_; }
+
   /// After every step.
   void step(const SubWorld& sub, const FeltStep& felt, const StepTimes& times) noexcept;
   /// Closes the step's stages: the last of all.
@@ -73,6 +80,7 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
 
  private:
   int user_;
+  bool accepted_ = false;
   double sent_ratio_ = 1.0;
   double newest_members_ = 0.0;
   bool missed_ = false, lost_ = false;  ///< a deadline and frames, in the present step

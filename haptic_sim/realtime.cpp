@@ -61,7 +61,8 @@ class RealtimeLoop : HapticRun {
     while (fading_ < kFadeSteps) step();
     measures.loop_ends();
     measures.sent(deadband_.sent_ratio());
-    send_last_command(ports, device_, kTimesLast);
+    // After a fault the device learns from this program's end, and from its last words, that the run has failed.
+    if (ending_.fault.empty()) send_last_command(ports, device_, kTimesLast);
     if (const std::string text = ports.peer_devices.fault(); !text.empty()) ports.status.note(text);
     ending_.to_s = sub.facts().time_s;
     if (!ending_.fault.empty()) {
@@ -143,6 +144,7 @@ class RealtimeLoop : HapticRun {
         continue;
       }
       if (ports.refused_by(*came)) ending_.fault = refused_text(user());
+      if (came->last || came->served == ports.identity) measures.accepted();
       world_sim_.heard(now);
       head_start_.observe(came->stamp, came->newest_stamp, longest_cycle_s_);
       measures.framed(came->newest_stamp < came->stamp);

@@ -33,6 +33,7 @@ class LockstepLoop : WorldLoop {
         publish_frames(true, 0.0, 1.0);
         break;
       }
+      if (world.facts().stamp == 0) measures.bodies().record_now(world);
       wait_while_paused();
       last = step();
     }

@@ -56,9 +56,9 @@ int main(int argc, char** argv) {
       if (!world.settle(settling)) return;
       const double settle_s = to_seconds(Clock::now() - begin);
       if (await_peers(ports, options)) {
-        measures.bodies().record_now(world);
         const WorldRun run{options, scene, ports, world, measures, exchange};
-        Ending ending = realtime ? run_realtime(run) : run_lockstep(run);
+        Ending ending = ended([&] { return realtime ? run_realtime(run) : run_lockstep(run); },
+                              [&] { return Ending{.session = ports.session, .to_s = world.facts().time_s}; });
         ports.status.enter("stopping");
         WorldPart part = measures.result(world, settle_s);
         part.arguments = settings_flags_of(options);

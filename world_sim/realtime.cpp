@@ -62,6 +62,7 @@ class RealtimeLoop : WorldLoop {
     fmt::print("world_sim: running at {:.1f} Hz, {}\n", 1.0 / first_cycle_s_, scheduling.text);
     std::fflush(stdout);
     if (!handshake()) return ending();
+    measures.bodies().record_now(world);
     // The sub-worlds are ahead by the lead, and the world must wait for what they do.
     const double notice_s = scene.settings.remote ? kStartInBetweenHosts_s : kStartIn_s;
     const double start_in_s = notice_s + scene.settings.h_s * static_cast<double>(world.timetable().start(lead_));

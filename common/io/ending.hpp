@@ -20,6 +20,22 @@ struct Ending {
 void to_json(Json& json, const Ending& ending);
 void from_json(const Json& json, Ending& ending);
 
+/// How a loop ended; one that throws `Error` (failed) has ended too, with that fault, and what it has measured is
+/// written all the same. `so_far()` is what it took part in.
+template <class Loop, class SoFar>
+Ending ended(const Loop& loop, const SoFar& so_far) {
+  try {
+    return loop();
+  } catch (const Error& wrong) {
+    if (wrong.code() != ExitCode::failed) throw;
+    Ending ending = so_far();
+    if (ending.to_s <= ending.from_s) throw;  // it has measured nothing
+    ending.by = "fault";
+    ending.fault = wrong.what();
+    return ending;
+  }
+}
+
 /// The name of this machine.
 [[nodiscard]] std::string host_name();
 

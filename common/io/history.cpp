@@ -4,12 +4,15 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <iterator>
 #include <utility>
 
@@ -29,6 +32,18 @@ History::Format csv(const std::string& columns) {
           }};
 }
 
+/// A table that does not begin with the first column of ours is somebody else's.
+void refuse_foreign(const std::string& path, const std::string& head) {
+  const std::string first = head.substr(0, head.find(',') + 1);
+  if (first.empty() || first.find('\n') != std::string::npos || !std::filesystem::is_regular_file(path)) return;
+  std::ifstream file(path);
+  std::string found(first.size(), '\0');
+  file.read(found.data(), static_cast<std::streamsize>(found.size()));
+  if (file.gcount() == 0 || found == first) return;
+  throw Error(ExitCode::usage,
+              fmt::format("{}: exists, and no run has made it; move it, or choose another folder with --out", path));
+}
+
 }  // namespace
 
 History::History(const std::string& path, const std::string& columns, Say say)
@@ -37,11 +52,11 @@ History::History(const std::string& path, const std::string& columns, Say say)
 History::History(const std::string& path, Format format, Say say)
     : path_(path), format_(std::move(format)), say_(std::move(say)) {
   if (path.empty()) return;
-  file_ = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  refuse_foreign(path, format_.head);
+  file_ = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
   if (file_ < 0) {
     throw Error(ExitCode::failed, fmt::format("{}: {}; choose another folder with --out", path, std::strerror(errno)));
   }
-  text_ = format_.head;
   ring_.resize(format_.rows * format_.width);
   thread_ = std::thread([this] {
     while (!stop_.load(std::memory_order_acquire)) {
@@ -49,8 +64,11 @@ History::History(const std::string& path, Format format, Say say)
       pause();
     }
     write_out();
+    if (!begun_) return;
     text_ += format_.tail;
     write_text();
+    struct stat now {};
+    removed_ = fstat(file_, &now) == 0 && now.st_nlink == 0;
   });
 }
 
@@ -90,12 +108,18 @@ bool History::make_room(std::size_t rows, bool may_wait) noexcept {
 
 std::string History::fault() const {
   const int error = error_.load();
+  if (error == 0 && removed_) return path_ + ": was removed during the run";
   return error == 0 ? "" : fmt::format("{}: {}", path_, std::strerror(error));
 }
 
 void History::write_out() {
   std::size_t tail = tail_.load(std::memory_order_relaxed);
   const std::size_t head = head_.load(std::memory_order_acquire);
+  if (!begun_ && (tail == head || held_.load())) return;
+  if (!std::exchange(begun_, true)) {
+    [[maybe_unused]] const int pipes_cannot = ftruncate(file_, 0);
+    text_ = format_.head;
+  }
   while (write_text() && tail != head) {
     for (; tail != head && text_.size() < kPiece; ++tail) {
       format_.row(text_, std::span(ring_).subspan((tail % format_.rows) * format_.width, format_.width));

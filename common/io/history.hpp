@@ -37,8 +37,10 @@ class History {
     std::size_t rows = kRows;  ///< capacity of the ring
   };
 
-  /// Throws `Error` (failed) if the file cannot be opened. An empty path: rows are discarded. The writing thread calls
-  /// `say` when rows cannot be written; they wait in the ring until writing succeeds.
+  /// Throws `Error`: failed if the file cannot be opened, usage for a table that no run has made. The first row
+  /// replaces what the file held: a program that is refused leaves the history of the one before. An empty path: rows
+  /// are discarded. The writing thread calls `say` when rows cannot be written; they wait in the ring until writing
+  /// succeeds.
   History(const std::string& path, Format format, Say say);
   /// As CSV; `columns` are the names, separated by commas.
   History(const std::string& path, const std::string& columns, Say say);
@@ -70,6 +72,9 @@ class History {
   /// Whether this many rows fit now, for rows that are only useful together. `may_wait`: blocks until they fit, unless
   /// the file cannot be written. Same thread as `row`.
   [[nodiscard]] bool make_room(std::size_t rows, bool may_wait) noexcept;
+  /// Rows wait in memory until release(), and are discarded without it: their program may be refused.
+  void hold() noexcept { held_.store(true); }
+  void release() noexcept { held_.store(false); }
   /// Writes all remaining rows. No row may follow.
   void finish();
 
@@ -96,11 +101,14 @@ class History {
   std::atomic<std::size_t> head_{0};  ///< rows written by the loop
   std::atomic<std::size_t> tail_{0};  ///< rows taken by the thread
   std::atomic<bool> stop_{false};
+  std::atomic<bool> held_{false};
   std::atomic<int> error_{0};  ///< the last errno of a write
   std::mutex mutex_;           ///< of hurried_
   std::condition_variable wake_;
   bool hurried_ = false;  ///< a caller waits for the thread
   std::uint64_t dropped_ = 0;
+  bool begun_ = false;    ///< the head is in text_ or written; of the thread
+  bool removed_ = false;  ///< the file, by somebody; set before the thread ends
   int file_ = -1;
   std::string text_;           ///< text of rows taken from the ring
   std::size_t text_done_ = 0;  ///< bytes of text_ that are written

@@ -1,5 +1,6 @@
 #include "io/options.hpp"
 
+#include "io/output.hpp"
 #include "io/results.hpp"
 #include "io/scene_name.hpp"
 #include "model/error.hpp"
@@ -9,6 +10,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <cctype>
@@ -276,6 +278,7 @@ std::vector<std::string> flags_of(const Options& o) {
 }
 
 int guarded(const char* program, const std::function<int()>& body) noexcept {
+  outlive_full_output();
   try {
     return body();
   } catch (const Error& wrong) {
@@ -285,6 +288,20 @@ int guarded(const char* program, const std::function<int()>& body) noexcept {
     fmt::print(stderr, "{}: error: {}\n", program, wrong.what());
     return static_cast<int>(ExitCode::failed);
   }
+}
+
+void raise_open_files() {
+  constexpr rlim_t kLeast = 64, kEnough = 4096;  // a program with one user has 20 open
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  if (limit.rlim_cur < kEnough) {
+    limit.rlim_cur = std::min(limit.rlim_max, kEnough);
+    setrlimit(RLIMIT_NOFILE, &limit);
+  }
+  if (limit.rlim_cur >= kLeast) return;
+  throw Error(ExitCode::failed, fmt::format("a process may open {} files here, and a run needs {}; raise the limit: "
+                                            "ulimit -n 1024 (or nofile in /etc/security/limits.conf)",
+                                            limit.rlim_cur, kLeast));
 }
 
 int run_program(Program program, int argc, const char* const* argv,
@@ -314,6 +331,7 @@ int run_program(Program program, int argc, const char* const* argv,
     }
     if (const auto code = line.parse(argc, argv)) return *code;
     end_at_stop_signals();
+    raise_open_files();
     if (!o.cores.empty() && !keep_to_cores(o.cores))
       throw Error(ExitCode::usage, fmt::format("--core {}: this machine does not have it, or not for this program",
                                                fmt::join(o.cores, ",")));

@@ -81,6 +81,10 @@ void add_bodies_options(CommandLine& line, Options& options);
 /// Runs a program's body and turns its exceptions into a message on stderr and an exit code.
 int guarded(const char* program, const std::function<int()>& body) noexcept;
 
+/// Raises the number of files that this process, and those that it starts, may open, as far as the system allows.
+/// Throws `Error` (failed) where a run would fail for it: a library names another cause then.
+void raise_open_files();
+
 /// A program from its command line to its exit code: options, stop signals, scene, folder for results, body.
 int run_program(Program program, int argc, const char* const* argv,
                 const std::function<void(const Options&, const Scene&)>& body) noexcept;

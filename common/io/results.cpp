@@ -3,10 +3,15 @@
 #include "model/error.hpp"
 #include "rt/stages.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/utsname.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <thread>
@@ -68,21 +73,73 @@ void make_folder(const std::string& folder) {
   }
 }
 
-void write_json(const std::string& path, const Json& json) {
-  const std::string unfinished = path + ".part";
-  {
-    std::ofstream file(unfinished);
-    // A path need not be UTF-8, which JSON is.
-    file << json.dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
-    if (!file.flush()) throw Error(ExitCode::failed, fmt::format("{}: cannot write; is the disk full?", path));
+namespace {
+
+/// Where a file of results is until it is complete.
+std::string unfinished_of(const std::string& path) { return path + ".part"; }
+
+[[noreturn]] void refuse_write(const std::string& path, int error) {
+  throw Error(ExitCode::failed, fmt::format("{}: {}{}", path, std::strerror(error),
+                                            error == ENOSPC || error == EDQUOT
+                                                ? "; free some disk space, or choose another folder with --out"
+                                                : "; choose another folder with --out"));
+}
+
+int open_unfinished(const std::string& path) {
+  return open(unfinished_of(path).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+}
+
+/// 0, or the error number.
+int write_whole(int file, const std::string& text) {
+  for (std::size_t done = 0; done < text.size();) {
+    const ssize_t written = write(file, text.data() + done, text.size() - done);
+    if (written < 0 && errno != EINTR) return errno;
+    if (written > 0) done += static_cast<std::size_t>(written);
   }
-  std::filesystem::rename(unfinished, path);
+  return ftruncate(file, static_cast<off_t>(text.size())) == 0 ? 0 : errno;
+}
+
+}  // namespace
+
+ReservedFile::ReservedFile(const std::string& path, std::size_t bytes) {
+  if (path.empty()) return;
+  const int file = open_unfinished(path);
+  if (file < 0) refuse_write(path, errno);
+  unfinished_ = unfinished_of(path);
+  // Some file systems cannot reserve: there the end of the run shows whether there is space.
+  const int error = fallocate(file, 0, 0, static_cast<off_t>(bytes)) == 0 ? 0 : errno;
+  close(file);
+  if (error != ENOSPC && error != EDQUOT) return;
+  unlink(unfinished_.c_str());
+  refuse_write(path, error);
+}
+
+ReservedFile::~ReservedFile() {
+  if (!unfinished_.empty()) unlink(unfinished_.c_str());
+}
+
+void write_json(const std::string& path, const Json& json) {
+  const std::string unfinished = unfinished_of(path);
+  int file = open_unfinished(path);
+  if (file < 0 && errno == ENOENT) {
+    make_folder(std::filesystem::path(path).parent_path());
+    file = open_unfinished(path);
+  }
+  if (file < 0) refuse_write(path, errno);
+  // A path need not be UTF-8, which JSON is.
+  int error = write_whole(file, json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n');
+  if (close(file) != 0 && error == 0) error = errno;
+  if (error == 0 && std::rename(unfinished.c_str(), path.c_str()) != 0) error = errno;
+  if (error == 0) return;
+  unlink(unfinished.c_str());
+  refuse_write(path, error);
 }
 
 Json read_json(const std::string& path) {
   std::ifstream file(path);
   if (!file)
-    throw Error(ExitCode::failed, fmt::format("{}: cannot read; did the program that writes it end early?", path));
+    throw Error(ExitCode::failed, fmt::format("{}: {}{}", path, std::strerror(errno),
+                                              errno == ENOENT ? "; did the program that writes it end early?" : ""));
   try {
     return Json::parse(file);
   } catch (const nlohmann::json::exception& wrong) {

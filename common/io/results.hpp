@@ -100,7 +100,22 @@ SUBWORLD_JSON(EventCounts, deadline_missed, liveliness_lost, incompatible_qos, l
 
 /// Creates the folder. Throws `Error` (failed) with the cure.
 void make_folder(const std::string& folder);
-/// Writes the complete file or nothing. Throws `Error` (failed).
+/// Space on the disk for a file of results, taken before it is needed: a disk that fills up meanwhile loses no results.
+class ReservedFile {
+ public:
+  /// Throws `Error` (failed) where there is no space. An empty path: reserves nothing.
+  explicit ReservedFile(const std::string& path, std::size_t bytes = 1 << 16);
+  /// Returns what write_json() has not used.
+  ~ReservedFile();
+  ReservedFile(const ReservedFile&) = delete;
+  ReservedFile& operator=(const ReservedFile&) = delete;
+
+ private:
+  std::string unfinished_;
+};
+
+/// Writes the complete file or nothing, into the space that was reserved for it. Makes its folder anew where that was
+/// removed. Throws `Error` (failed).
 void write_json(const std::string& path, const Json& json);
 /// Throws `Error` (failed) if the file is missing or invalid.
 [[nodiscard]] Json read_json(const std::string& path);

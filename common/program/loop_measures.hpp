@@ -32,7 +32,8 @@ class LoopMeasures {
   /// `columns` and `stages` are their names. Throws `Error` (failed) if a file cannot be written.
   LoopMeasures(const Options& options, const std::string& file, const std::string& columns, const TraceProgram& program,
                std::span<const char* const> stages, const History::Say& say)
-      : history_(options.out.empty() ? "" : options.out + "/" + file + ".csv", columns, say),
+      : space_(options.out.empty() ? "" : options.out + "/" + file + ".json"),
+        history_(options.out.empty() ? "" : options.out + "/" + file + ".csv", columns, say),
         trace_(options.trace, program, stages, say),
         names_(stages) {}
 
@@ -70,6 +71,7 @@ class LoopMeasures {
     result.trace_events_dropped = trace_.dropped();
   }
 
+  ReservedFile space_;  ///< for the results
   History history_;
   Stages<Stage> stages_;
   std::uint64_t steps_ = 0;

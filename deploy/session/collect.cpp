@@ -37,38 +37,44 @@ std::vector<std::string> parts_of(const std::string& folder, int users) {
 std::string vendors_of(const std::string& folder, int users) {
   std::set<std::string> vendors;
   for (const std::string& part : parts_of(folder, users)) {
+    if (!fs::exists(part)) continue;
     const Json json = read_json(part);
     const std::string text = (json.contains("world") ? json.at("world") : json).at("dds");
     vendors.insert(text.find("cyclonedds") == std::string::npos ? "fastdds" : "cyclonedds");
   }
+  if (vendors.empty()) return "unknown";
   return vendors.size() == 1 ? *vendors.begin() : "mixed";
 }
 
-/// Throws `Error` (usage) where a program of the run has left no results, or those of another run.
+/// The run that a part belongs to; 0: its program has written none.
+std::uint64_t session_of(const std::string& part) {
+  return fs::exists(part) ? read_json(part).at("ending").get<Ending>().session : 0;
+}
+
+/// Throws `Error` (usage) where a program of the run has left nothing, or results of another run. A program that was
+/// killed has left its history only.
 void check_parts(const RunResults& run, const std::string& folder) {
-  const std::uint64_t session = read_json(part_file(folder, "world_sim", -1)).get<WorldPart>().ending.session;
-  for (int user = 0; user < run.scene.settings.users; ++user) {
-    for (const char* program : {"haptic_sim", "device_sim"}) {
-      const std::string file = part_file(folder, program, user);
-      const std::string label = fmt::format("{} {}", program, user);
-      if (!fs::exists(file)) {
-        throw Error(ExitCode::usage,
-                    fmt::format("no results of {}: name the folder that it wrote to with --out, too", label));
-      }
-      if (read_json(file).at("ending").get<Ending>().session != session) {
-        throw Error(ExitCode::usage,
-                    fmt::format("the results of {} belong to another run than those of world_sim; name "
-                                "folders of one run",
-                                label));
-      }
+  std::uint64_t session = 0;
+  for (const std::string& part : parts_of(folder, run.scene.settings.users)) {
+    const std::string label = program_of_part(part);
+    if (!fs::exists(part) && !fs::exists(fs::path(part).replace_extension(".csv"))) {
+      throw Error(ExitCode::usage,
+                  fmt::format("no results of {}: name the folder that it wrote to with --out, too", label));
+    }
+    const std::uint64_t its = session_of(part);
+    if (session == 0) session = its;
+    if (its != 0 && its != session) {
+      throw Error(
+          ExitCode::usage,
+          fmt::format("the results of {} belong to another run than the others; name folders of one run", label));
     }
   }
 }
 
 /// The scene and the settings with which the world ran.
-Options options_of(const WorldPart& world, const std::string& scene) {
+Options options_of(const std::vector<std::string>& arguments, const std::string& scene) {
   std::vector<std::string> words{"world_sim"};
-  words.insert(words.end(), world.arguments.begin(), world.arguments.end());
+  words.insert(words.end(), arguments.begin(), arguments.end());
   if (!scene.empty() && words.size() > 1) words[1] = scene;
   std::vector<const char*> argv;
   for (const std::string& word : words) argv.push_back(word.c_str());
@@ -106,18 +112,27 @@ void merge_results(const std::vector<std::string>& folders, const std::string& o
 int collect(const CollectRequest& request) {
   // Into a new folder first: the results may lie in the one that is to receive the summary.
   std::string found;
+  bool launched = false, concluded = false;
   for (const std::string& folder : request.folders) {
     if (!fs::is_directory(folder))
       throw Error(ExitCode::usage, fmt::format("{}: is no folder; name those that the programs wrote to", folder));
+    if (FileLock still; !still.take_folder(folder))
+      throw Error(ExitCode::usage, fmt::format("{}: its run has not ended", folder));
+    // A session has its results in another folder than its logs.
+    launched = launched || (fs::exists(folder + "/logs/world_sim.log") && !fs::exists(folder + "/hosts"));
+    concluded = concluded || fs::exists(folder + "/summary.json");
     for (const auto& entry : fs::recursive_directory_iterator(folder)) {
       if (entry.path().filename() == "world.json") found = entry.path().string();
     }
   }
-  if (found.empty())
+  if (found.empty() && request.scene.empty())
     throw Error(ExitCode::usage,
-                "no world.json in these folders: name the one that world_sim wrote to with --out, too");
+                "no world.json in these folders: name the one that world_sim wrote to with --out, too; or, where it "
+                "was killed, the scene: --scene");
   RunResults run;
-  const Options options = options_of(read_json(found).get<WorldPart>(), request.scene);
+  const std::vector<std::string> given{request.scene};
+  const Options options =
+      options_of(found.empty() ? given : read_json(found).get<WorldPart>().arguments, request.scene);
   run.scene = load_scene(options);
   run.between_hosts = !options.network.peers.empty();
   std::string out = request.out;
@@ -134,6 +149,7 @@ int collect(const CollectRequest& request) {
   run.date = date_of_now();
   run.dds = vendors_of(out, run.scene.settings.users);
   Ended ended;
+  ended.orphaned = launched && !concluded;
   ended.parts = parts_of(out, run.scene.settings.users);
   RunRequest how;
   how.explain = request.explain;

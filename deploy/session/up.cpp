@@ -241,6 +241,7 @@ void check_hosts(const Session& session) {
 
 int up(const SessionRequest& request) {
   end_at_stop_signals();
+  raise_open_files();
   Session session = load_session(session_file(request.session));
   if (!request.dds.empty()) session.use_vendor(request.dds);
   Scene scene = load_scene(session.options);

@@ -1,7 +1,11 @@
 // The ends of programs and runs: message, exit code, and at most two seconds of time.
 #include "process/process_test.hpp"
 
+#include <unistd.h>
+
 #include <chrono>
+#include <fstream>
+#include <map>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -164,8 +168,7 @@ TEST_P(RestartedByHand, IsAnErrorOfEachPeerThatNamesIt) {
   for (const Started& one : started_) {
     if (one.process.get() == victim) continue;
     const auto code = one.process->wait(15.0);
-    // A device that its haptic process has notified of the end ends in order.
-    EXPECT_TRUE(code == 1 || (code == 0 && one.process.get() == device_)) << one.name << ": " << one.process->err();
+    EXPECT_EQ(code, 1) << one.name << ": " << one.process->err();
     if (one.process.get() != &again) said += one.process->err();
   }
   const std::string label = loss.victim == "world_sim" ? loss.victim : loss.victim + " 0";
@@ -189,8 +192,7 @@ TEST_P(LostByHand, IsNamedByItsPeers) {
     if (one == victim) continue;
     const auto code = one->wait(15.0);
     said += one->err();
-    // A program that a neighbour notifies of the end of the run ends in order.
-    EXPECT_TRUE(code == 1 || (code == 0 && one == device_)) << one->err();
+    EXPECT_EQ(code, 1) << one->err();
   }
   const std::string label = loss.victim == "world_sim" ? loss.victim : loss.victim + " 0";
   EXPECT_NE(said.find("error: " + label + " has died"), std::string::npos) << said;
@@ -303,6 +305,170 @@ TEST_F(RunEnds, AHistoryHoldsWhatAKilledProgramHasDone) {
   EXPECT_EQ(process_->wait(10.0), 1);
   EXPECT_GT(read_table(out() + "/haptic_0.csv").rows.size(), at_least);
   EXPECT_GT(read_table(out() + "/device_0.csv").rows.size(), at_least);
+}
+
+class RunIsKilled : public RunEnds, public ::testing::WithParamInterface<Loss> {};
+
+// What the survivors measured is in the summary, and what the killed program wrote to its history.
+TEST_P(RunIsKilled, AndLosesNoMeasurements) {
+  const Loss& loss = GetParam();
+  start(loss.mode, loss.dds, "1000");
+  if (HasFatalFailure()) return;
+  const Instant begin = now();
+  signal(loss.victim, SIGKILL);
+  const bool world = loss.victim == "world_sim";
+  expect_failed((world ? loss.victim : loss.victim + "_0") + " killed by SIGKILL", begin);
+  const Json json = summary();
+  EXPECT_EQ(json["partial"], true);
+  EXPECT_GT(json["simulated_s"].get<double>(), 0.0);
+  const std::map<std::string, Json> parts{
+      {"world_sim", json["world"]}, {"haptic_sim", json["haptic"][0]}, {"device_sim", json["device"][0]}};
+  for (const auto& [name, part] : parts) {
+    EXPECT_GT(part[name == "world_sim" ? "cycles" : "steps"].get<double>(), 0.0) << name;
+    EXPECT_EQ(part.contains("partial"), name == loss.victim) << name;
+    EXPECT_EQ(part.contains("ending"), name != loss.victim) << name;
+  }
+  if (loss.victim == "haptic_sim") {
+    const Table table = read_table(out() + "/haptic_0.csv");
+    EXPECT_EQ(parts.at("haptic_sim")["steps"].get<std::size_t>(), table.rows.size());
+    EXPECT_NEAR(parts.at("haptic_sim")["to_s"], table.rows.back()[table.column("time_s")], 1e-9);
+    EXPECT_TRUE(parts.at("haptic_sim").contains("force_max_n"));
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(out()))
+    EXPECT_NE(entry.path().extension(), ".part") << entry.path();
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, RunIsKilled, ::testing::ValuesIn(losses({"mixed"})), name_of);
+
+class LauncherIsKilled : public RunEnds, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(LauncherIsKilled, AndCollectMakesTheSummary) {
+  start(GetParam(), "mixed", "1000");
+  if (HasFatalFailure()) return;
+  if (GetParam() == "lockstep") signal("haptic_sim", SIGKILL);
+  process_->signal(SIGKILL);
+  ASSERT_TRUE(process_->wait(10.0));
+  ASSERT_TRUE(eventually([&] { return running(out()).empty(); }, 10.0));
+  const std::string merged = folder_.path() + "/merged";
+  const Ended ended = finish({program("subworld"), "collect", out(), "--out", merged, "--scene", scene("press")});
+  EXPECT_EQ(ended.code, 1) << ended.err;
+  EXPECT_NE(ended.out.find("`subworld run` was killed"), std::string::npos) << ended.out << ended.err;
+  const Json json = Json::parse(read_text(merged + "/summary.json"), nullptr, false);
+  ASSERT_TRUE(json.is_object());
+  EXPECT_GT(json["world"]["cycles"], 0);
+  EXPECT_GT(json["haptic"][0]["steps"], 0);
+  EXPECT_GT(json["device"][0]["steps"], 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, LauncherIsKilled, ::testing::Values("lockstep", "realtime"),
+                         [](const auto& one) { return one.param; });
+
+class RestartedInItsFolder : public ByHandEnds, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(RestartedInItsFolder, LeavesTheHistoryOfTheKilledOne) {
+  start_run(GetParam(), "fastdds", {"--wait", "3"});
+  if (HasFatalFailure()) return;
+  haptic_->signal(SIGKILL);
+  ASSERT_EQ(haptic_->wait(), 128 + SIGKILL);
+  const std::size_t before = read_table(out() + "/haptic_0.csv").rows.size();
+  Process& again = start("haptic_sim", {"--out", out()});
+  EXPECT_EQ(again.wait(15.0), 1) << again.out();
+  EXPECT_EQ(read_table(out() + "/haptic_0.csv").rows.size(), before);
+  for (Process* one : {world_, device_}) EXPECT_TRUE(one->wait(15.0));
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, RestartedInItsFolder, ::testing::Values("lockstep", "realtime"),
+                         [](const auto& one) { return one.param; });
+
+/// Runs a shell command with a file system of 2 MB at `out()`.
+class SmallDisk : public RunEnds {
+ protected:
+  Ended on_small_disk(const std::string& before, const Words& words, const std::string& after) const {
+    std::string command =
+        "mount -t tmpfs -o size=2m tmpfs " + out() + " || exit 77; mkdir " + out() + "/results; " + before + "; ";
+    for (const std::string& word : words) command += "'" + word + "' ";
+    std::filesystem::create_directories(out());
+    return finish({"/usr/bin/unshare", "-m", "--propagation", "private", "/bin/sh", "-c",
+                   command + "; code=$?; " + after + "; exit $code"});
+  }
+  [[nodiscard]] Words words(const Words& flags) const {
+    Words all{program("subworld"), "run", scene("press"), "--domain", domain_.text(), "--out", out() + "/results"};
+    all.insert(all.end(), flags.begin(), flags.end());
+    return all;
+  }
+};
+
+TEST_F(SmallDisk, ThatFillsUpLosesNeitherTheVerdictNorTheSummary) {
+  const Ended ended = on_small_disk(":", words({"--duration", "60"}),
+                                    "cat " + out() + "/results/summary.json; ls " + out() + "/results");
+  if (ended.code == 77) GTEST_SKIP() << "needs the rights of root";
+  EXPECT_EQ(ended.code, 1) << ended.err;
+  EXPECT_NE(ended.out.find("verdict: failed: "), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find(".csv: No space left on device"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("\"force_max_n\""), std::string::npos) << "no measurements";
+  EXPECT_EQ(ended.out.find(".part"), std::string::npos) << ended.out;
+}
+
+TEST_F(SmallDisk, ThatIsFullAtTheStartIsNamed) {
+  const Ended ended = on_small_disk("cat /dev/zero > " + out() + "/zeros 2> " + out() + "/nothing", words({}), ":");
+  if (ended.code == 77) GTEST_SKIP() << "needs the rights of root";
+  EXPECT_EQ(ended.code, 1) << ended.err;
+  EXPECT_NE(ended.err.find("No space left on device"), std::string::npos) << ended.err;
+}
+
+TEST_F(SmallDisk, TheFolderOfARunThatIsRemovedIsNamedAndTheSummaryWritten) {
+  start("lockstep", "fastdds", "60");
+  if (HasFatalFailure()) return;
+  std::filesystem::remove_all(out());
+  EXPECT_EQ(process_->wait(), 1) << process_->err();
+  EXPECT_NE(process_->out().find("was removed during the run"), std::string::npos) << process_->out();
+  EXPECT_GT(summary()["haptic"][0]["steps"], 0);
+}
+
+TEST_F(RunEnds, AFullOutputEndsNoRunButIsAnError) {
+  Words words = run_words(scene("press"), {"--duration", "1"});
+  std::string command;
+  for (const std::string& word : words) command += "'" + word + "' ";
+  const Ended ended = finish({"/bin/sh", "-c", command + "> /dev/full"});
+  EXPECT_EQ(ended.code, 1);
+  EXPECT_NE(ended.err.find("stdout: No space left on device"), std::string::npos) << ended.err;
+  EXPECT_EQ(summary()["verdict"], "ok");
+}
+
+TEST_F(RunEnds, TooFewOpenFilesAreNamed) {
+  Words words = run_words(scene("press"), {"--duration", "1"});
+  std::string command = "ulimit -n 16; ";
+  for (const std::string& word : words) command += "'" + word + "' ";
+  const Ended ended = finish({"/bin/sh", "-c", command});
+  EXPECT_EQ(ended.code, 1);
+  EXPECT_NE(ended.err.find("a process may open 16 files"), std::string::npos) << ended.err;
+  EXPECT_NE(ended.err.find("ulimit -n 1024"), std::string::npos) << ended.err;
+}
+
+TEST_F(RunEnds, ATableThatNoRunHasMadeIsNotReplaced) {
+  std::filesystem::create_directories(out());
+  std::ofstream(out() + "/world.csv") << "country,city\n";
+  const Ended refused = run(scene("press"), {"--duration", "0.1"});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_NE(refused.err.find("world.csv, which no run has made"), std::string::npos) << refused.err;
+  EXPECT_EQ(read_text(out() + "/world.csv"), "country,city\n");
+  std::filesystem::remove(out() + "/world.csv");
+  for (int time = 0; time < 2; ++time) EXPECT_EQ(run(scene("press"), {"--duration", "0.1", "--gui"}).code, 0);
+}
+
+TEST_F(RunEnds, ADomainsLockOfAnotherUserIsNoRun) {
+  const std::string lock = "/tmp/subworld-domain-" + domain_.text() + ".lock";
+  const std::string command = "touch " + lock + "; chmod 644 " + lock +
+                              "; exec setpriv --reuid 65534 --regid 65534 --clear-groups '" + program("subworld") +
+                              "' run '" + scene("press") + "' --duration 0.1 --domain " + domain_.text() + " --out '" +
+                              out() + "/results'";
+  if (getuid() != 0) GTEST_SKIP() << "needs the rights of root";
+  std::filesystem::create_directories(out());
+  for (const std::string& open : {folder_.path(), out()})
+    std::filesystem::permissions(open, std::filesystem::perms::all);
+  const Ended ended = finish({"/bin/sh", "-c", command});
+  std::filesystem::remove(lock);
+  EXPECT_EQ(ended.code, 0) << ended.err;
 }
 
 class RunOnAFullDisk : public RunEnds, public ::testing::WithParamInterface<std::string> {};

@@ -69,6 +69,13 @@ Culprit culprit_of(const RunResults& run, const std::string& gate) {
 
 std::string verdict(const RunResults& run) { return verdict_of(gates(run), run); }
 
+TEST(Gates, NamesADeviceThatMovedFasterThanAnOperatorCan) {
+  RunResults run = late_run(1, true, 0.0);
+  run.haptic[0].device_jumps = 801;
+  const std::string text = verdict(run);
+  EXPECT_NE(text.find("user 0: device faster than an operator moves 8.01 % of steps"), std::string::npos) << text;
+}
+
 constexpr const char* kMissed = "user 0: missed by the OS";
 constexpr const char* kClock = "world real-time factor";
 

@@ -290,5 +290,38 @@ TEST(SubWorld, MeetsADeviceThatJumpsFromZero) {
   EXPECT_EQ(sub.facts().jumps, 1U);
 }
 
+// Faster than an operator moves: the force is off meanwhile, and comes back with a ramp when the device is slow again.
+TEST(SubWorld, ReengagesADeviceThatWasTooFast) {
+  Scene scene = scene_with_operator("press", DeviceKind::impedance);
+  CoupledRun run(scene);
+  for (int i = 0; i < 200; ++i) run.cycle();  // it presses
+  SubWorld& sub = *run.subs[0];
+  DeviceState state = run.devices[0]->state();
+  const auto step = [&](const Vec3& velocity) {
+    state.stamp_s += 1e-3;
+    state.linear_velocity = velocity;
+    state.pose.position += 1e-3 * velocity;
+    return sub
+        .step(
+            {.device = &state, .wall_s = 1e-3, .dt = 1e-3}, [](const FeltStep&) {}, [] {})
+        .to_operator.force;
+  };
+  for (int i = 0; i < 800; ++i) {
+    const Vec3 force = step({20.0, 0, 0});
+    if (i > 40) {
+      EXPECT_LT(force.norm(), 0.1);
+    }
+  }
+  EXPECT_EQ(sub.facts().jumps, 800U);
+  Vec3 before = Vec3::Zero();
+  for (int i = 0; i < 300; ++i) {
+    const Vec3 force = step({0.01, 0, 0});
+    EXPECT_LE((force - before).norm(), 1.0);
+    before = force;
+  }
+  EXPECT_EQ(sub.facts().jumps, 800U);
+  EXPECT_GT(before.norm(), 5.0) << "it presses again";
+}
+
 }  // namespace
 }  // namespace subworld

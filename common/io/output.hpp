@@ -1,0 +1,13 @@
+#pragma once
+
+#include <string>
+
+namespace subworld {
+
+/// From here on a write to stdout or stderr that fails throws nothing and ends nothing: a full disk loses messages, but
+/// no run. Call it before anything is printed; again: does nothing.
+void outlive_full_output();
+/// Why something that was printed to stdout is lost, and the cure; empty: nothing is, or the reader has left.
+[[nodiscard]] std::string lost_output();
+
+}  // namespace subworld
