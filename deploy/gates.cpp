@@ -20,8 +20,9 @@ std::string grouped(std::uint64_t count) {
 }
 
 std::string load_text(const RunResults& run) {
+  if (!run.load) return {};
   return fmt::format("of {} cores the run used {:.2f}, other programs {:.2f}, the hypervisor {:.2f}", run.cores,
-                     run.load.own, run.load.other, run.load.stolen);
+                     run.load->own, run.load->other, run.load->stolen);
 }
 
 std::string calibration_text(const RunResults& run) {
@@ -70,9 +71,15 @@ double late_bare_ratio(const RunResults& run) {
   return static_cast<double>(run.calibration->late) / std::max(1.0, static_cast<double>(run.calibration->wake_ups));
 }
 
+/// " (a; b)" of those that are not empty.
+std::string in_brackets(const std::string& a, const std::string& b) {
+  if (a.empty() && b.empty()) return {};
+  return fmt::format(" ({}{}{})", a, a.empty() || b.empty() ? "" : "; ", b);
+}
+
 /// Whether other loops of the run, more than the OS, delayed this loop in `delayed` of its `steps`, by `lost_s` in all.
 /// All of this must hold:
-///  * nothing else uses the machine;
+///  * nothing else uses the machine, as far as that was measured;
 ///  * a bare loop was late less often;
 ///  * the loop waited longer for a core than it lost, typical wake-ups not counted;
 ///  * a program of the run could take that core: a rival of at least the loop's priority, or, for a loop without
@@ -80,10 +87,10 @@ double late_bare_ratio(const RunResults& run) {
 template <class Loop>
 bool delayed_by_the_run(const Loop& loop, double delayed, double steps, double lost_s, bool has_rivals,
                         const RunResults& run) {
-  const bool quiet = run.load.other + run.load.stolen < kQuietCores;
+  const bool quiet = !run.load || run.load->other + run.load->stolen < kQuietCores;
   if (!quiet || delayed <= late_bare_ratio(run) * steps) return false;
   const double queued_s = loop.machine.run_queue_delay_s - steps * loop.woken_late_s.p50;
-  const bool full = run.load.own > kFullCores * run.cores;
+  const bool full = run.load && run.load->own > kFullCores * run.cores;
   return queued_s > lost_s && (has_rivals || (full && !loop.machine.fifo));
 }
 
@@ -109,14 +116,18 @@ Cause by_late_wake_ups(const View& at) {
   const HapticResult& haptic = at.haptic();
   const auto missed = static_cast<double>(haptic.missed_by_os);
   if (delayed_by_the_run(haptic, missed, at.periods(), missed * at.settings().h_s, at.run.haptic.size() > 1, at.run)) {
-    return {Culprit::run,
-            fmt::format(
-                "the programs of the run compete for the cores (this loop was ready for {:.0f} ms without one; {}); "
-                "fewer users or members, more cores, a higher ratio, or a longer h_s",
-                1e3 * haptic.machine.run_queue_delay_s, load_text(at.run))};
+    return {
+        Culprit::run,
+        fmt::format(
+            "the programs of the run compete for the cores{}; fewer users or members, more cores, a higher ratio, or a "
+            "longer h_s",
+            in_brackets(
+                fmt::format("this loop was ready for {:.0f} ms without one", 1e3 * haptic.machine.run_queue_delay_s),
+                load_text(at.run)))};
   }
-  return {Culprit::os, fmt::format("the OS woke the loop late or pre-empted it ({}; {}); {}", calibration_text(at.run),
-                                   load_text(at.run), quiet_cure(haptic.machine))};
+  return {Culprit::os,
+          fmt::format("the OS woke the loop late or pre-empted it{}; {}",
+                      in_brackets(calibration_text(at.run), load_text(at.run)), quiet_cure(haptic.machine))};
 }
 
 /// A step that starts late was woken late, or the step before it ended late.
@@ -137,8 +148,8 @@ Cause by_slow_cycles(const RunResults& run) {
                                       "higher ratio, fewer bodies, or a faster preset or engine",
                                       1e3 * world.step_s.p50, 1e3 * world.step_s.p99, 1e3 * cycle_s)};
   }
-  return {Culprit::os, fmt::format("the OS woke the world late or pre-empted it in {:.0f} of {} cycles ({}); {}", by_os,
-                                   grouped(world.cycles), load_text(run), quiet_cure(world.machine))};
+  return {Culprit::os, fmt::format("the OS woke the world late or pre-empted it in {:.0f} of {} cycles{}; {}", by_os,
+                                   grouped(world.cycles), in_brackets(load_text(run), {}), quiet_cure(world.machine))};
 }
 
 /// Why frames of the world did not reach a sub-world. In real time its reader holds a few frames, so one that was

@@ -59,7 +59,7 @@ void to_json(Json& json, const Gate& gate);
 /// The names of the gates for which --strict ends a run with exit code 4.
 [[nodiscard]] std::vector<std::string> missed_strictly(const std::vector<Gate>& gates);
 
-/// Which programs used the cores.
+/// Which programs used the cores; empty where it was not measured.
 [[nodiscard]] std::string load_text(const RunResults& run);
 /// How often the machine wakes a bare loop late; empty where it was not measured.
 [[nodiscard]] std::string calibration_text(const RunResults& run);

@@ -215,9 +215,14 @@ void to_json(Json& json, const RunResults& run) {
           {"settings", describe(run.scene)},
           {"machine", machine()},
           {"placement", {{"world", run.placement.world}, {"others", run.placement.others}}},
-          {"machine_load",
-           {{"own_cores", run.load.own}, {"other_cores", run.load.other}, {"stolen_cores", run.load.stolen}}},
+          {"machine_load", nullptr},
           {"version", version_text()}};
+  if (run.load) {
+    json["machine_load"] = {
+        {"own_cores", run.load->own}, {"other_cores", run.load->other}, {"stolen_cores", run.load->stolen}};
+  }
+  if (!run.session.empty()) json["session"] = run.session;
+  put(json, "link", run.link);
   for (const HostClock& host : run.hosts) {
     json["hosts"].push_back({{"host", host.host}, {"clock_offset_s", nullptr}, {"clock_uncertainty_s", nullptr}});
     put(json["hosts"].back(), "clock_offset_s", host.offset_s);

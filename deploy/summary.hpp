@@ -42,11 +42,13 @@ struct RunResults : WorldPart {
   double wall_s = 0.0;
   bool between_hosts = false;  ///< programs ran on several hosts
   int cores = machine_cores();
-  CoreLoad load;
+  std::optional<CoreLoad> load;          ///< empty: not measured, as of the hosts of a session
   std::optional<BareLoops> calibration;  ///< in real time
   std::vector<HapticResult> haptic;      ///< by user, as `device`; empty: the programs have written no results
   std::vector<DeviceResult> device;
-  std::vector<HostClock> hosts;  ///< of a session
+  std::string session;              ///< its file; empty: none
+  std::optional<std::string> link;  ///< of a session with namespaces: between any two, in the words of `subworld link`
+  std::vector<HostClock> hosts;     ///< of a session
   std::vector<Gate> gates;
   std::string verdict;
   bool partial = false;  ///< the run has no orderly end

@@ -40,6 +40,7 @@ class SessionRun {
     run_.command_line = request_.command_line;
     run_.date = date_of_now();
     run_.dds = session_.vendors();
+    run_.session = session_.file;
     run_.between_hosts = session_.hosts.size() > 1;
     for (const SessionHost* const host : chosen_) {
       if (!is_distant(*host)) make_folder(folder_here(*host));
@@ -88,6 +89,7 @@ class SessionRun {
     for (const SessionHost& host : session_.hosts) network_->add_host(host.name);
     const LinkSettings link = parse_link(request_.link.empty() ? session_.link : request_.link);
     network_->set_links(link);
+    run_.link = to_text(link);
     network_->start();
     for (std::size_t i = 0; i < session_.hosts.size(); ++i) {
       session_.hosts[i].address = network_->address(static_cast<int>(i));
@@ -95,6 +97,11 @@ class SessionRun {
     }
     fmt::print("subworld: {} network namespaces; link between any two, each way: {}; {}\n", session_.hosts.size(),
                to_text(link), network_->description());
+    fmt::print(
+        "subworld: to control it, from another terminal: nsenter --net={} subworld control pause --domain {} "
+        "--interface {}\n",
+        network_->host(0).path(), session_.domain, EmulatedNetwork::kInterface);
+    std::fflush(stdout);
   }
   /// The namespace of a host; null: this machine's own.
   [[nodiscard]] const NetworkHost* namespace_of(const SessionHost& host) const {
@@ -251,6 +258,12 @@ int up(const SessionRequest& request) {
   as_a_run.dds = session.vendors();
   check_request(scene, as_a_run);
   if (!request.host.empty()) (void)session.host(request.host);
+  if (!request.host.empty() && request.namespaces) {
+    throw Error(
+        ExitCode::usage,
+        "--host and --namespaces exclude each other: namespaces connect hosts of one command; run all hosts here "
+        "with --namespaces alone, or one of several machines with --host alone");
+  }
   if (!request.namespaces) check_hosts(session);
   std::string out = request.out;
   FileLock folder;

@@ -1,5 +1,7 @@
 #include "process/lab_test.hpp"
 
+#include <filesystem>
+#include <regex>
 #include <set>
 
 namespace subworld::test {
@@ -143,14 +145,16 @@ TEST_F(NetworkLab, ALinkThatIsNotPermittedFailsItsCellAlone) {
 TEST_F(NetworkLab, WhatUsersFeelIsMeasuredWithTheRealProgramsAndGoesOn) {
   if (finish({"/usr/bin/unshare", "--net", "/bin/true"}).code != 0)
     GTEST_SKIP() << "network namespaces are not permitted here";
-  const Words words{"--scene", "row",       "--scene-duration", "0.6",     "--messages", "off",
-                    "--link",  "delay 1ms", "--world-dds",      "fastdds", "--require",  "force_error_max<1e-6"};
+  const Words words{"--scene",     "row",     "--scene-duration", "0.6",
+                    "--messages",  "off",     "--link",           "delay 1ms loss 0.1%",
+                    "--world-dds", "fastdds", "--require",        "force_error_max<1e-6"};
   const Ended broken = measured(words, kNoCyclone);
   EXPECT_EQ(broken.code, 1) << broken.err << broken.out;
   ASSERT_EQ(felt().size(), 2U) << "a row for each vendor pair and user";
   EXPECT_NE(felt()[1]["failure"].get<std::string>().find("/nonexistent.xml"), std::string::npos) << felt()[1];
   EXPECT_TRUE(felt()[1]["force_error_rms"].is_null());
-  EXPECT_NE(broken.out.find("undecided over delay 1ms (not measured with fastdds > cyclonedds)"), std::string::npos)
+  EXPECT_NE(broken.out.find("undecided over delay 1ms loss 0.1% (not measured with fastdds > cyclonedds)"),
+            std::string::npos)
       << broken.out;
 
   const Json first = felt()[0];
@@ -173,14 +177,36 @@ TEST_F(NetworkLab, WhatUsersFeelIsMeasuredWithTheRealProgramsAndGoesOn) {
       sentence.starts_with("scene row: the felt force is within the imperceptible bar (RMS 3.5 %, p99 7 %) over"))
       << sentence;
   EXPECT_NE(ended.out.find(sentence), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("\nresults: " + out() + "/felt.csv\n"), std::string::npos) << ended.out;
+  EXPECT_FALSE(std::filesystem::exists(out() + "/results.csv")) << "no messages were measured";
   EXPECT_NE(page().find("What users feel"), std::string::npos);
   EXPECT_NE(page().find(sentence.substr(0, sentence.find('('))), std::string::npos);
   EXPECT_NE(read_text(out() + "/felt.csv").find("scene,world_dds,haptic_dds,link,"), std::string::npos);
 }
 
 TEST_F(NetworkLab, MeasurementsSurviveAnInterrupt) {
-  expect_kept_after_interrupt(
-      {"--transport", "loopback", "--rate", "100", "--duration", "0.2", "--domain", domain_.text()}, "[  1/", 1, 8);
+  expect_kept_after_interrupt({"--transport", "loopback", "--rate", "100", "--duration", "0.2", "--require",
+                               "duration_s<1", "--domain", domain_.text()},
+                              "[  1/", 1, 8);
+  const std::string verdict = summary()["verdict"];
+  EXPECT_EQ(verdict.find("all cells pass"), std::string::npos) << verdict;
+  EXPECT_TRUE(std::regex_search(verdict, std::regex("the (measured cell passes|[2-8] measured cells pass)")))
+      << verdict;
+}
+
+TEST_F(NetworkLab, AnInterruptBeforeTheFirstCellLeavesNoTable) {
+  Process lab(lab_words({"--transport", "loopback", "--duration", "100", "--require", "received>0", "--domain",
+                         domain_.text(), "--out", out()}),
+              folder_.path());
+  ASSERT_TRUE(eventually([&] { return lab.out().find("results in ") != std::string::npos; })) << lab.err();
+  lab.signal(SIGINT);
+  EXPECT_EQ(lab.wait(), 0) << lab.err();
+  EXPECT_NE(lab.out().find("stopped by SIGINT: no cell was measured; stopped after 0 of 8 points\nresults: " + out() +
+                           "/summary.json\n"),
+            std::string::npos)
+      << lab.out();
+  EXPECT_FALSE(std::filesystem::exists(out() + "/results.csv"));
+  EXPECT_TRUE(std::filesystem::exists(out() + "/report.html"));
 }
 
 TEST_F(NetworkLab, WrongOptionsAreNamedWithTheCure) {

@@ -83,7 +83,8 @@ TEST_F(StabilityLab, RandomScenesAreRunAloneAndCounted) {
       {"--random", "3", "--seed", "1", "--engine", "bullet", "--preset", "fast", "--strict", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
   EXPECT_NE(ended.out.find("3 runs of random scenes: 3 held, 0 failed"), std::string::npos) << ended.out;
-  EXPECT_TRUE(results().empty());
+  EXPECT_NE(ended.out.find("\nresults: " + out() + "/random.csv\n"), std::string::npos) << ended.out;
+  EXPECT_FALSE(std::filesystem::exists(out() + "/results.csv"));
   const Json random = summary()["random"];
   EXPECT_EQ(random["seed"], 1);
   EXPECT_EQ(random["settings"][0]["scenes"], 3);

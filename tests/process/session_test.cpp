@@ -2,6 +2,8 @@
 
 #include <filesystem>
 #include <memory>
+#include <regex>
+#include <sstream>
 
 namespace subworld::test {
 namespace {
@@ -42,11 +44,43 @@ TEST_P(NamespacedSessions, OverALinkThatDelaysAndLosesTheHashIsThatOfOneHost) {
   EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
   EXPECT_EQ(summary()["verdict"], "ok");
   EXPECT_EQ(summary()["dds"], GetParam());
+  EXPECT_EQ(summary()["session"], folder_.path() + "/session.yaml");
+  EXPECT_EQ(summary()["link"], "delay 2ms 2ms loss 1%");
+  EXPECT_TRUE(summary()["machine_load"].is_null()) << "it was not measured";
   EXPECT_EQ(summary()["state_hash"], hash_of_one_host());
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, NamespacedSessions, ::testing::Values("fastdds", "cyclonedds", "mixed"),
                          [](const auto& one) { return one.param; });
+
+TEST_F(Sessions, AHostInANamespaceIsEnteredWithThePrintedCommand) {
+  if (!has_namespaces()) GTEST_SKIP() << "network namespaces are not permitted here";
+  const std::string file = session("mode: lockstep, duration: 0.2", "mode: realtime, duration: 1000");
+  Process process(up(file, out(), {"--namespaces"}), folder_.path());
+  ASSERT_TRUE(eventually([&] { return read_text(out() + "/hosts/right/haptic_1.csv").size() > 10000; }))
+      << process.err();
+  std::smatch hint;
+  const std::string text = process.out();
+  ASSERT_TRUE(std::regex_search(text, hint, std::regex("another terminal: nsenter (\\S+) subworld (.*)"))) << text;
+  Words stop{"/usr/bin/nsenter", hint[1], program("subworld")};
+  std::istringstream words(std::regex_replace(hint[2].str(), std::regex("pause"), "stop"));
+  for (std::string word; words >> word;) stop.push_back(word);
+  const Ended ended = finish(stop);
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+  EXPECT_EQ(process.wait(), 0) << process.err();
+  EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("stopped by control")) << summary()["verdict"];
+}
+
+TEST_F(Sessions, TheFileOfItsPageIsTheLibrarys) {
+  const std::string folder = std::string(SCENES_FOLDER) + "/../sessions";
+  const auto without_remarks = [](std::string text) {
+    text = std::regex_replace(text, std::regex(" *#[^\n]*"), "");
+    return std::regex_replace(text, std::regex("description: >\n(  [^\n]*\n)+"), "");
+  };
+  EXPECT_NE(
+      without_remarks(read_text(folder + "/README.md")).find(without_remarks(read_text(folder + "/three_hosts.yaml"))),
+      std::string::npos);
+}
 
 TEST_F(Sessions, AHostHasAVendorOfItsOwn) {
   if (!has_namespaces()) GTEST_SKIP() << "network namespaces are not permitted here";
@@ -148,6 +182,9 @@ TEST_F(Sessions, MistakesAreNamedWithTheirPlaceAndCure) {
   const Ended ended = finish(up(session(), out(), {"--host", "middle"}));
   EXPECT_EQ(ended.code, 2);
   EXPECT_NE(ended.err.find("it has world, left, right"), std::string::npos) << ended.err;
+  const Ended both = finish(up(session(), out(), {"--host", "left", "--namespaces"}));
+  EXPECT_EQ(both.code, 2);
+  EXPECT_NE(both.err.find("--host and --namespaces exclude each other"), std::string::npos) << both.err;
 }
 
 }  // namespace

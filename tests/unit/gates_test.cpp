@@ -30,7 +30,7 @@ RunResults late_run(std::size_t users, bool placed, double queued_s) {
   run.scene.settings.mode = Mode::realtime;
   run.simulated_s = 10.0;
   run.cores = 2;
-  run.load = {.own = 1.0};
+  run.load = CoreLoad{.own = 1.0};
   if (placed) run.placement.world = {1};
   run.world.cycles = 2500;
   run.world.late_by_os = 1;
@@ -115,7 +115,7 @@ TEST(Gates, ALoopThatWaitedForAnotherOneOfTheRunIsTheRunsFault) {
   EXPECT_EQ(culprit_of(late_run(2, true, 0.11), kMissed), Culprit::os) << "10,000 typical wake-ups take 0.1 s";
   EXPECT_EQ(culprit_of(late_run(1, true, 0.5), kMissed), Culprit::os) << "there is no other";
   RunResults busy = late_run(2, true, 0.5);
-  busy.load.other = 0.5;
+  busy.load->other = 0.5;
   EXPECT_EQ(culprit_of(busy, kMissed), Culprit::os) << "others may have had the core";
 }
 
@@ -129,10 +129,23 @@ TEST(Gates, AMachineThatWakesBareLoopsAsLateIsTheCause) {
 
 TEST(Gates, ALoopWithoutRealTimePriorityCompetesWithTheProgramsOfAFullRun) {
   RunResults run = late_run(1, true, 0.5);
-  run.load.own = 1.9;
+  run.load->own = 1.9;
   EXPECT_EQ(culprit_of(run, kMissed), Culprit::os) << "nothing of the run pre-empts it";
   run.haptic[0].machine.fifo = false;
   EXPECT_EQ(culprit_of(run, kMissed), Culprit::run);
+}
+
+TEST(Gates, NameNoLoadOfAMachineThatWasNotMeasured) {
+  for (const double queued_s : {0.5, 0.001}) {
+    RunResults run = late_run(2, false, queued_s);
+    run.load.reset();
+    for (const Gate& gate : gates(run)) {
+      EXPECT_EQ(gate.cause.why.find("of 2 cores"), std::string::npos) << gate.cause.why;
+      for (const char* gap : {"()", "(;", "; )", "  "})
+        EXPECT_EQ(gate.cause.why.find(gap), std::string::npos) << gate.cause.why;
+    }
+    EXPECT_TRUE(Json(run)["machine_load"].is_null());
+  }
 }
 
 TEST(Gates, AWorldWithACoreOfItsOwnWaitsForNobody) {

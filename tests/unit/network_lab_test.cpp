@@ -4,11 +4,13 @@
 #include "lab/network/ddsperf.hpp"
 #include "lab/network/felt.hpp"
 #include "lab/network/report.hpp"
+#include "lab/page/plots.hpp"
 #include "model/error.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <regex>
 #include <set>
 #include <string>
 #include <vector>
@@ -193,6 +195,43 @@ TEST(FeltCells, AreEachLinkWithEachVendorPair) {
   for (const FeltCell& cell : cells) commands.insert(command_of(cell, {.scene = "row"}));
   EXPECT_EQ(commands.size(), cells.size());
   EXPECT_TRUE(felt_cells_of({}, {}).empty());
+}
+
+TEST(FeltProgress, NamesTheGateWithoutItsExplanation) {
+  Json row = felt_row("lan", 0.01, 0.02);
+  const auto text_of = [&](const std::string& verdict) {
+    row["verdict"] = verdict;
+    const std::string text = felt_result_text({row});
+    return text.substr(text.find("verdict "));
+  };
+  EXPECT_EQ(text_of("ok; user 0: lost frames 43, by the network; user 0: late reports 7 % of reports, by the network"),
+            "verdict ok; user 0: lost frames 43, by the network; user 0: late reports 7 % of reports, by the network");
+  EXPECT_EQ(text_of("quality gate missed: user 0: lateness p99 0.31 ms: the OS woke the loop late (bare loops: 2); run "
+                    "again: now"),
+            "verdict quality gate missed: user 0: lateness p99 0.31 ms");
+  EXPECT_EQ(text_of("unstable: energy that the bodies gained 3 J: less delay"),
+            "verdict unstable: energy that the bodies gained 3 J");
+  EXPECT_EQ(text_of("ok"), "verdict ok");
+}
+
+TEST(LabPlots, ATextMayHaveCharactersThatGnuplotWouldReadAsItsOwn) {
+  const std::string text = R"(loss 2% "wifi" \t `echo run`)";
+  const std::vector<std::string> pictures =
+      svg_of({{.title = text,
+               .x_label = text,
+               .y_label = text,
+               .x_ticks = {},
+               .x_names = {"100%", "two\nlines"},
+               .series = {{.title = text, .colour = "#000000", .points = {{1, 2}}}},
+               .levels = {{text, "#000000", 1.0}}}});
+  ASSERT_EQ(pictures.size(), 1U);
+  std::string picture = std::regex_replace(pictures[0], std::regex("&quot;"), "\"");
+  std::size_t times = 0;
+  for (std::size_t at = picture.find(text); at != std::string::npos; at = picture.find(text, at + 1)) ++times;
+  EXPECT_EQ(times, 5U) << picture;
+  EXPECT_NE(picture.find("100%<"), std::string::npos);
+  EXPECT_EQ(picture.find("100%%"), std::string::npos);
+  EXPECT_NE(picture.find("two<"), std::string::npos) << "a line ends there";
 }
 
 }  // namespace

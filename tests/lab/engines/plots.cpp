@@ -58,7 +58,7 @@ Plot step_times(const Rows& rows, const std::vector<Variant>& variants) {
   Plot plot = plot_of("Step time: mean (solid) and maximum (dashed)", "friction, restitution, time step in s",
                       "time of a step, ms");
   for (const Json* c : combinations) {
-    plot.x_names.push_back(fmt::format("{:g}, {:g}\\n{}", number(*c, "friction"), number(*c, "restitution"),
+    plot.x_names.push_back(fmt::format("{:g}, {:g}\n{}", number(*c, "friction"), number(*c, "restitution"),
                                        step_text(number(*c, "dt_s"))));
   }
   for (const Variant& variant : variants) {

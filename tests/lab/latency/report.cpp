@@ -13,7 +13,9 @@ namespace {
 
 constexpr const char* kHowToRead =
     R"(<p>Each point is one run or more of the whole system (world, sub-worlds, emulated devices) in
-lock-step in one process, with an artificial delay. The <b>force on the operator</b>, behind the device's link, its limits
+lock-step in one process, with an artificial delay. In the section of an <b>emulated link</b>, it is a run of the real
+programs in real time, with the world and each user on a host of their own and a link between them that delays the
+packets. The <b>force on the operator</b>, behind the device's link, its limits
 and its passivity bound, is compared with that of a <b>reference</b>: the same scene in one world at the haptic step,
 without a delay and without a bound. A run is within the bounds if all of these are at most their bound: the <b>RMS</b>
 of the difference over that of the reference; its 99th percentile <b>p99</b>, over the largest force of the reference;

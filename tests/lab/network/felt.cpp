@@ -113,6 +113,16 @@ std::string pair_and_user(const Json& row) {
   return fmt::format("{}, user {}", pair_of(row), row.at("user_name").get<std::string>());
 }
 
+/// The first gate with its figure, without the explanation that follows: "unstable: user 0: created energy 3 J". A
+/// verdict that begins with ok has no explanation.
+std::string without_explanation(const std::string& verdict) {
+  const std::size_t kind = verdict.find(": ");
+  if (verdict.starts_with("ok") || kind == std::string::npos) return verdict;
+  std::size_t gate = kind + 2;
+  if (verdict.compare(gate, 5, "user ") == 0) gate = verdict.find(": ", gate) + 2;
+  return verdict.substr(0, verdict.find(": ", gate));
+}
+
 /// The answers of one sentence.
 struct FeltLists {
   std::vector<std::string> within, beyond, undecided;
@@ -219,9 +229,8 @@ std::string to_text(const FeltCell& cell, const FeltSettings& settings) {
 std::string felt_result_text(const Rows& users) {
   const Json& worst = worst_of(users);
   if (failed(worst)) return "FAILED: " + worst.at("failure").get<std::string>();
-  const std::string verdict = worst.at("verdict");
   return fmt::format("{}, user {}, verdict {}", figures_of(worst), worst.at("user_name").get<std::string>(),
-                     verdict.substr(0, verdict.rfind(": ")));  // without its explanation
+                     without_explanation(worst.at("verdict")));
 }
 
 bool disturbed(const Json& row) {

@@ -150,9 +150,12 @@ Verdict judge(const NetworkRows& rows, const std::vector<Requirement>& requireme
   return verdict;
 }
 
-std::string gate_text(const Request& request, const Verdict& verdict) {
-  if (request.require.empty()) return "";
-  if (verdict.missed.empty()) return "\nall cells pass";
+std::string gate_text(const Request& request, const Verdict& verdict, std::size_t measured, std::size_t planned) {
+  if (request.require.empty() || measured == 0) return "";
+  if (verdict.missed.empty()) {
+    if (measured == planned) return "\nall cells pass";
+    return measured == 1 ? "\nthe measured cell passes" : fmt::format("\nthe {} measured cells pass", measured);
+  }
   constexpr std::size_t kMostNamed = 10;
   std::string text;
   for (std::size_t i = 0; i < std::min(kMostNamed, verdict.missed.size()); ++i)
@@ -182,8 +185,10 @@ Json summary_of(const Request& request, const NetworkRows& rows, std::size_t pla
   summary["felt"] = verdict.felt;
   std::vector<std::string> sentences = verdict.sentences;
   if (!verdict.felt.empty()) sentences.push_back(verdict.felt);
-  summary["verdict"] = fmt::format("{}{}{}{}", fmt::join(sentences, "\n"), gate_text(request, verdict),
-                                   failed_text(request, verdict, planned), stopped_text(rows.measured(), planned));
+  if (sentences.empty()) sentences.emplace_back("no cell was measured");
+  summary["verdict"] =
+      fmt::format("{}{}{}{}", fmt::join(sentences, "\n"), gate_text(request, verdict, rows.measured(), planned),
+                  failed_text(request, verdict, planned), stopped_text(rows.measured(), planned));
   return summary;
 }
 
@@ -205,9 +210,10 @@ int run_lab(int argc, char** argv) {
   const Verdict verdict = judge(rows, requirements);
   const Json summary = summary_of(request, rows, plan.size(), verdict);
   write_felt(request.out, rows.felt);
-  const int code = end_lab(request.out, rows.cells, summary, [&](const std::string& page) {
-    write_network_report(page, rows.cells, rows.felt, summary);
-  });
+  const int code = end_lab(
+      request.out, rows.cells, summary,
+      [&](const std::string& page) { write_network_report(page, rows.cells, rows.felt, summary); },
+      rows.felt.empty() ? "" : "felt.csv");
   if (verdict.failed > 0) return static_cast<int>(ExitCode::failed);
   return verdict.missed.empty() ? code : static_cast<int>(ExitCode::quality);
 }

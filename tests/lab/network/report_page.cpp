@@ -76,7 +76,7 @@ constexpr std::array kNetworkTable{
 
 /// What differs from one point of a plot to the next.
 std::string load_of(const Json& row) {
-  return fmt::format("{:g} Hz\\n{} B x {}\\ndepth {}", row.at("rate_hz").get<double>(),
+  return fmt::format("{:g} Hz\n{} B x {}\ndepth {}", row.at("rate_hz").get<double>(),
                      row.at("payload_bytes").get<int>(), row.at("users").get<int>(), row.at("depth").get<int>());
 }
 
@@ -123,7 +123,8 @@ constexpr const char* kFeltHowToRead =
     R"(<p>The real programs run the scene in real time, with the world and each user on an emulated host of their own. The
 force on each operator is compared with that of a <b>reference</b>: the same motions in one world, without a network.
 Errors below the <b>reference error</b> are not significant. Deadlines that the programs missed are those of this
-machine, not of the link. A run whose verdict is not "ok" was repeated, up to three times.</p>
+machine, not of the link. A run with a missed gate was repeated, up
+to three times, unless the network or the scene missed it.</p>
 )";
 
 constexpr std::array kFeltTable{

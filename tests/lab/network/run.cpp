@@ -79,7 +79,8 @@ class Lab {
         cells_file_(request.out + "/results.json"),
         felt_file_(request.out + "/felt.json") {
     if (!request.resume) {
-      for (const std::string& file : {cells_file_, felt_file_}) std::filesystem::remove(file);
+      for (const std::string& file : {cells_file_, felt_file_, request.out + "/results.csv"})
+        std::filesystem::remove(file);
     }
     take_known(plan);
     const std::string known = rows_.measured() > 0 ? fmt::format(", {} of them measured before", rows_.measured()) : "";

@@ -52,13 +52,16 @@ std::string stopped_text(std::size_t points, std::size_t planned) {
 }
 
 int end_lab(const std::string& out, const Rows& rows, const Json& summary,
-            const std::function<void(const std::string&)>& report) {
-  write_json(out + "/results.json", rows);
-  write_csv(out + "/results.csv", rows);
+            const std::function<void(const std::string&)>& report, const std::string& other_table) {
+  if (!rows.empty()) {
+    write_json(out + "/results.json", rows);
+    write_csv(out + "/results.csv", rows);
+  }
   write_json(out + "/summary.json", summary);
-  fmt::print("{}{}\nresults: {}/results.csv\n",
+  const std::string table = !rows.empty() ? "results.csv" : other_table.empty() ? "summary.json" : other_table;
+  fmt::print("{}{}\nresults: {}/{}\n",
              stop_signal() != 0 ? fmt::format("stopped by SIG{}: ", sigabbrev_np(stop_signal())) : "",
-             summary.at("verdict").get<std::string>(), out);
+             summary.at("verdict").get<std::string>(), out, table);
   const std::string page = out + "/report.html";
   report(page);
   fmt::print("report: {}\n", page);

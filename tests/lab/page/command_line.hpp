@@ -27,10 +27,11 @@ Option add_duration(CommandLine& line, std::optional<double>& duration_s);
 [[nodiscard]] Json begin_summary(const std::string& lab, std::size_t points, std::size_t planned);
 /// "; stopped after 3 of 9 points", or empty.
 [[nodiscard]] std::string stopped_text(std::size_t points, std::size_t planned);
-/// Writes results.json, results.csv, summary.json and the report (`report` gets its file name); prints the verdict and
-/// the folder. Returns the exit code. Throws `Error` (failed).
+/// Writes summary.json, the report (`report` gets its file name) and, where there are rows, results.json and
+/// results.csv; prints the verdict and the table's name, without rows that of `other_table`. Returns the exit code.
+/// Throws `Error` (failed).
 int end_lab(const std::string& out, const Rows& rows, const Json& summary,
-            const std::function<void(const std::string&)>& report);
+            const std::function<void(const std::string&)>& report, const std::string& other_table = "");
 
 /// "about 12 s", "about 31 min".
 [[nodiscard]] std::string about_text(double s);

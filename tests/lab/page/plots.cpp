@@ -79,11 +79,31 @@ std::string log_axis(char axis, const Range& range, const std::vector<double>& t
   return text + fmt::format("set {}tics ({})\n", axis, list);
 }
 
+/// The text as a string of gnuplot, which would run what stands between backquotes.
+std::string as_string(const std::string& text) {
+  std::string string = "\"";
+  for (const char c : text) {
+    if (c == '\n') {
+      string += "\\n";
+      continue;
+    }
+    if (c == '"' || c == '\\' || c == '`') string += '\\';
+    string += c;
+  }
+  return string + '"';
+}
+
+/// Of a tick: gnuplot reads it as a format of the number.
+std::string as_tick(std::string text) {
+  for (std::size_t at = text.find('%'); at != std::string::npos; at = text.find('%', at + 2)) text.insert(at, 1, '%');
+  return as_string(text);
+}
+
 /// Range and ticks of an axis with a name for each whole number.
 std::string named_axis(const std::vector<std::string>& names) {
   std::string list;
   for (std::size_t i = 0; i < names.size(); ++i)
-    list += fmt::format("{}\"{}\" {}", list.empty() ? "" : ", ", names[i], i + 1);
+    list += fmt::format("{}{} {}", list.empty() ? "" : ", ", as_tick(names[i]), i + 1);
   return fmt::format("set xrange [0.7:{}.3]\nset xtics ({})\nset xlabel offset 0,-1\nset bmargin 5\n", names.size(),
                      list);
 }
@@ -91,11 +111,11 @@ std::string named_axis(const std::vector<std::string>& names) {
 std::string script_of(const Plot& plot, std::size_t number) {
   std::string text = fmt::format(
       "reset\nset term svg size 720,{} dynamic noenhanced background 'white' font 'sans-serif,13'\nset output "
-      "'plot{}.svg'\nset title \"{}\"\nset xlabel \"{}\"\nset ylabel \"{}\"\n"
+      "'plot{}.svg'\nset title {}\nset xlabel {}\nset ylabel {}\n"
       "set grid back lc rgb '#dddddd' lw 0.6 dt 1\nset border 3 lc rgb '#888888'\nset tics nomirror\n"
       "set key tmargin center horizontal samplen 2\nset datafile missing 'x'\n",
       kHeight + kLegendLine * std::max<std::size_t>(plot.series.size(), kFreeLines) - kLegendLine * kFreeLines, number,
-      plot.title, plot.x_label, plot.y_label);
+      as_string(plot.title), as_string(plot.x_label), as_string(plot.y_label));
   Range x, y;
   std::string data, curves;
   for (std::size_t s = 0; s < plot.series.size(); ++s) {
@@ -110,9 +130,9 @@ std::string script_of(const Plot& plot, std::size_t number) {
     if (lines.empty()) continue;
     data += fmt::format("$data{} << EOD\n{}EOD\n", s, lines);
     curves +=
-        fmt::format("{}$data{} using 1:2 with {} lc rgb '{}' lw {} dt {}{} title \"{}\"", curves.empty() ? "" : ", ", s,
+        fmt::format("{}$data{} using 1:2 with {} lc rgb '{}' lw {} dt {}{} title {}", curves.empty() ? "" : ", ", s,
                     series.mark > 0 ? "linespoints" : "lines", series.colour, series.width, series.dashed ? 2 : 1,
-                    series.mark > 0 ? fmt::format(" pt {} ps 0.8", series.mark) : "", series.title);
+                    series.mark > 0 ? fmt::format(" pt {} ps 0.8", series.mark) : "", as_string(series.title));
   }
   if (curves.empty()) {
     data = "set label 1 \"nothing to draw\" at graph 0.5,0.5 center\nset xrange [0:1]\nset yrange [0:1]\n";
@@ -122,8 +142,8 @@ std::string script_of(const Plot& plot, std::size_t number) {
   for (const Level& level : plot.levels) {
     if (!std::isfinite(level.value) || (plot.log_y && level.value <= 0.0)) continue;
     y.add(level.value);
-    curves +=
-        fmt::format(", {:g} with lines lc rgb '{}' lw 1.5 dt 2 title \"{}\"", level.value, level.colour, level.title);
+    curves += fmt::format(", {:g} with lines lc rgb '{}' lw 1.5 dt 2 title {}", level.value, level.colour,
+                          as_string(level.title));
   }
   if (plot.log_x) text += log_axis('x', x, plot.x_ticks);
   if (plot.log_y) text += log_axis('y', y, {});

@@ -132,8 +132,9 @@ int run_lab(int argc, char** argv) {
     summary["verdict"] = random_verdict(summary.at("random"), points.empty() ? "" : summary.at("verdict"));
     fmt::print("{}", random_text(summary.at("random")));
   }
-  const int code = end_lab(command.out, rows, summary,
-                           [&](const std::string& page) { write_stability_report(page, rows, summary); });
+  const int code = end_lab(
+      command.out, rows, summary, [&](const std::string& page) { write_stability_report(page, rows, summary); },
+      random ? "random.csv" : "");
   return random && command.strict && !all_held(summary.at("random")) ? static_cast<int>(ExitCode::quality) : code;
 }
 
