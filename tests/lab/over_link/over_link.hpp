@@ -36,9 +36,9 @@ struct LinkedRun {
 /// where the run failed.
 [[nodiscard]] std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over);
 
-/// The first of at most four runs in which no gate is missed but by the network or the scene, else the one whose
-/// programs were late the least often. A machine that is busy with other things delays the programs, and the verdict
-/// says so: that is not the link's delay.
+/// The first of at most four runs that the machine has not disturbed: no gate is missed, or only by the network or the
+/// scene. If there is none, the run whose programs were late the least often. A busy machine delays the programs too;
+/// that is not the link's delay.
 [[nodiscard]] std::optional<LinkedRun> undisturbed_run_over_link(const Point& point, const OverLink& over);
 
 /// The clock of a device, as its haptic process saw it.
