@@ -61,10 +61,10 @@ void send_last_command(HapticPorts& ports, const DeviceState& state, int times) 
   ports.command.wait_for_acknowledgments(kAcknowledged_s);
 }
 
-std::string refused_text(std::uint32_t user) {
+std::string displaced_text(std::uint32_t user) {
   return fmt::format(
-      "the world serves another haptic_sim {}: this one was started again, or two of them are on this "
-      "domain; start all programs of the run anew, or give one of the two another --domain",
+      "the world serves another haptic_sim {}, which runs: two of them are on this domain; end one of them, or give it "
+      "another --domain",
       user);
 }
 

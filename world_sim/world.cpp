@@ -6,6 +6,7 @@
 #include "coupling/virtual_coupling.hpp"
 #include "model/hash.hpp"
 #include "model/shape_extent.hpp"
+#include "model/vectors.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -202,12 +203,55 @@ bool World::receive(HapticReport&& report) {
   // A sub-world that has missed a change of the ratio counts other cycles.
   const double stamp_s = seconds(timetable_.start(report.stamp));
   if (std::abs(report.stamp_s - stamp_s) > 0.5 * scene_.settings.h_s) return false;
+  if (user.held && report.confirmed_stamp < user.joins_from) return false;
+  if (user.held && !user.joins) begin_join(user, report);
+  report.impulse_total.force += user.before_join.impulse.force;
+  report.impulse_total.torque += user.before_join.impulse.torque;
+  report.device_work_j += user.before_join.device_work_j;
+  report.operator_work_j += user.before_join.operator_work_j;
   const std::size_t slot = report.stamp % user.inbox.size();
   std::swap(user.inbox[slot], report);  // the caller goes on with the old one's memory
   user.waiting[slot] = true;
   user.newest_stamp = std::max(user.newest_stamp, user.inbox[slot].stamp);
   user.suppression.end(user.inbox[slot].stamp);
   return true;
+}
+
+void World::leave(std::size_t number) {
+  User& user = users_[number];
+  if (user.held && !user.joins) return;
+  const BodyId id = user.spec->proxy;
+  const BodyState proxy = engine_.state(id);
+  // The stretch with which the coupling exerts the wrench of the user's last cycle.
+  const Wrench last = saturated(mean_wrench(user.before, user.report), limits_of(user.spec->device));
+  const CouplingSettings& coupling = user.tool.coupling;
+  DevicePose device{{proxy.position + last.force / coupling.stiffness_n_m, proxy.orientation}, Vec3::Zero(), Vec3::Zero()};
+  if (coupling.rotational_stiffness_n_m > 0.0)
+    device.pose.orientation = rotated(proxy.orientation, last.torque / coupling.rotational_stiffness_n_m, 1.0);
+  user.held = device;
+  user.joins_from = facts_.stamp + 1;
+  user.heard = user.joins = false;
+  user.waiting.assign(user.waiting.size(), false);
+  user.suppression.forget();
+  user.synchroniser->forget();
+}
+
+void World::begin_join(User& user, const HapticReport& report) {
+  const HapticReport& last = user.report;
+  const Wrench& applied = user.impulse.applied();
+  user.before_join = {{applied.force - report.impulse_total.force, applied.torque - report.impulse_total.torque},
+                      last.device_work_j - report.device_work_j,
+                      last.operator_work_j - report.operator_work_j};
+  user.newest_stamp = 0;
+  user.joins = true;
+}
+
+void World::end_join(User& user) {
+  user.before = user.report;
+  user.held.reset();
+  user.joins = false;
+  user.impulse.resume(seconds(timetable_.start(std::max<std::uint64_t>(report_stamp(), 1) - 1)));
+  engine_.set_inertia(user.spec->proxy, user.tool.body.mass, user.tool.body.inertia);
 }
 
 void World::synchronise() {
@@ -224,6 +268,7 @@ void World::synchronise() {
       std::swap(user.before, user.report);
       std::swap(user.report, user.inbox[slot]);
       user.heard = true;
+      if (user.held) end_join(user);
     }
   }
   balance();
@@ -261,6 +306,10 @@ void World::hold(const User& user, const DevicePose& target, const ForceLimits& 
 void World::pass_impulses() {
   const std::uint64_t stamp = report_stamp();
   for (User& user : users_) {
+    if (user.held) {
+      user.mean = coupling_wrench(user.tool.coupling, limits_of(user.spec->device), engine_.state(user.spec->proxy),
+                                  *user.held);
+    }
     if (!user.heard) continue;
     const HapticReport& now = user.at(stamp);
     set_rate(user, now.clock_rate);
@@ -271,6 +320,7 @@ void World::pass_impulses() {
 
 void World::drive_proxies(double until_s, double dt) {
   for (const User& user : users_) {
+    if (user.held) hold(user, *user.held, limits_of(user.spec->device), dt);
     if (!user.heard) continue;
     const HapticReport& now = user.at(report_stamp());
     const double moved_until_s = until_s + half_step_offset_s();
@@ -371,11 +421,12 @@ void World::make_frames() {
   plan_ratio();
   graph_.build(contacts_, scene_.bodies.size());
   for (std::size_t u = 0; u < users_.size(); ++u)
-    heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(facts_.stamp), !waits_for_frame(users_[u])};
+    heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(facts_.stamp), !waits_for_frame(users_[u]),
+                 users_[u].held ? &users_[u].held->pose : nullptr};
   pulls_.clear();
   for (const User& user : users_) {
-    const bool spring = user.spec->device.kind == DeviceKind::impedance;
-    if (user.heard) pulls_.push_back({user.spec->proxy, user.mean.force, spring});
+    const bool spring = user.held || user.spec->device.kind == DeviceKind::impedance;
+    if (user.heard || user.held) pulls_.push_back({user.spec->proxy, user.mean.force, spring});
   }
   const std::function<bool()> friction = [this] { return find_friction(); };
   frames_.make(
@@ -440,7 +491,7 @@ void World::balance() {
 
 UserFacts World::user_facts(std::size_t user) const noexcept {
   return {waits_for_frame(users_[user]), frames_.border(user), frames_.selection(user), users_[user].impulse.applied(),
-          users_[user].newest_stamp};
+          users_[user].newest_stamp, users_[user].held && !users_[user].joins};
 }
 
 void World::look(WorldView& view) const {

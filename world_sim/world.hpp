@@ -19,6 +19,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -77,6 +78,7 @@ struct UserFacts {
   SelectionFacts selection;
   Wrench impulse;                  ///< of the user on the proxy that has been passed on to the world, since the start
   std::uint64_t newest_stamp = 0;  ///< of the newest report received
+  bool absent = false;             ///< the world holds the proxy, and uses no report that has not seen that
 };
 
 /// The truth: every body, and for each user the membership of the sub-world, its border and the merge.
@@ -100,6 +102,10 @@ class World {
   [[nodiscard]] bool has_report(std::size_t user, std::uint64_t stamp) const noexcept {
     return users_[user].holds(stamp) || users_[user].suppression.lacks_report(stamp);
   }
+
+  /// The user is absent from now on, until reports come that confirm a frame of a later stamp. Meanwhile the coupling
+  /// holds the proxy, with the wrench that the user exerted last: nothing falls that was held.
+  void leave(std::size_t user);
 
   /// A cycle. `on_stage(WorldStage)` is called after each of its stages.
   template <class OnStage = void (*)(WorldStage)>
@@ -137,6 +143,11 @@ class World {
  private:
   static constexpr double kTracking = 0.05;  ///< of what a cycle costs, in a cycle
 
+  /// What a report counts since the start.
+  struct Totals {
+    Wrench impulse;
+    double device_work_j = 0.0, operator_work_j = 0.0;
+  };
   struct User {
     const UserSpec* spec = nullptr;
     double rate = 1.0;  ///< of the haptic clock in the cycle that the world simulates
@@ -148,6 +159,10 @@ class World {
     HapticReport before;              ///< the one used before it
     std::uint64_t newest_stamp = 0;   ///< of those received, used or not
     bool heard = false;
+    std::optional<DevicePose> held;  ///< where its device is held: the user is absent, or joins
+    bool joins = false;              ///< a report has come, and is used once the world reaches its stamp
+    std::uint64_t joins_from = 0;    ///< stamp of the frame that a report of an absent user has to confirm
+    Totals before_join;              ///< added to those of reports: a process that joins counts from its own start
     ImpulseAccount impulse;
     Wrench mean;  ///< of the user in the cycle under way
     SuppressedCycles suppression{0};
@@ -173,6 +188,9 @@ class World {
   void account();
   void make_frames();
   void apply(std::size_t user, const HapticReport& report);
+  /// The first report of a user that was absent: has come, and is used.
+  void begin_join(User& user, const HapticReport& report);
+  void end_join(User& user);
   /// Passes the users' impulses on to the cycle under way.
   void pass_impulses();
   void drive_proxies(double until_s, double dt);

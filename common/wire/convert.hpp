@@ -85,7 +85,7 @@ bool fields(const auto& copy, Is<GhostPeer> auto& m, auto& w) {
 bool fields(const auto& copy, Is<PeerDevice> auto& m, auto& w) {
   return copy(m.proxy, w.proxy()) && copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
          copy(m.angular_velocity, w.angular_velocity()) && copy(m.applied, w.applied()) &&
-         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
+         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset()) && copy(m.turn, w.turn());
 }
 
 bool fields(const auto& copy, Is<Suppression> auto& m, auto& w) {
@@ -95,7 +95,7 @@ bool fields(const auto& copy, Is<Suppression> auto& m, auto& w) {
 bool fields(const auto& copy, Is<ReportedDevice> auto& m, auto& w) {
   return copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
          copy(m.angular_velocity, w.angular_velocity()) && copy(m.applied, w.applied()) &&
-         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
+         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset()) && copy(m.turn, w.turn());
 }
 
 bool fields(const auto& copy, Is<Indicators> auto& m, auto& w) {
@@ -181,7 +181,7 @@ bool fields(const auto& copy, Is<WorldSnapshot> auto& m, auto& w) {
 }
 
 bool fields(const auto& copy, Is<Control> auto& m, auto& w) {
-  return copy(m.number, w.number()) && copy.kind(m.verb, w.verb(), ControlVerb::set_scheme) &&
+  return copy(m.number, w.number()) && copy.kind(m.verb, w.verb(), ControlVerb::leave) &&
          copy(m.argument, w.argument());
 }
 

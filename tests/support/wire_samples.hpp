@@ -62,6 +62,7 @@ class SampleMaker {
     fill(to.applied);
     to.device_s = positive();
     to.offset = vector();
+    to.turn = quaternion();
   }
   void fill(Body& to) {
     to.id = BodyId{word()};
@@ -294,7 +295,7 @@ struct NumberVisitor {
   }
   void operator()(const GhostPeer& p) { all(p.outside, p.axis, p.proxy, p.offset_m); }
   void operator()(const PeerDevice& p) {
-    all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity, p.applied, p.device_s, p.offset);
+    all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity, p.applied, p.device_s, p.offset, p.turn);
   }
   void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
   void operator()(const ControlReply& r) {
