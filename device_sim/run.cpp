@@ -188,7 +188,12 @@ class RealtimeLoop : DeviceRun {
     const TimePoint now = loop_.woke();
     while (take(ports.commands, came_, stages_) == Take::sample) {
       const bool to_us = came_.served == ports.identity || (came_.last && came_.served == 0);
-      if (came_.session != session || !to_us) continue;
+      if (came_.session != session && came_.served == ports.identity) follow_world();
+      if (came_.session != session) continue;
+      if (!to_us) {
+        if (came_.served != 0) haptic_.serves_another(now);
+        continue;
+      }
       if (came_.served == ports.identity) ports.commands.trust_sender();
       command_ = came_;
       if (command_.echoed_sent_ns != 0)
@@ -204,6 +209,9 @@ class RealtimeLoop : DeviceRun {
       return;
     }
     if (!std::exchange(absent_, true)) ports.commands.distrust();
+    follow_world();
+  }
+  void follow_world() {
     if (finder.look(options.network.domain)) session = finder.session();
   }
 

@@ -25,6 +25,7 @@ int main(int argc, char** argv) {
       const HapticRun run{options, scene, ports, sub, measures, exchange, finder};
       if (const auto first = join(run)) {
         const double from_s = sub.facts().time_s;
+        if (from_s > kAbsent_s) measures.joins_late();
         const auto so_far = [&] {
           const double to_s = measures.is_accepted() ? sub.facts().time_s : from_s;
           return Ending{.session = ports.session, .from_s = from_s, .to_s = to_s};

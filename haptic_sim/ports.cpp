@@ -61,11 +61,4 @@ void send_last_command(HapticPorts& ports, const DeviceState& state, int times) 
   ports.command.wait_for_acknowledgments(kAcknowledged_s);
 }
 
-std::string displaced_text(std::uint32_t user) {
-  return fmt::format(
-      "the world serves another haptic_sim {}, which runs: two of them are on this domain; end one of them, or give it "
-      "another --domain",
-      user);
-}
-
 }  // namespace subworld

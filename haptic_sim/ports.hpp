@@ -38,8 +38,6 @@ struct HapticPorts {
   PeerDevices peer_devices;  ///< in lock-step all are open from the start, because a late reader would miss steps
 };
 
-[[nodiscard]] std::string displaced_text(std::uint32_t user);
-
 /// Tells the device that the run is over, `times` times because one may get lost. `state`: the newest of the device.
 void send_last_command(HapticPorts& ports, const DeviceState& state, int times);
 

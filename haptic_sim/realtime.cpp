@@ -104,8 +104,9 @@ class RealtimeLoop : HapticRun {
   void receive_device() {
     device_returned_ = false;
     while (take(ports.device, came_, stages_) == Take::sample) {
-      if (came_.session != ports.session) continue;
-      if (device_heard() && came_.sender != device_.sender && !device_absent_) continue;
+      // After a restart of the world the device that is known finds the new session a little later.
+      const bool known = device_heard() && came_.sender == device_.sender;
+      if (!known && (came_.session != ports.session || (device_heard() && !device_absent_))) continue;
       ports.device.trust_sender();
       device_returned_ = device_returned_ || device_absent_;
       device_absent_ = false;
@@ -145,7 +146,7 @@ class RealtimeLoop : HapticRun {
     while (!frames_.full() && take(ports.frames, frames_.slot(), stages_) == Take::sample) {
       if (frames_.slot().session != ports.session) continue;
       if (ports.serves_another(frames_.slot())) {
-        displaced(now);
+        world_sim_.serves_another(now);
         continue;
       }
       const WorldFrame* const came = frames_.push();
@@ -157,7 +158,6 @@ class RealtimeLoop : HapticRun {
       if (came->last || served) measures.accepted();
       ports.frames.trust_sender();
       world_sim_.heard(now);
-      displaced_since_ = {};
       if (served) {
         joins_ = false;
         head_start_.observe(came->stamp, came->newest_stamp, longest_cycle_s_);
@@ -171,12 +171,6 @@ class RealtimeLoop : HapticRun {
       last_ = last_ || came->last;
       measures.answered(came->echoed_sent_ns, now);
     }
-  }
-
-  /// The world serves another process of this user, which has taken the place of this one, or is about to end.
-  void displaced(TimePoint now) {
-    if (displaced_since_ == TimePoint{}) displaced_since_ = now;
-    if (to_seconds(now - displaced_since_) > kGone_s && ending_.fault.empty()) ending_.fault = displaced_text(user());
   }
 
   void use_frames() {
@@ -218,8 +212,9 @@ class RealtimeLoop : HapticRun {
     const TimePoint now = loop_.woke();
     world_sim_.observe(ports.frames, ports.status, now, h_s_);
     device_sim_.observe(ports.device, ports.status, now, h_s_);
-    const std::string fault = (world_sim_.gone() ? world_sim_ : device_sim_).fault(ports.status);
-    if (ending_.fault.empty()) ending_.fault = fault;
+    for (const PeerWatch* peer : {&world_sim_, &device_sim_}) {
+      if (ending_.fault.empty()) ending_.fault = peer->fault(ports.status);
+    }
     last_ = last_ || !ending_.fault.empty();
     look_for_world();
     const bool silent = now - world_sim_.last_heard() > from_seconds(kGone_s);
@@ -252,7 +247,8 @@ class RealtimeLoop : HapticRun {
     const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s);
     const auto send = [&](const FeltStep& felt) {
       stages_.mark(HapticStage::feel);
-      const DeviceCommand command = sub.command_for(device_, felt.to_operator);
+      DeviceCommand command = sub.command_for(device_, felt.to_operator);
+      command.session = ports.session;
       if (deadband_.sends(command, felt.to_operator, h_s_)) ports.command.write(command);
       miss = loop_.judge(stages_.mark(HapticStage::send), loop_.deadline());
     };
@@ -323,7 +319,6 @@ class RealtimeLoop : HapticRun {
   PeerWatch world_sim_;
   bool joins_;  ///< the sub-world has started anew, and no frame says yet that the world serves it
   bool world_absent_ = false;
-  TimePoint displaced_since_{};  ///< the world serves another process of this user
   TimePoint world_begins_;  ///< before, it sends no frames
   HeadStart head_start_;
   Phase phase_;

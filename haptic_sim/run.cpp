@@ -76,7 +76,7 @@ std::optional<FirstFrame> join(const HapticRun& run) {
         // One that was killed is served until the world misses its reports.
         if (displaced == TimePoint{}) displaced = first.received;
         if (lockstep || to_seconds(first.received - displaced) > kGone_s)
-          throw Error(ExitCode::failed, displaced_text(run.user()));
+          throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
         continue;
       }
       if (first.frame.echoed_sent_ns != 0) {

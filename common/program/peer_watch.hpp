@@ -18,7 +18,16 @@ class PeerWatch {
       : peer_(peer), patience_s_(patience_s), heard_(heard) {}
 
   /// A sample of the peer has arrived that can be used.
-  void heard(TimePoint now) noexcept { heard_ = now; }
+  void heard(TimePoint now) noexcept {
+    heard_ = now;
+    displaced_since_ = {};
+  }
+  /// A sample of the peer has arrived that serves another process in the place of this one. One that has died is served
+  /// for a moment.
+  void serves_another(TimePoint now) noexcept {
+    if (displaced_since_ == TimePoint{}) displaced_since_ = now;
+    displaced_ = to_seconds(now - displaced_since_) > kGone_s;
+  }
 
   /// Call once per step of `period_s`; `reader` receives the peer's samples.
   template <class M>
@@ -35,8 +44,9 @@ class PeerWatch {
   [[nodiscard]] bool gone() const noexcept { return gone_; }
   /// Time since the newest message, s.
   [[nodiscard]] double quiet_s() const noexcept { return presence_.quiet_s(); }
-  /// Error text if the peer is gone; empty otherwise.
+  /// Error text for this program, if the peer is gone or serves another one; empty otherwise.
   [[nodiscard]] std::string fault(const StatusBeacon& status) const {
+    if (displaced_) return displaced_text(peer_.program, peer_.instance);
     return gone_ ? status.gone_text(peer_.program, peer_.instance) : std::string();
   }
   [[nodiscard]] TimePoint last_heard() const noexcept { return heard_; }
@@ -47,6 +57,8 @@ class PeerWatch {
   Presence presence_;
   TimePoint heard_;
   bool gone_ = false;
+  TimePoint displaced_since_{};
+  bool displaced_ = false;
 };
 
 }  // namespace subworld
