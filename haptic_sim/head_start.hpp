@@ -42,7 +42,8 @@ class HeadStart {
     }
   }
 
-  /// A frame has come while the world uses no reports of this user: those that follow are late until the clock is right.
+  /// A frame has come while the world uses no reports of this user: those that follow are late until the clock is
+  /// right.
   void wait() noexcept {
     count_ = 0;
     pause_ = kJoins;

@@ -236,10 +236,9 @@ class SimulatedNeighbourhood final : public LocalModel {
     double at_s = peers_stamp_s_;
     double held_on_s = 0.0;
     if (heard != nullptr && heard->stamp_s + held_s > peer.device_s) {
-      motion.device = {
-          {heard->pose.position + peer.offset, heard->pose.orientation * peer.turn},
-          heard->linear_velocity / rate_,
-          heard->angular_velocity / rate_};
+      motion.device = {{heard->pose.position + peer.offset, heard->pose.orientation * peer.turn},
+                       heard->linear_velocity / rate_,
+                       heard->angular_velocity / rate_};
       motion.applied = heard->applied;
       at_s += rate_ * (heard->stamp_s - peer.device_s);
       held_on_s = rate_ * held_s;

@@ -205,6 +205,7 @@ class RealtimeLoop : HapticRun {
     sub.reset_from(frame);
     loop_.shift(std::max(0.0, to_seconds(now - loop_.deadline())));
     arrears_.forget();
+    phase_.restart();
     measures.resynchronised();
   }
 
@@ -230,7 +231,10 @@ class RealtimeLoop : HapticRun {
       world_absent_ = false;
       return;
     }
-    if (!std::exchange(world_absent_, true)) ports.frames.distrust();
+    if (!std::exchange(world_absent_, true)) {
+      ports.frames.distrust();
+      joins_ = false;
+    }
     if (last_ || !finder.look(options.network.domain) || finder.session() == ports.session) return;
     ports.session = ending_.session = finder.session();
     joins_ = false;
@@ -305,7 +309,7 @@ class RealtimeLoop : HapticRun {
   double longest_cycle_s_;
   int lead_cycles_;
   double stagger_s_;
-  double stale_s_;  ///< age of the device's state at which the force fades out
+  double stale_s_;   ///< age of the device's state at which the force fades out
   double absent_s_;  ///< age from which the device is absent
   bool extrapolates_;
   Deadband<DeviceCommand> deadband_;

@@ -219,6 +219,7 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.clock_rate = rate_;
   report.sent_ns = sent_ns;
   report.confirmed_stamp = frame_stamp_;
+  report.started_stamp = started_stamp_;
   report.impulse_total = impulse_total_;
   report.device_work_j = facts_.device_work_j;
   report.proxy = facts_.proxy;
@@ -298,7 +299,7 @@ bool SubWorld::reset_from(const WorldFrame& frame) {
                      frame.ratio);
   timetable_.plan(frame.planned);
   const bool has_proxy = model_->reset_from(frame);
-  facts_.stamp = frame.stamp;
+  facts_.stamp = started_stamp_ = frame.stamp;
   begin_cycle();
   suppression_.forget();
   note(frame);

@@ -56,8 +56,8 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double rea
 }
 
 void WorldMeasures::returns(std::size_t user, double at_s) noexcept {
-  const auto absence = std::ranges::find_if(
-      absences_, [&](const Absence& one) { return one.user == user && one.to_s == kNotBack_s; });
+  const auto absence =
+      std::ranges::find_if(absences_, [&](const Absence& one) { return one.user == user && one.to_s == kNotBack_s; });
   if (absence != absences_.end()) absence->to_s = at_s;
 }
 

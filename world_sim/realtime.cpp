@@ -21,6 +21,7 @@ namespace subworld {
 namespace {
 
 constexpr double kStartIn_s = 0.2;
+constexpr double kHeld_s = 0.1;                 ///< without a report: the world no longer guesses, but holds the proxy
 constexpr double kStartInBetweenHosts_s = 0.7;  ///< haptic clocks are ahead by the round trip
 
 /// Announces when the world's clock slows, and when it is back at full speed.
@@ -174,6 +175,7 @@ class RealtimeLoop : WorldLoop {
       user.peer.observe(ports.reports[u], ports.status, now, period_s);
       if (control_.paused()) continue;
       user.quiet_s += cycle_s;
+      if (user.quiet_s > std::max(kHeld_s, 3.0 * cycle_s)) world.hold(u);
       if (user.quiet_s > std::max(kAbsent_s, 4.0 * cycle_s) && !world.user_facts(u).absent) leaves(u);
     }
   }
@@ -181,9 +183,10 @@ class RealtimeLoop : WorldLoop {
     world.leave(u);
     ports.release(u);
     measures.leaves(u, world.facts().time_s - users_[u].quiet_s);
-    ports.status.note(fmt::format("user {} is absent from t = {:.3f} s on: no message of haptic_sim {} since; the world "
-                                  "holds its proxy and goes on",
-                                  u, world.facts().time_s - users_[u].quiet_s, u));
+    ports.status.note(
+        fmt::format("user {} is absent from t = {:.3f} s on: no message of haptic_sim {} since; the world "
+                    "holds its proxy and goes on",
+                    u, world.facts().time_s - users_[u].quiet_s, u));
   }
   void returns(std::size_t u) {
     measures.returns(u, world.facts().time_s);
@@ -258,7 +261,7 @@ class RealtimeLoop : WorldLoop {
     std::uint64_t newest_stamp = 0;  ///< of the reports that came
   };
   std::vector<User> users_;
-  double publish_s_ = 0.0;             ///< that publishing the frames of the cycle before took
+  double publish_s_ = 0.0;  ///< that publishing the frames of the cycle before took
   bool yielding_ = false;
   bool last_ = false;
 };

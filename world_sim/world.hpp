@@ -103,8 +103,11 @@ class World {
     return users_[user].holds(stamp) || users_[user].suppression.lacks_report(stamp);
   }
 
-  /// The user is absent from now on, until reports come that confirm a frame of a later stamp. Meanwhile the coupling
-  /// holds the proxy, with the wrench that the user exerted last: nothing falls that was held.
+  /// Reports of the user do not come: from now on, until the next one, the coupling holds the proxy, with the wrench
+  /// that the user exerted last. So nothing falls that was held, and nothing is pushed on.
+  void hold(std::size_t user);
+  /// The user is absent from now on, until reports come of a sub-world that has started from a frame of a later stamp.
+  /// Meanwhile the coupling holds the proxy.
   void leave(std::size_t user);
 
   /// A cycle. `on_stage(WorldStage)` is called after each of its stages.
@@ -159,10 +162,12 @@ class World {
     HapticReport before;              ///< the one used before it
     std::uint64_t newest_stamp = 0;   ///< of those received, used or not
     bool heard = false;
-    std::optional<DevicePose> held;  ///< where its device is held: the user is absent, or joins
-    bool joins = false;              ///< a report has come, and is used once the world reaches its stamp
-    std::uint64_t joins_from = 0;    ///< stamp of the frame that a report of an absent user has to confirm
-    Totals before_join;              ///< added to those of reports: a process that joins counts from its own start
+    std::optional<DevicePose> held;   ///< where its device is held, while no report is used
+    bool absent = false;              ///< no report has come of a sub-world that has started anew
+    std::uint64_t joins_from = 0;     ///< oldest frame from which the sub-world of an absent user has to start anew
+    std::uint64_t started_stamp = 0;  ///< of the frame from which its sub-world has started
+    std::optional<std::uint64_t> joins_at;  ///< stamp of its first report since, which has come and is not used yet
+    Totals before_join;  ///< added to those of reports: a process that joins counts from its own start
     ImpulseAccount impulse;
     Wrench mean;  ///< of the user in the cycle under way
     SuppressedCycles suppression{0};
@@ -188,7 +193,7 @@ class World {
   void account();
   void make_frames();
   void apply(std::size_t user, const HapticReport& report);
-  /// The first report of a user that was absent: has come, and is used.
+  /// The first report of a sub-world that has started anew: has come, and is used.
   void begin_join(User& user, const HapticReport& report);
   void end_join(User& user);
   /// Passes the users' impulses on to the cycle under way.
@@ -196,7 +201,7 @@ class World {
   void drive_proxies(double until_s, double dt);
   /// The proxy's dynamics at the rate of the haptic clock.
   void set_rate(User& user, double rate);
-  void hold(const User& user, const DevicePose& target, const ForceLimits& limits, double dt);
+  void pull(const User& user, const DevicePose& target, const ForceLimits& limits, double dt);
   /// By how much the world's positions are ahead of the sub-worlds' where both account for the same forces: half the
   /// difference of their steps. Frames tell what a sub-world of the same forces would have.
   [[nodiscard]] double half_step_offset_s() const;

@@ -133,16 +133,19 @@ void History::write_out() {
 bool History::keep_rows(double before) {
   constexpr off_t kLongestRow = 4096;
   const off_t size = lseek(file_, 0, SEEK_END);
-  std::string head(format_.head.size(), '\0'), tail(static_cast<std::size_t>(std::clamp<off_t>(size, 0, kLongestRow)), '\0');
+  std::string head(format_.head.size(), '\0'),
+      tail(static_cast<std::size_t>(std::clamp<off_t>(size, 0, kLongestRow)), '\0');
   const off_t tail_at = size - static_cast<off_t>(tail.size());
   const bool read = pread(file_, head.data(), head.size(), 0) == static_cast<ssize_t>(head.size()) &&
                     pread(file_, tail.data(), tail.size(), tail_at) == static_cast<ssize_t>(tail.size());
   const std::size_t end = tail.rfind('\n');
   const std::size_t row = end == std::string::npos || end == 0 ? std::string::npos : tail.rfind('\n', end - 1);
-  const bool follows = read && head == format_.head && row != std::string::npos &&
-                       std::strtod(tail.c_str() + row + 1, nullptr) < before;
-  if (!follows || ftruncate(file_, tail_at + static_cast<off_t>(end) + 1) != 0) lseek(file_, 0, SEEK_SET);
-  else lseek(file_, 0, SEEK_END);
+  const bool follows =
+      read && head == format_.head && row != std::string::npos && std::strtod(tail.c_str() + row + 1, nullptr) < before;
+  if (!follows || ftruncate(file_, tail_at + static_cast<off_t>(end) + 1) != 0)
+    lseek(file_, 0, SEEK_SET);
+  else
+    lseek(file_, 0, SEEK_END);
   return follows;
 }
 

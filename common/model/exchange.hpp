@@ -177,8 +177,8 @@ inline constexpr std::uint32_t kOpenIsland = 0xFFFFFFFF;
 struct WorldFrame {
   UserId user{};
   std::uint64_t session = 0;
-  /// Sender of the report that this answers; 0: the user is absent or joins. Then the frame is complete, and a sub-world
-  /// starts anew from it. The world takes reports of the user again that confirm it.
+  /// Sender of the report that this answers; 0: the user is absent or joins. Then the frame is complete, and a
+  /// sub-world starts anew from it. The world takes reports of the user again that confirm it.
   std::uint64_t served = 0;
   std::uint64_t stamp = 0;  ///< j: the state when cycle j begins
   double stamp_s = 0.0;
@@ -257,6 +257,7 @@ struct HapticReport {
   double clock_rate = 1.0;  ///< simulated seconds per second in the newest step, > 0
   std::int64_t sent_ns = 0;
   std::uint64_t confirmed_stamp = 0;  ///< newest frame whose entering bodies are in the sub-world
+  std::uint64_t started_stamp = 0;    ///< of the frame from which the sub-world has started, or started anew
   Wrench impulse_total;               ///< injected by the user since t = 0, N s and N m s
   double device_work_j = 0.0;         ///< since t = 0
   double coupling_energy_j = 0.0;     ///< stored in the springs of the virtual coupling

@@ -14,8 +14,7 @@ class PeerWatch {
  public:
   /// `patience_s`: how long a peer without a sign of life is waited for; `heard`: when its newest sample that could be
   /// used arrived.
-  PeerWatch(Peer peer, double patience_s, TimePoint heard = {})
-      : peer_(peer), patience_s_(patience_s), heard_(heard) {}
+  PeerWatch(Peer peer, double patience_s, TimePoint heard = {}) : peer_(peer), patience_s_(patience_s), heard_(heard) {}
 
   /// A sample of the peer has arrived that can be used.
   void heard(TimePoint now) noexcept {

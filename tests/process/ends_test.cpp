@@ -201,7 +201,8 @@ TEST_P(RestartedInRealTime, TakesPartAgain) {
     const Table table = read_table(history);
     if (table.rows.size() < row + 400) return false;
     const auto past = [&](const char* column) {
-      return std::abs(table.rows.back()[table.column(column)] - table.rows[table.rows.size() - 50][table.column(column)]);
+      return std::abs(table.rows.back()[table.column(column)] -
+                      table.rows[table.rows.size() - 50][table.column(column)]);
     };
     return past("device_time_s") > 0.0 && past("time_s") > 0.0;
   };
