@@ -51,9 +51,11 @@ class RealtimeLoop : HapticRun {
         world_begins_(first.received + from_seconds(first.frame.start_in_s)),
         head_start_(first.round_trip_s, longest_cycle_s_),
         phase_(longest_cycle_s_, lead_cycles_, scene.settings.remote),
-        loop_(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp) - head_start_s()), h_s_,
-              from_seconds(options.spin_s), stages_),
-        ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = kLastFrame} {}
+        loop_(std::max(Clock::now(), begin(first)), h_s_, from_seconds(options.spin_s), stages_),
+        ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = kLastFrame} {
+    // One that joins a running world begins behind it.
+    arrears_.owe(std::max(0.0, to_seconds(Clock::now() - begin(first))));
+  }
 
   Ending run(const Scheduling& scheduling) {
     fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", user(), 1.0 / h_s_, scheduling.text);
@@ -87,6 +89,11 @@ class RealtimeLoop : HapticRun {
     Miss miss = Miss::none;
     const FeltStep felt = advance(miss);
     account(felt, miss);
+  }
+
+  /// When the sub-world is to begin, to be ahead of the world's clock as it should.
+  [[nodiscard]] TimePoint begin(const FirstFrame& first) const {
+    return first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp) - head_start_s());
   }
 
   void wake() {
