@@ -313,6 +313,43 @@ TEST_P(RunLoses, AProgramThatIsStoppedFromOutside) {
 
 INSTANTIATE_TEST_SUITE_P(Programs, RunLoses, ::testing::ValuesIn(losses({"mixed"})), name_of);
 
+class RunRestarts : public RunEnds, public ::testing::WithParamInterface<Loss> {};
+
+TEST_P(RunRestarts, AProgramThatWasKilledAndServesEveryUserToTheEnd) {
+  const Loss& loss = GetParam();
+  start(loss.mode, loss.dds, "4", {"--restart", "on-failure"});
+  if (HasFatalFailure()) return;
+  signal(loss.victim, SIGKILL);
+  EXPECT_EQ(process_->wait(60.0), 0) << process_->err();
+  const Json json = summary();
+  const bool world = loss.victim == "world_sim";
+  ASSERT_EQ(json["restarts"].size(), 1U) << json["verdict"];
+  EXPECT_EQ(json["restarts"][0]["program"], world ? loss.victim : loss.victim + "_0");
+  EXPECT_EQ(json["restarts"][0]["reason"], "killed by SIGKILL");
+  EXPECT_NEAR(json["simulated_s"].get<double>(), 4.0, 0.01);
+  EXPECT_FALSE(json.contains("partial"));
+  if (loss.victim != "haptic_sim") return;
+  ASSERT_EQ(json["world"]["absences"].size(), 1U);
+  EXPECT_LT(json["world"]["absences"][0]["to_s"].get<double>(), 4.0) << "it did not return";
+  const Table table = read_table(out() + "/haptic_0.csv");
+  EXPECT_LT(table.rows.front()[0], 0.1) << "the rows before its death are lost";
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, RunRestarts, ::testing::ValuesIn([] {
+                           std::vector<Loss> all = losses({"mixed"});
+                           std::erase_if(all, [](const Loss& one) { return one.mode != "realtime"; });
+                           return all;
+                         }()),
+                         name_of);
+
+TEST_F(ProcessTest, InLockstepNothingIsStartedAgain) {
+  const Ended ended = finish(run_words(scene("press"), {"--restart", "always"}));
+  EXPECT_EQ(ended.code, 2);
+  EXPECT_NE(ended.err.find("--restart: a run in lock-step ends with the first of its programs; use --mode realtime"),
+            std::string::npos)
+      << ended.err;
+}
+
 class RunHalts : public RunEnds, public ::testing::WithParamInterface<Loss> {};
 
 TEST_P(RunHalts, AProgram) {
