@@ -29,7 +29,8 @@ constexpr std::chrono::milliseconds kWorldAlone{600};  ///< the world ends the o
 constexpr std::chrono::milliseconds kFinish{30000};    ///< for the others, once the world has ended
 constexpr std::chrono::milliseconds kAll{1500};        ///< then SIGKILL
 constexpr std::chrono::milliseconds kFirstPause{50};   ///< before the second restart; doubled for each that follows
-constexpr int kMostRestarts = 8;                       ///< of a program
+constexpr int kMostRestarts = 8;                       ///< of a program, in a row
+constexpr std::chrono::seconds kLived{5};              ///< one that ran for so long has begun well
 
 double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
@@ -72,6 +73,7 @@ void Supervisor::launch(Child& child, int flags) {
                 fmt::format("{}: {}; choose another folder with --out", child.log, std::strerror(errno)));
   }
   const pid_t parent = getpid();
+  child.started_at = Clock::now();
   child.pid = fork();
   if (child.pid == 0) become(child.program, child.arguments, child.enter, file, parent);
   close(file);
@@ -95,6 +97,7 @@ void Supervisor::revive(const std::function<std::string(const Child&)>& early) {
   for (Child& child : children_) {
     if (restart_ != Restart::never && child.essential && child.halted_s > to_seconds(kHalted)) kill(child.pid, SIGKILL);
     if (child.starts_at == Clock::time_point{}) {
+      if (child.pid < 0 && Clock::now() - child.started_at > kLived) child.restarts = 0;
       const std::string reason = restart_reason(child, early);
       if (reason.empty()) continue;
       child.starts_at = Clock::now() + (child.restarts == 0 ? 0 : 1 << child.restarts) * kFirstPause;

@@ -43,7 +43,8 @@ class Supervisor {
     std::string program = {};
     std::vector<std::string> arguments = {};
     std::function<bool()> enter = {};
-    int restarts = 0;
+    int restarts = 0;  ///< in a row
+    std::chrono::steady_clock::time_point started_at = {};
     std::chrono::steady_clock::time_point starts_at = {};  ///< while it waits to be started again
 
     /// "haptic_sim_0", or "haptic_sim_0 on host left".
