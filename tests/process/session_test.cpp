@@ -121,6 +121,8 @@ TEST_P(RealTimeSessions, TheWorldHasEachReportInTimeAlthoughTheLinkDelaysIt) {
   if (!run_over_100_ms("")) GTEST_SKIP() << "network namespaces are not permitted here";
   for (const Json& user : summary()["haptic"]) EXPECT_LT(user["late_reports_ratio"], 0.5);
   EXPECT_EQ(summary()["world"]["refused_reports"], 0);
+  EXPECT_EQ(summary()["settings"]["plan"].dump().find("no message is delayed"), std::string::npos)
+      << summary()["settings"]["plan"];
 }
 
 TEST_P(RealTimeSessions, ADeadbandSendsAFractionOfTheDevicesSamples) {
