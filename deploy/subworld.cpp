@@ -77,6 +77,7 @@ void add_up(CommandLine& line, SessionRequest& request) {
             "make each host a network namespace of this machine; needs the rights of root");
   line.add("--link", &request.link, "with --namespaces: the link between any two hosts, as for `subworld link`")
       .otherwise("the session's");
+  line.add("--seed", &request.seed, "with --namespaces: of the link's random draws; netem has its own");
   line.add("--dds", &request.dds, "DDS vendor; mixed alternates over the programs")
       .one_of({"fastdds", "cyclonedds", "mixed"})
       .otherwise("the session's");
@@ -131,7 +132,7 @@ void add_control(CommandLine& line, ControlRequest& request) {
       "  subworld control engine bullet_float --domain 100\n"
       "  subworld control engine havok --haptic --domain 100\n"
       "  subworld control stop --domain 70 --interface eth0 --peers 10.0.0.2\n"
-      "`subworld run` and `subworld top` print the domain.\n"
+      "`subworld top` shows the domains in use.\n"
       "Exit codes: 0 done, 1 refused or not executed in time, 2 usage, 3 no world on the domain.");
 }
 

@@ -89,7 +89,7 @@ class SessionRun {
 
   /// A network namespace for each host, with addresses and links between them.
   void make_namespaces() {
-    network_.emplace();
+    network_.emplace(EmulatedNetworkSettings{.seed = request_.seed});
     for (const SessionHost& host : session_.hosts) network_->add_host(host.name);
     const LinkSettings link = parse_link(request_.link.empty() ? session_.link : request_.link);
     network_->set_links(link);

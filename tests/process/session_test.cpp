@@ -71,6 +71,16 @@ TEST_F(Sessions, AHostInANamespaceIsEnteredWithThePrintedCommand) {
   EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("stopped by control")) << summary()["verdict"];
 }
 
+TEST_F(Sessions, ThePageNamesEachOption) {
+  const std::string page = read_text(std::string(SCENES_FOLDER) + "/../sessions/README.md");
+  const std::string help = finish({program("subworld"), "up", "--help"}).out;
+  const std::regex option("\n  (--[a-z]+)");
+  int options = 0;
+  for (std::sregex_iterator one(help.begin(), help.end(), option), end; one != end; ++one, ++options)
+    EXPECT_NE(page.find("| `" + (*one)[1].str()), std::string::npos) << (*one)[1];
+  EXPECT_GE(options, 8) << help;
+}
+
 TEST_F(Sessions, TheFileOfItsPageIsTheLibrarys) {
   const std::string folder = std::string(SCENES_FOLDER) + "/../sessions";
   const auto without_remarks = [](std::string text) {
