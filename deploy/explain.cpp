@@ -53,9 +53,10 @@ std::string network_text(const RunResults& run) {
   const Settings& settings = run.scene.settings;
   if (!settings.remote) return {};
   const std::string link =
-      run.link ? fmt::format("The hosts were namespaces of this machine, with an emulated link between any two, each "
-                             "way: {}. ",
-                             *run.link)
+      run.link ? fmt::format(
+                     "The hosts were namespaces of this machine, with an emulated link between any two, each "
+                     "way: {}. ",
+                     *run.link)
                : "The programs ran on several hosts, with a network between them. ";
   if (!run.realtime())
     return link + "In lock-step the programs wait for each message: the network costs time and changes no result.";

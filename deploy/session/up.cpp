@@ -47,9 +47,9 @@ class SessionRun {
     }
     if (request_.namespaces) make_namespaces();
     // As the programs have it, from their --peers.
-    run_.scene.settings.remote =
-        run_.between_hosts &&
-        std::ranges::any_of(session_.hosts, [](const SessionHost& one) { return is_remote(one.address); });
+    run_.scene.settings.remote = run_.between_hosts && std::ranges::any_of(session_.hosts, [](const SessionHost& one) {
+                                   return is_remote(one.address);
+                                 });
     for (const SessionHost* const host : chosen_) check(*host);
     watch_stop_signals();
     const TimePoint begin = Clock::now();

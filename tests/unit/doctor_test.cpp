@@ -277,6 +277,16 @@ TEST(Doctor, AllLockFilesThatOtherUsersLeftAreOneFinding) {
   EXPECT_THAT(found[0].cure, HasSubstr("rm -rf -- /tmp/a.lock /tmp/b.lock"));
 }
 
+TEST(Doctor, OneCommandLowersAllRivals) {
+  Facts facts = healthy();
+  facts.machine.rivals = {{.pid = 8, .name = "x", .priority = 90, .cores = 0.5},
+                          {.pid = 9, .name = "y", .priority = 91, .cores = 0.5}};
+  const std::vector<Finding> found = judge(facts);
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].cure, found[1].cure);
+  EXPECT_THAT(found[0].cure, HasSubstr("for process in 8 9; do "));
+}
+
 // SCHED_FIFO: a program of equal priority pre-empts nothing. It blocks a loop while it does not sleep.
 TEST(Doctor, AProgramOfEqualPriorityIsARivalOnlyWhereItSeldomSleeps) {
   const auto finds = [](int priority, double cores) {
