@@ -1,5 +1,6 @@
 #include "explain.hpp"
 
+#include "coupling/scheme.hpp"
 #include "io/command_line.hpp"
 #include "summary.hpp"
 
@@ -47,11 +48,35 @@ std::string user_text(const RunResults& run, const HapticResult& haptic) {
                     grouped(haptic.missed_by_os), grouped(haptic.missed_by_run));
 }
 
+/// What the run assumes about the network between its programs. The figures are those of haptic_sim: HeadStart, Phase.
+std::string network_text(const RunResults& run) {
+  const Settings& settings = run.scene.settings;
+  if (!settings.remote) return {};
+  const std::string link =
+      run.link ? fmt::format(
+                     "The hosts were namespaces of this machine, with an emulated link between any two, each "
+                     "way: {}. ",
+                     *run.link)
+               : "The programs ran on several hosts, with a network between them. ";
+  if (!run.realtime())
+    return link + "In lock-step the programs wait for each message: the network costs time and changes no result.";
+  if (!scheme_of(settings).properties.has_sub_worlds)
+    return link + fmt::format("The scheme {} has no sub-world: the operator feels the world late by the round trip.",
+                              settings.scheme);
+  return link +
+         "The plan assumes that the network delays and loses messages, and learns how much from the run: each "
+         "sub-world is ahead of the world by the round trip (its head start, at most 0.5 s), so that the world has "
+         "what the operator did when it needs it. Where one message in five is late, the head start grows. A message "
+         "that is late by chance (jitter) does not change the pace: that follows the median of the newest 51 frames. "
+         "Where no frame comes for more than about 25 cycles beyond that, the sub-world slows down, and then stops.";
+}
+
 }  // namespace
 
 std::string explanation(const RunResults& run, const std::string& folder, bool pictured, const std::string& command) {
   std::string text = "\nWhat happened\n" + paragraph(scene_text(run));
   for (const HapticResult& haptic : run.haptic) text += paragraph(user_text(run, haptic));
+  if (const std::string network = network_text(run); !network.empty()) text += paragraph(network);
   text +=
       paragraph(run.verdict.starts_with("ok") ? "All quality gates of the run itself were met."
                                               : "The verdict above is not \"ok\"; it names the cause and the cure.");

@@ -47,6 +47,7 @@ constexpr double kLeastEnergy_j = 0.005;
 constexpr double kUnexplainedRatio = 0.01;  ///< of the energy that users put in
 constexpr double kOscillationRatio = 0.05;  ///< of the device's force limit
 
+constexpr double kLongStep = 0.5;    ///< part of the cycle: a p99 below it slows no clock
 constexpr double kFullCores = 0.8;   ///< part of the cores; above it the programs of the run delay each other
 constexpr double kQuietCores = 0.1;  ///< cores that other programs and the hypervisor use on a quiet machine
 
@@ -142,12 +143,28 @@ Cause by_slow_cycles(const RunResults& run) {
   const auto by_os = static_cast<double>(world.late_by_os), cycles = static_cast<double>(world.cycles);
   const double cycle_s = run.scene.settings.h_s * world.ratio.mean();
   const bool has_own_core = !run.placement.world.empty();
-  if (world.late_by_run > world.late_by_os ||
-      delayed_by_the_run(world, by_os, cycles, by_os * cycle_s, !has_own_core, run)) {
-    return {Culprit::run, fmt::format("the world's step takes {:.2f} ms (p99 {:.2f} ms) of cycles of {:.3g} ms; a "
-                                      "higher ratio, fewer bodies, or a faster preset or engine",
-                                      1e3 * world.step_s.p50, 1e3 * world.step_s.p99, 1e3 * cycle_s)};
+  const bool steps_are_long = world.step_s.p99 > kLongStep * cycle_s;
+  if (world.late_by_run > world.late_by_os || (steps_are_long && world.late_by_os == 0)) {
+    if (steps_are_long) {
+      return {Culprit::run, fmt::format("the world's step takes {:.2f} ms (p99 {:.2f} ms) of cycles of {:.3g} ms; a "
+                                        "higher ratio, fewer bodies, or a faster preset or engine",
+                                        1e3 * world.step_s.p50, 1e3 * world.step_s.p99, 1e3 * cycle_s)};
+    }
+    return {Culprit::run,
+            fmt::format("{} of {} cycles were too long, the longest {:.2f} ms of {:.3g} ms; the others fit (p99 {:.2f} "
+                        "ms); --trace FILE shows what they did",
+                        grouped(world.late_by_run), grouped(world.cycles), 1e3 * world.step_s.max, 1e3 * cycle_s,
+                        1e3 * world.step_s.p99)};
   }
+  if (delayed_by_the_run(world, by_os, cycles, by_os * cycle_s, !has_own_core, run)) {
+    return {Culprit::run,
+            fmt::format("the programs of the run compete for the cores{}; fewer users or members, more cores, or a "
+                        "higher ratio",
+                        in_brackets(fmt::format("the world was ready for {:.0f} ms without one",
+                                                1e3 * world.machine.run_queue_delay_s),
+                                    load_text(run)))};
+  }
+  if (world.late_by_os == 0) return {Culprit::os, ""};  // no cycle was late: nothing to cure
   return {Culprit::os, fmt::format("the OS woke the world late or pre-empted it in {:.0f} of {} cycles{}; {}", by_os,
                                    grouped(world.cycles), in_brackets(load_text(run), {}), quiet_cure(world.machine))};
 }

@@ -82,6 +82,7 @@ void add_up(CommandLine& line, SessionRequest& request) {
             "make each host a network namespace of this machine; needs the rights of root");
   line.add("--link", &request.link, "with --namespaces: the link between any two hosts, as for `subworld link`")
       .otherwise("the session's");
+  line.add("--seed", &request.seed, "with --namespaces: of the link's random draws; netem has its own");
   line.add("--dds", &request.dds, "DDS vendor; mixed alternates over the programs")
       .one_of({"fastdds", "cyclonedds", "mixed"})
       .otherwise("the session's");
@@ -130,6 +131,14 @@ void add_control(CommandLine& line, ControlRequest& request) {
   add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
   add_network(line, request.network);
   line.add("--wait", &request.wait_s, "longest wait for the world, and then for its answer").range(0.1, 3600.0, "s");
+  line.footer(
+      "Examples:\n"
+      "  subworld control pause --domain 100\n"
+      "  subworld control engine bullet_float --domain 100\n"
+      "  subworld control engine havok --haptic --domain 100\n"
+      "  subworld control stop --domain 70 --interface eth0 --peers 10.0.0.2\n"
+      "`subworld top` shows the domains in use.\n"
+      "Exit codes: 0 done, 1 refused or not executed in time, 2 usage, 3 no world on the domain.");
 }
 
 void control(ControlRequest& request) {

@@ -127,7 +127,9 @@ class RealtimeLoop : WorldLoop {
     observe_users(loop.woke(), period_s, cycle_s);
     stages_.mark(WorldStage::control);
     last_ = stop_signal() != 0 || control_.stopped() || all_gone();
-    if (control_.may_step() || last_) {
+    const bool stood = std::exchange(stands_, !control_.may_step() && !last_);
+    if (!stands_) {
+      if (stood) loop.shift(std::max(0.0, loop.lateness_s()));  // lateness of the pause is not caught up with
       simulate(loop, cycle_s, period_s);
     } else {
       stand(loop, cycle_s);
@@ -263,6 +265,7 @@ class RealtimeLoop : WorldLoop {
   std::vector<User> users_;
   double publish_s_ = 0.0;  ///< that publishing the frames of the cycle before took
   bool yielding_ = false;
+  bool stands_ = false;  ///< paused
   bool last_ = false;
 };
 

@@ -18,6 +18,28 @@ std::span<const Check> checks() {
   return kAll;
 }
 
+namespace {
+
+/// The command that raises limits, without them.
+std::string command_for_limits(const Facts& facts) {
+  if (facts.machine.may_raise_limits) return fmt::format("{}prlimit --pid $$", as_root(facts));
+  return "exit  # and start the container with --cap-add SYS_NICE --cap-add IPC_LOCK";
+}
+
+/// One command raises all limits: a container is started once. All findings on limits have that cure.
+void merge_cures_of_limits(const Facts& facts, std::vector<Finding>& findings) {
+  const std::string command = command_for_limits(facts);
+  std::string limits;
+  for (const Finding& one : findings) {
+    if (one.cure.starts_with(command)) limits += one.cure.substr(command.size());
+  }
+  for (Finding& one : findings) {
+    if (one.cure.starts_with(command)) one.cure = command + limits;
+  }
+}
+
+}  // namespace
+
 std::vector<Finding> judge(const Facts& facts) {
   std::vector<Finding> all;
   for (const Check& check : checks()) {
@@ -25,6 +47,7 @@ std::vector<Finding> judge(const Facts& facts) {
     check.judge(facts, all);
     for (std::size_t i = before; i < all.size(); ++i) all[i].check = check.name;
   }
+  merge_cures_of_limits(facts, all);
   return all;
 }
 
@@ -41,9 +64,9 @@ std::string command_of(const Request& request) {
 }
 
 std::string raise_limit(const Facts& facts, const std::string& limit, const std::string& value) {
-  if (facts.machine.may_raise_limits) return fmt::format("{}prlimit --pid $$ --{}={}", as_root(facts), limit, value);
-  return fmt::format("exit  # and start the container with --cap-add SYS_NICE --cap-add IPC_LOCK --ulimit {}={}", limit,
-                     value == "unlimited" ? "-1" : value);
+  const std::string command = command_for_limits(facts);
+  if (facts.machine.may_raise_limits) return fmt::format("{} --{}={}", command, limit, value);
+  return fmt::format("{} --ulimit {}={}", command, limit, value == "unlimited" ? "-1" : value);
 }
 
 const Interface* own_interface(const Facts& facts) {

@@ -76,8 +76,11 @@ void print_text(const Facts& facts, const std::vector<Finding>& findings) {
       fmt::print("{} {}: {}\n", found ? "FOUND" : "ok   ", check.name, check.about);
     }
   }
-  for (const Finding& one : findings)
-    fmt::print("{}: {}\n  why:  {}\n  cure: {}\n", one.check, one.what, one.why, one.cure);
+  for (const Finding& one : findings) {
+    const Finding& first = *std::ranges::find(findings, one.cure, &Finding::cure);
+    fmt::print("{}: {}\n  why:  {}\n  cure: {}\n", one.check, one.what, one.why,
+               &first == &one ? one.cure : fmt::format("the same command as for {}, once", first.check));
+  }
   const std::size_t total = checks().size();
   if (findings.empty()) {
     fmt::print("healthy: {} checks passed\n", total);

@@ -71,16 +71,30 @@ void judge_governor(const Facts& facts, Findings& out) {
                                      as_root(facts))});
 }
 
-/// A rival that uses less of a core delays a loop seldom.
-constexpr double kRivalCores = 0.02;
+/// Whether a program delays the haptic loops. One of equal priority (SCHED_FIFO) pre-empts nothing: a loop waits at
+/// most until that program sleeps, which matters only where it seldom does. One that uses little of a core delays a
+/// loop seldom.
+bool is_rival(const Rival& rival) {
+  constexpr double kRivalCores = 0.02, kBlockingCores = 0.5;
+  return rival.cores >= (rival.priority > priority::kHaptic ? kRivalCores : kBlockingCores);
+}
 
 void judge_rivals(const Facts& facts, Findings& out) {
+  std::vector<pid_t> processes;
   for (const Rival& rival : facts.machine.rivals) {
-    if (rival.cores < kRivalCores) continue;
+    if (is_rival(rival)) processes.push_back(rival.pid);
+  }
+  const std::string lower = fmt::format("{}chrt --other --all-tasks --pid 0", as_root(facts));
+  for (const Rival& rival : facts.machine.rivals) {
+    if (!is_rival(rival)) continue;
     out.push_back({.what = fmt::format("{} (process {}) runs with real-time priority {} and uses {:.0f} % of a core",
                                        rival.name, rival.pid, rival.priority, 100.0 * rival.cores),
-                   .why = fmt::format("it pre-empts the haptic loops, whose priority is {}", priority::kHaptic),
-                   .cure = fmt::format("{}chrt --other --all-tasks --pid 0 {}", as_root(facts), rival.pid)});
+                   .why = rival.priority > priority::kHaptic
+                              ? fmt::format("it pre-empts the haptic loops, whose priority is {}", priority::kHaptic)
+                              : "the haptic loops have the same priority, and wait until it sleeps",
+                   .cure = processes.size() == 1 ? fmt::format("{} {}", lower, rival.pid)
+                                                 : fmt::format("for process in {}; do {} $process; done",
+                                                               fmt::join(processes, " "), lower)});
   }
 }
 
@@ -88,8 +102,7 @@ void judge_rivals(const Facts& facts, Findings& out) {
 void judge_lateness(const Facts& facts, Findings& out) {
   const Machine& machine = facts.machine;
   const double bound_s = 0.5 * machine.period_s;
-  const bool explained =
-      !machine.fifo || std::ranges::any_of(machine.rivals, [](const Rival& one) { return one.cores >= kRivalCores; });
+  const bool explained = !machine.fifo || std::ranges::any_of(machine.rivals, is_rival);
   if (explained || machine.lateness_p99_s <= bound_s || !facts.needs.realtime) return;
   out.push_back(
       {.what = fmt::format("a loop without work wakes late: p99 {:.3f} ms > {:.3f} ms, {} of {} times by more than a "
@@ -140,12 +153,16 @@ void judge_shared_memory(const Facts& facts, Findings& out) {
 }
 
 void judge_lock_files(const Facts& facts, Findings& out) {
+  std::vector<std::string> left;
   for (const LeftFile& file : facts.machine.lock_files) {
-    if (file.can_open || file.in_use) continue;
-    out.push_back({.what = fmt::format("{} cannot be opened by this user", file.path),
-                   .why = "a run takes the domain for one in use; another user's run has left the file",
-                   .cure = fmt::format("{}rm -rf -- {}", as_root(facts), file.path)});
+    if (!file.can_open && !file.in_use) left.push_back(file.path);
   }
+  if (left.empty()) return;
+  out.push_back({.what = left.size() == 1 ? fmt::format("{} cannot be opened by this user", left.front())
+                                          : fmt::format("{} lock files cannot be opened by this user, the first is {}",
+                                                        left.size(), left.front()),
+                 .why = "a run takes the domain of such a file for one in use; other users' runs have left them",
+                 .cure = fmt::format("{}rm -rf -- {}", as_root(facts), fmt::join(left, " "))});
 }
 
 void judge_temporary_folder(const Facts& facts, Findings& out) {
@@ -186,7 +203,9 @@ constexpr std::array kMachineChecks{
     Check{"realtime_throttling", "the kernel lets real-time loops use at least 90 % of a core", judge_throttling},
     Check{"cores", "this shell may use at least two of the cores", judge_cores},
     Check{"governor", "the frequency governor is not a saving one", judge_governor},
-    Check{"rivals", "no other program with a higher real-time priority uses the cores", judge_rivals},
+    Check{"rivals",
+          "no other program with a higher real-time priority, or a busy one with an equal one, uses the cores",
+          judge_rivals},
     Check{"lateness", "bare loops at 1 kHz wake at most half a period late (p99)", judge_lateness},
     Check{"open_files", "`ulimit -n` is large enough for the users of the scene", judge_open_files},
     Check{"processes", "`ulimit -u` is large enough for the users of the scene", judge_processes},

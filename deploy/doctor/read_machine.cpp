@@ -93,7 +93,8 @@ std::vector<ProcessTimes> process_times() {
   return all;
 }
 
-/// Programs above the haptic loops' priority that used a core between two instants; none of Subworld's or the kernel's.
+/// Programs of the haptic loops' priority or above that used a core between two instants; none of Subworld's or the
+/// kernel's.
 std::vector<Rival> rivals_between(const std::vector<ProcessTimes>& before, const std::vector<ProcessTimes>& after,
                                   double passed_s) {
   std::vector<Rival> found;

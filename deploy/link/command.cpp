@@ -113,7 +113,9 @@ void print_link(const EmulatedNetwork& network) {
 }
 
 int validated(EmulatedNetwork& network, double duration_s) {
-  fmt::print("  validation: 1000 probes a second in each direction for {} s\n", duration_s);
+  const double ab_hz = probe_rate_hz(network.link({0, 1})), ba_hz = probe_rate_hz(network.link({1, 0}));
+  fmt::print("  validation: {:.4g} probes a second from a to b, {:.4g} from b to a, for {} s\n", ab_hz, ba_hz,
+             duration_s);
   std::fflush(stdout);
   const std::vector<LinkValidation> found = validate(network, duration_s);
   if (stop_signal() != 0) {

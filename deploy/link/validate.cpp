@@ -13,8 +13,8 @@ namespace subworld {
 
 namespace {
 
-constexpr double kProbeRate_hz = 1000.0;
-constexpr int kProbeBytes = 64;
+constexpr double kMostProbes_hz = 1000.0;
+constexpr double kProbesOfTheLink = 0.5;  ///< share of its rate and of its queue: delays on a full link say nothing
 constexpr int kLoadBytes = 1400;
 constexpr double kLoad_bit_s = 1e8;
 constexpr double kRateTolerance = 0.02;
@@ -135,6 +135,14 @@ std::vector<LinkCheck> load_checks(EmulatedNetwork& network, LinkEnds ends, cons
 
 }  // namespace
 
+double probe_rate_hz(const LinkSettings& settings) noexcept {
+  const double on_their_way_s = std::max(1e-3, settings.delay_s + 4.0 * settings.jitter_s);
+  double rate_hz = std::min(kMostProbes_hz, kProbesOfTheLink * settings.limit / on_their_way_s);
+  if (settings.rate_bit_s > 0.0)
+    rate_hz = std::min(rate_hz, kProbesOfTheLink * settings.rate_bit_s / (8.0 * kProbeBytes));
+  return rate_hz;
+}
+
 bool LinkValidation::ok() const noexcept {
   return std::ranges::all_of(checks, [](const LinkCheck& check) { return check.ok(); });
 }
@@ -156,7 +164,7 @@ std::vector<LinkValidation> validate(EmulatedNetwork& network, double duration_s
   double rest_s = 0.2;
   for (const LinkEnds ends : both) {
     const LinkSettings settings = network.link(ends);
-    plans.push_back({ends, kProbeRate_hz, duration_s, kProbeBytes});
+    plans.push_back({ends, probe_rate_hz(settings), duration_s, kProbeBytes});
     const double queue_s = settings.rate_bit_s > 0.0 ? 8.0 * kProbeBytes * settings.limit / settings.rate_bit_s : 0.0;
     rest_s = std::max(rest_s, 0.2 + settings.delay_s + 4.0 * settings.jitter_s + std::min(queue_s, duration_s));
   }
@@ -164,7 +172,7 @@ std::vector<LinkValidation> validate(EmulatedNetwork& network, double duration_s
   std::vector<LinkValidation> found;
   for (std::size_t i = 0; i < both.size(); ++i) {
     const LinkSettings settings = network.link(both[i]);
-    found.push_back({both[i], judge(settings, statistics_of(probed[i].arrivals, probed[i].sent), 1.0 / kProbeRate_hz,
+    found.push_back({both[i], judge(settings, statistics_of(probed[i].arrivals, probed[i].sent), 1.0 / plans[i].rate_hz,
                                     kProbeBytes)});
     if (settings.rate_bit_s > 0.0) found.back().checks.push_back(rate_check(network, both[i], settings));
   }

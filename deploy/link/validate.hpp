@@ -37,7 +37,11 @@ struct LinkStatistics;
 [[nodiscard]] std::vector<LinkCheck> judge(const LinkSettings& settings, const LinkStatistics& measured,
                                            double period_s, int bytes);
 
-/// Sends probes at 1 kHz in both directions between the first two hosts for `duration_s`, then a burst for the rate,
+inline constexpr int kProbeBytes = 64;
+/// Probes a second that measure the delay of a link: 1000, or as many as take half of its rate and of its queue.
+[[nodiscard]] double probe_rate_hz(const LinkSettings& settings) noexcept;
+
+/// Sends probes in both directions between the first two hosts for `duration_s`, then a burst for the rate,
 /// and last 100 Mbit/s from the first to the second. An outage must not fall into this time. Throws `Error` (failed).
 [[nodiscard]] std::vector<LinkValidation> validate(EmulatedNetwork& network, double duration_s);
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@ struct SessionRequest {
   std::string host;          ///< only this host's programs, here; empty: all
   bool namespaces = false;   ///< each host is a network namespace of this machine
   std::string link;          ///< between any two of them; empty: the session's
+  std::uint64_t seed = 1;    ///< of the link's random draws, as of `subworld link`
   std::string dds;           ///< vendor or mixed; empty: the session's
   std::string out;           ///< folder for the results; empty: a new one
   std::string ssh = "ssh";   ///< program that starts commands on other hosts

@@ -46,6 +46,10 @@ class SessionRun {
       if (!is_distant(*host)) make_folder(folder_here(*host));
     }
     if (request_.namespaces) make_namespaces();
+    // As the programs have it, from their --peers.
+    run_.scene.settings.remote = run_.between_hosts && std::ranges::any_of(session_.hosts, [](const SessionHost& one) {
+                                   return is_remote(one.address);
+                                 });
     for (const SessionHost* const host : chosen_) check(*host);
     watch_stop_signals();
     const TimePoint begin = Clock::now();
@@ -85,7 +89,7 @@ class SessionRun {
 
   /// A network namespace for each host, with addresses and links between them.
   void make_namespaces() {
-    network_.emplace();
+    network_.emplace(EmulatedNetworkSettings{.seed = request_.seed});
     for (const SessionHost& host : session_.hosts) network_->add_host(host.name);
     const LinkSettings link = parse_link(request_.link.empty() ? session_.link : request_.link);
     network_->set_links(link);

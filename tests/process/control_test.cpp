@@ -153,6 +153,12 @@ TEST_F(Control, ASubWorldOfAPausedLockstepWorldIsNamedAndFollowsOnceItSteps) {
   }
 }
 
+TEST_F(Control, TheHelpShowsExamplesOfItsOwn) {
+  const std::string help = finish({program("subworld"), "control", "--help"}).out;
+  EXPECT_NE(help.find("subworld control engine "), std::string::npos) << help;
+  EXPECT_EQ(help.find("subworld run "), std::string::npos) << help;
+}
+
 TEST_F(Control, WrongWordsAreUsageErrorsThatNameTheCure) {
   const Ended nameless = control({"engine"});
   EXPECT_EQ(nameless.code, 2);

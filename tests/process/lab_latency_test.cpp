@@ -14,6 +14,21 @@ class LatencyLab : public LabTest {
 /// A scene in which a delay is felt soon, at a ratio at which the scheme `paper` needs few bodies.
 const Words kFeltSoon{"row", "--quick", "--scheme", "paper", "--largest", "0.1"};
 
+// The searches before the first run over a link take minutes.
+TEST_F(LatencyLab, ALinkThatIsNotPermittedIsAnErrorAtTheStart) {
+  const Words without_rights{"/usr/bin/setpriv", "--bounding-set", "-sys_admin,-net_admin"};
+  Words nothing = without_rights;
+  nothing.emplace_back("/bin/true");
+  if (finish(nothing).code != 0) GTEST_SKIP() << "rights cannot be dropped here";
+  Words words = lab_words(kFeltSoon);
+  words.insert(words.begin(), without_rights.begin(), without_rights.end());
+  words.insert(words.end(), {"--link", "--out", out()});
+  const Ended ended = finish(words);
+  EXPECT_EQ(ended.code, 1);
+  EXPECT_NE(ended.err.find("unshare -rn"), std::string::npos) << ended.err;
+  EXPECT_EQ(ended.out, "") << "nothing was searched";
+}
+
 TEST_F(LatencyLab, EndsWithTheLargestDelayThatIsNotFelt) {
   Words words = kFeltSoon;
   words.insert(words.end(), {"--device-latency", "--out", out()});

@@ -71,6 +71,16 @@ TEST_F(Sessions, AHostInANamespaceIsEnteredWithThePrintedCommand) {
   EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("stopped by control")) << summary()["verdict"];
 }
 
+TEST_F(Sessions, ThePageNamesEachOption) {
+  const std::string page = read_text(std::string(SCENES_FOLDER) + "/../sessions/README.md");
+  const std::string help = finish({program("subworld"), "up", "--help"}).out;
+  const std::regex option("\n  (--[a-z]+)");
+  int options = 0;
+  for (std::sregex_iterator one(help.begin(), help.end(), option), end; one != end; ++one, ++options)
+    EXPECT_NE(page.find("| `" + (*one)[1].str()), std::string::npos) << (*one)[1];
+  EXPECT_GE(options, 8) << help;
+}
+
 TEST_F(Sessions, TheFileOfItsPageIsTheLibrarys) {
   const std::string folder = std::string(SCENES_FOLDER) + "/../sessions";
   const auto without_remarks = [](std::string text) {
@@ -121,6 +131,8 @@ TEST_P(RealTimeSessions, TheWorldHasEachReportInTimeAlthoughTheLinkDelaysIt) {
   if (!run_over_100_ms("")) GTEST_SKIP() << "network namespaces are not permitted here";
   for (const Json& user : summary()["haptic"]) EXPECT_LT(user["late_reports_ratio"], 0.5);
   EXPECT_EQ(summary()["world"]["refused_reports"], 0);
+  EXPECT_EQ(summary()["settings"]["plan"].dump().find("no message is delayed"), std::string::npos)
+      << summary()["settings"]["plan"];
 }
 
 TEST_P(RealTimeSessions, ADeadbandSendsAFractionOfTheDevicesSamples) {

@@ -256,5 +256,48 @@ TEST(DoctorPage, ListsEveryCheckInItsOwnWords) {
   EXPECT_THAT(page, HasSubstr(rows)) << "the table of deploy/doctor/README.md has to be:\n" << rows;
 }
 
+TEST(Doctor, OneCommandRaisesAllLimits) {
+  for (const bool container : {false, true}) {
+    Facts facts = healthy();
+    facts.machine.fifo = facts.machine.locks_memory = false;
+    facts.machine.may_raise_limits = !container;
+    const std::vector<Finding> found = judge(facts);
+    ASSERT_EQ(found.size(), 2U);
+    EXPECT_EQ(found[0].cure, found[1].cure);
+    EXPECT_THAT(found[0].cure, HasSubstr(container ? "--ulimit rtprio=80 --ulimit memlock=-1"
+                                                   : "prlimit --pid $$ --rtprio=80 --memlock=unlimited"));
+  }
+}
+
+TEST(Doctor, AllLockFilesThatOtherUsersLeftAreOneFinding) {
+  Facts facts = healthy();
+  facts.machine.lock_files = {{.path = "/tmp/a.lock", .can_open = false}, {.path = "/tmp/b.lock", .can_open = false}};
+  const std::vector<Finding> found = judge(facts);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_THAT(found[0].cure, HasSubstr("rm -rf -- /tmp/a.lock /tmp/b.lock"));
+}
+
+TEST(Doctor, OneCommandLowersAllRivals) {
+  Facts facts = healthy();
+  facts.machine.rivals = {{.pid = 8, .name = "x", .priority = 90, .cores = 0.5},
+                          {.pid = 9, .name = "y", .priority = 91, .cores = 0.5}};
+  const std::vector<Finding> found = judge(facts);
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].cure, found[1].cure);
+  EXPECT_THAT(found[0].cure, HasSubstr("for process in 8 9; do "));
+}
+
+// SCHED_FIFO: a program of equal priority pre-empts nothing. It blocks a loop while it does not sleep.
+TEST(Doctor, AProgramOfEqualPriorityIsARivalOnlyWhereItSeldomSleeps) {
+  const auto finds = [](int priority, double cores) {
+    Facts facts = healthy();
+    facts.machine.rivals = {{.pid = 9, .name = "x", .priority = priority, .cores = cores}};
+    return !judge(facts).empty();
+  };
+  EXPECT_TRUE(finds(81, 0.1));
+  EXPECT_FALSE(finds(80, 0.1));
+  EXPECT_TRUE(finds(80, 0.9));
+}
+
 }  // namespace
 }  // namespace subworld::doctor

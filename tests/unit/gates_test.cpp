@@ -155,6 +155,26 @@ TEST(Gates, AWorldWithACoreOfItsOwnWaitsForNobody) {
   EXPECT_EQ(culprit_of(slow, kClock), Culprit::run);
 }
 
+// A cause must agree with the figures beside it.
+TEST(Gates, ASlowClockIsNotBlamedOnShortSteps) {
+  const auto why = [](const RunResults& run) {
+    const auto all = gates(run);
+    return std::ranges::find(all, kClock, &Gate::name)->cause.why;
+  };
+  RunResults run = late_run(1, true, 0.0);
+  run.world.step_s = {.p50 = 0.0002, .p99 = 0.0004, .max = 0.03};
+  run.world.late_by_os = 0;
+  EXPECT_EQ(why(run), "") << "no cycle was late";
+  EXPECT_EQ(verdict(run).find(": ;"), std::string::npos) << verdict(run);
+  run.world.late_by_run = 1;
+  EXPECT_NE(why(run).find("the longest 30.00 ms"), std::string::npos) << why(run);
+  EXPECT_EQ(why(run).find("fewer bodies"), std::string::npos) << why(run);
+  run.world.step_s.p99 = 0.005;
+  EXPECT_NE(why(run).find("fewer bodies"), std::string::npos) << why(run);
+  RunResults waited = late_run(1, false, 0.5);
+  EXPECT_NE(why(waited).find("compete for the cores"), std::string::npos) << why(waited);
+}
+
 /// A run that misses nothing.
 RunResults quiet_run() {
   RunResults run = late_run(1, true, 0.0);

@@ -40,9 +40,9 @@ struct Foreign {
 
 const std::vector<Foreign>& foreign() {
   static const std::vector<Foreign> kAll{
-      {"Fast DDS", std::regex("(fastdds|fastrtps)/.*"), std::regex("common/wire/fastdds\\.cpp")},
-      {"Cyclone DDS", std::regex("dds/.*"), std::regex("common/wire/cyclonedds\\.cpp")},
-      {"the CDR code", std::regex("fastcdr/.*"), std::regex("common/wire/(fastdds|codec)\\.cpp")},
+      {"Fast DDS", std::regex("(fastdds|fastrtps)/.*"), std::regex("common/wire/fastdds/.*")},
+      {"Cyclone DDS", std::regex("dds/.*"), std::regex("common/wire/cyclonedds/.*")},
+      {"the CDR code", std::regex("fastcdr/.*"), std::regex("common/wire/codec\\.cpp")},
       {"generated wire types", std::regex("subworld\\.h"), std::regex("common/wire/(convert|copy)\\.hpp")},
       {"Bullet", std::regex("(bullet/|BulletCollision|BulletDynamics|LinearMath|bt[A-Z]).*"),
        std::regex("common/physics/bullet/.*")},
@@ -145,8 +145,8 @@ TEST(Includes, MadeUpSourcesAreJudged) {
       {"common/coupling/a.cpp", "#include \"wire/bus.hpp\"", false},
       {"common/coupling/a.cpp", "#include \"rt/cyclic.hpp\"", false},
       {"common/wire/bus.cpp", "#include <fastdds/dds/topic/Topic.hpp>", false},
-      {"common/wire/fastdds.cpp", "#include <fastdds/dds/topic/Topic.hpp>", true},
-      {"common/wire/fastdds.cpp", "#include <dds/dds.h>", false},
+      {"common/wire/fastdds/peers.hpp", "#include <fastdds/dds/topic/Topic.hpp>", true},
+      {"common/wire/fastdds/peers.hpp", "#include <dds/dds.h>", false},
       {"common/wire/codec.cpp", "#include \"rt/cyclic.hpp\"", false},
       {"common/rt/a.cpp", "#include \"model/error.hpp\"", false},
       {"common/io/a.cpp", "#include \"wire/bus.hpp\"", false},

@@ -1,5 +1,6 @@
 #include "link/model.hpp"
 #include "link/statistics.hpp"
+#include "link/validate.hpp"
 
 #include <gtest/gtest.h>
 
@@ -192,6 +193,18 @@ TEST(LinkModel, AnOutageDropsThePacketsOfItsTime) {
   LinkModel again(parse_link("outage from 2s for 500ms every 3s"), 1);
   for (const double t_s : {2.0, 2.499, 5.0, 5.499, 8.2})
     EXPECT_EQ(again.arrive(std::llround(1e9 * t_s), kBytes).drop, LinkDrop::outage) << t_s;
+}
+
+TEST(LinkValidation, TheProbesDoNotFillTheLinkThatTheyMeasure) {
+  for (const char* text : {"rate 100kbit", "delay 30ms 5ms rate 64kbit", "delay 1s limit 50", "wifi", "ideal"}) {
+    const LinkSettings settings = parse_link(text);
+    const double rate_hz = probe_rate_hz(settings);
+    const LinkStatistics link = expected_statistics(settings, 20'000, 1.0 / rate_hz, kProbeBytes);
+    const double sending_s = settings.rate_bit_s > 0.0 ? 8.0 * kProbeBytes / settings.rate_bit_s : 0.0;
+    EXPECT_LE(rate_hz, 1000.0) << text;
+    EXPECT_LE(link.delay_mean_s, 1.01 * settings.delay_s + 2.0 * sending_s) << text;
+    EXPECT_NEAR(link.loss_ratio(), settings.loss.loss_ratio(), 0.01) << text;
+  }
 }
 
 std::vector<std::int64_t> departures(const std::string& text, std::uint64_t seed) {

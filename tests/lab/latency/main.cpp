@@ -3,6 +3,7 @@
 #include "io/scene_name.hpp"
 #include "lab/latency/measure.hpp"
 #include "lab/latency/report.hpp"
+#include "lab/over_link/over_link.hpp"
 #include "lab/page/command_line.hpp"
 #include "rt/stop.hpp"
 
@@ -178,6 +179,7 @@ int run_lab(int argc, char** argv) {
   Request request;
   if (const auto code = parse(argc, argv, request)) return *code;
   LatencyFindings found{.questions = questions_of(request), .answers = {}, .summary = {}};
+  if (request.emulated) require_link_rights();
   make_folder(request.out);
   watch_stop_signals();
   fmt::print("subworld lab latency: {} searches, results in {}\n", found.questions.size(), request.out);

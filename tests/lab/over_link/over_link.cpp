@@ -1,6 +1,7 @@
 #include "lab/over_link/over_link.hpp"
 
 #include "link/host.hpp"
+#include "link/network.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 #include "support/temporary_folder.hpp"
@@ -131,6 +132,13 @@ bool is_undisturbed(const Json& summary) {
 }
 
 }  // namespace
+
+void require_link_rights() {
+  EmulatedNetwork network;
+  for (const char* host : {"a", "b"}) network.add_host(host);
+  network.set_links({});
+  network.start();
+}
 
 double DeviceClock::time_of(double device_time_s) const noexcept {
   const auto after = std::ranges::upper_bound(device_s, device_time_s);

@@ -27,6 +27,10 @@ struct LinkedRun {
   int attempts = 1;               ///< runs that were made, this one is the best
 };
 
+/// Throws `Error` (failed), with the cure, where this process may not emulate a network: before the minutes that other
+/// searches of a lab take.
+void require_link_rights();
+
 /// In real time a device starts its path when its haptic process first answers. That instant differs between users, and
 /// the device's clock may fall behind later. So the reference is run with the same motions: each corner of a path is at
 /// the simulated time at which the haptic process had it from the device.

@@ -1,0 +1,73 @@
+#include "wire/cyclonedds/settings.hpp"
+
+#include "wire/cyclonedds/vendor.hpp"
+
+#include <fstream>
+#include <sstream>
+#include <string_view>
+
+namespace subworld::wire::cyclone {
+namespace {
+
+/// Defaults, which the settings file may override: unicast, whole-datagram messages, quick repair of losses, no
+/// throttling. Without adaptation the initial mark is the one that counts: 30 kB by default, beyond which a reader that
+/// was killed blocks its writers until its lease has expired.
+constexpr const char* kDefaults = R"(<CycloneDDS><Domain Id="any">
+<General><AllowMulticast>false</AllowMulticast><MaxMessageSize>{0}B</MaxMessageSize><FragmentSize>65000B</FragmentSize></General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{1}</MaxAutoParticipantIndex>
+<LeaseDuration>10s</LeaseDuration><SPDPInterval>1s</SPDPInterval></Discovery>
+<Internal><HeartbeatInterval min="1ms" minsched="5ms" max="100ms">20ms</HeartbeatInterval>
+<GenerateKeyhash>true</GenerateKeyhash><NackDelay>1ms</NackDelay><WriterLingerDuration>100ms</WriterLingerDuration>
+<Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHighInit>256MB</WhcHighInit><WhcHigh>256MB</WhcHigh></Watermarks></Internal>
+</Domain></CycloneDDS>)";
+
+std::string read_file(const std::string& name) {
+  std::ifstream file(name);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+/// `text` without the sections from `begin` to `end`, both included.
+void erase_parts(std::string& text, const std::string& begin, const std::string& end) {
+  for (std::size_t from = text.find(begin); from != std::string::npos; from = text.find(begin)) {
+    const std::size_t to = text.find(end, from);
+    if (to == std::string::npos) return;
+    text.erase(from, to + end.size() - from);
+  }
+}
+
+}  // namespace
+
+/// Later sections of the list override earlier ones, but lists of interfaces and peers are merged. Therefore each
+/// appears once.
+std::string make_settings(const Opening& opening, std::string& route_text) {
+  std::string user = opening.settings_file;
+  if (!user.empty() && user.find('<') == std::string::npos && user.find(',') == std::string::npos) {
+    constexpr std::string_view kScheme = "file://";
+    user = read_file(user.starts_with(kScheme) ? user.substr(kScheme.size()) : user);
+    if (user.empty()) fail(fmt::format("{}: empty or not readable", opening.settings_file));
+  }
+  erase_parts(user, "<?", "?>");
+  erase_parts(user, "<!--", "-->");
+  if (!opening.interface_address.empty()) erase_parts(user, "<Interfaces", "</Interfaces>");
+  if (!opening.peers.empty()) erase_parts(user, "<Peers", "</Peers>");
+  const Route route(opening, user.find("<NetworkInterface") != std::string::npos,
+                    user.find("<Peer ") != std::string::npos);
+  std::string network;
+  if (!route.address.empty()) {
+    network =
+        fmt::format("<General><Interfaces><NetworkInterface address=\"{}\"/></Interfaces></General>", route.address);
+  }
+  if (route.peers && !route.peers->empty()) {
+    network += "<Discovery><Peers>";
+    for (const std::string& peer : *route.peers) network += fmt::format("<Peer Address=\"{}\"/>", peer);
+    network += "</Peers></Discovery>";
+  }
+  route_text = route.text();
+  return fmt::format("{},{}{}<CycloneDDS><Domain Id=\"any\">{}</Domain></CycloneDDS>",
+                     fmt::format(fmt::runtime(kDefaults), kMessageBytes, opening.participants - 1), user,
+                     user.empty() ? "" : ",", network);
+}
+
+}  // namespace subworld::wire::cyclone

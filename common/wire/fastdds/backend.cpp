@@ -1,0 +1,139 @@
+// The Fast DDS back end, for 2.9.
+
+#include "wire/backend.hpp"
+#include "wire/fastdds/endpoints.hpp"
+#include "wire/fastdds/key_filter.hpp"
+#include "wire/fastdds/qos.hpp"
+#include "wire/fastdds/settings.hpp"
+
+#include <sched.h>
+
+#include <fastrtps/attributes/LibrarySettingsAttributes.h>
+#include <fastrtps/config.h>
+#include <fastrtps/xmlparser/XMLProfileManager.h>
+#include <fastdds/dds/topic/ContentFilteredTopic.hpp>
+#include <fastdds/dds/topic/Topic.hpp>
+
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <set>
+
+namespace subworld::wire::fast {
+namespace {
+
+/// The threads of this process with real-time priority. They are numbered in the order of their start.
+std::set<pid_t> realtime_threads() {
+  std::set<pid_t> threads;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/task", ignored)) {
+    const pid_t thread = std::atoi(entry.path().filename().c_str());
+    if (sched_getscheduler(thread) == SCHED_FIFO) threads.insert(thread);
+  }
+  return threads;
+}
+
+/// Returns the thread that repeats samples to default scheduling. Fast DDS 2.9 starts it as the last one of a
+/// participant. It spins while another thread holds the lock of the writer whose samples it repeats. With real-time
+/// priority, it would spin for ever on a core where that thread has a lower one.
+void lower_repeating_thread(const std::set<pid_t>& before) {
+  const std::set<pid_t> now = realtime_threads();
+  if (now.empty() || before.contains(*now.rbegin())) return;
+  const sched_param whenever{};
+  sched_setscheduler(*now.rbegin(), SCHED_OTHER, &whenever);
+}
+
+class FastBackend final : public Backend {
+ public:
+  FastBackend(const Opening& opening, EventSink& events) : events_(events) {
+    // All data goes over the network, so that a test in one process behaves as on two machines.
+    eprosima::fastrtps::LibrarySettingsAttributes library;
+    library.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
+    eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(library);
+
+    factory_ = dds::DomainParticipantFactory::get_shared_instance();
+    const std::set<pid_t> threads = realtime_threads();
+    participant_ =
+        factory_->create_participant(static_cast<std::uint32_t>(opening.domain),
+                                     participant_qos(*factory_, opening, route_), &peers_, dds::StatusMask::none());
+    lower_repeating_thread(threads);
+    if (participant_ == nullptr) {
+      fail(fmt::format(
+          "no participant in domain {} ({}): its ports are in use or its settings do not fit; choose another "
+          "--domain or look for programs that still run",
+          opening.domain, route_));
+    }
+    participant_->register_content_filter_factory(KeyFilters::kName, &filters_);
+  }
+
+  ~FastBackend() override {
+    participant_->delete_contained_entities();
+    factory_->delete_participant(participant_);
+  }
+
+  std::unique_ptr<BackendWriter> create_writer(const EndpointSpec& spec) override {
+    dds::PublisherQos publisher_qos = dds::PUBLISHER_QOS_DEFAULT;
+    if (!spec.partition.empty()) publisher_qos.partition().push_back(spec.partition.c_str());
+    dds::Publisher* publisher = require(participant_->create_publisher(publisher_qos), "publisher");
+    dds::DataWriterQos qos = dds::DATAWRITER_QOS_DEFAULT;
+    apply(spec.qos, qos);
+    hurry(qos);
+    qos.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
+    qos.writer_resource_limits().reader_filters_allocation = {0, 0};  // readers filter
+    return std::make_unique<FastWriter>(participant_, publisher, topic(spec.topic), spec, qos, events_);
+  }
+
+  std::unique_ptr<BackendReader> create_reader(const EndpointSpec& spec) override {
+    dds::SubscriberQos subscriber_qos = dds::SUBSCRIBER_QOS_DEFAULT;
+    if (!spec.partition.empty()) subscriber_qos.partition().push_back(spec.partition.c_str());
+    dds::Subscriber* subscriber = require(participant_->create_subscriber(subscriber_qos), "subscriber");
+    dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
+    apply(spec.qos, qos);
+    hurry(qos);
+    // Samples are taken in the library's own threads, and at once.
+    qos.reliability().max_blocking_time = duration(1.0);
+    dds::TopicDescription* from = topic(spec.topic);
+    if (spec.topic.key_words > 0) from = filtered(spec.topic);
+    return std::make_unique<FastReader>(participant_, subscriber, from, spec, qos, peers_, events_);
+  }
+
+ private:
+  dds::Topic* topic(const TopicSpec& spec) {
+    dds::Topic*& topic = topics_[spec.name];
+    if (topic == nullptr) {
+      dds::TypeSupport type(new BytesType(spec));
+      if (type.register_type(participant_) == ReturnCode_t::RETCODE_OK) {
+        topic = participant_->create_topic(spec.name, spec.type, dds::TOPIC_QOS_DEFAULT);
+      }
+    }
+    return require(topic, fmt::format("topic {} of type {}", spec.name, spec.type));
+  }
+
+  dds::ContentFilteredTopic* filtered(const TopicSpec& spec) {
+    dds::ContentFilteredTopic*& made = filtered_[spec.name];
+    if (made == nullptr) {
+      filters_.add(spec, events_);
+      made = participant_->create_contentfilteredtopic(fmt::format("{}_of_known_keys", spec.name), topic(spec), "key",
+                                                       {}, KeyFilters::kName);
+    }
+    return require(made, fmt::format("filter of {}", spec.name));
+  }
+
+  EventSink& events_;
+  FastPeers peers_;
+  KeyFilters filters_;
+  std::map<std::string, dds::ContentFilteredTopic*> filtered_;
+  std::shared_ptr<dds::DomainParticipantFactory> factory_;
+  dds::DomainParticipant* participant_ = nullptr;
+  std::map<std::string, dds::Topic*> topics_;
+};
+
+}  // namespace
+}  // namespace subworld::wire::fast
+
+extern "C" subworld::wire::Backend* subworld_open_backend(const subworld::wire::Opening& opening,
+                                                          subworld::wire::EventSink& events) {
+  return new subworld::wire::fast::FastBackend(opening, events);
+}
+extern "C" const char* subworld_backend_version() { return FASTRTPS_VERSION_STR; }

@@ -1,0 +1,72 @@
+#pragma once
+
+#include "wire/backend.hpp"
+#include "wire/fastdds/vendor.hpp"
+
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
+
+#include <algorithm>
+#include <atomic>
+#include <map>
+#include <mutex>
+#include <set>
+#include <utility>
+
+namespace subworld::wire::fast {
+
+/// The programs of other participants, as discovery describes them.
+class FastPeers final : public dds::DomainParticipantListener {
+ public:
+  /// Whether another program has taken over the UDP port of this participant. Then its program is dead, also where the
+  /// lease has not expired. Fast DDS 2.9 renews the leases of all writers whenever any participant renews its own.
+  [[nodiscard]] bool replaced(std::uint64_t participant) const noexcept {
+    const std::lock_guard lock(mutex_);
+    return replaced_.contains(participant);
+  }
+  /// Its program, also after it has gone.
+  [[nodiscard]] std::string program(std::uint64_t participant) const {
+    const std::lock_guard lock(mutex_);
+    const auto found = programs_.find(participant);
+    return found == programs_.end() ? "" : found->second;
+  }
+  /// Changes with each participant that is replaced.
+  [[nodiscard]] std::uint64_t replacements() const noexcept { return replacements_; }
+
+ private:
+  void on_participant_discovery(dds::DomainParticipant*, rtps::ParticipantDiscoveryInfo&& found) override {
+    const std::uint64_t participant = number_of(found.info.m_guid.guidPrefix);
+    const std::lock_guard lock(mutex_);
+    if (found.status == rtps::ParticipantDiscoveryInfo::REMOVED_PARTICIPANT ||
+        found.status == rtps::ParticipantDiscoveryInfo::DROPPED_PARTICIPANT) {
+      replaced_.erase(participant);
+      std::erase_if(owners_, [&](const auto& one) { return one.second == participant; });
+      return;
+    }
+    if (programs_.size() < kMostPrograms) programs_.try_emplace(participant, describe(found.info));
+    for (const rtps::Locator_t& port : found.info.metatraffic_locators.unicast) {
+      const auto [owner, is_new] = owners_.try_emplace(port, participant);
+      if (is_new || owner->second == participant) continue;
+      replaced_.insert(std::exchange(owner->second, participant));
+      ++replacements_;
+    }
+  }
+
+  static std::string describe(const rtps::ParticipantProxyData& data) {
+    std::string process, host;
+    for (const auto& property : data.m_properties) {
+      if (std::ranges::count(kProcessProperties, property.first()) > 0) process = property.second();
+      if (std::ranges::count(kHostProperties, property.first()) > 0) host = property.second();
+    }
+    return program_text(data.m_participantName.to_string(), process, host.substr(0, host.find(':')));
+  }
+
+  static constexpr std::size_t kMostPrograms = 1024;
+  mutable std::mutex mutex_;
+  std::map<std::uint64_t, std::string> programs_;
+  std::map<rtps::Locator_t, std::uint64_t> owners_;
+  std::set<std::uint64_t> replaced_;
+  std::atomic<std::uint64_t> replacements_ = 0;
+};
+
+}  // namespace subworld::wire::fast

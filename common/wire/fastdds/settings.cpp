@@ -1,0 +1,128 @@
+#include "wire/fastdds/settings.hpp"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastrtps/utils/IPLocator.h>
+#include <fastrtps/xmlparser/XMLProfileManager.h>
+
+#include <memory>
+#include <vector>
+
+namespace subworld::wire::fast {
+namespace {
+
+using eprosima::fastdds::rtps::UDPv4TransportDescriptor;
+
+constexpr const char* kProfile = "subworld";
+// Fast DDS 2.9 may abort where a lease is checked while its participant leaves: run ends must not coincide with checks.
+// The programs notice a death by the missing status.
+constexpr double kLease_s = 100.0;
+
+/// Loads the user's settings.
+void load_settings(dds::DomainParticipantFactory& factory, const Opening& opening, dds::DomainParticipantQos& qos) {
+  if (opening.settings_file.empty()) return;
+  const std::string& file = opening.settings_file;
+  eprosima::fastrtps::xmlparser::XMLProfileManager::DeleteInstance();  // discards the file of an earlier bus
+  if (factory.load_XML_profiles_file(file) != ReturnCode_t::RETCODE_OK) {
+    fail(fmt::format("{}: not a valid profile file; compare it with deploy/qos/fastdds.xml", file));
+  }
+  if (opening.settings_from_environment) {
+    // As the library does: the default profile, whatever its name.
+    factory.load_profiles();
+    factory.get_default_participant_qos(qos);
+  } else if (factory.get_participant_qos_from_profile(kProfile, qos) != ReturnCode_t::RETCODE_OK) {
+    fail(fmt::format("{}: has no participant profile \"{}\"; compare it with deploy/qos/fastdds.xml", file, kProfile));
+  }
+}
+
+void use_interface(dds::DomainParticipantQos& qos, const std::string& address, int participants) {
+  auto udp = std::make_shared<UDPv4TransportDescriptor>();
+  udp->interfaceWhiteList = {address};
+  udp->maxMessageSize = kMessageBytes;
+  udp->maxInitialPeersRange = static_cast<std::uint32_t>(participants);
+  udp->sendBufferSize = 1U << 20U;
+  udp->receiveBufferSize = 4U << 20U;
+  qos.transport().user_transports = {udp};
+  qos.transport().use_builtin_transports = false;  // no shared memory: no files in /dev/shm
+
+  rtps::Locator_t here;
+  rtps::IPLocator::setIPv4(here, address);
+  // Explicit unicast locators suppress the multicast ones; port 0 means the well-known port.
+  qos.wire_protocol().builtin.metatrafficUnicastLocatorList.clear();
+  qos.wire_protocol().builtin.metatrafficUnicastLocatorList.push_back(here);
+  qos.wire_protocol().default_unicast_locator_list.clear();
+  qos.wire_protocol().default_unicast_locator_list.push_back(here);
+}
+
+void use_peers(dds::DomainParticipantQos& qos, const std::vector<std::string>& peers) {
+  auto& list = qos.wire_protocol().builtin.initialPeersList;
+  list.clear();
+  for (const std::string& peer : peers) {
+    rtps::Locator_t there;
+    rtps::IPLocator::setIPv4(there, peer);
+    list.push_back(there);
+  }
+}
+
+/// True if the UDP port is free.
+bool port_is_free(const std::string& interface_address, int port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<std::uint16_t>(port));
+  inet_pton(AF_INET, interface_address.c_str(), &address.sin_addr);
+  const int handle = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const bool free = bind(handle, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  close(handle);
+  return free;
+}
+
+/// The library numbers the participants of a process in ascending order, until their ports are outside the range that
+/// peers try. This function returns the lowest number whose ports are free. If another process takes it first, the
+/// library itself moves on.
+int free_participant_index(const std::string& interface_address, int domain, int participants) {
+  const rtps::PortParameters ports;
+  const int first = ports.portBase + ports.domainIDGain * domain;
+  for (int index = 0; index < participants; ++index) {
+    const int own = first + ports.participantIDGain * index;
+    if (port_is_free(interface_address, own + ports.offsetd1) &&
+        port_is_free(interface_address, own + ports.offsetd3)) {
+      return index;
+    }
+  }
+  fail(fmt::format(
+      "domain {}: the ports of all {} participants on {} are in use; choose another --domain or stop programs "
+      "that still run",
+      domain, participants, interface_address));
+}
+
+}  // namespace
+
+dds::DomainParticipantQos participant_qos(dds::DomainParticipantFactory& factory, const Opening& opening,
+                                          std::string& route_text) {
+  dds::DomainParticipantQos qos;
+  load_settings(factory, opening, qos);
+  auto& discovery = qos.wire_protocol().builtin.discovery_config;
+  if (discovery == rtps::DiscoverySettings{}) {
+    discovery.leaseDuration = duration(kLease_s);
+    discovery.leaseDuration_announcementperiod = duration(1.0);
+    discovery.initial_announcements.count = 10;
+    discovery.initial_announcements.period = duration(0.05);
+  }
+
+  const Route route(opening, !qos.transport().user_transports.empty(),
+                    !qos.wire_protocol().builtin.initialPeersList.empty());
+  if (!route.address.empty()) {
+    use_interface(qos, route.address, opening.participants);
+    qos.wire_protocol().participant_id = free_participant_index(route.address, opening.domain, opening.participants);
+  }
+  if (route.peers) use_peers(qos, *route.peers);
+  route_text = route.text();
+  qos.name(opening.participant_name.c_str());
+  return qos;
+}
+
+}  // namespace subworld::wire::fast
