@@ -28,6 +28,23 @@ EmulatedDevice::EmulatedDevice(const DeviceSpec& spec, std::uint32_t device)
   read_sensors();
 }
 
+PathPoint EmulatedDevice::path(double time_s) const noexcept {
+  PathPoint at = evaluate(spec_.path, time_s);
+  if (!resumed_) return at;
+  at.offset.position += resumed_->position;
+  at.offset.orientation = at.offset.orientation * resumed_->orientation;
+  return at;
+}
+
+void EmulatedDevice::resume_at(double time_s) noexcept {
+  ticks_ = static_cast<std::uint64_t>(std::llround(std::max(0.0, time_s) * spec_.rate_hz));
+  time_s_ = static_cast<double>(ticks_) / spec_.rate_hz;
+  resumed_.reset();
+  const Pose on_path = path(time_s_).offset;
+  resumed_ = Pose{handle_.position - on_path.position, on_path.orientation.conjugate() * handle_.orientation};
+  read_sensors();
+}
+
 void EmulatedDevice::take(const DeviceCommand& received) noexcept {
   held_ = received;
   const bool sound =
@@ -64,7 +81,7 @@ void EmulatedDevice::step(const DeviceCommand& command, double dt) noexcept {
 void EmulatedDevice::move(double dt) noexcept {
   if (!spec_.operator_model && spec_.kind == DeviceKind::impedance) {
     time_s_ += dt;
-    const PathPoint at = evaluate(spec_.path, time_s_);
+    const PathPoint at = path(time_s_);
     handle_ = {at.offset.position, at.offset.orientation, at.linear_velocity, at.angular_velocity};
     return;
   }
@@ -99,7 +116,7 @@ const EmulatedDevice::Motion& EmulatedDevice::motion(double dt) noexcept {
 void EmulatedDevice::step_operator(double dt) noexcept {
   const Motion& m = motion(dt);
   const double mass = operator_.mass_kg + spec_.mass_kg;
-  const PathPoint wish = evaluate(spec_.path, time_s_);
+  const PathPoint wish = path(time_s_);
   const Vec3 way = handle_.position - wish.offset.position;
   const Vec3 push = held_.wrench.force / mass;
   const auto after = [&](int row) -> Vec3 {
@@ -118,7 +135,7 @@ void EmulatedDevice::step_operator(double dt) noexcept {
 }
 
 void EmulatedDevice::turn_operator(double dt) noexcept {
-  const PathPoint wish = evaluate(spec_.path, time_s_ + dt);
+  const PathPoint wish = path(time_s_ + dt);
   const Vec3 twist =
       operator_.rotational_stiffness_n_m * rotation_vector(wish.offset.orientation * handle_.orientation.conjugate()) +
       operator_.rotational_damping_n_m_s * wish.angular_velocity + held_.wrench.torque;
@@ -143,7 +160,7 @@ void EmulatedDevice::follow_command(double dt) noexcept {
 }
 
 void EmulatedDevice::press() noexcept {
-  const PathPoint wish = evaluate(spec_.path, time_s_);
+  const PathPoint wish = path(time_s_);
   state_.applied.force = shortened(operator_.stiffness_n_m * (wish.offset.position - handle_.position) +
                                        operator_.damping_n_s_m * (wish.linear_velocity - handle_.linear_velocity),
                                    spec_.force_limit_n);

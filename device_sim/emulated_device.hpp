@@ -3,6 +3,8 @@
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 
+#include <optional>
+
 namespace subworld {
 
 /// An emulated haptic device with an emulated operator. There are three cases.
@@ -25,12 +27,16 @@ class EmulatedDevice {
   [[nodiscard]] const DeviceState& state() const noexcept { return state_; }
   /// Advances by dt (s). Ticks within dt take the command. A command that is not finite is ignored.
   void step(const DeviceCommand& command, double dt) noexcept;
+  /// The operator comes back in the middle of a run: the path goes on from that time, s, at the device's place.
+  void resume_at(double time_s) noexcept;
 
  private:
   /// State of one axis: displacement from the path's start, velocity, the path's displacement, its velocity, held
   /// acceleration.
   using Motion = Eigen::Matrix<double, 5, 5>;
 
+  /// Where the operator wants the device.
+  [[nodiscard]] PathPoint path(double time_s) const noexcept;
   void take(const DeviceCommand& command) noexcept;
   /// Advances by dt (s) without a tick in between.
   void move(double dt) noexcept;
@@ -44,6 +50,7 @@ class EmulatedDevice {
   DeviceSpec spec_;
   OperatorSpec operator_;
   double time_s_ = 0.0;
+  std::optional<Pose> resumed_;  ///< of the path's start, for one that has been resumed
   std::uint64_t ticks_ = 0;
   bool command_due_ = true;  ///< a tick was just reached
   DeviceCommand held_;

@@ -195,11 +195,18 @@ class RealtimeLoop : DeviceRun {
         continue;
       }
       if (came_.served == ports.identity) ports.commands.trust_sender();
+      if (!running() && came_.stamp_s > kAbsent_s) resume(came_.stamp_s);
       command_ = came_;
       if (command_.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(now) - command_.echoed_sent_ns));
       haptic_.heard(now);
     }
+  }
+
+  /// This program takes the place of one that has died.
+  void resume(double at_s) {
+    device.resume_at(at_s);
+    measures.joins_late();
   }
 
   /// A haptic process, or a world, that has been started again is another one than that which was trusted.

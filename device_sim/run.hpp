@@ -38,6 +38,8 @@ class DeviceMeasures : public LoopMeasures<DeviceStage> {
   void step(const DeviceState& state, const Wrench& wrench, const StepTimes& times) noexcept;
   /// Closes the step's stages. Call last in a step.
   void end_step() noexcept { LoopMeasures::end_step({}, {{Trace::Name::missed_deadline, newest_.miss != Miss::none}}); }
+  /// This program takes the place of one that has died.
+  void joins_late() noexcept { history_.append(); }
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   /// Share of the states that were sent.
   void sent(double ratio) noexcept { sent_ratio_ = ratio; }

@@ -168,6 +168,23 @@ TEST_F(Lifted, ASubWorldThatFellBehindStartsAnewWithoutCreatingEnergy) {
   EXPECT_LT(run_.world.facts().energy_excess_j, 0.01);
 }
 
+TEST(EmulatedDevice, ThatIsResumedGoesOnOnItsPathFromWhereItIs) {
+  const Scene scene = load_scene(std::string(SCENES_FOLDER) + "/lift.yaml");
+  EmulatedDevice device(scene.users[0].device, 0);
+  EmulatedDevice whole(scene.users[0].device, 0);
+  for (int i = 0; i < 1500; ++i) whole.step({}, 0.001);
+  device.resume_at(1.5);
+  EXPECT_LT(device.state().pose.position.norm(), 1e-12) << "it jumps";
+  EXPECT_DOUBLE_EQ(device.state().stamp_s, 1.5);
+  const Vec3 before = whole.state().pose.position;
+  for (int i = 0; i < 200; ++i) {
+    device.step({}, 0.001);
+    whole.step({}, 0.001);
+  }
+  EXPECT_LT((device.state().pose.position - (whole.state().pose.position - before)).norm(), 1e-9);
+  EXPECT_GT(device.state().pose.position.norm(), 0.01);
+}
+
 // A proxy that has turned meanwhile keeps its orientation: that of the device is measured from there.
 TEST(Declutch, PlacedDevicesMoveAndTurnFromThere) {
   BodyState start;
