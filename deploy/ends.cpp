@@ -43,7 +43,8 @@ std::vector<std::string> faults_of(const RunResults& run) {
     const double from_s = haptic.ending.from_s, to_s = haptic.ending.to_s;
     const std::string who = fmt::format("haptic_sim_{}", haptic.user);
     check(who, haptic.ending);
-    if (from_s > kLateStart_cycles * cycle_s || to_s < end_s - std::max(kLateEnd_s, kLateEnd_cycles * cycle_s))
+    if (from_s > run.ending.from_s + kLateStart_cycles * cycle_s ||
+        to_s < end_s - std::max(kLateEnd_s, kLateEnd_cycles * cycle_s))
       faults.push_back(fmt::format("{} served its user from {:.3f} to {:.3f} s, the world ran to {:.3f} s", who, from_s,
                                    to_s, end_s));
   }

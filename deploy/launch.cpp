@@ -75,6 +75,10 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (options.bodies && program == "world_sim") flags.insert(flags.end(), {"--bodies", *options.bodies});
     if (options.bodies_rate_hz && program == "world_sim")
       flags.insert(flags.end(), {"--bodies-rate", fmt::format("{}", *options.bodies_rate_hz)});
+    if (program == "world_sim") {
+      flags.insert(flags.end(), {"--checkpoint", fmt::format("{}", options.checkpoint_s)});
+      if (!options.resume.empty()) flags.insert(flags.end(), {"--resume", options.resume});
+    }
     if (const std::vector<int>& cores = placement.of(program); !cores.empty() && !is_placed_by_hand(program))
       flags.insert(flags.end(), {"--core", to_text(cores)});
     programs.start({.label = label,
@@ -110,6 +114,23 @@ Calibration measure_machine(const Settings& settings) {
   }
   std::fflush(stdout);
   return found;
+}
+
+/// A run replaces the results in its folder: not those that it goes on from.
+void check_resume(const Options& options) {
+  if (options.resume.empty()) return;
+  std::error_code none;
+  const std::filesystem::path from = options.resume;
+  if (!std::filesystem::exists(from, none))
+    throw Error(ExitCode::usage, fmt::format("--resume {}: does not exist; name a folder of results, or a checkpoint "
+                                             "in it",
+                                             options.resume));
+  const std::filesystem::path folder =
+      std::filesystem::is_directory(from, none) ? from : from.parent_path() / std::filesystem::path(".");
+  if (options.out.empty() || !std::filesystem::equivalent(folder, options.out, none)) return;
+  throw Error(ExitCode::usage, fmt::format("--out {}: holds the run that --resume goes on from, and would be replaced; "
+                                           "choose another folder",
+                                           options.out));
 }
 
 /// Lowers the users' budgets to what the cores have left, where they are the scene's.
@@ -172,6 +193,7 @@ int run(const RunRequest& request) {
     network.dds = vendor_of(request.dds, position);
     check_network(network);
   }
+  check_resume(options);
   FileLock folder, domain_lock;
   claim_folder(options.out, run.scene.name, folder);
   const ReservedFile space(options.out + "/summary.json", kSummary_bytes + kUser_bytes * run.scene.users.size());

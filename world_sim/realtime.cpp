@@ -51,9 +51,9 @@ class RealtimeLoop : WorldLoop {
       : WorldLoop(run),
         snapshots_(ports.snapshots, world),
         lead_(static_cast<std::uint64_t>(scheme_.lead_cycles)),
-        first_cycle_s_(cycle_s(lead_)),
+        first_cycle_s_(cycle_s(world.facts().stamp + lead_)),
         pace_(first_cycle_s_),
-        newest_(user_count(), 0) {
+        newest_(user_count(), world.facts().stamp) {
     for (std::uint32_t u = 0; u < user_count(); ++u) users_.emplace_back(Peer{ProgramKind::haptic_sim, u});
   }
 
@@ -65,7 +65,9 @@ class RealtimeLoop : WorldLoop {
     measures.bodies().record_now(world);
     // The sub-worlds are ahead by the lead, and the world must wait for what they do.
     const double notice_s = scene.settings.remote ? kStartInBetweenHosts_s : kStartIn_s;
-    const double start_in_s = notice_s + scene.settings.h_s * static_cast<double>(world.timetable().start(lead_));
+    const std::uint64_t stamp = world.facts().stamp;
+    const std::uint64_t ahead_steps = world.timetable().start(stamp + lead_) - world.timetable().start(stamp);
+    const double start_in_s = notice_s + scene.settings.h_s * static_cast<double>(ahead_steps);
     publish_frames(false, start_in_s, pace_.real_time_factor());
     PacedLoop<WorldStage> loop(Clock::now() + from_seconds(start_in_s), first_cycle_s_, Duration::zero(), stages_);
     measures.loop_begins(scheduling);
@@ -74,6 +76,7 @@ class RealtimeLoop : WorldLoop {
     measures.bodies().record_now(world);
     snapshots_.finish();
     close();
+    checkpoints.finish(world);
     Ending ended = ending();
     ended.fault = fault_;
     if (all_gone()) ended.by = "fault";
@@ -194,6 +197,7 @@ class RealtimeLoop : WorldLoop {
     announce_pace(ports.status, pace_, cycle_s);
     yield_while_stuck();
     measures.bodies().record(world, to_seconds(loop.deadline() - Clock::now()));
+    checkpoints.observe(world, to_seconds(end - loop.woke()));
     snapshots_.renew(world, pace_.real_time_factor());
     ports.status.update(measures.state(world, pace_.real_time_factor()));
     end_cycle();

@@ -24,6 +24,8 @@ class ImpulseAccount {
   [[nodiscard]] Wrench pass(const HapticReport& before, const HapticReport& now, const ForceLimits& limits,
                             double until_s) noexcept;
 
+  /// The first cycle begins at `at_s`.
+  void begin(double at_s) noexcept { until_s_ = at_s; }
   [[nodiscard]] const Wrench& applied() const noexcept { return applied_; }  ///< J_w
 
  private:
