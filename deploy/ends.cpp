@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 namespace subworld {
@@ -14,6 +15,7 @@ namespace {
 constexpr double kLateStart_cycles = 10.0;  // in real time a user's first frame may be one of the next
 constexpr double kLateEnd_cycles = 20.0;    // and the sub-world may lag behind the world
 constexpr double kLateEnd_s = 0.25;
+constexpr double kReturn_s = 1.0;  // between a first frame and the first report that the world uses
 
 bool stopped_by_signal(const Ending& ending) { return ending.by.starts_with("SIG"); }
 
@@ -43,7 +45,11 @@ std::vector<std::string> faults_of(const RunResults& run) {
     const double from_s = haptic.ending.from_s, to_s = haptic.ending.to_s;
     const std::string who = fmt::format("haptic_sim_{}", haptic.user);
     check(who, haptic.ending);
-    if (from_s > run.ending.from_s + kLateStart_cycles * cycle_s ||
+    // One that was started again serves from the end of an absence on.
+    const bool returned = std::ranges::any_of(run.world.absences, [&](const Absence& one) {
+      return one.user == haptic.user && std::abs(one.to_s - from_s) < kReturn_s;
+    });
+    if ((from_s > run.ending.from_s + kLateStart_cycles * cycle_s && !returned) ||
         to_s < end_s - std::max(kLateEnd_s, kLateEnd_cycles * cycle_s))
       faults.push_back(fmt::format("{} served its user from {:.3f} to {:.3f} s, the world ran to {:.3f} s", who, from_s,
                                    to_s, end_s));

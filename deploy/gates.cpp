@@ -308,6 +308,15 @@ std::string os_remark(const RunResults& run) {
                      bare.empty() ? "" : "; ", bare);
 }
 
+/// "; user 1 absent from 1.20 to 2.00 s" for each absence, and who was started again.
+std::string absences_text(const RunResults& run) {
+  std::string text;
+  for (const Restarted& one : run.restarts) text += fmt::format("; {} was started again ({})", one.program, one.reason);
+  for (const Absence& one : run.world.absences)
+    text += fmt::format("; user {} absent from {:.2f} to {:.2f} s", one.user, one.from_s, one.to_s);
+  return text;
+}
+
 }  // namespace
 
 std::string Gate::line() const {
@@ -390,7 +399,7 @@ std::string verdict_of(const std::vector<Gate>& gates, const RunResults& run) {
   // One reason is enough; `gates` has all of them. A foreign writer may be the cause of any other.
   if (!unstable.empty()) return "unstable: " + unstable + (foreign.empty() ? "" : "; also " + foreign);
   if (!foreign.empty() || !missed.empty()) return "quality gate missed: " + (foreign.empty() ? missed : foreign);
-  std::string text = "ok" + os_remark(run);
+  std::string text = "ok" + absences_text(run) + os_remark(run);
   for (const Gate& gate : gates) {
     const bool said = gate.name.ends_with(kMissedByTheOs);
     if (!gate.ok() && !said)

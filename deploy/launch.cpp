@@ -148,7 +148,7 @@ Ended run_programs(const RunRequest& request, const Options& options, int domain
   const Scene& scene = run.scene;
   const TimePoint begin = Clock::now();
   const MachineUse use = machine_use();
-  Supervisor programs;
+  Supervisor programs(request.restart);
   // Of several runs at a time only the first is placed: two worlds must not share one core.
   FileLock first_run;
   if (request.place && first_run.take("subworld-cores") == 0) run.placement = place(scene, allowed_cores());
@@ -165,6 +165,7 @@ Ended run_programs(const RunRequest& request, const Options& options, int domain
         [&](const Supervisor::Child& child) { return early_end(child.part, scene.settings.duration_s); });
   }
   const Ended ended = end(programs, std::move(failure), watchdog);
+  run.restarts = programs.restarts();
   run.wall_s = to_seconds(Clock::now() - begin);
   run.load = core_load(use, machine_use(), run.wall_s, run.cores);
   collect_trace(programs, options);

@@ -2,6 +2,7 @@
 
 #include "io/options.hpp"
 #include "physics/engine_exchange.hpp"
+#include "supervise.hpp"
 
 #include <string>
 
@@ -16,7 +17,8 @@ struct RunRequest {
   bool gui = false;             ///< also start the display, which writes a picture
   bool place = true;            ///< in real time: give the world a core of its own, where there is room
   bool explain = false;         ///< also print the result in plain words
-  bool strict = false;          ///< a missed quality gate ends with exit code 4
+  Restart restart = Restart::never;
+  bool strict = false;  ///< a missed quality gate ends with exit code 4
 };
 
 /// Starts, watches and stops the programs of one run and prints its verdict. Returns the exit code.

@@ -391,6 +391,10 @@ void check_request(const Scene& scene, const RunRequest& request) {
     if (peer.starts_with("-"))
       throw Error(ExitCode::usage, fmt::format("--peers {}: is no host; give hosts, separated by commas", peer));
   }
+  if (request.restart != Restart::never && scene.settings.mode == Mode::lockstep) {
+    throw Error(ExitCode::usage,
+                "--restart: a run in lock-step ends with the first of its programs; use --mode realtime");
+  }
   if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);
   (void)scheme_of(scene.settings, request.options.scheme ? "--scheme" : scene.file + ": settings.scheme");
   check_engine(scene.settings.world, request.options.engine ? "--engine" : scene.file + ": settings.world");

@@ -52,7 +52,7 @@ constexpr const char* kExamples =
     "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
     "            4 a quality gate was missed (--strict).";
 
-void add_run(CommandLine& line, RunRequest& request, std::string& placement) {
+void add_run(CommandLine& line, RunRequest& request, std::string& placement, std::string& restart) {
   add_run_options(line, request.options);
   add_dds(line, request.dds, {"fastdds", "cyclonedds", "mixed"});
   add_domain(line, request.domain).otherwise("the first from 100 down to 60 that no other run on this host uses");
@@ -66,6 +66,11 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement) {
            "leaves it to the OS, which is better where several runs share the machine")
       .one_of({"auto", "none"})
       .environment("SUBWORLD_PLACEMENT");
+  line.add(
+          "--restart", &restart,
+          "real time: starts a program again that ends before the run: on-failure where it was killed, is halted for a "
+          "second or fails; always also where it was asked to end")
+      .one_of({"never", "on-failure", "always"});
   line.flag("--explain", request.explain,
             "also explain the result in plain words, with what to look at and to try next");
   line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
@@ -210,9 +215,9 @@ int main_of(int argc, char** argv) {
   line.version(part_versions);
 
   RunRequest request;
-  std::string placement = "auto";
+  std::string placement = "auto", restart = "never";
   CommandLine& run_command = line.command("run", "Runs a scene: one world, and a haptic and a device process per user");
-  add_run(run_command, request, placement);
+  add_run(run_command, request, placement, restart);
 
   RunRequest plan_request;
   CommandLine& plan_command = line.command(
@@ -270,6 +275,9 @@ int main_of(int argc, char** argv) {
   if (collect_command.chosen()) return collect(collection);
   if (run_command.chosen()) {
     request.place = placement == "auto";
+    request.restart = restart == "always"       ? Restart::always
+                      : restart == "on-failure" ? Restart::on_failure
+                                                : Restart::never;
     return run(request);
   }
   if (link_command.chosen()) return run_link(link_request);

@@ -228,6 +228,8 @@ void to_json(Json& json, const RunResults& run) {
     put(json["hosts"].back(), "clock_offset_s", host.offset_s);
     put(json["hosts"].back(), "clock_uncertainty_s", host.uncertainty_s);
   }
+  for (const Restarted& one : run.restarts)
+    json["restarts"].push_back({{"program", one.program}, {"after_s", one.after_s}, {"reason", one.reason}});
   if (run.partial) json["partial"] = true;
   if (run.salvaged.is_object()) json.update(run.salvaged);
   if (run.haptic.empty()) return;

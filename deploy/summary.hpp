@@ -6,6 +6,7 @@
 #include "placement.hpp"
 #include "rt/calibration.hpp"
 #include "rt/kernel_share.hpp"
+#include "supervise.hpp"
 
 #include <optional>
 #include <string>
@@ -49,6 +50,7 @@ struct RunResults : WorldPart {
   std::string session;              ///< its file; empty: none
   std::optional<std::string> link;  ///< of a session with namespaces: between any two, in the words of `subworld link`
   std::vector<HostClock> hosts;     ///< of a session
+  std::vector<Restarted> restarts;  ///< by the launcher
   std::vector<Gate> gates;
   std::string verdict;
   bool partial = false;  ///< the run has no orderly end

@@ -28,6 +28,8 @@ constexpr std::chrono::milliseconds kHalted{1000};     ///< longest halt of a pr
 constexpr std::chrono::milliseconds kWorldAlone{600};  ///< the world ends the others in order
 constexpr std::chrono::milliseconds kFinish{30000};    ///< for the others, once the world has ended
 constexpr std::chrono::milliseconds kAll{1500};        ///< then SIGKILL
+constexpr std::chrono::milliseconds kFirstPause{50};   ///< before the second restart; doubled for each that follows
+constexpr int kMostRestarts = 8;                       ///< of a program
 
 double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
@@ -56,17 +58,57 @@ Supervisor::~Supervisor() { stop(); }
 
 void Supervisor::start(Child child, const std::string& program, const std::vector<std::string>& arguments,
                        const std::function<bool()>& enter) {
-  const int file = open(child.log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  child.program = program;
+  child.arguments = arguments;
+  child.enter = enter;
+  launch(child, O_TRUNC);
+  children_.push_back(std::move(child));
+}
+
+void Supervisor::launch(Child& child, int flags) {
+  const int file = open(child.log.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | flags, 0644);
   if (file < 0) {
     throw Error(ExitCode::failed,
                 fmt::format("{}: {}; choose another folder with --out", child.log, std::strerror(errno)));
   }
   const pid_t parent = getpid();
   child.pid = fork();
-  if (child.pid == 0) become(program, arguments, enter, file, parent);
+  if (child.pid == 0) become(child.program, child.arguments, child.enter, file, parent);
   close(file);
-  if (child.pid < 0) throw Error(ExitCode::failed, fmt::format("cannot start {}: {}", program, std::strerror(errno)));
-  children_.push_back(std::move(child));
+  if (child.pid < 0)
+    throw Error(ExitCode::failed, fmt::format("cannot start {}: {}", child.program, std::strerror(errno)));
+}
+
+std::string Supervisor::restart_reason(const Child& child,
+                                       const std::function<std::string(const Child&)>& early) const {
+  if (restart_ == Restart::never || !child.essential || child.pid > 0 || child.restarts >= kMostRestarts) return {};
+  const bool world = &child == &children_.front();
+  if (!world && children_.front().pid < 0 && children_.front().starts_at == Clock::time_point{}) return {};
+  const int code = exit_code_of(child);
+  // What was wrong with the scene, the flags or the middleware is wrong again.
+  if (code == static_cast<int>(ExitCode::usage) || code == static_cast<int>(ExitCode::middleware)) return {};
+  if (code != 0 || WIFSIGNALED(child.status)) return end_of(child);
+  return restart_ == Restart::always ? early(child) : std::string();
+}
+
+void Supervisor::revive(const std::function<std::string(const Child&)>& early) {
+  for (Child& child : children_) {
+    if (restart_ != Restart::never && child.essential && child.halted_s > to_seconds(kHalted)) kill(child.pid, SIGKILL);
+    if (child.starts_at == Clock::time_point{}) {
+      const std::string reason = restart_reason(child, early);
+      if (reason.empty()) continue;
+      child.starts_at = Clock::now() + (child.restarts == 0 ? 0 : 1 << child.restarts) * kFirstPause;
+      restarts_.push_back({child.label, std::chrono::duration<double>(Clock::now() - watched_from_).count(), reason});
+      fmt::print(stderr, "subworld: {} {}; it is started again\n", child.name(), reason);
+    } else if (Clock::now() >= child.starts_at) {
+      child.starts_at = {};
+      child.status = 0;
+      child.halted = child.judged = false;
+      child.halted_s = 0.0;
+      ++child.restarts;
+      launch(child, O_APPEND);
+    }
+  }
 }
 
 void Supervisor::reap() {
@@ -84,7 +126,7 @@ void Supervisor::reap() {
 std::optional<Supervisor::Failure> Supervisor::failure(const std::function<std::string(const Child&)>& early) {
   std::optional<Failure> found;
   for (Child& child : children_) {
-    if (!child.essential) continue;
+    if (!child.essential || child.starts_at != Clock::time_point{}) continue;
     if (child.pid < 0 && WIFSIGNALED(child.status)) return Failure{child, end_of(child)};
     if (child.halted_s > to_seconds(kHalted)) {
       return Failure{child,
@@ -106,20 +148,23 @@ std::optional<Supervisor::Failure> Supervisor::failure(const std::function<std::
 }
 
 bool Supervisor::any_running(bool essential_only) const {
-  return std::any_of(children_.begin(), children_.end(),
-                     [&](const Child& c) { return c.pid > 0 && (c.essential || !essential_only); });
+  return std::any_of(children_.begin(), children_.end(), [&](const Child& c) {
+    return (c.pid > 0 || c.starts_at != Clock::time_point{}) && (c.essential || !essential_only);
+  });
 }
 
 std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>& tick,
                                                      const std::function<std::string(const Child&)>& early) {
   auto next_tick = Clock::now();
   auto world_seen = Clock::now();
+  watched_from_ = Clock::now();
   while (stop_signal() == 0) {
     reap();
+    revive(early);
     if (auto failed = failure(early)) return failed;
     if (!any_running(false)) break;
     // After the world the others only finish: one that does not end soon is stuck.
-    if (children_.front().pid > 0) world_seen = Clock::now();
+    if (children_.front().pid > 0 || children_.front().starts_at != Clock::time_point{}) world_seen = Clock::now();
     if (Clock::now() - world_seen > kFinish) {
       for (const Child& child : children_) {
         if (child.pid > 0 && child.essential)
@@ -145,6 +190,7 @@ void Supervisor::signal_all(int signal) {
 
 void Supervisor::stop() {
   reap();
+  for (Child& child : children_) child.starts_at = {};
   if (!any_running(false)) return;
   // A halted process reacts to no other signal.
   for (const Child& child : children_) {

@@ -2,6 +2,7 @@
 
 #include <sys/types.h>
 
+#include <chrono>
 #include <functional>
 #include <optional>
 #include <string>
@@ -9,9 +10,24 @@
 
 namespace subworld {
 
+/// When a program that ends before its run is started again.
+enum class Restart : std::uint8_t {
+  never,
+  on_failure,  ///< killed, halted for a second, or with exit code 1
+  always       ///< also one that was asked to end
+};
+
+/// A program that was started again.
+struct Restarted {
+  std::string program;   ///< "haptic_sim_0"
+  double after_s = 0.0;  ///< since the launcher began to watch
+  std::string reason;    ///< "killed by SIGKILL"
+};
+
 /// The programs of one run. They end with this object.
 class Supervisor {
  public:
+  explicit Supervisor(Restart restart = Restart::never) : restart_(restart) {}
   struct Child {
     std::string label;
     std::string log;        ///< file of its output
@@ -24,6 +40,11 @@ class Supervisor {
     bool judged = false;    ///< has ended with 0, and `early` is set
     std::string early = {};
     std::string host = {};  ///< of a session; empty: a run on one machine
+    std::string program = {};
+    std::vector<std::string> arguments = {};
+    std::function<bool()> enter = {};
+    int restarts = 0;
+    std::chrono::steady_clock::time_point starts_at = {};  ///< while it waits to be started again
 
     /// "haptic_sim_0", or "haptic_sim_0 on host left".
     [[nodiscard]] std::string name() const;
@@ -34,7 +55,6 @@ class Supervisor {
     std::string reason;  ///< "killed by SIGKILL"
   };
 
-  Supervisor() = default;
   ~Supervisor();
   Supervisor(const Supervisor&) = delete;
   Supervisor& operator=(const Supervisor&) = delete;
@@ -56,14 +76,24 @@ class Supervisor {
   void stop();
 
   [[nodiscard]] const std::vector<Child>& children() const noexcept { return children_; }
+  [[nodiscard]] const std::vector<Restarted>& restarts() const noexcept { return restarts_; }
 
  private:
+  static void launch(Child& child, int flags);
   void reap();
+  /// Starts again what is to be started again, each time after a longer pause, and at most kMostRestarts times.
+  void revive(const std::function<std::string(const Child&)>& early);
+  /// Why an ended program is to be started again; empty: it is not.
+  [[nodiscard]] std::string restart_reason(const Child& child,
+                                           const std::function<std::string(const Child&)>& early) const;
   [[nodiscard]] std::optional<Failure> failure(const std::function<std::string(const Child&)>& early);
   void signal_all(int signal);
   [[nodiscard]] bool any_running(bool essential_only) const;
 
+  Restart restart_;
   std::vector<Child> children_;
+  std::vector<Restarted> restarts_;
+  std::chrono::steady_clock::time_point watched_from_ = {};
 };
 
 /// Exit code of an ended child; 1 for one that a signal killed.

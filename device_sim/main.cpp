@@ -21,7 +21,8 @@ int main(int argc, char** argv) {
     DeviceMeasures measures(options, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("device_sim {}: {}\n", options.user, ports.bus->effective_settings());
     with_last_words(ports.status, [&] {
-      DeviceRun run{options, scene, ports, device, guard, measures};
+      SessionFinder finder(ports.scene, scene, ports.status);
+      DeviceRun run{options, scene, ports, device, guard, measures, finder};
       if (const auto session = join(run)) {
         run.session = *session;
         const double from_s = device.state().stamp_s;

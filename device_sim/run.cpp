@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace subworld {
 
@@ -71,7 +72,7 @@ std::optional<std::uint64_t> join(const DeviceRun& run) {
   const Options& options = run.options;
   DevicePorts& ports = run.ports;
   ports.status.enter("waiting");
-  SessionFinder finder(ports.scene, run.scene, ports.status);
+  SessionFinder& finder = run.finder;
   const auto found = [&] { return finder.look(options.network.domain); };
   // A world may take long to load; its status arrives every second.
   const auto world_is_there = [&] { return ports.status.hears(ProgramKind::world_sim, 0); };
@@ -89,7 +90,7 @@ std::optional<std::uint64_t> join(const DeviceRun& run) {
 }
 
 Ending run_lockstep(const DeviceRun& run) {
-  const auto& [options, scene, ports, device, guard, measures, session] = run;
+  const auto& [options, scene, ports, device, guard, measures, finder, session] = run;
   const double h_s = scene.settings.h_s;
   Ending ending{.session = session, .from_s = device.state().stamp_s, .by = kLastCommand};
   DeviceCommand command;
@@ -140,7 +141,8 @@ class RealtimeLoop : DeviceRun {
         stale_s_(std::max(kStale_s, 5.0 * period_s_) + scene.settings.sample_period_s(rate_hz_) - period_s_),
         deadband_(scene.settings.deadband_in_use(), scene.users[static_cast<std::size_t>(options.user)]),
         loop_(Clock::now(), period_s_, from_seconds(options.spin_s), stages_),
-        haptic_(haptic_sim()) {}
+        absent_s_(std::max(kAbsent_s, 2.0 * stale_s_)),
+        haptic_(haptic_sim(), options.wait_s) {}
 
   Ending run(const Scheduling& scheduling) {
     fmt::print("device_sim {}: {:.0f} Hz, {}\n", options.user, rate_hz_, scheduling.text);
@@ -152,6 +154,7 @@ class RealtimeLoop : DeviceRun {
       receive();
       if (command_.last) break;
       haptic_.observe(ports.commands, ports.status, loop_.woke(), period_s_);
+      look_for_run();
       ending.fault = haptic_.fault(ports.status);
       if (ending.fault.empty()) act(fresh());
     }
@@ -162,6 +165,7 @@ class RealtimeLoop : DeviceRun {
     }
     measures.loop_ends();
     measures.sent(deadband_.sent_ratio());
+    ending.session = session;
     ending.to_s = device.state().stamp_s;
     if (!ending.fault.empty()) {
       ending.by = "fault";
@@ -182,19 +186,33 @@ class RealtimeLoop : DeviceRun {
 
   void receive() {
     const TimePoint now = loop_.woke();
-    const std::uint64_t refused = ports.commands.refused();
     while (take(ports.commands, came_, stages_) == Take::sample) {
       const bool to_us = came_.served == ports.identity || (came_.last && came_.served == 0);
-      const bool foreign = came_.session != session || !to_us;
-      haptic_.came(foreign);
-      if (foreign) continue;
+      if (came_.session != session && came_.served == ports.identity) follow_world();
+      if (came_.session != session) continue;
+      if (!to_us) {
+        if (came_.served != 0) haptic_.serves_another(now);
+        continue;
+      }
       if (came_.served == ports.identity) ports.commands.trust_sender();
       command_ = came_;
       if (command_.echoed_sent_ns != 0)
         measures.round_trip(1e-9 * static_cast<double>(to_ns(now) - command_.echoed_sent_ns));
       haptic_.heard(now);
     }
-    if (ports.commands.refused() > refused) haptic_.refused(now);
+  }
+
+  /// A haptic process, or a world, that has been started again is another one than that which was trusted.
+  void look_for_run() {
+    if (haptic_.quiet_s() < absent_s_) {
+      absent_ = false;
+      return;
+    }
+    if (!std::exchange(absent_, true)) ports.commands.distrust();
+    follow_world();
+  }
+  void follow_world() {
+    if (finder.look(options.network.domain)) session = finder.session();
   }
 
   [[nodiscard]] bool running() const noexcept { return haptic_.last_heard() != TimePoint{}; }
@@ -230,6 +248,8 @@ class RealtimeLoop : DeviceRun {
   double stale_s_;  ///< age of a command at which the force fades out
   Deadband<DeviceState> deadband_;
   PacedLoop<DeviceStage> loop_;
+  double absent_s_;  ///< age of the newest command from which the haptic process is absent
+  bool absent_ = false;
   PeerWatch haptic_;
   DeviceCommand command_, came_;
   Wrench felt_;

@@ -60,6 +60,7 @@ struct DeviceRun {
   EmulatedDevice& device;
   DeviceGuard& guard;
   DeviceMeasures& measures;
+  SessionFinder& finder;
   std::uint64_t session = 0;  ///< of the world; 0: not joined yet
 
   [[nodiscard]] Peer haptic_sim() const noexcept { return {ProgramKind::haptic_sim, device.state().device}; }

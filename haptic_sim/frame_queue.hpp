@@ -26,7 +26,7 @@ class FrameQueue {
   /// paused sends the same stamp again: only the newest of equal stamps is kept.
   WorldFrame* push() noexcept {
     const std::uint64_t stamp = frames_[count_].stamp;
-    if (stamp < newest_stamp_ || stamp > newest_stamp_ + kFarAhead) return nullptr;
+    if (newest_stamp_ != kAnyStamp && (stamp < newest_stamp_ || stamp > newest_stamp_ + kFarAhead)) return nullptr;
     newest_stamp_ = stamp;
     if (count_ > 0 && frames_[count_ - 1].stamp == stamp) {
       std::swap(frames_[count_], frames_[count_ - 1]);
@@ -34,6 +34,12 @@ class FrameQueue {
       ++count_;
     }
     return &frames_[count_ - 1];
+  }
+
+  /// Forgets all; the next frame may have any stamp.
+  void restart() noexcept {
+    count_ = 0;
+    newest_stamp_ = kAnyStamp;
   }
 
   [[nodiscard]] std::span<const WorldFrame> waiting() const noexcept { return {frames_.data(), count_}; }
@@ -46,6 +52,7 @@ class FrameQueue {
 
  private:
   static constexpr std::uint64_t kFarAhead = 10'000;  ///< cycles; no world skips so many
+  static constexpr std::uint64_t kAnyStamp = ~std::uint64_t{0};
 
   std::array<WorldFrame, 16> frames_;
   std::size_t count_ = 0;

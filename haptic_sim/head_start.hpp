@@ -42,10 +42,18 @@ class HeadStart {
     }
   }
 
+  /// A frame has come while the world uses no reports of this user: those that follow are late until the clock is
+  /// right.
+  void wait() noexcept {
+    count_ = 0;
+    pause_ = kJoins;
+  }
+
   [[nodiscard]] double head_start_s() const noexcept { return head_start_s_; }
 
  private:
   static constexpr double kFar = 1e6;
+  static constexpr int kJoins = 40;         ///< frames in which a clock that has started anew catches up
   static constexpr double kFollows = 10.0;  ///< wall time over the change of the clock (Phase::kMostCatchUp)
 
   void move(double by_s, double cycle_s) noexcept {

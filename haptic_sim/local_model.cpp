@@ -129,6 +129,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   bool reset_from(const WorldFrame& frame) override {
     release_peers();
     gradual_.clear();
+    synchroniser_.forget();
     for (const StampedBody& s : frame.states) {
       if (engine_.contains(s.id)) engine_.set_state(s.id, s.state);
     }
@@ -235,10 +236,9 @@ class SimulatedNeighbourhood final : public LocalModel {
     double at_s = peers_stamp_s_;
     double held_on_s = 0.0;
     if (heard != nullptr && heard->stamp_s + held_s > peer.device_s) {
-      motion.device = {
-          {heard->pose.position + peer.offset, heard->pose.orientation * scene_.initial[index(peer.proxy)].orientation},
-          heard->linear_velocity / rate_,
-          heard->angular_velocity / rate_};
+      motion.device = {{heard->pose.position + peer.offset, heard->pose.orientation * peer.turn},
+                       heard->linear_velocity / rate_,
+                       heard->angular_velocity / rate_};
       motion.applied = heard->applied;
       at_s += rate_ * (heard->stamp_s - peer.device_s);
       held_on_s = rate_ * held_s;
@@ -306,6 +306,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     border_bodies_ = frame.border_bodies;
     compares_islands_ = !frame.islands.empty();
     peers_ = frame.peers;
+    std::erase_if(peers_, [this](const PeerDevice& peer) { return peer.proxy == proxy_; });
     peers_stamp_s_ = frame.stamp_s;
     outside_work_j_ = frame.outside_work_j;
     for (std::size_t u = 0; u < peer_work_.size(); ++u) {

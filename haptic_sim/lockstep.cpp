@@ -45,7 +45,7 @@ class LockstepLoop : HapticRun {
   bool take_frame() {
     const auto ours = [this](const WorldFrame& came) { return came.session == ports.session; };
     if (!await(*ports.bus, ports.status, ports.frames, frame_, stages_, kWorldSim, ours, stopped)) return false;
-    if (ports.refused_by(frame_)) throw Error(ExitCode::failed, refused_text(user()));
+    if (ports.serves_another(frame_)) throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
     const TimePoint begin = stages_.now();
     measures.answered(frame_.echoed_sent_ns, begin);
     last_ = frame_.last;

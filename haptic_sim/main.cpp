@@ -21,9 +21,11 @@ int main(int argc, char** argv) {
     HapticMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
     with_last_words(ports.status, [&] {
-      const HapticRun run{options, scene, ports, sub, measures, exchange};
+      SessionFinder finder(ports.scene, scene, ports.status);
+      const HapticRun run{options, scene, ports, sub, measures, exchange, finder};
       if (const auto first = join(run)) {
         const double from_s = sub.facts().time_s;
+        if (from_s > kAbsent_s) measures.joins_late();
         const auto so_far = [&] {
           const double to_s = measures.is_accepted() ? sub.facts().time_s : from_s;
           return Ending{.session = ports.session, .from_s = from_s, .to_s = to_s};

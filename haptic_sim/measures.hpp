@@ -40,6 +40,8 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
     accepted_ = true;
     history_.release();
   }
+  /// This program takes the place of one that has died.
+  void joins_late() noexcept { history_.append(); }
   [[nodiscard]] bool is_accepted() const noexcept { return accepted_; }
 
   /// After every step.

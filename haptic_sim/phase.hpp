@@ -65,6 +65,9 @@ class Phase {
     return rate_;
   }
 
+  /// The sub-world starts anew: its clock has the wanted rate at once, because the force begins anew too.
+  void restart() noexcept { stood_ = true; }
+
   [[nodiscard]] double rate() const noexcept { return rate_; }
   [[nodiscard]] double real_time_factor() const noexcept { return factor_; }
   /// By which the period is stretched while the clock runs at full speed.
@@ -110,7 +113,7 @@ class Phase {
   double rate_ = 1.0;
   bool following_ = false;
   bool seen_ = false;
-  bool stood_ = false;
+  bool stood_ = false;  ///< takes on its rate at once
 };
 
 }  // namespace subworld

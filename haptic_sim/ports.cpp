@@ -61,11 +61,4 @@ void send_last_command(HapticPorts& ports, const DeviceState& state, int times) 
   ports.command.wait_for_acknowledgments(kAcknowledged_s);
 }
 
-std::string refused_text(std::uint32_t user) {
-  return fmt::format(
-      "the world serves another haptic_sim {}: this one was started again, or two of them are on this "
-      "domain; start all programs of the run anew, or give one of the two another --domain",
-      user);
-}
-
 }  // namespace subworld

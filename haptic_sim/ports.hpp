@@ -20,8 +20,8 @@ struct HapticPorts {
 
   /// The programs whose samples were refused, as far as they are known.
   [[nodiscard]] std::string foreign_programs() const;
-  /// The world serves the first process that joins for a user; one that comes later, or again, is refused.
-  [[nodiscard]] bool refused_by(const WorldFrame& frame) const noexcept {
+  /// The world serves the first process that joins for a user, until the user is absent.
+  [[nodiscard]] bool serves_another(const WorldFrame& frame) const noexcept {
     return frame.served != 0 && frame.served != identity;
   }
 
@@ -37,8 +37,6 @@ struct HapticPorts {
   StatusBeacon status;
   PeerDevices peer_devices;  ///< in lock-step all are open from the start, because a late reader would miss steps
 };
-
-[[nodiscard]] std::string refused_text(std::uint32_t user);
 
 /// Tells the device that the run is over, `times` times because one may get lost. `state`: the newest of the device.
 void send_last_command(HapticPorts& ports, const DeviceState& state, int times);

@@ -22,7 +22,6 @@ namespace {
 
 constexpr double kStale_s = 0.005;          ///< age of a device's state on which no force relies
 constexpr double kLongSleep_s = 0.05;       ///< longer than a device needs to fade out without commands
-constexpr double kAlone_s = 0.25;           ///< without a frame: the world has gone or is paused
 constexpr int kFadeSteps = 30;              ///< before the last command: the force fades to zero
 constexpr int kTimesLast = 5;               ///< the last command is sent: one may get lost
 constexpr std::uint64_t kTooFarBehind = 8;  ///< cycles; then the sub-world restarts from the world's states
@@ -39,20 +38,24 @@ class RealtimeLoop : HapticRun {
         stagger_s_(h_s_ * user() / scene.settings.users),
         stale_s_(std::max(kStale_s, 5.0 / scene.users[user()].device.rate_hz) +
                  (scene.settings.deadband > 0.0 ? kLongestAbsence_s : 0.0)),
+        absent_s_(std::max(kAbsent_s, 2.0 * stale_s_)),
         extrapolates_(scene.settings.deadband_in_use() > 0.0),
         deadband_(scene.settings.deadband_in_use(), scene.users[user()]),
         device_{.device = user(), .pose = {}, .applied = {}},
         peers_(scene.users.size()),
         known_peers_(scene.users.size()),
-        device_sim_({ProgramKind::device_sim, user()}),
+        device_sim_({ProgramKind::device_sim, user()}, options.wait_s),
         frames_(first.frame.stamp),
-        world_sim_({ProgramKind::world_sim, 0}, first.received),
+        world_sim_({ProgramKind::world_sim, 0}, options.wait_s, first.received),
+        joins_(first.frame.served == 0),
         world_begins_(first.received + from_seconds(first.frame.start_in_s)),
         head_start_(first.round_trip_s, longest_cycle_s_),
         phase_(longest_cycle_s_, lead_cycles_, scene.settings.remote),
-        loop_(first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp) - head_start_s()), h_s_,
-              from_seconds(options.spin_s), stages_),
-        ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = kLastFrame} {}
+        loop_(std::max(Clock::now(), begin(first)), h_s_, from_seconds(options.spin_s), stages_),
+        ending_{.session = ports.session, .from_s = first.frame.stamp_s, .by = kLastFrame} {
+    // One that joins a running world begins behind it.
+    arrears_.owe(std::max(0.0, to_seconds(Clock::now() - begin(first))));
+  }
 
   Ending run(const Scheduling& scheduling) {
     fmt::print("haptic_sim {}: {:.0f} Hz, {}\n", user(), 1.0 / h_s_, scheduling.text);
@@ -88,6 +91,11 @@ class RealtimeLoop : HapticRun {
     account(felt, miss);
   }
 
+  /// When the sub-world is to begin, to be ahead of the world's clock as it should.
+  [[nodiscard]] TimePoint begin(const FirstFrame& first) const {
+    return first.received + from_seconds(first.frame.start_in_s - ahead_s(first.frame.stamp) - head_start_s());
+  }
+
   void wake() {
     loop_.wait();
     const int over_by_os = loop_.wake(h_s_);
@@ -99,17 +107,26 @@ class RealtimeLoop : HapticRun {
     fading_ += last_ || stop_signal() != 0;
   }
 
-  /// The newest state of the device; the first device that is heard stays the one.
+  /// The newest state of the device. Another device is heard only where this one has been absent.
   void receive_device() {
+    device_returned_ = false;
     while (take(ports.device, came_, stages_) == Take::sample) {
-      if (came_.session != ports.session || (device_heard() && came_.sender != device_.sender)) continue;
+      // After a restart of the world the device that is known finds the new session a little later.
+      const bool known = device_heard() && came_.sender == device_.sender;
+      if (!known && (came_.session != ports.session || (device_heard() && !device_absent_))) continue;
       ports.device.trust_sender();
+      device_returned_ = device_returned_ || device_absent_;
+      device_absent_ = false;
       device_ = sample_ = came_;
       device_sim_.heard(loop_.woke());
     }
-    if (!extrapolates_ || !device_heard()) return;
+    if (!device_heard()) return;
     const double passed_s = to_seconds(loop_.woke() - device_sim_.last_heard());
-    if (passed_s <= 0.0) return;
+    if (passed_s > absent_s_ && !device_absent_) {
+      device_absent_ = true;
+      ports.device.distrust();
+    }
+    if (!extrapolates_ || passed_s <= 0.0) return;
     device_ = extrapolated(sample_, std::min(passed_s, kLongestAbsence_s));
     device_.sent_ns = 0;  // the round trip is of samples that came
   }
@@ -133,34 +150,43 @@ class RealtimeLoop : HapticRun {
 
   void receive_frames() {
     const TimePoint now = loop_.woke();
-    const std::uint64_t refused = ports.frames.refused();
     while (!frames_.full() && take(ports.frames, frames_.slot(), stages_) == Take::sample) {
-      const bool foreign = frames_.slot().session != ports.session;
-      world_sim_.came(foreign);
-      if (foreign) continue;
+      if (frames_.slot().session != ports.session) continue;
+      if (ports.serves_another(frames_.slot())) {
+        world_sim_.serves_another(now);
+        continue;
+      }
       const WorldFrame* const came = frames_.push();
       if (came == nullptr) {
         measures.refused_frame();
         continue;
       }
-      if (ports.refused_by(*came)) ending_.fault = refused_text(user());
-      if (came->last || came->served == ports.identity) measures.accepted();
+      const bool served = came->served == ports.identity;
+      if (came->last || served) measures.accepted();
+      ports.frames.trust_sender();
       world_sim_.heard(now);
-      head_start_.observe(came->stamp, came->newest_stamp, longest_cycle_s_);
-      measures.framed(came->newest_stamp < came->stamp);
+      if (served) {
+        joins_ = false;
+        head_start_.observe(came->stamp, came->newest_stamp, longest_cycle_s_);
+        measures.framed(came->newest_stamp < came->stamp);
+      } else {
+        head_start_.wait();
+      }
       const double until_s = to_seconds(now - loop_.released()) + came->start_in_s;
       phase_.observe(came->stamp_s, ahead_s(came->stamp), head_start_s(), until_s, came->real_time_factor,
                      sub.facts().time_s + arrears_.owed_s(), to_seconds(now - world_begins_));
       last_ = last_ || came->last;
       measures.answered(came->echoed_sent_ns, now);
     }
-    if (ports.frames.refused() > refused) world_sim_.refused(now);
   }
 
   void use_frames() {
     const std::span<const WorldFrame> waiting = frames_.waiting();
-    // A sub-world that has fallen too far behind restarts from the newest frame.
-    const bool behind = !waiting.empty() && waiting.back().stamp > sub.facts().stamp + kTooFarBehind;
+    if (waiting.empty()) return;
+    // A sub-world starts anew from the newest frame where it has fallen too far behind, or where the world has missed
+    // it for so long that the user counts as absent.
+    const bool anew = waiting.back().served == 0 && !joins_;
+    const bool behind = anew || waiting.back().stamp > sub.facts().stamp + kTooFarBehind;
     std::size_t used = behind ? waiting.size() - 1 : 0;
     for (; used < waiting.size(); ++used) {
       const WorldFrame& due = waiting[used];
@@ -175,13 +201,18 @@ class RealtimeLoop : HapticRun {
       }
       measures.synchronised(to_seconds(stages_.mark(HapticStage::synchronise) - start), lost);
     }
+    const bool stands = used > 0 && waiting[used - 1].real_time_factor <= 0.0;
+    joins_ = joins_ || anew;
     frames_.drop(used);
+    // A world that waits for its users is answered, each time, for the answer may be lost.
+    if (joins_ && stands) ports.send(*sub.close_cycle(to_ns(Clock::now())));
   }
 
   void reset_from(const WorldFrame& frame, TimePoint now) {
     sub.reset_from(frame);
     loop_.shift(std::max(0.0, to_seconds(now - loop_.deadline())));
     arrears_.forget();
+    phase_.restart();
     measures.resynchronised();
   }
 
@@ -189,9 +220,11 @@ class RealtimeLoop : HapticRun {
     const TimePoint now = loop_.woke();
     world_sim_.observe(ports.frames, ports.status, now, h_s_);
     device_sim_.observe(ports.device, ports.status, now, h_s_);
-    const std::string fault = (world_sim_.gone() ? world_sim_ : device_sim_).fault(ports.status);
-    if (ending_.fault.empty()) ending_.fault = fault;
+    for (const PeerWatch* peer : {&world_sim_, &device_sim_}) {
+      if (ending_.fault.empty()) ending_.fault = peer->fault(ports.status);
+    }
     last_ = last_ || !ending_.fault.empty();
+    look_for_world();
     const bool silent = now - world_sim_.last_heard() > from_seconds(kGone_s);
     if (silent && !silent_)
       ports.status.note("waits for world_sim: no frame for 2 s; the force has faded", "world_sim");
@@ -199,16 +232,34 @@ class RealtimeLoop : HapticRun {
     silent_ = silent;
   }
 
+  /// A world that has been started again has another session.
+  void look_for_world() {
+    if (world_sim_.quiet_s() < kAbsent_s) {
+      world_absent_ = false;
+      return;
+    }
+    if (!std::exchange(world_absent_, true)) {
+      ports.frames.distrust();
+      joins_ = false;
+    }
+    if (last_ || !finder.look(options.network.domain) || finder.session() == ports.session) return;
+    ports.session = ending_.session = finder.session();
+    joins_ = false;
+    frames_.restart();
+    phase_ = Phase(longest_cycle_s_, lead_cycles_, scene.settings.remote);
+  }
+
   FeltStep advance(Miss& miss) {
     const TimePoint now = loop_.woke();
     // Without frames the sub-world pauses: its border holds for a short time only.
     const double frame_period_s = longest_cycle_s_ / std::max(phase_.real_time_factor(), kLeastRealTimeFactor);
     const TimePoint heard = std::max(world_sim_.last_heard(), world_begins_);
-    const bool alone = to_seconds(now - heard) > std::max(kAlone_s, 4.0 * frame_period_s);
+    const bool alone = to_seconds(now - heard) > std::max(kAbsent_s, 4.0 * frame_period_s);
     const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s);
     const auto send = [&](const FeltStep& felt) {
       stages_.mark(HapticStage::feel);
-      const DeviceCommand command = sub.command_for(device_, felt.to_operator);
+      DeviceCommand command = sub.command_for(device_, felt.to_operator);
+      command.session = ports.session;
       if (deadband_.sends(command, felt.to_operator, h_s_)) ports.command.write(command);
       miss = loop_.judge(stages_.mark(HapticStage::send), loop_.deadline());
     };
@@ -227,8 +278,9 @@ class RealtimeLoop : HapticRun {
         .dt = dt,
         .clock_rate = rate,
         .took_s = took_s_,
-        .paused = alone || phase_.real_time_factor() <= 0.0,
-        .slept = loop_.lateness_s() > kLongSleep_s};
+        .paused = alone || device_absent_ || phase_.real_time_factor() <= 0.0,
+        .slept = loop_.lateness_s() > kLongSleep_s,
+        .device_returned = device_returned_};
     const FeltStep felt = sub.step(input, send, report);
     stages_.mark(HapticStage::advance);
     return felt;
@@ -264,7 +316,8 @@ class RealtimeLoop : HapticRun {
   double longest_cycle_s_;
   int lead_cycles_;
   double stagger_s_;
-  double stale_s_;  ///< age of the device's state at which the force fades out
+  double stale_s_;   ///< age of the device's state at which the force fades out
+  double absent_s_;  ///< age from which the device is absent
   bool extrapolates_;
   Deadband<DeviceCommand> deadband_;
   DeviceState device_, came_;
@@ -272,8 +325,11 @@ class RealtimeLoop : HapticRun {
   std::vector<DeviceState> peers_;               ///< by user
   std::vector<const DeviceState*> known_peers_;  ///< by user; null: none has come
   PeerWatch device_sim_;
+  bool device_absent_ = false, device_returned_ = false;
   FrameQueue frames_;
   PeerWatch world_sim_;
+  bool joins_;  ///< the sub-world has started anew, and no frame says yet that the world serves it
+  bool world_absent_ = false;
   TimePoint world_begins_;  ///< before, it sends no frames
   HeadStart head_start_;
   Phase phase_;

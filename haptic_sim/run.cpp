@@ -3,6 +3,7 @@
 #include "model/error.hpp"
 #include "program/engine_orders.hpp"
 #include "program/join.hpp"
+#include "rt/presence.hpp"
 
 #include <fmt/format.h>
 
@@ -27,9 +28,8 @@ void HapticRun::follow_orders() const {
 }
 
 std::optional<FirstFrame> join(const HapticRun& run) {
-  const auto& [options, scene, ports, sub, measures, exchange] = run;
+  const auto& [options, scene, ports, sub, measures, exchange, finder] = run;
   ports.status.enter("waiting");
-  SessionFinder finder(ports.scene, scene, ports.status);
   const auto found = [&] { return finder.look(options.network.domain); };
   // A big world takes its time, and says every second that it is there.
   const auto world_is_there = [&] { return ports.status.hears(ProgramKind::world_sim, 0); };
@@ -64,14 +64,21 @@ std::optional<FirstFrame> join(const HapticRun& run) {
 
   FirstFrame first;
   bool joined = false, timed = false;
+  TimePoint displaced{};
   // The world stands until it has heard everybody; a standing frame is answered, each time, for the answer may be lost.
   const auto started = [&] {
     found();  // the newest world counts
     ports.session = finder.session();
     while (ports.frames.take(first.frame) == Take::sample) {
       if (first.frame.session != ports.session) continue;
-      if (ports.refused_by(first.frame)) throw Error(ExitCode::failed, refused_text(run.user()));
       first.received = Clock::now();
+      if (ports.serves_another(first.frame)) {
+        // One that was killed is served until the world misses its reports.
+        if (displaced == TimePoint{}) displaced = first.received;
+        if (lockstep || to_seconds(first.received - displaced) > kGone_s)
+          throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
+        continue;
+      }
       if (first.frame.echoed_sent_ns != 0) {
         const double round_trip_s = 1e-9 * static_cast<double>(to_ns(first.received) - first.frame.echoed_sent_ns);
         first.round_trip_s = timed ? std::min(first.round_trip_s, round_trip_s) : round_trip_s;

@@ -21,6 +21,7 @@ struct HapticRun {
   SubWorld& sub;
   HapticMeasures& measures;
   EngineExchange& exchange;
+  SessionFinder& finder;
 
   [[nodiscard]] std::uint32_t user() const noexcept { return static_cast<std::uint32_t>(options.user); }
   [[nodiscard]] const SchemeProperties& scheme() const { return scheme_of(scene.settings).properties; }

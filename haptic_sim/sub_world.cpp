@@ -17,6 +17,8 @@ namespace {
 /// No operator moves a device faster: fast reaching movements come to 3 m/s, throws to more, but not with a device.
 constexpr double kFastestOperator_m_s = 10.0;
 
+constexpr std::uint64_t kNoStamp = ~std::uint64_t{0};  ///< of a report that was not made
+
 }  // namespace
 
 SubWorld::SubWorld(const Scene& scene, std::size_t user)
@@ -81,7 +83,11 @@ FeltStep SubWorld::begin_step(const StepInput& input) {
     took_max_s_ = std::max(took_max_s_, input.took_s);
     ++timed_steps_;
   }
-  if (input.slept) guard_.restart();
+  if (input.slept || input.device_returned) guard_.restart();
+  if (input.device_returned) {
+    declutch_.place(declutch_.device().pose);
+    heard_ = false;
+  }
   declutch_.open(input.paused);
   set_rate(input.clock_rate);
   return input.device != nullptr ? feel(*input.device, input.device_trusted, input.wall_s) : FeltStep{};
@@ -145,8 +151,7 @@ DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_
   command.wrench = to_operator;
   command.others_work_j = model_->others_work_j();
   const BodyState& now = facts_.proxy;
-  const BodyState& start = scene_.initial[index(spec_.proxy)];
-  DeviceMotion motion{{now.position - declutch_.offset(), now.orientation * start.orientation.conjugate()},
+  DeviceMotion motion{{now.position - declutch_.offset(), now.orientation * declutch_.turn().conjugate()},
                       rate_ * now.linear_velocity,
                       rate_ * now.angular_velocity};
   if (spec_.device.kind == DeviceKind::admittance) motion = motion_.pass(motion, trusted_, wall_s_);
@@ -214,6 +219,7 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
   report.clock_rate = rate_;
   report.sent_ns = sent_ns;
   report.confirmed_stamp = frame_stamp_;
+  report.started_stamp = started_stamp_;
   report.impulse_total = impulse_total_;
   report.device_work_j = facts_.device_work_j;
   report.proxy = facts_.proxy;
@@ -224,7 +230,7 @@ HapticReport& SubWorld::report(std::int64_t sent_ns) {
   const DevicePose& device = facts_.device;
   if (reports_device_) {
     report.device = {device.pose, device.linear_velocity, device.angular_velocity, applied_,
-                     device_s_,   declutch_.offset()};
+                     device_s_,   declutch_.offset(),     declutch_.turn()};
   }
   report.base_stamp.reset();
   if (sends_changes_) report.base_stamp = known_stamp_;
@@ -285,16 +291,39 @@ bool SubWorld::agrees(const WorldFrame& frame) const noexcept {
 
 bool SubWorld::reset_from(const WorldFrame& frame) {
   if (!knows(frame)) return false;
+  const bool first = !std::exchange(framed_, true);
+  const BodyState before = facts_.proxy;
+  known_stamp_.reset();
+  for (HapticReport& said : reports_) said.stamp = kNoStamp;
   timetable_.restart(frame.stamp, static_cast<std::uint64_t>(std::llround(frame.stamp_s / scene_.settings.h_s)),
                      frame.ratio);
   timetable_.plan(frame.planned);
   const bool has_proxy = model_->reset_from(frame);
-  facts_.finite = true;
-  facts_.stamp = frame.stamp;
+  facts_.stamp = started_stamp_ = frame.stamp;
   begin_cycle();
   suppression_.forget();
   note(frame);
+  place_device(frame, first ? facts_.proxy : before);
+  facts_.finite = true;
   return has_proxy;
+}
+
+void SubWorld::place_device(const WorldFrame& frame, const BodyState& before) {
+  const auto held = std::ranges::find(frame.peers, spec_.proxy, &PeerDevice::proxy);
+  const Pose there = declutch_.device().pose;
+  const BodyState& now = facts_.proxy;
+  if (held != frame.peers.end()) {
+    declutch_.place(held->pose);
+    guard_.declutch();
+  } else if (!facts_.finite) {
+    declutch_.place({now.position, now.orientation});
+    guard_.declutch();
+  } else if (before.position != now.position || before.orientation.coeffs() != now.orientation.coeffs()) {
+    const Quat turn = now.orientation * before.orientation.conjugate();
+    declutch_.place({now.position + (there.position - before.position), (turn * there.orientation).normalized()});
+    guard_.soften();
+  }
+  facts_.device = declutch_.device();
 }
 
 }  // namespace subworld

@@ -44,6 +44,9 @@ struct StepInput {
   bool paused = false;
   /// The loop slept for so long that the device has let the force fade: it rises from zero.
   bool slept = false;
+  /// The device is another one, or was away: from now on it is where it was in the scene, and the force rises from
+  /// zero.
+  bool device_returned = false;
 };
 
 /// A sub-world after its latest step, frame or report.
@@ -103,8 +106,9 @@ class SubWorld {
   std::uint64_t synchronise_with(const WorldFrame& frame);
   /// Whether the frame counts cycles as the sub-world does. If not, a change of the ratio was missed: reset_from().
   [[nodiscard]] bool agrees(const WorldFrame& frame) const noexcept;
-  /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind or is not finite.
-  /// False where the frame brings no proxy: it is no beginning.
+  /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind, is not finite, or
+  /// joins. The coupling keeps its stretch, or takes that with which the world holds the proxy (`frame.peers`); then
+  /// the force rises from zero. False where the frame brings no proxy: it is no beginning.
   bool reset_from(const WorldFrame& frame);
 
   /// Asks for another engine. Returns what came of it; exchange_engine() hands over between two steps,
@@ -135,6 +139,8 @@ class SubWorld {
   void begin_cycle();
   /// Brings the facts of time, proxy and neighbourhood up to date.
   void look();
+  /// Puts the device where the coupling has the stretch that it had with the proxy `before`.
+  void place_device(const WorldFrame& frame, const BodyState& before);
   /// Notes which frame is in use.
   void note(const WorldFrame& frame) noexcept;
 
@@ -159,6 +165,7 @@ class SubWorld {
 
   bool framed_ = false;                       ///< a frame has been used
   std::uint64_t frame_stamp_ = 0;             ///< of the newest used
+  std::uint64_t started_stamp_ = 0;           ///< of the one from which the sub-world has started
   std::optional<std::uint64_t> known_stamp_;  ///< of the newest report that the world is known to have used
   bool reports_device_;
   bool sends_changes_;

@@ -90,7 +90,7 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
     out.cycle_s = now.cycle_s;
     out.ratio = now.timetable.ratio(now.stamp);
     out.planned = now.timetable.newest();
-    out.echoed_sent_ns = heard[u].newest->sent_ns;
+    out.echoed_sent_ns = heard[u].any ? heard[u].newest->sent_ns : 0;
     out.echoed_stamp = heard[u].newest->stamp;
     out.base_stamp.reset();
     const bool complete = now.stamp % kCompleteEvery_cycles == 0;
@@ -99,7 +99,7 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
     out.fixed = user.membership.fixed;
     if (scheme_.properties.has_sub_worlds)
       side_.extract(now, {user.membership, reach, until_heard_s, shared}, user.border, out);
-    if (scheme_.properties.replicates_peers) list_peers(user, now, heard, out);
+    list_peers(user, now, heard, out);
     count_outside_work(user, out);
     list_unconfirmed(user, now, heard[u], offset_s, out);
     tell_border(user, now, heard[u], out);
@@ -190,10 +190,17 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
   frame.peers.clear();
   for (std::size_t p = 0; p < users_.size(); ++p) {
     const UserSpec& spec = *users_[p].spec;
-    if (&users_[p] == &user || !heard[p].any) continue;
+    const bool own = &users_[p] == &user;
+    const auto list_held = [&] {
+      if (heard[p].held == nullptr) return false;
+      frame.peers.push_back({.proxy = spec.proxy, .pose = *heard[p].held, .device_s = kHeldDevice_s});
+      return true;
+    };
+    if (own) (void)list_held();
+    if (own || !scheme_.properties.replicates_peers) continue;
     const bool inside = std::ranges::binary_search(frame.members, spec.proxy);
     const bool pushes = std::ranges::find(frame.ghost_peers, spec.proxy, &GhostPeer::proxy) != frame.ghost_peers.end();
-    if (!inside && !pushes) continue;
+    if ((!inside && !pushes) || list_held() || !heard[p].any) continue;
     const HapticReport& report = *heard[p].at_stamp;
     if (!report.device) continue;
     const ReportedDevice& at_report = *report.device;
@@ -204,7 +211,8 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
                       .angular_velocity = at_report.angular_velocity,
                       .applied = at_report.applied,
                       .device_s = at_report.device_s + passed_s / report.clock_rate,
-                      .offset = at_report.offset};
+                      .offset = at_report.offset,
+                      .turn = at_report.turn};
     device.pose.position += std::min(passed_s, kLongestGuess_s) * device.linear_velocity;
     frame.peers.push_back(device);
   }
@@ -212,7 +220,7 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
 
 void FrameMaker::note_work(std::span<const Heard> heard) {
   for (std::size_t u = 0; u < users_.size(); ++u) {
-    const double now_j = heard[u].any ? heard[u].newest->operator_work_j : 0.0;
+    const double now_j = heard[u].any ? heard[u].newest->operator_work_j : operators_j_[u];
     work_j_[u] = now_j - std::exchange(operators_j_[u], now_j);
   }
 }

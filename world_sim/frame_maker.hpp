@@ -21,6 +21,7 @@ struct Heard {
   const HapticReport* newest = nullptr;    ///< the newest used
   const HapticReport* at_stamp = nullptr;  ///< of the present stamp, or else the newest used
   bool silent = false;                     ///< no frame of the present stamp is wanted
+  const Pose* held = nullptr;              ///< where the world holds the device of an absent user; null: it does not
 };
 
 /// How a user's sub-world was chosen.

@@ -83,7 +83,11 @@ class LockstepLoop : WorldLoop {
 
   bool receive(std::size_t user, std::uint64_t stamp) {
     const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(user)};
-    const auto ours = [&](const HapticReport& came) { return ports.accept(user, came); };
+    const auto ours = [&](const HapticReport& came) {
+      if (!ports.belongs(user, came)) return false;
+      ports.serve(user, came.sender);
+      return true;
+    };
     const auto gives_up = [this] { return gives_up_at_signal(); };
     if (!await(*ports.bus, ports.status, ports.reports[user], report_, stages_, haptic, ours, gives_up)) return false;
     if (world.receive(std::move(report_)) && world.has_report(user, stamp)) return true;

@@ -77,7 +77,7 @@ void WorldLoop::publish_frames(bool last, double start_in_s, double real_time_fa
     WorldFrame& frame = world.frame(u);
     frame.newest_stamp = facts.newest_stamp;
     frame.session = ports.session;
-    frame.served = ports.served[u];
+    frame.served = facts.absent ? 0 : ports.served[u];
     frame.last = last;
     frame.start_in_s = start_in_s;
     frame.real_time_factor = real_time_factor;

@@ -55,6 +55,20 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double rea
                 real_time_factor, ratio, substeps});
 }
 
+void WorldMeasures::returns(std::size_t user, double at_s) noexcept {
+  const auto absence =
+      std::ranges::find_if(absences_, [&](const Absence& one) { return one.user == user && one.to_s == kNotBack_s; });
+  if (absence != absences_.end()) absence->to_s = at_s;
+}
+
+double WorldMeasures::absent_from_s(std::size_t user) const noexcept {
+  double from_s = 0.0;
+  for (const Absence& one : absences_) {
+    if (one.user == user) from_s = one.from_s;
+  }
+  return from_s;
+}
+
 WorldPart WorldMeasures::result(const World& world, double settle_s) {
   const WorldFacts& end = world.facts();
   WorldPart part{.state_hash = fmt::format("{:016x}", end.state_hash),
@@ -80,12 +94,16 @@ WorldPart WorldMeasures::result(const World& world, double settle_s) {
                            .asleep_at_end = world.engine().asleep_count(),
                            .lost_reports = lost_reports_,
                            .refused_reports = refused_reports_,
+                           .absences = absences_,
                            .engine_changes = engine_changes_,
                            .settle_wall_s = settle_s,
                            .body_history = bodies_.result()}};
   for (std::size_t u = 0; u < omitted_.size(); ++u) {
     const SelectionFacts last = world.user_facts(u).selection;
     part.world.selections.push_back({u, omitted_[u], last.expected_s, last.cost_factor});
+  }
+  for (Absence& absence : part.world.absences) {
+    if (absence.to_s == kNotBack_s) absence.to_s = end.time_s;
   }
   add_to(part.world);
   return part;

@@ -30,6 +30,10 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
   /// Wall time for which the world needed more than its slowest clock gave it.
   void stuck(double wall_s) noexcept { stuck_s_ += wall_s; }
   void engine_changed(const EngineChange& change) { engine_changes_.push_back(change); }
+  /// A user is absent from then on, and takes part again, in simulated time.
+  void leaves(std::size_t user, double at_s) { absences_.push_back({user, at_s, kNotBack_s}); }
+  void returns(std::size_t user, double at_s) noexcept;
+  [[nodiscard]] double absent_from_s(std::size_t user) const noexcept;
   void lost_report() noexcept { ++lost_reports_; }
   void refused_report() noexcept { ++refused_reports_; }
 
@@ -53,6 +57,8 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
   double simulated_s_ = 0.0, wall_s_ = 0.0;  ///< of all cycles
   double slowed_s_ = 0.0, stuck_s_ = 0.0;    ///< wall time with a real-time factor below 1, and below its floor
   std::vector<EngineChange> engine_changes_;
+  static constexpr double kNotBack_s = -1.0;
+  std::vector<Absence> absences_;
 };
 
 }  // namespace subworld

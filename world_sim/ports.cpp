@@ -37,13 +37,15 @@ void WorldPorts::describe(const Scene& scene_file, const Engine& engine) {
   scene.write(description);
 }
 
-bool WorldPorts::accept(std::size_t user, const HapticReport& report) noexcept {
-  if (report.session != session) return false;
-  if (served[user] == 0) {
-    served[user] = report.sender;
-    reports[user].trust_sender();
-  }
-  return report.sender == served[user];
+void WorldPorts::serve(std::size_t user, std::uint64_t sender) noexcept {
+  if (served[user] != 0) return;
+  served[user] = sender;
+  reports[user].trust_sender();
+}
+
+void WorldPorts::release(std::size_t user) noexcept {
+  served[user] = 0;
+  reports[user].distrust();
 }
 
 WorldRefused WorldPorts::refused() const {

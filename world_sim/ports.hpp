@@ -20,8 +20,14 @@ struct WorldPorts {
 
   /// Publishes all that a late joiner needs to create every body. `engine` has their states.
   void describe(const Scene& scene_file, const Engine& engine);
-  /// Whether a report is of this run and of the process that is served; the first one of a user is, from then on.
-  bool accept(std::size_t user, const HapticReport& report) noexcept;
+  /// Whether a report is of this run, and of the process that is served, if one is.
+  [[nodiscard]] bool belongs(std::size_t user, const HapticReport& report) const noexcept {
+    return report.session == session && (served[user] == 0 || report.sender == served[user]);
+  }
+  /// From now on serves the process that has sent the report received last, unless one is served.
+  void serve(std::size_t user, std::uint64_t sender) noexcept;
+  /// From now on serves none: the next one that joins.
+  void release(std::size_t user) noexcept;
 
   /// What to do about another world_sim that has shown up on this domain since the last call; empty: none has. A
   /// foreign writer of the topic, which sends no status as world_sim, is only counted.
@@ -31,7 +37,7 @@ struct WorldPorts {
 
   const std::uint64_t session = draw_identity();
   const int domain;
-  std::vector<std::uint64_t> served;  ///< the haptic process, by user; 0: none was heard of yet
+  std::vector<std::uint64_t> served;  ///< the haptic process, by user; 0: none
   std::unique_ptr<Bus> bus;
   Writer<SceneDescription> scene;
   Reader<SceneDescription> worlds;            ///< who else describes one

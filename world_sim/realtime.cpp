@@ -8,6 +8,7 @@
 #include "world_sim/snapshots.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -20,6 +21,7 @@ namespace subworld {
 namespace {
 
 constexpr double kStartIn_s = 0.2;
+constexpr double kHeld_s = 0.1;                 ///< without a report: the world no longer guesses, but holds the proxy
 constexpr double kStartInBetweenHosts_s = 0.7;  ///< haptic clocks are ahead by the round trip
 
 /// Announces when the world's clock slows, and when it is back at full speed.
@@ -52,9 +54,10 @@ class RealtimeLoop : WorldLoop {
         snapshots_(ports.snapshots, world),
         lead_(static_cast<std::uint64_t>(scheme_.lead_cycles)),
         first_cycle_s_(cycle_s(world.facts().stamp + lead_)),
-        pace_(first_cycle_s_),
-        newest_(user_count(), world.facts().stamp) {
-    for (std::uint32_t u = 0; u < user_count(); ++u) users_.emplace_back(Peer{ProgramKind::haptic_sim, u});
+        pace_(first_cycle_s_) {
+    for (std::uint32_t u = 0; u < user_count(); ++u)
+      users_.push_back(
+          {.peer = PeerWatch({ProgramKind::haptic_sim, u}, options.wait_s), .newest_stamp = world.facts().stamp});
   }
 
   Ending run() {
@@ -78,7 +81,7 @@ class RealtimeLoop : WorldLoop {
     close();
     checkpoints.finish(world);
     Ending ended = ending();
-    ended.fault = fault_;
+    ended.fault = absent_at_end();
     if (all_gone()) ended.by = "fault";
     return ended;
   }
@@ -93,7 +96,8 @@ class RealtimeLoop : WorldLoop {
     while (true) {
       for (std::size_t u = 0; u < user_count(); ++u) {
         while (ports.reports[u].take(report_) == Take::sample) {
-          if (!ports.accept(u, report_)) continue;
+          if (!ports.belongs(u, report_)) continue;
+          ports.serve(u, report_.sender);
           answered[u] = true;
           world.frame(u).echoed_sent_ns = report_.sent_ns;  // tells the round trip
         }
@@ -124,7 +128,7 @@ class RealtimeLoop : WorldLoop {
     loop.begin();
     receive_reports(loop.woke());
     follow_orders();
-    observe_users(loop.woke(), period_s);
+    observe_users(loop.woke(), period_s, cycle_s);
     stages_.mark(WorldStage::control);
     last_ = stop_signal() != 0 || control_.stopped() || all_gone();
     if (control_.may_step() || last_) {
@@ -142,31 +146,69 @@ class RealtimeLoop : WorldLoop {
   void receive_reports(TimePoint now) {
     for (std::size_t u = 0; u < user_count(); ++u) {
       while (take(ports.reports[u], report_, stages_) == Take::sample) {
-        if (!ports.accept(u, report_)) {
+        if (!ports.belongs(u, report_)) {
           measures.refused_report();
           continue;
         }
-        users_[u].heard(now);
-        if (report_.stamp > newest_[u] + 1) measures.lost_report();
-        newest_[u] = std::max(newest_[u], report_.stamp);
-        if (!world.receive(std::move(report_))) measures.refused_report();
+        use_report(u, now);
       }
     }
   }
 
-  /// Announces users whose programs are gone: the world goes on for the others.
-  void observe_users(TimePoint now, double period_s) {
+  void use_report(std::size_t u, TimePoint now) {
+    User& user = users_[u];
+    const std::uint64_t stamp = report_.stamp, sender = report_.sender;
+    const bool absent = world.user_facts(u).absent;
+    if (!world.receive(std::move(report_))) {
+      // One of an absent user was on its way when the user left.
+      if (!absent) measures.refused_report();
+      return;
+    }
+    ports.serve(u, sender);
+    user.peer.heard(now);
+    user.quiet_s = 0.0;
+    if (!absent && stamp > user.newest_stamp + 1) measures.lost_report();
+    user.newest_stamp = absent ? stamp : std::max(user.newest_stamp, stamp);
+    if (absent) returns(u);
+  }
+
+  /// Notes who is absent: the world goes on for the others.
+  void observe_users(TimePoint now, double period_s, double cycle_s) {
     for (std::size_t u = 0; u < users_.size(); ++u) {
-      const bool was_gone = users_[u].gone();
-      users_[u].observe(ports.reports[u], ports.status, now, period_s);
-      if (was_gone || !users_[u].gone()) continue;
-      const std::string text = fmt::format("{}; user {} is no longer served from t = {:.3f} s on",
-                                           users_[u].fault(ports.status), u, world.facts().time_s - kGone_s);
-      fault_ += (fault_.empty() ? "" : "; ") + text;
-      ports.status.note(text);
+      User& user = users_[u];
+      user.peer.observe(ports.reports[u], ports.status, now, period_s);
+      if (control_.paused()) continue;
+      user.quiet_s += cycle_s;
+      if (user.quiet_s > std::max(kHeld_s, 3.0 * cycle_s)) world.hold(u);
+      if (user.quiet_s > std::max(kAbsent_s, 4.0 * cycle_s) && !world.user_facts(u).absent) leaves(u);
     }
   }
-  [[nodiscard]] bool all_gone() const { return std::ranges::all_of(users_, &PeerWatch::gone); }
+  void leaves(std::size_t u) {
+    world.leave(u);
+    ports.release(u);
+    measures.leaves(u, world.facts().time_s - users_[u].quiet_s);
+    ports.status.note(
+        fmt::format("user {} is absent from t = {:.3f} s on: no message of haptic_sim {} since; the world "
+                    "holds its proxy and goes on",
+                    u, world.facts().time_s - users_[u].quiet_s, u));
+  }
+  void returns(std::size_t u) {
+    measures.returns(u, world.facts().time_s);
+    ports.status.note(fmt::format("user {} takes part from t = {:.3f} s on", u, world.facts().time_s));
+  }
+  [[nodiscard]] bool all_gone() const {
+    return std::ranges::all_of(users_, [](const User& user) { return user.peer.gone(); });
+  }
+  /// Who is absent at the end, and why.
+  [[nodiscard]] std::string absent_at_end() const {
+    std::vector<std::string> texts;
+    for (std::size_t u = 0; u < users_.size(); ++u) {
+      if (!world.user_facts(u).absent) continue;
+      const std::string why = ports.status.gone_text(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u));
+      texts.push_back(fmt::format("{}; user {} is absent from t = {:.3f} s on", why, u, measures.absent_from_s(u)));
+    }
+    return fmt::format("{}", fmt::join(texts, "; "));
+  }
 
   /// A period of a paused world: the haptic processes hold their sub-worlds still meanwhile.
   void stand(PacedLoop<WorldStage>& loop, double cycle_s) {
@@ -218,10 +260,13 @@ class RealtimeLoop : WorldLoop {
   std::uint64_t lead_;  ///< cycles by which the sub-worlds are ahead
   double first_cycle_s_;
   Pace pace_;
-  std::vector<PeerWatch> users_;
-  std::string fault_;                  ///< which users have gone
-  std::vector<std::uint64_t> newest_;  ///< by user: the newest report's stamp
-  double publish_s_ = 0.0;             ///< that publishing the frames of the cycle before took
+  struct User {
+    PeerWatch peer;
+    double quiet_s = 0.0;            ///< simulated time since the newest report came
+    std::uint64_t newest_stamp = 0;  ///< of the reports that came
+  };
+  std::vector<User> users_;
+  double publish_s_ = 0.0;  ///< that publishing the frames of the cycle before took
   bool yielding_ = false;
   bool last_ = false;
 };

@@ -12,7 +12,7 @@ void World::resume(const WorldCheckpoint& from) {
   begin_cycle();
   contacts_ = {};  // the first step finds them
   for (const BodyId id : engine_.awake()) motions_[index(id)] = {.state = engine_.state(id)};
-  for (User& user : users_) user.impulse.begin(facts_.time_s);
+  for (std::size_t u = 0; u < users_.size(); ++u) hold(u);  // until its user joins
   account();
   facts_.state_hash = from.state_hash;
   facts_.released_j = from.released_j;

@@ -21,6 +21,7 @@ OrderAnswer RunControl::follow(const Control& order) {
     case ControlVerb::reset:
     case ControlVerb::set_engine:
     case ControlVerb::set_scheme:
+    case ControlVerb::leave:
       break;
   }
   return {OrderState::refused, "this world follows stop, pause, resume and step; start a new run for anything else"};

@@ -6,6 +6,7 @@
 #include "coupling/virtual_coupling.hpp"
 #include "model/hash.hpp"
 #include "model/shape_extent.hpp"
+#include "model/vectors.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -112,7 +113,7 @@ bool World::settle(const std::function<bool(double)>& progress) {
       if (user.spec->joins_late) continue;
       const BodyState& start = scene_.initial[index(user.spec->proxy)];
       const DevicePose device{{start.position, start.orientation}, Vec3::Zero(), Vec3::Zero()};
-      hold(user, device, limits_of(user.spec->device), dt);
+      pull(user, device, limits_of(user.spec->device), dt);
     }
     engine_.step(dt);
     if (!progress(static_cast<double>(i + 1) / steps)) return false;
@@ -202,12 +203,62 @@ bool World::receive(HapticReport&& report) {
   // A sub-world that has missed a change of the ratio counts other cycles.
   const double stamp_s = seconds(timetable_.start(report.stamp));
   if (std::abs(report.stamp_s - stamp_s) > 0.5 * scene_.settings.h_s) return false;
+  if (user.absent && report.started_stamp < user.joins_from) return false;
+  if (report.started_stamp > user.started_stamp || (user.held && !user.joins_at)) begin_join(user, report);
+  report.impulse_total.force += user.before_join.impulse.force;
+  report.impulse_total.torque += user.before_join.impulse.torque;
+  report.device_work_j += user.before_join.device_work_j;
+  report.operator_work_j += user.before_join.operator_work_j;
   const std::size_t slot = report.stamp % user.inbox.size();
   std::swap(user.inbox[slot], report);  // the caller goes on with the old one's memory
   user.waiting[slot] = true;
   user.newest_stamp = std::max(user.newest_stamp, user.inbox[slot].stamp);
   user.suppression.end(user.inbox[slot].stamp);
   return true;
+}
+
+void World::hold(std::size_t number) {
+  User& user = users_[number];
+  user.joins_at.reset();
+  if (user.held) return;
+  const BodyState proxy = engine_.state(user.spec->proxy);
+  // The stretch with which the coupling exerts the wrench of the user's last cycle.
+  const Wrench last = saturated(mean_wrench(user.before, user.report), limits_of(user.spec->device));
+  const CouplingSettings& coupling = user.tool.coupling;
+  user.held = DevicePose{{proxy.position + last.force / coupling.stiffness_n_m, proxy.orientation}};
+  if (coupling.rotational_stiffness_n_m > 0.0) {
+    user.held->pose.orientation = rotated(proxy.orientation, last.torque / coupling.rotational_stiffness_n_m, 1.0);
+  }
+}
+
+void World::leave(std::size_t number) {
+  hold(number);
+  User& user = users_[number];
+  user.absent = true;
+  user.joins_from = facts_.stamp + 1;
+  user.heard = false;
+  user.waiting.assign(user.waiting.size(), false);
+  user.suppression.forget();
+  user.synchroniser->forget();
+}
+
+void World::begin_join(User& user, const HapticReport& report) {
+  const HapticReport& last = user.report;
+  const Wrench& applied = user.impulse.applied();
+  user.before_join = {{applied.force - report.impulse_total.force, applied.torque - report.impulse_total.torque},
+                      last.device_work_j - report.device_work_j,
+                      last.operator_work_j - report.operator_work_j};
+  user.started_stamp = report.started_stamp;
+  user.joins_at = report.stamp;
+  if (std::exchange(user.absent, false)) user.newest_stamp = 0;
+}
+
+void World::end_join(User& user) {
+  user.before = user.report;
+  user.held.reset();
+  user.joins_at.reset();
+  user.impulse.resume(seconds(timetable_.start(std::max<std::uint64_t>(report_stamp(), 1) - 1)));
+  engine_.set_inertia(user.spec->proxy, user.tool.body.mass, user.tool.body.inertia);
 }
 
 void World::synchronise() {
@@ -224,6 +275,7 @@ void World::synchronise() {
       std::swap(user.before, user.report);
       std::swap(user.report, user.inbox[slot]);
       user.heard = true;
+      if (user.joins_at && j >= *user.joins_at) end_join(user);
     }
   }
   balance();
@@ -252,7 +304,7 @@ void World::set_rate(User& user, double rate) {
   engine_.set_inertia(id, user.tool.body.mass, user.tool.body.inertia);
 }
 
-void World::hold(const User& user, const DevicePose& target, const ForceLimits& limits, double dt) {
+void World::pull(const User& user, const DevicePose& target, const ForceLimits& limits, double dt) {
   const BodyId id = user.spec->proxy;
   const BodyState proxy = engine_.state(id);
   subworld::hold(engine_, id, implicit_step(user.tool.coupling, limits, user.tool.body, proxy, target, dt));
@@ -261,7 +313,11 @@ void World::hold(const User& user, const DevicePose& target, const ForceLimits& 
 void World::pass_impulses() {
   const std::uint64_t stamp = report_stamp();
   for (User& user : users_) {
-    if (!user.heard) continue;
+    if (user.held) {
+      user.mean = coupling_wrench(user.tool.coupling, limits_of(user.spec->device), engine_.state(user.spec->proxy),
+                                  *user.held);
+    }
+    if (!user.heard || user.held) continue;
     const HapticReport& now = user.at(stamp);
     set_rate(user, now.clock_rate);
     user.mean =
@@ -271,11 +327,12 @@ void World::pass_impulses() {
 
 void World::drive_proxies(double until_s, double dt) {
   for (const User& user : users_) {
-    if (!user.heard) continue;
+    if (user.held) pull(user, *user.held, limits_of(user.spec->device), dt);
+    if (!user.heard || user.held) continue;
     const HapticReport& now = user.at(report_stamp());
     const double moved_until_s = until_s + half_step_offset_s();
     const ProxyDrive drive = side_->drive(*user.spec, user.mean, user.before_that(now), now, moved_until_s);
-    if (drive.target) hold(user, *drive.target, drive.limits, dt);
+    if (drive.target) pull(user, *drive.target, drive.limits, dt);
     engine_.apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
   }
 }
@@ -371,11 +428,12 @@ void World::make_frames() {
   plan_ratio();
   graph_.build(contacts_, scene_.bodies.size());
   for (std::size_t u = 0; u < users_.size(); ++u)
-    heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(facts_.stamp), !waits_for_frame(users_[u])};
+    heard_[u] = {users_[u].heard, &users_[u].report, &users_[u].at(facts_.stamp), !waits_for_frame(users_[u]),
+                 users_[u].held ? &users_[u].held->pose : nullptr};
   pulls_.clear();
   for (const User& user : users_) {
-    const bool spring = user.spec->device.kind == DeviceKind::impedance;
-    if (user.heard) pulls_.push_back({user.spec->proxy, user.mean.force, spring});
+    const bool spring = user.held || user.spec->device.kind == DeviceKind::impedance;
+    if (user.heard || user.held) pulls_.push_back({user.spec->proxy, user.mean.force, spring});
   }
   const std::function<bool()> friction = [this] { return find_friction(); };
   frames_.make(
@@ -439,8 +497,8 @@ void World::balance() {
 }
 
 UserFacts World::user_facts(std::size_t user) const noexcept {
-  return {waits_for_frame(users_[user]), frames_.border(user), frames_.selection(user), users_[user].impulse.applied(),
-          users_[user].newest_stamp};
+  return {waits_for_frame(users_[user]),  frames_.border(user),      frames_.selection(user),
+          users_[user].impulse.applied(), users_[user].newest_stamp, users_[user].absent};
 }
 
 void World::look(WorldView& view) const {

@@ -19,6 +19,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -79,6 +80,7 @@ struct UserFacts {
   SelectionFacts selection;
   Wrench impulse;                  ///< of the user on the proxy that has been passed on to the world, since the start
   std::uint64_t newest_stamp = 0;  ///< of the newest report received
+  bool absent = false;             ///< the world holds the proxy, and uses no report that has not seen that
 };
 
 /// The truth: every body, and for each user the membership of the sub-world, its border and the merge.
@@ -105,6 +107,13 @@ class World {
   [[nodiscard]] bool has_report(std::size_t user, std::uint64_t stamp) const noexcept {
     return users_[user].holds(stamp) || users_[user].suppression.lacks_report(stamp);
   }
+
+  /// Reports of the user do not come: from now on, until the next one, the coupling holds the proxy, with the wrench
+  /// that the user exerted last. So nothing falls that was held, and nothing is pushed on.
+  void hold(std::size_t user);
+  /// The user is absent from now on, until reports come of a sub-world that has started from a frame of a later stamp.
+  /// Meanwhile the coupling holds the proxy.
+  void leave(std::size_t user);
 
   /// A cycle. `on_stage(WorldStage)` is called after each of its stages.
   template <class OnStage = void (*)(WorldStage)>
@@ -142,6 +151,11 @@ class World {
  private:
   static constexpr double kTracking = 0.05;  ///< of what a cycle costs, in a cycle
 
+  /// What a report counts since the start.
+  struct Totals {
+    Wrench impulse;
+    double device_work_j = 0.0, operator_work_j = 0.0;
+  };
   struct User {
     const UserSpec* spec = nullptr;
     double rate = 1.0;  ///< of the haptic clock in the cycle that the world simulates
@@ -153,6 +167,12 @@ class World {
     HapticReport before;              ///< the one used before it
     std::uint64_t newest_stamp = 0;   ///< of those received, used or not
     bool heard = false;
+    std::optional<DevicePose> held;   ///< where its device is held, while no report is used
+    bool absent = false;              ///< no report has come of a sub-world that has started anew
+    std::uint64_t joins_from = 0;     ///< oldest frame from which the sub-world of an absent user has to start anew
+    std::uint64_t started_stamp = 0;  ///< of the frame from which its sub-world has started
+    std::optional<std::uint64_t> joins_at;  ///< stamp of its first report since, which has come and is not used yet
+    Totals before_join;  ///< added to those of reports: a process that joins counts from its own start
     ImpulseAccount impulse;
     Wrench mean;  ///< of the user in the cycle under way
     SuppressedCycles suppression{0};
@@ -178,12 +198,15 @@ class World {
   void account();
   void make_frames();
   void apply(std::size_t user, const HapticReport& report);
+  /// The first report of a sub-world that has started anew: has come, and is used.
+  void begin_join(User& user, const HapticReport& report);
+  void end_join(User& user);
   /// Passes the users' impulses on to the cycle under way.
   void pass_impulses();
   void drive_proxies(double until_s, double dt);
   /// The proxy's dynamics at the rate of the haptic clock.
   void set_rate(User& user, double rate);
-  void hold(const User& user, const DevicePose& target, const ForceLimits& limits, double dt);
+  void pull(const User& user, const DevicePose& target, const ForceLimits& limits, double dt);
   /// By how much the world's positions are ahead of the sub-worlds' where both account for the same forces: half the
   /// difference of their steps. Frames tell what a sub-world of the same forces would have.
   [[nodiscard]] double half_step_offset_s() const;

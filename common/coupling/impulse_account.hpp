@@ -24,8 +24,9 @@ class ImpulseAccount {
   [[nodiscard]] Wrench pass(const HapticReport& before, const HapticReport& now, const ForceLimits& limits,
                             double until_s) noexcept;
 
-  /// The first cycle begins at `at_s`.
-  void begin(double at_s) noexcept { until_s_ = at_s; }
+  /// The account goes on from `from_s`, J_w as it is: meanwhile the user was absent.
+  void resume(double from_s) noexcept { until_s_ = from_s; }
+
   [[nodiscard]] const Wrench& applied() const noexcept { return applied_; }  ///< J_w
 
  private:

@@ -39,6 +39,10 @@ class Synchroniser {
   /// when the sub-world uses it. The span lives until the next call.
   [[nodiscard]] std::span<const PairShift> synchronise(const WorldFrame& frame, const HapticReport& report,
                                                        double lag_cycles);
+  /// The two sides start anew with each other.
+  void forget() noexcept {
+    for (Blend& blend : blends_) blend = {};
+  }
 
  private:
   struct Blend {

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -53,7 +54,7 @@ History::History(const std::string& path, Format format, Say say)
     : path_(path), format_(std::move(format)), say_(std::move(say)) {
   if (path.empty()) return;
   refuse_foreign(path, format_.head);
-  file_ = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+  file_ = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (file_ < 0) {
     throw Error(ExitCode::failed, fmt::format("{}: {}; choose another folder with --out", path, std::strerror(errno)));
   }
@@ -116,7 +117,8 @@ void History::write_out() {
   std::size_t tail = tail_.load(std::memory_order_relaxed);
   const std::size_t head = head_.load(std::memory_order_acquire);
   if (!begun_ && (tail == head || held_.load())) return;
-  if (!std::exchange(begun_, true)) {
+  const double first = ring_[(tail % format_.rows) * format_.width];
+  if (!std::exchange(begun_, true) && !(appends_.load() && tail != head && keep_rows(first))) {
     [[maybe_unused]] const int pipes_cannot = ftruncate(file_, 0);
     text_ = format_.head;
   }
@@ -126,6 +128,25 @@ void History::write_out() {
     }
     tail_.store(tail, std::memory_order_release);
   }
+}
+
+bool History::keep_rows(double before) {
+  constexpr off_t kLongestRow = 4096;
+  const off_t size = lseek(file_, 0, SEEK_END);
+  std::string head(format_.head.size(), '\0'),
+      tail(static_cast<std::size_t>(std::clamp<off_t>(size, 0, kLongestRow)), '\0');
+  const off_t tail_at = size - static_cast<off_t>(tail.size());
+  const bool read = pread(file_, head.data(), head.size(), 0) == static_cast<ssize_t>(head.size()) &&
+                    pread(file_, tail.data(), tail.size(), tail_at) == static_cast<ssize_t>(tail.size());
+  const std::size_t end = tail.rfind('\n');
+  const std::size_t row = end == std::string::npos || end == 0 ? std::string::npos : tail.rfind('\n', end - 1);
+  const bool follows =
+      read && head == format_.head && row != std::string::npos && std::strtod(tail.c_str() + row + 1, nullptr) < before;
+  if (!follows || ftruncate(file_, tail_at + static_cast<off_t>(end) + 1) != 0)
+    lseek(file_, 0, SEEK_SET);
+  else
+    lseek(file_, 0, SEEK_END);
+  return follows;
 }
 
 /// Sleeps until the next rows are due, or until a caller waits for room. Returns at once if many rows have arrived

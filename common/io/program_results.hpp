@@ -54,6 +54,13 @@ struct WorldRefused {
 };
 SUBWORLD_JSON(WorldRefused, haptic_report, scene, by)
 
+/// A user who did not take part for some time; at the end of the run, `to_s` is its end.
+struct Absence {
+  std::size_t user = 0;
+  double from_s = 0.0, to_s = 0.0;
+};
+SUBWORLD_JSON(Absence, user, from_s, to_s)
+
 struct WorldResult {
   std::size_t bodies = 0;
   std::uint64_t cycles = 0;
@@ -73,6 +80,7 @@ struct WorldResult {
   std::size_t asleep_at_end = 0;
   std::vector<SelectionResult> selections = {};
   std::uint64_t lost_reports = 0, refused_reports = 0;
+  std::vector<Absence> absences = {};
   std::vector<EngineChange> engine_changes = {};
   double settle_wall_s = 0.0;
   std::uint64_t history_rows_dropped = 0, trace_events_dropped = 0;
@@ -86,7 +94,7 @@ struct WorldResult {
 SUBWORLD_JSON(WorldResult, bodies, cycles, ratio, ratio_changes, substeps, integration_substep_s, late_cycles,
               late_by_os, late_by_run, woken_late_s, machine, step_s, stages, lateness_s, real_time_factor_min,
               real_time_factor_mean, slowed_s, stuck_s, released_j, operators_created_j, contact_slack_j, asleep_at_end,
-              selections, lost_reports, refused_reports, engine_changes, settle_wall_s, history_rows_dropped,
+              selections, lost_reports, refused_reports, absences, engine_changes, settle_wall_s, history_rows_dropped,
               trace_events_dropped, body_history, checkpoints, resumed_from_s, dds, events, refused)
 
 /// The file of world_sim.

@@ -25,7 +25,7 @@ struct Wrench {
 
 /// Version of the messages: it changes with each change of their layout or meaning. Programs of different versions
 /// refuse to work together. Versions before had none; they begin with the length of a name, which is shorter.
-inline constexpr std::uint32_t kWireVersion = 100'001;
+inline constexpr std::uint32_t kWireVersion = 100'002;
 
 /// Topic `scene`: all that a late joiner needs to create every body.
 struct SceneDescription {
@@ -139,6 +139,13 @@ struct EnteringBody {
 /// No device is extrapolated for longer, s of simulated time: its user may have gone.
 inline constexpr double kLongestGuess_s = 0.2;
 
+/// Without a message for longer, s of simulated time, a user is absent: the world holds the proxy where it is, the
+/// sub-world pauses, and they start anew with each other (`WorldFrame::served`).
+inline constexpr double kAbsent_s = 0.25;
+
+/// `PeerDevice::device_s` of an absent user, whose proxy the world holds: no state of the device is newer.
+inline constexpr double kHeldDevice_s = 1e300;
+
 /// The device of another user whose proxy is in the sub-world, or pushes one of its ghosts.
 struct PeerDevice {
   BodyId proxy{};
@@ -148,6 +155,7 @@ struct PeerDevice {
   Wrench applied = {};                   ///< admittance devices
   double device_s = 0.0;                 ///< device time that belongs to the frame's stamp
   Vec3 offset = Vec3::Zero();            ///< position in the scene minus that of the device
+  Quat turn = Quat::Identity();          ///< orientation in the scene = that of the device * turn
 };
 
 /// Message suppression (coupling/suppression): no messages are sent until a stamp, or until the proxy leaves a region.
@@ -169,8 +177,10 @@ inline constexpr std::uint32_t kOpenIsland = 0xFFFFFFFF;
 struct WorldFrame {
   UserId user{};
   std::uint64_t session = 0;
-  std::uint64_t served = 0;  ///< sender of the report that this answers; 0: none received yet
-  std::uint64_t stamp = 0;   ///< j: the state when cycle j begins
+  /// Sender of the report that this answers; 0: the user is absent or joins. Then the frame is complete, and a
+  /// sub-world starts anew from it. The world takes reports of the user again that confirm it.
+  std::uint64_t served = 0;
+  std::uint64_t stamp = 0;  ///< j: the state when cycle j begins
   double stamp_s = 0.0;
   double start_in_s =
       0.0;  ///< real time: seconds from sending until the world's clock reaches this stamp; may be negative
@@ -234,6 +244,7 @@ struct ReportedDevice {
   Wrench applied;                        ///< admittance devices
   double device_s = 0.0;                 ///< device time that belongs to the report's stamp
   Vec3 offset = Vec3::Zero();            ///< position in the scene minus that of the device
+  Quat turn = Quat::Identity();          ///< orientation in the scene = that of the device * turn
 };
 
 /// Topic `haptic_report`, keyed by user: the sub-world at t = stamp_s, and the cycle before.
@@ -246,6 +257,7 @@ struct HapticReport {
   double clock_rate = 1.0;  ///< simulated seconds per second in the newest step, > 0
   std::int64_t sent_ns = 0;
   std::uint64_t confirmed_stamp = 0;  ///< newest frame whose entering bodies are in the sub-world
+  std::uint64_t started_stamp = 0;    ///< of the frame from which the sub-world has started, or started anew
   Wrench impulse_total;               ///< injected by the user since t = 0, N s and N m s
   double device_work_j = 0.0;         ///< since t = 0
   double coupling_energy_j = 0.0;     ///< stored in the springs of the virtual coupling
@@ -289,7 +301,7 @@ struct WorldSnapshot {
   std::vector<UserView> users;
 };
 
-enum class ControlVerb : std::uint8_t { stop, pause, resume, step, reset, set_engine, set_scheme };
+enum class ControlVerb : std::uint8_t { stop, pause, resume, step, reset, set_engine, set_scheme, leave };
 
 /// Topic `control`.
 struct Control {

@@ -111,6 +111,7 @@ class BackendReader : public Endpoint {
   [[nodiscard]] virtual int alive_writers() const noexcept { return alive_; }
   /// See `HeldSamples`.
   virtual void trust(std::uint64_t) noexcept {}
+  virtual void distrust() noexcept {}
   [[nodiscard]] virtual std::uint64_t refused() const noexcept { return 0; }
   /// The participant of a matched writer, the same for all of its topics; 0: not known.
   [[nodiscard]] virtual std::uint64_t participant_of(std::uint64_t) const noexcept { return 0; }
@@ -138,6 +139,7 @@ class HoldingReader : public BackendReader {
  public:
   bool take(std::vector<std::uint8_t>& cdr, std::uint64_t& writer) noexcept override { return held_.take(cdr, writer); }
   void trust(std::uint64_t writer) noexcept override { held_.trust(writer); }
+  void distrust() noexcept override { held_.distrust(); }
   [[nodiscard]] std::uint64_t refused() const noexcept override { return held_.refused(); }
   [[nodiscard]] std::vector<std::uint64_t> foreign_writers() const override { return held_.foreign_writers(); }
 

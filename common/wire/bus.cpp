@@ -194,6 +194,7 @@ bool AnyReader::decode_any(void* sample) noexcept {
 }
 
 void AnyReader::trust_sender() noexcept { impl_->backend->trust(impl_->writer); }
+void AnyReader::distrust() noexcept { impl_->backend->distrust(); }
 std::uint64_t AnyReader::refused() const noexcept { return impl_->backend->refused(); }
 std::uint64_t AnyReader::sender_participant() const noexcept { return impl_->backend->participant_of(impl_->writer); }
 std::string AnyReader::foreign_programs() const {

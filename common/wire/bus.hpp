@@ -90,6 +90,8 @@ class AnyReader {
   /// contents of a sample cannot forge one. Samples of foreign writers are dropped and counted as events. Further calls
   /// have an effect once that writer is dead, or silent for 2 s while another one writes: then others are accepted.
   void trust_sender() noexcept;
+  /// From now on accepts every writer, until trust_sender().
+  void distrust() noexcept;
   /// Identifies the program that wrote the sample received last, the same in all topics; 0: not known.
   [[nodiscard]] std::uint64_t sender_participant() const noexcept;
   /// Number of samples of foreign writers.

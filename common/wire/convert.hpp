@@ -85,7 +85,7 @@ bool fields(const auto& copy, Is<GhostPeer> auto& m, auto& w) {
 bool fields(const auto& copy, Is<PeerDevice> auto& m, auto& w) {
   return copy(m.proxy, w.proxy()) && copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
          copy(m.angular_velocity, w.angular_velocity()) && copy(m.applied, w.applied()) &&
-         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
+         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset()) && copy(m.turn, w.turn());
 }
 
 bool fields(const auto& copy, Is<Suppression> auto& m, auto& w) {
@@ -95,7 +95,7 @@ bool fields(const auto& copy, Is<Suppression> auto& m, auto& w) {
 bool fields(const auto& copy, Is<ReportedDevice> auto& m, auto& w) {
   return copy(m.pose, w.pose()) && copy(m.linear_velocity, w.linear_velocity()) &&
          copy(m.angular_velocity, w.angular_velocity()) && copy(m.applied, w.applied()) &&
-         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset());
+         copy(m.device_s, w.device_s()) && copy(m.offset, w.offset()) && copy(m.turn, w.turn());
 }
 
 bool fields(const auto& copy, Is<Indicators> auto& m, auto& w) {
@@ -165,9 +165,10 @@ bool fields(const auto& copy, Is<HapticReport> auto& m, auto& w) {
   return copy(m.user, w.user()) && copy(m.session, w.session()) && copy(m.sender, w.sender()) &&
          copy(m.stamp, w.stamp()) && copy(m.stamp_s, w.stamp_s()) && copy.positive(m.clock_rate, w.clock_rate()) &&
          copy(m.sent_ns, w.sent_ns()) && copy(m.confirmed_stamp, w.confirmed_stamp()) &&
-         copy(m.impulse_total, w.impulse_total()) && copy(m.device_work_j, w.device_work_j()) &&
-         copy(m.coupling_energy_j, w.coupling_energy_j()) && copy(m.operator_work_j, w.operator_work_j()) &&
-         copy(m.proxy, w.proxy()) && copy(m.device, w.device()) && base_fields(copy, m, w) &&
+         copy(m.started_stamp, w.started_stamp()) && copy(m.impulse_total, w.impulse_total()) &&
+         copy(m.device_work_j, w.device_work_j()) && copy(m.coupling_energy_j, w.coupling_energy_j()) &&
+         copy(m.operator_work_j, w.operator_work_j()) && copy(m.proxy, w.proxy()) && copy(m.device, w.device()) &&
+         base_fields(copy, m, w) &&
          state_fields(copy, m.members, w.members(), [&m](std::size_t i) { return is_overruled(m, i); }) &&
          list_fields(copy, m.islands, w.islands(), &Base::islands) && copy(m.indicators, w.indicators()) &&
          copy(m.timing.mean_s, w.step_mean_s()) && copy(m.timing.max_s, w.step_max_s()) &&
@@ -181,7 +182,7 @@ bool fields(const auto& copy, Is<WorldSnapshot> auto& m, auto& w) {
 }
 
 bool fields(const auto& copy, Is<Control> auto& m, auto& w) {
-  return copy(m.number, w.number()) && copy.kind(m.verb, w.verb(), ControlVerb::set_scheme) &&
+  return copy(m.number, w.number()) && copy.kind(m.verb, w.verb(), ControlVerb::leave) &&
          copy(m.argument, w.argument());
 }
 

@@ -72,6 +72,13 @@ class HeldSamples {
     last_of_trusted_ = Clock::now();
   }
 
+  /// From now on accepts every writer.
+  void distrust() noexcept {
+    const std::lock_guard lock(mutex_);
+    trusted_.reset();
+    dead_ = false;
+  }
+
   /// The middleware has noticed that the writer is dead.
   void bury(std::uint64_t writer) noexcept {
     const std::lock_guard lock(mutex_);

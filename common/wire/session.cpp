@@ -52,6 +52,13 @@ std::string replaced_text(ProgramKind program, std::uint32_t instance) {
       label_of(program, instance));
 }
 
+std::string displaced_text(ProgramKind peer, std::uint32_t instance) {
+  return fmt::format(
+      "{} serves another process in the place of this one: two programs of this user are on this domain; end one of "
+      "them, or give it another --domain",
+      label_of(peer, instance));
+}
+
 std::string SessionFinder::misfit(int domain) const {
   const SceneDescription& there = description_;
   if (there.wire_version != kWireVersion) {

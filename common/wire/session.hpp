@@ -22,6 +22,9 @@ namespace subworld {
 /// Error text for a peer that belongs to another run, or was restarted.
 [[nodiscard]] std::string replaced_text(ProgramKind program, std::uint32_t instance);
 
+/// Error text where a peer serves another process in the place of this one.
+[[nodiscard]] std::string displaced_text(ProgramKind peer, std::uint32_t instance);
+
 /// Finds the session of the world in whose run a program takes part, from topic `scene`. Only the description of a
 /// program counts that sends a status as world_sim: a foreign writer of the topic cannot prevent a start.
 class SessionFinder {

@@ -92,7 +92,7 @@ void StatusBeacon::hear_end(const Status& status, std::size_t slot) {
   {
     const std::lock_guard lock(words_mutex_);
     Heard& heard = heard_of_[slot];
-    heard.ran = heard.ran || status.state == kRunning;
+    if (status.state == kRunning) heard = {.ran = true, .last_words = {}};
     // A program that has run does not begin anew: this is another one, whose end is not that of the first.
     heard.another = heard.another || (heard.ran && !failed && status.state != kRunning && status.state != kStopping);
     if (!failed && !heard.another) heard.last_words.clear();  // started anew before the run

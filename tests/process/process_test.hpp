@@ -91,6 +91,7 @@ struct Table {
   }
 };
 
+/// Without a last row that is not whole: its program is writing it, or was killed.
 inline Table read_table(const std::string& file) {
   Table table;
   std::ifstream stream(file);
@@ -99,7 +100,7 @@ inline Table read_table(const std::string& file) {
     std::istringstream cells(line);
     while (std::getline(cells, cell, ',')) table.columns.push_back(cell);
   }
-  while (std::getline(stream, line)) {
+  while (std::getline(stream, line) && !stream.eof()) {
     std::istringstream cells(line);
     auto& row = table.rows.emplace_back();
     while (std::getline(cells, cell, ',')) row.push_back(std::strtod(cell.c_str(), nullptr));

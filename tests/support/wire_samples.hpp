@@ -62,6 +62,7 @@ class SampleMaker {
     fill(to.applied);
     to.device_s = positive();
     to.offset = vector();
+    to.turn = quaternion();
   }
   void fill(Body& to) {
     to.id = BodyId{word()};
@@ -189,6 +190,7 @@ class SampleMaker {
     to.clock_rate = positive();
     to.sent_ns = static_cast<std::int64_t>(long_word());
     to.confirmed_stamp = long_word();
+    to.started_stamp = long_word();
     fill(to.impulse_total);
     to.device_work_j = number();
     to.coupling_energy_j = number();
@@ -294,7 +296,7 @@ struct NumberVisitor {
   }
   void operator()(const GhostPeer& p) { all(p.outside, p.axis, p.proxy, p.offset_m); }
   void operator()(const PeerDevice& p) {
-    all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity, p.applied, p.device_s, p.offset);
+    all(p.proxy, p.pose, p.linear_velocity, p.angular_velocity, p.applied, p.device_s, p.offset, p.turn);
   }
   void operator()(const UserView& u) { all(u.user, u.proxy, u.members, u.border, u.wrench); }
   void operator()(const ControlReply& r) {
@@ -322,10 +324,11 @@ struct NumberVisitor {
     if (f.suppression) all(f.suppression->until, f.suppression->place.lower, f.suppression->place.upper);
   }
   void operator()(const HapticReport& r) {
-    all(r.user, r.session, r.sender, r.stamp, r.stamp_s, r.clock_rate, r.sent_ns, r.confirmed_stamp, r.impulse_total,
-        r.device_work_j, r.coupling_energy_j, r.operator_work_j, r.peer_age_s, r.proxy, r.device.has_value(), r.members,
-        r.islands, r.indicators.proxy_impulse_n_s, r.indicators.total_impulse_n_s, r.indicators.device_impulse_n_s,
-        r.indicators.border_bodies, r.indicators.proxy_contacts, r.timing.mean_s, r.timing.max_s);
+    all(r.user, r.session, r.sender, r.stamp, r.stamp_s, r.clock_rate, r.sent_ns, r.confirmed_stamp, r.started_stamp,
+        r.impulse_total, r.device_work_j, r.coupling_energy_j, r.operator_work_j, r.peer_age_s, r.proxy,
+        r.device.has_value(), r.members, r.islands, r.indicators.proxy_impulse_n_s, r.indicators.total_impulse_n_s,
+        r.indicators.device_impulse_n_s, r.indicators.border_bodies, r.indicators.proxy_contacts, r.timing.mean_s,
+        r.timing.max_s);
     if (r.device) all(r.device->pose, r.device->linear_velocity, r.device->angular_velocity, r.device->applied);
   }
   void operator()(const WorldSnapshot& s) { all(s.sequence, s.stamp_s, s.real_time_factor, s.moved, s.users); }

@@ -40,7 +40,7 @@ ProxyDrive reduced_drive(const UserSpec& user, const Wrench& mean, const HapticR
                          double until_s) {
   const BodyState proxy = between(before, now, until_s);
   return {mean, DevicePose{{proxy.position, proxy.orientation}, proxy.linear_velocity, proxy.angular_velocity},
-          ForceLimits{INFINITY, INFINITY, user.device.degrees_of_freedom == 6}};
+          limits_of(user.device)};
 }
 
 constinit const Scheme kReduced{
