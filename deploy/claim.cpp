@@ -26,13 +26,18 @@ constexpr int kLastDomain = 100;
 
 /// Whether a run, or a program that was started by hand, has made this file with a name of ours.
 bool is_result(const std::filesystem::path& file) {
-  constexpr std::string_view kFirstColumn = "time_s,";
+  constexpr std::string_view kFirstColumn = "time_s,", kCheckpoint = "SUBWORLDCHECKPNT";
   if (file.extension() == ".part" || std::filesystem::file_size(file) == 0) return true;
   if (file.extension() == ".png") return std::filesystem::exists(file.parent_path() / "logs/gui_headless.log");
   if (file.extension() == ".csv") {
     std::string begin(kFirstColumn.size(), '\0');
     std::ifstream(file).read(begin.data(), static_cast<std::streamsize>(begin.size()));
     return begin == kFirstColumn;
+  }
+  if (file.extension() == ".checkpoint") {
+    std::string begin(kCheckpoint.size(), '\0');
+    std::ifstream(file).read(begin.data(), static_cast<std::streamsize>(begin.size()));
+    return begin == kCheckpoint;
   }
   try {
     const Json json = read_json(file);
@@ -81,7 +86,8 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
                                              "or omit it: a new one is made",
                                              folder));
   }
-  const std::regex ours(R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)(\.part)?|bodies\.csv|picture\.png)");
+  const std::regex ours(
+      R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)(\.part)?|bodies\.csv|world_[01]\.checkpoint(\.part)?|picture\.png)");
   std::vector<std::filesystem::path> old;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     // Results go through a link that the user made.

@@ -57,6 +57,13 @@ bool is_placed_by_hand(const std::string& program) {
   return std::getenv(variable.c_str()) != nullptr;
 }
 
+bool has_checkpoint(const std::string& folder) {
+  const auto there = [&](int number) {
+    return std::filesystem::exists(fmt::format("{}/world_{}.checkpoint", folder, number));
+  };
+  return there(0) || there(1);
+}
+
 void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain,
                     const Placement& placement) {
   const std::string folder = program_folder();
@@ -75,12 +82,24 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (options.bodies && program == "world_sim") flags.insert(flags.end(), {"--bodies", *options.bodies});
     if (options.bodies_rate_hz && program == "world_sim")
       flags.insert(flags.end(), {"--bodies-rate", fmt::format("{}", *options.bodies_rate_hz)});
+    if (program == "world_sim") flags.insert(flags.end(), {"--checkpoint", fmt::format("{}", options.checkpoint_s)});
     if (const std::vector<int>& cores = placement.of(program); !cores.empty() && !is_placed_by_hand(program))
       flags.insert(flags.end(), {"--core", to_text(cores)});
+    // A world that is started again goes on from its own newest checkpoint, as soon as there is one.
+    const auto resumed = [flags, options](const std::string& from) {
+      std::vector<std::string> all = flags;
+      if (!from.empty()) all.insert(all.end(), {"--resume", from});
+      return all;
+    };
+    const auto again = [resumed, options] {
+      return resumed(has_checkpoint(options.out) ? options.out : options.resume);
+    };
+    if (program == "world_sim") flags = resumed(options.resume);
     programs.start({.label = label,
                     .log = fmt::format("{}/logs/{}.log", options.out, label),
                     .part = part,
-                    .essential = essential},
+                    .essential = essential,
+                    .arguments_again = program == "world_sim" ? std::function(again) : nullptr},
                    folder + "/" + program, flags);
   };
   start("world_sim", -1, true);
@@ -110,6 +129,23 @@ Calibration measure_machine(const Settings& settings) {
   }
   std::fflush(stdout);
   return found;
+}
+
+/// A run replaces the results in its folder: not those that it goes on from.
+void check_resume(const Options& options) {
+  if (options.resume.empty()) return;
+  std::error_code none;
+  const std::filesystem::path from = options.resume;
+  if (!std::filesystem::exists(from, none))
+    throw Error(ExitCode::usage, fmt::format("--resume {}: does not exist; name a folder of results, or a checkpoint "
+                                             "in it",
+                                             options.resume));
+  const std::filesystem::path folder =
+      std::filesystem::is_directory(from, none) ? from : from.parent_path() / std::filesystem::path(".");
+  if (options.out.empty() || !std::filesystem::equivalent(folder, options.out, none)) return;
+  throw Error(ExitCode::usage, fmt::format("--out {}: holds the run that --resume goes on from, and would be replaced; "
+                                           "choose another folder",
+                                           options.out));
 }
 
 /// Lowers the users' budgets to what the cores have left, where they are the scene's.
@@ -173,6 +209,7 @@ int run(const RunRequest& request) {
     network.dds = vendor_of(request.dds, position);
     check_network(network);
   }
+  check_resume(options);
   FileLock folder, domain_lock;
   claim_folder(options.out, run.scene.name, folder);
   const ReservedFile space(options.out + "/summary.json", kSummary_bytes + kUser_bytes * run.scene.users.size());

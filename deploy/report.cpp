@@ -43,6 +43,18 @@ std::string missing_text(const std::vector<std::string>& parts) {
   return fmt::format("{}", fmt::join(missing, ", "));
 }
 
+/// What checkpoints mean for the verdict.
+std::string checkpoint_remark(const WorldResult& world) {
+  std::string text;
+  if (world.resumed_from_s) text += fmt::format("; resumed from t = {:.3f} s", *world.resumed_from_s);
+  if (world.checkpoints && world.checkpoints->failed > 0) {
+    text += fmt::format("; {} of {} checkpoints could not be written{}{}", world.checkpoints->failed,
+                        world.checkpoints->failed + world.checkpoints->written,
+                        world.checkpoints->fault.empty() ? "" : ": ", world.checkpoints->fault);
+  }
+  return text;
+}
+
 /// Prints the missed gates and sets the verdict. Returns why the run is not valid; empty: it is.
 std::vector<std::string> judge(RunResults& run, const Ended& ended) {
   const Settings& settings = run.scene.settings;
@@ -59,6 +71,7 @@ std::vector<std::string> judge(RunResults& run, const Ended& ended) {
         fmt::format("stopped by {} at t = {:.3f} s{}", ended.signal == 0 ? "control" : name_of_signal(ended.signal),
                     run.simulated_s, ok ? "" : "; until then: " + run.verdict);
   }
+  run.verdict += checkpoint_remark(run.world);
   std::vector<std::string> faults = ended.signal == 0 ? faults_of(run) : std::vector<std::string>{};
   if (ended.stall.for_s > 0.0 && run.realtime()) {
     faults.push_back(fmt::format("{} did not advance from t = {:.3f} s for {:.0f} s, although the run was not paused",

@@ -59,6 +59,7 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement, std
   add_out(line, request.options, "folder for results").otherwise("a new out/SCENE-TIME");
   line.flag("--gui", request.gui, "also start the display, which writes a picture");
   add_bodies_options(line, request.options);
+  add_checkpoint_options(line, request.options);
   add_trace_option(line, request.options);
   line.add("--placement", &placement,
            "real time: auto gives the world a core of its own where the others have room for the haptic loops; none "

@@ -109,6 +109,7 @@ void Supervisor::revive(const std::function<std::string(const Child&)>& early) {
       child.halted = child.judged = false;
       child.halted_s = 0.0;
       ++child.restarts;
+      if (child.arguments_again) child.arguments = child.arguments_again();
       launch(child, O_APPEND);
     }
   }

@@ -42,6 +42,7 @@ class Supervisor {
     std::string host = {};  ///< of a session; empty: a run on one machine
     std::string program = {};
     std::vector<std::string> arguments = {};
+    std::function<std::vector<std::string>()> arguments_again = {};  ///< of a restart; empty: the same
     std::function<bool()> enter = {};
     int restarts = 0;  ///< in a row
     std::chrono::steady_clock::time_point started_at = {};

@@ -41,7 +41,10 @@ bool await_peers(WorldPorts& ports, const Options& options) {
 }
 
 WorldLoop::WorldLoop(const WorldRun& run)
-    : WorldRun(run), stages_(measures.stages()), scheme_(scheme_of(scene.settings).properties) {
+    : WorldRun(run),
+      stages_(measures.stages()),
+      scheme_(scheme_of(scene.settings).properties),
+      from_s_(world.facts().time_s) {
   reserve(report_, kUsualMembers);
 }
 
@@ -100,6 +103,7 @@ void WorldLoop::close() {
 
 Ending WorldLoop::ending() const {
   return {.session = ports.session,
+          .from_s = from_s_,
           .to_s = world.facts().time_s,
           .by = world.facts().over   ? "duration"
                 : control_.stopped() ? "control"

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "io/ending.hpp"
+#include "world_sim/checkpoint_writer.hpp"
 #include "world_sim/measures.hpp"
 #include "world_sim/ports.hpp"
 #include "world_sim/run_control.hpp"
@@ -16,6 +17,7 @@ struct WorldRun {
   World& world;
   WorldMeasures& measures;
   EngineExchange& exchange;
+  CheckpointWriter& checkpoints;
 };
 
 /// Waits until every user's haptic process has joined. False when asked to stop. Throws `Error` (failed) that names
@@ -51,6 +53,7 @@ class WorldLoop : protected WorldRun {
   Stages<WorldStage>& stages_;
   RunControl control_;
   const SchemeProperties& scheme_;
+  const double from_s_;  ///< simulated time at which the run began, not 0 where the world was resumed
   HapticReport report_;  ///< the newest received
 };
 

@@ -1,10 +1,17 @@
+#include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
+#include "world_sim/checkpoint.hpp"
+#include "world_sim/checkpoint_writer.hpp"
 #include "world_sim/loop.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
+
+#include <optional>
+#include <string>
+#include <vector>
 
 namespace {
 
@@ -27,21 +34,42 @@ class Progress {
   int shown_ = 0;
 };
 
+/// What --resume asks for; empty: nothing.
+std::optional<subworld::WorldCheckpoint> checkpoint_of(const subworld::Options& options, const subworld::Scene& scene) {
+  using namespace subworld;
+  if (options.resume.empty()) return {};
+  if (scene.settings.mode != Mode::realtime) {
+    throw Error(ExitCode::usage,
+                "--resume: a world resumes in real time only; a lock-step run repeats bit by bit from "
+                "t = 0 instead");
+  }
+  std::vector<std::string> skipped;
+  WorldCheckpoint from = read_checkpoint(options.resume, scene, skipped);
+  for (const std::string& text : skipped) fmt::print("world_sim: skipped {}\n", text);
+  fmt::print("world_sim: resumes at t = {:.3f} s, from {}\n", from.time_s, options.resume);
+  if (from.engine != scene.settings.world.name)
+    fmt::print("world_sim: engine {} goes on from the states of {}\n", scene.settings.world.name, from.engine);
+  return from;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   using namespace subworld;
   return run_program(Program::world_sim, argc, argv, [](const Options& options, const Scene& scene) {
     const bool realtime = scene.settings.mode == Mode::realtime;
+    const std::optional<WorldCheckpoint> from = checkpoint_of(options, scene);
+    const std::optional<Scene> resumed = from ? std::optional(resumed_scene(scene, *from)) : std::nullopt;
 
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     WorldPorts ports(options, scene);
     if (realtime) leave_realtime();
     WorldMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
+    if (from && options.resume == options.out) measures.goes_back();
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
     with_last_words(ports.status, [&] {
       ports.status.enter("loading");
-      World world(scene, [&](double part) { ports.status.done(part); });
+      World world(resumed ? *resumed : scene, [&](double part) { ports.status.done(part); });
       EngineExchange exchange(
           realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
       watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
@@ -53,14 +81,24 @@ int main(int argc, char** argv) {
         ports.status.done(part);
         return progress(part);
       };
-      if (!world.settle(settling)) return;
+      if (from) {
+        world.resume(*from);
+      } else if (!world.settle(settling)) {
+        return;
+      }
       const double settle_s = to_seconds(Clock::now() - begin);
       if (await_peers(ports, options)) {
-        const WorldRun run{options, scene, ports, world, measures, exchange};
-        Ending ending = ended([&] { return realtime ? run_realtime(run) : run_lockstep(run); },
-                              [&] { return Ending{.session = ports.session, .to_s = world.facts().time_s}; });
+        const double from_s = world.facts().time_s;
+        CheckpointWriter checkpoints(options, scene, world, ports.session,
+                                     [&](std::string text) { ports.status.note(std::move(text)); });
+        const WorldRun run{options, scene, ports, world, measures, exchange, checkpoints};
+        Ending ending =
+            ended([&] { return realtime ? run_realtime(run) : run_lockstep(run); },
+                  [&] { return Ending{.session = ports.session, .from_s = from_s, .to_s = world.facts().time_s}; });
         ports.status.enter("stopping");
         WorldPart part = measures.result(world, settle_s);
+        part.world.checkpoints = checkpoints.result();
+        if (from) part.world.resumed_from_s = from_s;
         part.arguments = settings_flags_of(options);
         part.world.dds = ports.bus->effective_settings();
         part.world.events = ports.status.events_of_run();

@@ -21,6 +21,11 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
   /// Throws `Error` (failed, usage) for what --out, --trace, --bodies and --bodies-rate ask for.
   WorldMeasures(const Options& options, const Scene& scene, const History::Say& say);
 
+  /// The world goes on from a checkpoint of the run in this folder.
+  void goes_back() noexcept {
+    history_.append_all();
+    bodies_.goes_back();
+  }
   [[nodiscard]] BodyHistory& bodies() noexcept { return bodies_; }
 
   /// After every cycle. `wall_s`: its period on a clock that runs at `real_time_factor`; 0 in lock-step.

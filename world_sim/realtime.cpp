@@ -53,10 +53,11 @@ class RealtimeLoop : WorldLoop {
       : WorldLoop(run),
         snapshots_(ports.snapshots, world),
         lead_(static_cast<std::uint64_t>(scheme_.lead_cycles)),
-        first_cycle_s_(cycle_s(lead_)),
+        first_cycle_s_(cycle_s(world.facts().stamp + lead_)),
         pace_(first_cycle_s_) {
     for (std::uint32_t u = 0; u < user_count(); ++u)
-      users_.push_back({PeerWatch({ProgramKind::haptic_sim, u}, options.wait_s)});
+      users_.push_back(
+          {.peer = PeerWatch({ProgramKind::haptic_sim, u}, options.wait_s), .newest_stamp = world.facts().stamp});
   }
 
   Ending run() {
@@ -67,7 +68,9 @@ class RealtimeLoop : WorldLoop {
     measures.bodies().record_now(world);
     // The sub-worlds are ahead by the lead, and the world must wait for what they do.
     const double notice_s = scene.settings.remote ? kStartInBetweenHosts_s : kStartIn_s;
-    const double start_in_s = notice_s + scene.settings.h_s * static_cast<double>(world.timetable().start(lead_));
+    const std::uint64_t stamp = world.facts().stamp;
+    const std::uint64_t ahead_steps = world.timetable().start(stamp + lead_) - world.timetable().start(stamp);
+    const double start_in_s = notice_s + scene.settings.h_s * static_cast<double>(ahead_steps);
     publish_frames(false, start_in_s, pace_.real_time_factor());
     PacedLoop<WorldStage> loop(Clock::now() + from_seconds(start_in_s), first_cycle_s_, Duration::zero(), stages_);
     measures.loop_begins(scheduling);
@@ -76,6 +79,7 @@ class RealtimeLoop : WorldLoop {
     measures.bodies().record_now(world);
     snapshots_.finish();
     close();
+    checkpoints.finish(world);
     Ending ended = ending();
     ended.fault = absent_at_end();
     if (all_gone()) ended.by = "fault";
@@ -237,6 +241,7 @@ class RealtimeLoop : WorldLoop {
     announce_pace(ports.status, pace_, cycle_s);
     yield_while_stuck();
     measures.bodies().record(world, to_seconds(loop.deadline() - Clock::now()));
+    checkpoints.observe(world, to_seconds(end - loop.woke()));
     snapshots_.renew(world, pace_.real_time_factor());
     ports.status.update(measures.state(world, pace_.real_time_factor()));
     end_cycle();

@@ -490,7 +490,7 @@ void World::balance() {
   double none_j = 0.0;
   const bool at_limit = stored_j > others_capacity_j(scene_, users_.size());
   operators_.flow(operators_j - operators_.net_j(), at_limit, none_j);
-  facts_.operators_created_j = operators_.created_j();
+  facts_.operators_created_j = created_before_j_ + operators_.created_j();
   if (users_.empty() || users_.front().report.stamp + remembered_ <= facts_.stamp) return;
   const double energy_j = energy_j_[users_.front().report.stamp % remembered_];
   facts_.energy_excess_j = std::max(facts_.energy_excess_j, energy_j - start_energy_j_ - given_j);

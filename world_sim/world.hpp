@@ -25,6 +25,8 @@
 
 namespace subworld {
 
+struct WorldCheckpoint;
+
 /// What can be seen of the world at one stamp.
 struct WorldView {
   double stamp_s = 0.0;
@@ -93,6 +95,9 @@ class World {
   /// Lets the world come to rest before t = 0, every proxy held by its coupling at its start pose. `progress` is called
   /// with the part done, 0 .. 1; returns early, false, when it returns false.
   bool settle(const std::function<bool(double)>& progress);
+  /// Instead of settle(), for a world of resumed_scene(): goes on at the checkpoint's stamp, with its accounts. The
+  /// users' accounts begin there.
+  void resume(const WorldCheckpoint& from);
 
   /// Keeps a report until the world reaches its stamp; one of the past is used late. Returns false for one that is too
   /// old, too far ahead or of a user that does not exist. The caller gets an older report for it, so that a reader need
@@ -261,10 +266,11 @@ class World {
   SharedIslands shared_;
   std::vector<const HapticReport*> reports_;  ///< by user, while shared islands are merged
   FrameMaker frames_;
-  std::vector<Heard> heard_;      ///< by user, while frames are made
-  std::vector<UserPull> pulls_;   ///< of the users that have been heard
-  std::vector<double> energy_j_;  ///< kinetic and potential, by stamp
-  EnergyPort operators_;          ///< of all users as one
+  std::vector<Heard> heard_;       ///< by user, while frames are made
+  std::vector<UserPull> pulls_;    ///< of the users that have been heard
+  std::vector<double> energy_j_;   ///< kinetic and potential, by stamp
+  EnergyPort operators_;           ///< of all users as one
+  double created_before_j_ = 0.0;  ///< by operators, before the world was resumed
   double start_energy_j_ = 0.0;
   double resting_j_ = 0.0;    ///< of what sleeps
   double of_bodies_j_ = 0.0;  ///< kinetic and potential, without the proxies' motion

@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <utility>
 
 namespace subworld {
@@ -118,7 +119,9 @@ void History::write_out() {
   const std::size_t head = head_.load(std::memory_order_acquire);
   if (!begun_ && (tail == head || held_.load())) return;
   const double first = ring_[(tail % format_.rows) * format_.width];
-  if (!std::exchange(begun_, true) && !(appends_.load() && tail != head && keep_rows(first))) {
+  if (!std::exchange(begun_, true) &&
+      !(appends_.load() && tail != head &&
+        keep_rows(goes_back_.load() ? std::numeric_limits<double>::infinity() : first))) {
     [[maybe_unused]] const int pipes_cannot = ftruncate(file_, 0);
     text_ = format_.head;
   }

@@ -78,6 +78,11 @@ class History {
   /// Before the first row: it follows those of a program that was killed, if the file has such rows and their first
   /// number is less. A last row that is not whole is dropped.
   void append() noexcept { appends_.store(true); }
+  /// The same where the first number may be any: the run has gone back to a checkpoint.
+  void append_all() noexcept {
+    goes_back_.store(true);
+    append();
+  }
   /// Writes all remaining rows. No row may follow.
   void finish();
 
@@ -106,7 +111,7 @@ class History {
   std::atomic<std::size_t> head_{0};  ///< rows written by the loop
   std::atomic<std::size_t> tail_{0};  ///< rows taken by the thread
   std::atomic<bool> stop_{false};
-  std::atomic<bool> held_{false}, appends_{false};
+  std::atomic<bool> held_{false}, appends_{false}, goes_back_{false};
   std::atomic<int> error_{0};  ///< the last errno of a write
   std::mutex mutex_;           ///< of hurried_
   std::condition_variable wake_;

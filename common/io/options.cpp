@@ -182,6 +182,15 @@ void add_bodies_options(CommandLine& line, Options& o) {
       .needs(bodies);
 }
 
+void add_checkpoint_options(CommandLine& line, Options& o) {
+  line.add("--checkpoint", &o.checkpoint_s,
+           "real time: simulated time from one checkpoint of the world to the next, written to --out; 0: none")
+      .range(0.0, 3600.0, "s");
+  line.add("--resume", &o.resume,
+           "real time: go on from a checkpoint file, or from the newest valid one in a folder of results")
+      .otherwise("start at t = 0");
+}
+
 namespace {
 
 /// Settings whose use depends on the machine (bench_wake_up measures it), of single programs: also by the environment.
@@ -323,6 +332,7 @@ int run_program(Program program, int argc, const char* const* argv,
     add_tuning(line, me.name, o);
     if (program == Program::world_sim) {
       add_bodies_options(line, o);
+      add_checkpoint_options(line, o);
       line.flag("--await-display", o.await_display, "start only when a display is there, so that it misses nothing");
     }
     if (display) {

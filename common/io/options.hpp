@@ -38,6 +38,8 @@ struct Options {
   std::string out;                       ///< folder for results; empty: none are written
   std::optional<std::string> bodies;     ///< world_sim: bodies to record; choose_bodies() reads it
   std::optional<double> bodies_rate_hz;  ///< world_sim: rate of that
+  double checkpoint_s = 0.5;             ///< world_sim: simulated time between checkpoints; 0: none
+  std::string resume;                    ///< world_sim: file or folder of the checkpoint to go on from; empty: none
   std::vector<int> cores;                ///< for all threads of the program; none: any
   double spin_s = 0.0;                   ///< haptic_sim, device_sim: spins instead of sleeping before a release
   std::string trace;                     ///< file for a trace of the loops; empty: none. Not of the display
@@ -77,6 +79,9 @@ void add_trace_option(CommandLine& line, Options& options);
 
 /// Adds --bodies and --bodies-rate.
 void add_bodies_options(CommandLine& line, Options& options);
+
+/// Adds --checkpoint and --resume.
+void add_checkpoint_options(CommandLine& line, Options& options);
 
 /// Runs a program's body and turns its exceptions into a message on stderr and an exit code.
 int guarded(const char* program, const std::function<int()>& body) noexcept;

@@ -34,6 +34,20 @@ struct BodyHistoryResult {
 };
 SUBWORLD_JSON(BodyHistoryResult, file, bodies, interval_s, rows, rows_dropped)
 
+/// Checkpoints of the world. `copy_s`: in the loop, of those cycles that copy the world; `cycle_share`: part of the
+/// time of all cycles that checkpoints take.
+struct CheckpointResult {
+  double interval_s = 0.0;
+  std::uint64_t written = 0, skipped = 0, failed = 0;
+  std::size_t bytes = 0;
+  double newest_s = 0.0;
+  MeanMax copy_s, write_s;
+  double cycle_share = 0.0;
+  std::string fault;
+};
+SUBWORLD_JSON(CheckpointResult, interval_s, written, skipped, failed, bytes, newest_s, copy_s, write_s, cycle_share,
+              fault)
+
 struct WorldRefused {
   std::uint64_t haptic_report = 0, scene = 0;
   std::string by;  ///< the programs that wrote them, as far as they are known
@@ -71,6 +85,8 @@ struct WorldResult {
   double settle_wall_s = 0.0;
   std::uint64_t history_rows_dropped = 0, trace_events_dropped = 0;
   std::optional<BodyHistoryResult> body_history = {};
+  std::optional<CheckpointResult> checkpoints = {};
+  std::optional<double> resumed_from_s = {};
   std::string dds = {};
   EventCounts events = {};
   WorldRefused refused = {};
@@ -79,7 +95,7 @@ SUBWORLD_JSON(WorldResult, bodies, cycles, ratio, ratio_changes, substeps, integ
               late_by_os, late_by_run, woken_late_s, machine, step_s, stages, lateness_s, real_time_factor_min,
               real_time_factor_mean, slowed_s, stuck_s, released_j, operators_created_j, contact_slack_j, asleep_at_end,
               selections, lost_reports, refused_reports, absences, engine_changes, settle_wall_s, history_rows_dropped,
-              trace_events_dropped, body_history, dds, events, refused)
+              trace_events_dropped, body_history, checkpoints, resumed_from_s, dds, events, refused)
 
 /// The file of world_sim.
 struct WorldPart {

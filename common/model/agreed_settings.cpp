@@ -226,12 +226,13 @@ std::vector<NamedSetting> settings_of(const Body& body) {
   return std::move(list).take();
 }
 
-std::string difference(std::span<const NamedSetting> own, std::span<const NamedSetting> world, std::size_t named) {
+std::string difference(std::span<const NamedSetting> own, std::span<const NamedSetting> world, std::size_t named,
+                       const char* where) {
   std::map<std::string_view, std::string_view> others;
   for (const NamedSetting& setting : world) others.emplace(setting.name, setting.value);
   std::vector<std::string> different;
   const auto compare = [&](std::string_view name, std::string_view value, std::string_view other) {
-    if (value != other) different.push_back(fmt::format("{} is {}, in the world {}", name, value, other));
+    if (value != other) different.push_back(fmt::format("{} is {}, {} {}", name, value, where, other));
   };
   for (const NamedSetting& setting : own) {
     const auto other = others.find(setting.name);

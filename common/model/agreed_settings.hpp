@@ -24,9 +24,9 @@ struct NamedSetting {
 [[nodiscard]] std::vector<NamedSetting> settings_of(const Body& body);
 
 /// How settings differ from the world's, for an error text: "settings.ratio is 8, in the world 4"; empty: not at all.
-/// Of several differences the first `named` are named.
+/// Of several differences the first `named` are named. `where` the others are.
 [[nodiscard]] std::string difference(std::span<const NamedSetting> own, std::span<const NamedSetting> world,
-                                     std::size_t named = 3);
+                                     std::size_t named = 3, const char* where = "in the world");
 
 /// Hash of agreed_settings(). FNV-1a of 64 bits, equal on every machine.
 [[nodiscard]] std::uint64_t settings_hash(const Scene& scene);

@@ -37,8 +37,9 @@ std::string quoted(const std::string& word) {
 }
 
 /// Options of a command line that belong to one program of a run, or to its host.
-constexpr std::array<std::string_view, 10> kOwnOptions{"--out",  "--bodies",    "--bodies-rate", "--trace", "--core",
-                                                       "--spin", "--interface", "--peers",       "--dds",   "--qos"};
+constexpr std::array<std::string_view, 12> kOwnOptions{"--out",       "--bodies", "--bodies-rate", "--checkpoint",
+                                                       "--resume",    "--trace",  "--core",        "--spin",
+                                                       "--interface", "--peers",  "--dds",         "--qos"};
 constexpr std::array<std::string_view, 4> kHostOptions{"--interface", "--peers", "--dds", "--qos"};
 
 /// The command that starts a program of the run of this world, on the same host.
