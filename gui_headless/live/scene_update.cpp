@@ -27,7 +27,7 @@ class CdrText {
     std::memcpy(raw.data(), &value, sizeof value);
     bytes_.insert(bytes_.end(), raw.begin(), raw.end());
   }
-  void put(std::string_view text) {
+  void put_text(std::string_view text) {
     put(static_cast<std::uint32_t>(text.size() + 1));
     bytes_.insert(bytes_.end(), text.begin(), text.end());
     bytes_.push_back(0);
@@ -174,8 +174,8 @@ void put_arrows(CdrText& cdr, std::span<const UserView> users, std::span<const B
 
 void begin_entity(CdrText& cdr, std::string_view id, std::uint64_t time_ns) {
   cdr.put_time(time_ns);
-  cdr.put("world");
-  cdr.put(id);
+  cdr.put_text("world");
+  cdr.put_text(id);
   cdr.put(std::int32_t{0});  // lifetime: until it is replaced
   cdr.put(std::uint32_t{0});
   cdr.put(std::uint8_t{0});   // frame_locked

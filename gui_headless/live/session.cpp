@@ -90,6 +90,7 @@ void Session::answer_request() {
     return refuse(http::status::bad_request,
                   fmt::format("offer the WebSocket subprotocol {} or {}", kProtocols[0], kProtocols[1]));
   }
+  if (buffer_.size() > 0) return refuse(http::status::bad_request, "wait for the answer before sending messages");
   if (host_.full()) return refuse(http::status::service_unavailable, "too many viewers are connected");
   accept(protocol);
 }
@@ -121,7 +122,6 @@ void Session::accept(std::string_view protocol) {
   stream_.async_accept(parser_->get(), [self = shared_from_this()](beast::error_code fault) {
     if (fault) return self->end();
     self->parser_.reset();
-    self->buffer_.clear();
     self->open_ = true;
     self->host_.opened(*self);
     self->read();
@@ -144,7 +144,7 @@ void Session::read() {
 
 void Session::send_control(std::string text) {
   if (!open_ || closing_) return;
-  if (!outbox_.add_control(std::move(text))) return abort();
+  if (!outbox_.add_control(std::move(text))) return reset();
   write();
 }
 
@@ -177,7 +177,7 @@ void Session::write() {
 
 void Session::inspect(Clock::time_point now) {
   if (!open_) return;
-  if (writing_ && now - write_began_ > kStuck) return abort();
+  if (writing_ && now - write_began_ > kStuck) return reset();
   if (outbox_.dropped() == told_drops_ || closing_) return;
   const std::uint64_t more = outbox_.dropped() - told_drops_;
   told_drops_ = outbox_.dropped();
@@ -193,6 +193,12 @@ void Session::close(websocket::close_code code, const std::string& reason) {
   if (!open_) return abort();
   if (std::exchange(closing_, true)) return;
   stream_.async_close({code, reason}, [self = shared_from_this()](beast::error_code) { self->end(); });
+}
+
+void Session::reset() noexcept {
+  boost::system::error_code ignored;
+  beast::get_lowest_layer(stream_).socket().set_option(asio::socket_base::linger(true, 0), ignored);
+  abort();
 }
 
 void Session::abort() noexcept {

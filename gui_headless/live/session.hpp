@@ -52,8 +52,6 @@ class Session : public std::enable_shared_from_this<Session> {
   /// Once in a while: tells the client of dropped samples, and ends a connection whose client does not read.
   void inspect(Clock::time_point now);
   void close(websocket::close_code code, const std::string& reason);
-  /// Without a word.
-  void abort() noexcept;
 
   [[nodiscard]] bool is_open() const noexcept { return open_; }
 
@@ -66,6 +64,10 @@ class Session : public std::enable_shared_from_this<Session> {
   void read();
   void write();
   void end();
+  /// Closes the socket. What is written is sent.
+  void abort() noexcept;
+  /// The same, but what the client has not taken is dropped, which frees its memory in the kernel.
+  void reset() noexcept;
 
   websocket::stream<beast::tcp_stream> stream_;
   Host& host_;
