@@ -17,7 +17,7 @@ struct ServerConfig {
 };
 
 /// Serves the topics of a run to viewers, by the Foxglove WebSocket protocol. Works in a thread of its own, to which
-/// the caller's functions only hand data over. Whatever a client does, and whatever fails in that thread, stays there.
+/// the caller's functions only pass data. Whatever a client does, and whatever fails in that thread, stays there.
 class Server {
  public:
   /// Listens from now on. The bus must outlive the server. Throws `Error` (failed) where it cannot listen.

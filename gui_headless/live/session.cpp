@@ -178,14 +178,14 @@ void Session::write() {
 void Session::inspect(Clock::time_point now) {
   if (!open_) return;
   if (writing_ && now - write_began_ > kStuck) return reset();
-  if (outbox_.dropped() == told_drops_ || closing_) return;
-  const std::uint64_t more = outbox_.dropped() - told_drops_;
-  told_drops_ = outbox_.dropped();
+  if (outbox_.dropped() == reported_drops_ || closing_) return;
+  const std::uint64_t more = outbox_.dropped() - reported_drops_;
+  reported_drops_ = outbox_.dropped();
   send_control(
       status_text(Level::warning,
                   fmt::format("this client reads too slowly: {} messages were dropped, {} in total; the newest "
                               "of each topic are sent",
-                              more, told_drops_),
+                              more, reported_drops_),
                   "dropped"));
 }
 

@@ -78,7 +78,7 @@ class Session : public std::enable_shared_from_this<Session> {
   std::optional<Outbox::Message> writing_;
   std::array<std::uint8_t, 13> header_{};
   Clock::time_point write_began_;
-  std::uint64_t told_drops_ = 0;
+  std::uint64_t reported_drops_ = 0;
   bool open_ = false;
   bool closing_ = false;
   bool ended_ = false;

@@ -238,7 +238,7 @@ def flooded(address, copies):
 
 
 async def slow(address):
-    """A client that pauses is told how much it has missed, and then gets the newest samples."""
+    """A client that pauses is sent the number of samples that it has missed."""
     connection = flooded(address, 90)
     time.sleep(5)
     begin, text = time.monotonic(), b""
