@@ -105,6 +105,7 @@ std::vector<Sample> Sources::newest(const Channel& channel) const {
   if (is_scene(channel) && scene_bytes_) samples.push_back({0, wall_time_ns(), scene_bytes_});
   if (const auto at = open_.find(channel.id); at != open_.end())
     for (const auto& [key, sample] : at->second.newest) samples.push_back(sample);
+  std::ranges::sort(samples, {}, &Sample::time_ns);
   return samples;
 }
 
@@ -131,10 +132,11 @@ void Sources::poll(const Deliver& deliver) {
 
 void Sources::poll_topic(const Channel& channel, Open& open, const Deliver& deliver) {
   std::map<std::uint64_t, Sample> arrived;
+  const std::uint64_t now = wall_time_ns();
   std::vector<std::uint8_t> cdr;
   while (open.observer->receive(cdr)) {
     const std::uint64_t key = is_event(channel) ? kEvent | events_++ : key_of(*channel.row, cdr);
-    arrived[key] = {key, wall_time_ns(), std::make_shared<const std::vector<std::uint8_t>>(std::move(cdr))};
+    arrived[key] = {key, now, std::make_shared<const std::vector<std::uint8_t>>(std::move(cdr))};
     cdr = {};
   }
   for (const auto& [key, sample] : arrived) {
