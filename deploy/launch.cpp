@@ -99,7 +99,8 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
 std::string viewers_text(const LiveOptions& live) {
   if (*live.port == 0) return "logs/gui_headless.log has the address";
   const bool v6 = live.address.find(':') != std::string::npos;
-  return fmt::format("open ws://{}:{} in Lichtblick or Foxglove", v6 ? "[" + live.address + "]" : live.address, *live.port);
+  return fmt::format("open ws://{}:{} in Lichtblick or Foxglove", v6 ? "[" + live.address + "]" : live.address,
+                     *live.port);
 }
 
 /// Takes a tenth of the run, at most a second, before any program of the run starts.
