@@ -79,6 +79,10 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (!options.trace.empty() && program != "gui_headless")
       flags.insert(flags.end(), {"--trace", trace_part(options.out, label)});
     if (request.gui && program == "world_sim") flags.emplace_back("--await-display");
+    if (program == "gui_headless") {
+      const std::vector<std::string> live = live_flags_of(options.live);
+      flags.insert(flags.end(), live.begin(), live.end());
+    }
     if (options.bodies && program == "world_sim") flags.insert(flags.end(), {"--bodies", *options.bodies});
     if (options.bodies_rate_hz && program == "world_sim")
       flags.insert(flags.end(), {"--bodies-rate", fmt::format("{}", *options.bodies_rate_hz)});
@@ -109,6 +113,13 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (users > 1) ++position;  // with mixed, users have different pairs of vendors
   }
   if (request.gui) start("gui_headless", -1, false);
+}
+
+std::string viewers_text(const LiveOptions& live) {
+  if (*live.port == 0) return "logs/gui_headless.log has the address";
+  const bool v6 = live.address.find(':') != std::string::npos;
+  return fmt::format("open ws://{}:{} in Lichtblick or Foxglove", v6 ? "[" + live.address + "]" : live.address,
+                     *live.port);
 }
 
 /// Takes a tenth of the run, at most a second, before any program of the run starts.
@@ -220,6 +231,7 @@ int run(const RunRequest& request) {
   const int domain = claim_domain(request.domain, domain_lock);
   fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", run.scene.file,
              run.realtime() ? "real time" : "lock-step", settings.duration_s, domain, options.out);
+  if (options.live.port) fmt::print("subworld: viewers: {}\n", viewers_text(options.live));
   if (settings.users > 1) fmt::print("subworld: {} users; {}\n", settings.users, user_limit(domain));
   if (run.realtime()) share_cores(options, run.scene);
   run.command_line = request.command_line;

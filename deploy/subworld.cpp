@@ -58,6 +58,8 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement, std
   add_domain(line, request.domain).otherwise("the first from 100 down to 60 that no other run on this host uses");
   add_out(line, request.options, "folder for results").otherwise("a new out/SCENE-TIME");
   line.flag("--gui", request.gui, "also start the display, which writes a picture");
+  add_live_options(line, request.options.live,
+                   "also start the display, and serve the run to Lichtblick and Foxglove on this TCP port");
   add_bodies_options(line, request.options);
   add_checkpoint_options(line, request.options);
   add_trace_option(line, request.options);
@@ -287,6 +289,10 @@ int main_of(int argc, char** argv) {
     request.restart = restart == "always"       ? Restart::always
                       : restart == "on-failure" ? Restart::on_failure
                                                 : Restart::never;
+    request.gui |= request.options.live.port.has_value();
+    check_live_options(request.options.live);
+    // For the display; on its command line others could read the token.
+    if (const std::string& token = request.options.live.token; !token.empty()) setenv(kTokenVariable, token.c_str(), 1);
     return run(request);
   }
   if (link_command.chosen()) return run_link(link_request);

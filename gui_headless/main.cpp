@@ -1,5 +1,6 @@
 #include "display.hpp"
 #include "io/results.hpp"
+#include "live/server.hpp"
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
@@ -11,7 +12,7 @@ namespace subworld {
 namespace {
 
 /// Follows the world until it stops or a signal requests a stop. Throws `Error` (failed) if no world is found.
-void follow(DisplayPorts& ports, Display& display, const Options& options) {
+void follow(DisplayPorts& ports, Display& display, live::Server* viewers, const Options& options) {
   ports.status.enter("waiting");
   SceneDescription description;
   WorldSnapshot snapshot;
@@ -24,6 +25,7 @@ void follow(DisplayPorts& ports, Display& display, const Options& options) {
     while (ports.statuses.take(status) == Take::sample)
       stopping |= status.program == ProgramKind::world_sim && status.state == "stopping";
     if (ports.scene.take(description) == Take::sample) {
+      if (viewers != nullptr) viewers->describe(description);
       display.describe(std::move(description));
       ports.status.enter("running");
     }
@@ -37,13 +39,25 @@ void follow(DisplayPorts& ports, Display& display, const Options& options) {
                                                 options.network.domain, options.wait_s));
     }
     if (display.described() && absent_s > 1.0) return;
-    if (options.picture_every_s > 0.0 && display.snapshots() > 0 &&
-        display.time_s() >= next_picture_s) {
+    if (options.picture_every_s > 0.0 && display.snapshots() > 0 && display.time_s() >= next_picture_s) {
       display.write_picture(fmt::format("{}/picture_{:08.3f}.png", options.out, display.time_s()));
       next_picture_s += options.picture_every_s;
     }
     ports.status.update({display.time_s(), display.snapshots()});
   }
+}
+
+/// Empty where viewers are not served. Throws `Error`.
+std::unique_ptr<live::Server> serve_viewers(const LiveOptions& wanted, const Scene& scene, const Bus& bus) {
+  if (!wanted.port) return {};
+  auto server = std::make_unique<live::Server>(live::ServerConfig{.address = wanted.address,
+                                                                  .port = *wanted.port,
+                                                                  .token = wanted.token,
+                                                                  .name = scene.name,
+                                                                  .users = scene.settings.users},
+                                               bus);
+  fmt::print("gui_headless: viewers: open {} in Lichtblick or Foxglove\n", server->address());
+  return server;
 }
 
 }  // namespace
@@ -58,7 +72,10 @@ int main(int argc, char** argv) {
     watch_stop_signals(kLongestEnd_s);
     DisplayPorts ports(options, scene);
     fmt::print("gui_headless: {}\n", ports.bus->effective_settings());
-    follow(ports, display, options);
+    {
+      const auto viewers = serve_viewers(options.live, scene, *ports.bus);
+      follow(ports, display, viewers.get(), options);
+    }
     ports.status.enter("stopping");
     if (display.snapshots() == 0) {
       if (stop_signal() != 0) return;

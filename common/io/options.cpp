@@ -51,6 +51,7 @@ const About& about(Program program) {
       {"gui_headless", "Watches a run without a window and writes a picture of it.",
        "Examples:\n"
        "  gui_headless deploy/scenes/heap.yaml --out out/heap\n"
+       "  gui_headless heap --live 8765                       # then open ws://127.0.0.1:8765 in Lichtblick\n"
        "On two hosts, this one with interface eth0, 10.0.0.1 with the world:\n"
        "  gui_headless heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --out "
        "out\n"}};
@@ -338,8 +339,11 @@ int run_program(Program program, int argc, const char* const* argv,
     if (display) {
       line.add("--picture-every", &o.picture_every_s, "a picture also each so many simulated seconds; 0: only the last")
           .range(0.0, 1e6, "s");
+      add_live_options(line, o.live,
+                       "serves the run to Lichtblick, Foxglove and other viewers on this TCP port; 0: any free one");
     }
     if (const auto code = line.parse(argc, argv)) return *code;
+    check_live_options(o.live);
     end_at_stop_signals();
     raise_open_files();
     if (!o.cores.empty() && !keep_to_cores(o.cores))

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "io/command_line.hpp"
+#include "io/live_options.hpp"
 #include "model/network.hpp"
 #include "model/scene.hpp"
 
@@ -47,6 +48,7 @@ struct Options {
   double wait_s = 30.0;                  ///< for the other programs
   std::vector<Option> shared = {};       ///< those that all programs of a run have
   double picture_every_s = 0.0;          ///< gui_headless
+  LiveOptions live = {};                 ///< gui_headless
   bool await_display = false;            ///< world_sim: starts when a display is there
 };
 

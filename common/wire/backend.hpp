@@ -46,7 +46,10 @@ class EventSink {
 struct EndpointSpec {
   TopicSpec topic;
   Qos qos;
-  std::string partition;  ///< empty: the default one
+  std::string partition;        ///< empty: the default one
+  EventSink* events = nullptr;  ///< instead of that of the back end
+
+  [[nodiscard]] EventSink& events_or(EventSink& usual) const noexcept { return events != nullptr ? *events : usual; }
 };
 
 inline constexpr const char* kUnknownKey = "for a user or a program that does not exist";

@@ -3,6 +3,7 @@
 #include "wire/backend.hpp"
 #include "wire/codec.hpp"
 #include "wire/event_text.hpp"
+#include "wire/observer.hpp"
 #include "wire/plugin.hpp"
 
 #include <fmt/format.h>
@@ -208,6 +209,29 @@ std::string AnyReader::sender_program() const { return impl_->backend->program_o
 int AnyReader::matched() const noexcept { return impl_->backend->matched(); }
 int AnyReader::alive_writers() const noexcept { return impl_->backend->alive_writers(); }
 std::uint64_t AnyReader::received_bytes() const noexcept { return impl_->bytes; }
+
+struct Observer::Impl {
+  /// What an observer misses is no event of the run, and its samples wake no loop.
+  struct Unheard final : wire::EventSink {
+    void report(wire::Event, std::uint64_t, const char*, const char*, const char*) noexcept override {}
+    void wake() noexcept override {}
+  };
+  Unheard events;
+  std::unique_ptr<wire::BackendReader> backend;
+  std::uint64_t writer = 0;
+};
+
+Observer::Observer(const Bus& bus, std::size_t topic, const std::string& partition) : impl_(std::make_unique<Impl>()) {
+  wire::EndpointSpec spec = bus.impl_->spec(topic, partition);
+  spec.qos = {.depth = kNewestOfSeveral, .lease_s = spec.qos.lease_s};
+  spec.events = &impl_->events;
+  impl_->backend = bus.impl_->backend->create_reader(spec);
+}
+Observer::Observer(Observer&&) noexcept = default;
+Observer& Observer::operator=(Observer&&) noexcept = default;
+Observer::~Observer() = default;
+bool Observer::receive(std::vector<std::uint8_t>& cdr) noexcept { return impl_->backend->take(cdr, impl_->writer); }
+int Observer::matched() const noexcept { return impl_->backend->matched(); }
 
 Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
   impl_->config = config;

@@ -179,6 +179,7 @@ class Bus {
  private:
   friend class AnyWriter;
   friend class AnyReader;
+  friend class Observer;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -64,7 +64,7 @@ class CycloneBackend final : public Backend {
   std::unique_ptr<BackendReader> create_reader(const EndpointSpec& spec) override {
     const dds_entity_t subscriber =
         require(dds_create_subscriber(participant_, partition(spec).get(), nullptr), "subscriber");
-    return std::make_unique<CycloneReader>(subscriber, topic(spec.topic), spec, peers_, events_);
+    return std::make_unique<CycloneReader>(subscriber, topic(spec.topic), spec, peers_, spec.events_or(events_));
   }
 
  private:

@@ -95,7 +95,7 @@ class FastBackend final : public Backend {
     qos.reliability().max_blocking_time = duration(1.0);
     dds::TopicDescription* from = topic(spec.topic);
     if (spec.topic.key_words > 0) from = filtered(spec.topic);
-    return std::make_unique<FastReader>(participant_, subscriber, from, spec, qos, peers_, events_);
+    return std::make_unique<FastReader>(participant_, subscriber, from, spec, qos, peers_, spec.events_or(events_));
   }
 
  private:

@@ -1,0 +1,47 @@
+#pragma once
+
+#include "sources.hpp"
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+/// Messages of the Foxglove WebSocket protocol: JSON texts, and binary messages with samples.
+namespace subworld::live {
+
+/// In the order in which the server prefers them.
+inline constexpr std::array<std::string_view, 2> kProtocols{"foxglove.sdk.v1", "foxglove.websocket.v1"};
+
+enum class Level : std::uint8_t { info, warning, error };
+
+[[nodiscard]] std::string server_info_text(const std::string& name, const std::string& session);
+[[nodiscard]] std::string advertise_text(const std::vector<Channel>& channels);
+/// A status with an `id` replaces the earlier one of that id.
+[[nodiscard]] std::string status_text(Level level, const std::string& message, const std::string& id = {});
+/// What precedes the bytes of a sample.
+[[nodiscard]] std::array<std::uint8_t, 13> data_header(std::uint32_t subscription, std::uint64_t time_ns) noexcept;
+
+struct Subscription {
+  std::uint32_t id = 0;
+  std::uint32_t channel = 0;
+};
+struct Subscribe {
+  std::vector<Subscription> subscriptions;
+};
+struct Unsubscribe {
+  std::vector<std::uint32_t> subscriptions;
+};
+/// A message without effect, and the reason.
+struct Refused {
+  std::string why;
+};
+using Request = std::variant<Subscribe, Unsubscribe, Refused>;
+/// Reads a text message of a client.
+[[nodiscard]] Request parse_request(std::string_view text);
+
+}  // namespace subworld::live

@@ -1,0 +1,221 @@
+#include "server.hpp"
+
+#include "model/error.hpp"
+#include "session.hpp"
+#include "sources.hpp"
+
+#include <fmt/format.h>
+#include <signal.h>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+
+#include <algorithm>
+#include <random>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+namespace subworld::live {
+namespace {
+
+namespace asio = boost::asio;
+using asio::ip::tcp;
+
+constexpr std::size_t kMostClients = 32, kMostConnections = 64, kMostSubscriptions = 1024;
+constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / 60};  // the highest rate of a channel
+constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewell{500}, kRetry{100};
+
+std::string random_session() {
+  std::random_device source;
+  return fmt::format("{:08x}{:08x}", source(), source());
+}
+
+tcp::acceptor open_acceptor(asio::io_context& io, const ServerConfig& config) {
+  boost::system::error_code fault;
+  const auto address = asio::ip::make_address(config.address, fault);
+  tcp::acceptor acceptor(io);
+  const tcp::endpoint endpoint(address, static_cast<std::uint16_t>(config.port));
+  if (!fault) acceptor.open(endpoint.protocol(), fault);
+  if (!fault) acceptor.set_option(asio::socket_base::reuse_address(true), fault);
+  if (!fault) acceptor.bind(endpoint, fault);
+  if (!fault) acceptor.listen(asio::socket_base::max_listen_connections, fault);
+  if (fault) {
+    throw Error(ExitCode::failed,
+                fmt::format("cannot serve viewers on {} port {}: {}; choose another --live PORT or --listen ADDRESS",
+                            config.address, config.port, fault.message()));
+  }
+  return acceptor;
+}
+
+}  // namespace
+
+struct Server::Parts final : Host {
+  Parts(const ServerConfig& wanted, const Bus& bus)
+      : config(wanted),
+        sources(bus, wanted.users),
+        acceptor(open_acceptor(io, wanted)),
+        accept_again(io),
+        tick(io),
+        farewell(io) {
+    const tcp::endpoint own = acceptor.local_endpoint();
+    const std::string host = own.address().to_string();
+    address = fmt::format("ws://{}:{}", own.address().is_v6() ? "[" + host + "]" : host, own.port());
+    accept();
+    schedule(kIdlePeriod);
+    // Signals go to the main thread.
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    thread = std::thread([this] { work(); });
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  }
+
+  ~Parts() override {
+    asio::post(io, [this] { leave(); });
+    thread.join();
+  }
+
+  void work() noexcept {
+    for (;;) {
+      try {
+        io.run();
+        return;
+      } catch (const std::exception& fault) {
+        fmt::print(stderr, "gui_headless: viewers: {}\n", fault.what());
+      }
+    }
+  }
+
+  void accept() {
+    acceptor.async_accept([this](boost::system::error_code fault, tcp::socket socket) {
+      if (leaving) return;
+      if (fault) {  // as where no file is left to open
+        accept_again.expires_after(kRetry);
+        return accept_again.async_wait([this](boost::system::error_code) {
+          if (!leaving) accept();
+        });
+      }
+      accept();
+      if (sessions.size() >= kMostConnections) return;
+      sessions.push_back(std::make_shared<Session>(std::move(socket), *this));
+      sessions.back()->start();
+    });
+  }
+
+  void schedule(std::chrono::nanoseconds period) {
+    tick.expires_after(period);
+    tick.async_wait([this](boost::system::error_code fault) {
+      if (fault || leaving) return;
+      schedule(subscribers > 0 ? kPeriod : std::chrono::nanoseconds(kIdlePeriod));
+      if (subscribers > 0) sources.poll(deliver);
+      if (const auto now = Session::Clock::now(); now >= next_inspection) {
+        next_inspection = now + kInspection;
+        for (const auto& session : std::vector(sessions)) session->inspect(now);
+      }
+    });
+  }
+
+  void leave() {
+    leaving = true;
+    boost::system::error_code ignored;
+    acceptor.close(ignored);
+    tick.cancel();
+    accept_again.cancel();
+    for (const auto& session : std::vector(sessions))
+      session->close(websocket::close_code::going_away, "the run ended");
+    farewell.expires_after(sessions.empty() ? std::chrono::milliseconds(0) : kFarewell);
+    farewell.async_wait([this](boost::system::error_code) { io.stop(); });
+  }
+
+  [[nodiscard]] const std::string& token() const override { return config.token; }
+  [[nodiscard]] bool full() const override {
+    return std::ranges::count_if(sessions, [](const auto& one) { return one->is_open(); }) >=
+           static_cast<std::ptrdiff_t>(kMostClients);
+  }
+
+  void opened(Session& session) override {
+    session.send_control(server_info_text(fmt::format("Subworld: {}", config.name), session_id));
+    session.send_control(advertise_text(sources.channels()));
+  }
+
+  void requested(Session& session, const Request& request) override {
+    if (const auto* wanted = std::get_if<Subscribe>(&request)) {
+      for (const Subscription& one : wanted->subscriptions) subscribe(session, one);
+    } else if (const auto* ended = std::get_if<Unsubscribe>(&request)) {
+      for (const std::uint32_t id : ended->subscriptions) unsubscribe(session, id);
+    } else {
+      session.send_control(status_text(Level::error, std::get<Refused>(request).why));
+    }
+  }
+
+  void subscribe(Session& session, const Subscription& wanted) {
+    const auto refuse = [&](const std::string& why) {
+      session.send_control(status_text(Level::error, fmt::format("subscription {}: {}", wanted.id, why)));
+    };
+    const Channel* channel = sources.channel(wanted.channel);
+    if (channel == nullptr) return refuse(fmt::format("there is no channel {}", wanted.channel));
+    if (session.subscriptions.contains(wanted.id)) return refuse("this id is in use");
+    if (session.subscriptions.size() >= kMostSubscriptions) return refuse("too many subscriptions");
+    try {
+      sources.subscribe(*channel);
+    } catch (const std::exception& fault) {
+      return refuse(fault.what());
+    }
+    session.subscriptions[wanted.id] = wanted.channel;
+    if (subscribers++ == 0) tick.cancel(), schedule(kPeriod);
+    for (const Sample& sample : sources.newest(*channel)) session.send_data(wanted.id, sample);
+  }
+
+  void unsubscribe(Session& session, std::uint32_t id) {
+    const auto known = session.subscriptions.find(id);
+    if (known == session.subscriptions.end()) {
+      return session.send_control(status_text(Level::error, fmt::format("there is no subscription {}", id)));
+    }
+    sources.unsubscribe(*sources.channel(known->second));
+    --subscribers;
+    session.subscriptions.erase(known);
+    session.forget(id);
+  }
+
+  void closed(Session& session) override {
+    for (const auto& [id, channel] : session.subscriptions) {
+      sources.unsubscribe(*sources.channel(channel));
+      --subscribers;
+    }
+    session.subscriptions.clear();
+    std::erase_if(sessions, [&](const auto& one) { return one.get() == &session; });
+    if (leaving && sessions.empty()) io.stop();
+  }
+
+  const ServerConfig config;
+  const std::string session_id = random_session();
+  std::string address;
+  Sources sources;
+  int subscribers = 0;
+  bool leaving = false;
+  Session::Clock::time_point next_inspection;
+  asio::io_context io{1};
+  std::vector<std::shared_ptr<Session>> sessions;
+  tcp::acceptor acceptor;
+  asio::steady_timer accept_again, tick, farewell;
+  std::thread thread;
+  const Sources::Deliver deliver = [this](const Channel& channel, const Sample& sample) {
+    for (const auto& session : sessions)
+      for (const auto& [id, subscribed] : session->subscriptions)
+        if (subscribed == channel.id) session->send_data(id, sample);
+  };
+};
+
+Server::Server(const ServerConfig& config, const Bus& bus) : parts_(std::make_unique<Parts>(config, bus)) {}
+Server::~Server() = default;
+
+void Server::describe(const SceneDescription& scene) {
+  asio::post(parts_->io, [parts = parts_.get(), copy = std::make_shared<const SceneDescription>(scene)] {
+    parts->sources.describe(copy, parts->deliver);
+  });
+}
+
+const std::string& Server::address() const noexcept { return parts_->address; }
+
+}  // namespace subworld::live

@@ -1,0 +1,39 @@
+#pragma once
+
+#include "model/exchange.hpp"
+#include "wire/bus.hpp"
+
+#include <memory>
+#include <string>
+
+namespace subworld::live {
+
+struct ServerConfig {
+  std::string address = "127.0.0.1";  ///< IPv4 or IPv6, own
+  int port = 0;                       ///< 0: any free one
+  std::string token;                  ///< that clients must give; empty: none
+  std::string name;                   ///< of the scene
+  int users = 0;
+};
+
+/// Serves the topics of a run to viewers, by the Foxglove WebSocket protocol. Works in a thread of its own, to which
+/// the caller's functions only pass data. Whatever a client does, and whatever fails in that thread, stays there.
+class Server {
+ public:
+  /// Listens from now on. The bus must outlive the server. Throws `Error` (failed) where it cannot listen.
+  Server(const ServerConfig& config, const Bus& bus);
+  ~Server();
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+
+  /// The world, when it is known.
+  void describe(const SceneDescription& scene);
+  /// "ws://127.0.0.1:8765"
+  [[nodiscard]] const std::string& address() const noexcept;
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace subworld::live

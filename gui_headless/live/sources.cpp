@@ -1,0 +1,166 @@
+#include "sources.hpp"
+
+#include "scene_update.hpp"
+#include "schema.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <span>
+#include <string_view>
+#include <utility>
+
+namespace subworld::live {
+namespace {
+
+constexpr std::string_view kModule = "subworld::msg::";
+constexpr double kMostUpdateBytes_s = 20e6;  // a large scene is sent at a lower rate
+constexpr std::uint64_t kEvent = 1ULL << 63U;
+
+template <class M>
+Channel topic_channel(std::string topic, std::string partition = {}) {
+  const TopicSpec& spec = kTopicOf<M>;
+  return {0,
+          std::move(topic),
+          spec.type,
+          schema_of(wire_idl(), std::string(spec.type).substr(kModule.size())),
+          kTopicIndex<M>,
+          std::move(partition)};
+}
+
+std::vector<Channel> all_channels(int users) {
+  std::vector<Channel> channels{
+      topic_channel<SceneDescription>("/scene"),
+      topic_channel<WorldSnapshot>("/world_state"),
+      {0, "/scene_update", "foxglove::SceneUpdate", std::string(scene_update_schema()), {}, {}},
+      topic_channel<Status>("/status"),
+      topic_channel<Control>("/control"),
+      topic_channel<ControlReply>("/control_reply")};
+  for (int user = 0; user < users; ++user) {
+    const std::string name = fmt::format("/user_{}/", user);
+    channels.push_back(topic_channel<DeviceState>(name + "device_state", device_partition(user)));
+    channels.push_back(topic_channel<DeviceCommand>(name + "device_command", device_partition(user)));
+    channels.push_back(topic_channel<WorldFrame>(name + "world_frame", user_partition(user)));
+    channels.push_back(topic_channel<HapticReport>(name + "haptic_report", user_partition(user)));
+  }
+  for (std::size_t i = 0; i < channels.size(); ++i) channels[i].id = static_cast<std::uint32_t>(i + 1);
+  return channels;
+}
+
+bool is_scene(const Channel& channel) { return channel.row == kTopicIndex<SceneDescription>; }
+/// Whether each message counts, and none replaces an earlier one.
+bool is_event(const Channel& channel) {
+  return channel.row == kTopicIndex<Control> || channel.row == kTopicIndex<ControlReply>;
+}
+
+/// The key words of a sample; all programs of a run send little-endian.
+std::uint64_t key_of(std::size_t row, std::span<const std::uint8_t> cdr) {
+  constexpr std::size_t kHeader = 4;
+  const std::size_t bytes = 4 * std::min<std::size_t>(kTopics[row].key_words, 2);
+  std::uint64_t key = 0;
+  if (cdr.size() < kHeader + bytes) return key;
+  for (std::size_t i = 0; i < bytes; ++i) key |= static_cast<std::uint64_t>(cdr[kHeader + i]) << (8 * i);
+  return key;
+}
+
+}  // namespace
+
+std::uint64_t wall_time_ns() noexcept {
+  return static_cast<std::uint64_t>(
+      std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
+}
+
+Sources::Sources(const Bus& bus, int users) : bus_(bus), channels_(all_channels(users)) {}
+
+const Channel* Sources::channel(std::uint32_t id) const noexcept {
+  return id >= 1 && id <= channels_.size() ? &channels_[id - 1] : nullptr;
+}
+
+void Sources::subscribe(const Channel& channel) {
+  const auto [at, first] = open_.try_emplace(channel.id);
+  Open& open = at->second;
+  if (first && !is_scene(channel)) {
+    try {
+      open.observer.emplace(bus_, channel.row.value_or(kTopicIndex<WorldSnapshot>), channel.partition);
+    } catch (...) {
+      open_.erase(at);
+      throw;
+    }
+  }
+  if (first && !channel.row && scene_) {
+    states_ = scene_->states;
+    changed_ = true;
+  }
+  ++open.subscribers;
+}
+
+void Sources::unsubscribe(const Channel& channel) noexcept {
+  const auto at = open_.find(channel.id);
+  if (at != open_.end() && --at->second.subscribers == 0) open_.erase(at);
+}
+
+std::vector<Sample> Sources::newest(const Channel& channel) const {
+  std::vector<Sample> samples;
+  if (is_scene(channel) && scene_bytes_) samples.push_back({0, wall_time_ns(), scene_bytes_});
+  if (const auto at = open_.find(channel.id); at != open_.end())
+    for (const auto& [key, sample] : at->second.newest) samples.push_back(sample);
+  std::ranges::sort(samples, {}, &Sample::time_ns);
+  return samples;
+}
+
+void Sources::describe(std::shared_ptr<const SceneDescription> scene, const Deliver& deliver) {
+  scene_ = std::move(scene);
+  states_ = scene_->states;
+  changed_ = true;
+  Codec<SceneDescription> codec;
+  const auto cdr = codec.encode(*scene_);
+  scene_bytes_ = std::make_shared<const std::vector<std::uint8_t>>(cdr.begin(), cdr.end());
+  for (const Channel& channel : channels_)
+    if (is_scene(channel)) deliver(channel, {0, wall_time_ns(), scene_bytes_});
+}
+
+void Sources::poll(const Deliver& deliver) {
+  for (auto& [id, open] : open_) {
+    const Channel& channel = channels_[id - 1];
+    if (!channel.row)
+      poll_scene_update(channel, open, deliver);
+    else if (open.observer)
+      poll_topic(channel, open, deliver);
+  }
+}
+
+void Sources::poll_topic(const Channel& channel, Open& open, const Deliver& deliver) {
+  std::map<std::uint64_t, Sample> arrived;
+  const std::uint64_t now = wall_time_ns();
+  std::vector<std::uint8_t> cdr;
+  while (open.observer->receive(cdr)) {
+    const std::uint64_t key = is_event(channel) ? kEvent | events_++ : key_of(*channel.row, cdr);
+    arrived[key] = {key, now, std::make_shared<const std::vector<std::uint8_t>>(std::move(cdr))};
+    cdr = {};
+  }
+  for (const auto& [key, sample] : arrived) {
+    deliver(channel, sample);
+    if (!is_event(channel)) open.newest[key] = sample;
+  }
+}
+
+void Sources::poll_scene_update(const Channel& channel, Open& open, const Deliver& deliver) {
+  std::vector<std::uint8_t> cdr;
+  while (open.observer->receive(cdr)) {
+    if (!codec_.decode(cdr, snapshot_)) continue;
+    changed_ = true;
+    for (const StampedBody& moved : snapshot_.moved)
+      if (index(moved.id) < states_.size()) states_[index(moved.id)] = moved.state;
+  }
+  const std::uint64_t now = wall_time_ns();
+  if (!changed_ || !scene_ || now < next_update_ns_) return;
+  changed_ = false;
+  const auto bytes =
+      std::make_shared<const std::vector<std::uint8_t>>(scene_update(*scene_, states_, snapshot_.users, now));
+  next_update_ns_ = now + static_cast<std::uint64_t>(1e9 * static_cast<double>(bytes->size()) / kMostUpdateBytes_s);
+  open.newest[0] = {0, now, bytes};
+  deliver(channel, open.newest[0]);
+}
+
+}  // namespace subworld::live

@@ -1,0 +1,76 @@
+#pragma once
+
+#include "model/exchange.hpp"
+#include "outbox.hpp"
+#include "wire/codec.hpp"
+#include "wire/observer.hpp"
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace subworld::live {
+
+/// A stream of messages of one type; a topic, of one user where users have their own.
+struct Channel {
+  std::uint32_t id = 0;
+  std::string topic;
+  std::string type;  ///< as the schema names it
+  std::string schema;
+  std::optional<std::size_t> row;  ///< of `kTopicTable`; none: made here
+  std::string partition;
+};
+
+/// The channels, and the readers of those to which somebody subscribes. One thread.
+class Sources {
+ public:
+  using Deliver = std::function<void(const Channel&, const Sample&)>;
+
+  Sources(const Bus& bus, int users);
+
+  [[nodiscard]] const std::vector<Channel>& channels() const noexcept { return channels_; }
+  /// Null if there is none.
+  [[nodiscard]] const Channel* channel(std::uint32_t id) const noexcept;
+
+  /// Somebody subscribes to a channel: the first one opens its reader. Throws `Error` (middleware).
+  void subscribe(const Channel& channel);
+  /// One fewer; the last one closes the reader.
+  void unsubscribe(const Channel& channel) noexcept;
+  /// The newest sample of each key, for a client that joins.
+  [[nodiscard]] std::vector<Sample> newest(const Channel& channel) const;
+
+  /// The world as first received.
+  void describe(std::shared_ptr<const SceneDescription> scene, const Deliver& deliver);
+  /// Receives what has arrived and delivers the newest sample of each key.
+  void poll(const Deliver& deliver);
+
+ private:
+  struct Open {
+    int subscribers = 0;
+    std::optional<Observer> observer;  // none: of the scene
+    std::map<std::uint64_t, Sample> newest;
+  };
+  void poll_topic(const Channel& channel, Open& open, const Deliver& deliver);
+  void poll_scene_update(const Channel& channel, Open& open, const Deliver& deliver);
+
+  const Bus& bus_;
+  std::vector<Channel> channels_;
+  std::map<std::uint32_t, Open> open_;
+  std::shared_ptr<const SceneDescription> scene_;
+  Bytes scene_bytes_;
+  std::uint64_t events_ = 0;
+  // of the scene update
+  Codec<WorldSnapshot> codec_;
+  WorldSnapshot snapshot_;
+  std::vector<BodyState> states_;
+  bool changed_ = false;
+  std::uint64_t next_update_ns_ = 0;
+};
+
+/// Time since 1970, ns.
+[[nodiscard]] std::uint64_t wall_time_ns() noexcept;
+
+}  // namespace subworld::live

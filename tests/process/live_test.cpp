@@ -1,0 +1,136 @@
+#include "process/process_test.hpp"
+
+#include <memory>
+#include <regex>
+
+namespace subworld::test {
+namespace {
+
+/// A run with a display that serves viewers, and viewers written in Python. The run goes on until it is stopped.
+class Live : public ProcessTest {
+ protected:
+  void begin(const Words& flags = {}, const Environment& environment = {}) {
+    Words words{"--mode", "realtime", "--duration", "1000", "--live", "0"};
+    words.insert(words.end(), flags.begin(), flags.end());
+    run_ = std::make_unique<Process>(run_words(scene("row"), words), folder_.path(), environment);
+    const std::regex listens("open (ws://\\S+) in");
+    ASSERT_TRUE(eventually([&] {
+      std::smatch found;
+      const std::string log = display_log();
+      if (!std::regex_search(log, found, listens)) return false;
+      address_ = found[1];
+      return true;
+    })) << run_->err();
+  }
+
+  void view(const std::string& name, const Words& more = {}, const Environment& environment = {}) const {
+    Words words{"/usr/bin/python3", std::string(SOURCE_FOLDER) + "/tests/support/live_client/live_client.py", name,
+                address_};
+    words.insert(words.end(), more.begin(), more.end());
+    const TemporaryFolder folder;
+    Process viewer(words, folder.path(), environment);
+    EXPECT_EQ(viewer.wait(100.0).value_or(-1), 0) << viewer.err();
+  }
+
+  /// Whatever the viewers did, the run ends in order and has its picture.
+  void end() const {
+    const TemporaryFolder folder;
+    Process stop({program("subworld"), "control", "stop", "--domain", domain_.text()}, folder.path());
+    EXPECT_EQ(stop.wait().value_or(-1), 0) << stop.err();
+    EXPECT_EQ(run_->wait().value_or(-1), 0) << run_->err();
+    EXPECT_TRUE(std::filesystem::exists(out() + "/picture.png")) << display_log();
+    const std::string log = display_log();
+    EXPECT_EQ(log.find("error"), std::string::npos) << log;
+    EXPECT_EQ(log.find("viewers:"), log.rfind("viewers:")) << "a fault in the server: " << log;
+  }
+
+  [[nodiscard]] std::string display_log() const { return read_text(out() + "/logs/gui_headless.log"); }
+  [[nodiscard]] double memory_mb() const {
+    for (const Running& one : running(out())) {
+      if (!one.words.front().ends_with("gui_headless")) continue;
+      std::smatch found;
+      const std::string status = read_text("/proc/" + std::to_string(one.pid) + "/status");
+      if (std::regex_search(status, found, std::regex("VmRSS:\\s+(\\d+) kB"))) return std::stod(found[1]) / 1000.0;
+    }
+    ADD_FAILURE() << "no display";
+    return 0.0;
+  }
+
+  std::unique_ptr<Process> run_;
+  std::string address_;
+};
+
+class LiveProtocol : public Live, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(LiveProtocol, EveryTopicIsRead) {
+  begin({"--dds", "mixed"});
+  view("read_all", {GetParam()});
+  end();
+}
+
+INSTANTIATE_TEST_SUITE_P(Protocols, LiveProtocol, ::testing::Values("foxglove.sdk.v1", "foxglove.websocket.v1"),
+                         [](const auto& one) { return one.param == "foxglove.sdk.v1" ? "sdk" : "websocket"; });
+
+TEST_F(Live, SendsAtMost60SamplesASecond) {
+  begin();
+  view("rates");
+  end();
+}
+
+TEST_F(Live, AnswersOrEndsWrongClients) {
+  begin();
+  view("garbage");
+  end();
+}
+
+TEST_F(Live, OutlivesClientsThatComeAndGo) {
+  begin();
+  view("churn");
+  end();
+}
+
+TEST_F(Live, TellsASlowClientWhatItMissed) {
+  begin();
+  view("slow");
+  end();
+}
+
+TEST_F(Live, DisconnectsAClientThatDoesNotRead) {
+  begin();
+  const double before_mb = memory_mb();
+  view("stalled");
+  EXPECT_LT(memory_mb() - before_mb, 40.0);
+  end();
+}
+
+/// Viewers of all topics change no bit of a lock-step run.
+TEST_F(Live, ChangesNoResultInLockStep) {
+  const Words lockstep{"--mode", "lockstep", "--duration", "40"};
+  begin(lockstep);
+  view("read_all", {"foxglove.sdk.v1"});
+  EXPECT_EQ(run_->wait().value_or(-1), 0) << run_->err();
+  const std::string with_viewers = summary()["state_hash"];
+  EXPECT_EQ(run(scene("row"), lockstep).code, 0);
+  EXPECT_EQ(summary()["state_hash"], with_viewers);
+}
+
+TEST_F(Live, NeedsTheToken) {
+  const std::string token = "row-0123456789";
+  begin({"--listen", "127.0.0.2"}, {{"SUBWORLD_TOKEN", token}});
+  view("token", {}, {{"TOKEN", token}});
+  end();
+}
+
+TEST_F(Live, OtherHostsNeedAToken) {
+  const auto refused = [&](const Words& flags, const std::string& why) {
+    const Ended ended = run(scene("row"), flags);
+    EXPECT_EQ(ended.code, 2);
+    EXPECT_NE(ended.err.find(why), std::string::npos) << ended.err;
+  };
+  refused({"--live", "8765", "--listen", "0.0.0.0"}, "need a token");
+  refused({"--live", "8765", "--listen", "here"}, "IP address");
+  refused({"--live", "8765", "--token", "short"}, "12 characters");
+}
+
+}  // namespace
+}  // namespace subworld::test

@@ -1,0 +1,297 @@
+"""A viewer for tests: live_client.py CASE ADDRESS [PROTOCOL]. Ends with 0 if the server behaves as it should."""
+import asyncio
+import base64
+import errno
+import json
+import os
+import re
+import socket
+import struct
+import sys
+import time
+
+import websockets
+
+from idl import decode, parse
+
+PROTOCOLS = ["foxglove.sdk.v1", "foxglove.websocket.v1"]
+LIMIT_S = 40  # exceeded only by a fault
+
+
+class Viewer:
+    """A connection by the library `websockets`."""
+
+    def __init__(self, socket_):
+        self.socket, self.channels, self.topics, self.statuses = socket_, {}, {}, []
+
+    @staticmethod
+    async def open(address, protocols=PROTOCOLS):
+        viewer = Viewer(await websockets.connect(address, subprotocols=protocols, max_size=None))
+        viewer.info = json.loads(await viewer.socket.recv())
+        assert viewer.info["op"] == "serverInfo" and viewer.info["sessionId"], viewer.info
+        advertise = json.loads(await viewer.socket.recv())
+        assert advertise["op"] == "advertise", advertise
+        for channel in advertise["channels"]:
+            assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "omgidl"), channel
+            viewer.channels[channel["topic"]] = channel
+            viewer.topics[channel["id"]] = channel["topic"]
+            channel["types"] = parse(channel["schema"])
+        return viewer
+
+    async def send(self, **message):
+        await self.socket.send(json.dumps(message))
+
+    async def subscribe(self, *topics):
+        """The id of a subscription is that of its channel."""
+        ids = [self.channels[topic]["id"] for topic in topics]
+        await self.send(op="subscribe", subscriptions=[{"id": id_, "channelId": id_} for id_ in ids])
+
+    async def receive(self):
+        """A sample as (topic, time, decoded), or None for a status."""
+        message = await asyncio.wait_for(self.socket.recv(), LIMIT_S)
+        if isinstance(message, str):
+            self.statuses.append(json.loads(message))
+            return None
+        opcode, id_, time_ns = struct.unpack_from("<BIQ", message)
+        assert opcode == 1
+        channel = self.channels[self.topics[id_]]
+        return channel["topic"], time_ns, decode(channel["types"], channel["schemaName"], message[13:])
+
+    async def status(self):
+        while not self.statuses:
+            await self.receive()
+        return self.statuses.pop(0)
+
+
+def enough(topic, samples):
+    """Some samples, and where they have stamps, time has passed: the world may just be starting."""
+    if topic == "/scene":
+        return bool(samples)
+    stamps = [sample.get("stamp_s", 1) for _, sample in samples[:1] + samples[-1:]]
+    return len(samples) >= 5 and stamps[-1] > 0 and (topic != "/status" or {0, 1, 2} <= {
+        sample["program"] for _, sample in samples})
+
+
+async def read_all(address, protocol):
+    """Every topic arrives, its bytes fit its schema, and stamps advance."""
+    viewer = await Viewer.open(address, [protocol])
+    assert viewer.socket.subprotocol == protocol
+    wanted = [topic for topic in viewer.channels if not topic.startswith("/control")]
+    assert len(wanted) == 8, wanted
+    await viewer.subscribe(*wanted)
+    seen = {topic: [] for topic in wanted}
+    end = time.monotonic() + LIMIT_S
+    while any(not enough(topic, samples) for topic, samples in seen.items()):
+        assert time.monotonic() < end, {topic: len(samples) for topic, samples in seen.items()}
+        sample = await viewer.receive()
+        if sample:
+            seen[sample[0]].append(sample[1:])
+    for topic, samples in seen.items():
+        times = [time_ns for time_ns, _ in samples]
+        assert times == sorted(times), topic
+        stamps = [sample["stamp_s"] for _, sample in samples if "stamp_s" in sample]
+        assert stamps == sorted(stamps), (topic, stamps)
+        assert not stamps or stamps[0] < stamps[-1], (topic, stamps)
+        assert topic in ("/scene", "/scene_update", "/status") or len(stamps) > 4, topic
+    scene = seen["/scene"][0][1]
+    update = seen["/scene_update"][-1][1]
+    entities = {entity["id"]: entity for entity in update["entities"]}
+    assert set(entities) == {"fixed", "bodies", "forces"}, set(entities)
+    shown = sum(len(entities[id_][kind]) for id_ in ("fixed", "bodies") for kind in ("cubes", "spheres", "cylinders"))
+    assert shown == len(scene["bodies"]) == len(scene["states"]), (shown, len(scene["bodies"]))
+    assert all(status.get("id") == "dropped" for status in viewer.statuses), viewer.statuses  # a busy machine
+    # No sample comes after the end of a subscription; the answer to a wrong message marks the moment.
+    await viewer.send(op="unsubscribe", subscriptionIds=list(viewer.topics))
+    await viewer.send(op="marker")
+    while "marker" not in (await viewer.status())["message"]:
+        pass
+    try:
+        assert False, await asyncio.wait_for(viewer.socket.recv(), 0.5)
+    except asyncio.TimeoutError:
+        pass
+    await viewer.socket.close()
+
+
+async def rates(address):
+    """A topic of 1 kHz comes at 60 Hz at most, and the newest sample each time."""
+    viewer = await Viewer.open(address)
+    await viewer.subscribe("/user_0/device_state")
+    while not await viewer.receive():
+        pass
+    begin, count, stamps = time.monotonic(), 0, []
+    while time.monotonic() < begin + 2.0:
+        stamps.append((await viewer.receive())[2]["sequence_number"])
+        count += 1
+    assert 5 < count < 2.0 * 60 + 10, count
+    assert stamps[-1] - stamps[0] > 2 * count, (stamps[0], stamps[-1], count)
+    await viewer.socket.close()
+
+
+async def garbage(address):
+    """Wrong messages get an answer or end the connection; others are served all the same."""
+    good = await Viewer.open(address)
+    viewer = await Viewer.open(address)
+    assert viewer.info["sessionId"] == good.info["sessionId"]
+    ids = {"id": 1, "channelId": viewer.channels["/world_state"]["id"]}
+    wrong = [
+        "no JSON", "[]", "17", "null", "{}", '{"op": 3}', '{"op": "launch"}', "[" * 60000, '{"op":"subscribe"}',
+        '{"op":"subscribe","subscriptions":[{"id":-1,"channelId":1}]}',
+        '{"op":"subscribe","subscriptions":[{"id":1,"channelId":999}]}',
+        '{"op":"subscribe","subscriptions":[{"id":1e9,"channelId":{}}]}', '{"op":"unsubscribe","subscriptionIds":[5]}',
+        '{"op":"unsubscribe","subscriptionIds":{"a":1}}', b"\1\0\0\0\0hello", b"",
+        '{"op":"advertise","channels":[]}',
+    ]
+    for message in wrong:
+        await viewer.socket.send(message)
+        status = await viewer.status()
+        assert (status["op"], status["level"]) == ("status", 2) and status["message"], (message[:40], status)
+    await viewer.send(op="subscribe", subscriptions=[ids, ids])
+    assert "in use" in (await viewer.status())["message"]
+    await viewer.socket.send("x" * 100_000)
+    try:
+        while True:
+            await viewer.receive()
+    except websockets.ConnectionClosed as closed:
+        assert closed.code == 1009, closed
+    raw_garbage(address)
+    await good.subscribe("/world_state")
+    while not await good.receive():
+        pass
+    await good.socket.close()
+
+
+def place(address):
+    host, port = re.fullmatch(r"ws://([^:/]+):(\d+)", address).groups()
+    return host, int(port)
+
+
+def answer_to(address, request, message=b""):
+    """All that the server answers until it ends the connection. The message follows the answer to the request."""
+    with socket.create_connection(place(address), LIMIT_S) as connection:
+        connection.sendall(request)
+        answer = b""
+        try:
+            if message:
+                answer = connection.recv(65536)
+                connection.sendall(message)
+            while part := connection.recv(65536):
+                answer += part
+        except ConnectionResetError:
+            pass
+        return answer
+
+
+def upgrade(protocol="foxglove.sdk.v1", more="", path="/"):
+    key = base64.b64encode(os.urandom(16)).decode()
+    return (f"GET {path} HTTP/1.1\r\nHost: here\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n"
+            f"Sec-WebSocket-Protocol: {protocol}\r\n{more}\r\n").encode()
+
+
+def frame(payload, opcode=1, masked=True):
+    size = len(payload)
+    head = bytes([0x80 | opcode])
+    flag = 0x80 if masked else 0
+    head += bytes([flag | size]) if size < 126 else bytes([flag | 126]) + struct.pack(">H", size)
+    return head + (b"\0\0\0\0" if masked else b"") + payload
+
+
+def raw_garbage(address):
+    assert b" 426 " in answer_to(address, b"GET / HTTP/1.1\r\nHost: here\r\n\r\n")
+    assert b" 400 " in answer_to(address, b"\x16\x03\x01 no HTTP at all\r\n\r\n")
+    assert b" 400 " in answer_to(address, upgrade(protocol="chat"))
+    assert b" 400 " in answer_to(address, b"GET / HTTP/1.1\r\n" + b"x: " + b"y" * 20000 + b"\r\n\r\n")
+    for wrong in (frame(b"{}", masked=False), frame(b"", opcode=11), frame(b"\xff\xfe"), b"\xff" * 200,
+                  frame(b"x" * 200, opcode=9)):
+        begin = time.monotonic()
+        answer = answer_to(address, upgrade(), wrong)
+        assert b" 101 " in answer, answer[:80]
+        assert time.monotonic() - begin < 15, wrong  # an idle connection takes longer to end
+    assert b" 400 " in answer_to(address, upgrade() + frame(b"{}"))
+
+
+async def churn(address):
+    """Many clients come and go, in every state of a connection."""
+    host = place(address)
+    for turn in range(60):
+        if turn % 3 == 0:
+            socket.create_connection(host).close()
+            continue
+        viewer = await Viewer.open(address)
+        await viewer.subscribe(*viewer.channels)
+        if turn % 3 == 1:
+            viewer.socket.transport.abort()
+        else:
+            await viewer.receive()
+            await viewer.socket.close()
+    viewers = [await Viewer.open(address) for _ in range(20)]
+    for viewer in viewers:
+        await viewer.subscribe("/world_state", "/user_0/device_state")
+    for viewer in viewers:
+        while not await viewer.receive():
+            pass
+        await viewer.socket.close()
+
+
+def flooded(address, copies):
+    """A client that subscribes to everything several times over and does not read."""
+    connection = socket.socket()
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    connection.settimeout(LIMIT_S)
+    connection.connect(place(address))
+    connection.sendall(upgrade())
+    answer = connection.recv(64)
+    assert b" 101 " in answer, answer
+    wanted = [{"id": 100 * channel + copy, "channelId": channel} for channel in range(1, 11) for copy in range(copies)]
+    connection.sendall(frame(json.dumps({"op": "subscribe", "subscriptions": wanted}).encode()))
+    return connection
+
+
+async def slow(address):
+    """A client that pauses is sent the number of samples that it has missed."""
+    connection = flooded(address, 90)
+    time.sleep(5)
+    begin, text = time.monotonic(), b""
+    while b"messages were dropped" not in text:
+        assert time.monotonic() < begin + LIMIT_S
+        part = connection.recv(1 << 20)
+        assert part, "the server ends the connection"
+        text = text[-64:] + part
+
+
+async def stalled(address):
+    """A client that never reads is disconnected. Meanwhile another one is served."""
+    connection = flooded(address, 90)
+    viewer = await Viewer.open(address)
+    await viewer.subscribe("/user_0/device_state")
+    begin, last = time.monotonic(), None
+    while time.monotonic() < begin + 30:
+        before, sample = time.monotonic(), await viewer.receive()
+        if sample:
+            last = time.monotonic()
+        assert time.monotonic() - before < 5, "the other viewer waits"
+        if connection.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) == errno.ECONNRESET:  # shows without reading
+            break
+    else:
+        assert False, "not disconnected"
+    assert last and time.monotonic() - begin > 5
+    await viewer.socket.close()
+
+
+async def token(address):
+    """`TOKEN` of the environment is needed, in the address or in a header."""
+    right = os.environ["TOKEN"]
+    for more, path in (("", "/"), ("", "/?token=wrong"), (f"Authorization: Bearer {right}x\r\n", "/")):
+        answer = answer_to(address, upgrade(more=more, path=path))
+        assert b" 401 " in answer and b"token" in answer and right.encode() not in answer, answer[:200]
+    await (await Viewer.open(f"{address}/?token={right}")).socket.close()
+    headers = {"Authorization": f"Bearer {right}"}
+    await (await websockets.connect(address, subprotocols=PROTOCOLS, extra_headers=headers)).close()
+
+
+async def main():
+    case, rest = sys.argv[1], sys.argv[2:]
+    await globals()[case](*rest)
+
+
+asyncio.run(main())

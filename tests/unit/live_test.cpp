@@ -1,0 +1,113 @@
+#include "live/outbox.hpp"
+#include "live/protocol.hpp"
+#include "live/schema.hpp"
+
+#include "model/error.hpp"
+#include "wire/topics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <regex>
+#include <set>
+#include <string>
+
+namespace subworld::live {
+namespace {
+
+Sample sample(std::uint64_t key, std::size_t size, std::uint64_t time_ns = 0) {
+  return {key, time_ns, std::make_shared<const std::vector<std::uint8_t>>(size)};
+}
+
+TEST(Outbox, KeepsTheNewestSampleOfEachKey) {
+  Outbox box;
+  for (std::uint64_t i = 0; i < 1000; ++i) box.add_data(1, sample(i % 2, 100, i));
+  box.add_data(2, sample(0, 100, 7));
+  EXPECT_EQ(box.bytes(), 300U);
+  EXPECT_EQ(box.dropped(), 998U);
+  EXPECT_EQ(box.take()->data->sample.time_ns, 998U);
+  EXPECT_EQ(box.take()->data->sample.time_ns, 999U);
+  EXPECT_EQ(box.take()->data->subscription, 2U);
+  EXPECT_FALSE(box.take());
+  EXPECT_EQ(box.bytes(), 0U);
+}
+
+TEST(Outbox, DropsTheOldestSamplesWithoutRoom) {
+  Outbox box({.control_bytes = 100, .data_bytes = 1000});
+  for (std::uint64_t key = 0; key < 50; ++key) {
+    box.add_data(1, sample(key, 300, key));
+    EXPECT_LE(box.bytes(), 1000U);
+  }
+  EXPECT_EQ(box.dropped(), 47U);
+  EXPECT_EQ(box.take()->data->sample.time_ns, 47U);
+}
+
+TEST(Outbox, SendsASampleThatIsLargerThanItsRoom) {
+  Outbox box({.control_bytes = 100, .data_bytes = 1000});
+  box.add_data(1, sample(0, 5000));
+  box.add_data(1, sample(1, 6000, 1));
+  EXPECT_EQ(box.take()->data->sample.time_ns, 1U);
+  EXPECT_FALSE(box.take());
+}
+
+TEST(Outbox, LosesNoControlMessageAndSaysWhereItHasNoRoom) {
+  Outbox box({.control_bytes = 10, .data_bytes = 1000});
+  box.add_data(1, sample(0, 100));
+  EXPECT_TRUE(box.add_control("12345"));
+  EXPECT_TRUE(box.add_control("67890"));
+  EXPECT_FALSE(box.add_control("x"));
+  EXPECT_EQ(box.take()->text, "12345");
+  EXPECT_EQ(box.take()->text, "67890");
+  EXPECT_TRUE(box.take()->data);
+}
+
+TEST(Outbox, ForgetsASubscriptionThatEnds) {
+  Outbox box;
+  box.add_data(1, sample(0, 100));
+  box.add_data(2, sample(0, 100));
+  box.forget(1);
+  EXPECT_EQ(box.take()->data->subscription, 2U);
+  EXPECT_FALSE(box.take());
+}
+
+/// Each word that is used as a type is defined before.
+TEST(Schema, OfEachTopicIsSelfContained) {
+  const std::set<std::string> basic{"boolean", "octet", "double", "string", "unsigned", "long"};
+  for (const TopicSpec& topic : kTopics) {
+    const std::string name = std::string(topic.type).substr(std::string("subworld::msg::").size());
+    const std::string text = schema_of(wire_idl(), name);
+    EXPECT_NE(text.find("struct " + name + " {"), std::string::npos);
+    EXPECT_EQ(text.find("typedef"), std::string::npos) << name;
+    EXPECT_EQ(text.find("//"), std::string::npos) << name;
+    std::set<std::string> defined = basic;
+    static const std::regex kLine(R"(struct (\w+) \{|\n\s+(?:@key )?(?:sequence<)?(\w+)[^;{]*;)");
+    for (std::sregex_iterator at(text.begin(), text.end(), kLine), end; at != end; ++at) {
+      if ((*at)[1].matched)
+        defined.insert((*at)[1]);
+      else
+        EXPECT_TRUE(defined.contains((*at)[2])) << name << ": " << at->str();
+    }
+  }
+  EXPECT_EQ(schema_of(wire_idl(), "Control").find("Body"), std::string::npos) << "only what it needs";
+  EXPECT_THROW((void)schema_of(wire_idl(), "Contro"), Error);
+}
+
+TEST(Protocol, ReadsSubscriptions) {
+  const Request request = parse_request(R"({"op":"subscribe","subscriptions":[{"id":7,"channelId":4294967295}]})");
+  ASSERT_TRUE(std::holds_alternative<Subscribe>(request));
+  EXPECT_EQ(std::get<Subscribe>(request).subscriptions.at(0).channel, 4294967295U);
+  EXPECT_TRUE(std::holds_alternative<Unsubscribe>(parse_request(R"({"op":"unsubscribe","subscriptionIds":[7]})")));
+}
+
+TEST(Protocol, RefusesAnythingElse) {
+  for (const char* text : {"", "{", "[]", "{\"op\":1}", "{\"op\":\"x\"}", "{\"op\":\"subscribe\"}",
+                           R"({"op":"subscribe","subscriptions":[{"id":1.5,"channelId":1}]})",
+                           R"({"op":"subscribe","subscriptions":[{"id":1,"channelId":4294967296}]})",
+                           R"({"op":"unsubscribe","subscriptionIds":["7"]})"}) {
+    const Request request = parse_request(text);
+    ASSERT_TRUE(std::holds_alternative<Refused>(request)) << text;
+    EXPECT_FALSE(std::get<Refused>(request).why.empty());
+  }
+}
+
+}  // namespace
+}  // namespace subworld::live
