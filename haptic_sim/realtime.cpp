@@ -44,6 +44,7 @@ class RealtimeLoop : HapticRun {
         device_{.device = user(), .pose = {}, .applied = {}},
         peers_(scene.users.size()),
         known_peers_(scene.users.size()),
+        peer_since_(scene.users.size()),
         device_sim_({ProgramKind::device_sim, user()}, options.wait_s),
         frames_(first.frame.stamp),
         world_sim_({ProgramKind::world_sim, 0}, options.wait_s, first.received),
@@ -130,7 +131,8 @@ class RealtimeLoop : HapticRun {
     device_ = extrapolated(sample_, std::min(passed_s, kLongestAbsence_s));
     device_.sent_ns = 0;  // the round trip is of samples that came
   }
-  /// The newest states of the devices whose users' proxies are in the sub-world.
+  /// The newest states of the devices whose users' proxies are in the sub-world. Where a device has been started again,
+  /// the world's account of it counts for a while: only that knows where the new one is in the scene.
   void receive_peers() {
     for (std::size_t p = 0; p < peers_.size(); ++p) {
       known_peers_[p] = nullptr;
@@ -140,9 +142,11 @@ class RealtimeLoop : HapticRun {
       while (take(*reader, came_, stages_) == Take::sample) {
         if (came_.session != ports.session) continue;
         reader->trust_sender();
+        if (peers_[p].sender != 0 && came_.sender != peers_[p].sender) peer_since_[p] = loop_.woke();
         peers_[p] = came_;
       }
-      if (peers_[p].session == ports.session) known_peers_[p] = &peers_[p];
+      const bool placed = to_seconds(loop_.woke() - peer_since_[p]) > kAbsent_s;
+      if (peers_[p].session == ports.session && placed) known_peers_[p] = &peers_[p];
     }
   }
 
@@ -324,6 +328,7 @@ class RealtimeLoop : HapticRun {
   DeviceState sample_;                           ///< the newest that came, while `device_` is extrapolated from it
   std::vector<DeviceState> peers_;               ///< by user
   std::vector<const DeviceState*> known_peers_;  ///< by user; null: none has come
+  std::vector<TimePoint> peer_since_;            ///< by user: when another device took the place of the first
   PeerWatch device_sim_;
   bool device_absent_ = false, device_returned_ = false;
   FrameQueue frames_;
