@@ -93,6 +93,11 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
       set_flag(words, "--duration", "0.2");
       set_flag(words, "--out", out());
       set_flag(words, "--domain", domain_.text());
+      if (std::ranges::find(words, "--resume") != words.end()) {  // what the command before it has left
+        set_flag(words, "--resume", out());
+        set_flag(words, "--out", folder_.path() + "/resumed");
+        set_flag(words, "--duration", "0.4");
+      }
       if (std::ranges::find(words, "--trace") != words.end())
         set_flag(words, "--trace", folder_.path() + "/trace.json");
     } else if (command == "link") {
