@@ -25,9 +25,9 @@ struct Verb {
   std::string_view name;
   ControlVerb verb;
 };
-constexpr std::array kVerbs{Verb{"stop", ControlVerb::stop}, Verb{"pause", ControlVerb::pause},
+constexpr std::array kVerbs{Verb{"stop", ControlVerb::stop},     Verb{"pause", ControlVerb::pause},
                             Verb{"resume", ControlVerb::resume}, Verb{"step", ControlVerb::step},
-                            Verb{"engine", ControlVerb::set_engine}};
+                            Verb{"leave", ControlVerb::leave},   Verb{"engine", ControlVerb::set_engine}};
 
 /// Waits until the world has described itself. Throws `Error` (middleware) where none does.
 SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Network& network, double wait_s) {
@@ -125,10 +125,11 @@ void await_answers(Bus& bus, Reader<ControlReply>& replies, Reader<Status>& stat
 
 }  // namespace
 
-void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, double wait_s) {
+void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, int user, double wait_s) {
   Control order;
   order.number = std::random_device()();
   if (verb == "engine") order.argument = to_text(engine);
+  if (verb == "leave") order.argument = std::to_string(user);
   for (const Verb& known : kVerbs) {
     if (known.name == verb) order.verb = known.verb;
   }

@@ -49,6 +49,9 @@ std::vector<std::string> faults_of(const RunResults& run) {
     const bool returned = std::ranges::any_of(run.world.absences, [&](const Absence& one) {
       return one.user == haptic.user && std::abs(one.to_s - from_s) < kReturn_s;
     });
+    const bool dismissed = std::ranges::any_of(
+        run.world.absences, [&](const Absence& one) { return one.user == haptic.user && one.by_order; });
+    if (dismissed) continue;
     if ((from_s > run.ending.from_s + kLateStart_cycles * cycle_s && !returned) ||
         to_s < end_s - std::max(kLateEnd_s, kLateEnd_cycles * cycle_s))
       faults.push_back(fmt::format("{} served its user from {:.3f} to {:.3f} s, the world ran to {:.3f} s", who, from_s,

@@ -330,7 +330,8 @@ std::string absences_text(const RunResults& run) {
   std::string text;
   for (const Restarted& one : run.restarts) text += fmt::format("; {} was started again ({})", one.program, one.reason);
   for (const Absence& one : run.world.absences)
-    text += fmt::format("; user {} absent from {:.2f} to {:.2f} s", one.user, one.from_s, one.to_s);
+    text += one.by_order ? fmt::format("; user {} left at {:.2f} s", one.user, one.from_s)
+                         : fmt::format("; user {} absent from {:.2f} to {:.2f} s", one.user, one.from_s, one.to_s);
   return text;
 }
 

@@ -113,6 +113,7 @@ struct ControlRequest {
   Network network;
   std::string verb;
   EngineOrder engine;
+  std::optional<int> user;
   bool haptic = false;
   double wait_s = 5.0;
 };
@@ -126,9 +127,13 @@ void add_network(CommandLine& line, Network& network) {
 }
 
 void add_control(CommandLine& line, ControlRequest& request) {
-  line.add("verb", &request.verb, "the order").one_of({"stop", "pause", "resume", "step", "engine"}).required();
+  line.add("verb", &request.verb, "the order")
+      .one_of({"stop", "pause", "resume", "step", "leave", "engine"})
+      .required();
   line.add("engine", &request.engine.engine, "for the order engine: the engine to change to");
   line.add("--preset", &request.engine.preset, "preset of that engine");
+  line.add("--user", &request.user, "for the order leave: the user's number")
+      .range(0, static_cast<int>(kMostUsers) - 1);
   line.flag("--haptic", request.haptic, "change the sub-worlds' engine instead of the world's");
   add_domain(line, request.network.domain).required();
   add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
@@ -139,6 +144,7 @@ void add_control(CommandLine& line, ControlRequest& request) {
       "  subworld control pause --domain 100\n"
       "  subworld control engine bullet_float --domain 100\n"
       "  subworld control engine havok --haptic --domain 100\n"
+      "  subworld control leave --user 1 --domain 100\n"
       "  subworld control stop --domain 70 --interface eth0 --peers 10.0.0.2\n"
       "`subworld top` shows the domains in use.\n"
       "Exit codes: 0 done, 1 refused or not executed in time, 2 usage, 3 no world on the domain.");
@@ -150,8 +156,10 @@ void control(ControlRequest& request) {
                                      ? "control engine needs a name, for example: subworld control engine bullet_float"
                                      : fmt::format("control {} takes no \"{}\"", request.verb, request.engine.engine));
   }
+  if ((request.verb == "leave") != request.user.has_value())
+    throw Error(ExitCode::usage, "--user belongs to `control leave`, which needs it: subworld control leave --user 1");
   if (request.haptic) request.engine.target = EngineOrder::Target::haptic;
-  send_control(request.network, request.verb, request.engine, request.wait_s);
+  send_control(request.network, request.verb, request.engine, request.user.value_or(0), request.wait_s);
 }
 
 void add_doctor(CommandLine& line, doctor::Request& request) {

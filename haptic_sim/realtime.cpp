@@ -189,7 +189,7 @@ class RealtimeLoop : HapticRun {
     if (waiting.empty()) return;
     // A sub-world starts anew from the newest frame where it has fallen too far behind, or where the world has missed
     // it for so long that the user counts as absent.
-    const bool anew = waiting.back().served == 0 && !joins_;
+    const bool anew = waiting.back().served == 0 && !joins_ && !last_;
     const bool behind = anew || waiting.back().stamp > sub.facts().stamp + kTooFarBehind;
     std::size_t used = behind ? waiting.size() - 1 : 0;
     for (; used < waiting.size(); ++used) {

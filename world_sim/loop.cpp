@@ -8,6 +8,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <utility>
 
 namespace subworld {
@@ -44,7 +46,8 @@ WorldLoop::WorldLoop(const WorldRun& run)
     : WorldRun(run),
       stages_(measures.stages()),
       scheme_(scheme_of(scene.settings).properties),
-      from_s_(world.facts().time_s) {
+      from_s_(world.facts().time_s),
+      farewells_(ports.frames.size(), 0) {
   reserve(report_, kUsualMembers);
 }
 
@@ -52,6 +55,10 @@ void WorldLoop::follow_orders() {
   if (const std::string text = ports.second_world(); !text.empty()) ports.status.note(text);
   Control order;
   while (ports.control.take(order) == Take::sample) {
+    if (order.verb == ControlVerb::leave) {
+      ports.status.answer(order.number, dismiss(order.argument));
+      continue;
+    }
     if (order.verb != ControlVerb::set_engine) {
       OrderAnswer answer = control_.follow(order);
       ports.status.pause(control_.paused());
@@ -70,6 +77,19 @@ void WorldLoop::follow_orders() {
   }
 }
 
+OrderAnswer WorldLoop::dismiss(const std::string& number) {
+  constexpr double kFarewell_s = 0.5;
+  if (scene.settings.mode == Mode::lockstep)
+    return {OrderState::refused, "in lock-step every user takes part to the end; use --mode realtime"};
+  std::size_t user = user_count();
+  std::from_chars(number.data(), number.data() + number.size(), user);
+  if (user >= user_count())
+    return {OrderState::refused, fmt::format("there is no user {}; the run has {}", number, user_count())};
+  if (world.user_facts(user).absent) return {OrderState::refused, fmt::format("user {} is absent already", user)};
+  farewells_[user] = static_cast<int>(std::ceil(kFarewell_s / scene.settings.shortest_cycle_s()));
+  return {OrderState::done, fmt::format("user {} leaves at t = {:.3f} s", user, world.facts().time_s)};
+}
+
 void WorldLoop::publish_frames(bool last, double start_in_s, double real_time_factor) {
   for (std::size_t u = 0; u < user_count(); ++u) {
     const UserFacts facts = world.user_facts(u);
@@ -78,7 +98,8 @@ void WorldLoop::publish_frames(bool last, double start_in_s, double real_time_fa
     frame.newest_stamp = facts.newest_stamp;
     frame.session = ports.session;
     frame.served = facts.absent ? 0 : ports.served[u];
-    frame.last = last;
+    frame.last = last || dismisses(u);
+    if (dismisses(u)) --farewells_[u];
     frame.start_in_s = start_in_s;
     frame.real_time_factor = real_time_factor;
     ports.frames[u].write(frame);

@@ -41,6 +41,11 @@ class WorldLoop : protected WorldRun {
   [[nodiscard]] std::size_t user_count() const noexcept { return ports.frames.size(); }
   /// Follows the orders that have come, and changes the engine once the new one is ready.
   void follow_orders();
+  /// Ends the part of a user in the run, in real time: the user is absent from now on, and its programs end. Others may
+  /// join in their place.
+  [[nodiscard]] OrderAnswer dismiss(const std::string& number);
+  /// Whether that user is being told so.
+  [[nodiscard]] bool dismisses(std::size_t user) const noexcept { return farewells_[user] > 0; }
   /// Publishes each user's frame; the last one in any case. `start_in_s`: see WorldFrame.
   void publish_frames(bool last, double start_in_s, double real_time_factor);
   /// Closes a cycle's stages. Throws `Error` (failed) where a body's state is not finite.
@@ -53,8 +58,9 @@ class WorldLoop : protected WorldRun {
   Stages<WorldStage>& stages_;
   RunControl control_;
   const SchemeProperties& scheme_;
-  const double from_s_;  ///< simulated time at which the run began, not 0 where the world was resumed
-  HapticReport report_;  ///< the newest received
+  const double from_s_;         ///< simulated time at which the run began, not 0 where the world was resumed
+  HapticReport report_;         ///< the newest received
+  std::vector<int> farewells_;  ///< by user: last frames that are still to be sent, because some may get lost
 };
 
 }  // namespace subworld

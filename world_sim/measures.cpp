@@ -61,6 +61,11 @@ void WorldMeasures::returns(std::size_t user, double at_s) noexcept {
   if (absence != absences_.end()) absence->to_s = at_s;
 }
 
+bool WorldMeasures::has_left(std::size_t user) const noexcept {
+  return std::ranges::any_of(
+      absences_, [&](const Absence& one) { return one.user == user && one.to_s == kNotBack_s && one.by_order; });
+}
+
 double WorldMeasures::absent_from_s(std::size_t user) const noexcept {
   double from_s = 0.0;
   for (const Absence& one : absences_) {

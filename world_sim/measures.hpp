@@ -36,7 +36,9 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
   void stuck(double wall_s) noexcept { stuck_s_ += wall_s; }
   void engine_changed(const EngineChange& change) { engine_changes_.push_back(change); }
   /// A user is absent from then on, and takes part again, in simulated time.
-  void leaves(std::size_t user, double at_s) { absences_.push_back({user, at_s, kNotBack_s}); }
+  void leaves(std::size_t user, double at_s, bool by_order) { absences_.push_back({user, at_s, kNotBack_s, by_order}); }
+  /// By order, and nobody has come in its place.
+  [[nodiscard]] bool has_left(std::size_t user) const noexcept;
   void returns(std::size_t user, double at_s) noexcept;
   [[nodiscard]] double absent_from_s(std::size_t user) const noexcept;
   void lost_report() noexcept { ++lost_reports_; }

@@ -160,6 +160,7 @@ class RealtimeLoop : WorldLoop {
   void use_report(std::size_t u, TimePoint now) {
     User& user = users_[u];
     const std::uint64_t stamp = report_.stamp, sender = report_.sender;
+    if (dismisses(u)) return;  // it fades the force and ends
     const bool absent = world.user_facts(u).absent;
     if (!world.receive(std::move(report_))) {
       // One of an absent user was on its way when the user left.
@@ -179,20 +180,23 @@ class RealtimeLoop : WorldLoop {
     for (std::size_t u = 0; u < users_.size(); ++u) {
       User& user = users_[u];
       user.peer.observe(ports.reports[u], ports.status, now, period_s);
+      if (dismisses(u) && !world.user_facts(u).absent) leaves(u, true);
       if (control_.paused()) continue;
       user.quiet_s += cycle_s;
       if (user.quiet_s > std::max(kHeld_s, 3.0 * cycle_s)) world.hold(u);
-      if (user.quiet_s > std::max(kAbsent_s, 4.0 * cycle_s) && !world.user_facts(u).absent) leaves(u);
+      if (user.quiet_s > std::max(kAbsent_s, 4.0 * cycle_s) && !world.user_facts(u).absent) leaves(u, false);
     }
   }
-  void leaves(std::size_t u) {
+  void leaves(std::size_t u, bool by_order) {
+    const double from_s = world.facts().time_s - (by_order ? 0.0 : users_[u].quiet_s);
     world.leave(u);
     ports.release(u);
-    measures.leaves(u, world.facts().time_s - users_[u].quiet_s);
-    ports.status.note(
-        fmt::format("user {} is absent from t = {:.3f} s on: no message of haptic_sim {} since; the world "
-                    "holds its proxy and goes on",
-                    u, world.facts().time_s - users_[u].quiet_s, u));
+    measures.leaves(u, from_s, by_order);
+    ports.status.note(by_order
+                          ? fmt::format("user {} has left at t = {:.3f} s, by order", u, from_s)
+                          : fmt::format("user {} is absent from t = {:.3f} s on: no message of haptic_sim {} since; "
+                                        "the world holds its proxy and goes on",
+                                        u, from_s, u));
   }
   void returns(std::size_t u) {
     measures.returns(u, world.facts().time_s);
@@ -205,7 +209,7 @@ class RealtimeLoop : WorldLoop {
   [[nodiscard]] std::string absent_at_end() const {
     std::vector<std::string> texts;
     for (std::size_t u = 0; u < users_.size(); ++u) {
-      if (!world.user_facts(u).absent) continue;
+      if (!world.user_facts(u).absent || measures.has_left(u)) continue;
       const std::string why = ports.status.gone_text(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u));
       texts.push_back(fmt::format("{}; user {} is absent from t = {:.3f} s on", why, u, measures.absent_from_s(u)));
     }

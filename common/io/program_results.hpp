@@ -58,8 +58,9 @@ SUBWORLD_JSON(WorldRefused, haptic_report, scene, by)
 struct Absence {
   std::size_t user = 0;
   double from_s = 0.0, to_s = 0.0;
+  bool by_order = false;
 };
-SUBWORLD_JSON(Absence, user, from_s, to_s)
+SUBWORLD_JSON(Absence, user, from_s, to_s, by_order)
 
 struct WorldResult {
   std::size_t bodies = 0;

@@ -1,6 +1,7 @@
 #include "process/process_test.hpp"
 
 #include <chrono>
+#include <memory>
 #include <thread>
 
 namespace subworld::test {
@@ -58,6 +59,38 @@ TEST_F(Control, PausesStepsResumesAndStops) {
     EXPECT_NE(ended.out.find("world_sim: "), std::string::npos) << verb << " was not answered: " << ended.out;
   }
   EXPECT_EQ(process.wait(), 0) << process.err();
+}
+
+// The others go on; the same user may join again, with programs that are started by hand.
+TEST_F(Control, AUserLeavesAndJoinsAgain) {
+  const Words flags{"--mode", "realtime", "--duration", "600", "--budget", "0.3"};
+  Process process(run_words(scene("lift"), flags), folder_.path());
+  ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_1.csv").size() > 10000; })) << process.err();
+  const Ended left = control({"leave", "--user", "1"});
+  EXPECT_EQ(left.code, 0) << left.err;
+  EXPECT_NE(left.out.find("user 1 leaves at t = "), std::string::npos) << left.out;
+  EXPECT_TRUE(eventually([&] { return running(out()).size() == 4; }))
+      << "launcher, world, and the programs of one user";
+  EXPECT_EQ(control({"leave", "--user", "1"}).code, 1) << "it is absent already";
+  EXPECT_EQ(control({"leave", "--user", "7"}).code, 1) << "there is no such user";
+
+  std::vector<std::unique_ptr<Process>> again;
+  for (const char* name : {"haptic_sim", "device_sim"}) {
+    const std::string folder = folder_.path() + "/" + name;
+    std::filesystem::create_directories(folder);
+    Words words{program(name), scene("lift"), "--user", "1", "--domain", domain_.text(), "--out", folder};
+    words.insert(words.end(), flags.begin(), flags.end());
+    again.push_back(std::make_unique<Process>(words, folder));
+  }
+  EXPECT_TRUE(eventually([&] { return read_text(folder_.path() + "/haptic_sim/haptic_1.csv").size() > 10000; }))
+      << again.front()->err();
+  EXPECT_EQ(control({"stop"}).code, 0);
+  EXPECT_EQ(process.wait(), 0) << process.err();
+  for (const auto& one : again) EXPECT_EQ(one->wait(), 0) << one->err();
+  const Json absences = summary()["world"]["absences"];
+  ASSERT_EQ(absences.size(), 1U);
+  EXPECT_EQ(absences[0]["user"], 1);
+  EXPECT_EQ(absences[0]["by_order"], true);
 }
 
 // The launcher names a program that does not advance for 3 s, and such a run fails. A paused world does not advance
