@@ -49,6 +49,19 @@ TEST(Faults, NameAUserWhoWasNotServedToTheEnd) {
   expect_fault(run, "haptic_sim_0 served its user from 1.000");
 }
 
+TEST(Faults, AUserWhoReturnsOrIsToldToLeaveIsNone) {
+  RunResults run = whole_run();
+  run.haptic[0].ending.from_s = 3.1;
+  run.world.absences = {{.user = 0, .from_s = 2.6, .to_s = 3.2}};
+  EXPECT_TRUE(faults_of(run).empty());
+  run.world.absences[0].to_s = 6.0;
+  expect_fault(run, "haptic_sim_0 served its user from 3.100");
+  run = whole_run();
+  run.haptic[0].ending.to_s = 2.6;
+  run.world.absences = {{.user = 0, .from_s = 2.6, .to_s = 8.0, .by_order = true}};
+  EXPECT_TRUE(faults_of(run).empty());
+}
+
 TEST(Faults, NameWhoWasInAnotherRun) {
   RunResults run = whole_run();
   run.haptic[0].ending.session = 2;

@@ -69,6 +69,19 @@ Culprit culprit_of(const RunResults& run, const std::string& gate) {
 
 std::string verdict(const RunResults& run) { return verdict_of(gates(run), run); }
 
+TEST(Verdict, StatesWhoWasAwayAndWhoWasStartedAgain) {
+  RunResults run = late_run(2, true, 0.0);
+  for (HapticResult& haptic : run.haptic) haptic.missed_by_os = 0;
+  run.world.late_by_os = 0;
+  run.world.real_time_factor_min = 1.0;
+  run.restarts = {{"haptic_sim_1", 1.3, "killed by SIGKILL"}};
+  run.world.absences = {{.user = 1, .from_s = 1.204, .to_s = 1.996},
+                        {.user = 0, .from_s = 5.0, .to_s = 10.0, .by_order = true}};
+  EXPECT_EQ(verdict(run),
+            "ok; haptic_sim_1 was started again (killed by SIGKILL); user 1 absent from 1.20 to 2.00 s; user 0 left at "
+            "5.00 s");
+}
+
 TEST(Gates, NamesADeviceThatMovedFasterThanAnOperatorCan) {
   RunResults run = late_run(1, true, 0.0);
   run.haptic[0].device_jumps = 801;

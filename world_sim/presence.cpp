@@ -1,0 +1,55 @@
+#include "world_sim/world.hpp"
+
+#include "coupling/blend.hpp"
+#include "model/vectors.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace subworld {
+
+void World::hold(std::size_t number) {
+  User& user = users_[number];
+  user.joins_at.reset();
+  if (user.held) return;
+  const BodyState proxy = engine_.state(user.spec->proxy);
+  // The stretch with which the coupling exerts the wrench of the user's last cycle.
+  const Wrench last = saturated(mean_wrench(user.before, user.report), limits_of(user.spec->device));
+  const CouplingSettings& coupling = user.tool.coupling;
+  user.held = DevicePose{{proxy.position + last.force / coupling.stiffness_n_m, proxy.orientation}};
+  if (coupling.rotational_stiffness_n_m > 0.0) {
+    user.held->pose.orientation = rotated(proxy.orientation, last.torque / coupling.rotational_stiffness_n_m, 1.0);
+  }
+}
+
+void World::leave(std::size_t number) {
+  hold(number);
+  User& user = users_[number];
+  user.absent = true;
+  user.joins_from = facts_.stamp + 1;
+  user.heard = false;
+  user.waiting.assign(user.waiting.size(), false);
+  user.suppression.forget();
+  user.synchroniser->forget();
+}
+
+void World::begin_join(User& user, const HapticReport& report) {
+  const HapticReport& last = user.report;
+  const Wrench& applied = user.impulse.applied();
+  user.before_join = {{applied.force - report.impulse_total.force, applied.torque - report.impulse_total.torque},
+                      last.device_work_j - report.device_work_j,
+                      last.operator_work_j - report.operator_work_j};
+  user.started_stamp = report.started_stamp;
+  user.joins_at = report.stamp;
+  if (std::exchange(user.absent, false)) user.newest_stamp = 0;
+}
+
+void World::end_join(User& user) {
+  user.before = user.report;
+  user.held.reset();
+  user.joins_at.reset();
+  user.impulse.resume(seconds(timetable_.start(std::max<std::uint64_t>(report_stamp(), 1) - 1)));
+  engine_.set_inertia(user.spec->proxy, user.tool.body.mass, user.tool.body.inertia);
+}
+
+}  // namespace subworld
