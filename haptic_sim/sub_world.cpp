@@ -303,24 +303,28 @@ bool SubWorld::reset_from(const WorldFrame& frame) {
   begin_cycle();
   suppression_.forget();
   note(frame);
-  place_device(frame, first ? facts_.proxy : before);
+  place_device(frame, first, before);
   facts_.finite = true;
   return has_proxy;
 }
 
-void SubWorld::place_device(const WorldFrame& frame, const BodyState& before) {
+void SubWorld::place_device(const WorldFrame& frame, bool first, const BodyState& before) {
   const auto held = std::ranges::find(frame.peers, spec_.proxy, &PeerDevice::proxy);
   const Pose there = declutch_.device().pose;
   const BodyState& now = facts_.proxy;
-  if (held != frame.peers.end()) {
+  // A world that was started again stands until all have joined, and does not know with which force they did.
+  const bool knows_better = !first && facts_.finite && frame.real_time_factor <= 0.0;
+  if (held != frame.peers.end() && !knows_better) {
     declutch_.place(held->pose);
-    guard_.declutch();
   } else if (!facts_.finite) {
     declutch_.place({now.position, now.orientation});
-    guard_.declutch();
-  } else if (before.position != now.position || before.orientation.coeffs() != now.orientation.coeffs()) {
+  } else if (!first) {
     const Quat turn = now.orientation * before.orientation.conjugate();
     declutch_.place({now.position + (there.position - before.position), (turn * there.orientation).normalized()});
+  }
+  if (held != frame.peers.end() || !facts_.finite) {
+    guard_.declutch();
+  } else if (!first) {
     guard_.soften();
   }
   facts_.device = declutch_.device();

@@ -139,8 +139,9 @@ class SubWorld {
   void begin_cycle();
   /// Brings the facts of time, proxy and neighbourhood up to date.
   void look();
-  /// Puts the device where the coupling has the stretch that it had with the proxy `before`.
-  void place_device(const WorldFrame& frame, const BodyState& before);
+  /// Puts the device where the coupling has the stretch with which the world holds the proxy, or else the one that it
+  /// had with the proxy `before`; the first frame leaves it where it is.
+  void place_device(const WorldFrame& frame, bool first, const BodyState& before);
   /// Notes which frame is in use.
   void note(const WorldFrame& frame) noexcept;
 

@@ -36,8 +36,12 @@ void World::leave(std::size_t number) {
 void World::begin_join(User& user, const HapticReport& report) {
   const HapticReport& last = user.report;
   const Wrench& applied = user.impulse.applied();
+  // The coupling's energy goes on too: what it has more than the one that held the proxy is the user's.
+  const double held_j = user.held ? coupling_energy(user.spec->coupling, limits_of(user.spec->device),
+                                                    engine_.state(user.spec->proxy), *user.held)
+                                  : last.coupling_energy_j;
   user.before_join = {{applied.force - report.impulse_total.force, applied.torque - report.impulse_total.torque},
-                      last.device_work_j - report.device_work_j,
+                      last.device_work_j - held_j + report.coupling_energy_j - report.device_work_j,
                       last.operator_work_j - report.operator_work_j};
   user.started_stamp = report.started_stamp;
   user.joins_at = report.stamp;
