@@ -236,9 +236,14 @@ class RealtimeLoop : HapticRun {
     silent_ = silent;
   }
 
+  /// Without a frame for so long, the world is away. One that runs slowly sends them rarely.
+  [[nodiscard]] double patience_s() const noexcept {
+    return std::max(kAbsent_s, 4.0 * longest_cycle_s_ / std::max(phase_.real_time_factor(), kLeastRealTimeFactor));
+  }
+
   /// A world that has been started again has another session.
   void look_for_world() {
-    if (world_sim_.quiet_s() < kAbsent_s) {
+    if (world_sim_.quiet_s() < patience_s()) {
       world_absent_ = false;
       return;
     }
@@ -256,9 +261,8 @@ class RealtimeLoop : HapticRun {
   FeltStep advance(Miss& miss) {
     const TimePoint now = loop_.woke();
     // Without frames the sub-world pauses: its border holds for a short time only.
-    const double frame_period_s = longest_cycle_s_ / std::max(phase_.real_time_factor(), kLeastRealTimeFactor);
     const TimePoint heard = std::max(world_sim_.last_heard(), world_begins_);
-    const bool alone = to_seconds(now - heard) > std::max(kAbsent_s, 4.0 * frame_period_s);
+    const bool alone = to_seconds(now - heard) > patience_s();
     const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s);
     const auto send = [&](const FeltStep& felt) {
       stages_.mark(HapticStage::feel);

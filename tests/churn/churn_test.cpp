@@ -1,7 +1,5 @@
 // Programs of one run die and are halted at random, and come back: nobody else is affected, and nothing is lost.
-//
-// By hand, longer or with other seeds:
-//   SUBWORLD_CHURN_FAULTS=100 SUBWORLD_CHURN_SEED=7 build/release/bin/churn_test
+// Longer, or with other seeds: SUBWORLD_CHURN_FAULTS and SUBWORLD_CHURN_SEED.
 #include "process/process_test.hpp"
 
 #include <fmt/format.h>
@@ -68,7 +66,8 @@ class Churn : public ProcessTest, public ::testing::WithParamInterface<std::stri
     }
     return -1;
   }
-  /// Largest step of the coupling's force on a user while all devices stand and that user's own programs run: N, and its time, s.
+  /// Largest step of the coupling's force on a user while all devices stand and that user's own programs run: N, and
+  /// its time, s.
   [[nodiscard]] std::pair<double, double> largest_step(int user) const {
     const Table table = read_table(fmt::format("{}/haptic_{}.csv", out(), user));
     const std::size_t time = table.column("time_s"), x = table.column("force_x_n");
