@@ -44,7 +44,7 @@ class WorldLoop : protected WorldRun {
   /// Ends the part of a user in the run, in real time: the user is absent from now on, and its programs end. Others may
   /// join in their place.
   [[nodiscard]] OrderAnswer dismiss(const std::string& number);
-  /// Whether that user is being told so.
+  /// Whether that user gets last frames.
   [[nodiscard]] bool dismisses(std::size_t user) const noexcept { return farewells_[user] > 0; }
   /// Publishes each user's frame; the last one in any case. `start_in_s`: see WorldFrame.
   void publish_frames(bool last, double start_in_s, double real_time_factor);

@@ -49,7 +49,7 @@ TEST(Faults, NameAUserWhoWasNotServedToTheEnd) {
   expect_fault(run, "haptic_sim_0 served its user from 1.000");
 }
 
-TEST(Faults, AUserWhoReturnsOrIsToldToLeaveIsNone) {
+TEST(Faults, AUserWhoReturnsOrIsAskedToLeaveIsNone) {
   RunResults run = whole_run();
   run.haptic[0].ending.from_s = 3.1;
   run.world.absences = {{.user = 0, .from_s = 2.6, .to_s = 3.2}};
