@@ -281,7 +281,11 @@ class RunEnds : public ProcessTest {
     Words all{"--mode", mode, "--dds", dds, "--duration", duration};
     all.insert(all.end(), flags.begin(), flags.end());
     process_.emplace(run_words(scene("press"), all), folder_.path());
-    ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_0.csv").size() > 10000; })) << process_->err();
+    // Each program writes its history ten times a second.
+    ASSERT_TRUE(eventually([&] {
+      return read_text(out() + "/haptic_0.csv").size() > 10000 && read_text(out() + "/device_0.csv").size() > 1000 &&
+             read_text(out() + "/world.csv").size() > 1000;
+    })) << process_->err();
   }
   void signal(const std::string& name, int number) const {
     for (const Running& one : running(out())) {
