@@ -95,7 +95,8 @@ std::string Supervisor::restart_reason(const Child& child,
 
 void Supervisor::revive(const std::function<std::string(const Child&)>& early) {
   for (Child& child : children_) {
-    if (restart_ != Restart::never && child.essential && child.halted_s > to_seconds(kHalted)) kill(child.pid, SIGKILL);
+    const bool halted = child.pid > 0 && child.essential && child.halted_s > to_seconds(kHalted);
+    if (halted && restart_ != Restart::never) kill(child.pid, SIGKILL);
     if (child.starts_at == Clock::time_point{}) {
       if (child.pid < 0 && Clock::now() - child.started_at > kLived) child.restarts = 0;
       const std::string reason = restart_reason(child, early);
@@ -132,7 +133,7 @@ std::optional<Supervisor::Failure> Supervisor::failure(const std::function<std::
   for (Child& child : children_) {
     if (!child.essential || child.starts_at != Clock::time_point{}) continue;
     if (child.pid < 0 && WIFSIGNALED(child.status)) return Failure{child, end_of(child)};
-    if (child.halted_s > to_seconds(kHalted)) {
+    if (restart_ == Restart::never && child.halted_s > to_seconds(kHalted)) {
       return Failure{child,
                      fmt::format("is halted (by SIGSTOP, a debugger or a terminal); its process was {}", child.pid)};
     }

@@ -145,11 +145,9 @@ bool History::keep_rows(double before) {
   const std::size_t row = end == std::string::npos || end == 0 ? std::string::npos : tail.rfind('\n', end - 1);
   const bool follows =
       read && head == format_.head && row != std::string::npos && std::strtod(tail.c_str() + row + 1, nullptr) < before;
-  if (!follows || ftruncate(file_, tail_at + static_cast<off_t>(end) + 1) != 0)
-    lseek(file_, 0, SEEK_SET);
-  else
-    lseek(file_, 0, SEEK_END);
-  return follows;
+  const bool keeps = follows && ftruncate(file_, tail_at + static_cast<off_t>(end) + 1) == 0;
+  lseek(file_, 0, keeps ? SEEK_END : SEEK_SET);
+  return keeps;
 }
 
 /// Sleeps until the next rows are due, or until a caller waits for room. Returns at once if many rows have arrived

@@ -346,6 +346,17 @@ INSTANTIATE_TEST_SUITE_P(Programs, RunRestarts, ::testing::ValuesIn([] {
                          }()),
                          name_of);
 
+TEST_F(RunEnds, OneThatIsHaltedForASecondIsStartedAgainAndNothingElseDies) {
+  start("realtime", "cyclonedds", "5", {"--restart", "on-failure"});
+  if (HasFatalFailure()) return;
+  signal("device_sim", SIGSTOP);
+  EXPECT_EQ(process_->wait(60.0), 0) << process_->err();
+  const Json json = summary();
+  ASSERT_EQ(json["restarts"].size(), 1U) << json["verdict"];
+  EXPECT_EQ(json["restarts"][0]["program"], "device_sim_0");
+  EXPECT_NEAR(json["simulated_s"].get<double>(), 5.0, 0.01);
+}
+
 TEST_F(ProcessTest, InLockstepNothingIsStartedAgain) {
   const Ended ended = finish(run_words(scene("press"), {"--restart", "always"}));
   EXPECT_EQ(ended.code, 2);
