@@ -31,6 +31,13 @@ struct Ended {
 int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
                  const std::optional<Calibration>& calibration);
 
+/// The same for a run whose launcher was killed. A summary that the launcher has written remains.
+void conclude_orphaned(RunResults& run, const RunRequest& request, const std::string& folder,
+                       const std::optional<Calibration>& calibration);
+
+/// Files in which the programs of a run write their results.
+[[nodiscard]] std::vector<std::string> parts_of(const std::string& folder, int users);
+
 /// ISO 8601 with the zone.
 [[nodiscard]] std::string date_of_now();
 

@@ -79,6 +79,7 @@ void Supervisor::launch(Child& child, int flags) {
   close(file);
   if (child.pid < 0)
     throw Error(ExitCode::failed, fmt::format("cannot start {}: {}", child.program, std::strerror(errno)));
+  keeper_.add(child.pid);
 }
 
 std::string Supervisor::restart_reason(const Child& child,
@@ -103,6 +104,7 @@ void Supervisor::revive(const std::function<std::string(const Child&)>& early) {
       if (reason.empty()) continue;
       child.starts_at = Clock::now() + (child.restarts == 0 ? 0 : 1 << child.restarts) * kFirstPause;
       restarts_.push_back({child.label, std::chrono::duration<double>(Clock::now() - watched_from_).count(), reason});
+      keeper_.add(restarts_.back());
       fmt::print(stderr, "subworld: {} {}; it is started again\n", child.name(), reason);
     } else if (Clock::now() >= child.starts_at) {
       child.starts_at = {};
@@ -168,6 +170,9 @@ std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>
     revive(early);
     if (auto failed = failure(early)) return failed;
     if (!any_running(false)) break;
+    const bool only_halted = std::ranges::all_of(
+        children_, [](const Child& c) { return c.pid < 0 || (!c.essential && c.halted_s > to_seconds(kHalted)); });
+    if (only_halted && !any_running(true)) break;  // a display that will not end
     // After the world the others only finish: one that does not end soon is stuck.
     if (children_.front().pid > 0 || children_.front().starts_at != Clock::time_point{}) world_seen = Clock::now();
     if (Clock::now() - world_seen > kFinish) {

@@ -1,5 +1,6 @@
 #include "claim.hpp"
 #include "ends.hpp"
+#include "keeper.hpp"
 #include "limits.hpp"
 #include "link/network.hpp"
 #include "model/error.hpp"
@@ -53,7 +54,15 @@ class SessionRun {
     for (const SessionHost* const host : chosen_) check(*host);
     watch_stop_signals();
     const TimePoint begin = Clock::now();
-    Ended ended = watch();
+    const Keeper keeper([&](const std::vector<Restarted>& restarts) {
+      run_.restarts = restarts;
+      run_.wall_s = to_seconds(Clock::now() - begin);
+      fetch();
+      if (!request_.host.empty()) return;  // its results are in their folder
+      merge_results({out_ + "/hosts"}, out_);
+      conclude_orphaned(run_, run_request(), out_, {});
+    });
+    Ended ended = watch(keeper);
     run_.wall_s = to_seconds(Clock::now() - begin);
     fetch();
     if (!request_.host.empty()) return report_share(ended);
@@ -165,8 +174,8 @@ class SessionRun {
     return peers;
   }
 
-  Ended watch() {
-    Supervisor programs;
+  Ended watch(const Keeper& keeper) {
+    Supervisor programs(request_.restart, keeper);
     start(programs);
     std::optional<Supervisor::Failure> failure;
     Watchdog watchdog;
@@ -180,7 +189,9 @@ class SessionRun {
     }
     if (failure && exit_code_of(failure->child) == DistantHost::kSshFailed)
       failure->reason = "was killed there, or ssh lost the connection to it";
-    return end(programs, std::move(failure), watchdog);
+    Ended ended = end(programs, std::move(failure), watchdog);
+    run_.restarts = programs.restarts();
+    return ended;
   }
 
   /// Live progress needs a host of the session on this machine.
