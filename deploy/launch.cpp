@@ -19,6 +19,7 @@
 #include "supervise.hpp"
 #include "watchdog.hpp"
 #include "wire/bus.hpp"
+#include "wire/last_messages.hpp"
 
 #include <fmt/format.h>
 
@@ -67,7 +68,7 @@ bool has_checkpoint(const std::string& folder) {
 }
 
 void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain,
-                    const Placement& placement) {
+                    const Placement& placement, const MessageMemory& messages) {
   const std::string folder = program_folder();
   int position = 0;
   const auto start = [&](const std::string& program, int user, bool essential) {
@@ -103,6 +104,7 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (program == "world_sim") flags = resumed(options.resume);
     programs.start({.label = label,
                     .log = fmt::format("{}/logs/{}.log", options.out, label),
+                    .messages = messages.place_of(place_of_messages(program, user)),
                     .part = part,
                     .essential = essential,
                     .arguments_again = program == "world_sim" ? std::function(again) : nullptr},
@@ -184,10 +186,10 @@ struct Outside {
 
 /// Starts the programs, shows how they advance, and stops what is left of them.
 Ended run_programs(const RunRequest& request, const Options& options, int domain, RunResults& run,
-                   const Keeper& keeper) {
+                   const MessageMemory& messages, const Keeper& keeper) {
   const Scene& scene = run.scene;
   Supervisor programs(request.restart, keeper);
-  start_programs(programs, request, options, scene.settings.users, domain, run.placement);
+  start_programs(programs, request, options, scene.settings.users, domain, run.placement, messages);
   std::optional<Supervisor::Failure> failure;
   Watchdog watchdog;
   {
@@ -251,16 +253,20 @@ int run(const RunRequest& request) {
   if (request.place && first_run.take("subworld-cores") == 0) run.placement = place(run.scene, allowed_cores());
   watch_stop_signals();
   const Outside outside;
+  const MessageMemory messages(places_of_messages(settings.users));
   const Keeper keeper([&](const std::vector<Restarted>& restarts) {
     run.restarts = restarts;
     outside.measure(run);
     collect_trace(options);
     conclude_orphaned(run, request, options.out, calibration);
+    write_last_messages(run, messages, options.out);
   });
-  const Ended ended = run_programs(request, options, domain, run, keeper);
+  const Ended ended = run_programs(request, options, domain, run, messages, keeper);
   outside.measure(run);
   collect_trace(options);
-  return conclude_run(run, ended, request, options.out, calibration);
+  const int code = conclude_run(run, ended, request, options.out, calibration);
+  write_last_messages(run, messages, options.out);
+  return code;
 }
 
 }  // namespace subworld

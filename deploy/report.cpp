@@ -219,6 +219,28 @@ std::vector<std::string> parts_of(const std::string& folder, int users) {
   return parts;
 }
 
+void write_last_messages(const RunResults& run, const MessageMemory& messages, const std::string& folder) {
+  if (!run.verdict.starts_with("failed")) return;
+  const auto write = [&](const std::string& program, int user) {
+    const std::string label = user < 0 ? program : fmt::format("{}_{}", program, user);
+    const std::string fault =
+        messages.write(place_of_messages(program, user), fmt::format("{}/logs/last_{}.csv", folder, label));
+    if (!fault.empty()) fmt::print(stderr, "subworld: warning: no last messages of {}: {}\n", label, fault);
+  };
+  for (const char* program : {"world_sim", "gui_headless"}) write(program, -1);
+  for (int user = 0; user < run.scene.settings.users; ++user) {
+    for (const char* program : {"haptic_sim", "device_sim"}) write(program, user);
+  }
+  fmt::print("subworld: the last messages of each program: {}/logs/last_*.csv\n", folder);
+}
+
+int place_of_messages(const std::string& program, int user) {
+  if (user < 0) return program == "world_sim" ? 0 : 1;
+  return 2 + 2 * user + (program == "haptic_sim" ? 0 : 1);
+}
+
+int places_of_messages(int users) { return 2 + 2 * users; }
+
 std::string date_of_now() {
   const std::string text = fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(std::time(nullptr)));
   return text.substr(0, text.size() - 2) + ":" + text.substr(text.size() - 2);  // the minutes of the zone

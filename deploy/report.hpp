@@ -5,6 +5,7 @@
 #include "summary.hpp"
 #include "supervise.hpp"
 #include "watchdog.hpp"
+#include "wire/last_messages.hpp"
 
 #include <optional>
 #include <string>
@@ -37,6 +38,12 @@ void conclude_orphaned(RunResults& run, const RunRequest& request, const std::st
 
 /// Files in which the programs of a run write their results.
 [[nodiscard]] std::vector<std::string> parts_of(const std::string& folder, int users);
+
+/// After a failed run: writes the last messages of each program to `logs/last_PROGRAM.csv`.
+void write_last_messages(const RunResults& run, const MessageMemory& messages, const std::string& folder);
+/// Place of a program in that memory, and their number; `user` -1: none.
+[[nodiscard]] int place_of_messages(const std::string& program, int user);
+[[nodiscard]] int places_of_messages(int users);
 
 /// ISO 8601 with the zone.
 [[nodiscard]] std::string date_of_now();
