@@ -60,13 +60,6 @@ bool is_placed_by_hand(const std::string& program) {
   return std::getenv(variable.c_str()) != nullptr;
 }
 
-bool has_checkpoint(const std::string& folder) {
-  const auto there = [&](int number) {
-    return std::filesystem::exists(fmt::format("{}/world_{}.checkpoint", folder, number));
-  };
-  return there(0) || there(1);
-}
-
 void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain,
                     const Placement& placement, const MessageMemory& messages) {
   const std::string folder = program_folder();
@@ -93,15 +86,8 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (const std::vector<int>& cores = placement.of(program); !cores.empty() && !is_placed_by_hand(program))
       flags.insert(flags.end(), {"--core", to_text(cores)});
     // A world that is started again goes on from its own newest checkpoint, as soon as there is one.
-    const auto resumed = [flags, options](const std::string& from) {
-      std::vector<std::string> all = flags;
-      if (!from.empty()) all.insert(all.end(), {"--resume", from});
-      return all;
-    };
-    const auto again = [resumed, options] {
-      return resumed(has_checkpoint(options.out) ? options.out : options.resume);
-    };
-    if (program == "world_sim") flags = resumed(options.resume);
+    const auto again = [flags, options] { return resumed(flags, options.out, options.resume); };
+    if (program == "world_sim" && !options.resume.empty()) flags.insert(flags.end(), {"--resume", options.resume});
     programs.start({.label = label,
                     .log = fmt::format("{}/logs/{}.log", options.out, label),
                     .messages = messages.place_of(place_of_messages(program, user)),
@@ -211,6 +197,16 @@ Ended run_programs(const RunRequest& request, const Options& options, int domain
 std::string vendor_of(const std::string& dds, int position) {
   if (dds != "mixed") return dds;
   return position % 2 == 0 ? "fastdds" : "cyclonedds";
+}
+
+std::vector<std::string> resumed(std::vector<std::string> flags, const std::string& folder,
+                                 const std::string& otherwise) {
+  const auto there = [&](int number) {
+    return std::filesystem::exists(fmt::format("{}/world_{}.checkpoint", folder, number));
+  };
+  const std::string from = there(0) || there(1) ? folder : otherwise;
+  if (!from.empty()) flags.insert(flags.end(), {"--resume", from});
+  return flags;
 }
 
 std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }

@@ -5,6 +5,7 @@
 #include "supervise.hpp"
 
 #include <string>
+#include <vector>
 
 namespace subworld {
 
@@ -32,6 +33,11 @@ void send_control(const Network& network, const std::string& verb, const EngineO
 
 /// The vendor of the program at a position among those of a run; with "mixed" they alternate.
 [[nodiscard]] std::string vendor_of(const std::string& dds, int position);
+
+/// The flags of a world that is started again: it resumes from the checkpoints in its folder, or from `otherwise` where
+/// it has written none (empty: it begins at t = 0).
+[[nodiscard]] std::vector<std::string> resumed(std::vector<std::string> flags, const std::string& folder,
+                                               const std::string& otherwise = {});
 
 /// The folder of this program and of those that it starts.
 [[nodiscard]] std::string program_folder();

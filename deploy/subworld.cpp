@@ -52,6 +52,19 @@ constexpr const char* kExamples =
     "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
     "            4 a quality gate was missed (--strict).";
 
+void add_restart(CommandLine& line, std::string& restart) {
+  line.add(
+          "--restart", &restart,
+          "real time: starts a program again that ends before the run: on-failure where it was killed, is halted for a "
+          "second or fails; always also where it was asked to end")
+      .one_of({"never", "on-failure", "always"});
+}
+
+Restart restart_of(const std::string& word) {
+  if (word == "always") return Restart::always;
+  return word == "on-failure" ? Restart::on_failure : Restart::never;
+}
+
 void add_run(CommandLine& line, RunRequest& request, std::string& placement, std::string& restart) {
   add_run_options(line, request.options);
   add_dds(line, request.dds, {"fastdds", "cyclonedds", "mixed"});
@@ -68,17 +81,13 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement, std
            "leaves it to the OS, which is better where several runs share the machine")
       .one_of({"auto", "none"})
       .environment("SUBWORLD_PLACEMENT");
-  line.add(
-          "--restart", &restart,
-          "real time: starts a program again that ends before the run: on-failure where it was killed, is halted for a "
-          "second or fails; always also where it was asked to end")
-      .one_of({"never", "on-failure", "always"});
+  add_restart(line, restart);
   line.flag("--explain", request.explain,
             "also explain the result in plain words, with what to look at and to try next");
   line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
 }
 
-void add_up(CommandLine& line, SessionRequest& request) {
+void add_up(CommandLine& line, SessionRequest& request, std::string& restart) {
   line.add("session", &request.session, "session file (YAML), or the name of a session in deploy/sessions").required();
   const Option host = line.add("--host", &request.host, "start only the programs of this host, here").otherwise("all");
   line.flag("--namespaces", request.namespaces,
@@ -91,6 +100,7 @@ void add_up(CommandLine& line, SessionRequest& request) {
       .otherwise("the session's");
   line.add("--ssh", &request.ssh, "program that starts commands on the hosts which have `ssh`");
   line.add("--out", &request.out, "folder for the results").otherwise("a new out/SESSION-TIME");
+  add_restart(line, restart);
   line.flag("--explain", request.explain, "also explain the result in plain words");
   line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
   line.footer(
@@ -251,7 +261,7 @@ int main_of(int argc, char** argv) {
 
   SessionRequest session;
   CommandLine& up_command = line.command("up", "Runs a session: the programs of one run on several hosts");
-  add_up(up_command, session);
+  add_up(up_command, session, restart);
 
   CollectRequest collection;
   CommandLine& collect_command =
@@ -290,13 +300,11 @@ int main_of(int argc, char** argv) {
   if (const auto code = line.parse(argc, argv)) return *code;
   request.command_line = session.command_line = collection.command_line =
       fmt::format("{}", fmt::join(argv, argv + argc, " "));
+  request.restart = session.restart = restart_of(restart);
   if (up_command.chosen()) return up(session);
   if (collect_command.chosen()) return collect(collection);
   if (run_command.chosen()) {
     request.place = placement == "auto";
-    request.restart = restart == "always"       ? Restart::always
-                      : restart == "on-failure" ? Restart::on_failure
-                                                : Restart::never;
     request.gui |= request.options.live.port.has_value();
     check_live_options(request.options.live);
     // For the display; on its command line others could read the token.

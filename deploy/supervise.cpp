@@ -88,8 +88,11 @@ void Supervisor::launch(Child& child, int flags) {
 std::string Supervisor::restart_reason(const Child& child,
                                        const std::function<std::string(const Child&)>& early) const {
   if (restart_ == Restart::never || !child.essential || child.pid > 0 || child.restarts >= kMostRestarts) return {};
-  const bool world = &child == &children_.front();
-  if (!world && children_.front().pid < 0 && children_.front().starts_at == Clock::time_point{}) return {};
+  const Child& first = children_.front();
+  const bool has_world = first.label == "world_sim";
+  if (has_world && &child != &first && first.pid < 0 && first.starts_at == Clock::time_point{}) return {};
+  // On a host without the world it may have given up because the run is over.
+  if (!has_world && !WIFSIGNALED(child.status)) return {};
   const int code = exit_code_of(child);
   // What was wrong with the scene, the flags or the middleware is wrong again.
   if (code == static_cast<int>(ExitCode::usage) || code == static_cast<int>(ExitCode::middleware)) return {};

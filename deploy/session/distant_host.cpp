@@ -123,10 +123,16 @@ HostClock DistantHost::clock() const {
   return best;
 }
 
-std::vector<std::string> DistantHost::words_of(const std::string& program,
-                                               const std::vector<std::string>& words) const {
-  std::string command = fmt::format("cd {} && exec build/release/bin/{}", quoted(checkout_), program);
+std::vector<std::string> DistantHost::words_of(const std::string& program, const std::vector<std::string>& words,
+                                               Resume resume) const {
+  std::string command = fmt::format("cd {} && ", quoted(checkout_));
+  if (resume == Resume::where_it_can) {
+    command +=
+        fmt::format("if ls {0}/world_?.checkpoint > /dev/null 2>&1; then set -- --resume {0}; fi && ", quoted(folder_));
+  }
+  command += "exec build/release/bin/" + program;
   for (const std::string& word : words) command += " " + quoted(word);
+  if (resume == Resume::where_it_can) command += " \"$@\"";
   // With a terminal, the program there gets SIGHUP where this one ends.
   std::vector<std::string> ssh{"-tt"};
   ssh.insert(ssh.end(), kSshOptions.begin(), kSshOptions.end());

@@ -3,6 +3,7 @@
 #include "session/session_file.hpp"
 #include "summary.hpp"
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -23,9 +24,13 @@ class DistantHost {
   [[nodiscard]] HostClock clock() const;
   /// Folder of its results there, below its checkout.
   [[nodiscard]] const std::string& folder() const { return folder_; }
+  enum class Resume : std::uint8_t {
+    no,
+    where_it_can,  ///< a world goes on from its newest checkpoint there, if there is one
+  };
   /// The arguments of ssh that run a program of the checkout there.
-  [[nodiscard]] std::vector<std::string> words_of(const std::string& program,
-                                                  const std::vector<std::string>& words) const;
+  [[nodiscard]] std::vector<std::string> words_of(const std::string& program, const std::vector<std::string>& words,
+                                                  Resume resume = Resume::no) const;
   /// Brings its results here. Prints a warning with the command where that fails.
   void fetch(const std::string& folder_here) const;
 

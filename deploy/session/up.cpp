@@ -161,12 +161,19 @@ class SessionRun {
                             .part = essential ? part : "",
                             .essential = essential,
                             .host = host.name};
+    const bool world = program.name == "world_sim";
     if (!is_distant(host)) {
+      if (world) child.arguments_again = [words, folder = folder_here(host)] { return resumed(words, folder); };
       const NetworkHost* const inside = namespace_of(host);
       programs.start(
           std::move(child), program_folder() + "/" + program.name, words,
           inside == nullptr ? std::function<bool()>() : [inside] { return inside->enter(); });
       return;
+    }
+    if (world) {
+      child.arguments_again = [there = distant(host), words] {
+        return there.words_of("world_sim", words, DistantHost::Resume::where_it_can);
+      };
     }
     programs.start(std::move(child), request_.ssh, distant(host).words_of(program.name, words));
   }
@@ -277,6 +284,7 @@ int up(const SessionRequest& request) {
   RunRequest as_a_run;
   as_a_run.options = session.options;
   as_a_run.dds = session.vendors();
+  as_a_run.restart = request.restart;
   check_request(scene, as_a_run);
   if (!request.host.empty()) (void)session.host(request.host);
   if (!request.host.empty() && request.namespaces) {

@@ -12,19 +12,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// In the place of ssh stands a shell on this machine, with a folder of its own for each destination.
-class SessionsByShell : public Sessions {
- protected:
-  [[nodiscard]] std::string home(const std::string& destination) const {
-    fs::create_directories(folder_.path() + "/home/" + destination);
-    return folder_.path() + "/home/" + destination;
-  }
-  [[nodiscard]] std::string ssh() const {
-    return write_script("ssh", "while :; do case $1 in -o) shift 2;; -*) shift;; *) break;; esac; done\ncd " +
-                                   folder_.path() + "/home/$1 && shift && exec sh -c \"$*\"");
-  }
-};
-
 TEST_F(SessionsByShell, StartDistantProgramsAndBringTheirResultsBack) {
   for (const char* user : {"user@10.0.0.2", "user@10.0.0.3"}) make_checkout(home(user) + "/subworld");
   const Ended ended = finish(up(session(), out(), {"--ssh", ssh()}));

@@ -55,4 +55,17 @@ class Sessions : public ProcessTest {
   }
 };
 
+/// In the place of ssh stands a shell on this machine, with a folder of its own for each destination.
+class SessionsByShell : public Sessions {
+ protected:
+  [[nodiscard]] std::string home(const std::string& destination) const {
+    std::filesystem::create_directories(folder_.path() + "/home/" + destination);
+    return folder_.path() + "/home/" + destination;
+  }
+  [[nodiscard]] std::string ssh() const {
+    return write_script("ssh", "while :; do case $1 in -o) shift 2;; -*) shift;; *) break;; esac; done\ncd " +
+                                   folder_.path() + "/home/$1 && shift && exec sh -c \"$*\"");
+  }
+};
+
 }  // namespace subworld::test

@@ -1,0 +1,121 @@
+// `subworld up --restart`: programs of a session that are started again, each on its host.
+#include "process/sessions.hpp"
+
+#include <filesystem>
+#include <memory>
+
+namespace subworld::test {
+namespace {
+
+struct Victim {
+  std::string program, user, host;
+
+  [[nodiscard]] std::string label() const { return user.empty() ? program : program + "_" + user; }
+};
+
+/// A real-time session of 6 s in which a program is killed at about 1.5 s.
+class SessionRestarts : public SessionsByShell, public ::testing::WithParamInterface<Victim> {
+ protected:
+  static constexpr double kDuration_s = 6.0;
+
+  [[nodiscard]] std::string realtime_session(const std::string& passage = "", const std::string& by = "") const {
+    std::string text = read_text(session(passage, by));
+    const std::string flags = "mode: lockstep, duration: 0.2";
+    return folder_.write("session.yaml", text.replace(text.find(flags), flags.size(), "mode: realtime, duration: 6"));
+  }
+  /// Kills it when its history has enough rows. `folder`: a part of its command line.
+  void kill_in_the_middle(const Victim& victim, const std::string& folder, const std::string& history) const {
+    ASSERT_TRUE(eventually([&] {
+      const Table table = read_table(history);
+      return !table.rows.empty() && table.rows.back()[0] > 1.5;
+    })) << history;
+    int killed = 0;
+    for (const Running& one : running(folder)) {
+      const auto user = std::ranges::find(one.words, "--user");
+      const bool same_user = victim.user.empty() || (user != one.words.end() && *(user + 1) == victim.user);
+      if (!one.words.front().ends_with("/" + victim.program) || !same_user) continue;
+      kill(one.pid, SIGKILL);
+      ++killed;
+    }
+    ASSERT_EQ(killed, 1);
+  }
+  void expect_whole_run(const Victim& victim) const {
+    const Json json = summary();
+    ASSERT_TRUE(json.is_object());
+    EXPECT_NEAR(json["simulated_s"].get<double>(), kDuration_s, 0.01);
+    EXPECT_FALSE(json.contains("partial"));
+    if (victim.program == "world_sim") {
+      EXPECT_GT(json["world"].value("resumed_from_s", 0.0), 0.4) << "it did not go on from a checkpoint";
+    } else if (victim.program == "haptic_sim") {
+      ASSERT_EQ(json["world"]["absences"].size(), 1U);
+      EXPECT_LT(json["world"]["absences"][0]["to_s"].get<double>(), kDuration_s - 0.1) << "it did not return";
+    }
+  }
+  void expect_restarted(const Victim& victim) const {
+    const Json json = summary();
+    ASSERT_EQ(json["restarts"].size(), 1U) << json["verdict"];
+    EXPECT_EQ(json["restarts"][0]["program"], victim.label());
+    EXPECT_EQ(json["restarts"][0]["reason"], "killed by SIGKILL");
+    const std::string verdict = json["verdict"];
+    EXPECT_NE(verdict.find(victim.label() + " was started again (killed by SIGKILL)"), std::string::npos) << verdict;
+  }
+};
+
+TEST_P(SessionRestarts, InNamespacesServeEveryUserToTheEnd) {
+  if (!has_namespaces()) GTEST_SKIP() << "network namespaces are not permitted here";
+  const Victim& victim = GetParam();
+  Process process(up(realtime_session(), out(), {"--namespaces", "--restart", "on-failure", "--dds", "mixed"}),
+                  folder_.path());
+  const std::string results = out() + "/hosts/" + victim.host;
+  kill_in_the_middle(victim, results, out() + "/hosts/world/world.csv");
+  EXPECT_EQ(process.wait(60.0), 0) << process.err() << process.out();
+  expect_whole_run(victim);
+  expect_restarted(victim);
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, SessionRestarts,
+                         ::testing::Values(Victim{"world_sim", "", "world"}, Victim{"haptic_sim", "1", "right"},
+                                           Victim{"device_sim", "0", "left"}),
+                         [](const auto& one) { return one.param.program; });
+
+TEST_F(SessionRestarts, AWorldOnADistantHostGoesOnFromItsCheckpointThere) {
+  for (const char* user : {"user@10.0.0.1", "user@10.0.0.2", "user@10.0.0.3"}) make_checkout(home(user) + "/subworld");
+  const std::string file = realtime_session("  - name: world\n", "  - name: world\n    ssh: user@10.0.0.1\n");
+  Process process(up(file, out(), {"--ssh", ssh(), "--restart", "on-failure"}), folder_.path());
+  const Victim world{"world_sim", "", "world"};
+  kill_in_the_middle(world, folder_.path(), home("user@10.0.0.1") + "/subworld/out/sessions/out/world/world.csv");
+  EXPECT_EQ(process.wait(60.0), 0) << process.err() << process.out();
+  expect_whole_run(world);
+  expect_restarted(world);
+}
+
+// Each host starts its own programs again, also one without the world.
+TEST_F(SessionRestarts, OfAShareThatIsStartedByHost) {
+  const std::string file = realtime_session();
+  std::vector<std::unique_ptr<Process>> shares;
+  Words collect{program("subworld"), "collect"};
+  for (const std::string host : {"right", "world", "left"}) {
+    const std::string of_host = folder_.path() + "/" + host;
+    std::filesystem::create_directory(of_host);
+    shares.push_back(
+        std::make_unique<Process>(up(file, of_host, {"--host", host, "--restart", "on-failure"}), of_host));
+    collect.push_back(of_host);
+  }
+  const Victim victim{"haptic_sim", "1", "right"};
+  kill_in_the_middle(victim, folder_.path() + "/right", folder_.path() + "/world/hosts/world/world.csv");
+  for (const auto& share : shares) EXPECT_EQ(share->wait(60.0), 0) << share->err();
+  collect.insert(collect.end(), {"--out", out()});
+  const Ended ended = finish(collect);
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+  expect_whole_run(victim);
+}
+
+TEST_F(SessionRestarts, NeedRealTime) {
+  const Ended ended = finish(up(session(), out(), {"--restart", "on-failure"}));
+  EXPECT_EQ(ended.code, 2);
+  EXPECT_NE(ended.err.find("--restart: a run in lock-step ends with the first of its programs"), std::string::npos)
+      << ended.err;
+}
+
+}  // namespace
+}  // namespace subworld::test
