@@ -30,7 +30,7 @@ constexpr std::chrono::milliseconds kFinish{30000};    ///< for the others, once
 constexpr std::chrono::milliseconds kAll{1500};        ///< then SIGKILL
 constexpr std::chrono::milliseconds kFirstPause{50};   ///< before the second restart; doubled for each that follows
 constexpr int kMostRestarts = 8;                       ///< of a program, in a row
-constexpr std::chrono::seconds kLived{5};              ///< one that ran for so long has begun well
+constexpr std::chrono::seconds kLived{1};              ///< one that ran for so long has begun well
 
 double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 

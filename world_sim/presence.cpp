@@ -33,13 +33,14 @@ void World::leave(std::size_t number) {
   user.synchroniser->forget();
 }
 
-void World::begin_join(User& user, const HapticReport& report) {
+void World::begin_join(std::size_t number, const HapticReport& report) {
+  hold(number);
+  User& user = users_[number];
   const HapticReport& last = user.report;
   const Wrench& applied = user.impulse.applied();
   // The coupling's energy goes on too: what it has more than the one that held the proxy is the user's.
-  const double held_j = user.held ? coupling_energy(user.spec->coupling, limits_of(user.spec->device),
-                                                    engine_.state(user.spec->proxy), *user.held)
-                                  : last.coupling_energy_j;
+  const double held_j =
+      coupling_energy(user.spec->coupling, limits_of(user.spec->device), engine_.state(user.spec->proxy), *user.held);
   user.before_join = {{applied.force - report.impulse_total.force, applied.torque - report.impulse_total.torque},
                       last.device_work_j - held_j + report.coupling_energy_j - report.device_work_j,
                       last.operator_work_j - report.operator_work_j};
@@ -49,10 +50,10 @@ void World::begin_join(User& user, const HapticReport& report) {
 }
 
 void World::end_join(User& user) {
-  user.before = user.report;
   user.held.reset();
   user.joins_at.reset();
-  user.impulse.resume(seconds(timetable_.start(std::max<std::uint64_t>(report_stamp(), 1) - 1)));
+  user.impulse.resume(user.before, user.report,
+                      seconds(timetable_.start(std::max<std::uint64_t>(report_stamp(), 1) - 1)));
   engine_.set_inertia(user.spec->proxy, user.tool.body.mass, user.tool.body.inertia);
 }
 

@@ -203,7 +203,8 @@ bool World::receive(HapticReport&& report) {
   const double stamp_s = seconds(timetable_.start(report.stamp));
   if (std::abs(report.stamp_s - stamp_s) > 0.5 * scene_.settings.h_s) return false;
   if (user.absent && report.started_stamp < user.joins_from) return false;
-  if (report.started_stamp > user.started_stamp || (user.held && !user.joins_at)) begin_join(user, report);
+  if (report.started_stamp > user.started_stamp || (user.held && !user.joins_at))
+    begin_join(index(report.user), report);
   report.impulse_total.force += user.before_join.impulse.force;
   report.impulse_total.torque += user.before_join.impulse.torque;
   report.device_work_j += user.before_join.device_work_j;
@@ -230,7 +231,7 @@ void World::synchronise() {
       std::swap(user.before, user.report);
       std::swap(user.report, user.inbox[slot]);
       user.heard = true;
-      if (user.joins_at && j >= *user.joins_at) end_join(user);
+      if (user.joins_at && user.before.stamp >= *user.joins_at) end_join(user);
     }
   }
   balance();

@@ -198,8 +198,9 @@ class World {
   void account();
   void make_frames();
   void apply(std::size_t user, const HapticReport& report);
-  /// The first report of a sub-world that has started anew: has come, and is used.
-  void begin_join(User& user, const HapticReport& report);
+  /// The first report of a sub-world that has started anew has come. The coupling holds the proxy until two have been
+  /// used: their difference is what the user does now.
+  void begin_join(std::size_t user, const HapticReport& report);
   void end_join(User& user);
   /// Passes the users' impulses on to the cycle under way.
   void pass_impulses();

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <deque>
 #include <memory>
 #include <vector>
 
@@ -44,8 +45,10 @@ class ComeAndGo {
     users_[user].sub.reset();
     world.leave(user);
   }
-  /// Another process begins with the newest frame.
-  void start(std::size_t user) {
+  /// Another process begins with the newest frame; its reports are late by some cycles.
+  void start(std::size_t user, std::size_t late_cycles = 0) {
+    users_[user].late_cycles = late_cycles;
+    users_[user].reports.clear();
     users_[user].sub = std::make_unique<SubWorld>(scene, user);
     EXPECT_TRUE(users_[user].sub->reset_from(world.frame(user)));
   }
@@ -65,6 +68,8 @@ class ComeAndGo {
     EmulatedDevice device;
     Vec3 force = Vec3::Zero();
     double largest_step_n = 0.0;
+    std::size_t late_cycles = 0;
+    std::deque<HapticReport> reports{};  ///< that are under way
   };
   static Scene load(const std::string& name) {
     Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml");
@@ -83,8 +88,10 @@ class ComeAndGo {
         user.device.step(user.sub->command_for(state, felt.to_operator), h);
       };
       (void)user.sub->step({.device = &state, .wall_s = h, .dt = h}, send,
-                           [&] { accepted_ = world.receive(HapticReport(*user.sub->close_cycle(1))) && accepted_; });
+                           [&] { user.reports.push_back(*user.sub->close_cycle(1)); });
     }
+    for (; user.reports.size() > user.late_cycles; user.reports.pop_front())
+      accepted_ = world.receive(std::move(user.reports.front())) && accepted_;
   }
 
   std::vector<User> users_;
@@ -139,6 +146,17 @@ TEST_F(Lifted, AUserWhoReturnsBeginsAtZeroForceAndGoesOnLifting) {
   EXPECT_LT(run_.take_largest_step_n(0), 0.3);
   EXPECT_LT(run_.most_kinetic_j, 0.05);
   EXPECT_LT(run_.world.facts().energy_excess_j, 0.01);
+}
+
+// The world has to guess then, and must not make up for the time of the absence.
+TEST_F(Lifted, AUserWhoReturnsWithLateReportsMovesNothing) {
+  run_.kill(1);
+  run_.run(2.4);
+  run_.start(1, 3);
+  run_.run(2.6);
+  EXPECT_FALSE(run_.world.user_facts(1).absent);
+  EXPECT_LT(run_.take_largest_step_n(0), 0.3);
+  EXPECT_LT(run_.most_kinetic_j, 2e-4);
 }
 
 TEST_F(Lifted, ReportsOfBeforeTheAbsenceAreRefused) {
