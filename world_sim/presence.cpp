@@ -8,18 +8,22 @@
 
 namespace subworld {
 
+Pose World::device(std::size_t number) const {
+  const User& user = users_[number];
+  if (user.held) return user.held->pose;
+  const BodyState proxy = engine_.state(user.spec->proxy);
+  const Wrench last = saturated(mean_wrench(user.before, user.report), limits_of(user.spec->device));
+  const CouplingSettings& coupling = user.tool.coupling;
+  Pose device{proxy.position + last.force / coupling.stiffness_n_m, proxy.orientation};
+  if (coupling.rotational_stiffness_n_m > 0.0)
+    device.orientation = rotated(proxy.orientation, last.torque / coupling.rotational_stiffness_n_m, 1.0);
+  return device;
+}
+
 void World::hold(std::size_t number) {
   User& user = users_[number];
   user.joins_at.reset();
-  if (user.held) return;
-  const BodyState proxy = engine_.state(user.spec->proxy);
-  // The stretch with which the coupling exerts the wrench of the user's last cycle.
-  const Wrench last = saturated(mean_wrench(user.before, user.report), limits_of(user.spec->device));
-  const CouplingSettings& coupling = user.tool.coupling;
-  user.held = DevicePose{{proxy.position + last.force / coupling.stiffness_n_m, proxy.orientation}};
-  if (coupling.rotational_stiffness_n_m > 0.0) {
-    user.held->pose.orientation = rotated(proxy.orientation, last.torque / coupling.rotational_stiffness_n_m, 1.0);
-  }
+  if (!user.held) user.held = DevicePose{device(number)};
 }
 
 void World::leave(std::size_t number) {
