@@ -15,12 +15,14 @@ struct OperatorLimits {
 [[nodiscard]] OperatorLimits operator_limits_of(const DeviceSpec& device) noexcept;
 
 /// The last stage before an operator, on each side of the wire and without trust in the other: whatever goes in, what
-/// comes out is finite, within the limits of force, of its rate and of its power, and rises from zero. While the source
-/// is not trusted (stale or not finite) the last good wrench fades out in kFadeOut_s; once it is trusted again the
-/// wrench ramps in anew. After soften() it follows what is wanted gently, until it has caught up.
+/// comes out is finite, within the limits of force, of its rate and of its power, and rises from zero. Once a source is
+/// not trusted (late or not finite), the last good wrench fades out within kLost_s: by 1 - (t / kLost_s)^3, so that a
+/// sample that is late by a millisecond is not felt. Once it is trusted again the wrench ramps in anew. After soften()
+/// it follows what is wanted gently, until it has caught up.
 class ForceGuard {
  public:
-  static constexpr double kFadeOut_s = 0.02;
+  static constexpr double kLost_s = 0.005;    ///< from the first untrusted step to zero
+  static constexpr double kFadeOut_s = 0.02;  ///< of a declutch
 
   ForceGuard(const OperatorLimits& limits, double ramp_s) noexcept : limits_(limits), ramp_s_(ramp_s) {}
 
@@ -48,6 +50,7 @@ class ForceGuard {
   double ramp_s_;
   double soft_s_ = 0.0;  ///< > 0: soft
   double gain_ = 0.0;
+  double lost_s_ = 0.0;  ///< since the source is not trusted
   bool declutching_ = false;
   Wrench last_;  ///< trusted, before the gain
   Wrench sent_;
