@@ -265,7 +265,7 @@ class RealtimeLoop : HapticRun {
     // Without frames the sub-world pauses: its border holds for a short time only.
     const TimePoint heard = std::max(world_sim_.last_heard(), world_begins_);
     const bool alone = to_seconds(now - heard) > patience_s();
-    const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s);
+    const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s, h_s_);
     const auto send = [&](const FeltStep& felt) {
       stages_.mark(HapticStage::feel);
       DeviceCommand command = sub.command_for(device_, felt.to_operator);
@@ -289,7 +289,7 @@ class RealtimeLoop : HapticRun {
         .dt = dt,
         .clock_rate = rate,
         .took_s = took_s_,
-        .paused = alone || device_absent_ || phase_.real_time_factor() <= 0.0,
+        .paused = alone || device_absent_ || phase_.stands(),
         .slept = loop_.lateness_s() > kLongSleep_s,
         .device_returned = device_returned_};
     const FeltStep felt = sub.step(input, send, report);

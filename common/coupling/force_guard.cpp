@@ -49,19 +49,20 @@ Wrench ForceGuard::follow(const Wrench& wanted, double dt) noexcept {
 Wrench ForceGuard::pass(const Wrench& wanted, const Vec3& velocity, bool trusted, double dt) noexcept {
   declutching_ = declutching_ && gain_ > 0.0;
   const bool good = trusted && wanted.force.allFinite() && wanted.torque.allFinite();
+  const bool ends = !good && loss_ == Loss::ends_force;
   const double left = faded(lost_s_);
-  lost_s_ = good ? 0.0 : lost_s_ + dt;
+  lost_s_ = ends ? lost_s_ + dt : 0.0;
   if (good && !declutching_) {
     last_ = follow(saturated(wanted, limits_.wrench), dt);
     gain_ = ramp_s_ > 0.0 ? std::min(1.0, gain_ + dt / ramp_s_) : 1.0;
-  } else if (good) {
-    gain_ = std::max(0.0, gain_ - dt / kFadeOut_s);
-  } else {
+  } else if (ends) {
     gain_ = left > 0.0 ? gain_ * faded(lost_s_) / left : 0.0;
+  } else {
+    gain_ = std::max(0.0, gain_ - dt / kFadeOut_s);
   }
   const Vec3 force =
       velocity.allFinite() ? with_power(gain_ * last_.force, velocity, limits_.power_w) : Vec3(gain_ * last_.force);
-  const double rate = good ? dt : kLostRate * dt;
+  const double rate = ends ? kLostRate * dt : dt;
   sent_ = {towards(sent_.force, force, rate * limits_.force_rate_n_s),
            towards(sent_.torque, gain_ * last_.torque, rate * limits_.torque_rate_n_m_s)};
   return sent_;

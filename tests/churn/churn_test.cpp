@@ -153,7 +153,7 @@ TEST_P(Churn, AffectsNobodyElseAndLosesNothing) {
     const double next_s = std::max(world_s(), at_s) + 1.3 + 0.001 * draw(300);
     ASSERT_TRUE(eventually([&] { return world_s() > next_s || world_s() > duration_s - 0.1; })) << run.err();
   }
-  ASSERT_EQ(run.wait(60.0), 0) << run.err() << run.out();
+  ASSERT_EQ(run.wait(60.0 + duration_s), 0) << run.err() << run.out();
 
   const Json json = summary();
   const std::string verdict = json["verdict"];

@@ -351,7 +351,7 @@ TEST(ForceGuard, RampsBoundsAndFades) {
 
 TEST(ForceGuard, ALostSourceEndsInZeroForceWithin5MsAndALateSampleIsNotFelt) {
   const OperatorLimits limits = operator_limits_of(DeviceSpec{});
-  ForceGuard guard(limits, 0.02);
+  ForceGuard guard(limits, 0.02, ForceGuard::Loss::ends_force);
   const Wrench wanted{Vec3(40, 0, 0), Vec3::Zero()};
   for (int i = 0; i < 40; ++i) (void)guard.pass(wanted, Vec3::Zero(), true, 0.001);
   EXPECT_GT(guard.pass(wanted, Vec3::Zero(), false, 0.001).force.norm(), 0.99 * 40.0);
