@@ -96,9 +96,9 @@ INSTANTIATE_TEST_SUITE_P(Programs, LostByHand, ::testing::ValuesIn(losses({"fast
 
 class StoppedByHand : public ByHandEnds, public ::testing::WithParamInterface<Loss> {};
 
-// Silence alone is waited for longer: a peer's own word is certain.
+// A peer that sends nothing is waited for longer: its own word is certain.
 TEST_P(StoppedByHand, EndsTheRunAtOnceWithAMessageThatSaysSo) {
-  constexpr double kBelowSilence_s = 4.0;
+  constexpr double kBelowPatience_s = 4.0;
   const Loss& loss = GetParam();
   start_run(loss.mode, loss.dds);
   if (HasFatalFailure()) return;
@@ -112,7 +112,7 @@ TEST_P(StoppedByHand, EndsTheRunAtOnceWithAMessageThatSaysSo) {
     EXPECT_NE(one->err().find(loss.victim + " 0 was stopped before the end of the run"), std::string::npos)
         << one->err();
   }
-  EXPECT_LT(seconds_after(begin), kBelowSilence_s);
+  EXPECT_LT(seconds_after(begin), kBelowPatience_s);
 }
 
 INSTANTIATE_TEST_SUITE_P(Programs, StoppedByHand,
