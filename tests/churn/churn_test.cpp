@@ -129,7 +129,7 @@ TEST_P(Churn, AffectsNobodyElseAndLosesNothing) {
   std::vector<int> disturbed(kUsers, 0);  // by user: faults of its own programs, or of the world
   std::vector<double> world_away_s;
   int kills = 0, halts = 0, world_halts = 0;
-  for (int i = 0; i < faults; ++i) {
+  for (int i = 0; i < faults && world_s() < duration_s - 3.0; ++i) {  // a user has time to return
     const int which = draw(7), user = draw(kUsers);
     const Victim victim = which == 0 ? Victim{"world_sim", -1} : Victim{which < 4 ? "haptic_sim" : "device_sim", user};
     const bool kills_it = draw(3) != 0;
