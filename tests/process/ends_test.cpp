@@ -94,6 +94,30 @@ TEST_P(LostByHand, IsNamedByItsPeers) {
 
 INSTANTIATE_TEST_SUITE_P(Programs, LostByHand, ::testing::ValuesIn(losses({"fastdds", "cyclonedds"})), name_of);
 
+class StoppedByHand : public ByHandEnds, public ::testing::WithParamInterface<Loss> {};
+
+TEST_P(StoppedByHand, EndsTheRunWithAMessageThatSaysSo) {
+  const Loss& loss = GetParam();
+  start_run(loss.mode, loss.dds);
+  if (HasFatalFailure()) return;
+  Process* const victim = loss.victim == "haptic_sim" ? haptic_ : device_;
+  victim->signal(SIGTERM);
+  EXPECT_EQ(victim->wait(), 0) << victim->err();
+  for (Process* one : {world_, haptic_, device_}) {
+    if (one == victim) continue;
+    EXPECT_EQ(one->wait(), 1) << one->err();
+    EXPECT_NE(one->err().find(loss.victim + " 0 was stopped before the end of the run"), std::string::npos)
+        << one->err();
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, StoppedByHand,
+                         ::testing::Values(Loss{"lockstep", "fastdds", "haptic_sim"},
+                                           Loss{"lockstep", "fastdds", "device_sim"},
+                                           Loss{"lockstep", "cyclonedds", "haptic_sim"},
+                                           Loss{"lockstep", "cyclonedds", "device_sim"}),
+                         name_of);
+
 class OtherScene : public ByHandEnds, public ::testing::WithParamInterface<std::string> {};
 
 TEST_P(OtherScene, OfADeviceIsRefusedAndTheOthersLearnWhy) {
