@@ -28,7 +28,8 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kPoll{20};
 constexpr std::chrono::milliseconds kHalted{1000};      ///< longest halt of a program
-constexpr std::chrono::milliseconds kWorldAlone{2000};  ///< the world ends the others in order
+constexpr std::chrono::milliseconds kWorldAlone{3000};  ///< the world ends in order
+constexpr std::chrono::milliseconds kLastFrame{400};    ///< and then the others, of its last frame
 constexpr std::chrono::milliseconds kFinish{30000};     ///< for the others, once the world has ended
 constexpr std::chrono::milliseconds kAll{10000};        ///< then SIGKILL: on a busy machine, writing takes time
 constexpr std::chrono::milliseconds kFirstPause{50};    ///< before the second restart; doubled for each that follows
@@ -212,20 +213,21 @@ void Supervisor::stop() {
   for (const Child& child : children_) {
     if (child.pid > 0 && child.halted) kill(child.pid, SIGKILL);
   }
-  const auto begin = Clock::now();
-  const auto wait_until = [&](std::chrono::milliseconds after) {
-    while (any_running(false) && Clock::now() - begin < after) {
+  const auto wait_while = [&](const auto& runs, std::chrono::milliseconds at_most) {
+    for (const auto begin = Clock::now(); runs() && Clock::now() - begin < at_most;) {
       std::this_thread::sleep_for(kPoll);
       reap();
     }
   };
   // A running world ends the others with its last frame.
-  if (children_.front().pid > 0) {
-    kill(children_.front().pid, SIGTERM);
-    wait_until(kWorldAlone);
+  const Child& world = children_.front();
+  if (world.pid > 0 && !world.halted) {
+    kill(world.pid, SIGTERM);
+    wait_while([&] { return world.pid > 0; }, kWorldAlone);
+    wait_while([&] { return any_running(false); }, kLastFrame);
   }
   signal_all(SIGTERM);
-  wait_until(kAll);
+  wait_while([&] { return any_running(false); }, kAll);
   signal_all(SIGKILL);
   for (Child& child : children_) {
     if (child.pid > 0) waitpid(child.pid, &child.status, 0);

@@ -17,10 +17,8 @@ TEST_P(Waiting, ASignalEndsEveryProgram) {
   for (const Started& one : started_) {
     ASSERT_TRUE(eventually([&] { return one.process->out().find("dds=") != std::string::npos; })) << one.name;
   }
-  const Instant begin = now();
   for (const Started& one : started_) one.process->signal(signal);
   for (const Started& one : started_) EXPECT_EQ(one.process->wait(), 0) << one.name << one.process->err();
-  EXPECT_LT(seconds_after(begin), kEndBound_s);
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, Waiting,
@@ -33,10 +31,8 @@ INSTANTIATE_TEST_SUITE_P(Vendors, Waiting,
 TEST_F(ByHandEnds, ASignalEndsAProgramThatLoads) {
   Process& world = start("world_sim", {"--engine", "slow"}, {{"SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER}});
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
-  const Instant begin = now();
   world.signal(SIGTERM);
   EXPECT_EQ(world.wait(), 0) << world.err();
-  EXPECT_LT(seconds_after(begin), kEndBound_s);
   EXPECT_EQ(world.out().find("settling"), std::string::npos) << "it had loaded already";
 }
 
@@ -50,10 +46,8 @@ TEST_F(ByHandEnds, ASignalEndsAProgramThatIsBusy) {
   const Ended order =
       finish({program("subworld"), "control", "engine", "slow", "--domain", domain_.text(), "--wait", "2"});
   ASSERT_NE(order.err.find("preparing"), std::string::npos) << order.err;
-  const Instant begin = now();
   world.signal(SIGTERM);
   EXPECT_TRUE(world.wait());
-  EXPECT_LT(seconds_after(begin), kEndBound_s);
 }
 
 class Halted : public ByHandEnds, public ::testing::WithParamInterface<std::string> {};
@@ -64,10 +58,8 @@ TEST_P(Halted, ASignalEndsALockstepWorldThatWaitsForAHapticProcess) {
   if (HasFatalFailure()) return;
   haptic_->signal(SIGSTOP);
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
-  const Instant begin = now();
   world_->signal(SIGTERM);
   EXPECT_EQ(world_->wait(), 0) << world_->err();
-  EXPECT_LT(seconds_after(begin), kEndBound_s);
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, Halted, ::testing::Values("fastdds", "cyclonedds"),

@@ -10,11 +10,9 @@ TEST_P(LauncherIsKilled, WithAHaltedProgramAndNothingIsLeftBehind) {
   start(GetParam(), "mixed", "1000");
   if (HasFatalFailure()) return;
   signal("haptic_sim", SIGSTOP);
-  const Instant begin = now();
   process_->signal(SIGKILL);
   ASSERT_EQ(process_->wait(), 128 + SIGKILL);
   EXPECT_TRUE(eventually([&] { return running(out()).empty(); }));
-  EXPECT_LT(seconds_after(begin), kEndBound_s);
   const Json json = summary();
   ASSERT_TRUE(json.is_object()) << process_->err();
   // The kernel continues halted programs whose launcher has died.
