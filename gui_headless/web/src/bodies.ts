@@ -9,7 +9,7 @@ const UP = new THREE.Vector3(0, 0, 1);
 const SELECTED = new THREE.Color("#ffd23f");
 
 /** Darkens the edges of unit boxes, so that equal neighbours stay distinct. */
-function edged(material: THREE.MeshStandardMaterial): THREE.MeshStandardMaterial {
+function edged(material: THREE.MeshLambertMaterial): THREE.MeshLambertMaterial {
   material.onBeforeCompile = (shader) => {
     shader.vertexShader = shader.vertexShader
       .replace("#include <common>", "#include <common>\nvarying vec2 vFace;")
@@ -133,8 +133,8 @@ export class Bodies {
 
   private add(key: string, bodies: Body[], scales: THREE.Vector3[], geometry: THREE.BufferGeometry): void {
     const wall = key.startsWith("wall"), fixed = !key.startsWith("free");
-    const plain = new THREE.MeshStandardMaterial({
-      roughness: 0.78, metalness: 0, transparent: wall, opacity: wall ? 0.1 : 1, depthWrite: !wall,
+    const plain = new THREE.MeshLambertMaterial({
+      transparent: wall, opacity: wall ? 0.1 : 1, depthWrite: !wall,
       side: key.includes("mesh") || key.includes("plane") ? THREE.DoubleSide : THREE.FrontSide,
     });
     const material = key.endsWith("box") && !wall ? edged(plain) : plain;

@@ -28,7 +28,9 @@ export function userColour(user: number): string {
 let chosen: "light" | "dark" | null = null;
 const system = matchMedia("(prefers-color-scheme: dark)");
 
-export const themeName = (): "light" | "dark" => chosen ?? (system.matches ? "dark" : "light");
+let shown: "light" | "dark" = system.matches ? "dark" : "light";
+
+export const themeName = (): "light" | "dark" => shown;
 export const theme = (): Theme => THEMES[themeName()];
 
 /** Calls `changed` at once, and when the theme changes by the system or by the switch. */
@@ -38,6 +40,7 @@ export function followTheme(button: HTMLButtonElement, changed: () => void): voi
     if (kept === "light" || kept === "dark") chosen = kept;
   } catch { /* a browser may keep nothing */ }
   const apply = () => {
+    shown = chosen ?? (system.matches ? "dark" : "light");
     document.documentElement.dataset.theme = themeName();
     button.textContent = themeName() === "dark" ? "Light" : "Dark";
     button.title = `Switch to the ${themeName() === "dark" ? "light" : "dark"} theme (T)`;

@@ -8,6 +8,9 @@ import { theme } from "./theme";
 
 export type Camera = { name: string; user: number };
 
+/** Pixels of the picture per pixel of the page, from a fast machine to a slow one. */
+const RATIOS = [2, 1, 0.75, 0.5];
+
 export class View {
   readonly bodies = new Bodies();
   readonly arrows = new Arrows();
@@ -23,7 +26,7 @@ export class View {
   private readonly controls: OrbitControls;
   private readonly sun = new THREE.DirectionalLight("#fffaf0");
   private readonly sky = new THREE.HemisphereLight();
-  private readonly ground: THREE.Mesh<THREE.CircleGeometry, THREE.MeshStandardMaterial>;
+  private readonly ground: THREE.Mesh<THREE.CircleGeometry, THREE.MeshLambertMaterial>;
   private readonly grid = { step: { value: 0.1 }, colour: { value: new THREE.Color() }, sky: { value: new THREE.Color() },
     reach: { value: 1 }, centre: { value: new THREE.Vector2() } };
   private dirty = true;
@@ -36,7 +39,7 @@ export class View {
 
   constructor(private readonly canvas: HTMLCanvasElement, private readonly model: Model) {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, RATIOS[0]));
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
     this.camera.up.set(0, 0, 1);
@@ -180,8 +183,8 @@ export class View {
   }
 
   /** A floor with a grid, which fades into the sky. */
-  private makeGround(): THREE.Mesh<THREE.CircleGeometry, THREE.MeshStandardMaterial> {
-    const material = new THREE.MeshStandardMaterial({ roughness: 1, metalness: 0 });
+  private makeGround(): THREE.Mesh<THREE.CircleGeometry, THREE.MeshLambertMaterial> {
+    const material = new THREE.MeshLambertMaterial();
     material.onBeforeCompile = (shader) => {
       Object.assign(shader.uniforms, { gridStep: this.grid.step, gridColour: this.grid.colour, skyColour: this.grid.sky,
         reach: this.grid.reach, centre: this.grid.centre });
@@ -247,18 +250,18 @@ export class View {
   private keepPace(now: number): void {
     const { pace } = this, gap = now - pace.last;
     pace.last = now;
-    pace.slow = gap > 90 && gap < 5000 ? pace.slow + 1 : Math.max(0, pace.slow - 1);
-    if (pace.slow > 8 && pace.tier < 2) {
+    pace.slow = gap > 70 && gap < 5000 ? pace.slow + 1 : Math.max(0, pace.slow - 1);
+    if (pace.slow > 4 && pace.tier < RATIOS.length - 1) {
       pace.slow = 0;
       ++pace.tier;
-      this.renderer.setPixelRatio(pace.tier === 1 ? Math.min(1, devicePixelRatio) : 0.7);
+      this.renderer.setPixelRatio(Math.min(RATIOS[pace.tier], devicePixelRatio));
       this.sun.shadow.mapSize.setScalar(1024);
       this.sun.shadow.map?.dispose();
       this.sun.shadow.map = null;
       this.resize();
     }
     this.renderer.shadowMap.autoUpdate = pace.tier === 0;
-    if (pace.tier > 0 && this.frames % (pace.tier === 1 ? 2 : 6) === 0) this.renderer.shadowMap.needsUpdate = true;
+    if (pace.tier > 0 && this.frames % (2 * pace.tier) === 0) this.renderer.shadowMap.needsUpdate = true;
   }
 
   private frame(): void {
