@@ -87,7 +87,7 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
                                              folder));
   }
   const std::regex ours(
-      R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)(\.part)?|bodies\.csv|world_[01]\.checkpoint(\.part)?|picture\.png)");
+      R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)(\.part)?|bodies\.csv|last_\w+\.csv|world_[01]\.checkpoint(\.part)?|picture\.png)");
   std::vector<std::filesystem::path> old;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     // Results go through a link that the user made.
@@ -102,7 +102,9 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
   make_folder(folder + "/logs");
   for (const std::filesystem::path& file : old) std::filesystem::remove(file);
   for (const auto& entry : std::filesystem::directory_iterator(folder + "/logs")) {
-    if (entry.path().extension() == ".log") std::filesystem::remove(entry.path());
+    const std::string name = entry.path().filename();
+    if (name.ends_with(".log") || (name.starts_with("last_") && name.ends_with(".csv")))
+      std::filesystem::remove(entry.path());
   }
 }
 

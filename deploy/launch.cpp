@@ -4,6 +4,7 @@
 #include "ends.hpp"
 #include "file_lock.hpp"
 #include "io/trace.hpp"
+#include "keeper.hpp"
 #include "limits.hpp"
 #include "model/error.hpp"
 #include "page.hpp"
@@ -19,6 +20,7 @@
 #include "supervise.hpp"
 #include "watchdog.hpp"
 #include "wire/bus.hpp"
+#include "wire/last_messages.hpp"
 
 #include <fmt/format.h>
 
@@ -42,10 +44,11 @@ std::string trace_part(const std::string& folder, const std::string& label) {
 }
 
 /// Makes one trace of all programs' parts.
-void collect_trace(const Supervisor& programs, const Options& options) {
+void collect_trace(const Options& options) {
   if (options.trace.empty()) return;
   std::vector<std::string> parts;
-  for (const Supervisor::Child& child : programs.children()) parts.push_back(trace_part(options.out, child.label));
+  for (const auto& entry : std::filesystem::directory_iterator(options.out + "/trace")) parts.push_back(entry.path());
+  std::ranges::sort(parts);
   merge_traces(parts, options.trace);
   std::filesystem::remove_all(options.out + "/trace");
   fmt::print("subworld: trace in {}; open it with ui.perfetto.dev, chrome://tracing or speedscope\n", options.trace);
@@ -66,7 +69,7 @@ bool has_checkpoint(const std::string& folder) {
 }
 
 void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain,
-                    const Placement& placement) {
+                    const Placement& placement, const MessageMemory& messages) {
   const std::string folder = program_folder();
   int position = 0;
   const auto start = [&](const std::string& program, int user, bool essential) {
@@ -102,6 +105,7 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (program == "world_sim") flags = resumed(options.resume);
     programs.start({.label = label,
                     .log = fmt::format("{}/logs/{}.log", options.out, label),
+                    .messages = messages.place_of(place_of_messages(program, user)),
                     .part = part,
                     .essential = essential,
                     .arguments_again = program == "world_sim" ? std::function(again) : nullptr},
@@ -170,16 +174,23 @@ void share_cores(Options& options, Scene& scene) {
              scene.users.size(), cores, cores == 1 ? "" : "s", *options.budget_limit_ratio);
 }
 
+/// What is measured of the programs from outside, since the begin.
+struct Outside {
+  TimePoint begin = Clock::now();
+  MachineUse use = machine_use();
+
+  void measure(RunResults& run) const {
+    run.wall_s = to_seconds(Clock::now() - begin);
+    run.load = core_load(use, machine_use(), run.wall_s, run.cores);
+  }
+};
+
 /// Starts the programs, shows how they advance, and stops what is left of them.
-Ended run_programs(const RunRequest& request, const Options& options, int domain, RunResults& run) {
+Ended run_programs(const RunRequest& request, const Options& options, int domain, RunResults& run,
+                   const MessageMemory& messages, const Keeper& keeper) {
   const Scene& scene = run.scene;
-  const TimePoint begin = Clock::now();
-  const MachineUse use = machine_use();
-  Supervisor programs(request.restart);
-  // Of several runs at a time only the first is placed: two worlds must not share one core.
-  FileLock first_run;
-  if (request.place && first_run.take("subworld-cores") == 0) run.placement = place(scene, allowed_cores());
-  start_programs(programs, request, options, scene.settings.users, domain, run.placement);
+  Supervisor programs(request.restart, keeper);
+  start_programs(programs, request, options, scene.settings.users, domain, run.placement, messages);
   std::optional<Supervisor::Failure> failure;
   Watchdog watchdog;
   PageOpener open_page(options.live, request.page);
@@ -197,9 +208,6 @@ Ended run_programs(const RunRequest& request, const Options& options, int domain
   }
   const Ended ended = end(programs, std::move(failure), watchdog);
   run.restarts = programs.restarts();
-  run.wall_s = to_seconds(Clock::now() - begin);
-  run.load = core_load(use, machine_use(), run.wall_s, run.cores);
-  collect_trace(programs, options);
   return ended;
 }
 
@@ -247,9 +255,25 @@ int run(const RunRequest& request) {
   std::optional<Calibration> calibration;
   if (run.realtime()) calibration = measure_machine(settings);
 
+  // Of several runs at a time only the first is placed: two worlds must not share one core.
+  FileLock first_run;
+  if (request.place && first_run.take("subworld-cores") == 0) run.placement = place(run.scene, allowed_cores());
   watch_stop_signals();
-  const Ended ended = run_programs(request, options, domain, run);
-  return conclude_run(run, ended, request, options.out, calibration);
+  const Outside outside;
+  const MessageMemory messages(places_of_messages(settings.users));
+  const Keeper keeper([&](const std::vector<Restarted>& restarts) {
+    run.restarts = restarts;
+    outside.measure(run);
+    collect_trace(options);
+    conclude_orphaned(run, request, options.out, calibration);
+    write_last_messages(run, messages, options.out);
+  });
+  const Ended ended = run_programs(request, options, domain, run, messages, keeper);
+  outside.measure(run);
+  collect_trace(options);
+  const int code = conclude_run(run, ended, request, options.out, calibration);
+  write_last_messages(run, messages, options.out);
+  return code;
 }
 
 }  // namespace subworld

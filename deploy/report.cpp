@@ -78,7 +78,7 @@ std::vector<std::string> judge(RunResults& run, const Ended& ended) {
                                  ended.stall.label, ended.stall.at_s, ended.stall.for_s));
   }
   if (ended.orphaned && run.ending.by.starts_with("SIG")) {
-    faults = {fmt::format("`subworld run` was killed at t = {:.3f} of {:g} s; its programs ended in order",
+    faults = {fmt::format("the launcher was killed at t = {:.3f} of {:g} s; its programs ended in order",
                           run.simulated_s, settings.duration_s)};
   }
   if (!faults.empty()) run.verdict = fmt::format("failed: {}", fmt::join(faults, "; "));
@@ -165,7 +165,7 @@ int report_partial(RunResults& run, const Ended& ended, const std::string& folde
   run.verdict = ended.signal != 0
                     ? "stopped by " + name_of_signal(ended.signal)
                     : fmt::format("failed: no results of {}: killed, or they could not be written{}",
-                                  missing_text(ended.parts), ended.orphaned ? "; `subworld run` was killed" : "");
+                                  missing_text(ended.parts), ended.orphaned ? "; the launcher was killed" : "");
   fmt::print("verdict: {}\n", run.verdict);
   std::fflush(stdout);
   write_summary(run, ended, folder);
@@ -179,8 +179,9 @@ Ended end(Supervisor& programs, std::optional<Supervisor::Failure> failure, cons
   // A display that has not ended by itself did not fail.
   Ended ended;
   for (const Supervisor::Child& child : programs.children()) {
-    if (!child.essential && child.pid < 0 && exit_code_of(child) != 0)
-      ended.display = child.name() + " " + end_of(child);
+    if (child.essential) continue;
+    if (child.pid < 0 && exit_code_of(child) != 0) ended.display = child.name() + " " + end_of(child);
+    if (child.pid > 0 && child.halted) ended.display = child.name() + " is halted";
   }
   programs.stop();
   ended.failure = std::move(failure);
@@ -200,6 +201,45 @@ int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request,
   if (ended.failure) return report_failure(ended, folder, run);
   return complete ? report(run, ended, request, folder) : report_partial(run, ended, folder);
 }
+
+void conclude_orphaned(RunResults& run, const RunRequest& request, const std::string& folder,
+                       const std::optional<Calibration>& calibration) {
+  if (std::filesystem::exists(folder + "/summary.json")) return;
+  Ended ended;
+  ended.orphaned = true;
+  ended.parts = parts_of(folder, run.scene.settings.users);
+  (void)conclude_run(run, ended, request, folder, calibration);
+}
+
+std::vector<std::string> parts_of(const std::string& folder, int users) {
+  std::vector<std::string> parts{part_file(folder, "world_sim", -1)};
+  for (int user = 0; user < users; ++user) {
+    for (const char* program : {"haptic_sim", "device_sim"}) parts.push_back(part_file(folder, program, user));
+  }
+  return parts;
+}
+
+void write_last_messages(const RunResults& run, const MessageMemory& messages, const std::string& folder) {
+  if (!run.verdict.starts_with("failed")) return;
+  const auto write = [&](const std::string& program, int user) {
+    const std::string label = user < 0 ? program : fmt::format("{}_{}", program, user);
+    const std::string fault =
+        messages.write(place_of_messages(program, user), fmt::format("{}/logs/last_{}.csv", folder, label));
+    if (!fault.empty()) fmt::print(stderr, "subworld: warning: no last messages of {}: {}\n", label, fault);
+  };
+  for (const char* program : {"world_sim", "gui_headless"}) write(program, -1);
+  for (int user = 0; user < run.scene.settings.users; ++user) {
+    for (const char* program : {"haptic_sim", "device_sim"}) write(program, user);
+  }
+  fmt::print("subworld: the last messages of each program: {}/logs/last_*.csv\n", folder);
+}
+
+int place_of_messages(const std::string& program, int user) {
+  if (user < 0) return program == "world_sim" ? 0 : 1;
+  return 2 + 2 * user + (program == "haptic_sim" ? 0 : 1);
+}
+
+int places_of_messages(int users) { return 2 + 2 * users; }
 
 std::string date_of_now() {
   const std::string text = fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(std::time(nullptr)));

@@ -5,6 +5,7 @@
 #include "summary.hpp"
 #include "supervise.hpp"
 #include "watchdog.hpp"
+#include "wire/last_messages.hpp"
 
 #include <optional>
 #include <string>
@@ -30,6 +31,19 @@ struct Ended {
 /// (failed) where the summary cannot be written.
 int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
                  const std::optional<Calibration>& calibration);
+
+/// The same for a run whose launcher was killed. A summary that the launcher has written remains.
+void conclude_orphaned(RunResults& run, const RunRequest& request, const std::string& folder,
+                       const std::optional<Calibration>& calibration);
+
+/// Files in which the programs of a run write their results.
+[[nodiscard]] std::vector<std::string> parts_of(const std::string& folder, int users);
+
+/// After a failed run: writes the last messages of each program to `logs/last_PROGRAM.csv`.
+void write_last_messages(const RunResults& run, const MessageMemory& messages, const std::string& folder);
+/// Place of a program in that memory, and their number; `user` -1: none.
+[[nodiscard]] int place_of_messages(const std::string& program, int user);
+[[nodiscard]] int places_of_messages(int users);
 
 /// ISO 8601 with the zone.
 [[nodiscard]] std::string date_of_now();

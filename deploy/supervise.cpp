@@ -3,6 +3,7 @@
 #include "io/ending.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
+#include "wire/last_messages.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -14,6 +15,7 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <thread>
 
@@ -30,21 +32,22 @@ constexpr std::chrono::milliseconds kFinish{30000};    ///< for the others, once
 constexpr std::chrono::milliseconds kAll{1500};        ///< then SIGKILL
 constexpr std::chrono::milliseconds kFirstPause{50};   ///< before the second restart; doubled for each that follows
 constexpr int kMostRestarts = 8;                       ///< of a program, in a row
-constexpr std::chrono::seconds kLived{5};              ///< one that ran for so long has begun well
+constexpr std::chrono::seconds kLived{1};              ///< one that ran for so long has begun well
 
 double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
-[[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments,
-                         const std::function<bool()>& enter, int log, pid_t parent) {
+[[noreturn]] void become(const Supervisor::Child& child, int log, pid_t parent) {
+  const std::string& program = child.program;
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   if (getppid() != parent) _exit(1);
   setpgid(0, 0);  // a terminal's Ctrl-C reaches the launcher alone, which stops all in order
   dup2(log, STDOUT_FILENO);
   dup2(log, STDERR_FILENO);
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
-  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+  for (const std::string& argument : child.arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);
-  if (enter && !enter()) {
+  if (!child.messages.empty()) setenv(MessageMemory::kVariable, child.messages.c_str(), 1);
+  if (child.enter && !child.enter()) {
     dprintf(STDERR_FILENO, "%s: error: cannot enter the network namespace of its host\n", program.c_str());
     _exit(1);
   }
@@ -75,10 +78,11 @@ void Supervisor::launch(Child& child, int flags) {
   const pid_t parent = getpid();
   child.started_at = Clock::now();
   child.pid = fork();
-  if (child.pid == 0) become(child.program, child.arguments, child.enter, file, parent);
+  if (child.pid == 0) become(child, file, parent);
   close(file);
   if (child.pid < 0)
     throw Error(ExitCode::failed, fmt::format("cannot start {}: {}", child.program, std::strerror(errno)));
+  keeper_.add(child.pid);
 }
 
 std::string Supervisor::restart_reason(const Child& child,
@@ -103,6 +107,7 @@ void Supervisor::revive(const std::function<std::string(const Child&)>& early) {
       if (reason.empty()) continue;
       child.starts_at = Clock::now() + (child.restarts == 0 ? 0 : 1 << child.restarts) * kFirstPause;
       restarts_.push_back({child.label, std::chrono::duration<double>(Clock::now() - watched_from_).count(), reason});
+      keeper_.add(restarts_.back());
       fmt::print(stderr, "subworld: {} {}; it is started again\n", child.name(), reason);
     } else if (Clock::now() >= child.starts_at) {
       child.starts_at = {};
@@ -168,6 +173,9 @@ std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>
     revive(early);
     if (auto failed = failure(early)) return failed;
     if (!any_running(false)) break;
+    const bool only_halted = std::ranges::all_of(
+        children_, [](const Child& c) { return c.pid < 0 || (!c.essential && c.halted_s > to_seconds(kHalted)); });
+    if (only_halted && !any_running(true)) break;  // a display that will not end
     // After the world the others only finish: one that does not end soon is stuck.
     if (children_.front().pid > 0 || children_.front().starts_at != Clock::time_point{}) world_seen = Clock::now();
     if (Clock::now() - world_seen > kFinish) {

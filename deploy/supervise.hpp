@@ -1,5 +1,8 @@
 #pragma once
 
+#include "keeper.hpp"
+#include "restart.hpp"
+
 #include <sys/types.h>
 
 #include <chrono>
@@ -10,34 +13,22 @@
 
 namespace subworld {
 
-/// When a program that ends before its run is started again.
-enum class Restart : std::uint8_t {
-  never,
-  on_failure,  ///< killed, halted for a second, or with exit code 1
-  always       ///< also one that was asked to end
-};
-
-/// A program that was started again.
-struct Restarted {
-  std::string program;   ///< "haptic_sim_0"
-  double after_s = 0.0;  ///< since the launcher began to watch
-  std::string reason;    ///< "killed by SIGKILL"
-};
-
 /// The programs of one run. They end with this object.
 class Supervisor {
  public:
-  explicit Supervisor(Restart restart = Restart::never) : restart_(restart) {}
+  /// `keeper` ends them where this process is killed.
+  Supervisor(Restart restart, const Keeper& keeper) : restart_(restart), keeper_(keeper) {}
   struct Child {
     std::string label;
-    std::string log;        ///< file of its output
-    std::string part;       ///< file in which it writes at its end how it ended; empty: none
-    bool essential = true;  ///< its early end is a failure
-    pid_t pid = -1;         ///< -1: ended
-    int status = 0;         ///< as waitpid() gives it
-    bool halted = false;    ///< by SIGSTOP or the like
-    double halted_s = 0.0;  ///< measured by the launcher
-    bool judged = false;    ///< has ended with 0, and `early` is set
+    std::string log;            ///< file of its output
+    std::string messages = {};  ///< place of its last messages, as MessageMemory gives it
+    std::string part;           ///< file in which it writes at its end how it ended; empty: none
+    bool essential = true;      ///< its early end is a failure
+    pid_t pid = -1;             ///< -1: ended
+    int status = 0;             ///< as waitpid() gives it
+    bool halted = false;        ///< by SIGSTOP or the like
+    double halted_s = 0.0;      ///< measured by the launcher
+    bool judged = false;        ///< has ended with 0, and `early` is set
     std::string early = {};
     std::string host = {};  ///< of a session; empty: a run on one machine
     std::string program = {};
@@ -81,7 +72,7 @@ class Supervisor {
   [[nodiscard]] const std::vector<Restarted>& restarts() const noexcept { return restarts_; }
 
  private:
-  static void launch(Child& child, int flags);
+  void launch(Child& child, int flags);
   void reap();
   /// Starts again what is to be started again, each time after a longer pause, and at most kMostRestarts times.
   void revive(const std::function<std::string(const Child&)>& early);
@@ -93,6 +84,7 @@ class Supervisor {
   [[nodiscard]] bool any_running(bool essential_only) const;
 
   Restart restart_;
+  const Keeper& keeper_;
   std::vector<Child> children_;
   std::vector<Restarted> restarts_;
   std::chrono::steady_clock::time_point watched_from_ = {};

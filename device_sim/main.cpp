@@ -20,7 +20,9 @@ int main(int argc, char** argv) {
     if (realtime) leave_realtime();
     DeviceMeasures measures(options, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("device_sim {}: {}\n", options.user, ports.bus->effective_settings());
-    with_last_words(ports.status, [&] {
+    const std::string last =
+        options.out.empty() ? "" : fmt::format("{}/last_device_sim_{}.csv", options.out, options.user);
+    with_last_words(ports.status, last, [&] {
       SessionFinder finder(ports.scene, scene, ports.status);
       DeviceRun run{options, scene, ports, device, guard, measures, finder};
       if (const auto session = join(run)) {

@@ -20,7 +20,9 @@ int main(int argc, char** argv) {
     if (realtime) leave_realtime();
     HapticMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
-    with_last_words(ports.status, [&] {
+    const std::string last =
+        options.out.empty() ? "" : fmt::format("{}/last_haptic_sim_{}.csv", options.out, options.user);
+    with_last_words(ports.status, last, [&] {
       SessionFinder finder(ports.scene, scene, ports.status);
       const HapticRun run{options, scene, ports, sub, measures, exchange, finder};
       if (const auto first = join(run)) {

@@ -67,7 +67,8 @@ int main(int argc, char** argv) {
     WorldMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
     if (from && options.resume == options.out) measures.goes_back();
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
-    with_last_words(ports.status, [&] {
+    const std::string last = options.out.empty() ? "" : options.out + "/last_world_sim.csv";
+    with_last_words(ports.status, last, [&] {
       ports.status.enter("loading");
       World world(resumed ? *resumed : scene, [&](double part) { ports.status.done(part); });
       EngineExchange exchange(
@@ -83,6 +84,7 @@ int main(int argc, char** argv) {
       };
       if (from) {
         world.resume(*from);
+        measures.resume(from->absences, from->time_s);
       } else if (!world.settle(settling)) {
         return;
       }

@@ -142,6 +142,8 @@ class World {
   [[nodiscard]] UserFacts user_facts(std::size_t user) const noexcept;
   /// The world at the present stamp as user u sees it; new after each step().
   [[nodiscard]] WorldFrame& frame(std::size_t user) { return frames_.frame(user, facts_.stamp); }
+  /// Where the user's coupling is held that exerts the wrench of the last cycle on the proxy at rest.
+  [[nodiscard]] Pose device(std::size_t user) const;
   /// Allocates only until the view has grown to the world.
   void look(WorldView& view) const;
   /// Cycles that are over, and that are coming, in haptic steps.
@@ -198,8 +200,11 @@ class World {
   void account();
   void make_frames();
   void apply(std::size_t user, const HapticReport& report);
-  /// The first report of a sub-world that has started anew: has come, and is used.
-  void begin_join(User& user, const HapticReport& report);
+  /// In a resumed world: the coupling holds the proxy from there, with energy of before.
+  void hold_at(User& user, const Pose& device);
+  /// The first report of a sub-world that has started anew has come. The coupling holds the proxy until two have been
+  /// used: their difference is what the user does now.
+  void begin_join(std::size_t user, const HapticReport& report);
   void end_join(User& user);
   /// Passes the users' impulses on to the cycle under way.
   void pass_impulses();

@@ -3,6 +3,7 @@
 #include "wire/backend.hpp"
 #include "wire/codec.hpp"
 #include "wire/event_text.hpp"
+#include "wire/last_messages.hpp"
 #include "wire/observer.hpp"
 #include "wire/plugin.hpp"
 
@@ -138,11 +139,12 @@ struct Bus::Impl {
 struct AnyWriter::Impl {
   std::unique_ptr<wire::BackendWriter> backend;
   std::unique_ptr<AnyCodec> codec;
+  std::size_t topic;
   std::uint64_t bytes = 0;
 };
 
 AnyWriter::AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition)
-    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition)), make_codec(topic)}) {}
+    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition)), make_codec(topic), topic}) {}
 AnyWriter::AnyWriter(AnyWriter&&) noexcept = default;
 AnyWriter& AnyWriter::operator=(AnyWriter&&) noexcept = default;
 AnyWriter::~AnyWriter() = default;
@@ -150,6 +152,7 @@ AnyWriter::~AnyWriter() = default;
 bool AnyWriter::write_any(const void* sample) noexcept {
   const auto cdr = impl_->codec->encode(sample);
   if (cdr.empty() || !impl_->backend->write(cdr)) return false;
+  keep_message(impl_->topic, true, cdr.size(), sample);
   impl_->bytes += cdr.size();
   return true;
 }
@@ -164,7 +167,7 @@ struct AnyReader::Impl {
   std::unique_ptr<wire::BackendReader> backend;
   std::unique_ptr<AnyCodec> codec;
   Events& events;
-  const char* topic;
+  std::size_t topic;
   std::vector<std::uint8_t> cdr = {};
   std::uint64_t bytes = 0;
   std::uint64_t writer = 0;  // writer of the last received sample
@@ -173,7 +176,7 @@ struct AnyReader::Impl {
 AnyReader::AnyReader(const Bus& bus, std::size_t topic, const std::string& partition,
                      std::optional<double> device_period_s)
     : impl_(new Impl{bus.impl_->backend->create_reader(bus.impl_->spec(topic, partition, device_period_s)),
-                     make_codec(topic), bus.impl_->events, kTopics[topic].name}) {
+                     make_codec(topic), bus.impl_->events, topic}) {
   impl_->cdr.reserve(wire::kMessageBytes);
 }
 AnyReader::AnyReader(AnyReader&&) noexcept = default;
@@ -188,9 +191,11 @@ bool AnyReader::receive() noexcept {
 
 bool AnyReader::decode_any(void* sample) noexcept {
   const Decoded decoded = impl_->codec->decode(impl_->cdr, sample);
-  if (decoded == Decoded::lacks_base) impl_->events.report(wire::Event::lost, 1, "reader", impl_->topic, "");
+  const char* const topic = kTopics[impl_->topic].name;
+  if (decoded == Decoded::lacks_base) impl_->events.report(wire::Event::lost, 1, "reader", topic, "");
   if (decoded == Decoded::invalid)
-    impl_->events.report(wire::Event::rejected, 1, "reader", impl_->topic, "corrupt or invalid");
+    impl_->events.report(wire::Event::rejected, 1, "reader", topic, "corrupt or invalid");
+  if (decoded == Decoded::sample) keep_message(impl_->topic, false, impl_->cdr.size(), sample);
   return decoded == Decoded::sample;
 }
 
@@ -234,6 +239,7 @@ bool Observer::receive(std::vector<std::uint8_t>& cdr) noexcept { return impl_->
 int Observer::matched() const noexcept { return impl_->backend->matched(); }
 
 Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
+  keep_last_messages();
   impl_->config = config;
   const wire::Opening opening = wire::prepare(config);
   impl_->backend.reset(wire::load_plugin(config.vendor)(opening, impl_->events));

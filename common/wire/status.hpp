@@ -3,6 +3,7 @@
 #include "model/error.hpp"
 #include "model/exchange.hpp"
 #include "wire/bus.hpp"
+#include "wire/last_messages.hpp"
 
 #include <array>
 #include <atomic>
@@ -134,13 +135,15 @@ class StatusBeacon {
   std::thread thread_;
 };
 
-/// Runs a program's body. An error that leaves it is published first, so that the others can say why this one ended.
+/// Runs a program's body. An error that leaves it is published first, so that the others can say why this one ended,
+/// and its last messages are written to `last_messages` (empty: nowhere).
 template <class Body>
-void with_last_words(StatusBeacon& status, Body&& body) {
+void with_last_words(StatusBeacon& status, const std::string& last_messages, Body&& body) {
   try {
     body();
   } catch (const Error& wrong) {
     status.fail(wrong.what());
+    if (!last_messages.empty()) write_last_messages(last_messages);
     throw;
   }
 }

@@ -25,14 +25,6 @@ const std::regex& results() {
   return names;
 }
 
-std::vector<std::string> parts_of(const std::string& folder, int users) {
-  std::vector<std::string> parts{part_file(folder, "world_sim", -1)};
-  for (int user = 0; user < users; ++user) {
-    for (const char* program : {"haptic_sim", "device_sim"}) parts.push_back(part_file(folder, program, user));
-  }
-  return parts;
-}
-
 /// The vendor that all programs used, or "mixed".
 std::string vendors_of(const std::string& folder, int users) {
   std::set<std::string> vendors;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "restart.hpp"
+
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -18,6 +20,7 @@ struct SessionRequest {
   std::string ssh = "ssh";   ///< program that starts commands on other hosts
   std::string command_line;  ///< as given
   bool explain = false;      ///< as in RunRequest
+  Restart restart = Restart::never;
   bool strict = false;
 };
 

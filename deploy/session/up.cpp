@@ -1,5 +1,6 @@
 #include "claim.hpp"
 #include "ends.hpp"
+#include "keeper.hpp"
 #include "limits.hpp"
 #include "link/network.hpp"
 #include "model/error.hpp"
@@ -53,13 +54,25 @@ class SessionRun {
     for (const SessionHost* const host : chosen_) check(*host);
     watch_stop_signals();
     const TimePoint begin = Clock::now();
-    Ended ended = watch();
+    messages_.emplace(places_of_messages(run_.scene.settings.users));
+    const Keeper keeper([&](const std::vector<Restarted>& restarts) {
+      run_.restarts = restarts;
+      run_.wall_s = to_seconds(Clock::now() - begin);
+      fetch();
+      if (!request_.host.empty()) return;  // its results are in their folder
+      merge_results({out_ + "/hosts"}, out_);
+      conclude_orphaned(run_, run_request(), out_, {});
+      write_last_messages(run_, *messages_, out_);
+    });
+    Ended ended = watch(keeper);
     run_.wall_s = to_seconds(Clock::now() - begin);
     fetch();
     if (!request_.host.empty()) return report_share(ended);
     merge_results({out_ + "/hosts"}, out_);
     for (std::string& part : ended.parts) part = out_ + part.substr(part.rfind('/'));
-    return conclude_run(run_, ended, run_request(), out_, {});
+    const int code = conclude_run(run_, ended, run_request(), out_, {});
+    write_last_messages(run_, *messages_, out_);
+    return code;
   }
 
  private:
@@ -144,6 +157,7 @@ class SessionRun {
     const std::string part = part_file(folder_here(host), program.name, program.user);
     Supervisor::Child child{.label = program.label(),
                             .log = fmt::format("{}/logs/{}.log", out_, program.label()),
+                            .messages = messages_->place_of(place_of_messages(program.name, program.user)),
                             .part = essential ? part : "",
                             .essential = essential,
                             .host = host.name};
@@ -165,8 +179,8 @@ class SessionRun {
     return peers;
   }
 
-  Ended watch() {
-    Supervisor programs;
+  Ended watch(const Keeper& keeper) {
+    Supervisor programs(request_.restart, keeper);
     start(programs);
     std::optional<Supervisor::Failure> failure;
     Watchdog watchdog;
@@ -180,7 +194,9 @@ class SessionRun {
     }
     if (failure && exit_code_of(failure->child) == DistantHost::kSshFailed)
       failure->reason = "was killed there, or ssh lost the connection to it";
-    return end(programs, std::move(failure), watchdog);
+    Ended ended = end(programs, std::move(failure), watchdog);
+    run_.restarts = programs.restarts();
+    return ended;
   }
 
   /// Live progress needs a host of the session on this machine.
@@ -234,6 +250,7 @@ class SessionRun {
   std::string out_;
   RunResults run_;
   std::vector<const SessionHost*> chosen_;
+  std::optional<MessageMemory> messages_;
   std::optional<EmulatedNetwork> network_;  ///< with --namespaces
 };
 

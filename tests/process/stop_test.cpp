@@ -1,7 +1,6 @@
 #include "process/process_test.hpp"
 
 #include <optional>
-#include <tuple>
 
 namespace subworld::test {
 namespace {
@@ -53,27 +52,6 @@ class Stop : public ProcessTest {
   std::optional<Process> process_;
 };
 
-class StopSignal : public Stop,
-                   public ::testing::WithParamInterface<std::tuple<std::pair<int, std::string>, std::string>> {};
-
-TEST_P(StopSignal, EndsEverythingInOrder) {
-  const auto& [signal, mode] = GetParam();
-  start(mode);
-  if (HasFatalFailure()) return;
-  const auto begin = std::chrono::steady_clock::now();
-  process_->signal(signal.first);
-  EXPECT_EQ(expect_end(begin), 0) << process_->err();
-  expect_stopped_by(signal.second);
-  EXPECT_NE(process_->out().find("stopped by " + signal.second), std::string::npos);
-}
-
-INSTANTIATE_TEST_SUITE_P(Runs, StopSignal,
-                         ::testing::Combine(::testing::Values(std::pair{SIGINT, "SIGINT"},
-                                                              std::pair{SIGTERM, "SIGTERM"},
-                                                              std::pair{SIGHUP, "SIGHUP"}),
-                                            ::testing::Values("lockstep", "realtime")),
-                         [](const auto& one) { return std::get<0>(one.param).second + "_" + std::get<1>(one.param); });
-
 class StopMode : public Stop, public ::testing::WithParamInterface<std::string> {};
 
 TEST_P(StopMode, AClosedTerminalEndsEverythingInOrder) {
@@ -87,38 +65,8 @@ TEST_P(StopMode, AClosedTerminalEndsEverythingInOrder) {
   expect_stopped_by("SIGHUP");
 }
 
-TEST_P(StopMode, AKilledLauncherTakesEverythingAlong) {
-  start(GetParam());
-  if (HasFatalFailure()) return;
-  ASSERT_GE(running(out()).size(), 4U);
-  const auto begin = std::chrono::steady_clock::now();
-  process_->signal(SIGKILL);
-  EXPECT_EQ(expect_end(begin), 128 + SIGKILL);
-}
-
 INSTANTIATE_TEST_SUITE_P(Runs, StopMode, ::testing::Values("lockstep", "realtime"),
                          [](const auto& one) { return one.param; });
-
-class KilledProgram : public Stop, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
-
-TEST_P(KilledProgram, IsNamedAndEverythingElseEnds) {
-  const auto& [name, mode] = GetParam();
-  start(mode);
-  if (HasFatalFailure()) return;
-  const pid_t victim = find(name);
-  ASSERT_GT(victim, 0);
-  const auto begin = std::chrono::steady_clock::now();
-  kill(victim, SIGKILL);
-  EXPECT_EQ(expect_end(begin), 1);
-  const std::string label = name == "world_sim" ? name : name + "_0";
-  EXPECT_NE(process_->err().find(label + " killed by SIGKILL"), std::string::npos) << process_->err();
-  EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("failed: " + label)) << summary();
-}
-
-INSTANTIATE_TEST_SUITE_P(Runs, KilledProgram,
-                         ::testing::Combine(::testing::Values("world_sim", "haptic_sim", "device_sim"),
-                                            ::testing::Values("lockstep", "realtime")),
-                         [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
 
 TEST_F(Stop, WhileTheWorldSettles) {
   std::string text = read_text(scene("heap"));

@@ -1,0 +1,109 @@
+// Programs that are started again.
+#include "process/ends.hpp"
+
+#include <cmath>
+
+namespace subworld::test {
+namespace {
+
+class RestartedByHand : public ByHandEnds, public ::testing::WithParamInterface<Loss> {
+ protected:
+  /// Kills a program and starts it again.
+  void restart() {
+    start_run(GetParam().mode, GetParam().dds, {"--wait", "5"});
+    if (HasFatalFailure()) return;
+    const std::string& name = GetParam().victim;
+    victim_ = name == "world_sim" ? world_ : name == "haptic_sim" ? haptic_ : device_;
+    victim_->signal(SIGKILL);
+    ASSERT_EQ(victim_->wait(), 128 + SIGKILL);
+    again_ = &start(name, name == "haptic_sim" ? Words{"--out", out()} : Words{});
+  }
+
+  Process* victim_ = nullptr;
+  Process* again_ = nullptr;
+};
+class RestartedInLockstep : public RestartedByHand {};
+
+// A run in lock-step consists of the programs with which it began: each peer of a restarted program reports the
+// restart, and so does the restarted program.
+TEST_P(RestartedInLockstep, IsAnErrorOfEachPeerThatNamesIt) {
+  restart();
+  if (HasFatalFailure()) return;
+  std::string said;
+  for (const Started& one : started_) {
+    if (one.process.get() == victim_) continue;
+    const auto code = one.process->wait(15.0);
+    EXPECT_EQ(code, 1) << one.name << ": " << one.process->err();
+    if (one.process.get() != again_) said += one.process->err();
+  }
+  const std::string& name = GetParam().victim;
+  const std::string label = name == "world_sim" ? name : name + " 0";
+  const bool restarted = said.find("error: " + label + " was started again") != std::string::npos;
+  const bool died = said.find("error: " + label + " has died") != std::string::npos;
+  EXPECT_TRUE(restarted || died) << said;
+}
+
+class RestartedInRealTime : public RestartedByHand {};
+
+// The others wait for it, and the run goes on.
+TEST_P(RestartedInRealTime, TakesPartAgain) {
+  restart();
+  if (HasFatalFailure()) return;
+  const std::string history = out() + "/haptic_0.csv";
+  // New states of the device in new steps of the sub-world, which stands without a world.
+  const auto goes_on_after = [&](std::size_t row) {
+    const Table table = read_table(history);
+    if (table.rows.size() < row + 400) return false;
+    const auto past = [&](const char* column) {
+      return std::abs(table.rows.back()[table.column(column)] -
+                      table.rows[table.rows.size() - 50][table.column(column)]);
+    };
+    return past("device_time_s") > 0.0 && past("time_s") > 0.0;
+  };
+  EXPECT_TRUE(eventually([&] { return again_->out().find(" Hz") != std::string::npos; })) << again_->err();
+  const std::size_t before = read_table(history).rows.size();
+  EXPECT_TRUE(eventually([&] { return goes_on_after(before); })) << world_->err() << haptic_->err();
+  if (GetParam().victim == "haptic_sim") {
+    EXPECT_NE(world_->err().find("user 0 is absent from t = "), std::string::npos) << world_->err();
+    EXPECT_NE(world_->err().find("user 0 takes part from t = "), std::string::npos) << world_->err();
+  }
+  (GetParam().victim == "world_sim" ? again_ : world_)->signal(SIGTERM);
+  for (const Started& one : started_) {
+    if (one.process.get() == victim_) continue;
+    EXPECT_EQ(one.process->wait(10.0), 0) << one.name << ": " << one.process->err();
+  }
+}
+
+std::vector<Loss> losses_in(const std::string& mode) {
+  std::vector<Loss> all = losses({"fastdds", "cyclonedds"});
+  std::erase_if(all, [&](const Loss& one) { return one.mode != mode; });
+  return all;
+}
+INSTANTIATE_TEST_SUITE_P(Programs, RestartedInLockstep, ::testing::ValuesIn(losses_in("lockstep")), name_of);
+INSTANTIATE_TEST_SUITE_P(Programs, RestartedInRealTime, ::testing::ValuesIn(losses_in("realtime")), name_of);
+
+TEST_F(RunEnds, OneThatIsStartedAgainServesItsUserToTheEndAndAddsToItsHistory) {
+  start("realtime", "mixed", "4", {"--restart", "on-failure"});
+  if (HasFatalFailure()) return;
+  signal("haptic_sim", SIGKILL);
+  EXPECT_EQ(process_->wait(60.0), 0) << process_->err();
+  const Json json = summary();
+  ASSERT_EQ(json["restarts"].size(), 1U) << json["verdict"];
+  EXPECT_EQ(json["restarts"][0]["program"], "haptic_sim_0");
+  EXPECT_EQ(json["restarts"][0]["reason"], "killed by SIGKILL");
+  ASSERT_EQ(json["world"]["absences"].size(), 1U);
+  EXPECT_LT(json["world"]["absences"][0]["to_s"].get<double>(), 4.0) << "it did not return";
+  const Table table = read_table(out() + "/haptic_0.csv");
+  EXPECT_LT(table.rows.front()[0], 0.1) << "the rows before its death are lost";
+}
+
+TEST_F(ProcessTest, InLockstepNothingIsStartedAgain) {
+  const Ended ended = finish(run_words(scene("press"), {"--restart", "always"}));
+  EXPECT_EQ(ended.code, 2);
+  EXPECT_NE(ended.err.find("--restart: a run in lock-step ends with the first of its programs; use --mode realtime"),
+            std::string::npos)
+      << ended.err;
+}
+
+}  // namespace
+}  // namespace subworld::test
