@@ -93,7 +93,7 @@ async def obeys(page):
 
 async def finds(page):
     """A body by its name, and by a click in the view."""
-    await page.value("document.getElementById('name').value = 'cube_7', document.getElementById('find').requestSubmit()")
+    await page.value("document.getElementById('name').value = 'cube', document.getElementById('find').requestSubmit()")
     card = await page.value("document.getElementById('card').innerText")
     assert "0.2 kg" in card and "cube" in card, card
     await page.key("Escape")
