@@ -258,6 +258,7 @@ export class View {
       this.sun.shadow.mapSize.setScalar(1024);
       this.sun.shadow.map?.dispose();
       this.sun.shadow.map = null;
+      this.renderer.shadowMap.needsUpdate = true;
       this.resize();
     }
     this.renderer.shadowMap.autoUpdate = pace.tier === 0;

@@ -11,7 +11,7 @@ import urllib.request
 
 import websockets
 
-LIMIT_S = 90  # exceeded only by a fault
+LIMIT_S = 60  # exceeded only by a fault
 FLAGS = [
     "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
     "--disable-dev-shm-usage", "--disable-background-networking", "--disable-component-update", "--no-first-run",
