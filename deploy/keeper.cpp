@@ -16,8 +16,11 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <fstream>
+#include <iterator>
 #include <sstream>
 #include <string>
+#include <thread>
 
 namespace subworld {
 
@@ -25,7 +28,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::milliseconds kAll{1500};  ///< from the launcher's death on; then SIGKILL
+constexpr std::chrono::milliseconds kAll{10000};  ///< from the launcher's death on; then SIGKILL
+constexpr std::chrono::milliseconds kPoll{20};
 constexpr char kProgram = 'p', kRestarted = 'r', kDone = 'd';
 
 /// The keeper's side.
@@ -57,30 +61,39 @@ class Watch {
     const auto begin = Clock::now();
     bool forced = false;
     while (!programs_.empty()) {
-      const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(kAll - (Clock::now() - begin));
-      if (left.count() <= 0 && !forced) {
-        for (const pollfd& one : programs_) syscall(SYS_pidfd_send_signal, one.fd, SIGKILL, nullptr, 0);
-        forced = true;
+      forced = forced || Clock::now() - begin > kAll;
+      for (const Program& one : programs_) {
+        if (forced || is_halted(one.pid)) syscall(SYS_pidfd_send_signal, one.file, SIGKILL, nullptr, 0);
       }
-      if (poll(programs_.data(), programs_.size(), forced ? -1 : static_cast<int>(left.count())) > 0) {
-        std::erase_if(programs_, [](const pollfd& one) {
-          if (one.revents == 0) return false;
-          close(one.fd);
-          return true;
-        });
-      }
+      std::erase_if(programs_, [](const Program& one) {
+        pollfd ended{.fd = one.file, .events = POLLIN, .revents = 0};
+        if (poll(&ended, 1, 0) <= 0) return false;
+        close(one.file);
+        return true;
+      });
+      std::this_thread::sleep_for(kPoll);
     }
   }
   [[nodiscard]] const std::vector<Restarted>& restarts() const { return restarts_; }
 
  private:
+  struct Program {
+    pid_t pid;
+    int file;  ///< pidfd: the number of a process may be used again
+  };
+  static bool is_halted(pid_t pid) {
+    std::ifstream stat(fmt::format("/proc/{}/stat", pid));
+    std::string text((std::istreambuf_iterator<char>(stat)), std::istreambuf_iterator<char>());
+    const std::size_t name_ends = text.rfind(") ");
+    return name_ends != std::string::npos && name_ends + 2 < text.size() && text[name_ends + 2] == 'T';
+  }
   void take(const std::string& line) {
     std::istringstream words(line.substr(1));
     if (line.front() == kProgram) {
       pid_t pid = 0;
       words >> pid;
       const int program = static_cast<int>(syscall(SYS_pidfd_open, pid, 0));
-      if (program >= 0) programs_.push_back({.fd = program, .events = POLLIN, .revents = 0});
+      if (program >= 0) programs_.push_back({pid, program});
     } else if (line.front() == kRestarted) {
       Restarted one;
       words >> one.program >> one.after_s >> std::ws;
@@ -90,7 +103,7 @@ class Watch {
   }
 
   int messages_;
-  std::vector<pollfd> programs_;
+  std::vector<Program> programs_;
   std::vector<Restarted> restarts_;
 };
 

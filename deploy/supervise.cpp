@@ -17,6 +17,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <thread>
 
 namespace subworld {
@@ -26,13 +27,13 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kPoll{20};
-constexpr std::chrono::milliseconds kHalted{1000};     ///< longest halt of a program
-constexpr std::chrono::milliseconds kWorldAlone{600};  ///< the world ends the others in order
-constexpr std::chrono::milliseconds kFinish{30000};    ///< for the others, once the world has ended
-constexpr std::chrono::milliseconds kAll{1500};        ///< then SIGKILL
-constexpr std::chrono::milliseconds kFirstPause{50};   ///< before the second restart; doubled for each that follows
-constexpr int kMostRestarts = 8;                       ///< of a program, in a row
-constexpr std::chrono::seconds kLived{1};              ///< one that ran for so long has begun well
+constexpr std::chrono::milliseconds kHalted{1000};      ///< longest halt of a program
+constexpr std::chrono::milliseconds kWorldAlone{2000};  ///< the world ends the others in order
+constexpr std::chrono::milliseconds kFinish{30000};     ///< for the others, once the world has ended
+constexpr std::chrono::milliseconds kAll{10000};        ///< then SIGKILL: on a busy machine, writing takes time
+constexpr std::chrono::milliseconds kFirstPause{50};    ///< before the second restart; doubled for each that follows
+constexpr int kMostRestarts = 8;                        ///< of a program, in a row
+constexpr std::chrono::seconds kLived{1};               ///< one that ran for so long has begun well
 
 double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
@@ -90,6 +91,8 @@ std::string Supervisor::restart_reason(const Child& child,
   if (restart_ == Restart::never || !child.essential || child.pid > 0 || child.restarts >= kMostRestarts) return {};
   const bool world = &child == &children_.front();
   if (!world && children_.front().pid < 0 && children_.front().starts_at == Clock::time_point{}) return {};
+  // A world that has written its results is at its end.
+  if (world && std::filesystem::exists(child.part)) return {};
   const int code = exit_code_of(child);
   // What was wrong with the scene, the flags or the middleware is wrong again.
   if (code == static_cast<int>(ExitCode::usage) || code == static_cast<int>(ExitCode::middleware)) return {};

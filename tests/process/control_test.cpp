@@ -133,7 +133,7 @@ TEST_F(Control, AnOverloadedSubWorldGoesOnAfterAPause) {
     std::this_thread::sleep_for(std::chrono::seconds(1));
   }
   EXPECT_EQ(control({"stop"}).code, 0);
-  EXPECT_EQ(process.wait(10.0), 0) << process.err();
+  EXPECT_EQ(process.wait(), 0) << process.err();
   const Json json = summary();
   EXPECT_EQ(read_table(out() + "/haptic_0.csv").rows.size(), json["haptic"][0]["steps"].get<std::size_t>());
 }

@@ -200,7 +200,7 @@ TEST_P(KillMatrix, EndsAsThePageSays) {
   if (!HasFatalFailure()) send();
   if (HasFatalFailure()) return;
   const auto code = process_->wait();
-  ASSERT_TRUE(eventually([&] { return running(out()).empty(); }, 10.0));
+  ASSERT_TRUE(eventually([&] { return running(out()).empty(); }));
   if (!goes_on()) {
     EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count(), kEndBound_s);
   }

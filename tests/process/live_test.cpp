@@ -29,7 +29,7 @@ class Live : public ProcessTest {
     words.insert(words.end(), more.begin(), more.end());
     const TemporaryFolder folder;
     Process viewer(words, folder.path(), environment);
-    EXPECT_EQ(viewer.wait(100.0).value_or(-1), 0) << viewer.err();
+    EXPECT_EQ(viewer.wait().value_or(-1), 0) << viewer.err();
   }
 
   /// Whatever the viewers did, the run ends in order and has its picture.

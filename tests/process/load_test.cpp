@@ -21,7 +21,7 @@ TEST_P(Load, LockstepRunsBesideManyOthersEndWithTheSameHash) {
   }
   std::set<std::string> hashes;
   for (int i = 0; i < kRuns; ++i) {
-    EXPECT_EQ(runs[static_cast<std::size_t>(i)]->wait(300.0), 0) << runs[static_cast<std::size_t>(i)]->err();
+    EXPECT_EQ(runs[static_cast<std::size_t>(i)]->wait(), 0) << runs[static_cast<std::size_t>(i)]->err();
     const Json json = Json::parse(read_text(folder(i) + "/out/summary.json"), nullptr, false);
     ASSERT_TRUE(json.is_object()) << i;
     hashes.insert(json.value("state_hash", ""));
