@@ -13,7 +13,7 @@ class Live : public ProcessTest {
     Words words{"--mode", "realtime", "--duration", "1000", "--live", "0"};
     words.insert(words.end(), flags.begin(), flags.end());
     run_ = std::make_unique<Process>(run_words(scene("row"), words), folder_.path(), environment);
-    const std::regex listens("open (ws://\\S+) in");
+    const std::regex listens("open (ws://\\S+) in L");
     ASSERT_TRUE(eventually([&] {
       std::smatch found;
       const std::string log = display_log();
