@@ -53,6 +53,15 @@ void World::begin_join(std::size_t number, const HapticReport& report) {
   if (std::exchange(user.absent, false)) user.newest_stamp = 0;
 }
 
+void World::begin_count(User& user, const HapticReport& report) noexcept {
+  const Wrench& impulse = report.impulse_total;
+  const bool anew = impulse.force.isZero(0.0) && impulse.torque.isZero(0.0) && report.device_work_j == 0.0 &&
+                    report.operator_work_j == 0.0;
+  if (anew) return;
+  user.before_join = {
+      {-impulse.force, -impulse.torque}, report.coupling_energy_j - report.device_work_j, -report.operator_work_j};
+}
+
 void World::end_join(User& user) {
   user.held.reset();
   user.joins_at.reset();

@@ -187,8 +187,12 @@ bool World::receive(HapticReport&& report) {
   const double stamp_s = seconds(timetable_.start(report.stamp));
   if (std::abs(report.stamp_s - stamp_s) > 0.5 * scene_.settings.h_s) return false;
   if (user.absent && report.started_stamp < user.joins_from) return false;
-  if (report.started_stamp > user.started_stamp || (user.held && !user.joins_at))
+  if (report.started_stamp > user.started_stamp || (user.held && !user.joins_at)) {
     begin_join(index(report.user), report);
+  } else if (!user.counted) {
+    begin_count(user, report);
+  }
+  user.counted = true;
   report.impulse_total.force += user.before_join.impulse.force;
   report.impulse_total.torque += user.before_join.impulse.torque;
   report.device_work_j += user.before_join.device_work_j;

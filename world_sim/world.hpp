@@ -169,6 +169,7 @@ class World {
     HapticReport before;              ///< the one used before it
     std::uint64_t newest_stamp = 0;   ///< of those received, used or not
     bool heard = false;
+    bool counted = false;             ///< a report has come
     std::optional<DevicePose> held;   ///< where its device is held, while no report is used
     bool absent = false;              ///< no report has come of a sub-world that has started anew
     std::uint64_t joins_from = 0;     ///< oldest frame from which the sub-world of an absent user has to start anew
@@ -206,6 +207,8 @@ class World {
   /// used: their difference is what the user does now.
   void begin_join(std::size_t user, const HapticReport& report);
   void end_join(User& user);
+  /// The first report to this world: of a sub-world that has counted before, for a world that has died.
+  static void begin_count(User& user, const HapticReport& report) noexcept;
   /// Passes the users' impulses on to the cycle under way.
   void pass_impulses();
   void drive_proxies(double until_s, double dt);

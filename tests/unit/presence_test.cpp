@@ -66,6 +66,13 @@ class ComeAndGo {
     world = std::make_unique<World>(scene);
     world->resume(saved);
   }
+  /// The world dies, and another one begins at t = 0. The processes of its users have survived.
+  void begin_world_anew() {
+    world = std::make_unique<World>(scene);
+    world->settle([](double) { return true; });
+    for (User& user : users_) EXPECT_TRUE(user.sub->reset_from(world->frame(&user - users_.data())));
+    for (User& user : users_) EXPECT_TRUE(world->receive(HapticReport(*user.sub->close_cycle(1))));
+  }
   [[nodiscard]] SubWorld& sub(std::size_t user) { return *users_[user].sub; }
   /// Largest step of the force on an operator since the last call, N.
   [[nodiscard]] double take_largest_step_n(std::size_t user) { return std::exchange(users_[user].largest_step_n, 0.0); }
@@ -184,6 +191,14 @@ TEST_F(Lifted, AResumedWorldHoldsTheCubeAndItsUsersRejoinWithoutAStep) {
   EXPECT_LT(run_.most_kinetic_j, 2e-4);
   EXPECT_LT(run_.world->facts().energy_excess_j, 0.01);
   for (const std::size_t u : {0U, 1U}) EXPECT_GT(run_.force(u).norm(), 5.0) << u;
+}
+
+TEST_F(Lifted, AWorldThatBeginsAnewCountsFromThere) {
+  run_.begin_world_anew();
+  EXPECT_EQ(run_.world->user_facts(0).impulse.force.norm(), 0.0);
+  run_.run(0.5);
+  EXPECT_TRUE(run_.accepts_reports());
+  EXPECT_LT(run_.world->facts().energy_excess_j, 0.01);
 }
 
 TEST_F(Lifted, ReportsOfBeforeTheAbsenceAreRefused) {
