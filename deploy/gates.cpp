@@ -415,9 +415,11 @@ std::string verdict_of(const std::vector<Gate>& gates, const RunResults& run) {
     if (reason.empty()) reason = fmt::format("{}: {}", figure(gate), gate.cause.why);
   }
   // One reason is enough; `gates` has all of them. A foreign writer may be the cause of any other.
-  if (!unstable.empty()) return "unstable: " + unstable + (foreign.empty() ? "" : "; also " + foreign);
-  if (!foreign.empty() || !missed.empty()) return "quality gate missed: " + (foreign.empty() ? missed : foreign);
-  std::string text = "ok" + absences_text(run) + os_remark(run);
+  const std::string absences = absences_text(run);
+  if (!unstable.empty()) return "unstable: " + unstable + (foreign.empty() ? "" : "; also " + foreign) + absences;
+  if (!foreign.empty() || !missed.empty())
+    return "quality gate missed: " + (foreign.empty() ? missed : foreign) + absences;
+  std::string text = "ok" + absences + os_remark(run);
   for (const Gate& gate : gates) {
     const bool said = gate.name.ends_with(kMissedByTheOs);
     if (!gate.ok() && !said)

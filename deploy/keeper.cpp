@@ -25,7 +25,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::milliseconds kAll{1500};  ///< from the launcher's death on; then SIGKILL
+constexpr std::chrono::milliseconds kAll{10000};  ///< from the launcher's death on; then SIGKILL
 constexpr char kProgram = 'p', kRestarted = 'r', kDone = 'd';
 
 /// The keeper's side.
@@ -52,7 +52,7 @@ class Watch {
       }
     }
   }
-  /// They have SIGTERM from the kernel. A halted one reacts to no other signal than SIGKILL.
+  /// They have SIGTERM from the kernel, which also continues halted ones.
   void until_all_have_ended() {
     const auto begin = Clock::now();
     bool forced = false;

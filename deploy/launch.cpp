@@ -7,6 +7,7 @@
 #include "keeper.hpp"
 #include "limits.hpp"
 #include "model/error.hpp"
+#include "page.hpp"
 #include "placement.hpp"
 #include "progress.hpp"
 #include "report.hpp"
@@ -178,13 +179,17 @@ Ended run_programs(const RunRequest& request, const Options& options, int domain
   start_programs(programs, request, options, scene.settings.users, domain, run.placement, messages);
   std::optional<Supervisor::Failure> failure;
   Watchdog watchdog;
+  PageOpener open_page(options.live, request.page);
   {
     Network network = options.network;
     network.dds = vendor_of(request.dds, 0);
     network.domain = domain;
     Progress progress(network, scene, watchdog);
     failure = programs.watch(
-        [&] { progress(); },
+        [&] {
+          progress();
+          open_page();
+        },
         [&](const Supervisor::Child& child) { return early_end(child.part, scene.settings.duration_s); });
   }
   const Ended ended = end(programs, std::move(failure), watchdog);
@@ -225,6 +230,7 @@ int run(const RunRequest& request) {
     check_network(network);
   }
   check_resume(options);
+  if (request.page) choose_page_port(options.live);
   FileLock folder, domain_lock;
   claim_folder(options.out, run.scene.name, folder);
   const ReservedFile space(options.out + "/summary.json", kSummary_bytes + kUser_bytes * run.scene.users.size());
@@ -235,6 +241,7 @@ int run(const RunRequest& request) {
   const int domain = claim_domain(request.domain, domain_lock);
   fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", run.scene.file,
              run.realtime() ? "real time" : "lock-step", settings.duration_s, domain, options.out);
+  if (request.page) fmt::print("subworld: page: {}\n", page_address(options.live));
   if (options.live.port) fmt::print("subworld: viewers: {}\n", viewers_text(options.live));
   if (settings.users > 1) fmt::print("subworld: {} users; {}\n", settings.users, user_limit(domain));
   if (run.realtime()) share_cores(options, run.scene);

@@ -16,6 +16,7 @@ struct RunRequest {
   std::string dds = "fastdds";  ///< or cyclonedds, or mixed: the vendors alternate
   int domain = -1;              ///< -1: the first that no other run holds
   bool gui = false;             ///< also start the display, which writes a picture
+  bool page = false;            ///< also serve the page, and open it in a browser
   bool place = true;            ///< in real time: give the world a core of its own, where there is room
   bool explain = false;         ///< also print the result in plain words
   Restart restart = Restart::never;

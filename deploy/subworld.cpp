@@ -38,6 +38,7 @@ constexpr std::array kLabs{
 constexpr const char* kExamples =
     "Examples:\n"
     "  subworld run deploy/scenes/heap.yaml --mode realtime --duration 20 --gui\n"
+    "  subworld run deploy/scenes/heap.yaml --mode realtime --duration 60 --page\n"
     "  subworld run deploy/scenes/heap.yaml --mode lockstep --duration 5 --dds mixed\n"
     "  subworld run deploy/scenes/heap.yaml --users 2\n"
     "  subworld run row --bodies 'cube*,user/proxy' --bodies-rate 50\n"
@@ -71,6 +72,9 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement, std
   add_domain(line, request.domain).otherwise("the first from 100 down to 60 that no other run on this host uses");
   add_out(line, request.options, "folder for results").otherwise("a new out/SCENE-TIME");
   line.flag("--gui", request.gui, "also start the display, which writes a picture");
+  line.flag("--page", request.page,
+            "also start the display and serve a page that shows the run in a browser; prints the address, and opens it "
+            "on a desktop");
   add_live_options(line, request.options.live,
                    "also start the display, and serve the run to Lichtblick and Foxglove on this TCP port");
   add_bodies_options(line, request.options);
@@ -305,6 +309,7 @@ int main_of(int argc, char** argv) {
   if (collect_command.chosen()) return collect(collection);
   if (run_command.chosen()) {
     request.place = placement == "auto";
+    if (request.page && !request.options.live.port) request.options.live.port = 0;
     request.gui |= request.options.live.port.has_value();
     check_live_options(request.options.live);
     // For the display; on its command line others could read the token.

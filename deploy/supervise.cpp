@@ -17,6 +17,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <thread>
 
 namespace subworld {
@@ -26,13 +27,14 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kPoll{20};
-constexpr std::chrono::milliseconds kHalted{1000};     ///< longest halt of a program
-constexpr std::chrono::milliseconds kWorldAlone{600};  ///< the world ends the others in order
-constexpr std::chrono::milliseconds kFinish{30000};    ///< for the others, once the world has ended
-constexpr std::chrono::milliseconds kAll{1500};        ///< then SIGKILL
-constexpr std::chrono::milliseconds kFirstPause{50};   ///< before the second restart; doubled for each that follows
-constexpr int kMostRestarts = 8;                       ///< of a program, in a row
-constexpr std::chrono::seconds kLived{5};              ///< one that ran for so long has begun well
+constexpr std::chrono::milliseconds kHalted{1000};      ///< longest halt of a program
+constexpr std::chrono::milliseconds kWorldAlone{3000};  ///< the world ends in order
+constexpr std::chrono::milliseconds kLastFrame{400};    ///< and then the others, of its last frame
+constexpr std::chrono::milliseconds kFinish{30000};     ///< for the others, once the world has ended
+constexpr std::chrono::milliseconds kAll{10000};        ///< then SIGKILL: on a busy machine, writing takes time
+constexpr std::chrono::milliseconds kFirstPause{50};    ///< before the second restart; doubled for each that follows
+constexpr int kMostRestarts = 8;                        ///< of a program, in a row
+constexpr std::chrono::seconds kLived{1};               ///< one that ran for so long has begun well
 
 double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
@@ -89,8 +91,10 @@ std::string Supervisor::restart_reason(const Child& child,
                                        const std::function<std::string(const Child&)>& early) const {
   if (restart_ == Restart::never || !child.essential || child.pid > 0 || child.restarts >= kMostRestarts) return {};
   const Child& first = children_.front();
-  const bool has_world = first.label == "world_sim";
-  if (has_world && &child != &first && first.pid < 0 && first.starts_at == Clock::time_point{}) return {};
+  const bool has_world = first.label == "world_sim", world = has_world && &child == &first;
+  if (has_world && !world && first.pid < 0 && first.starts_at == Clock::time_point{}) return {};
+  // A world that has written its results is at its end.
+  if (world && std::filesystem::exists(child.part)) return {};
   // On a host without the world it may have given up because the run is over.
   if (!has_world && !WIFSIGNALED(child.status)) return {};
   const int code = exit_code_of(child);
@@ -212,20 +216,21 @@ void Supervisor::stop() {
   for (const Child& child : children_) {
     if (child.pid > 0 && child.halted) kill(child.pid, SIGKILL);
   }
-  const auto begin = Clock::now();
-  const auto wait_until = [&](std::chrono::milliseconds after) {
-    while (any_running(false) && Clock::now() - begin < after) {
+  const auto wait_while = [&](const auto& runs, std::chrono::milliseconds at_most) {
+    for (const auto begin = Clock::now(); runs() && Clock::now() - begin < at_most;) {
       std::this_thread::sleep_for(kPoll);
       reap();
     }
   };
   // A running world ends the others with its last frame.
-  if (children_.front().pid > 0) {
-    kill(children_.front().pid, SIGTERM);
-    wait_until(kWorldAlone);
+  const Child& world = children_.front();
+  if (world.pid > 0 && !world.halted) {
+    kill(world.pid, SIGTERM);
+    wait_while([&] { return world.pid > 0; }, kWorldAlone);
+    wait_while([&] { return any_running(false); }, kLastFrame);
   }
   signal_all(SIGTERM);
-  wait_until(kAll);
+  wait_while([&] { return any_running(false); }, kAll);
   signal_all(SIGKILL);
   for (Child& child : children_) {
     if (child.pid > 0) waitpid(child.pid, &child.status, 0);

@@ -21,7 +21,7 @@ DeviceGuard::DeviceGuard(const Scene& scene, std::size_t user, double fade_in_s)
       proxy_mass_kg_(scene.body(user_.proxy).mass),
       proxy_inertia_kg_m2_(scene.body(user_.proxy).inertia.minCoeff()),
       passive_(!enabled(scene, Optimisation::energy_bound, user)),
-      force_(operator_limits_of(user_.device), fade_in_s),
+      force_(operator_limits_of(user_.device), fade_in_s, ForceGuard::Loss::ends_force),
       motion_(user_.device.speed_limit_m_s, user_.device.speed_limit_m_s / kTurnRadius_m),
       port_(scene, user) {}
 

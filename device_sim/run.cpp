@@ -17,7 +17,8 @@ namespace subworld {
 
 namespace {
 
-constexpr double kStale_s = 0.005;  ///< age of a command at which the force fades out
+constexpr double kSuspended_s = 0.005;  ///< late by so long, the device has not moved meanwhile
+constexpr double kLate_s = 0.002;       ///< shortest age of a command at which the force fades out
 
 }  // namespace
 
@@ -138,7 +139,8 @@ class RealtimeLoop : DeviceRun {
         stages_(measures.stages()),
         rate_hz_(scene.users[static_cast<std::size_t>(options.user)].device.rate_hz),
         period_s_(1.0 / rate_hz_),
-        stale_s_(std::max(kStale_s, 5.0 * period_s_) + scene.settings.sample_period_s(rate_hz_) - period_s_),
+        stale_s_(std::max(kLate_s, 2.0 * std::max(period_s_, scene.settings.h_s)) +
+                 scene.settings.sample_period_s(rate_hz_) - period_s_),
         deadband_(scene.settings.deadband_in_use(), scene.users[static_cast<std::size_t>(options.user)]),
         loop_(Clock::now(), period_s_, from_seconds(options.spin_s), stages_),
         absent_s_(std::max(kAbsent_s, 2.0 * stale_s_)),
@@ -180,7 +182,7 @@ class RealtimeLoop : DeviceRun {
     loop_.wait();
     loop_.wake(period_s_);
     // A device that was suspended did not move meanwhile: it does not catch up.
-    if (to_seconds(loop_.woke() - loop_.deadline()) > kStale_s) (void)loop_.skip_missed();
+    if (to_seconds(loop_.woke() - loop_.deadline()) > kSuspended_s) (void)loop_.skip_missed();
     loop_.begin();
   }
 

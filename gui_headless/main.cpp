@@ -48,7 +48,7 @@ void follow(DisplayPorts& ports, Display& display, live::Server* viewers, const 
 }
 
 /// Empty where viewers are not served. Throws `Error`.
-std::unique_ptr<live::Server> serve_viewers(const LiveOptions& wanted, const Scene& scene, const Bus& bus) {
+std::unique_ptr<live::Server> serve_viewers(const LiveOptions& wanted, const Scene& scene, Bus& bus) {
   if (!wanted.port) return {};
   auto server = std::make_unique<live::Server>(live::ServerConfig{.address = wanted.address,
                                                                   .port = *wanted.port,
@@ -56,7 +56,9 @@ std::unique_ptr<live::Server> serve_viewers(const LiveOptions& wanted, const Sce
                                                                   .name = scene.name,
                                                                   .users = scene.settings.users},
                                                bus);
-  fmt::print("gui_headless: viewers: open {} in Lichtblick or Foxglove\n", server->address());
+  fmt::print("gui_headless: viewers: open ws://{0} in Lichtblick or Foxglove, http://{0}{1} in a browser\n",
+             server->address(), wanted.token.empty() ? "" : "/?token=TOKEN");
+  std::fflush(stdout);
   return server;
 }
 

@@ -52,11 +52,17 @@ class Phase {
     following_ = factor_ < 1.0 || std::abs(late_cycles_) > (following_ ? caught_up_cycles_ : kFar_cycles);
     estimate_s_ = seen_ && !following_ ? estimate_s_ + kFilter * (late_s - estimate_s_) : late_s;
     seen_ = true;
+    // A world that goes on is to begin later: this clock stands until then.
+    const bool early = stood_ && factor_ > 0.0 && late_cycles_ < -kFar_cycles;
+    waits_s_ = early ? -late_s / factor_ : std::min(waits_s_, 0.0);
   }
 
-  /// For the step that begins now: simulated seconds per second.
-  double step(double haptic_s) noexcept {
-    const bool stands = factor_ <= 0.0;
+  /// For the step of `wall_s` that begins now: simulated seconds per second.
+  double step(double haptic_s, double wall_s) noexcept {
+    const bool stands = this->stands();
+    const bool waited = waits_s_ > 0.0;
+    waits_s_ -= wall_s;
+    if (waited && waits_s_ <= 0.0) late_cycles_ = estimate_s_ = 0.0;
     const double wanted = stands ? 0.0 : target(haptic_s);
     const double most = kRateStep * std::max(rate_, kSlowest);
     // A world that stands or goes on again does so at once: the force fades out and in.
@@ -65,6 +71,8 @@ class Phase {
     return rate_;
   }
 
+  /// The world is paused, or not begun yet.
+  [[nodiscard]] bool stands() const noexcept { return factor_ <= 0.0 || waits_s_ > 0.0; }
   /// The sub-world starts anew: its clock has the wanted rate at once, because the force begins anew too.
   void restart() noexcept { stood_ = true; }
 
@@ -111,6 +119,7 @@ class Phase {
   double newest_stamp_s_ = 0.0;
   double factor_ = 1.0;
   double rate_ = 1.0;
+  double waits_s_ = 0.0;  ///< wall time until the clock goes on
   bool following_ = false;
   bool seen_ = false;
   bool stood_ = false;  ///< takes on its rate at once

@@ -189,7 +189,7 @@ class RealtimeLoop : HapticRun {
     if (waiting.empty()) return;
     // A sub-world starts anew from the newest frame where it has fallen too far behind, or where the world has missed
     // it for so long that the user counts as absent.
-    const bool anew = waiting.back().served == 0 && !joins_ && !last_;
+    const bool anew = (!framed_ || (waiting.back().served == 0 && !joins_)) && !last_;
     const bool behind = anew || waiting.back().stamp > sub.facts().stamp + kTooFarBehind;
     std::size_t used = behind ? waiting.size() - 1 : 0;
     for (; used < waiting.size(); ++used) {
@@ -207,6 +207,7 @@ class RealtimeLoop : HapticRun {
     }
     const bool stands = used > 0 && waiting[used - 1].real_time_factor <= 0.0;
     joins_ = joins_ || anew;
+    framed_ = true;
     frames_.drop(used);
     // A world that waits for its users is answered, each time, for the answer may be lost.
     if (joins_ && stands) ports.send(*sub.close_cycle(to_ns(Clock::now())));
@@ -254,6 +255,7 @@ class RealtimeLoop : HapticRun {
     if (last_ || !finder.look(options.network.domain) || finder.session() == ports.session) return;
     ports.session = ending_.session = finder.session();
     joins_ = false;
+    framed_ = false;
     frames_.restart();
     phase_ = Phase(longest_cycle_s_, lead_cycles_, scene.settings.remote);
   }
@@ -263,7 +265,7 @@ class RealtimeLoop : HapticRun {
     // Without frames the sub-world pauses: its border holds for a short time only.
     const TimePoint heard = std::max(world_sim_.last_heard(), world_begins_);
     const bool alone = to_seconds(now - heard) > patience_s();
-    const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s);
+    const double rate = alone ? 0.0 : phase_.step(sub.facts().time_s, h_s_);
     const auto send = [&](const FeltStep& felt) {
       stages_.mark(HapticStage::feel);
       DeviceCommand command = sub.command_for(device_, felt.to_operator);
@@ -273,7 +275,8 @@ class RealtimeLoop : HapticRun {
     };
     const auto report = [&] {
       stages_.mark(HapticStage::advance);
-      ports.send(*sub.close_cycle(to_ns(Clock::now())));
+      HapticReport* const closed = sub.close_cycle(to_ns(Clock::now()));
+      if (framed_) ports.send(*closed);
       stages_.mark(HapticStage::report);
     };
     const double dt = arrears_.step(h_s_ * rate, sub.facts().cycle_left_s);
@@ -286,7 +289,7 @@ class RealtimeLoop : HapticRun {
         .dt = dt,
         .clock_rate = rate,
         .took_s = took_s_,
-        .paused = alone || device_absent_ || phase_.real_time_factor() <= 0.0,
+        .paused = alone || device_absent_ || phase_.stands(),
         .slept = loop_.lateness_s() > kLongSleep_s,
         .device_returned = device_returned_};
     const FeltStep felt = sub.step(input, send, report);
@@ -337,7 +340,8 @@ class RealtimeLoop : HapticRun {
   bool device_absent_ = false, device_returned_ = false;
   FrameQueue frames_;
   PeerWatch world_sim_;
-  bool joins_;  ///< the sub-world has started anew, and no frame says yet that the world serves it
+  bool joins_;          ///< the sub-world has started anew, and no frame says yet that the world serves it
+  bool framed_ = true;  ///< the world's run has sent a frame, from which the sub-world has started
   bool world_absent_ = false;
   TimePoint world_begins_;  ///< before, it sends no frames
   HeadStart head_start_;

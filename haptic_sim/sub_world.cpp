@@ -312,9 +312,7 @@ void SubWorld::place_device(const WorldFrame& frame, bool first, const BodyState
   const auto held = std::ranges::find(frame.peers, spec_.proxy, &PeerDevice::proxy);
   const Pose there = declutch_.device().pose;
   const BodyState& now = facts_.proxy;
-  // A world that was started again stands until all have joined, and does not know with which force they did.
-  const bool knows_better = !first && facts_.finite && frame.real_time_factor <= 0.0;
-  if (held != frame.peers.end() && !knows_better) {
+  if (held != frame.peers.end()) {
     declutch_.place(held->pose);
   } else if (!facts_.finite) {
     declutch_.place({now.position, now.orientation});

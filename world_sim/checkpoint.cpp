@@ -25,7 +25,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "the file is little-endian");
 
 constexpr std::string_view kMagic = "SUBWORLDCHECKPNT";
-constexpr std::uint64_t kVersion = 1;
+constexpr std::uint64_t kVersion = 2;
 constexpr std::size_t kLengthAt = kMagic.size() + sizeof(kVersion);
 constexpr std::size_t kHeadBytes = kLengthAt + sizeof(std::uint64_t), kSumBytes = sizeof(std::uint64_t);
 constexpr double kUnit = 1e-3;  ///< by which the norm of an orientation may differ from 1
@@ -59,7 +59,16 @@ void each_member(Checkpoint& c, Visit&& visit) {
   visit(c.operators_created_j);
   visit(c.states);
   visit(c.asleep);
+  visit(c.devices);
+  visit(c.absences);
 }
+
+std::array<double, 7> numbers_of(const Pose& pose) {
+  const auto& [p, q] = pose;
+  return {p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()};
+}
+
+Pose pose_of(const std::array<double, 7>& n) { return {{n[0], n[1], n[2]}, {n[3], n[4], n[5], n[6]}}; }
 
 std::array<double, 13> numbers_of(const BodyState& s) {
   const auto& [p, q, v, w] = s;
@@ -91,6 +100,15 @@ class Encoder {
   void operator()(const BodyState& state) {
     for (const double number : numbers_of(state)) (*this)(number);
   }
+  void operator()(const Pose& pose) {
+    for (const double number : numbers_of(pose)) (*this)(number);
+  }
+  void operator()(const Absence& one) {
+    (*this)(std::uint64_t{one.user});
+    (*this)(one.from_s);
+    (*this)(one.to_s);
+    (*this)(static_cast<std::uint8_t>(one.by_order));
+  }
   template <class T>
   void operator()(const std::vector<T>& list) {
     (*this)(std::uint64_t{list.size()});
@@ -120,6 +138,22 @@ class Decoder {
     for (double& number : numbers) (*this)(number);
     state = state_of(numbers);
   }
+  void operator()(Pose& pose) {
+    std::array<double, 7> numbers{};
+    for (double& number : numbers) (*this)(number);
+    pose = pose_of(numbers);
+  }
+  void operator()(Absence& one) {
+    std::uint64_t user = 0;
+    std::uint8_t by_order = 0;
+    (*this)(user);
+    (*this)(one.from_s);
+    (*this)(one.to_s);
+    (*this)(by_order);
+    if (by_order > 1) throw "holds an impossible flag";
+    one.user = user;
+    one.by_order = by_order == 1;
+  }
   template <class T>
   void operator()(std::vector<T>& list) {
     list.resize(length(smallest<T>()));
@@ -131,6 +165,8 @@ class Decoder {
   template <class T>
   static constexpr std::size_t smallest() {
     if constexpr (std::is_same_v<T, BodyState>) return 13 * sizeof(double);
+    if constexpr (std::is_same_v<T, Pose>) return 7 * sizeof(double);
+    if constexpr (std::is_same_v<T, Absence>) return 3 * sizeof(double) + 1;
     if constexpr (std::is_same_v<T, NamedSetting>) return 2 * sizeof(std::uint64_t);
     return 1;
   }
@@ -166,6 +202,15 @@ const char* fault_in(const WorldCheckpoint& c) noexcept {
   for (const BodyState& state : c.states) {
     if (!finite(state)) return "holds a body state that is not finite";
     if (std::abs(state.orientation.norm() - 1.0) > kUnit) return "holds an orientation that is no unit quaternion";
+  }
+  for (const Pose& pose : c.devices) {
+    if (!pose.position.allFinite() || !pose.orientation.coeffs().allFinite())
+      return "holds a device pose that is not finite";
+    if (std::abs(pose.orientation.norm() - 1.0) > kUnit) return "holds an orientation that is no unit quaternion";
+  }
+  for (const Absence& one : c.absences) {
+    if (one.user >= c.devices.size()) return "holds an absence of a user that does not exist";
+    if (!std::isfinite(one.from_s) || !std::isfinite(one.to_s)) return "holds an absence that is not finite";
   }
   return std::ranges::all_of(c.asleep, [](std::uint8_t flag) { return flag <= 1; }) ? nullptr
                                                                                     : "holds an impossible flag";
@@ -283,6 +328,8 @@ WorldCheckpoint read_checkpoint(const std::string& path, const Scene& scene, std
   if (checkpoint.states.size() != scene.bodies.size())
     refuse(path,
            fmt::format("the checkpoint has {} bodies, the scene {}", checkpoint.states.size(), scene.bodies.size()));
+  if (checkpoint.devices.size() != scene.users.size())
+    refuse(path, fmt::format("the checkpoint has {} users, the run {}", checkpoint.devices.size(), scene.users.size()));
   return checkpoint;
 }
 

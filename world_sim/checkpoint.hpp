@@ -1,5 +1,6 @@
 #pragma once
 
+#include "io/program_results.hpp"
 #include "model/agreed_settings.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
@@ -11,8 +12,11 @@
 
 namespace subworld {
 
-/// All that a world needs to go on from a stamp: the bodies' motion and the accounts since t = 0. It holds no user:
-/// after a resume every user joins anew, with accounts that begin at that stamp.
+class World;
+
+/// All that a world needs to go on from a stamp: the bodies' motion, the wrenches of the users' couplings and the
+/// accounts since t = 0. After a resume every user joins anew, with accounts that begin at that stamp; until then the
+/// coupling holds the proxy with that wrench.
 ///
 /// The file, little-endian: magic, version, length of the file, the members in the order below (texts and lists after
 /// their length), FNV-1a of all bytes before. It holds neither contacts nor what an engine keeps between two steps, so
@@ -32,7 +36,13 @@ struct WorldCheckpoint {
   double energy_excess_j = 0.0, released_j = 0.0, operators_created_j = 0.0;
   std::vector<BodyState> states;     ///< by body id
   std::vector<std::uint8_t> asleep;  ///< by body id: 1 while it sleeps
+  std::vector<Pose> devices;         ///< by user: World::device()
+  std::vector<Absence> absences;     ///< of users, since t = 0; `to_s` < 0: not back
 };
+
+/// Copies what a checkpoint holds of a world, but for the states of its bodies, the settings, the session and the
+/// absences.
+void copy_accounts(const World& world, WorldCheckpoint& to);
 
 /// The bytes of a checkpoint's file. Replaces the contents of `bytes`, whose memory is used again.
 void encode(const WorldCheckpoint& checkpoint, std::string& bytes);

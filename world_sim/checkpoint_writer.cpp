@@ -56,6 +56,8 @@ CheckpointWriter::CheckpointWriter(const Options& options, const Scene& scene, c
   buffer_.engine.reserve(64);
   buffer_.states = scene.initial;
   buffer_.asleep.resize(scene.bodies.size());
+  buffer_.devices.resize(scene.users.size());
+  buffer_.absences.reserve(kUsualAbsences);
   slept_.reserve(scene.bodies.size());
   next_s_ = world.facts().time_s + interval_s_;
   encode(buffer_, bytes_);  // the thread takes its memory now
@@ -72,7 +74,7 @@ CheckpointWriter::~CheckpointWriter() {
   thread_.join();
 }
 
-void CheckpointWriter::observe(const World& world, double cycle_cost_s) noexcept {
+void CheckpointWriter::observe(const World& world, const std::vector<Absence>& absences, double cycle_cost_s) {
   if (!writes()) return;
   cycles_s_ += cycle_cost_s;
   const TimePoint begin = Clock::now();
@@ -81,7 +83,7 @@ void CheckpointWriter::observe(const World& world, double cycle_cost_s) noexcept
   if (due) {
     next_s_ = std::max(next_s_ + interval_s_, world.facts().time_s);
     if (state_.load() == Buffer::free) {
-      copy(world);
+      copy(world, absences);
     } else {
       ++skipped_;
     }
@@ -106,28 +108,15 @@ void CheckpointWriter::copy(const World& world, BodyId id) noexcept {
   buffer_.asleep[index(id)] = world.engine().asleep(id) ? 1 : 0;
 }
 
-void CheckpointWriter::copy(const World& world) noexcept {
-  const WorldFacts& now = world.facts();
-  const Timetable& timetable = world.timetable();
-  buffer_.engine = now.engine;
-  buffer_.stamp = now.stamp;
-  buffer_.haptic_steps = timetable.start(now.stamp);
-  buffer_.time_s = now.time_s;
-  buffer_.ratio = timetable.ratio(now.stamp);
-  buffer_.planned = timetable.newest();
-  buffer_.ratio_changes = now.ratio_changes;
-  buffer_.state_hash = now.state_hash;
-  buffer_.kinetic_j = now.kinetic_j;
-  buffer_.potential_j = now.potential_j;
-  buffer_.energy_excess_j = now.energy_excess_j;
-  buffer_.released_j = now.released_j;
-  buffer_.operators_created_j = now.operators_created_j;
+void CheckpointWriter::copy(const World& world, const std::vector<Absence>& absences) {
+  copy_accounts(world, buffer_);
   if (std::exchange(copies_all_, false)) {
     for (std::uint32_t i = 0; i < buffer_.states.size(); ++i) copy(world, BodyId{i});
   } else {
     for (const BodyId id : slept_) copy(world, id);
     for (const BodyId id : world.engine().awake()) copy(world, id);
   }
+  buffer_.absences = absences;
   slept_.clear();
   state_.store(Buffer::full);
 }
@@ -163,7 +152,7 @@ void CheckpointWriter::write_out() {
   say_("the checkpoint cannot be written: " + fault_);
 }
 
-void CheckpointWriter::finish(const World& world) {
+void CheckpointWriter::finish(const World& world, const std::vector<Absence>& absences) {
   if (!writes()) return;
   {
     const std::lock_guard lock(mutex_);
@@ -173,7 +162,7 @@ void CheckpointWriter::finish(const World& world) {
   thread_.join();
   note_slept(world);
   if (state_.load() == Buffer::free && world.facts().finite) {
-    copy(world);
+    copy(world, absences);
     write_out();
   }
 }

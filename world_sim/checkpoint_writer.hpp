@@ -33,19 +33,21 @@ class CheckpointWriter {
   CheckpointWriter(const CheckpointWriter&) = delete;
   CheckpointWriter& operator=(const CheckpointWriter&) = delete;
 
-  /// After each cycle, from the loop. `cycle_cost_s`: what the cycle took without this. Allocates nothing, never waits.
-  void observe(const World& world, double cycle_cost_s) noexcept;
+  /// After each cycle, from the loop. `absences`: so far; `cycle_cost_s`: what the cycle took without this. Allocates
+  /// nothing for up to kUsualAbsences, never waits.
+  void observe(const World& world, const std::vector<Absence>& absences, double cycle_cost_s);
   /// After the last cycle: writes the state at the end.
-  void finish(const World& world);
+  void finish(const World& world, const std::vector<Absence>& absences);
   /// After finish(): number, size and cost; nothing where none are written.
   [[nodiscard]] std::optional<CheckpointResult> result() const;
 
  private:
+  static constexpr std::size_t kUsualAbsences = 256;
   enum class Buffer : std::uint8_t { free, full };
 
   [[nodiscard]] bool writes() const noexcept { return thread_.joinable(); }
   void note_slept(const World& world) noexcept;
-  void copy(const World& world) noexcept;
+  void copy(const World& world, const std::vector<Absence>& absences);
   void copy(const World& world, BodyId id) noexcept;
   void work();
   void write_out();

@@ -84,6 +84,7 @@ int main(int argc, char** argv) {
       };
       if (from) {
         world.resume(*from);
+        measures.resume(from->absences, from->time_s);
       } else if (!world.settle(settling)) {
         return;
       }

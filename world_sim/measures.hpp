@@ -26,6 +26,9 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
     history_.append_all();
     bodies_.goes_back();
   }
+  /// The world goes on at `at_s` from a checkpoint with these absences, and waits for all users.
+  void resume(std::vector<Absence> absences, double at_s);
+  [[nodiscard]] const std::vector<Absence>& absences() const noexcept { return absences_; }
   [[nodiscard]] BodyHistory& bodies() noexcept { return bodies_; }
 
   /// After every cycle. `wall_s`: its period on a clock that runs at `real_time_factor`; 0 in lock-step.

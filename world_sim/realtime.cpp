@@ -79,7 +79,7 @@ class RealtimeLoop : WorldLoop {
     measures.bodies().record_now(world);
     snapshots_.finish();
     close();
-    checkpoints.finish(world);
+    checkpoints.finish(world, measures.absences());
     Ending ended = ending();
     ended.fault = absent_at_end();
     if (all_gone()) ended.by = "fault";
@@ -245,7 +245,7 @@ class RealtimeLoop : WorldLoop {
     announce_pace(ports.status, pace_, cycle_s);
     yield_while_stuck();
     measures.bodies().record(world, to_seconds(loop.deadline() - Clock::now()));
-    checkpoints.observe(world, to_seconds(end - loop.woke()));
+    checkpoints.observe(world, measures.absences(), to_seconds(end - loop.woke()));
     snapshots_.renew(world, pace_.real_time_factor());
     ports.status.update(measures.state(world, pace_.real_time_factor()));
     end_cycle();

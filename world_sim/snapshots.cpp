@@ -57,7 +57,7 @@ void BackgroundSnapshots::work() {
   std::unique_lock lock(mutex_);
   while (!wake_.wait_for(lock, std::chrono::duration<double>(kPeriod_s), [this] { return stop_; })) {
     newest_.read([this](const WorldView& view) {
-      if (snapshots_.wanted(view.stamp_s)) snapshots_.publish(view, false);
+      if (snapshots_.outdated(view.stamp_s)) snapshots_.publish(view, false);
     });
   }
 }

@@ -17,6 +17,10 @@ class Snapshots {
 
   /// Whether the next one is due; never while nobody looks.
   [[nodiscard]] bool wanted(double time_s) const { return writer_.matched() > 0 && time_s >= next_s_; }
+  /// Whether the world has stepped since the last one: after a single step of a paused world too.
+  [[nodiscard]] bool outdated(double time_s) const {
+    return writer_.matched() > 0 && (snapshot_.sequence == 0 || time_s > snapshot_.stamp_s);
+  }
   void publish(const WorldView& view, bool complete);
 
  private:

@@ -3,12 +3,8 @@
 #include "coupling/blend.hpp"
 #include "coupling/plan.hpp"
 #include "coupling/swept_bounds.hpp"
-#include "coupling/virtual_coupling.hpp"
-#include "model/hash.hpp"
-#include "model/shape_extent.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <iterator>
 #include <utility>
@@ -16,18 +12,6 @@
 namespace subworld {
 
 namespace {
-
-void mix(std::uint64_t& hash, double value) noexcept {
-  hash = hashed(hash, std::bit_cast<std::uint64_t>(value));
-  hash ^= hash >> 32;
-}
-
-void mix(std::uint64_t& hash, const BodyState& s) noexcept {
-  for (int i = 0; i < 3; ++i) mix(hash, s.position[i]);
-  for (int i = 0; i < 4; ++i) mix(hash, s.orientation.coeffs()[i]);
-  for (int i = 0; i < 3; ++i) mix(hash, s.linear_velocity[i]);
-  for (int i = 0; i < 3; ++i) mix(hash, s.angular_velocity[i]);
-}
 
 /// The world divides its step itself, to drive the proxies in each part.
 EngineSettings without_substeps(EngineSettings settings) {
@@ -203,7 +187,12 @@ bool World::receive(HapticReport&& report) {
   const double stamp_s = seconds(timetable_.start(report.stamp));
   if (std::abs(report.stamp_s - stamp_s) > 0.5 * scene_.settings.h_s) return false;
   if (user.absent && report.started_stamp < user.joins_from) return false;
-  if (report.started_stamp > user.started_stamp || (user.held && !user.joins_at)) begin_join(user, report);
+  if (report.started_stamp > user.started_stamp || (user.held && !user.joins_at)) {
+    begin_join(index(report.user), report);
+  } else if (!user.counted) {
+    begin_count(user, report);
+  }
+  user.counted = true;
   report.impulse_total.force += user.before_join.impulse.force;
   report.impulse_total.torque += user.before_join.impulse.torque;
   report.device_work_j += user.before_join.device_work_j;
@@ -230,7 +219,7 @@ void World::synchronise() {
       std::swap(user.before, user.report);
       std::swap(user.report, user.inbox[slot]);
       user.heard = true;
-      if (user.joins_at && j >= *user.joins_at) end_join(user);
+      if (user.joins_at && user.before.stamp >= *user.joins_at) end_join(user);
     }
   }
   balance();
@@ -246,49 +235,6 @@ void World::apply(std::size_t user, const HapticReport& report) {
     const BodyState to = shifted(engine_.state(pair.id), shift);
     if (engine_.asleep(pair.id) && engine_.negligible(pair.id, to)) continue;  // the sub-world's last word of it
     engine_.set_state(pair.id, to);
-  }
-}
-
-void World::set_rate(User& user, double rate) {
-  const double before = std::exchange(user.rate, std::max(rate, kLeastToolRate));
-  if (user.rate == before) return;
-  const BodyId id = user.spec->proxy;
-  user.tool = tool_at(user.rate, *user.spec, scene_.body(id));
-  const BodyState proxy = at_rate(engine_.state(id), before, user.rate);
-  engine_.set_velocity(id, proxy.linear_velocity, proxy.angular_velocity);
-  engine_.set_inertia(id, user.tool.body.mass, user.tool.body.inertia);
-}
-
-void World::pull(const User& user, const DevicePose& target, const ForceLimits& limits, double dt) {
-  const BodyId id = user.spec->proxy;
-  const BodyState proxy = engine_.state(id);
-  subworld::hold(engine_, id, implicit_step(user.tool.coupling, limits, user.tool.body, proxy, target, dt));
-}
-
-void World::pass_impulses() {
-  const std::uint64_t stamp = report_stamp();
-  for (User& user : users_) {
-    if (user.held) {
-      user.mean = coupling_wrench(user.tool.coupling, limits_of(user.spec->device), engine_.state(user.spec->proxy),
-                                  *user.held);
-    }
-    if (!user.heard || user.held) continue;
-    const HapticReport& now = user.at(stamp);
-    set_rate(user, now.clock_rate);
-    user.mean =
-        user.impulse.pass(user.before_that(now), now, limits_of(user.spec->device), seconds(timetable_.start(stamp)));
-  }
-}
-
-void World::drive_proxies(double until_s, double dt) {
-  for (const User& user : users_) {
-    if (user.held) pull(user, *user.held, limits_of(user.spec->device), dt);
-    if (!user.heard || user.held) continue;
-    const HapticReport& now = user.at(report_stamp());
-    const double moved_until_s = until_s + half_step_offset_s();
-    const ProxyDrive drive = side_->drive(*user.spec, user.mean, user.before_that(now), now, moved_until_s);
-    if (drive.target) pull(user, *drive.target, drive.limits, dt);
-    engine_.apply_force(user.spec->proxy, drive.wrench.force, drive.wrench.torque);
   }
 }
 
@@ -334,16 +280,6 @@ void World::rest(double dt) {
   engine_.follow(dt, looked_ahead_s(scene_.settings, scheme_, facts_.cycle_s));
   for (const BodyId id : engine_.woke()) resting_j_ -= potential_j(id);
   for (const BodyId id : engine_.fell_asleep()) count_asleep(id);
-}
-
-void World::count_asleep(BodyId id) {
-  motions_[index(id)] = {.state = engine_.state(id)};
-  resting_j_ += potential_j(id);
-}
-
-double World::potential_j(BodyId id) const noexcept {
-  const Body& body = scene_.body(id);
-  return body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
 }
 
 void World::simulate() {
@@ -402,53 +338,6 @@ void World::make_frames() {
 double World::half_step_offset_s() const {
   if (scheme_.properties.lead_cycles == 0) return 0.0;
   return 0.5 * (engine_.integration_substep_s(facts_.cycle_s / facts_.substeps) - scene_.settings.h_s);
-}
-
-void World::account() {
-  facts_.kinetic_j = 0.0;
-  facts_.potential_j = resting_j_;
-  for (const BodyId id : engine_.awake()) {
-    const Body& body = scene_.body(id);
-    const BodyState s = engine_.state(body.id);
-    Motion& motion = motions_[index(body.id)];
-    if (facts_.stamp > 0) motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / facts_.cycle_s;
-    motion.state = s;
-    mix(facts_.state_hash, s);
-    facts_.finite = facts_.finite && finite(s);
-    facts_.kinetic_j += kinetic_energy(body, s);
-    facts_.potential_j += potential_j(id);
-  }
-  double of_operators_j = 0.0;
-  for (const User& user : users_) {
-    const BodyState& s = motions_[index(user.spec->proxy)].state;
-    const double proxy_j = kinetic_energy(user.tool.body, s);
-    facts_.kinetic_j += proxy_j - kinetic_energy(scene_.body(user.spec->proxy), s);
-    of_operators_j += proxy_j;
-  }
-  const double energy_j = facts_.kinetic_j + facts_.potential_j;
-  // The proxies' kinetic energy is the operators' work.
-  const double of_bodies_j = energy_j - of_operators_j;
-  facts_.released_j += facts_.stamp > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_operators_j;
-  of_bodies_j_ = of_bodies_j;
-  energy_j_[facts_.stamp % remembered_] = energy_j;
-}
-
-void World::balance() {
-  // Energy and work of one stamp: the newest that all users have reported.
-  double given_j = 0.0, stored_j = 0.0, operators_j = 0.0;
-  for (const User& user : users_) {
-    if (!user.heard || user.report.stamp != users_.front().report.stamp) return;
-    given_j += user.report.device_work_j - user.report.coupling_energy_j;
-    stored_j += user.report.coupling_energy_j;
-    operators_j += user.report.operator_work_j;
-  }
-  double none_j = 0.0;
-  const bool at_limit = stored_j > others_capacity_j(scene_, users_.size());
-  operators_.flow(operators_j - operators_.net_j(), at_limit, none_j);
-  facts_.operators_created_j = created_before_j_ + operators_.created_j();
-  if (users_.empty() || users_.front().report.stamp + remembered_ <= facts_.stamp) return;
-  const double energy_j = energy_j_[users_.front().report.stamp % remembered_];
-  facts_.energy_excess_j = std::max(facts_.energy_excess_j, energy_j - start_energy_j_ - given_j);
 }
 
 UserFacts World::user_facts(std::size_t user) const noexcept {

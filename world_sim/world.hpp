@@ -142,6 +142,8 @@ class World {
   [[nodiscard]] UserFacts user_facts(std::size_t user) const noexcept;
   /// The world at the present stamp as user u sees it; new after each step().
   [[nodiscard]] WorldFrame& frame(std::size_t user) { return frames_.frame(user, facts_.stamp); }
+  /// Where the user's coupling is held that exerts the wrench of the last cycle on the proxy at rest.
+  [[nodiscard]] Pose device(std::size_t user) const;
   /// Allocates only until the view has grown to the world.
   void look(WorldView& view) const;
   /// Cycles that are over, and that are coming, in haptic steps.
@@ -167,6 +169,7 @@ class World {
     HapticReport before;              ///< the one used before it
     std::uint64_t newest_stamp = 0;   ///< of those received, used or not
     bool heard = false;
+    bool counted = false;             ///< a report has come
     std::optional<DevicePose> held;   ///< where its device is held, while no report is used
     bool absent = false;              ///< no report has come of a sub-world that has started anew
     std::uint64_t joins_from = 0;     ///< oldest frame from which the sub-world of an absent user has to start anew
@@ -198,9 +201,14 @@ class World {
   void account();
   void make_frames();
   void apply(std::size_t user, const HapticReport& report);
-  /// The first report of a sub-world that has started anew: has come, and is used.
-  void begin_join(User& user, const HapticReport& report);
+  /// In a resumed world: the coupling holds the proxy from there, with energy of before.
+  void hold_at(User& user, const Pose& device);
+  /// The first report of a sub-world that has started anew has come. The coupling holds the proxy until two have been
+  /// used: their difference is what the user does now.
+  void begin_join(std::size_t user, const HapticReport& report);
   void end_join(User& user);
+  /// The first report to this world: of a sub-world that has counted before, for a world that has died.
+  static void begin_count(User& user, const HapticReport& report) noexcept;
   /// Passes the users' impulses on to the cycle under way.
   void pass_impulses();
   void drive_proxies(double until_s, double dt);

@@ -8,8 +8,17 @@ namespace subworld {
 
 namespace {
 
+constexpr double kLostRate = 2.0;     ///< factor of the rate limits: the largest wrench fades within kLost_s too
+constexpr double kRounding_s = 1e-9;  ///< of the sum of steps
+
 /// While soft: the time in which the largest force that the device can show is reached; 40 N at 0.1 N a millisecond.
 constexpr double kFullScale_s = 0.4;
+
+/// Part of the wrench that is left after so long without a trusted source.
+double faded(double lost_s) noexcept {
+  const double x = std::min(1.0, (lost_s + kRounding_s) / ForceGuard::kLost_s);
+  return 1.0 - x * x * x;
+}
 
 /// Shortens the part of a force that accelerates the operator.
 Vec3 with_power(const Vec3& force, const Vec3& velocity, double most_w) noexcept {
@@ -39,16 +48,23 @@ Wrench ForceGuard::follow(const Wrench& wanted, double dt) noexcept {
 
 Wrench ForceGuard::pass(const Wrench& wanted, const Vec3& velocity, bool trusted, double dt) noexcept {
   declutching_ = declutching_ && gain_ > 0.0;
-  if (trusted && !declutching_ && wanted.force.allFinite() && wanted.torque.allFinite()) {
+  const bool good = trusted && wanted.force.allFinite() && wanted.torque.allFinite();
+  const bool ends = !good && loss_ == Loss::ends_force;
+  const double left = faded(lost_s_);
+  lost_s_ = ends ? lost_s_ + dt : 0.0;
+  if (good && !declutching_) {
     last_ = follow(saturated(wanted, limits_.wrench), dt);
     gain_ = ramp_s_ > 0.0 ? std::min(1.0, gain_ + dt / ramp_s_) : 1.0;
+  } else if (ends) {
+    gain_ = left > 0.0 ? gain_ * faded(lost_s_) / left : 0.0;
   } else {
     gain_ = std::max(0.0, gain_ - dt / kFadeOut_s);
   }
   const Vec3 force =
       velocity.allFinite() ? with_power(gain_ * last_.force, velocity, limits_.power_w) : Vec3(gain_ * last_.force);
-  sent_ = {towards(sent_.force, force, dt * limits_.force_rate_n_s),
-           towards(sent_.torque, gain_ * last_.torque, dt * limits_.torque_rate_n_m_s)};
+  const double rate = ends ? kLostRate * dt : dt;
+  sent_ = {towards(sent_.force, force, rate * limits_.force_rate_n_s),
+           towards(sent_.torque, gain_ * last_.torque, rate * limits_.torque_rate_n_m_s)};
   return sent_;
 }
 

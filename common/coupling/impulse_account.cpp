@@ -7,17 +7,31 @@
 
 namespace subworld {
 
+namespace {
+
+/// J(t)
+Wrench impulse_at(const HapticReport& before, const HapticReport& now, double t_s) noexcept {
+  Wrench impulse = now.impulse_total;
+  if (t_s == now.stamp_s) return impulse;
+  const Wrench slope = mean_wrench(before, now);
+  const double ahead_s = std::min(t_s - now.stamp_s, kLongestGuess_s);
+  impulse.force += ahead_s * slope.force;
+  impulse.torque += ahead_s * slope.torque;
+  return impulse;
+}
+
+}  // namespace
+
+void ImpulseAccount::resume(const HapticReport& before, const HapticReport& now, double from_s) noexcept {
+  applied_ = impulse_at(before, now, from_s);
+  until_s_ = from_s;
+}
+
 Wrench ImpulseAccount::pass(const HapticReport& before, const HapticReport& now, const ForceLimits& limits,
                             double until_s) noexcept {
   const double dt = until_s - std::exchange(until_s_, until_s);
   if (dt <= 0.0) return {};
-  Wrench then = now.impulse_total;
-  if (until_s != now.stamp_s) {
-    const Wrench slope = mean_wrench(before, now);
-    const double ahead_s = std::min(until_s - now.stamp_s, kLongestGuess_s);
-    then.force += ahead_s * slope.force;
-    then.torque += ahead_s * slope.torque;
-  }
+  const Wrench then = impulse_at(before, now, until_s);
   constexpr double kRounding = 1.0 + 1e-9;
   const Wrench mean{(then.force - applied_.force) / dt, (then.torque - applied_.torque) / dt};
   if (mean.force.norm() <= kRounding * limits.force_n && mean.torque.norm() <= kRounding * limits.torque_n_m) {

@@ -24,8 +24,8 @@ class ImpulseAccount {
   [[nodiscard]] Wrench pass(const HapticReport& before, const HapticReport& now, const ForceLimits& limits,
                             double until_s) noexcept;
 
-  /// The account goes on from `from_s`, J_w as it is: meanwhile the user was absent.
-  void resume(double from_s) noexcept { until_s_ = from_s; }
+  /// The account goes on from `from_s`, where J_w is set to J: meanwhile the user was absent.
+  void resume(const HapticReport& before, const HapticReport& now, double from_s) noexcept;
 
   [[nodiscard]] const Wrench& applied() const noexcept { return applied_; }  ///< J_w
 

@@ -36,15 +36,16 @@ std::string unsent_text(const char* topic, const Reader<M>& reader, const Status
 
 /// Waits in lock-step for the next sample that is `ours`; drops others. Marks the loop's stages `wake`, until the
 /// sample is received, and `decode`. Returns false when `stopped` returns true. Reports on `status` after a wait of 2
-/// s. Throws `Error` (failed) that names the peer when, for 0.7 s, the peer was not alive, or its samples belonged to
-/// another run or to a restarted program. The time is this process's own, so that a busy or suspended machine is not
-/// mistaken for a dead peer.
+/// s. Throws `Error` (failed) that names the peer when, for 5 s, the peer was not alive, or its samples belonged to
+/// another run or to a restarted program; 0.7 s are enough after its own word that it ends. The time is this process's
+/// own, so that a suspended machine is not mistaken for a dead peer; on a busy one the middleware's threads of a living
+/// peer may be silent for seconds.
 template <class M, class Stages, class Ours, class Stopped>
 bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages& stages, const Peer& peer, Ours ours,
            Stopped stopped) {
   using namespace std::chrono_literals;
   using WallClock = std::chrono::steady_clock;
-  constexpr auto kPatience = 700ms;
+  constexpr auto kPatience = 5000ms, kCertain = 700ms;
   WallClock::duration waited{}, absent{};
   bool foreign = false, said = false;
   const std::uint64_t refused = reader.refused();
@@ -59,7 +60,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
     }
     foreign |= reader.refused() > refused;
     if (stopped()) return false;
-    if (absent > kPatience) {
+    if (absent > kPatience || (absent > kCertain && status.has_ended(peer.program, peer.instance))) {
       throw Error(ExitCode::failed, foreign ? replaced_text(peer.program, peer.instance)
                                             : status.gone_text(peer.program, peer.instance) + kEndsWithoutIt);
     }

@@ -96,6 +96,7 @@ void StatusBeacon::hear_end(const Status& status, std::size_t slot) {
     // A program that has run does not begin anew: this is another one, whose end is not that of the first.
     heard.another = heard.another || (heard.ran && !failed && status.state != kRunning && status.state != kStopping);
     if (!failed && !heard.another) heard.last_words.clear();  // started anew before the run
+    if (!heard.another) heard.stopped = status.state == kStopping;
     if (!failed) return;
     if (heard.another) {
       who = "another " + who;
@@ -124,12 +125,18 @@ std::string StatusBeacon::last_words(ProgramKind program, std::uint32_t instance
   return heard == heard_of_.end() ? "" : heard->second.last_words;
 }
 
+bool StatusBeacon::has_ended(ProgramKind program, std::uint32_t instance) const {
+  const std::lock_guard lock(words_mutex_);
+  const auto heard = heard_of_.find(static_cast<std::size_t>(program) * kInstances + instance);
+  return heard != heard_of_.end() && (heard->second.stopped || !heard->second.last_words.empty());
+}
+
 std::string StatusBeacon::gone_text(ProgramKind program, std::uint32_t instance) const {
   const std::string label = label_of(program, instance);
   const std::string why = last_words(program, instance);
-  return why.empty()
-             ? label + " has died, is suspended, or cannot be reached over the network: it sends no sign of life"
-             : label + " has ended: " + why;
+  if (!why.empty()) return label + " has ended: " + why;
+  if (has_ended(program, instance)) return label + " was stopped before the end of the run";
+  return label + " has died, is suspended, or cannot be reached over the network: it sends no sign of life";
 }
 
 bool StatusBeacon::met(ProgramKind program, std::uint32_t instance) const noexcept {

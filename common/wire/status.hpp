@@ -72,8 +72,10 @@ class StatusBeacon {
   void fail(const std::string& reason);
   /// Why that program has ended, by its own word; empty: it has sent none.
   [[nodiscard]] std::string last_words(ProgramKind program, std::uint32_t instance) const;
-  /// Error text for a peer without a sign of life: what it said itself, or else "haptic_sim 0 has died, is
-  /// suspended".
+  /// Whether that program has ended by its own word: in order, or with last words.
+  [[nodiscard]] bool has_ended(ProgramKind program, std::uint32_t instance) const;
+  /// Error text for a peer without a sign of life: what it said itself, or that it was stopped, or else "haptic_sim 0
+  /// has died, is suspended".
   [[nodiscard]] std::string gone_text(ProgramKind program, std::uint32_t instance) const;
   /// Publishes and prints what came of the `Control` of that number. May be called from the loop; does not block.
   void answer(std::uint32_t order, OrderAnswer answer);
@@ -113,6 +115,7 @@ class StatusBeacon {
   struct Heard {
     bool ran = false;
     bool another = false;    ///< one that was started later takes its place
+    bool stopped = false;    ///< it ended in order
     std::string last_words;  ///< empty: none
   };
   std::map<std::size_t, Heard> heard_of_;                        ///< by program and instance

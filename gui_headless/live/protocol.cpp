@@ -35,14 +35,36 @@ Request read_subscribe(const json& message) {
   return request;
 }
 
-Request read_unsubscribe(const json& message) {
-  Unsubscribe request;
-  const auto list = message.find("subscriptionIds");
-  if (list == message.end() || !list->is_array()) return Refused{"unsubscribe: \"subscriptionIds\" is no list"};
+/// A list of ids, or why it is none.
+std::variant<std::vector<std::uint32_t>, Refused> read_ids(const json& message, const char* op, const char* key) {
+  std::vector<std::uint32_t> ids;
+  const auto list = message.find(key);
+  if (list == message.end() || !list->is_array()) return Refused{fmt::format("{}: \"{}\" is no list", op, key)};
   for (const json& one : *list) {
     const auto id = id_of(one);
-    if (!id) return Refused{"unsubscribe: an id is a number from 0 to 4294967295"};
-    request.subscriptions.push_back(*id);
+    if (!id) return Refused{fmt::format("{}: an id is a number from 0 to 4294967295", op)};
+    ids.push_back(*id);
+  }
+  return ids;
+}
+
+template <class R>
+Request read_end(const json& message, const char* op, const char* key) {
+  auto ids = read_ids(message, op, key);
+  if (auto* refused = std::get_if<Refused>(&ids)) return std::move(*refused);
+  return R{std::get<0>(std::move(ids))};
+}
+
+Request read_advertise(const json& message) {
+  Advertise request;
+  const auto list = message.find("channels");
+  if (list == message.end() || !list->is_array()) return Refused{"advertise: \"channels\" is no list"};
+  const auto is_text = [](const json& one, const char* key) { return one.contains(key) && one[key].is_string(); };
+  for (const json& one : *list) {
+    const auto id = one.is_object() && one.contains("id") ? id_of(one["id"]) : std::nullopt;
+    if (!id || !is_text(one, "topic") || !is_text(one, "encoding"))
+      return Refused{"advertise: each channel needs \"id\", \"topic\" and \"encoding\""};
+    request.publications.push_back({*id, one["topic"], one["encoding"]});
   }
   return request;
 }
@@ -52,7 +74,8 @@ Request read_unsubscribe(const json& message) {
 std::string server_info_text(const std::string& name, const std::string& session) {
   return text_of({{"op", "serverInfo"},
                   {"name", name},
-                  {"capabilities", json::array()},
+                  {"capabilities", {"clientPublish"}},
+                  {"supportedEncodings", {"cdr"}},
                   {"metadata", {{"subworld", version_text()}}},
                   {"sessionId", session}});
 }
@@ -90,8 +113,21 @@ Request parse_request(std::string_view text) {
   if (!message.is_object() || op == message.end() || !op->is_string()) return Refused{"the message has no \"op\""};
   const auto& name = op->get_ref<const std::string&>();
   if (name == "subscribe") return read_subscribe(message);
-  if (name == "unsubscribe") return read_unsubscribe(message);
-  return Refused{fmt::format("\"{}\" is not served: this server knows subscribe and unsubscribe", name.substr(0, 40))};
+  if (name == "unsubscribe") return read_end<Unsubscribe>(message, "unsubscribe", "subscriptionIds");
+  if (name == "advertise") return read_advertise(message);
+  if (name == "unadvertise") return read_end<Unadvertise>(message, "unadvertise", "channelIds");
+  return Refused{fmt::format(
+      "\"{}\" is not served: this server knows subscribe, unsubscribe, advertise and unadvertise", name.substr(0, 40))};
+}
+
+Request parse_binary(std::span<const std::uint8_t> message) {
+  constexpr std::size_t kHead = 5;
+  constexpr std::uint8_t kMessageData = 1;
+  if (message.size() < kHead || message[0] != kMessageData)
+    return Refused{"the binary message is not served: this server takes client messages (opcode 1)"};
+  std::uint32_t id = 0;
+  for (std::size_t i = 0; i < 4; ++i) id |= static_cast<std::uint32_t>(message[1 + i]) << (8 * i);
+  return Publish{id, message.subspan(kHead)};
 }
 
 }  // namespace subworld::live

@@ -36,12 +36,31 @@ struct Subscribe {
 struct Unsubscribe {
   std::vector<std::uint32_t> subscriptions;
 };
+/// A client will publish on this topic, under an id of its own.
+struct Publication {
+  std::uint32_t id = 0;
+  std::string topic;
+  std::string encoding;
+};
+struct Advertise {
+  std::vector<Publication> publications;
+};
+struct Unadvertise {
+  std::vector<std::uint32_t> publications;
+};
+/// A message on a channel that the client has advertised. The bytes live as long as those of the client's message.
+struct Publish {
+  std::uint32_t publication = 0;
+  std::span<const std::uint8_t> bytes;
+};
 /// A message without effect, and the reason.
 struct Refused {
   std::string why;
 };
-using Request = std::variant<Subscribe, Unsubscribe, Refused>;
+using Request = std::variant<Subscribe, Unsubscribe, Advertise, Unadvertise, Publish, Refused>;
 /// Reads a text message of a client.
 [[nodiscard]] Request parse_request(std::string_view text);
+/// Reads a binary message of a client.
+[[nodiscard]] Request parse_binary(std::span<const std::uint8_t> message);
 
 }  // namespace subworld::live

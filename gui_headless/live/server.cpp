@@ -1,6 +1,7 @@
 #include "server.hpp"
 
 #include "model/error.hpp"
+#include "orders.hpp"
 #include "session.hpp"
 #include "sources.hpp"
 
@@ -25,6 +26,8 @@ using asio::ip::tcp;
 constexpr std::size_t kMostClients = 32, kMostConnections = 64, kMostSubscriptions = 1024;
 constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / 60};  // the highest rate of a channel
 constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewell{500}, kRetry{100};
+
+constexpr std::string_view kOrderTopic = "/control";
 
 std::string random_session() {
   std::random_device source;
@@ -51,16 +54,17 @@ tcp::acceptor open_acceptor(asio::io_context& io, const ServerConfig& config) {
 }  // namespace
 
 struct Server::Parts final : Host {
-  Parts(const ServerConfig& wanted, const Bus& bus)
+  Parts(const ServerConfig& wanted, Bus& bus)
       : config(wanted),
         sources(bus, wanted.users),
+        orders(bus),
         acceptor(open_acceptor(io, wanted)),
         accept_again(io),
         tick(io),
         farewell(io) {
     const tcp::endpoint own = acceptor.local_endpoint();
     const std::string host = own.address().to_string();
-    address = fmt::format("ws://{}:{}", own.address().is_v6() ? "[" + host + "]" : host, own.port());
+    address = fmt::format("{}:{}", own.address().is_v6() ? "[" + host + "]" : host, own.port());
     accept();
     schedule(kIdlePeriod);
     // Signals go to the main thread.
@@ -111,6 +115,7 @@ struct Server::Parts final : Host {
       if (subscribers > 0) sources.poll(deliver);
       if (const auto now = Session::Clock::now(); now >= next_inspection) {
         next_inspection = now + kInspection;
+        orders.inspect(now);
         for (const auto& session : std::vector(sessions)) session->inspect(now);
       }
     });
@@ -144,9 +149,34 @@ struct Server::Parts final : Host {
       for (const Subscription& one : wanted->subscriptions) subscribe(session, one);
     } else if (const auto* ended = std::get_if<Unsubscribe>(&request)) {
       for (const std::uint32_t id : ended->subscriptions) unsubscribe(session, id);
+    } else if (const auto* offered = std::get_if<Advertise>(&request)) {
+      for (const Publication& one : offered->publications) advertise(session, one);
+    } else if (const auto* withdrawn = std::get_if<Unadvertise>(&request)) {
+      for (const std::uint32_t id : withdrawn->publications) session.publications.erase(id);
+    } else if (const auto* published = std::get_if<Publish>(&request)) {
+      publish(session, *published);
     } else {
       session.send_control(status_text(Level::error, std::get<Refused>(request).why));
     }
+  }
+
+  void advertise(Session& session, const Publication& offered) {
+    const auto refuse = [&](const std::string& why) {
+      session.send_control(status_text(Level::error, fmt::format("channel {}: {}", offered.id, why)));
+    };
+    if (offered.topic != kOrderTopic || offered.encoding != "cdr")
+      return refuse(fmt::format("this server takes messages of {} in cdr only", kOrderTopic));
+    if (!session.may_publish())
+      return refuse("a page of another site may not give orders; start the display with a token, and give it");
+    if (session.publications.size() >= kMostSubscriptions) return refuse("too many channels");
+    session.publications.insert(offered.id);
+  }
+
+  void publish(Session& session, const Publish& message) {
+    const std::string fault = session.publications.contains(message.publication)
+                                  ? orders.send(message.bytes, Session::Clock::now())
+                                  : fmt::format("channel {} is not advertised", message.publication);
+    if (!fault.empty()) session.send_control(status_text(Level::error, fault));
   }
 
   void subscribe(Session& session, const Subscription& wanted) {
@@ -192,6 +222,7 @@ struct Server::Parts final : Host {
   const std::string session_id = random_session();
   std::string address;
   Sources sources;
+  Orders orders;
   int subscribers = 0;
   bool leaving = false;
   Session::Clock::time_point next_inspection;
@@ -207,7 +238,7 @@ struct Server::Parts final : Host {
   };
 };
 
-Server::Server(const ServerConfig& config, const Bus& bus) : parts_(std::make_unique<Parts>(config, bus)) {}
+Server::Server(const ServerConfig& config, Bus& bus) : parts_(std::make_unique<Parts>(config, bus)) {}
 Server::~Server() = default;
 
 void Server::describe(const SceneDescription& scene) {

@@ -21,14 +21,14 @@ struct ServerConfig {
 class Server {
  public:
   /// Listens from now on. The bus must outlive the server. Throws `Error` (failed) where it cannot listen.
-  Server(const ServerConfig& config, const Bus& bus);
+  Server(const ServerConfig& config, Bus& bus);
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
   /// The world, when it is known.
   void describe(const SceneDescription& scene);
-  /// "ws://127.0.0.1:8765"
+  /// "127.0.0.1:8765"
   [[nodiscard]] const std::string& address() const noexcept;
 
  private:

@@ -1,5 +1,7 @@
 #include "session.hpp"
 
+#include "page.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,6 +14,10 @@ namespace asio = boost::asio;
 
 constexpr std::size_t kMostMessageBytes = 64U << 10U;  // of a client
 constexpr int kSendBufferBytes = 256 << 10;            // of the kernel, for each client
+constexpr const char* kPagePolicy =
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; connect-src "
+    "'self' "
+    "ws:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 constexpr std::chrono::seconds kRequestTime{5}, kIdle{20}, kStuck{10};
 
 /// Takes as long for any text of that length.
@@ -49,6 +55,24 @@ std::string_view chosen_protocol(const http::request<http::string_body>& request
   return {};
 }
 
+std::string_view path_of(const http::request<http::string_body>& request) {
+  const std::string_view target{request.target().data(), request.target().size()};
+  return target.substr(0, target.find('?'));
+}
+
+/// Whether the request comes from no browser, or from a page of this server. A browser names the site of the page. A
+/// name that another site controls may lead to this address, so the host must be an address or localhost.
+bool is_own_page(const http::request<http::string_body>& request) {
+  const auto origin = request[http::field::origin], host = request[http::field::host];
+  if (origin.empty()) return true;
+  const std::string_view from{origin.data(), origin.size()}, to{host.data(), host.size()};
+  if (from != fmt::format("http://{}", to)) return false;
+  const std::string_view name = to.starts_with('[') ? to.substr(1, to.find(']') - 1) : to.substr(0, to.find(':'));
+  boost::system::error_code fault;
+  asio::ip::make_address(std::string(name), fault);
+  return name == "localhost" || !fault;
+}
+
 }  // namespace
 
 Session::Session(asio::ip::tcp::socket&& socket, Host& host) : stream_(std::move(socket)), host_(host) {
@@ -77,14 +101,10 @@ void Session::answer_request() {
   const auto& request = parser_->get();
   if (!host_.token().empty() && !is_equal(token_of(request), host_.token())) {
     return refuse(http::status::unauthorized,
-                  "the token is missing or wrong: give it as ws://ADDRESS:PORT/?token=TOKEN or in the header "
+                  "the token is missing or wrong: give it as ADDRESS:PORT/?token=TOKEN or in the header "
                   "\"Authorization: Bearer TOKEN\"");
   }
-  if (!websocket::is_upgrade(request)) {
-    return refuse(http::status::upgrade_required,
-                  "Subworld serves viewers here. Open this address as ws:// in Lichtblick or Foxglove (Open "
-                  "connection, Foxglove WebSocket).");
-  }
+  if (!websocket::is_upgrade(request)) return send_page();
   const std::string_view protocol = chosen_protocol(request);
   if (protocol.empty()) {
     return refuse(http::status::bad_request,
@@ -92,19 +112,46 @@ void Session::answer_request() {
   }
   if (buffer_.size() > 0) return refuse(http::status::bad_request, "wait for the answer before sending messages");
   if (host_.full()) return refuse(http::status::service_unavailable, "too many viewers are connected");
+  may_publish_ = !host_.token().empty() || is_own_page(request);
   accept(protocol);
 }
 
+void Session::send_page() {
+  const auto& request = parser_->get();
+  if (request.method() != http::verb::get) return refuse(http::status::method_not_allowed, "use GET");
+  if (path_of(request) != "/") return refuse(http::status::not_found, "the page is at /");
+  const std::span<const std::uint8_t> page = page_gzip();
+  if (page.empty()) {
+    return refuse(
+        http::status::not_implemented,
+        "This build of Subworld has no page: the build found no Node.js or npm, or could not fetch the page's "
+        "packages. Install nodejs and npm and build again. Lichtblick and Foxglove work all the same: open "
+        "this address as ws:// (Open connection, Foxglove WebSocket).");
+  }
+  response_ = {http::status::ok, 11};
+  response_.set(http::field::content_type, "text/html; charset=utf-8");
+  response_.set(http::field::content_encoding, "gzip");
+  response_.set(http::field::cache_control, "no-store");
+  response_.set("Content-Security-Policy", kPagePolicy);
+  response_.set("Referrer-Policy", "no-referrer");  // the address may hold the token
+  response_.set("X-Content-Type-Options", "nosniff");
+  response_.body().assign(page.begin(), page.end());
+  respond();
+}
+
 void Session::refuse(http::status status, const std::string& text) {
-  refusal_ = {status, 11};
-  refusal_.set(http::field::content_type, "text/plain; charset=utf-8");
-  if (status == http::status::upgrade_required) refusal_.set(http::field::upgrade, "websocket");
-  refusal_.body() = text + "\n";
-  refusal_.keep_alive(false);
-  refusal_.prepare_payload();
+  response_ = {status, 11};
+  response_.set(http::field::content_type, "text/plain; charset=utf-8");
+  response_.body() = text + "\n";
+  respond();
+}
+
+void Session::respond() {
+  response_.keep_alive(false);
+  response_.prepare_payload();
   beast::get_lowest_layer(stream_).expires_after(kRequestTime);
   http::async_write(
-      beast::get_lowest_layer(stream_), refusal_, [self = shared_from_this()](beast::error_code, std::size_t) {
+      beast::get_lowest_layer(stream_), response_, [self = shared_from_this()](beast::error_code, std::size_t) {
         boost::system::error_code ignored;
         beast::get_lowest_layer(self->stream_).socket().shutdown(asio::socket_base::shutdown_send, ignored);
         self->end();
@@ -131,12 +178,10 @@ void Session::accept(std::string_view protocol) {
 void Session::read() {
   stream_.async_read(buffer_, [self = shared_from_this()](beast::error_code fault, std::size_t) {
     if (fault) return self->end();
-    if (self->stream_.got_text()) {
-      const auto bytes = self->buffer_.data();
-      self->host_.requested(*self, parse_request({static_cast<const char*>(bytes.data()), bytes.size()}));
-    } else {
-      self->host_.requested(*self, Refused{"binary messages are not served: this server takes no samples"});
-    }
+    const auto bytes = self->buffer_.data();
+    self->host_.requested(*self, self->stream_.got_text()
+                                     ? parse_request({static_cast<const char*>(bytes.data()), bytes.size()})
+                                     : parse_binary({static_cast<const std::uint8_t*>(bytes.data()), bytes.size()}));
     self->buffer_.clear();
     if (!self->ended_) self->read();
   });

@@ -14,6 +14,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 
 /// The only files with Boost.Beast are session.* and server.cpp: its headers take long to compile.
@@ -55,11 +56,17 @@ class Session : public std::enable_shared_from_this<Session> {
 
   [[nodiscard]] bool is_open() const noexcept { return open_; }
 
+  /// Whether this client may give orders: not the page of another site, which the user's browser happens to show.
+  [[nodiscard]] bool may_publish() const noexcept { return may_publish_; }
+
   std::map<std::uint32_t, std::uint32_t> subscriptions;  ///< channel of each
+  std::set<std::uint32_t> publications;                  ///< its ids for the topic of orders
 
  private:
   void answer_request();
   void refuse(http::status status, const std::string& text);
+  void send_page();
+  void respond();
   void accept(std::string_view protocol);
   void read();
   void write();
@@ -73,12 +80,13 @@ class Session : public std::enable_shared_from_this<Session> {
   Host& host_;
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::string_body>> parser_;
-  http::response<http::string_body> refusal_;
+  http::response<http::string_body> response_;
   Outbox outbox_;
   std::optional<Outbox::Message> writing_;
   std::array<std::uint8_t, 13> header_{};
   Clock::time_point write_began_;
   std::uint64_t reported_drops_ = 0;
+  bool may_publish_ = false;
   bool open_ = false;
   bool closing_ = false;
   bool ended_ = false;

@@ -130,7 +130,8 @@ TEST_F(CommandLine, APlanListsOptimisationsAndTakesDisable) {
     return std::pair(ended.out.substr(0, needed), ended.out.substr(needed));
   };
   const auto [out, in] = planned({});
-  for (const char* item : {"rest ", "sway ", "impulses ", "pairs ", "device ", "changes ", "overruled ", "suppression ", "energy_bound "})
+  for (const char* item :
+       {"rest ", "sway ", "impulses ", "pairs ", "device ", "changes ", "overruled ", "suppression ", "energy_bound "})
     EXPECT_NE(out.find(item), std::string::npos) << item;
   EXPECT_NE(in.find("friction "), std::string::npos) << "the row has some: " << in;
   const auto [fewer, more] = planned({"--disable", "rest,energy_bound"});

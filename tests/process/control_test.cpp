@@ -69,8 +69,8 @@ TEST_F(Control, AUserLeavesAndJoinsAgain) {
   const Ended left = control({"leave", "--user", "1"});
   EXPECT_EQ(left.code, 0) << left.err;
   EXPECT_NE(left.out.find("user 1 leaves at t = "), std::string::npos) << left.out;
-  EXPECT_TRUE(eventually([&] { return running(out()).size() == 4; }))
-      << "launcher, world, and the programs of one user";
+  EXPECT_TRUE(eventually([&] { return running(out()).size() == 5; }))
+      << "launcher, its keeper, world, and the programs of one user";
   EXPECT_EQ(control({"leave", "--user", "1"}).code, 1) << "it is absent already";
   EXPECT_EQ(control({"leave", "--user", "7"}).code, 1) << "there is no such user";
 
@@ -133,7 +133,7 @@ TEST_F(Control, AnOverloadedSubWorldGoesOnAfterAPause) {
     std::this_thread::sleep_for(std::chrono::seconds(1));
   }
   EXPECT_EQ(control({"stop"}).code, 0);
-  EXPECT_EQ(process.wait(10.0), 0) << process.err();
+  EXPECT_EQ(process.wait(), 0) << process.err();
   const Json json = summary();
   EXPECT_EQ(read_table(out() + "/haptic_0.csv").rows.size(), json["haptic"][0]["steps"].get<std::size_t>());
 }

@@ -71,7 +71,7 @@ TEST_F(Doctor, TopIsLiveOnATerminalUntilQ) {
   EXPECT_TRUE(shown("world_sim")) << top.read_terminal();
   EXPECT_TRUE(shown("waiting")) << top.read_terminal();
   top.type("q");
-  EXPECT_EQ(top.wait(10.0), 0);
+  EXPECT_EQ(top.wait(), 0);
   EXPECT_NE(top.read_terminal().find("\033[?25h"), std::string::npos) << "the cursor is hidden";
 }
 

@@ -10,13 +10,6 @@
 
 namespace subworld::test {
 
-inline constexpr double kEndBound_s = 3.0;  // two seconds and tolerance for a busy machine
-
-using Instant = std::chrono::steady_clock::time_point;
-
-inline Instant now() { return std::chrono::steady_clock::now(); }
-inline double seconds_after(Instant begin) { return std::chrono::duration<double>(now() - begin).count(); }
-
 /// One program with its own folder for output.
 struct Started {
   std::string name;

@@ -17,10 +17,8 @@ TEST_P(Waiting, ASignalEndsEveryProgram) {
   for (const Started& one : started_) {
     ASSERT_TRUE(eventually([&] { return one.process->out().find("dds=") != std::string::npos; })) << one.name;
   }
-  const Instant begin = now();
   for (const Started& one : started_) one.process->signal(signal);
-  for (const Started& one : started_) EXPECT_EQ(one.process->wait(10.0), 0) << one.name << one.process->err();
-  EXPECT_LT(seconds_after(begin), kEndBound_s);
+  for (const Started& one : started_) EXPECT_EQ(one.process->wait(), 0) << one.name << one.process->err();
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, Waiting,
@@ -33,10 +31,8 @@ INSTANTIATE_TEST_SUITE_P(Vendors, Waiting,
 TEST_F(ByHandEnds, ASignalEndsAProgramThatLoads) {
   Process& world = start("world_sim", {"--engine", "slow"}, {{"SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER}});
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
-  const Instant begin = now();
   world.signal(SIGTERM);
-  EXPECT_EQ(world.wait(10.0), 0) << world.err();
-  EXPECT_LT(seconds_after(begin), kEndBound_s);
+  EXPECT_EQ(world.wait(), 0) << world.err();
   EXPECT_EQ(world.out().find("settling"), std::string::npos) << "it had loaded already";
 }
 
@@ -50,10 +46,8 @@ TEST_F(ByHandEnds, ASignalEndsAProgramThatIsBusy) {
   const Ended order =
       finish({program("subworld"), "control", "engine", "slow", "--domain", domain_.text(), "--wait", "2"});
   ASSERT_NE(order.err.find("preparing"), std::string::npos) << order.err;
-  const Instant begin = now();
   world.signal(SIGTERM);
-  EXPECT_TRUE(world.wait(10.0));
-  EXPECT_LT(seconds_after(begin), kEndBound_s);
+  EXPECT_TRUE(world.wait());
 }
 
 class Halted : public ByHandEnds, public ::testing::WithParamInterface<std::string> {};
@@ -64,10 +58,8 @@ TEST_P(Halted, ASignalEndsALockstepWorldThatWaitsForAHapticProcess) {
   if (HasFatalFailure()) return;
   haptic_->signal(SIGSTOP);
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
-  const Instant begin = now();
   world_->signal(SIGTERM);
-  EXPECT_EQ(world_->wait(10.0), 0) << world_->err();
-  EXPECT_LT(seconds_after(begin), kEndBound_s);
+  EXPECT_EQ(world_->wait(), 0) << world_->err();
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, Halted, ::testing::Values("fastdds", "cyclonedds"),
@@ -84,7 +76,7 @@ TEST_P(LostByHand, IsNamedByItsPeers) {
   std::string said;
   for (Process* one : {world_, haptic_, device_}) {
     if (one == victim) continue;
-    const auto code = one->wait(15.0);
+    const auto code = one->wait();
     said += one->err();
     EXPECT_EQ(code, 1) << one->err();
   }
@@ -94,6 +86,30 @@ TEST_P(LostByHand, IsNamedByItsPeers) {
 
 INSTANTIATE_TEST_SUITE_P(Programs, LostByHand, ::testing::ValuesIn(losses({"fastdds", "cyclonedds"})), name_of);
 
+class StoppedByHand : public ByHandEnds, public ::testing::WithParamInterface<Loss> {};
+
+TEST_P(StoppedByHand, EndsTheRunWithAMessageThatSaysSo) {
+  const Loss& loss = GetParam();
+  start_run(loss.mode, loss.dds);
+  if (HasFatalFailure()) return;
+  Process* const victim = loss.victim == "haptic_sim" ? haptic_ : device_;
+  victim->signal(SIGTERM);
+  EXPECT_EQ(victim->wait(), 0) << victim->err();
+  for (Process* one : {world_, haptic_, device_}) {
+    if (one == victim) continue;
+    EXPECT_EQ(one->wait(), 1) << one->err();
+    EXPECT_NE(one->err().find(loss.victim + " 0 was stopped before the end of the run"), std::string::npos)
+        << one->err();
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Programs, StoppedByHand,
+                         ::testing::Values(Loss{"lockstep", "fastdds", "haptic_sim"},
+                                           Loss{"lockstep", "fastdds", "device_sim"},
+                                           Loss{"lockstep", "cyclonedds", "haptic_sim"},
+                                           Loss{"lockstep", "cyclonedds", "device_sim"}),
+                         name_of);
+
 class OtherScene : public ByHandEnds, public ::testing::WithParamInterface<std::string> {};
 
 TEST_P(OtherScene, OfADeviceIsRefusedAndTheOthersLearnWhy) {
@@ -101,7 +117,7 @@ TEST_P(OtherScene, OfADeviceIsRefusedAndTheOthersLearnWhy) {
   Process& world = start("world_sim");
   Process& haptic = start("haptic_sim");
   Process& device = start("device_sim", {"--ratio", "10"});
-  EXPECT_EQ(device.wait(10.0), 2) << device.err();
+  EXPECT_EQ(device.wait(), 2) << device.err();
   const std::string why = "with other settings: settings.ratio is 10, in the world 4. Give all programs";
   EXPECT_NE(device.err().find(why), std::string::npos) << device.err();
   for (Process* const other : {&world, &haptic}) {
@@ -113,7 +129,7 @@ TEST_P(OtherScene, OfADeviceIsRefusedAndTheOthersLearnWhy) {
     EXPECT_TRUE(eventually(knows)) << other->err();
   }
   for (const Started& one : started_) one.process->signal(SIGTERM);
-  for (const Started& one : started_) EXPECT_TRUE(one.process->wait(10.0)) << one.name;
+  for (const Started& one : started_) EXPECT_TRUE(one.process->wait()) << one.name;
 }
 
 INSTANTIATE_TEST_SUITE_P(Modes, OtherScene, ::testing::Values("lockstep", "realtime"),
@@ -126,9 +142,9 @@ TEST_F(ByHandEnds, AProgramThatIsRefusedLeavesTheHistoryOfTheKilledOne) {
   ASSERT_EQ(haptic_->wait(), 128 + SIGKILL);
   const std::size_t before = read_table(out() + "/haptic_0.csv").rows.size();
   Process& again = start("haptic_sim", {"--out", out()});
-  EXPECT_EQ(again.wait(15.0), 1) << again.out();
+  EXPECT_EQ(again.wait(), 1) << again.out();
   EXPECT_EQ(read_table(out() + "/haptic_0.csv").rows.size(), before);
-  for (Process* one : {world_, device_}) EXPECT_TRUE(one->wait(15.0));
+  for (Process* one : {world_, device_}) EXPECT_TRUE(one->wait());
 }
 
 TEST_F(RunEnds, AHistoryHoldsWhatAKilledProgramHasDone) {
@@ -137,7 +153,7 @@ TEST_F(RunEnds, AHistoryHoldsWhatAKilledProgramHasDone) {
   std::this_thread::sleep_for(std::chrono::milliseconds(1500));
   const std::size_t at_least = 500;  // of the 1500 and more steps that were made
   signal("haptic_sim", SIGKILL);
-  EXPECT_EQ(process_->wait(10.0), 1);
+  EXPECT_EQ(process_->wait(), 1);
   const Table table = read_table(out() + "/haptic_0.csv");
   EXPECT_GT(table.rows.size(), at_least);
   const Json part = summary()["haptic"][0];

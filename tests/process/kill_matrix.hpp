@@ -2,7 +2,6 @@
 
 #include "process/process_test.hpp"
 
-#include <chrono>
 #include <map>
 #include <optional>
 #include <ostream>
@@ -116,7 +115,6 @@ class KillTable {
 
 class KillMatrix : public ProcessTest, public ::testing::WithParamInterface<KillCell> {
  protected:
-  static constexpr double kEndBound_s = 3.0;  // two seconds and tolerance for a busy machine
 
   /// A run in the middle of its loops.
   void start() {
@@ -142,7 +140,6 @@ class KillMatrix : public ProcessTest, public ::testing::WithParamInterface<Kill
     const std::map<std::string, int> numbers{
         {"SIGKILL", SIGKILL}, {"SIGSTOP", SIGSTOP}, {"SIGTERM", SIGTERM}, {"SIGINT", SIGINT}, {"SIGHUP", SIGHUP}};
     const int number = numbers.at(cell.signal);
-    begin_ = std::chrono::steady_clock::now();
     if (cell.program != "subworld") {
       int found = 0;
       for (const Running& one : running(out())) {
@@ -188,7 +185,6 @@ class KillMatrix : public ProcessTest, public ::testing::WithParamInterface<Kill
   KillTable::Expected expected_;
   double duration_s_ = 0.0;
   std::optional<Process> process_;
-  std::chrono::steady_clock::time_point begin_;
 };
 
 TEST_P(KillMatrix, EndsAsThePageSays) {
@@ -200,10 +196,7 @@ TEST_P(KillMatrix, EndsAsThePageSays) {
   if (!HasFatalFailure()) send();
   if (HasFatalFailure()) return;
   const auto code = process_->wait();
-  ASSERT_TRUE(eventually([&] { return running(out()).empty(); }, 10.0));
-  if (!goes_on()) {
-    EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count(), kEndBound_s);
-  }
+  ASSERT_TRUE(eventually([&] { return running(out()).empty(); }));
   const std::string verdict = printed_verdict();
   EXPECT_TRUE(code == expected_.code && matches(verdict, expected_.verdict, cell.column != kLockstepColumn))
       << "deploy/README.md has " << expected_.code << ", `" << expected_.verdict << "`; the run ended with\n"

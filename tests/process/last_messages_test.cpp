@@ -53,7 +53,7 @@ TEST_P(LastMessagesOf, AKilledProgramAndItsPeersFitTogether) {
   if (HasFatalFailure()) return;
   std::this_thread::sleep_for(std::chrono::milliseconds(700));
   signal("haptic_sim", SIGKILL);
-  ASSERT_EQ(process_->wait(10.0), 1) << process_->err();
+  ASSERT_EQ(process_->wait(), 1) << process_->err();
   ASSERT_EQ(files(),
             (std::vector<std::string>{"last_device_sim_0.csv", "last_haptic_sim_0.csv", "last_world_sim.csv"}));
   EXPECT_NE(process_->out().find(out() + "/logs/last_*.csv"), std::string::npos) << process_->out();
@@ -85,8 +85,8 @@ TEST_F(LastMessages, AreWrittenWhereTheLauncherIsKilled) {
   start("lockstep", "mixed", "1000");
   if (HasFatalFailure()) return;
   process_->signal(SIGKILL);
-  ASSERT_TRUE(process_->wait(10.0));
-  ASSERT_TRUE(eventually([&] { return running(out()).empty(); }, 10.0));
+  ASSERT_TRUE(process_->wait());
+  ASSERT_TRUE(eventually([&] { return running(out()).empty(); }));
   EXPECT_EQ(files().size(), 3U);
 }
 
@@ -94,11 +94,11 @@ TEST_F(ByHandEnds, AProgramThatFailsWritesItsLastMessagesBesideItsResults) {
   start_run("lockstep", "fastdds", {"--wait", "2"});
   if (HasFatalFailure()) return;
   device_->signal(SIGKILL);
-  EXPECT_EQ(haptic_->wait(15.0), 1) << haptic_->err();
+  EXPECT_EQ(haptic_->wait(), 1) << haptic_->err();
   const auto rows = read_messages(out() + "/last_haptic_sim_0.csv");
   EXPECT_GT(newest(rows, "device_state", false).number, 0U);
   world_->signal(SIGTERM);
-  EXPECT_TRUE(world_->wait(15.0));
+  EXPECT_TRUE(world_->wait());
 }
 
 }  // namespace

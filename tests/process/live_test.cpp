@@ -13,7 +13,7 @@ class Live : public ProcessTest {
     Words words{"--mode", "realtime", "--duration", "1000", "--live", "0"};
     words.insert(words.end(), flags.begin(), flags.end());
     run_ = std::make_unique<Process>(run_words(scene("row"), words), folder_.path(), environment);
-    const std::regex listens("open (ws://\\S+) in");
+    const std::regex listens("open (ws://\\S+) in L");
     ASSERT_TRUE(eventually([&] {
       std::smatch found;
       const std::string log = display_log();
@@ -29,7 +29,7 @@ class Live : public ProcessTest {
     words.insert(words.end(), more.begin(), more.end());
     const TemporaryFolder folder;
     Process viewer(words, folder.path(), environment);
-    EXPECT_EQ(viewer.wait(100.0).value_or(-1), 0) << viewer.err();
+    EXPECT_EQ(viewer.wait().value_or(-1), 0) << viewer.err();
   }
 
   /// Whatever the viewers did, the run ends in order and has its picture.

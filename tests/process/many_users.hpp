@@ -62,7 +62,7 @@ class ManyUsers : public ProcessTest {
       if (one >= 0) words.insert(words.end(), {"--user", std::to_string(one / 2)});
       programs.push_back(std::make_unique<Process>(words, own));
     }
-    for (const auto& one : programs) EXPECT_EQ(one->wait(120.0), 0) << one->err();
+    for (const auto& one : programs) EXPECT_EQ(one->wait(), 0) << one->err();
     const Json world = Json::parse(read_text(folder_.path() + "/world_sim_-1/world.json"), nullptr, false);
     return world.is_discarded() ? "" : world["state_hash"].get<std::string>();
   }

@@ -68,7 +68,7 @@ TEST_P(SessionRestarts, InNamespacesServeEveryUserToTheEnd) {
                   folder_.path());
   const std::string results = out() + "/hosts/" + victim.host;
   kill_in_the_middle(victim, results, out() + "/hosts/world/world.csv");
-  EXPECT_EQ(process.wait(60.0), 0) << process.err() << process.out();
+  EXPECT_EQ(process.wait(), 0) << process.err() << process.out();
   expect_whole_run(victim);
   expect_restarted(victim);
 }
@@ -84,7 +84,7 @@ TEST_F(SessionRestarts, AWorldOnADistantHostGoesOnFromItsCheckpointThere) {
   Process process(up(file, out(), {"--ssh", ssh(), "--restart", "on-failure"}), folder_.path());
   const Victim world{"world_sim", "", "world"};
   kill_in_the_middle(world, folder_.path(), home("user@10.0.0.1") + "/subworld/out/sessions/out/world/world.csv");
-  EXPECT_EQ(process.wait(60.0), 0) << process.err() << process.out();
+  EXPECT_EQ(process.wait(), 0) << process.err() << process.out();
   expect_whole_run(world);
   expect_restarted(world);
 }
@@ -103,7 +103,7 @@ TEST_F(SessionRestarts, OfAShareThatIsStartedByHost) {
   }
   const Victim victim{"haptic_sim", "1", "right"};
   kill_in_the_middle(victim, folder_.path() + "/right", folder_.path() + "/world/hosts/world/world.csv");
-  for (const auto& share : shares) EXPECT_EQ(share->wait(60.0), 0) << share->err();
+  for (const auto& share : shares) EXPECT_EQ(share->wait(), 0) << share->err();
   collect.insert(collect.end(), {"--out", out()});
   const Ended ended = finish(collect);
   EXPECT_EQ(ended.code, 0) << ended.err << ended.out;

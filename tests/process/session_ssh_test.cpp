@@ -114,7 +114,7 @@ class SessionsBySsh : public Sessions {
   [[nodiscard]] std::string mark() const { return fs::path(folder_.path()).filename(); }
   [[nodiscard]] std::string results() const { return folder_.path() + "/" + mark(); }
   [[nodiscard]] bool have_ended() const {
-    return eventually([&] { return running("out/sessions/" + mark()).empty() && running(results()).empty(); }, 10.0);
+    return eventually([&] { return running("out/sessions/" + mark()).empty() && running(results()).empty(); });
   }
 
   static constexpr const char* kServer = "/usr/sbin/sshd";
@@ -138,7 +138,7 @@ TEST_F(SessionsBySsh, NameTheHostOfAProgramThatDied) {
   for (const Running& one : running("out/sessions/" + mark() + "/right")) {
     if (one.words.front().ends_with("bin/haptic_sim")) kill(one.pid, SIGKILL);
   }
-  EXPECT_EQ(process.wait(10.0), 1) << process.err();
+  EXPECT_EQ(process.wait(), 1) << process.err();
   EXPECT_NE(process.err().find("haptic_sim_1 on host right was killed there, or ssh lost the connection to it"),
             std::string::npos)
       << process.err();

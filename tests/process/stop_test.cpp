@@ -27,9 +27,9 @@ class Stop : public ProcessTest {
   }
   /// All programs must end within the bound from `begin`. Returns the launcher's exit code.
   int expect_end(std::chrono::steady_clock::time_point begin) {
-    const auto code = process_->wait(10.0);
+    const auto code = process_->wait();
     EXPECT_TRUE(code) << "the launcher still runs";
-    EXPECT_TRUE(eventually([&] { return running(out()).empty(); }, 10.0));
+    EXPECT_TRUE(eventually([&] { return running(out()).empty(); }));
     EXPECT_LT(seconds_since(begin), kStopBound_s);
     return code.value_or(-1);
   }
@@ -57,7 +57,7 @@ class StopMode : public Stop, public ::testing::WithParamInterface<std::string> 
 TEST_P(StopMode, AClosedTerminalEndsEverythingInOrder) {
   start(GetParam(), Process::Output::terminal);
   if (HasFatalFailure()) return;
-  EXPECT_TRUE(eventually([&] { return process_->read_terminal().find(" of 1000 s") != std::string::npos; }, 10.0))
+  EXPECT_TRUE(eventually([&] { return process_->read_terminal().find(" of 1000 s") != std::string::npos; }))
       << "shows no progress: " << process_->read_terminal();
   const auto begin = std::chrono::steady_clock::now();
   process_->close_terminal();

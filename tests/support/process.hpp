@@ -17,7 +17,7 @@ using Environment = std::map<std::string, std::string>;
 
 /// Polls until `condition` holds; false after a time that is exceeded only by a fault.
 template <class Condition>
-bool eventually(Condition condition, double limit_s = 40.0) {
+bool eventually(Condition condition, double limit_s = 150.0) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(limit_s);
   while (!condition()) {
     if (std::chrono::steady_clock::now() > end) return false;
@@ -50,7 +50,7 @@ class Process {
   void type(const std::string& keys) const;
   void close_terminal();
   /// Exit code, or 128 + signal if a signal ended it; empty if it still runs after `limit_s`.
-  std::optional<int> wait(double limit_s = 60.0);
+  std::optional<int> wait(double limit_s = 300.0);
   [[nodiscard]] std::string out() const { return read_text(folder_ + "/stdout.txt"); }
   [[nodiscard]] std::string err() const { return read_text(folder_ + "/stderr.txt"); }
 

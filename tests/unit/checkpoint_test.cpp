@@ -29,7 +29,9 @@ WorldCheckpoint sample(const Scene& scene) {
                     .potential_j = -2.0,
                     .released_j = 0.25,
                     .states = scene.initial,
-                    .asleep = {}};
+                    .asleep = {},
+                    .devices = {{{0.1, 0.2, 0.3}, Quat::Identity()}},
+                    .absences = {{0, 0.25, 0.5, false}}};
   c.asleep.resize(scene.bodies.size());
   c.states[1].linear_velocity = {0.1, -0.2, 0.3};
   return c;
@@ -64,6 +66,8 @@ TEST(Checkpoint, ReadsBackWhatWasWritten) {
   EXPECT_EQ(bytes_of(other), bytes);
   EXPECT_EQ(other.states[1].linear_velocity, one.states[1].linear_velocity);
   EXPECT_EQ(other.settings, one.settings);
+  EXPECT_EQ(other.devices[0].position, one.devices[0].position);
+  EXPECT_EQ(other.absences[0].to_s, 0.5);
 }
 
 TEST(Checkpoint, IsRefusedWithAnyByteFlippedOrMissing) {
@@ -90,6 +94,9 @@ TEST(Checkpoint, ImpossibleValuesAreNamed) {
   EXPECT_NE(refused([](auto& c) { c.states[2].orientation.w() = 3.0; }).find("quaternion"), std::string::npos);
   EXPECT_NE(refused([](auto& c) { c.ratio = 0; }).find("ratio"), std::string::npos);
   EXPECT_NE(refused([](auto& c) { c.asleep.pop_back(); }).find("number of bodies"), std::string::npos);
+  EXPECT_NE(refused([](auto& c) { c.devices[0].position.y() = kNan; }).find("device pose"), std::string::npos);
+  EXPECT_NE(refused([](auto& c) { c.devices[0].orientation.x() = 3.0; }).find("quaternion"), std::string::npos);
+  EXPECT_NE(refused([](auto& c) { c.absences[0].user = 1; }).find("absence of a user"), std::string::npos);
   EXPECT_NE(refused([](auto& c) { c.time_s = -1.0; }).find("before t = 0"), std::string::npos);
   // Bytes that claim more than they hold.
   const std::string bytes = bytes_of(sample(row()));
@@ -141,14 +148,12 @@ TEST(Checkpoint, AFolderGivesItsNewestValidOne) {
 // A body in flight goes on as if nothing had happened, one that sleeps stays asleep.
 TEST(Checkpoint, AResumedWorldGoesOn) {
   Scene scene = row();
+  keep_users(scene, 1);
   World world(scene);
   ASSERT_TRUE(world.settle([](double) { return true; }));
   for (int i = 0; i < 250; ++i) world.step();
   WorldCheckpoint c = sample(scene);
-  c.stamp = world.facts().stamp;
-  c.haptic_steps = world.timetable().start(c.stamp);
-  c.time_s = world.facts().time_s;
-  c.planned = world.timetable().newest();
+  copy_accounts(world, c);
   for (const Body& body : scene.bodies) {
     c.states[index(body.id)] = world.engine().state(body.id);
     c.asleep[index(body.id)] = world.engine().asleep(body.id) ? 1 : 0;

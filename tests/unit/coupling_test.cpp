@@ -349,6 +349,18 @@ TEST(ForceGuard, RampsBoundsAndFades) {
   EXPECT_EQ(before, 0.0);
 }
 
+TEST(ForceGuard, ALostSourceEndsInZeroForceWithin5MsAndALateSampleIsNotFelt) {
+  const OperatorLimits limits = operator_limits_of(DeviceSpec{});
+  ForceGuard guard(limits, 0.02, ForceGuard::Loss::ends_force);
+  const Wrench wanted{Vec3(40, 0, 0), Vec3::Zero()};
+  for (int i = 0; i < 40; ++i) (void)guard.pass(wanted, Vec3::Zero(), true, 0.001);
+  EXPECT_GT(guard.pass(wanted, Vec3::Zero(), false, 0.001).force.norm(), 0.99 * 40.0);
+  EXPECT_EQ(guard.pass(wanted, Vec3::Zero(), true, 0.001).force.norm(), 40.0);
+  for (const double x : {0.2, 0.4, 0.6, 0.8, 1.0})
+    EXPECT_NEAR(guard.pass(wanted, Vec3::Zero(), false, 0.001).force.norm(), 40.0 * (1.0 - x * x * x), 1e-4);
+  EXPECT_EQ(guard.pass(wanted, Vec3::Zero(), false, 0.001).force.norm(), 0.0);
+}
+
 Settings paper() {
   Settings s;
   s.scheme = "paper";

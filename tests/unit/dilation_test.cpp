@@ -70,7 +70,7 @@ struct Follower {
         phase.observe(f.stamp_s, ahead_s, 0.0, f.arrives_s() + f.start_in_s - now, f.real_time_factor,
                       haptic_s + arrears.owed_s(), now);
       }
-      const double dt = arrears.step(h * phase.step(haptic_s), cycle_s - in_cycle_s);
+      const double dt = arrears.step(h * phase.step(haptic_s, h), cycle_s - in_cycle_s);
       double ahead = 0.0;
       if (next > 0) {
         const Frame& f = frames[next - 1];
@@ -151,21 +151,39 @@ TEST(Phase, StopsSoftlyWhereFramesStayAway) {
   double haptic_s = 0.007;
   for (int i = 0; i < 5000; ++i) {
     const double before = phase.rate();
-    const double rate = phase.step(haptic_s);
+    const double rate = phase.step(haptic_s, 0.001);
     EXPECT_LE(std::abs(rate - before), Phase::kRateStep * std::max(before, 0.01) + 1e-12);
     haptic_s += 0.001 * rate;
   }
   EXPECT_LT(haptic_s, 0.004 + 0.004 * 14) << "a world that is gone is not run ahead of";
 }
 
+// A world that has been started again begins 0.2 s after its first frame.
+TEST(Phase, StandsUntilAWorldBeginsAndThenRunsAtOnce) {
+  constexpr double kH_s = 0.001, kAhead_s = 0.005;
+  Phase phase(0.004, 1);
+  phase.restart();
+  double haptic_s = 5.0, first_s = -1.0;
+  phase.observe(haptic_s, kAhead_s, 0.0, 0.2, 0.0, haptic_s, 0.0);
+  for (int i = 0; i < 205; ++i) {
+    const double wall_s = i * kH_s;
+    if (i == 1) phase.observe(5.0, kAhead_s, 0.0, 0.2, 1.0, haptic_s, wall_s);
+    const double rate = phase.step(haptic_s, kH_s);
+    EXPECT_TRUE(rate == 0.0 || rate > 0.99) << wall_s << " s: " << rate;
+    if (rate > 0.0 && first_s < 0.0) first_s = wall_s;
+    haptic_s += rate * kH_s;
+  }
+  EXPECT_NEAR(first_s, kH_s + 0.2 - kAhead_s, 0.002);
+}
+
 TEST(Phase, AStandingWorldStopsItAtOnceAndGoesOnAtOnce) {
   Phase phase(0.004, 0);
   phase.observe(0.004, 0.0, 0.0, 0.002, 1.0, 0.002, 0.0);
-  EXPECT_EQ(phase.step(0.002), 1.0);
+  EXPECT_EQ(phase.step(0.002, 0.001), 1.0);
   phase.observe(0.004, 0.0, 0.0, 0.004, 0.0, 0.003, 0.001);
-  EXPECT_EQ(phase.step(0.003), 0.0);
+  EXPECT_EQ(phase.step(0.003, 0.001), 0.0);
   phase.observe(0.008, 0.0, 0.0, 0.004, 1.0, 0.004, 0.002);
-  EXPECT_NEAR(phase.step(0.004), 1.0, 0.05);
+  EXPECT_NEAR(phase.step(0.004, 0.001), 1.0, 0.05);
 }
 
 struct SceneRun {

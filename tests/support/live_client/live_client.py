@@ -139,7 +139,8 @@ async def garbage(address):
         '{"op":"subscribe","subscriptions":[{"id":1,"channelId":999}]}',
         '{"op":"subscribe","subscriptions":[{"id":1e9,"channelId":{}}]}', '{"op":"unsubscribe","subscriptionIds":[5]}',
         '{"op":"unsubscribe","subscriptionIds":{"a":1}}', b"\1\0\0\0\0hello", b"",
-        '{"op":"advertise","channels":[]}',
+        '{"op":"advertise"}', '{"op":"advertise","channels":[{"id":1}]}', '{"op":"unadvertise"}',
+        '{"op":"advertise","channels":[{"id":1,"topic":"/status","encoding":"cdr"}]}',
     ]
     for message in wrong:
         await viewer.socket.send(message)
@@ -197,7 +198,8 @@ def frame(payload, opcode=1, masked=True):
 
 
 def raw_garbage(address):
-    assert b" 426 " in answer_to(address, b"GET / HTTP/1.1\r\nHost: here\r\n\r\n")
+    assert b" 404 " in answer_to(address, b"GET /other HTTP/1.1\r\nHost: here\r\n\r\n")
+    assert b" 405 " in answer_to(address, b"POST / HTTP/1.1\r\nHost: here\r\nContent-Length: 0\r\n\r\n")
     assert b" 400 " in answer_to(address, b"\x16\x03\x01 no HTTP at all\r\n\r\n")
     assert b" 400 " in answer_to(address, upgrade(protocol="chat"))
     assert b" 400 " in answer_to(address, b"GET / HTTP/1.1\r\n" + b"x: " + b"y" * 20000 + b"\r\n\r\n")

@@ -1,0 +1,28 @@
+#pragma once
+
+#include "io/live_options.hpp"
+
+#include <string>
+
+namespace subworld {
+
+/// Completes the options for --page: a free port where none is given. Throws `Error` (failed) if there is none.
+void choose_page_port(LiveOptions& live);
+
+/// The page's address; with a token the user adds it: "http://127.0.0.1:8765/?token=TOKEN".
+[[nodiscard]] std::string page_address(const LiveOptions& live);
+
+/// Opens the page in the user's browser, once it is served, where a desktop is present.
+class PageOpener {
+ public:
+  PageOpener(const LiveOptions& live, bool wanted);
+  /// Once in a while.
+  void operator()();
+
+ private:
+  std::string address_;
+  LiveOptions live_;
+  bool waiting_;
+};
+
+}  // namespace subworld

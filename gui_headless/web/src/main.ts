@@ -1,0 +1,283 @@
+// Wires the page: what arrives goes into the model, and from there into the view, the plots and the lists.
+import { Connection, type Link } from "./connection";
+import { Controls } from "./controls";
+import { niceBelow } from "./arrows";
+import { length, Model, PROGRAMS, SHAPES } from "./model";
+import { Plots } from "./plots";
+import { Programs } from "./programs";
+import { followTheme, userColour } from "./theme";
+import { View } from "./view";
+
+const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+const model = new Model();
+const view = new View(element<HTMLCanvasElement>("view"), model);
+const plots = new Plots(element("panel"));
+const programs = new Programs(element("programs"));
+let link: Link = "connecting";
+let linkDetail = "";
+let fits = 0;
+
+const connection = new Connection(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${location.search}`, {
+  started() {
+    model.programs.clear();
+    model.devices.clear();
+    model.users = [];
+    plots.clear();
+  },
+  linked(now, detail) {
+    link = now;
+    linkDetail = detail;
+    document.body.dataset.link = link;
+    controls.enable(link === "live");
+    showLink();
+    if (link === "live") subscribe();
+  },
+  received(topic, value) {
+    const now = performance.now();
+    if (topic === "/scene") {
+      model.describe(value);
+      view.build();
+      describe();
+    } else if (topic === "/world_state") {
+      model.show(value, now);
+      view.update();
+      plots.snapshot(model);
+      if (fits < 2) fit();
+    } else if (topic === "/status") {
+      model.hear(value, now);
+      if (PROGRAMS[value.program] === "world_sim") plots.status(model);
+      controls.show();
+      showLink();
+    } else if (topic === "/control_reply") {
+      controls.hear(value);
+      showLink();
+    } else if (topic.endsWith("/haptic_report")) {
+      plots.report(value);
+    } else if (topic.endsWith("/device_state")) {
+      model.moveDevice(value.device, "device", value.pose);
+    } else if (topic.endsWith("/device_command")) {
+      model.moveDevice(value.device, "proxy", value.pose);
+    }
+  },
+  refused: (text) => controls.say("refused", text),
+});
+const controls = new Controls(connection, model);
+controls.enable(false);
+
+/** What is shown is subscribed to, and nothing else. */
+function subscribe(): void {
+  const wanted = ["/scene", "/status", "/control_reply"];
+  if (!document.hidden) {
+    wanted.push("/world_state");
+    const kinds = [
+      ...(view.arrows.showDevices ? ["device_state", "device_command"] : []),
+      ...(plots.isOpen("steps") || plots.isOpen("energy") ? ["haptic_report"] : []),
+    ];
+    for (let user = 0; user < model.userCount; ++user) wanted.push(...kinds.map((kind) => `/user_${user}/${kind}`));
+  }
+  connection.want(wanted);
+}
+
+function showLink(): void {
+  const chip = element("link"), banner = element("banner");
+  const world = [...model.programs.values()].find((one) => PROGRAMS[one.status.program] === "world_sim");
+  const states: Record<Link, string> = {
+    connecting: "connecting", live: model.paused ? "paused" : world?.status.state ?? "live", frozen: `no data for ${linkDetail}`,
+    lost: "connection lost", ended: "run ended",
+  };
+  chip.textContent = states[link];
+  chip.className = `chip ${link === "live" && model.paused ? "paused" : link}`;
+  const [title, more] = {
+    connecting: ["", ""], live: ["", ""],
+    frozen: [`No data for ${linkDetail}.`, "The display or the network stands still. What you see is old."],
+    lost: ["Connection lost.", "What you see is old. The page connects again by itself."],
+    ended: ["The run has ended.", `${verdict()} The page shows the next run that is served here.`],
+  }[link];
+  banner.hidden = !title;
+  banner.className = link;
+  const text = document.createElement("span");
+  text.textContent = more;
+  banner.replaceChildren(title, text);
+}
+
+/** The run's own verdict needs all results, which its launcher writes after the end. */
+function verdict(): string {
+  const loops = [...model.programs.values()].filter((one) => PROGRAMS[one.status.program] !== "gui_headless");
+  const missed = loops.reduce((sum, one) => sum + one.missed, 0);
+  return `${model.time_s.toFixed(1)} s simulated, ${missed} missed deadlines in all. The verdict is in the terminal and in summary.json.`;
+}
+
+function describe(): void {
+  element("scene").textContent = model.name;
+  document.title = `${model.name} – Subworld`;
+  const cameras = view.cameras.map((camera, i) => {
+    const button = document.createElement("button");
+    button.textContent = camera.name;
+    button.title = i < 10 ? `Key ${i}` : "";
+    button.onclick = () => choose(i);
+    return button;
+  });
+  element("cameras").replaceChildren(...cameras);
+  choose(0);
+  const row = (text: string, ...swatches: [string, string][]) => {
+    const line = document.createElement("li");
+    for (const [colour, kind] of swatches) {
+      const swatch = document.createElement("span");
+      swatch.className = `swatch ${kind}`;
+      swatch.style.background = colour;
+      line.append(swatch);
+    }
+    line.append(text);
+    return line;
+  };
+  const users = Array.from({ length: model.userCount }, (_, user) => {
+    const colour = userColour(user);
+    return row(model.userCount === 1 ? "Proxy, sub-world, its border" : `User ${user}: proxy, sub-world, border`,
+      [colour, "proxy"], [colour, "member"], [colour, "border"]);
+  });
+  element("users").replaceChildren(...users);
+  fits = 0;
+  fit();
+  const list = [...model.settings].flatMap(([name, value]) => {
+    const dt = document.createElement("dt"), dd = document.createElement("dd");
+    dt.textContent = name.replace(/^settings\./, "");
+    dd.textContent = value;
+    return [dt, dd];
+  });
+  element("settings").querySelector("dl")!.replaceChildren(...list);
+  subscribe();
+}
+
+/** The scene's description holds the bodies before they settled; the cameras fit what is seen now. */
+function fit(): void {
+  ++fits;
+  view.fit();
+  const step = view.gridStep_m;
+  element("grid").textContent = view.bodies.floor === null ? "" : `Grid ${step < 1 ? `${Number((100 * step).toPrecision(1))} cm` : `${step} m`}`;
+}
+
+function choose(camera: number): void {
+  view.choose(camera);
+  [...element("cameras").children].forEach((one, i) => one.setAttribute("aria-pressed", String(i === view.chosen)));
+}
+
+function select(id: number): void {
+  view.bodies.selected = id;
+  view.update();
+  showCard();
+}
+
+function showCard(): void {
+  const id = view.bodies.selected, card = element("card"), body = model.bodies[id];
+  card.hidden = !body;
+  if (!body) return;
+  const at = 7 * id, pose = model.states.to;
+  const user = model.users.find((one) => one.proxy === id || one.members.includes(id));
+  const border = model.users.find((one) => one.border.some((pair) => pair.inside === id || pair.outside === id));
+  const state = model.isFixed(body) ? "fixed to the world"
+    : user ? (user.proxy === id ? `proxy of user ${user.user}` : `in the sub-world of user ${user.user}`)
+    : border ? `at the border of user ${border.user}` : "in the world only";
+  const facts: [string, string][] = [
+    ["mass", model.isFixed(body) ? "–" : `${Number(body.mass.toPrecision(4))} kg`],
+    ["position", `${[0, 1, 2].map((k) => pose[at + k].toFixed(3)).join(", ")} m`],
+    ["speed", `${model.states.speed[id].toFixed(3)} m/s`],
+    ["friction", String(Number(body.friction.toPrecision(3)))],
+    ["restitution", String(Number(body.restitution.toPrecision(3)))],
+  ];
+  if (user?.proxy === id) facts.push(["force", `${length(user.wrench.force).toFixed(2)} N`]);
+  const title = document.createElement("h2"), kind = document.createElement("p"), list = document.createElement("dl");
+  title.textContent = body.name || `body ${id}`;
+  kind.className = "kind";
+  kind.textContent = `${SHAPES[body.shape]} ${id}, ${state}`;
+  for (const [name, value] of facts) {
+    const dt = document.createElement("dt"), dd = document.createElement("dd");
+    dt.textContent = name;
+    dd.textContent = value;
+    list.append(dt, dd);
+  }
+  card.replaceChildren(title, kind, list);
+}
+
+/** A length that is easy to read, beside what it stands for. */
+function scaleText(name: string, unit: string, perUnit: number, reference_m: number): string {
+  return perUnit > 0 ? `${name}, ${Number(niceBelow(reference_m / perUnit).toPrecision(1))} ${unit} = ${Number((100 * perUnit * niceBelow(reference_m / perUnit)).toPrecision(2))} cm` : name;
+}
+
+let traffic = { at: performance.now(), bytes: 0 };
+let ticked = performance.now();
+setInterval(() => {
+  const now = performance.now();
+  if (now - ticked > 1500) model.excuse(now - ticked);
+  ticked = now;
+  element("time").textContent = model.snapshots ? `${model.time_s.toFixed(2)} s` : "–";
+  const factor = model.realTimeFactor;
+  element("factor").textContent = model.snapshots ? (factor < 0.995 ? `${factor.toFixed(2)} × real time` : "real time") : "";
+  if (element<HTMLDetailsElement>("topology").open) programs.show(model, now);
+  element("forceScale").textContent = scaleText("Force", "N", view.arrows.forceScale.perUnit, 2 * view.gridStep_m);
+  element("impulseScale").textContent = scaleText("Border impulses", "N s", view.arrows.impulseScale.perUnit, 2 * view.gridStep_m);
+  showCard();
+  if (now - traffic.at > 1900) {
+    const rate = (1000 * (connection.bytes - traffic.bytes)) / (now - traffic.at);
+    const text = rate >= 1e6 ? `${(rate / 1e6).toFixed(1)} MB/s` : `${Math.round(rate / 1e3)} kB/s`;
+    element("traffic").textContent = `${Math.round(view.framesPerSecond)} frames/s drawn, ${text} received, ${model.bodies.length} bodies`;
+    traffic = { at: now, bytes: connection.bytes };
+  }
+}, 250);
+
+function drawPlots(now: number): void {
+  requestAnimationFrame(drawPlots);
+  plots.draw(now);
+}
+requestAnimationFrame(drawPlots);
+
+followTheme(element<HTMLButtonElement>("theme"), () => {
+  view.restyle();
+  plots.restyle();
+});
+view.picked = select;
+for (const [id, key] of [["forces", "showForces"], ["impulses", "showImpulses"], ["devices", "showDevices"]] as const)
+  element<HTMLInputElement>(id).onchange = (event) => {
+    view.arrows[key] = (event.target as HTMLInputElement).checked;
+    view.touch();
+    subscribe();
+  };
+for (const details of document.querySelectorAll("details[data-plot]")) details.addEventListener("toggle", subscribe);
+document.addEventListener("visibilitychange", subscribe);
+
+const nameField = element<HTMLInputElement>("name");
+element<HTMLFormElement>("find").onsubmit = (event) => {
+  event.preventDefault();
+  const wanted = nameField.value.trim().toLowerCase();
+  const found = model.bodies.find((one) => one.name.toLowerCase() === wanted)
+    ?? model.bodies.find((one) => wanted && one.name.toLowerCase().includes(wanted));
+  nameField.classList.toggle("none", !found && wanted !== "");
+  select(found?.id ?? -1);
+};
+
+document.addEventListener("keydown", (event) => {
+  const target = event.target as HTMLElement;
+  if (event.key === "Escape") return select(-1), target.blur();
+  if (event.ctrlKey || event.metaKey || event.altKey || target.closest("input, select, textarea")) return;
+  const inView = target.id === "view" || target === document.body;
+  const turns: Record<string, [number, number, number]> = {
+    ArrowLeft: [-0.1, 0, 1], ArrowRight: [0.1, 0, 1], ArrowUp: [0, -0.1, 1], ArrowDown: [0, 0.1, 1],
+    "+": [0, 0, 0.88], "=": [0, 0, 0.88], "-": [0, 0, 1 / 0.88],
+  };
+  if (inView && turns[event.key]) view.orbit(...turns[event.key]);
+  else if (event.key === " " && inView) controls.togglePause();
+  else if (event.key === "s" && link === "live") controls.step();
+  else if (event.key === "t") element("theme").click();
+  else if (event.key === "/") nameField.focus();
+  else if (/^[0-9]$/.test(event.key)) choose(Number(event.key));
+  else return;
+  event.preventDefault();
+});
+
+// What a test reads.
+Object.assign(window, {
+  subworld: () => ({
+    link, time_s: model.time_s, paused: model.paused, frames: view.frames, framesPerSecond: view.framesPerSecond,
+    bytes: connection.bytes, bodies: model.bodies.length, users: model.users.length, answers: controls.answers,
+    points: plots.force.points, devices: model.devices.size, programs: model.programs.size,
+  }),
+});

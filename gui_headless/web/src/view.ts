@@ -1,0 +1,283 @@
+// The three-dimensional view: draws only when something has changed.
+import * as THREE from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { Arrows } from "./arrows";
+import { Bodies, radiusOf } from "./bodies";
+import type { Model } from "./model";
+import { theme } from "./theme";
+
+export type Camera = { name: string; user: number };
+
+/** Pixels of the picture per pixel of the page, from a fast machine to a slow one. */
+const RATIOS = [2, 1, 0.75, 0.5];
+
+export class View {
+  readonly bodies = new Bodies();
+  readonly arrows = new Arrows();
+  readonly cameras: Camera[] = [];
+  chosen = 0;
+  frames = 0;
+  framesPerSecond = 0;
+  gridStep_m = 0.1;
+  picked?: (id: number) => void;
+  private readonly renderer: THREE.WebGLRenderer;
+  private readonly scene = new THREE.Scene();
+  private readonly camera = new THREE.PerspectiveCamera(38, 1, 0.01, 500);
+  private readonly controls: OrbitControls;
+  private readonly sun = new THREE.DirectionalLight("#fffaf0");
+  private readonly sky = new THREE.HemisphereLight();
+  private readonly ground: THREE.Mesh<THREE.CircleGeometry, THREE.MeshLambertMaterial>;
+  private readonly grid = { step: { value: 0.1 }, colour: { value: new THREE.Color() }, sky: { value: new THREE.Color() },
+    reach: { value: 1 }, centre: { value: new THREE.Vector2() } };
+  private dirty = true;
+  private moved = false; // by the user
+  private readonly pace = { tier: 0, slow: 0, last: 0 };
+  private radius = 1;
+  private bodyRadius = 0.1;
+  private readonly followed = new THREE.Vector3();
+  private counted = { at: performance.now(), frames: 0 };
+
+  constructor(private readonly canvas: HTMLCanvasElement, private readonly model: Model) {
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, RATIOS[0]));
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = THREE.PCFShadowMap;
+    this.camera.up.set(0, 0, 1);
+    this.ground = this.makeGround();
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.set(2048, 2048);
+    this.sun.shadow.radius = 3;
+    this.sun.shadow.normalBias = 0.02;
+    this.scene.add(this.sky, this.sun, this.sun.target, this.ground, this.bodies.root, this.arrows.root);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.maxPolarAngle = 0.495 * Math.PI;
+    this.controls.addEventListener("change", () => this.touch());
+    this.controls.addEventListener("start", () => (this.moved = true));
+    new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
+    this.listen();
+    this.restyle();
+    const draw = () => {
+      requestAnimationFrame(draw);
+      this.frame();
+    };
+    draw();
+  }
+
+  touch(): void {
+    this.dirty = true;
+  }
+
+  /** A new scene. */
+  build(): void {
+    const { model } = this;
+    this.bodies.build(model);
+    this.arrows.reset();
+    const radii = model.bodies.filter((one) => !model.isFixed(one)).map((one) => radiusOf(one, model.meshes));
+    radii.sort((a, b) => a - b);
+    this.bodyRadius = radii[radii.length >> 1] || 0.1;
+    this.cameras.length = 0;
+    this.cameras.push({ name: "Whole scene", user: -1 });
+    for (let user = 0; user < model.userCount; ++user) this.cameras.push({ name: `User ${user}`, user });
+    this.cameras.push({ name: "From above", user: -2 });
+    this.moved = false;
+    this.update();
+  }
+
+  /** Fits ground, light and camera to where the bodies are. */
+  fit(): void {
+    this.bodies.place(this.model, performance.now() + 1000);
+    this.fitGround();
+    if (!this.moved) this.choose(this.chosen);
+  }
+
+  /** New data. */
+  update(): void {
+    this.bodies.paint(this.model);
+    this.touch();
+  }
+
+  restyle(): void {
+    const { sky, ground, grid, hemisphere, sun } = theme();
+    this.scene.background = new THREE.Color(sky);
+    this.grid.sky.value.set(sky);
+    this.grid.colour.value.set(grid);
+    this.ground.material.color.set(ground);
+    this.sky.color.set("#ffffff");
+    this.sky.groundColor.set(ground);
+    this.sky.intensity = hemisphere;
+    this.sun.intensity = sun;
+    this.update();
+  }
+
+  choose(index: number): void {
+    const camera = this.cameras[index];
+    if (!camera) return;
+    this.chosen = index;
+    const { centre, radius } = this.extent();
+    const proxy = this.model.users.find((one) => one.user === camera.user)?.proxy;
+    const from = camera.user === -2 ? new THREE.Vector3(0, -0.01, 1) : new THREE.Vector3(0.62, -1, 0.62);
+    let reach = radius;
+    if (camera.user >= 0 && proxy !== undefined) {
+      this.bodies.position(proxy, centre);
+      this.followed.copy(centre);
+      reach = Math.min(radius, 5.5 * this.bodyRadius);
+    }
+    const narrow = Math.min(1, this.camera.aspect);
+    const distance = (1.12 * reach) / Math.sin(THREE.MathUtils.degToRad(this.camera.fov / 2)) / narrow;
+    this.controls.target.copy(centre);
+    this.camera.position.copy(from.normalize().multiplyScalar(distance).add(centre));
+    this.controls.update();
+    this.touch();
+  }
+
+  /** Turns (radians) and approaches (factor), for the keyboard. */
+  orbit(turn: number, lift: number, factor: number): void {
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    const polar = new THREE.Spherical().setFromVector3(new THREE.Vector3(offset.x, offset.z, -offset.y));
+    polar.theta += turn;
+    polar.phi = THREE.MathUtils.clamp(polar.phi + lift, 0.01, 0.49 * Math.PI);
+    polar.radius *= factor;
+    const to = new THREE.Vector3().setFromSpherical(polar);
+    this.camera.position.set(to.x, -to.z, to.y).add(this.controls.target);
+    this.controls.update();
+    this.touch();
+  }
+
+  /** Centre and radius of what can move. */
+  private extent(): { centre: THREE.Vector3; radius: number } {
+    const box = new THREE.Box3(), at = new THREE.Vector3(), { model } = this;
+    const movable = model.bodies.filter((one) => !model.isFixed(one));
+    for (const body of movable) {
+      this.bodies.position(body.id, at);
+      if (!Number.isFinite(at.x + at.y + at.z)) continue;
+      const r = radiusOf(body, model.meshes) * 0.7;
+      box.union(new THREE.Box3(at.clone().subScalar(r), at.clone().addScalar(r)));
+    }
+    if (box.isEmpty()) box.set(new THREE.Vector3(-0.5, -0.5, 0), new THREE.Vector3(0.5, 0.5, 1));
+    const centre = box.getCenter(new THREE.Vector3());
+    return { centre, radius: Math.max(0.5 * box.getSize(at).length(), 1e-3) };
+  }
+
+  private fitGround(): void {
+    const { centre, radius } = this.extent();
+    this.radius = radius;
+    this.ground.visible = this.bodies.floor !== null;
+    this.ground.position.set(centre.x, centre.y, this.bodies.floor ?? 0);
+    this.ground.scale.setScalar(14 * radius);
+    this.gridStep_m = 10 ** Math.round(Math.log10(radius / 4));
+    this.grid.step.value = this.gridStep_m;
+    this.grid.reach.value = 9 * radius;
+    this.grid.centre.value.set(centre.x, centre.y);
+    this.camera.near = radius / 200;
+    this.camera.far = radius * 60;
+    this.camera.updateProjectionMatrix();
+    this.controls.minDistance = radius / 50;
+    this.controls.maxDistance = radius * 20;
+    const light = 1.25 * radius;
+    this.sun.target.position.copy(centre);
+    this.sun.position.set(-0.55, -0.75, 1.5).multiplyScalar(3 * radius).add(centre);
+    Object.assign(this.sun.shadow.camera, { left: -light, right: light, top: light, bottom: -light, near: 0.5 * radius,
+      far: 12 * radius });
+    this.sun.shadow.camera.updateProjectionMatrix();
+    this.sun.shadow.normalBias = 0.02 * this.bodyRadius * 10;
+  }
+
+  /** A floor with a grid, which fades into the sky. */
+  private makeGround(): THREE.Mesh<THREE.CircleGeometry, THREE.MeshLambertMaterial> {
+    const material = new THREE.MeshLambertMaterial();
+    material.onBeforeCompile = (shader) => {
+      Object.assign(shader.uniforms, { gridStep: this.grid.step, gridColour: this.grid.colour, skyColour: this.grid.sky,
+        reach: this.grid.reach, centre: this.grid.centre });
+      shader.vertexShader = shader.vertexShader
+        .replace("#include <common>", "#include <common>\nvarying vec2 vGround;")
+        .replace("#include <begin_vertex>", "#include <begin_vertex>\nvGround = (modelMatrix * vec4(position, 1.0)).xy;");
+      shader.fragmentShader = shader.fragmentShader
+        .replace("#include <common>", `#include <common>
+          varying vec2 vGround;
+          uniform float gridStep, reach;
+          uniform vec3 gridColour, skyColour;
+          uniform vec2 centre;
+          float lines(float step) {
+            vec2 at = vGround / step, width = fwidth(at);
+            vec2 near = abs(fract(at - 0.5) - 0.5) / max(width, 1e-6);
+            return (1.0 - min(min(near.x, near.y), 1.0)) * clamp(1.0 - 2.0 * max(width.x, width.y), 0.0, 1.0);
+          }`)
+        .replace("#include <color_fragment>", `#include <color_fragment>
+          diffuseColor.rgb = mix(diffuseColor.rgb, gridColour, max(0.55 * lines(gridStep), lines(10.0 * gridStep)));`)
+        .replace("#include <opaque_fragment>", `#include <opaque_fragment>
+          gl_FragColor.rgb = mix(gl_FragColor.rgb, skyColour, smoothstep(0.25, 1.0, distance(vGround, centre) / reach));`);
+    };
+    const ground = new THREE.Mesh(new THREE.CircleGeometry(1, 96), material);
+    ground.receiveShadow = true;
+    return ground;
+  }
+
+  private listen(): void {
+    let down = { x: 0, y: 0 };
+    this.canvas.addEventListener("pointerdown", (event) => (down = { x: event.clientX, y: event.clientY }));
+    this.canvas.addEventListener("pointerup", (event) => {
+      if (Math.hypot(event.clientX - down.x, event.clientY - down.y) > 4) return;
+      const area = this.canvas.getBoundingClientRect(), ray = new THREE.Raycaster();
+      ray.setFromCamera(new THREE.Vector2((2 * (event.clientX - area.left)) / area.width - 1,
+        1 - (2 * (event.clientY - area.top)) / area.height), this.camera);
+      this.picked?.(this.bodies.pick(ray));
+    });
+  }
+
+  private resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas.parentElement!;
+    if (!width || !height) return;
+    const fits = this.camera.aspect !== 1 || this.frames > 0;
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    if (!fits) this.choose(this.chosen);
+    this.touch();
+  }
+
+  private follow(): void {
+    const user = this.cameras[this.chosen]?.user ?? -1;
+    const proxy = this.model.users.find((one) => one.user === user)?.proxy;
+    if (user < 0 || proxy === undefined) return;
+    const at = this.bodies.position(proxy, new THREE.Vector3());
+    const shift = at.clone().sub(this.followed).multiplyScalar(0.08);
+    this.followed.add(shift);
+    this.camera.position.add(shift);
+    this.controls.target.add(shift);
+  }
+
+  /** A slow machine draws fewer pixels, and shadows less often. */
+  private keepPace(now: number): void {
+    const { pace } = this, gap = now - pace.last;
+    pace.last = now;
+    pace.slow = gap > 70 && gap < 5000 ? pace.slow + 1 : Math.max(0, pace.slow - 1);
+    if (pace.slow > 4 && pace.tier < RATIOS.length - 1) {
+      pace.slow = 0;
+      ++pace.tier;
+      this.renderer.setPixelRatio(Math.min(RATIOS[pace.tier], devicePixelRatio));
+      this.sun.shadow.mapSize.setScalar(1024);
+      this.sun.shadow.map?.dispose();
+      this.sun.shadow.map = null;
+      this.renderer.shadowMap.needsUpdate = true;
+      this.resize();
+    }
+    this.renderer.shadowMap.autoUpdate = pace.tier === 0;
+    if (pace.tier > 0 && this.frames % (2 * pace.tier) === 0) this.renderer.shadowMap.needsUpdate = true;
+  }
+
+  private frame(): void {
+    const now = performance.now();
+    if (now - this.counted.at > 1000) {
+      this.framesPerSecond = (1000 * (this.frames - this.counted.frames)) / (now - this.counted.at);
+      this.counted = { at: now, frames: this.frames };
+    }
+    if (!this.dirty && !this.model.states.moving(now)) return;
+    this.dirty = false;
+    this.keepPace(now);
+    this.bodies.place(this.model, now);
+    this.follow();
+    this.arrows.place(this.model, this.bodies, this.bodyRadius);
+    this.renderer.render(this.scene, this.camera);
+    ++this.frames;
+  }
+}
