@@ -1,6 +1,8 @@
 // `subworld up --restart`: programs of a session that are started again, each on its host.
 #include "process/sessions.hpp"
 
+#include <unistd.h>
+
 #include <filesystem>
 #include <memory>
 
@@ -81,10 +83,13 @@ INSTANTIATE_TEST_SUITE_P(Programs, SessionRestarts,
 TEST_F(SessionRestarts, AWorldOnADistantHostGoesOnFromItsCheckpointThere) {
   for (const char* user : {"user@10.0.0.1", "user@10.0.0.2", "user@10.0.0.3"}) make_checkout(home(user) + "/subworld");
   const std::string file = realtime_session("  - name: world\n", "  - name: world\n    ssh: user@10.0.0.1\n");
-  Process process(up(file, out(), {"--ssh", ssh(), "--restart", "on-failure"}), folder_.path());
+  // The programs there know relative paths only; the name of the results tells this session from others.
+  const std::string mark = "restarted_" + std::to_string(getpid()), there = "out/sessions/" + mark + "/world";
+  Process process(up(file, folder_.path() + "/" + mark, {"--ssh", ssh(), "--restart", "on-failure"}), folder_.path());
   const Victim world{"world_sim", "", "world"};
-  kill_in_the_middle(world, folder_.path(), home("user@10.0.0.1") + "/subworld/out/sessions/out/world/world.csv");
+  kill_in_the_middle(world, there, home("user@10.0.0.1") + "/subworld/" + there + "/world.csv");
   EXPECT_EQ(process.wait(), 0) << process.err() << process.out();
+  std::filesystem::rename(folder_.path() + "/" + mark, out());
   expect_whole_run(world);
   expect_restarted(world);
 }
