@@ -52,9 +52,10 @@ class Watch {
       }
     }
   }
-  /// They have SIGTERM from the kernel, which also continues halted ones.
+  /// They have SIGTERM from the kernel. A halted one reacts to it once it is continued.
   void until_all_have_ended() {
     const auto begin = Clock::now();
+    for (const pollfd& one : programs_) syscall(SYS_pidfd_send_signal, one.fd, SIGCONT, nullptr, 0);
     bool forced = false;
     while (!programs_.empty()) {
       const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(kAll - (Clock::now() - begin));

