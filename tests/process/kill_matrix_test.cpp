@@ -11,16 +11,6 @@ TEST(KillTableTest, HasEachCellAndNoOther) {
   EXPECT_EQ(table.size(), kill_cells().size());
 }
 
-/// Of each program each signal once, in alternating columns.
-std::vector<KillCell> some_cells() {
-  std::vector<KillCell> some;
-  const std::vector<KillCell> all = kill_cells();
-  const std::size_t rows = all.size() / 3;
-  for (std::size_t row = 0; row < rows; ++row) {
-    if (all[row].signal != "SIGHUP") some.push_back(all[row + rows * ((row + row / 5) % 3)]);
-  }
-  return some;
-}
 INSTANTIATE_TEST_SUITE_P(Some, KillMatrix, ::testing::ValuesIn(some_cells()), name_of_cell);
 
 }  // namespace
