@@ -1,5 +1,5 @@
-// The table of deploy/README.md: which exit code and which verdict follow a signal to a program of a run. All cells, by
-// hand: build/release/bin/kill_matrix_test --gtest_also_run_disabled_tests
+// The table of deploy/README.md: which exit code and which verdict follow a signal to a program of a run. For all
+// cells: build/release/bin/kill_matrix_test --gtest_also_run_disabled_tests
 #include "process/kill_matrix.hpp"
 
 #include <algorithm>
