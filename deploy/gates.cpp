@@ -332,6 +332,15 @@ std::string absences_text(const RunResults& run) {
   for (const Absence& one : run.world.absences)
     text += one.by_order ? fmt::format("; user {} left at {:.2f} s", one.user, one.from_s)
                          : fmt::format("; user {} absent from {:.2f} to {:.2f} s", one.user, one.from_s, one.to_s);
+  for (const DeviceResult& one : run.device) {
+    if (!one.driver) continue;
+    const DriverResult& driver = *one.driver;
+    if (driver.absences > 0)
+      text += fmt::format("; device {} of user {} was absent {} time{}, {:.2f} s in total", driver.name, one.user,
+                          driver.absences, driver.absences == 1 ? "" : "s", driver.absent_s);
+    if (driver.refused > 0)
+      text += fmt::format("; device {} of user {}: readings refused: {}", driver.name, one.user, driver.refused_for);
+  }
   return text;
 }
 

@@ -80,6 +80,10 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
       const std::vector<std::string> live = live_flags_of(options.live);
       flags.insert(flags.end(), live.begin(), live.end());
     }
+    if (program == "device_sim") {
+      const std::vector<std::string> device = device_flags_of(options, user);
+      flags.insert(flags.end(), device.begin(), device.end());
+    }
     if (options.bodies && program == "world_sim") flags.insert(flags.end(), {"--bodies", *options.bodies});
     if (options.bodies_rate_hz && program == "world_sim")
       flags.insert(flags.end(), {"--bodies-rate", fmt::format("{}", *options.bodies_rate_hz)});

@@ -45,6 +45,9 @@ struct Options {
   double spin_s = 0.0;                   ///< haptic_sim, device_sim: spins instead of sleeping before a release
   std::string trace;                     ///< file for a trace of the loops; empty: none. Not of the display
   int user = 0;                          ///< haptic_sim, device_sim
+  std::vector<std::string> devices;      ///< device_sim: its device; the launcher: one for each user. None: emulated
+  std::string device_settings;           ///< of the device's driver
+  double device_scale_ratio = 1.0;       ///< metres in the scene for a metre of the device
   double wait_s = 30.0;                  ///< for the other programs
   std::vector<Option> shared = {};       ///< those that all programs of a run have
   double picture_every_s = 0.0;          ///< gui_headless
@@ -75,6 +78,12 @@ Option add_domain(CommandLine& line, int& domain);
 [[nodiscard]] std::string ratio_fault(const std::string& text);
 /// The same for one of a list of fixed ratios, beside an option --ratio-most.
 [[nodiscard]] std::string fixed_ratio_fault(const std::string& text);
+
+/// Adds --device, --device-settings and --device-scale.
+void add_device_options(CommandLine& line, Options& options);
+
+/// The same options for the device of one user. Throws `Error` (usage) where the list has another length.
+[[nodiscard]] std::vector<std::string> device_flags_of(const Options& options, int user);
 
 /// Adds --trace.
 void add_trace_option(CommandLine& line, Options& options);
