@@ -2,6 +2,7 @@
 #include "device_sim/driver_check.hpp"
 #include "device_sim/drivers.hpp"
 #include "model/error.hpp"
+#include "support/udp_device.hpp"
 
 #include <gtest/gtest.h>
 
@@ -153,6 +154,52 @@ TEST(DrivenDevice, LimitsTheSceneToWhatItShows) {
   spec.degrees_of_freedom = 3;
   spec.kind = DeviceKind::admittance;
   EXPECT_THROW((void)within_limits(spec, weak, "weak"), Error);
+}
+
+// Whatever arrives at the port of the driver udp.
+TEST(UdpDriver, ServesOneSenderAndIgnoresWhatIsNoPose) {
+  constexpr int kPort = 47899;
+  (void)faulty();
+  test::UdpPeer peer(kPort), second(kPort);
+  const std::unique_ptr<DeviceDriver> driver = driver_plugin("udp").make();
+  (void)driver->open({"port=47899", 0});
+  DriverReading reading;
+  const std::array<char, 200> long_one{'S', 'W', 'P', '1'};
+  std::array<char, 128> other_mark{'S', 'W', 'W', '1'};
+  for (std::size_t size : {std::size_t{0}, std::size_t{1}, std::size_t{127}, std::size_t{200}})
+    peer.send_bytes(long_one.data(), size);
+  peer.send_bytes(other_mark.data(), other_mark.size());
+  EXPECT_FALSE(driver->read(reading)) << "it is no pose";
+
+  peer.send_pose(7, 1.0, {0.1, 0.2, 0.3});
+  ASSERT_TRUE(driver->read(reading));
+  EXPECT_EQ(reading.time_s, 1.0);
+  EXPECT_EQ(reading.position_m, (std::array<double, 3>{0.1, 0.2, 0.3}));
+  peer.send_pose(7, 1.1, {0.0, 0.0, 0.0});
+  peer.send_pose(6, 1.1, {0.0, 0.0, 0.0});
+  EXPECT_FALSE(driver->read(reading)) << "it is not newer";
+  second.send_pose(8, 1.2, {0.9, 0.0, 0.0});
+  EXPECT_FALSE(driver->read(reading)) << "another sender";
+
+  driver->write({.force_n = {1.0, 2.0, 3.0}, .torque_n_m = {}});
+  std::array<double, 3> force_n{};
+  EXPECT_TRUE(peer.receive(force_n));
+  EXPECT_EQ(force_n, (std::array<double, 3>{1.0, 2.0, 3.0}));
+  EXPECT_FALSE(second.receive(force_n));
+
+  std::this_thread::sleep_for(std::chrono::milliseconds(150));
+  second.send_pose(1, 0.0, {0.5, 0.0, 0.0});
+  EXPECT_TRUE(driver->read(reading)) << "the first one has gone";
+  driver->close();
+}
+
+TEST(UdpDriver, RefusesSettingsThatItDoesNotKnow) {
+  (void)faulty();
+  for (const char* settings : {"prot=1", "port=none", "port=0", "address=nowhere", "port"}) {
+    const std::unique_ptr<DeviceDriver> driver = driver_plugin("udp").make();
+    EXPECT_THROW((void)driver->open({settings, 0}), std::exception) << settings;
+    driver->close();
+  }
 }
 
 }  // namespace
