@@ -1,6 +1,7 @@
 // Driver of a device in another program: poses arrive as UDP datagrams, wrenches leave as such (README: the device
 // udp).
 #include "device_sim/driver.hpp"
+#include "device_sim/drivers/settings.hpp"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -10,11 +11,8 @@
 #include <bit>
 #include <cerrno>
 #include <chrono>
-#include <cstdlib>
 #include <cstring>
-#include <map>
 #include <optional>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 
@@ -53,50 +51,12 @@ static_assert(sizeof(WrenchDatagram) == 64);
 
 [[noreturn]] void fail(const std::string& what) { throw std::runtime_error(what + ": " + std::strerror(errno)); }
 
-/// "key=value" pairs, separated by spaces or commas.
-class Settings {
- public:
-  explicit Settings(std::string_view text) {
-    std::string spaced(text);
-    for (char& c : spaced) {
-      if (c == ',') c = ' ';
-    }
-    std::istringstream words(spaced);
-    for (std::string word; words >> word;) {
-      const std::size_t at = word.find('=');
-      if (at == std::string::npos) throw std::runtime_error("setting " + word + ": write it as key=value");
-      values_[word.substr(0, at)] = word.substr(at + 1);
-    }
-  }
-  std::string take(const std::string& key, const std::string& otherwise) {
-    const auto found = values_.find(key);
-    if (found == values_.end()) return otherwise;
-    std::string value = found->second;
-    values_.erase(found);
-    return value;
-  }
-  double take(const std::string& key, double otherwise) {
-    const std::string text = take(key, std::string());
-    if (text.empty()) return otherwise;
-    char* end = nullptr;
-    const double value = std::strtod(text.c_str(), &end);
-    if (*end != '\0') throw std::runtime_error("setting " + key + "=" + text + ": must be a number");
-    return value;
-  }
-  void check() const {
-    if (!values_.empty()) throw std::runtime_error("setting " + values_.begin()->first + " is unknown");
-  }
-
- private:
-  std::map<std::string, std::string> values_;
-};
-
 class UdpDriver final : public DeviceDriver {
  public:
   ~UdpDriver() override { close_socket(); }
 
   DriverCapabilities open(const DriverRequest& request) override {
-    Settings settings(request.settings);
+    DriverSettings settings(request.settings);
     const std::string address = settings.take("address", std::string("127.0.0.1"));
     const double port = settings.take("port", double(kFirstPort + request.user));
     const DriverCapabilities capabilities{
