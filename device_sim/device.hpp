@@ -20,6 +20,7 @@ class Device {
   virtual void resume_at(double time_s) noexcept = 0;
   /// Its state is known. Otherwise no force may act, and no state is sent.
   [[nodiscard]] virtual bool present() const noexcept { return true; }
+  /// A force may act on the operator.
   [[nodiscard]] virtual bool renders_force() const noexcept { return true; }
   /// What has happened since the last call, in words; usually empty.
   [[nodiscard]] virtual std::string news() { return {}; }

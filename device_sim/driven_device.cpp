@@ -86,12 +86,25 @@ DrivenDevice::DrivenDevice(const DriverPlugin& plugin, const DeviceUse& use, con
   result_.readings = 1;
 }
 
+Pose DrivenDevice::pose_of(const DriverReading& reading) const noexcept {
+  const Vec3 way = use_.scale_ratio * (to_vector(reading.position_m) - to_vector(first_.position_m));
+  if (capabilities_.degrees_of_freedom != 6) return {base_.position + way, base_.orientation};
+  const Quat turn = to_quaternion(reading.orientation) * to_quaternion(first_.orientation).conjugate();
+  return {base_.position + way, Quat((turn * base_.orientation).normalized())};
+}
+
 void DrivenDevice::use(const DriverReading& reading) noexcept {
-  const Quat turn = to_quaternion(first_.orientation).conjugate();
-  const Vec3 position = use_.scale_ratio * (to_vector(reading.position_m) - to_vector(first_.position_m));
-  const Quat orientation = capabilities_.degrees_of_freedom == 6
-                               ? Quat((to_quaternion(reading.orientation) * turn).normalized())
-                               : Quat::Identity();
+  const int button = use_.clutch_button;
+  const bool pressed = button >= 0 && (reading.buttons >> static_cast<unsigned>(button) & 1U) != 0;
+  state_.buttons = reading.buttons;
+  if (pressed || clutched_) {
+    clutched_ = pressed;
+    first_ = reading;
+    base_ = state_.pose;
+    state_.linear_velocity = state_.angular_velocity = Vec3::Zero();
+    return;
+  }
+  const auto [position, orientation] = pose_of(reading);
   const double passed_s = reading.time_s - last_.time_s;
   if (capabilities_.measures_velocity) {
     state_.linear_velocity = use_.scale_ratio * to_vector(reading.linear_velocity_m_s);
@@ -104,7 +117,6 @@ void DrivenDevice::use(const DriverReading& reading) noexcept {
     state_.angular_velocity += part * (angle / passed_s * turned.axis() - state_.angular_velocity);
   }
   state_.pose = {position, orientation};
-  state_.buttons = reading.buttons;
 }
 
 void DrivenDevice::observe(double dt) noexcept {

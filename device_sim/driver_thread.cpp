@@ -43,15 +43,39 @@ namespace {
 
 std::array<double, 3> limited(const std::array<double, 3>& v, double most) noexcept {
   const double size = std::hypot(v[0], v[1], v[2]);
-  if (!std::isfinite(size)) return {};
   const double part = size > most ? most / size : 1.0;
   return {part * v[0], part * v[1], part * v[2]};
 }
 
-/// What a device shows, in its own limits, whatever was wanted.
-DriverWrench limited(const DriverWrench& wanted, const DriverCapabilities& of) noexcept {
-  return {limited(wanted.force_n, of.force_limit_n), limited(wanted.torque_n_m, of.torque_limit_n_m)};
-}
+bool finite(const std::array<double, 3>& v) noexcept { return std::isfinite(std::hypot(v[0], v[1], v[2])); }
+
+/// What a driver outputs, whatever was wanted: finite, within the device's limits, and from zero after an interruption.
+class Output {
+ public:
+  explicit Output(const DriverCapabilities& capabilities) : capabilities_(capabilities) {}
+
+  /// `wanted` is `age_s` old; `now`: the time of the output.
+  DriverWrench of(const DriverWrench& wanted, double age_s, TimePoint now) noexcept {
+    const double passed_s = to_seconds(now - last_);
+    last_ = now;
+    const bool valid = age_s < kOldWrench_s && finite(wanted.force_n) && finite(wanted.torque_n_m);
+    if (!valid || passed_s > std::max(kOldWrench_s, 2.0 / capabilities_.rate_hz)) {
+      risen_ = 0.0;
+      return {};
+    }
+    risen_ = std::min(1.0, risen_ + passed_s / kOutputRise_s);
+    DriverWrench out{limited(wanted.force_n, capabilities_.force_limit_n),
+                     limited(wanted.torque_n_m, capabilities_.torque_limit_n_m)};
+    for (double& f : out.force_n) f *= risen_;
+    for (double& t : out.torque_n_m) t *= risen_;
+    return out;
+  }
+
+ private:
+  DriverCapabilities capabilities_;
+  TimePoint last_{};
+  double risen_ = 0.0;  ///< 0 to 1
+};
 
 /// Output of zero and close(), of a driver that may be defective.
 void end(DeviceDriver& driver, bool renders) noexcept {
@@ -72,6 +96,7 @@ DriverThread::DriverThread(const DriverPlugin& plugin, std::string settings, int
   exchange_->plugin = &plugin;
   exchange_->settings = std::move(settings);
   exchange_->user = user;
+  using Wanted = Exchange::Wanted;
   const auto serve = [](Exchange& x) {
     const std::unique_ptr<DeviceDriver> driver = x.plugin->make();
     bool renders = false;
@@ -81,6 +106,7 @@ DriverThread::DriverThread(const DriverPlugin& plugin, std::string settings, int
       x.last_report.capabilities = capabilities;
       renders = capabilities.force_limit_n > 0.0;
       x.publish(Phase::open, "");
+      Output output(capabilities);
       Cyclic release(Clock::now(), from_seconds(1.0 / capabilities.rate_hz));
       while (!x.stop) {
         release.wait();
@@ -90,11 +116,10 @@ DriverThread::DriverThread(const DriverPlugin& plugin, std::string settings, int
           x.samples.renew([&](Sample& slot) { slot = x.last; });
         }
         if (!renders) continue;
-        DriverWrench wrench;
-        x.wanted.read([&](const auto& wanted) {
-          if (to_seconds(Clock::now() - wanted.since) < kOldWrench_s) wrench = wanted.wrench;
-        });
-        driver->write(limited(wrench, capabilities));
+        Wanted newest;
+        x.wanted.read([&](const Wanted& wanted) { newest = wanted; });
+        const TimePoint now = Clock::now();
+        driver->write(output.of(newest.wrench, to_seconds(now - newest.since), now));
       }
     } catch (const std::exception& lost) {
       x.publish(Phase::lost, lost.what());

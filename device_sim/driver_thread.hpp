@@ -12,6 +12,9 @@ namespace subworld {
 
 /// Without a new wrench for so long, s, a driver outputs none: the loop that computes it has stopped.
 inline constexpr double kOldWrench_s = 0.01;
+/// After such a time, or one in which the driver was blocked, or a wrench that is not finite, the output rises from
+/// zero in this time, s.
+inline constexpr double kOutputRise_s = 0.02;
 
 /// Runs a driver in a thread of its own. Newest values go to and fro without locks, so a driver that blocks stops
 /// nothing but itself. After an exception the driver is closed, and every kRetry_s a new one is opened.

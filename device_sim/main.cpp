@@ -38,7 +38,9 @@ int main(int argc, char** argv) {
     if (driver != nullptr) {
       DeviceSpec& spec = limited.users[user].device;
       auto opened = std::make_unique<DrivenDevice>(
-          *driver, DeviceUse{options.device_settings, options.device_scale_ratio, options.wait_s}, spec, number);
+          *driver,
+          DeviceUse{options.device_settings, options.device_scale_ratio, options.wait_s, options.device_clutch}, spec,
+          number);
       spec = within_limits(spec, opened->capabilities(), driver->name);
       driven = opened.get();
       device = std::move(opened);

@@ -174,6 +174,9 @@ void add_device_options(CommandLine& line, Options& o) {
       .otherwise("the driver's");
   line.add("--device-scale", &o.device_scale_ratio, "metres in the scene for a metre of a device with a driver")
       .range(0.01, 100.0);
+  line.add("--device-clutch", &o.device_clutch,
+           "button of a device with a driver: while it is pressed, the device moves without the proxy; -1: none")
+      .range(-1, 31);
 }
 
 std::vector<std::string> device_flags_of(const Options& o, int user) {
@@ -184,8 +187,10 @@ std::vector<std::string> device_flags_of(const Options& o, int user) {
                                              "for all",
                                              fmt::join(o.devices, ","), user));
   }
-  return {"--device",        o.devices[at],    "--device-settings",
-          o.device_settings, "--device-scale", fmt::format("{}", o.device_scale_ratio)};
+  return {"--device",          o.devices[at],
+          "--device-settings", o.device_settings,
+          "--device-scale",    fmt::format("{}", o.device_scale_ratio),
+          "--device-clutch",   fmt::format("{}", o.device_clutch)};
 }
 
 void add_trace_option(CommandLine& line, Options& o) {
