@@ -167,7 +167,8 @@ Option add_domain(CommandLine& line, int& domain) {
 
 void add_device_options(CommandLine& line, Options& o) {
   line.add("--device", &o.devices,
-           "haptic device: emulated, udp or another driver (`subworld device list`); with several users a list, one "
+           "haptic device: emulated, udp, spacemouse, joystick or another driver (`subworld device list`); with "
+           "several users a list, one "
            "for each")
       .otherwise("emulated");
   line.add("--device-settings", &o.device_settings, "settings of the device's driver; see `subworld device list`")
