@@ -94,11 +94,11 @@ Pose DrivenDevice::pose_of(const DriverReading& reading) const noexcept {
 }
 
 void DrivenDevice::use(const DriverReading& reading) noexcept {
-  const int button = use_.clutch_button;
+  const int button = use_.declutch_button;
   const bool pressed = button >= 0 && (reading.buttons >> static_cast<unsigned>(button) & 1U) != 0;
   state_.buttons = reading.buttons;
-  if (pressed || clutched_) {
-    clutched_ = pressed;
+  if (pressed || declutched_) {
+    declutched_ = pressed;
     first_ = reading;
     base_ = state_.pose;
     state_.linear_velocity = state_.angular_velocity = Vec3::Zero();

@@ -15,12 +15,12 @@ struct DeviceUse {
   std::string settings;      ///< of its driver
   double scale_ratio = 1.0;  ///< metres in the scene for a metre of the device
   double wait_s = 30.0;      ///< longest wait for the first reading
-  int clutch_button = -1;    ///< while it is pressed, the device moves without the proxy; -1: none
+  int declutch_button = -1;  ///< while it is pressed, the device moves without the proxy; -1: none
 };
 
 /// A device that a driver serves. `state()` is the newest good reading: relative to the first one, with the scale, and
-/// with a velocity of its own where the driver measures none. While the clutch button is pressed (indexing), the state
-/// rests and no force acts; after that, the state goes on from there.
+/// with a velocity of its own where the driver measures none. While the declutch button is pressed (indexing), the
+/// state rests and no force acts; after that, the state goes on from there.
 ///
 /// The device is absent while its driver has lost it, or while no good reading has arrived for `silent_s()`. Then its
 /// velocity is zero and present() is false. It stays absent for so long that haptic_sim counts it as absent too: on its
@@ -35,7 +35,9 @@ class DrivenDevice final : public Device {
   void idle(double dt) noexcept override;
   void resume_at(double time_s) noexcept override { state_.stamp_s = std::max(state_.stamp_s, time_s); }
   [[nodiscard]] bool present() const noexcept override { return present_; }
-  [[nodiscard]] bool renders_force() const noexcept override { return capabilities_.force_limit_n > 0.0 && !clutched_; }
+  [[nodiscard]] bool renders_force() const noexcept override {
+    return capabilities_.force_limit_n > 0.0 && !declutched_;
+  }
   [[nodiscard]] std::string news() override;
 
   [[nodiscard]] const DriverCapabilities& capabilities() const noexcept { return capabilities_; }
@@ -56,7 +58,7 @@ class DrivenDevice final : public Device {
   double shortest_absence_s_ = 0.0;
   DriverReading first_, last_;  ///< first_: the reading at which the pose was base_
   Pose base_;
-  bool clutched_ = false;
+  bool declutched_ = false;
   std::uint64_t seen_ = 0;     ///< number of the newest sample
   std::uint64_t reports_ = 0;  ///< number of the newest report
   bool present_ = true;

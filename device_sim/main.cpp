@@ -39,7 +39,7 @@ int main(int argc, char** argv) {
       DeviceSpec& spec = limited.users[user].device;
       auto opened = std::make_unique<DrivenDevice>(
           *driver,
-          DeviceUse{options.device_settings, options.device_scale_ratio, options.wait_s, options.device_clutch}, spec,
+          DeviceUse{options.device_settings, options.device_scale_ratio, options.wait_s, options.device_declutch}, spec,
           number);
       spec = within_limits(spec, opened->capabilities(), driver->name);
       driven = opened.get();

@@ -168,14 +168,13 @@ Option add_domain(CommandLine& line, int& domain) {
 void add_device_options(CommandLine& line, Options& o) {
   line.add("--device", &o.devices,
            "haptic device: emulated, udp, spacemouse, joystick or another driver (`subworld device list`); with "
-           "several users a list, one "
-           "for each")
+           "several users a list, one for each")
       .otherwise("emulated");
   line.add("--device-settings", &o.device_settings, "settings of the device's driver; see `subworld device list`")
       .otherwise("the driver's");
   line.add("--device-scale", &o.device_scale_ratio, "metres in the scene for a metre of a device with a driver")
       .range(0.01, 100.0);
-  line.add("--device-clutch", &o.device_clutch,
+  line.add("--device-declutch", &o.device_declutch,
            "button of a device with a driver: while it is pressed, the device moves without the proxy; -1: none")
       .range(-1, 31);
 }
@@ -191,7 +190,7 @@ std::vector<std::string> device_flags_of(const Options& o, int user) {
   return {"--device",          o.devices[at],
           "--device-settings", o.device_settings,
           "--device-scale",    fmt::format("{}", o.device_scale_ratio),
-          "--device-clutch",   fmt::format("{}", o.device_clutch)};
+          "--device-declutch", fmt::format("{}", o.device_declutch)};
 }
 
 void add_trace_option(CommandLine& line, Options& o) {

@@ -48,7 +48,7 @@ struct Options {
   std::vector<std::string> devices;      ///< device_sim: its device; the launcher: one for each user. None: emulated
   std::string device_settings;           ///< of the device's driver
   double device_scale_ratio = 1.0;       ///< metres in the scene for a metre of the device
-  int device_clutch = -1;                ///< button of the device that disengages it from the proxy; -1: none
+  int device_declutch = -1;              ///< button of the device that disengages it from the proxy; -1: none
   double wait_s = 30.0;                  ///< for the other programs
   std::vector<Option> shared = {};       ///< those that all programs of a run have
   double picture_every_s = 0.0;          ///< gui_headless
@@ -80,7 +80,7 @@ Option add_domain(CommandLine& line, int& domain);
 /// The same for one of a list of fixed ratios, beside an option --ratio-most.
 [[nodiscard]] std::string fixed_ratio_fault(const std::string& text);
 
-/// Adds --device, --device-settings, --device-scale and --device-clutch.
+/// Adds --device, --device-settings, --device-scale and --device-declutch.
 void add_device_options(CommandLine& line, Options& options);
 
 /// The same options for the device of one user. Throws `Error` (usage) where the list has another length.

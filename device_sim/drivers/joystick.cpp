@@ -12,6 +12,7 @@
 #include <cstring>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace {
 
@@ -31,12 +32,12 @@ class JoystickDriver final : public DeviceDriver {
     if (full_n_ < 0.0) throw std::runtime_error("setting force_n: must not be negative");
     file_ = ::open(path_.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
     if (file_ < 0) fail("open");
-    if (ioctl(file_, EVIOCGABS(ABS_X), &x_) < 0 || ioctl(file_, EVIOCGABS(ABS_Y), &y_) < 0)
-      fail("is no event device of a joystick");
+    query();
     if (full_n_ > 0.0) {
       show({});
-      const input_event play{.time = {}, .type = EV_FF, .code = static_cast<__u16>(effect_), .value = 1};
-      if (::write(file_, &play, sizeof play) != sizeof play) fail("force feedback; set force_n=0 without it");
+      // A spring of the joystick's own would add to the force. The kernel ignores what a joystick does not have.
+      if (!set(FF_GAIN, 0xffff) || !set(FF_AUTOCENTER, 0) || !set(effect_, 1))
+        fail("force feedback; set force_n=0 without it");
     }
     begin_ = Clock::now();
     return {.degrees_of_freedom = 3,
@@ -52,6 +53,7 @@ class JoystickDriver final : public DeviceDriver {
     ssize_t bytes = 0;
     while ((bytes = ::read(file_, &event, sizeof event)) == sizeof event) take(event);
     if (bytes < 0 && errno != EAGAIN && errno != EINTR) fail("read");
+    if (std::exchange(dropped_, false)) query();
     reading = {.time_s = std::chrono::duration<double>(Clock::now() - begin_).count(), .buttons = buttons_};
     // The kernel's y points to the operator, the scene's away.
     reading.position_m = {axis_position_m(x_.value, x_.minimum, x_.maximum, reach_m_),
@@ -71,7 +73,26 @@ class JoystickDriver final : public DeviceDriver {
     throw std::runtime_error(path_ + ": " + what + ": " + std::strerror(errno));
   }
 
+  /// Axes and buttons as they are, without events.
+  void query() {
+    std::array<unsigned char, KEY_MAX / 8 + 1> keys{};
+    if (ioctl(file_, EVIOCGABS(ABS_X), &x_) < 0 || ioctl(file_, EVIOCGABS(ABS_Y), &y_) < 0 ||
+        ioctl(file_, EVIOCGKEY(sizeof keys), keys.data()) < 0)
+      fail("is no event device of a joystick");
+    buttons_ = 0;
+    for (unsigned i = 0; i < 32; ++i) {
+      const unsigned key = BTN_JOYSTICK + i;
+      if ((keys[key / 8] >> (key % 8) & 1U) != 0) buttons_ |= std::uint32_t{1} << i;
+    }
+  }
+
+  [[nodiscard]] bool set(int code, int value) const {
+    const input_event event{.time = {}, .type = EV_FF, .code = static_cast<__u16>(code), .value = value};
+    return ::write(file_, &event, sizeof event) == sizeof event;
+  }
+
   void take(const input_event& event) {
+    if (event.type == EV_SYN && event.code == SYN_DROPPED) dropped_ = true;
     if (event.type == EV_ABS && event.code == ABS_X) x_.value = event.value;
     if (event.type == EV_ABS && event.code == ABS_Y) y_.value = event.value;
     const int button = event.code - BTN_JOYSTICK;
@@ -97,6 +118,7 @@ class JoystickDriver final : public DeviceDriver {
   int file_ = -1, effect_ = -1;
   input_absinfo x_{}, y_{};
   std::uint32_t buttons_ = 0;
+  bool dropped_ = false;  ///< the kernel has dropped events
   Clock::time_point begin_;
 };
 

@@ -108,6 +108,39 @@ TEST_F(Devices, UnpluggedHasNoForceWithin5MsAndReturnsWithARamp) {
   EXPECT_EQ(summary()["haptic"][0]["device_jumps"], 0);
 }
 
+// A device of half the way: the scale and declutching bring its proxy to the same place.
+TEST_F(Devices, AreMovedBackWithoutTheProxyWhileDeclutched) {
+  UdpDevice device(port());
+  Words words = words_of("udp", settings(), "6");
+  words.insert(words.end(), {"--device-scale", "2", "--device-declutch", "0"});
+  Process process(words, folder_.path());
+  ASSERT_TRUE(runs());
+  device.move_to(0.5 * kPressed_m, 0.4);
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  const double before_n = device.force_x_n();
+  EXPECT_LT(before_n, -15.0);
+  device.press(true);
+  EXPECT_TRUE(eventually([&] { return device.force_x_n() == 0.0; }, 2.0));
+  device.move_to(0.0, 0.4);
+  EXPECT_EQ(device.force_x_n(), 0.0);
+  device.press(false);
+  EXPECT_TRUE(eventually([&] { return std::abs(device.force_x_n() - before_n) < 0.1 * std::abs(before_n); }, 2.0))
+      << "the proxy was moved: " << device.force_x_n() << " N, before " << before_n << " N";
+  const Ended ended = end(process);
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_EQ(summary()["haptic"][0]["device_jumps"], 0);
+}
+
+TEST_F(Devices, AreListedAndThoseThatAreNotThereHaveNoProperties) {
+  const Ended listed = finish({program("subworld"), "device", "list"});
+  for (const char* name : {"emulated: ", "udp: version 1", "joystick: version 1"})
+    EXPECT_NE(listed.out.find(name), std::string::npos) << listed.out;
+  const Ended checked =
+      finish({program("subworld"), "device", "check", "joystick", "--device-settings", "path=/nowhere"});
+  EXPECT_EQ(checked.code, 4) << checked.out;
+  EXPECT_NE(checked.out.find("open(): /nowhere: open: No such file"), std::string::npos) << checked.out;
+}
+
 TEST_F(Devices, AreRefusedInLockStepAndByUnknownNames) {
   const Ended lockstep = run(scene("press"), {"--mode", "lockstep", "--device", "udp"});
   EXPECT_EQ(lockstep.code, 2);

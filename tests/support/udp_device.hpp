@@ -32,7 +32,8 @@ class UdpPeer {
 
   void send_bytes(const void* bytes, std::size_t size) { (void)!::send(socket_, bytes, size, MSG_DONTWAIT); }
 
-  void send_pose(std::uint32_t number, double time_s, const std::array<double, 3>& position_m) {
+  void send_pose(std::uint32_t number, double time_s, const std::array<double, 3>& position_m,
+                 std::uint32_t buttons = 0) {
     std::array<char, 128> out{};
     std::memcpy(out.data(), "SWP1", 4);
     std::memcpy(&out[4], &number, 4);
@@ -40,6 +41,7 @@ class UdpPeer {
     std::memcpy(&out[16], position_m.data(), 24);
     const double unit = 1.0;
     std::memcpy(&out[40], &unit, 8);
+    std::memcpy(&out[120], &buttons, 4);
     send_bytes(out.data(), out.size());
   }
   /// The newest wrench that has arrived: force x, y, z. False: none.
@@ -70,6 +72,7 @@ class UdpDevice {
   UdpDevice& operator=(const UdpDevice&) = delete;
 
   void unplug(bool unplugged) { unplugged_ = unplugged; }
+  void press(bool pressed) { buttons_ = pressed ? 1 : 0; }
   void place(double x_m, double y_m = 0.0) {
     x_m_ = x_m;
     y_m_ = y_m;
@@ -91,13 +94,14 @@ class UdpDevice {
     std::array<double, 3> force_n{};
     for (std::uint32_t number = 1; !stop_; ++number) {
       const double t = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-      if (!unplugged_) peer_.send_pose(number, t, {x_m_, y_m_, 0.0});
+      if (!unplugged_) peer_.send_pose(number, t, {x_m_, y_m_, 0.0}, buttons_);
       if (peer_.receive(force_n)) force_x_n_ = force_n[0];
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
   }
 
   UdpPeer peer_;
+  std::atomic<std::uint32_t> buttons_ = 0;
   std::atomic<bool> stop_ = false, unplugged_ = false;
   std::atomic<double> x_m_ = 0.0, y_m_ = 0.0, force_x_n_ = 0.0;
   std::thread thread_;

@@ -190,8 +190,8 @@ TEST_P(Interrupted, ADriverGetsItsForceFromZeroAgain) {
 INSTANTIATE_TEST_SUITE_P(Faults, Interrupted, ::testing::Values("strict_blocks", "strict_throws"),
                          [](const auto& one) { return std::string(one.param); });
 
-TEST(DrivenDevice, RestsWhileItsClutchIsPressedAndGoesOnFromThere) {
-  DrivenDevice device(faulty(), {.settings = "button", .clutch_button = 2}, {}, 0);
+TEST(DrivenDevice, RestsWhileDeclutchedAndGoesOnFromThere) {
+  DrivenDevice device(faulty(), {.settings = "button", .declutch_button = 2}, {}, 0);
   Vec3 rested = Vec3::Zero(), after = Vec3::Zero();
   bool was_pressed = false, is_released = false;
   (void)push(device, 0.0, 0.9, [&] {

@@ -1,5 +1,5 @@
-/* Moves the handle forwards and back along x. Writes the largest force to the file FAKE_DHD_FORCE when it is closed. The
-   file FAKE_DHD_UNPLUGGED stands for a cable that is not connected. */
+/* Moves the handle forwards and back along x. Writes the largest force to the file FAKE_DHD_FORCE when it is closed.
+   The file FAKE_DHD_UNPLUGGED stands for a cable that is not connected. */
 #include "dhdc.h"
 
 #include <math.h>
