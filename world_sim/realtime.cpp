@@ -87,10 +87,23 @@ class RealtimeLoop : WorldLoop {
   }
 
  private:
-  /// Publishes standing frames until every haptic process has answered one: a reader that has only just been matched
-  /// may miss the first ones. False when asked to stop.
+  /// Publishes standing frames until every awaited haptic process has answered one: a reader that has only just been
+  /// matched may miss the first ones. Users who have not answered then are absent. False when asked to stop.
   bool handshake() {
     std::vector<bool> answered(user_count(), false);
+    if (!answers(answered)) return false;
+    for (std::size_t u = 0; u < user_count(); ++u) {
+      if (answered[u]) {
+        measures.returns(u, world.facts().time_s);
+        continue;
+      }
+      world.begin_without(u);
+      if (!measures.is_absent(u)) measures.leaves(u, world.facts().time_s, true);
+      ports.status.note(fmt::format("the run begins without user {}, who may join later", u));
+    }
+    return true;
+  }
+  bool answers(std::vector<bool>& answered) {
     const TimePoint until = Clock::now() + from_seconds(options.wait_s);
     TimePoint next = Clock::now();
     while (true) {
@@ -102,13 +115,14 @@ class RealtimeLoop : WorldLoop {
           world.frame(u).echoed_sent_ns = report_.sent_ns;  // tells the round trip
         }
       }
-      const auto missing = std::ranges::find(answered, false);
-      if (missing == answered.end()) return true;
+      std::size_t missing = 0;
+      while (missing < user_count() && (answered[missing] || !awaited[missing])) ++missing;
+      if (missing == user_count()) return true;
       if (stop_signal() != 0) return false;
       if (const std::string text = ports.second_world(); !text.empty()) throw Error(ExitCode::usage, text);
       if (Clock::now() > until) {
-        throw Error(ExitCode::failed, fmt::format("haptic_sim {} does not answer; is it stuck, or another network's?",
-                                                  missing - answered.begin()));
+        throw Error(ExitCode::failed,
+                    fmt::format("haptic_sim {} does not answer; is it stuck, or another network's?", missing));
       }
       if (Clock::now() >= next) {
         publish_frames(false, 0.0, 0.0);
