@@ -74,6 +74,47 @@ TEST_P(RestartedInRealTime, TakesPartAgain) {
   }
 }
 
+// A world is halted, and another one takes its place. Once the first is continued it ends, and no user feels it.
+class ContinuedWorld : public ByHandEnds, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(ContinuedWorld, EndsWhereAnotherOneServesItsUsers) {
+  start_run("realtime", GetParam(), {"--wait", "20"});
+  if (HasFatalFailure()) return;
+  world_->signal(SIGSTOP);
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  Process& second = start("world_sim");
+  const auto rows = [&] { return read_table(out() + "/haptic_0.csv").rows; };
+  const auto advances = [&](std::size_t from) {
+    return eventually([&] {
+      const auto all = rows();
+      return all.size() > from + 1500 && all.back()[0] > all[all.size() - 500][0];
+    });
+  };
+  EXPECT_TRUE(eventually([&] { return second.out().find(" Hz") != std::string::npos; })) << second.err();
+  ASSERT_TRUE(advances(rows().size())) << second.err() << haptic_->err();
+  const std::size_t continued = rows().size();
+  world_->signal(SIGCONT);
+  EXPECT_EQ(world_->wait(20.0), 1) << world_->err();
+  EXPECT_NE(world_->err().find("another world_sim serves the users of this one"), std::string::npos) << world_->err();
+  EXPECT_TRUE(advances(continued)) << haptic_->err();
+  const Table table = read_table(out() + "/haptic_0.csv");
+  const std::size_t x = table.column("operator_force_x_n");
+  double largest_n = 0.0;
+  for (std::size_t i = continued; i < table.rows.size(); ++i) {
+    double squared = 0.0;
+    for (std::size_t k = x; k < x + 3; ++k) squared += std::pow(table.rows[i][k] - table.rows[i - 1][k], 2);
+    largest_n = std::max(largest_n, std::sqrt(squared));
+    EXPECT_GE(table.rows[i][0], table.rows[i - 1][0]) << "it has gone back to the first world";
+  }
+  EXPECT_LT(largest_n, 0.5);
+  second.signal(SIGTERM);
+  EXPECT_EQ(second.wait(), 0) << second.err();
+  EXPECT_EQ(haptic_->wait(), 0) << haptic_->err();
+  EXPECT_EQ(device_->wait(), 0) << device_->err();
+}
+INSTANTIATE_TEST_SUITE_P(Vendors, ContinuedWorld, ::testing::Values("fastdds", "cyclonedds"),
+                         [](const auto& one) { return one.param; });
+
 std::vector<Loss> losses_in(const std::string& mode) {
   std::vector<Loss> all = losses({"fastdds", "cyclonedds"});
   std::erase_if(all, [&](const Loss& one) { return one.mode != mode; });
