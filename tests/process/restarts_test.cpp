@@ -138,6 +138,42 @@ TEST_F(RunEnds, OneThatIsStartedAgainServesItsUserToTheEndAndAddsToItsHistory) {
   EXPECT_LT(table.rows.front()[0], 0.1) << "the rows before its death are lost";
 }
 
+// The user finds the next world, at whatever point of joining the first one died.
+class KilledWhileAUserJoins : public ProcessTest, public ::testing::WithParamInterface<int> {};
+
+TEST_P(KilledWhileAUserJoins, AWorldIsStartedAgainAndTheUserTakesPart) {
+  const auto pid_of = [&](const std::string& name, const std::string& user) {
+    for (const Running& one : running(out())) {
+      const auto at = std::ranges::find(one.words, "--user");
+      const bool same_user = user.empty() || (at != one.words.end() && *(at + 1) == user);
+      if (one.words.front().ends_with("/" + name) && same_user) return one.pid;
+    }
+    return pid_t{0};
+  };
+  Process process(run_words(scene("lift"), {"--mode", "realtime", "--duration", "6", "--budget", "0.3", "--restart",
+                                            "on-failure", "--checkpoint", "0.1"}),
+                  folder_.path());
+  ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_1.csv").size() > 100000; })) << process.err();
+  const pid_t first = pid_of("haptic_sim", "1");
+  ASSERT_GT(first, 0);
+  kill(first, SIGKILL);
+  ASSERT_TRUE(eventually([&] {
+    const pid_t now = pid_of("haptic_sim", "1");
+    return now > 0 && now != first;
+  }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(GetParam()));
+  const pid_t world = pid_of("world_sim", "");
+  ASSERT_GT(world, 0);
+  kill(world, SIGKILL);
+  EXPECT_EQ(process.wait(), 0) << process.err() << process.out();
+  const Json json = summary();
+  EXPECT_EQ(json["restarts"].size(), 2U) << json["verdict"];
+  EXPECT_NEAR(json["simulated_s"].get<double>(), 6.0, 0.01);
+  for (const Json& absence : json["world"]["absences"]) EXPECT_LT(absence["to_s"].get<double>(), 5.0) << absence;
+  for (const Json& haptic : json["haptic"]) EXPECT_GT(haptic["ending"]["to_s"].get<double>(), 5.7) << haptic["user"];
+}
+INSTANTIATE_TEST_SUITE_P(Delays_ms, KilledWhileAUserJoins, ::testing::Values(0, 60, 150, 300));
+
 TEST_F(ProcessTest, InLockstepNothingIsStartedAgain) {
   const Ended ended = finish(run_words(scene("press"), {"--restart", "always"}));
   EXPECT_EQ(ended.code, 2);
