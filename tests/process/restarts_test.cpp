@@ -174,6 +174,25 @@ TEST_P(KilledWhileAUserJoins, AWorldIsStartedAgainAndTheUserTakesPart) {
 }
 INSTANTIATE_TEST_SUITE_P(Delays_ms, KilledWhileAUserJoins, ::testing::Values(0, 60, 150, 300));
 
+// It fails after it has written its results.
+TEST_F(ProcessTest, AWorldAtItsEndIsNotStartedAgain) {
+  const std::string programs = folder_.path() + "/bin", starts = folder_.path() + "/starts";
+  std::filesystem::create_directory(programs);
+  for (const auto& entry : std::filesystem::directory_iterator(PROGRAMS_FOLDER)) {
+    const std::string name = entry.path().filename().string();
+    if (name == "subworld") std::filesystem::copy_file(entry.path(), programs + "/" + name);
+    if (name != "subworld" && name != "world_sim") std::filesystem::create_symlink(entry.path(), programs + "/" + name);
+  }
+  const std::string world = folder_.write(
+      "bin/world_sim", "#!/bin/sh\necho >> " + starts + "\n" + program("world_sim") + " \"$@\"\nexit 1\n");
+  std::filesystem::permissions(world, std::filesystem::perms::owner_all);
+  Words words = run_words(scene("press"), {"--mode", "realtime", "--duration", "1", "--restart", "on-failure"});
+  words.front() = programs + "/subworld";
+  const Ended ended = finish(words);
+  EXPECT_EQ(ended.code, 1) << ended.err << ended.out;
+  EXPECT_EQ(read_text(starts), "\n") << ended.err;
+}
+
 TEST_F(ProcessTest, InLockstepNothingIsStartedAgain) {
   const Ended ended = finish(run_words(scene("press"), {"--restart", "always"}));
   EXPECT_EQ(ended.code, 2);
