@@ -218,6 +218,25 @@ void add_checkpoint_options(CommandLine& line, Options& o) {
   line.add("--resume", &o.resume,
            "real time: go on from a checkpoint file, or from the newest valid one in a folder of results")
       .otherwise("start at t = 0");
+  line.add("--without", &o.without,
+           "real time: users, separated by commas, without whom the run begins; they join when their programs start")
+      .range(0, 63)
+      .otherwise("wait for all users");
+}
+
+void check_without(const Options& options, const Scene& scene) {
+  if (options.without.empty()) return;
+  if (scene.settings.mode != Mode::realtime)
+    throw Error(ExitCode::usage, "--without: in lock-step every user takes part from the start; use --mode realtime");
+  const int users = scene.settings.users;
+  int present = users;
+  for (int user = 0; user < users; ++user) present -= std::ranges::find(options.without, user) != options.without.end();
+  for (const int user : options.without) {
+    if (user >= users)
+      throw Error(ExitCode::usage,
+                  fmt::format("--without {}: there is no such user; the run has {}, from 0", user, users));
+  }
+  if (present == 0) throw Error(ExitCode::usage, "--without: names every user; a run begins with at least one");
 }
 
 namespace {

@@ -41,6 +41,7 @@ struct Options {
   std::optional<double> bodies_rate_hz;  ///< world_sim: rate of that
   double checkpoint_s = 0.5;             ///< world_sim: simulated time between checkpoints; 0: none
   std::string resume;                    ///< world_sim: file or folder of the checkpoint to go on from; empty: none
+  std::vector<int> without;              ///< users without whom the world begins; they may join later
   std::vector<int> cores;                ///< for all threads of the program; none: any
   double spin_s = 0.0;                   ///< haptic_sim, device_sim: spins instead of sleeping before a release
   std::string trace;                     ///< file for a trace of the loops; empty: none. Not of the display
@@ -92,8 +93,10 @@ void add_trace_option(CommandLine& line, Options& options);
 /// Adds --bodies and --bodies-rate.
 void add_bodies_options(CommandLine& line, Options& options);
 
-/// Adds --checkpoint and --resume.
+/// Adds --checkpoint, --resume and --without.
 void add_checkpoint_options(CommandLine& line, Options& options);
+/// Throws `Error` (usage) where --without names a user that the run does not have, or every user, or in lock-step.
+void check_without(const Options& options, const Scene& scene);
 
 /// Runs a program's body and turns its exceptions into a message on stderr and an exit code.
 int guarded(const char* program, const std::function<int()>& body) noexcept;
