@@ -62,8 +62,8 @@ bool is_placed_by_hand(const std::string& program) {
   return std::getenv(variable.c_str()) != nullptr;
 }
 
-void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, int users, int domain,
-                    const Placement& placement, const MessageMemory& messages) {
+void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, const Settings& settings,
+                    int domain, const Placement& placement, const MessageMemory& messages) {
   const std::string folder = program_folder();
   int position = 0;
   const auto start = [&](const std::string& program, int user, bool essential) {
@@ -101,10 +101,12 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
                     .messages = messages.place_of(place_of_messages(program, user)),
                     .part = part,
                     .essential = essential,
-                    .arguments_again = program == "world_sim" ? std::function(again) : nullptr},
+                    .arguments_again = program == "world_sim" ? std::function(again) : nullptr,
+                    .returns = user < 0 ? 0 : returns(settings.presence, user)},
                    folder + "/" + program, flags);
   };
   start("world_sim", -1, true);
+  const int users = settings.users;
   for (int u = 0; u < users; ++u) {
     if (std::ranges::find(options.without, u) == options.without.end()) {
       start("haptic_sim", u, true);
@@ -187,7 +189,7 @@ Ended run_programs(const RunRequest& request, const Options& options, int domain
                    const MessageMemory& messages, const Keeper& keeper) {
   const Scene& scene = run.scene;
   Supervisor programs(request.restart, keeper);
-  start_programs(programs, request, options, scene.settings.users, domain, run.placement, messages);
+  start_programs(programs, request, options, scene.settings, domain, run.placement, messages);
   std::optional<Supervisor::Failure> failure;
   Watchdog watchdog;
   PageOpener open_page(options.live, request.page);

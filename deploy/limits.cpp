@@ -407,9 +407,11 @@ void check_request(const Scene& scene, const RunRequest& request) {
     if (peer.starts_with("-"))
       throw Error(ExitCode::usage, fmt::format("--peers {}: is no host; give hosts, separated by commas", peer));
   }
-  if (request.restart != Restart::never && scene.settings.mode == Mode::lockstep) {
+  if (request.restart != Restart::never && scene.settings.mode == Mode::lockstep &&
+      scene.settings.absent == Absent::end) {
     throw Error(ExitCode::usage,
-                "--restart: a run in lock-step ends with the first of its programs; use --mode realtime");
+                "--restart: a run in lock-step ends with the first of its programs; give --absent wait or --absent "
+                "continue, or use --mode realtime");
   }
   check_devices(scene, request.options);
   if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);

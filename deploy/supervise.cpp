@@ -34,7 +34,8 @@ constexpr std::chrono::milliseconds kFinish{30000};     ///< for the others, onc
 constexpr std::chrono::milliseconds kAll{10000};        ///< then SIGKILL: on a busy machine, writing takes time
 constexpr std::chrono::milliseconds kFirstPause{50};    ///< before the second restart; doubled for each that follows
 constexpr int kMostRestarts = 8;                        ///< of a program, in a row
-constexpr std::chrono::seconds kLived{1};               ///< one that ran for so long has begun well
+constexpr const char* kReturns = "joins again, as planned";
+constexpr std::chrono::seconds kLived{1};  ///< one that ran for so long has begun well
 
 double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
@@ -89,10 +90,12 @@ void Supervisor::launch(Child& child, int flags) {
 
 std::string Supervisor::restart_reason(const Child& child,
                                        const std::function<std::string(const Child&)>& early) const {
-  if (restart_ == Restart::never || !child.essential || child.pid > 0 || child.restarts >= kMostRestarts) return {};
+  if (!child.essential || child.pid > 0) return {};
   const Child& first = children_.front();
   const bool has_world = first.label == "world_sim", world = has_world && &child == &first;
   if (has_world && !world && first.pid < 0 && first.starts_at == Clock::time_point{}) return {};
+  if (child.returns > 0 && child.status == 0) return kReturns;
+  if (restart_ == Restart::never || child.restarts >= kMostRestarts) return {};
   // A world that has written its results is at its end.
   if (world && std::filesystem::exists(child.part)) return {};
   // On a host without the world it may have given up because the run is over.
@@ -122,6 +125,7 @@ void Supervisor::revive(const std::function<std::string(const Child&)>& early) {
       child.halted = child.judged = false;
       child.halted_s = 0.0;
       ++child.restarts;
+      child.returns = std::max(0, child.returns - 1);
       if (child.arguments_again) child.arguments = child.arguments_again();
       launch(child, O_APPEND);
     }

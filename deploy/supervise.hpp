@@ -35,6 +35,7 @@ class Supervisor {
     std::vector<std::string> arguments = {};
     std::function<std::vector<std::string>()> arguments_again = {};  ///< of a restart; empty: the same
     std::function<bool()> enter = {};
+    int returns = 0;   ///< that are planned, after it has ended in order
     int restarts = 0;  ///< in a row
     std::chrono::steady_clock::time_point started_at = {};
     std::chrono::steady_clock::time_point starts_at = {};  ///< while it waits to be started again

@@ -37,8 +37,8 @@ PathPoint EmulatedDevice::path(double time_s) const noexcept {
 }
 
 void EmulatedDevice::resume_at(double time_s) noexcept {
-  ticks_ = static_cast<std::uint64_t>(std::llround(std::max(0.0, time_s) * spec_.rate_hz));
-  time_s_ = static_cast<double>(ticks_) / spec_.rate_hz;
+  time_s_ = std::max(0.0, time_s);
+  ticks_ = static_cast<std::uint64_t>(time_s_ * spec_.rate_hz + kSameTime);
   resumed_.reset();
   const Pose on_path = path(time_s_).offset;
   resumed_ = Pose{handle_.position - on_path.position, on_path.orientation.conjugate() * handle_.orientation};

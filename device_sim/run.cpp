@@ -117,6 +117,12 @@ Ending run_lockstep(const DeviceRun& run) {
     ports.commands.trust_sender();
     measures.sent(deadband.sent_ratio());
     if (command.last) return ending;
+    if (command.stamp_s > state.stamp_s + h_s && state.sequence == 0) {
+      device.resume_at(command.stamp_s);
+      measures.joins_late();
+      ending.from_s = device.state().stamp_s;
+      continue;
+    }
     measures.round_trip(1e-9 * static_cast<double>(to_ns(stages.now()) - command.echoed_sent_ns));
     const DeviceCommand safe = guard.pass(command, state, true, h_s);
     felt = safe.wrench;

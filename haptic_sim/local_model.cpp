@@ -154,7 +154,9 @@ class SimulatedNeighbourhood final : public LocalModel {
   std::size_t contacts() const noexcept override { return engine_.contacts().size(); }
   std::uint64_t peers() const noexcept override {
     std::uint64_t users = 0;
-    for (const PeerDevice& peer : peers_) users |= std::uint64_t{1} << user_index(peer.proxy);
+    for (const PeerDevice& peer : peers_) {
+      if (peer.device_s != kHeldDevice_s) users |= std::uint64_t{1} << user_index(peer.proxy);
+    }
     return users;
   }
   double others_work_j() const noexcept override { return others_work_j_; }

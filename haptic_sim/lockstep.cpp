@@ -1,13 +1,17 @@
 #include "haptic_sim/lockstep_order.hpp"
 #include "haptic_sim/run.hpp"
 #include "model/error.hpp"
+#include "program/join.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
+
+#include <fmt/format.h>
 
 namespace subworld {
 
 namespace {
 
+constexpr double kDiscovery_s = 0.3;           ///< for the programs of a run under way to find those that join it
 constexpr double kReportAcknowledged_s = 1.0;  ///< that the last report may take to arrive
 
 /// The haptic process in lock-step.
@@ -16,19 +20,31 @@ class LockstepLoop : HapticRun {
   explicit LockstepLoop(const HapticRun& run)
       : HapticRun(run),
         stages_(measures.stages()),
-        order_(scene, user()),
-        device_sim_{ProgramKind::device_sim, user()} {
+        order_(scene, user(), sub.facts().stamp, sub.timetable().start(sub.facts().stamp)),
+        device_sim_{ProgramKind::device_sim, user()},
+        lost_(scene.users.size(), false) {
     reserve(frame_, kUsualMembers);
   }
 
-  Ending run() {
+  Ending run(const FirstFrame& first) {
     Ending ending{.session = ports.session, .from_s = sub.facts().time_s, .by = kLastFrame};
+    ending.to_s = ending.from_s;
     stages_.begin();
+    if (first.frame.last) {
+      // The run was over before this user could take part.
+      if (take_device()) send_last_command(ports, device_, 1);
+      return ending;
+    }
+    if (!begin_device()) {
+      ending.by = name_of_signal(stop_signal());
+      return ending;
+    }
     if (scheme().has_sub_worlds) send_report();
     while (order_.take_frames(sub, [this](std::uint64_t) { return take_frame(); }) && take_device() && take_peers())
       step();
     ending.to_s = sub.facts().time_s;
     measures.sent(order_.sent_ratio());
+    measures.missed(order_.missed());
     if (last_) {
       send_last_command(ports, device_, 1);
       ports.reports.wait_for_acknowledgments(kReportAcknowledged_s);
@@ -55,6 +71,21 @@ class LockstepLoop : HapticRun {
     return !last_;
   }
 
+  /// A device that has just been started begins at t = 0: in the middle of a run it is told the time. One of before, of
+  /// which there may still be messages, has taken steps.
+  bool begin_device() {
+    if (sub.facts().time_s == 0.0) return true;
+    do {
+      if (!take_device()) return false;
+      device_writer_ = 0;
+    } while (device_.sequence != 0);
+    DeviceCommand begin = sub.command_for(device_, {});
+    if (!ports.command.write(begin))
+      throw Error(ExitCode::failed, unsent_text("device_command", ports.device, ports.status, device_sim_));
+    device_writer_ = device_.sender;
+    return true;
+  }
+
   bool take_device() {
     const auto ours = [this](const DeviceState& came) {
       return came.session == ports.session && (device_writer_ == 0 || came.sender == device_writer_);
@@ -76,19 +107,33 @@ class LockstepLoop : HapticRun {
   }
   bool take_peer(std::uint32_t peer) {
     const bool needed = (sub.facts().peers >> peer & 1U) != 0;
+    if (!needed && lost_[peer]) {
+      lost_[peer] = false;
+      order_.hear_again(peer);
+    }
+    if (lost_[peer]) return true;
+    const bool awaited = needed && !order_.misses_by_plan(peer);
     Reader<DeviceState>& reader = ports.peer_devices.open(peer);
     const auto ours = [this](const DeviceState& came) { return came.session == ports.session; };
     while (order_.heard(peer) <= order_.next_step()) {
-      if (needed) {
-        if (!await(*ports.bus, ports.status, reader, peer_, stages_, {ProgramKind::device_sim, peer}, ours, stopped))
-          return false;
+      if (awaited) {
+        const auto lose = [&](const std::string& text) {
+          if (scene.settings.absent == Absent::end) throw Error(ExitCode::failed, text + kEndsWithoutIt);
+          lost_[peer] = true;
+        };
+        const Peer device{ProgramKind::device_sim, peer};
+        if (!await(*ports.bus, ports.status, reader, peer_, stages_, device, ours, stopped, lose)) {
+          if (lost_[peer]) order_.miss(peer);
+          return lost_[peer];
+        }
       } else {
         const Take taken = take(reader, peer_, stages_);
-        if (taken == Take::none) return true;
+        if (taken == Take::none) break;
         if (taken != Take::sample || !ours(peer_)) continue;
       }
       order_.hear(peer, peer_);
     }
+    if (needed && order_.heard(peer) <= order_.next_step()) order_.miss(peer);
     return true;
   }
 
@@ -127,12 +172,74 @@ class LockstepLoop : HapticRun {
   Peer device_sim_;
   DeviceState device_, peer_;
   WorldFrame frame_;
+  std::vector<bool> lost_;           ///< by user, whose device has fallen silent; the world's account of it counts
   std::uint64_t device_writer_ = 0;  ///< the process that sent the first state
   bool last_ = false;
 };
 
 }  // namespace
 
-Ending run_lockstep(const HapticRun& run) { return LockstepLoop(run).run(); }
+std::optional<FirstFrame> begin_lockstep(const HapticRun& run) {
+  const auto& [options, scene, ports, sub, measures, exchange, finder] = run;
+  FirstFrame first;
+  std::optional<WorldFrame> standing;
+  TimePoint late_since{};
+  bool began = false;
+  const auto look = [&] {
+    finder.look(options.network.domain);
+    ports.session = finder.session();  // of the newest world
+    while (!began && ports.frames.take(first.frame) == Take::sample) {
+      if (first.frame.session != ports.session) continue;
+      if (ports.serves_another(first.frame)) {
+        // Of a process that was killed, there may still be frames.
+        if (!first.frame.last && !ports.status.runs(ProgramKind::haptic_sim, run.user())) continue;
+        throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
+      }
+      first.received = Clock::now();
+      if (first.frame.last) {
+        began = true;
+      } else if (first.frame.real_time_factor > 0.0) {
+        began = first.frame.served == ports.identity && sub.reset_from(first.frame);
+      } else {
+        standing = first.frame;
+        if (first.frame.stamp > 0 && late_since == TimePoint{}) late_since = first.received;
+      }
+    }
+    return began;
+  };
+  // In lock-step each state of the others' devices counts from the first on. In a run under way, those count that are
+  // there.
+  for (std::uint32_t u = 0; scheme_of(scene.settings).properties.replicates_peers && u < scene.users.size(); ++u) {
+    if (u == run.user() || !takes_part(scene.settings.presence, static_cast<int>(u), 0.0)) continue;
+    const Wanted device{fmt::format("device of user {}", u), fmt::format("device_sim --user {}", u)};
+    const auto there = [&] {
+      const bool matched = ports.peer_devices.open(u).matched() > 0;
+      if (look() || (matched && ports.status.met(ProgramKind::device_sim, u))) return true;
+      return late_since != TimePoint{} && (matched || to_seconds(Clock::now() - late_since) > kDiscovery_s);
+    };
+    if (!wait_for(*ports.bus, options, device, there)) return std::nullopt;
+  }
+  bool asked = false;
+  const auto begins = [&] {
+    if (look()) return true;
+    const bool settled = late_since == TimePoint{} || to_seconds(Clock::now() - late_since) > kDiscovery_s;
+    if (!standing || standing->session != ports.session || asked || !settled) return false;
+    HapticReport request;
+    request.user = UserId{run.user()};
+    request.stamp = request.started_stamp = standing->stamp;
+    request.stamp_s = standing->stamp_s;
+    request.sent_ns = to_ns(Clock::now());
+    asked = ports.send(request);
+    return false;
+  };
+  const auto settles = [&] { return ports.scene.alive_writers() > 0; };  // a living world may take its time
+  if (!wait_for(*ports.bus, options, {"frame of the world", "every user's haptic_sim and device_sim"}, begins, settles))
+    return std::nullopt;
+  ports.frames.trust_sender();
+  ports.status.enter("running");
+  return first;
+}
+
+Ending run_lockstep(const HapticRun& run, const FirstFrame& first) { return LockstepLoop(run).run(first); }
 
 }  // namespace subworld

@@ -5,6 +5,7 @@
 #include "haptic_sim/sub_world.hpp"
 
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -14,30 +15,46 @@ namespace subworld {
 /// process and the lab's run in one process share it, so their results are equal bit by bit.
 class LockstepOrder {
  public:
-  LockstepOrder(const Scene& scene, std::uint32_t user)
-      : h_s_(scene.settings.h_s),
+  /// `stamp`: where the sub-world begins; `step`: the haptic step of that.
+  LockstepOrder(const Scene& scene, std::uint32_t user, std::uint64_t stamp = 0, std::uint64_t step = 0)
+      : settings_(scene.settings),
+        user_(user),
         delay_(scene.settings, scheme_of(scene.settings).properties.lead_cycles, user),
-        states_(scene.settings, Direction::from_device, user),
+        states_(scene.settings, Direction::from_device, user, step),
         deadband_(scene.settings.deadband_in_use(), scene.users[user]),
-        commands_(scene.settings, Direction::to_device, user),
-        known_(static_cast<std::size_t>(scene.settings.users)) {
+        commands_(scene.settings, Direction::to_device, user, step),
+        known_(static_cast<std::size_t>(scene.settings.users)),
+        step_(step),
+        next_frame_(stamp + 1) {
     if (!scheme_of(scene.settings).properties.replicates_peers) return;
-    for (std::uint32_t u = 0; u < known_.size(); ++u)
-      peers_.emplace_back(scene.settings, Direction::from_peer, link(user, u));
+    for (std::uint32_t u = 0; u < known_.size(); ++u) {
+      const double period_s = scene.settings.sample_period_s(scene.users[u].device.rate_hz);
+      peers_.push_back({line_from(u, step), period_s, step, step});
+    }
   }
 
   /// Share of the commands that a link with a deadband has to send.
   [[nodiscard]] double sent_ratio() const noexcept { return deadband_.sent_ratio(); }
   /// The number of the step that comes next.
   [[nodiscard]] std::uint64_t next_step() const noexcept { return step_; }
-  /// How many states of a peer's device have been heard. Before step k, which needs them of the peers in the sub-world,
-  /// there must be k + 1.
+  /// How many states of a peer's device have been heard since t = 0. Before step k, which needs them of the peers in
+  /// the sub-world, there must be k + 1, but for those that it misses.
   [[nodiscard]] std::uint64_t heard(std::size_t peer) const noexcept { return peers_[peer].steps; }
-  /// The state that a peer's device sends in the step heard(peer).
-  void hear(std::size_t peer, const DeviceState& state) noexcept {
-    Peer& from = peers_[peer];
-    known_[peer] = &from.states.pass(state, from.steps++);
+  /// A state of a peer's device: the next one or, of a program that was started again, the first of a later step.
+  /// Dropped where the sub-world has had that step, or misses it.
+  void hear(std::size_t peer, const DeviceState& state);
+  /// The state heard(peer) does not come: from now on the sub-world misses the peer's states.
+  void miss(std::size_t peer) {
+    if (!peers_[peer].missed_from) peers_[peer].missed_from = peers_[peer].steps;
   }
+  /// No longer: those of this step on count again.
+  void hear_again(std::size_t peer) noexcept { peers_[peer].drops_before = step_; }
+  /// Whether the run that this one repeats missed the peer's state of the next step.
+  [[nodiscard]] bool misses_by_plan(std::size_t peer) const noexcept {
+    return misses(settings_.presence, static_cast<int>(user_), static_cast<int>(peer), time_of(step_));
+  }
+  /// What the sub-world has missed so far.
+  [[nodiscard]] std::vector<PresenceEvent> missed() const;
 
   /// Calls `take(stamp)` for each frame that is due before the next step; it returns false where none comes. False
   /// then.
@@ -57,13 +74,19 @@ class LockstepOrder {
                 double took_s = 0.0) {
     const DeviceState& known = states_.pass(sent, step_);
     const auto on_force = [&](const FeltStep& felt) {
-      const DeviceCommand answer = deadband_.pass(sub.command_for(known, felt.to_operator), felt.to_operator, h_s_);
+      const DeviceCommand answer =
+          deadband_.pass(sub.command_for(known, felt.to_operator), felt.to_operator, settings_.h_s);
       DeviceCommand command = commands_.pass(answer, step_);
       command.sequence = sent.sequence;  // each step of the device waits for its own answer
       command.echoed_sent_ns = sent.sent_ns;
       on_command(command, felt);
     };
-    const StepInput input{.device = &known, .peers = known_, .wall_s = h_s_, .dt = h_s_, .took_s = took_s};
+    for (std::size_t p = 0; p < peers_.size(); ++p) {
+      const Peer& of = peers_[p];
+      known_[p] = of.missed_from || of.from > step_ ? nullptr : of.newest;
+    }
+    const StepInput input{
+        .device = &known, .peers = known_, .wall_s = settings_.h_s, .dt = settings_.h_s, .took_s = took_s};
     const FeltStep felt = sub.step(input, on_force, std::forward<OnReport>(on_report));
     ++step_;
     return felt;
@@ -71,22 +94,41 @@ class LockstepOrder {
 
  private:
   struct Peer {
-    Peer(const Settings& settings, Direction direction, std::uint32_t link) : states(settings, direction, link) {}
     DelayLine<DeviceState> states;
-    std::uint64_t steps = 0;  ///< heard
+    double period_s = 0.0;    ///< longest regular time between two states
+    std::uint64_t steps = 0;  ///< of the state that comes next
+    std::uint64_t from = 0;   ///< first step that has a state, since the last that was missed
+    const DeviceState* newest = nullptr;
+    std::optional<std::uint64_t> missed_from = {};  ///< first step that is missed; empty: none is at present
+    std::uint64_t drops_before = 0;
   };
   /// Apart from the users' numbers.
   static std::uint32_t link(std::uint32_t user, std::uint32_t peer) noexcept { return 64 * (user + 1) + peer; }
+  [[nodiscard]] DelayLine<DeviceState> line_from(std::size_t peer, std::uint64_t step) const {
+    return {settings_, Direction::from_peer, link(user_, static_cast<std::uint32_t>(peer)), step};
+  }
+  /// In the middle of rounding errors.
+  [[nodiscard]] double time_of(std::uint64_t step) const noexcept {
+    return settings_.h_s * (static_cast<double>(step) + 0.25);
+  }
+  [[nodiscard]] PresenceEvent missing(std::size_t peer, std::uint64_t from) const noexcept {
+    return {.kind = PresenceEvent::Kind::misses,
+            .user = static_cast<int>(user_),
+            .at_s = settings_.h_s * static_cast<double>(from),
+            .peer = static_cast<int>(peer)};
+  }
 
-  double h_s_;
+  const Settings& settings_;
+  std::uint32_t user_;
   Delay delay_;
   DelayLine<DeviceState> states_;
   Deadband<DeviceCommand> deadband_;
   DelayLine<DeviceCommand> commands_;
   std::vector<Peer> peers_;                ///< by user; none where the scheme does not replicate them
   std::vector<const DeviceState*> known_;  ///< by user; null: none heard
-  std::uint64_t step_ = 0;                 ///< the next
-  std::uint64_t next_frame_ = 1;           ///< stamp
+  std::vector<PresenceEvent> missed_;      ///< that are over
+  std::uint64_t step_;                     ///< the next
+  std::uint64_t next_frame_;               ///< stamp
 };
 
 }  // namespace subworld

@@ -27,12 +27,12 @@ int main(int argc, char** argv) {
       const HapticRun run{options, scene, ports, sub, measures, exchange, finder};
       if (const auto first = join(run)) {
         const double from_s = sub.facts().time_s;
-        if (from_s > kAbsent_s) measures.joins_late();
+        if (from_s > (realtime ? kAbsent_s : 0.0)) measures.joins_late();
         const auto so_far = [&] {
           const double to_s = measures.is_accepted() ? sub.facts().time_s : from_s;
           return Ending{.session = ports.session, .from_s = from_s, .to_s = to_s};
         };
-        Ending ending = ended([&] { return realtime ? run_realtime(run, *first) : run_lockstep(run); }, so_far);
+        Ending ending = ended([&] { return realtime ? run_realtime(run, *first) : run_lockstep(run, *first); }, so_far);
         ports.status.enter("stopping");
         const double cycles = std::max(1.0, static_cast<double>(sub.facts().stamp));
         const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());

@@ -131,7 +131,8 @@ HapticResult HapticMeasures::result(const SubWorld& sub, double bytes_per_cycle)
                       .lost_frames = lost_frames_,
                       .refused_frames = refused_frames_,
                       .resynchronisations = resets_,
-                      .engine_changes = engine_changes_};
+                      .engine_changes = engine_changes_,
+                      .presence = to_text(missed_)};
   add_to(result);
   return result;
 }

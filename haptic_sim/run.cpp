@@ -37,22 +37,13 @@ std::optional<FirstFrame> join(const HapticRun& run) {
   const std::string device_sim = fmt::format("device_sim --user {}", options.user);
   const bool lockstep = scene.settings.mode == Mode::lockstep;
   // In lock-step a device must send its status too.
-  const auto met = [&](std::size_t u) {
-    return !lockstep || ports.status.met(ProgramKind::device_sim, static_cast<std::uint32_t>(u));
+  const auto held = [&] {
+    return ports.device.matched() > 0 && ports.command.matched() > 0 &&
+           (!lockstep || ports.status.met(ProgramKind::device_sim, run.user()));
   };
-  const auto held = [&] { return ports.device.matched() > 0 && ports.command.matched() > 0 && met(run.user()); };
   if (!wait_for(*ports.bus, options, {"device", device_sim}, held)) return std::nullopt;
-  // In lock-step each state of the others' devices counts from the first on.
-  if (lockstep && scheme_of(scene.settings).properties.replicates_peers) {
-    for (std::size_t u = 0; u < scene.users.size(); ++u) {
-      if (u == run.user()) continue;
-      const Wanted peer{fmt::format("device of user {}", u), fmt::format("device_sim --user {}", u)};
-      if (!wait_for(*ports.bus, options, peer, [&] { return ports.peer_devices.open(u).matched() > 0 && met(u); }))
-        return std::nullopt;
-    }
-  }
-  // A device that has matched may still look for the world: it would miss a short run, and wait for ever. In lock-step
-  // its first state is the first step's, and is waited for there.
+  if (lockstep) return begin_lockstep(run);
+  // A device that has matched may still look for the world: it would miss a short run, and wait for ever.
   DeviceState state;
   const auto runs = [&] {
     while (ports.device.take(state) == Take::sample) {
@@ -60,7 +51,7 @@ std::optional<FirstFrame> join(const HapticRun& run) {
     }
     return false;
   };
-  if (!lockstep && !wait_for(*ports.bus, options, {"running device", device_sim + " anew"}, runs)) return std::nullopt;
+  if (!wait_for(*ports.bus, options, {"running device", device_sim + " anew"}, runs)) return std::nullopt;
 
   FirstFrame first;
   bool joined = false, timed = false;
@@ -75,7 +66,7 @@ std::optional<FirstFrame> join(const HapticRun& run) {
       if (ports.serves_another(first.frame)) {
         // One that was killed is served until the world misses its reports.
         if (displaced == TimePoint{}) displaced = first.received;
-        if (lockstep || to_seconds(first.received - displaced) > kGone_s)
+        if (to_seconds(first.received - displaced) > kGone_s)
           throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
         continue;
       }

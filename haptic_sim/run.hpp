@@ -40,9 +40,13 @@ struct FirstFrame {
 /// None when asked to stop. Throws `Error` (failed, usage) that names what is missing.
 [[nodiscard]] std::optional<FirstFrame> join(const HapticRun& run);
 
+/// The same in lock-step, once the device is there: asks the world to take part, and waits for the frame from which the
+/// sub-world begins; or for the last one.
+[[nodiscard]] std::optional<FirstFrame> begin_lockstep(const HapticRun& run);
+
 /// Lock-step: each step waits for its device state, each cycle for its frame. Ends with the frame that is the last, or
 /// when asked to stop. Throws `Error` (failed) when a peer dies or is started again.
-[[nodiscard]] Ending run_lockstep(const HapticRun& run);
+[[nodiscard]] Ending run_lockstep(const HapticRun& run, const FirstFrame& first);
 
 /// Real time: absolute deadlines, the newest data; what comes late is counted and used late. A fault where the world
 /// or the device has gone or was started again; the force has faded by then.

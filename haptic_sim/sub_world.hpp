@@ -64,7 +64,7 @@ struct SubWorldFacts {
   std::size_t contacts = 0;
   std::size_t border_pairs = 0;
   double device_work_j = 0.0;
-  std::uint64_t peers = 0;  ///< bit u: the device of user u moves a proxy or pushes a ghost of the sub-world
+  std::uint64_t peers = 0;  ///< bit u: the device of user u, which is not held, moves a proxy or pushes a ghost of it
   std::uint64_t jumps = 0;  ///< device states that no operator can have reached since the one before
 };
 

@@ -17,20 +17,26 @@ namespace {
 
 constexpr double kLastReport_s = 0.3;  ///< that a report may take after the world was asked to stop
 
+constexpr double kAgain_s = 0.05;  ///< between two frames that ask for somebody who wants to take part
+
 /// The world process in lock-step.
 class LockstepLoop : WorldLoop {
  public:
-  explicit LockstepLoop(const WorldRun& run)
-      : WorldLoop(run), snapshots_(ports.snapshots), next_report_(user_count(), 0) {
-    for (std::uint32_t u = 0; u < user_count(); ++u) delays_.emplace_back(scene.settings, scheme_.lead_cycles, u);
+  explicit LockstepLoop(const WorldRun& run) : WorldLoop(run), snapshots_(ports.snapshots) {
+    for (std::uint32_t u = 0; u < user_count(); ++u)
+      users_.push_back({.delay = Delay(scene.settings, scheme_.lead_cycles, u)});
   }
 
   Ending run() {
-    publish_frames(false, 0.0, 1.0);
+    for (std::size_t u = 0; u < user_count(); ++u) {
+      if (is_planned(u)) continue;
+      world.begin_without(u);
+      measures.leaves(u, 0.0, true);
+    }
     stages_.begin();
     for (bool last = false; !last;) {
-      if (!receive_due()) {
-        publish_frames(true, 0.0, 1.0);
+      if (!follow_presence() || !receive_due()) {
+        publish(true);
         break;
       }
       if (world.facts().stamp == 0) measures.bodies().record_now(world);
@@ -40,10 +46,105 @@ class LockstepLoop : WorldLoop {
     measures.bodies().record_now(world);
     if (scheme_.has_sub_worlds) receive_due();
     close();
-    return ending();
+    measures.took_part(events_);
+    Ending ended = ending();
+    ended.fault = absent_at_end();
+    return ended;
   }
 
  private:
+  /// To all who take part. Those who do not get the last frame only: they may be waiting.
+  void publish(bool last) {
+    for (std::size_t u = 0; u < user_count(); ++u) {
+      if (users_[u].present || last) publish_frame(u, last, 0.0, 1.0);
+    }
+  }
+
+  [[nodiscard]] bool is_planned(std::size_t user) const {
+    return takes_part(scene.settings.presence, static_cast<int>(user), world.facts().time_s + 0.5 * scene.settings.h_s);
+  }
+  void note_event(PresenceEvent::Kind kind, std::size_t user) {
+    events_.push_back({.kind = kind, .user = static_cast<int>(user), .at_s = world.facts().time_s});
+  }
+
+  /// Who leaves and who joins at this stamp. False when asked to stop.
+  bool follow_presence() {
+    for (std::size_t u = 0; u < user_count(); ++u) {
+      User& user = users_[u];
+      const bool planned = is_planned(u);
+      if (user.present && (!planned || dismisses(u))) {
+        publish_frame(u, true, 0.0, 1.0);
+        leave(u, "");
+      } else if (!user.present && planned) {
+        const bool asks = !user.lost && !user.dismissed;  // the plan, or the start
+        if (!look_for(u, asks || (user.lost && scene.settings.absent == Absent::wait))) return false;
+      }
+      user.dismissed = user.dismissed && planned;
+    }
+    return true;
+  }
+
+  /// `why`: of a user whose programs have fallen silent; empty: by order, or as planned.
+  void leave(std::size_t u, const std::string& why) {
+    User& user = users_[u];
+    const double now_s = world.facts().time_s;
+    user.present = false;
+    user.lost = !why.empty();
+    user.dismissed = why.empty() && is_planned(u);
+    user.former = ports.served[u];
+    world.leave(u);
+    ports.release(u);
+    measures.leaves(u, now_s, why.empty());
+    note_event(PresenceEvent::Kind::leaves, u);
+    ports.status.note(why.empty() ? fmt::format("user {} has left at t = {:.3f} s", u, now_s)
+                                  : fmt::format("{}; user {} is absent from t = {:.3f} s on, and the world holds its "
+                                                "proxy",
+                                                why, u, now_s));
+  }
+
+  /// Begins with the next program that wants to take part for the user; `waits`: until there is one. False when asked
+  /// to stop.
+  bool look_for(std::size_t u, bool waits) {
+    User& user = users_[u];
+    const TimePoint begin = Clock::now();
+    while (true) {
+      if (Clock::now() >= user.asks_at) {
+        publish_frame(u, false, 0.0, 0.0);
+        user.asks_at = Clock::now() + from_seconds(kAgain_s);
+      }
+      while (ports.reports[u].take(report_) == Take::sample) {
+        if (report_.session != ports.session || report_.sender == user.former) continue;
+        join(u);
+        return true;
+      }
+      if (!waits) return true;
+      if (gives_up_at_signal() || control_.stopped()) return false;
+      if (to_seconds(Clock::now() - begin) > options.wait_s) {
+        throw Error(ExitCode::failed,
+                    fmt::format("nobody takes part for user {} within {} s; start haptic_sim --user {} and device_sim "
+                                "--user {}, or give a longer --wait",
+                                u, options.wait_s, u, u));
+      }
+      ports.bus->wait(kAgain_s);
+      follow_orders();
+    }
+  }
+
+  void join(std::size_t u) {
+    User& user = users_[u];
+    const std::uint64_t stamp = world.facts().stamp;
+    ports.serve(u, report_.sender);
+    user.present = true;
+    user.lost = user.dismissed = false;
+    user.next_report = stamp;
+    if (world.user_facts(u).absent) {
+      measures.returns(u, world.facts().time_s);
+      note_event(PresenceEvent::Kind::joins, u);
+      ports.status.note(fmt::format("user {} takes part from t = {:.3f} s on", u, world.facts().time_s));
+    }
+    publish_frame(u, false, 0.0, 1.0);
+  }
+
   void wait_while_paused() {
     follow_orders();
     while (!control_.may_step() && !control_.stopped() && stop_signal() == 0) {
@@ -58,7 +159,7 @@ class LockstepLoop : WorldLoop {
     world.step([this](WorldStage stage) { stages_.mark(stage); });
     // A stop takes effect between cycles, and as a last frame: so every program ends in order.
     const bool last = world.facts().over || stop_signal() != 0 || control_.stopped();
-    publish_frames(last, 0.0, 1.0);
+    publish(last);
     measures.cycle(world, {to_seconds(stages_.mark(WorldStage::send) - begin)}, 1.0, 0.0);
     measures.bodies().record(world, std::numeric_limits<double>::infinity());
     if (snapshots_.wanted(world.facts().time_s) || last) {
@@ -73,23 +174,29 @@ class LockstepLoop : WorldLoop {
   /// Receives every report that the world uses before its next cycle. False when asked to stop and one does not come.
   bool receive_due() {
     for (std::size_t u = 0; u < user_count(); ++u) {
-      for (std::uint64_t& next = next_report_[u]; delays_[u].report_due(next, world.facts().stamp, world.timetable());
-           ++next) {
-        if (!world.has_report(u, next) && !receive(u, next)) return false;
+      User& user = users_[u];
+      while (user.present && user.delay.report_due(user.next_report, world.facts().stamp, world.timetable())) {
+        if (!world.has_report(u, user.next_report) && !receive(u, user.next_report)) {
+          if (user.present) return false;
+          break;
+        }
+        ++user.next_report;
       }
     }
     return true;
   }
 
+  /// False when asked to stop, and where the user is absent from now on.
   bool receive(std::size_t user, std::uint64_t stamp) {
     const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(user)};
-    const auto ours = [&](const HapticReport& came) {
-      if (!ports.belongs(user, came)) return false;
-      ports.serve(user, came.sender);
-      return true;
-    };
+    const auto ours = [&](const HapticReport& came) { return ports.belongs(user, came); };
     const auto gives_up = [this] { return gives_up_at_signal(); };
-    if (!await(*ports.bus, ports.status, ports.reports[user], report_, stages_, haptic, ours, gives_up)) return false;
+    const auto lose = [&](const std::string& text) {
+      if (scene.settings.absent == Absent::end) throw Error(ExitCode::failed, text + kEndsWithoutIt);
+      leave(user, text);
+    };
+    if (!await(*ports.bus, ports.status, ports.reports[user], report_, stages_, haptic, ours, gives_up, lose))
+      return false;
     if (world.receive(std::move(report_)) && world.has_report(user, stamp)) return true;
     throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of them on "
                                               "this domain?",
@@ -105,9 +212,18 @@ class LockstepLoop : WorldLoop {
 
   Snapshots snapshots_;
   WorldView view_;
-  std::vector<Delay> delays_;               ///< by user
-  std::vector<std::uint64_t> next_report_;  ///< by user: the stamp that is received next
-  TimePoint asked_{};                       ///< to stop
+  struct User {
+    Delay delay;
+    bool present = false;
+    bool lost = false;              ///< its programs have fallen silent
+    bool dismissed = false;         ///< by order, so that nobody is waited for
+    std::uint64_t next_report = 0;  ///< stamp of the one that is received next
+    std::uint64_t former = 0;       ///< the haptic process that was served last
+    TimePoint asks_at{};
+  };
+  std::vector<User> users_;
+  std::vector<PresenceEvent> events_;
+  TimePoint asked_{};  ///< to stop
 };
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include "rt/stop.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -17,6 +18,8 @@ namespace subworld {
 std::vector<bool> awaited_users(const Options& options, const Scene& scene, const std::vector<Absence>& absences) {
   const auto users = static_cast<std::size_t>(scene.settings.users);
   std::vector<bool> awaited(users, true), stays(users, true);
+  for (std::size_t u = 0; u < users; ++u)
+    awaited[u] = stays[u] = takes_part(scene.settings.presence, static_cast<int>(u), 0.0);
   for (const Absence& one : absences) {
     if (one.to_s != WorldMeasures::kNotBack_s || one.user >= users) continue;
     awaited[one.user] = false;
@@ -96,31 +99,43 @@ void WorldLoop::follow_orders() {
 
 OrderAnswer WorldLoop::dismiss(const std::string& number) {
   constexpr double kFarewell_s = 0.5;
-  if (scene.settings.mode == Mode::lockstep)
-    return {OrderState::refused, "in lock-step every user takes part to the end; use --mode realtime"};
   std::size_t user = user_count();
   std::from_chars(number.data(), number.data() + number.size(), user);
   if (user >= user_count())
     return {OrderState::refused, fmt::format("there is no user {}; the run has {}", number, user_count())};
   if (world.user_facts(user).absent) return {OrderState::refused, fmt::format("user {} is absent already", user)};
-  farewells_[user] = static_cast<int>(std::ceil(kFarewell_s / scene.settings.shortest_cycle_s()));
+  // In lock-step no message gets lost.
+  const bool lockstep = scene.settings.mode == Mode::lockstep;
+  farewells_[user] = lockstep ? 1 : static_cast<int>(std::ceil(kFarewell_s / scene.settings.shortest_cycle_s()));
   return {OrderState::done, fmt::format("user {} leaves at t = {:.3f} s", user, world.facts().time_s)};
 }
 
+void WorldLoop::publish_frame(std::size_t user, bool last, double start_in_s, double real_time_factor) {
+  const UserFacts facts = world.user_facts(user);
+  if (!last && !facts.waits_for_frame) return;
+  WorldFrame& frame = world.frame(user);
+  frame.newest_stamp = facts.newest_stamp;
+  frame.session = ports.session;
+  frame.served = ports.served[user];
+  frame.last = last || dismisses(user);
+  if (dismisses(user)) --farewells_[user];
+  frame.start_in_s = start_in_s;
+  frame.real_time_factor = real_time_factor;
+  ports.frames[user].write(frame);
+}
+
 void WorldLoop::publish_frames(bool last, double start_in_s, double real_time_factor) {
+  for (std::size_t u = 0; u < user_count(); ++u) publish_frame(u, last, start_in_s, real_time_factor);
+}
+
+std::string WorldLoop::absent_at_end() const {
+  std::vector<std::string> texts;
   for (std::size_t u = 0; u < user_count(); ++u) {
-    const UserFacts facts = world.user_facts(u);
-    if (!last && !facts.waits_for_frame) continue;
-    WorldFrame& frame = world.frame(u);
-    frame.newest_stamp = facts.newest_stamp;
-    frame.session = ports.session;
-    frame.served = facts.absent ? 0 : ports.served[u];
-    frame.last = last || dismisses(u);
-    if (dismisses(u)) --farewells_[u];
-    frame.start_in_s = start_in_s;
-    frame.real_time_factor = real_time_factor;
-    ports.frames[u].write(frame);
+    if (!world.user_facts(u).absent || measures.has_left(u)) continue;
+    const std::string why = ports.status.gone_text(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u));
+    texts.push_back(fmt::format("{}; user {} is absent from t = {:.3f} s on", why, u, measures.absent_from_s(u)));
   }
+  return fmt::format("{}", fmt::join(texts, "; "));
 }
 
 void WorldLoop::end_cycle() {

@@ -21,8 +21,9 @@ struct WorldRun {
   const std::vector<bool>& awaited;  ///< by user: the run does not begin without this user
 };
 
-/// By user, whether the run waits for this user at its start: not for those of --without, nor for those who were absent
-/// when the world that is resumed ended. Where that leaves none, it waits for all who have not left by order.
+/// By user, whether the run waits for this user at its start: not for those of --without or who join later as planned,
+/// nor for those who were absent when the world that is resumed ended. Where that leaves none, it waits for all who
+/// have not left by order.
 [[nodiscard]] std::vector<bool> awaited_users(const Options& options, const Scene& scene,
                                               const std::vector<Absence>& absences);
 
@@ -54,6 +55,9 @@ class WorldLoop : protected WorldRun {
   [[nodiscard]] bool dismisses(std::size_t user) const noexcept { return farewells_[user] > 0; }
   /// Publishes each user's frame; the last one in any case. `start_in_s`: see WorldFrame.
   void publish_frames(bool last, double start_in_s, double real_time_factor);
+  void publish_frame(std::size_t user, bool last, double start_in_s, double real_time_factor);
+  /// Who is absent at the end without an order, and why.
+  [[nodiscard]] std::string absent_at_end() const;
   /// Closes a cycle's stages. Throws `Error` (failed) where a body's state is not finite.
   void end_cycle();
   /// The last frames and reports: writes the last states, and waits for readers.

@@ -104,6 +104,7 @@ WorldPart WorldMeasures::result(const World& world, double settle_s) {
                            .lost_reports = lost_reports_,
                            .refused_reports = refused_reports_,
                            .absences = absences_,
+                           .presence = presence_,
                            .engine_changes = engine_changes_,
                            .settle_wall_s = settle_s,
                            .body_history = bodies_.result()}};

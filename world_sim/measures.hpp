@@ -47,6 +47,8 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
   [[nodiscard]] bool is_absent(std::size_t user) const noexcept;
   void returns(std::size_t user, double at_s) noexcept;
   [[nodiscard]] double absent_from_s(std::size_t user) const noexcept;
+  /// Who has joined and left, in lock-step.
+  void took_part(const std::vector<PresenceEvent>& events) { presence_ = to_text(events); }
   void lost_report() noexcept { ++lost_reports_; }
   void refused_report() noexcept { ++refused_reports_; }
 
@@ -71,6 +73,7 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
   double slowed_s_ = 0.0, stuck_s_ = 0.0;    ///< wall time with a real-time factor below 1, and below its floor
   std::vector<EngineChange> engine_changes_;
   std::vector<Absence> absences_;
+  std::string presence_;
 };
 
 }  // namespace subworld

@@ -238,17 +238,6 @@ class RealtimeLoop : WorldLoop {
   [[nodiscard]] bool all_gone() const {
     return std::ranges::all_of(users_, [](const User& user) { return user.peer.gone(); });
   }
-  /// Who is absent at the end, and why.
-  [[nodiscard]] std::string absent_at_end() const {
-    std::vector<std::string> texts;
-    for (std::size_t u = 0; u < users_.size(); ++u) {
-      if (!world.user_facts(u).absent || measures.has_left(u)) continue;
-      const std::string why = ports.status.gone_text(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u));
-      texts.push_back(fmt::format("{}; user {} is absent from t = {:.3f} s on", why, u, measures.absent_from_s(u)));
-    }
-    return fmt::format("{}", fmt::join(texts, "; "));
-  }
-
   /// A period of a paused world: the haptic processes hold their sub-worlds still meanwhile.
   void stand(PacedLoop<WorldStage>& loop, double cycle_s) {
     publish_frames(false, cycle_s, 0.0);

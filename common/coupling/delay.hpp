@@ -39,9 +39,12 @@ class Journey {
 template <class M>
 class DelayLine {
  public:
-  DelayLine(const Settings& settings, Direction direction, std::uint32_t user)
+  /// `first`: the step of the first message.
+  DelayLine(const Settings& settings, Direction direction, std::uint32_t user, std::uint64_t first = 0)
       : journey_(settings, user),
         direction_(direction),
+        first_(first),
+        newest_(first),
         sent_(static_cast<std::size_t>(journey_.longest_s(direction) / settings.h_s) + 2) {}
 
   /// Sends the message of this step, which counts up from 0, and returns the one that counts now.
@@ -54,15 +57,16 @@ class DelayLine {
       arrived_ = sent_[number % sent_.size()];
       return arrived_;
     }
-    if (step == 0) arrived_ = message;
+    if (step == first_) arrived_ = message;
     return arrived_;
   }
 
  private:
   Journey journey_;
   Direction direction_;
+  std::uint64_t first_;
+  std::uint64_t newest_;
   std::vector<M> sent_;  ///< by step
-  std::uint64_t newest_ = 0;
   M arrived_;
 };
 

@@ -96,6 +96,19 @@ void add_run_options(CommandLine& line, Options& o) {
       "lockstep: the processes advance together, independent of wall time; realtime: absolute deadlines")
       .one_of({"lockstep", "realtime"})
       .otherwise(scenes);
+  add("--absent", &o.absent,
+      "lock-step: what the run does when the programs of a user fall silent: it ends, waits until they have been "
+      "started again, or continues without the user; in real time it always continues")
+      .one_of({"end", "wait", "continue"})
+      .otherwise(scenes + ", else end");
+  add("--presence", &o.presence,
+      "when users take part, in simulated time, as in \"1 joins 3, 2 leaves 5\"; summary.json has that of a run in "
+      "lock-step, which repeats bit by bit with it")
+      .check([](const std::string& text) {
+        std::vector<PresenceEvent> events;
+        return parse_presence(text, events);
+      })
+      .otherwise(scenes + ", else all users from start to end");
   add("--duration", &o.duration_s, "simulated time").range(0.001, 1e6, "s").otherwise(scenes);
   add("--users", &o.users, "number of the scene's users that take part, the first ones")
       .range(1, kMostUsers)
@@ -258,6 +271,11 @@ Scene load_scene(const Options& o) {
   Scene scene = load_scene(scene_file(o.scene));
   Settings& s = scene.settings;
   if (o.mode) s.mode = *o.mode == "realtime" ? Mode::realtime : Mode::lockstep;
+  if (o.absent) s.absent = *o.absent == "wait" ? Absent::wait : *o.absent == "continue" ? Absent::go_on : Absent::end;
+  if (o.presence) {
+    s.presence.clear();
+    (void)parse_presence(*o.presence, s.presence);
+  }
   override_with(s.scheme, o.scheme);
   // A scene's longest sub-step is meant for the engine and preset that it names.
   if (o.engine || o.preset) s.world.longest_substep_s.reset();
@@ -293,6 +311,15 @@ Scene load_scene(const Options& o) {
                             o.scene, declared, declared == 1 ? "" : "s"));
   }
   keep_users(scene, s.users);
+  if (const std::string fault = presence_fault(s.presence, s.users); !fault.empty())
+    throw Error(ExitCode::usage,
+                fmt::format("{}: {}", o.presence ? "--presence" : o.scene + ": settings.presence", fault));
+  if (s.mode == Mode::realtime && !s.presence.empty()) {
+    throw Error(ExitCode::usage,
+                fmt::format("{}: planned presence acts in lock-step only; in real time use --without and `subworld "
+                            "control leave`, or run with --mode lockstep",
+                            o.presence ? "--presence" : o.scene + ": settings.presence"));
+  }
   if (o.budget_ratio) {
     for (UserSpec& user : scene.users) {
       user.selection = Selection::budget;

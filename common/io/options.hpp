@@ -19,6 +19,8 @@ struct Options {
   std::string scene;
   Network network;
   std::optional<std::string> mode;
+  std::optional<std::string> absent;    ///< end, wait or continue
+  std::optional<std::string> presence;  ///< parse_presence() reads it
   std::optional<std::string> scheme;
   std::optional<double> latency_s;
   std::optional<double> jitter_s;

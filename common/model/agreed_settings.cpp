@@ -61,6 +61,7 @@ class Hasher {
 };
 
 constexpr std::array kModes{"lockstep", "realtime"};
+constexpr std::array kAbsent{"end", "wait", "continue"};
 constexpr std::array kPassivities{"automatic", "on", "off"};
 constexpr std::array kSelections{"box", "contacts", "budget"};
 constexpr std::array kDevices{"impedance", "admittance"};
@@ -68,6 +69,7 @@ constexpr std::array kSegments{"move", "turn", "circle", "wave"};
 constexpr std::array kShapes{"sphere", "box", "capsule", "cylinder", "plane", "convex", "mesh"};
 
 const char* word(Mode mode) { return kModes[static_cast<std::size_t>(mode)]; }
+const char* word(Absent absent) { return kAbsent[static_cast<std::size_t>(absent)]; }
 const char* word(Passivity passivity) { return kPassivities[static_cast<std::size_t>(passivity)]; }
 const char* word(Selection selection) { return kSelections[static_cast<std::size_t>(selection)]; }
 const char* word(DeviceKind kind) { return kDevices[static_cast<std::size_t>(kind)]; }
@@ -182,6 +184,8 @@ class Lister {
     put(at + ".settle.step_s", s.settle_step_s);
     put(at + ".users", s.users);
     put(at + ".mode", s.mode);
+    put(at + ".absent", s.absent);
+    put(at + ".presence", to_text(s.presence));
     put(at + ".scheme", s.scheme);
     put(at + ".paper.device_force_in_world", s.paper.device_force_in_world);
     put(at + ".paper.device_impulse_threshold_n_s", s.paper.device_impulse_threshold_n_s);

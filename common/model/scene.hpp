@@ -2,6 +2,7 @@
 
 #include "model/body.hpp"
 #include "model/optimisation.hpp"
+#include "model/presence.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -164,6 +165,10 @@ struct RatioBounds {
 
 enum class Mode : std::uint8_t { lockstep, realtime };
 
+/// What a run in lock-step does when a user's programs do not answer any more: it ends, stands until they have been
+/// started again, or goes on without the user. In real time it always goes on.
+enum class Absent : std::uint8_t { end, wait, go_on };
+
 /// Users of a scene: the programs exchange sets of users as 64 bits.
 inline constexpr int kMostUsers = 64;
 
@@ -176,6 +181,8 @@ struct Settings {
   double settle_step_s = 0.004;
   int users = 0;  ///< users of the scene that take part; 0: all
   Mode mode = Mode::lockstep;
+  Absent absent = Absent::end;
+  std::vector<PresenceEvent> presence;  ///< empty: all users take part from start to end
   std::string scheme = "reduced";
   PaperSettings paper;
   DelaySettings delay;

@@ -12,8 +12,8 @@ namespace {
 constexpr Limits kDuration{.least = 0.0, .most = 1e6, .above = true};  // s
 constexpr Limits kDelay{.least = 0.0, .most = 1.0};                    // s
 const std::initializer_list<std::string_view> kSettingsKeys = {
-    "h_s",          "ratio", "duration_s", "settle",    "users",    "mode",  "scheme",
-    "gravity_m_s2", "paper", "delay",      "passivity", "deadband", "world", "haptic"};
+    "h_s",   "ratio", "duration_s", "settle",   "users", "mode",   "scheme", "gravity_m_s2",
+    "paper", "delay", "passivity",  "deadband", "world", "haptic", "absent", "presence"};
 const std::initializer_list<std::string_view> kPresets = {"fast", "quality"};
 
 /// The engine's name is checked when the engine is made: this room knows no engines.
@@ -74,6 +74,13 @@ void read_settings(const YamlValue& value, Settings& settings) {
   }
   map.read("users", settings.users, 0, 64);
   if (const auto mode = map.find("mode")) settings.mode = static_cast<Mode>(mode->choice({"lockstep", "realtime"}));
+  if (const auto absent = map.find("absent"))
+    settings.absent = static_cast<Absent>(absent->choice({"end", "wait", "continue"}));
+  if (const auto presence = map.find("presence")) {
+    for (const YamlValue& item : presence->items()) {
+      if (const std::string fault = parse_presence(item.text(), settings.presence); !fault.empty()) item.fail(fault);
+    }
+  }
   if (const auto scheme = map.find("scheme")) settings.scheme = scheme->name();  // the coupling checks it
   if (const auto paper = map.find("paper")) {
     const YamlMap own(*paper, {"device_force_in_world", "device_impulse_threshold_n_s"});

@@ -36,16 +36,16 @@ std::string unsent_text(const char* topic, const Reader<M>& reader, const Status
 
 /// Waits in lock-step for the next sample that is `ours`; drops others. Marks the loop's stages `wake`, until the
 /// sample is received, and `decode`. Returns false when `stopped` returns true. Reports on `status` after a wait of 2
-/// s. Throws `Error` (failed) that names the peer when, for 5 s, the peer was not alive, or its samples belonged to
-/// another run or to a restarted program; 0.7 s are enough after its own word that it ends. The time is this process's
-/// own, so that a suspended machine is not mistaken for a dead peer; on a busy one the middleware's threads of a living
-/// peer may be silent for seconds.
-template <class M, class Stages, class Ours, class Stopped>
+/// s. Calls `on_loss(text)`, and then returns false, when, for 5 s, the peer was not alive, or its samples belonged to
+/// another run or to a restarted program; 0.7 s are enough after its own word that it ends, 2 s where another process
+/// has begun in its place. The time is this process's own, so that a suspended machine is not mistaken for a dead peer;
+/// on a busy one the middleware's threads of a living peer may be silent for seconds.
+template <class M, class Stages, class Ours, class Stopped, class OnLoss>
 bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages& stages, const Peer& peer, Ours ours,
-           Stopped stopped) {
+           Stopped stopped, OnLoss on_loss) {
   using namespace std::chrono_literals;
   using WallClock = std::chrono::steady_clock;
-  constexpr auto kPatience = 5000ms, kCertain = 700ms;
+  constexpr auto kPatience = 5000ms, kReplaced = 2000ms, kCertain = 700ms;
   WallClock::duration waited{}, absent{};
   bool foreign = false, said = false;
   const std::uint64_t refused = reader.refused();
@@ -60,9 +60,11 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
     }
     foreign |= reader.refused() > refused;
     if (stopped()) return false;
-    if (absent > kPatience || (absent > kCertain && status.has_ended(peer.program, peer.instance))) {
-      throw Error(ExitCode::failed, foreign ? replaced_text(peer.program, peer.instance)
-                                            : status.gone_text(peer.program, peer.instance) + kEndsWithoutIt);
+    const bool replaced = status.is_replaced(peer.program, peer.instance);
+    if (absent > kPatience || (absent > kReplaced && replaced) ||
+        (absent > kCertain && status.has_ended(peer.program, peer.instance))) {
+      on_loss(foreign ? replaced_text(peer.program, peer.instance) : status.gone_text(peer.program, peer.instance));
+      return false;
     }
     if (waited > 2s && !said) {
       const std::string label = label_of(peer.program, peer.instance);
@@ -74,8 +76,16 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
     const auto step = std::min<WallClock::duration>(now - last, 100ms);
     last = now;
     waited += step;
-    absent = !foreign && alive(reader, status, peer) ? WallClock::duration{} : absent + step;
+    absent = !foreign && !replaced && alive(reader, status, peer) ? WallClock::duration{} : absent + step;
   }
+}
+
+/// The same for a peer without which the run ends: throws `Error` (failed) that names it.
+template <class M, class Stages, class Ours, class Stopped>
+bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages& stages, const Peer& peer, Ours ours,
+           Stopped stopped) {
+  return await(bus, status, reader, sample, stages, peer, ours, stopped,
+               [](const std::string& text) { throw Error(ExitCode::failed, text + kEndsWithoutIt); });
 }
 
 }  // namespace subworld

@@ -131,6 +131,18 @@ bool StatusBeacon::has_ended(ProgramKind program, std::uint32_t instance) const 
   return heard != heard_of_.end() && (heard->second.stopped || !heard->second.last_words.empty());
 }
 
+bool StatusBeacon::is_replaced(ProgramKind program, std::uint32_t instance) const {
+  const std::lock_guard lock(words_mutex_);
+  const auto heard = heard_of_.find(static_cast<std::size_t>(program) * kInstances + instance);
+  return heard != heard_of_.end() && heard->second.another;
+}
+
+bool StatusBeacon::runs(ProgramKind program, std::uint32_t instance) const {
+  const std::lock_guard lock(words_mutex_);
+  const auto heard = heard_of_.find(static_cast<std::size_t>(program) * kInstances + instance);
+  return heard != heard_of_.end() && heard->second.ran && !heard->second.stopped && heard->second.last_words.empty();
+}
+
 std::string StatusBeacon::gone_text(ProgramKind program, std::uint32_t instance) const {
   const std::string label = label_of(program, instance);
   const std::string why = last_words(program, instance);

@@ -74,6 +74,10 @@ class StatusBeacon {
   [[nodiscard]] std::string last_words(ProgramKind program, std::uint32_t instance) const;
   /// Whether that program has ended by its own word: in order, or with last words.
   [[nodiscard]] bool has_ended(ProgramKind program, std::uint32_t instance) const;
+  /// Whether another process of that program and instance has begun since, which does not take part yet.
+  [[nodiscard]] bool is_replaced(ProgramKind program, std::uint32_t instance) const;
+  /// Whether a process of that program and instance takes part in a run.
+  [[nodiscard]] bool runs(ProgramKind program, std::uint32_t instance) const;
   /// Error text for a peer without a sign of life: what it said itself, or that it was stopped, or else "haptic_sim 0
   /// has died, is suspended".
   [[nodiscard]] std::string gone_text(ProgramKind program, std::uint32_t instance) const;

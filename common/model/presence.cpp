@@ -1,0 +1,113 @@
+#include "model/presence.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <sstream>
+#include <utility>
+
+namespace subworld {
+
+namespace {
+
+using Kind = PresenceEvent::Kind;
+
+constexpr const char* kEventForms = "\"1 joins 3\", \"1 leaves 5\" (user, s) or \"0 misses 1 from 4.2 to 4.9\"";
+
+std::optional<PresenceEvent> parse_event(const std::string& text) {
+  std::istringstream words(text);
+  PresenceEvent event;
+  std::string verb, from, to;
+  if (!(words >> event.user >> verb)) return {};
+  if (verb == "misses") {
+    event.kind = Kind::misses;
+    if (!(words >> event.peer >> from >> event.at_s) || from != "from") return {};
+    if (words >> to && (to != "to" || !(words >> event.to_s))) return {};
+  } else {
+    if (verb != "joins" && verb != "leaves") return {};
+    event.kind = verb == "joins" ? Kind::joins : Kind::leaves;
+    if (!(words >> event.at_s)) return {};
+  }
+  std::string rest;
+  if (words >> rest) return {};
+  const bool possible = event.user >= 0 && event.peer >= 0 && event.at_s >= 0.0 && event.to_s > event.at_s;
+  return possible ? std::optional(event) : std::nullopt;
+}
+
+std::string to_text(const PresenceEvent& event) {
+  if (event.kind == Kind::joins) return fmt::format("{} joins {}", event.user, event.at_s);
+  if (event.kind == Kind::leaves) return fmt::format("{} leaves {}", event.user, event.at_s);
+  const std::string to = std::isfinite(event.to_s) ? fmt::format(" to {}", event.to_s) : "";
+  return fmt::format("{} misses {} from {}{}", event.user, event.peer, event.at_s, to);
+}
+
+}  // namespace
+
+std::string parse_presence(std::string_view text, std::vector<PresenceEvent>& events) {
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t end = std::min(text.find(',', at), text.size());
+    const std::string one(text.substr(at, end - at));
+    const auto event = parse_event(one);
+    if (!event) return fmt::format("\"{}\" is no event; write {}, with commas between them", one, kEventForms);
+    events.push_back(*event);
+    at = end + 1;
+  }
+  return {};
+}
+
+std::string to_text(const std::vector<PresenceEvent>& events) {
+  std::vector<std::string> texts;
+  for (const PresenceEvent& event : events) texts.push_back(to_text(event));
+  return fmt::format("{}", fmt::join(texts, ", "));
+}
+
+std::string presence_fault(const std::vector<PresenceEvent>& events, int users) {
+  for (int user = 0; user < users; ++user) {
+    const PresenceEvent* before = nullptr;
+    for (const PresenceEvent& event : events) {
+      if (event.kind == Kind::misses || event.user != user) continue;
+      if (before != nullptr && (before->kind == event.kind || !(event.at_s > before->at_s)))
+        return fmt::format("\"{}\" cannot follow \"{}\"; a user joins and leaves in turn, each time later",
+                           to_text(event), to_text(*before));
+      before = &event;
+    }
+  }
+  for (const PresenceEvent& event : events) {
+    const int most = std::max(event.user, event.peer);
+    if (most >= users) return fmt::format("\"{}\": there is no user {}; the run has {}", to_text(event), most, users);
+  }
+  return {};
+}
+
+bool takes_part(const std::vector<PresenceEvent>& events, int user, double time_s) noexcept {
+  bool first = true, present = true;
+  for (const PresenceEvent& event : events) {
+    if (event.user != user || event.kind == Kind::misses) continue;
+    if (std::exchange(first, false)) present = event.kind == Kind::leaves;
+    if (event.at_s <= time_s) present = event.kind == Kind::joins;
+  }
+  return present;
+}
+
+bool misses(const std::vector<PresenceEvent>& events, int user, int peer, double time_s) noexcept {
+  return std::ranges::any_of(events, [&](const PresenceEvent& event) {
+    return event.kind == Kind::misses && event.user == user && event.peer == peer && event.at_s <= time_s &&
+           time_s < event.to_s;
+  });
+}
+
+int returns(const std::vector<PresenceEvent>& events, int user) noexcept {
+  bool left = false;
+  int count = 0;
+  for (const PresenceEvent& event : events) {
+    if (event.user != user || event.kind == Kind::misses) continue;
+    count += left && event.kind == Kind::joins ? 1 : 0;
+    left = event.kind == Kind::leaves;
+  }
+  return count;
+}
+
+}  // namespace subworld

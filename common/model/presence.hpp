@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace subworld {
+
+/// When users take part in a run, in simulated time: planned by a scene, or recorded from a run in lock-step, which
+/// repeats bit by bit with its record.
+struct PresenceEvent {
+  enum class Kind : std::uint8_t {
+    joins,
+    leaves,
+    misses,  ///< the sub-world of `user` does not have the states of the device of `peer` from `at_s` to `to_s`
+  };
+  Kind kind = Kind::joins;
+  int user = 0;
+  double at_s = 0.0;
+  int peer = 0;
+  double to_s = std::numeric_limits<double>::infinity();
+};
+
+/// As in "1 joins 3, 2 leaves 5, 0 misses 1 from 4.2 to 4.9". Appends to `events`; returns what is wrong, with the
+/// cure, or nothing.
+[[nodiscard]] std::string parse_presence(std::string_view text, std::vector<PresenceEvent>& events);
+[[nodiscard]] std::string to_text(const std::vector<PresenceEvent>& events);
+/// What is wrong with the events of a scene with so many users, with the cure; empty: nothing.
+[[nodiscard]] std::string presence_fault(const std::vector<PresenceEvent>& events, int users);
+
+/// Whether a user takes part at a time. One that joins first is absent before.
+[[nodiscard]] bool takes_part(const std::vector<PresenceEvent>& events, int user, double time_s) noexcept;
+/// Whether the sub-world of a user misses the states of another one's device at a time.
+[[nodiscard]] bool misses(const std::vector<PresenceEvent>& events, int user, int peer, double time_s) noexcept;
+/// How often a user joins after having left.
+[[nodiscard]] int returns(const std::vector<PresenceEvent>& events, int user) noexcept;
+
+}  // namespace subworld
