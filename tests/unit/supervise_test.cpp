@@ -16,8 +16,9 @@ namespace {
 class Restarts : public ::testing::Test {
  protected:
   /// A program that writes a line when it starts; then `commands`. Its results are in `part()` where it has any.
-  void start(const std::string& label, const std::string& commands) {
-    programs_.start({.label = label, .log = file(label + ".log"), .part = part(label)}, "/bin/sh",
+  void start(const std::string& label, const std::string& commands, const std::string& logs = "") {
+    std::filesystem::create_directories(file(logs));
+    programs_.start({.label = label, .log = file(logs + label + ".log"), .part = part(label)}, "/bin/sh",
                     {"-c", "echo x >> " + file(label + ".starts") + "; " + commands});
   }
   std::optional<Supervisor::Failure> watch() {
@@ -53,6 +54,34 @@ TEST_F(Restarts, AWorldAtItsEndIsNotStartedAgain) {
   EXPECT_EQ(failed->reason, "killed by SIGKILL");
   EXPECT_EQ(starts("world_sim"), 1);
   EXPECT_TRUE(programs_.restarts().empty());
+}
+
+// Its results could not be written, or are on another host.
+TEST_F(Restarts, AWorldThatHasSaidThatTheRunIsOverIsNotStartedAgain) {
+  start("world_sim", "echo world_sim: the run is over at t = 4.000 s; exit 1");
+  start("device_sim_0", "sleep 0.3; exit 1");
+  EXPECT_TRUE(watch());
+  EXPECT_EQ(starts("world_sim"), 1);
+  EXPECT_EQ(starts("device_sim_0"), 1);
+}
+
+TEST_F(Restarts, TheFolderOfTheLogIsMadeAnew) {
+  start("world_sim",
+        "if [ -e " + file("once") + " ]; then exit 0; fi; touch " + file("once") + "; rm " +
+            file("logs/world_sim.log") + "; rmdir " + file("logs") + "; " + kDies,
+        "logs/");
+  EXPECT_FALSE(watch());
+  EXPECT_EQ(starts("world_sim"), 2);
+}
+
+TEST_F(Restarts, OneThatCannotBeStartedAgainIsAFailureWithItsCause) {
+  start("world_sim",
+        "rm " + file("logs/world_sim.log") + "; rmdir " + file("logs") + "; touch " + file("logs") + "; " + kDies,
+        "logs/");
+  const auto failed = watch();
+  ASSERT_TRUE(failed);
+  EXPECT_TRUE(failed->reason.starts_with("killed by SIGKILL, and cannot be started again: ")) << failed->reason;
+  EXPECT_NE(failed->reason.find("Not a directory"), std::string::npos) << failed->reason;
 }
 
 TEST_F(Restarts, AProgramThatDiesAfterTheWorldHasEndedIsNotStartedAgain) {
