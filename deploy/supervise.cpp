@@ -18,6 +18,8 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <thread>
 
 namespace subworld {
@@ -59,6 +61,16 @@ double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration
   _exit(127);
 }
 
+/// Whether a world is at the end of its run: it has written its results here, or its log says so. The log of one on
+/// another host is here too, and says so also where the results cannot be written.
+bool is_over(const Supervisor::Child& world) {
+  if (std::filesystem::exists(world.part)) return true;
+  std::ifstream log(world.log);
+  log.seekg(world.log_begin);
+  const std::string text((std::istreambuf_iterator<char>(log)), std::istreambuf_iterator<char>());
+  return text.find(kRunIsOver) != std::string::npos;
+}
+
 }  // namespace
 
 Supervisor::~Supervisor() { stop(); }
@@ -73,11 +85,17 @@ void Supervisor::start(Child child, const std::string& program, const std::vecto
 }
 
 void Supervisor::launch(Child& child, int flags) {
-  const int file = open(child.log.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | flags, 0644);
+  const auto open_log = [&] { return open(child.log.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | flags, 0644); };
+  int file = open_log();
+  if (file < 0 && errno == ENOENT) {  // the folder was removed
+    make_folder(std::filesystem::path(child.log).parent_path());
+    file = open_log();
+  }
   if (file < 0) {
     throw Error(ExitCode::failed,
                 fmt::format("{}: {}; choose another folder with --out", child.log, std::strerror(errno)));
   }
+  child.log_begin = lseek(file, 0, SEEK_END);
   const pid_t parent = getpid();
   child.started_at = Clock::now();
   child.pid = fork();
@@ -94,10 +112,9 @@ std::string Supervisor::restart_reason(const Child& child,
   const Child& first = children_.front();
   const bool has_world = first.label == "world_sim", world = has_world && &child == &first;
   if (has_world && !world && first.pid < 0 && first.starts_at == Clock::time_point{}) return {};
+  if (has_world && is_over(first)) return {};
   if (child.returns > 0 && child.status == 0) return kReturns;
   if (restart_ == Restart::never || child.restarts >= kMostRestarts) return {};
-  // A world that has written its results is at its end.
-  if (world && std::filesystem::exists(child.part)) return {};
   // On a host without the world it may have given up because the run is over.
   if (!has_world && !WIFSIGNALED(child.status)) return {};
   const int code = exit_code_of(child);
@@ -107,7 +124,7 @@ std::string Supervisor::restart_reason(const Child& child,
   return restart_ == Restart::always ? early(child) : std::string();
 }
 
-void Supervisor::revive(const std::function<std::string(const Child&)>& early) {
+std::optional<Supervisor::Failure> Supervisor::revive(const std::function<std::string(const Child&)>& early) {
   for (Child& child : children_) {
     const bool halted = child.pid > 0 && child.essential && child.halted_s > to_seconds(kHalted);
     if (halted && restart_ != Restart::never) kill(child.pid, SIGKILL);
@@ -121,15 +138,20 @@ void Supervisor::revive(const std::function<std::string(const Child&)>& early) {
       fmt::print(stderr, "subworld: {} {}; it is started again\n", child.name(), reason);
     } else if (Clock::now() >= child.starts_at) {
       child.starts_at = {};
+      if (child.arguments_again) child.arguments = child.arguments_again();
+      try {
+        launch(child, O_APPEND);
+      } catch (const Error& wrong) {
+        return Failure{child, fmt::format("{}, and cannot be started again: {}", end_of(child), wrong.what())};
+      }
       child.status = 0;
       child.halted = child.judged = false;
       child.halted_s = 0.0;
       ++child.restarts;
       child.returns = std::max(0, child.returns - 1);
-      if (child.arguments_again) child.arguments = child.arguments_again();
-      launch(child, O_APPEND);
     }
   }
+  return std::nullopt;
 }
 
 void Supervisor::reap() {
@@ -181,7 +203,7 @@ std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>
   watched_from_ = Clock::now();
   while (stop_signal() == 0) {
     reap();
-    revive(early);
+    if (auto failed = revive(early)) return failed;
     if (auto failed = failure(early)) return failed;
     if (!any_running(false)) break;
     const bool only_halted = std::ranges::all_of(

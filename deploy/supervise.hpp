@@ -35,8 +35,9 @@ class Supervisor {
     std::vector<std::string> arguments = {};
     std::function<std::vector<std::string>()> arguments_again = {};  ///< of a restart; empty: the same
     std::function<bool()> enter = {};
-    int returns = 0;   ///< that are planned, after it has ended in order
-    int restarts = 0;  ///< in a row
+    int returns = 0;      ///< that are planned, after it has ended in order
+    off_t log_begin = 0;  ///< where the output of this process begins in `log`
+    int restarts = 0;     ///< in a row
     std::chrono::steady_clock::time_point started_at = {};
     std::chrono::steady_clock::time_point starts_at = {};  ///< while it waits to be started again
 
@@ -76,7 +77,8 @@ class Supervisor {
   void launch(Child& child, int flags);
   void reap();
   /// Starts again what is to be started again, each time after a longer pause, and at most kMostRestarts times.
-  void revive(const std::function<std::string(const Child&)>& early);
+  /// Returns one that cannot be.
+  std::optional<Failure> revive(const std::function<std::string(const Child&)>& early);
   /// Why an ended program is to be started again; empty: it is not.
   [[nodiscard]] std::string restart_reason(const Child& child,
                                            const std::function<std::string(const Child&)>& early) const;

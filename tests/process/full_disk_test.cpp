@@ -53,6 +53,23 @@ TEST_F(SmallDisk, TheFolderOfARunThatIsRemovedIsNamedAndTheSummaryWritten) {
   EXPECT_GT(summary()["haptic"][0]["steps"], 0);
 }
 
+// The world measures to its end and cannot write the results: it is not started again.
+TEST_F(SmallDisk, AFolderThatBecomesReadOnlyIsNamedAndTheRunGoesOnOnce) {
+  const std::string results = out() + "/results";
+  const std::string freeze = "(until [ -e " + results + "/world_1.checkpoint ]; do sleep 0.05; done; mount --bind " +
+                             results + " " + results + "; mount -o remount,bind,ro " + results + ") &";
+  const Ended ended = on_small_disk(
+      freeze + " :", words({"--mode", "realtime", "--duration", "3", "--checkpoint", "0.2", "--restart", "on-failure"}),
+      "cat " + results + "/logs/world_sim.log");
+  if (ended.code == 77) GTEST_SKIP() << "needs the rights of root";
+  EXPECT_EQ(ended.code, 1) << ended.err;
+  EXPECT_NE(ended.out.find("verdict: failed: "), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find(".json: Read-only file system"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("the checkpoint cannot be written: "), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("the run is over at t = 3.000 s"), std::string::npos) << "the run did not go on";
+  EXPECT_EQ(ended.err.find("world_sim exited with 1; it is started again"), std::string::npos) << ended.err;
+}
+
 // The mount covers the folder for a second: files that are open already are written.
 TEST_F(SmallDisk, AFolderThatIsReadOnlyForAWhileCostsCheckpointsAndTheVerdictNamesTheCause) {
   std::string command;
