@@ -96,14 +96,16 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     // A world that is started again goes on from its own newest checkpoint, as soon as there is one.
     const auto again = [flags, options] { return resumed(flags, options.out, options.resume); };
     if (program == "world_sim" && !options.resume.empty()) flags.insert(flags.end(), {"--resume", options.resume});
-    programs.start({.label = label,
-                    .log = fmt::format("{}/logs/{}.log", options.out, label),
-                    .messages = messages.place_of(place_of_messages(program, user)),
-                    .part = part,
-                    .essential = essential,
-                    .arguments_again = program == "world_sim" ? std::function(again) : nullptr,
-                    .returns = user < 0 ? 0 : returns(settings.presence, user)},
-                   folder + "/" + program, flags);
+    programs.start(
+        {.label = label,
+         .log = fmt::format("{}/logs/{}.log", options.out, label),
+         .messages = messages.place_of(place_of_messages(program, user)),
+         .part = part,
+         .essential = essential,
+         .arguments_again = program == "world_sim" ? std::function(again) : nullptr,
+         .may_restart = user >= 0 || settings.mode == Mode::realtime,  // a world in lock-step begins at t = 0
+         .returns = user < 0 ? 0 : returns(settings.presence, user)},
+        folder + "/" + program, flags);
   };
   start("world_sim", -1, true);
   const int users = settings.users;

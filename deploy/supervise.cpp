@@ -114,7 +114,7 @@ std::string Supervisor::restart_reason(const Child& child,
   if (has_world && !world && first.pid < 0 && first.starts_at == Clock::time_point{}) return {};
   if (has_world && is_over(first)) return {};
   if (child.returns > 0 && child.status == 0) return kReturns;
-  if (restart_ == Restart::never || child.restarts >= kMostRestarts) return {};
+  if (restart_ == Restart::never || !child.may_restart || child.restarts >= kMostRestarts) return {};
   // On a host without the world it may have given up because the run is over.
   if (!has_world && !WIFSIGNALED(child.status)) return {};
   const int code = exit_code_of(child);

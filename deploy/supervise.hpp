@@ -35,6 +35,7 @@ class Supervisor {
     std::vector<std::string> arguments = {};
     std::function<std::vector<std::string>()> arguments_again = {};  ///< of a restart; empty: the same
     std::function<bool()> enter = {};
+    bool may_restart = true;
     int returns = 0;      ///< that are planned, after it has ended in order
     off_t log_begin = 0;  ///< where the output of this process begins in `log`
     int restarts = 0;     ///< in a row

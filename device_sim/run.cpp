@@ -97,6 +97,7 @@ Ending run_lockstep(const DeviceRun& run) {
   DeviceCommand command;
   Deadband<DeviceState> deadband(scene.settings.deadband_in_use(), scene.users[static_cast<std::size_t>(options.user)]);
   Wrench felt;
+  bool waits_for_first = true;
   const auto stopped = [] { return stop_signal() != 0; };
   Stages<DeviceStage>& stages = measures.stages();
   stages.begin();
@@ -110,7 +111,15 @@ Ending run_lockstep(const DeviceRun& run) {
       return came.session == session && came.served == ports.identity && (came.last || came.sequence == state.sequence);
     };
     ending.to_s = state.stamp_s;
-    if (!await(*ports.bus, ports.status, ports.commands, command, stages, run.haptic_sim(), ours, stopped)) {
+    // The first answer comes when the world has let the user take part, perhaps of a haptic process that is yet to
+    // come.
+    const Wanted answer{fmt::format("answer of haptic_sim {}", options.user),
+                        fmt::format("haptic_sim --user {}", options.user)};
+    const auto answered = [&] { return ports.commands.take(command) == Take::sample && ours(command); };
+    const auto comes = [&] { return ports.status.hears(ProgramKind::haptic_sim, state.device); };
+    const bool first = std::exchange(waits_for_first, false);
+    if (first ? !wait_for(*ports.bus, options, answer, answered, comes)
+              : !await(*ports.bus, ports.status, ports.commands, command, stages, run.haptic_sim(), ours, stopped)) {
       ending.by = name_of_signal(stop_signal());
       return ending;
     }

@@ -7,11 +7,14 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 namespace subworld {
 
 namespace {
 
 constexpr double kDiscovery_s = 0.3;           ///< for the programs of a run under way to find those that join it
+constexpr double kAgain_s = 0.5;               ///< between two requests to take part
 constexpr double kReportAcknowledged_s = 1.0;  ///< that the last report may take to arrive
 
 /// The haptic process in lock-step.
@@ -22,7 +25,8 @@ class LockstepLoop : HapticRun {
         stages_(measures.stages()),
         order_(scene, user(), sub.facts().stamp, sub.timetable().start(sub.facts().stamp)),
         device_sim_{ProgramKind::device_sim, user()},
-        lost_(scene.users.size(), false) {
+        lost_(scene.users.size(), false),
+        peer_writers_(scene.users.size(), 0) {
     reserve(frame_, kUsualMembers);
   }
 
@@ -44,7 +48,7 @@ class LockstepLoop : HapticRun {
       step();
     ending.to_s = sub.facts().time_s;
     measures.sent(order_.sent_ratio());
-    measures.missed(order_.missed());
+    measures.missed_peers(order_.missed());
     if (last_) {
       send_last_command(ports, device_, 1);
       ports.reports.wait_for_acknowledgments(kReportAcknowledged_s);
@@ -75,10 +79,16 @@ class LockstepLoop : HapticRun {
   /// which there may still be messages, has taken steps.
   bool begin_device() {
     if (sub.facts().time_s == 0.0) return true;
-    do {
-      if (!take_device()) return false;
-      device_writer_ = 0;
-    } while (device_.sequence != 0);
+    const Wanted device{fmt::format("device of user {}", user()), fmt::format("device_sim --user {}", user())};
+    const auto begun = [&] {
+      while (ports.device.take(device_) == Take::sample) {
+        if (device_.session == ports.session && device_.sequence == 0) return true;
+      }
+      return false;
+    };
+    const auto comes = [&] { return ports.status.hears(ProgramKind::device_sim, user()); };
+    if (!wait_for(*ports.bus, options, device, begun, comes)) return false;
+    ports.device.trust_sender();
     DeviceCommand begin = sub.command_for(device_, {});
     if (!ports.command.write(begin))
       throw Error(ExitCode::failed, unsent_text("device_command", ports.device, ports.status, device_sim_));
@@ -126,15 +136,28 @@ class LockstepLoop : HapticRun {
           if (lost_[peer]) order_.miss(peer);
           return lost_[peer];
         }
+        // A device that has just been started does not know the time yet: the one before will send no more.
+        if (replaces(peer)) {
+          lose(replaced_text(device.program, device.instance));
+          order_.miss(peer);
+          return true;
+        }
       } else {
         const Take taken = take(reader, peer_, stages_);
         if (taken == Take::none) break;
         if (taken != Take::sample || !ours(peer_)) continue;
+        (void)replaces(peer);
       }
       order_.hear(peer, peer_);
     }
     if (needed && order_.heard(peer) <= order_.next_step()) order_.miss(peer);
     return true;
+  }
+
+  /// Whether the state of a peer's device that has just come is of another process than the one before.
+  bool replaces(std::uint32_t peer) {
+    const std::uint64_t before = std::exchange(peer_writers_[peer], peer_.sender);
+    return before != 0 && before != peer_.sender;
   }
 
   void step() {
@@ -172,8 +195,9 @@ class LockstepLoop : HapticRun {
   Peer device_sim_;
   DeviceState device_, peer_;
   WorldFrame frame_;
-  std::vector<bool> lost_;           ///< by user, whose device has fallen silent; the world's account of it counts
-  std::uint64_t device_writer_ = 0;  ///< the process that sent the first state
+  std::vector<bool> lost_;  ///< by user, whose device has fallen silent; the world's account of it counts
+  std::vector<std::uint64_t> peer_writers_;  ///< by user: the process that sent its device's newest state
+  std::uint64_t device_writer_ = 0;          ///< the process that sent the first state
   bool last_ = false;
 };
 
@@ -182,28 +206,38 @@ class LockstepLoop : HapticRun {
 std::optional<FirstFrame> begin_lockstep(const HapticRun& run) {
   const auto& [options, scene, ports, sub, measures, exchange, finder] = run;
   FirstFrame first;
-  std::optional<WorldFrame> standing;
+  std::optional<WorldFrame> standing, last;
   TimePoint late_since{};
   bool began = false;
+  const auto refuse_other = [&](const WorldFrame& frame) {
+    if (ports.serves_another(frame)) throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
+  };
   const auto look = [&] {
     finder.look(options.network.domain);
     ports.session = finder.session();  // of the newest world
     while (!began && ports.frames.take(first.frame) == Take::sample) {
       if (first.frame.session != ports.session) continue;
-      if (ports.serves_another(first.frame)) {
-        // Of a process that was killed, there may still be frames.
-        if (!first.frame.last && !ports.status.runs(ProgramKind::haptic_sim, run.user())) continue;
-        throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
-      }
       first.received = Clock::now();
+      last.reset();
       if (first.frame.last) {
-        began = true;
+        last = first.frame;
+      } else if (ports.serves_another(first.frame)) {
+        // Of a process that was killed, there may still be frames.
+        if (ports.status.runs(ProgramKind::haptic_sim, run.user())) refuse_other(first.frame);
       } else if (first.frame.real_time_factor > 0.0) {
         began = first.frame.served == ports.identity && sub.reset_from(first.frame);
       } else {
         standing = first.frame;
         if (first.frame.stamp > 0 && late_since == TimePoint{}) late_since = first.received;
       }
+    }
+    // A last frame may also be that of a user who has left.
+    const bool over =
+        ports.status.has_ended(ProgramKind::world_sim, 0) || !ports.status.hears(ProgramKind::world_sim, 0);
+    if (!began && last && over) {
+      refuse_other(*last);
+      first.frame = *last;
+      began = true;
     }
     return began;
   };
@@ -219,17 +253,21 @@ std::optional<FirstFrame> begin_lockstep(const HapticRun& run) {
     };
     if (!wait_for(*ports.bus, options, device, there)) return std::nullopt;
   }
-  bool asked = false;
+  TimePoint asked_at{};
   const auto begins = [&] {
     if (look()) return true;
     const bool settled = late_since == TimePoint{} || to_seconds(Clock::now() - late_since) > kDiscovery_s;
+    // The world may have been busy with another process: it asks again for who wants to take part.
+    const bool asked = asked_at != TimePoint{} && to_seconds(Clock::now() - asked_at) < kAgain_s;
     if (!standing || standing->session != ports.session || asked || !settled) return false;
     HapticReport request;
     request.user = UserId{run.user()};
     request.stamp = request.started_stamp = standing->stamp;
+    request.confirmed_stamp = request.stamp + 1;  // see asks_to_take_part()
     request.stamp_s = standing->stamp_s;
     request.sent_ns = to_ns(Clock::now());
-    asked = ports.send(request);
+    if (ports.send(request)) asked_at = Clock::now();
+    standing.reset();
     return false;
   };
   const auto settles = [&] { return ports.scene.alive_writers() > 0; };  // a living world may take its time

@@ -7,22 +7,31 @@ namespace subworld {
 void LockstepOrder::hear(std::size_t peer, const DeviceState& state) {
   Peer& of = peers_[peer];
   const double next_s = settings_.h_s * static_cast<double>(of.steps), half_s = 0.5 * settings_.h_s;
-  if (state.stamp_s < next_s - of.period_s - half_s) return;
+  const bool another = of.sender != 0 && state.sender != of.sender;
+  // One that has just been started does not know the time yet.
+  const bool old = another ? state.sequence == 0 : state.stamp_s < next_s - of.period_s - half_s;
+  if (old) return;
   // A device that is slower than the haptic step sends a state again until it has another: states are counted.
   std::uint64_t step = of.steps;
-  if (state.stamp_s > next_s + half_s) {
-    step = static_cast<std::uint64_t>(std::llround(state.stamp_s / settings_.h_s));
-    miss(peer);
-  }
+  const bool later = state.stamp_s > next_s + half_s;
+  if (later) miss(peer);
+  if (later || another) step = static_cast<std::uint64_t>(std::llround(state.stamp_s / settings_.h_s));
+  of.sender = state.sender;
   const bool planned = misses(settings_.presence, static_cast<int>(user_), static_cast<int>(peer), time_of(step));
   if (planned || step < of.drops_before) {
     miss(peer);
     of.steps = step + 1;
     return;
   }
+  if (another) {
+    of.states = line_from(peer, step);
+    of.from = step;
+  }
   if (of.missed_from) {
-    missed_.push_back(missing(peer, *of.missed_from));
-    missed_.back().to_s = settings_.h_s * static_cast<double>(step);
+    if (*of.missed_from < step) {
+      missed_.push_back(missing(peer, *of.missed_from));
+      missed_.back().to_s = settings_.h_s * static_cast<double>(step);
+    }
     of.missed_from.reset();
     of.states = line_from(peer, step);
     of.from = step;

@@ -132,7 +132,7 @@ HapticResult HapticMeasures::result(const SubWorld& sub, double bytes_per_cycle)
                       .refused_frames = refused_frames_,
                       .resynchronisations = resets_,
                       .engine_changes = engine_changes_,
-                      .presence = to_text(missed_)};
+                      .presence = to_text(missed_peers_)};
   add_to(result);
   return result;
 }

@@ -95,7 +95,12 @@ class LockstepLoop : WorldLoop {
     world.leave(u);
     ports.release(u);
     measures.leaves(u, now_s, why.empty());
-    note_event(PresenceEvent::Kind::leaves, u);
+    // One whose first report has not come was not there.
+    if (!events_.empty() && events_.back().user == static_cast<int>(u) && events_.back().at_s == now_s) {
+      events_.pop_back();
+    } else {
+      note_event(PresenceEvent::Kind::leaves, u);
+    }
     ports.status.note(why.empty() ? fmt::format("user {} has left at t = {:.3f} s", u, now_s)
                                   : fmt::format("{}; user {} is absent from t = {:.3f} s on, and the world holds its "
                                                 "proxy",
@@ -113,7 +118,8 @@ class LockstepLoop : WorldLoop {
         user.asks_at = Clock::now() + from_seconds(kAgain_s);
       }
       while (ports.reports[u].take(report_) == Take::sample) {
-        if (report_.session != ports.session || report_.sender == user.former) continue;
+        const bool ours = report_.session == ports.session && report_.sender != user.former;
+        if (!ours || !asks_to_take_part(report_)) continue;
         join(u);
         return true;
       }
@@ -134,6 +140,8 @@ class LockstepLoop : WorldLoop {
     User& user = users_[u];
     const std::uint64_t stamp = world.facts().stamp;
     ports.serve(u, report_.sender);
+    while (ports.reports[u].take(report_) == Take::sample) {
+    }
     user.present = true;
     user.lost = user.dismissed = false;
     user.next_report = stamp;
@@ -189,7 +197,7 @@ class LockstepLoop : WorldLoop {
   /// False when asked to stop, and where the user is absent from now on.
   bool receive(std::size_t user, std::uint64_t stamp) {
     const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(user)};
-    const auto ours = [&](const HapticReport& came) { return ports.belongs(user, came); };
+    const auto ours = [&](const HapticReport& came) { return ports.belongs(user, came) && !asks_to_take_part(came); };
     const auto gives_up = [this] { return gives_up_at_signal(); };
     const auto lose = [&](const std::string& text) {
       if (scene.settings.absent == Absent::end) throw Error(ExitCode::failed, text + kEndsWithoutIt);

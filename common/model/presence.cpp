@@ -38,10 +38,10 @@ std::optional<PresenceEvent> parse_event(const std::string& text) {
 }
 
 std::string to_text(const PresenceEvent& event) {
-  if (event.kind == Kind::joins) return fmt::format("{} joins {}", event.user, event.at_s);
-  if (event.kind == Kind::leaves) return fmt::format("{} leaves {}", event.user, event.at_s);
-  const std::string to = std::isfinite(event.to_s) ? fmt::format(" to {}", event.to_s) : "";
-  return fmt::format("{} misses {} from {}{}", event.user, event.peer, event.at_s, to);
+  if (event.kind == Kind::joins) return fmt::format("{} joins {:.12g}", event.user, event.at_s);
+  if (event.kind == Kind::leaves) return fmt::format("{} leaves {:.12g}", event.user, event.at_s);
+  const std::string to = std::isfinite(event.to_s) ? fmt::format(" to {:.12g}", event.to_s) : "";
+  return fmt::format("{} misses {} from {:.12g}{}", event.user, event.peer, event.at_s, to);
 }
 
 }  // namespace

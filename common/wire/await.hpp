@@ -36,10 +36,10 @@ std::string unsent_text(const char* topic, const Reader<M>& reader, const Status
 
 /// Waits in lock-step for the next sample that is `ours`; drops others. Marks the loop's stages `wake`, until the
 /// sample is received, and `decode`. Returns false when `stopped` returns true. Reports on `status` after a wait of 2
-/// s. Calls `on_loss(text)`, and then returns false, when, for 5 s, the peer was not alive, or its samples belonged to
-/// another run or to a restarted program; 0.7 s are enough after its own word that it ends, 2 s where another process
-/// has begun in its place. The time is this process's own, so that a suspended machine is not mistaken for a dead peer;
-/// on a busy one the middleware's threads of a living peer may be silent for seconds.
+/// s. Calls `on_loss(text)`, and then returns false, when, for 5 s, the peer was not alive; 0.7 s are enough after its
+/// own word that it ends, 2 s where another process has begun in its place, or samples come of another run. The time is
+/// this process's own, so that a suspended machine is not mistaken for a dead peer; on a busy one the middleware's
+/// threads of a living peer may be silent for seconds.
 template <class M, class Stages, class Ours, class Stopped, class OnLoss>
 bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages& stages, const Peer& peer, Ours ours,
            Stopped stopped, OnLoss on_loss) {
@@ -61,7 +61,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
     foreign |= reader.refused() > refused;
     if (stopped()) return false;
     const bool replaced = status.is_replaced(peer.program, peer.instance);
-    if (absent > kPatience || (absent > kReplaced && replaced) ||
+    if (absent > kPatience || (absent > kReplaced && (replaced || foreign)) ||
         (absent > kCertain && status.has_ended(peer.program, peer.instance))) {
       on_loss(foreign ? replaced_text(peer.program, peer.instance) : status.gone_text(peer.program, peer.instance));
       return false;

@@ -16,6 +16,11 @@ namespace subworld {
 /// A random number that identifies a process, also among restarts of the same program. Never 0.
 [[nodiscard]] std::uint64_t draw_identity();
 
+/// In lock-step: a haptic process asks to take part. No other report confirms a frame that is ahead of it.
+[[nodiscard]] inline bool asks_to_take_part(const HapticReport& report) noexcept {
+  return report.confirmed_stamp > report.stamp;
+}
+
 /// For example "haptic_sim 0" or "world_sim".
 [[nodiscard]] std::string label_of(ProgramKind program, std::uint32_t instance);
 

@@ -1,0 +1,79 @@
+// When users take part in a run in lock-step, and what a sub-world makes of a device that falls silent and comes back.
+#include "haptic_sim/lockstep_order.hpp"
+#include "model/presence.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace subworld {
+namespace {
+
+std::vector<PresenceEvent> parsed(const std::string& text) {
+  std::vector<PresenceEvent> events;
+  EXPECT_EQ(parse_presence(text, events), "");
+  return events;
+}
+
+TEST(Presence, is_read_and_written) {
+  const std::string text = "1 joins 0.5, 0 leaves 1.25, 0 joins 2, 0 misses 1 from 0.125 to 0.5, 1 misses 0 from 1.25";
+  const auto events = parsed(text);
+  EXPECT_EQ(to_text(events), text);
+  EXPECT_EQ(presence_fault(events, 2), "");
+  EXPECT_FALSE(takes_part(events, 1, 0.4));
+  EXPECT_TRUE(takes_part(events, 1, 0.5));
+  EXPECT_TRUE(takes_part(events, 0, 0.0));
+  EXPECT_FALSE(takes_part(events, 0, 1.5));
+  EXPECT_TRUE(takes_part(events, 0, 3.0));
+  EXPECT_TRUE(takes_part(events, 2, 3.0));
+  EXPECT_EQ(returns(events, 0), 1);
+  EXPECT_EQ(returns(events, 1), 0);
+  EXPECT_TRUE(misses(events, 0, 1, 0.2));
+  EXPECT_FALSE(misses(events, 0, 1, 0.5));
+  EXPECT_TRUE(misses(events, 1, 0, 99.0));
+}
+
+TEST(Presence, names_what_is_wrong) {
+  std::vector<PresenceEvent> events;
+  for (const char* text : {"", "1", "1 joins", "1 comes 3", "-1 joins 3", "1 joins -3", "1 joins nan", "1 joins 3 4",
+                           "0 misses 1 4", "0 misses 1 from 4 to 3", "1 joins 3,"})
+    EXPECT_NE(parse_presence(text, events).find("is no event"), std::string::npos) << text;
+  EXPECT_NE(presence_fault(parsed("1 joins 3, 1 joins 4"), 2).find("in turn"), std::string::npos);
+  EXPECT_NE(presence_fault(parsed("1 leaves 3, 1 joins 3"), 2).find("in turn"), std::string::npos);
+  EXPECT_NE(presence_fault(parsed("2 joins 3"), 2).find("there is no user 2"), std::string::npos);
+}
+
+class LostDevice : public testing::Test {
+ protected:
+  LostDevice() : scene_(load_scene(std::string(SCENES_FOLDER) + "/lift.yaml")) {}
+  static DeviceState state(double at_s) {
+    DeviceState state;
+    state.stamp_s = at_s;
+    return state;
+  }
+  Scene scene_;
+};
+
+TEST_F(LostDevice, is_recorded_from_its_last_state_to_the_first_of_another_process) {
+  LockstepOrder order(scene_, 0);
+  for (int step = 0; step < 5; ++step) order.hear(1, state(0.001 * step));
+  EXPECT_EQ(order.heard(1), 5U);
+  order.miss(1);
+  EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.005");
+  order.hear(1, state(0.0));  // a device that has just been started has not heard the time yet
+  EXPECT_EQ(order.heard(1), 5U);
+  order.hear(1, state(0.02));
+  EXPECT_EQ(order.heard(1), 21U);
+  EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.005 to 0.02");
+}
+
+TEST_F(LostDevice, is_missed_again_where_the_record_says_so) {
+  scene_.settings.presence = parsed("0 misses 1 from 0.003 to 0.006");
+  LockstepOrder order(scene_, 0);
+  for (int step = 0; step < 10; ++step) order.hear(1, state(0.001 * step));
+  EXPECT_EQ(order.heard(1), 10U);
+  EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.003 to 0.006");
+}
+
+}  // namespace
+}  // namespace subworld
