@@ -5,6 +5,7 @@
 #include "link/command.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
+#include "replay.hpp"
 #include "session/session.hpp"
 #include "top.hpp"
 #include "wire/plugin.hpp"
@@ -79,6 +80,7 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement, std
                    "also start the display, and serve the run to Lichtblick and Foxglove on this TCP port");
   add_bodies_options(line, request.options);
   add_checkpoint_options(line, request.options);
+  add_record_option(line, request.options);
   add_trace_option(line, request.options);
   line.add("--placement", &placement,
            "real time: auto gives the world a core of its own where the others have room for the haptic loops; none "
@@ -121,6 +123,20 @@ void add_collect(CommandLine& line, CollectRequest& request) {
   line.flag("--explain", request.explain, "also explain the result in plain words");
   line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
   line.footer("Examples:\n  subworld collect out/a out/b");
+}
+
+void add_replay(CommandLine& line, ReplayRequest& request) {
+  line.add("file", &request.file, "recording, as `subworld run --record` writes it").required();
+  line.flag("--resimulate", request.resimulate,
+            "run the recorded scene again with the recorded settings, and compare the state hashes; of a recording "
+            "in lock-step");
+  line.add("--out", &request.out, "with --resimulate: folder for the results").otherwise("a new out/replay-TIME");
+  line.footer(
+      "Examples:\n"
+      "  subworld replay run.mcap\n"
+      "  subworld replay run.mcap --resimulate\n"
+      "Without an option it prints what the file holds.\n"
+      "Exit codes: 0 done, 1 the state hashes differ, 2 usage or no finished recording.");
 }
 
 struct ControlRequest {
@@ -234,9 +250,9 @@ std::string part_versions() {
   return text;
 }
 
-/// Becomes the evaluation program `lab_NAME`. `arguments` end with a null, the first is the program's own name.
-void become_lab(const char* name, char** arguments) {
-  const std::string program = program_folder() + "/lab_" + name;
+/// Becomes another program of the build. `arguments` end with a null, the first is the program's own name.
+void become(const std::string& name, char** arguments) {
+  const std::string program = program_folder() + "/" + name;
   execv(program.c_str(), arguments);
   throw Error(ExitCode::failed,
               fmt::format("{}: cannot start ({}); build it with deploy/build", program, std::strerror(errno)));
@@ -259,6 +275,11 @@ int main_of(int argc, char** argv) {
   plan_command.flag("--gui", plan_request.gui, "with the display");
 
   ControlRequest control_request;
+  ReplayRequest replay_request;
+  CommandLine& replay_command = line.command("replay", "Shows what a recording holds, and re-simulates it");
+  add_replay(replay_command, replay_request);
+  line.command("film", "Makes pictures, and a video, of a recording: any moment, camera and speed").takes_all();
+
   CommandLine& control_command =
       line.command("control", "Stops, pauses, resumes or steps a running world, or changes its engine");
   add_control(control_command, control_request);
@@ -300,7 +321,8 @@ int main_of(int argc, char** argv) {
 
   if (argc > 2 && std::string_view(argv[1]) == "lab" &&
       std::ranges::any_of(kLabs, [&](const Lab& lab) { return std::string_view(lab.name) == argv[2]; }))
-    become_lab(argv[2], argv + 2);
+    become(std::string("lab_") + argv[2], argv + 2);
+  if (argc > 1 && std::string_view(argv[1]) == "film") become("film", argv + 1);
   if (const auto code = line.parse(argc, argv)) return *code;
   request.command_line = session.command_line = collection.command_line =
       fmt::format("{}", fmt::join(argv, argv + argc, " "));
@@ -316,6 +338,7 @@ int main_of(int argc, char** argv) {
     if (const std::string& token = request.options.live.token; !token.empty()) setenv(kTokenVariable, token.c_str(), 1);
     return run(request);
   }
+  if (replay_command.chosen()) return replay(replay_request);
   if (link_command.chosen()) return run_link(link_request);
   if (doctor_command.chosen()) return doctor::run(doctor_request);
   if (top_command.chosen()) {

@@ -43,6 +43,7 @@ struct Options {
   std::string resume;                    ///< world_sim: file or folder of the checkpoint to go on from; empty: none
   std::vector<int> cores;                ///< for all threads of the program; none: any
   double spin_s = 0.0;                   ///< haptic_sim, device_sim: spins instead of sleeping before a release
+  std::string record;                    ///< of `subworld run`: file for a recording; empty: none
   std::string trace;                     ///< file for a trace of the loops; empty: none. Not of the display
   int user = 0;                          ///< haptic_sim, device_sim
   double wait_s = 30.0;                  ///< for the other programs
@@ -78,6 +79,9 @@ Option add_domain(CommandLine& line, int& domain);
 
 /// Adds --trace.
 void add_trace_option(CommandLine& line, Options& options);
+
+/// Adds --record.
+void add_record_option(CommandLine& line, Options& options);
 
 /// Adds --bodies and --bodies-rate.
 void add_bodies_options(CommandLine& line, Options& options);
