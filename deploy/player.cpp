@@ -149,7 +149,8 @@ void Player::move_to(double time_s) {
   next_chunk_ = from;
   read_.clear();
   due_.clear();
-  read_s_ = read_ns_ = 0;
+  read_s_ = 0.0;
+  read_ns_ = 0;
   WorldSnapshot last;
   while (read_segment()) {
     if (due_.back().time_s > time_s) break;

@@ -27,7 +27,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
-#include <optional>
+#include <memory>
 #include <string_view>
 #include <vector>
 
@@ -152,12 +152,12 @@ int publish(ReplayRequest request, mcap::Reader& reader, const Attachments& atta
              request.network.domain, request.speed, request.network.domain);
   if (request.page) fmt::print("replay: page: {}\n", page_address(request.live));
   std::fflush(stdout);
-  std::optional<ReplayDisplay> display;
+  std::unique_ptr<ReplayDisplay> display;
   if (request.live.port) {
     words.insert(words.end(), {"--domain", std::to_string(request.network.domain), "--dds", request.network.dds,
                                "--out", folder, "--mode", recorded.repeats() ? "lockstep" : "realtime"});
     for (const std::string& flag : live_flags_of(request.live)) words.push_back(flag);
-    display.emplace(words);
+    display = std::make_unique<ReplayDisplay>(words);
   }
   watch_stop_signals();
   PageOpener open_page(request.live, request.page);

@@ -109,6 +109,52 @@ TEST_F(Recording, ToWhereNothingCanBeWrittenFailsBeforeAnythingRuns) {
   EXPECT_NE(ended.err.find(nowhere), std::string::npos) << ended.err;
 }
 
+/// The replay is steered like a run; the display takes it for one.
+TEST_F(Recording, IsPublishedAndSteered) {
+  ASSERT_EQ(run(scene("row"), recorded({"--mode", "lockstep", "--duration", "2"})).code, 0);
+  const std::string shown = folder_.path() + "/shown";
+  Process replay(
+      {program("subworld"), "replay", file(), "--live", "0", "--paused", "--domain", domain_.text(), "--out", shown},
+      folder_.path());
+  const auto order = [&](const Words& words, const std::string& answer) {
+    Words all{program("subworld"), "control", "--domain", domain_.text(), "--wait", "30"};
+    all.insert(all.end(), words.begin(), words.end());
+    const Ended ended = finish(all);
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    EXPECT_NE(ended.out.find(answer), std::string::npos) << ended.out;
+  };
+  order({"step"}, "one snapshot");
+  order({"seek", "--time", "1.5"}, "moved to t = 1.4");
+  order({"step"}, "to t = 1.5");
+  order({"seek", "--time", "0.5"}, "moved to t = 0.4");
+  order({"seek", "--time", "9"}, "moved to t = 2.000");
+  order({"stop"}, "stopped");
+  EXPECT_EQ(replay.wait().value_or(-1), 0) << replay.err();
+  EXPECT_TRUE(std::filesystem::exists(shown + "/picture.png")) << replay.out() << replay.err();
+}
+
+TEST_F(Recording, IsPublishedToItsEndAtAnySpeed) {
+  ASSERT_EQ(run(scene("row"), recorded({"--mode", "realtime", "--duration", "1"})).code, 0);
+  const Ended ended = finish({program("subworld"), "replay", file(), "--publish", "--speed", "5", "--domain",
+                              domain_.text(), "--out", folder_.path() + "/published"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("messages published, to t = 1.00"), std::string::npos) << ended.out;
+}
+
+TEST_F(Recording, BecomesAFilm) {
+  ASSERT_EQ(run(scene("row"), recorded({"--mode", "lockstep", "--duration", "1"})).code, 0);
+  const std::string film = folder_.path() + "/film";
+  const Ended ended = finish({program("subworld"), "film", file(), "--from", "0.4", "--to", "0.6", "--speed", "0.5",
+                              "--rate", "20", "--width", "160", "--height", "90", "--out", film});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("9 pictures of t = 0.400 to 0.600 s"), std::string::npos) << ended.out;
+  EXPECT_TRUE(std::filesystem::exists(film + "/frame_000008.png"));
+  EXPECT_NE(read_text(film + "/frame_000000.png"), read_text(film + "/frame_000008.png")) << "nothing moves";
+  const Ended wrong = finish({program("subworld"), "film", file(), "--eye", "1,2", "--out", film});
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_NE(wrong.err.find("three numbers"), std::string::npos) << wrong.err;
+}
+
 TEST_F(Recording, DamageIsFound) {
   ASSERT_EQ(run(scene("row"), recorded({"--mode", "lockstep", "--duration", "0.1"})).code, 0);
   std::string whole = read_text(file());
