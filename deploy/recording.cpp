@@ -161,8 +161,10 @@ void Recording::write_arrived(bool last) {
       ++result_.topics[channels_[{message.topic, message.user}].topic];
       ++result_.recorded;
     }
+    if (last && result_.fault.empty()) writer_.flush();
   } catch (const std::exception& fault) {
     result_.fault = fault.what();
+    result_.recorded -= std::min(result_.recorded, writer_.unwritten());
   }
   arrived_.clear();
 }

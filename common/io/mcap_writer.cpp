@@ -111,6 +111,12 @@ void Writer::write(std::uint16_t channel, std::uint32_t number, std::uint64_t ti
   chunk_.raw(data);
 }
 
+std::uint64_t Writer::unwritten() const noexcept {
+  std::uint64_t count = 0;
+  for (const auto& [channel, messages] : chunk_messages_) count += messages.size();
+  return count;
+}
+
 void Writer::flush() {
   if (chunk_.size() == 0) return;
   const std::uint64_t start = written_;

@@ -70,6 +70,8 @@ class Writer {
   /// Writes the summary and closes the file.
   void finish();
 
+  /// Messages that are not in the file yet.
+  [[nodiscard]] std::uint64_t unwritten() const noexcept;
   [[nodiscard]] std::uint64_t bytes() const noexcept { return written_ + chunk_.size(); }
 
  private:
