@@ -35,29 +35,35 @@ std::vector<std::string> faults_of(const RunResults& run) {
   std::vector<std::string> faults;
   const Settings& settings = run.scene.settings;
   const double cycle_s = settings.longest_cycle_s(), end_s = run.ending.to_s;
-  const auto check = [&](const std::string& who, const Ending& ending) {
+  const auto dismissed = [&](std::size_t user) {
+    return std::ranges::any_of(run.world.absences,
+                               [&](const Absence& one) { return one.user == user && one.by_order; });
+  };
+  const auto check = [&](const std::string& who, const Ending& ending, bool may_be_of_the_world_before = false) {
     if (stopped_by_signal(ending)) faults.push_back(who + " " + stopped_text(ending, settings.duration_s));
     if (!ending.fault.empty()) faults.push_back(who + ": " + ending.fault);
-    if (ending.session != run.ending.session) faults.push_back(who + " took part in another world's run");
+    if (ending.session != run.ending.session && !may_be_of_the_world_before)
+      faults.push_back(who + " took part in another world's run");
   };
   check("world_sim", run.ending);
   for (const HapticResult& haptic : run.haptic) {
     const double from_s = haptic.ending.from_s, to_s = haptic.ending.to_s;
     const std::string who = fmt::format("haptic_sim_{}", haptic.user);
-    check(who, haptic.ending);
+    // One who left before the world was started again has the results of the world before.
+    check(who, haptic.ending, run.world.resumed_from_s && dismissed(haptic.user));
     // One that was started again serves from the end of an absence on.
     const bool returned = std::ranges::any_of(run.world.absences, [&](const Absence& one) {
       return one.user == haptic.user && std::abs(one.to_s - from_s) < kReturn_s;
     });
-    const bool dismissed = std::ranges::any_of(
-        run.world.absences, [&](const Absence& one) { return one.user == haptic.user && one.by_order; });
-    if (dismissed) continue;
+    if (dismissed(haptic.user)) continue;
     if ((from_s > run.ending.from_s + kLateStart_cycles * cycle_s && !returned) ||
         to_s < end_s - std::max(kLateEnd_s, kLateEnd_cycles * cycle_s))
       faults.push_back(fmt::format("{} served its user from {:.3f} to {:.3f} s, the world ran to {:.3f} s", who, from_s,
                                    to_s, end_s));
   }
-  for (const DeviceResult& device : run.device) check(fmt::format("device_sim_{}", device.user), device.ending);
+  for (const DeviceResult& device : run.device) {
+    check(fmt::format("device_sim_{}", device.user), device.ending, run.world.resumed_from_s && dismissed(device.user));
+  }
   return faults;
 }
 

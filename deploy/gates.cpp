@@ -54,11 +54,12 @@ constexpr double kQuietCores = 0.1;  ///< cores that other programs and the hype
 /// What a gate looks at: the run, and one of its users.
 struct View {
   const RunResults& run;
-  std::size_t user = 0;
+  std::size_t at = 0;  ///< of its results: one who took no part has none
+  std::size_t user = run.haptic[at].user;
 
   [[nodiscard]] const Settings& settings() const { return run.scene.settings; }
-  [[nodiscard]] const HapticResult& haptic() const { return run.haptic[user]; }
-  [[nodiscard]] const DeviceResult& device() const { return run.device[user]; }
+  [[nodiscard]] const HapticResult& haptic() const { return run.haptic[at]; }
+  [[nodiscard]] const DeviceResult& device() const { return run.device[at]; }
   [[nodiscard]] const DeviceSpec& spec() const { return run.scene.users[user].device; }
   /// Of the haptic loop, with the skipped ones.
   [[nodiscard]] double periods() const {
@@ -330,8 +331,20 @@ std::string absences_text(const RunResults& run) {
   std::string text;
   for (const Restarted& one : run.restarts) text += fmt::format("; {} was started again ({})", one.program, one.reason);
   for (const Absence& one : run.world.absences)
-    text += one.by_order ? fmt::format("; user {} left at {:.2f} s", one.user, one.from_s)
-                         : fmt::format("; user {} absent from {:.2f} to {:.2f} s", one.user, one.from_s, one.to_s);
+    text += one.by_order
+                ? (one.from_s > 0.0             ? fmt::format("; user {} left at {:.2f} s", one.user, one.from_s)
+                   : one.to_s < run.ending.to_s ? fmt::format("; user {} joined at {:.2f} s", one.user, one.to_s)
+                                                : fmt::format("; user {} took no part", one.user))
+                : fmt::format("; user {} absent from {:.2f} to {:.2f} s", one.user, one.from_s, one.to_s);
+  for (const DeviceResult& one : run.device) {
+    if (!one.driver) continue;
+    const DriverResult& driver = *one.driver;
+    if (driver.absences > 0)
+      text += fmt::format("; device {} of user {} was absent {} time{}, {:.2f} s in total", driver.name, one.user,
+                          driver.absences, driver.absences == 1 ? "" : "s", driver.absent_s);
+    if (driver.refused > 0)
+      text += fmt::format("; device {} of user {}: readings refused: {}", driver.name, one.user, driver.refused_for);
+  }
   return text;
 }
 
@@ -405,7 +418,7 @@ std::vector<Gate> gates(const RunResults& run) {
   }
   for (std::size_t u = 0; u < run.haptic.size(); ++u) {
     for (Row& row : rows_of({run, u})) {
-      row.gate.name = fmt::format("user {}: {}", u, row.gate.name);
+      row.gate.name = fmt::format("user {}: {}", run.haptic[u].user, row.gate.name);
       if (row.holds) all.push_back(std::move(row.gate));
     }
   }

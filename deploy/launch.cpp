@@ -24,6 +24,7 @@
 #include "wire/last_messages.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>
@@ -82,9 +83,15 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
       const std::vector<std::string> live = live_flags_of(options.live);
       flags.insert(flags.end(), live.begin(), live.end());
     }
+    if (program == "device_sim") {
+      const std::vector<std::string> device = device_flags_of(options, user);
+      flags.insert(flags.end(), device.begin(), device.end());
+    }
     if (options.bodies && program == "world_sim") flags.insert(flags.end(), {"--bodies", *options.bodies});
     if (options.bodies_rate_hz && program == "world_sim")
       flags.insert(flags.end(), {"--bodies-rate", fmt::format("{}", *options.bodies_rate_hz)});
+    if (program == "world_sim" && !options.without.empty())
+      flags.insert(flags.end(), {"--without", fmt::format("{}", fmt::join(options.without, ","))});
     if (program == "world_sim") flags.insert(flags.end(), {"--checkpoint", fmt::format("{}", options.checkpoint_s)});
     if (const std::vector<int>& cores = placement.of(program); !cores.empty() && !is_placed_by_hand(program))
       flags.insert(flags.end(), {"--core", to_text(cores)});
@@ -104,8 +111,12 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
   };
   start("world_sim", -1, true);
   for (int u = 0; u < users; ++u) {
-    start("haptic_sim", u, true);
-    start("device_sim", u, true);
+    if (std::ranges::find(options.without, u) == options.without.end()) {
+      start("haptic_sim", u, true);
+      start("device_sim", u, true);
+    } else {
+      position += 2;
+    }
     if (users > 1) ++position;  // with mixed, users have different pairs of vendors
   }
   if (request.gui) start("gui_headless", -1, false);
@@ -235,6 +246,7 @@ int run(const RunRequest& request) {
     check_network(network);
   }
   check_resume(options);
+  check_without(options, run.scene);
   if (request.page) choose_page_port(options.live);
   FileLock folder, domain_lock;
   claim_folder(options.out, run.scene.name, folder);

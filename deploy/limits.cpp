@@ -1,5 +1,7 @@
 #include "limits.hpp"
 
+#include "device_sim/drivers.hpp"
+
 #include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/stiffness.hpp"
@@ -380,6 +382,20 @@ std::string user_limit(int domain) {
       user_room(domain), participant_room(domain), participants_of(0));
 }
 
+namespace {
+
+/// What the device programs would refuse, before any program starts.
+void check_devices(const Scene& scene, const Options& options) {
+  for (int user = 0; user < scene.settings.users; ++user) {
+    const std::vector<std::string> flags = device_flags_of(options, user);
+    if (flags.empty() || flags[1] == kEmulated) continue;
+    if (scene.settings.mode == Mode::lockstep) throw Error(ExitCode::usage, refused_in_lockstep(flags[1]));
+    (void)driver_plugin(flags[1]);
+  }
+}
+
+}  // namespace
+
 void check_request(const Scene& scene, const RunRequest& request) {
   const int domain = std::max(0, request.domain);
   if (scene.settings.users > user_room(domain)) {
@@ -395,6 +411,7 @@ void check_request(const Scene& scene, const RunRequest& request) {
     throw Error(ExitCode::usage,
                 "--restart: a run in lock-step ends with the first of its programs; use --mode realtime");
   }
+  check_devices(scene, request.options);
   if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);
   (void)scheme_of(scene.settings, request.options.scheme ? "--scheme" : scene.file + ": settings.scheme");
   check_engine(scene.settings.world, request.options.engine ? "--engine" : scene.file + ": settings.world");

@@ -1,3 +1,4 @@
+#include "device.hpp"
 #include "doctor/doctor.hpp"
 #include "io/command_line.hpp"
 #include "io/output.hpp"
@@ -47,6 +48,7 @@ constexpr const char* kExamples =
     "  subworld control engine havok --haptic --domain 100\n"
     "  subworld plan deploy/scenes/row.yaml\n"
     "  subworld link wifi --validate\n"
+    "  subworld device list\n"
     "  subworld doctor\n"
     "  subworld top\n"
     "  subworld lab coupling --quick\n"
@@ -78,6 +80,7 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement, std
             "on a desktop");
   add_live_options(line, request.options.live,
                    "also start the display, and serve the run to Lichtblick and Foxglove on this TCP port");
+  add_device_options(line, request.options);
   add_bodies_options(line, request.options);
   add_checkpoint_options(line, request.options);
   add_record_option(line, request.options);
@@ -123,6 +126,17 @@ void add_collect(CommandLine& line, CollectRequest& request) {
   line.flag("--explain", request.explain, "also explain the result in plain words");
   line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
   line.footer("Examples:\n  subworld collect out/a out/b");
+}
+
+void add_device_check(CommandLine& line, std::string& name, DriverCheckRequest& request) {
+  line.add("name", &name, "driver, as `subworld device list` names it").required();
+  line.add("--device-settings", &request.settings, "settings of the driver").otherwise("the driver's");
+  line.add("--user", &request.user, "user whom the device serves").range(0, static_cast<int>(kMostUsers) - 1);
+  line.add("--duration", &request.duration_s, "time in which the device is read").range(0.3, 3600.0, "s");
+  line.footer(
+      "Examples:\n"
+      "  subworld device check udp\n"
+      "Exit codes: 0 all properties hold, 4 one is missed, 2 usage.");
 }
 
 /// `network.domain` and `network.dds` have options of their own, because their defaults differ.
@@ -317,6 +331,13 @@ int main_of(int argc, char** argv) {
       line.command("collect", "Makes one summary and verdict of results that programs wrote into several folders");
   add_collect(collect_command, collection);
 
+  std::string driver;
+  DriverCheckRequest driver_request;
+  CommandLine& device_command = line.command("device", "Lists the drivers of haptic devices, or examines one");
+  CommandLine& list_command = device_command.command("list", "Lists the drivers and their settings");
+  CommandLine& check_command = device_command.command("check", "Examines a driver; move its device meanwhile");
+  add_device_check(check_command, driver, driver_request);
+
   LinkRequest link_request;
   CommandLine& link_command =
       line.command("link", "Emulates a network between hosts on this machine: delay, jitter, loss, rate, outage");
@@ -365,6 +386,11 @@ int main_of(int argc, char** argv) {
   if (replay_command.chosen()) {
     check_live_options(replay_request.live);
     return replay(replay_request);
+  }
+  if (check_command.chosen()) return check_device(driver, driver_request);
+  if (list_command.chosen()) {
+    list_devices();
+    return static_cast<int>(ExitCode::done);
   }
   if (link_command.chosen()) return run_link(link_request);
   if (doctor_command.chosen()) return doctor::run(doctor_request);

@@ -179,10 +179,25 @@ std::string program_of_part(const std::string& part_file) {
   return name.substr(0, end) + "_sim" + (end == std::string::npos ? "" : " " + name.substr(end + 1));
 }
 
+namespace {
+
+/// The run began without this user, whose programs have left no results here.
+bool took_no_part(const std::string& folder, int user, const WorldResult& world) {
+  const auto is_user = [&](const Absence& one) {
+    return one.user == static_cast<std::size_t>(user) && one.from_s == 0.0 && one.by_order;
+  };
+  return std::ranges::any_of(world.absences, is_user) &&
+         !std::filesystem::exists(part_file(folder, "haptic_sim", user)) &&
+         !std::filesystem::exists(part_file(folder, "device_sim", user));
+}
+
+}  // namespace
+
 void read_parts(RunResults& run, const std::string& folder, const std::optional<Calibration>& calibration) {
   const auto world = read_json(part_file(folder, "world_sim", -1)).get<WorldPart>();
   std::vector<HapticResult> haptic;
   for (int u = 0; u < run.scene.settings.users; ++u) {
+    if (took_no_part(folder, u, world.world)) continue;
     haptic.push_back(read_json(part_file(folder, "haptic_sim", u)));
     run.device.push_back(read_json(part_file(folder, "device_sim", u)));
   }

@@ -249,7 +249,10 @@ int exit_code_of(const Supervisor::Child& child) {
 
 std::string end_of(const Supervisor::Child& child) {
   if (WIFSIGNALED(child.status)) return "killed by " + name_of_signal(WTERMSIG(child.status));
-  return fmt::format("exited with {}", exit_code_of(child));
+  constexpr int kSshFailed = 255;  // its own failure, or a signal ended the program there
+  const int code = exit_code_of(child);
+  if (!child.host.empty() && code == kSshFailed) return "was killed there, or ssh lost the connection to it";
+  return fmt::format("exited with {}", code);
 }
 
 }  // namespace subworld

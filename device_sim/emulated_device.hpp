@@ -1,6 +1,6 @@
 #pragma once
 
-#include "model/exchange.hpp"
+#include "device_sim/device.hpp"
 #include "model/scene.hpp"
 
 #include <optional>
@@ -19,16 +19,16 @@ namespace subworld {
 /// next tick. Between two ticks the translation follows (1) exactly: by the matrix exponential of the system under a
 /// held force, with a path of constant velocity. Friction has a constant direction and stops a motion that it would
 /// reverse. So the largest stable stiffness is that of the sampled-data system (coupling/stiffness).
-class EmulatedDevice {
+class EmulatedDevice final : public Device {
  public:
   EmulatedDevice(const DeviceSpec& spec, std::uint32_t device);
 
   /// The device at its last tick.
-  [[nodiscard]] const DeviceState& state() const noexcept { return state_; }
+  [[nodiscard]] const DeviceState& state() const noexcept override { return state_; }
   /// Advances by dt (s). Ticks within dt take the command. A command that is not finite is ignored.
-  void step(const DeviceCommand& command, double dt) noexcept;
+  void step(const DeviceCommand& command, double dt) noexcept override;
   /// The operator comes back in the middle of a run: the path goes on from that time, s, at the device's place.
-  void resume_at(double time_s) noexcept;
+  void resume_at(double time_s) noexcept override;
 
  private:
   /// State of one axis: displacement from the path's start, velocity, the path's displacement, its velocity, held

@@ -231,14 +231,20 @@ class RealtimeLoop : DeviceRun {
 
   void act(bool trusted) {
     const TimePoint begin = loop_.woke();
-    const DeviceCommand safe = guard.pass(command_, device.state(), trusted, period_s_);
+    const DeviceCommand safe =
+        guard.pass(command_, device.state(), trusted && device.present() && device.renders_force(), period_s_);
     felt_ = safe.wrench;
     // The path starts with the haptic loop, however long the device has been on.
-    if (running()) device.step(safe, period_s_);
+    if (running()) {
+      device.step(safe, period_s_);
+    } else {
+      device.idle(period_s_);
+    }
+    if (std::string news = device.news(); !news.empty()) ports.status.note(std::move(news));
     stages_.mark(DeviceStage::advance);
     const DeviceState& state = device.state();
     // Until the haptic loop runs, each sample may be the one that it finds.
-    if (deadband_.sends(state, felt_, period_s_) || !running()) send_state(begin, state);
+    if (device.present() && (deadband_.sends(state, felt_, period_s_) || !running())) send_state(begin, state);
     const TimePoint end = stages_.mark(DeviceStage::send);
     const Miss miss = loop_.judge(end, loop_.deadline());
     // Steps before the haptic loop runs do not count.

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "device_sim/device.hpp"
 #include "device_sim/device_guard.hpp"
-#include "device_sim/emulated_device.hpp"
 #include "io/program_results.hpp"
 #include "program/loop_measures.hpp"
 #include "wire/await.hpp"
@@ -59,7 +59,7 @@ struct DeviceRun {
   const Options& options;
   const Scene& scene;
   DevicePorts& ports;
-  EmulatedDevice& device;
+  Device& device;
   DeviceGuard& guard;
   DeviceMeasures& measures;
   SessionFinder& finder;

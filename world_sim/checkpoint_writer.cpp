@@ -142,14 +142,16 @@ void CheckpointWriter::write_out() {
     ++written_;
     ++number_;  // a checkpoint that fails leaves the newest alone
     newest_s_ = time_s;
-    fault_.clear();
+    fails_ = false;
     return;
   }
   ++failed_;
-  if (!fault_.empty()) return;
-  fault_ =
-      fmt::format("{}: {}; the run goes on, and resumes from an older checkpoint at best", path, std::strerror(error));
-  say_("the checkpoint cannot be written: " + fault_);
+  if (fault_.empty()) fault_ = fmt::format("{}: {}", path, std::strerror(error));
+  if (std::exchange(fails_, true)) return;
+  say_(
+      fmt::format("the checkpoint cannot be written: {}: {}; the run goes on, and resumes from an older checkpoint at "
+                  "best",
+                  path, std::strerror(error)));
 }
 
 void CheckpointWriter::finish(const World& world, const std::vector<Absence>& absences) {

@@ -69,7 +69,8 @@ class CheckpointWriter {
   std::uint64_t written_ = 0, failed_ = 0, number_ = 0;
   double newest_s_ = 0.0;
   MeanMax write_s_;
-  std::string fault_;
+  std::string fault_;   ///< the first
+  bool fails_ = false;  ///< the newest could not be written
 
   std::mutex mutex_;
   std::condition_variable wake_;

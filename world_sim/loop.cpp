@@ -14,10 +14,27 @@
 
 namespace subworld {
 
-bool await_peers(WorldPorts& ports, const Options& options) {
+std::vector<bool> awaited_users(const Options& options, const Scene& scene, const std::vector<Absence>& absences) {
+  const auto users = static_cast<std::size_t>(scene.settings.users);
+  std::vector<bool> awaited(users, true), stays(users, true);
+  for (const Absence& one : absences) {
+    if (one.to_s != WorldMeasures::kNotBack_s || one.user >= users) continue;
+    awaited[one.user] = false;
+    if (one.by_order) stays[one.user] = false;
+  }
+  // A world that was started again has the flags of the first: meanwhile these users may have joined.
+  const bool again = !options.resume.empty() && options.resume == options.out;
+  for (const int user : options.without) {
+    if (!again) awaited[static_cast<std::size_t>(user)] = stays[static_cast<std::size_t>(user)] = false;
+  }
+  return std::ranges::find(awaited, true) != awaited.end() ? awaited : stays;
+}
+
+bool await_peers(WorldPorts& ports, const Options& options, const std::vector<bool>& awaited) {
   ports.status.enter("waiting");
   const TimePoint until = Clock::now() + from_seconds(options.wait_s);
   for (std::size_t u = 0; u < ports.frames.size(); ++u) {
+    if (!awaited[u]) continue;
     const Wanted haptic{fmt::format("haptic_sim for user {}", u), fmt::format("haptic_sim --user {}", u)};
     const auto there = [&] {
       return ports.frames[u].matched() > 0 && ports.reports[u].matched() > 0 &&

@@ -18,17 +18,23 @@ struct WorldRun {
   WorldMeasures& measures;
   EngineExchange& exchange;
   CheckpointWriter& checkpoints;
+  const std::vector<bool>& awaited;  ///< by user: the run does not begin without this user
 };
 
-/// Waits until every user's haptic process has joined. False when asked to stop. Throws `Error` (failed) that names
-/// who is missing.
-[[nodiscard]] bool await_peers(WorldPorts& ports, const Options& options);
+/// By user, whether the run waits for this user at its start: not for those of --without, nor for those who were absent
+/// when the world that is resumed ended. Where that leaves none, it waits for all who have not left by order.
+[[nodiscard]] std::vector<bool> awaited_users(const Options& options, const Scene& scene,
+                                              const std::vector<Absence>& absences);
+
+/// Waits until the haptic process of every user who is awaited has joined. False when asked to stop. Throws `Error`
+/// (failed) that names who is missing.
+[[nodiscard]] bool await_peers(WorldPorts& ports, const Options& options, const std::vector<bool>& awaited);
 
 /// Lock-step: each cycle waits for every user's report. Throws `Error` (failed) when a haptic process dies or is
 /// started again, or the world is no longer finite.
 [[nodiscard]] Ending run_lockstep(const WorldRun& run);
 
-/// Real time: the clock starts when every haptic process has answered, or throws `Error` (failed) after
+/// Real time: the clock starts when every awaited haptic process has answered, or throws `Error` (failed) after
 /// `options.wait_s` seconds. Absolute deadlines; reports are used as they come. A world that cannot keep up slows its
 /// clock, not its step. It goes on for those users who are there, until none is left; that others have gone is a fault.
 [[nodiscard]] Ending run_realtime(const WorldRun& run);

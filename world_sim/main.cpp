@@ -58,6 +58,7 @@ int main(int argc, char** argv) {
   using namespace subworld;
   return run_program(Program::world_sim, argc, argv, [](const Options& options, const Scene& scene) {
     const bool realtime = scene.settings.mode == Mode::realtime;
+    check_without(options, scene);
     const std::optional<WorldCheckpoint> from = checkpoint_of(options, scene);
     const std::optional<Scene> resumed = from ? std::optional(resumed_scene(scene, *from)) : std::nullopt;
 
@@ -84,16 +85,17 @@ int main(int argc, char** argv) {
       };
       if (from) {
         world.resume(*from);
-        measures.resume(from->absences, from->time_s);
+        measures.resume(from->absences);
       } else if (!world.settle(settling)) {
         return;
       }
       const double settle_s = to_seconds(Clock::now() - begin);
-      if (await_peers(ports, options)) {
+      const std::vector<bool> awaited = awaited_users(options, scene, measures.absences());
+      if (await_peers(ports, options, awaited)) {
         const double from_s = world.facts().time_s;
         CheckpointWriter checkpoints(options, scene, world, ports.session,
                                      [&](std::string text) { ports.status.note(std::move(text)); });
-        const WorldRun run{options, scene, ports, world, measures, exchange, checkpoints};
+        const WorldRun run{options, scene, ports, world, measures, exchange, checkpoints, awaited};
         Ending ending =
             ended([&] { return realtime ? run_realtime(run) : run_lockstep(run); },
                   [&] { return Ending{.session = ports.session, .from_s = from_s, .to_s = world.facts().time_s}; });

@@ -55,9 +55,8 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double rea
                 real_time_factor, ratio, substeps});
 }
 
-void WorldMeasures::resume(std::vector<Absence> absences, double at_s) {
-  absences_ = std::move(absences);
-  for (std::size_t u = 0; u < omitted_.size(); ++u) returns(u, at_s);
+bool WorldMeasures::is_absent(std::size_t user) const noexcept {
+  return std::ranges::any_of(absences_, [&](const Absence& one) { return one.user == user && one.to_s == kNotBack_s; });
 }
 
 void WorldMeasures::returns(std::size_t user, double at_s) noexcept {

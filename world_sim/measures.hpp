@@ -18,6 +18,8 @@ static_assert(kWorldStages.size() == Stages<WorldStage>::kCount);
 /// What the world process says of itself at the end, and its history on the way.
 class WorldMeasures : public LoopMeasures<WorldStage> {
  public:
+  static constexpr double kNotBack_s = -1.0;
+
   /// Throws `Error` (failed, usage) for what --out, --trace, --bodies and --bodies-rate ask for.
   WorldMeasures(const Options& options, const Scene& scene, const History::Say& say);
 
@@ -27,7 +29,7 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
     bodies_.goes_back();
   }
   /// The world goes on at `at_s` from a checkpoint with these absences, and waits for all users.
-  void resume(std::vector<Absence> absences, double at_s);
+  void resume(std::vector<Absence> absences) { absences_ = std::move(absences); }
   [[nodiscard]] const std::vector<Absence>& absences() const noexcept { return absences_; }
   [[nodiscard]] BodyHistory& bodies() noexcept { return bodies_; }
 
@@ -42,6 +44,7 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
   void leaves(std::size_t user, double at_s, bool by_order) { absences_.push_back({user, at_s, kNotBack_s, by_order}); }
   /// By order, and nobody has come in its place.
   [[nodiscard]] bool has_left(std::size_t user) const noexcept;
+  [[nodiscard]] bool is_absent(std::size_t user) const noexcept;
   void returns(std::size_t user, double at_s) noexcept;
   [[nodiscard]] double absent_from_s(std::size_t user) const noexcept;
   void lost_report() noexcept { ++lost_reports_; }
@@ -67,7 +70,6 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
   double simulated_s_ = 0.0, wall_s_ = 0.0;  ///< of all cycles
   double slowed_s_ = 0.0, stuck_s_ = 0.0;    ///< wall time with a real-time factor below 1, and below its floor
   std::vector<EngineChange> engine_changes_;
-  static constexpr double kNotBack_s = -1.0;
   std::vector<Absence> absences_;
 };
 

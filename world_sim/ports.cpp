@@ -74,6 +74,7 @@ std::string WorldPorts::second_world() {
   if (world == unknown_scenes_.end()) return {};
   const std::string name = world->name;
   unknown_scenes_.erase(world);
+  ++other_worlds_;
   return fmt::format(
       "two world_sim are on domain {}, this one and one of scene \"{}\": end one of them, or give it another "
       "--domain",

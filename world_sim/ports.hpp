@@ -32,6 +32,8 @@ struct WorldPorts {
   /// What to do about another world_sim that has shown up on this domain since the last call; empty: none has. A
   /// foreign writer of the topic, which sends no status as world_sim, is only counted.
   [[nodiscard]] std::string second_world();
+  /// How many have shown up.
+  [[nodiscard]] std::uint64_t other_worlds() const noexcept { return other_worlds_; }
   /// Samples of others than the programs that take part, by topic.
   [[nodiscard]] WorldRefused refused() const;
 
@@ -56,6 +58,7 @@ struct WorldPorts {
   std::vector<UnknownScene> unknown_scenes_;
   std::set<std::string> scene_writers_;  ///< programs that have described another world
   SceneDescription heard_scene_;
+  std::uint64_t other_worlds_ = 0;
   std::uint64_t second_worlds_ = 0;  ///< descriptions of other worlds that have come
 };
 

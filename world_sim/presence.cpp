@@ -37,6 +37,11 @@ void World::leave(std::size_t number) {
   user.synchroniser->forget();
 }
 
+void World::begin_without(std::size_t number) {
+  leave(number);
+  users_[number].joins_from = facts_.stamp;  // no report of an earlier sub-world is on its way
+}
+
 void World::begin_join(std::size_t number, const HapticReport& report) {
   hold(number);
   User& user = users_[number];

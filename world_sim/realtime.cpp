@@ -87,10 +87,23 @@ class RealtimeLoop : WorldLoop {
   }
 
  private:
-  /// Publishes standing frames until every haptic process has answered one: a reader that has only just been matched
-  /// may miss the first ones. False when asked to stop.
+  /// Publishes standing frames until every awaited haptic process has answered one: a reader that has only just been
+  /// matched may miss the first ones. Users who have not answered then are absent. False when asked to stop.
   bool handshake() {
     std::vector<bool> answered(user_count(), false);
+    if (!answers(answered)) return false;
+    for (std::size_t u = 0; u < user_count(); ++u) {
+      if (answered[u]) {
+        measures.returns(u, world.facts().time_s);
+        continue;
+      }
+      world.begin_without(u);
+      if (!measures.is_absent(u)) measures.leaves(u, world.facts().time_s, true);
+      ports.status.note(fmt::format("the run begins without user {}, who may join later", u));
+    }
+    return true;
+  }
+  bool answers(std::vector<bool>& answered) {
     const TimePoint until = Clock::now() + from_seconds(options.wait_s);
     TimePoint next = Clock::now();
     while (true) {
@@ -102,13 +115,14 @@ class RealtimeLoop : WorldLoop {
           world.frame(u).echoed_sent_ns = report_.sent_ns;  // tells the round trip
         }
       }
-      const auto missing = std::ranges::find(answered, false);
-      if (missing == answered.end()) return true;
+      std::size_t missing = 0;
+      while (missing < user_count() && (answered[missing] || !awaited[missing])) ++missing;
+      if (missing == user_count()) return true;
       if (stop_signal() != 0) return false;
       if (const std::string text = ports.second_world(); !text.empty()) throw Error(ExitCode::usage, text);
       if (Clock::now() > until) {
-        throw Error(ExitCode::failed, fmt::format("haptic_sim {} does not answer; is it stuck, or another network's?",
-                                                  missing - answered.begin()));
+        throw Error(ExitCode::failed,
+                    fmt::format("haptic_sim {} does not answer; is it stuck, or another network's?", missing));
       }
       if (Clock::now() >= next) {
         publish_frames(false, 0.0, 0.0);
@@ -129,6 +143,7 @@ class RealtimeLoop : WorldLoop {
     receive_reports(loop.woke());
     follow_orders();
     observe_users(loop.woke(), period_s, cycle_s);
+    check_replaced(loop.woke());
     stages_.mark(WorldStage::control);
     last_ = stop_signal() != 0 || control_.stopped() || all_gone();
     const bool stood = std::exchange(stands_, !control_.may_step() && !last_);
@@ -155,6 +170,24 @@ class RealtimeLoop : WorldLoop {
         use_report(u, now);
       }
     }
+  }
+
+  /// A world that was halted may have been replaced meanwhile. Throws `Error` (failed) where another world has shown
+  /// up, and no user takes part in this one any more.
+  void check_replaced(TimePoint now) {
+    if (ports.other_worlds() != other_worlds_) another_since_ = now;
+    other_worlds_ = ports.other_worlds();
+    if (another_since_ == TimePoint{}) return;
+    for (std::size_t u = 0; u < users_.size(); ++u) {
+      // Reports from before the halt are used up at once.
+      if (users_[u].peer.last_heard() > another_since_ + from_seconds(kHeld_s)) another_since_ = {};
+      if (!world.user_facts(u).absent) return;
+    }
+    if (another_since_ == TimePoint{}) return;
+    throw Error(ExitCode::failed,
+                fmt::format("another world_sim serves the users of this one, which was halted or cut off for a time: "
+                            "this one ends at t = {:.3f} s",
+                            world.facts().time_s));
   }
 
   void use_report(std::size_t u, TimePoint now) {
@@ -272,7 +305,9 @@ class RealtimeLoop : WorldLoop {
     std::uint64_t newest_stamp = 0;  ///< of the reports that came
   };
   std::vector<User> users_;
-  double publish_s_ = 0.0;  ///< that publishing the frames of the cycle before took
+  std::uint64_t other_worlds_ = 0;  ///< that have shown up
+  TimePoint another_since_;         ///< the newest of them has, and no user has reported since; {}: none
+  double publish_s_ = 0.0;          ///< that publishing the frames of the cycle before took
   bool yielding_ = false;
   bool stands_ = false;  ///< paused
   bool last_ = false;

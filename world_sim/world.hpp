@@ -111,6 +111,9 @@ class World {
   /// Reports of the user do not come: from now on, until the next one, the coupling holds the proxy, with the wrench
   /// that the user exerted last. So nothing falls that was held, and nothing is pushed on.
   void hold(std::size_t user);
+  /// Before the first cycle: the user is absent until a sub-world reports that has started from a frame of this stamp
+  /// or a later one.
+  void begin_without(std::size_t user);
   /// The user is absent from now on, until reports come of a sub-world that has started from a frame of a later stamp.
   /// Meanwhile the coupling holds the proxy.
   void leave(std::size_t user);

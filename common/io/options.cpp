@@ -42,7 +42,7 @@ const About& about(Program program) {
        "scene and flags:\n"
        "  haptic_sim heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --user 0\n"
        "  device_sim heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --user 0\n"},
-      {"device_sim", "Emulates one user's haptic device and its operator.",
+      {"device_sim", "Connects one user's haptic device, or emulates it and its operator.",
        "Examples:\n"
        "  device_sim deploy/scenes/heap.yaml --user 0\n"
        "On two hosts, this one with the user and interface eth0, 10.0.0.1 with the world; all programs get the same\n"
@@ -165,6 +165,34 @@ Option add_domain(CommandLine& line, int& domain) {
   return line.add("--domain", &domain, "DDS domain").range(0, 232).environment("SUBWORLD_DOMAIN");
 }
 
+void add_device_options(CommandLine& line, Options& o) {
+  line.add("--device", &o.devices,
+           "haptic device: emulated, udp, spacemouse, joystick or another driver (`subworld device list`); with "
+           "several users a list, one for each")
+      .otherwise("emulated");
+  line.add("--device-settings", &o.device_settings, "settings of the device's driver; see `subworld device list`")
+      .otherwise("the driver's");
+  line.add("--device-scale", &o.device_scale_ratio, "metres in the scene for a metre of a device with a driver")
+      .range(0.01, 100.0);
+  line.add("--device-declutch", &o.device_declutch,
+           "button of a device with a driver: while it is pressed, the device moves without the proxy; -1: none")
+      .range(-1, 31);
+}
+
+std::vector<std::string> device_flags_of(const Options& o, int user) {
+  if (o.devices.empty()) return {};
+  const std::size_t at = o.devices.size() == 1 ? 0 : static_cast<std::size_t>(user);
+  if (at >= o.devices.size()) {
+    throw Error(ExitCode::usage, fmt::format("--device {}: names no device for user {}; name one for each user, or one "
+                                             "for all",
+                                             fmt::join(o.devices, ","), user));
+  }
+  return {"--device",          o.devices[at],
+          "--device-settings", o.device_settings,
+          "--device-scale",    fmt::format("{}", o.device_scale_ratio),
+          "--device-declutch", fmt::format("{}", o.device_declutch)};
+}
+
 void add_trace_option(CommandLine& line, Options& o) {
   line.add("--trace", &o.trace,
            "file for a trace of the loops, stage by stage, as Chrome trace events (Perfetto, chrome://tracing, "
@@ -197,6 +225,25 @@ void add_checkpoint_options(CommandLine& line, Options& o) {
   line.add("--resume", &o.resume,
            "real time: go on from a checkpoint file, or from the newest valid one in a folder of results")
       .otherwise("start at t = 0");
+  line.add("--without", &o.without,
+           "real time: users, separated by commas, without whom the run begins; they join when their programs start")
+      .range(0, 63)
+      .otherwise("wait for all users");
+}
+
+void check_without(const Options& options, const Scene& scene) {
+  if (options.without.empty()) return;
+  if (scene.settings.mode != Mode::realtime)
+    throw Error(ExitCode::usage, "--without: in lock-step every user takes part from the start; use --mode realtime");
+  const int users = scene.settings.users;
+  int present = users;
+  for (int user = 0; user < users; ++user) present -= std::ranges::find(options.without, user) != options.without.end();
+  for (const int user : options.without) {
+    if (user >= users)
+      throw Error(ExitCode::usage,
+                  fmt::format("--without {}: there is no such user; the run has {}, from 0", user, users));
+  }
+  if (present == 0) throw Error(ExitCode::usage, "--without: names every user; a run begins with at least one");
 }
 
 namespace {
@@ -333,6 +380,7 @@ int run_program(Program program, int argc, const char* const* argv,
     add_domain(line, o.network.domain);
     if (program == Program::haptic_sim || program == Program::device_sim)
       line.add("--user", &o.user, "the scene's user that it serves, from 0").range(0, 63);
+    if (program == Program::device_sim) add_device_options(line, o);
     const bool display = program == Program::gui_headless;
     if (display) o.out = "out/display";
     add_out(line, o, display ? "folder for the pictures" : "folder for results; without it none are written");

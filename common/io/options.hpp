@@ -41,11 +41,16 @@ struct Options {
   std::optional<double> bodies_rate_hz;  ///< world_sim: rate of that
   double checkpoint_s = 0.5;             ///< world_sim: simulated time between checkpoints; 0: none
   std::string resume;                    ///< world_sim: file or folder of the checkpoint to go on from; empty: none
+  std::vector<int> without;              ///< users without whom the world begins; they may join later
   std::vector<int> cores;                ///< for all threads of the program; none: any
   double spin_s = 0.0;                   ///< haptic_sim, device_sim: spins instead of sleeping before a release
   std::string record;                    ///< of `subworld run`: file for a recording; empty: none
   std::string trace;                     ///< file for a trace of the loops; empty: none. Not of the display
   int user = 0;                          ///< haptic_sim, device_sim
+  std::vector<std::string> devices;      ///< device_sim: its device; the launcher: one for each user. None: emulated
+  std::string device_settings;           ///< of the device's driver
+  double device_scale_ratio = 1.0;       ///< metres in the scene for a metre of the device
+  int device_declutch = -1;              ///< button of the device that disengages it from the proxy; -1: none
   double wait_s = 30.0;                  ///< for the other programs
   std::vector<Option> shared = {};       ///< those that all programs of a run have
   double picture_every_s = 0.0;          ///< gui_headless
@@ -77,6 +82,12 @@ Option add_domain(CommandLine& line, int& domain);
 /// The same for one of a list of fixed ratios, beside an option --ratio-most.
 [[nodiscard]] std::string fixed_ratio_fault(const std::string& text);
 
+/// Adds --device, --device-settings, --device-scale and --device-declutch.
+void add_device_options(CommandLine& line, Options& options);
+
+/// The same options for the device of one user. Throws `Error` (usage) where the list has another length.
+[[nodiscard]] std::vector<std::string> device_flags_of(const Options& options, int user);
+
 /// Adds --trace.
 void add_trace_option(CommandLine& line, Options& options);
 
@@ -86,8 +97,10 @@ void add_record_option(CommandLine& line, Options& options);
 /// Adds --bodies and --bodies-rate.
 void add_bodies_options(CommandLine& line, Options& options);
 
-/// Adds --checkpoint and --resume.
+/// Adds --checkpoint, --resume and --without.
 void add_checkpoint_options(CommandLine& line, Options& options);
+/// Throws `Error` (usage) where --without names a user that the run does not have, or every user, or in lock-step.
+void check_without(const Options& options, const Scene& scene);
 
 /// Runs a program's body and turns its exceptions into a message on stderr and an exit code.
 int guarded(const char* program, const std::function<int()>& body) noexcept;

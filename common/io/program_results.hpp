@@ -161,6 +161,16 @@ struct DeviceRefused {
 };
 SUBWORLD_JSON(DeviceRefused, device_command, by)
 
+/// A real device, by its driver. `absent_s`: total time in which the device was lost or had no good reading.
+struct DriverResult {
+  std::string name, version;
+  std::uint64_t readings = 0, refused = 0;
+  std::string refused_for;  ///< numbers and reasons
+  std::uint64_t absences = 0;
+  double absent_s = 0.0, longest_gap_s = 0.0;
+};
+SUBWORLD_JSON(DriverResult, name, version, readings, refused, refused_for, absences, absent_s, longest_gap_s)
+
 /// The file of a device_sim.
 struct DeviceResult {
   std::size_t user = 0;
@@ -179,11 +189,12 @@ struct DeviceResult {
   std::string dds = {};
   EventCounts events = {};
   DeviceRefused refused = {};
+  std::optional<DriverResult> driver = {};  ///< none: the emulated device
   Ending ending = {};
   std::string host = {};
 };
 SUBWORLD_JSON(DeviceResult, user, steps, round_trip_s, sent_ratio, missed_deadlines, missed_by_os, missed_by_run,
               step_s, operator_energy, energy_bounded_ratio, oscillation_n, woken_late_s, machine, stages,
-              history_rows_dropped, trace_events_dropped, dds, events, refused, ending, host)
+              history_rows_dropped, trace_events_dropped, dds, events, refused, driver, ending, host)
 
 }  // namespace subworld

@@ -4,97 +4,36 @@
 #include "model/nearest.hpp"
 #include "physics/plugin.hpp"
 #include "physics/scaled_engine.hpp"
+#include "plugin/library.hpp"
 
-#include <dlfcn.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <array>
-#include <cstdlib>
-#include <filesystem>
 #include <map>
 #include <mutex>
-#include <ranges>
 #include <string>
 
 namespace subworld {
 
 namespace {
 
-namespace fs = std::filesystem;
-
-constexpr const char* kFoldersVariable = "SUBWORLD_ENGINES";
-constexpr std::string_view kPrefix = "libsubworld_engine_";
-constexpr std::string_view kSuffix = ".so";
+constexpr PluginKind kEngines{.noun = "engine",
+                              .with_article = "an engine",
+                              .prefix = "libsubworld_engine_",
+                              .folders_variable = "SUBWORLD_ENGINES",
+                              .entry = "subworld_engine_plugin",
+                              .interface = kEnginePluginInterface,
+                              .page = "common/physics/README.md"};
 
 /// Engines that are not in a default build.
 constexpr std::array<std::string_view, 3> kOptional{"havok", "physx", "rapier"};
-
-/// Folders of the engines' libraries: those of the environment variable, then the program's folder.
-std::vector<fs::path> engine_folders() {
-  std::vector<fs::path> folders;
-  if (const char* listed = std::getenv(kFoldersVariable)) {
-    for (const auto folder : std::views::split(std::string_view(listed), ':')) {
-      if (!folder.empty()) folders.emplace_back(folder.begin(), folder.end());
-    }
-  }
-  std::error_code ignored;
-  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
-  if (!program.empty()) folders.push_back(program.parent_path());
-  return folders;
-}
-
-/// Name -> library; the first folder that has one takes precedence.
-std::map<std::string, fs::path, std::less<>> engine_files() {
-  std::map<std::string, fs::path, std::less<>> files;
-  for (const fs::path& folder : engine_folders()) {
-    std::error_code error;
-    for (const auto& entry : fs::directory_iterator(folder, error)) {
-      const std::string file = entry.path().filename().string();
-      if (!file.starts_with(kPrefix) || !file.ends_with(kSuffix)) continue;
-      files.emplace(file.substr(kPrefix.size(), file.size() - kPrefix.size() - kSuffix.size()), entry.path());
-    }
-  }
-  return files;
-}
-
-template <typename Function>
-Function* exported(void* library, const char* symbol) {
-  return reinterpret_cast<Function*>(dlsym(library, symbol));
-}
-
-/// A library is never unloaded, because its code serves every engine that it made.
-const EnginePlugin& load(const std::string& name, const fs::path& file) {
-  // RTLD_LOCAL: two engines may define the same symbols, as Bullet's two precisions do.
-  void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
-  if (library == nullptr) {
-    throw Error(ExitCode::usage, fmt::format("engine \"{}\" cannot be loaded: {}; install what is missing or build it "
-                                             "again with deploy/build",
-                                             name, dlerror()));
-  }
-  auto* plugin = exported<const EnginePlugin*()>(library, "subworld_engine_plugin");
-  auto* interface = exported<int()>(library, "subworld_engine_plugin_interface");
-  auto* compiler = exported<const char*()>(library, "subworld_engine_plugin_compiler");
-  if (plugin == nullptr || interface == nullptr || compiler == nullptr) {
-    throw Error(ExitCode::usage,
-                fmt::format("{} is not an engine of Subworld: it exports no subworld_engine_plugin; remove it "
-                            "or build it as common/physics/README.md shows",
-                            file.string()));
-  }
-  if (interface() != kEnginePluginInterface || std::string_view(compiler()) != __VERSION__) {
-    throw Error(ExitCode::usage,
-                fmt::format("{} is of another build (interface {}, compiler {}; this program: {}, {}); build both "
-                            "together",
-                            file.string(), interface(), compiler(), kEnginePluginInterface, __VERSION__));
-  }
-  return *plugin();
-}
 
 }  // namespace
 
 std::vector<std::string> engine_names() {
   std::vector<std::string> names;
-  for (const auto& [name, file] : engine_files()) names.push_back(name);
+  for (const auto& [name, file] : plugin_files(kEngines)) names.push_back(name);
   return names;
 }
 
@@ -104,9 +43,9 @@ const EnginePlugin& engine_plugin(std::string_view name) {
   const std::lock_guard lock(mutex);
   if (const auto known = loaded.find(name); known != loaded.end()) return *known->second;
 
-  const auto files = engine_files();
+  const auto files = plugin_files(kEngines);
   if (const auto file = files.find(name); file != files.end()) {
-    return *(loaded[file->first] = &load(file->first, file->second));
+    return *(loaded[file->first] = static_cast<const EnginePlugin*>(load_plugin(kEngines, file->first, file->second)));
   }
   if (std::ranges::find(kOptional, name) != kOptional.end()) {
     throw Error(ExitCode::usage, fmt::format("engine \"{}\" is not in this build; build it by "

@@ -62,7 +62,8 @@ void judge_engines(const Facts& facts, Findings& out) {
 }
 
 /// After "SUBWORLD_".
-constexpr std::array<std::string_view, 15> kVariables{"DDS",
+constexpr std::array<std::string_view, 16> kVariables{"DDS",
+                                                      "DEVICES",
                                                       "TOKEN",
                                                       "DOMAIN",
                                                       "PLUGIN_DIR",

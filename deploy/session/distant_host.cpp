@@ -127,9 +127,14 @@ std::vector<std::string> DistantHost::words_of(const std::string& program, const
                                                Resume resume) const {
   std::string command = fmt::format("cd {} && ", quoted(checkout_));
   if (resume == Resume::where_it_can) {
+    // A world that has written its results is at its end. The launcher does not start it again after this exit code.
+    command += fmt::format("if test -e {}/world.json; then exit {}; fi && ", quoted(folder_),
+                           static_cast<int>(ExitCode::usage));
     command +=
         fmt::format("if ls {0}/world_?.checkpoint > /dev/null 2>&1; then set -- --resume {0}; fi && ", quoted(folder_));
   }
+  if (resume == Resume::no && program == "world_sim")
+    command += fmt::format("rm -f {}/world.json && ", quoted(folder_));  // of an earlier run
   command += "exec build/release/bin/" + program;
   for (const std::string& word : words) command += " " + quoted(word);
   if (resume == Resume::where_it_can) command += " \"$@\"";

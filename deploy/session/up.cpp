@@ -199,8 +199,6 @@ class SessionRun {
           },
           [&](const Supervisor::Child& child) { return early_end(child.part, run_.scene.settings.duration_s); });
     }
-    if (failure && exit_code_of(failure->child) == DistantHost::kSshFailed)
-      failure->reason = "was killed there, or ssh lost the connection to it";
     Ended ended = end(programs, std::move(failure), watchdog);
     run_.restarts = programs.restarts();
     return ended;

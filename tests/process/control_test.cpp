@@ -93,6 +93,78 @@ TEST_F(Control, AUserLeavesAndJoinsAgain) {
   EXPECT_EQ(absences[0]["by_order"], true);
 }
 
+// Real time: the run begins without a user, who joins with programs that are started later.
+TEST_F(Control, ARunBeginsWithoutAUserWhoJoinsLater) {
+  const Words flags{"--mode", "realtime", "--duration", "600", "--budget", "0.3"};
+  Words words = run_words(scene("lift"), flags);
+  words.insert(words.end(), {"--without", "1"});
+  Process process(words, folder_.path());
+  ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_0.csv").size() > 10000; })) << process.err();
+  EXPECT_FALSE(std::filesystem::exists(out() + "/haptic_1.csv"));
+  std::vector<std::unique_ptr<Process>> later;
+  for (const char* name : {"haptic_sim", "device_sim"}) {
+    const std::string folder = folder_.path() + "/" + name;
+    std::filesystem::create_directories(folder);
+    Words its{program(name), scene("lift"), "--user", "1", "--domain", domain_.text(), "--out", folder};
+    its.insert(its.end(), flags.begin(), flags.end());
+    later.push_back(std::make_unique<Process>(its, folder));
+  }
+  EXPECT_TRUE(eventually([&] { return read_text(folder_.path() + "/haptic_sim/haptic_1.csv").size() > 10000; }))
+      << later.front()->err();
+  EXPECT_EQ(control({"stop"}).code, 0);
+  EXPECT_EQ(process.wait(), 0) << process.err();
+  for (const auto& one : later) EXPECT_EQ(one->wait(), 0) << one->err();
+  const Json absences = summary()["world"]["absences"];
+  ASSERT_EQ(absences.size(), 1U);
+  EXPECT_EQ(absences[0]["user"], 1);
+  EXPECT_EQ(absences[0]["from_s"], 0.0);
+  EXPECT_LT(absences[0]["to_s"].get<double>(), summary()["simulated_s"].get<double>());
+}
+
+// The summary has the results of those who took part, under their own numbers.
+TEST_F(Control, ARunEndsWithoutAUserWhoNeverJoins) {
+  const Ended ended =
+      run(scene("lift"), {"--mode", "realtime", "--duration", "1", "--budget", "0.3", "--without", "0"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  const Json json = summary();
+  EXPECT_NE(json["verdict"].get<std::string>().find("user 0 took no part"), std::string::npos) << json["verdict"];
+  ASSERT_EQ(json["haptic"].size(), 1U);
+  EXPECT_EQ(json["haptic"][0]["user"], 1);
+  for (const Json& gate : json["gates"]) EXPECT_FALSE(gate["name"].get<std::string>().starts_with("user 0")) << gate;
+}
+
+TEST_F(Control, ARunNeedsAUserAtItsStart) {
+  EXPECT_EQ(run(scene("lift"), {"--mode", "realtime", "--without", "0,1"}).code, 2);
+  EXPECT_EQ(run(scene("lift"), {"--mode", "realtime", "--without", "7"}).code, 2);
+  EXPECT_EQ(run(scene("lift"), {"--mode", "lockstep", "--without", "1"}).code, 2);
+}
+
+// A world that is started again does not wait for a user who has left by order.
+TEST_F(Control, ARestartedWorldGoesOnWithoutAUserWhoHasLeft) {
+  Process process(run_words(scene("lift"), {"--mode", "realtime", "--duration", "600", "--budget", "0.3", "--restart",
+                                            "on-failure", "--checkpoint", "0.1", "--wait", "5"}),
+                  folder_.path());
+  ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_1.csv").size() > 10000; })) << process.err();
+  ASSERT_EQ(control({"leave", "--user", "1"}).code, 0);
+  const auto programs_of_one_user = [&] { return running(out()).size() == 5; };  // with launcher, keeper and world
+  ASSERT_TRUE(eventually(programs_of_one_user));
+  const auto size_of_history = [&] { return std::filesystem::file_size(out() + "/world.csv"); };
+  const auto left = size_of_history();
+  ASSERT_TRUE(eventually([&] { return size_of_history() > left + 20000; })) << "a checkpoint without this user";
+  pid_t world = 0;
+  for (const Running& one : running(out())) {
+    if (one.words.front().ends_with("/world_sim")) world = one.pid;
+  }
+  ASSERT_EQ(kill(world, SIGKILL), 0);
+  const auto killed = size_of_history();
+  EXPECT_TRUE(eventually([&] { return size_of_history() > killed + 20000; })) << process.err();
+  EXPECT_EQ(control({"stop"}).code, 0);
+  EXPECT_EQ(process.wait(), 0) << process.err() << process.out();
+  const Json absences = summary()["world"]["absences"];
+  ASSERT_EQ(absences.size(), 1U);
+  EXPECT_EQ(absences[0]["by_order"], true);
+}
+
 // The launcher names a program that does not advance for 3 s, and such a run fails. A paused world does not advance
 // either.
 TEST_F(Control, APauseIsNotTakenForAStall) {

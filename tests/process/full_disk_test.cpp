@@ -53,6 +53,27 @@ TEST_F(SmallDisk, TheFolderOfARunThatIsRemovedIsNamedAndTheSummaryWritten) {
   EXPECT_GT(summary()["haptic"][0]["steps"], 0);
 }
 
+// The mount covers the folder for a second: files that are open already are written.
+TEST_F(SmallDisk, AFolderThatIsReadOnlyForAWhileCostsCheckpointsAndTheVerdictNamesTheCause) {
+  std::string command;
+  for (const std::string& word :
+       run_words(scene("press"), {"--mode", "realtime", "--duration", "4", "--checkpoint", "0.25"}))
+    command += "'" + word + "' ";
+  const Ended ended =
+      finish({"/usr/bin/unshare", "-m", "--propagation", "private", "/bin/sh", "-c",
+              "mount -t tmpfs tmpfs /mnt || exit 77; " + command + " & until [ -e " + out() +
+                  "/world_1.checkpoint ]; do sleep 0.05; done; mount --bind " + out() + " " + out() +
+                  " && mount -o remount,bind,ro " + out() + "; sleep 1; umount " + out() + "; wait $!"});
+  if (ended.code == 77) GTEST_SKIP() << "needs the rights of root";
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+  const Json json = summary();
+  EXPECT_NEAR(json["simulated_s"].get<double>(), 4.0, 0.01) << "the run goes on";
+  const std::string verdict = json["verdict"];
+  EXPECT_NE(verdict.find("checkpoints could not be written: " + out() + "/world_"), std::string::npos) << verdict;
+  EXPECT_NE(verdict.find("Read-only file system"), std::string::npos) << verdict;
+  EXPECT_GT(json["world"]["checkpoints"]["newest_s"].get<double>(), 3.0) << "they are written again afterwards";
+}
+
 TEST_F(RunEnds, AFullOutputEndsNoRunButIsAnError) {
   Words words = run_words(scene("press"), {"--duration", "1"});
   std::string command;

@@ -94,6 +94,21 @@ TEST_F(SessionRestarts, AWorldOnADistantHostGoesOnFromItsCheckpointThere) {
   expect_restarted(world);
 }
 
+// Its results are there, not here.
+TEST_F(SessionRestarts, AWorldOnADistantHostThatFailsAfterItsResultsIsNotStartedAgain) {
+  const std::string world = home("user@10.0.0.1") + "/subworld/build/release/bin/world_sim";
+  std::filesystem::create_directories(std::filesystem::path(world).parent_path());
+  for (const char* user : {"user@10.0.0.2", "user@10.0.0.3"}) make_checkout(home(user) + "/subworld");
+  const std::string starts = folder_.path() + "/starts";
+  std::filesystem::copy(write_script("world", "echo >> " + starts + "; " + program("world_sim") + " \"$@\"; exit 1"),
+                        world);
+  const std::string file = realtime_session("  - name: world\n", "  - name: world\n    ssh: user@10.0.0.1\n");
+  const std::string mark = "failed_" + std::to_string(getpid());
+  const Ended ended = finish(up(file, folder_.path() + "/" + mark, {"--ssh", ssh(), "--restart", "on-failure"}));
+  EXPECT_EQ(ended.code, 2) << ended.err << ended.out;
+  EXPECT_EQ(read_text(starts), "\n") << "it was started again: " << ended.err;
+}
+
 // Each host starts its own programs again, also one without the world.
 TEST_F(SessionRestarts, OfAShareThatIsStartedByHost) {
   const std::string file = realtime_session();

@@ -1,6 +1,8 @@
 #include "ends.hpp"
+
 #include "rt/presence.hpp"
 #include "summary.hpp"
+#include "supervise.hpp"
 #include "watchdog.hpp"
 
 #include <gtest/gtest.h>
@@ -153,6 +155,15 @@ TEST(PresenceTest, APeerIsGoneThatIsNeitherHeardNorAliveForLong) {
   EXPECT_FALSE(heard.gone());
   alive.observe(false, false, 1e-3);
   EXPECT_TRUE(alive.gone());
+}
+
+TEST(Ends, AProgramBehindSshThatWasKilledSaysSo) {
+  constexpr int kSshFailed = 255 << 8;  // as waitpid() has it
+  Supervisor::Child child;
+  child.status = kSshFailed;
+  EXPECT_EQ(end_of(child), "exited with 255");
+  child.host = "right";
+  EXPECT_EQ(end_of(child), "was killed there, or ssh lost the connection to it");
 }
 
 }  // namespace

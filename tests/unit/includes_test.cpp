@@ -18,7 +18,8 @@ using Names = std::set<std::string>;
 /// For each room, the rooms whose files it may include.
 const std::map<std::string, Names> kMayInclude{
     {"model", {"model"}},
-    {"physics", {"model", "physics"}},
+    {"plugin", {"model", "plugin"}},
+    {"physics", {"model", "plugin", "physics"}},
     {"coupling", {"model", "physics", "coupling"}},
     {"wire", {"model", "wire"}},
     {"rt", {"rt"}},
@@ -26,9 +27,9 @@ const std::map<std::string, Names> kMayInclude{
     {"program", {"model", "physics", "wire", "rt", "io", "program"}},
     {"world_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "world_sim"}},
     {"haptic_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "haptic_sim"}},
-    {"device_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "device_sim"}},
+    {"device_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "plugin", "device_sim"}},
     {"gui_headless", {"model", "physics", "coupling", "wire", "rt", "io", "program", "gui_headless"}},
-    {"deploy", {"model", "physics", "coupling", "wire", "rt", "io", "deploy"}},
+    {"deploy", {"model", "physics", "coupling", "wire", "rt", "io", "device_sim", "deploy"}},
 };
 
 /// A foreign library: the pattern of its includes, and the files that may have them.
