@@ -118,9 +118,10 @@ TEST_F(Recording, ToWhereNothingCanBeWrittenFailsBeforeAnythingRuns) {
 TEST_F(Recording, IsPublishedAndSteered) {
   ASSERT_EQ(run(scene("row"), recorded({"--mode", "lockstep", "--duration", "2"})).code, 0);
   const std::string shown = folder_.path() + "/shown";
+  const TemporaryFolder folder;
   Process replay(
       {program("subworld"), "replay", file(), "--live", "0", "--paused", "--domain", domain_.text(), "--out", shown},
-      folder_.path());
+      folder.path());
   const auto order = [&](const Words& words, const std::string& answer) {
     Words all{program("subworld"), "control", "--domain", domain_.text(), "--wait", "30"};
     all.insert(all.end(), words.begin(), words.end());
