@@ -27,7 +27,8 @@ struct Verb {
 };
 constexpr std::array kVerbs{Verb{"stop", ControlVerb::stop},     Verb{"pause", ControlVerb::pause},
                             Verb{"resume", ControlVerb::resume}, Verb{"step", ControlVerb::step},
-                            Verb{"leave", ControlVerb::leave},   Verb{"engine", ControlVerb::set_engine}};
+                            Verb{"leave", ControlVerb::leave},   Verb{"engine", ControlVerb::set_engine},
+                            Verb{"seek", ControlVerb::reset}};
 
 /// Waits until the world has described itself. Throws `Error` (middleware) where none does.
 SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Network& network, double wait_s) {
@@ -125,10 +126,12 @@ void await_answers(Bus& bus, Reader<ControlReply>& replies, Reader<Status>& stat
 
 }  // namespace
 
-void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, int user, double wait_s) {
+void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, int user, double time_s,
+                  double wait_s) {
   Control order;
   order.number = std::random_device()();
   if (verb == "engine") order.argument = to_text(engine);
+  if (verb == "seek") order.argument = fmt::format("{}", time_s);
   if (verb == "leave") order.argument = std::to_string(user);
   for (const Verb& known : kVerbs) {
     if (known.name == verb) order.verb = known.verb;

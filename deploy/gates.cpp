@@ -407,6 +407,15 @@ std::vector<Gate> gates(const RunResults& run) {
                    most_created_j(run, all_work_j(run)),
                    {Culprit::unstable, "neither an operator nor the bodies had it; less delay, or a smaller --ratio"}});
   }
+  if (run.recording) {
+    all.push_back({"messages that the recording lost",
+                   kCount,
+                   static_cast<double>(run.recording->lost()),
+                   0.0,
+                   {Culprit::run, run.recording->fault.empty()
+                                      ? "the recorder's memory was full; --record needs a faster disk, or an idle core"
+                                      : run.recording->fault}});
+  }
   for (std::size_t u = 0; u < run.haptic.size(); ++u) {
     for (Row& row : rows_of({run, u})) {
       row.gate.name = fmt::format("user {}: {}", run.haptic[u].user, row.gate.name);

@@ -10,6 +10,7 @@
 #include "page.hpp"
 #include "placement.hpp"
 #include "progress.hpp"
+#include "recording.hpp"
 #include "report.hpp"
 #include "rt/calibration.hpp"
 #include "rt/cyclic.hpp"
@@ -29,6 +30,7 @@
 #include <cctype>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -63,7 +65,7 @@ bool is_placed_by_hand(const std::string& program) {
 }
 
 void start_programs(Supervisor& programs, const RunRequest& request, const Options& options, const Settings& settings,
-                    int domain, const Placement& placement, const MessageMemory& messages) {
+                    int domain, const Placement& placement, const MessageMemory& messages, const Recording* recording) {
   const std::string folder = program_folder();
   int position = 0;
   const auto start = [&](const std::string& program, int user, bool essential) {
@@ -96,10 +98,12 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     // A world that is started again goes on from its own newest checkpoint, as soon as there is one.
     const auto again = [flags, options] { return resumed(flags, options.out, options.resume); };
     if (program == "world_sim" && !options.resume.empty()) flags.insert(flags.end(), {"--resume", options.resume});
+    const auto place = static_cast<std::size_t>(place_of_messages(program, user));
     programs.start(
         {.label = label,
          .log = fmt::format("{}/logs/{}.log", options.out, label),
-         .messages = messages.place_of(place_of_messages(program, user)),
+         .recording = recording == nullptr ? "" : recording->memory().place_of(place),
+         .messages = messages.place_of(place),
          .part = part,
          .essential = essential,
          .arguments_again = program == "world_sim" ? std::function(again) : nullptr,
@@ -188,10 +192,10 @@ struct Outside {
 
 /// Starts the programs, shows how they advance, and stops what is left of them.
 Ended run_programs(const RunRequest& request, const Options& options, int domain, RunResults& run,
-                   const MessageMemory& messages, const Keeper& keeper) {
+                   const MessageMemory& messages, const Recording* recording, const Keeper& keeper) {
   const Scene& scene = run.scene;
   Supervisor programs(request.restart, keeper);
-  start_programs(programs, request, options, scene.settings, domain, run.placement, messages);
+  start_programs(programs, request, options, scene.settings, domain, run.placement, messages, recording);
   std::optional<Supervisor::Failure> failure;
   Watchdog watchdog;
   PageOpener open_page(options.live, request.page);
@@ -254,6 +258,11 @@ int run(const RunRequest& request) {
     merge_traces({}, options.trace);  // an unwritable file is an error before anything runs
     make_folder(options.out + "/trace");
   }
+  std::unique_ptr<Recording> recording;
+  if (!options.record.empty()) {
+    recording =
+        std::make_unique<Recording>(options.record, run.scene, settings_flags_of(options), request.dds, request.gui);
+  }
   const int domain = claim_domain(request.domain, domain_lock);
   fmt::print("subworld: {} in {}, {} s, domain {}, results in {}\n", run.scene.file,
              run.realtime() ? "real time" : "lock-step", settings.duration_s, domain, options.out);
@@ -280,11 +289,14 @@ int run(const RunRequest& request) {
     conclude_orphaned(run, request, options.out, calibration);
     write_last_messages(run, messages, options.out);
   });
-  const Ended ended = run_programs(request, options, domain, run, messages, keeper);
+  if (recording) recording->start();
+  const Ended ended = run_programs(request, options, domain, run, messages, recording.get(), keeper);
+  if (recording) run.recording = recording->drain();
   outside.measure(run);
   collect_trace(options);
   const int code = conclude_run(run, ended, request, options.out, calibration);
   write_last_messages(run, messages, options.out);
+  if (recording) recording->finish(options.out + "/summary.json");
   return code;
 }
 

@@ -28,9 +28,10 @@ struct RunRequest {
 int run(const RunRequest& request);
 
 /// Sends one order to the programs on a domain and prints their answers. `engine` belongs to the verb "engine", `user`
-/// to "leave". Throws `Error`: middleware where there is no world within `wait_s`, failed where one refuses or does not
-/// answer within as long again.
-void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, int user, double wait_s);
+/// to "leave", `time_s` to "seek". Throws `Error`: middleware where there is no world within `wait_s`, failed where one
+/// refuses or does not answer within as long again.
+void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, int user, double time_s,
+                  double wait_s);
 
 /// The vendor of the program at a position among those of a run; with "mixed" they alternate.
 [[nodiscard]] std::string vendor_of(const std::string& dds, int position);

@@ -6,6 +6,7 @@
 #include "link/command.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
+#include "replay.hpp"
 #include "session/session.hpp"
 #include "top.hpp"
 #include "wire/plugin.hpp"
@@ -82,6 +83,7 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement, std
   add_device_options(line, request.options);
   add_bodies_options(line, request.options);
   add_checkpoint_options(line, request.options);
+  add_record_option(line, request.options);
   add_trace_option(line, request.options);
   line.add("--placement", &placement,
            "real time: auto gives the world a core of its own where the others have room for the haptic loops; none "
@@ -137,15 +139,6 @@ void add_device_check(CommandLine& line, std::string& name, DriverCheckRequest& 
       "Exit codes: 0 all properties hold, 4 one is missed, 2 usage.");
 }
 
-struct ControlRequest {
-  Network network;
-  std::string verb;
-  EngineOrder engine;
-  std::optional<int> user;
-  bool haptic = false;
-  double wait_s = 5.0;
-};
-
 /// `network.domain` and `network.dds` have options of their own, because their defaults differ.
 void add_network(CommandLine& line, Network& network) {
   line.add("--interface", &network.interface_address, "own network interface, by name or IPv4 address")
@@ -154,14 +147,56 @@ void add_network(CommandLine& line, Network& network) {
       .otherwise("this host");
 }
 
+void add_replay(CommandLine& line, ReplayRequest& request) {
+  line.add("file", &request.file, "recording, as `subworld run --record` writes it").required();
+  line.flag("--resimulate", request.resimulate,
+            "run the recorded scene again with the recorded settings, and compare the state hashes; of a recording "
+            "in lock-step");
+  line.flag("--publish", request.publish,
+            "publish the recorded messages through DDS, in the place of the programs that were recorded");
+  line.flag("--page", request.page, "the same, with a display that serves the page; prints the address");
+  add_live_options(line, request.live,
+                   "publish the recording, and serve it to Lichtblick and Foxglove on this TCP port");
+  line.add("--speed", &request.speed, "simulated time per time").range(1e-3, 1e3);
+  line.add("--from", &request.from_s, "first moment, simulated time").range(0.0, 1e6, "s");
+  line.flag("--paused", request.paused, "begin paused: `subworld control step` advances to the next snapshot");
+  add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
+  line.add("--domain", &request.domain, "DDS domain")
+      .range(0, 232)
+      .environment("SUBWORLD_DOMAIN")
+      .otherwise("the first from 100 down to 60 that no other run on this host uses");
+  add_network(line, request.network);
+  line.add("--out", &request.out, "folder for the results").otherwise("a new out/replay-TIME");
+  line.footer(
+      "Examples:\n"
+      "  subworld replay run.mcap\n"
+      "  subworld replay run.mcap --resimulate\n"
+      "  subworld replay run.mcap --page --speed 0.5\n"
+      "  subworld replay run.mcap --publish --paused --domain 100\n"
+      "Without an option it prints what the file holds.\n"
+      "Exit codes: 0 done, 1 the state hashes differ, 2 usage or no finished recording.");
+}
+
+struct ControlRequest {
+  Network network;
+  std::string verb;
+  EngineOrder engine;
+  std::optional<int> user;
+  std::optional<double> time_s;
+  bool haptic = false;
+  double wait_s = 5.0;
+};
+
 void add_control(CommandLine& line, ControlRequest& request) {
   line.add("verb", &request.verb, "the order")
-      .one_of({"stop", "pause", "resume", "step", "leave", "engine"})
+      .one_of({"stop", "pause", "resume", "step", "leave", "engine", "seek"})
       .required();
   line.add("engine", &request.engine.engine, "for the order engine: the engine to change to");
   line.add("--preset", &request.engine.preset, "preset of that engine");
   line.add("--user", &request.user, "for the order leave: the user's number")
       .range(0, static_cast<int>(kMostUsers) - 1);
+  line.add("--time", &request.time_s, "for the order seek, which a replay executes: the moment to move to")
+      .range(0.0, 1e6, "s");
   line.flag("--haptic", request.haptic, "change the sub-worlds' engine instead of the world's");
   add_domain(line, request.network.domain).required();
   add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
@@ -173,6 +208,7 @@ void add_control(CommandLine& line, ControlRequest& request) {
       "  subworld control engine bullet_float --domain 100\n"
       "  subworld control engine havok --haptic --domain 100\n"
       "  subworld control leave --user 1 --domain 100\n"
+      "  subworld control seek --time 1.5 --domain 100\n"
       "  subworld control stop --domain 70 --interface eth0 --peers 10.0.0.2\n"
       "`subworld top` shows the domains in use.\n"
       "Exit codes: 0 done, 1 refused or not executed in time, 2 usage, 3 no world on the domain.");
@@ -186,8 +222,11 @@ void control(ControlRequest& request) {
   }
   if ((request.verb == "leave") != request.user.has_value())
     throw Error(ExitCode::usage, "--user belongs to `control leave`, which needs it: subworld control leave --user 1");
+  if ((request.verb == "seek") != request.time_s.has_value())
+    throw Error(ExitCode::usage, "--time belongs to `control seek`, which needs it: subworld control seek --time 1.5");
   if (request.haptic) request.engine.target = EngineOrder::Target::haptic;
-  send_control(request.network, request.verb, request.engine, request.user.value_or(0), request.wait_s);
+  send_control(request.network, request.verb, request.engine, request.user.value_or(0), request.time_s.value_or(0.0),
+               request.wait_s);
 }
 
 void add_doctor(CommandLine& line, doctor::Request& request) {
@@ -248,9 +287,9 @@ std::string part_versions() {
   return text;
 }
 
-/// Becomes the evaluation program `lab_NAME`. `arguments` end with a null, the first is the program's own name.
-void become_lab(const char* name, char** arguments) {
-  const std::string program = program_folder() + "/lab_" + name;
+/// Becomes another program of the build. `arguments` end with a null, the first is the program's own name.
+void become(const std::string& name, char** arguments) {
+  const std::string program = program_folder() + "/" + name;
   execv(program.c_str(), arguments);
   throw Error(ExitCode::failed,
               fmt::format("{}: cannot start ({}); build it with deploy/build", program, std::strerror(errno)));
@@ -273,6 +312,12 @@ int main_of(int argc, char** argv) {
   plan_command.flag("--gui", plan_request.gui, "with the display");
 
   ControlRequest control_request;
+  ReplayRequest replay_request;
+  CommandLine& replay_command =
+      line.command("replay", "Shows what a recording holds, publishes it, and re-simulates it");
+  add_replay(replay_command, replay_request);
+  line.command("film", "Makes pictures, and a video, of a recording: any moment, camera and speed").takes_all();
+
   CommandLine& control_command =
       line.command("control", "Stops, pauses, resumes or steps a running world, or changes its engine");
   add_control(control_command, control_request);
@@ -321,7 +366,8 @@ int main_of(int argc, char** argv) {
 
   if (argc > 2 && std::string_view(argv[1]) == "lab" &&
       std::ranges::any_of(kLabs, [&](const Lab& lab) { return std::string_view(lab.name) == argv[2]; }))
-    become_lab(argv[2], argv + 2);
+    become(std::string("lab_") + argv[2], argv + 2);
+  if (argc > 1 && std::string_view(argv[1]) == "film") become("film", argv + 1);
   if (const auto code = line.parse(argc, argv)) return *code;
   request.command_line = session.command_line = collection.command_line =
       fmt::format("{}", fmt::join(argv, argv + argc, " "));
@@ -336,6 +382,10 @@ int main_of(int argc, char** argv) {
     // For the display; on its command line others could read the token.
     if (const std::string& token = request.options.live.token; !token.empty()) setenv(kTokenVariable, token.c_str(), 1);
     return run(request);
+  }
+  if (replay_command.chosen()) {
+    check_live_options(replay_request.live);
+    return replay(replay_request);
   }
   if (check_command.chosen()) return check_device(driver, driver_request);
   if (list_command.chosen()) {

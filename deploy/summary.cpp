@@ -99,6 +99,12 @@ void print_stages(const StageTimes& stages) {
   if (!text.empty()) fmt::print("    time of a step: {}\n", text);
 }
 
+void print_recording(const RecordingResult& recording) {
+  fmt::print("  recording: {}: {} of {} messages, {:.1f} MB; the recorder used {:.2f} s of CPU\n", recording.file,
+             grouped(recording.recorded), grouped(recording.sent), 1e-6 * static_cast<double>(recording.bytes),
+             recording.cpu_s);
+}
+
 /// How many states of bodies were recorded, and a warning of dropped ones.
 void print_body_history(const BodyHistoryResult& written) {
   fmt::print("    {}: {} bodies {}, {} rows{}\n", written.file, written.bodies,
@@ -254,6 +260,7 @@ void to_json(Json& json, const RunResults& run) {
   }
   for (const Restarted& one : run.restarts)
     json["restarts"].push_back({{"program", one.program}, {"after_s", one.after_s}, {"reason", one.reason}});
+  put(json, "recording", run.recording);
   if (run.partial) json["partial"] = true;
   if (run.salvaged.is_object()) json.update(run.salvaged);
   if (run.haptic.empty()) return;
@@ -279,6 +286,7 @@ void print_summary(const RunResults& run) {
     fmt::print("  {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(run),
                1e3 * run.calibration->woken_late_s.p99, 1e3 * run.calibration->woken_late_s.max, load_text(run));
   }
+  if (run.recording) print_recording(*run.recording);
   for (std::size_t u = 0; u < run.haptic.size(); ++u) print_user(run, run.haptic[u], run.device[u]);
 }
 

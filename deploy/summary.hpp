@@ -4,6 +4,7 @@
 #include "io/program_results.hpp"
 #include "model/scene.hpp"
 #include "placement.hpp"
+#include "recording.hpp"
 #include "rt/calibration.hpp"
 #include "rt/kernel_share.hpp"
 #include "supervise.hpp"
@@ -51,6 +52,7 @@ struct RunResults : WorldPart {
   std::optional<std::string> link;  ///< of a session with namespaces: between any two, in the words of `subworld link`
   std::vector<HostClock> hosts;     ///< of a session
   std::vector<Restarted> restarts;  ///< by the launcher
+  std::optional<RecordingResult> recording;
   std::vector<Gate> gates;
   std::string verdict;
   bool partial = false;  ///< the run has no orderly end

@@ -4,6 +4,7 @@
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 #include "wire/last_messages.hpp"
+#include "wire/recording_memory.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -52,6 +53,7 @@ double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration
   for (const std::string& argument : child.arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);
   if (!child.messages.empty()) setenv(MessageMemory::kVariable, child.messages.c_str(), 1);
+  if (!child.recording.empty()) setenv(RecordingMemory::kVariable, child.recording.c_str(), 1);
   if (child.enter && !child.enter()) {
     dprintf(STDERR_FILENO, "%s: error: cannot enter the network namespace of its host\n", program.c_str());
     _exit(1);

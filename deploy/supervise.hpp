@@ -20,15 +20,16 @@ class Supervisor {
   Supervisor(Restart restart, const Keeper& keeper) : restart_(restart), keeper_(keeper) {}
   struct Child {
     std::string label;
-    std::string log;            ///< file of its output
-    std::string messages = {};  ///< place of its last messages, as MessageMemory gives it
-    std::string part;           ///< file in which it writes at its end how it ended; empty: none
-    bool essential = true;      ///< its early end is a failure
-    pid_t pid = -1;             ///< -1: ended
-    int status = 0;             ///< as waitpid() gives it
-    bool halted = false;        ///< by SIGSTOP or the like
-    double halted_s = 0.0;      ///< measured by the launcher
-    bool judged = false;        ///< has ended with 0, and `early` is set
+    std::string log;             ///< file of its output
+    std::string recording = {};  ///< place of its messages on their way to a recorder, as RecordingMemory gives it
+    std::string messages = {};   ///< place of its last messages, as MessageMemory gives it
+    std::string part;            ///< file in which it writes at its end how it ended; empty: none
+    bool essential = true;       ///< its early end is a failure
+    pid_t pid = -1;              ///< -1: ended
+    int status = 0;              ///< as waitpid() gives it
+    bool halted = false;         ///< by SIGSTOP or the like
+    double halted_s = 0.0;       ///< measured by the launcher
+    bool judged = false;         ///< has ended with 0, and `early` is set
     std::string early = {};
     std::string host = {};  ///< of a session; empty: a run on one machine
     std::string program = {};

@@ -14,7 +14,7 @@ constexpr double kCompletePeriod_s = 1.0;
 }  // namespace
 
 void Snapshots::publish(const WorldView& view, bool complete) {
-  if (writer_.matched() == 0) return;
+  if (!used()) return;
   // In lock-step a display that lags behind, or has died, would hold up the world: it misses what it cannot take.
   if (!complete && !writer_.wait_for_acknowledgments(0.0)) {
     next_s_ = view.stamp_s + kPeriod_s;
@@ -40,7 +40,7 @@ void Snapshots::publish(const WorldView& view, bool complete) {
 }
 
 BackgroundSnapshots::BackgroundSnapshots(Writer<WorldSnapshot>& writer, const World& world)
-    : writer_(writer), snapshots_(writer), newest_([&] {
+    : snapshots_(writer), newest_([&] {
         WorldView view;
         world.look(view);
         return view;
@@ -63,7 +63,7 @@ void BackgroundSnapshots::work() {
 }
 
 void BackgroundSnapshots::renew(const World& world, double real_time_factor) {
-  if (writer_.matched() == 0) return;
+  if (!snapshots_.used()) return;
   newest_.renew([&](WorldView& view) {
     world.look(view);
     view.real_time_factor = real_time_factor;

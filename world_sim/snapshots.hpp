@@ -2,6 +2,7 @@
 
 #include "rt/newest.hpp"
 #include "wire/bus.hpp"
+#include "wire/recording_memory.hpp"
 #include "world_sim/world.hpp"
 
 #include <condition_variable>
@@ -15,11 +16,13 @@ class Snapshots {
  public:
   explicit Snapshots(Writer<WorldSnapshot>& writer) : writer_(writer) {}
 
-  /// Whether the next one is due; never while nobody looks.
-  [[nodiscard]] bool wanted(double time_s) const { return writer_.matched() > 0 && time_s >= next_s_; }
+  /// Whether there is a reader, or a recorder.
+  [[nodiscard]] bool used() const { return writer_.matched() > 0 || is_recording(); }
+  /// Whether the next one is due.
+  [[nodiscard]] bool wanted(double time_s) const { return used() && time_s >= next_s_; }
   /// Whether the world has stepped since the last one: after a single step of a paused world too.
   [[nodiscard]] bool outdated(double time_s) const {
-    return writer_.matched() > 0 && (snapshot_.sequence == 0 || time_s > snapshot_.stamp_s);
+    return used() && (snapshot_.sequence == 0 || time_s > snapshot_.stamp_s);
   }
   void publish(const WorldView& view, bool complete);
 
@@ -48,7 +51,6 @@ class BackgroundSnapshots {
  private:
   void work();
 
-  Writer<WorldSnapshot>& writer_;
   Snapshots snapshots_;
   Newest<WorldView> newest_;
   std::mutex mutex_;

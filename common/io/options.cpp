@@ -213,6 +213,13 @@ void add_trace_option(CommandLine& line, Options& o) {
       .otherwise("none");
 }
 
+void add_record_option(CommandLine& line, Options& o) {
+  line.add("--record", &o.record,
+           "file for a recording of all messages, with scene, settings and summary, in the format MCAP; `subworld "
+           "replay` reads it")
+      .otherwise("none");
+}
+
 void add_bodies_options(CommandLine& line, Options& o) {
   const Option bodies = line.add("--bodies", &o.bodies,
                                  "bodies whose states are written to DIR/bodies.csv: names of the scene, separated by "

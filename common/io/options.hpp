@@ -46,6 +46,7 @@ struct Options {
   std::vector<int> without;              ///< users without whom the world begins; they may join later
   std::vector<int> cores;                ///< for all threads of the program; none: any
   double spin_s = 0.0;                   ///< haptic_sim, device_sim: spins instead of sleeping before a release
+  std::string record;                    ///< of `subworld run`: file for a recording; empty: none
   std::string trace;                     ///< file for a trace of the loops; empty: none. Not of the display
   int user = 0;                          ///< haptic_sim, device_sim
   std::vector<std::string> devices;      ///< device_sim: its device; the launcher: one for each user. None: emulated
@@ -91,6 +92,9 @@ void add_device_options(CommandLine& line, Options& options);
 
 /// Adds --trace.
 void add_trace_option(CommandLine& line, Options& options);
+
+/// Adds --record.
+void add_record_option(CommandLine& line, Options& options);
 
 /// Adds --bodies and --bodies-rate.
 void add_bodies_options(CommandLine& line, Options& options);

@@ -6,6 +6,7 @@
 #include "wire/last_messages.hpp"
 #include "wire/observer.hpp"
 #include "wire/plugin.hpp"
+#include "wire/recording_memory.hpp"
 
 #include <fmt/format.h>
 
@@ -140,11 +141,14 @@ struct AnyWriter::Impl {
   std::unique_ptr<wire::BackendWriter> backend;
   std::unique_ptr<AnyCodec> codec;
   std::size_t topic;
+  std::uint32_t user;
+  std::uint32_t number = 0;
   std::uint64_t bytes = 0;
 };
 
 AnyWriter::AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition)
-    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition)), make_codec(topic), topic}) {}
+    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition)), make_codec(topic), topic,
+                     user_of_partition(partition)}) {}
 AnyWriter::AnyWriter(AnyWriter&&) noexcept = default;
 AnyWriter& AnyWriter::operator=(AnyWriter&&) noexcept = default;
 AnyWriter::~AnyWriter() = default;
@@ -153,6 +157,7 @@ bool AnyWriter::write_any(const void* sample) noexcept {
   const auto cdr = impl_->codec->encode(sample);
   if (cdr.empty() || !impl_->backend->write(cdr)) return false;
   keep_message(impl_->topic, true, cdr.size(), sample);
+  record_sent(impl_->topic, impl_->user, impl_->number++, cdr);
   impl_->bytes += cdr.size();
   return true;
 }
@@ -171,6 +176,7 @@ struct AnyReader::Impl {
   std::vector<std::uint8_t> cdr = {};
   std::uint64_t bytes = 0;
   std::uint64_t writer = 0;  // writer of the last received sample
+  std::uint32_t number = 0;
 };
 
 AnyReader::AnyReader(const Bus& bus, std::size_t topic, const std::string& partition,
@@ -195,7 +201,10 @@ bool AnyReader::decode_any(void* sample) noexcept {
   if (decoded == Decoded::lacks_base) impl_->events.report(wire::Event::lost, 1, "reader", topic, "");
   if (decoded == Decoded::invalid)
     impl_->events.report(wire::Event::rejected, 1, "reader", topic, "corrupt or invalid");
-  if (decoded == Decoded::sample) keep_message(impl_->topic, false, impl_->cdr.size(), sample);
+  if (decoded == Decoded::sample) {
+    keep_message(impl_->topic, false, impl_->cdr.size(), sample);
+    record_received(impl_->topic, impl_->number++, impl_->cdr);
+  }
   return decoded == Decoded::sample;
 }
 
@@ -238,8 +247,27 @@ Observer::~Observer() = default;
 bool Observer::receive(std::vector<std::uint8_t>& cdr) noexcept { return impl_->backend->take(cdr, impl_->writer); }
 int Observer::matched() const noexcept { return impl_->backend->matched(); }
 
+std::unique_ptr<ByteWriter> Observer::counterpart(const Bus& bus, std::size_t topic, const std::string& partition) {
+  class OfBackend final : public ByteWriter {
+   public:
+    explicit OfBackend(std::unique_ptr<wire::BackendWriter> backend) : backend_(std::move(backend)) {}
+    bool write(std::span<const std::uint8_t> cdr) noexcept override { return backend_->write(cdr); }
+    [[nodiscard]] int matched() const noexcept override { return backend_->matched(); }
+
+   private:
+    std::unique_ptr<wire::BackendWriter> backend_;
+  };
+  wire::EndpointSpec spec = bus.impl_->spec(topic, partition);
+  spec.qos.reliable = spec.qos.transient_local = true;
+  spec.qos.keep_all = false;
+  spec.qos.depth = std::max(spec.topic.depth, kNewestOfSeveral);
+  spec.qos.max_blocking_s = 0.0;
+  return std::make_unique<OfBackend>(bus.impl_->backend->create_writer(spec));
+}
+
 Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
   keep_last_messages();
+  open_recording();
   impl_->config = config;
   const wire::Opening opening = wire::prepare(config);
   impl_->backend.reset(wire::load_plugin(config.vendor)(opening, impl_->events));

@@ -1,7 +1,7 @@
 #include "sources.hpp"
 
 #include "scene_update.hpp"
-#include "schema.hpp"
+#include "wire/schema.hpp"
 
 #include <fmt/format.h>
 

@@ -98,6 +98,8 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
         set_flag(words, "--out", folder_.path() + "/resumed");
         set_flag(words, "--duration", "0.4");
       }
+      if (std::ranges::find(words, "--record") != words.end())
+        set_flag(words, "--record", folder_.path() + "/run.mcap");
       if (std::ranges::find(words, "--trace") != words.end())
         set_flag(words, "--trace", folder_.path() + "/trace.json");
     } else if (command == "link") {

@@ -193,10 +193,10 @@ TEST_F(ProcessTest, AWorldAtItsEndIsNotStartedAgain) {
   EXPECT_EQ(read_text(starts), "\n") << ended.err;
 }
 
-TEST_F(ProcessTest, InLockstepNothingIsStartedAgain) {
+TEST_F(ProcessTest, InLockstepNothingIsStartedAgainUnlessTheRunWaitsOrContinues) {
   const Ended ended = finish(run_words(scene("press"), {"--restart", "always"}));
   EXPECT_EQ(ended.code, 2);
-  EXPECT_NE(ended.err.find("--restart: a run in lock-step ends with the first of its programs; use --mode realtime"),
+  EXPECT_NE(ended.err.find("--restart: a run in lock-step ends with the first of its programs; give --absent wait"),
             std::string::npos)
       << ended.err;
 }

@@ -1,8 +1,8 @@
 #include "live/outbox.hpp"
 #include "live/protocol.hpp"
-#include "live/schema.hpp"
 
 #include "model/error.hpp"
+#include "wire/schema.hpp"
 #include "wire/topics.hpp"
 
 #include <gtest/gtest.h>

@@ -3,7 +3,7 @@
 #include <string>
 #include <string_view>
 
-namespace subworld::live {
+namespace subworld {
 
 /// The text of idl/subworld.idl.
 [[nodiscard]] std::string_view wire_idl();
@@ -16,4 +16,4 @@ namespace subworld::live {
 /// The IDL of `foxglove::SceneUpdate`, with the fields of the public schema in their order.
 [[nodiscard]] std::string_view scene_update_schema();
 
-}  // namespace subworld::live
+}  // namespace subworld

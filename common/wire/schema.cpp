@@ -1,4 +1,4 @@
-#include "schema.hpp"
+#include "wire/schema.hpp"
 
 #include "model/error.hpp"
 
@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-namespace subworld::live {
+namespace subworld {
 namespace {
 
 /// Names of the fields that an array's elements become.
@@ -105,4 +105,4 @@ enum LineType { LINE_STRIP, LINE_LOOP, LINE_LIST };
 )";
 }
 
-}  // namespace subworld::live
+}  // namespace subworld

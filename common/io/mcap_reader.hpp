@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <fstream>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace subworld::mcap {
+
+struct Message {
+  std::uint16_t channel = 0;
+  std::uint64_t time_ns = 0;
+  std::span<const std::uint8_t> data;
+};
+
+/// The messages of a chunk, in the order of time.
+struct Chunk {
+  std::vector<std::uint8_t> bytes;  ///< in which the messages lie
+  std::vector<Message> messages;
+};
+
+/// Reads files as `Writer` makes them, through their summary.
+class Reader {
+ public:
+  /// Throws `Error` (usage) where the file cannot be read or has no summary, as all functions here do.
+  explicit Reader(const std::string& path);
+
+  /// Names and contents of the attachments, whose checksums are checked.
+  [[nodiscard]] std::map<std::string, std::string> attachments();
+  /// Topics by channel.
+  [[nodiscard]] const std::map<std::uint16_t, std::string>& topics() const noexcept { return topics_; }
+  [[nodiscard]] std::size_t chunks() const noexcept { return chunks_.size(); }
+  /// The first chunk that has messages at or after a time; `chunks()` if none has.
+  [[nodiscard]] std::size_t chunk_at(std::uint64_t time_ns) const noexcept;
+  /// Reads a chunk, and checks its checksum.
+  [[nodiscard]] Chunk read_chunk(std::size_t number);
+  [[nodiscard]] std::uint64_t from_ns() const noexcept { return from_ns_; }
+  [[nodiscard]] std::uint64_t to_ns() const noexcept { return to_ns_; }
+  [[nodiscard]] std::uint64_t messages() const noexcept { return messages_; }
+  [[nodiscard]] double duration_s() const noexcept { return 1e-9 * static_cast<double>(to_ns_ - from_ns_); }
+
+ private:
+  struct Place {
+    std::uint64_t start = 0, length = 0;
+  };
+  std::vector<std::uint8_t> read(std::uint64_t start, std::uint64_t length);
+  [[noreturn]] void fail(const std::string& why) const;
+
+  std::string path_;
+  std::ifstream file_;
+  std::uint64_t size_ = 0;
+  struct ChunkPlace : Place {
+    std::uint64_t to_ns = 0;
+  };
+  std::vector<Place> attachments_;
+  std::vector<ChunkPlace> chunks_;
+  std::map<std::uint16_t, std::string> topics_;
+  std::uint64_t messages_ = 0, from_ns_ = 0, to_ns_ = 0;
+};
+
+}  // namespace subworld::mcap

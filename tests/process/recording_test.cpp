@@ -1,0 +1,182 @@
+#include "process/process_test.hpp"
+
+#include <sys/stat.h>
+
+#include <filesystem>
+
+namespace subworld::test {
+namespace {
+
+class Recording : public ProcessTest {
+ protected:
+  [[nodiscard]] std::string file() const { return folder_.path() + "/run.mcap"; }
+  [[nodiscard]] Words recorded(Words flags) const {
+    flags.insert(flags.end(), {"--record", file()});
+    return flags;
+  }
+  /// What the public reader found; null where its packages could not be fetched.
+  [[nodiscard]] Json read_all() const {
+    const std::string folder = MCAP_CLIENT_FOLDER;
+    if (!std::filesystem::exists(folder + "/stamp")) return {};
+    Process reader({"/usr/bin/env", "node", folder + "/read_all.mjs", file()}, folder_.path());
+    EXPECT_EQ(reader.wait().value_or(-1), 0) << reader.err();
+    return Json::parse(reader.out(), nullptr, false);
+  }
+};
+
+constexpr const char* kNoReader = "the public reader of MCAP could not be fetched when the tests were built";
+
+class RecordingModes : public Recording, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(RecordingModes, HoldsEveryMessageThatWasSent) {
+  const Ended ended =
+      run(scene("squeeze"), recorded({"--mode", GetParam(), "--duration", "3", "--users", "2", "--dds", "mixed"}));
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const Json counts = summary()["recording"];
+  EXPECT_EQ(counts["messages_lost"], 0);
+  EXPECT_EQ(counts["messages_recorded"], counts["messages_sent"]);
+  EXPECT_EQ(counts["file"], file());
+  EXPECT_NE(ended.out.find("recording: " + file()), std::string::npos) << ended.out;
+
+  const Json read = read_all();
+  if (read.is_null()) GTEST_SKIP() << kNoReader;
+  EXPECT_EQ(read["messages"], counts["messages_sent"]);
+  EXPECT_LT(read["slowest_s"], 0.5);
+  for (const auto& [topic, count] : counts["topics"].items()) {
+    if (count == 0) continue;
+    EXPECT_EQ(read["topics"][topic]["count"], count) << topic;
+    EXPECT_EQ(read["topics"][topic]["gaps"], 0) << topic;
+  }
+  for (const char* user : {"0", "1"}) {
+    const std::string name = std::string("/user_") + user;
+    EXPECT_GE(counts["topics"][name + "/device_state"], 2900);
+    EXPECT_GE(counts["topics"][name + "/device_command"], 2900);
+    EXPECT_GE(counts["topics"][name + "/world_frame"], 100);
+    EXPECT_GE(counts["topics"][name + "/haptic_report"], 100);
+  }
+  EXPECT_EQ(counts["topics"]["/scene"], 1);
+  EXPECT_GE(counts["topics"]["/world_state"], 30);
+  EXPECT_GE(counts["topics"]["/status"], 5);
+
+  EXPECT_EQ(read["attachments"]["scene.yaml"], read_text(scene("squeeze")));
+  EXPECT_EQ(read["attachments"]["summary.json"], read_text(out() + "/summary.json"));
+  const Json settings = Json::parse(read["attachments"]["settings.json"].get<std::string>(), nullptr, false);
+  EXPECT_EQ(settings["dds"], "mixed");
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, RecordingModes, ::testing::Values("lockstep", "realtime"),
+                         [](const auto& one) { return one.param; });
+
+TEST_F(Recording, ReSimulationHasTheRecordedHash) {
+  ASSERT_EQ(run(scene("example"), recorded({"--mode", "lockstep", "--duration", "0.4", "--ratio", "5"})).code, 0);
+  const std::string hash = summary()["state_hash"];
+  const std::string again = folder_.path() + "/again";
+  const Ended ended = finish({program("subworld"), "replay", file(), "--resimulate", "--out", again});
+  EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
+  EXPECT_NE(ended.out.find("state hash " + hash + ", recorded " + hash + ": equal"), std::string::npos) << ended.out;
+  // The scene is the recorded one, and not that of this machine.
+  EXPECT_EQ(read_text(again + "/recorded/scene.yaml"), read_text(scene("example")));
+  EXPECT_TRUE(std::filesystem::exists(again + "/recorded/meshes/wedge.obj"));
+}
+
+TEST_F(Recording, ChangesNoResultInLockStep) {
+  const Words flags{"--mode", "lockstep", "--duration", "0.5"};
+  ASSERT_EQ(run(scene("row"), recorded(flags)).code, 0);
+  const std::string with_recording = summary()["state_hash"];
+  ASSERT_EQ(run(scene("row"), flags).code, 0);
+  EXPECT_EQ(summary()["state_hash"], with_recording);
+}
+
+TEST_F(Recording, OfARunInRealTimeIsNotReSimulated) {
+  ASSERT_EQ(run(scene("row"), recorded({"--mode", "realtime", "--duration", "0.5"})).code, 0);
+  const Ended ended = finish({program("subworld"), "replay", file(), "--resimulate"});
+  EXPECT_EQ(ended.code, 2);
+  EXPECT_NE(ended.err.find("does not repeat"), std::string::npos) << ended.err;
+}
+
+TEST_F(Recording, ThatCannotBeWrittenToItsEndIsReportedAndTheRunGoesOn) {
+  ASSERT_EQ(mkfifo(file().c_str(), 0600), 0);
+  Process reader({"/usr/bin/head", "-c", "200000", file()}, folder_.path());
+  const Ended ended = run(scene("row"), recorded({"--mode", "lockstep", "--duration", "1"}));
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  const Json json = summary();
+  EXPECT_GT(json["recording"]["messages_lost"], 0);
+  EXPECT_NE(json["verdict"].get<std::string>().find("messages that the recording lost"), std::string::npos)
+      << json["verdict"];
+  EXPECT_NE(json["verdict"].get<std::string>().find("Broken pipe"), std::string::npos) << json["verdict"];
+  EXPECT_EQ(reader.wait().value_or(-1), 0);
+}
+
+TEST_F(Recording, ToWhereNothingCanBeWrittenFailsBeforeAnythingRuns) {
+  const std::string nowhere = folder_.path() + "/no/run.mcap";
+  const Ended ended = run(scene("row"), {"--mode", "lockstep", "--duration", "0.1", "--record", nowhere});
+  EXPECT_EQ(ended.code, 1);
+  EXPECT_NE(ended.err.find(nowhere), std::string::npos) << ended.err;
+}
+
+/// The replay is steered like a run, and served like one.
+TEST_F(Recording, IsPublishedAndSteered) {
+  ASSERT_EQ(run(scene("row"), recorded({"--mode", "lockstep", "--duration", "2"})).code, 0);
+  const std::string shown = folder_.path() + "/shown";
+  const TemporaryFolder folder;
+  Process replay(
+      {program("subworld"), "replay", file(), "--live", "0", "--paused", "--domain", domain_.text(), "--out", shown},
+      folder.path());
+  const auto order = [&](const Words& words, const std::string& answer) {
+    Words all{program("subworld"), "control", "--domain", domain_.text(), "--wait", "30"};
+    all.insert(all.end(), words.begin(), words.end());
+    const Ended ended = finish(all);
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    EXPECT_NE(ended.out.find(answer), std::string::npos) << ended.out;
+  };
+  order({"step"}, "one snapshot");
+  order({"seek", "--time", "1.5"}, "moved to t = 1.4");
+  order({"step"}, "to t = 1.5");
+  order({"seek", "--time", "0.5"}, "moved to t = 0.4");
+  order({"seek", "--time", "9"}, "moved to t = 2.000");
+  order({"stop"}, "stopped");
+  EXPECT_EQ(replay.wait().value_or(-1), 0) << replay.err();
+  EXPECT_NE(replay.out().find("viewers: open ws://"), std::string::npos) << replay.out();
+}
+
+TEST_F(Recording, IsPublishedToItsEndAtAnySpeed) {
+  ASSERT_EQ(run(scene("row"), recorded({"--mode", "realtime", "--duration", "1"})).code, 0);
+  const Ended ended = finish({program("subworld"), "replay", file(), "--publish", "--speed", "5", "--domain",
+                              domain_.text(), "--out", folder_.path() + "/published"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("messages published, to t = 1.00"), std::string::npos) << ended.out;
+}
+
+TEST_F(Recording, BecomesAFilm) {
+  ASSERT_EQ(run(scene("row"), recorded({"--mode", "lockstep", "--duration", "1"})).code, 0);
+  const std::string film = folder_.path() + "/film";
+  const Ended ended = finish({program("subworld"), "film", file(), "--from", "0.4", "--to", "0.6", "--speed", "0.5",
+                              "--rate", "20", "--width", "160", "--height", "90", "--out", film});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("9 pictures of t = 0.400 to 0.600 s"), std::string::npos) << ended.out;
+  EXPECT_TRUE(std::filesystem::exists(film + "/frame_000008.png"));
+  EXPECT_NE(read_text(film + "/frame_000000.png"), read_text(film + "/frame_000008.png")) << "nothing moves";
+  const Ended wrong = finish({program("subworld"), "film", file(), "--eye", "1,2", "--out", film});
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_NE(wrong.err.find("three numbers"), std::string::npos) << wrong.err;
+}
+
+TEST_F(Recording, DamageIsFound) {
+  ASSERT_EQ(run(scene("row"), recorded({"--mode", "lockstep", "--duration", "0.1"})).code, 0);
+  std::string whole = read_text(file());
+  const auto replay_of = [&](const std::string& contents) {
+    std::ofstream(file(), std::ios::binary) << contents;
+    return finish({program("subworld"), "replay", file()});
+  };
+  EXPECT_EQ(replay_of(whole).code, 0);
+  const Ended cut = replay_of(whole.substr(0, whole.size() - 40));
+  EXPECT_EQ(cut.code, 2);
+  EXPECT_NE(cut.err.find("no end"), std::string::npos) << cut.err;
+  whole[whole.size() - 60] ^= 1;
+  const Ended damaged = replay_of(whole);
+  EXPECT_EQ(damaged.code, 2);
+  EXPECT_NE(damaged.err.find("checksum"), std::string::npos) << damaged.err;
+}
+
+}  // namespace
+}  // namespace subworld::test
