@@ -98,11 +98,11 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     // A world that is started again goes on from its own newest checkpoint, as soon as there is one.
     const auto again = [flags, options] { return resumed(flags, options.out, options.resume); };
     if (program == "world_sim" && !options.resume.empty()) flags.insert(flags.end(), {"--resume", options.resume});
-    const auto place = static_cast<std::size_t>(place_of_messages(program, user));
+    const int place = place_of_messages(program, user);
     programs.start(
         {.label = label,
          .log = fmt::format("{}/logs/{}.log", options.out, label),
-         .recording = recording == nullptr ? "" : recording->memory().place_of(place),
+         .recording = recording == nullptr ? "" : recording->memory().place_of(static_cast<std::size_t>(place)),
          .messages = messages.place_of(place),
          .part = part,
          .essential = essential,
