@@ -75,8 +75,8 @@ class LockstepLoop : HapticRun {
     return !last_;
   }
 
-  /// A device that has just been started begins at t = 0: in the middle of a run it is told the time. One of before, of
-  /// which there may still be messages, has taken steps.
+  /// A device that has just been started begins at t = 0: in the middle of a run the first command says the time. One
+  /// of before, of which there may still be messages, has taken steps.
   bool begin_device() {
     if (sub.facts().time_s == 0.0) return true;
     const Wanted device{fmt::format("device of user {}", user()), fmt::format("device_sim --user {}", user())};

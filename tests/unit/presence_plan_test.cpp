@@ -45,7 +45,7 @@ TEST(Presence, names_what_is_wrong) {
 
 class LostDevice : public testing::Test {
  protected:
-  LostDevice() : scene_(load_scene(std::string(SCENES_FOLDER) + "/lift.yaml")) {}
+  LostDevice() : scene_(load_scene(std::string(SCENES_FOLDER) + "/lift.yaml")) { keep_users(scene_, 2); }
   static DeviceState state(double at_s) {
     DeviceState state;
     state.stamp_s = at_s;
