@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+#include <set>
 #include <utility>
 
 namespace subworld {
@@ -75,28 +77,36 @@ class LockstepLoop : HapticRun {
     return !last_;
   }
 
-  /// A device that has just been started begins at t = 0: in the middle of a run the first command says the time. One
-  /// of before, of which there may still be messages, has taken steps.
+  /// A device that has just been started begins at t = 0: in the middle of a run a command says the time, and the
+  /// device answers with the state of that time. Of one of before, of which there may still be states, others follow.
   bool begin_device() {
-    if (sub.facts().time_s == 0.0) return true;
+    const double from_s = sub.facts().time_s;
+    if (from_s == 0.0) return true;
     const Wanted device{fmt::format("device of user {}", user()), fmt::format("device_sim --user {}", user())};
+    std::set<std::uint64_t> asked;
     const auto begun = [&] {
       while (ports.device.take(device_) == Take::sample) {
-        if (device_.session == ports.session && device_.sequence == 0) return true;
+        if (device_.session != ports.session) continue;
+        if (device_.sequence == 0) {
+          asked.insert(device_.sender);
+          if (!ports.command.write(sub.command_for(device_, {})))
+            throw Error(ExitCode::failed, unsent_text("device_command", ports.device, ports.status, device_sim_));
+        } else if (asked.erase(device_.sender) > 0 && std::abs(device_.stamp_s - from_s) < 0.5 * scene.settings.h_s) {
+          return true;
+        }
       }
       return false;
     };
     const auto comes = [&] { return ports.status.hears(ProgramKind::device_sim, user()); };
     if (!wait_for(*ports.bus, options, device, begun, comes)) return false;
-    ports.device.trust_sender();
-    DeviceCommand begin = sub.command_for(device_, {});
-    if (!ports.command.write(begin))
-      throw Error(ExitCode::failed, unsent_text("device_command", ports.device, ports.status, device_sim_));
     device_writer_ = device_.sender;
+    ports.device.trust_sender();
+    device_taken_ = true;
     return true;
   }
 
   bool take_device() {
+    if (std::exchange(device_taken_, false)) return true;
     const auto ours = [this](const DeviceState& came) {
       return came.session == ports.session && (device_writer_ == 0 || came.sender == device_writer_);
     };
@@ -198,6 +208,7 @@ class LockstepLoop : HapticRun {
   std::vector<bool> lost_;  ///< by user, whose device has fallen silent; the world's account of it counts
   std::vector<std::uint64_t> peer_writers_;  ///< by user: the process that sent its device's newest state
   std::uint64_t device_writer_ = 0;          ///< the process that sent the first state
+  bool device_taken_ = false;                ///< the state of the first step
   bool last_ = false;
 };
 

@@ -53,12 +53,15 @@ class LockstepKill : public LockstepPresence {};
 TEST_P(LockstepKill, IsRecordedAndRepeats) {
   for (const Victim& victim : {Victim{"haptic_sim", "continue"}, Victim{"device_sim", "wait"}}) {
     SCOPED_TRACE(victim.name + " " + victim.absent);
+    std::filesystem::remove_all(out());
     const std::string duration = victim.absent == "wait" ? "6" : "30";
     {
       Process process(run_words(scene("lift"),
                                 flags({"--duration", duration, "--absent", victim.absent, "--restart", "on-failure"})),
                       folder_.path());
-      ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_1.csv").size() > 20000; })) << process.err();
+      ASSERT_TRUE(eventually([&] {
+        return read_text(out() + "/haptic_1.csv").size() > 20000 && find(victim.name, "1") > 0;
+      })) << process.err();
       const pid_t pid = find(victim.name, "1");
       ASSERT_GT(pid, 0);
       kill(pid, SIGKILL);

@@ -105,7 +105,7 @@ TEST_F(SessionRestarts, AWorldOnADistantHostThatFailsAfterItsResultsIsNotStarted
   const std::string file = realtime_session("  - name: world\n", "  - name: world\n    ssh: user@10.0.0.1\n");
   const std::string mark = "failed_" + std::to_string(getpid());
   const Ended ended = finish(up(file, folder_.path() + "/" + mark, {"--ssh", ssh(), "--restart", "on-failure"}));
-  EXPECT_EQ(ended.code, 2) << ended.err << ended.out;
+  EXPECT_EQ(ended.code, 1) << ended.err << ended.out;
   EXPECT_EQ(read_text(starts), "\n") << "it was started again: " << ended.err;
 }
 
