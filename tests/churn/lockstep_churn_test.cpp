@@ -43,11 +43,11 @@ class LockstepChurn : public ProcessTest, public ::testing::WithParamInterface<C
 };
 
 TEST_P(LockstepChurn, RepeatsWithItsRecord) {
-  const int most = setting("SUBWORLD_CHURN_FAULTS", 3);
+  const int most = setting("SUBWORLD_CHURN_FAULTS", 2);
   const auto& [vendor, absent] = GetParam();
   std::mt19937 random(static_cast<unsigned>(setting("SUBWORLD_CHURN_SEED", 1)));
   // A run that continues advances by tens of seconds while a user is away.
-  const std::string duration = fmt::format("{}", (absent == "wait" ? 1 : 40) * (most + 1));
+  const std::string duration = fmt::format("{}", (absent == "wait" ? 1 : 30) * (most + 1));
   Process process(
       run_words(scene("lift"), flags({"--duration", duration, "--absent", absent, "--restart", "on-failure"})),
       folder_.path());
@@ -72,7 +72,7 @@ TEST_P(LockstepChurn, RepeatsWithItsRecord) {
   const Json json = summary();
   ASSERT_TRUE(json.is_object()) << process.err();
   EXPECT_GE(json["simulated_s"].get<double>(), std::stod(duration) - 0.01) << json["verdict"];
-  EXPECT_GE(injected, std::min(most, 2)) << "too few faults";
+  EXPECT_GE(injected, std::min(most, 1)) << "too few faults";
   const std::string presence = json["presence"], hash = json["state_hash"];
   EXPECT_NE(presence.find(" leaves "), std::string::npos) << presence;
   const Ended again = run(scene("lift"), flags({"--duration", duration, "--presence", presence}));
@@ -84,8 +84,8 @@ TEST_P(LockstepChurn, RepeatsWithItsRecord) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, LockstepChurn,
-                         ::testing::Combine(::testing::Values("fastdds", "cyclonedds", "mixed"),
-                                            ::testing::Values("wait", "continue")),
+                         ::testing::Values(Case{"fastdds", "continue"}, Case{"cyclonedds", "wait"},
+                                           Case{"mixed", "wait"}),
                          [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
 
 }  // namespace
