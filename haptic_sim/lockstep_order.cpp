@@ -11,11 +11,14 @@ void LockstepOrder::hear(std::size_t peer, const DeviceState& state) {
   // One that has just been started does not know the time yet.
   const bool old = another ? state.sequence == 0 : state.stamp_s < next_s - of.period_s - half_s;
   if (old) return;
+  const bool first = !of.heard_any;
   // A device that is slower than the haptic step sends a state again until it has another: states are counted.
   std::uint64_t step = of.steps;
   const bool later = state.stamp_s > next_s + half_s;
   if (later) miss(peer);
-  if (later || another) step = static_cast<std::uint64_t>(std::llround(state.stamp_s / settings_.h_s));
+  if (later || another || first) step = static_cast<std::uint64_t>(std::llround(state.stamp_s / settings_.h_s));
+  if (first && step < of.steps) return;  // of before the sub-world
+  of.heard_any = true;
   of.sender = state.sender;
   const bool planned = misses(settings_.presence, static_cast<int>(user_), static_cast<int>(peer), time_of(step));
   if (planned || step < of.drops_before) {

@@ -95,9 +95,10 @@ class LockstepOrder {
  private:
   struct Peer {
     DelayLine<DeviceState> states;
-    double period_s = 0.0;     ///< longest regular time between two states
-    std::uint64_t steps = 0;   ///< of the state that comes next
-    std::uint64_t from = 0;    ///< first step that has a state, since the last that was missed
+    double period_s = 0.0;    ///< longest regular time between two states
+    std::uint64_t steps = 0;  ///< of the state that comes next
+    std::uint64_t from = 0;   ///< first step that has a state, since the last that was missed
+    bool heard_any = false;
     std::uint64_t sender = 0;  ///< of the newest state
     const DeviceState* newest = nullptr;
     std::optional<std::uint64_t> missed_from = {};  ///< first step that is missed; empty: none is at present

@@ -67,6 +67,15 @@ TEST_F(LostDevice, is_recorded_from_its_last_state_to_the_first_of_another_proce
   EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.005 to 0.02");
 }
 
+TEST_F(LostDevice, is_heard_from_the_step_in_which_a_sub_world_begins) {
+  LockstepOrder order(scene_, 0, 5, 20);
+  for (int step = 15; step < 20; ++step) order.hear(1, state(0.001 * step));
+  EXPECT_EQ(order.heard(1), 20U);
+  order.hear(1, state(0.02));
+  EXPECT_EQ(order.heard(1), 21U);
+  EXPECT_EQ(to_text(order.missed()), "");
+}
+
 TEST_F(LostDevice, is_missed_again_where_the_record_says_so) {
   scene_.settings.presence = parsed("0 misses 1 from 0.003 to 0.006");
   LockstepOrder order(scene_, 0);
