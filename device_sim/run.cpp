@@ -90,6 +90,38 @@ std::optional<std::uint64_t> join(const DeviceRun& run) {
   return finder.session();
 }
 
+namespace {
+
+/// The first answer in lock-step comes when the world has let the user take part, perhaps of a haptic process that is
+/// yet to come. False when asked to stop. Throws `Error` (failed) where none comes, and where another device is served.
+template <class Ours>
+bool await_first(const DeviceRun& run, DeviceCommand& command, Ours ours) {
+  const std::uint32_t user = run.device.state().device;
+  const std::string haptic = fmt::format("haptic_sim {}", user);
+  TimePoint displaced{};
+  const auto answered = [&] {
+    while (run.ports.commands.take(command) == Take::sample) {
+      if (ours(command)) return true;
+      if (command.session != run.session || command.served == run.ports.identity || command.served == 0) continue;
+      // Of a device that was killed, there may still be commands.
+      if (displaced == TimePoint{}) displaced = Clock::now();
+      if (to_seconds(Clock::now() - displaced) > kGone_s)
+        throw Error(ExitCode::failed, displaced_text(ProgramKind::haptic_sim, user));
+    }
+    return false;
+  };
+  const auto comes = [&] { return run.ports.status.hears(ProgramKind::haptic_sim, user); };
+  try {
+    return wait_for(*run.ports.bus, run.options, {"answer of " + haptic, fmt::format("haptic_sim --user {}", user)},
+                    answered, comes);
+  } catch (const Error&) {
+    if (displaced == TimePoint{}) throw;
+    throw Error(ExitCode::failed, displaced_text(ProgramKind::haptic_sim, user));
+  }
+}
+
+}  // namespace
+
 Ending run_lockstep(const DeviceRun& run) {
   const auto& [options, scene, ports, device, guard, measures, finder, session] = run;
   const double h_s = scene.settings.h_s;
@@ -111,14 +143,8 @@ Ending run_lockstep(const DeviceRun& run) {
       return came.session == session && came.served == ports.identity && (came.last || came.sequence == state.sequence);
     };
     ending.to_s = state.stamp_s;
-    // The first answer comes when the world has let the user take part, perhaps of a haptic process that is yet to
-    // come.
-    const Wanted answer{fmt::format("answer of haptic_sim {}", options.user),
-                        fmt::format("haptic_sim --user {}", options.user)};
-    const auto answered = [&] { return ports.commands.take(command) == Take::sample && ours(command); };
-    const auto comes = [&] { return ports.status.hears(ProgramKind::haptic_sim, state.device); };
     const bool first = std::exchange(waits_for_first, false);
-    if (first ? !wait_for(*ports.bus, options, answer, answered, comes)
+    if (first ? !await_first(run, command, ours)
               : !await(*ports.bus, ports.status, ports.commands, command, stages, run.haptic_sim(), ours, stopped)) {
       ending.by = name_of_signal(stop_signal());
       return ending;

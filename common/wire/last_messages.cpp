@@ -149,7 +149,9 @@ std::string write_ring(const Ring& ring, const std::string& path) {
     if (row.number.load(std::memory_order_acquire) != 0) rows.push_back(&row);
   }
   if (rows.empty()) return {};
-  std::ranges::sort(rows, {}, [](const Row* row) { return row->number.load(std::memory_order_relaxed); });
+  // Several threads send: who has taken a place first may have read the clock later.
+  std::ranges::sort(
+      rows, {}, [](const Row* row) { return std::pair(row->kept.at_ns, row->number.load(std::memory_order_relaxed)); });
   std::string text =
       "time_s,direction,topic,user,number,stamp_s,bytes,x_m,y_m,z_m,force_x_n,force_y_n,force_z_n,bodies,state\n";
   for (const Row* row : rows) {
