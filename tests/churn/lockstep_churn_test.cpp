@@ -47,7 +47,7 @@ TEST_P(LockstepChurn, RepeatsWithItsRecord) {
   const auto& [vendor, absent] = GetParam();
   std::mt19937 random(static_cast<unsigned>(setting("SUBWORLD_CHURN_SEED", 1)));
   // A run that continues advances by tens of seconds while a user is away.
-  const std::string duration = fmt::format("{}", (absent == "wait" ? 1 : 30) * (most + 1));
+  const std::string duration = fmt::format("{}", (absent == "wait" ? 1 : 20) * (most + 1));
   Process process(
       run_words(scene("lift"), flags({"--duration", duration, "--absent", absent, "--restart", "on-failure"})),
       folder_.path());
