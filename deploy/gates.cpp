@@ -35,7 +35,6 @@ namespace {
 
 constexpr Unit kCount{"", 1.0, "1"}, kOfSteps{"% of steps", 100.0, "ratio"}, kOfReports{"% of reports", 100.0, "ratio"},
     kMilliseconds{"ms", 1e3, "s"}, kJoule{"J", 1.0, "J"}, kMetre{"m", 1.0, "m"}, kNewtonRms{"N RMS", 1.0, "N RMS"};
-constexpr const char* kMissedByTheOs = "missed by the OS";
 
 constexpr double kMissedRatio = 0.001;
 constexpr double kRefusedRatio = 0.01;
@@ -309,49 +308,12 @@ std::string with_unit(double value, const Unit& unit) {
   return fmt::format("{:.4g}{}{}", unit.scale * value, *unit.text ? " " : "", unit.text);
 }
 
-/// "user 0: lateness p99 0.31 ms"
-std::string figure(const Gate& gate) { return fmt::format("{} {}", gate.name, with_unit(gate.value, gate.unit)); }
-
-/// How often the OS delayed the haptic loops, beside how often it does so to bare ones; empty: never.
-std::string os_remark(const RunResults& run) {
-  std::uint64_t delayed = 0, periods = 0;
-  for (const HapticResult& haptic : run.haptic) {
-    delayed += haptic.missed_by_os;
-    periods += haptic.steps + haptic.skipped_steps;
-  }
-  if (!run.realtime() || delayed == 0) return {};
-  const std::string bare = calibration_text(run);
-  return fmt::format("; the OS delayed {} of {} steps past their deadline ({:.2g} %){}{}", grouped(delayed),
-                     grouped(periods), 100.0 * static_cast<double>(delayed) / static_cast<double>(periods),
-                     bare.empty() ? "" : "; ", bare);
-}
-
-/// "; user 1 absent from 1.20 to 2.00 s" for each absence, and who was started again.
-std::string absences_text(const RunResults& run) {
-  std::string text;
-  for (const Restarted& one : run.restarts) text += fmt::format("; {} was started again ({})", one.program, one.reason);
-  for (const Absence& one : run.world.absences)
-    text += one.by_order
-                ? (one.from_s > 0.0             ? fmt::format("; user {} left at {:.2f} s", one.user, one.from_s)
-                   : one.to_s < run.ending.to_s ? fmt::format("; user {} joined at {:.2f} s", one.user, one.to_s)
-                                                : fmt::format("; user {} took no part", one.user))
-                : fmt::format("; user {} absent from {:.2f} to {:.2f} s", one.user, one.from_s, one.to_s);
-  for (const DeviceResult& one : run.device) {
-    if (!one.driver) continue;
-    const DriverResult& driver = *one.driver;
-    if (driver.absences > 0)
-      text += fmt::format("; device {} of user {} was absent {} time{}, {:.2f} s in total", driver.name, one.user,
-                          driver.absences, driver.absences == 1 ? "" : "s", driver.absent_s);
-    if (driver.refused > 0)
-      text += fmt::format("; device {} of user {}: readings refused: {}", driver.name, one.user, driver.refused_for);
-  }
-  return text;
-}
-
 }  // namespace
 
+std::string Gate::figure() const { return fmt::format("{} {}", name, with_unit(value, unit)); }
+
 std::string Gate::line() const {
-  const std::string held = fmt::format("{} {} {}", figure(*this), at_most ? "<=" : ">=", with_unit(bound, unit));
+  const std::string held = fmt::format("{} {} {}", figure(), at_most ? "<=" : ">=", with_unit(bound, unit));
   if (ok()) return held + ": ok";
   return fmt::format("{}: {}{}{}", held,
                      spoils_verdict() ? "MISSED"
@@ -425,32 +387,6 @@ std::vector<Gate> gates(const RunResults& run) {
   if (run.realtime())
     all.push_back({"world real-time factor", kCount, world.real_time_factor_min, 1.0, by_slow_cycles(run), false});
   return all;
-}
-
-std::string verdict_of(const std::vector<Gate>& gates, const RunResults& run) {
-  std::string unstable, foreign, missed;
-  for (const Gate& gate : gates) {
-    if (!gate.spoils_verdict()) continue;
-    std::string& reason = gate.cause.culprit == Culprit::unstable         ? unstable
-                          : gate.cause.culprit == Culprit::foreign_writer ? foreign
-                                                                          : missed;
-    if (reason.empty()) reason = fmt::format("{}: {}", figure(gate), gate.cause.why);
-  }
-  // One reason is enough; `gates` has all of them. A foreign writer may be the cause of any other.
-  const std::string absences = absences_text(run);
-  if (!unstable.empty()) return "unstable: " + unstable + (foreign.empty() ? "" : "; also " + foreign) + absences;
-  if (!foreign.empty() || !missed.empty())
-    return "quality gate missed: " + (foreign.empty() ? missed : foreign) + absences;
-  std::string text = "ok" + absences + os_remark(run);
-  for (const Gate& gate : gates) {
-    const bool said = gate.name.ends_with(kMissedByTheOs);
-    if (!gate.ok() && !said)
-      text += fmt::format("; {}{}", figure(gate),
-                          gate.cause.culprit == Culprit::os        ? ", by the OS"
-                          : gate.cause.culprit == Culprit::network ? ", by the network"
-                                                                   : "");
-  }
-  return text;
 }
 
 std::vector<std::string> missed_strictly(const std::vector<Gate>& gates) {

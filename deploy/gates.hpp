@@ -10,6 +10,9 @@ namespace subworld {
 
 struct RunResults;
 
+/// End of the name of a gate of deadlines that the OS missed.
+inline constexpr const char* kMissedByTheOs = "missed by the OS";
+
 /// What caused a missed gate. `unstable`: energy or oscillation that no operator has put in; `foreign_writer`: a
 /// program that does not belong to the run; `scene`: the scene asks for it; `network`: the one between the hosts.
 enum class Culprit : std::uint8_t { run, os, scene, unstable, foreign_writer, network };
@@ -46,6 +49,8 @@ struct Gate {
   }
   /// For --strict, which counts remarks too.
   [[nodiscard]] bool counts_strictly() const noexcept { return !ok() && cause.culprit != Culprit::scene; }
+  /// "user 0: lateness p99 0.31 ms"
+  [[nodiscard]] std::string figure() const;
   [[nodiscard]] std::string line() const;
 };
 void to_json(Json& json, const Gate& gate);

@@ -127,11 +127,9 @@ void Player::publish(Due& due) {
 /// Begins before the moment with a snapshot of all bodies, and adds those that follow.
 void Player::move_to(double time_s) {
   std::vector<BodyState> states = scene_.states;
-  std::size_t from = 0;
   WorldSnapshot snapshot;
   bool found = false;
-  const auto stamp_of_chunk = [&](std::size_t number) -> std::optional<double> {
-    const mcap::Chunk chunk = reader_.read_chunk(number);
+  const auto time_of = [&](const mcap::Chunk& chunk) -> std::optional<double> {
     for (const mcap::Message& message : chunk.messages) {
       const auto at = channels_.find(message.channel);
       if (at != channels_.end() && at->second.topic == kSnapshotTopic && snapshot_codec_.decode(message.data, snapshot))
@@ -139,14 +137,7 @@ void Player::move_to(double time_s) {
     }
     return {};
   };
-  for (std::size_t low = 0, high = reader_.chunks(); high - low > 1;) {
-    const std::size_t middle = low + (high - low) / 2;
-    std::optional<double> stamp;
-    for (std::size_t i = middle; i < high && !stamp; ++i) stamp = stamp_of_chunk(i);
-    (!stamp || *stamp > time_s - 1.1 ? high : low) = middle;
-    from = low;
-  }
-  next_chunk_ = from;
+  next_chunk_ = reader_.last_chunk_before(time_s - kCompleteSnapshot_s, time_of);
   read_.clear();
   due_.clear();
   read_s_ = 0.0;

@@ -21,18 +21,14 @@ constexpr PluginKind kDrivers{.noun = "device driver",
 
 }  // namespace
 
-std::vector<std::string> driver_names() {
-  std::vector<std::string> names;
-  for (const auto& [name, file] : plugin_files(kDrivers)) names.push_back(name);
-  return names;
-}
+std::vector<std::string> driver_names() { return plugin_names(kDrivers); }
 
 const DriverPlugin& driver_plugin(std::string_view name) {
   const auto files = plugin_files(kDrivers);
   if (const auto file = files.find(name); file != files.end())
     return *static_cast<const DriverPlugin*>(load_plugin(kDrivers, file->first, file->second));
-  std::vector<std::string> names{std::string(kEmulated)};
-  for (const auto& [known, file] : files) names.push_back(known);
+  std::vector<std::string> names = driver_names();
+  names.insert(names.begin(), std::string(kEmulated));
   const std::string_view meant = nearest(name, {names.begin(), names.end()});
   throw Error(
       ExitCode::usage,

@@ -15,8 +15,6 @@ namespace subworld {
 
 namespace {
 
-constexpr double kDiscovery_s = 0.3;           ///< for the programs of a run under way to find those that join it
-constexpr double kAgain_s = 0.5;               ///< between two requests to take part
 constexpr double kReportAcknowledged_s = 1.0;  ///< that the last report may take to arrive
 
 /// The haptic process in lock-step.
@@ -27,8 +25,7 @@ class LockstepLoop : HapticRun {
         stages_(measures.stages()),
         order_(scene, user(), sub.facts().stamp, sub.timetable().start(sub.facts().stamp)),
         device_sim_{ProgramKind::device_sim, user()},
-        lost_(scene.users.size(), false),
-        peer_writers_(scene.users.size(), 0) {
+        lost_(scene.users.size(), false) {
     reserve(frame_, kUsualMembers);
   }
 
@@ -68,6 +65,13 @@ class LockstepLoop : HapticRun {
     const auto ours = [this](const WorldFrame& came) { return came.session == ports.session; };
     if (!await(*ports.bus, ports.status, ports.frames, frame_, stages_, kWorldSim, ours, stopped)) return false;
     if (ports.serves_another(frame_)) throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
+    if (frame_.served == 0 && !frame_.last) {
+      throw Error(
+          ExitCode::failed,
+          fmt::format("the world has gone on without user {}, whose programs were silent for seconds (halted, or "
+                      "cut off); start haptic_sim and device_sim again",
+                      user()));
+    }
     const TimePoint begin = stages_.now();
     measures.answered(frame_.echoed_sent_ns, begin);
     last_ = frame_.last;
@@ -138,7 +142,10 @@ class LockstepLoop : HapticRun {
     while (order_.heard(peer) <= order_.next_step()) {
       if (awaited) {
         const auto lose = [&](const std::string& text) {
-          if (scene.settings.absent == Absent::end) throw Error(ExitCode::failed, text + kEndsWithoutIt);
+          // One that has ended in order was to leave: the world judges that.
+          const bool left = ports.status.has_ended(ProgramKind::device_sim, peer) &&
+                            ports.status.last_words(ProgramKind::device_sim, peer).empty();
+          if (!left && scene.settings.absent == Absent::end) throw Error(ExitCode::failed, text + kEndsWithoutIt);
           lost_[peer] = true;
         };
         const Peer device{ProgramKind::device_sim, peer};
@@ -146,8 +153,7 @@ class LockstepLoop : HapticRun {
           if (lost_[peer]) order_.miss(peer);
           return lost_[peer];
         }
-        // A device that has just been started does not know the time yet: the one before will send no more.
-        if (replaces(peer)) {
+        if (order_.is_replaced(peer, peer_)) {
           lose(replaced_text(device.program, device.instance));
           order_.miss(peer);
           return true;
@@ -156,18 +162,11 @@ class LockstepLoop : HapticRun {
         const Take taken = take(reader, peer_, stages_);
         if (taken == Take::none) break;
         if (taken != Take::sample || !ours(peer_)) continue;
-        (void)replaces(peer);
       }
       order_.hear(peer, peer_);
     }
     if (needed && order_.heard(peer) <= order_.next_step()) order_.miss(peer);
     return true;
-  }
-
-  /// Whether the state of a peer's device that has just come is of another process than the one before.
-  bool replaces(std::uint32_t peer) {
-    const std::uint64_t before = std::exchange(peer_writers_[peer], peer_.sender);
-    return before != 0 && before != peer_.sender;
   }
 
   void step() {
@@ -205,89 +204,13 @@ class LockstepLoop : HapticRun {
   Peer device_sim_;
   DeviceState device_, peer_;
   WorldFrame frame_;
-  std::vector<bool> lost_;  ///< by user, whose device has fallen silent; the world's account of it counts
-  std::vector<std::uint64_t> peer_writers_;  ///< by user: the process that sent its device's newest state
-  std::uint64_t device_writer_ = 0;          ///< the process that sent the first state
-  bool device_taken_ = false;                ///< the state of the first step
+  std::vector<bool> lost_;           ///< by user, whose device has fallen silent; the world's account of it counts
+  std::uint64_t device_writer_ = 0;  ///< the process that sent the first state
+  bool device_taken_ = false;        ///< the state of the first step
   bool last_ = false;
 };
 
 }  // namespace
-
-std::optional<FirstFrame> begin_lockstep(const HapticRun& run) {
-  const auto& [options, scene, ports, sub, measures, exchange, finder] = run;
-  FirstFrame first;
-  std::optional<WorldFrame> standing, last;
-  TimePoint late_since{};
-  bool began = false;
-  const auto refuse_other = [&](const WorldFrame& frame) {
-    if (ports.serves_another(frame)) throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
-  };
-  const auto look = [&] {
-    finder.look(options.network.domain);
-    ports.session = finder.session();  // of the newest world
-    while (!began && ports.frames.take(first.frame) == Take::sample) {
-      if (first.frame.session != ports.session) continue;
-      first.received = Clock::now();
-      last.reset();
-      if (first.frame.last) {
-        last = first.frame;
-      } else if (ports.serves_another(first.frame)) {
-        // Of a process that was killed, there may still be frames.
-        if (ports.status.runs(ProgramKind::haptic_sim, run.user())) refuse_other(first.frame);
-      } else if (first.frame.real_time_factor > 0.0) {
-        began = first.frame.served == ports.identity && sub.reset_from(first.frame);
-      } else {
-        standing = first.frame;
-        if (first.frame.stamp > 0 && late_since == TimePoint{}) late_since = first.received;
-      }
-    }
-    // A last frame may also be that of a user who has left.
-    const bool over =
-        ports.status.has_ended(ProgramKind::world_sim, 0) || !ports.status.hears(ProgramKind::world_sim, 0);
-    if (!began && last && over) {
-      refuse_other(*last);
-      first.frame = *last;
-      began = true;
-    }
-    return began;
-  };
-  // In lock-step each state of the others' devices counts from the first on. In a run under way, those count that are
-  // there.
-  for (std::uint32_t u = 0; scheme_of(scene.settings).properties.replicates_peers && u < scene.users.size(); ++u) {
-    if (u == run.user() || !takes_part(scene.settings.presence, static_cast<int>(u), 0.0)) continue;
-    const Wanted device{fmt::format("device of user {}", u), fmt::format("device_sim --user {}", u)};
-    const auto there = [&] {
-      const bool matched = ports.peer_devices.open(u).matched() > 0;
-      if (look() || (matched && ports.status.met(ProgramKind::device_sim, u))) return true;
-      return late_since != TimePoint{} && (matched || to_seconds(Clock::now() - late_since) > kDiscovery_s);
-    };
-    if (!wait_for(*ports.bus, options, device, there)) return std::nullopt;
-  }
-  TimePoint asked_at{};
-  const auto begins = [&] {
-    if (look()) return true;
-    const bool settled = late_since == TimePoint{} || to_seconds(Clock::now() - late_since) > kDiscovery_s;
-    // The world may have been busy with another process: it asks again for who wants to take part.
-    const bool asked = asked_at != TimePoint{} && to_seconds(Clock::now() - asked_at) < kAgain_s;
-    if (!standing || standing->session != ports.session || asked || !settled) return false;
-    HapticReport request;
-    request.user = UserId{run.user()};
-    request.stamp = request.started_stamp = standing->stamp;
-    request.confirmed_stamp = request.stamp + 1;  // see asks_to_take_part()
-    request.stamp_s = standing->stamp_s;
-    request.sent_ns = to_ns(Clock::now());
-    if (ports.send(request)) asked_at = Clock::now();
-    standing.reset();
-    return false;
-  };
-  const auto settles = [&] { return ports.scene.alive_writers() > 0; };  // a living world may take its time
-  if (!wait_for(*ports.bus, options, {"frame of the world", "every user's haptic_sim and device_sim"}, begins, settles))
-    return std::nullopt;
-  ports.frames.trust_sender();
-  ports.status.enter("running");
-  return first;
-}
 
 Ending run_lockstep(const HapticRun& run, const FirstFrame& first) { return LockstepLoop(run).run(first); }
 

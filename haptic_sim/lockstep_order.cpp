@@ -7,11 +7,8 @@ namespace subworld {
 void LockstepOrder::hear(std::size_t peer, const DeviceState& state) {
   Peer& of = peers_[peer];
   const double next_s = settings_.h_s * static_cast<double>(of.steps), half_s = 0.5 * settings_.h_s;
-  const bool another = of.sender != 0 && state.sender != of.sender;
-  // One that has just been started does not know the time yet.
-  const bool old = another ? state.sequence == 0 : state.stamp_s < next_s - of.period_s - half_s;
-  if (old) return;
-  const bool first = !of.heard_any;
+  const bool first = !of.heard_any, another = !first && state.sender != of.sender;
+  if (is_replaced(peer, state) || (!another && state.stamp_s < next_s - of.period_s - half_s)) return;
   // A device that is slower than the haptic step sends a state again until it has another: states are counted.
   std::uint64_t step = of.steps;
   const bool later = state.stamp_s > next_s + half_s;
@@ -26,15 +23,11 @@ void LockstepOrder::hear(std::size_t peer, const DeviceState& state) {
     of.steps = step + 1;
     return;
   }
-  if (another) {
-    of.states = line_from(peer, step);
-    of.from = step;
+  if (of.missed_from && *of.missed_from < step) {
+    missed_.push_back(missing(peer, *of.missed_from));
+    missed_.back().to_s = settings_.h_s * static_cast<double>(step);
   }
-  if (of.missed_from) {
-    if (*of.missed_from < step) {
-      missed_.push_back(missing(peer, *of.missed_from));
-      missed_.back().to_s = settings_.h_s * static_cast<double>(step);
-    }
+  if (of.missed_from || another) {
     of.missed_from.reset();
     of.states = line_from(peer, step);
     of.from = step;

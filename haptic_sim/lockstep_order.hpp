@@ -43,6 +43,11 @@ class LockstepOrder {
   /// A state of a peer's device: the next one or, of a program that was started again, the first of a later step.
   /// Dropped where the sub-world has had that step, or misses it.
   void hear(std::size_t peer, const DeviceState& state);
+  /// Whether a state says that the peer's device has just been started again, and the one before will send no more. It
+  /// does not know the time yet.
+  [[nodiscard]] bool is_replaced(std::size_t peer, const DeviceState& state) const noexcept {
+    return peers_[peer].heard_any && state.sender != peers_[peer].sender && state.sequence == 0;
+  }
   /// The state heard(peer) does not come: from now on the sub-world misses the peer's states.
   void miss(std::size_t peer) {
     if (!peers_[peer].missed_from) peers_[peer].missed_from = peers_[peer].steps;

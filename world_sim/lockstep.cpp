@@ -16,8 +16,7 @@ namespace subworld {
 namespace {
 
 constexpr double kLastReport_s = 0.3;  ///< that a report may take after the world was asked to stop
-
-constexpr double kAgain_s = 0.05;  ///< between two frames that ask for somebody who wants to take part
+constexpr double kAgain_s = 0.05;      ///< between two frames that ask for somebody who wants to take part
 
 /// The world process in lock-step.
 class LockstepLoop : WorldLoop {
@@ -63,9 +62,6 @@ class LockstepLoop : WorldLoop {
   [[nodiscard]] bool is_planned(std::size_t user) const {
     return takes_part(scene.settings.presence, static_cast<int>(user), world.facts().time_s + 0.5 * scene.settings.h_s);
   }
-  void note_event(PresenceEvent::Kind kind, std::size_t user) {
-    events_.push_back({.kind = kind, .user = static_cast<int>(user), .at_s = world.facts().time_s});
-  }
 
   /// Who leaves and who joins at this stamp. False when asked to stop.
   bool follow_presence() {
@@ -92,15 +88,11 @@ class LockstepLoop : WorldLoop {
     user.lost = !why.empty();
     user.dismissed = why.empty() && is_planned(u);
     user.former = ports.served[u];
+    farewells_[u] = 0;
     world.leave(u);
     ports.release(u);
     measures.leaves(u, now_s, why.empty());
-    // One whose first report has not come was not there.
-    if (!events_.empty() && events_.back().user == static_cast<int>(u) && events_.back().at_s == now_s) {
-      events_.pop_back();
-    } else {
-      note_event(PresenceEvent::Kind::leaves, u);
-    }
+    record(events_, PresenceEvent::Kind::leaves, static_cast<int>(u), now_s);
     ports.status.note(why.empty() ? fmt::format("user {} has left at t = {:.3f} s", u, now_s)
                                   : fmt::format("{}; user {} is absent from t = {:.3f} s on, and the world holds its "
                                                 "proxy",
@@ -147,7 +139,7 @@ class LockstepLoop : WorldLoop {
     user.next_report = stamp;
     if (world.user_facts(u).absent) {
       measures.returns(u, world.facts().time_s);
-      note_event(PresenceEvent::Kind::joins, u);
+      record(events_, PresenceEvent::Kind::joins, static_cast<int>(u), world.facts().time_s);
       ports.status.note(fmt::format("user {} takes part from t = {:.3f} s on", u, world.facts().time_s));
     }
     publish_frame(u, false, 0.0, 1.0);

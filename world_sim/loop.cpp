@@ -117,15 +117,17 @@ void WorldLoop::publish_frame(std::size_t user, bool last, double start_in_s, do
   frame.newest_stamp = facts.newest_stamp;
   frame.session = ports.session;
   frame.served = ports.served[user];
-  frame.last = last || dismisses(user);
-  if (dismisses(user)) --farewells_[user];
+  frame.last = last;
   frame.start_in_s = start_in_s;
   frame.real_time_factor = real_time_factor;
   ports.frames[user].write(frame);
 }
 
 void WorldLoop::publish_frames(bool last, double start_in_s, double real_time_factor) {
-  for (std::size_t u = 0; u < user_count(); ++u) publish_frame(u, last, start_in_s, real_time_factor);
+  for (std::size_t u = 0; u < user_count(); ++u) {
+    publish_frame(u, last || dismisses(u), start_in_s, real_time_factor);
+    if (dismisses(u)) --farewells_[u];
+  }
 }
 
 std::string WorldLoop::absent_at_end() const {

@@ -105,6 +105,18 @@ std::size_t Reader::chunk_at(std::uint64_t time_ns) const noexcept {
   return static_cast<std::size_t>(at - chunks_.begin());
 }
 
+std::size_t Reader::last_chunk_before(double time_s,
+                                      const std::function<std::optional<double>(const Chunk&)>& time_of) {
+  std::size_t low = 0;
+  for (std::size_t high = chunks(); high - low > 1;) {
+    const std::size_t middle = low + (high - low) / 2;
+    std::optional<double> begin_s;
+    for (std::size_t i = middle; i < high && !begin_s; ++i) begin_s = time_of(read_chunk(i));
+    (!begin_s || *begin_s > time_s ? high : low) = middle;
+  }
+  return low;
+}
+
 Chunk Reader::read_chunk(std::size_t number) {
   Chunk chunk;
   chunk.bytes = read(chunks_.at(number).start, chunks_.at(number).length);

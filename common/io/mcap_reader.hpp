@@ -3,7 +3,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <fstream>
+#include <functional>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -35,6 +37,10 @@ class Reader {
   [[nodiscard]] std::size_t chunks() const noexcept { return chunks_.size(); }
   /// The first chunk that has messages at or after a time; `chunks()` if none has.
   [[nodiscard]] std::size_t chunk_at(std::uint64_t time_ns) const noexcept;
+  /// The last chunk whose time is at most `time_s`; 0 if none is. `time_of` gives the simulated time with which a chunk
+  /// begins, or nothing; it rises from chunk to chunk.
+  [[nodiscard]] std::size_t last_chunk_before(double time_s,
+                                              const std::function<std::optional<double>(const Chunk&)>& time_of);
   /// Reads a chunk, and checks its checksum.
   [[nodiscard]] Chunk read_chunk(std::size_t number);
   [[nodiscard]] std::uint64_t from_ns() const noexcept { return from_ns_; }

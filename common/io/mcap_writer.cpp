@@ -23,12 +23,6 @@ std::uint32_t crc_of(std::uint32_t before, std::span<const std::uint8_t> bytes) 
   return static_cast<std::uint32_t>(crc32_z(before, bytes.data(), bytes.size()));
 }
 
-void append_record(Bytes& to, Op op, std::span<const std::uint8_t> content) {
-  to.number(static_cast<std::uint8_t>(op));
-  to.number(static_cast<std::uint64_t>(content.size()));
-  to.raw(content);
-}
-
 std::span<const std::uint8_t> bytes_of(std::string_view text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }

@@ -292,6 +292,9 @@ struct UserView {
   Wrench wrench;  ///< mean over the last cycle, on the proxy
 };
 
+/// Within so much simulated time, s, comes a snapshot of all bodies.
+inline constexpr double kCompleteSnapshot_s = 1.1;
+
 /// Topic `world_state`: for the display.
 struct WorldSnapshot {
   std::uint64_t sequence = 0;

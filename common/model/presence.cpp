@@ -99,6 +99,17 @@ bool misses(const std::vector<PresenceEvent>& events, int user, int peer, double
   });
 }
 
+void record(std::vector<PresenceEvent>& events, PresenceEvent::Kind kind, int user, double time_s) {
+  const auto joined = std::ranges::find_if(events, [&](const PresenceEvent& event) {
+    return event.kind == Kind::joins && event.user == user && event.at_s == time_s;
+  });
+  if (kind == Kind::leaves && joined != events.end()) {
+    events.erase(joined);
+  } else {
+    events.push_back({.kind = kind, .user = user, .at_s = time_s});
+  }
+}
+
 int returns(const std::vector<PresenceEvent>& events, int user) noexcept {
   bool left = false;
   int count = 0;

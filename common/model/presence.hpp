@@ -34,6 +34,8 @@ struct PresenceEvent {
 [[nodiscard]] bool takes_part(const std::vector<PresenceEvent>& events, int user, double time_s) noexcept;
 /// Whether the sub-world of a user misses the states of another one's device at a time.
 [[nodiscard]] bool misses(const std::vector<PresenceEvent>& events, int user, int peer, double time_s) noexcept;
+/// Adds to a record that a user joins or leaves. One who leaves when it has only just joined was not there.
+void record(std::vector<PresenceEvent>& events, PresenceEvent::Kind kind, int user, double time_s);
 /// How often a user joins after having left.
 [[nodiscard]] int returns(const std::vector<PresenceEvent>& events, int user) noexcept;
 

@@ -31,11 +31,7 @@ constexpr std::array<std::string_view, 3> kOptional{"havok", "physx", "rapier"};
 
 }  // namespace
 
-std::vector<std::string> engine_names() {
-  std::vector<std::string> names;
-  for (const auto& [name, file] : plugin_files(kEngines)) names.push_back(name);
-  return names;
-}
+std::vector<std::string> engine_names() { return plugin_names(kEngines); }
 
 const EnginePlugin& engine_plugin(std::string_view name) {
   static std::mutex mutex;

@@ -50,6 +50,12 @@ std::map<std::string, fs::path, std::less<>> plugin_files(const PluginKind& kind
   return files;
 }
 
+std::vector<std::string> plugin_names(const PluginKind& kind) {
+  std::vector<std::string> names;
+  for (const auto& [name, file] : plugin_files(kind)) names.push_back(name);
+  return names;
+}
+
 const void* load_plugin(const PluginKind& kind, const std::string& name, const fs::path& file) {
   // RTLD_LOCAL: two plug-ins may define the same symbols, as Bullet's two precisions do.
   void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);

@@ -5,6 +5,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace subworld {
 
@@ -24,6 +25,8 @@ struct PluginKind {
 /// Name -> library. The folders of the variable come first, then that of the program; the first that has a name takes
 /// precedence.
 [[nodiscard]] std::map<std::string, std::filesystem::path, std::less<>> plugin_files(const PluginKind& kind);
+
+[[nodiscard]] std::vector<std::string> plugin_names(const PluginKind& kind);
 
 /// The description that a library exports. The library is never unloaded. Throws `Error` (usage) for one that cannot be
 /// loaded, is no plug-in of this kind, or is of another build.

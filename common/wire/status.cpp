@@ -109,6 +109,7 @@ void StatusBeacon::hear_end(const Status& status, std::size_t slot) {
 
 void StatusBeacon::fail(const std::string& reason) {
   constexpr double kAcknowledged_s = 0.5;
+  std::fprintf(stderr, "%s: error: %s\n", label_.substr(0, label_.find(' ')).c_str(), reason.c_str());
   {
     const std::lock_guard lock(mutex_);
     status_.state = kFailedState;

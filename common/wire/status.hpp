@@ -68,7 +68,7 @@ class StatusBeacon {
   /// Whether that participant (`AnyReader::sender_participant`) has sent a status as a program of this kind, or one of
   /// another version. What another participant publishes in the place of such a program is of a foreign writer.
   [[nodiscard]] bool is_program(ProgramKind program, std::uint64_t participant) const;
-  /// Publishes why the program ends, and waits up to half a second until the others have it.
+  /// Prints and publishes why the program ends, and waits up to half a second until the others have it.
   void fail(const std::string& reason);
   /// Why that program has ended, by its own word; empty: it has sent none.
   [[nodiscard]] std::string last_words(ProgramKind program, std::uint32_t instance) const;
@@ -142,8 +142,9 @@ class StatusBeacon {
   std::thread thread_;
 };
 
-/// Runs a program's body. An error that leaves it is published first, so that the others can say why this one ended,
-/// and its last messages are written to `last_messages` (empty: nowhere).
+/// Runs a program's body. An error that leaves it is printed and published first, before the middleware is taken apart,
+/// where Fast DDS 2.9 may stop or crash; and its last messages are written to `last_messages` (empty: nowhere). Then it
+/// is thrown on without its text.
 template <class Body>
 void with_last_words(StatusBeacon& status, const std::string& last_messages, Body&& body) {
   try {
@@ -151,7 +152,7 @@ void with_last_words(StatusBeacon& status, const std::string& last_messages, Bod
   } catch (const Error& wrong) {
     status.fail(wrong.what());
     if (!last_messages.empty()) write_last_messages(last_messages);
-    throw;
+    throw Error(wrong.code(), "");
   }
 }
 

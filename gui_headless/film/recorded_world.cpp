@@ -10,8 +10,6 @@ namespace subworld {
 
 namespace {
 
-constexpr double kComplete_s = 1.0;  // a snapshot of all bodies comes so often
-
 std::uint16_t channel_of(const mcap::Reader& reader, const std::string& topic) {
   const auto at = std::ranges::find(reader.topics(), topic, [](const auto& one) { return one.second; });
   return at == reader.topics().end() ? std::uint16_t{0} : at->first;
@@ -34,7 +32,7 @@ RecordedWorld::RecordedWorld(const std::string& file) : reader_(file), channel_(
       if (message.channel == scene) (void)codec.decode(message.data, scene_);
   }
   std::optional<double> first;
-  for (std::size_t i = 0; i < reader_.chunks() && !first; ++i) first = first_stamp(i);
+  for (std::size_t i = 0; i < reader_.chunks() && !first; ++i) first = first_stamp(reader_.read_chunk(i));
   if (scene_.bodies.empty() || !first)
     throw Error(ExitCode::usage,
                 fmt::format("{}: holds no state of the world; record a run of another length, and with "
@@ -55,8 +53,7 @@ RecordedWorld::RecordedWorld(const std::string& file) : reader_(file), channel_(
   show(from_s_);
 }
 
-std::optional<double> RecordedWorld::first_stamp(std::size_t number) {
-  const mcap::Chunk chunk = reader_.read_chunk(number);
+std::optional<double> RecordedWorld::first_stamp(const mcap::Chunk& chunk) {
   WorldSnapshot snapshot;
   for (const mcap::Message& message : chunk.messages)
     if (message.channel == channel_ && codec_.decode(message.data, snapshot)) return snapshot.stamp_s;
@@ -65,14 +62,8 @@ std::optional<double> RecordedWorld::first_stamp(std::size_t number) {
 
 /// Begins with a chunk early enough that a snapshot of all bodies comes before the moment.
 void RecordedWorld::restart(double time_s) {
-  std::size_t low = 0, high = reader_.chunks();
-  while (high - low > 1) {
-    const std::size_t middle = low + (high - low) / 2;
-    std::optional<double> stamp;
-    for (std::size_t i = middle; i < high && !stamp; ++i) stamp = first_stamp(i);
-    (!stamp || *stamp > time_s - 1.1 * kComplete_s ? high : low) = middle;
-  }
-  next_chunk_ = low;
+  next_chunk_ = reader_.last_chunk_before(time_s - kCompleteSnapshot_s,
+                                          [this](const mcap::Chunk& chunk) { return first_stamp(chunk); });
   read_.clear();
   before_ = {from_s_, scene_.states, {}};
   after_ = before_;

@@ -36,7 +36,7 @@ class RecordedWorld {
   };
   void restart(double time_s);
   bool read_next();
-  std::optional<double> first_stamp(std::size_t chunk);
+  std::optional<double> first_stamp(const mcap::Chunk& chunk);
 
   mcap::Reader reader_;
   SceneDescription scene_;

@@ -3,19 +3,22 @@
 
 #include <fmt/format.h>
 
-#include <tuple>
+#include <memory>
+#include <utility>
+#include <vector>
 
 namespace subworld::test {
 namespace {
 
 class LockstepPresence : public ProcessTest, public ::testing::WithParamInterface<std::string> {
  protected:
-  /// `press` with two users, whose proxies touch the same body.
+  /// Of a run in lock-step of `lift`: two users lift one body.
   [[nodiscard]] Words flags(const Words& more) const {
     Words words{"--mode", "lockstep", "--dds", GetParam()};
     words.insert(words.end(), more.begin(), more.end());
     return words;
   }
+  [[nodiscard]] static std::string vendor() { return GetParam() == "mixed" ? "fastdds" : GetParam(); }
   [[nodiscard]] pid_t find(const std::string& name, const std::string& user) const {
     for (const Running& one : running(out())) {
       if (!one.words.front().ends_with("/" + name)) continue;
@@ -41,6 +44,68 @@ TEST_P(LockstepPresence, IsPlannedAndRepeats) {
     EXPECT_EQ(json["world"]["absences"].size(), 2U);
   }
   EXPECT_EQ(hashes[0], hashes[1]);
+}
+
+// Under delays that differ from message to message, the last states of a user who leaves are missed at other steps.
+TEST_P(LockstepPresence, RepeatsUnderDelayJitterAndLoss) {
+  std::vector<std::string> hashes;
+  for (int i = 0; i < 2; ++i) {
+    const Ended ended = run(scene("lift"), flags({"--duration", "1", "--latency", "0.03", "--jitter", "0.004", "--loss",
+                                                  "0.01", "--presence", "1 joins 0.2, 0 leaves 0.5, 0 joins 0.75"}));
+    ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
+    hashes.push_back(summary()["state_hash"]);
+  }
+  EXPECT_EQ(hashes[0], hashes[1]);
+}
+
+TEST_P(LockstepPresence, IsThatOfAnOrderToo) {
+  Process process(run_words(scene("lift"), flags({"--duration", "10"})), folder_.path());
+  ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_1.csv").size() > 10000; })) << process.err();
+  const Ended order =
+      finish({program("subworld"), "control", "leave", "--user", "1", "--domain", domain_.text(), "--dds", vendor()});
+  EXPECT_EQ(order.code, 0) << order.err;
+  ASSERT_EQ(process.wait(), 0) << process.out() << process.err();
+  const std::string presence = summary()["presence"], hash = summary()["state_hash"];
+  EXPECT_NE(presence.find("1 leaves"), std::string::npos) << presence;
+  EXPECT_EQ(run(scene("lift"), flags({"--duration", "10", "--presence", presence})).code, 0);
+  EXPECT_EQ(summary()["state_hash"], hash) << presence;
+}
+
+// A user's programs are halted, and continued after the world has gone on: they say so, and nobody else notices.
+TEST_P(LockstepPresence, OfProgramsThatWereHaltedEndsThem) {
+  std::vector<std::pair<std::string, std::unique_ptr<Process>>> programs;
+  const auto start = [&](const std::string& name, const std::string& user) {
+    const std::string folder = folder_.path() + "/" + name + user;
+    std::filesystem::create_directories(folder);
+    Words words{program(name), scene("lift"), "--domain", domain_.text(), "--out", folder};
+    for (const std::string& word : flags({"--duration", "1000", "--absent", "continue"})) words.push_back(word);
+    if (!user.empty()) words.insert(words.end(), {"--user", user});
+    std::ranges::replace(words, "mixed", vendor());
+    programs.emplace_back(folder, std::make_unique<Process>(words, folder));
+  };
+  start("world_sim", "");
+  for (const char* user : {"0", "1"}) {
+    start("haptic_sim", user);
+    start("device_sim", user);
+  }
+  const auto bytes = [&](std::size_t i, const char* file) { return read_text(programs[i].first + file).size(); };
+  ASSERT_TRUE(eventually([&] { return bytes(3, "/haptic_1.csv") > 10000; })) << programs[3].second->err();
+  programs[3].second->signal(SIGSTOP);
+  programs[4].second->signal(SIGSTOP);
+  const auto world_err = [&] { return programs[0].second->err(); };
+  ASSERT_TRUE(eventually([&] { return world_err().find("user 1 is absent from t = ") != std::string::npos; }))
+      << world_err();
+  const std::size_t before = bytes(1, "/haptic_0.csv");
+  EXPECT_TRUE(eventually([&] { return bytes(1, "/haptic_0.csv") > before + 10000; })) << "the other user stands";
+  programs[3].second->signal(SIGCONT);
+  programs[4].second->signal(SIGCONT);
+  EXPECT_EQ(programs[3].second->wait(), 1);
+  EXPECT_NE(programs[3].second->err().find("the world has gone on without user 1"), std::string::npos)
+      << programs[3].second->err();
+  EXPECT_TRUE(programs[4].second->wait());
+  programs[0].second->signal(SIGTERM);
+  EXPECT_EQ(programs[0].second->wait(), 1) << "a user is absent at the end";
+  for (const std::size_t i : {std::size_t{1}, std::size_t{2}}) EXPECT_EQ(programs[i].second->wait(), 0);
 }
 
 class LockstepKill : public LockstepPresence {};

@@ -1,5 +1,7 @@
 // When users take part in a run in lock-step, and what a sub-world makes of a device that falls silent and comes back.
 #include "haptic_sim/lockstep_order.hpp"
+#include "lab/session/coupled_run.hpp"
+#include "model/error.hpp"
 #include "model/presence.hpp"
 
 #include <gtest/gtest.h>
@@ -43,12 +45,32 @@ TEST(Presence, names_what_is_wrong) {
   EXPECT_NE(presence_fault(parsed("2 joins 3"), 2).find("there is no user 2"), std::string::npos);
 }
 
+TEST(Presence, of_one_who_leaves_at_once_is_not_recorded) {
+  using Kind = PresenceEvent::Kind;
+  std::vector<PresenceEvent> events;
+  record(events, Kind::leaves, 1, 0.5);
+  record(events, Kind::joins, 1, 0.75);
+  record(events, Kind::joins, 2, 0.75);
+  record(events, Kind::leaves, 1, 0.75);
+  EXPECT_EQ(to_text(events), "1 leaves 0.5, 2 joins 0.75");
+  record(events, Kind::leaves, 2, 1.0);
+  EXPECT_EQ(to_text(events), "1 leaves 0.5, 2 joins 0.75, 2 leaves 1");
+}
+
+TEST(Presence, is_refused_where_all_users_are_in_one_process) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/lift.yaml");
+  keep_users(scene, 2);
+  scene.settings.presence = parsed("1 joins 0.5");
+  EXPECT_THROW(CoupledRun run(scene), Error);
+}
+
 class LostDevice : public testing::Test {
  protected:
   LostDevice() : scene_(load_scene(std::string(SCENES_FOLDER) + "/lift.yaml")) { keep_users(scene_, 2); }
   static DeviceState state(double at_s) {
     DeviceState state;
     state.stamp_s = at_s;
+    state.sender = 1;
     return state;
   }
   Scene scene_;
@@ -60,11 +82,32 @@ TEST_F(LostDevice, is_recorded_from_its_last_state_to_the_first_of_another_proce
   EXPECT_EQ(order.heard(1), 5U);
   order.miss(1);
   EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.005");
-  order.hear(1, state(0.0));  // a device that has just been started has not heard the time yet
+  DeviceState another = state(0.0);
+  another.sender = 2;
+  EXPECT_TRUE(order.is_replaced(1, another));
+  order.hear(1, another);  // it does not know the time yet
   EXPECT_EQ(order.heard(1), 5U);
-  order.hear(1, state(0.02));
+  another.stamp_s = 0.02;
+  another.sequence = 1;
+  EXPECT_FALSE(order.is_replaced(1, another));
+  order.hear(1, another);
   EXPECT_EQ(order.heard(1), 21U);
   EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.005 to 0.02");
+}
+
+// The first process has sent a state of the step from which the second one sends.
+TEST_F(LostDevice, is_another_one_also_where_no_step_is_missed) {
+  LockstepOrder order(scene_, 0);
+  for (int step = 0; step < 5; ++step) order.hear(1, state(0.001 * step));
+  DeviceState another = state(0.004);
+  another.sender = 2;
+  another.sequence = 1;
+  order.hear(1, another);
+  EXPECT_EQ(order.heard(1), 5U);
+  another.stamp_s = 0.005;
+  order.hear(1, another);
+  EXPECT_EQ(order.heard(1), 6U);
+  EXPECT_EQ(to_text(order.missed()), "");
 }
 
 TEST_F(LostDevice, is_heard_from_the_step_in_which_a_sub_world_begins) {

@@ -2,6 +2,7 @@
 
 #include "coupling/plan.hpp"
 #include "lab/session/cpu_time.hpp"
+#include "model/error.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -10,6 +11,10 @@ namespace subworld {
 
 CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
     : scene_(scene), world(scene_, {}, make), felt(static_cast<std::size_t>(scene_.settings.users)) {
+  if (!scene_.settings.presence.empty())
+    throw Error(ExitCode::usage,
+                "settings.presence: in one process all users take part from start to end; run the "
+                "scene by `subworld run`, or remove the key");
   states_.resize(felt.size());
   world.settle([](double) { return true; });
   const Scheme& scheme = scheme_of(scene_.settings);
