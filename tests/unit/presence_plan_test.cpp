@@ -119,6 +119,33 @@ TEST_F(LostDevice, is_heard_from_the_step_in_which_a_sub_world_begins) {
   EXPECT_EQ(to_text(order.missed()), "");
 }
 
+// It was only slow: what came meanwhile stays missed, so that the record is true.
+TEST_F(LostDevice, is_heard_again_from_the_step_at_which_the_sub_world_is) {
+  World world(scene_);
+  ASSERT_TRUE(world.settle([](double) { return true; }));
+  SubWorld sub(scene_, 0);
+  ASSERT_TRUE(sub.reset_from(world.frame(0)));
+  LockstepOrder order(scene_, 0);
+  order.hear(1, state(0.0));
+  order.miss(1);
+  for (int step = 0; step < 3; ++step) {
+    order.step(
+        sub, state(0.001 * step), [](const DeviceCommand&, const FeltStep&) {}, [&] { (void)sub.close_cycle(0); });
+  }
+  order.hear_again(1);
+  for (int step = 1; step < 5; ++step) order.hear(1, state(0.001 * step));
+  EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.001 to 0.003");
+}
+
+TEST(DelayLine, that_begins_in_the_middle_of_a_run_has_its_first_message_at_once_and_none_of_before) {
+  Settings settings;
+  settings.delay.from_device_s = 0.003;
+  DelayLine<int> line(settings, Direction::from_device, 0, 100);
+  std::vector<int> arrived;
+  for (int step = 100; step < 106; ++step) arrived.push_back(line.pass(step, static_cast<std::uint64_t>(step)));
+  EXPECT_EQ(arrived, (std::vector<int>{100, 100, 100, 100, 101, 102}));
+}
+
 TEST_F(LostDevice, is_missed_again_where_the_record_says_so) {
   scene_.settings.presence = parsed("0 misses 1 from 0.003 to 0.006");
   LockstepOrder order(scene_, 0);
