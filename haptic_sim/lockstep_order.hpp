@@ -54,6 +54,11 @@ class LockstepOrder {
   }
   /// No longer: those of this step on count again.
   void hear_again(std::size_t peer) noexcept { peers_[peer].drops_before = step_; }
+  /// The state of the peer's device that counts in the next step; null: none.
+  [[nodiscard]] const DeviceState* known_of(std::size_t peer) const noexcept {
+    const Peer& of = peers_[peer];
+    return of.missed_from || of.from > step_ ? nullptr : of.newest;
+  }
   /// Whether the run that this one repeats missed the peer's state of the next step.
   [[nodiscard]] bool misses_by_plan(std::size_t peer) const noexcept {
     return misses(settings_.presence, static_cast<int>(user_), static_cast<int>(peer), time_of(step_));
@@ -86,10 +91,7 @@ class LockstepOrder {
       command.echoed_sent_ns = sent.sent_ns;
       on_command(command, felt);
     };
-    for (std::size_t p = 0; p < peers_.size(); ++p) {
-      const Peer& of = peers_[p];
-      known_[p] = of.missed_from || of.from > step_ ? nullptr : of.newest;
-    }
+    for (std::size_t p = 0; p < peers_.size(); ++p) known_[p] = known_of(p);
     const StepInput input{
         .device = &known, .peers = known_, .wall_s = settings_.h_s, .dt = settings_.h_s, .took_s = took_s};
     const FeltStep felt = sub.step(input, on_force, std::forward<OnReport>(on_report));

@@ -95,19 +95,24 @@ TEST_F(LostDevice, is_recorded_from_its_last_state_to_the_first_of_another_proce
   EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.005 to 0.02");
 }
 
-// The first process has sent a state of the step from which the second one sends.
+// The first process has sent states of steps from which the second one sends.
 TEST_F(LostDevice, is_another_one_also_where_no_step_is_missed) {
   LockstepOrder order(scene_, 0);
   for (int step = 0; step < 5; ++step) order.hear(1, state(0.001 * step));
-  DeviceState another = state(0.004);
+  DeviceState another = state(0.002);
   another.sender = 2;
   another.sequence = 1;
   order.hear(1, another);
-  EXPECT_EQ(order.heard(1), 5U);
-  another.stamp_s = 0.005;
-  order.hear(1, another);
-  EXPECT_EQ(order.heard(1), 6U);
+  EXPECT_EQ(order.heard(1), 3U);
+  EXPECT_EQ(order.known_of(1), nullptr) << "the next step is step 0";
   EXPECT_EQ(to_text(order.missed()), "");
+  LockstepOrder later(scene_, 0, 1, 4);
+  later.hear(1, state(0.004));
+  later.hear(1, state(0.005));
+  another.stamp_s = 0.004;
+  later.hear(1, another);
+  ASSERT_NE(later.known_of(1), nullptr);
+  EXPECT_EQ(later.known_of(1)->sender, 2U);
 }
 
 TEST_F(LostDevice, is_heard_from_the_step_in_which_a_sub_world_begins) {
