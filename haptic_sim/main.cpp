@@ -26,6 +26,9 @@ int main(int argc, char** argv) {
       SessionFinder finder(ports.scene, scene, ports.status);
       const HapticRun run{options, scene, ports, sub, measures, exchange, finder};
       if (const auto first = join(run)) {
+        // What the start took depends on when the others came.
+        const auto bytes = [&] { return ports.frames.received_bytes() + ports.reports.sent_bytes(); };
+        const std::uint64_t bytes_before = bytes();
         const double from_s = sub.facts().time_s;
         if (from_s > (realtime ? kAbsent_s : 0.0)) measures.joins_late();
         const auto so_far = [&] {
@@ -34,9 +37,9 @@ int main(int argc, char** argv) {
         };
         Ending ending = ended([&] { return realtime ? run_realtime(run, *first) : run_lockstep(run, *first); }, so_far);
         ports.status.enter("stopping");
-        const double cycles = std::max(1.0, static_cast<double>(sub.facts().stamp));
-        const auto bytes = static_cast<double>(ports.frames.received_bytes() + ports.reports.sent_bytes());
-        HapticResult part = measures.result(sub, bytes / cycles);
+        const double cycles =
+            std::max(1.0, static_cast<double>(sub.facts().stamp) - static_cast<double>(first->frame.stamp));
+        HapticResult part = measures.result(sub, static_cast<double>(bytes() - bytes_before) / cycles);
         part.dds = ports.bus->effective_settings();
         part.events = ports.status.events_of_run();
         part.refused = {.device_state = ports.device.refused(),
