@@ -18,7 +18,6 @@ class LockstepPresence : public ProcessTest, public ::testing::WithParamInterfac
     words.insert(words.end(), more.begin(), more.end());
     return words;
   }
-  [[nodiscard]] static std::string vendor() { return GetParam() == "mixed" ? "fastdds" : GetParam(); }
   [[nodiscard]] pid_t find(const std::string& name, const std::string& user) const {
     for (const Running& one : running(out())) {
       if (!one.words.front().ends_with("/" + name)) continue;
@@ -47,7 +46,8 @@ TEST_P(LockstepPresence, IsPlannedAndRepeats) {
 }
 
 // Under delays that differ from message to message, the last states of a user who leaves are missed at other steps.
-TEST_P(LockstepPresence, RepeatsUnderDelayJitterAndLoss) {
+class LockstepDelays : public LockstepPresence {};
+TEST_P(LockstepDelays, RepeatTheLeaveOfAUser) {
   std::vector<std::string> hashes;
   for (int i = 0; i < 2; ++i) {
     const Ended ended = run(scene("lift"), flags({"--duration", "1", "--latency", "0.03", "--jitter", "0.004", "--loss",
@@ -58,11 +58,12 @@ TEST_P(LockstepPresence, RepeatsUnderDelayJitterAndLoss) {
   EXPECT_EQ(hashes[0], hashes[1]);
 }
 
-TEST_P(LockstepPresence, IsThatOfAnOrderToo) {
+class LockstepOrders : public LockstepPresence {};
+TEST_P(LockstepOrders, ToLeaveAreRecordedAndRepeat) {
   Process process(run_words(scene("lift"), flags({"--duration", "10"})), folder_.path());
   ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_1.csv").size() > 10000; })) << process.err();
   const Ended order =
-      finish({program("subworld"), "control", "leave", "--user", "1", "--domain", domain_.text(), "--dds", vendor()});
+      finish({program("subworld"), "control", "leave", "--user", "1", "--domain", domain_.text(), "--dds", GetParam()});
   EXPECT_EQ(order.code, 0) << order.err;
   ASSERT_EQ(process.wait(), 0) << process.out() << process.err();
   const std::string presence = summary()["presence"], hash = summary()["state_hash"];
@@ -72,7 +73,8 @@ TEST_P(LockstepPresence, IsThatOfAnOrderToo) {
 }
 
 // A user's programs are halted, and continued after the world has gone on: they say so, and nobody else notices.
-TEST_P(LockstepPresence, OfProgramsThatWereHaltedEndsThem) {
+class LockstepHalt : public LockstepPresence {};
+TEST_P(LockstepHalt, EndsProgramsThatTheWorldHasGoneOnWithout) {
   std::vector<std::pair<std::string, std::unique_ptr<Process>>> programs;
   const auto start = [&](const std::string& name, const std::string& user) {
     const std::string folder = folder_.path() + "/" + name + user;
@@ -80,7 +82,6 @@ TEST_P(LockstepPresence, OfProgramsThatWereHaltedEndsThem) {
     Words words{program(name), scene("lift"), "--domain", domain_.text(), "--out", folder};
     for (const std::string& word : flags({"--duration", "1000", "--absent", "continue"})) words.push_back(word);
     if (!user.empty()) words.insert(words.end(), {"--user", user});
-    std::ranges::replace(words, "mixed", vendor());
     programs.emplace_back(folder, std::make_unique<Process>(words, folder));
   };
   start("world_sim", "");
@@ -132,6 +133,13 @@ TEST_P(LockstepKill, IsRecordedAndRepeats) {
 INSTANTIATE_TEST_SUITE_P(Vendors, LockstepPresence, ::testing::Values("fastdds", "cyclonedds", "mixed"),
                          [](const auto& one) { return one.param; });
 INSTANTIATE_TEST_SUITE_P(Vendors, LockstepKill, ::testing::Values("fastdds", "cyclonedds", "mixed"),
+                         [](const auto& one) { return one.param; });
+
+INSTANTIATE_TEST_SUITE_P(Vendors, LockstepDelays, ::testing::Values("mixed"),
+                         [](const auto& one) { return one.param; });
+INSTANTIATE_TEST_SUITE_P(Vendors, LockstepOrders, ::testing::Values("fastdds"),
+                         [](const auto& one) { return one.param; });
+INSTANTIATE_TEST_SUITE_P(Vendors, LockstepHalt, ::testing::Values("cyclonedds"),
                          [](const auto& one) { return one.param; });
 
 }  // namespace
