@@ -30,6 +30,7 @@
 #include <cctype>
 #include <cstdlib>
 #include <filesystem>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -79,20 +80,7 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
     if (!options.trace.empty() && program != "gui_headless")
       flags.insert(flags.end(), {"--trace", trace_part(options.out, label)});
     if (request.gui && program == "world_sim") flags.emplace_back("--await-display");
-    if (program == "gui_headless") {
-      const std::vector<std::string> live = live_flags_of(options.live);
-      flags.insert(flags.end(), live.begin(), live.end());
-    }
-    if (program == "device_sim") {
-      const std::vector<std::string> device = device_flags_of(options, user);
-      flags.insert(flags.end(), device.begin(), device.end());
-    }
-    if (options.bodies && program == "world_sim") flags.insert(flags.end(), {"--bodies", *options.bodies});
-    if (options.bodies_rate_hz && program == "world_sim")
-      flags.insert(flags.end(), {"--bodies-rate", fmt::format("{}", *options.bodies_rate_hz)});
-    if (program == "world_sim" && !options.without.empty())
-      flags.insert(flags.end(), {"--without", fmt::format("{}", fmt::join(options.without, ","))});
-    if (program == "world_sim") flags.insert(flags.end(), {"--checkpoint", fmt::format("{}", options.checkpoint_s)});
+    std::ranges::move(own_flags_of(options, program, user), std::back_inserter(flags));
     if (const std::vector<int>& cores = placement.of(program); !cores.empty() && !is_placed_by_hand(program))
       flags.insert(flags.end(), {"--core", to_text(cores)});
     // A world that is started again goes on from its own newest checkpoint, as soon as there is one.
@@ -107,7 +95,7 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
          .part = part,
          .essential = essential,
          .arguments_again = program == "world_sim" ? std::function(again) : nullptr,
-         .may_restart = user >= 0 || settings.mode == Mode::realtime,  // a world in lock-step begins at t = 0
+         .may_restart = may_restart(settings, user),
          .returns = user < 0 ? 0 : returns(settings.presence, user)},
         folder + "/" + program, flags);
   };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "keeper.hpp"
+#include "model/scene.hpp"
 #include "restart.hpp"
 
 #include <sys/types.h>
@@ -12,6 +13,11 @@
 #include <vector>
 
 namespace subworld {
+
+/// Whether a program of a run can be started again; `user`: -1 where it has none. A world in lock-step begins at t = 0.
+[[nodiscard]] inline bool may_restart(const Settings& settings, int user) noexcept {
+  return user >= 0 || settings.mode == Mode::realtime;
+}
 
 /// The programs of one run. They end with this object.
 class Supervisor {

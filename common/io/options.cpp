@@ -201,6 +201,18 @@ std::vector<std::string> device_flags_of(const Options& o, int user) {
           "--device-declutch", fmt::format("{}", o.device_declutch)};
 }
 
+std::vector<std::string> own_flags_of(const Options& o, const std::string& program, int user) {
+  if (program == "gui_headless") return live_flags_of(o.live);
+  if (program == "device_sim") return device_flags_of(o, user);
+  if (program != "world_sim") return {};
+  std::vector<std::string> flags{"--checkpoint", fmt::format("{}", o.checkpoint_s)};
+  const auto add = [&](const char* name, std::string value) { flags.insert(flags.end(), {name, std::move(value)}); };
+  if (o.bodies) add("--bodies", *o.bodies);
+  if (o.bodies_rate_hz) add("--bodies-rate", fmt::format("{}", *o.bodies_rate_hz));
+  if (!o.without.empty()) add("--without", fmt::format("{}", fmt::join(o.without, ",")));
+  return flags;
+}
+
 void add_trace_option(CommandLine& line, Options& o) {
   line.add("--trace", &o.trace,
            "file for a trace of the loops, stage by stage, as Chrome trace events (Perfetto, chrome://tracing, "

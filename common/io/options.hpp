@@ -96,6 +96,9 @@ void add_trace_option(CommandLine& line, Options& options);
 /// Adds --record.
 void add_record_option(CommandLine& line, Options& options);
 
+/// The flags that one program of a run has and the others do not; `user`: -1 where it has none.
+[[nodiscard]] std::vector<std::string> own_flags_of(const Options& options, const std::string& program, int user);
+
 /// Adds --bodies and --bodies-rate.
 void add_bodies_options(CommandLine& line, Options& options);
 

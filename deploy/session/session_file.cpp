@@ -77,15 +77,20 @@ Options read_options(const YamlMap& map) {
   Options options;
   CommandLine line("session", "");
   add_run_options(line, options);
+  add_device_options(line, options);
+  add_live_options(line, options.live, "");
+  add_bodies_options(line, options);
+  add_checkpoint_options(line, options);
   try {
     (void)line.parse(static_cast<int>(argv.size()), argv.data());
   } catch (const Error& wrong) {
     (flags ? *flags : map.whole()).fail(wrong.what());
   }
   for (const auto& [set, flag, instead] :
-       {std::tuple{!options.network.interface_address.empty(), "interface", "interface of each host"},
-        std::tuple{!options.network.peers.empty(), "peers", "address of each host"}}) {
-    if (set) flags->fail(fmt::format("{} is not a flag of a session; give the {}", flag, instead));
+       {std::tuple{!options.network.interface_address.empty(), "interface", "the interface of each host"},
+        std::tuple{!options.network.peers.empty(), "peers", "the address of each host"},
+        std::tuple{!options.resume.empty(), "resume", "--restart on-failure, with which a world goes on by itself"}}) {
+    if (set) flags->fail(fmt::format("{} is not a flag of a session; give {}", flag, instead));
   }
   return options;
 }
@@ -168,6 +173,7 @@ void check_programs(const Session& session, const Scene& scene) {
                            : fmt::format("{}: {} runs {} times; keep one", session.file, text, count));
   };
   check({"world_sim"});
+  if (session.options.live.port) check({"gui_headless"});
   for (int user = 0; user < scene.settings.users; ++user) {
     check({"haptic_sim", user});
     check({"device_sim", user});

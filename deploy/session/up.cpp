@@ -18,6 +18,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -137,7 +138,12 @@ class SessionRun {
     };
     start_one({"world_sim"});
     const int users = run_.scene.settings.users;
+    const std::vector<int>& without = session_.options.without;
     for (int user = 0; user < users; ++user) {
+      if (request_.host.empty() && std::ranges::find(without, user) != without.end()) {
+        position += users > 1 ? 3 : 2;
+        continue;  // the user's share starts later, with --host
+      }
       start_one({"haptic_sim", user});
       start_one({"device_sim", user});
       if (users > 1) ++position;  // with mixed, users have different pairs of vendors
@@ -152,6 +158,7 @@ class SessionRun {
     if (const auto peers = peers_of(host); !peers.empty())
       words.insert(words.end(), {"--peers", fmt::format("{}", fmt::join(peers, ","))});
     if (program.user >= 0) words.insert(words.end(), {"--user", std::to_string(program.user)});
+    std::ranges::move(own_flags_of(session_.options, program.name, program.user), std::back_inserter(words));
     words.insert(words.end(), {"--out", is_distant(host) ? distant(host).folder() : folder_here(host)});
     const bool essential = program.name != "gui_headless";
     const std::string part = part_file(folder_here(host), program.name, program.user);
@@ -160,7 +167,9 @@ class SessionRun {
                             .messages = messages_->place_of(place_of_messages(program.name, program.user)),
                             .part = essential ? part : "",
                             .essential = essential,
-                            .host = host.name};
+                            .host = host.name,
+                            .may_restart = may_restart(run_.scene.settings, program.user),
+                            .returns = program.user < 0 ? 0 : returns(run_.scene.settings.presence, program.user)};
     const bool world = program.name == "world_sim";
     if (!is_distant(host)) {
       if (world) child.arguments_again = [words, folder = folder_here(host)] { return resumed(words, folder); };
@@ -279,6 +288,7 @@ int up(const SessionRequest& request) {
   if (!request.dds.empty()) session.use_vendor(request.dds);
   Scene scene = load_scene(session.options);
   check_programs(session, scene);
+  check_without(session.options, scene);
   RunRequest as_a_run;
   as_a_run.options = session.options;
   as_a_run.dds = session.vendors();

@@ -1,8 +1,9 @@
-// Programs of one run die and are halted at random, and come back: nobody else is affected, and nothing is lost.
-// Longer, or with other seeds: SUBWORLD_CHURN_FAULTS and SUBWORLD_CHURN_SEED.
-#include "process/process_test.hpp"
+// Programs of one run die and are halted at random, and come back; between hosts, cables are pulled too. Nobody else is
+// affected, and nothing is lost. Longer, or with other seeds: SUBWORLD_CHURN_FAULTS and SUBWORLD_CHURN_SEED.
+#include "process/sessions.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -10,6 +11,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <random>
 #include <thread>
 
@@ -53,16 +55,62 @@ int number_from(const char* variable, int otherwise) {
   return text == nullptr ? otherwise : std::atoi(text);
 }
 
-/// A program that dies, or is halted.
+/// A host for the world, and one for each user.
+std::string four_hosts(const std::string& scene_file, const std::string& domain) {
+  std::string text = fmt::format("name: four_hosts\nscene: {}\ndomain: {}\nhosts:\n", scene_file, domain) +
+                     "  - {name: world, address: 10.0.0.1, interface: eth0, programs: [world_sim]}\n";
+  for (int user = 0; user < kUsers; ++user) {
+    text += fmt::format(
+        "  - {{name: user_{0}, address: 10.0.0.{1}, interface: eth0, programs: [haptic_sim {0}, device_sim {0}]}}\n",
+        user, user + 2);
+  }
+  return text;
+}
+
+enum class Fault { kill, halt, cut };
+
+/// A program that dies, is halted, or whose host has its cable pulled.
 struct Victim {
   std::string program;
   int user = -1;  ///< -1: the world
 };
 
-class Churn : public ProcessTest, public ::testing::WithParamInterface<std::string> {
+struct ChurnCase {
+  const char* dds;
+  bool hosts = false;  ///< on four hosts
+};
+
+std::string name_of(const ChurnCase& one) { return std::string(one.dds) + (one.hosts ? "_on_four_hosts" : ""); }
+
+class Churn : public Sessions, public ::testing::WithParamInterface<ChurnCase> {
  protected:
+  [[nodiscard]] Words words(double duration_s) const {
+    const std::string file = folder_.write("three_on_a_cube.yaml", three_on_a_cube());
+    const Words flags{"--dds", GetParam().dds, "--restart", "on-failure"};
+    Words words;
+    if (GetParam().hosts) {
+      words = up(folder_.write("session.yaml", four_hosts(file, domain_.text()) +
+                                                   fmt::format("flags: {{mode: realtime, duration: {}, checkpoint: "
+                                                               "0.2}}\n",
+                                                               duration_s)),
+                 out(), {"--namespaces"});
+    } else {
+      words =
+          run_words(file, {"--mode", "realtime", "--duration", fmt::format("{}", duration_s), "--checkpoint", "0.2"});
+    }
+    words.insert(words.end(), flags.begin(), flags.end());
+    return words;
+  }
   /// Simulated time of the world so far, s, from its history.
-  [[nodiscard]] double world_s() const { return last_number(out() + "/world.csv"); }
+  [[nodiscard]] double world_s() const {
+    return last_number(out() + (GetParam().hosts ? "/hosts/world" : "") + "/world.csv");
+  }
+  /// The network interface of the host of a program is switched off or on.
+  void set_link(pid_t inside, const char* state) const {
+    const Ended ended =
+        finish({"/usr/bin/nsenter", "--target", std::to_string(inside), "--net", "ip", "link", "set", "eth0", state});
+    EXPECT_EQ(ended.code, 0) << ended.err;
+  }
   /// The first number of the last whole row of a history; 0: there is none. Histories get long.
   static double last_number(const std::string& file) {
     std::ifstream stream(file, std::ios::ate);
@@ -82,6 +130,18 @@ class Churn : public ProcessTest, public ::testing::WithParamInterface<std::stri
       if (victim.user < 0 || (has_user && *(at + 1) == std::to_string(victim.user))) return one.pid;
     }
     return -1;
+  }
+  /// Resident memory of a program of the run, MB.
+  [[nodiscard]] static double memory_mb(pid_t pid) {
+    long pages = 0, resident = 0;
+    std::ifstream(fmt::format("/proc/{}/statm", pid)) >> pages >> resident;
+    return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) * 1e-6;
+  }
+  /// Rows whose time is not at least so much later than that of the row before.
+  [[nodiscard]] static std::size_t steps_back(const Table& table, double least_s = 0.0) {
+    std::size_t back = 0;
+    for (std::size_t i = 1; i < table.rows.size(); ++i) back += table.rows[i][0] - table.rows[i - 1][0] < least_s;
+    return back;
   }
   /// Largest step of the coupling's force on a user while all devices stand: N, and its time, s. A restarted world goes
   /// back by some cycles; over that the force steps as little. Only a user's own absence is no step.
@@ -117,39 +177,62 @@ class Churn : public ProcessTest, public ::testing::WithParamInterface<std::stri
 };
 
 TEST_P(Churn, AffectsNobodyElseAndLosesNothing) {
-  const int faults = number_from("SUBWORLD_CHURN_FAULTS", 5);
+  const int faults = number_from("SUBWORLD_CHURN_FAULTS", 4);
   std::mt19937 random(static_cast<unsigned>(number_from("SUBWORLD_CHURN_SEED", 1)));
   const auto draw = [&](int below) { return static_cast<int>(random() % static_cast<unsigned>(below)); };
   const double duration_s = 3.0 + 2.2 * faults;
-  const std::string file = folder_.write("three_on_a_cube.yaml", three_on_a_cube());
-  Process run(run_words(file, {"--mode", "realtime", "--dds", GetParam(), "--duration", fmt::format("{}", duration_s),
-                               "--restart", "on-failure", "--checkpoint", "0.2"}),
-              folder_.path());
+  if (GetParam().hosts && !has_namespaces()) GTEST_SKIP() << "network namespaces are not permitted here";
+  Process run(words(duration_s), folder_.path());
   ASSERT_TRUE(eventually([&] { return world_s() > 1.5; })) << run.err();
   std::vector<int> disturbed(kUsers, 0);  // by user: faults of its own programs, or of the world
   std::vector<double> world_away_s;
-  int kills = 0, halts = 0, world_halts = 0;
+  int kills = 0, halts = 0, cuts = 0, world_halts = 0;
+  std::map<pid_t, double> first_mb;  // of each program, when it has run for a fault at least
+  double grown_mb = 0.0;
+  const auto watch_memory = [&] {
+    for (const Running& one : running(out())) {
+      const double now_mb = memory_mb(one.pid);
+      const auto [first, is_new] = first_mb.try_emplace(one.pid, 0.0);
+      if (first->second == 0.0 && !is_new) first->second = now_mb;
+      if (first->second > 0.0) grown_mb = std::max(grown_mb, now_mb - first->second);
+    }
+  };
   for (int i = 0; i < faults && world_s() < duration_s - 3.0; ++i) {  // a user has time to return
     const int which = draw(7), user = draw(kUsers);
     const Victim victim = which == 0 ? Victim{"world_sim", -1} : Victim{which < 4 ? "haptic_sim" : "device_sim", user};
-    const bool kills_it = draw(3) != 0;
+    const Fault fault = GetParam().hosts && draw(3) == 0 ? Fault::cut : draw(3) != 0 ? Fault::kill : Fault::halt;
     pid_t pid = -1;
     ASSERT_TRUE(eventually([&] { return (pid = pid_of(victim)) > 0; })) << victim.program << run.err();
     const double at_s = world_s();
-    fmt::print("t = {:.3f} s: {} {} is {}\n", at_s, victim.program, victim.user, kills_it ? "killed" : "halted");
+    const int away_ms = 200 + draw(500);
+    const char* const what = fault == Fault::kill ? "killed" : fault == Fault::halt ? "halted" : "cut off";
+    fmt::print("t = {:.3f} s: {} {} is {}\n", at_s, victim.program, victim.user, what);
     for (int u = 0; u < kUsers; ++u) disturbed[u] += victim.user < 0 || victim.user == u;
-    kills += kills_it;
-    halts += !kills_it;
-    world_halts += !kills_it && victim.user < 0;
-    kill(pid, kills_it ? SIGKILL : SIGSTOP);
-    if (!kills_it) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(200 + draw(500)));
-      kill(pid, SIGCONT);
-    } else if (victim.user < 0) {
-      const auto killed = std::chrono::steady_clock::now();
-      ASSERT_TRUE(eventually([&] { return world_s() > at_s + 0.1; })) << run.err();
-      world_away_s.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - killed).count());
+    const auto away = [&] { std::this_thread::sleep_for(std::chrono::milliseconds(away_ms)); };
+    switch (fault) {
+      case Fault::halt:
+        ++halts;
+        world_halts += victim.user < 0;
+        kill(pid, SIGSTOP);
+        away();
+        kill(pid, SIGCONT);
+        break;
+      case Fault::cut:
+        ++cuts;
+        set_link(pid, "down");
+        away();
+        set_link(pid, "up");
+        break;
+      case Fault::kill:
+        ++kills;
+        kill(pid, SIGKILL);
+        if (victim.user >= 0) break;
+        const auto killed = std::chrono::steady_clock::now();
+        ASSERT_TRUE(eventually([&] { return world_s() > at_s + 0.1; })) << run.err();
+        world_away_s.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - killed).count());
+        break;
     }
+    watch_memory();
     const double next_s = std::max(world_s(), at_s) + 1.3 + 0.001 * draw(300);
     ASSERT_TRUE(eventually([&] { return world_s() > next_s || world_s() > duration_s - 0.1; })) << run.err();
   }
@@ -167,21 +250,22 @@ TEST_P(Churn, AffectsNobodyElseAndLosesNothing) {
     ++absences[absence["user"].get<std::size_t>()];
     absent_s.push_back(to_s - from_s);
   }
+  EXPECT_LE(steps_back(read_table(out() + "/world.csv"), 1e-6), world_away_s.size()) << "a cycle was computed twice";
+  EXPECT_LT(grown_mb, 10.0) << "memory of a program";
   std::string steps, fades;
   for (int u = 0; u < kUsers; ++u) {
     EXPECT_LE(absences[u], disturbed[u]) << "user " << u << " was absent without a fault of its own programs";
     const std::string history = fmt::format("{}/haptic_{}.csv", out(), u);
     const Table table = read_table(history);
-    std::size_t back = 0;
-    for (std::size_t i = 1; i < table.rows.size(); ++i) back += table.rows[i][0] < table.rows[i - 1][0];
-    EXPECT_LE(back, world_away_s.size()) << history << ": only a restarted world goes back";
+    EXPECT_LE(steps_back(table), world_away_s.size()) << history << ": only a restarted world goes back";
     EXPECT_LT(table.rows.front()[0], 0.2) << history << " has lost its beginning";
     EXPECT_GT(table.rows.back()[0], duration_s - 0.3) << history;
     const auto [step_n, at_s] = largest_step(table);
     EXPECT_LT(step_n, 0.3) << "user " << u << " has felt it at t = " << at_s << " s";
     const double fade_s = longest_fade_s(read_table(fmt::format("{}/device_{}.csv", out(), u)));
     // Where the world is away, the haptic loop declutches; without the haptic loop, the device fades faster.
-    EXPECT_LT(fade_s, world_halts > 0 || !world_away_s.empty() ? 0.032 : 0.0065) << "the force on user " << u;
+    const bool declutches = world_halts > 0 || cuts > 0 || !world_away_s.empty();
+    EXPECT_LT(fade_s, declutches ? 0.032 : 0.0065) << "the force on user " << u;
     steps += fmt::format(" {:.4f}", step_n);
     fades += fmt::format(" {:.0f}", 1e3 * fade_s);
   }
@@ -192,12 +276,16 @@ TEST_P(Churn, AffectsNobodyElseAndLosesNothing) {
                        times[times.size() * 99 / 100], times.back());
   };
   fmt::print(
-      "{}: {} killed, {} halted; users absent {}; world away {}; largest force steps{} N; longest fades{} ms\n{}\n",
-      GetParam(), kills, halts, text(absent_s), text(world_away_s), steps, fades, verdict);
+      "{}: {} killed, {} halted, {} cut off; users absent {}; world away {}; largest force steps{} N; longest fades{} "
+      "ms; largest growth of a program {:.1f} MB\n{}\n",
+      name_of(GetParam()), kills, halts, cuts, text(absent_s), text(world_away_s), steps, fades, grown_mb, verdict);
 }
 
-INSTANTIATE_TEST_SUITE_P(Vendors, Churn, ::testing::Values("fastdds", "cyclonedds", "mixed"),
-                         [](const auto& one) { return one.param; });
+INSTANTIATE_TEST_SUITE_P(Vendors, Churn,
+                         ::testing::Values(ChurnCase{"fastdds"}, ChurnCase{"cyclonedds"}, ChurnCase{"mixed"},
+                                           ChurnCase{"cyclonedds", true}, ChurnCase{"fastdds", true},
+                                           ChurnCase{"mixed", true}),
+                         [](const auto& one) { return name_of(one.param); });
 
 }  // namespace
 }  // namespace subworld::test

@@ -80,9 +80,9 @@ static void send_status(dds_entity_t statuses, uint32_t user, double time_s, uin
   dds_write(statuses, &status);
 }
 
-/* Moves along +x: at rest, 5 cm within 0.4 s, then held. */
-static void move(subworld_msg_DeviceState* state) {
-  const double part = fmin(fmax((state->stamp_s - 1.0) / 0.4, 0.0), 1.0);
+/* Moves along +x: at rest until 0.5 s after the first answer, 5 cm within 0.4 s, then held. */
+static void move(subworld_msg_DeviceState* state, double answered_s) {
+  const double part = answered_s < 0.0 ? 0.0 : fmin(fmax((state->stamp_s - answered_s - 0.5) / 0.4, 0.0), 1.0);
   state->pose.position[0] = 0.05 * part * part * (3.0 - 2.0 * part);
   state->linear_velocity[0] = part < 1.0 ? 0.05 * 6.0 * part * (1.0 - part) / 0.4 : 0.0;
   state->pose.orientation[0] = 1.0;
@@ -110,6 +110,7 @@ int main(int argc, char** argv) {
   state.device = user;
   state.sender = ((uint64_t)getpid() << 32U) ^ (uint64_t)time(NULL);
   uint64_t answers = 0;
+  double answered_s = -1.0;
   double force_n = 0.0, largest_n = 0.0;
   int last = 0;
   struct timespec next;
@@ -120,7 +121,7 @@ int main(int argc, char** argv) {
     if (state.session != 0) {
       ++state.sequence_number;
       state.stamp_s = (double)state.sequence_number / RATE_HZ;
-      move(&state);
+      move(&state, answered_s);
       dds_write(states, &state);
     }
     if (step % RATE_HZ == 0) send_status(statuses, user, state.stamp_s, step);
@@ -130,7 +131,7 @@ int main(int argc, char** argv) {
     while (dds_take(commands, &sample, &info, 1, 1) == 1) {
       const subworld_msg_DeviceCommand* command = sample;
       if (info.valid_data && command->session == state.session && command->served == state.sender) {
-        ++answers;
+        if (answers++ == 0) answered_s = state.stamp_s;
         force_n = sqrt(pow(command->wrench.force[0], 2) + pow(command->wrench.force[1], 2) +
                        pow(command->wrench.force[2], 2));
         largest_n = fmax(largest_n, force_n);

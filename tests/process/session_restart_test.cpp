@@ -26,10 +26,11 @@ class SessionRestarts : public SessionsByShell, public ::testing::WithParamInter
     return folder_.write("session.yaml", text.replace(text.find(flags), flags.size(), "mode: realtime, duration: 6"));
   }
   /// Kills it when its history has enough rows. `folder`: a part of its command line.
-  void kill_in_the_middle(const Victim& victim, const std::string& folder, const std::string& history) const {
+  void kill_in_the_middle(const Victim& victim, const std::string& folder, const std::string& history,
+                          double after_s = 1.5) const {
     ASSERT_TRUE(eventually([&] {
       const Table table = read_table(history);
-      return !table.rows.empty() && table.rows.back()[0] > 1.5;
+      return !table.rows.empty() && table.rows.back()[0] > after_s;
     })) << history;
     int killed = 0;
     for (const Running& one : running(folder)) {
@@ -130,7 +131,30 @@ TEST_F(SessionRestarts, OfAShareThatIsStartedByHost) {
   expect_whole_run(victim);
 }
 
-TEST_F(SessionRestarts, NeedRealTime) {
+// In lock-step the world waits for the user, and the record of the run repeats it.
+TEST_F(SessionRestarts, InLockstepTheUserReturnsAndTheRecordRepeatsTheRun) {
+  if (!has_namespaces()) GTEST_SKIP() << "network namespaces are not permitted here";
+  const std::string flags = "mode: lockstep, duration: 0.2";
+  const auto with = [&](const std::string& more) {
+    std::string text = read_text(session());
+    return folder_.write("lockstep.yaml", text.replace(text.find(flags), flags.size(), "mode: lockstep, " + more));
+  };
+  Process process(
+      up(with("duration: 3, absent: wait, bodies: [cube]"), out(), {"--namespaces", "--restart", "on-failure"}),
+      folder_.path());
+  kill_in_the_middle({"haptic_sim", "1", "right"}, out() + "/hosts/right", out() + "/hosts/world/world.csv", 0.5);
+  EXPECT_EQ(process.wait(), 0) << process.err() << process.out();
+  const Json first = summary();
+  ASSERT_GE(first["restarts"].size(), 1U) << first["verdict"];  // its device waited in vain, and is started again too
+  EXPECT_FALSE(read_table(out() + "/bodies.csv").rows.empty());
+  const std::string presence = first["presence"];
+  EXPECT_NE(presence.find("1 leaves"), std::string::npos) << presence;
+  const Ended again = finish(up(with("duration: 3, presence: '" + presence + "'"), out(), {"--namespaces"}));
+  EXPECT_EQ(again.code, 0) << again.err << again.out;
+  EXPECT_EQ(summary()["state_hash"], first["state_hash"]);
+}
+
+TEST_F(SessionRestarts, NeedRealTimeOrAWorldThatWaits) {
   const Ended ended = finish(up(session(), out(), {"--restart", "on-failure"}));
   EXPECT_EQ(ended.code, 2);
   EXPECT_NE(ended.err.find("--restart: a run in lock-step ends with the first of its programs"), std::string::npos)
