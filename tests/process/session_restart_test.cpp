@@ -140,7 +140,7 @@ TEST_F(SessionRestarts, InLockstepTheUserReturnsAndTheRecordRepeatsTheRun) {
     return folder_.write("lockstep.yaml", text.replace(text.find(flags), flags.size(), "mode: lockstep, " + more));
   };
   Process process(
-      up(with("duration: 3, absent: wait, bodies: [cube]"), out(), {"--namespaces", "--restart", "on-failure"}),
+      up(with("duration: 1.5, absent: wait, bodies: [cube]"), out(), {"--namespaces", "--restart", "on-failure"}),
       folder_.path());
   kill_in_the_middle({"haptic_sim", "1", "right"}, out() + "/hosts/right", out() + "/hosts/world/world.csv", 0.5);
   EXPECT_EQ(process.wait(), 0) << process.err() << process.out();
@@ -149,7 +149,7 @@ TEST_F(SessionRestarts, InLockstepTheUserReturnsAndTheRecordRepeatsTheRun) {
   EXPECT_FALSE(read_table(out() + "/bodies.csv").rows.empty());
   const std::string presence = first["presence"];
   EXPECT_NE(presence.find("1 leaves"), std::string::npos) << presence;
-  const Ended again = finish(up(with("duration: 3, presence: '" + presence + "'"), out(), {"--namespaces"}));
+  const Ended again = finish(up(with("duration: 1.5, presence: '" + presence + "'"), out(), {"--namespaces"}));
   EXPECT_EQ(again.code, 0) << again.err << again.out;
   EXPECT_EQ(summary()["state_hash"], first["state_hash"]);
 }
