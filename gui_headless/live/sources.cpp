@@ -2,6 +2,7 @@
 
 #include "scene_update.hpp"
 #include "wire/schema.hpp"
+#include "world_view.hpp"
 
 #include <fmt/format.h>
 
@@ -14,7 +15,7 @@
 namespace subworld::live {
 namespace {
 
-constexpr std::string_view kModule = "subworld::msg::";
+constexpr std::string_view kModule = "subworld::msg::", kWorldView = "subworld::msg::WorldView";
 constexpr double kMostUpdateBytes_s = 20e6;  // a large scene is sent at a lower rate
 constexpr std::uint64_t kEvent = 1ULL << 63U;
 
@@ -34,6 +35,7 @@ std::vector<Channel> all_channels(int users) {
       topic_channel<SceneDescription>("/scene"),
       topic_channel<WorldSnapshot>("/world_state"),
       {0, "/scene_update", "foxglove::SceneUpdate", std::string(scene_update_schema()), {}, {}},
+      {0, "/world_view", std::string(kWorldView), world_view_schema(), {}, {}},
       topic_channel<Status>("/status"),
       topic_channel<Control>("/control"),
       topic_channel<ControlReply>("/control_reply")};
@@ -48,6 +50,7 @@ std::vector<Channel> all_channels(int users) {
   return channels;
 }
 
+bool is_view(const Channel& channel) { return channel.type == kWorldView; }
 bool is_scene(const Channel& channel) { return channel.row == kTopicIndex<SceneDescription>; }
 /// Whether each message counts, and none replaces an earlier one.
 bool is_event(const Channel& channel) {
@@ -88,7 +91,7 @@ void Sources::subscribe(const Channel& channel) {
       throw;
     }
   }
-  if (first && !channel.row && scene_) {
+  if (first && !channel.row && !is_view(channel) && scene_) {
     states_ = scene_->states;
     changed_ = true;
   }
@@ -124,7 +127,7 @@ void Sources::poll(const Deliver& deliver) {
   for (auto& [id, open] : open_) {
     const Channel& channel = channels_[id - 1];
     if (!channel.row)
-      poll_scene_update(channel, open, deliver);
+      poll_made(channel, open, deliver);
     else if (open.observer)
       poll_topic(channel, open, deliver);
   }
@@ -145,22 +148,34 @@ void Sources::poll_topic(const Channel& channel, Open& open, const Deliver& deli
   }
 }
 
-void Sources::poll_scene_update(const Channel& channel, Open& open, const Deliver& deliver) {
+void Sources::poll_made(const Channel& channel, Open& open, const Deliver& deliver) {
   std::vector<std::uint8_t> cdr;
   while (open.observer->receive(cdr)) {
-    if (!codec_.decode(cdr, snapshot_)) continue;
-    changed_ = true;
-    for (const StampedBody& moved : snapshot_.moved)
-      if (index(moved.id) < states_.size()) states_[index(moved.id)] = moved.state;
+    if (is_view(channel))
+      viewer_.take(cdr, scene_ ? scene_->bodies.size() : 0);
+    else
+      take_states(cdr);
   }
   const std::uint64_t now = wall_time_ns();
-  if (!changed_ || !scene_ || now < next_update_ns_) return;
-  changed_ = false;
-  const auto bytes =
-      std::make_shared<const std::vector<std::uint8_t>>(scene_update(*scene_, states_, snapshot_.users, now));
-  next_update_ns_ = now + static_cast<std::uint64_t>(1e9 * static_cast<double>(bytes->size()) / kMostUpdateBytes_s);
-  open.newest[0] = {0, now, bytes};
+  std::optional<std::vector<std::uint8_t>> made = is_view(channel) ? viewer_.make(now) : make_scene_update(now);
+  if (!made) return;
+  open.newest[0] = {0, now, std::make_shared<const std::vector<std::uint8_t>>(std::move(*made))};
   deliver(channel, open.newest[0]);
+}
+
+void Sources::take_states(std::span<const std::uint8_t> cdr) {
+  if (!codec_.decode(cdr, snapshot_)) return;
+  changed_ = true;
+  for (const StampedBody& moved : snapshot_.moved)
+    if (index(moved.id) < states_.size()) states_[index(moved.id)] = moved.state;
+}
+
+std::optional<std::vector<std::uint8_t>> Sources::make_scene_update(std::uint64_t now_ns) {
+  if (!changed_ || !scene_ || now_ns < next_update_ns_) return std::nullopt;
+  changed_ = false;
+  std::vector<std::uint8_t> bytes = scene_update(*scene_, states_, snapshot_.users, now_ns);
+  next_update_ns_ = now_ns + static_cast<std::uint64_t>(1e9 * static_cast<double>(bytes.size()) / kMostUpdateBytes_s);
+  return bytes;
 }
 
 }  // namespace subworld::live

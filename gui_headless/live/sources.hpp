@@ -4,6 +4,7 @@
 #include "outbox.hpp"
 #include "wire/codec.hpp"
 #include "wire/observer.hpp"
+#include "world_view.hpp"
 
 #include <functional>
 #include <map>
@@ -54,7 +55,9 @@ class Sources {
     std::map<std::uint64_t, Sample> newest;
   };
   void poll_topic(const Channel& channel, Open& open, const Deliver& deliver);
-  void poll_scene_update(const Channel& channel, Open& open, const Deliver& deliver);
+  void poll_made(const Channel& channel, Open& open, const Deliver& deliver);
+  void take_states(std::span<const std::uint8_t> cdr);
+  [[nodiscard]] std::optional<std::vector<std::uint8_t>> make_scene_update(std::uint64_t now_ns);
 
   const Bus& bus_;
   std::vector<Channel> channels_;
@@ -62,6 +65,7 @@ class Sources {
   std::shared_ptr<const SceneDescription> scene_;
   Bytes scene_bytes_;
   std::uint64_t events_ = 0;
+  WorldViewer viewer_;
   // of the scene update
   Codec<WorldSnapshot> codec_;
   WorldSnapshot snapshot_;

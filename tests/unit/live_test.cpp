@@ -1,5 +1,6 @@
 #include "live/outbox.hpp"
 #include "live/protocol.hpp"
+#include "live/world_view.hpp"
 
 #include "model/error.hpp"
 #include "wire/schema.hpp"
@@ -7,9 +8,13 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cstring>
 #include <regex>
 #include <set>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace subworld::live {
 namespace {
@@ -67,6 +72,69 @@ TEST(Outbox, ForgetsASubscriptionThatEnds) {
   box.forget(1);
   EXPECT_EQ(box.take()->data->subscription, 2U);
   EXPECT_FALSE(box.take());
+}
+
+WorldSnapshot snapshot(double stamp_s, std::vector<std::pair<int, double>> heights) {
+  WorldSnapshot snapshot;
+  snapshot.stamp_s = stamp_s;
+  for (const auto& [id, z] : heights) {
+    StampedBody& body = snapshot.moved.emplace_back();
+    body.id = BodyId{static_cast<std::uint32_t>(id)};
+    body.state.position = {0.0, 0.0, z};
+    body.state.orientation = Quat(-0.6, 0.8, 0.0, 0.0);
+  }
+  return snapshot;
+}
+/// The rows of a view without users: eight numbers of four bytes each.
+std::vector<std::pair<std::uint32_t, std::array<float, 7>>> rows_of(const std::vector<std::uint8_t>& cdr,
+                                                                    std::size_t n) {
+  std::vector<std::pair<std::uint32_t, std::array<float, 7>>> rows(n);
+  std::uint32_t count = 0;
+  std::memcpy(&count, cdr.data() + cdr.size() - 32 * n - 4, 4);
+  EXPECT_EQ(count, n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::uint8_t* const row = cdr.data() + cdr.size() - 32 * (n - i);
+    std::memcpy(&rows[i].first, row, 4);
+    std::memcpy(rows[i].second.data(), row + 4, 28);
+  }
+  return rows;
+}
+
+TEST(WorldView, HasEachBodyThatMovedOnceAndNoneThatTheSceneHasNot) {
+  Codec<WorldSnapshot> codec;
+  WorldViewer viewer;
+  EXPECT_FALSE(viewer.make(0));
+  viewer.take(codec.encode(snapshot(1.0, {{0, 1.0}, {2, 3.0}})), 3);
+  viewer.take(codec.encode(snapshot(2.0, {{2, 4.0}, {1000000, 1.0}})), 3);
+  const auto view = viewer.make(0);
+  ASSERT_TRUE(view);
+  const auto rows = rows_of(*view, 2);
+  EXPECT_EQ(rows[0].first, 0U);
+  EXPECT_EQ(rows[1].first, 2U);
+  EXPECT_EQ(rows[1].second[2], 4.0F) << "the newest";
+  EXPECT_FLOAT_EQ(rows[0].second[3], -0.8F) << "with qw positive";
+  EXPECT_FALSE(viewer.make(1'000'000'000)) << "no news";
+}
+
+TEST(WorldView, ComesLessOftenWhereItIsLarge) {
+  Codec<WorldSnapshot> codec;
+  WorldViewer viewer;
+  std::vector<std::pair<int, double>> all;
+  for (int id = 0; id < 8000; ++id) all.emplace_back(id, 0.0);
+  std::size_t bytes = 0;
+  for (std::uint64_t tick = 0; tick < 60; ++tick) {  // one second
+    viewer.take(codec.encode(snapshot(static_cast<double>(tick), all)), all.size());
+    if (const auto view = viewer.make(tick * 1'000'000'000 / 60)) bytes += view->size();
+  }
+  EXPECT_LT(bytes, 5'000'000U);
+  EXPECT_GT(bytes, 2'500'000U) << "ten times a second";
+}
+
+TEST(WorldView, IgnoresBytesThatAreNoState) {
+  WorldViewer viewer;
+  const std::vector<std::uint8_t> nonsense(100, 0xff);
+  viewer.take(nonsense, 3);
+  EXPECT_FALSE(viewer.make(0));
 }
 
 /// Each word that is used as a type is defined before.

@@ -4,8 +4,8 @@ type Field = { type: string; name: string };
 export type Schema = Map<string, Field[]>;
 export type Value = any;
 
-/** A sequence of structs with one `unsigned long` and then doubles only, as it lies in memory. */
-export type Table = { count: number; stride: number; numbers: Float64Array; words: Uint32Array };
+/** A sequence of structs with one `unsigned long` and then doubles only, or floats only, as it lies in memory. */
+export type Table = { count: number; stride: number; numbers: Float64Array | Float32Array; words: Uint32Array };
 
 const SIZES: Record<string, number> = {
   double: 8, float: 4, octet: 1, boolean: 1, long: 4, "unsigned long": 4, "long long": 8, "unsigned long long": 8,
@@ -27,35 +27,39 @@ export function parseSchema(text: string): Schema {
   return schema;
 }
 
-/** The doubles of a struct that has nothing else; -1: it has. */
-function doublesOf(schema: Schema, type: string): number {
-  if (type === "double") return 1;
+/** The numbers of a struct that has nothing else than such numbers; -1: it has. */
+function numbersOf(schema: Schema, type: string, kind: "double" | "float"): number {
+  if (type === kind) return 1;
   let sum = 0;
   for (const field of schema.get(type) ?? []) {
-    const more = doublesOf(schema, field.type);
+    const more = numbersOf(schema, field.type, kind);
     if (more < 0) return -1;
     sum += more;
   }
   return sum > 0 ? sum : -1;
 }
 
-/** Bytes of a `Table` row; 0: the struct is none. */
-function strideOf(schema: Schema, type: string): number {
+/** Kind and number of the numbers in a `Table` row; none: the struct is no such row. */
+function rowOf(schema: Schema, type: string): Row | undefined {
   const [first, ...rest] = schema.get(type) ?? [];
-  if (first?.type !== "unsigned long" || rest.length === 0) return 0;
-  const doubles = rest.map((field) => doublesOf(schema, field.type));
-  return doubles.every((one) => one > 0) ? 8 + 8 * doubles.reduce((a, b) => a + b) : 0;
+  if (first?.type !== "unsigned long" || rest.length === 0) return undefined;
+  for (const kind of ["double", "float"] as const) {
+    const numbers = rest.map((field) => numbersOf(schema, field.type, kind));
+    if (numbers.every((one) => one > 0)) return { kind, count: numbers.reduce((a, b) => a + b) };
+  }
+  return undefined;
 }
+type Row = { kind: "double" | "float"; count: number };
 
 export class Decoder {
   private view = new DataView(new ArrayBuffer(0));
   private bytes = new ArrayBuffer(0);
   private at = 0;
-  private readonly strides = new Map<string, number>();
+  private readonly rows = new Map<string, Row | undefined>();
   private static readonly text = new TextDecoder();
 
   constructor(private readonly schema: Schema, private readonly root: string) {
-    for (const name of schema.keys()) this.strides.set(name, strideOf(schema, name));
+    for (const name of schema.keys()) this.rows.set(name, rowOf(schema, name));
   }
 
   /** `cdr` begins with the header of 4 bytes. Throws where the bytes do not fit the schema. */
@@ -103,8 +107,8 @@ export class Decoder {
 
   private sequence(element: string): Value {
     const count = this.view.getUint32(this.align(4), true);
-    const stride = this.strides.get(element) ?? 0;
-    if (stride > 0) return this.table(count, stride);
+    const row = this.rows.get(element);
+    if (row) return row.kind === "float" ? this.floats(count, row.count) : this.doubles(count, row.count);
     const size = SIZES[element] ?? 1;
     if (count * size > this.bytes.byteLength) throw new Error(`a sequence of ${count} does not fit`);
     const values: Value[] = new Array(count);
@@ -113,17 +117,24 @@ export class Decoder {
   }
 
   /** The first row begins at a multiple of 4; its doubles at the next multiple of 8, and so do those of all others. */
-  private table(count: number, stride: number): Table {
-    if (count === 0) return { count, stride: stride / 8, numbers: new Float64Array(0), words: new Uint32Array(0) };
-    const numbers = new Float64Array((count * stride) / 8), words = new Uint32Array(count);
+  private doubles(count: number, each: number): Table {
+    const stride = 1 + each, numbers = new Float64Array(count * stride), words = new Uint32Array(count);
     for (let i = 0; i < count; ++i) {
       words[i] = this.view.getUint32(this.align(4), true);
       this.at = Math.ceil(this.at / 8) * 8;
-      const doubles = stride / 8 - 1;
-      numbers.set(new Float64Array(this.bytes, this.at, doubles), i * (stride / 8));
-      this.at += doubles * 8;
+      numbers.set(new Float64Array(this.bytes, this.at, each), i * stride);
+      this.at += each * 8;
     }
-    return { count, stride: stride / 8, numbers, words };
+    return { count, stride, numbers, words };
+  }
+
+  /** Rows of four-byte numbers lie side by side; `numbers` are those after the word. */
+  private floats(count: number, each: number): Table {
+    const stride = 1 + each, words = new Uint32Array(count);
+    const from = Math.ceil(this.at / 4) * 4, bits = new Uint32Array(this.bytes, from, count * stride);
+    for (let i = 0; i < count; ++i) words[i] = bits[i * stride];
+    this.at = from + 4 * bits.length;
+    return { count, stride, numbers: new Float32Array(this.bytes, from, bits.length).subarray(1), words };
   }
 }
 

@@ -38,7 +38,7 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
       model.describe(value);
       view.build();
       describe();
-    } else if (topic === "/world_state") {
+    } else if (topic === "/world_view") {
       model.show(value, now);
       view.update();
       plots.snapshot(model);
@@ -68,7 +68,7 @@ controls.enable(false);
 function subscribe(): void {
   const wanted = ["/scene", "/status", "/control_reply"];
   if (!document.hidden) {
-    wanted.push("/world_state");
+    wanted.push("/world_view");
     const kinds = [
       ...(view.arrows.showDevices ? ["device_state", "device_command"] : []),
       ...(plots.isOpen("steps") || plots.isOpen("energy") ? ["haptic_report"] : []),

@@ -36,34 +36,38 @@ export class States {
     this.speed = new Float64Array(count);
   }
 
-  /** Motion is drawn from what is shown now to `table`, for as long as the last interval took. */
-  take(table: Table, now_ms: number): void {
+  /** Motion is drawn from what is shown now to `placed`, for as long as the last interval took. */
+  take(placed: Table, now_ms: number): void {
     this.pose(this.from, now_ms);
     const gap = now_ms - this.changed_ms;
-    this.interval_ms = Math.min(120, Math.max(16, 0.7 * this.interval_ms + 0.3 * gap));
+    this.interval_ms = Math.min(250, Math.max(16, 0.7 * this.interval_ms + 0.3 * gap));
     this.changed_ms = now_ms;
-    this.put(table, this.to);
+    const { count, stride, numbers, words } = placed;
+    for (let i = 0; i < count; ++i) {
+      const id = words[i], at = i * stride;
+      if (id >= this.count) continue;
+      this.put(id, numbers, at, at + 3);
+      this.to[7 * id + 6] = Math.sqrt(Math.max(0, 1 - numbers[at + 3] ** 2 - numbers[at + 4] ** 2 - numbers[at + 5] ** 2));
+      this.speed[id] = numbers[at + 6];
+    }
   }
 
-  reset(table: Table): void {
-    this.put(table, this.to);
+  /** States as the scene has them: position, orientation w, x, y, z, velocities. */
+  reset({ count, stride, numbers, words }: Table): void {
+    for (let i = 0; i < count; ++i) {
+      const id = words[i], at = i * stride;
+      if (id >= this.count) continue;
+      this.put(id, numbers, at, at + 4);
+      this.to[7 * id + 6] = numbers[at + 3];
+      this.speed[id] = Math.hypot(numbers[at + 7], numbers[at + 8], numbers[at + 9]);
+    }
     this.from.set(this.to);
   }
 
-  private put(table: Table, into: Float64Array): void {
-    const { count, stride, numbers, words } = table;
-    for (let i = 0; i < count; ++i) {
-      const id = words[i];
-      if (id >= this.count) continue;
-      const at = i * stride, to = 7 * id;
-      into[to] = numbers[at];
-      into[to + 1] = numbers[at + 1];
-      into[to + 2] = numbers[at + 2];
-      into[to + 3] = numbers[at + 4];
-      into[to + 4] = numbers[at + 5];
-      into[to + 5] = numbers[at + 6];
-      into[to + 6] = numbers[at + 3];
-      this.speed[id] = Math.hypot(numbers[at + 7], numbers[at + 8], numbers[at + 9]);
+  private put(id: number, numbers: Table["numbers"], position: number, turn: number): void {
+    for (let k = 0; k < 3; ++k) {
+      this.to[7 * id + k] = numbers[position + k];
+      this.to[7 * id + 3 + k] = numbers[turn + k];
     }
   }
 
@@ -122,7 +126,7 @@ export class Model {
     this.time_s = snapshot.stamp_s;
     this.realTimeFactor = snapshot.real_time_factor;
     this.users = snapshot.users;
-    this.states.take(snapshot.moved, now_ms);
+    this.states.take(snapshot.placed, now_ms);
     ++this.snapshots;
   }
 

@@ -77,7 +77,7 @@ async def read_all(address, protocol):
     viewer = await Viewer.open(address, [protocol])
     assert viewer.socket.subprotocol == protocol
     wanted = [topic for topic in viewer.channels if not topic.startswith("/control")]
-    assert len(wanted) == 8, wanted
+    assert len(wanted) == 9, wanted
     await viewer.subscribe(*wanted)
     seen = {topic: [] for topic in wanted}
     end = time.monotonic() + LIMIT_S
@@ -94,6 +94,15 @@ async def read_all(address, protocol):
         assert not stamps or stamps[0] < stamps[-1], (topic, stamps)
         assert topic in ("/scene", "/scene_update", "/status") or len(stamps) > 4, topic
     scene = seen["/scene"][0][1]
+    full, view = seen["/world_state"], {one["stamp_s"]: one for _, one in seen["/world_view"]}
+    same = [(state, view[state["stamp_s"]]) for _, state in full if state["stamp_s"] in view]
+    assert same, "no view has the stamp of a state"
+    for state, short in same:
+        placed = {one["body"]: one for one in short["placed"]}
+        for moved in state["moved"]:
+            one, at = placed[moved["body"]], moved["position"]
+            assert all(abs(one[axis] - at[axis]) < 1e-5 for axis in "xyz"), (one, at)
+        assert short["users"] == state["users"] and not short["moved"]
     update = seen["/scene_update"][-1][1]
     entities = {entity["id"]: entity for entity in update["entities"]}
     assert set(entities) == {"fixed", "bodies", "forces"}, set(entities)

@@ -1,0 +1,36 @@
+#pragma once
+
+#include "model/exchange.hpp"
+#include "wire/codec.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace subworld::live {
+
+/// The schema of `subworld::msg::WorldView`: a `WorldState` without `moved`, then `placed` with 32 bytes for each body
+/// that moved, in place of 112.
+[[nodiscard]] std::string world_view_schema();
+
+/// Collects snapshots of the world and makes views of it, fewer of them where many bodies move.
+class WorldViewer {
+ public:
+  /// Takes a sample of `WorldState`. Ignores one that is not valid, and bodies that the scene does not have.
+  void take(std::span<const std::uint8_t> cdr, std::size_t bodies);
+  /// The view, as CDR with its header, if there is news and the last one was small enough for its age.
+  [[nodiscard]] std::optional<std::vector<std::uint8_t>> make(std::uint64_t now_ns);
+
+ private:
+  Codec<WorldSnapshot> codec_;
+  WorldSnapshot snapshot_;
+  std::vector<StampedBody> moved_;    // since the last view; each body once
+  std::vector<std::uint32_t> place_;  // by body: its place in `moved_` plus 1; 0: none
+  bool changed_ = false;
+  std::uint64_t next_ns_ = 0;
+};
+
+}  // namespace subworld::live
