@@ -192,14 +192,6 @@ bool took_no_part(const std::string& folder, int user, const WorldResult& world)
          !std::filesystem::exists(part_file(folder, "device_sim", user));
 }
 
-/// Who joined, left and missed whom in lock-step: with it as --presence, the run repeats bit by bit.
-std::string presence_of(const RunResults& run) {
-  std::vector<std::string> texts{run.world.presence};
-  for (const HapticResult& haptic : run.haptic) texts.push_back(haptic.presence);
-  std::erase(texts, "");
-  return fmt::format("{}", fmt::join(texts, ", "));
-}
-
 }  // namespace
 
 void read_parts(RunResults& run, const std::string& folder, const std::optional<Calibration>& calibration) {
@@ -268,7 +260,7 @@ void to_json(Json& json, const RunResults& run) {
   json["state_hash"] = run.state_hash;
   json["world"] = run.world;
   json["world"]["ending"] = run.ending;
-  json["presence"] = presence_of(run);
+  json["presence"] = run.world.presence;
   json["haptic"] = run.haptic;
   for (Json& haptic : json["haptic"]) haptic["energy_excess_j"] = run.energy_excess_j;
   json["device"] = run.device;

@@ -47,7 +47,6 @@ class LockstepLoop : HapticRun {
       step();
     ending.to_s = sub.facts().time_s;
     measures.sent(order_.sent_ratio());
-    measures.missed_peers(order_.missed());
     if (last_) {
       send_last_command(ports, device_, 1);
       ports.reports.wait_for_acknowledgments(kReportAcknowledged_s);
@@ -192,8 +191,11 @@ class LockstepLoop : HapticRun {
 
   void send_report() {
     HapticReport* const report = sub.close_cycle(to_ns(Clock::now()));
-    if (report != nullptr && !ports.send(*report))
-      throw Error(ExitCode::failed, unsent_text("haptic_report", ports.frames, ports.status, kWorldSim));
+    if (report != nullptr) {
+      report->missed = order_.take_missed();
+      if (!ports.send(*report))
+        throw Error(ExitCode::failed, unsent_text("haptic_report", ports.frames, ports.status, kWorldSim));
+    }
     stages_.mark(HapticStage::report);
   }
 

@@ -1,5 +1,6 @@
 #include "haptic_sim/lockstep_order.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace subworld {
@@ -23,12 +24,8 @@ void LockstepOrder::hear(std::size_t peer, const DeviceState& state) {
     of.steps = step + 1;
     return;
   }
-  if (of.missed_from && *of.missed_from < step) {
-    missed_.push_back(missing(peer, *of.missed_from));
-    missed_.back().to_s = settings_.h_s * static_cast<double>(step);
-  }
-  if (of.missed_from || another) {
-    of.missed_from.reset();
+  if (of.misses || another) {
+    of.misses = false;
     of.states = line_from(peer, step);
     of.from = step;
   }
@@ -36,12 +33,15 @@ void LockstepOrder::hear(std::size_t peer, const DeviceState& state) {
   of.steps = step + 1;
 }
 
-std::vector<PresenceEvent> LockstepOrder::missed() const {
-  std::vector<PresenceEvent> all = missed_;
-  for (std::size_t p = 0; p < peers_.size(); ++p) {
-    if (peers_[p].missed_from) all.push_back(missing(p, *peers_[p].missed_from));
+void LockstepOrder::note_missed(std::uint32_t peer) {
+  const double from_s = settings_.h_s * static_cast<double>(step_),
+               to_s = settings_.h_s * static_cast<double>(step_ + 1);
+  const auto last = std::ranges::find(missed_.rbegin(), missed_.rend(), peer, &MissedStates::peer);
+  if (last != missed_.rend() && last->to_s == from_s) {
+    last->to_s = to_s;
+  } else {
+    missed_.push_back({peer, from_s, to_s});
   }
-  return all;
 }
 
 }  // namespace subworld

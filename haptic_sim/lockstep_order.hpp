@@ -5,7 +5,6 @@
 #include "haptic_sim/sub_world.hpp"
 
 #include <cstdint>
-#include <optional>
 #include <utility>
 #include <vector>
 
@@ -49,22 +48,20 @@ class LockstepOrder {
     return peers_[peer].heard_any && state.sender != peers_[peer].sender && state.sequence == 0;
   }
   /// The state heard(peer) does not come: from now on the sub-world misses the peer's states.
-  void miss(std::size_t peer) {
-    if (!peers_[peer].missed_from) peers_[peer].missed_from = peers_[peer].steps;
-  }
+  void miss(std::size_t peer) noexcept { peers_[peer].misses = true; }
   /// No longer: those of this step on count again.
   void hear_again(std::size_t peer) noexcept { peers_[peer].drops_before = step_; }
   /// The state of the peer's device that counts in the next step; null: none.
   [[nodiscard]] const DeviceState* known_of(std::size_t peer) const noexcept {
     const Peer& of = peers_[peer];
-    return of.missed_from || of.from > step_ ? nullptr : of.newest;
+    return of.misses || of.from > step_ ? nullptr : of.newest;
   }
   /// Whether the run that this one repeats missed the peer's state of the next step.
   [[nodiscard]] bool misses_by_plan(std::size_t peer) const noexcept {
     return misses(settings_.presence, static_cast<int>(user_), static_cast<int>(peer), time_of(step_));
   }
-  /// What the sub-world has missed so far.
-  [[nodiscard]] std::vector<PresenceEvent> missed() const;
+  /// The states that the sub-world needed and missed since the last call.
+  [[nodiscard]] std::vector<MissedStates> take_missed() { return std::exchange(missed_, {}); }
 
   /// Calls `take(stamp)` for each frame that is due before the next step; it returns false where none comes. False
   /// then.
@@ -91,7 +88,10 @@ class LockstepOrder {
       command.echoed_sent_ns = sent.sent_ns;
       on_command(command, felt);
     };
-    for (std::size_t p = 0; p < peers_.size(); ++p) known_[p] = known_of(p);
+    for (std::size_t p = 0; p < peers_.size(); ++p) {
+      known_[p] = known_of(p);
+      if (peers_[p].misses && (sub.facts().peers >> p & 1U) != 0) note_missed(static_cast<std::uint32_t>(p));
+    }
     const StepInput input{
         .device = &known, .peers = known_, .wall_s = settings_.h_s, .dt = settings_.h_s, .took_s = took_s};
     const FeltStep felt = sub.step(input, on_force, std::forward<OnReport>(on_report));
@@ -108,7 +108,7 @@ class LockstepOrder {
     bool heard_any = false;
     std::uint64_t sender = 0;  ///< of the newest state
     const DeviceState* newest = nullptr;
-    std::optional<std::uint64_t> missed_from = {};  ///< first step that is missed; empty: none is at present
+    bool misses = false;  ///< at present
     std::uint64_t drops_before = 0;
   };
   /// Apart from the users' numbers.
@@ -120,12 +120,8 @@ class LockstepOrder {
   [[nodiscard]] double time_of(std::uint64_t step) const noexcept {
     return settings_.h_s * (static_cast<double>(step) + 0.25);
   }
-  [[nodiscard]] PresenceEvent missing(std::size_t peer, std::uint64_t from) const noexcept {
-    return {.kind = PresenceEvent::Kind::misses,
-            .user = static_cast<int>(user_),
-            .at_s = settings_.h_s * static_cast<double>(from),
-            .peer = static_cast<int>(peer)};
-  }
+  /// In the next step.
+  void note_missed(std::uint32_t peer);
 
   const Settings& settings_;
   std::uint32_t user_;
@@ -135,7 +131,7 @@ class LockstepOrder {
   DelayLine<DeviceCommand> commands_;
   std::vector<Peer> peers_;                ///< by user; none where the scheme does not replicate them
   std::vector<const DeviceState*> known_;  ///< by user; null: none heard
-  std::vector<PresenceEvent> missed_;      ///< that are over
+  std::vector<MissedStates> missed_;       ///< since they were taken
   std::uint64_t step_;                     ///< the next
   std::uint64_t next_frame_;               ///< stamp
 };

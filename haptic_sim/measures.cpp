@@ -131,8 +131,7 @@ HapticResult HapticMeasures::result(const SubWorld& sub, double bytes_per_cycle)
                       .lost_frames = lost_frames_,
                       .refused_frames = refused_frames_,
                       .resynchronisations = resets_,
-                      .engine_changes = engine_changes_,
-                      .presence = to_text(missed_peers_)};
+                      .engine_changes = engine_changes_};
   add_to(result);
   return result;
 }

@@ -62,7 +62,6 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
   }
   void resynchronised() noexcept { ++resets_; }
   /// Steps without the states of other users' devices, in lock-step.
-  void missed_peers(std::vector<PresenceEvent> events) { missed_peers_ = std::move(events); }
   /// Share of the commands that were sent.
   void sent(double ratio) noexcept { sent_ratio_ = ratio; }
   /// A frame whose stamp no world has that goes on from the last one.
@@ -109,7 +108,6 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
   std::optional<EngineChange> open_change_, settled_change_;
   std::uint64_t change_settles_at_ = 0;  ///< step
   std::vector<EngineChange> engine_changes_;
-  std::vector<PresenceEvent> missed_peers_;
 };
 
 }  // namespace subworld

@@ -197,6 +197,7 @@ class LockstepLoop : WorldLoop {
     };
     if (!await(*ports.bus, ports.status, ports.reports[user], report_, stages_, haptic, ours, gives_up, lose))
       return false;
+    for (const MissedStates& missed : report_.missed) record_missed(events_, static_cast<int>(user), missed);
     if (world.receive(std::move(report_)) && world.has_report(user, stamp)) return true;
     throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of them on "
                                               "this domain?",

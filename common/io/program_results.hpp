@@ -82,7 +82,7 @@ struct WorldResult {
   std::vector<SelectionResult> selections = {};
   std::uint64_t lost_reports = 0, refused_reports = 0;
   std::vector<Absence> absences = {};
-  std::string presence = {};  ///< joins and leaves of a run in lock-step (model/presence)
+  std::string presence = {};  ///< who joined, left and missed whom in lock-step (model/presence)
   std::vector<EngineChange> engine_changes = {};
   double settle_wall_s = 0.0;
   std::uint64_t history_rows_dropped = 0, trace_events_dropped = 0;
@@ -143,7 +143,6 @@ struct HapticResult {
   double late_reports_ratio = 0.0;
   std::uint64_t lost_frames = 0, refused_frames = 0, resynchronisations = 0;
   std::vector<EngineChange> engine_changes = {};
-  std::string presence = {};  ///< steps without the states of other users' devices, in lock-step (model/presence)
   std::uint64_t history_rows_dropped = 0, trace_events_dropped = 0;
   std::string dds = {};
   EventCounts events = {};
@@ -156,7 +155,7 @@ SUBWORLD_JSON(HapticResult, user, steps, skipped_steps, missed_deadlines, missed
               force_step_max_n, at_limit_ratio, proxy_apart_max_m, coupling_force_rms_n, coupling_force_max_n, members,
               contacts, border_pairs, sync_s, round_trip_s, bytes_per_cycle, sent_ratio, operator_energy, device_work_j,
               oscillation_n, device_jumps, late_reports_ratio, lost_frames, refused_frames, resynchronisations,
-              engine_changes, presence, history_rows_dropped, trace_events_dropped, dds, events, refused, ending, host)
+              engine_changes, history_rows_dropped, trace_events_dropped, dds, events, refused, ending, host)
 
 struct DeviceRefused {
   std::uint64_t device_command = 0;

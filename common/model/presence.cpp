@@ -110,6 +110,19 @@ void record(std::vector<PresenceEvent>& events, PresenceEvent::Kind kind, int us
   }
 }
 
+void record_missed(std::vector<PresenceEvent>& events, int user, const MissedStates& missed) {
+  constexpr double kSame_s = 1e-9;
+  const PresenceEvent event{Kind::misses, user, missed.from_s, static_cast<int>(missed.peer), missed.to_s};
+  const auto last = std::ranges::find_if(events.rbegin(), events.rend(), [&](const PresenceEvent& one) {
+    return one.kind == Kind::misses && one.user == user && one.peer == event.peer;
+  });
+  if (last != events.rend() && std::abs(last->to_s - event.at_s) < kSame_s) {
+    last->to_s = event.to_s;
+  } else {
+    events.push_back(event);
+  }
+}
+
 int returns(const std::vector<PresenceEvent>& events, int user) noexcept {
   bool left = false;
   int count = 0;

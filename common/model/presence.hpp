@@ -23,6 +23,13 @@ struct PresenceEvent {
   double to_s = std::numeric_limits<double>::infinity();
 };
 
+/// An interval of simulated time, in lock-step.
+struct MissedStates {
+  std::uint32_t peer = 0;  ///< the user whose device's states the sub-world needed and did not have
+  double from_s = 0.0;
+  double to_s = 0.0;
+};
+
 /// As in "1 joins 3, 2 leaves 5, 0 misses 1 from 4.2 to 4.9". Appends to `events`; returns what is wrong, with the
 /// cure, or nothing.
 [[nodiscard]] std::string parse_presence(std::string_view text, std::vector<PresenceEvent>& events);
@@ -36,6 +43,9 @@ struct PresenceEvent {
 [[nodiscard]] bool misses(const std::vector<PresenceEvent>& events, int user, int peer, double time_s) noexcept;
 /// Adds to a record that a user joins or leaves. One who leaves when it has only just joined was not there.
 void record(std::vector<PresenceEvent>& events, PresenceEvent::Kind kind, int user, double time_s);
+/// Adds to a record that the sub-world of a user missed the states of another one's device. Intervals that follow each
+/// other are one.
+void record_missed(std::vector<PresenceEvent>& events, int user, const MissedStates& missed);
 /// How often a user joins after having left.
 [[nodiscard]] int returns(const std::vector<PresenceEvent>& events, int user) noexcept;
 

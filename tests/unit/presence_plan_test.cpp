@@ -6,7 +6,9 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
 #include <string>
+#include <vector>
 
 namespace subworld {
 namespace {
@@ -15,6 +17,12 @@ std::vector<PresenceEvent> parsed(const std::string& text) {
   std::vector<PresenceEvent> events;
   EXPECT_EQ(parse_presence(text, events), "");
   return events;
+}
+
+Scene two_users() {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/lift.yaml");
+  keep_users(scene, 2);
+  return scene;
 }
 
 TEST(Presence, is_read_and_written) {
@@ -57,42 +65,75 @@ TEST(Presence, of_one_who_leaves_at_once_is_not_recorded) {
   EXPECT_EQ(to_text(events), "1 leaves 0.5, 2 joins 0.75, 2 leaves 1");
 }
 
+TEST(Presence, has_one_interval_where_several_reports_tell_of_missed_states) {
+  std::vector<PresenceEvent> events;
+  record_missed(events, 1, {0, 0.5, 0.504});
+  record_missed(events, 0, {1, 0.504, 0.508});
+  record_missed(events, 1, {0, 0.504, 0.508});
+  record_missed(events, 1, {0, 0.512, 0.516});
+  EXPECT_EQ(to_text(events),
+            "1 misses 0 from 0.5 to 0.508, 0 misses 1 from 0.504 to 0.508, 1 misses 0 from 0.512 to 0.516");
+}
+
 TEST(Presence, is_refused_where_all_users_are_in_one_process) {
-  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/lift.yaml");
-  keep_users(scene, 2);
+  Scene scene = two_users();
   scene.settings.presence = parsed("1 joins 0.5");
   EXPECT_THROW(CoupledRun run(scene), Error);
 }
 
 class LostDevice : public testing::Test {
  protected:
-  LostDevice() : scene_(load_scene(std::string(SCENES_FOLDER) + "/lift.yaml")) { keep_users(scene_, 2); }
   static DeviceState state(double at_s) {
     DeviceState state;
     state.stamp_s = at_s;
     state.sender = 1;
     return state;
   }
-  Scene scene_;
+  /// A sub-world that needs the device, and begins with a step.
+  void begin(std::uint64_t step) {
+    ASSERT_TRUE(world_.settle([](double) { return true; }));
+    ASSERT_TRUE(sub_.reset_from(world_.frame(0)));
+    ASSERT_NE(sub_.facts().peers & 2U, 0U);
+    order_.emplace(scene_, 0, 0, step);
+  }
+  void step_to(std::uint64_t step) {
+    while (order_->next_step() < step) {
+      const double at_s = scene_.settings.h_s * static_cast<double>(order_->next_step());
+      order_->step(
+          sub_, state(at_s), [](const DeviceCommand&, const FeltStep&) {}, [this] { (void)sub_.close_cycle(0); });
+    }
+  }
+  std::string missed() {
+    std::vector<PresenceEvent> events;
+    for (const MissedStates& one : order_->take_missed()) record_missed(events, 0, one);
+    return to_text(events);
+  }
+  Scene scene_ = two_users();
+  World world_{scene_};
+  SubWorld sub_{scene_, 0};
+  std::optional<LockstepOrder> order_;
 };
 
-TEST_F(LostDevice, is_recorded_from_its_last_state_to_the_first_of_another_process) {
-  LockstepOrder order(scene_, 0);
-  for (int step = 0; step < 5; ++step) order.hear(1, state(0.001 * step));
-  EXPECT_EQ(order.heard(1), 5U);
-  order.miss(1);
-  EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.005");
+TEST_F(LostDevice, is_missed_from_its_last_state_to_the_first_of_another_process) {
+  begin(5);
+  for (int step = 0; step < 5; ++step) order_->hear(1, state(0.001 * step));
+  EXPECT_EQ(order_->heard(1), 5U);
+  order_->miss(1);
+  step_to(10);
+  EXPECT_EQ(missed(), "0 misses 1 from 0.005 to 0.01");
   DeviceState another = state(0.0);
   another.sender = 2;
-  EXPECT_TRUE(order.is_replaced(1, another));
-  order.hear(1, another);  // it does not know the time yet
-  EXPECT_EQ(order.heard(1), 5U);
+  EXPECT_TRUE(order_->is_replaced(1, another));
+  order_->hear(1, another);  // it does not know the time yet
+  EXPECT_EQ(order_->heard(1), 5U);
+  step_to(20);
   another.stamp_s = 0.02;
   another.sequence = 1;
-  EXPECT_FALSE(order.is_replaced(1, another));
-  order.hear(1, another);
-  EXPECT_EQ(order.heard(1), 21U);
-  EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.005 to 0.02");
+  EXPECT_FALSE(order_->is_replaced(1, another));
+  order_->hear(1, another);
+  EXPECT_EQ(order_->heard(1), 21U);
+  step_to(21);
+  EXPECT_EQ(missed(), "0 misses 1 from 0.01 to 0.02") << "what was missed since the last report";
 }
 
 // The first process has sent states of steps from which the second one sends.
@@ -105,7 +146,6 @@ TEST_F(LostDevice, is_another_one_also_where_no_step_is_missed) {
   order.hear(1, another);
   EXPECT_EQ(order.heard(1), 3U);
   EXPECT_EQ(order.known_of(1), nullptr) << "the next step is step 0";
-  EXPECT_EQ(to_text(order.missed()), "");
   LockstepOrder later(scene_, 0, 1, 4);
   later.hear(1, state(0.004));
   later.hear(1, state(0.005));
@@ -116,30 +156,25 @@ TEST_F(LostDevice, is_another_one_also_where_no_step_is_missed) {
 }
 
 TEST_F(LostDevice, is_heard_from_the_step_in_which_a_sub_world_begins) {
-  LockstepOrder order(scene_, 0, 5, 20);
-  for (int step = 15; step < 20; ++step) order.hear(1, state(0.001 * step));
-  EXPECT_EQ(order.heard(1), 20U);
-  order.hear(1, state(0.02));
-  EXPECT_EQ(order.heard(1), 21U);
-  EXPECT_EQ(to_text(order.missed()), "");
+  begin(20);
+  for (int step = 15; step < 20; ++step) order_->hear(1, state(0.001 * step));
+  EXPECT_EQ(order_->heard(1), 20U);
+  order_->hear(1, state(0.02));
+  EXPECT_EQ(order_->heard(1), 21U);
+  step_to(21);
+  EXPECT_EQ(missed(), "");
 }
 
 // It was only slow: what came meanwhile stays missed, so that the record is true.
 TEST_F(LostDevice, is_heard_again_from_the_step_at_which_the_sub_world_is) {
-  World world(scene_);
-  ASSERT_TRUE(world.settle([](double) { return true; }));
-  SubWorld sub(scene_, 0);
-  ASSERT_TRUE(sub.reset_from(world.frame(0)));
-  LockstepOrder order(scene_, 0);
-  order.hear(1, state(0.0));
-  order.miss(1);
-  for (int step = 0; step < 3; ++step) {
-    order.step(
-        sub, state(0.001 * step), [](const DeviceCommand&, const FeltStep&) {}, [&] { (void)sub.close_cycle(0); });
-  }
-  order.hear_again(1);
-  for (int step = 1; step < 5; ++step) order.hear(1, state(0.001 * step));
-  EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.001 to 0.003");
+  begin(0);
+  order_->hear(1, state(0.0));
+  order_->miss(1);
+  step_to(3);
+  order_->hear_again(1);
+  for (int step = 1; step < 5; ++step) order_->hear(1, state(0.001 * step));
+  step_to(5);
+  EXPECT_EQ(missed(), "0 misses 1 from 0 to 0.003");
 }
 
 TEST(DelayLine, that_begins_in_the_middle_of_a_run_has_its_first_message_at_once_and_none_of_before) {
