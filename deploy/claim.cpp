@@ -11,6 +11,7 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <regex>
 #include <string_view>
 #include <vector>
@@ -23,6 +24,14 @@ namespace {
 // 32768: above, Linux gives ports to any socket, which could occupy one of them.
 constexpr int kFirstDomain = 60;
 constexpr int kLastDomain = 100;
+
+/// Whether `subworld report` has made this page.
+bool is_report(const std::filesystem::path& file) {
+  if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(file))) return false;
+  std::ifstream page(file);
+  const std::string text{std::istreambuf_iterator<char>(page), {}};
+  return text.find(kReportMark) != std::string::npos;
+}
 
 /// Whether a run, or a program that was started by hand, has made this file with a name of ours.
 bool is_result(const std::filesystem::path& file) {
@@ -101,6 +110,7 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
   }
   make_folder(folder + "/logs");
   for (const std::filesystem::path& file : old) std::filesystem::remove(file);
+  if (const std::filesystem::path page = folder + "/report.html"; is_report(page)) std::filesystem::remove(page);
   for (const auto& entry : std::filesystem::directory_iterator(folder + "/logs")) {
     const std::string name = entry.path().filename();
     if (name.ends_with(".log") || (name.starts_with("last_") && name.ends_with(".csv")))

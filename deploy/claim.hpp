@@ -6,6 +6,9 @@
 
 namespace subworld {
 
+/// In each page of a run that `subworld report` writes: with it, the next run in the folder removes the page.
+inline constexpr const char* kReportMark = "Written by Subworld";
+
 /// A domain that no other run on this machine holds while the lock lives: `wanted`, or the first free one where that is
 /// negative. Throws `Error` (middleware).
 [[nodiscard]] int claim_domain(int wanted, FileLock& lock);

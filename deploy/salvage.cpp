@@ -1,5 +1,6 @@
 #include "salvage.hpp"
 
+#include "io/history_reader.hpp"
 #include "model/error.hpp"
 #include "rt/histogram.hpp"
 #include "summary.hpp"
@@ -8,57 +9,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <fstream>
-#include <map>
-#include <sstream>
 #include <utility>
-#include <vector>
 
 namespace subworld {
 
 namespace {
 
-using Row = std::vector<double>;
-
-/// The history of a program: its columns, and its rows one at a time. A last row that is not complete is not read.
-class Rows {
- public:
-  explicit Rows(const std::string& file) : file_(file) {
-    std::string line;
-    std::getline(file_, line);
-    std::istringstream names(line);
-    for (std::string name; std::getline(names, name, ',');) columns_.emplace(name, columns_.size());
-  }
-  bool next() {
-    std::string line;
-    if (!std::getline(file_, line) || file_.eof()) return false;
-    Row row;
-    const char* at = line.c_str();
-    for (char* end = nullptr; *at != '\0'; at = *end == ',' ? end + 1 : end) {
-      row.push_back(std::strtod(at, &end));
-      if (end == at) break;
-    }
-    if (row.size() != columns_.size()) return false;
-    row_ = std::move(row);
-    return true;
-  }
-  [[nodiscard]] double at(const std::string& column) const {
-    const auto found = columns_.find(column);
-    return found == columns_.end() || row_.empty() ? 0.0 : row_[found->second];
-  }
-  /// Of the vector whose x component has this name, as in "force_x_n".
-  [[nodiscard]] double norm(const std::string& begin, const std::string& unit) const {
-    return std::hypot(at(begin + "_x_" + unit), at(begin + "_y_" + unit), at(begin + "_z_" + unit));
-  }
-
- private:
-  std::ifstream file_;
-  std::map<std::string, std::size_t> columns_;
-  Row row_;
-};
-
-Json of_world(Rows& rows) {
+Json of_world(HistoryReader& rows) {
   Histogram step, lateness;
   double factor_min = 1.0;
   while (rows.next()) {
@@ -72,7 +29,7 @@ Json of_world(Rows& rows) {
           {"real_time_factor_min", factor_min}};
 }
 
-Json of_haptic(Rows& rows) {
+Json of_haptic(HistoryReader& rows) {
   Histogram step, lateness;
   MeanMax squared;
   double skipped = 0.0;
@@ -91,7 +48,7 @@ Json of_haptic(Rows& rows) {
           {"force_max_n", std::sqrt(squared.max)}};
 }
 
-Json of_device(Rows& rows) {
+Json of_device(HistoryReader& rows) {
   std::uint64_t steps = 0;
   while (rows.next()) ++steps;
   return {{"steps", steps}};
@@ -100,7 +57,7 @@ Json of_device(Rows& rows) {
 /// Adds the time of the last complete row.
 template <class Read>
 Json of_history(const std::string& file, Read read) {
-  Rows rows(file);
+  HistoryReader rows(file);
   Json json = read(rows);
   json["to_s"] = rows.at("time_s");
   json["partial"] = true;

@@ -7,6 +7,8 @@
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
 #include "replay.hpp"
+#include "report/page.hpp"
+#include "results/command.hpp"
 #include "session/session.hpp"
 #include "top.hpp"
 #include "wire/plugin.hpp"
@@ -20,6 +22,7 @@
 #include <cerrno>
 #include <cstring>
 #include <string_view>
+#include <vector>
 
 namespace {
 
@@ -51,6 +54,7 @@ constexpr const char* kExamples =
     "  subworld device list\n"
     "  subworld doctor\n"
     "  subworld top\n"
+    "  subworld report out/row\n"
     "  subworld lab coupling --quick\n"
     "`subworld run` starts all programs on this host, `subworld up` those of a session on several hosts.\n"
     "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene, 3 middleware,\n"
@@ -287,12 +291,29 @@ std::string part_versions() {
   return text;
 }
 
+bool is_lab(const std::string& name) {
+  return std::ranges::any_of(kLabs, [&](const Lab& lab) { return name == lab.name; });
+}
+
 /// Becomes another program of the build. `arguments` end with a null, the first is the program's own name.
 void become(const std::string& name, char** arguments) {
   const std::string program = program_folder() + "/" + name;
   execv(program.c_str(), arguments);
   throw Error(ExitCode::failed,
               fmt::format("{}: cannot start ({}); build it with deploy/build", program, std::strerror(errno)));
+}
+
+/// A lab writes the page of its folder itself.
+void report(const ReportRequest& request) {
+  const ReportPlace place = place_of(request);
+  if (place.lab.empty()) return write_report(place);
+  if (!is_lab(place.lab))
+    throw Error(ExitCode::failed, fmt::format("{}: no lab is called \"{}\"", place.folder, place.lab));
+  std::vector<std::string> words{"lab_" + place.lab, kWriteReport, place.folder, place.page};
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  become(words.front(), arguments.data());
 }
 
 int main_of(int argc, char** argv) {
@@ -352,6 +373,11 @@ int main_of(int argc, char** argv) {
       line.command("top", "Shows the domains in use, their programs, rates and missed deadlines");
   add_top(top_command, top_request);
 
+  ReportRequest report_request;
+  CommandLine& report_command =
+      line.command("report", "Writes one page on a run, a session or a lab from its folder: figures, verdict, plots");
+  add_report_options(report_command, report_request);
+
   CommandLine& lab_command = line.command("lab", "Evaluations: runs a sweep and writes tables and a report");
   lab_command.footer(
       "Examples:\n"
@@ -364,8 +390,7 @@ int main_of(int argc, char** argv) {
       "  subworld lab coupling --help");
   for (const Lab& lab : kLabs) lab_command.command(lab.name, lab.about).takes_all();
 
-  if (argc > 2 && std::string_view(argv[1]) == "lab" &&
-      std::ranges::any_of(kLabs, [&](const Lab& lab) { return std::string_view(lab.name) == argv[2]; }))
+  if (argc > 2 && std::string_view(argv[1]) == "lab" && is_lab(argv[2]))
     become(std::string("lab_") + argv[2], argv + 2);
   if (argc > 1 && std::string_view(argv[1]) == "film") become("film", argv + 1);
   if (const auto code = line.parse(argc, argv)) return *code;
@@ -396,6 +421,8 @@ int main_of(int argc, char** argv) {
   if (doctor_command.chosen()) return doctor::run(doctor_request);
   if (top_command.chosen()) {
     show_top(top_request);
+  } else if (report_command.chosen()) {
+    report(report_request);
   } else if (control_command.chosen()) {
     control(control_request);
   } else {

@@ -59,6 +59,7 @@ TEST_F(EngineLab, ASweepLeavesTablesHistoriesAndOnePage) {
   const Table states = read_table(out() + "/states/row_bullet_quality_f0_e0.4_dt1-100.csv");
   EXPECT_EQ(states.rows.size(), 100U * 10U);
   EXPECT_NE(page().find("Havok, paper"), std::string::npos);
+  expect_same_page_again();
 }
 
 TEST_F(EngineLab, ATowerThatFallsIsNotHeld) {

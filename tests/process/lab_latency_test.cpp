@@ -67,6 +67,7 @@ TEST_F(LatencyLab, EndsWithTheLargestDelayThatIsNotFelt) {
   expect_columns({"kind", "scene", "link", "ratio", "user_name", "delay_s", "force_error_rms", "force_error_p99",
                   "time_offset_s", "created_j", "oscillation_n", "stiffness_ratio", "exceeded", "limit_s", "undecided",
                   "reference_error"});
+  expect_same_page_again();
 }
 
 TEST_F(LatencyLab, TwoSeedsAgree) {

@@ -42,6 +42,7 @@ TEST_F(PlanLab, EveryItemIsTheSameOrNoWorse) {
   expect_columns(kPlanColumns);
   EXPECT_GT(summary()["items"].size(), 3U);
   EXPECT_NE(page().find("The plan"), std::string::npos);
+  expect_same_page_again();
 }
 
 TEST_F(PlanLab, RandomScenesServeToo) {

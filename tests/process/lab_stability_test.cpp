@@ -60,6 +60,7 @@ TEST_F(StabilityLab, BulletHoldsTheFormulasAtOneMillisecond) {
   const std::string text = page();
   for (const char* part : {"atan(mu)", "Coulomb", "error over tolerance", "Source:", "1/1000 s", "slip_angle, 0.5"})
     EXPECT_NE(text.find(part), std::string::npos) << part;
+  expect_same_page_again();
 }
 
 // A missed tolerance is a result: it is shown with a better engine, and does not change the exit code.

@@ -98,6 +98,7 @@ TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
   EXPECT_FALSE(std::filesystem::exists(old_trace));
 
   EXPECT_NE(page().find("imperceptible"), std::string::npos);
+  expect_same_page_again();
 }
 
 // The plot of an axis has all its values, with one value of each other axis.
@@ -140,6 +141,7 @@ TEST_F(Lab, TheLinkOfTheDeviceActsOnTheForceOnTheOperator) {
                            "Each user alone", "mutual latency ms"}) {
     EXPECT_NE(text.find(part), std::string::npos) << part;
   }
+  expect_same_page_again();
 }
 
 TEST_F(Lab, VariantsOfASceneHaveReferencesOfTheirOwn) {

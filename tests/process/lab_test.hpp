@@ -52,11 +52,19 @@ class LabTest : public ProcessTest {
   [[nodiscard]] std::string page() const {
     const std::string text = read_text(out() + "/report.html");
     static const std::regex kElsewhere(
-        "(src|href)\\s*=\\s*[\"']?\\s*(https?:)?//|<script|@import|url\\(\\s*[\"']?http");
+        "(src|href)\\s*=\\s*[\"']?\\s*(https?:)?//|<script\\s+src|<link|@import|url\\(\\s*[\"']?http");
     EXPECT_FALSE(std::regex_search(text, kElsewhere));
     EXPECT_NE(text.find("<svg"), std::string::npos);
     EXPECT_NE(text.rfind("</html>"), std::string::npos);
     return text;
+  }
+  /// `subworld report` writes the same page from the tables of the lab.
+  void expect_same_page_again() const {
+    const std::string before = page();
+    std::filesystem::remove(out() + "/report.html");
+    const Ended ended = finish({program("subworld"), "report", out()});
+    ASSERT_EQ(ended.code, 0) << ended.err;
+    EXPECT_TRUE(page() == before) << "differs from what the lab wrote";
   }
 
  private:

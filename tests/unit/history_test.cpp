@@ -1,6 +1,7 @@
 // Rows that the file does not accept: a pipe with a slow reader.
 #include "io/history.hpp"
 
+#include "io/history_reader.hpp"
 #include "support/temporary_folder.hpp"
 
 #include <fcntl.h>
@@ -11,6 +12,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
 #include <string>
 #include <thread>
@@ -93,6 +95,25 @@ TEST(FullDisk, IsNotWaitedFor) {
   EXPECT_LT(written, 10 * kRing);
   history.finish();
   EXPECT_NE(history.fault().find("/dev/full"), std::string::npos);
+}
+
+TEST(HistoryOfAProgram, IsReadRowByRowAsFarAsItIsComplete) {
+  const TemporaryFolder folder;
+  HistoryReader rows(folder.write("a.csv",
+                                  "time_s,force_x_n,force_y_n,force_z_n\n0.1,2,3,6\n0.2,1\n0.3,,1,nan\n0.4,a,1,1\n"
+                                  "0.5,1,1,1,1\n\n0.6,1,2,2\n0.7,1,2"));
+  ASSERT_TRUE(rows.next());
+  EXPECT_EQ(rows.at("time_s"), 0.1);
+  EXPECT_EQ(rows.norm("force", "n"), 7.0);
+  EXPECT_EQ(rows.at("x"), 0.0);
+  ASSERT_TRUE(rows.next());
+  EXPECT_EQ(rows.at("time_s"), 0.3);
+  EXPECT_TRUE(std::isnan(rows.at("force_x_n"))) << "an empty cell";
+  ASSERT_TRUE(rows.next());
+  EXPECT_EQ(rows.value(*rows.find("time_s")), 0.6);
+  EXPECT_FALSE(rows.next());
+  EXPECT_EQ(rows.at("time_s"), 0.6) << "the last complete row";
+  EXPECT_FALSE(HistoryReader(folder.path() + "/none.csv").next());
 }
 
 }  // namespace

@@ -24,12 +24,13 @@ const std::map<std::string, Names> kMayInclude{
     {"wire", {"model", "wire"}},
     {"rt", {"rt"}},
     {"io", {"model", "rt", "io"}},
+    {"report", {"model", "io", "report"}},
     {"program", {"model", "physics", "wire", "rt", "io", "program"}},
     {"world_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "world_sim"}},
     {"haptic_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "haptic_sim"}},
     {"device_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "plugin", "device_sim"}},
     {"gui_headless", {"model", "physics", "coupling", "wire", "rt", "io", "program", "gui_headless"}},
-    {"deploy", {"model", "physics", "coupling", "wire", "rt", "io", "device_sim", "deploy"}},
+    {"deploy", {"model", "physics", "coupling", "wire", "rt", "io", "report", "device_sim", "deploy"}},
 };
 
 /// A foreign library: the pattern of its includes, and the files that may have them.
@@ -54,7 +55,7 @@ const std::vector<Foreign>& foreign() {
       {"yaml-cpp", std::regex("yaml-cpp/.*"), std::regex("common/model/yaml_tree\\.cpp")},
       {"Assimp", std::regex("assimp/.*"), std::regex("common/model/mesh_file\\.cpp")},
       {"Eigen", std::regex("Eigen/.*"), std::regex("(common/(model|physics|coupling|wire)|[a-z]+_[a-z]+)/.*")},
-      {"JSON", std::regex("nlohmann/.*"), std::regex("(common/io|deploy|gui_headless/live)/.*")},
+      {"JSON", std::regex("nlohmann/.*"), std::regex("(common/(io|report)|deploy|gui_headless/live)/.*")},
       {"Boost", std::regex("boost/.*"), std::regex("gui_headless/live/(session|server)\\.[ch]pp")},
       {"command lines", std::regex("CLI/.*"), std::regex("common/io/command_line\\.cpp")},
       {"OpenGL", std::regex("(epoxy|GL|EGL)/.*"), std::regex("gui_headless/.*")},
@@ -154,6 +155,9 @@ TEST(Includes, MadeUpSourcesAreJudged) {
       {"common/rt/a.cpp", "#include \"model/error.hpp\"", false},
       {"common/io/a.cpp", "#include \"wire/bus.hpp\"", false},
       {"common/io/a.cpp", "#include <subworld.h>", false},
+      {"common/report/page.hpp", "#include \"io/results.hpp\"", true},
+      {"common/report/page.hpp", "#include \"rt/cyclic.hpp\"", false},
+      {"world_sim/a.cpp", "#include \"report/page.hpp\"", false},
       {"world_sim/a.cpp", "#include \"wire/bus.hpp\"", true},
       {"world_sim/a.cpp", "#include \"haptic_sim/run.hpp\"", false},
       {"device_sim/a.cpp", "#include \"gui_headless/picture.hpp\"", false},

@@ -4,7 +4,7 @@
 #include "lab/network/ddsperf.hpp"
 #include "lab/network/felt.hpp"
 #include "lab/network/report.hpp"
-#include "lab/page/plots.hpp"
+#include "report/plots.hpp"
 #include "model/error.hpp"
 
 #include <gtest/gtest.h>

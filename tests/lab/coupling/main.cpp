@@ -7,6 +7,7 @@
 #include "lab/coupling/measure.hpp"
 #include "lab/coupling/mutual.hpp"
 #include "lab/coupling/report.hpp"
+#include "lab/coupling/saved.hpp"
 #include "lab/coupling/sweep.hpp"
 #include "lab/page/command_line.hpp"
 #include "lab/session/variants.hpp"
@@ -123,23 +124,6 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   for (std::string& scene : sweep.scenes) scene = scene_file(scene);
   if (request.out.empty()) request.out = default_out("coupling");
   return std::nullopt;
-}
-
-void write_trace(const std::string& folder, const Trace& trace) {
-  Rows rows;
-  for (std::size_t i = 0; i < trace.force.size(); ++i) {
-    const Vec3& f = trace.force[i];
-    const Vec3& r = trace.reference[i];
-    rows.push_back({{"time_s", static_cast<double>(i) * trace.h_s},
-                    {"force_x_n", f.x()},
-                    {"force_y_n", f.y()},
-                    {"force_z_n", f.z()},
-                    {"reference_x_n", r.x()},
-                    {"reference_y_n", r.y()},
-                    {"reference_z_n", r.z()},
-                    {"ratio", trace.ratios[i]}});
-  }
-  write_csv(fmt::format("{}/traces/{}.csv", folder, trace.name), rows);
 }
 
 Json engine_settings(const EngineSettings& e) {
@@ -285,8 +269,7 @@ Json summary_of(const Request& request, const Findings& found, std::size_t plann
     point.scheme = request.sweep.schemes.front();
     summary["scenes"].back()["plan"] = to_json(plan_of(scene_of(point)));
   }
-  summary["traces"] = Json::array();
-  for (const Trace& t : found.traces) summary["traces"].push_back("traces/" + t.name + ".csv");
+  summary["traces"] = traces_json(found.traces);
   Json fits = convergence(found.rows, "ratio");
   if (request.sweep.h_s.size() > 1) {
     for (Json& fit : convergence(found.rows, "h_s")) fits.push_back(std::move(fit));
@@ -318,6 +301,10 @@ void print_findings(const Findings& found) {
 }
 
 int run_lab(int argc, char** argv) {
+  const auto again = [](const std::string& folder, const std::string& page) {
+    write_report(page, saved_sweep(folder));
+  };
+  if (const auto code = report_again(argc, argv, again)) return *code;
   Request request;
   if (const auto code = parse(argc, argv, request)) return *code;
   const std::vector<Point> points = points_of(request.sweep);
@@ -336,6 +323,7 @@ int run_lab(int argc, char** argv) {
   Findings found = sweep_all(request, points);
   found.summary = summary_of(request, found, points.size());
   write_csv(out + "/users.csv", found.users);
+  write_json(out + "/users.json", found.users);
   print_findings(found);
   return end_lab(out, found.rows, found.summary, [&](const std::string& page) { write_report(page, found); });
 }

@@ -1,5 +1,5 @@
 #include "lab/coupling/report.hpp"
-#include "lab/page/page.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 

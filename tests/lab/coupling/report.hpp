@@ -2,7 +2,7 @@
 
 #include "lab/coupling/analysis.hpp"
 #include "lab/coupling/measure.hpp"
-#include "lab/page/plots.hpp"
+#include "report/plots.hpp"
 
 #include <string>
 #include <vector>

@@ -145,6 +145,10 @@ void run_costs(const EnginePlan& plan, EngineFindings& found) {
 }
 
 int run_lab(int argc, char** argv) {
+  const auto again = [](const std::string& folder, const std::string& page) {
+    write_report(page, saved_engine_runs(folder));
+  };
+  if (const auto code = report_again(argc, argv, again)) return *code;
   Request request;
   if (const auto code = parse(argc, argv, request)) return *code;
   const EnginePlan plan = plan_of(request);
@@ -160,7 +164,10 @@ int run_lab(int argc, char** argv) {
   run_points(request, plan, found);
   run_costs(plan, found);
   found.summary = engine_summary(plan, request.sweep, found);
-  if (!found.costs.empty()) write_csv(out + "/bodies.csv", found.costs);
+  if (!found.costs.empty()) {
+    write_csv(out + "/bodies.csv", found.costs);
+    write_json(out + "/bodies.json", found.costs);
+  }
   for (const Json& line : found.summary.at("advice")) fmt::print("{}\n", line.get<std::string>());
   return end_lab(out, found.rows, found.summary, [&](const std::string& page) { write_report(page, found); });
 }

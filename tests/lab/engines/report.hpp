@@ -2,7 +2,7 @@
 
 #include "lab/engines/body_costs.hpp"
 #include "lab/engines/grades.hpp"
-#include "lab/page/page.hpp"
+#include "report/page.hpp"
 
 #include <string>
 #include <vector>
@@ -40,6 +40,9 @@ struct ErrorMeasure {
 [[nodiscard]] std::vector<Plot> plots_of(const Rows& rows, const std::vector<const Course*>& courses);
 /// The paper's figure 12.
 [[nodiscard]] std::vector<Plot> cost_plots(const Rows& costs);
+
+/// The results that the lab has saved in a folder. Throws `Error` (failed), or the exception of a key that is missing.
+[[nodiscard]] EngineFindings saved_engine_runs(const std::string& folder);
 
 /// Writes one self-contained page. Throws `Error` (failed) if gnuplot is missing or the file cannot be written.
 void write_report(const std::string& path, const EngineFindings& findings);

@@ -147,10 +147,14 @@ LabScene load_lab_scene(const std::string& file) {
 
 int EnginePoint::steps() const { return std::max(1, static_cast<int>(std::lround(duration_s / dt_s))); }
 
-std::string EnginePoint::file_name() const {
-  std::string dt = step_text(dt_s);
+std::string EnginePoint::file_name() const { return file_name_of(settings_of(*this)); }
+
+std::string file_name_of(const Json& row) {
+  std::string dt = step_text(number(row, "dt_s"));
   std::ranges::replace(dt, '/', '-');
-  return fmt::format("{}_{}_{}_f{:g}_e{:g}_dt{}", scene->scene.name, engine, preset, friction, restitution, dt);
+  return fmt::format("{}_{}_{}_f{:g}_e{:g}_dt{}", row.at("scene").get<std::string>(),
+                     row.at("engine").get<std::string>(), row.at("preset").get<std::string>(),
+                     number(row, "friction"), number(row, "restitution"), dt);
 }
 
 StepTime timed_step(Engine& engine, double dt_s) {

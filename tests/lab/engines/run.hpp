@@ -32,6 +32,9 @@ struct EnginePoint {
   [[nodiscard]] std::string file_name() const;  ///< without its extension
 };
 
+/// The same, from the row of the run.
+[[nodiscard]] std::string file_name_of(const Json& row);
+
 /// Times of one step, s.
 struct StepTime {
   double wall_s = 0.0;

@@ -176,6 +176,10 @@ Json summary_of(const Request& request, const LatencyFindings& found) {
 }
 
 int run_lab(int argc, char** argv) {
+  const auto again = [](const std::string& folder, const std::string& page) {
+    write_latency_report(page, saved_searches(folder));
+  };
+  if (const auto code = report_again(argc, argv, again)) return *code;
   Request request;
   if (const auto code = parse(argc, argv, request)) return *code;
   LatencyFindings found{.questions = questions_of(request), .answers = {}, .summary = {}};

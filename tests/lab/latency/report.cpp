@@ -1,6 +1,6 @@
 #include "lab/latency/report.hpp"
 
-#include "lab/page/page.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 

@@ -199,7 +199,13 @@ void write_felt(const std::string& out, const Rows& rows) {
   write_csv(out + "/felt.csv", rows);
 }
 
+void report_saved(const std::string& folder, const std::string& page) {
+  write_network_report(page, read_rows(folder + "/results.json"), read_rows(folder + "/felt.json"),
+                       read_json(folder + "/summary.json"));
+}
+
 int run_lab(int argc, char** argv) {
+  if (const auto code = report_again(argc, argv, report_saved)) return *code;
   Request request;
   if (const auto code = parse(argc, argv, request)) return *code;
   const NetworkPlan plan = plan_of(request);

@@ -1,7 +1,7 @@
 #include "lab/network/report.hpp"
 
 #include "lab/coupling/analysis.hpp"
-#include "lab/page/page.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 

@@ -2,6 +2,7 @@
 
 #include "io/scene_name.hpp"
 #include "model/error.hpp"
+#include "report/page.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/chrono.h>
@@ -9,6 +10,7 @@
 
 #include <cstring>
 #include <ctime>
+#include <string_view>
 
 namespace subworld {
 
@@ -64,6 +66,22 @@ int end_lab(const std::string& out, const Rows& rows, const Json& summary,
              summary.at("verdict").get<std::string>(), out, table);
   const std::string page = out + "/report.html";
   report(page);
+  fmt::print("report: {}\n", page);
+  return static_cast<int>(ExitCode::done);
+}
+
+std::optional<int> report_again(int argc, char** argv,
+                                const std::function<void(const std::string& folder, const std::string& page)>& write) {
+  constexpr int kWords = 4;
+  if (argc != kWords || std::string_view(argv[1]) != kWriteReport) return std::nullopt;
+  const std::string folder = argv[2], page = argv[3];
+  try {
+    write(folder, page);
+  } catch (const nlohmann::json::exception& wrong) {
+    throw Error(ExitCode::failed,
+                fmt::format("{}: its tables are incomplete, or of another version of this lab ({}); measure again",
+                            folder, wrong.what()));
+  }
   fmt::print("report: {}\n", page);
   return static_cast<int>(ExitCode::done);
 }

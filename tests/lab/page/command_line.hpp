@@ -33,6 +33,11 @@ Option add_duration(CommandLine& line, std::optional<double>& duration_s);
 int end_lab(const std::string& out, const Rows& rows, const Json& summary,
             const std::function<void(const std::string&)>& report, const std::string& other_table = "");
 
+/// For `subworld report DIR` on the folder of a lab, which starts `lab_NAME --write-report DIR PAGE`: `write` gets
+/// both. Returns the exit code; none where the words are others. Throws `Error` (failed) for tables of another version.
+[[nodiscard]] std::optional<int> report_again(
+    int argc, char** argv, const std::function<void(const std::string& folder, const std::string& page)>& write);
+
 /// "about 12 s", "about 31 min".
 [[nodiscard]] std::string about_text(double s);
 /// "  about 12 s left", or empty if no time is left.

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 
@@ -46,6 +47,13 @@ std::vector<Rows> by_scene(const Rows& rows) {
     scenes.back().push_back(row);
   }
   return scenes;
+}
+
+Rows read_rows(const std::string& path) {
+  if (!std::filesystem::exists(path)) return {};
+  const Json rows = read_json(path);
+  if (!rows.is_array()) throw Error(ExitCode::failed, fmt::format("{}: is no table of a lab", path));
+  return rows.get<Rows>();
 }
 
 void write_csv(const std::string& path, const Rows& rows) {

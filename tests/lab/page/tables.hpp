@@ -16,6 +16,9 @@ using Rows = std::vector<Json>;  ///< one flat row per measured point
 /// Groups the rows by scene, in order.
 [[nodiscard]] std::vector<Rows> by_scene(const Rows& rows);
 
+/// The rows of a JSON file; none where there is no such file. Throws `Error` (failed) if it is no table.
+[[nodiscard]] Rows read_rows(const std::string& path);
+
 /// Writes a table. An object in a row becomes a column for each of its entries, `null` an empty cell. Throws `Error`
 /// (failed).
 void write_csv(const std::string& path, const Rows& rows);

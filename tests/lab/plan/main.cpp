@@ -150,6 +150,10 @@ void print(const Json& row, std::size_t done, std::size_t all, const std::string
 }
 
 int run_lab(int argc, char** argv) {
+  const auto again = [](const std::string& folder, const std::string& page) {
+    write_plan_report(page, read_rows(folder + "/results.json"), read_json(folder + "/summary.json"));
+  };
+  if (const auto code = report_again(argc, argv, again)) return *code;
   Request request;
   if (const auto code = parse(argc, argv, request)) return *code;
   const std::vector<PlanPoint> points = points_of(request);

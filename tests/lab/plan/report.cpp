@@ -1,8 +1,8 @@
 #include "lab/plan/report.hpp"
 
 #include "lab/page/command_line.hpp"
-#include "lab/page/page.hpp"
 #include "model/optimisation.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 

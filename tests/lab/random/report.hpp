@@ -1,7 +1,8 @@
 #pragma once
 
-#include "lab/page/page.hpp"
+#include "lab/page/tables.hpp"
 #include "lab/random/run.hpp"
+#include "report/page.hpp"
 
 #include <string>
 

@@ -111,6 +111,10 @@ Rows measure(const std::vector<StabilityPoint>& points, const std::string& out) 
 }
 
 int run_lab(int argc, char** argv) {
+  const auto again = [](const std::string& folder, const std::string& page) {
+    write_stability_report(page, read_rows(folder + "/results.json"), read_json(folder + "/summary.json"));
+  };
+  if (const auto code = report_again(argc, argv, again)) return *code;
   Command command;
   if (const auto code = parse(argc, argv, command)) return *code;
   const std::vector<StabilityPoint> points = command.cases ? points_of(command.request) : std::vector<StabilityPoint>{};

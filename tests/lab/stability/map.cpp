@@ -1,10 +1,10 @@
 #include "lab/stability/map.hpp"
 
 #include "lab/page/engine_choice.hpp"
-#include "lab/page/page.hpp"
 #include "lab/stability/plan.hpp"
 #include "lab/stability/run.hpp"
 #include "lab/stability/summary.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 

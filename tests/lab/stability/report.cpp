@@ -1,12 +1,12 @@
 #include "lab/stability/report.hpp"
 
 #include "lab/page/engine_choice.hpp"
-#include "lab/page/page.hpp"
 #include "lab/random/report.hpp"
 #include "lab/stability/cases.hpp"
 #include "lab/stability/map.hpp"
 #include "lab/stability/run.hpp"
 #include "lab/stability/summary.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 

@@ -2,9 +2,9 @@
 
 #include "lab/page/command_line.hpp"
 #include "lab/page/engine_choice.hpp"
-#include "lab/page/page.hpp"
 #include "lab/page/tables.hpp"
 #include "lab/stability/bed.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 

@@ -2,8 +2,8 @@
 
 #include "lab/page/command_line.hpp"
 #include "lab/page/engine_choice.hpp"
-#include "lab/page/page.hpp"
 #include "lab/stability/run.hpp"
+#include "report/page.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -1,4 +1,4 @@
-#include "lab/page/plots.hpp"
+#include "report/plots.hpp"
 
 #include "model/error.hpp"
 
