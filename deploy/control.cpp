@@ -25,10 +25,10 @@ struct Verb {
   std::string_view name;
   ControlVerb verb;
 };
-constexpr std::array kVerbs{Verb{"stop", ControlVerb::stop},     Verb{"pause", ControlVerb::pause},
-                            Verb{"resume", ControlVerb::resume}, Verb{"step", ControlVerb::step},
-                            Verb{"leave", ControlVerb::leave},   Verb{"engine", ControlVerb::set_engine},
-                            Verb{"seek", ControlVerb::reset}};
+constexpr std::array kVerbs{
+    Verb{"stop", ControlVerb::stop},  Verb{"pause", ControlVerb::pause},     Verb{"resume", ControlVerb::resume},
+    Verb{"step", ControlVerb::step},  Verb{"leave", ControlVerb::leave},     Verb{"engine", ControlVerb::set_engine},
+    Verb{"seek", ControlVerb::reset}, Verb{"ratio", ControlVerb::set_ratio}, Verb{"speed", ControlVerb::set_speed}};
 
 /// Waits until the world has described itself. Throws `Error` (middleware) where none does.
 SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Network& network, double wait_s) {
@@ -126,13 +126,11 @@ void await_answers(Bus& bus, Reader<ControlReply>& replies, Reader<Status>& stat
 
 }  // namespace
 
-void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, int user, double time_s,
+void send_control(const Network& network, const std::string& verb, const std::string& argument, bool for_sub_worlds,
                   double wait_s) {
   Control order;
   order.number = std::random_device()();
-  if (verb == "engine") order.argument = to_text(engine);
-  if (verb == "seek") order.argument = fmt::format("{}", time_s);
-  if (verb == "leave") order.argument = std::to_string(user);
+  order.argument = argument;
   for (const Verb& known : kVerbs) {
     if (known.name == verb) order.verb = known.verb;
   }
@@ -151,7 +149,6 @@ void send_control(const Network& network, const std::string& verb, const EngineO
                 fmt::format("the order could not be sent on domain {}; try again", network.domain));
   }
   fmt::print("{}: sent to \"{}\" on domain {}\n", verb, world.name, network.domain);
-  const bool for_sub_worlds = verb == "engine" && engine.target == EngineOrder::Target::haptic;
   Answers answers(order, for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
                   for_sub_worlds ? world.users : 1);
   await_answers(*hearing, replies, statuses, scene, order, answers, wait_s);

@@ -27,10 +27,10 @@ struct RunRequest {
 /// Throws `Error`: usage for the scene, middleware for a domain in use.
 int run(const RunRequest& request);
 
-/// Sends one order to the programs on a domain and prints their answers. `engine` belongs to the verb "engine", `user`
-/// to "leave", `time_s` to "seek". Throws `Error`: middleware where there is no world within `wait_s`, failed where one
-/// refuses or does not answer within as long again.
-void send_control(const Network& network, const std::string& verb, const EngineOrder& engine, int user, double time_s,
+/// Sends one order to the programs on a domain and prints their answers. `argument` is that of its `Control`;
+/// `for_sub_worlds`: they execute it, and not the world. Throws `Error`: middleware where there is no world within
+/// `wait_s`, failed where one refuses or does not answer within as long again.
+void send_control(const Network& network, const std::string& verb, const std::string& argument, bool for_sub_worlds,
                   double wait_s);
 
 /// The vendor of the program at a position among those of a run; with "mixed" they alternate.

@@ -16,6 +16,7 @@ namespace subworld {
 
 namespace {
 
+constexpr std::string_view kEnds = "stopping";  // the end of the recorded run is not the end of the replay
 constexpr std::size_t kSceneTopic = kTopicIndex<SceneDescription>, kSnapshotTopic = kTopicIndex<WorldSnapshot>,
                       kStatusTopic = kTopicIndex<Status>;
 
@@ -34,6 +35,15 @@ std::string partition_of(const std::string& topic) {
   return topic.find("/device_") == end ? "device" + user.substr(user.rfind('_')) : user;
 }
 
+/// None where the text is anything but a number.
+std::optional<double> number_in(const std::string& text) {
+  double number = 0.0;
+  const char* const end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, number);
+  if (read.ec != std::errc{} || read.ptr != end) return {};
+  return number;
+}
+
 }  // namespace
 
 Player::Player(mcap::Reader& reader, Bus& bus, const Config& config)
@@ -45,17 +55,41 @@ Player::Player(mcap::Reader& reader, Bus& bus, const Config& config)
       statuses_(bus.writer<Status>()),
       paused_(config.paused) {
   open_channels(bus);
+  publish_scene();
+  move_to(config.from_s);
+  publish_statuses();
+}
+
+void Player::publish_scene() {
   Codec<SceneDescription> codec;
-  for (std::size_t i = 0; i < reader_.chunks() && scene_.bodies.empty(); ++i) {
+  ByteWriter* writer = nullptr;
+  std::optional<double> from_s, to_s;
+  for (std::size_t i = 0; i < reader_.chunks() && (scene_.bodies.empty() || !from_s); ++i) {
     const mcap::Chunk chunk = reader_.read_chunk(i);
+    if (!from_s) from_s = time_of(chunk, false);
     for (const mcap::Message& message : chunk.messages) {
       const auto at = channels_.find(message.channel);
       if (at == channels_.end() || at->second.topic != kSceneTopic || !codec.decode(message.data, scene_)) continue;
-      at->second.writer->write(message.data);
+      writer = at->second.writer.get();
     }
   }
-  if (scene_.bodies.empty()) throw Error(ExitCode::usage, "the recording has no scene; record a run to its end");
-  move_to(config.from_s);
+  if (writer == nullptr) throw Error(ExitCode::usage, "the recording has no scene; record a run to its end");
+  for (std::size_t i = reader_.chunks(); i-- > 0 && !to_s;) to_s = time_of(reader_.read_chunk(i), true);
+  scene_.settings.push_back({"replay.from_s", fmt::format("{}", from_s.value_or(0.0))});
+  scene_.settings.push_back({"replay.to_s", fmt::format("{}", to_s.value_or(0.0))});
+  writer->write(codec.encode(scene_));
+}
+
+std::optional<double> Player::time_of(const mcap::Chunk& chunk, bool last) {
+  std::optional<double> time_s;
+  for (const mcap::Message& message : chunk.messages) {
+    const auto at = channels_.find(message.channel);
+    if (at == channels_.end() || at->second.topic != kSnapshotTopic || !snapshot_codec_.decode(message.data, snapshot_))
+      continue;
+    time_s = snapshot_.stamp_s;
+    if (!last) break;
+  }
+  return time_s;
 }
 
 void Player::open_channels(Bus& bus) {
@@ -109,15 +143,16 @@ void Player::publish(Due& due) {
   Channel& channel = channels_.at(due.channel);
   if (channel.topic == kStatusTopic) {
     Status status;
-    // The end of the recorded run is not the end of the replay.
-    if (!status_codec_.decode(due.data, status) || status.state == "stopping") return;
-    status.paused = paused_;
-    statuses_.write(status);
-    newest_statuses_[{status.program, status.instance}] = status;
+    if (!status_codec_.decode(due.data, status) || status.state == kEnds) return;
+    learn(status);
+    statuses_.write(newest_statuses_.at({status.program, status.instance}));
     statuses_at_ = Clock::now();
   } else if (due.snapshot) {
     published_s_ = due.time_s;
-    if (snapshot_codec_.decode(due.data, snapshot_)) snapshots_.write(snapshot_);
+    if (snapshot_codec_.decode(due.data, snapshot_)) {
+      snapshots_.write(snapshot_);
+      learn(snapshot_);
+    }
   } else {
     channel.writer->write(due.data);
   }
@@ -126,18 +161,10 @@ void Player::publish(Due& due) {
 
 /// Begins before the moment with a snapshot of all bodies, and adds those that follow.
 void Player::move_to(double time_s) {
-  std::vector<BodyState> states = scene_.states;
-  WorldSnapshot snapshot;
+  states_ = scene_.states;
   bool found = false;
-  const auto time_of = [&](const mcap::Chunk& chunk) -> std::optional<double> {
-    for (const mcap::Message& message : chunk.messages) {
-      const auto at = channels_.find(message.channel);
-      if (at != channels_.end() && at->second.topic == kSnapshotTopic && snapshot_codec_.decode(message.data, snapshot))
-        return snapshot.stamp_s;
-    }
-    return {};
-  };
-  next_chunk_ = reader_.last_chunk_before(time_s - kCompleteSnapshot_s, time_of);
+  next_chunk_ = reader_.last_chunk_before(time_s - kCompleteSnapshot_s,
+                                          [&](const mcap::Chunk& chunk) { return time_of(chunk, false); });
   read_.clear();
   due_.clear();
   read_s_ = 0.0;
@@ -146,18 +173,20 @@ void Player::move_to(double time_s) {
   while (read_segment()) {
     if (due_.back().time_s > time_s) break;
     for (const Due& due : due_) {
+      Status status;
+      if (channels_.at(due.channel).topic == kStatusTopic && status_codec_.decode(due.data, status) &&
+          status.state != kEnds)
+        learn(status);
       if (!due.snapshot || !snapshot_codec_.decode(due.data, last)) continue;
       found = true;
-      for (const StampedBody& moved : last.moved)
-        if (index(moved.id) < states.size()) states[index(moved.id)] = moved.state;
+      learn(last);
     }
     due_.clear();
   }
   if (found) {
-    last.moved.clear();
-    for (std::uint32_t i = 0; i < states.size(); ++i) last.moved.push_back({BodyId{i}, states[i]});
-    snapshots_.write(last);
+    snapshot_ = last;
     published_s_ = last.stamp_s;
+    publish_snapshot();
     ++published_;
   } else {
     published_s_ = due_.empty() ? 0.0 : due_.back().time_s;
@@ -165,14 +194,34 @@ void Player::move_to(double time_s) {
   restart_clock();
 }
 
-/// As the programs do, while none are due.
-void Player::repeat_statuses() {
-  if (Clock::now() - statuses_at_ < std::chrono::seconds(1)) return;
-  statuses_at_ = Clock::now();
+void Player::learn(const WorldSnapshot& snapshot) {
+  for (const StampedBody& moved : snapshot.moved)
+    if (index(moved.id) < states_.size()) states_[index(moved.id)] = moved.state;
+}
+
+void Player::publish_snapshot() {
+  snapshot_.moved.clear();
+  for (std::uint32_t i = 0; i < states_.size(); ++i) snapshot_.moved.push_back({BodyId{i}, states_[i]});
+  snapshots_.write(snapshot_);
+}
+
+/// The newest status of a program, as the replay shows it.
+void Player::learn(const Status& status) {
+  Status& newest = newest_statuses_[{status.program, status.instance}];
+  newest = status;
+  newest.paused = paused_;
+  if (newest.program == ProgramKind::world_sim) newest.real_time_factor = config_.speed;
+}
+
+void Player::publish_statuses() {
+  Status world;
+  world.state = "running";
+  newest_statuses_.try_emplace({ProgramKind::world_sim, 0}, world);
   for (auto& [program, status] : newest_statuses_) {
-    status.paused = paused_;
+    learn(Status(status));
     statuses_.write(status);
   }
+  statuses_at_ = Clock::now();
 }
 
 void Player::restart_clock() {
@@ -201,15 +250,21 @@ void Player::execute(const Control& order) {
       break;
     }
     case ControlVerb::reset: {
-      double time_s = 0.0;
-      const char* const end = order.argument.data() + order.argument.size();
       paused_ = was_paused;
-      if (std::from_chars(order.argument.data(), end, time_s).ptr != end) {
-        reply.answer = {OrderState::refused, "a moment in seconds is needed"};
-        break;
-      }
-      move_to(time_s);
-      reply.answer.text = fmt::format("moved to t = {:.3f} s", published_s_);
+      const std::optional<double> time_s = number_in(order.argument);
+      if (time_s) move_to(*time_s);
+      reply.answer = time_s ? OrderAnswer{OrderState::done, fmt::format("moved to t = {:.3f} s", published_s_)}
+                            : OrderAnswer{OrderState::refused, "a moment in seconds is needed"};
+      break;
+    }
+    case ControlVerb::set_speed: {
+      paused_ = was_paused;
+      const double speed = number_in(order.argument).value_or(0.0);
+      const bool possible = speed >= kLeastSpeed && speed <= kMostSpeed;
+      if (possible) config_.speed = speed;
+      reply.answer = possible ? OrderAnswer{OrderState::done, fmt::format("speed {}", speed)}
+                              : OrderAnswer{OrderState::refused,
+                                            fmt::format("a speed from {} to {} is needed", kLeastSpeed, kMostSpeed)};
       break;
     }
     case ControlVerb::stop:
@@ -221,6 +276,7 @@ void Player::execute(const Control& order) {
       reply.answer = {OrderState::refused, "a replay has no engine, scheme or users to change"};
   }
   restart_clock();
+  publish_statuses();
   answers_.write(reply);
 }
 
@@ -228,7 +284,10 @@ bool Player::advance(double wait_s) {
   Control order;
   while (orders_.take(order) == Take::sample) execute(order);
   if (stopped_) return false;
-  repeat_statuses();
+  if (Clock::now() - statuses_at_ > std::chrono::seconds(1)) {  // as the programs do
+    publish_statuses();
+    if (paused_) publish_snapshot();  // for a viewer that has come since
+  }
   if (!paused_) {
     const double now_s = clock_from_s_ + config_.speed * to_seconds(Clock::now() - clock_from_);
     while (!due_.empty() || read_segment()) {
@@ -239,6 +298,7 @@ bool Player::advance(double wait_s) {
     if (due_.empty()) {
       if (!config_.stays) return false;
       paused_ = true;
+      publish_statuses();
     } else {
       wait_s = std::min(wait_s, std::max(1e-4, (due_.front().time_s - now_s) / config_.speed));
     }

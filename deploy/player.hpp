@@ -20,10 +20,12 @@ namespace subworld {
 
 /// Publishes a recording in the place of the programs that were recorded. Its time is the simulated time of the world's
 /// snapshots; other messages lie between two snapshots as they were sent. Orders on the topic `control` pause, resume,
-/// step (to the next snapshot), move (`reset`, with the moment in seconds) and stop it. Recorded orders and their
-/// answers are not published.
+/// step (to the next snapshot), move (`reset`, with the moment in seconds), change its speed and stop it. Recorded
+/// orders and their answers are not published. The scene's settings also have `replay.from_s` and `replay.to_s`, the
+/// first and the last moment, so that a viewer knows a replay. The real-time factor in the world's status is the speed.
 class Player {
  public:
+  static constexpr double kLeastSpeed = 1e-3, kMostSpeed = 1e3;
   struct Config {
     double speed = 1.0;   ///< simulated time per time
     double from_s = 0.0;  ///< simulated time
@@ -51,16 +53,24 @@ class Player {
     bool snapshot = false;
   };
   void open_channels(Bus& bus);
+  /// Publishes the recorded scene, with the first and the last moment. Throws `Error` (usage) where there is none.
+  void publish_scene();
+  /// The simulated time of the first or last snapshot in a chunk; none: it has no snapshot.
+  [[nodiscard]] std::optional<double> time_of(const mcap::Chunk& chunk, bool last);
   /// Reads messages up to the next snapshot. False at the end of the file.
   bool read_segment();
   void publish(Due& due);
   void move_to(double time_s);
   void execute(const Control& order);
   void restart_clock();
-  void repeat_statuses();
+  void learn(const Status& status);
+  void learn(const WorldSnapshot& snapshot);
+  /// All bodies as they are now.
+  void publish_snapshot();
+  void publish_statuses();
 
   mcap::Reader& reader_;
-  const Config config_;
+  Config config_;
   std::map<std::uint16_t, Channel> channels_;
   Reader<Control> orders_;
   Writer<ControlReply> answers_;
@@ -69,7 +79,8 @@ class Player {
   Codec<WorldSnapshot> snapshot_codec_;
   Codec<Status> status_codec_;
   SceneDescription scene_;
-  WorldSnapshot snapshot_;
+  WorldSnapshot snapshot_;  ///< the newest one, for its users
+  std::vector<BodyState> states_;
   std::map<std::pair<ProgramKind, std::uint32_t>, Status> newest_statuses_;
   TimePoint statuses_at_;
   std::size_t next_chunk_ = 0;

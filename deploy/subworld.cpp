@@ -6,6 +6,7 @@
 #include "link/command.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
+#include "player.hpp"
 #include "replay.hpp"
 #include "report/page.hpp"
 #include "results/command.hpp"
@@ -161,7 +162,7 @@ void add_replay(CommandLine& line, ReplayRequest& request) {
   line.flag("--page", request.page, "the same, with a display that serves the page; prints the address");
   add_live_options(line, request.live,
                    "publish the recording, and serve it to Lichtblick and Foxglove on this TCP port");
-  line.add("--speed", &request.speed, "simulated time per time").range(1e-3, 1e3);
+  line.add("--speed", &request.speed, "simulated time per time").range(Player::kLeastSpeed, Player::kMostSpeed);
   line.add("--from", &request.from_s, "first moment, simulated time").range(0.0, 1e6, "s");
   line.flag("--paused", request.paused, "begin paused: `subworld control step` advances to the next snapshot");
   add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
@@ -187,13 +188,15 @@ struct ControlRequest {
   EngineOrder engine;
   std::optional<int> user;
   std::optional<double> time_s;
+  std::optional<double> speed;
+  std::string ratio;
   bool haptic = false;
   double wait_s = 5.0;
 };
 
 void add_control(CommandLine& line, ControlRequest& request) {
   line.add("verb", &request.verb, "the order")
-      .one_of({"stop", "pause", "resume", "step", "leave", "engine", "seek"})
+      .one_of({"stop", "pause", "resume", "step", "leave", "engine", "ratio", "seek", "speed"})
       .required();
   line.add("engine", &request.engine.engine, "for the order engine: the engine to change to");
   line.add("--preset", &request.engine.preset, "preset of that engine");
@@ -201,6 +204,10 @@ void add_control(CommandLine& line, ControlRequest& request) {
       .range(0, static_cast<int>(kMostUsers) - 1);
   line.add("--time", &request.time_s, "for the order seek, which a replay executes: the moment to move to")
       .range(0.0, 1e6, "s");
+  line.add("--speed", &request.speed, "for the order speed, which a replay executes: simulated time per time")
+      .range(Player::kLeastSpeed, Player::kMostSpeed);
+  line.add("--ratio", &request.ratio, "for the order ratio: bounds within those that the run was started with")
+      .check(ratio_fault);
   line.flag("--haptic", request.haptic, "change the sub-worlds' engine instead of the world's");
   add_domain(line, request.network.domain).required();
   add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
@@ -212,6 +219,7 @@ void add_control(CommandLine& line, ControlRequest& request) {
       "  subworld control engine bullet_float --domain 100\n"
       "  subworld control engine havok --haptic --domain 100\n"
       "  subworld control leave --user 1 --domain 100\n"
+      "  subworld control ratio --ratio 4-8 --domain 100\n"
       "  subworld control seek --time 1.5 --domain 100\n"
       "  subworld control stop --domain 70 --interface eth0 --peers 10.0.0.2\n"
       "`subworld top` shows the domains in use.\n"
@@ -228,9 +236,19 @@ void control(ControlRequest& request) {
     throw Error(ExitCode::usage, "--user belongs to `control leave`, which needs it: subworld control leave --user 1");
   if ((request.verb == "seek") != request.time_s.has_value())
     throw Error(ExitCode::usage, "--time belongs to `control seek`, which needs it: subworld control seek --time 1.5");
+  if ((request.verb == "speed") != request.speed.has_value())
+    throw Error(ExitCode::usage,
+                "--speed belongs to `control speed`, which needs it: subworld control speed --speed 2");
+  if ((request.verb == "ratio") == request.ratio.empty())
+    throw Error(ExitCode::usage,
+                "--ratio belongs to `control ratio`, which needs it: subworld control ratio --ratio 4-8");
   if (request.haptic) request.engine.target = EngineOrder::Target::haptic;
-  send_control(request.network, request.verb, request.engine, request.user.value_or(0), request.time_s.value_or(0.0),
-               request.wait_s);
+  std::string argument = request.ratio;
+  if (request.verb == "engine") argument = to_text(request.engine);
+  if (request.user) argument = std::to_string(*request.user);
+  if (request.time_s) argument = fmt::format("{}", *request.time_s);
+  if (request.speed) argument = fmt::format("{}", *request.speed);
+  send_control(request.network, request.verb, argument, request.verb == "engine" && request.haptic, request.wait_s);
 }
 
 void add_doctor(CommandLine& line, doctor::Request& request) {

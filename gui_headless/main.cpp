@@ -8,8 +8,33 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+
 namespace subworld {
 namespace {
+
+/// Passes the places of programs on, where they are new.
+class Places {
+ public:
+  explicit Places(live::Server* viewers) : viewers_(viewers) {}
+
+  /// After a status was received.
+  void look(const Status& status, const Reader<Status>& statuses) {
+    if (viewers_ == nullptr) return;
+    const std::optional<PeerProgram> program = statuses.sender_program();
+    if (!program) return;
+    std::string& known = known_[{status.program, status.instance}];
+    if (const std::string text = to_text(*program); std::exchange(known, text) != text)
+      viewers_->place(status.program, status.instance, *program);
+  }
+
+ private:
+  live::Server* viewers_;
+  std::map<std::pair<ProgramKind, std::uint32_t>, std::string> known_;
+};
 
 /// Follows the world until it stops or a signal requests a stop. Throws `Error` (failed) if no world is found.
 void follow(DisplayPorts& ports, Display& display, live::Server* viewers, const Options& options) {
@@ -20,10 +45,13 @@ void follow(DisplayPorts& ports, Display& display, live::Server* viewers, const 
   TimePoint heard = Clock::now();
   double next_picture_s = options.picture_every_s;
   bool stopping = false;
+  Places places(viewers);
   while (stop_signal() == 0 && !stopping) {
     ports.bus->wait(0.1);
-    while (ports.statuses.take(status) == Take::sample)
+    while (ports.statuses.take(status) == Take::sample) {
+      places.look(status, ports.statuses);
       stopping |= status.program == ProgramKind::world_sim && status.state == "stopping";
+    }
     if (ports.scene.take(description) == Take::sample) {
       if (viewers != nullptr) viewers->describe(description);
       display.describe(std::move(description));

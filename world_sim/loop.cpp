@@ -79,6 +79,10 @@ void WorldLoop::follow_orders() {
       ports.status.answer(order.number, dismiss(order.argument));
       continue;
     }
+    if (order.verb == ControlVerb::set_ratio) {
+      ports.status.answer(order.number, world.change_ratio(order.argument));
+      continue;
+    }
     if (order.verb != ControlVerb::set_engine) {
       OrderAnswer answer = control_.follow(order);
       ports.status.pause(control_.paused());

@@ -66,7 +66,8 @@ std::string WorldPorts::second_world() {
     const auto known = std::ranges::find(unknown_scenes_, participant, &UnknownScene::participant);
     if (known != unknown_scenes_.end() || unknown_scenes_.size() >= kMostUnknown) continue;
     unknown_scenes_.push_back({participant, heard_scene_.name});
-    if (scene_writers_.size() < kMostNamed) scene_writers_.insert(worlds.sender_program());
+    if (const auto writer = worlds.sender_program(); writer && scene_writers_.size() < kMostNamed)
+      scene_writers_.insert(to_text(*writer));
   }
   const auto world = std::ranges::find_if(unknown_scenes_, [&](const UnknownScene& one) {
     return status.is_program(ProgramKind::world_sim, one.participant);

@@ -22,6 +22,8 @@ OrderAnswer RunControl::follow(const Control& order) {
     case ControlVerb::set_engine:
     case ControlVerb::set_scheme:
     case ControlVerb::leave:
+    case ControlVerb::set_ratio:
+    case ControlVerb::set_speed:
       break;
   }
   return {OrderState::refused, "this world follows stop, pause, resume and step; start a new run for anything else"};

@@ -4,9 +4,12 @@
 #include "coupling/plan.hpp"
 #include "coupling/swept_bounds.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <optional>
 #include <utility>
 
 namespace subworld {
@@ -137,6 +140,20 @@ bool World::exchange_engine(EngineExchange& exchange) {
   engine_cost_ = engine_cost(next_engine_);
   facts_.engine = engine_.name();
   return true;
+}
+
+OrderAnswer World::change_ratio(const std::string& text) {
+  const RatioBounds whole = scene_.settings.ratio_bounds();
+  const std::optional<RatioBounds> wanted = parse_ratio(text);
+  if (!wanted) return {OrderState::refused, fmt::format("\"{}\" is no ratio; give one as 4, or two as 4-8", text)};
+  if (!scene_.settings.adapts_ratio())
+    return {OrderState::refused, fmt::format("the ratio of this run is fixed at {}; start a run with two bounds, as "
+                                             "--ratio 4-12, to change it between them",
+                                             whole.least)};
+  if (wanted->least < whole.least || wanted->most > whole.most)
+    return {OrderState::refused, fmt::format("this run was started with --ratio {}; stay within it", to_text(whole))};
+  ratio_control_.set_bounds(*wanted);
+  return {OrderState::done, fmt::format("ratio {}", to_text(*wanted))};
 }
 
 double World::published_cost_s(double cycle_s, int parts) const noexcept {

@@ -140,6 +140,9 @@ class World {
   /// when the other one is ready.
   OrderAnswer change_engine(EngineExchange& exchange, const EngineOrder& order);
   bool exchange_engine(EngineExchange& exchange);
+  /// Narrows the bounds between which the simulation ratio adapts: `text` as in "4" or "4-8". Refused outside the
+  /// scene's bounds, for which all programs have made room.
+  OrderAnswer change_ratio(const std::string& text);
 
   [[nodiscard]] const WorldFacts& facts() const noexcept { return facts_; }
   [[nodiscard]] UserFacts user_facts(std::size_t user) const noexcept;

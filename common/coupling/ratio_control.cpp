@@ -26,9 +26,10 @@ int RatioControl::choose_ratio(int present, bool border_is_felt, double cycle_s,
   }
   const int comfortable = smallest_affordable(kShare, cost);
   if (smallest_affordable(kOverShare, cost) > present) return comfortable;
-  if (!border_is_felt) return present;
+  const int within = std::clamp(present, least_, most_);
+  if (!border_is_felt) return within;
   cheap_s_ = comfortable < present ? cheap_s_ + cycle_s : 0.0;
-  return cheap_s_ > kSettled_s ? comfortable : present;
+  return cheap_s_ > kSettled_s ? comfortable : within;
 }
 
 int RatioControl::choose_substeps(int present, double cycle_s, double longest_substep_s, double time_s,

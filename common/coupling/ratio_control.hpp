@@ -28,6 +28,11 @@ class RatioControl {
 
   explicit RatioControl(const Settings& settings);
 
+  /// Other bounds from now on.
+  void set_bounds(const RatioBounds& bounds) noexcept {
+    least_ = bounds.least;
+    most_ = bounds.most;
+  }
   /// After a cycle of `cycle_s`: the ratio that should follow the present one.
   [[nodiscard]] int choose_ratio(int present, bool border_is_felt, double cycle_s, const CycleCost& cost);
   /// Sub-steps of a cycle; `longest_substep_s`: of the scheme; `time_s`: wall time for it on a clock at full speed.

@@ -306,7 +306,18 @@ struct WorldSnapshot {
   std::vector<UserView> users;
 };
 
-enum class ControlVerb : std::uint8_t { stop, pause, resume, step, reset, set_engine, set_scheme, leave };
+enum class ControlVerb : std::uint8_t {
+  stop,
+  pause,
+  resume,
+  step,
+  reset,
+  set_engine,
+  set_scheme,
+  leave,
+  set_ratio,  ///< "4" or "4-12"
+  set_speed,  ///< of a replay: simulated time per time
+};
 
 /// Topic `control`.
 struct Control {

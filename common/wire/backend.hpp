@@ -1,6 +1,7 @@
 #pragma once
 
 #include "wire/held_samples.hpp"
+#include "wire/peer_program.hpp"
 #include "wire/topics.hpp"
 
 #include <fmt/format.h>
@@ -15,6 +16,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 /// Interface between the bus and a back end, one plug-in library per vendor. A back end moves CDR bytes and knows no
@@ -118,8 +120,8 @@ class BackendReader : public Endpoint {
   [[nodiscard]] virtual std::uint64_t refused() const noexcept { return 0; }
   /// The participant of a matched writer, the same for all of its topics; 0: not known.
   [[nodiscard]] virtual std::uint64_t participant_of(std::uint64_t) const noexcept { return 0; }
-  /// The program of a writer that matches or has matched, with its process and host; empty: not known.
-  [[nodiscard]] virtual std::string program_of(std::uint64_t) const { return {}; }
+  /// The program of a writer that matches or has matched; none: not known.
+  [[nodiscard]] virtual std::optional<PeerProgram> program_of(std::uint64_t) const { return {}; }
   /// The writers whose samples were refused: the first few.
   [[nodiscard]] virtual std::vector<std::uint64_t> foreign_writers() const { return {}; }
 
@@ -181,13 +183,28 @@ class HoldingReader : public BackendReader {
   std::uint64_t writer_ = 0;
 };
 
-/// What a participant says of its program, in one text; the vendors send process and host by different names.
-inline std::string program_text(const std::string& name, const std::string& process, const std::string& host) {
-  return fmt::format("{}{}{}", name.empty() ? "a program" : name, process.empty() ? "" : ", process " + process,
-                     host.empty() ? "" : " on " + host);
+/// The properties with which a participant describes its program.
+struct PeerProperties {
+  const char* dds;  ///< the vendor that sends these
+  const char* process;
+  const char* host;
+};
+inline constexpr std::array kPeerProperties{
+    PeerProperties{"fastdds", "fastdds.physical_data.process", "fastdds.physical_data.host"},
+    PeerProperties{"cyclonedds", "__Pid", "__Hostname"}};
+
+/// `property(name)` is the value of a participant's property, or empty.
+PeerProgram describe_peer(std::string name, const auto& property) {
+  PeerProgram program{std::move(name), {}, {}, {}};
+  for (const PeerProperties& names : kPeerProperties) {
+    const std::string process = property(names.process), host = property(names.host);
+    if (process.empty() && host.empty()) continue;
+    program.process = process;
+    program.host = host.substr(0, host.find(':'));
+    program.dds = names.dds;
+  }
+  return program;
 }
-inline constexpr std::array kProcessProperties{"fastdds.physical_data.process", "__Pid"};
-inline constexpr std::array kHostProperties{"fastdds.physical_data.host", "__Hostname"};
 
 /// Endpoints must be destroyed before their back end.
 class Backend {

@@ -208,6 +208,12 @@ bool AnyReader::decode_any(void* sample) noexcept {
   return decoded == Decoded::sample;
 }
 
+std::string to_text(const PeerProgram& program) {
+  return fmt::format("{}{}{}", program.name.empty() ? "a program" : program.name,
+                     program.process.empty() ? "" : ", process " + program.process,
+                     program.host.empty() ? "" : " on " + program.host);
+}
+
 void AnyReader::trust_sender() noexcept { impl_->backend->trust(impl_->writer); }
 void AnyReader::distrust() noexcept { impl_->backend->distrust(); }
 std::uint64_t AnyReader::refused() const noexcept { return impl_->backend->refused(); }
@@ -215,11 +221,10 @@ std::uint64_t AnyReader::sender_participant() const noexcept { return impl_->bac
 std::string AnyReader::foreign_programs() const {
   std::set<std::string> programs;
   for (const std::uint64_t writer : impl_->backend->foreign_writers())
-    programs.insert(impl_->backend->program_of(writer));
-  programs.erase("");
+    if (const auto program = impl_->backend->program_of(writer)) programs.insert(to_text(*program));
   return fmt::format("{}", fmt::join(programs, "; "));
 }
-std::string AnyReader::sender_program() const { return impl_->backend->program_of(impl_->writer); }
+std::optional<PeerProgram> AnyReader::sender_program() const { return impl_->backend->program_of(impl_->writer); }
 int AnyReader::matched() const noexcept { return impl_->backend->matched(); }
 int AnyReader::alive_writers() const noexcept { return impl_->backend->alive_writers(); }
 std::uint64_t AnyReader::received_bytes() const noexcept { return impl_->bytes; }

@@ -2,6 +2,7 @@
 
 #include "model/error.hpp"
 #include "model/network.hpp"
+#include "wire/peer_program.hpp"
 #include "wire/topics.hpp"
 
 #include <cstddef>
@@ -98,8 +99,8 @@ class AnyReader {
   [[nodiscard]] std::uint64_t refused() const noexcept;
   /// The programs of foreign writers, the first few: "world_sim, process 123 on host"; empty: not known.
   [[nodiscard]] std::string foreign_programs() const;
-  /// The program that wrote the sample received last; empty: not known.
-  [[nodiscard]] std::string sender_program() const;
+  /// The program that wrote the sample received last; none: not known.
+  [[nodiscard]] std::optional<PeerProgram> sender_program() const;
   /// Number of matched writers, dead or alive.
   [[nodiscard]] int matched() const noexcept;
   /// Writers with a sign of life within the lease (100 ms; 1 s in lock-step). Fast DDS 2.9 counts a killed one as long

@@ -187,7 +187,7 @@ bool fields(const auto& copy, Is<WorldSnapshot> auto& m, auto& w) {
 }
 
 bool fields(const auto& copy, Is<Control> auto& m, auto& w) {
-  return copy(m.number, w.number()) && copy.kind(m.verb, w.verb(), ControlVerb::leave) &&
+  return copy(m.number, w.number()) && copy.kind(m.verb, w.verb(), ControlVerb::set_speed) &&
          copy(m.argument, w.argument());
 }
 

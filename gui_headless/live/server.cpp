@@ -247,6 +247,12 @@ void Server::describe(const SceneDescription& scene) {
   });
 }
 
+void Server::place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer) {
+  asio::post(parts_->io, [parts = parts_.get(), program, instance, peer] {
+    parts->sources.place(program, instance, peer, parts->deliver);
+  });
+}
+
 const std::string& Server::address() const noexcept { return parts_->address; }
 
 }  // namespace subworld::live

@@ -28,6 +28,8 @@ class Server {
 
   /// The world, when it is known.
   void describe(const SceneDescription& scene);
+  /// Where a program of the run was found.
+  void place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer);
   /// "127.0.0.1:8765"
   [[nodiscard]] const std::string& address() const noexcept;
 

@@ -1,5 +1,6 @@
 #include "sources.hpp"
 
+#include "cdr_text.hpp"
 #include "scene_update.hpp"
 #include "wire/schema.hpp"
 #include "world_view.hpp"
@@ -15,7 +16,11 @@
 namespace subworld::live {
 namespace {
 
-constexpr std::string_view kModule = "subworld::msg::", kWorldView = "subworld::msg::WorldView";
+constexpr std::string_view kModule = "subworld::msg::", kWorldView = "subworld::msg::WorldView",
+                           kPlace = "subworld::msg::ProgramPlace";
+constexpr std::string_view kPlaceSchema =
+    "module subworld {\nmodule msg {\n@final struct ProgramPlace {\n  @key unsigned long program;\n"
+    "  @key unsigned long instance;\n  string dds;\n  string host;\n  string process;\n};\n};\n};\n";
 constexpr double kMostUpdateBytes_s = 20e6;  // a large scene is sent at a lower rate
 constexpr std::uint64_t kEvent = 1ULL << 63U;
 
@@ -37,6 +42,7 @@ std::vector<Channel> all_channels(int users) {
       {0, "/scene_update", "foxglove::SceneUpdate", std::string(scene_update_schema()), {}, {}},
       {0, "/world_view", std::string(kWorldView), world_view_schema(), {}, {}},
       topic_channel<Status>("/status"),
+      {0, "/program_place", std::string(kPlace), std::string(kPlaceSchema), {}, {}},
       topic_channel<Control>("/control"),
       topic_channel<ControlReply>("/control_reply")};
   for (int user = 0; user < users; ++user) {
@@ -51,6 +57,7 @@ std::vector<Channel> all_channels(int users) {
 }
 
 bool is_view(const Channel& channel) { return channel.type == kWorldView; }
+bool is_place(const Channel& channel) { return channel.type == kPlace; }
 bool is_scene(const Channel& channel) { return channel.row == kTopicIndex<SceneDescription>; }
 /// Whether each message counts, and none replaces an earlier one.
 bool is_event(const Channel& channel) {
@@ -83,7 +90,7 @@ const Channel* Sources::channel(std::uint32_t id) const noexcept {
 void Sources::subscribe(const Channel& channel) {
   const auto [at, first] = open_.try_emplace(channel.id);
   Open& open = at->second;
-  if (first && !is_scene(channel)) {
+  if (first && !is_scene(channel) && !is_place(channel)) {
     try {
       open.observer.emplace(bus_, channel.row.value_or(kTopicIndex<WorldSnapshot>), channel.partition);
     } catch (...) {
@@ -91,7 +98,7 @@ void Sources::subscribe(const Channel& channel) {
       throw;
     }
   }
-  if (first && !channel.row && !is_view(channel) && scene_) {
+  if (first && !channel.row && !is_view(channel) && !is_place(channel) && scene_) {
     states_ = scene_->states;
     changed_ = true;
   }
@@ -106,6 +113,8 @@ void Sources::unsubscribe(const Channel& channel) noexcept {
 std::vector<Sample> Sources::newest(const Channel& channel) const {
   std::vector<Sample> samples;
   if (is_scene(channel) && scene_bytes_) samples.push_back({0, wall_time_ns(), scene_bytes_});
+  if (is_place(channel))
+    for (const auto& [key, sample] : places_) samples.push_back(sample);
   if (const auto at = open_.find(channel.id); at != open_.end())
     for (const auto& [key, sample] : at->second.newest) samples.push_back(sample);
   std::ranges::sort(samples, {}, &Sample::time_ns);
@@ -123,12 +132,25 @@ void Sources::describe(std::shared_ptr<const SceneDescription> scene, const Deli
     if (is_scene(channel)) deliver(channel, {0, wall_time_ns(), scene_bytes_});
 }
 
+void Sources::place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer, const Deliver& deliver) {
+  CdrText cdr;
+  cdr.put(static_cast<std::uint32_t>(program));
+  cdr.put(instance);
+  for (const std::string& text : {peer.dds, peer.host, peer.process}) cdr.put_text(text);
+  const std::uint64_t key = static_cast<std::uint64_t>(program) << 32U | instance;
+  const Sample& sample =
+      places_[key] = {key, wall_time_ns(), std::make_shared<const std::vector<std::uint8_t>>(cdr.take())};
+  for (const Channel& channel : channels_)
+    if (is_place(channel)) deliver(channel, sample);
+}
+
 void Sources::poll(const Deliver& deliver) {
   for (auto& [id, open] : open_) {
+    if (!open.observer) continue;
     const Channel& channel = channels_[id - 1];
     if (!channel.row)
       poll_made(channel, open, deliver);
-    else if (open.observer)
+    else
       poll_topic(channel, open, deliver);
   }
 }

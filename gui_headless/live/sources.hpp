@@ -4,6 +4,7 @@
 #include "outbox.hpp"
 #include "wire/codec.hpp"
 #include "wire/observer.hpp"
+#include "wire/peer_program.hpp"
 #include "world_view.hpp"
 
 #include <functional>
@@ -45,13 +46,15 @@ class Sources {
 
   /// The world as first received.
   void describe(std::shared_ptr<const SceneDescription> scene, const Deliver& deliver);
+  /// Where a program of the run was found.
+  void place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer, const Deliver& deliver);
   /// Receives what has arrived and delivers the newest sample of each key.
   void poll(const Deliver& deliver);
 
  private:
   struct Open {
     int subscribers = 0;
-    std::optional<Observer> observer;  // none: of the scene
+    std::optional<Observer> observer;  // none: of the scene, and of the places of programs
     std::map<std::uint64_t, Sample> newest;
   };
   void poll_topic(const Channel& channel, Open& open, const Deliver& deliver);
@@ -64,6 +67,7 @@ class Sources {
   std::map<std::uint32_t, Open> open_;
   std::shared_ptr<const SceneDescription> scene_;
   Bytes scene_bytes_;
+  std::map<std::uint64_t, Sample> places_;  // by program and instance
   std::uint64_t events_ = 0;
   WorldViewer viewer_;
   // of the scene update

@@ -51,6 +51,31 @@ INSTANTIATE_TEST_SUITE_P(Modes, LiveChange,
                                            std::tuple{"lockstep", "cyclonedds"}),
                          [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
 
+TEST_F(Control, NarrowsTheBoundsOfTheRatio) {
+  Process process(run_words(scene("press"), {"--mode", "realtime", "--duration", "600", "--ratio", "4-12"}),
+                  folder_.path());
+  const Ended narrow = control({"ratio", "--ratio", "7"});
+  EXPECT_EQ(narrow.code, 0) << narrow.err;
+  EXPECT_NE(narrow.out.find("world_sim: ratio 7"), std::string::npos) << narrow.out;
+  const Ended wide = control({"ratio", "--ratio", "2-12"});
+  EXPECT_EQ(wide.code, 1);
+  EXPECT_NE(wide.err.find("started with --ratio 4-12"), std::string::npos) << wide.err;
+  EXPECT_EQ(control({"ratio"}).code, 2);
+  EXPECT_EQ(control({"stop"}).code, 0);
+  ASSERT_EQ(process.wait(), 0) << process.err();
+  const Table cycles = read_table(out() + "/world.csv");
+  EXPECT_EQ(cycles.rows.back()[cycles.column("ratio")], 7.0);
+}
+
+TEST_F(Control, RefusesToChangeAFixedRatio) {
+  Process process(run_words(scene("press"), {"--mode", "lockstep", "--duration", "600"}), folder_.path());
+  const Ended refused = control({"ratio", "--ratio", "4"});
+  EXPECT_EQ(refused.code, 1);
+  EXPECT_NE(refused.err.find("fixed at"), std::string::npos) << refused.err;
+  EXPECT_EQ(control({"stop"}).code, 0);
+  EXPECT_EQ(process.wait(), 0) << process.err();
+}
+
 TEST_F(Control, PausesStepsResumesAndStops) {
   Process process(run_words(scene("press"), {"--mode", "realtime", "--duration", "600"}), folder_.path());
   for (const char* verb : {"pause", "step", "resume", "stop"}) {

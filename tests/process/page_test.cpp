@@ -6,27 +6,54 @@
 namespace subworld::test {
 namespace {
 
-using Page = ProcessTest;
+constexpr int kSkipped = 77;
+
+class Page : public ProcessTest {
+ protected:
+  /// The address of the page that a command names; empty: it names none.
+  static std::string address_of(Process& command) {
+    const std::regex named("page: (http://127\\.0\\.0\\.1:\\d+/)");
+    std::smatch found;
+    std::string text;
+    const bool named_it = eventually([&] {
+      text = command.out();
+      return std::regex_search(text, found, named);
+    });
+    return named_it ? found[1].str() : std::string{};
+  }
+  /// Looks at a page as a user does; the script's exit code.
+  static int look(const std::string& script, const Words& words) {
+    const TemporaryFolder folder;
+    Words all{"/usr/bin/python3", std::string(SOURCE_FOLDER) + "/tests/support/page_client/" + script};
+    all.insert(all.end(), words.begin(), words.end());
+    Process viewer(all, folder.path());
+    const int code = viewer.wait(280.0).value_or(-1);
+    EXPECT_TRUE(code == 0 || code == kSkipped) << viewer.out() << viewer.err();
+    return code;
+  }
+};
 
 /// The page of a run in a real browser: it draws, its orders work, and it outlives the display.
 TEST_F(Page, ShowsAndControlsARun) {
-  constexpr int kSkipped = 77;
-  Process run(run_words(scene("heap"), {"--mode", "realtime", "--duration", "1000", "--page"}), folder_.path());
-  const std::regex named("page: (http://127\\.0\\.0\\.1:\\d+/)");
-  std::smatch found;
-  std::string text;
-  ASSERT_TRUE(eventually([&] {
-    text = run.out();
-    return std::regex_search(text, found, named);
-  })) << run.err();
-  const TemporaryFolder folder;
-  Process viewer(
-      {"/usr/bin/python3", std::string(SOURCE_FOLDER) + "/tests/support/page_client/page_client.py", found[1], out()},
-      folder.path());
-  const int code = viewer.wait(280.0).value_or(-1);
-  if (code == kSkipped) GTEST_SKIP() << viewer.out();
-  EXPECT_EQ(code, 0) << viewer.err();
+  Process run(run_words(scene("heap"), {"--mode", "realtime", "--duration", "1000", "--ratio", "4-8", "--page"}),
+              folder_.path());
+  const std::string address = address_of(run);
+  ASSERT_NE(address, "") << run.err();
+  if (look("page_client.py", {address, out()}) == kSkipped) GTEST_SKIP() << "no Chromium, or a build without the page";
   EXPECT_EQ(run.wait().value_or(-1), 0) << run.err();  // the page has stopped it
+}
+
+/// The bar of a recording: play, step, speed, and any moment by mouse and keyboard.
+TEST_F(Page, MovesThroughARecording) {
+  const std::string file = folder_.path() + "/run.mcap";
+  ASSERT_EQ(run(scene("row"), {"--mode", "lockstep", "--duration", "6", "--record", file}).code, 0);
+  Process replay({program("subworld"), "replay", file, "--page", "--paused", "--domain", domain_.text(), "--out",
+                  folder_.path() + "/shown"},
+                 folder_.path());
+  const std::string address = address_of(replay);
+  ASSERT_NE(address, "") << replay.err();
+  if (look("replay_client.py", {address, "6"}) == kSkipped) GTEST_SKIP() << "no Chromium, or a build without the page";
+  EXPECT_EQ(replay.wait().value_or(-1), 0) << replay.err();  // the page has stopped it
 }
 
 }  // namespace

@@ -134,6 +134,7 @@ TEST_F(Recording, IsPublishedAndSteered) {
   order({"step"}, "to t = 1.5");
   order({"seek", "--time", "0.5"}, "moved to t = 0.4");
   order({"seek", "--time", "9"}, "moved to t = 2.000");
+  order({"speed", "--speed", "2"}, "speed 2");
   order({"stop"}, "stopped");
   EXPECT_EQ(replay.wait().value_or(-1), 0) << replay.err();
   EXPECT_NE(replay.out().find("viewers: open ws://"), std::string::npos) << replay.out();

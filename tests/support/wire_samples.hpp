@@ -221,7 +221,7 @@ class SampleMaker {
     fill_all(to.moved);
     fill_all(to.users);
   }
-  void fill(Control& to) { to = {static_cast<std::uint32_t>(word()), static_cast<ControlVerb>(word() % 7), text()}; }
+  void fill(Control& to) { to = {static_cast<std::uint32_t>(word()), static_cast<ControlVerb>(word() % 10), text()}; }
   void fill(Status& to) {
     to.program = static_cast<ProgramKind>(word() % 4);
     to.instance = user();

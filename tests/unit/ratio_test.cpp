@@ -123,6 +123,16 @@ TEST(RatioControl, SubStepsThatASceneNamesStay) {
   EXPECT_EQ(RatioControl(settings).choose_substeps(1, 0.016, 0.005, 0.016, [](double, int) { return 1.0; }), 3);
 }
 
+TEST(RatioControl, StaysWithinNewBounds) {
+  RatioControl control(adaptive(4, 12));
+  control.set_bounds({6, 8});
+  EXPECT_EQ(after(control, 4, true, 0.1e-3, 1), 6);
+  EXPECT_EQ(after(control, 12, true, 0.1e-3, 1), 8);
+  EXPECT_EQ(after(control, 6, true, 100e-3, 1), 8);
+  control.set_bounds({5, 5});
+  EXPECT_EQ(after(control, 8, false, 0.1e-3, 1), 5);
+}
+
 Scene scene_of(const std::string& name, const RatioBounds& ratio) {
   Scene scene = load_scene(std::string(SCENES_FOLDER) + "/" + name + ".yaml");
   scene.settings.set_ratio(ratio);

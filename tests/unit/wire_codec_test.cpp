@@ -189,7 +189,7 @@ TEST(WireValidation, quaternions_are_unit_normalised_when_near_and_rejected_when
 
 TEST(WireValidation, kinds_out_of_range_are_rejected) {
   Control control;
-  control.verb = static_cast<ControlVerb>(8);
+  control.verb = static_cast<ControlVerb>(10);
   EXPECT_FALSE(accepted(control));
   Status status;
   status.program = static_cast<ProgramKind>(4);

@@ -76,7 +76,9 @@ class CycloneReader final : public HoldingReader {
   [[nodiscard]] std::uint64_t participant_of(std::uint64_t writer) const noexcept override {
     return peers_.participant_of(writer);
   }
-  [[nodiscard]] std::string program_of(std::uint64_t writer) const override { return peers_.program_of(writer); }
+  [[nodiscard]] std::optional<PeerProgram> program_of(std::uint64_t writer) const override {
+    return peers_.program_of(writer);
+  }
 
  private:
   static CycloneReader& of(void* self) { return *static_cast<CycloneReader*>(self); }

@@ -5,7 +5,9 @@
 #include "wire/cyclonedds/vendor.hpp"
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <utility>
 
 namespace subworld::wire::cyclone {
 
@@ -29,13 +31,13 @@ class CyclonePeers {
     return number;
   }
 
-  [[nodiscard]] std::string program_of(dds_instance_handle_t writer) const {
-    std::string text;
+  [[nodiscard]] std::optional<PeerProgram> program_of(dds_instance_handle_t writer) const {
+    std::optional<PeerProgram> program;
     look<dds_builtintopic_endpoint_t>(publications_, writer, [&](const auto& of) {
       look<dds_builtintopic_participant_t>(participants_, of.participant_instance_handle,
-                                           [&](const auto& found) { text = describe(found.qos); });
+                                           [&](const auto& found) { program = describe(found.qos); });
     });
-    return text;
+    return program;
   }
 
  private:
@@ -48,23 +50,18 @@ class CyclonePeers {
     dds_return_loan(reader, &sample, 1);
   }
 
-  static std::string describe(const dds_qos_t* qos) {
+  static PeerProgram describe(const dds_qos_t* qos) {
     char* name = nullptr;
     std::string text;
     if (dds_qget_entity_name(qos, &name) && name != nullptr) text = name;
     dds_free(name);
-    return program_text(text, property(qos, kProcessProperties), property(qos, kHostProperties));
-  }
-
-  template <class Names>
-  static std::string property(const dds_qos_t* qos, const Names& names) {
-    std::string text;
-    for (const char* name : names) {
+    return describe_peer(std::move(text), [qos](const char* of) {
       char* value = nullptr;
-      if (dds_qget_prop(qos, name, &value) && value != nullptr) text = value;
+      std::string found;
+      if (dds_qget_prop(qos, of, &value) && value != nullptr) found = value;
       dds_free(value);
-    }
-    return text.substr(0, text.find(':'));
+      return found;
+    });
   }
 
   dds_entity_t publications_ = 0;

@@ -110,7 +110,7 @@ class FastReader final : public HoldingReader, dds::DataReaderListener {
     const auto one = std::ranges::find(matched_, writer, &Matched::writer);
     return one == matched_.end() ? 0 : one->participant;
   }
-  [[nodiscard]] std::string program_of(std::uint64_t writer) const override {
+  [[nodiscard]] std::optional<PeerProgram> program_of(std::uint64_t writer) const override {
     return peers_.program(participant_of(writer));
   }
 

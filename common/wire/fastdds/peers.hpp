@@ -10,6 +10,7 @@
 #include <atomic>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -25,10 +26,11 @@ class FastPeers final : public dds::DomainParticipantListener {
     return replaced_.contains(participant);
   }
   /// Its program, also after it has gone.
-  [[nodiscard]] std::string program(std::uint64_t participant) const {
+  [[nodiscard]] std::optional<PeerProgram> program(std::uint64_t participant) const {
     const std::lock_guard lock(mutex_);
     const auto found = programs_.find(participant);
-    return found == programs_.end() ? "" : found->second;
+    if (found == programs_.end()) return {};
+    return found->second;
   }
   /// Changes with each participant that is replaced.
   [[nodiscard]] std::uint64_t replacements() const noexcept { return replacements_; }
@@ -52,18 +54,18 @@ class FastPeers final : public dds::DomainParticipantListener {
     }
   }
 
-  static std::string describe(const rtps::ParticipantProxyData& data) {
-    std::string process, host;
-    for (const auto& property : data.m_properties) {
-      if (std::ranges::count(kProcessProperties, property.first()) > 0) process = property.second();
-      if (std::ranges::count(kHostProperties, property.first()) > 0) host = property.second();
-    }
-    return program_text(data.m_participantName.to_string(), process, host.substr(0, host.find(':')));
+  static PeerProgram describe(const rtps::ParticipantProxyData& data) {
+    return describe_peer(data.m_participantName.to_string(), [&](const char* name) {
+      std::string value;
+      for (const auto& property : data.m_properties)
+        if (property.first() == name) value = property.second();
+      return value;
+    });
   }
 
   static constexpr std::size_t kMostPrograms = 1024;
   mutable std::mutex mutex_;
-  std::map<std::uint64_t, std::string> programs_;
+  std::map<std::uint64_t, PeerProgram> programs_;
   std::map<rtps::Locator_t, std::uint64_t> owners_;
   std::set<std::uint64_t> replaced_;
   std::atomic<std::uint64_t> replacements_ = 0;

@@ -76,8 +76,12 @@ class ArrowSet {
   end(): void {
     for (const mesh of [this.shaft, this.head]) {
       mesh.count = this.count;
-      mesh.instanceMatrix.needsUpdate = true;
-      if (mesh.instanceColor) mesh.instanceColor.needsUpdate = true;
+      mesh.visible = this.count > 0;
+      for (const attribute of this.count > 0 ? [mesh.instanceMatrix, mesh.instanceColor!] : []) {
+        attribute.clearUpdateRanges();
+        attribute.addUpdateRange(0, this.count * attribute.itemSize);
+        attribute.needsUpdate = true;
+      }
     }
   }
 }

@@ -3,10 +3,16 @@ import * as THREE from "three";
 import { SHAPES, type Body, type Mesh, type Model, type Vector } from "./model";
 import { theme, userColour } from "./theme";
 
-type Group = { mesh: THREE.InstancedMesh; ids: number[]; scales: THREE.Vector3[]; fixed: boolean };
+type Group = {
+  mesh: THREE.InstancedMesh; ids: number[]; scales: THREE.Vector3[]; fixed: boolean; moved: Uint8Array;
+  painted: Uint8Array;  // of each block of instances, since the last upload
+};
 
+const BLOCK = 64;  // instances that are uploaded together
+const MANY = 500;  // bodies of one shape, which then has fewer triangles
 const UP = new THREE.Vector3(0, 0, 1);
 const SELECTED = new THREE.Color("#ffd23f");
+const PLAIN = new THREE.Color();
 
 /** Darkens the edges of unit boxes, so that equal neighbours stay distinct. */
 function edged(material: THREE.MeshLambertMaterial): THREE.MeshLambertMaterial {
@@ -39,21 +45,29 @@ function trianglesOf(mesh: Mesh): THREE.BufferGeometry {
   return flat;
 }
 
-/** Geometry, its key, and the scale that makes it the body's shape. */
-function shapeOf(body: Body, meshes: Mesh[]): { key: string; make: () => THREE.BufferGeometry; scale: THREE.Vector3 } {
+/** Geometry for that many bodies, its key, and the scale that makes it the body's shape. */
+function shapeOf(
+    body: Body, meshes: Mesh[]): {key: string; make: (count: number) => THREE.BufferGeometry; scale: THREE.Vector3} {
   const { radius: r, half_length: h, half_extents: e } = body;
   switch (SHAPES[body.shape]) {
     case "sphere":
-      return { key: "sphere", make: () => new THREE.SphereGeometry(1, 28, 20), scale: new THREE.Vector3(r, r, r) };
+      return {
+        key: 'sphere',
+        make: (n) => new THREE.SphereGeometry(1, ...(n > MANY ? [14, 9] : [28, 20])),
+        scale: new THREE.Vector3(r, r, r)
+      };
     case "box":
       return { key: "box", make: () => new THREE.BoxGeometry(2, 2, 2), scale: new THREE.Vector3(e.x, e.y, e.z) };
     case "cylinder":
       return {
-        key: "cylinder", make: () => alongZ(new THREE.CylinderGeometry(1, 1, 2, 36)), scale: new THREE.Vector3(r, r, h),
+        key: 'cylinder',
+        make: (n) => alongZ(new THREE.CylinderGeometry(1, 1, 2, n > MANY ? 16 : 36)),
+        scale: new THREE.Vector3(r, r, h),
       };
     case "capsule":
       return {
-        key: `capsule ${(h / r).toFixed(4)}`, make: () => alongZ(new THREE.CapsuleGeometry(1, (2 * h) / r, 10, 28)),
+        key: `capsule ${(h / r).toFixed(4)}`,
+        make: (n) => alongZ(new THREE.CapsuleGeometry(1, (2 * h) / r, ...(n > MANY ? [4, 14] : [10, 28]))),
         scale: new THREE.Vector3(r, r, r),
       };
     case "plane":
@@ -92,9 +106,14 @@ export class Bodies {
   /** Height of the horizontal plane below all bodies, if there is one. */
   floor: number | null = null;
   selected = -1;
+  /** Instances whose place has changed in the last frame. */
+  placed = 0;
   private groups: Group[] = [];
   private poses = new Float64Array(0);
-  private readonly colours: THREE.Color[] = [];
+  // Of each body: its group and its number there; -1: the floor.
+  private groupOf = new Int32Array(0);
+  private slotOf = new Int32Array(0);
+  private tints = new Map<number, number>();
 
   build(model: Model): void {
     for (const { mesh } of this.groups) {
@@ -105,11 +124,16 @@ export class Bodies {
     this.root.clear();
     this.groups = [];
     this.floor = null;
-    this.poses = new Float64Array(7 * model.bodies.length);
-    this.colours.length = 0;
-    const kinds = new Map<string, { bodies: Body[]; scales: THREE.Vector3[]; make: () => THREE.BufferGeometry }>();
+    this.poses = new Float64Array(model.states.to);
+    this.groupOf = new Int32Array(model.bodies.length).fill(-1);
+    this.slotOf = new Int32Array(model.bodies.length);
+    const kinds = new Map < string, {
+      bodies: Body[];
+      scales: THREE.Vector3[];
+      make: (count: number) => THREE.BufferGeometry
+    }
+    > ();
     for (const body of model.bodies) {
-      this.colours.push(new THREE.Color());
       if (this.isFloor(model, body)) continue;
       const { key, make, scale } = shapeOf(body, model.meshes);
       const place = model.isFixed(body) ? (isWall(body) ? "wall" : "ground") : "free";
@@ -118,8 +142,9 @@ export class Bodies {
       kind.scales.push(scale);
       kinds.set(`${place} ${key}`, kind);
     }
-    for (const [key, { bodies, scales, make }] of kinds) this.add(key, bodies, scales, make());
-    this.place(model, 0, true);
+    for (const [key, {bodies, scales, make}] of kinds) this.add(key, bodies, scales, make(bodies.length));
+    for (const body of model.bodies) this.compose(body.id);
+    this.repaint(model);
   }
 
   private isFloor(model: Model, body: Body): boolean {
@@ -144,20 +169,40 @@ export class Bodies {
     mesh.receiveShadow = !wall;
     mesh.frustumCulled = false;
     mesh.renderOrder = wall ? 1 : 0;
-    this.groups.push({ mesh, ids: bodies.map((one) => one.id), scales, fixed });
+    mesh.setColorAt(0, SELECTED);
+    const blocks = Math.ceil(bodies.length / BLOCK);
+    bodies.forEach((body, slot) => {
+      this.groupOf[body.id] = this.groups.length;
+      this.slotOf[body.id] = slot;
+    });
+    this.groups.push({
+      mesh,
+      ids: bodies.map((one) => one.id),
+      scales,
+      fixed,
+      moved: new Uint8Array(blocks),
+      painted: new Uint8Array(blocks)
+    });
     this.root.add(mesh);
   }
 
-  /** Moves the instances to where the bodies are now; fixed ones only if `all`. */
-  place(model: Model, now_ms: number, all = false): void {
-    model.states.pose(this.poses, now_ms);
-    for (const group of this.groups) {
-      if (group.fixed && !all) continue;
-      const matrices = group.mesh.instanceMatrix.array;
-      group.ids.forEach((id, i) => compose(matrices, 16 * i, this.poses, 7 * id, group.scales[i]));
-      group.mesh.instanceMatrix.needsUpdate = true;
-      group.mesh.boundingSphere = null;
+  /** Moves the instances to where the bodies are now. Only those are touched that move. */
+  place(model: Model, now_ms: number): void {
+    const {states} = model, {shown} = states;
+    states.show(this.poses, now_ms);
+    this.placed = states.shownCount;
+    for (let i = 0; i < states.shownCount; ++i) this.compose(shown[i]);
+    for (const {mesh, moved, painted} of this.groups) {
+      if (upload(mesh.instanceMatrix, moved)) mesh.boundingSphere = null;
+      upload(mesh.instanceColor!, painted);
     }
+  }
+
+  private compose(id: number): void {
+    const group = this.groups[this.groupOf[id]], slot = this.slotOf[id];
+    if (!group) return;
+    compose(group.mesh.instanceMatrix.array, 16 * slot, this.poses, 7 * id, group.scales[slot]);
+    group.moved[Math.floor(slot / BLOCK)] = 1;
   }
 
   position(id: number, into: THREE.Vector3): THREE.Vector3 {
@@ -168,24 +213,44 @@ export class Bodies {
     return into.fromArray(this.poses as unknown as number[], 7 * id + 3);
   }
 
-  /** Members have the colour of their user, bodies at the border a lighter one. */
+  /** Members have the colour of their user, bodies at the border a lighter one. Only those are touched that change. */
   paint(model: Model): void {
-    const { body: plain, fixed } = theme();
-    const plainColour = new THREE.Color(plain), fixedColour = new THREE.Color(fixed);
-    model.bodies.forEach((body, id) => this.colours[id].copy(model.isFixed(body) ? fixedColour : plainColour));
+    const plain = new THREE.Color(theme().body), tints = new Map<number, number>();
+    const tint = (id: number, colour: THREE.Color) => tints.set(id, colour.getHex());
     for (const user of model.users) {
-      const own = new THREE.Color(userColour(user.user)), border = own.clone().lerp(plainColour, 0.58);
+      const own = new THREE.Color(userColour(user.user)), border = own.clone().lerp(plain, 0.58);
       for (const pair of user.border)
         for (const id of [pair.inside, pair.outside])
-          if (this.colours[id] && !model.isFixed(model.bodies[id])) this.colours[id].copy(border);
-      for (const id of user.members) this.colours[id]?.copy(own).lerp(plainColour, 0.12);
+          if (model.bodies[id] && !model.isFixed(model.bodies[id])) tint(id, border);
+      own.lerp(plain, 0.12);
+      for (const id of user.members) tint(id, own);
     }
-    for (const user of model.users) this.colours[user.proxy]?.copy(new THREE.Color(userColour(user.user)).multiplyScalar(0.6));
-    if (this.selected >= 0) this.colours[this.selected]?.copy(SELECTED);
-    for (const group of this.groups) {
-      group.ids.forEach((id, i) => group.mesh.setColorAt(i, this.colours[id]));
-      if (group.mesh.instanceColor) group.mesh.instanceColor.needsUpdate = true;
-    }
+    for (const user of model.users) tint(user.proxy, new THREE.Color(userColour(user.user)).multiplyScalar(0.6));
+    if (this.selected >= 0) tint(this.selected, SELECTED);
+    for (const id of this.tints.keys())
+      if (!tints.has(id)) this.colour(id, this.plainOf(model, id));
+    for (const [id, colour] of tints)
+      if (this.tints.get(id) !== colour) this.colour(id, colour);
+    this.tints = tints;
+  }
+
+  /** All bodies, as where the theme has changed. */
+  repaint(model: Model): void {
+    this.tints.clear();
+    for (const {id} of model.bodies) this.colour(id, this.plainOf(model, id));
+    this.paint(model);
+  }
+
+  private plainOf(model: Model, id: number): number {
+    const body = model.bodies[id];
+    return (PLAIN.set(body && model.isFixed(body) ? theme().fixed : theme().body)).getHex();
+  }
+
+  private colour(id: number, colour: number): void {
+    const group = this.groups[this.groupOf[id]];
+    if (!group) return;
+    group.mesh.setColorAt(this.slotOf[id], PLAIN.setHex(colour));
+    group.painted[Math.floor(this.slotOf[id] / BLOCK)] = 1;
   }
 
   /** The body under the ray, movable ones before fixed ones; -1: none. */
@@ -198,6 +263,20 @@ export class Bodies {
     }
     return -1;
   }
+}
+
+/** Uploads the blocks that have changed, with the next frame. False: none. */
+function upload(attribute: THREE.InstancedBufferAttribute, changed: Uint8Array): boolean {
+  const size = BLOCK * attribute.itemSize;
+  let any = false;
+  for (let block = 0; block < changed.length; ++block) {
+    if (!changed[block]) continue;
+    changed[block] = 0;
+    any = true;
+    attribute.addUpdateRange(size * block, Math.min(size, attribute.array.length - size * block));
+  }
+  if (any) attribute.needsUpdate = true;
+  return any;
 }
 
 /** The matrix of a pose and a scale. */

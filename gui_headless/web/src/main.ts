@@ -5,6 +5,7 @@ import { niceBelow } from "./arrows";
 import { length, Model, PROGRAMS, SHAPES } from "./model";
 import { Plots } from "./plots";
 import { Programs } from "./programs";
+import {Replay} from './replay';
 import { followTheme, userColour } from "./theme";
 import { View } from "./view";
 
@@ -20,6 +21,7 @@ let fits = 0;
 const connection = new Connection(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${location.search}`, {
   started() {
     model.programs.clear();
+    model.places.clear();
     model.devices.clear();
     model.users = [];
     plots.clear();
@@ -38,18 +40,24 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
       model.describe(value);
       view.build();
       describe();
-    } else if (topic === "/world_view") {
+    } else if (topic === '/world_view') {
       model.show(value, now);
       view.update();
       plots.snapshot(model);
+      replay.show();
       if (fits < 2) fit();
     } else if (topic === "/status") {
       model.hear(value, now);
       if (PROGRAMS[value.program] === "world_sim") plots.status(model);
       controls.show();
+      replay.show();
+      replay.showSpeed();
       showLink();
+    } else if (topic === '/program_place') {
+      model.placeProgram(value);
     } else if (topic === "/control_reply") {
       controls.hear(value);
+      replay.show();
       showLink();
     } else if (topic.endsWith("/haptic_report")) {
       plots.report(value);
@@ -62,11 +70,12 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
   refused: (text) => controls.say("refused", text),
 });
 const controls = new Controls(connection, model);
+const replay = new Replay(controls, model);
 controls.enable(false);
 
 /** What is shown is subscribed to, and nothing else. */
 function subscribe(): void {
-  const wanted = ["/scene", "/status", "/control_reply"];
+  const wanted = ['/scene', '/status', '/program_place', '/control_reply'];
   if (!document.hidden) {
     wanted.push("/world_view");
     const kinds = [
@@ -110,6 +119,8 @@ function verdict(): string {
 function describe(): void {
   element("scene").textContent = model.name;
   document.title = `${model.name} – Subworld`;
+  controls.describe();
+  replay.describe();
   const cameras = view.cameras.map((camera, i) => {
     const button = document.createElement("button");
     button.textContent = camera.name;
@@ -226,7 +237,7 @@ setInterval(() => {
 
 function drawPlots(now: number): void {
   requestAnimationFrame(drawPlots);
-  plots.draw(now);
+  plots.draw(now, view.pace.number > 1);
 }
 requestAnimationFrame(drawPlots);
 
@@ -264,7 +275,8 @@ document.addEventListener("keydown", (event) => {
     "+": [0, 0, 0.88], "=": [0, 0, 0.88], "-": [0, 0, 1 / 0.88],
   };
   if (inView && turns[event.key]) view.orbit(...turns[event.key]);
-  else if (event.key === " " && inView) controls.togglePause();
+  else if (event.key === ' ' && inView)
+    replay.active ? replay.play() : controls.togglePause();
   else if (event.key === "s" && link === "live") controls.step();
   else if (event.key === "t") element("theme").click();
   else if (event.key === "/") nameField.focus();
@@ -276,8 +288,19 @@ document.addEventListener("keydown", (event) => {
 // What a test reads.
 Object.assign(window, {
   subworld: () => ({
-    link, time_s: model.time_s, paused: model.paused, frames: view.frames, framesPerSecond: view.framesPerSecond,
-    bytes: connection.bytes, bodies: model.bodies.length, users: model.users.length, answers: controls.answers,
-    points: plots.force.points, devices: model.devices.size, programs: model.programs.size,
+    link,
+    time_s: model.time_s,
+    paused: model.paused,
+    frames: view.frames,
+    framesPerSecond: view.framesPerSecond,
+    bytes: connection.bytes,
+    bodies: model.bodies.length,
+    users: model.users.length,
+    answers: controls.answers,
+    placed: view.bodies.placed,
+    tier: view.pace.number,
+    points: plots.force.points,
+    devices: model.devices.size,
+    programs: model.programs.size,
   }),
 });

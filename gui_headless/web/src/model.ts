@@ -1,5 +1,6 @@
 // The run as last received.
 import type { Table, Value } from "./cdr";
+import {States} from './states';
 
 export type Vector = { x: number; y: number; z: number };
 export type Turn = Vector & { w: number };
@@ -16,86 +17,18 @@ export type BorderContact = {
 export type UserView = {
   user: number; proxy: number; members: number[]; border: BorderContact[]; wrench: { force: Vector; torque: Vector };
 };
-export type Program = { status: Value; at: number; missed: number; missedPerSecond: number };
+export type Program = {
+  status: Value; at: number; missed: number; missedPerSecond: number; absences: number; absent_ms: number;
+};
+export type Place = {
+  dds: string; host: string; process: string
+};
+
+export const ABSENT_MS = 3500;  // each program publishes its status once a second
 
 export const SHAPES = ["sphere", "box", "capsule", "cylinder", "plane", "convex", "mesh"];
 export const PROGRAMS = ["world_sim", "haptic_sim", "device_sim", "gui_headless"];
 export const length = (v: Vector) => Math.hypot(v.x, v.y, v.z);
-
-/** Poses (position, then orientation x, y, z, w) and velocities of all bodies. */
-export class States {
-  readonly from: Float64Array;
-  readonly to: Float64Array;
-  readonly speed: Float64Array;
-  changed_ms = 0;
-  interval_ms = 33;
-
-  constructor(readonly count: number) {
-    this.from = new Float64Array(7 * count);
-    this.to = new Float64Array(7 * count);
-    this.speed = new Float64Array(count);
-  }
-
-  /** Motion is drawn from what is shown now to `placed`, for as long as the last interval took. */
-  take(placed: Table, now_ms: number): void {
-    this.pose(this.from, now_ms);
-    const gap = now_ms - this.changed_ms;
-    this.interval_ms = Math.min(250, Math.max(16, 0.7 * this.interval_ms + 0.3 * gap));
-    this.changed_ms = now_ms;
-    const { count, stride, numbers, words } = placed;
-    for (let i = 0; i < count; ++i) {
-      const id = words[i], at = i * stride;
-      if (id >= this.count) continue;
-      this.put(id, numbers, at, at + 3);
-      this.to[7 * id + 6] = Math.sqrt(Math.max(0, 1 - numbers[at + 3] ** 2 - numbers[at + 4] ** 2 - numbers[at + 5] ** 2));
-      this.speed[id] = numbers[at + 6];
-    }
-  }
-
-  /** States as the scene has them: position, orientation w, x, y, z, velocities. */
-  reset({ count, stride, numbers, words }: Table): void {
-    for (let i = 0; i < count; ++i) {
-      const id = words[i], at = i * stride;
-      if (id >= this.count) continue;
-      this.put(id, numbers, at, at + 4);
-      this.to[7 * id + 6] = numbers[at + 3];
-      this.speed[id] = Math.hypot(numbers[at + 7], numbers[at + 8], numbers[at + 9]);
-    }
-    this.from.set(this.to);
-  }
-
-  private put(id: number, numbers: Table["numbers"], position: number, turn: number): void {
-    for (let k = 0; k < 3; ++k) {
-      this.to[7 * id + k] = numbers[position + k];
-      this.to[7 * id + 3 + k] = numbers[turn + k];
-    }
-  }
-
-  /** Whether the picture still moves. */
-  moving(now_ms: number): boolean {
-    return now_ms - this.changed_ms < this.interval_ms + 50;
-  }
-
-  /** Writes the poses of this moment. */
-  pose(into: Float64Array, now_ms: number): void {
-    const share = Math.min(1, (now_ms - this.changed_ms) / this.interval_ms);
-    const { from, to } = this;
-    if (share >= 1) return void into.set(to);
-    for (let at = 0; at < to.length; at += 7) {
-      for (let k = 0; k < 3; ++k) into[at + k] = from[at + k] + share * (to[at + k] - from[at + k]);
-      let dot = 0, square = 0;
-      for (let k = 3; k < 7; ++k) dot += from[at + k] * to[at + k];
-      const sign = dot < 0 ? -1 : 1;
-      for (let k = 3; k < 7; ++k) {
-        const value = (1 - share) * sign * from[at + k] + share * to[at + k];
-        into[at + k] = value;
-        square += value * value;
-      }
-      const scale = 1 / Math.sqrt(square || 1);
-      for (let k = 3; k < 7; ++k) into[at + k] *= scale;
-    }
-  }
-}
 
 export class Model {
   name = "";
@@ -107,6 +40,7 @@ export class Model {
   users: UserView[] = [];
   devices = new Map<number, { device?: Pose; proxy?: Pose }>(); // both in the frame of the device
   programs = new Map<string, Program>();
+  places = new Map<string, Place>();  // of programs, by the same keys
   time_s = 0;
   realTimeFactor = 1;
   paused = false;
@@ -140,9 +74,19 @@ export class Model {
     const before = this.programs.get(key);
     const span_s = before ? (now_ms - before.at) / 1000 : 0;
     const rate = before && span_s > 0.3 ? Math.max(0, missed - before.missed) / span_s : (before?.missedPerSecond ?? 0);
-    this.programs.set(key, { status, at: now_ms, missed, missedPerSecond: rate });
+    const gap = before && now_ms - before.at > ABSENT_MS ? now_ms - before.at : 0;
+    this.programs.set(key, {
+      status,
+      at: now_ms,
+      missed,
+      missedPerSecond: rate,
+      absences: (before?.absences ?? 0) + (gap ? 1 : 0),
+      absent_ms: (before?.absent_ms ?? 0) + gap,
+    });
     if (PROGRAMS[status.program] === "world_sim") this.paused = status.paused;
   }
+
+  placeProgram(place: Value): void { this.places.set(`${place.program}/${place.instance}`, place); }
 
   /** The page stood still for so long, and what arrived meanwhile waits. */
   excuse(time_ms: number): void {

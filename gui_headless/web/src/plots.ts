@@ -4,7 +4,7 @@ import { length, PROGRAMS, type Model } from "./model";
 import { theme, userColour } from "./theme";
 
 const WINDOW_S = 20;
-const DRAW_MS = 120;
+const DRAW_MS = 120, DRAW_SLOWLY_MS = 500;
 const HEIGHT = 118;
 
 type Line = { label: string; colour: string; dash?: number[] };
@@ -52,9 +52,10 @@ class Plot {
     this.stale = true;
   }
 
-  draw(now_ms: number): void {
+  draw(now_ms: number, slowly: boolean): void {
+    if (!this.stale || now_ms - this.drawn < (slowly ? DRAW_SLOWLY_MS : DRAW_MS)) return;
     const width = this.root.clientWidth;
-    if (!this.stale || now_ms - this.drawn < DRAW_MS || width < 50 || !this.lines.length) return;
+    if (width < 50 || !this.lines.length) return;
     this.drawn = now_ms;
     this.stale = false;
     this.plot ??= this.make(width);
@@ -167,10 +168,7 @@ export class Plots {
     this.missed.push(model.time_s, new Map(values));
   }
 
-  draw(now_ms: number): void {
-    this.force.draw(now_ms);
-    this.steps.draw(now_ms);
-    this.missed.draw(now_ms);
-    this.energy.draw(now_ms);
+  draw(now_ms: number, slowly: boolean): void {
+    for (const plot of this.all) plot.draw(now_ms, slowly);
   }
 }

@@ -1,8 +1,6 @@
 // The programs of the run, who serves whom, and how each is doing.
-import { PROGRAMS, type Model, type Program } from "./model";
+import {ABSENT_MS, PROGRAMS, type Model, type Place, type Program} from './model';
 import { userColour } from "./theme";
-
-const ABSENT_MS = 3500;
 
 type Health = "good" | "late" | "absent" | "waiting";
 
@@ -12,6 +10,19 @@ function healthOf(program: Program | undefined, now_ms: number): Health {
   if (!program || now_ms - program.at > ABSENT_MS) return "absent";
   if (program.status.waits_for || !["running", "stopping"].includes(program.status.state)) return "waiting";
   return program.missedPerSecond > 0 ? "late" : "good";
+}
+
+const VENDORS: Record<string, string> = {
+  fastdds: 'Fast DDS',
+  cyclonedds: 'Cyclone DDS'
+};
+
+/** The time in which the programs must have made a step, s, of the world and of the others; 0: there is none. */
+function deadlines(settings: Map<string, string>): {world: string; other: string} {
+  if (settings.get('settings.mode') !== 'realtime') return {world: '', other: ''};
+  const h_s = Number(settings.get('settings.h_s')) || 0;
+  const ratios = (settings.get('settings.ratio') ?? '').split('-').map(Number).filter((one) => one > 0);
+  return {world: ratios.map((one) => milliseconds(one * h_s)).join(' to '), other: h_s > 0 ? milliseconds(h_s) : ''};
 }
 
 const WORDS: Record<Health, string> = { good: "in time", late: "misses deadlines", absent: "absent", waiting: "waiting" };
@@ -24,23 +35,28 @@ export class Programs {
   constructor(private readonly root: HTMLElement) {}
 
   show(model: Model, now_ms: number): void {
-    const h_s = Number(model.settings.get("settings.h_s")) || 0;
-    const find = (kind: string, instance: number) => model.programs.get(`${PROGRAMS.indexOf(kind)}/${instance}`);
-    const rows: HTMLElement[] = [this.card("world_sim", find("world_sim", 0), 0, now_ms, 0)];
+    const due = deadlines(model.settings), replay = model.settings.has('replay.to_s');
+    const card = (kind: string, instance: number, deadline: string) => {
+      const key = `${PROGRAMS.indexOf(kind)}/${instance}`;
+      // The programs of a recording are no more where they were.
+      return this.card(
+          kind, model.programs.get(key), replay ? undefined : model.places.get(key), instance, now_ms, deadline);
+    };
+    const rows: HTMLElement[] = [card('world_sim', 0, due.world)];
     for (let user = 0; user < model.userCount; ++user) {
       const pair = document.createElement("div");
       pair.className = "pair";
       pair.style.setProperty("--user", userColour(user));
-      pair.append(this.card("haptic_sim", find("haptic_sim", user), user, now_ms, h_s),
-        this.card("device_sim", find("device_sim", user), user, now_ms, h_s));
+      pair.append(card('haptic_sim', user, due.other), card('device_sim', user, due.other));
       rows.push(pair);
     }
-    const display = find("gui_headless", 0);
-    if (display) rows.push(this.card("gui_headless", display, 0, now_ms, 0));
+    if (model.programs.has(`${PROGRAMS.indexOf('gui_headless')}/0`)) rows.push(card('gui_headless', 0, ''));
     this.root.replaceChildren(...rows);
   }
 
-  private card(kind: string, program: Program | undefined, instance: number, now_ms: number, deadline_s: number): HTMLElement {
+  private card(
+      kind: string, program: Program|undefined, place: Place|undefined, instance: number, now_ms: number,
+      deadline: string): HTMLElement {
     const card = document.createElement("div"), health = healthOf(program, now_ms), status = program?.status;
     card.className = `program ${health}`;
     const own = kind === "haptic_sim" || kind === "device_sim" ? ` ${instance}` : "";
@@ -64,12 +80,18 @@ export class Programs {
       if (kind !== "gui_headless") {
         facts.push(["rate", `${status.rate_hz.toFixed(status.rate_hz < 10 ? 1 : 0)} Hz`]);
         facts.push(["step", milliseconds(status.step_s)]);
-        if (deadline_s > 0) facts.push(["deadline", milliseconds(deadline_s)]);
+        if (deadline) facts.push(['deadline', deadline]);
         const byOs = Number(status.missed_by_os);
         facts.push(["missed", `${program!.missed}${byOs ? ` (${byOs} OS)` : ""}`]);
       }
       if (Number(status.lost)) facts.push(["lost", String(status.lost)]);
       if (Number(status.refused)) facts.push(["refused", String(status.refused)]);
+    }
+    if (program?.absences)
+      facts.push(['absences', `${program.absences}, ${Math.round(program.absent_ms / 1000)} s in all`]);
+    if (place) {
+      facts.push(['DDS', VENDORS[place.dds] ?? (place.dds || '–')]);
+      facts.push(['host', place.host || '–']);
     }
     if (facts.length) {
       const list = add(card, "dl", "");

@@ -4,12 +4,10 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { Arrows } from "./arrows";
 import { Bodies, radiusOf } from "./bodies";
 import type { Model } from "./model";
+import {drawnBySoftware, Pace} from './pace';
 import { theme } from "./theme";
 
 export type Camera = { name: string; user: number };
-
-/** Pixels of the picture per pixel of the page, from a fast machine to a slow one. */
-const RATIOS = [2, 1, 0.75, 0.5];
 
 export class View {
   readonly bodies = new Bodies();
@@ -31,16 +29,22 @@ export class View {
     reach: { value: 1 }, centre: { value: new THREE.Vector2() } };
   private dirty = true;
   private moved = false; // by the user
-  private readonly pace = { tier: 0, slow: 0, last: 0 };
+  readonly pace = new Pace();
+  private readonly shadow = {stale: true, age: 0};  // the map lacks motion; frames since it was drawn
+  private drew = false;
+  private last = 0;
   private radius = 1;
   private bodyRadius = 0.1;
   private readonly followed = new THREE.Vector3();
   private counted = { at: performance.now(), frames: 0 };
 
   constructor(private readonly canvas: HTMLCanvasElement, private readonly model: Model) {
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, RATIOS[0]));
+    const software = drawnBySoftware();
+    document.body.classList.toggle('slow', software);
+    this.renderer = new THREE.WebGLRenderer({canvas, antialias: !software, powerPreference: 'high-performance'});
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, this.pace.tier.ratio));
     this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.autoUpdate = false;
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
     this.camera.up.set(0, 0, 1);
     this.ground = this.makeGround();
@@ -58,7 +62,7 @@ export class View {
     this.restyle();
     const draw = () => {
       requestAnimationFrame(draw);
-      this.frame();
+      this.drew = this.frame();
     };
     draw();
   }
@@ -106,7 +110,8 @@ export class View {
     this.sky.groundColor.set(ground);
     this.sky.intensity = hemisphere;
     this.sun.intensity = sun;
-    this.update();
+    this.bodies.repaint(this.model);
+    this.touch();
   }
 
   choose(index: number): void {
@@ -180,6 +185,7 @@ export class View {
       far: 12 * radius });
     this.sun.shadow.camera.updateProjectionMatrix();
     this.sun.shadow.normalBias = 0.02 * this.bodyRadius * 10;
+    this.shadow.stale = true;
   }
 
   /** A floor with a grid, which fades into the sky. */
@@ -246,38 +252,43 @@ export class View {
     this.controls.target.add(shift);
   }
 
-  /** A slow machine draws fewer pixels, and shadows less often. */
-  private keepPace(now: number): void {
-    const { pace } = this, gap = now - pace.last;
-    pace.last = now;
-    pace.slow = gap > 70 && gap < 5000 ? pace.slow + 1 : Math.max(0, pace.slow - 1);
-    if (pace.slow > 4 && pace.tier < RATIOS.length - 1) {
-      pace.slow = 0;
-      ++pace.tier;
-      this.renderer.setPixelRatio(Math.min(RATIOS[pace.tier], devicePixelRatio));
-      this.sun.shadow.mapSize.setScalar(1024);
+  /** A slow machine draws fewer pixels, shadows less often, and in the end none. */
+  private degrade(): void {
+    const {ratio, shadow} = this.pace.tier;
+    this.renderer.setPixelRatio(Math.min(ratio, devicePixelRatio));
+    this.sun.castShadow = shadow > 0;
+    if (shadow > 0 && this.sun.shadow.mapSize.x !== shadow) {
+      this.sun.shadow.mapSize.setScalar(shadow);
       this.sun.shadow.map?.dispose();
       this.sun.shadow.map = null;
-      this.renderer.shadowMap.needsUpdate = true;
-      this.resize();
     }
-    this.renderer.shadowMap.autoUpdate = pace.tier === 0;
-    if (pace.tier > 0 && this.frames % (2 * pace.tier) === 0) this.renderer.shadowMap.needsUpdate = true;
+    this.shadow.stale = true;
+    this.shadow.age = this.pace.tier.every;
+    this.resize();
   }
 
-  private frame(): void {
+  /** False: there is nothing new to draw. */
+  private frame(): boolean {
     const now = performance.now();
     if (now - this.counted.at > 1000) {
       this.framesPerSecond = (1000 * (this.frames - this.counted.frames)) / (now - this.counted.at);
       this.counted = { at: now, frames: this.frames };
     }
-    if (!this.dirty && !this.model.states.moving(now)) return;
+    if (this.drew && this.pace.take(now - this.last)) this.degrade();
+    this.last = now;
+    if (!this.dirty && !this.shadow.stale && !this.model.states.changing(now)) return false;
     this.dirty = false;
-    this.keepPace(now);
     this.bodies.place(this.model, now);
     this.follow();
     this.arrows.place(this.model, this.bodies, this.bodyRadius);
+    this.shadow.stale ||= this.bodies.placed > 0;
+    if (this.shadow.stale && ++this.shadow.age >= this.pace.tier.every) {
+      this.renderer.shadowMap.needsUpdate = true;
+      this.shadow.stale = false;
+      this.shadow.age = 0;
+    }
     this.renderer.render(this.scene, this.camera);
     ++this.frames;
+    return true;
   }
 }

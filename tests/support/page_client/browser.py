@@ -7,11 +7,13 @@ import shutil
 import subprocess
 import tempfile
 import time
+import urllib.error
 import urllib.request
 
 import websockets
 
 LIMIT_S = 60  # exceeded only by a fault
+SKIPPED = 77  # exit code where this machine cannot show a page
 FLAGS = [
     "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
     "--disable-dev-shm-usage", "--disable-background-networking", "--disable-component-update", "--no-first-run",
@@ -22,6 +24,23 @@ FLAGS = [
 def program():
     """The path of Chromium; None: it is not installed."""
     return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+async def awaited(address):
+    """Waits until a page is served. Returns why there is none in this build, or nothing."""
+    end = time.monotonic() + LIMIT_S
+    while True:
+        try:
+            with urllib.request.urlopen(address) as answer:
+                assert answer.headers["Content-Type"].startswith("text/html")
+                return None
+        except urllib.error.HTTPError as refused:
+            text = refused.read().decode()
+            assert refused.code == 501 and "Node.js" in text, (refused.code, text)
+            return text
+        except OSError:
+            assert time.monotonic() < end, "nothing is served"
+            await asyncio.sleep(0.2)
 
 
 class Page:
@@ -106,6 +125,11 @@ class Page:
     async def click_at(self, x, y):
         for kind in ("mousePressed", "mouseReleased"):
             await self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    async def drag(self, start, *ends):
+        """From one point over others, with the button pressed."""
+        for kind, (x, y) in (("mousePressed", start), *(("mouseMoved", one) for one in ends), ("mouseReleased", ends[-1])):
+            await self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
 
     async def key(self, key, code=None):
         text = key if len(key) == 1 else ""
