@@ -16,14 +16,17 @@ export const TIERS: readonly Tier[] = [
 const SLOW_MS = 42; // a frame that is slower than this costs too much
 const FAST_MS = 20;
 const SETTLED = 6; // frames, before a tier is judged
+export const SOFTWARE_TIER = 3; // with which a machine without a graphics card begins
 const RETRY_MS = 10_000; // of fast frames before a better tier is tried; doubles where that fails
 
 export class Pace {
-  number = 0;
   private average_ms = FAST_MS;
   private frames = 0;
   private fast_ms = 0;
   private patience_ms = RETRY_MS;
+
+  /** Begins with a tier. */
+  constructor(public number: number) {}
 
   get tier(): Tier {
     return TIERS[this.number];

@@ -2,6 +2,7 @@
 import type { Table } from "./cdr";
 
 const SAME = 1e-9; // m, and of a quaternion's numbers
+const SAME_TURN = 2e-4; // of a quaternion's numbers: no pixel of a body changes
 
 /** Poses (position, then orientation x, y, z, w) and velocities of all bodies. */
 export class States {
@@ -11,6 +12,8 @@ export class States {
   /** The bodies whose pose the last `show` has written: the first `shownCount` of `shown`. */
   readonly shown: Uint32Array;
   shownCount = 0;
+  /** Motion from the last place that is shorter cannot be seen, m. */
+  unseen_m = 0;
   changed_ms = 0;
   interval_ms = 33;
   private readonly moving: Uint32Array; // bodies that are not yet shown where they are, the first `moves`
@@ -38,10 +41,11 @@ export class States {
       const id = words[i], from = i * stride, at = 7 * id;
       if (id >= this.count) continue;
       const x = numbers[from + 3], y = numbers[from + 4], z = numbers[from + 5];
-      const same = to[at] === numbers[from] && to[at + 1] === numbers[from + 1] && to[at + 2] === numbers[from + 2]
-        && to[at + 3] === x && to[at + 4] === y && to[at + 5] === z;
+      const way = Math.max(Math.abs(to[at] - numbers[from]), Math.abs(to[at + 1] - numbers[from + 1]),
+        Math.abs(to[at + 2] - numbers[from + 2]));
+      const turn = Math.max(Math.abs(to[at + 3] - x), Math.abs(to[at + 4] - y), Math.abs(to[at + 5] - z));
       this.speed[id] = numbers[from + 6];
-      if (same) continue;
+      if (way <= this.unseen_m && turn <= SAME_TURN) continue;
       if (!isMoving[id]) {
         isMoving[id] = 1;
         moving[this.moves++] = id;

@@ -79,6 +79,7 @@ export class View {
     const radii = model.bodies.filter((one) => !model.isFixed(one)).map((one) => radiusOf(one, model.meshes));
     radii.sort((a, b) => a - b);
     this.bodyRadius = radii[radii.length >> 1] || 0.1;
+    model.states.unseen_m = 2e-4 * this.bodyRadius;
     this.cameras.length = 0;
     this.cameras.push({ name: "Whole scene", user: -1 });
     for (let user = 0; user < model.userCount; ++user) this.cameras.push({ name: `User ${user}`, user });
