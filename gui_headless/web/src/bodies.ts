@@ -4,12 +4,12 @@ import { SHAPES, type Body, type Mesh, type Model, type Vector } from "./model";
 import { theme, userColour } from "./theme";
 
 type Group = {
-  mesh: THREE.InstancedMesh; ids: number[]; scales: THREE.Vector3[]; fixed: boolean; moved: Uint8Array;
-  painted: Uint8Array;  // of each block of instances, since the last upload
+  mesh: THREE.InstancedMesh; ids: number[]; scales: THREE.Vector3[]; fixed: boolean;
+  moved: Uint8Array; painted: Uint8Array; // of each block of instances, since the last upload
 };
 
-const BLOCK = 64;  // instances that are uploaded together
-const MANY = 500;  // bodies of one shape, which then has fewer triangles
+const BLOCK = 64; // instances that are uploaded together
+const MANY = 500; // bodies of one shape, which then has fewer triangles
 const UP = new THREE.Vector3(0, 0, 1);
 const SELECTED = new THREE.Color("#ffd23f");
 const PLAIN = new THREE.Color();
@@ -46,28 +46,20 @@ function trianglesOf(mesh: Mesh): THREE.BufferGeometry {
 }
 
 /** Geometry for that many bodies, its key, and the scale that makes it the body's shape. */
-function shapeOf(
-    body: Body, meshes: Mesh[]): {key: string; make: (count: number) => THREE.BufferGeometry; scale: THREE.Vector3} {
+function shapeOf(body: Body, meshes: Mesh[]): { key: string; make: (count: number) => THREE.BufferGeometry; scale: THREE.Vector3 } {
   const { radius: r, half_length: h, half_extents: e } = body;
   switch (SHAPES[body.shape]) {
     case "sphere":
-      return {
-        key: 'sphere',
-        make: (n) => new THREE.SphereGeometry(1, ...(n > MANY ? [14, 9] : [28, 20])),
-        scale: new THREE.Vector3(r, r, r)
-      };
+      return { key: "sphere", make: (n) => new THREE.SphereGeometry(1, ...(n > MANY ? [14, 9] : [28, 20])), scale: new THREE.Vector3(r, r, r) };
     case "box":
       return { key: "box", make: () => new THREE.BoxGeometry(2, 2, 2), scale: new THREE.Vector3(e.x, e.y, e.z) };
     case "cylinder":
       return {
-        key: 'cylinder',
-        make: (n) => alongZ(new THREE.CylinderGeometry(1, 1, 2, n > MANY ? 16 : 36)),
-        scale: new THREE.Vector3(r, r, h),
+        key: "cylinder", make: (n) => alongZ(new THREE.CylinderGeometry(1, 1, 2, n > MANY ? 16 : 36)), scale: new THREE.Vector3(r, r, h),
       };
     case "capsule":
       return {
-        key: `capsule ${(h / r).toFixed(4)}`,
-        make: (n) => alongZ(new THREE.CapsuleGeometry(1, (2 * h) / r, ...(n > MANY ? [4, 14] : [10, 28]))),
+        key: `capsule ${(h / r).toFixed(4)}`, make: (n) => alongZ(new THREE.CapsuleGeometry(1, (2 * h) / r, ...(n > MANY ? [4, 14] : [10, 28]))),
         scale: new THREE.Vector3(r, r, r),
       };
     case "plane":
@@ -127,12 +119,7 @@ export class Bodies {
     this.poses = new Float64Array(model.states.to);
     this.groupOf = new Int32Array(model.bodies.length).fill(-1);
     this.slotOf = new Int32Array(model.bodies.length);
-    const kinds = new Map < string, {
-      bodies: Body[];
-      scales: THREE.Vector3[];
-      make: (count: number) => THREE.BufferGeometry
-    }
-    > ();
+    const kinds = new Map<string, { bodies: Body[]; scales: THREE.Vector3[]; make: (count: number) => THREE.BufferGeometry }>();
     for (const body of model.bodies) {
       if (this.isFloor(model, body)) continue;
       const { key, make, scale } = shapeOf(body, model.meshes);
@@ -142,7 +129,7 @@ export class Bodies {
       kind.scales.push(scale);
       kinds.set(`${place} ${key}`, kind);
     }
-    for (const [key, {bodies, scales, make}] of kinds) this.add(key, bodies, scales, make(bodies.length));
+    for (const [key, { bodies, scales, make }] of kinds) this.add(key, bodies, scales, make(bodies.length));
     for (const body of model.bodies) this.compose(body.id);
     this.repaint(model);
   }
@@ -175,24 +162,18 @@ export class Bodies {
       this.groupOf[body.id] = this.groups.length;
       this.slotOf[body.id] = slot;
     });
-    this.groups.push({
-      mesh,
-      ids: bodies.map((one) => one.id),
-      scales,
-      fixed,
-      moved: new Uint8Array(blocks),
-      painted: new Uint8Array(blocks)
-    });
+    this.groups.push({ mesh, ids: bodies.map((one) => one.id), scales, fixed, moved: new Uint8Array(blocks),
+      painted: new Uint8Array(blocks) });
     this.root.add(mesh);
   }
 
   /** Moves the instances to where the bodies are now. Only those are touched that move. */
   place(model: Model, now_ms: number): void {
-    const {states} = model, {shown} = states;
+    const { states } = model, { shown } = states;
     states.show(this.poses, now_ms);
     this.placed = states.shownCount;
     for (let i = 0; i < states.shownCount; ++i) this.compose(shown[i]);
-    for (const {mesh, moved, painted} of this.groups) {
+    for (const { mesh, moved, painted } of this.groups) {
       if (upload(mesh.instanceMatrix, moved)) mesh.boundingSphere = null;
       upload(mesh.instanceColor!, painted);
     }
@@ -227,17 +208,15 @@ export class Bodies {
     }
     for (const user of model.users) tint(user.proxy, new THREE.Color(userColour(user.user)).multiplyScalar(0.6));
     if (this.selected >= 0) tint(this.selected, SELECTED);
-    for (const id of this.tints.keys())
-      if (!tints.has(id)) this.colour(id, this.plainOf(model, id));
-    for (const [id, colour] of tints)
-      if (this.tints.get(id) !== colour) this.colour(id, colour);
+    for (const id of this.tints.keys()) if (!tints.has(id)) this.colour(id, this.plainOf(model, id));
+    for (const [id, colour] of tints) if (this.tints.get(id) !== colour) this.colour(id, colour);
     this.tints = tints;
   }
 
   /** All bodies, as where the theme has changed. */
   repaint(model: Model): void {
     this.tints.clear();
-    for (const {id} of model.bodies) this.colour(id, this.plainOf(model, id));
+    for (const { id } of model.bodies) this.colour(id, this.plainOf(model, id));
     this.paint(model);
   }
 

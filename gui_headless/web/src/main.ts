@@ -5,7 +5,7 @@ import { niceBelow } from "./arrows";
 import { length, Model, PROGRAMS, SHAPES } from "./model";
 import { Plots } from "./plots";
 import { Programs } from "./programs";
-import {Replay} from './replay';
+import { Replay } from "./replay";
 import { followTheme, userColour } from "./theme";
 import { View } from "./view";
 
@@ -40,7 +40,7 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
       model.describe(value);
       view.build();
       describe();
-    } else if (topic === '/world_view') {
+    } else if (topic === "/world_view") {
       model.show(value, now);
       view.update();
       plots.snapshot(model);
@@ -53,7 +53,7 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
       replay.show();
       replay.showSpeed();
       showLink();
-    } else if (topic === '/program_place') {
+    } else if (topic === "/program_place") {
       model.placeProgram(value);
     } else if (topic === "/control_reply") {
       controls.hear(value);
@@ -75,7 +75,7 @@ controls.enable(false);
 
 /** What is shown is subscribed to, and nothing else. */
 function subscribe(): void {
-  const wanted = ['/scene', '/status', '/program_place', '/control_reply'];
+  const wanted = ["/scene", "/status", "/program_place", "/control_reply"];
   if (!document.hidden) {
     wanted.push("/world_view");
     const kinds = [
@@ -223,7 +223,7 @@ setInterval(() => {
   element("time").textContent = model.snapshots ? `${model.time_s.toFixed(2)} s` : "–";
   const factor = model.realTimeFactor;
   element("factor").textContent = model.snapshots ? (factor < 0.995 ? `${factor.toFixed(2)} × real time` : "real time") : "";
-  if (element<HTMLDetailsElement>("topology").open) programs.show(model, now);
+  if (element<HTMLDetailsElement>("topology").open) programs.show(model, now, view.pace.number > 1);
   element("forceScale").textContent = scaleText("Force", "N", view.arrows.forceScale.perUnit, 2 * view.gridStep_m);
   element("impulseScale").textContent = scaleText("Border impulses", "N s", view.arrows.impulseScale.perUnit, 2 * view.gridStep_m);
   showCard();
@@ -275,8 +275,7 @@ document.addEventListener("keydown", (event) => {
     "+": [0, 0, 0.88], "=": [0, 0, 0.88], "-": [0, 0, 1 / 0.88],
   };
   if (inView && turns[event.key]) view.orbit(...turns[event.key]);
-  else if (event.key === ' ' && inView)
-    replay.active ? replay.play() : controls.togglePause();
+  else if (event.key === " " && inView) replay.active ? replay.play() : controls.togglePause();
   else if (event.key === "s" && link === "live") controls.step();
   else if (event.key === "t") element("theme").click();
   else if (event.key === "/") nameField.focus();
@@ -288,19 +287,8 @@ document.addEventListener("keydown", (event) => {
 // What a test reads.
 Object.assign(window, {
   subworld: () => ({
-    link,
-    time_s: model.time_s,
-    paused: model.paused,
-    frames: view.frames,
-    framesPerSecond: view.framesPerSecond,
-    bytes: connection.bytes,
-    bodies: model.bodies.length,
-    users: model.users.length,
-    answers: controls.answers,
-    placed: view.bodies.placed,
-    tier: view.pace.number,
-    points: plots.force.points,
-    devices: model.devices.size,
-    programs: model.programs.size,
+    link, time_s: model.time_s, paused: model.paused, frames: view.frames, framesPerSecond: view.framesPerSecond,
+    bytes: connection.bytes, bodies: model.bodies.length, users: model.users.length, answers: controls.answers,
+    placed: view.bodies.placed, tier: view.pace.number, points: plots.force.points, devices: model.devices.size, programs: model.programs.size,
   }),
 });

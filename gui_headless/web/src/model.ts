@@ -1,6 +1,6 @@
 // The run as last received.
-import type { Table, Value } from "./cdr";
-import {States} from './states';
+import type { Value } from "./cdr";
+import { States } from "./states";
 
 export type Vector = { x: number; y: number; z: number };
 export type Turn = Vector & { w: number };
@@ -20,11 +20,9 @@ export type UserView = {
 export type Program = {
   status: Value; at: number; missed: number; missedPerSecond: number; absences: number; absent_ms: number;
 };
-export type Place = {
-  dds: string; host: string; process: string
-};
+export type Place = { dds: string; host: string; process: string };
 
-export const ABSENT_MS = 3500;  // each program publishes its status once a second
+export const ABSENT_MS = 3500; // each program publishes its status once a second
 
 export const SHAPES = ["sphere", "box", "capsule", "cylinder", "plane", "convex", "mesh"];
 export const PROGRAMS = ["world_sim", "haptic_sim", "device_sim", "gui_headless"];
@@ -40,7 +38,7 @@ export class Model {
   users: UserView[] = [];
   devices = new Map<number, { device?: Pose; proxy?: Pose }>(); // both in the frame of the device
   programs = new Map<string, Program>();
-  places = new Map<string, Place>();  // of programs, by the same keys
+  places = new Map<string, Place>(); // of programs, by the same keys
   time_s = 0;
   realTimeFactor = 1;
   paused = false;
@@ -76,17 +74,15 @@ export class Model {
     const rate = before && span_s > 0.3 ? Math.max(0, missed - before.missed) / span_s : (before?.missedPerSecond ?? 0);
     const gap = before && now_ms - before.at > ABSENT_MS ? now_ms - before.at : 0;
     this.programs.set(key, {
-      status,
-      at: now_ms,
-      missed,
-      missedPerSecond: rate,
-      absences: (before?.absences ?? 0) + (gap ? 1 : 0),
-      absent_ms: (before?.absent_ms ?? 0) + gap,
+      status, at: now_ms, missed, missedPerSecond: rate,
+      absences: (before?.absences ?? 0) + (gap ? 1 : 0), absent_ms: (before?.absent_ms ?? 0) + gap,
     });
     if (PROGRAMS[status.program] === "world_sim") this.paused = status.paused;
   }
 
-  placeProgram(place: Value): void { this.places.set(`${place.program}/${place.instance}`, place); }
+  placeProgram(place: Value): void {
+    this.places.set(`${place.program}/${place.instance}`, place);
+  }
 
   /** The page stood still for so long, and what arrived meanwhile waits. */
   excuse(time_ms: number): void {

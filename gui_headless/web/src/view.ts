@@ -4,7 +4,7 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { Arrows } from "./arrows";
 import { Bodies, radiusOf } from "./bodies";
 import type { Model } from "./model";
-import {drawnBySoftware, Pace} from './pace';
+import { drawnBySoftware, Pace, SOFTWARE_TIER } from "./pace";
 import { theme } from "./theme";
 
 export type Camera = { name: string; user: number };
@@ -29,8 +29,8 @@ export class View {
     reach: { value: 1 }, centre: { value: new THREE.Vector2() } };
   private dirty = true;
   private moved = false; // by the user
-  readonly pace = new Pace();
-  private readonly shadow = {stale: true, age: 0};  // the map lacks motion; frames since it was drawn
+  readonly pace: Pace;
+  private readonly shadow = { stale: true, age: 0 }; // the map lacks motion; frames since it was drawn
   private drew = false;
   private last = 0;
   private radius = 1;
@@ -40,8 +40,9 @@ export class View {
 
   constructor(private readonly canvas: HTMLCanvasElement, private readonly model: Model) {
     const software = drawnBySoftware();
-    document.body.classList.toggle('slow', software);
-    this.renderer = new THREE.WebGLRenderer({canvas, antialias: !software, powerPreference: 'high-performance'});
+    document.body.classList.toggle("slow", software);
+    this.pace = new Pace(software ? SOFTWARE_TIER : 0);
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !software, powerPreference: "high-performance" });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, this.pace.tier.ratio));
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.autoUpdate = false;
@@ -49,7 +50,7 @@ export class View {
     this.camera.up.set(0, 0, 1);
     this.ground = this.makeGround();
     this.sun.castShadow = true;
-    this.sun.shadow.mapSize.set(2048, 2048);
+    this.sun.shadow.mapSize.setScalar(this.pace.tier.shadow);
     this.sun.shadow.radius = 3;
     this.sun.shadow.normalBias = 0.02;
     this.scene.add(this.sky, this.sun, this.sun.target, this.ground, this.bodies.root, this.arrows.root);
@@ -255,7 +256,7 @@ export class View {
 
   /** A slow machine draws fewer pixels, shadows less often, and in the end none. */
   private degrade(): void {
-    const {ratio, shadow} = this.pace.tier;
+    const { ratio, shadow } = this.pace.tier;
     this.renderer.setPixelRatio(Math.min(ratio, devicePixelRatio));
     this.sun.castShadow = shadow > 0;
     if (shadow > 0 && this.sun.shadow.mapSize.x !== shadow) {
