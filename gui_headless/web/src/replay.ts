@@ -3,6 +3,7 @@ import type { Controls } from "./controls";
 import { PROGRAMS, type Model } from "./model";
 
 const NO_ANSWER_MS = 500; // then the newest wanted moment is sent all the same
+const END_S = 0.05; // of the end
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -75,7 +76,7 @@ export class Replay {
 
   /** At the end it begins again. */
   play(): void {
-    if (this.model.paused && this.model.time_s > this.to_s - 1e-3) this.seek(this.from_s);
+    if (this.model.paused && this.model.time_s > this.to_s - END_S) this.seek(this.from_s);
     this.controls.togglePause();
   }
 
