@@ -13,7 +13,7 @@ const char* page_head() noexcept {
   --warn-paper: #fdf6e3; }
 @media (prefers-color-scheme: dark) { :root { --ink: #dde3ea; --soft: #98a5b3; --paper: #14181d; --panel: #1d232b;
   --line: #323b46; --accent: #4fa8dd; --good: #4cc79b; --good-paper: #142a23; --bad: #ff8a80; --bad-paper: #331a19;
-  --warn: #e5b94c; --warn-paper: #2d2612; } }
+  --warn: #e5b94c; --warn-paper: #2d2612; } .plots svg { filter: brightness(1.35); } }
 body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 1500px;
   margin: 2em auto; padding: 0 1.5em; }
 h1 { font-size: 1.7em; margin: 0 0 0.2em; } h2 { margin: 2.2em 0 0.7em; font-size: 1.3em;
@@ -29,10 +29,10 @@ figure { margin: 0; } figcaption { color: var(--soft); font-size: 0.85em; }
 table { border-collapse: collapse; font-size: 0.87em; font-variant-numeric: tabular-nums; }
 th, td { padding: 0.25em 0.7em; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
 th { background: var(--panel); vertical-align: bottom; white-space: normal; font-weight: 600; }
-.text { text-align: left; } td.text { white-space: normal; min-width: 7em; } tr:hover td { background: var(--panel); }
+.text { text-align: left; } td.text:last-child { white-space: normal; min-width: 22em; } tr:hover td { background: var(--panel); }
 th.sorts { cursor: pointer; } th.sorts:hover, th.sorts:focus-visible { color: var(--accent); }
 th[aria-sort=ascending]::after { content: " \25b2"; } th[aria-sort=descending]::after { content: " \25bc"; }
-button.save { float: right; font: inherit; font-size: 0.8em; color: var(--soft); background: none; cursor: pointer;
+button.save { display: block; margin: -0.6em 0 1.2em; font: inherit; font-size: 0.8em; color: var(--soft); background: none; cursor: pointer;
   border: 1px solid var(--line); border-radius: 4px; padding: 0.1em 0.6em; } button.save:hover { color: var(--accent); }
 .dominated td { color: var(--soft); background: var(--panel); }
 .good { color: var(--good); font-weight: bold; } .bad { color: var(--bad); font-weight: bold; }
@@ -97,7 +97,7 @@ const char* page_script() noexcept {
       link.click();
       URL.revokeObjectURL(link.href);
     });
-    table.parentElement.before(button);
+    table.parentElement.after(button);
   });
 })();
 </script>

@@ -145,6 +145,7 @@ std::string script_of(const Plot& plot, std::size_t number) {
     curves += fmt::format(", {:g} with lines lc rgb '{}' lw 1.5 dt 2 title {}", level.value, level.colour,
                           as_string(level.title));
   }
+  if (plot.tight_x) text += "set autoscale xfixmax\n";
   if (plot.log_x) text += log_axis('x', x, plot.x_ticks);
   if (plot.log_y) text += log_axis('y', y, {});
   if (!plot.x_names.empty()) text += named_axis(plot.x_names);

@@ -78,7 +78,8 @@ Series line_of(const std::string& title, std::size_t colour, const Envelope& cur
 }
 
 Plot plot_of(const std::string& title, const std::string& y_label) {
-  return {.title = title, .x_label = kTime, .y_label = y_label, .x_ticks = {}, .series = {}, .levels = {}};
+  return {
+      .title = title, .x_label = kTime, .y_label = y_label, .tight_x = true, .x_ticks = {}, .series = {}, .levels = {}};
 }
 
 /// One plot for at most as many users as there are colours.
@@ -146,8 +147,7 @@ std::vector<Plot> plots_of_run(const Json& summary, const std::vector<Json>& use
   add_user_plots(plots, curves, step, &UserCurves::step_ms);
   add_world_times(plots, world, summary, realtime);
   if (!realtime) return plots;
-  add_user_plots(plots, curves, plot_of("Missed deadlines: steps that ended after their period", "steps until then"),
-                 &UserCurves::late);
+  add_user_plots(plots, curves, plot_of("Late steps: ended after their period", "steps until then"), &UserCurves::late);
   add_user_plots(plots, curves, plot_of("Lateness: delay of the start of a step", "lateness, ms"),
                  &UserCurves::lateness_ms);
   return plots;

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace subworld {
@@ -31,6 +32,20 @@ constexpr const char* kRealTime =
 constexpr const char* kMore =
     "<p>Point at the title of a column for its meaning. Click on it to sort. All keys of the summary are defined in "
     "<code>deploy/README.md#summaryjson</code> of Subworld.</p>\n";
+
+constexpr const char* kCurves =
+    "<p class=facts>Of each of up to 720 intervals, a curve has the least and the largest value.</p>\n";
+constexpr const char* kLateSteps =
+    "<p class=facts>Missed deadlines are among the late steps: a step whose force left in time may still end "
+    "late.</p>\n";
+
+/// A unit of the summary, and one that is easier to read.
+struct Readable {
+  const char* si;
+  const char* unit;
+  double scale;
+};
+constexpr std::array kReadable{Readable{"s", "ms", 1e3}, Readable{"ratio", "%", 1e2}, Readable{"1", "", 1.0}};
 
 bool is_realtime(const Json& summary) { return text_at(summary, "mode") == "realtime"; }
 
@@ -70,12 +85,17 @@ std::string gates_of(const Json& summary) {
     std::string why = text_at(*gate, "missed_by"), cause = text_at(*gate, "why");
     std::ranges::replace(why, '_', ' ');
     if (!cause.empty()) why += (why.empty() ? "" : ": ") + cause;
+    const std::string si = text_at(*gate, "unit");
+    const auto unit = std::ranges::find(kReadable, si, [](const Readable& one) { return std::string(one.si); });
+    const double scale = unit == kReadable.end() ? 1.0 : unit->scale;
     table.rows.push_back({escaped(text_at(*gate, "name")),
                           is_ok(gate) ? "<span class=good>ok</span>"
                           : warns     ? "<span class=warn>warning</span>"
                                       : "<span class=bad>missed</span>",
-                          shown(number_at(*gate, "value"), 4), text_at(*gate, "at_most") == "false" ? "&ge;" : "&le;",
-                          shown(number_at(*gate, "bound"), 4), escaped(text_at(*gate, "unit")), escaped(why)});
+                          shown(scale * number_at(*gate, "value"), 4),
+                          text_at(*gate, "at_most") == "false" ? "&ge;" : "&le;",
+                          shown(scale * number_at(*gate, "bound"), 4),
+                          unit == kReadable.end() ? escaped(si) : unit->unit, escaped(why)});
   }
   const auto ok = std::ranges::count_if(sorted, is_ok);
   return fmt::format("<p>{} of {} quality gates ok.</p>\n", ok, sorted.size()) + html_of(table);
@@ -164,7 +184,7 @@ Facts facts_of(const Json& summary) {
   };
   const auto number = [&](const char* path, double scale, const char* unit) {
     const double value = scale * number_at(summary, path);
-    return std::isfinite(value) ? digits_of(value, 6) + unit : std::string();
+    return std::isfinite(value) ? digits_of(value, 4) + unit : std::string();
   };
   add("scene", text_at(summary, "scene"));
   add("scene file", text_at(summary, "scene_file"));
@@ -234,7 +254,7 @@ void write_run_report(const std::string& path, const Json& summary, const std::s
   if (!drawn.empty()) {
     page.heading("Over time");
     page.plots(drawn.data(), drawn.size());
-    page.add("<p class=facts>Of each of up to 720 intervals, a curve has the least and the largest value.</p>\n");
+    page.add(is_realtime(summary) ? kCurves + std::string(kLateSteps) : kCurves);
   }
   page.heading("World");
   page.add(world_table(summary));

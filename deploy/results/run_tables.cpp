@@ -184,15 +184,6 @@ std::vector<std::string> program_row(const std::string& name, const Json& progra
           text_at(program, "partial") == "true" ? "killed, or its results could not be written" : or_dash(end)};
 }
 
-std::vector<std::pair<std::string, std::string>> meanings_of(std::span<const Figure> figures,
-                                                             const std::vector<Json>& rows) {
-  std::vector<std::pair<std::string, std::string>> all;
-  for (const Figure& figure : figures) {
-    if (is_shown(figure, rows)) all.emplace_back(escaped(figure.head()), escaped(figure.about));
-  }
-  return all;
-}
-
 }  // namespace
 
 std::vector<Json> users_of(const Json& summary) {
@@ -268,14 +259,15 @@ std::string program_table(const Json& summary, const std::vector<Json>& users) {
 
 std::string meanings(const Json& summary) {
   const std::vector<Json> users = users_of(summary);
-  std::string text;
+  std::vector<std::pair<std::string, std::string>> all;
   for (const std::span<const Figure> figures :
        {std::span<const Figure>(kForceFigures), std::span<const Figure>(kTimeFigures),
         std::span<const Figure>(kSubWorldFigures)}) {
-    const auto all = meanings_of(figures, users);
-    if (!all.empty()) text += html_of(all);
+    for (const Figure& figure : figures) {
+      if (is_shown(figure, users)) all.emplace_back(escaped(figure.head()), escaped(figure.about));
+    }
   }
-  return text;
+  return all.empty() ? "" : html_of(all);
 }
 
 }  // namespace subworld

@@ -78,7 +78,7 @@ TEST_F(Report, HasTheFiguresOfTheSummary) {
               0.0);
   for (const char* plot : {"Force on the operator", "Energy of the bodies", "Time of a haptic step"})
     EXPECT_NE(page.find(plot), std::string::npos) << plot;
-  EXPECT_EQ(page.find("Missed deadlines"), std::string::npos) << "lock-step has no deadlines";
+  EXPECT_EQ(page.find("Late steps"), std::string::npos) << "lock-step has no deadlines";
   EXPECT_EQ(page_of(out() + "/summary.json", out()), page) << "the same for a file in the folder";
   ASSERT_EQ(run(scene("first"), {"--mode", "lockstep", "--duration", "0.1"}).code, 0);
   EXPECT_FALSE(std::filesystem::exists(out() + "/report.html")) << "it belongs to the run before";
@@ -87,7 +87,7 @@ TEST_F(Report, HasTheFiguresOfTheSummary) {
 TEST_F(Report, InRealTimeItShowsDeadlinesAndPictures) {
   ASSERT_EQ(run(scene("press"), {"--mode", "realtime", "--duration", "1", "--gui"}).code, 0);
   const std::string page = page_of(out(), out());
-  for (const char* part : {"Missed deadlines", "Lateness", "data:image/png;base64,", "by the OS"})
+  for (const char* part : {"Late steps", "Lateness", "data:image/png;base64,", "by the OS"})
     EXPECT_NE(page.find(part), std::string::npos) << part;
 }
 
@@ -123,6 +123,45 @@ TEST_F(Report, NamesWrongResultsWithTheCure) {
   const Ended ended = finish({program("subworld"), "report", out(), "--out", folder_.path() + "/none/a.html"});
   EXPECT_EQ(ended.code, 1);
   EXPECT_NE(ended.err.find("No such file or directory"), std::string::npos) << ended.err;
+}
+
+/// Clicks in the page, and says in its title whether they did what they should.
+constexpr const char* kClicks = R"(<script>
+const table = document.querySelector('[data-name=world]');
+const column = (at) => [...table.rows].slice(1).map((row) => row.cells[at].textContent);
+const numbers = () => [...table.querySelectorAll('data')].map((one) => Number(one.value));
+const rises = (all) => all.every((one, i) => i === 0 || all[i - 1] <= one);
+const before = column(0).join();
+table.rows[0].cells[1].click();
+const up = rises(numbers()) && column(0).join() !== before;
+table.rows[0].cells[1].click();
+const down = rises(numbers().reverse());
+let file = '';
+URL.createObjectURL = (blob) => {
+  blob.text().then((text) => {
+    const lines = text.trim().split('\n');
+    const exact = lines.some((line) => line.startsWith('cycles,' + CYCLES + ',,'));
+    document.title = [up, down, lines[0], lines.length === table.rows.length, exact, file].join(' ');
+  });
+  return 'data:,';
+};
+HTMLAnchorElement.prototype.click = function () { file = this.download; };
+table.parentElement.nextElementSibling.click();
+</script></body>)";
+
+TEST_F(Report, ItsTablesAreSortedAndSavedInABrowser) {
+  if (!std::filesystem::exists("/usr/bin/chromium")) GTEST_SKIP() << "chromium is not installed";
+  ASSERT_EQ(run(scene("press"), {"--mode", "lockstep", "--duration", "0.3"}).code, 0);
+  std::string page = page_of(out(), out()), clicks = kClicks;
+  clicks.replace(clicks.find("CYCLES"), 6, summary()["world"]["cycles"].dump());
+  page.replace(page.rfind("</body>"), 7, clicks);
+  const std::string file = folder_.write("clicked.html", page);
+  const Ended ended = finish({"/usr/bin/chromium", "--headless", "--no-sandbox", "--disable-gpu",
+                              "--user-data-dir=" + folder_.path() + "/browser", "--virtual-time-budget=5000",
+                              "--dump-dom", "file://" + file});
+  EXPECT_NE(ended.out.find("<title>true true figure,value,unit,meaning true true world.csv</title>"), std::string::npos)
+      << ended.out.substr(0, ended.out.find("<style>"))
+      << ended.out.substr(std::min(ended.out.size(), ended.out.find("<title>")), 200);
 }
 
 /// deploy/results/subworld_results.py on real results. Skipped where pandas is missing, which `deploy/build test`
