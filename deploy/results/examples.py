@@ -3,7 +3,7 @@
 
     examples.py force DIR                  the force on each operator over time, of a run or a session
     examples.py error LAB_DIR              the force error against the run time, of `subworld lab coupling`
-    examples.py lateness DIR [DIR ...]     how late the haptic steps of several runs begin
+    examples.py lateness DIR [DIR ...]     how late the haptic steps of several runs in real time begin
 
 --out FILE names the picture; otherwise it is NAME.png here.
 """
@@ -40,6 +40,9 @@ def lateness(axes, folders):
     for folder in folders:
         run = results.load(folder)
         for user, table in run.users.items():
+            if not table["lateness_s"].any():
+                print(f"{folder}: no step was late: a run in lock-step has no clock")
+                continue
             late_ms = 1e3 * table["lateness_s"].quantile([p / 100 for p in PERCENT])
             axes.semilogy(range(len(PERCENT)), late_ms, "o-", label=f"{run.folder.name}, {run.name(user)}")
     axes.set_xticks(range(len(PERCENT)), [f"{p:g}" for p in PERCENT])
