@@ -188,10 +188,13 @@ TEST(DelayLine, that_begins_in_the_middle_of_a_run_has_its_first_message_at_once
 
 TEST_F(LostDevice, is_missed_again_where_the_record_says_so) {
   scene_.settings.presence = parsed("0 misses 1 from 0.003 to 0.006");
-  LockstepOrder order(scene_, 0);
-  for (int step = 0; step < 10; ++step) order.hear(1, state(0.001 * step));
-  EXPECT_EQ(order.heard(1), 10U);
-  EXPECT_EQ(to_text(order.missed()), "0 misses 1 from 0.003 to 0.006");
+  begin(0);
+  for (int step = 0; step < 10; ++step) {
+    order_->hear(1, state(0.001 * step));
+    step_to(static_cast<std::uint64_t>(step) + 1);
+  }
+  EXPECT_EQ(order_->heard(1), 10U);
+  EXPECT_EQ(missed(), "0 misses 1 from 0.003 to 0.006");
 }
 
 }  // namespace
