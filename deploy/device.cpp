@@ -1,6 +1,7 @@
 #include "device.hpp"
 
 #include "device_sim/drivers.hpp"
+#include "io/options.hpp"
 #include "model/error.hpp"
 
 #include <fmt/format.h>
@@ -25,6 +26,11 @@ void list_devices() {
 
 int check_device(const std::string& name, const DriverCheckRequest& request) {
   if (name == kEmulated) throw Error(ExitCode::usage, "emulated: has no driver; name one of `subworld device list`");
+  if (name == kBrowserDevice) {
+    throw Error(
+        ExitCode::usage,
+        "browser: has no device to examine: it is the page of a run; try `subworld run press --device browser`");
+  }
   const DriverPlugin& plugin = driver_plugin(name);
   fmt::print("subworld: checking {} for {} s; move the device meanwhile. Its force is zero.\n", name,
              request.duration_s);

@@ -45,6 +45,7 @@ constexpr const char* kExamples =
     "Examples:\n"
     "  subworld run deploy/scenes/heap.yaml --mode realtime --duration 20 --gui\n"
     "  subworld run deploy/scenes/heap.yaml --mode realtime --duration 60 --page\n"
+    "  subworld run press --device browser\n"
     "  subworld run deploy/scenes/heap.yaml --mode lockstep --duration 5 --dds mixed\n"
     "  subworld run deploy/scenes/heap.yaml --users 2\n"
     "  subworld run row --bodies 'cube*,user/proxy' --bodies-rate 50\n"
@@ -419,6 +420,7 @@ int main_of(int argc, char** argv) {
   if (collect_command.chosen()) return collect(collection);
   if (run_command.chosen()) {
     request.place = placement == "auto";
+    request.page |= imply_browser(request.options);
     if (request.page && !request.options.live.port) request.options.live.port = 0;
     request.gui |= request.options.live.port.has_value();
     check_live_options(request.options.live);

@@ -48,7 +48,7 @@ DeviceSpec within_limits(DeviceSpec spec, const DriverCapabilities& capabilities
 
 DrivenDevice::DrivenDevice(const DriverPlugin& plugin, const DeviceUse& use, const DeviceSpec& spec,
                            std::uint32_t device)
-    : name_(plugin.name), use_(use), driver_(plugin, use.settings, static_cast<int>(device)) {
+    : name_(plugin.name), use_(use), driver_(plugin, use.settings, static_cast<int>(device), use.domain) {
   const TimePoint begin = Clock::now();
   std::string fault = "it has not opened";
   ReadingFault refused = ReadingFault::none;

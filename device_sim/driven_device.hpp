@@ -16,6 +16,7 @@ struct DeviceUse {
   double scale_ratio = 1.0;  ///< metres in the scene for a metre of the device
   double wait_s = 30.0;      ///< longest wait for the first reading
   int declutch_button = -1;  ///< while it is pressed, the device moves without the proxy; -1: none
+  int domain = 0;            ///< of the run
 };
 
 /// A device that a driver serves. `state()` is the newest good reading: relative to the first one, with the scale, and

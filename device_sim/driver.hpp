@@ -36,6 +36,7 @@ struct DriverWrench {
 struct DriverRequest {
   std::string_view settings;  ///< `--device-settings`, whose format is the driver's
   int user = 0;               ///< whom the device serves
+  int domain = 0;             ///< of DDS: tells apart the runs on this machine
 };
 
 /// One device. All functions are called by one thread, which is not the loop of `device_sim`. They may allocate and
@@ -68,7 +69,7 @@ struct DriverPlugin {
 };
 
 /// Changes whenever a type of this header changes.
-inline constexpr int kDriverPluginInterface = 1;
+inline constexpr int kDriverPluginInterface = 2;
 
 }  // namespace subworld
 

@@ -102,7 +102,8 @@ void exercise(Seen& seen, const DriverPlugin& plugin, const DriverCheckRequest& 
   double ignored_s = 0.0;
   std::unique_ptr<DeviceDriver> driver = plugin.make();
   const auto open = [&] {
-    return call(seen, "open", ignored_s, [&] { seen.capabilities = driver->open({request.settings, request.user}); });
+    return call(seen, "open", ignored_s,
+                [&] { seen.capabilities = driver->open({.settings = request.settings, .user = request.user}); });
   };
   seen.opened = open();
   if (seen.opened) seen.capabilities_fault = fault_of(seen.capabilities);

@@ -22,7 +22,7 @@ struct DriverThread::Exchange {
 
   const DriverPlugin* plugin = nullptr;
   std::string settings;
-  int user = 0;
+  int user = 0, domain = 0;
   Newest<Sample> samples{Sample{}};
   Newest<Report> reports{Report{}};
   Newest<Wanted> wanted{Wanted{}};
@@ -91,17 +91,18 @@ void end(DeviceDriver& driver, bool renders) noexcept {
 
 }  // namespace
 
-DriverThread::DriverThread(const DriverPlugin& plugin, std::string settings, int user)
+DriverThread::DriverThread(const DriverPlugin& plugin, std::string settings, int user, int domain)
     : exchange_(std::make_shared<Exchange>()) {
   exchange_->plugin = &plugin;
   exchange_->settings = std::move(settings);
   exchange_->user = user;
+  exchange_->domain = domain;
   using Wanted = Exchange::Wanted;
   const auto serve = [](Exchange& x) {
     const std::unique_ptr<DeviceDriver> driver = x.plugin->make();
     bool renders = false;
     try {
-      const DriverCapabilities capabilities = driver->open({x.settings, x.user});
+      const DriverCapabilities capabilities = driver->open({x.settings, x.user, x.domain});
       if (const std::string fault = fault_of(capabilities); !fault.empty()) throw std::runtime_error(fault);
       x.last_report.capabilities = capabilities;
       renders = capabilities.force_limit_n > 0.0;

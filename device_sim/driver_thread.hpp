@@ -34,7 +34,7 @@ class DriverThread {
     std::array<char, 240> text{};  ///< why it was lost
   };
 
-  DriverThread(const DriverPlugin& plugin, std::string settings, int user);
+  DriverThread(const DriverPlugin& plugin, std::string settings, int user, int domain);
   /// Outputs no wrench and closes the driver. One that does not return within kPatience_s is abandoned.
   ~DriverThread();
   DriverThread(const DriverThread&) = delete;

@@ -37,10 +37,13 @@ int main(int argc, char** argv) {
     const DrivenDevice* driven = nullptr;
     if (driver != nullptr) {
       DeviceSpec& spec = limited.users[user].device;
-      auto opened = std::make_unique<DrivenDevice>(
-          *driver,
-          DeviceUse{options.device_settings, options.device_scale_ratio, options.wait_s, options.device_declutch}, spec,
-          number);
+      auto opened = std::make_unique<DrivenDevice>(*driver,
+                                                   DeviceUse{.settings = options.device_settings,
+                                                             .scale_ratio = options.device_scale_ratio,
+                                                             .wait_s = options.wait_s,
+                                                             .declutch_button = options.device_declutch,
+                                                             .domain = options.network.domain},
+                                                   spec, number);
       spec = within_limits(spec, opened->capabilities(), driver->name);
       driven = opened.get();
       device = std::move(opened);

@@ -76,13 +76,15 @@ void follow(DisplayPorts& ports, Display& display, live::Server* viewers, const 
 }
 
 /// Empty where viewers are not served. Throws `Error`.
-std::unique_ptr<live::Server> serve_viewers(const LiveOptions& wanted, const Scene& scene, Bus& bus) {
+std::unique_ptr<live::Server> serve_viewers(const Options& options, const Scene& scene, Bus& bus) {
+  const LiveOptions& wanted = options.live;
   if (!wanted.port) return {};
   auto server = std::make_unique<live::Server>(live::ServerConfig{.address = wanted.address,
                                                                   .port = *wanted.port,
                                                                   .token = wanted.token,
                                                                   .name = scene.name,
-                                                                  .users = scene.settings.users},
+                                                                  .users = scene.settings.users,
+                                                                  .domain = options.network.domain},
                                                bus);
   fmt::print("gui_headless: viewers: open ws://{0} in Lichtblick or Foxglove, http://{0}{1} in a browser\n",
              server->address(), wanted.token.empty() ? "" : "/?token=TOKEN");
@@ -103,7 +105,7 @@ int main(int argc, char** argv) {
     DisplayPorts ports(options, scene);
     fmt::print("gui_headless: {}\n", ports.bus->effective_settings());
     {
-      const auto viewers = serve_viewers(options.live, scene, *ports.bus);
+      const auto viewers = serve_viewers(options, scene, *ports.bus);
       follow(ports, display, viewers.get(), options);
     }
     ports.status.enter("stopping");

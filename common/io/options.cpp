@@ -174,9 +174,11 @@ Option add_domain(CommandLine& line, int& domain) {
 }
 
 void add_device_options(CommandLine& line, Options& o) {
-  line.add("--device", &o.devices,
-           "haptic device: emulated, udp, spacemouse, joystick or another driver (`subworld device list`); with "
-           "several users a list, one for each")
+  line.add(
+          "--device", &o.devices,
+          "haptic device: emulated, browser (the page of the run; implies --mode realtime, --page and --duration 600), "
+          "udp, spacemouse, joystick or another driver (`subworld device list`); with several users a list, one for "
+          "each")
       .otherwise("emulated");
   line.add("--device-settings", &o.device_settings, "settings of the device's driver; see `subworld device list`")
       .otherwise("the driver's");
@@ -185,6 +187,19 @@ void add_device_options(CommandLine& line, Options& o) {
   line.add("--device-declutch", &o.device_declutch,
            "button of a device with a driver: while it is pressed, the device moves without the proxy; -1: none")
       .range(-1, 31);
+}
+
+bool imply_browser(Options& o) {
+  if (std::ranges::find(o.devices, kBrowserDevice) == o.devices.end()) return false;
+  if (!o.mode) {
+    o.mode = "realtime";
+    o.implied.insert(o.implied.end(), {"--mode", *o.mode});
+  }
+  if (!o.duration_s) {
+    o.duration_s = 600.0;  // a person ends it earlier, on the page
+    o.implied.insert(o.implied.end(), {"--duration", "600"});
+  }
+  return true;
 }
 
 std::vector<std::string> device_flags_of(const Options& o, int user) {
@@ -272,6 +287,7 @@ std::vector<std::string> settings_flags_of(const Options& o) {
     const std::vector<std::string> words = option.as_given();
     flags.insert(flags.end(), words.begin(), words.end());
   }
+  flags.insert(flags.end(), o.implied.begin(), o.implied.end());
   return flags;
 }
 

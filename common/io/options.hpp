@@ -38,26 +38,27 @@ struct Options {
   std::optional<double> budget_ratio;
   std::optional<double> budget_limit_ratio;
   std::optional<double> duration_s;
-  std::string out;                       ///< folder for results; empty: none are written
-  std::optional<std::string> bodies;     ///< world_sim: bodies to record; choose_bodies() reads it
-  std::optional<double> bodies_rate_hz;  ///< world_sim: rate of that
-  double checkpoint_s = 0.5;             ///< world_sim: simulated time between checkpoints; 0: none
-  std::string resume;                    ///< world_sim: file or folder of the checkpoint to go on from; empty: none
-  std::vector<int> without;              ///< users without whom the world begins; they may join later
-  std::vector<int> cores;                ///< for all threads of the program; none: any
-  double spin_s = 0.0;                   ///< haptic_sim, device_sim: spins instead of sleeping before a release
-  std::string record;                    ///< of `subworld run`: file for a recording; empty: none
-  std::string trace;                     ///< file for a trace of the loops; empty: none. Not of the display
-  int user = 0;                          ///< haptic_sim, device_sim
-  std::vector<std::string> devices;      ///< device_sim: its device; the launcher: one for each user. None: emulated
-  std::string device_settings;           ///< of the device's driver
-  double device_scale_ratio = 1.0;       ///< metres in the scene for a metre of the device
-  int device_declutch = -1;              ///< button of the device that disengages it from the proxy; -1: none
-  double wait_s = 30.0;                  ///< for the other programs
-  std::vector<Option> shared = {};       ///< those that all programs of a run have
-  double picture_every_s = 0.0;          ///< gui_headless
-  LiveOptions live = {};                 ///< gui_headless
-  bool await_display = false;            ///< world_sim: starts when a display is there
+  std::string out;                        ///< folder for results; empty: none are written
+  std::optional<std::string> bodies;      ///< world_sim: bodies to record; choose_bodies() reads it
+  std::optional<double> bodies_rate_hz;   ///< world_sim: rate of that
+  double checkpoint_s = 0.5;              ///< world_sim: simulated time between checkpoints; 0: none
+  std::string resume;                     ///< world_sim: file or folder of the checkpoint to go on from; empty: none
+  std::vector<int> without;               ///< users without whom the world begins; they may join later
+  std::vector<int> cores;                 ///< for all threads of the program; none: any
+  double spin_s = 0.0;                    ///< haptic_sim, device_sim: spins instead of sleeping before a release
+  std::string record;                     ///< of `subworld run`: file for a recording; empty: none
+  std::string trace;                      ///< file for a trace of the loops; empty: none. Not of the display
+  int user = 0;                           ///< haptic_sim, device_sim
+  std::vector<std::string> devices;       ///< device_sim: its device; the launcher: one for each user. None: emulated
+  std::string device_settings;            ///< of the device's driver
+  double device_scale_ratio = 1.0;        ///< metres in the scene for a metre of the device
+  int device_declutch = -1;               ///< button of the device that disengages it from the proxy; -1: none
+  double wait_s = 30.0;                   ///< for the other programs
+  std::vector<Option> shared = {};        ///< those that all programs of a run have
+  std::vector<std::string> implied = {};  ///< flags of that kind which another option implies
+  double picture_every_s = 0.0;           ///< gui_headless
+  LiveOptions live = {};                  ///< gui_headless
+  bool await_display = false;             ///< world_sim: starts when a display is there
 };
 
 /// Loads the scene and lets the options override its settings; afterwards `settings.users` counts the users that take
@@ -86,6 +87,11 @@ Option add_domain(CommandLine& line, int& domain);
 
 /// Adds --device, --device-settings, --device-scale and --device-declutch.
 void add_device_options(CommandLine& line, Options& options);
+
+/// The device that is a page of the run.
+inline constexpr const char* kBrowserDevice = "browser";
+/// Whether a user has it; then the run is in real time, and long, where the options do not say otherwise.
+bool imply_browser(Options& options);
 
 /// The same options for the device of one user. Throws `Error` (usage) where the list has another length.
 [[nodiscard]] std::vector<std::string> device_flags_of(const Options& options, int user);

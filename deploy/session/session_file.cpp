@@ -83,6 +83,7 @@ Options read_options(const YamlMap& map) {
   add_checkpoint_options(line, options);
   try {
     (void)line.parse(static_cast<int>(argv.size()), argv.data());
+    (void)imply_browser(options);
   } catch (const Error& wrong) {
     (flags ? *flags : map.whole()).fail(wrong.what());
   }
@@ -158,6 +159,25 @@ Session load_session(const std::string& file) {
   return session;
 }
 
+namespace {
+
+/// The display passes the poses of a page on to the device by a socket of their host.
+void check_browser(const Session& session, int user) {
+  const std::vector<std::string> flags = device_flags_of(session.options, user);
+  if (flags.empty() || flags[1] != kBrowserDevice) return;
+  const auto serves = [&](const SessionHost& host) {
+    const auto runs = [&](const SessionProgram& one) { return std::ranges::count(host.programs, one) > 0; };
+    return runs({"device_sim", user}) && runs({"gui_headless"});
+  };
+  if (session.options.live.port && std::ranges::any_of(session.hosts, serves)) return;
+  throw Error(ExitCode::usage,
+              fmt::format("{}: user {} has the device browser, whose page the display serves on the same host; add the "
+                          "flag live, and gui_headless to the programs of the host with device_sim {}",
+                          session.file, user, user));
+}
+
+}  // namespace
+
 void check_programs(const Session& session, const Scene& scene) {
   const auto runs = [&](const SessionProgram& wanted) {
     std::ptrdiff_t count = 0;
@@ -177,6 +197,7 @@ void check_programs(const Session& session, const Scene& scene) {
   for (int user = 0; user < scene.settings.users; ++user) {
     check({"haptic_sim", user});
     check({"device_sim", user});
+    check_browser(session, user);
   }
   for (const SessionHost& host : session.hosts) {
     for (const SessionProgram& program : host.programs) {

@@ -71,12 +71,12 @@ Request read_advertise(const json& message) {
 
 }  // namespace
 
-std::string server_info_text(const std::string& name, const std::string& session) {
+std::string server_info_text(const std::string& name, const std::string& session, std::uint32_t connection) {
   return text_of({{"op", "serverInfo"},
                   {"name", name},
                   {"capabilities", {"clientPublish"}},
                   {"supportedEncodings", {"cdr"}},
-                  {"metadata", {{"subworld", version_text()}}},
+                  {"metadata", {{"subworld", version_text()}, {"connection", std::to_string(connection)}}},
                   {"sessionId", session}});
 }
 

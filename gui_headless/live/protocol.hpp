@@ -19,7 +19,9 @@ inline constexpr std::array<std::string_view, 2> kProtocols{"foxglove.sdk.v1", "
 
 enum class Level : std::uint8_t { info, warning, error };
 
-[[nodiscard]] std::string server_info_text(const std::string& name, const std::string& session);
+/// `connection`: the client's number.
+[[nodiscard]] std::string server_info_text(const std::string& name, const std::string& session,
+                                           std::uint32_t connection);
 [[nodiscard]] std::string advertise_text(const std::vector<Channel>& channels);
 /// A status with an `id` replaces the earlier one of that id.
 [[nodiscard]] std::string status_text(Level level, const std::string& message, const std::string& id = {});

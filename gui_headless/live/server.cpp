@@ -4,6 +4,7 @@
 #include "orders.hpp"
 #include "session.hpp"
 #include "sources.hpp"
+#include "tools.hpp"
 
 #include <fmt/format.h>
 #include <signal.h>
@@ -12,6 +13,7 @@
 #include <boost/asio/steady_timer.hpp>
 
 #include <algorithm>
+#include <charconv>
 #include <random>
 #include <string_view>
 #include <thread>
@@ -28,6 +30,18 @@ constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / 60};  // the highest 
 constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewell{500}, kRetry{100};
 
 constexpr std::string_view kOrderTopic = "/control";
+
+/// The user of "/user_N/tool"; none: it is another topic.
+std::optional<int> user_of_tool(std::string_view topic, int users) {
+  constexpr std::string_view kBegin = "/user_", kEnd = "/tool";
+  if (!topic.starts_with(kBegin) || !topic.ends_with(kEnd)) return std::nullopt;
+  topic.remove_prefix(kBegin.size());
+  topic.remove_suffix(std::min(kEnd.size(), topic.size()));
+  int user = -1;
+  const auto [end, fault] = std::from_chars(topic.data(), topic.data() + topic.size(), user);
+  if (fault != std::errc{} || end != topic.data() + topic.size() || user < 0 || user >= users) return std::nullopt;
+  return user;
+}
 
 std::string random_session() {
   std::random_device source;
@@ -58,6 +72,7 @@ struct Server::Parts final : Host {
       : config(wanted),
         sources(bus, wanted.users),
         orders(bus),
+        tools(wanted.domain, wanted.users),
         acceptor(open_acceptor(io, wanted)),
         accept_again(io),
         tick(io),
@@ -102,7 +117,7 @@ struct Server::Parts final : Host {
       }
       accept();
       if (sessions.size() >= kMostConnections) return;
-      sessions.push_back(std::make_shared<Session>(std::move(socket), *this));
+      sessions.push_back(std::make_shared<Session>(std::move(socket), *this, ++connections));
       sessions.back()->start();
     });
   }
@@ -116,6 +131,8 @@ struct Server::Parts final : Host {
       if (const auto now = Session::Clock::now(); now >= next_inspection) {
         next_inspection = now + kInspection;
         orders.inspect(now);
+        tools.inspect(now);
+        show_tools();
         for (const auto& session : std::vector(sessions)) session->inspect(now);
       }
     });
@@ -140,7 +157,7 @@ struct Server::Parts final : Host {
   }
 
   void opened(Session& session) override {
-    session.send_control(server_info_text(fmt::format("Subworld: {}", config.name), session_id));
+    session.send_control(server_info_text(fmt::format("Subworld: {}", config.name), session_id, session.number()));
     session.send_control(advertise_text(sources.channels()));
   }
 
@@ -152,7 +169,7 @@ struct Server::Parts final : Host {
     } else if (const auto* offered = std::get_if<Advertise>(&request)) {
       for (const Publication& one : offered->publications) advertise(session, one);
     } else if (const auto* withdrawn = std::get_if<Unadvertise>(&request)) {
-      for (const std::uint32_t id : withdrawn->publications) session.publications.erase(id);
+      for (const std::uint32_t id : withdrawn->publications) withdraw(session, id);
     } else if (const auto* published = std::get_if<Publish>(&request)) {
       publish(session, *published);
     } else {
@@ -164,19 +181,41 @@ struct Server::Parts final : Host {
     const auto refuse = [&](const std::string& why) {
       session.send_control(status_text(Level::error, fmt::format("channel {}: {}", offered.id, why)));
     };
-    if (offered.topic != kOrderTopic || offered.encoding != "cdr")
-      return refuse(fmt::format("this server takes messages of {} in cdr only", kOrderTopic));
+    const std::optional<int> user = user_of_tool(offered.topic, config.users);
+    if ((offered.topic != kOrderTopic && !user) || offered.encoding != "cdr")
+      return refuse(fmt::format("this server takes messages of {} and of /user_N/tool in cdr only", kOrderTopic));
     if (!session.may_publish())
-      return refuse("a page of another site may not give orders; start the display with a token, and give it");
+      return refuse(
+          "a page of another site may not give orders or hold tools; start the display with a token, and give it");
     if (session.publications.size() >= kMostSubscriptions) return refuse("too many channels");
-    session.publications.insert(offered.id);
+    session.publications[offered.id] = user;
   }
 
   void publish(Session& session, const Publish& message) {
-    const std::string fault = session.publications.contains(message.publication)
-                                  ? orders.send(message.bytes, Session::Clock::now())
-                                  : fmt::format("channel {} is not advertised", message.publication);
+    const auto known = session.publications.find(message.publication);
+    const auto now = Session::Clock::now();
+    std::string fault;
+    if (known == session.publications.end()) {
+      fault = fmt::format("channel {} is not advertised", message.publication);
+    } else if (const std::optional<int> user = known->second) {
+      fault = tools.move(*user, session.number(), message.bytes, now);
+      show_tools();
+    } else {
+      fault = orders.send(message.bytes, now);
+    }
     if (!fault.empty()) session.send_control(status_text(Level::error, fault));
+  }
+
+  void withdraw(Session& session, std::uint32_t id) {
+    const auto known = session.publications.find(id);
+    if (known == session.publications.end()) return;
+    if (known->second) tools.release(*known->second, session.number());
+    session.publications.erase(known);
+    show_tools();
+  }
+
+  void show_tools() {
+    if (auto cdr = tools.news()) sources.show_tools(std::move(*cdr), deliver);
   }
 
   void subscribe(Session& session, const Subscription& wanted) {
@@ -214,6 +253,8 @@ struct Server::Parts final : Host {
       --subscribers;
     }
     session.subscriptions.clear();
+    if (!leaving) tools.release(session.number());  // the end of the run is no absence of a device
+    show_tools();
     std::erase_if(sessions, [&](const auto& one) { return one.get() == &session; });
     if (leaving && sessions.empty()) io.stop();
   }
@@ -223,6 +264,8 @@ struct Server::Parts final : Host {
   std::string address;
   Sources sources;
   Orders orders;
+  Tools tools;
+  std::uint32_t connections = 0;
   int subscribers = 0;
   bool leaving = false;
   Session::Clock::time_point next_inspection;

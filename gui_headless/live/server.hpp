@@ -14,6 +14,7 @@ struct ServerConfig {
   std::string token;                  ///< that clients must give; empty: none
   std::string name;                   ///< of the scene
   int users = 0;
+  int domain = 0;  ///< of the run
 };
 
 /// Serves the topics of a run to viewers, by the Foxglove WebSocket protocol. Works in a thread of its own, to which

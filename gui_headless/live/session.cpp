@@ -75,7 +75,8 @@ bool is_own_page(const http::request<http::string_body>& request) {
 
 }  // namespace
 
-Session::Session(asio::ip::tcp::socket&& socket, Host& host) : stream_(std::move(socket)), host_(host) {
+Session::Session(asio::ip::tcp::socket&& socket, Host& host, std::uint32_t number)
+    : stream_(std::move(socket)), host_(host), number_(number) {
   boost::system::error_code ignored;
   auto& own = beast::get_lowest_layer(stream_).socket();
   own.set_option(asio::ip::tcp::no_delay(true), ignored);

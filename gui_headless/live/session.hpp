@@ -14,7 +14,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 
 /// The only files with Boost.Beast are session.* and server.cpp: its headers take long to compile.
@@ -43,7 +42,8 @@ class Session : public std::enable_shared_from_this<Session> {
  public:
   using Clock = std::chrono::steady_clock;
 
-  Session(boost::asio::ip::tcp::socket&& socket, Host& host);
+  /// `number` is that of no other connection, and not 0.
+  Session(boost::asio::ip::tcp::socket&& socket, Host& host, std::uint32_t number);
   void start();
 
   /// Ends the connection if too many control messages wait.
@@ -54,13 +54,15 @@ class Session : public std::enable_shared_from_this<Session> {
   void inspect(Clock::time_point now);
   void close(websocket::close_code code, const std::string& reason);
 
+  [[nodiscard]] std::uint32_t number() const noexcept { return number_; }
   [[nodiscard]] bool is_open() const noexcept { return open_; }
 
-  /// Whether this client may give orders: not the page of another site, which the user's browser happens to show.
+  /// Whether this client may give orders and hold tools: not the page of another site, which the user's browser happens
+  /// to show.
   [[nodiscard]] bool may_publish() const noexcept { return may_publish_; }
 
-  std::map<std::uint32_t, std::uint32_t> subscriptions;  ///< channel of each
-  std::set<std::uint32_t> publications;                  ///< its ids for the topic of orders
+  std::map<std::uint32_t, std::uint32_t> subscriptions;      ///< channel of each
+  std::map<std::uint32_t, std::optional<int>> publications;  ///< of each of its ids: the user whose tool; none: orders
 
  private:
   void answer_request();
@@ -78,6 +80,7 @@ class Session : public std::enable_shared_from_this<Session> {
 
   websocket::stream<beast::tcp_stream> stream_;
   Host& host_;
+  const std::uint32_t number_;
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::string_body>> parser_;
   http::response<http::string_body> response_;

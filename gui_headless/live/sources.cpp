@@ -2,6 +2,7 @@
 
 #include "cdr_text.hpp"
 #include "scene_update.hpp"
+#include "tools.hpp"
 #include "wire/schema.hpp"
 #include "world_view.hpp"
 
@@ -17,7 +18,7 @@ namespace subworld::live {
 namespace {
 
 constexpr std::string_view kModule = "subworld::msg::", kWorldView = "subworld::msg::WorldView",
-                           kPlace = "subworld::msg::ProgramPlace";
+                           kPlace = "subworld::msg::ProgramPlace", kTools = "subworld::msg::Tools";
 constexpr std::string_view kPlaceSchema =
     "module subworld {\nmodule msg {\n@final struct ProgramPlace {\n  @key unsigned long program;\n"
     "  @key unsigned long instance;\n  string dds;\n  string host;\n  string process;\n};\n};\n};\n";
@@ -52,12 +53,14 @@ std::vector<Channel> all_channels(int users) {
     channels.push_back(topic_channel<WorldFrame>(name + "world_frame", user_partition(user)));
     channels.push_back(topic_channel<HapticReport>(name + "haptic_report", user_partition(user)));
   }
+  channels.push_back({0, "/tools", std::string(kTools), Tools::schema(), {}, {}});
   for (std::size_t i = 0; i < channels.size(); ++i) channels[i].id = static_cast<std::uint32_t>(i + 1);
   return channels;
 }
 
 bool is_view(const Channel& channel) { return channel.type == kWorldView; }
 bool is_place(const Channel& channel) { return channel.type == kPlace; }
+bool is_tools(const Channel& channel) { return channel.type == kTools; }
 bool is_scene(const Channel& channel) { return channel.row == kTopicIndex<SceneDescription>; }
 /// Whether each message counts, and none replaces an earlier one.
 bool is_event(const Channel& channel) {
@@ -90,7 +93,7 @@ const Channel* Sources::channel(std::uint32_t id) const noexcept {
 void Sources::subscribe(const Channel& channel) {
   const auto [at, first] = open_.try_emplace(channel.id);
   Open& open = at->second;
-  if (first && !is_scene(channel) && !is_place(channel)) {
+  if (first && !is_scene(channel) && !is_place(channel) && !is_tools(channel)) {
     try {
       open.observer.emplace(bus_, channel.row.value_or(kTopicIndex<WorldSnapshot>), channel.partition);
     } catch (...) {
@@ -98,7 +101,7 @@ void Sources::subscribe(const Channel& channel) {
       throw;
     }
   }
-  if (first && !channel.row && !is_view(channel) && !is_place(channel) && scene_) {
+  if (first && !channel.row && !is_view(channel) && !is_place(channel) && !is_tools(channel) && scene_) {
     states_ = scene_->states;
     changed_ = true;
   }
@@ -115,6 +118,7 @@ std::vector<Sample> Sources::newest(const Channel& channel) const {
   if (is_scene(channel) && scene_bytes_) samples.push_back({0, wall_time_ns(), scene_bytes_});
   if (is_place(channel))
     for (const auto& [key, sample] : places_) samples.push_back(sample);
+  if (is_tools(channel) && tools_bytes_) samples.push_back({0, wall_time_ns(), tools_bytes_});
   if (const auto at = open_.find(channel.id); at != open_.end())
     for (const auto& [key, sample] : at->second.newest) samples.push_back(sample);
   std::ranges::sort(samples, {}, &Sample::time_ns);
@@ -144,14 +148,20 @@ void Sources::place(ProgramKind program, std::uint32_t instance, const PeerProgr
     if (is_place(channel)) deliver(channel, sample);
 }
 
+void Sources::show_tools(std::vector<std::uint8_t> cdr, const Deliver& deliver) {
+  tools_bytes_ = std::make_shared<const std::vector<std::uint8_t>>(std::move(cdr));
+  for (const Channel& channel : channels_)
+    if (is_tools(channel)) deliver(channel, {0, wall_time_ns(), tools_bytes_});
+}
+
 void Sources::poll(const Deliver& deliver) {
   for (auto& [id, open] : open_) {
     if (!open.observer) continue;
     const Channel& channel = channels_[id - 1];
-    if (!channel.row)
-      poll_made(channel, open, deliver);
-    else
+    if (channel.row)
       poll_topic(channel, open, deliver);
+    else
+      poll_made(channel, open, deliver);
   }
 }
 

@@ -48,13 +48,15 @@ class Sources {
   void describe(std::shared_ptr<const SceneDescription> scene, const Deliver& deliver);
   /// Where a program of the run was found.
   void place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer, const Deliver& deliver);
+  /// The state of the tools (tools.hpp), as CDR.
+  void show_tools(std::vector<std::uint8_t> cdr, const Deliver& deliver);
   /// Receives what has arrived and delivers the newest sample of each key.
   void poll(const Deliver& deliver);
 
  private:
   struct Open {
     int subscribers = 0;
-    std::optional<Observer> observer;  // none: of the scene, and of the places of programs
+    std::optional<Observer> observer;  // none: of the scene, the places of programs and the tools
     std::map<std::uint64_t, Sample> newest;
   };
   void poll_topic(const Channel& channel, Open& open, const Deliver& deliver);
@@ -66,7 +68,7 @@ class Sources {
   std::vector<Channel> channels_;
   std::map<std::uint32_t, Open> open_;
   std::shared_ptr<const SceneDescription> scene_;
-  Bytes scene_bytes_;
+  Bytes scene_bytes_, tools_bytes_;
   std::map<std::uint64_t, Sample> places_;  // by program and instance
   std::uint64_t events_ = 0;
   WorldViewer viewer_;

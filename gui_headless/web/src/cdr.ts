@@ -150,3 +150,13 @@ export function encodeControl(number: number, verb: number, argument: string): U
   bytes.set(text, 16);
   return bytes;
 }
+
+/** A `subworld::msg::ToolPose`: position, orientation w, x, y, z, buttons, and whether the tool is held. */
+export function encodeToolPose(position: number[], orientation: number[], buttons: number, held: boolean): Uint8Array {
+  const bytes = new Uint8Array(4 + 7 * 8 + 4 + 1), view = new DataView(bytes.buffer);
+  view.setUint8(1, 1);
+  [...position, ...orientation].forEach((number, i) => view.setFloat64(4 + 8 * i, number, true));
+  view.setUint32(60, buttons, true);
+  view.setUint8(64, held ? 1 : 0);
+  return bytes;
+}

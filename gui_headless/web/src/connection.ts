@@ -13,10 +13,15 @@ export interface Listener {
 
 const FROZEN_MS = 3500; // each program publishes its status once a second
 const RETRY_MS = [500, 1000, 2000];
+const tool = (user: number) => ({
+  id: 2 + user, topic: `/user_${user}/tool`, encoding: "cdr", schemaName: "subworld::msg::ToolPose",
+});
 const CONTROL = { id: 1, topic: "/control", encoding: "cdr", schemaName: "subworld::msg::Control" };
 
 export class Connection {
   bytes = 0;
+  /** Of this connection, among those of the server. */
+  number = 0;
   private socket?: WebSocket;
   private session = "";
   private tries = 0;
@@ -28,6 +33,7 @@ export class Connection {
   private topics = new Map<number, string>();
   private wanted = new Set<string>();
   private subscribed = new Set<string>();
+  private offered = new Set<number>(); // users whose tools this page has offered to move
 
   constructor(private readonly address: string, private readonly listener: Listener) {
     setInterval(() => this.watch(), 500);
@@ -40,11 +46,19 @@ export class Connection {
     this.subscribe();
   }
 
-  publish(cdr: Uint8Array): boolean {
+  /** A pose of the tool of a user (touch.ts). */
+  moveTool(user: number, cdr: Uint8Array): boolean {
+    if (this.socket?.readyState !== WebSocket.OPEN || !this.number) return false;
+    if (!this.offered.has(user)) this.socket.send(JSON.stringify({ op: "advertise", channels: [tool(user)] }));
+    this.offered.add(user);
+    return this.publish(cdr, tool(user).id);
+  }
+
+  publish(cdr: Uint8Array, channel = CONTROL.id): boolean {
     if (this.socket?.readyState !== WebSocket.OPEN) return false;
     const message = new Uint8Array(5 + cdr.length);
     message[0] = 1;
-    new DataView(message.buffer).setUint32(1, CONTROL.id, true);
+    new DataView(message.buffer).setUint32(1, channel, true);
     message.set(cdr, 5);
     this.socket.send(message);
     return true;
@@ -63,6 +77,8 @@ export class Connection {
     socket.onclose = (event) => this.closed(socket, event.code === 1001);
     this.socket = socket;
     this.subscribed.clear();
+    this.offered.clear();
+    this.number = 0;
     this.heard = performance.now();
   }
 
@@ -93,6 +109,7 @@ export class Connection {
       this.tries = 0;
       this.ended = false;
       this.channels.clear();
+      this.number = Number(message.metadata?.connection ?? 0);
       if (message.sessionId !== this.session) {
         this.session = message.sessionId;
         this.listener.started({ name: message.name, version: message.metadata?.subworld ?? "" });

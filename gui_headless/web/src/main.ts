@@ -7,6 +7,8 @@ import { Plots } from "./plots";
 import { Programs } from "./programs";
 import { Replay } from "./replay";
 import { followTheme, userColour } from "./theme";
+import { ToolBar } from "./tool_bar";
+import { Touch } from "./touch";
 import { View } from "./view";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -31,6 +33,7 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
     linkDetail = detail;
     document.body.dataset.link = link;
     controls.enable(link === "live");
+    if (link === "lost" || link === "ended") touch.lost();
     showLink();
     if (link === "live") subscribe();
   },
@@ -40,6 +43,7 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
       model.describe(value);
       view.build();
       describe();
+      toolBar.show();
     } else if (topic === "/world_view") {
       model.show(value, now);
       view.update();
@@ -65,6 +69,10 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
       model.moveDevice(value.device, "device", value.pose);
     } else if (topic.endsWith("/device_command")) {
       model.moveDevice(value.device, "proxy", value.pose);
+      model.forces.set(value.device, value.wrench.force);
+      if (value.device === touch.user) view.touch();
+    } else {
+      touch.receive(topic, value);
     }
   },
   refused: (text) => controls.say("refused", text),
@@ -72,11 +80,18 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
 const controls = new Controls(connection, model);
 const replay = new Replay(controls, model);
 controls.enable(false);
+const touch = new Touch(connection, view, model, element<HTMLCanvasElement>("view"));
+const toolBar = new ToolBar(element("stage"), touch, view, () => model.userCount);
+touch.changed = () => {
+  toolBar.show();
+  subscribe();
+};
 
 /** What is shown is subscribed to, and nothing else. */
 function subscribe(): void {
   const wanted = ["/scene", "/status", "/program_place", "/control_reply"];
   if (!document.hidden) {
+    wanted.push(...touch.topics());
     wanted.push("/world_view");
     const kinds = [
       ...(view.arrows.showDevices ? ["device_state", "device_command"] : []),
@@ -245,7 +260,7 @@ followTheme(element<HTMLButtonElement>("theme"), () => {
   view.restyle();
   plots.restyle();
 });
-view.picked = select;
+view.picked = (id) => touch.user < 0 && select(id); // else a click belongs to the tool
 for (const [id, key] of [["forces", "showForces"], ["impulses", "showImpulses"], ["devices", "showDevices"]] as const)
   element<HTMLInputElement>(id).onchange = (event) => {
     view.arrows[key] = (event.target as HTMLInputElement).checked;
@@ -267,6 +282,7 @@ element<HTMLFormElement>("find").onsubmit = (event) => {
 
 document.addEventListener("keydown", (event) => {
   const target = event.target as HTMLElement;
+  if (touch.key(event)) return event.preventDefault();
   if (event.key === "Escape") return select(-1), target.blur();
   if (event.ctrlKey || event.metaKey || event.altKey || target.closest("input, select, textarea")) return;
   const inView = target.id === "view" || target === document.body;
@@ -290,5 +306,6 @@ Object.assign(window, {
     link, time_s: model.time_s, paused: model.paused, frames: view.frames, framesPerSecond: view.framesPerSecond,
     bytes: connection.bytes, bodies: model.bodies.length, users: model.users.length, answers: controls.answers,
     placed: view.bodies.placed, tier: view.pace.number, points: plots.force.points, devices: model.devices.size, programs: model.programs.size,
+    tool: { offered: touch.tools.length, user: touch.user, holds: touch.holds, sent: touch.sent, offset: touch.offset.toArray(), force: touch.force },
   }),
 });

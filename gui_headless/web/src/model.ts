@@ -37,6 +37,7 @@ export class Model {
   states = new States(0);
   users: UserView[] = [];
   devices = new Map<number, { device?: Pose; proxy?: Pose }>(); // both in the frame of the device
+  forces = new Map<number, Vector>(); // on the operators, as far as they are received
   programs = new Map<string, Program>();
   places = new Map<string, Place>(); // of programs, by the same keys
   time_s = 0;

@@ -18,6 +18,8 @@ export class View {
   framesPerSecond = 0;
   gridStep_m = 0.1;
   picked?: (id: number) => void;
+  /** Before each picture. */
+  drawn?: () => void;
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
   private readonly camera = new THREE.PerspectiveCamera(38, 1, 0.01, 500);
@@ -70,6 +72,38 @@ export class View {
 
   touch(): void {
     this.dirty = true;
+  }
+
+  add(object: THREE.Object3D): void {
+    this.scene.add(object);
+  }
+
+  /** Radius of a usual body, m. */
+  size_m(): number {
+    return this.bodyRadius;
+  }
+
+  /** Right, up and near in the picture. */
+  axes(): { x: THREE.Vector3; y: THREE.Vector3; z: THREE.Vector3 } {
+    const [x, y, z] = [new THREE.Vector3(), new THREE.Vector3(), new THREE.Vector3()];
+    this.camera.matrixWorld.extractBasis(x, y, z);
+    return { x, y, z };
+  }
+
+  /** The ray through a pixel. */
+  caster(event: MouseEvent): THREE.Raycaster {
+    const area = this.canvas.getBoundingClientRect(), ray = new THREE.Raycaster();
+    ray.setFromCamera(new THREE.Vector2((2 * (event.clientX - area.left)) / area.width - 1,
+      1 - (2 * (event.clientY - area.top)) / area.height), this.camera);
+    return ray;
+  }
+
+  /** Whether the left button and one finger turn the camera; else the right button and two fingers do. */
+  turnWithLeft(on: boolean): void {
+    const { MOUSE, TOUCH } = THREE, none = null as unknown as THREE.MOUSE & THREE.TOUCH;
+    this.controls.mouseButtons = on ? { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN }
+      : { LEFT: none, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.ROTATE };
+    this.controls.touches = on ? { ONE: TOUCH.ROTATE, TWO: TOUCH.DOLLY_PAN } : { ONE: none, TWO: TOUCH.DOLLY_ROTATE };
   }
 
   /** A new scene. */
@@ -225,10 +259,7 @@ export class View {
     this.canvas.addEventListener("pointerdown", (event) => (down = { x: event.clientX, y: event.clientY }));
     this.canvas.addEventListener("pointerup", (event) => {
       if (Math.hypot(event.clientX - down.x, event.clientY - down.y) > 4) return;
-      const area = this.canvas.getBoundingClientRect(), ray = new THREE.Raycaster();
-      ray.setFromCamera(new THREE.Vector2((2 * (event.clientX - area.left)) / area.width - 1,
-        1 - (2 * (event.clientY - area.top)) / area.height), this.camera);
-      this.picked?.(this.bodies.pick(ray));
+      this.picked?.(this.bodies.pick(this.caster(event)));
     });
   }
 
@@ -289,6 +320,7 @@ export class View {
       this.shadow.stale = false;
       this.shadow.age = 0;
     }
+    this.drawn?.();
     this.renderer.render(this.scene, this.camera);
     ++this.frames;
     return true;

@@ -12,60 +12,14 @@ import time
 
 import websockets
 
-from idl import decode, parse
+from viewer import LIMIT_S, PROTOCOLS, Viewer
 
-PROTOCOLS = ["foxglove.sdk.v1", "foxglove.websocket.v1"]
-LIMIT_S = 40  # exceeded only by a fault
-
-
-class Viewer:
-    """A connection by the library `websockets`."""
-
-    def __init__(self, socket_):
-        self.socket, self.channels, self.topics, self.statuses = socket_, {}, {}, []
-
-    @staticmethod
-    async def open(address, protocols=PROTOCOLS):
-        viewer = Viewer(await websockets.connect(address, subprotocols=protocols, max_size=None))
-        viewer.info = json.loads(await viewer.socket.recv())
-        assert viewer.info["op"] == "serverInfo" and viewer.info["sessionId"], viewer.info
-        advertise = json.loads(await viewer.socket.recv())
-        assert advertise["op"] == "advertise", advertise
-        for channel in advertise["channels"]:
-            assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "omgidl"), channel
-            viewer.channels[channel["topic"]] = channel
-            viewer.topics[channel["id"]] = channel["topic"]
-            channel["types"] = parse(channel["schema"])
-        return viewer
-
-    async def send(self, **message):
-        await self.socket.send(json.dumps(message))
-
-    async def subscribe(self, *topics):
-        """The id of a subscription is that of its channel."""
-        ids = [self.channels[topic]["id"] for topic in topics]
-        await self.send(op="subscribe", subscriptions=[{"id": id_, "channelId": id_} for id_ in ids])
-
-    async def receive(self):
-        """A sample as (topic, time, decoded), or None for a status."""
-        message = await asyncio.wait_for(self.socket.recv(), LIMIT_S)
-        if isinstance(message, str):
-            self.statuses.append(json.loads(message))
-            return None
-        opcode, id_, time_ns = struct.unpack_from("<BIQ", message)
-        assert opcode == 1
-        channel = self.channels[self.topics[id_]]
-        return channel["topic"], time_ns, decode(channel["types"], channel["schemaName"], message[13:])
-
-    async def status(self):
-        while not self.statuses:
-            await self.receive()
-        return self.statuses.pop(0)
+RARE = ("/scene", "/program_place", "/tools")  # sent where they change
 
 
 def enough(topic, samples):
     """Some samples, and where they have stamps, time has passed: the world may just be starting."""
-    if topic == "/scene":
+    if topic in RARE:
         return bool(samples)
     stamps = [sample.get("stamp_s", 1) for _, sample in samples[:1] + samples[-1:]]
     return len(samples) >= 5 and stamps[-1] > 0 and (topic != "/status" or {0, 1, 2} <= {
@@ -77,7 +31,7 @@ async def read_all(address, protocol):
     viewer = await Viewer.open(address, [protocol])
     assert viewer.socket.subprotocol == protocol
     wanted = [topic for topic in viewer.channels if not topic.startswith("/control")]
-    assert len(wanted) == 9, wanted
+    assert len(wanted) == 11, wanted
     await viewer.subscribe(*wanted)
     seen = {topic: [] for topic in wanted}
     end = time.monotonic() + LIMIT_S
@@ -92,7 +46,7 @@ async def read_all(address, protocol):
         stamps = [sample["stamp_s"] for _, sample in samples if "stamp_s" in sample]
         assert stamps == sorted(stamps), (topic, stamps)
         assert not stamps or stamps[0] < stamps[-1], (topic, stamps)
-        assert topic in ("/scene", "/scene_update", "/status") or len(stamps) > 4, topic
+        assert topic in (*RARE, "/scene_update", "/status") or len(stamps) > 4, topic
     scene = seen["/scene"][0][1]
     full, view = seen["/world_state"], {one["stamp_s"]: one for _, one in seen["/world_view"]}
     same = [(state, view[state["stamp_s"]]) for _, state in full if state["stamp_s"] in view]

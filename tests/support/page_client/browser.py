@@ -137,6 +137,11 @@ class Page:
             await self.call("Input.dispatchKeyEvent", type=kind, key=key, code=code or key,
                             text=text if kind == "keyDown" else "")
 
+    async def mouse(self, kind, x, y, button="left", modifiers=0, **more):
+        """"Pressed", "Moved", "Released" or "Wheel"."""
+        await self.call("Input.dispatchMouseEvent", type=f"mouse{kind}", x=x, y=y, button=button, modifiers=modifiers,
+                        buttons=1 if kind == "Moved" else 0, clickCount=0 if kind == "Moved" else 1, **more)
+
     async def theme(self, name):
         await self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": name}])
 
