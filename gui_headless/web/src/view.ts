@@ -44,7 +44,9 @@ export class View {
     const software = drawnBySoftware();
     document.body.classList.toggle("slow", software);
     this.pace = new Pace(software ? SOFTWARE_TIER : 0);
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !software, powerPreference: "high-performance" });
+    // A canvas without alpha costs the browser less: nothing is to be seen through it.
+    const context = canvas.getContext("webgl2", { alpha: false, antialias: !software, powerPreference: "high-performance" });
+    this.renderer = new THREE.WebGLRenderer({ canvas, context: context ?? undefined });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, this.pace.tier.ratio));
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.autoUpdate = false;
