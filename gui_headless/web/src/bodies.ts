@@ -1,10 +1,11 @@
 // All bodies: one instanced mesh for each shape, so that thousands cost a few draw calls.
 import * as THREE from "three";
+import { Merged } from "./merged";
 import { SHAPES, type Body, type Mesh, type Model, type Vector } from "./model";
 import { theme, userColour } from "./theme";
 
 type Group = {
-  mesh: THREE.InstancedMesh; ids: number[]; scales: THREE.Vector3[]; fixed: boolean;
+  mesh: THREE.InstancedMesh; merged?: Merged; ids: number[]; scales: THREE.Vector3[]; fixed: boolean;
   moved: Uint8Array; painted: Uint8Array; // of each block of instances, since the last upload
 };
 
@@ -98,6 +99,8 @@ export class Bodies {
   /** Height of the horizontal plane below all bodies, if there is one. */
   floor: number | null = null;
   selected = -1;
+  /** One mesh for all bodies of a shape, in the place of instances. */
+  merges = false;
   /** Instances whose place has changed in the last frame. */
   placed = 0;
   private groups: Group[] = [];
@@ -108,7 +111,8 @@ export class Bodies {
   private tints = new Map<number, number>();
 
   build(model: Model): void {
-    for (const { mesh } of this.groups) {
+    for (const { mesh, merged } of this.groups) {
+      merged?.dispose();
       mesh.geometry.dispose();
       (mesh.material as THREE.Material).dispose();
       mesh.dispose();
@@ -150,21 +154,25 @@ export class Bodies {
       side: key.includes("mesh") || key.includes("plane") ? THREE.DoubleSide : THREE.FrontSide,
     });
     const material = key.endsWith("box") && !wall ? edged(plain) : plain;
-    const mesh = new THREE.InstancedMesh(geometry, material, bodies.length);
+    const merges = this.merges && !wall && Merged.suits(geometry, bodies.length);
+    const mesh = new THREE.InstancedMesh(geometry, material, merges ? Merged.roomFor(bodies.length) : bodies.length);
+    mesh.count = bodies.length;
     mesh.instanceMatrix.setUsage(THREE.DynamicDrawUsage);
     mesh.castShadow = !wall;
     mesh.receiveShadow = !wall;
     mesh.frustumCulled = false;
     mesh.renderOrder = wall ? 1 : 0;
     mesh.setColorAt(0, SELECTED);
+    const merged = merges ? new Merged(mesh) : undefined;
     const blocks = Math.ceil(bodies.length / BLOCK);
     bodies.forEach((body, slot) => {
       this.groupOf[body.id] = this.groups.length;
       this.slotOf[body.id] = slot;
     });
-    this.groups.push({ mesh, ids: bodies.map((one) => one.id), scales, fixed, moved: new Uint8Array(blocks),
+    this.groups.push({ mesh, merged, ids: bodies.map((one) => one.id), scales, fixed, moved: new Uint8Array(blocks),
       painted: new Uint8Array(blocks) });
     this.root.add(mesh);
+    if (merged) this.root.add(merged.mesh);
   }
 
   /** Moves the instances to where the bodies are now. Only those are touched that move. */
@@ -173,9 +181,15 @@ export class Bodies {
     states.show(this.poses, now_ms);
     this.placed = states.shownCount;
     for (let i = 0; i < states.shownCount; ++i) this.compose(shown[i]);
-    for (const { mesh, moved, painted } of this.groups) {
-      if (upload(mesh.instanceMatrix, moved)) mesh.boundingSphere = null;
-      upload(mesh.instanceColor!, painted);
+    for (const { mesh, merged, moved, painted } of this.groups) {
+      if (moved.includes(1)) {
+        mesh.boundingSphere = null;
+        if (merged) merged.move();
+        else upload(mesh.instanceMatrix, moved);
+      }
+      if (!merged && painted.includes(1)) upload(mesh.instanceColor!, painted);
+      moved.fill(0);
+      painted.fill(0);
     }
   }
 
@@ -228,6 +242,7 @@ export class Bodies {
   private colour(id: number, colour: number): void {
     const group = this.groups[this.groupOf[id]];
     if (!group) return;
+    group.merged?.colour(this.slotOf[id], PLAIN.setHex(colour));
     group.mesh.setColorAt(this.slotOf[id], PLAIN.setHex(colour));
     group.painted[Math.floor(this.slotOf[id] / BLOCK)] = 1;
   }
@@ -244,18 +259,13 @@ export class Bodies {
   }
 }
 
-/** Uploads the blocks that have changed, with the next frame. False: none. */
-function upload(attribute: THREE.InstancedBufferAttribute, changed: Uint8Array): boolean {
+/** Uploads the blocks that have changed, with the next frame. */
+function upload(attribute: THREE.InstancedBufferAttribute, changed: Uint8Array): void {
   const size = BLOCK * attribute.itemSize;
-  let any = false;
-  for (let block = 0; block < changed.length; ++block) {
-    if (!changed[block]) continue;
-    changed[block] = 0;
-    any = true;
-    attribute.addUpdateRange(size * block, Math.min(size, attribute.array.length - size * block));
-  }
-  if (any) attribute.needsUpdate = true;
-  return any;
+  changed.forEach((one, block) => {
+    if (one) attribute.addUpdateRange(size * block, Math.min(size, attribute.array.length - size * block));
+  });
+  attribute.needsUpdate = true;
 }
 
 /** The matrix of a pose and a scale. */

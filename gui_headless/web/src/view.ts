@@ -43,6 +43,7 @@ export class View {
   constructor(private readonly canvas: HTMLCanvasElement, private readonly model: Model) {
     const software = drawnBySoftware();
     document.body.classList.toggle("slow", software);
+    this.bodies.merges = software;
     this.pace = new Pace(software ? SOFTWARE_TIER : 0);
     // A canvas without alpha costs the browser less: nothing is to be seen through it.
     const context = canvas.getContext("webgl2", { alpha: false, antialias: !software, powerPreference: "high-performance" });
