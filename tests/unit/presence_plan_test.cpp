@@ -91,10 +91,16 @@ class LostDevice : public testing::Test {
   }
   /// A sub-world that needs the device, and begins with a step.
   void begin(std::uint64_t step) {
-    ASSERT_TRUE(world_.settle([](double) { return true; }));
-    ASSERT_TRUE(sub_.reset_from(world_.frame(0)));
-    ASSERT_NE(sub_.facts().peers & 2U, 0U);
     order_.emplace(scene_, 0, 0, step);
+    ASSERT_TRUE(world_.settle([](double) { return true; }));
+    SubWorld other(scene_, 1);
+    for (SubWorld* sub : {&sub_, &other}) {
+      (void)sub->synchronise_with(world_.frame(sub == &other ? 1 : 0));
+      ASSERT_TRUE(world_.receive(HapticReport(*sub->close_cycle(1))));
+    }
+    world_.step();
+    (void)sub_.synchronise_with(world_.frame(0));
+    ASSERT_NE(sub_.facts().peers & 2U, 0U);
   }
   void step_to(std::uint64_t step) {
     while (order_->next_step() < step) {
@@ -115,9 +121,10 @@ class LostDevice : public testing::Test {
 };
 
 TEST_F(LostDevice, is_missed_from_its_last_state_to_the_first_of_another_process) {
-  begin(5);
+  begin(0);
   for (int step = 0; step < 5; ++step) order_->hear(1, state(0.001 * step));
   EXPECT_EQ(order_->heard(1), 5U);
+  step_to(5);
   order_->miss(1);
   step_to(10);
   EXPECT_EQ(missed(), "0 misses 1 from 0.005 to 0.01");
