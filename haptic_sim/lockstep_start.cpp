@@ -24,7 +24,7 @@ class LockstepStart : HapticRun {
       if (!look()) ask();
       return began_;
     };
-    const auto settles = [this] { return ports.scene.alive_writers() > 0; };  // a living world may take its time
+    const auto settles = [this] { return ports.world_lives(); };  // a living world may take its time
     const Wanted frame{"frame of the world", "every user's haptic_sim and device_sim"};
     if (!wait_for(*ports.bus, options, frame, begins, settles)) return std::nullopt;
     ports.frames.trust_sender();

@@ -24,6 +24,10 @@ struct HapticPorts {
   [[nodiscard]] bool serves_another(const WorldFrame& frame) const noexcept {
     return frame.served != 0 && frame.served != identity;
   }
+  /// A sign of life from either: on a busy machine a vendor may lose the liveliness of a writer that lives.
+  [[nodiscard]] bool world_lives() const noexcept {
+    return scene.alive_writers() > 0 || status.hears(ProgramKind::world_sim, 0);
+  }
 
   const std::uint64_t identity = draw_identity();
   std::uint64_t session = 0;  ///< of the world; 0: not joined yet

@@ -83,7 +83,7 @@ std::optional<FirstFrame> join(const HapticRun& run) {
     }
     return false;
   };
-  const auto settles = [&] { return ports.scene.alive_writers() > 0; };  // a living world may take its time
+  const auto settles = [&] { return ports.world_lives(); };  // a living world may take its time
   if (!wait_for(*ports.bus, options, {"frame of the world", "every user's haptic_sim and device_sim"}, started,
                 settles))
     return std::nullopt;
