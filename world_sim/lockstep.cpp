@@ -189,14 +189,17 @@ class LockstepLoop : WorldLoop {
   /// False when asked to stop, and where the user is absent from now on.
   bool receive(std::size_t user, std::uint64_t stamp) {
     const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(user)};
-    const auto ours = [&](const HapticReport& came) { return ports.belongs(user, came) && !asks_to_take_part(came); };
+    const auto ours = [&](const HapticReport& came) { return ports.belongs(user, came); };
     const auto gives_up = [this] { return gives_up_at_signal(); };
     const auto lose = [&](const std::string& text) {
       if (scene.settings.absent == Absent::end) throw Error(ExitCode::failed, text + kEndsWithoutIt);
       leave(user, text);
     };
-    if (!await(*ports.bus, ports.status, ports.reports[user], report_, stages_, haptic, ours, gives_up, lose))
-      return false;
+    // One that has just joined may still ask: it has not heard the answer yet, and lives.
+    do {
+      if (!await(*ports.bus, ports.status, ports.reports[user], report_, stages_, haptic, ours, gives_up, lose))
+        return false;
+    } while (asks_to_take_part(report_));
     for (const MissedStates& missed : report_.missed) record_missed(events_, static_cast<int>(user), missed);
     if (world.receive(std::move(report_)) && world.has_report(user, stamp)) return true;
     throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of them on "

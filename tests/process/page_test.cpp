@@ -21,14 +21,15 @@ class Page : public ProcessTest {
     });
     return named_it ? found[1].str() : std::string{};
   }
-  /// Looks at a page as a user does; the script's exit code.
-  static int look(const std::string& script, const Words& words) {
+  /// Looks at a page of a command as a user does; the script's exit code. If it is not 0, the command is stopped.
+  static int look(Process& command, const std::string& script, const Words& words) {
     const TemporaryFolder folder;
     Words all{"/usr/bin/python3", std::string(SOURCE_FOLDER) + "/tests/support/page_client/" + script};
     all.insert(all.end(), words.begin(), words.end());
     Process viewer(all, folder.path());
     const int code = viewer.wait(280.0).value_or(-1);
     EXPECT_TRUE(code == 0 || code == kSkipped) << viewer.out() << viewer.err();
+    if (code != 0) command.signal(SIGINT);
     return code;
   }
 };
@@ -39,7 +40,8 @@ TEST_F(Page, ShowsAndControlsARun) {
               folder_.path());
   const std::string address = address_of(run);
   ASSERT_NE(address, "") << run.err();
-  if (look("page_client.py", {address, out()}) == kSkipped) GTEST_SKIP() << "no Chromium, or a build without the page";
+  if (look(run, "page_client.py", {address, out()}) == kSkipped)
+    GTEST_SKIP() << "no Chromium, or a build without the page";
   EXPECT_EQ(run.wait().value_or(-1), 0) << run.err();  // the page has stopped it
 }
 
@@ -52,7 +54,8 @@ TEST_F(Page, MovesThroughARecording) {
                  folder_.path());
   const std::string address = address_of(replay);
   ASSERT_NE(address, "") << replay.err();
-  if (look("replay_client.py", {address, "6"}) == kSkipped) GTEST_SKIP() << "no Chromium, or a build without the page";
+  if (look(replay, "replay_client.py", {address, "6"}) == kSkipped)
+    GTEST_SKIP() << "no Chromium, or a build without the page";
   EXPECT_EQ(replay.wait().value_or(-1), 0) << replay.err();  // the page has stopped it
 }
 
