@@ -111,7 +111,9 @@ class LostDevice : public testing::Test {
   }
   std::string missed() {
     std::vector<PresenceEvent> events;
-    for (const MissedStates& one : order_->take_missed()) record_missed(events, 0, one);
+    const std::vector<MissedStates> taken = order_->take_missed();
+    EXPECT_LE(taken.size(), 1U) << "steps that follow each other are one interval of a report";
+    for (const MissedStates& one : taken) record_missed(events, 0, one);
     return to_text(events);
   }
   Scene scene_ = two_users();

@@ -165,3 +165,24 @@ class Page:
             self.process.kill()
             self.process.wait()
         shutil.rmtree(self.folder, ignore_errors=True)
+
+
+async def visit(address, width, height, look):
+    """Looks at a page with `look(page)`. The exit code of a script: 0, or SKIPPED where this machine cannot show it."""
+    why = await awaited(address) if program() else "no Chromium; as root: apt-get install chromium"
+    if why:
+        print("skipped:", why)
+        return SKIPPED
+    page = await Page.open(address, width, height)
+    try:
+        await look(page)
+    finally:
+        await page.close()
+    return 0
+
+
+async def stops(page):
+    """Ends the run by its button; the first press asks."""
+    for _ in range(2):
+        await page.click("#stop")
+    await page.until("ended", lambda s: s["link"] == "ended")

@@ -10,7 +10,7 @@ import sys
 import time
 import zlib
 
-from browser import LIMIT_S, SKIPPED, Page, awaited, program
+from browser import LIMIT_S, visit
 
 EXPECTED = ("WebSocket connection to", "net::ERR_CONNECTION")  # while the display is away
 
@@ -150,28 +150,16 @@ async def ends(page):
     assert "has ended" in await page.value("document.getElementById('banner').textContent")
 
 
-async def main():
-    address, folder = sys.argv[1:3]
-    if not program():
-        print("skipped: no Chromium; as root: apt-get install chromium")
-        return SKIPPED
-    if refused := await awaited(address):
-        print("skipped:", refused)
-        return SKIPPED
-    page = await Page.open(address, 1000, 640)
-    try:
-        await draws(page)
-        await obeys(page)
-        await finds(page)
-        assert not page.errors, page.errors
-        follower = await returns(page, folder)
-        await ends(page)
-        assert follower.wait(LIMIT_S) == 0
-        errors = [one for one in page.errors if not any(known in one for known in EXPECTED)]
-        assert not errors, errors
-    finally:
-        await page.close()
-    return 0
+async def look(page):
+    await draws(page)
+    await obeys(page)
+    await finds(page)
+    assert not page.errors, page.errors
+    follower = await returns(page, sys.argv[2])
+    await ends(page)
+    assert follower.wait(LIMIT_S) == 0
+    errors = [one for one in page.errors if not any(known in one for known in EXPECTED)]
+    assert not errors, errors
 
 
-sys.exit(asyncio.run(main()))
+sys.exit(asyncio.run(visit(sys.argv[1], 1000, 640, look)))

@@ -5,7 +5,7 @@ import asyncio
 import sys
 import time
 
-from browser import SKIPPED, Page, awaited, program
+from browser import stops, visit
 
 NEAR_S = 0.1  # snapshots are 1/30 s apart
 
@@ -91,28 +91,15 @@ async def hurries(page, length_s):
     await page.until("its end", lambda s: s["paused"] and s["time_s"] > length_s - NEAR_S)
 
 
-async def main():
-    address, length_s = sys.argv[1], float(sys.argv[2])
-    if not program():
-        print("skipped: no Chromium; as root: apt-get install chromium")
-        return SKIPPED
-    if refused := await awaited(address):
-        print("skipped:", refused)
-        return SKIPPED
-    page = await Page.open(address, 1000, 640)
-    try:
-        await begins(page, length_s)
-        await plays(page)
-        await moves(page, length_s)
-        await times(page, length_s)
-        await hurries(page, length_s)
-        assert not page.errors, page.errors
-        await page.click("#stop")
-        await page.click("#stop")
-        await page.until("ended", lambda s: s["link"] == "ended")
-    finally:
-        await page.close()
-    return 0
+async def look(page):
+    length_s = float(sys.argv[2])
+    await begins(page, length_s)
+    await plays(page)
+    await moves(page, length_s)
+    await times(page, length_s)
+    await hurries(page, length_s)
+    assert not page.errors, page.errors
+    await stops(page)
 
 
-sys.exit(asyncio.run(main()))
+sys.exit(asyncio.run(visit(sys.argv[1], 1000, 640, look)))

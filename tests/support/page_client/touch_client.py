@@ -5,7 +5,7 @@ import asyncio
 import sys
 import time
 
-from browser import LIMIT_S, SKIPPED, Page, awaited, program
+from browser import LIMIT_S, stops, visit
 
 FRAME_S = 1 / 60
 SHIFT = 8
@@ -94,27 +94,13 @@ async def releases(page):
     assert "Take" in await page.value("document.querySelector('#tools .row button').textContent")
 
 
-async def main():
-    address, folder = sys.argv[1:3]
-    if not program():
-        print("skipped: no Chromium; as root: apt-get install chromium")
-        return SKIPPED
-    if refused := await awaited(address):
-        print("skipped:", refused)
-        return SKIPPED
-    page = await Page.open(address, 920, 480)  # fewer pixels than usual: it is drawn without a graphics card
-    try:
-        await page.until("a tool", lambda s: s["tool"]["offered"] == 1 and s["frames"] > 0 and s["time_s"] > 0.5)
-        await presses(page, folder)
-        await moves(page)
-        await releases(page)
-        assert not page.errors, page.errors
-        for _ in range(2):  # the first press asks
-            await page.click("#stop")
-        await page.until("ended", lambda s: s["link"] == "ended")
-    finally:
-        await page.close()
-    return 0
+async def look(page):  # it is drawn without a graphics card: fewer pixels than usual
+    await page.until("a tool", lambda s: s["tool"]["offered"] == 1 and s["frames"] > 0 and s["time_s"] > 0.5)
+    await presses(page, sys.argv[2])
+    await moves(page)
+    await releases(page)
+    assert not page.errors, page.errors
+    await stops(page)
 
 
-sys.exit(asyncio.run(main()))
+sys.exit(asyncio.run(visit(sys.argv[1], 920, 480, look)))
