@@ -1,11 +1,14 @@
 // All bodies: one instanced mesh for each shape, so that thousands cost a few draw calls.
 import * as THREE from "three";
+import { BODY_PIXELS, bodyLitAtCorners } from "./corner_light";
 import { Merged } from "./merged";
 import { SHAPES, type Body, type Mesh, type Model, type Vector } from "./model";
 import { theme, userColour } from "./theme";
+import { VisibleFaces, type Light } from "./visible_faces";
 
 type Group = {
-  mesh: THREE.InstancedMesh; merged?: Merged; ids: number[]; scales: THREE.Vector3[]; fixed: boolean;
+  mesh: THREE.InstancedMesh; merged?: Merged; faces?: VisibleFaces; lit: THREE.Material; cornerLit?: THREE.Material;
+  ids: number[]; scales: THREE.Vector3[]; fixed: boolean;
   moved: Uint8Array; painted: Uint8Array; // of each block of instances, since the last upload
 };
 
@@ -99,8 +102,9 @@ export class Bodies {
   /** Height of the horizontal plane below all bodies, if there is one. */
   floor: number | null = null;
   selected = -1;
-  /** One mesh for all bodies of a shape, in the place of instances. */
-  merges = false;
+  /** A processor draws: a shape's bodies are one mesh in the place of instances, and light is at corners where no shadows are. */
+  software = false;
+  light?: Light;
   /** Instances whose place has changed in the last frame. */
   placed = 0;
   private groups: Group[] = [];
@@ -109,12 +113,15 @@ export class Bodies {
   private groupOf = new Int32Array(0);
   private slotOf = new Int32Array(0);
   private tints = new Map<number, number>();
+  private shadows = true;
 
   build(model: Model): void {
-    for (const { mesh, merged } of this.groups) {
+    for (const { mesh, merged, faces, lit, cornerLit } of this.groups) {
       merged?.dispose();
+      faces?.dispose();
       mesh.geometry.dispose();
-      (mesh.material as THREE.Material).dispose();
+      lit.dispose();
+      cornerLit?.dispose();
       mesh.dispose();
     }
     this.root.clear();
@@ -135,7 +142,19 @@ export class Bodies {
     }
     for (const [key, { bodies, scales, make }] of kinds) this.add(key, bodies, scales, make(bodies.length));
     for (const body of model.bodies) this.compose(body.id);
+    this.shade(this.shadows);
     this.repaint(model);
+  }
+
+  /** With shadows, or without. */
+  shade(shadows: boolean): void {
+    this.shadows = shadows;
+    for (const { mesh, merged, faces, lit, cornerLit } of this.groups) {
+      (merged?.mesh ?? mesh).material = shadows ? lit : cornerLit ?? lit;
+      if (!merged || !faces) continue;
+      merged.mesh.visible = shadows;
+      faces.mesh.visible = !shadows;
+    }
   }
 
   private isFloor(model: Model, body: Body): boolean {
@@ -153,8 +172,8 @@ export class Bodies {
       transparent: wall, opacity: wall ? 0.1 : 1, depthWrite: !wall,
       side: key.includes("mesh") || key.includes("plane") ? THREE.DoubleSide : THREE.FrontSide,
     });
-    const material = key.endsWith("box") && !wall ? edged(plain) : plain;
-    const merges = this.merges && !wall && Merged.suits(geometry, bodies.length);
+    const hasEdges = key.endsWith("box") && !wall, material = hasEdges ? edged(plain) : plain;
+    const merges = this.software && !wall && Merged.suits(geometry, bodies.length);
     const mesh = new THREE.InstancedMesh(geometry, material, merges ? Merged.roomFor(bodies.length) : bodies.length);
     mesh.count = bodies.length;
     mesh.instanceMatrix.setUsage(THREE.DynamicDrawUsage);
@@ -164,24 +183,29 @@ export class Bodies {
     mesh.renderOrder = wall ? 1 : 0;
     mesh.setColorAt(0, SELECTED);
     const merged = merges ? new Merged(mesh) : undefined;
+    const faces = merged && hasEdges ? new VisibleFaces(bodies.length, BODY_PIXELS, { EDGES: "" }) : undefined;
+    const corners = this.software && !faces ? bodyLitAtCorners(plain, hasEdges) : undefined;
+    if (corners) merged?.placed(corners);
     const blocks = Math.ceil(bodies.length / BLOCK);
     bodies.forEach((body, slot) => {
       this.groupOf[body.id] = this.groups.length;
       this.slotOf[body.id] = slot;
     });
-    this.groups.push({ mesh, merged, ids: bodies.map((one) => one.id), scales, fixed, moved: new Uint8Array(blocks),
-      painted: new Uint8Array(blocks) });
+    this.groups.push({ mesh, merged, faces, lit: material, cornerLit: corners, ids: bodies.map((one) => one.id), scales, fixed,
+      moved: new Uint8Array(blocks), painted: new Uint8Array(blocks) });
     this.root.add(mesh);
     if (merged) this.root.add(merged.mesh);
+    if (faces) this.root.add(faces.mesh);
   }
 
   /** Moves the instances to where the bodies are now. Only those are touched that move. */
-  place(model: Model, now_ms: number): void {
+  place(model: Model, now_ms: number, eye: THREE.Vector3): void {
     const { states } = model, { shown } = states;
     states.show(this.poses, now_ms);
     this.placed = states.shownCount;
     for (let i = 0; i < states.shownCount; ++i) this.compose(shown[i]);
-    for (const { mesh, merged, moved, painted } of this.groups) {
+    for (const { mesh, merged, faces, moved, painted } of this.groups) {
+      if (faces?.mesh.visible && this.light) faces.update(mesh.instanceMatrix.array, mesh.instanceColor!.array, eye, this.light);
       if (moved.includes(1)) {
         mesh.boundingSphere = null;
         if (merged) merged.move();
@@ -198,6 +222,7 @@ export class Bodies {
     if (!group) return;
     compose(group.mesh.instanceMatrix.array, 16 * slot, this.poses, 7 * id, group.scales[slot]);
     group.moved[Math.floor(slot / BLOCK)] = 1;
+    group.faces?.touch(slot);
   }
 
   position(id: number, into: THREE.Vector3): THREE.Vector3 {
@@ -242,6 +267,7 @@ export class Bodies {
   private colour(id: number, colour: number): void {
     const group = this.groups[this.groupOf[id]];
     if (!group) return;
+    group.faces?.touch(this.slotOf[id]);
     group.merged?.colour(this.slotOf[id], PLAIN.setHex(colour));
     group.mesh.setColorAt(this.slotOf[id], PLAIN.setHex(colour));
     group.painted[Math.floor(this.slotOf[id] / BLOCK)] = 1;

@@ -178,7 +178,7 @@ function describe(): void {
 function fit(): void {
   ++fits;
   view.fit();
-  const step = view.gridStep_m;
+  const step = view.ground.step_m;
   element("grid").textContent = view.bodies.floor === null ? "" : `Grid ${step < 1 ? `${Number((100 * step).toPrecision(1))} cm` : `${step} m`}`;
 }
 
@@ -239,8 +239,8 @@ setInterval(() => {
   const factor = model.realTimeFactor;
   element("factor").textContent = model.snapshots ? (factor < 0.995 ? `${factor.toFixed(2)} × real time` : "real time") : "";
   if (element<HTMLDetailsElement>("topology").open) programs.show(model, now, view.pace.number > 1);
-  element("forceScale").textContent = scaleText("Force", "N", view.arrows.forceScale.perUnit, 2 * view.gridStep_m);
-  element("impulseScale").textContent = scaleText("Border impulses", "N s", view.arrows.impulseScale.perUnit, 2 * view.gridStep_m);
+  element("forceScale").textContent = scaleText("Force", "N", view.arrows.forceScale.perUnit, 2 * view.ground.step_m);
+  element("impulseScale").textContent = scaleText("Border impulses", "N s", view.arrows.impulseScale.perUnit, 2 * view.ground.step_m);
   showCard();
   if (now - traffic.at > 1900) {
     const rate = (1000 * (connection.bytes - traffic.bytes)) / (now - traffic.at);

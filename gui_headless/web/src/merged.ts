@@ -23,7 +23,7 @@ export class Merged {
     return ROW * Math.ceil(count / ROW);
   }
 
-  /** Draws what `source` would. It has room for whole rows, and its material belongs to this from now on. */
+  /** Draws what `source` would. It has room for whole rows, and its material becomes `placed`. */
   constructor(source: THREE.InstancedMesh) {
     const room = source.instanceMatrix.count;
     this.places = texture(source.instanceMatrix.array as Float32Array, 4 * ROW);
@@ -53,7 +53,8 @@ export class Merged {
     this.colours.dispose();
   }
 
-  private placed<M extends THREE.Material>(material: M): M {
+  /** A material of this mesh. */
+  placed<M extends THREE.Material>(material: M): M {
     const before = material.onBeforeCompile, key = `merged ${before}`;
     material.onBeforeCompile = (shader, renderer) => {
       before.call(material, shader, renderer);
@@ -61,18 +62,17 @@ export class Merged {
       shader.vertexShader = shader.vertexShader
         .replace("#include <common>", `#include <common>
           #define USE_INSTANCING
+          #define USE_INSTANCING_COLOR
           uniform highp sampler2D places, tints;
           attribute float slot;
-          varying vec3 vTint;
-          mat4 instanceMatrix;`)
+          mat4 instanceMatrix;
+          vec3 instanceColor;`)
         .replace("void main() {", `void main() {
           int body = int(slot + 0.5), row = body / ${ROW}, column = body - ${ROW} * row;
           instanceMatrix = mat4(texelFetch(places, ivec2(4 * column, row), 0), texelFetch(places, ivec2(4 * column + 1, row), 0),
             texelFetch(places, ivec2(4 * column + 2, row), 0), texelFetch(places, ivec2(4 * column + 3, row), 0));
-          vTint = texelFetch(tints, ivec2(column, row), 0).rgb;`);
-      shader.fragmentShader = shader.fragmentShader
-        .replace("#include <common>", "#include <common>\nvarying vec3 vTint;")
-        .replace("#include <color_fragment>", "#include <color_fragment>\ndiffuseColor.rgb *= vTint;");
+          instanceColor = texelFetch(tints, ivec2(column, row), 0).rgb;`);
+      shader.fragmentShader = `#define USE_COLOR\n${shader.fragmentShader}`;
     };
     material.customProgramCacheKey = () => key;
     return material;

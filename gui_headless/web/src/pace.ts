@@ -11,9 +11,10 @@ export const TIERS: readonly Tier[] = [
   { ratio: 0.75, shadow: 1024, every: 8 },
   { ratio: 0.75, shadow: 0, every: 1 },
   { ratio: 0.5, shadow: 0, every: 1 },
+  { ratio: 0.4, shadow: 0, every: 1 },
 ];
 
-const SLOW_MS = 42; // a frame that is slower than this costs too much
+const SLOW_MS = 34; // a frame that is slower than this costs too much
 const FAST_MS = 20;
 const SETTLED = 6; // frames, before a tier is judged
 export const SOFTWARE_TIER = 3; // with which a machine without a graphics card begins

@@ -3,6 +3,7 @@ import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { Arrows } from "./arrows";
 import { Bodies, radiusOf } from "./bodies";
+import { Ground } from "./ground";
 import type { Model } from "./model";
 import { drawnBySoftware, Pace, SOFTWARE_TIER } from "./pace";
 import { theme } from "./theme";
@@ -16,7 +17,6 @@ export class View {
   chosen = 0;
   frames = 0;
   framesPerSecond = 0;
-  gridStep_m = 0.1;
   picked?: (id: number) => void;
   /** Before each picture. */
   drawn?: () => void;
@@ -26,9 +26,7 @@ export class View {
   private readonly controls: OrbitControls;
   private readonly sun = new THREE.DirectionalLight("#fffaf0");
   private readonly sky = new THREE.HemisphereLight();
-  private readonly ground: THREE.Mesh<THREE.CircleGeometry, THREE.MeshLambertMaterial>;
-  private readonly grid = { step: { value: 0.1 }, colour: { value: new THREE.Color() }, sky: { value: new THREE.Color() },
-    reach: { value: 1 }, centre: { value: new THREE.Vector2() } };
+  readonly ground = new Ground();
   private dirty = true;
   private moved = false; // by the user
   readonly pace: Pace;
@@ -43,7 +41,7 @@ export class View {
   constructor(private readonly canvas: HTMLCanvasElement, private readonly model: Model) {
     const software = drawnBySoftware();
     document.body.classList.toggle("slow", software);
-    this.bodies.merges = software;
+    this.bodies.software = software;
     this.pace = new Pace(software ? SOFTWARE_TIER : 0);
     // A canvas without alpha costs the browser less: nothing is to be seen through it.
     const context = canvas.getContext("webgl2", { alpha: false, antialias: !software, powerPreference: "high-performance" });
@@ -53,12 +51,12 @@ export class View {
     this.renderer.shadowMap.autoUpdate = false;
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
     this.camera.up.set(0, 0, 1);
-    this.ground = this.makeGround();
+    this.sky.position.set(0, 0, 1);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.setScalar(this.pace.tier.shadow);
     this.sun.shadow.radius = 3;
     this.sun.shadow.normalBias = 0.02;
-    this.scene.add(this.sky, this.sun, this.sun.target, this.ground, this.bodies.root, this.arrows.root);
+    this.scene.add(this.sky, this.sun, this.sun.target, this.ground.mesh, this.bodies.root, this.arrows.root);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.maxPolarAngle = 0.495 * Math.PI;
     this.controls.addEventListener("change", () => this.touch());
@@ -128,7 +126,7 @@ export class View {
 
   /** Fits ground, light and camera to where the bodies are. */
   fit(): void {
-    this.bodies.place(this.model, performance.now() + 1000);
+    this.bodies.place(this.model, performance.now() + 1000, this.camera.position);
     this.fitGround();
     if (!this.moved) this.choose(this.chosen);
   }
@@ -140,15 +138,14 @@ export class View {
   }
 
   restyle(): void {
-    const { sky, ground, grid, hemisphere, sun } = theme();
+    const { sky, ground, hemisphere, sun } = theme();
     this.scene.background = new THREE.Color(sky);
-    this.grid.sky.value.set(sky);
-    this.grid.colour.value.set(grid);
-    this.ground.material.color.set(ground);
+    this.ground.restyle();
     this.sky.color.set("#ffffff");
     this.sky.groundColor.set(ground);
     this.sky.intensity = hemisphere;
     this.sun.intensity = sun;
+    this.describeLight();
     this.bodies.repaint(this.model);
     this.touch();
   }
@@ -205,13 +202,7 @@ export class View {
   private fitGround(): void {
     const { centre, radius } = this.extent();
     this.radius = radius;
-    this.ground.visible = this.bodies.floor !== null;
-    this.ground.position.set(centre.x, centre.y, this.bodies.floor ?? 0);
-    this.ground.scale.setScalar(14 * radius);
-    this.gridStep_m = 10 ** Math.round(Math.log10(radius / 4));
-    this.grid.step.value = this.gridStep_m;
-    this.grid.reach.value = 9 * radius;
-    this.grid.centre.value.set(centre.x, centre.y);
+    this.ground.fit(centre, radius, this.bodies.floor);
     this.camera.near = radius / 200;
     this.camera.far = radius * 60;
     this.camera.updateProjectionMatrix();
@@ -220,6 +211,7 @@ export class View {
     const light = 1.25 * radius;
     this.sun.target.position.copy(centre);
     this.sun.position.set(-0.55, -0.75, 1.5).multiplyScalar(3 * radius).add(centre);
+    this.describeLight();
     Object.assign(this.sun.shadow.camera, { left: -light, right: light, top: light, bottom: -light, near: 0.5 * radius,
       far: 12 * radius });
     this.sun.shadow.camera.updateProjectionMatrix();
@@ -227,34 +219,12 @@ export class View {
     this.shadow.stale = true;
   }
 
-  /** A floor with a grid, which fades into the sky. */
-  private makeGround(): THREE.Mesh<THREE.CircleGeometry, THREE.MeshLambertMaterial> {
-    const material = new THREE.MeshLambertMaterial();
-    material.onBeforeCompile = (shader) => {
-      Object.assign(shader.uniforms, { gridStep: this.grid.step, gridColour: this.grid.colour, skyColour: this.grid.sky,
-        reach: this.grid.reach, centre: this.grid.centre });
-      shader.vertexShader = shader.vertexShader
-        .replace("#include <common>", "#include <common>\nvarying vec2 vGround;")
-        .replace("#include <begin_vertex>", "#include <begin_vertex>\nvGround = (modelMatrix * vec4(position, 1.0)).xy;");
-      shader.fragmentShader = shader.fragmentShader
-        .replace("#include <common>", `#include <common>
-          varying vec2 vGround;
-          uniform float gridStep, reach;
-          uniform vec3 gridColour, skyColour;
-          uniform vec2 centre;
-          float lines(float step) {
-            vec2 at = vGround / step, width = fwidth(at);
-            vec2 near = abs(fract(at - 0.5) - 0.5) / max(width, 1e-6);
-            return (1.0 - min(min(near.x, near.y), 1.0)) * clamp(1.0 - 2.0 * max(width.x, width.y), 0.0, 1.0);
-          }`)
-        .replace("#include <color_fragment>", `#include <color_fragment>
-          diffuseColor.rgb = mix(diffuseColor.rgb, gridColour, max(0.55 * lines(gridStep), lines(10.0 * gridStep)));`)
-        .replace("#include <opaque_fragment>", `#include <opaque_fragment>
-          gl_FragColor.rgb = mix(gl_FragColor.rgb, skyColour, smoothstep(0.25, 1.0, distance(vGround, centre) / reach));`);
+  private describeLight(): void {
+    const { sun, sky } = this, colour = (of: THREE.Color) => of.clone().multiplyScalar(sky.intensity);
+    this.bodies.light = {
+      toSun: sun.position.clone().sub(sun.target.position).normalize(), sun: sun.color.clone().multiplyScalar(sun.intensity),
+      above: colour(sky.color), below: colour(sky.groundColor),
     };
-    const ground = new THREE.Mesh(new THREE.CircleGeometry(1, 96), material);
-    ground.receiveShadow = true;
-    return ground;
   }
 
   private listen(): void {
@@ -293,6 +263,8 @@ export class View {
     const { ratio, shadow } = this.pace.tier;
     this.renderer.setPixelRatio(Math.min(ratio, devicePixelRatio));
     this.sun.castShadow = shadow > 0;
+    this.bodies.shade(shadow > 0);
+    this.ground.shade(shadow > 0);
     if (shadow > 0 && this.sun.shadow.mapSize.x !== shadow) {
       this.sun.shadow.mapSize.setScalar(shadow);
       this.sun.shadow.map?.dispose();
@@ -314,7 +286,7 @@ export class View {
     this.last = now;
     if (!this.dirty && !this.shadow.stale && !this.model.states.changing(now)) return false;
     this.dirty = false;
-    this.bodies.place(this.model, now);
+    this.bodies.place(this.model, now, this.camera.position);
     this.follow();
     this.arrows.place(this.model, this.bodies, this.bodyRadius);
     this.shadow.stale ||= this.bodies.placed > 0;
