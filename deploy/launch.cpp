@@ -94,6 +94,7 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
          .messages = messages.place_of(place),
          .part = part,
          .essential = essential,
+         .shows_verdict = program == "gui_headless" && options.live.port.has_value(),
          .arguments_again = program == "world_sim" ? std::function(again) : nullptr,
          .may_restart = may_restart(settings, user),
          .returns = user < 0 ? 0 : returns(settings.presence, user)},
@@ -178,11 +179,10 @@ struct Outside {
   }
 };
 
-/// Starts the programs, shows how they advance, and stops what is left of them.
-Ended run_programs(const RunRequest& request, const Options& options, int domain, RunResults& run,
-                   const MessageMemory& messages, const Recording* recording, const Keeper& keeper) {
+/// Starts the programs, shows how they advance, and stops what is left of them. A display may wait for the verdict.
+Ended run_programs(Supervisor& programs, const RunRequest& request, const Options& options, int domain, RunResults& run,
+                   const MessageMemory& messages, const Recording* recording) {
   const Scene& scene = run.scene;
-  Supervisor programs(request.restart, keeper);
   start_programs(programs, request, options, scene.settings, domain, run.placement, messages, recording);
   std::optional<Supervisor::Failure> failure;
   Watchdog watchdog;
@@ -278,11 +278,13 @@ int run(const RunRequest& request) {
     write_last_messages(run, messages, options.out);
   });
   if (recording) recording->start();
-  const Ended ended = run_programs(request, options, domain, run, messages, recording.get(), keeper);
+  Supervisor programs(request.restart, keeper);
+  const Ended ended = run_programs(programs, request, options, domain, run, messages, recording.get());
   if (recording) run.recording = recording->drain();
   outside.measure(run);
   collect_trace(options);
   const int code = conclude_run(run, ended, request, options.out, calibration);
+  programs.announce_verdict();
   write_last_messages(run, messages, options.out);
   if (recording) recording->finish(options.out + "/summary.json");
   return code;

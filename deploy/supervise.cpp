@@ -1,6 +1,7 @@
 #include "supervise.hpp"
 
 #include "io/ending.hpp"
+#include "io/verdict_link.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 #include "wire/last_messages.hpp"
@@ -13,6 +14,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
@@ -34,6 +36,7 @@ constexpr std::chrono::milliseconds kHalted{1000};      ///< longest halt of a p
 constexpr std::chrono::milliseconds kWorldAlone{3000};  ///< the world ends in order
 constexpr std::chrono::milliseconds kLastFrame{400};    ///< and then the others, of its last frame
 constexpr std::chrono::milliseconds kFinish{30000};     ///< for the others, once the world has ended
+constexpr std::chrono::milliseconds kDisplay{2000};     ///< a display, before it gets a signal
 constexpr std::chrono::milliseconds kAll{10000};        ///< then SIGKILL: on a busy machine, writing takes time
 constexpr std::chrono::milliseconds kFirstPause{50};    ///< before the second restart; doubled for each that follows
 constexpr int kMostRestarts = 8;                        ///< of a program, in a row
@@ -42,7 +45,7 @@ constexpr std::chrono::seconds kLived{1};  ///< one that ran for so long has beg
 
 double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
-[[noreturn]] void become(const Supervisor::Child& child, int log, pid_t parent) {
+[[noreturn]] void become(const Supervisor::Child& child, int log, int verdict_link, pid_t parent) {
   const std::string& program = child.program;
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   if (getppid() != parent) _exit(1);
@@ -54,6 +57,8 @@ double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration
   argv.push_back(nullptr);
   if (!child.messages.empty()) setenv(MessageMemory::kVariable, child.messages.c_str(), 1);
   if (!child.recording.empty()) setenv(RecordingMemory::kVariable, child.recording.c_str(), 1);
+  if (verdict_link >= 0 && fcntl(verdict_link, F_SETFD, 0) == 0)
+    setenv(kVerdictLink, std::to_string(verdict_link).c_str(), 1);
   if (child.enter && !child.enter()) {
     dprintf(STDERR_FILENO, "%s: error: cannot enter the network namespace of its host\n", program.c_str());
     _exit(1);
@@ -62,6 +67,9 @@ double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration
   dprintf(STDERR_FILENO, "%s: %s\n", program.c_str(), std::strerror(errno));
   _exit(127);
 }
+
+/// Whether the launcher waits for its end.
+bool is_running(const Supervisor::Child& child) { return child.pid > 0 && !child.awaits_verdict; }
 
 /// Whether a world is at the end of its run: it has written its results here, or its log says so. The log of one on
 /// another host is here too, and says so also where the results cannot be written.
@@ -75,7 +83,14 @@ bool is_over(const Supervisor::Child& world) {
 
 }  // namespace
 
-Supervisor::~Supervisor() { stop(); }
+Supervisor::~Supervisor() {
+  for (Child& child : children_) {
+    if (child.verdict_link >= 0) close(child.verdict_link);
+    child.verdict_link = -1;
+    child.awaits_verdict = false;
+  }
+  stop();
+}
 
 void Supervisor::start(Child child, const std::string& program, const std::vector<std::string>& arguments,
                        const std::function<bool()>& enter) {
@@ -99,10 +114,14 @@ void Supervisor::launch(Child& child, int flags) {
   }
   child.log_begin = lseek(file, 0, SEEK_END);
   const pid_t parent = getpid();
+  std::array<int, 2> link{-1, -1};
+  if (child.shows_verdict) link = make_verdict_link();
   child.started_at = Clock::now();
   child.pid = fork();
-  if (child.pid == 0) become(child, file, parent);
+  if (child.pid == 0) become(child, file, link[1], parent);
   close(file);
+  if (link[1] >= 0) close(link[1]);
+  child.verdict_link = link[0];
   if (child.pid < 0)
     throw Error(ExitCode::failed, fmt::format("cannot start {}: {}", child.program, std::strerror(errno)));
   keeper_.add(child.pid);
@@ -164,7 +183,10 @@ void Supervisor::reap() {
       if (WIFSTOPPED(status) || WIFCONTINUED(status)) continue;
       child.status = status;
       child.pid = -1;
+      child.awaits_verdict = false;
     }
+    if (child.verdict_link < 0 || child.pid < 0) continue;
+    if (receive_verdict_message(child.verdict_link) == VerdictMessage::awaited) child.awaits_verdict = true;
   }
 }
 
@@ -194,7 +216,7 @@ std::optional<Supervisor::Failure> Supervisor::failure(const std::function<std::
 
 bool Supervisor::any_running(bool essential_only) const {
   return std::any_of(children_.begin(), children_.end(), [&](const Child& c) {
-    return (c.pid > 0 || c.starts_at != Clock::time_point{}) && (c.essential || !essential_only);
+    return (is_running(c) || c.starts_at != Clock::time_point{}) && (c.essential || !essential_only);
   });
 }
 
@@ -230,9 +252,10 @@ std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>
   return std::nullopt;
 }
 
-void Supervisor::signal_all(int signal) {
-  for (const Child& child : children_) {
-    if (child.pid > 0) kill(child.pid, signal);
+void Supervisor::wait_while(const std::function<bool()>& runs, std::chrono::milliseconds at_most) {
+  for (const auto begin = Clock::now(); runs() && Clock::now() - begin < at_most;) {
+    std::this_thread::sleep_for(kPoll);
+    reap();
   }
 }
 
@@ -244,12 +267,6 @@ void Supervisor::stop() {
   for (const Child& child : children_) {
     if (child.pid > 0 && child.halted) kill(child.pid, SIGKILL);
   }
-  const auto wait_while = [&](const auto& runs, std::chrono::milliseconds at_most) {
-    for (const auto begin = Clock::now(); runs() && Clock::now() - begin < at_most;) {
-      std::this_thread::sleep_for(kPoll);
-      reap();
-    }
-  };
   // A running world ends the others with its last frame.
   const Child& world = children_.front();
   if (world.pid > 0 && !world.halted) {
@@ -257,13 +274,35 @@ void Supervisor::stop() {
     wait_while([&] { return world.pid > 0; }, kWorldAlone);
     wait_while([&] { return any_running(false); }, kLastFrame);
   }
-  signal_all(SIGTERM);
+  // A display that gets a signal ends without the verdict.
+  const auto is_display = [](const Child& c) { return is_running(c) && c.verdict_link >= 0; };
+  for (const Child& child : children_) {
+    if (is_display(child)) {
+      send_verdict_message(child.verdict_link, VerdictMessage::over);
+    } else if (is_running(child)) {
+      kill(child.pid, SIGTERM);
+    }
+  }
+  wait_while([&] { return std::ranges::any_of(children_, is_display); }, kDisplay);
+  for (const Child& child : children_) {
+    if (is_display(child)) kill(child.pid, SIGTERM);
+  }
   wait_while([&] { return any_running(false); }, kAll);
-  signal_all(SIGKILL);
   for (Child& child : children_) {
-    if (child.pid > 0) waitpid(child.pid, &child.status, 0);
+    if (!is_running(child)) continue;
+    kill(child.pid, SIGKILL);
+    waitpid(child.pid, &child.status, 0);
     child.pid = -1;
   }
+}
+
+void Supervisor::announce_verdict() {
+  for (Child& child : children_) {
+    if (!child.awaits_verdict) continue;
+    send_verdict_message(child.verdict_link, VerdictMessage::written);
+    child.awaits_verdict = false;
+  }
+  wait_while([&] { return any_running(false); }, kDisplay);
 }
 
 std::string Supervisor::Child::name() const { return host.empty() ? label : fmt::format("{} on host {}", label, host); }

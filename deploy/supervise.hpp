@@ -31,11 +31,14 @@ class Supervisor {
     std::string messages = {};   ///< place of its last messages, as MessageMemory gives it
     std::string part;            ///< file in which it writes at its end how it ended; empty: none
     bool essential = true;       ///< its early end is a failure
+    bool shows_verdict = false;  ///< the display: it may wait for the verdict when the others have ended
     pid_t pid = -1;              ///< -1: ended
     int status = 0;              ///< as waitpid() gives it
-    bool halted = false;         ///< by SIGSTOP or the like
-    double halted_s = 0.0;       ///< measured by the launcher
-    bool judged = false;         ///< has ended with 0, and `early` is set
+    int verdict_link = -1;       ///< to one that shows the verdict
+    bool awaits_verdict = false;
+    bool halted = false;    ///< by SIGSTOP or the like
+    double halted_s = 0.0;  ///< measured by the launcher
+    bool judged = false;    ///< has ended with 0, and `early` is set
     std::string early = {};
     std::string host = {};  ///< of a session; empty: a run on one machine
     std::string program = {};
@@ -67,16 +70,19 @@ class Supervisor {
   void start(Child child, const std::string& program, const std::vector<std::string>& arguments,
              const std::function<bool()>& enter = {});
 
-  /// Watches until all have ended, an essential one failed, or a signal asks to stop; calls `tick` ten times a second.
-  /// A program fails that ends with another code than 0, is halted for a second, does not end within 30 s of the
-  /// first child (the world), or for which `early` gives a reason. The cause is returned, not its effect: a program
-  /// that was killed or is halted before one that gave up.
+  /// Watches until all have ended or wait for the verdict, an essential one failed, or a signal asks to stop; calls
+  /// `tick` ten times a second. A program fails that ends with another code than 0, is halted for a second, does not
+  /// end within 30 s of the first child (the world), or for which `early` gives a reason. The cause is returned, not
+  /// its effect: a program that was killed or is halted before one that gave up.
   [[nodiscard]] std::optional<Failure> watch(const std::function<void()>& tick,
                                              const std::function<std::string(const Child&)>& early);
 
   /// Ends what still runs within two seconds: the first child (the world, which ends the others), then all, then by
-  /// SIGKILL.
+  /// SIGKILL. One that waits for the verdict goes on.
   void stop();
+
+  /// The summary is written: those that wait for the verdict show it, and end.
+  void announce_verdict();
 
   [[nodiscard]] const std::vector<Child>& children() const noexcept { return children_; }
   [[nodiscard]] const std::vector<Restarted>& restarts() const noexcept { return restarts_; }
@@ -91,7 +97,7 @@ class Supervisor {
   [[nodiscard]] std::string restart_reason(const Child& child,
                                            const std::function<std::string(const Child&)>& early) const;
   [[nodiscard]] std::optional<Failure> failure(const std::function<std::string(const Child&)>& early);
-  void signal_all(int signal);
+  void wait_while(const std::function<bool()>& runs, std::chrono::milliseconds at_most);
   [[nodiscard]] bool any_running(bool essential_only) const;
 
   Restart restart_;

@@ -1,13 +1,18 @@
 #include "display.hpp"
 #include "io/results.hpp"
+#include "io/verdict_link.hpp"
 #include "live/server.hpp"
+#include "live/verdict.hpp"
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
+#include "wire/recording_memory.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <chrono>
+#include <exception>
 #include <map>
 #include <optional>
 #include <string>
@@ -36,18 +41,20 @@ class Places {
   std::map<std::pair<ProgramKind, std::uint32_t>, std::string> known_;
 };
 
-/// Follows the world until it stops or a signal requests a stop. Throws `Error` (failed) if no world is found.
-void follow(DisplayPorts& ports, Display& display, live::Server* viewers, const Options& options) {
+/// Follows the world until it stops. True: the launcher, or a signal, has asked this program to end before. Throws
+/// `Error` (failed) if no world is found.
+bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, int launcher, const Options& options) {
   ports.status.enter("waiting");
   SceneDescription description;
   WorldSnapshot snapshot;
   Status status;
   TimePoint heard = Clock::now();
   double next_picture_s = options.picture_every_s;
-  bool stopping = false;
+  bool stopping = false, asked = false;
   Places places(viewers);
-  while (stop_signal() == 0 && !stopping) {
+  while (!stopping && !asked) {
     ports.bus->wait(0.1);
+    asked = stop_signal() != 0 || receive_verdict_message(launcher) == VerdictMessage::over;
     while (ports.statuses.take(status) == Take::sample) {
       places.look(status, ports.statuses);
       stopping |= status.program == ProgramKind::world_sim && status.state == "stopping";
@@ -66,13 +73,14 @@ void follow(DisplayPorts& ports, Display& display, live::Server* viewers, const 
                                                 "--peers and give --interface on both",
                                                 options.network.domain, options.wait_s));
     }
-    if (display.described() && absent_s > 1.0) return;
+    if (display.described() && absent_s > 1.0) break;
     if (options.picture_every_s > 0.0 && display.snapshots() > 0 && display.time_s() >= next_picture_s) {
       display.write_picture(fmt::format("{}/picture_{:08.3f}.png", options.out, display.time_s()));
       next_picture_s += options.picture_every_s;
     }
     ports.status.update({display.time_s(), display.snapshots()});
   }
+  return asked;
 }
 
 /// Empty where viewers are not served. Throws `Error`.
@@ -92,6 +100,30 @@ std::unique_ptr<live::Server> serve_viewers(const Options& options, const Scene&
   return server;
 }
 
+/// Passes the verdict of the run on, where viewers wait for it: the launcher writes it when all other programs have
+/// ended.
+void show_verdict(live::Server* viewers, int launcher, const std::string& summary) {
+  constexpr std::chrono::milliseconds kLook{50};
+  constexpr double kLongest_s = 5.0;
+  if (viewers == nullptr || launcher < 0) return;
+  end_recording();
+  const auto awaited = [&, begin = Clock::now()] {
+    return stop_signal() == 0 && to_seconds(Clock::now() - begin) < kLongest_s && viewers->verdict_is_awaited();
+  };
+  if (awaited()) send_verdict_message(launcher, VerdictMessage::awaited);
+  while (awaited()) {
+    const auto message = receive_verdict_message(launcher, kLook);
+    if (message == VerdictMessage::closed) return;
+    if (message != VerdictMessage::written) continue;
+    try {
+      return viewers->show_verdict(live::encode_verdict(read_json(summary)));
+    } catch (const std::exception& fault) {
+      fmt::print(stderr, "gui_headless: viewers: no verdict: {}\n", fault.what());
+      return;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace subworld
 
@@ -104,19 +136,19 @@ int main(int argc, char** argv) {
     watch_stop_signals(kLongestEnd_s);
     DisplayPorts ports(options, scene);
     fmt::print("gui_headless: {}\n", ports.bus->effective_settings());
-    {
-      const auto viewers = serve_viewers(options, scene, *ports.bus);
-      follow(ports, display, viewers.get(), options);
-    }
+    const int launcher = verdict_link_of_display();
+    const auto viewers = serve_viewers(options, scene, *ports.bus);
+    const bool asked = follow(ports, display, viewers.get(), launcher, options);
     ports.status.enter("stopping");
-    if (display.snapshots() == 0) {
-      if (stop_signal() != 0) return;
+    if (display.snapshots() > 0) {
+      const std::string file = options.out + "/picture.png";
+      display.write_picture(file);
+      fmt::print("gui_headless: picture at t = {:.3f} s in {}\n", display.time_s(), file);
+    } else if (!asked) {
       throw Error(ExitCode::failed,
                   "no picture: the world ended before it sent a state; start the display before the world, and the "
                   "world with --await-display");
     }
-    const std::string file = options.out + "/picture.png";
-    display.write_picture(file);
-    fmt::print("gui_headless: picture at t = {:.3f} s in {}\n", display.time_s(), file);
+    show_verdict(viewers.get(), launcher, options.out + "/summary.json");
   });
 }

@@ -83,6 +83,7 @@ Mapped map(int file, std::size_t offset, std::size_t size) {
 
 Mapped own;
 bool own_is_world = false;
+std::atomic<bool> recording_ended{false};
 std::atomic<std::chrono::seconds> longest_wait{};  // for room in the ring
 
 std::int64_t wall_ns() noexcept {
@@ -235,7 +236,9 @@ void open_recording() noexcept {
   longest_wait = waits != 0 ? kLongestWait : std::chrono::seconds{0};
 }
 
-bool is_recording() noexcept { return own.header != nullptr; }
+bool is_recording() noexcept { return own.header != nullptr && !recording_ended.load(std::memory_order_relaxed); }
+
+void end_recording() noexcept { recording_ended = true; }
 
 std::uint32_t user_of_partition(const std::string& partition) noexcept {
   std::uint32_t user = 0;
@@ -246,11 +249,11 @@ std::uint32_t user_of_partition(const std::string& partition) noexcept {
 
 void record_sent(std::size_t topic, std::uint32_t user, std::uint32_t number,
                  std::span<const std::uint8_t> cdr) noexcept {
-  if (own.header != nullptr && topic != kTopicIndex<Control>) put(topic, user, number, cdr);
+  if (is_recording() && topic != kTopicIndex<Control>) put(topic, user, number, cdr);
 }
 
 void record_received(std::size_t topic, std::uint32_t number, std::span<const std::uint8_t> cdr) noexcept {
-  if (own.header != nullptr && own_is_world && topic == kTopicIndex<Control>) put(topic, 0, number, cdr);
+  if (is_recording() && own_is_world && topic == kTopicIndex<Control>) put(topic, 0, number, cdr);
 }
 
 }  // namespace subworld

@@ -59,6 +59,8 @@ class RecordingMemory {
 void open_recording() noexcept;
 /// Whether this process has a ring.
 [[nodiscard]] bool is_recording() noexcept;
+/// What this process sends from now on is not recorded: the recorder may end before it.
+void end_recording() noexcept;
 /// The user in the name of a partition; 0: it has none.
 [[nodiscard]] std::uint32_t user_of_partition(const std::string& partition) noexcept;
 /// Puts a message that was sent into the ring. Does not allocate. Any thread.

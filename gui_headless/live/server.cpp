@@ -14,9 +14,11 @@
 
 #include <algorithm>
 #include <charconv>
+#include <future>
 #include <random>
 #include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace subworld::live {
@@ -215,7 +217,7 @@ struct Server::Parts final : Host {
   }
 
   void show_tools() {
-    if (auto cdr = tools.news()) sources.show_tools(std::move(*cdr), deliver);
+    if (auto cdr = tools.news()) sources.show(kToolsTopic, std::move(*cdr), deliver);
   }
 
   void subscribe(Session& session, const Subscription& wanted) {
@@ -293,6 +295,18 @@ void Server::describe(const SceneDescription& scene) {
 void Server::place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer) {
   asio::post(parts_->io, [parts = parts_.get(), program, instance, peer] {
     parts->sources.place(program, instance, peer, parts->deliver);
+  });
+}
+
+bool Server::verdict_is_awaited() const {
+  std::promise<bool> answer;
+  asio::post(parts_->io, [&] { answer.set_value(parts_->sources.verdict_is_awaited()); });
+  return answer.get_future().get();
+}
+
+void Server::show_verdict(std::vector<std::uint8_t> cdr) {
+  asio::post(parts_->io, [parts = parts_.get(), cdr = std::move(cdr)]() mutable {
+    parts->sources.show(kVerdictTopic, std::move(cdr), parts->deliver);
   });
 }
 

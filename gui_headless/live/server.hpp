@@ -3,8 +3,10 @@
 #include "model/exchange.hpp"
 #include "wire/bus.hpp"
 
+#include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace subworld::live {
 
@@ -23,6 +25,7 @@ class Server {
  public:
   /// Listens from now on. The bus must outlive the server. Throws `Error` (failed) where it cannot listen.
   Server(const ServerConfig& config, Bus& bus);
+  /// Sends what waits for the clients, within half a second, and ends their connections.
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
@@ -31,6 +34,10 @@ class Server {
   void describe(const SceneDescription& scene);
   /// Where a program of the run was found.
   void place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer);
+  /// Whether a viewer subscribes to the verdict.
+  [[nodiscard]] bool verdict_is_awaited() const;
+  /// The verdict, as encode_verdict() gives it.
+  void show_verdict(std::vector<std::uint8_t> cdr);
   /// "127.0.0.1:8765"
   [[nodiscard]] const std::string& address() const noexcept;
 

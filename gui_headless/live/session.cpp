@@ -195,7 +195,7 @@ void Session::send_control(std::string text) {
 }
 
 void Session::send_data(std::uint32_t subscription, const Sample& sample) {
-  if (!open_ || closing_) return;
+  if (!open_ || closing_ || farewell_) return;
   outbox_.add_data(subscription, sample);
   write();
 }
@@ -203,6 +203,10 @@ void Session::send_data(std::uint32_t subscription, const Sample& sample) {
 void Session::write() {
   if (writing_ || !open_ || closing_) return;
   writing_ = outbox_.take();
+  if (!writing_ && farewell_) {
+    closing_ = true;
+    return stream_.async_close(*farewell_, [self = shared_from_this()](beast::error_code) { self->end(); });
+  }
   if (!writing_) return;
   write_began_ = Clock::now();
   auto written = [self = shared_from_this()](beast::error_code fault, std::size_t) {
@@ -237,8 +241,8 @@ void Session::inspect(Clock::time_point now) {
 
 void Session::close(websocket::close_code code, const std::string& reason) {
   if (!open_) return abort();
-  if (std::exchange(closing_, true)) return;
-  stream_.async_close({code, reason}, [self = shared_from_this()](beast::error_code) { self->end(); });
+  farewell_ = {code, reason};
+  write();
 }
 
 void Session::reset() noexcept {

@@ -52,6 +52,7 @@ class Session : public std::enable_shared_from_this<Session> {
   void forget(std::uint32_t subscription) { outbox_.forget(subscription); }
   /// Once in a while: tells the client of dropped samples, and ends a connection whose client does not read.
   void inspect(Clock::time_point now);
+  /// Once all that waits is sent.
   void close(websocket::close_code code, const std::string& reason);
 
   [[nodiscard]] std::uint32_t number() const noexcept { return number_; }
@@ -86,6 +87,7 @@ class Session : public std::enable_shared_from_this<Session> {
   http::response<http::string_body> response_;
   Outbox outbox_;
   std::optional<Outbox::Message> writing_;
+  std::optional<websocket::close_reason> farewell_;
   std::array<std::uint8_t, 13> header_{};
   Clock::time_point write_began_;
   std::uint64_t reported_drops_ = 0;

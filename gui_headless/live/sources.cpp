@@ -3,6 +3,7 @@
 #include "cdr_text.hpp"
 #include "scene_update.hpp"
 #include "tools.hpp"
+#include "verdict.hpp"
 #include "wire/schema.hpp"
 #include "world_view.hpp"
 
@@ -18,7 +19,7 @@ namespace subworld::live {
 namespace {
 
 constexpr std::string_view kModule = "subworld::msg::", kWorldView = "subworld::msg::WorldView",
-                           kPlace = "subworld::msg::ProgramPlace", kTools = "subworld::msg::Tools";
+                           kPlace = "subworld::msg::ProgramPlace", kUpdate = "foxglove::SceneUpdate";
 constexpr std::string_view kPlaceSchema =
     "module subworld {\nmodule msg {\n@final struct ProgramPlace {\n  @key unsigned long program;\n"
     "  @key unsigned long instance;\n  string dds;\n  string host;\n  string process;\n};\n};\n};\n";
@@ -37,15 +38,14 @@ Channel topic_channel(std::string topic, std::string partition = {}) {
 }
 
 std::vector<Channel> all_channels(int users) {
-  std::vector<Channel> channels{
-      topic_channel<SceneDescription>("/scene"),
-      topic_channel<WorldSnapshot>("/world_state"),
-      {0, "/scene_update", "foxglove::SceneUpdate", std::string(scene_update_schema()), {}, {}},
-      {0, "/world_view", std::string(kWorldView), world_view_schema(), {}, {}},
-      topic_channel<Status>("/status"),
-      {0, "/program_place", std::string(kPlace), std::string(kPlaceSchema), {}, {}},
-      topic_channel<Control>("/control"),
-      topic_channel<ControlReply>("/control_reply")};
+  std::vector<Channel> channels{topic_channel<SceneDescription>("/scene"),
+                                topic_channel<WorldSnapshot>("/world_state"),
+                                {0, "/scene_update", std::string(kUpdate), std::string(scene_update_schema()), {}, {}},
+                                {0, "/world_view", std::string(kWorldView), world_view_schema(), {}, {}},
+                                topic_channel<Status>("/status"),
+                                {0, "/program_place", std::string(kPlace), std::string(kPlaceSchema), {}, {}},
+                                topic_channel<Control>("/control"),
+                                topic_channel<ControlReply>("/control_reply")};
   for (int user = 0; user < users; ++user) {
     const std::string name = fmt::format("/user_{}/", user);
     channels.push_back(topic_channel<DeviceState>(name + "device_state", device_partition(user)));
@@ -53,15 +53,19 @@ std::vector<Channel> all_channels(int users) {
     channels.push_back(topic_channel<WorldFrame>(name + "world_frame", user_partition(user)));
     channels.push_back(topic_channel<HapticReport>(name + "haptic_report", user_partition(user)));
   }
-  channels.push_back({0, "/tools", std::string(kTools), Tools::schema(), {}, {}});
+  channels.push_back({0, std::string(kToolsTopic), "subworld::msg::Tools", Tools::schema(), {}, {}});
+  channels.push_back({0, std::string(kVerdictTopic), "subworld::msg::Verdict", verdict_schema(), {}, {}});
   for (std::size_t i = 0; i < channels.size(); ++i) channels[i].id = static_cast<std::uint32_t>(i + 1);
   return channels;
 }
 
 bool is_view(const Channel& channel) { return channel.type == kWorldView; }
 bool is_place(const Channel& channel) { return channel.type == kPlace; }
-bool is_tools(const Channel& channel) { return channel.type == kTools; }
+bool is_update(const Channel& channel) { return channel.type == kUpdate; }
 bool is_scene(const Channel& channel) { return channel.row == kTopicIndex<SceneDescription>; }
+bool has_reader(const Channel& channel) {
+  return (channel.row && !is_scene(channel)) || is_view(channel) || is_update(channel);
+}
 /// Whether each message counts, and none replaces an earlier one.
 bool is_event(const Channel& channel) {
   return channel.row == kTopicIndex<Control> || channel.row == kTopicIndex<ControlReply>;
@@ -93,7 +97,7 @@ const Channel* Sources::channel(std::uint32_t id) const noexcept {
 void Sources::subscribe(const Channel& channel) {
   const auto [at, first] = open_.try_emplace(channel.id);
   Open& open = at->second;
-  if (first && !is_scene(channel) && !is_place(channel) && !is_tools(channel)) {
+  if (first && has_reader(channel)) {
     try {
       open.observer.emplace(bus_, channel.row.value_or(kTopicIndex<WorldSnapshot>), channel.partition);
     } catch (...) {
@@ -101,7 +105,7 @@ void Sources::subscribe(const Channel& channel) {
       throw;
     }
   }
-  if (first && !channel.row && !is_view(channel) && !is_place(channel) && !is_tools(channel) && scene_) {
+  if (first && is_update(channel) && scene_) {
     states_ = scene_->states;
     changed_ = true;
   }
@@ -118,7 +122,8 @@ std::vector<Sample> Sources::newest(const Channel& channel) const {
   if (is_scene(channel) && scene_bytes_) samples.push_back({0, wall_time_ns(), scene_bytes_});
   if (is_place(channel))
     for (const auto& [key, sample] : places_) samples.push_back(sample);
-  if (is_tools(channel) && tools_bytes_) samples.push_back({0, wall_time_ns(), tools_bytes_});
+  if (const auto at = shown_.find(channel.topic); at != shown_.end())
+    samples.push_back({0, wall_time_ns(), at->second});
   if (const auto at = open_.find(channel.id); at != open_.end())
     for (const auto& [key, sample] : at->second.newest) samples.push_back(sample);
   std::ranges::sort(samples, {}, &Sample::time_ns);
@@ -148,10 +153,15 @@ void Sources::place(ProgramKind program, std::uint32_t instance, const PeerProgr
     if (is_place(channel)) deliver(channel, sample);
 }
 
-void Sources::show_tools(std::vector<std::uint8_t> cdr, const Deliver& deliver) {
-  tools_bytes_ = std::make_shared<const std::vector<std::uint8_t>>(std::move(cdr));
+void Sources::show(std::string_view topic, std::vector<std::uint8_t> cdr, const Deliver& deliver) {
+  const Bytes bytes = std::make_shared<const std::vector<std::uint8_t>>(std::move(cdr));
+  shown_.insert_or_assign(std::string(topic), bytes);
   for (const Channel& channel : channels_)
-    if (is_tools(channel)) deliver(channel, {0, wall_time_ns(), tools_bytes_});
+    if (channel.topic == topic) deliver(channel, {0, wall_time_ns(), bytes});
+}
+
+bool Sources::verdict_is_awaited() const noexcept {
+  return std::ranges::any_of(open_, [&](const auto& one) { return channels_[one.first - 1].topic == kVerdictTopic; });
 }
 
 void Sources::poll(const Deliver& deliver) {

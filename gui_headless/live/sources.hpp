@@ -12,6 +12,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace subworld::live {
@@ -25,6 +26,8 @@ struct Channel {
   std::optional<std::size_t> row;  ///< of `kTopicTable`; none: made here
   std::string partition;
 };
+
+inline constexpr std::string_view kToolsTopic = "/tools", kVerdictTopic = "/verdict";
 
 /// The channels, and the readers of those to which somebody subscribes. One thread.
 class Sources {
@@ -48,15 +51,17 @@ class Sources {
   void describe(std::shared_ptr<const SceneDescription> scene, const Deliver& deliver);
   /// Where a program of the run was found.
   void place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer, const Deliver& deliver);
-  /// The state of the tools (tools.hpp), as CDR.
-  void show_tools(std::vector<std::uint8_t> cdr, const Deliver& deliver);
+  /// The newest message, as CDR, of a channel that is made elsewhere: kToolsTopic or kVerdictTopic.
+  void show(std::string_view topic, std::vector<std::uint8_t> cdr, const Deliver& deliver);
+  /// Whether somebody subscribes to the verdict.
+  [[nodiscard]] bool verdict_is_awaited() const noexcept;
   /// Receives what has arrived and delivers the newest sample of each key.
   void poll(const Deliver& deliver);
 
  private:
   struct Open {
     int subscribers = 0;
-    std::optional<Observer> observer;  // none: of the scene, the places of programs and the tools
+    std::optional<Observer> observer;  // none: another reader has it, or it comes from no topic
     std::map<std::uint64_t, Sample> newest;
   };
   void poll_topic(const Channel& channel, Open& open, const Deliver& deliver);
@@ -68,8 +73,9 @@ class Sources {
   std::vector<Channel> channels_;
   std::map<std::uint32_t, Open> open_;
   std::shared_ptr<const SceneDescription> scene_;
-  Bytes scene_bytes_, tools_bytes_;
-  std::map<std::uint64_t, Sample> places_;  // by program and instance
+  Bytes scene_bytes_;
+  std::map<std::string, Bytes, std::less<>> shown_;  // by topic
+  std::map<std::uint64_t, Sample> places_;           // by program and instance
   std::uint64_t events_ = 0;
   WorldViewer viewer_;
   // of the scene update

@@ -114,6 +114,91 @@ TEST_F(Live, ChangesNoResultInLockStep) {
   EXPECT_EQ(summary()["state_hash"], with_viewers);
 }
 
+/// What a viewer is sent at the end of a run, and what the summary then has.
+class LiveVerdict : public Live {
+ protected:
+  void begin_with_viewer(const Words& flags = {}) {
+    begin(flags);
+    viewer_ = std::make_unique<Process>(
+        Words{"/usr/bin/python3", std::string(SOURCE_FOLDER) + "/tests/support/live_client/live_client.py", "verdict",
+              address_},
+        viewer_folder_.path());
+    ASSERT_TRUE(eventually([&] { return viewer_->out().find("ready") != std::string::npos; })) << viewer_->err();
+  }
+  [[nodiscard]] pid_t pid_of(const std::string& program) const {
+    for (const Running& one : running(out()))
+      if (one.words.front().ends_with(program)) return one.pid;
+    ADD_FAILURE() << "no " << program;
+    return -1;
+  }
+  /// The messages of `/verdict`, after the end of the run.
+  [[nodiscard]] Json shown() const {
+    EXPECT_EQ(viewer_->wait().value_or(-1), 0) << viewer_->err();
+    const std::string text = viewer_->out(), begin = "verdict: ";
+    const std::size_t at = text.find(begin);
+    return at == std::string::npos ? Json() : Json::parse(text.substr(at + begin.size()), nullptr, false);
+  }
+  /// The viewer has exactly the verdict of the summary, which begins so.
+  void expect_verdict(const std::string& verdict) const {
+    const Json all = shown(), wanted = summary();
+    ASSERT_EQ(all.size(), 1U) << all << display_log();
+    EXPECT_EQ(all[0]["verdict"], wanted["verdict"]);
+    EXPECT_TRUE(all[0]["verdict"].get<std::string>().starts_with(verdict)) << all;
+    ASSERT_EQ(all[0]["gates"].size(), wanted["gates"].size());
+    for (std::size_t i = 0; i < wanted["gates"].size(); ++i) {
+      for (const auto& [key, value] : wanted["gates"][i].items()) EXPECT_EQ(all[0]["gates"][i][key], value) << key;
+    }
+  }
+
+  const TemporaryFolder viewer_folder_;
+  std::unique_ptr<Process> viewer_;
+};
+
+TEST_F(LiveVerdict, OfARunThatIsStopped) {
+  begin_with_viewer();
+  end();
+  expect_verdict("stopped by control at t = ");
+  EXPECT_GT(summary()["gates"].size(), 5U);
+}
+
+TEST_F(LiveVerdict, OfARunThatASignalStops) {
+  begin_with_viewer();
+  run_->signal(SIGINT);
+  EXPECT_EQ(run_->wait().value_or(-1), 0) << run_->err();
+  expect_verdict("stopped by SIGINT at t = ");
+}
+
+TEST_F(LiveVerdict, OfARunWhoseWorldWasKilled) {
+  begin_with_viewer();
+  kill(pid_of("world_sim"), SIGKILL);
+  EXPECT_EQ(run_->wait().value_or(-1), 1) << run_->err();
+  expect_verdict("failed: world_sim killed by SIGKILL");
+}
+
+/// The display ends with the launcher, and the viewer learns that the run has ended.
+TEST_F(LiveVerdict, IsMissingWhereTheLauncherWasKilled) {
+  begin_with_viewer();
+  run_->signal(SIGKILL);
+  EXPECT_EQ(shown(), Json::array());
+  EXPECT_TRUE(eventually([&] { return summary().is_object() && running(out()).empty(); }));
+}
+
+/// It ends at once, and the run goes on.
+TEST_F(LiveVerdict, IsMissingWhereASignalEndsTheDisplay) {
+  begin_with_viewer();
+  kill(pid_of("gui_headless"), SIGTERM);
+  EXPECT_EQ(shown(), Json::array());
+  end();
+}
+
+/// The display publishes its status while it waits for the verdict.
+TEST_F(LiveVerdict, LosesNoMessageOfARecording) {
+  begin_with_viewer({"--record", folder_.path() + "/run.mcap"});
+  end();
+  expect_verdict("stopped by control at t = ");
+  EXPECT_EQ(summary()["recording"]["messages_lost"], 0);
+}
+
 TEST_F(Live, NeedsTheToken) {
   const std::string token = "row-0123456789";
   begin({"--listen", "127.0.0.2"}, {{"SUBWORLD_TOKEN", token}});

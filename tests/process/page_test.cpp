@@ -45,6 +45,34 @@ TEST_F(Page, ShowsAndControlsARun) {
   EXPECT_EQ(run.wait().value_or(-1), 0) << run.err();  // the page has stopped it
 }
 
+/// The page of a run that misses gates shows its verdict, with the gates that are not ok.
+TEST_F(Page, ShowsTheVerdictAndTheGatesThatAreMissed) {
+  Process run(run_words(overloaded_heap(),
+                        {"--mode", "realtime", "--duration", "1000", "--haptic-preset", "quality", "--page"}),
+              folder_.path());
+  const std::string address = address_of(run);
+  ASSERT_NE(address, "") << run.err();
+  if (look(run, "verdict_client.py", {address, out() + "/summary.json"}) == kSkipped)
+    GTEST_SKIP() << "no Chromium, or a build without the page";
+  EXPECT_EQ(run.wait().value_or(-1), 0) << run.err();
+}
+
+TEST_F(Page, ShowsWhyARunHasFailed) {
+  Process run(run_words(scene("row"), {"--mode", "realtime", "--duration", "1000", "--page"}), folder_.path());
+  const std::string address = address_of(run);
+  ASSERT_NE(address, "") << run.err();
+  std::string victim;
+  ASSERT_TRUE(eventually([&] {
+    for (const Running& one : running(out()))
+      if (one.words.front().ends_with("haptic_sim")) victim = std::to_string(one.pid);
+    return !victim.empty();
+  }));
+  if (look(run, "verdict_client.py", {address, out() + "/summary.json", victim}) == kSkipped)
+    GTEST_SKIP() << "no Chromium, or a build without the page";
+  EXPECT_EQ(run.wait().value_or(-1), 1) << run.err();
+  EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("failed: haptic_sim_0 killed by SIGKILL"));
+}
+
 /// The bar of a recording: play, step, speed, and any moment by mouse and keyboard.
 TEST_F(Page, MovesThroughARecording) {
   const std::string file = folder_.path() + "/run.mcap";

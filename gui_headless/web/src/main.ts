@@ -1,4 +1,5 @@
 // Wires the page: what arrives goes into the model, and from there into the view, the plots and the lists.
+import { Banner } from "./banner";
 import { Connection, type Link } from "./connection";
 import { Controls } from "./controls";
 import { niceBelow } from "./arrows";
@@ -16,6 +17,7 @@ const model = new Model();
 const view = new View(element<HTMLCanvasElement>("view"), model);
 const plots = new Plots(element("panel"));
 const programs = new Programs(element("programs"));
+const banner = new Banner(element("banner"));
 let link: Link = "connecting";
 let linkDetail = "";
 let fits = 0;
@@ -26,7 +28,9 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
     model.places.clear();
     model.devices.clear();
     model.users = [];
+    model.verdict = undefined;
     plots.clear();
+    showLink();
   },
   linked(now, detail) {
     link = now;
@@ -59,6 +63,9 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
       showLink();
     } else if (topic === "/program_place") {
       model.placeProgram(value);
+    } else if (topic === "/verdict") {
+      model.verdict = value;
+      showLink();
     } else if (topic === "/control_reply") {
       controls.hear(value);
       replay.show();
@@ -89,7 +96,7 @@ touch.changed = () => {
 
 /** What is shown is subscribed to, and nothing else. */
 function subscribe(): void {
-  const wanted = ["/scene", "/status", "/program_place", "/control_reply"];
+  const wanted = ["/scene", "/status", "/program_place", "/control_reply", "/verdict"];
   if (!document.hidden) {
     wanted.push(...touch.topics());
     wanted.push("/world_view");
@@ -103,7 +110,7 @@ function subscribe(): void {
 }
 
 function showLink(): void {
-  const chip = element("link"), banner = element("banner");
+  const chip = element("link");
   const world = [...model.programs.values()].find((one) => PROGRAMS[one.status.program] === "world_sim");
   const states: Record<Link, string> = {
     connecting: "connecting", live: model.paused ? "paused" : world?.status.state ?? "live", frozen: `no data for ${linkDetail}`,
@@ -111,24 +118,7 @@ function showLink(): void {
   };
   chip.textContent = states[link];
   chip.className = `chip ${link === "live" && model.paused ? "paused" : link}`;
-  const [title, more] = {
-    connecting: ["", ""], live: ["", ""],
-    frozen: [`No data for ${linkDetail}.`, "The display or the network stands still. What you see is old."],
-    lost: ["Connection lost.", "What you see is old. The page connects again by itself."],
-    ended: ["The run has ended.", `${verdict()} The page shows the next run that is served here.`],
-  }[link];
-  banner.hidden = !title;
-  banner.className = link;
-  const text = document.createElement("span");
-  text.textContent = more;
-  banner.replaceChildren(title, text);
-}
-
-/** The run's own verdict needs all results, which its launcher writes after the end. */
-function verdict(): string {
-  const loops = [...model.programs.values()].filter((one) => PROGRAMS[one.status.program] !== "gui_headless");
-  const missed = loops.reduce((sum, one) => sum + one.missed, 0);
-  return `${model.time_s.toFixed(1)} s simulated, ${missed} missed deadlines in all. The verdict is in the terminal and in summary.json.`;
+  banner.show(link, linkDetail, model);
 }
 
 function describe(): void {

@@ -20,6 +20,11 @@ export type UserView = {
 export type Program = {
   status: Value; at: number; missed: number; missedPerSecond: number; absences: number; absent_ms: number;
 };
+export type Gate = {
+  name: string; value: number; bound: number; at_most: boolean; unit: string; ok: boolean; warning: boolean;
+  missed_by: string; why: string;
+};
+export type Verdict = { verdict: string; gates: Gate[] };
 export type Place = { dds: string; host: string; process: string };
 
 export const ABSENT_MS = 3500; // each program publishes its status once a second
@@ -44,6 +49,7 @@ export class Model {
   realTimeFactor = 1;
   paused = false;
   snapshots = 0;
+  verdict?: Verdict; // known at the end of a run
 
   describe(scene: Value): void {
     this.name = scene.name;

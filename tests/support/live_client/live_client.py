@@ -30,7 +30,7 @@ async def read_all(address, protocol):
     """Every topic arrives, its bytes fit its schema, and stamps advance."""
     viewer = await Viewer.open(address, [protocol])
     assert viewer.socket.subprotocol == protocol
-    wanted = [topic for topic in viewer.channels if not topic.startswith("/control")]
+    wanted = [topic for topic in viewer.channels if not topic.startswith(("/control", "/verdict"))]
     assert len(wanted) == 11, wanted
     await viewer.subscribe(*wanted)
     seen = {topic: [] for topic in wanted}
@@ -252,6 +252,24 @@ async def token(address):
     await (await Viewer.open(f"{address}/?token={right}")).socket.close()
     headers = {"Authorization": f"Bearer {right}"}
     await (await websockets.connect(address, subprotocols=PROTOCOLS, extra_headers=headers)).close()
+
+
+async def verdict(address):
+    """Prints "ready" when the world advances and, when the display says that the run has ended, the verdicts."""
+    viewer = await Viewer.open(address)
+    await viewer.subscribe("/verdict", "/world_state", "/status")
+    shown, seen = [], False
+    try:
+        while True:
+            sample = await viewer.receive()
+            if sample and sample[0] == "/verdict":
+                shown.append(sample[2])
+            elif sample and sample[0] == "/world_state" and sample[2]["stamp_s"] > 0 and not seen:
+                seen = True
+                print("ready", flush=True)
+    except websockets.ConnectionClosed as closed:
+        assert closed.code == 1001, closed
+    print("verdict:", json.dumps(shown), flush=True)
 
 
 async def main():
