@@ -58,7 +58,8 @@ TEST_F(Restarts, AWorldAtItsEndIsNotStartedAgain) {
 
 // Its results could not be written, or are on another host.
 TEST_F(Restarts, AWorldThatHasSaidThatTheRunIsOverIsNotStartedAgain) {
-  start("world_sim", "echo world_sim: the run is over at t = 4.000 s; exit 1");
+  start("world_sim", "until [ -e " + file("device_sim_0.starts") +
+                         " ]; do sleep 0.01; done; echo world_sim: the run is over at t = 4.000 s; exit 1");
   start("device_sim_0", "sleep 0.3; exit 1");
   EXPECT_TRUE(watch());
   EXPECT_EQ(starts("world_sim"), 1);
