@@ -126,13 +126,12 @@ void await_answers(Bus& bus, Reader<ControlReply>& replies, Reader<Status>& stat
 
 }  // namespace
 
-void send_control(const Network& network, const std::string& verb, const std::string& argument, bool for_sub_worlds,
-                  double wait_s) {
-  Control order;
-  order.number = std::random_device()();
-  order.argument = argument;
+void send_control(const Network& network, const Order& order, double wait_s) {
+  Control sent;
+  sent.number = std::random_device()();
+  sent.argument = order.argument;
   for (const Verb& known : kVerbs) {
-    if (known.name == verb) order.verb = known.verb;
+    if (known.name == order.verb) sent.verb = known.verb;
   }
   // A writer of lock-step quality and a reader of real-time quality match programs in both modes.
   Settings listening;
@@ -144,14 +143,14 @@ void send_control(const Network& network, const std::string& verb, const std::st
   const auto bus = open_bus(network, Settings{}, 0.001, "subworld control");
   auto writer = bus->writer<Control>();
   const SceneDescription world = find_world(*hearing, scene, network, wait_s);
-  if (!writer.write(order)) {
+  if (!writer.write(sent)) {
     throw Error(ExitCode::middleware,
                 fmt::format("the order could not be sent on domain {}; try again", network.domain));
   }
-  fmt::print("{}: sent to \"{}\" on domain {}\n", verb, world.name, network.domain);
-  Answers answers(order, for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
-                  for_sub_worlds ? world.users : 1);
-  await_answers(*hearing, replies, statuses, scene, order, answers, wait_s);
+  fmt::print("{}: sent to \"{}\" on domain {}\n", order.verb, world.name, network.domain);
+  Answers answers(sent, order.for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
+                  order.for_sub_worlds ? world.users : 1);
+  await_answers(*hearing, replies, statuses, scene, sent, answers, wait_s);
 }
 
 }  // namespace subworld

@@ -27,11 +27,15 @@ struct RunRequest {
 /// Throws `Error`: usage for the scene, middleware for a domain in use.
 int run(const RunRequest& request);
 
-/// Sends one order to the programs on a domain and prints their answers. `argument` is that of its `Control`;
-/// `for_sub_worlds`: they execute it, and not the world. Throws `Error`: middleware where there is no world within
-/// `wait_s`, failed where one refuses or does not answer within as long again.
-void send_control(const Network& network, const std::string& verb, const std::string& argument, bool for_sub_worlds,
-                  double wait_s);
+/// An order, as the command line names it. `argument` is that of its `Control`.
+struct Order {
+  std::string verb, argument;
+  bool for_sub_worlds = false;  ///< they execute it, and not the world
+};
+
+/// Sends one order to the programs on a domain and prints their answers. Throws `Error`: middleware where there is no
+/// world within `wait_s`, failed where one refuses or does not answer within as long again.
+void send_control(const Network& network, const Order& order, double wait_s);
 
 /// The vendor of the program at a position among those of a run; with "mixed" they alternate.
 [[nodiscard]] std::string vendor_of(const std::string& dds, int position);

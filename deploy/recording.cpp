@@ -2,6 +2,7 @@
 
 #include "model/error.hpp"
 #include "report.hpp"
+#include "rt/wall_clock.hpp"
 #include "wire/schema.hpp"
 #include "wire/topics.hpp"
 
@@ -60,10 +61,7 @@ std::string text_of(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-std::uint64_t wall_ns() {
-  return static_cast<std::uint64_t>(
-      std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
-}
+std::uint64_t attached_at() { return static_cast<std::uint64_t>(wall_ns()); }
 
 }  // namespace
 
@@ -110,12 +108,12 @@ Recording::~Recording() {
 
 void Recording::attach_scene(const Scene& scene, const std::vector<std::string>& flags, const std::string& dds) {
   const std::string text = text_of(scene.file);
-  writer_.attach(kSceneAttachment, "application/yaml", text, wall_ns());
+  writer_.attach(kSceneAttachment, "application/yaml", text, attached_at());
   const auto folder = std::filesystem::path(scene.file).parent_path();
   for (const std::string& file : files_of_scene(text))
-    writer_.attach(file, "application/octet-stream", text_of(folder / file), wall_ns());
+    writer_.attach(file, "application/octet-stream", text_of(folder / file), attached_at());
   const Json settings{{"scene_file", scene.file}, {"flags", flags}, {"dds", dds}};
-  writer_.attach(kSettingsAttachment, "application/json", settings.dump(2), wall_ns());
+  writer_.attach(kSettingsAttachment, "application/json", settings.dump(2), attached_at());
 }
 
 std::uint16_t Recording::channel_of(std::size_t topic, std::uint32_t user) {
@@ -179,7 +177,7 @@ RecordingResult Recording::drain() {
 
 void Recording::finish(const std::string& summary_file) {
   if (!result_.fault.empty()) return;
-  writer_.attach(kSummaryAttachment, "application/json", text_of(summary_file), wall_ns());
+  writer_.attach(kSummaryAttachment, "application/json", text_of(summary_file), attached_at());
   writer_.finish();
 }
 

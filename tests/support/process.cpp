@@ -57,6 +57,9 @@ Process::Process(const Words& words, const std::string& folder, const Environmen
   std::vector<char*> argv;
   for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
+  // Before the process begins: nobody reads what an earlier one has written.
+  if (output == Output::files)
+    for (const char* file : {"/stdout.txt", "/stderr.txt"}) std::ofstream(folder + file);
   pid_ = output == Output::terminal ? forkpty(&terminal_, nullptr, nullptr, nullptr) : fork();
   if (pid_ < 0) throw std::runtime_error("cannot fork");
   if (pid_ > 0) {

@@ -1,0 +1,229 @@
+#include "commands.hpp"
+
+#include "model/error.hpp"
+#include "player.hpp"
+
+#include <fmt/format.h>
+
+namespace subworld {
+namespace {
+
+void add_restart(CommandLine& line, std::string& restart) {
+  line.add(
+          "--restart", &restart,
+          "real time: starts a program again that ends before the run: on-failure where it was killed, is halted for a "
+          "second or fails; always also where it was asked to end")
+      .one_of({"never", "on-failure", "always"});
+}
+
+/// `network.domain` and `network.dds` have options of their own, because their defaults differ.
+void add_network(CommandLine& line, Network& network) {
+  line.add("--interface", &network.interface_address, "own network interface, by name or IPv4 address")
+      .otherwise("loopback, which reaches this host only");
+  line.add("--peers", &network.peers, "other hosts of the run: IPv4 addresses or names, separated by commas")
+      .otherwise("this host");
+}
+
+}  // namespace
+
+Restart restart_of(const std::string& word) {
+  if (word == "always") return Restart::always;
+  return word == "on-failure" ? Restart::on_failure : Restart::never;
+}
+
+void add_run(CommandLine& line, RunRequest& request, std::string& placement, std::string& restart) {
+  add_run_options(line, request.options);
+  add_dds(line, request.dds, {"fastdds", "cyclonedds", "mixed"});
+  add_domain(line, request.domain).otherwise("the first from 100 down to 60 that no other run on this host uses");
+  add_out(line, request.options, "folder for results").otherwise("a new out/SCENE-TIME");
+  line.flag("--gui", request.gui, "also start the display, which writes a picture");
+  line.flag("--page", request.page,
+            "also start the display and serve a page that shows the run in a browser; prints the address, and opens it "
+            "on a desktop");
+  add_live_options(line, request.options.live,
+                   "also start the display, and serve the run to Lichtblick and Foxglove on this TCP port");
+  add_device_options(line, request.options);
+  add_bodies_options(line, request.options);
+  add_checkpoint_options(line, request.options);
+  add_record_option(line, request.options);
+  add_trace_option(line, request.options);
+  line.add("--placement", &placement,
+           "real time: auto gives the world a core of its own where the others have room for the haptic loops; none "
+           "leaves it to the OS, which is better where several runs share the machine")
+      .one_of({"auto", "none"})
+      .environment("SUBWORLD_PLACEMENT");
+  add_restart(line, restart);
+  line.flag("--explain", request.explain,
+            "also explain the result in plain words, with what to look at and to try next");
+  line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
+}
+
+void add_up(CommandLine& line, SessionRequest& request, std::string& restart) {
+  line.add("session", &request.session, "session file (YAML), or the name of a session in deploy/sessions").required();
+  const Option host = line.add("--host", &request.host, "start only the programs of this host, here").otherwise("all");
+  line.flag("--namespaces", request.namespaces,
+            "make each host a network namespace of this machine; needs the rights of root");
+  line.add("--link", &request.link, "with --namespaces: the link between any two hosts, as for `subworld link`")
+      .otherwise("the session's");
+  line.add("--seed", &request.seed, "with --namespaces: of the link's random draws; netem has its own");
+  line.add("--dds", &request.dds, "DDS vendor; mixed alternates over the programs")
+      .one_of({"fastdds", "cyclonedds", "mixed"})
+      .otherwise("the session's");
+  line.add("--ssh", &request.ssh, "program that starts commands on the hosts which have `ssh`");
+  line.add("--out", &request.out, "folder for the results").otherwise("a new out/SESSION-TIME");
+  add_restart(line, restart);
+  line.flag("--explain", request.explain, "also explain the result in plain words");
+  line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
+  line.footer(
+      "Examples:\n"
+      "  subworld up three_hosts --namespaces\n"
+      "  subworld up my_session.yaml\n"
+      "  subworld up my_session.yaml --host left");
+}
+
+void add_collect(CommandLine& line, CollectRequest& request) {
+  line.add("folder", &request.folders, "folders that the programs of one run wrote to").required();
+  line.add("--scene", &request.scene, "the scene's file").otherwise("where it lay on the world's host");
+  line.add("--out", &request.out, "folder for the summary").otherwise("a new out/SCENE-TIME");
+  line.flag("--explain", request.explain, "also explain the result in plain words");
+  line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
+  line.footer("Examples:\n  subworld collect out/a out/b");
+}
+
+void add_device_check(CommandLine& line, std::string& name, DriverCheckRequest& request) {
+  line.add("name", &name, "driver, as `subworld device list` names it").required();
+  line.add("--device-settings", &request.settings, "settings of the driver").otherwise("the driver's");
+  line.add("--user", &request.user, "user whom the device serves").range(0, static_cast<int>(kMostUsers) - 1);
+  line.add("--duration", &request.duration_s, "time in which the device is read").range(0.3, 3600.0, "s");
+  line.footer(
+      "Examples:\n"
+      "  subworld device check udp\n"
+      "Exit codes: 0 all properties hold, 4 one is missed, 2 usage.");
+}
+
+void add_replay(CommandLine& line, ReplayRequest& request) {
+  line.add("file", &request.file, "recording, as `subworld run --record` writes it").required();
+  line.flag("--resimulate", request.resimulate,
+            "run the recorded scene again with the recorded settings, and compare the state hashes; of a recording "
+            "in lock-step");
+  line.flag("--publish", request.publish,
+            "publish the recorded messages through DDS, in the place of the programs that were recorded");
+  line.flag("--page", request.page, "the same, with a display that serves the page; prints the address");
+  add_live_options(line, request.live,
+                   "publish the recording, and serve it to Lichtblick and Foxglove on this TCP port");
+  line.add("--speed", &request.speed, "simulated time per time").range(Player::kLeastSpeed, Player::kMostSpeed);
+  line.add("--from", &request.from_s, "first moment, simulated time").range(0.0, 1e6, "s");
+  line.flag("--paused", request.paused, "begin paused: `subworld control step` advances to the next snapshot");
+  add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
+  line.add("--domain", &request.domain, "DDS domain")
+      .range(0, 232)
+      .environment("SUBWORLD_DOMAIN")
+      .otherwise("the first from 100 down to 60 that no other run on this host uses");
+  add_network(line, request.network);
+  line.add("--out", &request.out, "folder for the results").otherwise("a new out/replay-TIME");
+  line.footer(
+      "Examples:\n"
+      "  subworld replay run.mcap\n"
+      "  subworld replay run.mcap --resimulate\n"
+      "  subworld replay run.mcap --page --speed 0.5\n"
+      "  subworld replay run.mcap --publish --paused --domain 100\n"
+      "Without an option it prints what the file holds.\n"
+      "Exit codes: 0 done, 1 the state hashes differ, 2 usage or no finished recording.");
+}
+
+void add_control(CommandLine& line, ControlRequest& request) {
+  line.add("verb", &request.verb, "the order")
+      .one_of({"stop", "pause", "resume", "step", "leave", "engine", "ratio", "seek", "speed"})
+      .required();
+  line.add("engine", &request.engine.engine, "for the order engine: the engine to change to");
+  line.add("--preset", &request.engine.preset, "preset of that engine");
+  line.add("--user", &request.user, "for the order leave: the user's number")
+      .range(0, static_cast<int>(kMostUsers) - 1);
+  line.add("--time", &request.time_s, "for the order seek, which a replay executes: the moment to move to")
+      .range(0.0, 1e6, "s");
+  line.add("--speed", &request.speed, "for the order speed, which a replay executes: simulated time per time")
+      .range(Player::kLeastSpeed, Player::kMostSpeed);
+  line.add("--ratio", &request.ratio, "for the order ratio: bounds within those that the run was started with")
+      .check(ratio_fault);
+  line.flag("--haptic", request.haptic, "change the sub-worlds' engine instead of the world's");
+  add_domain(line, request.network.domain).required();
+  add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
+  add_network(line, request.network);
+  line.add("--wait", &request.wait_s, "longest wait for the world, and then for its answer").range(0.1, 3600.0, "s");
+  line.footer(
+      "Examples:\n"
+      "  subworld control pause --domain 100\n"
+      "  subworld control engine bullet_float --domain 100\n"
+      "  subworld control engine havok --haptic --domain 100\n"
+      "  subworld control leave --user 1 --domain 100\n"
+      "  subworld control ratio --ratio 4-8 --domain 100\n"
+      "  subworld control seek --time 1.5 --domain 100\n"
+      "  subworld control stop --domain 70 --interface eth0 --peers 10.0.0.2\n"
+      "`subworld top` shows the domains in use.\n"
+      "Exit codes: 0 done, 1 refused or not executed in time, 2 usage, 3 no world on the domain.");
+}
+
+void control(ControlRequest& request) {
+  if ((request.verb == "engine") == request.engine.engine.empty()) {
+    throw Error(ExitCode::usage, request.verb == "engine"
+                                     ? "control engine needs a name, for example: subworld control engine bullet_float"
+                                     : fmt::format("control {} takes no \"{}\"", request.verb, request.engine.engine));
+  }
+  if ((request.verb == "leave") != request.user.has_value())
+    throw Error(ExitCode::usage, "--user belongs to `control leave`, which needs it: subworld control leave --user 1");
+  if ((request.verb == "seek") != request.time_s.has_value())
+    throw Error(ExitCode::usage, "--time belongs to `control seek`, which needs it: subworld control seek --time 1.5");
+  if ((request.verb == "speed") != request.speed.has_value())
+    throw Error(ExitCode::usage,
+                "--speed belongs to `control speed`, which needs it: subworld control speed --speed 2");
+  if ((request.verb == "ratio") == request.ratio.empty())
+    throw Error(ExitCode::usage,
+                "--ratio belongs to `control ratio`, which needs it: subworld control ratio --ratio 4-8");
+  if (request.haptic) request.engine.target = EngineOrder::Target::haptic;
+  Order order{request.verb, request.ratio, request.verb == "engine" && request.haptic};
+  if (request.verb == "engine") order.argument = to_text(request.engine);
+  if (request.user) order.argument = std::to_string(*request.user);
+  if (request.time_s) order.argument = fmt::format("{}", *request.time_s);
+  if (request.speed) order.argument = fmt::format("{}", *request.speed);
+  send_control(request.network, order, request.wait_s);
+}
+
+void add_doctor(CommandLine& line, doctor::Request& request) {
+  line.add("scene", &request.scene, "scene that is to run: its users and engines are examined too").otherwise("none");
+  line.add("--domain", &request.domain, "DDS domain")
+      .range(0, 232)
+      .environment("SUBWORLD_DOMAIN")
+      .otherwise("that of the run on this machine");
+  add_dds(line, request.dds, {"fastdds", "cyclonedds", "mixed"});
+  add_network(line, request.network);
+  line.add("--qos", &request.network.qos_file, "the DDS vendor's settings file")
+      .otherwise("the vendor's environment variable, else qos/VENDOR.xml beside the programs");
+  line.add("--out", &request.out, "folder for results of a run").otherwise("out");
+  line.flag("--verbose", request.verbose, "also list all checks, and what was measured");
+  line.flag("--json", request.json, "print one JSON object: healthy, checks, findings, remarks");
+  line.footer(
+      "Examples:\n"
+      "  subworld doctor\n"
+      "  subworld doctor heap --domain 70 --verbose\n"
+      "  subworld doctor --domain 70 --interface eth0 --peers 10.0.0.2\n"
+      "Each finding has a cure: a command for the shell that the doctor was started from.\n"
+      "Exit codes: 0 healthy, 4 something was found, 2 usage or scene.");
+}
+
+void add_top(CommandLine& line, TopRequest& request) {
+  line.add("--domain", &request.domain, "DDS domain")
+      .range(0, 232)
+      .environment("SUBWORLD_DOMAIN")
+      .otherwise("all that programs of this machine use");
+  add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
+  add_network(line, request.network);
+  line.flag("--once", request.once, "print one table and end; so it does where the output is no terminal");
+  line.footer(
+      "Examples:\n"
+      "  subworld top\n"
+      "  subworld top --once\n"
+      "  subworld top --domain 70 --interface eth0 --peers 10.0.0.2\n"
+      "q or Ctrl-C ends. MISSED are deadlines, in brackets those by the OS; FACTOR is the world's real-time factor.");
+}
+
+}  // namespace subworld
