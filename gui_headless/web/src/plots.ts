@@ -61,7 +61,12 @@ class Plot {
     this.plot ??= this.make(width);
     if (this.plot.width !== width) this.plot.setSize({ width, height: HEIGHT });
     this.plot.setData(this.data as uPlot.AlignedData);
-    if ((this.plot.cursor.left ?? -1) < 0) this.plot.setLegend({ idx: this.data[0].length - 1 }, false);
+    this.showNewest(this.plot);
+  }
+
+  /** The newest values in the legend, unless the mouse is in the plot. */
+  private showNewest(plot: uPlot): void {
+    if ((plot.cursor.left ?? -1) < 0) plot.setLegend({ idx: this.data[0].length - 1 }, false);
   }
 
   private make(width: number): uPlot {
@@ -70,7 +75,7 @@ class Plot {
     const value = (_: uPlot, v: number | null) => (v === null || v === undefined ? "–" : `${short(v)} ${this.unit}`);
     return new uPlot({
       width, height: HEIGHT, padding: [8, 6, 0, 0],
-      legend: { live: true }, cursor: { points: { size: 6 }, y: false },
+      legend: { live: true }, hooks: { ready: [(plot) => this.showNewest(plot)] }, cursor: { points: { size: 6 }, y: false },
       scales: {
         x: { time: false, range: (_, __, most) => [Math.max(0, most - WINDOW_S), Math.max(WINDOW_S, most)] },
         y: { range: (_, low, high) => around(low, high) },
