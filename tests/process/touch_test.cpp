@@ -11,8 +11,9 @@ constexpr int kNotShown = 77;
 
 class Touch : public ProcessTest {
  protected:
-  /// A person in a browser touches the scene press. Returns the exit code of their part, with its text.
-  Ended touch() const {
+  /// A person in a browser touches the scene press, as a script has it. Returns the exit code of their part, with its
+  /// text.
+  Ended touch(const std::string& script) const {
     std::filesystem::remove_all(out());
     Process run(run_words(scene("press"), {"--device", "browser"}), folder_.path());
     const std::regex named("page: (http://127\\.0\\.0\\.1:\\d+/)");
@@ -23,8 +24,8 @@ class Touch : public ProcessTest {
       return std::regex_search(text, found, named);
     })) << run.err();
     const TemporaryFolder folder;
-    Process page({"/usr/bin/python3", std::string(SOURCE_FOLDER) + "/tests/support/page_client/touch_client.py",
-                  found.str(1), folder.path()},
+    Process page({"/usr/bin/python3", std::string(SOURCE_FOLDER) + "/tests/support/page_client/" + script, found.str(1),
+                  folder.path()},
                  folder.path());
     const int code = page.wait(150.0).value_or(-1);
     if (code != 0) run.signal(SIGINT);
@@ -64,7 +65,7 @@ std::size_t length_of(const Pressed& all) {
 TEST_F(Touch, ByAMouseInABrowserHasTheForceOfTheSameMotion) {
   int absences = 0;
   for (int tries = 0; tries < 3 && absences != 1; ++tries) {
-    const Ended touched = touch();
+    const Ended touched = touch("touch_client.py");
     if (touched.code == kNotShown) GTEST_SKIP() << touched.out;
     ASSERT_EQ(touched.code, 0) << touched.err;
     absences = summary()["device"][0]["driver"]["absences"];
@@ -100,6 +101,132 @@ TEST_F(Touch, ByAMouseInABrowserHasTheForceOfTheSameMotion) {
   }
   RecordProperty("force_error_percent", std::to_string(100.0 * std::sqrt(difference / square)));
   EXPECT_LT(std::sqrt(difference / square), 0.05);
+}
+
+// The device follows a SpaceMouse that the browser has, and never jumps, also where it is unplugged while it is
+// deflected.
+TEST_F(Touch, ByASpaceMouseMovesAndTurnsTheTool) {
+  const Ended touched = touch("space_mouse_client.py");
+  if (touched.code == kNotShown) GTEST_SKIP() << touched.out;
+  ASSERT_EQ(touched.code, 0) << touched.err;
+  const Table device = read_table(out() + "/device_0.csv");
+  for (const char* name : {"x_m", "y_m", "z_m", "qx", "qy", "qz"}) {
+    const std::size_t column = device.column(name);
+    double least = 0.0, most = 0.0;
+    for (const auto& row : device.rows) {
+      least = std::min(least, row[column]);
+      most = std::max(most, row[column]);
+    }
+    EXPECT_GT(most - least, 0.01) << name;
+  }
+  EXPECT_EQ(summary()["haptic"][0]["device_jumps"], 0);
+  EXPECT_EQ(summary()["device"][0]["driver"]["refused"], 0);
+}
+
+/// Rows of a history within a span of simulated time, without its begin.
+Table within(const Table& table, double from_s, double to_s) {
+  Table part{.columns = table.columns, .rows = {}};
+  for (const auto& row : table.rows)
+    if (row[0] > from_s + 1e-6 && row[0] < to_s + 1e-6) part.rows.push_back(row);
+  return part;
+}
+
+double sum_of(const Table& table, const std::string& name) {
+  const std::size_t column = table.column(name);
+  double sum = 0.0;
+  for (const auto& row : table.rows) sum += row[column];
+  return sum;
+}
+
+/// What a device does whose page sends no pose until a moment, s of simulated time.
+struct Silence {
+  double moved_s = 0.0;                  // the tool, for the last time
+  double begins_s = 0.0, ends_s = 0.0;   // without force
+  double before_n = 0.0, after_n = 0.0;  // largest force of the half second before, and of all time after
+};
+
+Silence silence_of(const Table& device, double until_s) {
+  constexpr double kMoves_m_s = 0.02;
+  const std::size_t force = device.column("force_x_n"), speed = device.column("velocity_y_m_s");
+  const auto& rows = device.rows;
+  const auto has_force = [&](std::size_t i) {
+    return std::hypot(rows[i][force], rows[i][force + 1], rows[i][force + 2]) > 0.0;
+  };
+  std::size_t at = 0;
+  while (at + 1 < rows.size() && rows[at][0] < until_s) ++at;
+  std::size_t begin = at, end = at;
+  while (begin > 0 && !has_force(begin)) --begin;
+  while (end + 1 < rows.size() && !has_force(end)) ++end;
+  Silence silence{.begins_s = rows[begin][0], .ends_s = rows[end][0]};
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const double size_n = std::abs(rows[i][force]);
+    if (i <= begin && std::abs(rows[i][speed]) > kMoves_m_s) silence.moved_s = rows[i][0];
+    if (i <= begin && rows[i][0] > silence.begins_s - 0.5) silence.before_n = std::max(silence.before_n, size_n);
+    if (i >= end) silence.after_n = std::max(silence.after_n, size_n);
+  }
+  return silence;
+}
+
+/// What the loops did in a span of simulated time.
+struct Loops {
+  double steps = 0.0, skipped = 0.0, cycles = 0.0;  // skipped: of the haptic periods
+  double real_time_factor = 0.0;                    // mean
+};
+
+Loops loops_of(const std::string& out, double from_s, double to_s) {
+  const Table haptic = within(read_table(out + "/haptic_0.csv"), from_s, to_s);
+  const Table world = within(read_table(out + "/world.csv"), from_s, to_s);
+  const auto cycles = static_cast<double>(world.rows.size());
+  return {static_cast<double>(haptic.rows.size()), sum_of(haptic, "skipped"), cycles,
+          sum_of(world, "real_time_factor") / cycles};
+}
+
+/// Own steps or cycles that were too slow.
+bool missed_by_the_run(const Json& gates) {
+  return std::ranges::any_of(
+      gates, [](const Json& gate) { return !gate["ok"] && gate.value("missed_by", std::string()) == "run"; });
+}
+
+// A browser whose renderers are halted for 3 s while their operator presses the cube.
+TEST_F(Touch, ByATabThatStandsStillHasNoForceAndDelaysNoLoop) {
+  constexpr double kMost = 0.02;  // of the periods
+  double halted_s = 0.0, resumed_s = 0.0, steps = 0.0;
+  Loops loops;
+  const auto disturbed = [&] {
+    return loops.skipped > kMost * steps || loops.real_time_factor < 1.0 - kMost ||
+           missed_by_the_run(summary()["gates"]);
+  };
+  // Where other programs take the cores, a loop is late: then another try decides.
+  for (int tries = 0; tries < 3 && (tries == 0 || disturbed()); ++tries) {
+    const Ended touched = touch("slow_tab_client.py");
+    if (touched.code == kNotShown) GTEST_SKIP() << touched.out;
+    ASSERT_EQ(touched.code, 0) << touched.err;
+    const Json times = Json::parse(touched.out);
+    halted_s = times["halted_s"];
+    resumed_s = times["resumed_s"];
+    steps = (resumed_s - halted_s) / summary()["h_s"].get<double>();
+    loops = loops_of(out(), halted_s, resumed_s);
+  }
+  // Both loops have done their steps meanwhile, in real time.
+  EXPECT_NEAR(loops.steps, steps, kMost * steps);
+  EXPECT_LE(loops.skipped, kMost * steps);
+  EXPECT_NEAR(loops.cycles, steps / summary()["ratio"].get<double>(), 1.5);
+  EXPECT_GE(loops.real_time_factor, 1.0 - kMost);
+  EXPECT_FALSE(missed_by_the_run(summary()["gates"])) << summary()["gates"].dump(1);
+  EXPECT_EQ(summary()["verdict"].get<std::string>().find("unstable"), std::string::npos) << summary()["verdict"];
+
+  // The force ends because poses are missing, and returns with them.
+  constexpr double kWatchdog_s = 0.25, kSettles_s = 0.15;  // BrowserTool, PoseTracking
+  const Silence silence = silence_of(read_table(out() + "/device_0.csv"), resumed_s);
+  EXPECT_GT(silence.before_n, 5.0);
+  EXPECT_GT(silence.begins_s - silence.moved_s, kWatchdog_s - kSettles_s);
+  EXPECT_LT(silence.begins_s - silence.moved_s, kWatchdog_s + kSettles_s);
+  EXPECT_GT(silence.ends_s, resumed_s);
+  EXPECT_GT(silence.after_n, 8.0);
+  const Json driver = summary()["device"][0]["driver"];
+  EXPECT_GE(driver["absences"], 2) << "the tab stood still, and released the tool";
+  EXPECT_GT(driver["longest_gap_s"], 0.8 * (resumed_s - halted_s));
+  EXPECT_EQ(summary()["haptic"][0]["device_jumps"], 0);
 }
 
 }  // namespace

@@ -296,6 +296,6 @@ Object.assign(window, {
     link, time_s: model.time_s, paused: model.paused, frames: view.frames, framesPerSecond: view.framesPerSecond,
     bytes: connection.bytes, bodies: model.bodies.length, users: model.users.length, answers: controls.answers,
     placed: view.bodies.placed, tier: view.pace.number, points: plots.force.points, devices: model.devices.size, programs: model.programs.size,
-    tool: { offered: touch.tools.length, user: touch.user, holds: touch.holds, sent: touch.sent, offset: touch.offset.toArray(), force: touch.force },
+    tool: { offered: touch.tools.length, user: touch.user, holds: touch.holds, sent: touch.sent, offset: touch.offset.toArray(), orientation: touch.orientation.toArray(), force: touch.force },
   }),
 });

@@ -1,31 +1,22 @@
-// A gamepad moves the held tool: left stick in the plane of the picture, right stick up is away. It vibrates with the
-// force.
-import type { Touch } from "./touch";
-import type { View } from "./view";
+// Gamepads: left stick in the plane of the picture, right stick up is away. They vibrate with the force.
+import type { Deflection } from "./deflection";
 
-const DEAD = 0.12, SHAKE_MS = 120;
+const SHAKE_MS = 120;
+// Some browsers offer a SpaceMouse as a gamepad, too. Its axes are not those of sticks.
+const SPACE_MOUSE = /\b256f\b|\b046d\b.*\bc6[02][0-9a-f]\b/i;
 
 type Actuator = { playEffect?: (kind: string, effect: object) => Promise<unknown> };
 
-const pads = () => (navigator.getGamepads?.() ?? []).filter((one): one is Gamepad => one !== null && one.connected);
-
-/** -1 to 1, zero near the middle. */
-function axis(value = 0): number {
-  return Math.abs(value) < DEAD ? 0 : (value - Math.sign(value) * DEAD) / (1 - DEAD);
-}
+const pads = () => (navigator.getGamepads?.() ?? [])
+  .filter((one): one is Gamepad => one !== null && one.connected && !SPACE_MOUSE.test(one.id));
 
 export class Pad {
   private shaken = 0;
-  private pressed = false;
 
-  constructor(private readonly touch: Touch, private readonly view: View) {
-    // The first button takes the first free tool, or releases the held one. Frames are rare where nothing moves.
-    setInterval(() => this.press(), 50);
-  }
-
-  move(passed_s: number): void {
-    const step = 2 * this.view.size_m() * passed_s;
-    for (const { axes } of pads()) this.touch.shift(axis(axes[0]) * step, -axis(axes[1]) * step, -axis(axes[3]) * step);
+  read(): Deflection[] {
+    return pads().map(({ axes: [x = 0, y = 0, , forth = 0], buttons }) => ({
+      shift: [x, -y, -forth], turn: [0, 0, 0], pressed: buttons[0]?.pressed ?? false,
+    }));
   }
 
   /** `part`: the force, as part of the scale. */
@@ -39,14 +30,5 @@ export class Pad {
       actuator?.playEffect?.("dual-rumble", { duration: SHAKE_MS, strongMagnitude: level, weakMagnitude: 0.5 * level })
         .catch(() => undefined); // a pad without motors
     }
-  }
-
-  private press(): void {
-    const pressed = pads().some((pad) => pad.buttons[0]?.pressed), begins = pressed && !this.pressed;
-    this.pressed = pressed;
-    if (!begins || document.hidden) return;
-    const free = this.touch.tools.find((one) => one.holder === 0);
-    if (this.touch.user >= 0) this.touch.release();
-    else if (free) this.touch.take(free.user);
   }
 }

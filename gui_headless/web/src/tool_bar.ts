@@ -1,7 +1,9 @@
 // The bar with the tools that this page can hold, and the force on the one that it holds.
+import { Deflections } from "./deflection";
 import { length } from "./model";
 import { Pad } from "./pad";
 import { Sound } from "./sound";
+import { SpaceMouse } from "./space_mouse";
 import { forceColour, Spring } from "./spring";
 import type { Touch } from "./touch";
 import { userColour } from "./theme";
@@ -25,8 +27,11 @@ export class ToolBar {
   private readonly level: HTMLElement;
   private readonly value: HTMLElement;
   private readonly note: HTMLElement;
+  private readonly chooser: HTMLButtonElement;
+  private readonly device: HTMLElement;
   private readonly sound = new Sound();
-  private readonly pad: Pad;
+  private readonly pad = new Pad();
+  private readonly spaceMouse = new SpaceMouse(() => this.show());
   private readonly spring = new Spring();
   private shown = "";
   private said = 0;
@@ -46,19 +51,25 @@ export class ToolBar {
     button.title = "Pitch and volume follow the force";
     button.setAttribute("aria-pressed", "false");
     button.onclick = () => button.setAttribute("aria-pressed", String(this.sound.toggle()));
+    this.chooser = make("button", this.meter, "chooser", "SpaceMouse");
+    this.chooser.title = "Choose a SpaceMouse that moves the tool";
+    this.chooser.onclick = () => this.spaceMouse.ask();
+    this.device = make("p", this.root, "device");
+    this.device.setAttribute("role", "status");
     this.note = make("p", this.root, "note");
     this.note.setAttribute("role", "status");
     stage.append(this.root);
-    this.pad = new Pad(touch, view);
     view.add(this.spring.root);
     view.drawn = () => this.draw();
-    touch.moved = (passed_s) => this.pad.move(passed_s);
+    const deflections = new Deflections(touch, view, () => [...this.pad.read(), ...this.spaceMouse.read()]);
+    touch.moved = (passed_s) => deflections.move(passed_s);
     this.show();
   }
 
   /** The tools, or who holds them, have changed. */
   show(): void {
-    const { tools, user } = this.touch, shown = JSON.stringify([tools, user, this.touch.holds, this.users()]);
+    const { tools, user } = this.touch, { wanted, said } = this.spaceMouse;
+    const shown = JSON.stringify([tools, user, this.touch.holds, this.users(), wanted, said]);
     if (shown === this.shown) return;
     this.shown = shown;
     const focused = this.root.contains(document.activeElement);
@@ -74,6 +85,10 @@ export class ToolBar {
       button.onclick = () => (mine ? this.touch.release() : this.touch.take(one.user));
       return button;
     }));
+    if (!wanted && document.activeElement === this.chooser) this.touch.focus();
+    this.chooser.hidden = !wanted;
+    this.device.textContent = said;
+    this.device.hidden = user < 0 || said === "";
     if (focused && user < 0) this.row.querySelector<HTMLButtonElement>("button:not(:disabled)")?.focus();
     this.meter.hidden = user < 0;
     this.note.hidden = user < 0;

@@ -16,8 +16,9 @@ export class Touch {
   tools: Tool[] = [];
   /** Whose tool this page holds, or is taking; -1: none. */
   user = -1;
-  /** Of the tool from where it was taken, m. */
+  /** Of the tool from where it was taken, m, and its turn since then. */
   readonly offset = new THREE.Vector3();
+  readonly orientation = new THREE.Quaternion();
   buttons = 0;
   sent = 0;
   changed?: () => void;
@@ -64,10 +65,16 @@ export class Touch {
     this.release();
     this.user = user;
     this.offset.set(0, 0, 0);
+    this.orientation.identity();
     this.takenAt = performance.now();
     this.view.turnWithLeft(false);
-    this.canvas.focus();
+    this.focus();
     this.changed?.();
+  }
+
+  /** Keys are for the tool from now on. */
+  focus(): void {
+    this.canvas.focus();
   }
 
   release(): void {
@@ -133,6 +140,13 @@ export class Touch {
     this.offset.clampScalar(-REACH_M, REACH_M);
   }
 
+  /** About the axes of the picture, right-handed: right, up, away; rad. */
+  turn(right_rad: number, up_rad: number, away_rad: number): void {
+    const { x, y, z } = this.view.axes();
+    const axis = x.multiplyScalar(right_rad).addScaledVector(y, up_rad).addScaledVector(z, -away_rad), angle = axis.length();
+    if (angle > 0) this.orientation.premultiply(new THREE.Quaternion().setFromAxisAngle(axis.divideScalar(angle), angle)).normalize();
+  }
+
   private forget(): void {
     if (this.user < 0) return;
     this.user = -1;
@@ -155,7 +169,8 @@ export class Touch {
     this.moved?.(passed_s);
     if (now - this.sentAt < SHORTEST_MS) return;
     this.sentAt = now;
-    if (this.connection.moveTool(this.user, encodeToolPose(this.offset.toArray(), [1, 0, 0, 0], this.buttons, true))) ++this.sent;
+    const { x, y, z, w } = this.orientation;
+    if (this.connection.moveTool(this.user, encodeToolPose(this.offset.toArray(), [w, x, y, z], this.buttons, true))) ++this.sent;
   }
 
   private press(event: PointerEvent): void {

@@ -51,7 +51,8 @@ class Page:
         self.number, self.answers, self.errors = 0, {}, []
 
     @staticmethod
-    async def open(address, width=1280, height=800):
+    async def open(address, width=1280, height=800, script=None):
+        """`script` runs in each document before those of the page."""
         folder = tempfile.mkdtemp()
         process = subprocess.Popen([program(), *FLAGS, f"--window-size={width},{height}", f"--user-data-dir={folder}",
                                     "about:blank"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
@@ -75,6 +76,8 @@ class Page:
         for domain in ("Runtime", "Log", "Page"):
             await page.call(f"{domain}.enable")
         await page.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        if script:
+            await page.call("Page.addScriptToEvaluateOnNewDocument", source=script)
         await page.call("Page.navigate", url=address)
         return page
 
@@ -167,13 +170,13 @@ class Page:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-async def visit(address, width, height, look):
+async def visit(address, width, height, look, script=None):
     """Looks at a page with `look(page)`. The exit code of a script: 0, or SKIPPED where this machine cannot show it."""
     why = await awaited(address) if program() else "no Chromium; as root: apt-get install chromium"
     if why:
         print("skipped:", why)
         return SKIPPED
-    page = await Page.open(address, width, height)
+    page = await Page.open(address, width, height, script)
     try:
         await look(page)
     finally:
