@@ -137,9 +137,11 @@ int main(int argc, char** argv) {
     DisplayPorts ports(options, scene);
     fmt::print("gui_headless: {}\n", ports.bus->effective_settings());
     const int launcher = verdict_link_of_display();
-    const auto viewers = serve_viewers(options, scene, *ports.bus);
+    auto viewers = serve_viewers(options, scene, *ports.bus);
     const bool asked = follow(ports, display, viewers.get(), launcher, options);
     ports.status.enter("stopping");
+    if (viewers) viewers->end_run();
+    if (viewers && (launcher < 0 || !viewers->verdict_is_awaited())) viewers.reset();
     if (display.snapshots() > 0) {
       const std::string file = options.out + "/picture.png";
       display.write_picture(file);

@@ -200,6 +200,7 @@ struct Server::Parts final : Host {
     if (known == session.publications.end()) {
       fault = fmt::format("channel {} is not advertised", message.publication);
     } else if (const std::optional<int> user = known->second) {
+      if (over) return;
       fault = tools.move(*user, session.number(), message.bytes, now);
       show_tools();
     } else {
@@ -269,6 +270,7 @@ struct Server::Parts final : Host {
   Tools tools;
   std::uint32_t connections = 0;
   int subscribers = 0;
+  bool over = false;
   bool leaving = false;
   Session::Clock::time_point next_inspection;
   asio::io_context io{1};
@@ -296,6 +298,10 @@ void Server::place(ProgramKind program, std::uint32_t instance, const PeerProgra
   asio::post(parts_->io, [parts = parts_.get(), program, instance, peer] {
     parts->sources.place(program, instance, peer, parts->deliver);
   });
+}
+
+void Server::end_run() {
+  asio::post(parts_->io, [parts = parts_.get()] { parts->over = true; });
 }
 
 bool Server::verdict_is_awaited() const {

@@ -34,6 +34,8 @@ class Server {
   void describe(const SceneDescription& scene);
   /// Where a program of the run was found.
   void place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer);
+  /// The run is over: no tool moves from now on.
+  void end_run();
   /// Whether a viewer subscribes to the verdict.
   [[nodiscard]] bool verdict_is_awaited() const;
   /// The verdict, as encode_verdict() gives it.

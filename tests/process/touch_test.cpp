@@ -67,7 +67,7 @@ TEST_F(Touch, ByAMouseInABrowserHasTheForceOfTheSameMotion) {
   for (int tries = 0; tries < 3 && absences != 1; ++tries) {
     const Ended touched = touch("touch_client.py");
     if (touched.code == kNotShown) GTEST_SKIP() << touched.out;
-    ASSERT_EQ(touched.code, 0) << touched.err;
+    ASSERT_EQ(touched.code, 0) << touched.err << read_text(out() + "/logs/gui_headless.log");
     absences = summary()["device"][0]["driver"]["absences"];
   }
   // Each absence but that after the last release is a browser that had no core for 0.25 s.
