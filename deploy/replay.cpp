@@ -6,6 +6,7 @@
 #include "io/results.hpp"
 #include "launch.hpp"
 #include "model/error.hpp"
+#include "model/presence.hpp"
 #include "page.hpp"
 #include "player.hpp"
 #include "recording.hpp"
@@ -41,6 +42,7 @@ struct Recorded {
   Json settings, summary;
 
   [[nodiscard]] std::string hash() const { return summary.value("state_hash", std::string()); }
+  [[nodiscard]] std::string presence() const { return summary.value("presence", std::string()); }
   [[nodiscard]] bool repeats() const { return summary.value("mode", std::string()) == "lockstep"; }
 };
 
@@ -168,6 +170,18 @@ int publish(ReplayRequest request, mcap::Reader& reader, const Attachments& atta
   return static_cast<int>(ExitCode::done);
 }
 
+/// The recorded events that the re-simulation has not had, in words.
+std::string not_repeated(const std::string& recorded, const std::string& again) {
+  std::vector<PresenceEvent> events, had;
+  if (!recorded.empty()) (void)parse_presence(recorded, events);
+  if (!again.empty()) (void)parse_presence(again, had);
+  const auto repeated = [&](const PresenceEvent& event) {
+    return std::ranges::any_of(had, [&](const PresenceEvent& one) { return to_text(one) == to_text(event); });
+  };
+  std::erase_if(events, repeated);
+  return to_text(events);
+}
+
 int resimulate(const ReplayRequest& request, const Attachments& attachments, const Recorded& recorded) {
   if (!recorded.repeats()) {
     throw Error(ExitCode::usage, fmt::format("{}: a run in real time does not repeat bit by bit; re-simulate a "
@@ -183,12 +197,18 @@ int resimulate(const ReplayRequest& request, const Attachments& attachments, con
     words.insert(words.end(), {"--duration", fmt::format("{}", simulated_s)});
   words.insert(words.end(), {"--mode", "lockstep", "--dds", recorded.settings.value("dds", std::string("fastdds")),
                              "--out", folder});
+  // What was ordered, and who came and went.
+  if (!recorded.presence().empty()) words.insert(words.end(), {"--presence", recorded.presence()});
   std::fflush(stdout);
   if (const int code = exit_code_of_program(start_program(words)); code != 0) return code;
-  const std::string again = read_json(folder + "/summary.json").value("state_hash", std::string());
-  const bool equal = again == recorded.hash();
-  fmt::print("re-simulated: state hash {}, recorded {}: {}\n", again, recorded.hash(),
-             equal ? "equal" : "they differ; another version or build, or orders during the recorded run");
+  const Recorded again{recorded.settings, read_json(folder + "/summary.json")};
+  const bool equal = again.hash() == recorded.hash();
+  const std::string missing = not_repeated(recorded.presence(), again.presence());
+  fmt::print("re-simulated: state hash {}, recorded {}: {}\n", again.hash(), recorded.hash(),
+             equal ? "equal"
+             : missing.empty()
+                 ? "they differ; another version or build"
+                 : "they differ; of the recorded orders and events, the re-simulation has not had: " + missing);
   return static_cast<int>(equal ? ExitCode::done : ExitCode::failed);
 }
 

@@ -1,6 +1,7 @@
 #include "haptic_sim/lockstep_order.hpp"
 #include "haptic_sim/run.hpp"
 #include "model/error.hpp"
+#include "program/engine_orders.hpp"
 #include "program/join.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
@@ -168,8 +169,21 @@ class LockstepLoop : HapticRun {
     return true;
   }
 
+  /// Those of the plan, and those that have come.
+  void follow_all_orders() {
+    const auto record = [this](std::string engine) {
+      followed_.push_back({scene.settings.h_s * static_cast<double>(order_.next_step()), std::move(engine)});
+    };
+    for (const PresenceEvent& event : order_.due()) {
+      check_planned(event, sub.change_engine(exchange, *order_for_sub_worlds(order_of(event))));
+      record(event.order);
+      follow_exchange();
+    }
+    if (std::string engine = follow_orders(); !engine.empty()) record(std::move(engine));
+  }
+
   void step() {
-    follow_orders();
+    follow_all_orders();
     const TimePoint begin = stages_.mark(HapticStage::control);
     const auto send = [this](const DeviceCommand& command, const FeltStep&) {
       stages_.mark(HapticStage::feel);
@@ -193,6 +207,7 @@ class LockstepLoop : HapticRun {
     HapticReport* const report = sub.close_cycle(to_ns(Clock::now()));
     if (report != nullptr) {
       report->missed = order_.take_missed();
+      report->followed = std::exchange(followed_, {});
       if (!ports.send(*report))
         throw Error(ExitCode::failed, unsent_text("haptic_report", ports.frames, ports.status, kWorldSim));
     }
@@ -206,9 +221,10 @@ class LockstepLoop : HapticRun {
   Peer device_sim_;
   DeviceState device_, peer_;
   WorldFrame frame_;
-  std::vector<bool> lost_;           ///< by user, whose device has fallen silent; the world's account of it counts
-  std::uint64_t device_writer_ = 0;  ///< the process that sent the first state
-  bool device_taken_ = false;        ///< the state of the first step
+  std::vector<FollowedOrder> followed_;  ///< since the last report
+  std::vector<bool> lost_;               ///< by user, whose device has fallen silent; the world's account of it counts
+  std::uint64_t device_writer_ = 0;      ///< the process that sent the first state
+  bool device_taken_ = false;            ///< the state of the first step
   bool last_ = false;
 };
 

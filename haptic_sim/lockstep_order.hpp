@@ -60,6 +60,10 @@ class LockstepOrder {
   [[nodiscard]] bool misses_by_plan(std::size_t peer) const noexcept {
     return misses(settings_.presence, static_cast<int>(user_), static_cast<int>(peer), time_of(step_));
   }
+  /// The orders of the plan that the sub-world follows before the next step.
+  [[nodiscard]] std::vector<PresenceEvent> due() const {
+    return due_orders(settings_.presence, static_cast<int>(user_), time_of(step_) - settings_.h_s, time_of(step_));
+  }
   /// The states that the sub-world needed and missed since the last call.
   [[nodiscard]] std::vector<MissedStates> take_missed() { return std::exchange(missed_, {}); }
 

@@ -11,15 +11,22 @@
 
 namespace subworld {
 
-void HapticRun::follow_orders() const {
+std::string HapticRun::follow_orders() const {
+  std::string begun;
   Control order;
   while (ports.control.take(order) == Take::sample) {
-    if (order.verb != ControlVerb::set_engine) continue;
-    const auto wanted = parse_engine_order(order);
-    if (!wanted || wanted->target != EngineOrder::Target::haptic) continue;
-    ports.status.answer(order.number, sub.change_engine(exchange, *wanted));
+    const auto wanted = order_for_sub_worlds(order);
+    if (!wanted) continue;
+    OrderAnswer answer = sub.change_engine(exchange, *wanted);
+    if (answer.outcome != OrderState::refused) begun = engine_text(*wanted);
+    ports.status.answer(order.number, std::move(answer));
   }
-  if (const auto change = follow_exchange(sub, exchange, ports.status)) measures.engine_changed(*change);
+  follow_exchange();
+  return begun;
+}
+
+void HapticRun::follow_exchange() const {
+  if (const auto change = subworld::follow_exchange(sub, exchange, ports.status)) measures.engine_changed(*change);
   if (const auto change = measures.take_settled_change()) {
     ports.status.answer(change->order,
                         {OrderState::done, fmt::format("{}; force steps {:.3f} N, before {:.3f} N", to_text(*change),

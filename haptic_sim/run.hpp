@@ -25,8 +25,11 @@ struct HapticRun {
 
   [[nodiscard]] std::uint32_t user() const noexcept { return static_cast<std::uint32_t>(options.user); }
   [[nodiscard]] const SchemeProperties& scheme() const { return scheme_of(scene.settings).properties; }
-  /// Follows orders to change the sub-world's engine, between two steps and without waiting.
-  void follow_orders() const;
+  /// Follows orders to change the sub-world's engine, between two steps and without waiting. Returns engine and preset
+  /// of the change that it has begun with; empty: none.
+  std::string follow_orders() const;
+  /// Uses the engine that has been ordered, once it is ready.
+  void follow_exchange() const;
 };
 
 /// The first frame and when it came.

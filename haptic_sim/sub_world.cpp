@@ -51,8 +51,8 @@ OrderAnswer SubWorld::change_engine(EngineExchange& exchange, const EngineOrder&
   if (engine == nullptr) return {OrderState::refused, "this scheme has no sub-world and so no engine in it"};
   EngineSettings settings = scene_.settings.haptic;
   settings.change_to(order.engine, order.preset);
-  const bool begun = exchange.begin(settings, *engine, scene_.settings.h_s, order.number);
-  if (!begun) return {OrderState::refused, "another change of engine is under way; try again"};
+  if (std::string text = exchange.refusal(settings); !text.empty()) return {OrderState::refused, std::move(text)};
+  exchange.begin(settings, *engine, scene_.settings.h_s, order.number);
   return {OrderState::preparing, "preparing engine " + order.engine};
 }
 

@@ -1,5 +1,6 @@
 #include "coupling/delay.hpp"
 #include "model/error.hpp"
+#include "program/engine_orders.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
 #include "world_sim/loop.hpp"
@@ -7,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -32,6 +34,7 @@ class LockstepLoop : WorldLoop {
       world.begin_without(u);
       measures.leaves(u, 0.0, true);
     }
+    check_plan();
     stages_.begin();
     for (bool last = false; !last;) {
       if (!follow_presence() || !receive_due()) {
@@ -45,6 +48,7 @@ class LockstepLoop : WorldLoop {
     measures.bodies().record_now(world);
     if (scheme_.has_sub_worlds) receive_due();
     close();
+    record_never_present();
     measures.took_part(events_);
     Ending ended = ending();
     ended.fault = absent_at_end();
@@ -145,7 +149,38 @@ class LockstepLoop : WorldLoop {
     publish_frame(u, false, 0.0, 1.0);
   }
 
+  /// Throws `Error` (usage) where an engine of the plan is unknown.
+  void check_plan() const {
+    for (const PresenceEvent& event : scene.settings.presence) {
+      if (event.kind != PresenceEvent::Kind::engine) continue;
+      const auto wanted = parse_engine_order(order_of(event));
+      const std::string fault = exchange.refusal({.name = wanted->engine, .preset = wanted->preset});
+      if (!fault.empty()) check_planned(event, {OrderState::refused, fault});
+    }
+  }
+
+  /// The orders of the plan that are due before this cycle.
+  void follow_plan() {
+    const double to_s = world.facts().time_s + 0.5 * scene.settings.h_s;
+    const double from_s = std::exchange(planned_to_s_, to_s);
+    for (const PresenceEvent& event : due_orders(scene.settings.presence, kWorld, from_s, to_s)) {
+      check_planned(event, follow(order_of(event)));
+      follow_exchange();
+    }
+  }
+
+  /// A run that ended before a user was to join repeats without this user too.
+  void record_never_present() {
+    for (const PresenceEvent& event : scene.settings.presence) {
+      const auto is_users = [&](const PresenceEvent& one) { return one.user == event.user; };
+      const bool joins = event.kind == PresenceEvent::Kind::joins;
+      if (joins && !users_[static_cast<std::size_t>(event.user)].present && std::ranges::none_of(events_, is_users))
+        events_.push_back(event);
+    }
+  }
+
   void wait_while_paused() {
+    follow_plan();
     follow_orders();
     while (!control_.may_step() && !control_.stopped() && stop_signal() == 0) {
       ports.bus->wait(0.05);
@@ -201,6 +236,12 @@ class LockstepLoop : WorldLoop {
         return false;
     } while (asks_to_take_part(report_));
     for (const MissedStates& missed : report_.missed) record_missed(events_, static_cast<int>(user), missed);
+    for (const FollowedOrder& order : report_.followed) {
+      events_.push_back({.kind = PresenceEvent::Kind::engine,
+                         .user = static_cast<int>(user),
+                         .at_s = order.at_s,
+                         .order = order.engine});
+    }
     if (world.receive(std::move(report_)) && world.has_report(user, stamp)) return true;
     throw Error(ExitCode::failed, fmt::format("haptic_sim {} sent a report out of turn at stamp {}; are two of them on "
                                               "this domain?",
@@ -226,8 +267,8 @@ class LockstepLoop : WorldLoop {
     TimePoint asks_at{};
   };
   std::vector<User> users_;
-  std::vector<PresenceEvent> events_;
-  TimePoint asked_{};  ///< to stop
+  double planned_to_s_ = -1.0;  ///< orders of the plan until then have been followed
+  TimePoint asked_{};           ///< to stop
 };
 
 }  // namespace

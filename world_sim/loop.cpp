@@ -75,30 +75,39 @@ void WorldLoop::follow_orders() {
   if (const std::string text = ports.second_world(); !text.empty()) ports.status.note(text);
   Control order;
   while (ports.control.take(order) == Take::sample) {
-    if (order.verb == ControlVerb::leave) {
-      ports.status.answer(order.number, dismiss(order.argument));
-      continue;
-    }
-    if (order.verb == ControlVerb::set_ratio) {
-      ports.status.answer(order.number, world.change_ratio(order.argument));
-      continue;
-    }
-    if (order.verb != ControlVerb::set_engine) {
-      OrderAnswer answer = control_.follow(order);
-      ports.status.pause(control_.paused());
-      ports.status.answer(order.number, std::move(answer));
-      continue;
-    }
+    if (!order_for_sub_worlds(order)) ports.status.answer(order.number, follow(order));
+  }
+  follow_exchange();
+}
+
+OrderAnswer WorldLoop::follow(const Control& order) {
+  using Kind = PresenceEvent::Kind;
+  const auto record = [&](Kind kind, const std::string& text) {
+    events_.push_back({.kind = kind, .user = kWorld, .at_s = world.facts().time_s, .order = text});
+  };
+  if (order.verb == ControlVerb::leave) return dismiss(order.argument);
+  if (order.verb == ControlVerb::set_ratio) {
+    OrderAnswer answer = world.change_ratio(order.argument);
+    if (answer.outcome != OrderState::refused) record(Kind::ratio, order.argument);
+    return answer;
+  }
+  if (order.verb == ControlVerb::set_engine) {
     const auto wanted = parse_engine_order(order);
-    if (wanted && wanted->target != EngineOrder::Target::world) continue;
-    ports.status.answer(order.number,
-                        wanted ? world.change_engine(exchange, *wanted)
-                               : OrderAnswer{OrderState::refused, "unknown engine order \"" + order.argument + "\""});
+    if (!wanted) return {OrderState::refused, "unknown engine order \"" + order.argument + "\""};
+    OrderAnswer answer = world.change_engine(exchange, *wanted);
+    if (answer.outcome != OrderState::refused) record(Kind::engine, engine_text(*wanted));
+    return answer;
   }
-  if (const auto change = follow_exchange(world, exchange, ports.status)) {
-    measures.engine_changed(*change);
-    ports.status.answer(change->order, {OrderState::done, to_text(*change)});
-  }
+  OrderAnswer answer = control_.follow(order);
+  ports.status.pause(control_.paused());
+  return answer;
+}
+
+void WorldLoop::follow_exchange() {
+  const auto change = subworld::follow_exchange(world, exchange, ports.status);
+  if (!change) return;
+  measures.engine_changed(*change);
+  ports.status.answer(change->order, {OrderState::done, to_text(*change)});
 }
 
 OrderAnswer WorldLoop::dismiss(const std::string& number) {

@@ -48,6 +48,10 @@ class WorldLoop : protected WorldRun {
   [[nodiscard]] std::size_t user_count() const noexcept { return ports.frames.size(); }
   /// Follows the orders that have come, and changes the engine once the new one is ready.
   void follow_orders();
+  /// Follows an order, and records it where it alters the world.
+  OrderAnswer follow(const Control& order);
+  /// Uses the engine that has been ordered, once it is ready.
+  void follow_exchange();
   /// Ends the part of a user in the run, in real time: the user is absent from now on, and its programs end. Others may
   /// join in their place.
   [[nodiscard]] OrderAnswer dismiss(const std::string& number);
@@ -68,9 +72,10 @@ class WorldLoop : protected WorldRun {
   Stages<WorldStage>& stages_;
   RunControl control_;
   const SchemeProperties& scheme_;
-  const double from_s_;         ///< simulated time at which the run began, not 0 where the world was resumed
-  HapticReport report_;         ///< the newest received
-  std::vector<int> farewells_;  ///< by user: last frames that are still to be sent, because some may get lost
+  const double from_s_;                ///< simulated time at which the run began, not 0 where the world was resumed
+  HapticReport report_;                ///< the newest received
+  std::vector<PresenceEvent> events_;  ///< recorded
+  std::vector<int> farewells_;         ///< by user: last frames that are still to be sent, because some may get lost
 };
 
 }  // namespace subworld

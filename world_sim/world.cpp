@@ -127,10 +127,10 @@ bool World::settle(const std::function<bool(double)>& progress) {
 OrderAnswer World::change_engine(EngineExchange& exchange, const EngineOrder& order) {
   EngineSettings settings = without_substeps(scene_.settings.world);
   settings.change_to(order.engine, order.preset);
+  if (std::string text = exchange.refusal(settings); !text.empty()) return {OrderState::refused, std::move(text)};
   engine_.wake_all();  // the other engine must be able to hold those too that sleep
-  const bool begun = exchange.begin(settings, live_, facts_.cycle_s / facts_.substeps, order.number);
-  if (begun) next_engine_ = settings;
-  if (!begun) return {OrderState::refused, "another change of engine is under way; try again"};
+  exchange.begin(settings, live_, facts_.cycle_s / facts_.substeps, order.number);
+  next_engine_ = settings;
   return {OrderState::preparing, "preparing engine " + order.engine};
 }
 

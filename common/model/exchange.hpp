@@ -26,7 +26,7 @@ struct Wrench {
 
 /// Version of the messages: it changes with each change of their layout or meaning. Programs of different versions
 /// refuse to work together. Versions before had none; they begin with the length of a name, which is shorter.
-inline constexpr std::uint32_t kWireVersion = 100'003;
+inline constexpr std::uint32_t kWireVersion = 100'004;
 
 /// Topic `scene`: all that a late joiner needs to create every body.
 struct SceneDescription {
@@ -275,7 +275,8 @@ struct HapticReport {
   Indicators indicators;
   StepTiming timing;
   double peer_age_s = 0.0;  ///< greatest age of the other users' device motion that the cycle used, simulated time
-  std::vector<MissedStates> missed;  ///< since the last report
+  std::vector<MissedStates> missed;     ///< since the last report
+  std::vector<FollowedOrder> followed;  ///< likewise
 };
 
 inline void reserve(HapticReport& report, std::size_t bodies) {

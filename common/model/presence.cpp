@@ -4,7 +4,9 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <iterator>
 #include <optional>
 #include <sstream>
 #include <utility>
@@ -15,14 +17,42 @@ namespace {
 
 using Kind = PresenceEvent::Kind;
 
-constexpr const char* kEventForms = "\"1 joins 3\", \"1 leaves 5\" (user, s) or \"0 misses 1 from 4.2 to 4.9\"";
+constexpr const char* kEventForms =
+    "\"1 joins 3\", \"1 leaves 5\" (user, s), \"0 misses 1 from 4.2 to 4.9\", "
+    "\"world engine ode fast from 5\", \"0 engine bullet quality from 5\" or \"world ratio 4-8 from 6\"";
+
+/// Whether a user joins or leaves.
+bool changes_presence(const PresenceEvent& event, int user) noexcept {
+  return event.user == user && (event.kind == Kind::joins || event.kind == Kind::leaves);
+}
+
+bool is_order(const PresenceEvent& event) noexcept { return event.kind == Kind::engine || event.kind == Kind::ratio; }
+
+/// "ode fast from 5" or "4-8 from 6".
+bool read_order(std::istringstream& words, PresenceEvent& event) {
+  std::string preset, from;
+  words >> event.order;
+  if (event.kind == Kind::engine && words >> preset) event.order += " " + preset;
+  return words >> from >> event.at_s && from == "from" && (event.kind == Kind::engine || event.user == kWorld);
+}
 
 std::optional<PresenceEvent> parse_event(const std::string& text) {
   std::istringstream words(text);
   PresenceEvent event;
-  std::string verb, from, to;
-  if (!(words >> event.user >> verb)) return {};
-  if (verb == "misses") {
+  std::string subject, verb, from, to;
+  if (!(words >> subject >> verb)) return {};
+  if (subject == "world") {
+    event.user = kWorld;
+  } else if (const char* end = subject.data() + subject.size();
+             std::from_chars(subject.data(), end, event.user).ptr != end || event.user < 0) {
+    return {};
+  }
+  if (verb == "engine" || verb == "ratio") {
+    event.kind = verb == "engine" ? Kind::engine : Kind::ratio;
+    if (!read_order(words, event)) return {};
+  } else if (event.user == kWorld) {
+    return {};
+  } else if (verb == "misses") {
     event.kind = Kind::misses;
     if (!(words >> event.peer >> from >> event.at_s) || from != "from") return {};
     if (words >> to && (to != "to" || !(words >> event.to_s))) return {};
@@ -33,18 +63,21 @@ std::optional<PresenceEvent> parse_event(const std::string& text) {
   }
   std::string rest;
   if (words >> rest) return {};
-  const bool possible = event.user >= 0 && event.peer >= 0 && event.at_s >= 0.0 && event.to_s > event.at_s;
+  const bool possible = event.peer >= 0 && event.at_s >= 0.0 && event.to_s > event.at_s;
   return possible ? std::optional(event) : std::nullopt;
 }
 
+}  // namespace
+
 std::string to_text(const PresenceEvent& event) {
+  if (is_order(event))
+    return fmt::format("{} {} {} from {:.12g}", event.user == kWorld ? "world" : std::to_string(event.user),
+                       event.kind == Kind::engine ? "engine" : "ratio", event.order, event.at_s);
   if (event.kind == Kind::joins) return fmt::format("{} joins {:.12g}", event.user, event.at_s);
   if (event.kind == Kind::leaves) return fmt::format("{} leaves {:.12g}", event.user, event.at_s);
   const std::string to = std::isfinite(event.to_s) ? fmt::format(" to {:.12g}", event.to_s) : "";
   return fmt::format("{} misses {} from {:.12g}{}", event.user, event.peer, event.at_s, to);
 }
-
-}  // namespace
 
 std::string parse_presence(std::string_view text, std::vector<PresenceEvent>& events) {
   for (std::size_t at = 0; at <= text.size();) {
@@ -68,7 +101,7 @@ std::string presence_fault(const std::vector<PresenceEvent>& events, int users) 
   for (int user = 0; user < users; ++user) {
     const PresenceEvent* before = nullptr;
     for (const PresenceEvent& event : events) {
-      if (event.kind == Kind::misses || event.user != user) continue;
+      if (!changes_presence(event, user)) continue;
       if (before != nullptr && (before->kind == event.kind || !(event.at_s > before->at_s)))
         return fmt::format("\"{}\" cannot follow \"{}\"; a user joins and leaves in turn, each time later",
                            to_text(event), to_text(*before));
@@ -85,7 +118,7 @@ std::string presence_fault(const std::vector<PresenceEvent>& events, int users) 
 bool takes_part(const std::vector<PresenceEvent>& events, int user, double time_s) noexcept {
   bool first = true, present = true;
   for (const PresenceEvent& event : events) {
-    if (event.user != user || event.kind == Kind::misses) continue;
+    if (!changes_presence(event, user)) continue;
     if (std::exchange(first, false)) present = event.kind == Kind::leaves;
     if (event.at_s <= time_s) present = event.kind == Kind::joins;
   }
@@ -97,6 +130,14 @@ bool misses(const std::vector<PresenceEvent>& events, int user, int peer, double
     return event.kind == Kind::misses && event.user == user && event.peer == peer && event.at_s <= time_s &&
            time_s < event.to_s;
   });
+}
+
+std::vector<PresenceEvent> due_orders(const std::vector<PresenceEvent>& events, int user, double from_s, double to_s) {
+  std::vector<PresenceEvent> due;
+  std::ranges::copy_if(events, std::back_inserter(due), [&](const PresenceEvent& event) {
+    return is_order(event) && event.user == user && from_s < event.at_s && event.at_s <= to_s;
+  });
+  return due;
 }
 
 void record(std::vector<PresenceEvent>& events, PresenceEvent::Kind kind, int user, double time_s) {
@@ -127,7 +168,7 @@ int returns(const std::vector<PresenceEvent>& events, int user) noexcept {
   bool left = false;
   int count = 0;
   for (const PresenceEvent& event : events) {
-    if (event.user != user || event.kind == Kind::misses) continue;
+    if (!changes_presence(event, user)) continue;
     count += left && event.kind == Kind::joins ? 1 : 0;
     left = event.kind == Kind::leaves;
   }

@@ -8,19 +8,25 @@
 
 namespace subworld {
 
-/// When users take part in a run, in simulated time: planned by a scene, or recorded from a run in lock-step, which
-/// repeats bit by bit with its record.
+/// `PresenceEvent::user` of an order that the world follows.
+inline constexpr int kWorld = -1;
+
+/// When users take part in a run and what is ordered, in simulated time: planned by a scene, or recorded from a run in
+/// lock-step, which repeats bit by bit with its record.
 struct PresenceEvent {
   enum class Kind : std::uint8_t {
     joins,
     leaves,
     misses,  ///< the sub-world of `user` does not have the states of the device of `peer` from `at_s` to `to_s`
+    engine,  ///< the world, or the sub-world of `user`, changes its engine
+    ratio,   ///< the world narrows the bounds of its ratio
   };
   Kind kind = Kind::joins;
   int user = 0;
   double at_s = 0.0;
   int peer = 0;
   double to_s = std::numeric_limits<double>::infinity();
+  std::string order = {};  ///< `engine`: engine and preset as in "ode fast"; `ratio`: as in "4-8"
 };
 
 /// An interval of simulated time, in lock-step.
@@ -30,9 +36,16 @@ struct MissedStates {
   double to_s = 0.0;
 };
 
-/// As in "1 joins 3, 2 leaves 5, 0 misses 1 from 4.2 to 4.9". Appends to `events`; returns what is wrong, with the
-/// cure, or nothing.
+/// A change of engine that a sub-world has begun with, in lock-step.
+struct FollowedOrder {
+  double at_s = 0.0;
+  std::string engine;  ///< and preset, as in "ode fast"
+};
+
+/// As in "1 joins 3, 2 leaves 5, 0 misses 1 from 4.2 to 4.9, world engine ode fast from 5, 0 engine bullet quality from
+/// 5, world ratio 4-8 from 6". Appends to `events`; returns what is wrong, with the cure, or nothing.
 [[nodiscard]] std::string parse_presence(std::string_view text, std::vector<PresenceEvent>& events);
+[[nodiscard]] std::string to_text(const PresenceEvent& event);
 [[nodiscard]] std::string to_text(const std::vector<PresenceEvent>& events);
 /// What is wrong with the events of a scene with so many users, with the cure; empty: nothing.
 [[nodiscard]] std::string presence_fault(const std::vector<PresenceEvent>& events, int users);
@@ -41,6 +54,9 @@ struct MissedStates {
 [[nodiscard]] bool takes_part(const std::vector<PresenceEvent>& events, int user, double time_s) noexcept;
 /// Whether the sub-world of a user misses the states of another one's device at a time.
 [[nodiscard]] bool misses(const std::vector<PresenceEvent>& events, int user, int peer, double time_s) noexcept;
+/// The orders for the world or for the sub-world of a user that are due after `from_s`, until `to_s`.
+[[nodiscard]] std::vector<PresenceEvent> due_orders(const std::vector<PresenceEvent>& events, int user, double from_s,
+                                                    double to_s);
 /// Adds to a record that a user joins or leaves. One who leaves when it has only just joined was not there.
 void record(std::vector<PresenceEvent>& events, PresenceEvent::Kind kind, int user, double time_s);
 /// Adds to a record that the sub-world of a user missed the states of another one's device. Intervals that follow each

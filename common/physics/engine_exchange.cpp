@@ -13,7 +13,7 @@ constexpr const char* kTargets[] = {"world", "haptic"};
 }  // namespace
 
 std::string to_text(const EngineOrder& order) {
-  return std::string(kTargets[static_cast<std::size_t>(order.target)]) + " " + order.engine + " " + order.preset;
+  return std::string(kTargets[static_cast<std::size_t>(order.target)]) + " " + engine_text(order);
 }
 
 std::optional<EngineOrder> parse_engine_order(const Control& control) {
@@ -31,6 +31,12 @@ std::optional<EngineOrder> parse_engine_order(const Control& control) {
   return std::nullopt;
 }
 
+std::optional<EngineOrder> order_for_sub_worlds(const Control& control) {
+  if (control.verb != ControlVerb::set_engine) return std::nullopt;
+  auto order = parse_engine_order(control);
+  return order && order->target == EngineOrder::Target::haptic ? order : std::nullopt;
+}
+
 EngineExchange::EngineExchange(Preparation preparation, std::vector<Mesh> meshes) : meshes_(std::move(meshes)) {
   if (preparation == Preparation::in_background) thread_ = std::thread([this] { work(); });
 }
@@ -43,6 +49,17 @@ EngineExchange::~EngineExchange() {
   }
   wake_.notify_one();
   thread_.join();
+}
+
+std::string EngineExchange::refusal(const EngineSettings& settings) const {
+  if (busy_) return "another change of engine is under way; try again";
+  if (thread_.joinable()) return {};
+  try {
+    (void)engine_cost(settings);
+  } catch (const std::exception& e) {
+    return e.what();
+  }
+  return {};
 }
 
 bool EngineExchange::begin(const EngineSettings& settings, const LiveEngine& engine, double step_s,

@@ -21,8 +21,12 @@ struct EngineOrder {
 };
 /// The argument, without the number.
 [[nodiscard]] std::string to_text(const EngineOrder& order);
+/// Engine and preset, as in "ode fast".
+[[nodiscard]] inline std::string engine_text(const EngineOrder& order) { return order.engine + " " + order.preset; }
 /// Empty if the argument is not in the format of to_text().
 [[nodiscard]] std::optional<EngineOrder> parse_engine_order(const Control& control);
+/// The order to change the engine of the sub-worlds; empty: it is another order.
+[[nodiscard]] std::optional<EngineOrder> order_for_sub_worlds(const Control& control);
 
 /// Exchanges a live engine while a loop runs. A thread of its own makes and fills the new engine. When it is ready, it
 /// replaces the old one between two steps. The thread also destroys the old one.
@@ -38,6 +42,9 @@ class EngineExchange {
   EngineExchange(const EngineExchange&) = delete;
   EngineExchange& operator=(const EngineExchange&) = delete;
 
+  /// Why there is no exchange for this engine now; empty: it can begin. In the background, an unknown engine or preset
+  /// fails later.
+  [[nodiscard]] std::string refusal(const EngineSettings& settings) const;
   /// Starts an exchange; `step_s` is the step of the engine, `order` the number of the requesting order. Returns false
   /// while one is in progress.
   bool begin(const EngineSettings& settings, const LiveEngine& engine, double step_s, std::uint32_t order = 0);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "io/results.hpp"
+#include "model/error.hpp"
 #include "physics/engine_exchange.hpp"
 #include "rt/cyclic.hpp"
 #include "wire/status.hpp"
@@ -9,6 +10,18 @@
 #include <string>
 
 namespace subworld {
+
+/// A planned order, as `subworld control` sends it.
+[[nodiscard]] inline Control order_of(const PresenceEvent& event) {
+  if (event.kind == PresenceEvent::Kind::ratio) return {.verb = ControlVerb::set_ratio, .argument = event.order};
+  return {.verb = ControlVerb::set_engine, .argument = (event.user == kWorld ? "world " : "haptic ") + event.order};
+}
+
+/// Throws `Error` (usage) where a planned order is refused.
+inline void check_planned(const PresenceEvent& event, const OrderAnswer& answer) {
+  if (answer.outcome == OrderState::refused)
+    throw Error(ExitCode::usage, "presence: \"" + to_text(event) + "\": " + answer.text);
+}
 
 /// Between two steps of a `World` or `SubWorld`: replaces its engine if an ordered one is ready. Answers the order
 /// where that fails; returns the exchange where it succeeds.

@@ -103,6 +103,10 @@ bool fields(const auto& copy, Is<MissedStates> auto& m, auto& w) {
          copy.check(m.from_s < m.to_s);
 }
 
+bool fields(const auto& copy, Is<FollowedOrder> auto& m, auto& w) {
+  return copy.not_negative(m.at_s, w.at_s()) && copy(m.engine, w.engine());
+}
+
 bool fields(const auto& copy, Is<Indicators> auto& m, auto& w) {
   return copy(m.proxy_impulse_n_s, w.proxy_impulse_n_s()) && copy(m.total_impulse_n_s, w.total_impulse_n_s()) &&
          copy(m.device_impulse_n_s, w.device_impulse_n_s()) && copy(m.border_bodies, w.border_bodies()) &&
@@ -177,7 +181,7 @@ bool fields(const auto& copy, Is<HapticReport> auto& m, auto& w) {
          state_fields(copy, m.members, w.members(), [&m](std::size_t i) { return is_overruled(m, i); }) &&
          list_fields(copy, m.islands, w.islands(), &Base::islands) && copy(m.indicators, w.indicators()) &&
          copy(m.timing.mean_s, w.step_mean_s()) && copy(m.timing.max_s, w.step_max_s()) &&
-         copy(m.peer_age_s, w.peer_age_s()) && copy(m.missed, w.missed());
+         copy(m.peer_age_s, w.peer_age_s()) && copy(m.missed, w.missed()) && copy(m.followed, w.followed());
 }
 
 bool fields(const auto& copy, Is<WorldSnapshot> auto& m, auto& w) {

@@ -209,7 +209,9 @@ class SampleMaker {
     to.indicators = {positive(), positive(), positive(), word(), word()};
     to.timing = {positive(), positive()};
     fill_all(to.missed);
+    fill_all(to.followed);
   }
+  void fill(FollowedOrder& to) { to = {positive(), text()}; }
   void fill(MissedStates& to) {
     const double from_s = positive();
     to = {user(), from_s, from_s + positive()};
@@ -333,9 +335,10 @@ struct NumberVisitor {
         r.impulse_total, r.device_work_j, r.coupling_energy_j, r.operator_work_j, r.peer_age_s, r.proxy,
         r.device.has_value(), r.members, r.islands, r.indicators.proxy_impulse_n_s, r.indicators.total_impulse_n_s,
         r.indicators.device_impulse_n_s, r.indicators.border_bodies, r.indicators.proxy_contacts, r.timing.mean_s,
-        r.timing.max_s, r.missed);
+        r.timing.max_s, r.missed, r.followed);
     if (r.device) all(r.device->pose, r.device->linear_velocity, r.device->angular_velocity, r.device->applied);
   }
+  void operator()(const FollowedOrder& o) { all(o.at_s, o.engine); }
   void operator()(const MissedStates& m) { all(m.peer, m.from_s, m.to_s); }
   void operator()(const WorldSnapshot& s) { all(s.sequence, s.stamp_s, s.real_time_factor, s.moved, s.users); }
   void operator()(const Control& c) { all(c.number, static_cast<std::uint32_t>(c.verb), c.argument); }
