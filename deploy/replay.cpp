@@ -170,18 +170,6 @@ int publish(ReplayRequest request, mcap::Reader& reader, const Attachments& atta
   return static_cast<int>(ExitCode::done);
 }
 
-/// The recorded events that the re-simulation has not had, in words.
-std::string not_repeated(const std::string& recorded, const std::string& again) {
-  std::vector<PresenceEvent> events, had;
-  if (!recorded.empty()) (void)parse_presence(recorded, events);
-  if (!again.empty()) (void)parse_presence(again, had);
-  const auto repeated = [&](const PresenceEvent& event) {
-    return std::ranges::any_of(had, [&](const PresenceEvent& one) { return to_text(one) == to_text(event); });
-  };
-  std::erase_if(events, repeated);
-  return to_text(events);
-}
-
 int resimulate(const ReplayRequest& request, const Attachments& attachments, const Recorded& recorded) {
   if (!recorded.repeats()) {
     throw Error(ExitCode::usage, fmt::format("{}: a run in real time does not repeat bit by bit; re-simulate a "
@@ -203,12 +191,14 @@ int resimulate(const ReplayRequest& request, const Attachments& attachments, con
   if (const int code = exit_code_of_program(start_program(words)); code != 0) return code;
   const Recorded again{recorded.settings, read_json(folder + "/summary.json")};
   const bool equal = again.hash() == recorded.hash();
-  const std::string missing = not_repeated(recorded.presence(), again.presence());
-  fmt::print("re-simulated: state hash {}, recorded {}: {}\n", again.hash(), recorded.hash(),
-             equal ? "equal"
-             : missing.empty()
-                 ? "they differ; another version or build"
-                 : "they differ; of the recorded orders and events, the re-simulation has not had: " + missing);
+  std::string verdict = equal ? "equal" : "they differ; another version or build";
+  if (const std::string lacking = lacking_events(recorded.presence(), again.presence()); !equal && !lacking.empty()) {
+    verdict = fmt::format("they differ; the re-simulation ended at t = {} s without these recorded events: {}",
+                          again.summary.value("simulated_s", 0.0), lacking);
+  } else if (!equal && recorded.summary.contains("restarts")) {
+    verdict += ", or an order that a sub-world followed just before its program was killed, and did not report";
+  }
+  fmt::print("re-simulated: state hash {}, recorded {}: {}\n", again.hash(), recorded.hash(), verdict);
   return static_cast<int>(equal ? ExitCode::done : ExitCode::failed);
 }
 

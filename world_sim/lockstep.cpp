@@ -154,7 +154,9 @@ class LockstepLoop : WorldLoop {
     for (const PresenceEvent& event : scene.settings.presence) {
       if (event.kind != PresenceEvent::Kind::engine) continue;
       const auto wanted = parse_engine_order(order_of(event));
-      const std::string fault = exchange.refusal({.name = wanted->engine, .preset = wanted->preset});
+      EngineSettings settings;
+      settings.change_to(wanted->engine, wanted->preset);
+      const std::string fault = exchange.refusal(settings);
       if (!fault.empty()) check_planned(event, {OrderState::refused, fault});
     }
   }

@@ -97,8 +97,8 @@ void add_run_options(CommandLine& line, Options& o) {
       .one_of({"end", "wait", "continue"})
       .otherwise(scenes + ", else end");
   add("--presence", &o.presence,
-      "when users take part, in simulated time, as in \"1 joins 3, 2 leaves 5\"; summary.json has that of a run in "
-      "lock-step, which repeats bit by bit with it")
+      "when users take part and which orders the run gets, in simulated time, as in \"1 joins 3, world engine ode fast "
+      "from 5\"; summary.json has that of a run in lock-step, which repeats bit by bit with it")
       .check([](const std::string& text) {
         std::vector<PresenceEvent> events;
         return parse_presence(text, events);

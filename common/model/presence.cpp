@@ -164,6 +164,16 @@ void record_missed(std::vector<PresenceEvent>& events, int user, const MissedSta
   }
 }
 
+std::string lacking_events(std::string_view record, std::string_view other) {
+  std::vector<PresenceEvent> events, had;
+  (void)parse_presence(record, events);
+  (void)parse_presence(other, had);
+  std::erase_if(events, [&](const PresenceEvent& event) {
+    return std::ranges::find(had, to_text(event), [](const auto& one) { return to_text(one); }) != had.end();
+  });
+  return to_text(events);
+}
+
 int returns(const std::vector<PresenceEvent>& events, int user) noexcept {
   bool left = false;
   int count = 0;

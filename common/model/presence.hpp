@@ -62,6 +62,8 @@ void record(std::vector<PresenceEvent>& events, PresenceEvent::Kind kind, int us
 /// Adds to a record that the sub-world of a user missed the states of another one's device. Intervals that follow each
 /// other are one.
 void record_missed(std::vector<PresenceEvent>& events, int user, const MissedStates& missed);
+/// The events of a record that another record lacks; both as text.
+[[nodiscard]] std::string lacking_events(std::string_view record, std::string_view other);
 /// How often a user joins after having left.
 [[nodiscard]] int returns(const std::vector<PresenceEvent>& events, int user) noexcept;
 

@@ -203,7 +203,7 @@ Facts facts_of(const Json& summary) {
   add("emulated link", text_at(summary, "link"));
   add("passivity", text_at(summary, "settings/passivity"));
   add("disabled optimisations", list_of_words(value_at(summary, "settings/disabled")));
-  add("users who came and went", text_at(summary, "presence"));
+  add("users who came and went, and orders", text_at(summary, "presence"));
   add("programs started again", restarts_of(summary));
   add("display", text_at(summary, "display"));
   add("recording", text_at(summary, "recording/file"));

@@ -72,6 +72,24 @@ TEST_P(LockstepOrders, ToLeaveAreRecordedAndRepeat) {
   EXPECT_EQ(summary()["state_hash"], hash) << presence;
 }
 
+TEST_P(LockstepOrders, ArePlannedAndRecordedWithTheUserWhoNeverJoins) {
+  const std::string planned = "1 joins 100, world engine ode quality from 0.1, 0 engine ode fast from 0.2";
+  ASSERT_EQ(run(scene("lift"), flags({"--duration", "0.5", "--presence", planned})).code, 0);
+  const Json first = summary();
+  const std::string presence = first["presence"];
+  for (const char* event : {"1 joins 100", "world engine ode quality from 0.1", "0 engine ode fast from 0.2"})
+    EXPECT_NE((presence + ",").find(event + std::string(",")), std::string::npos) << presence;
+  EXPECT_EQ(first["world"]["engine_changes"][0]["to"], "ode");
+  EXPECT_EQ(first["haptic"][0]["engine_changes"][0]["to"], "ode");
+  EXPECT_EQ(run(scene("lift"), flags({"--duration", "0.5", "--presence", presence})).code, 0);
+  EXPECT_EQ(summary()["state_hash"], first["state_hash"]) << presence;
+
+  const Ended unknown =
+      run(scene("lift"), flags({"--duration", "0.5", "--presence", "world engine havoc fast from 0.1"}));
+  EXPECT_EQ(unknown.code, 2);
+  EXPECT_NE(unknown.err.find("choose one of"), std::string::npos) << unknown.err;
+}
+
 // A user's programs are halted, and continued after the world has gone on: they say so, and nobody else notices.
 class LockstepHalt : public LockstepPresence {};
 TEST_P(LockstepHalt, EndsProgramsThatTheWorldHasGoneOnWithout) {

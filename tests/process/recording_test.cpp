@@ -79,6 +79,66 @@ TEST_F(Recording, ReSimulationHasTheRecordedHash) {
   EXPECT_TRUE(std::filesystem::exists(again + "/recorded/meshes/wedge.obj"));
 }
 
+struct OrderedRun {
+  std::string scene;
+  Words flags;
+  std::vector<Words> orders;
+  std::vector<std::string> recorded;
+};
+
+class RecordingOrders : public Recording, public ::testing::WithParamInterface<OrderedRun> {};
+
+TEST_P(RecordingOrders, AreRepeatedInTheReSimulation) {
+  const Environment engines{{"SUBWORLD_ENGINES", EXAMPLE_ENGINES_FOLDER}};
+  Words flags = recorded({"--mode", "lockstep", "--duration", "600"});
+  flags.insert(flags.end(), GetParam().flags.begin(), GetParam().flags.end());
+  Process process(run_words(scene(GetParam().scene), flags), folder_.path(), engines);
+  for (const Words& order : GetParam().orders) {
+    Words words{program("subworld"), "control", "--domain", domain_.text(), "--wait", "30"};
+    words.insert(words.end(), order.begin(), order.end());
+    const Ended ended = finish(words);
+    EXPECT_TRUE(ended.code == 0 || ended.err.find("refused") != std::string::npos) << ended.err;
+  }
+  ASSERT_EQ(process.wait().value_or(-1), 0) << process.err();
+  const std::string presence = summary()["presence"];
+  for (const std::string& event : GetParam().recorded) EXPECT_NE(presence.find(event), std::string::npos) << presence;
+
+  const std::string again = folder_.path() + "/again";
+  const Ended ended = finish({program("subworld"), "replay", file(), "--resimulate", "--out", again}, engines);
+  EXPECT_EQ(ended.code, 0) << ended.out << ended.err << presence;
+  EXPECT_NE(ended.out.find(": equal"), std::string::npos) << ended.out << presence;
+  const Json repeated = Json::parse(read_text(again + "/summary.json"), nullptr, false);
+  EXPECT_EQ(repeated["simulated_s"], summary()["simulated_s"]) << "ends in the cycle of the stop";
+  for (const std::string& event : GetParam().recorded)
+    EXPECT_NE(repeated["presence"].get<std::string>().find(event), std::string::npos) << repeated["presence"];
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Runs, RecordingOrders,
+    ::testing::Values(OrderedRun{"lift",
+                                 {"--ratio", "4-8", "--dds", "mixed"},
+                                 {{"engine", "ode"},
+                                  {"engine", "bullet_float", "--preset", "quality", "--haptic"},
+                                  {"ratio", "--ratio", "5-6"},
+                                  {"leave", "--user", "1"},
+                                  {"stop"}},
+                                 {"world engine ode fast from", "0 engine bullet_float quality from",
+                                  "1 engine bullet_float quality from", "world ratio 5-6 from", "1 leaves"}},
+                      // The row sleeps. `spheres` is refused, because it holds no box, and by then the row is awake.
+                      OrderedRun{"row",
+                                 {},
+                                 {{"pause"},
+                                  {"engine", "spheres"},
+                                  {"engine", "havoc"},
+                                  {"step"},
+                                  {"engine", "ode", "--preset", "quality"},
+                                  {"engine", "bullet_float"},
+                                  {"resume"},
+                                  {"stop"}},
+                                 {"world engine spheres fast from", "world engine ode quality from",
+                                  "world engine bullet_float fast from"}}),
+    [](const auto& one) { return one.param.scene; });
+
 TEST_F(Recording, ChangesNoResultInLockStep) {
   const Words flags{"--mode", "lockstep", "--duration", "0.5"};
   ASSERT_EQ(run(scene("row"), recorded(flags)).code, 0);

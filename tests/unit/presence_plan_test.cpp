@@ -43,10 +43,35 @@ TEST(Presence, is_read_and_written) {
   EXPECT_TRUE(misses(events, 1, 0, 99.0));
 }
 
+TEST(Presence, has_orders_that_are_due_once) {
+  const std::string text =
+      "world engine ode fast from 0.5, 1 joins 0.5, 0 engine bullet quality from 0.625, world ratio 4-8 from 0.5, "
+      "world ratio 5 from 1";
+  const auto events = parsed(text);
+  EXPECT_EQ(to_text(events), text);
+  EXPECT_EQ(presence_fault(events, 2), "");
+  EXPECT_NE(presence_fault(parsed("2 engine ode fast from 3"), 2).find("there is no user 2"), std::string::npos);
+  const auto due = [&](int user, double from_s, double to_s) {
+    return to_text(due_orders(events, user, from_s, to_s));
+  };
+  EXPECT_EQ(due(kWorld, 0.498, 0.502), "world engine ode fast from 0.5, world ratio 4-8 from 0.5");
+  EXPECT_EQ(due(kWorld, 0.502, 0.506), "");
+  EXPECT_EQ(due(0, -1.0, 9.0), "0 engine bullet quality from 0.625");
+  EXPECT_EQ(due(1, -1.0, 9.0), "");
+  EXPECT_TRUE(takes_part(events, 0, 0.0)) << "an order is no absence";
+  EXPECT_EQ(returns(events, 0), 0);
+  EXPECT_EQ(lacking_events(text, "1 joins 0.5, world ratio 4-8 from 0.5, world ratio 5 from 1"),
+            "world engine ode fast from 0.5, 0 engine bullet quality from 0.625");
+  EXPECT_EQ(lacking_events(text, ""), text);
+  EXPECT_EQ(lacking_events("", text), "");
+}
+
 TEST(Presence, names_what_is_wrong) {
   std::vector<PresenceEvent> events;
-  for (const char* text : {"", "1", "1 joins", "1 comes 3", "-1 joins 3", "1 joins -3", "1 joins nan", "1 joins 3 4",
-                           "0 misses 1 4", "0 misses 1 from 4 to 3", "1 joins 3,"})
+  for (const char* text :
+       {"", "1", "1 joins", "1 comes 3", "-1 joins 3", "1 joins -3", "1 joins nan", "1 joins 3 4", "0 misses 1 4",
+        "0 misses 1 from 4 to 3", "1 joins 3,", "world joins 3", "0 ratio 4-8 from 3", "0 engine ode from 3",
+        "world engine ode fast 3", "world ratio 4 from -1", "x engine ode fast from 3"})
     EXPECT_NE(parse_presence(text, events).find("is no event"), std::string::npos) << text;
   EXPECT_NE(presence_fault(parsed("1 joins 3, 1 joins 4"), 2).find("in turn"), std::string::npos);
   EXPECT_NE(presence_fault(parsed("1 leaves 3, 1 joins 3"), 2).find("in turn"), std::string::npos);

@@ -257,6 +257,14 @@ TEST_F(SleepingRow, RefusesAnEngineThatCannotHoldIt) {
   EXPECT_EQ(run.world.engine().name(), "bullet");
 }
 
+TEST_F(SleepingRow, SleepsOnWhereAnUnknownEngineOrPresetIsOrdered) {
+  for (const EngineOrder& order : {EngineOrder{EngineOrder::Target::world, "havoc", "fast"},
+                                   EngineOrder{EngineOrder::Target::world, "ode", "best"}}) {
+    EXPECT_EQ(run.world.change_engine(exchange, order).outcome, OrderState::refused) << order.engine;
+    EXPECT_EQ(run.world.engine().asleep_count(), 10U) << order.engine;
+  }
+}
+
 // The last correction of a body that has fallen asleep since wakes no body.
 TEST_F(SleepingRow, SleepsAgainWhenTheOperatorHasGone) {
   while (run.world.facts().time_s < 2.0) run.cycle();
