@@ -65,7 +65,8 @@ bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, int la
       ports.status.enter("running");
     }
     while (display.described() && ports.snapshots.take(snapshot) == Take::sample) display.show(snapshot);
-    if (ports.scene.alive_writers() > 0) heard = Clock::now();
+    // Either is a sign of life: on a busy machine a vendor may lose the liveliness of a writer that lives.
+    if (ports.scene.alive_writers() > 0 || ports.status.hears(ProgramKind::world_sim, 0)) heard = Clock::now();
     const double absent_s = to_seconds(Clock::now() - heard);
     if (!display.described() && absent_s > options.wait_s) {
       throw Error(ExitCode::failed, fmt::format("no world on domain {} within {} s; start world_sim with the same "
