@@ -139,13 +139,13 @@ double sum_of(const Table& table, const std::string& name) {
 }
 
 /// What a device does whose page sends no pose until a moment, s of simulated time.
-struct Silence {
+struct PoseAbsence {
   double moved_s = 0.0;                  // the tool, for the last time
   double begins_s = 0.0, ends_s = 0.0;   // without force
   double before_n = 0.0, after_n = 0.0;  // largest force of the half second before, and of all time after
 };
 
-Silence silence_of(const Table& device, double until_s) {
+PoseAbsence absence_of(const Table& device, double until_s) {
   constexpr double kMoves_m_s = 0.02;
   const std::size_t force = device.column("force_x_n"), speed = device.column("velocity_y_m_s");
   const auto& rows = device.rows;
@@ -157,14 +157,14 @@ Silence silence_of(const Table& device, double until_s) {
   std::size_t begin = at, end = at;
   while (begin > 0 && !has_force(begin)) --begin;
   while (end + 1 < rows.size() && !has_force(end)) ++end;
-  Silence silence{.begins_s = rows[begin][0], .ends_s = rows[end][0]};
+  PoseAbsence absence{.begins_s = rows[begin][0], .ends_s = rows[end][0]};
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const double size_n = std::abs(rows[i][force]);
-    if (i <= begin && std::abs(rows[i][speed]) > kMoves_m_s) silence.moved_s = rows[i][0];
-    if (i <= begin && rows[i][0] > silence.begins_s - 0.5) silence.before_n = std::max(silence.before_n, size_n);
-    if (i >= end) silence.after_n = std::max(silence.after_n, size_n);
+    if (i <= begin && std::abs(rows[i][speed]) > kMoves_m_s) absence.moved_s = rows[i][0];
+    if (i <= begin && rows[i][0] > absence.begins_s - 0.5) absence.before_n = std::max(absence.before_n, size_n);
+    if (i >= end) absence.after_n = std::max(absence.after_n, size_n);
   }
-  return silence;
+  return absence;
 }
 
 /// What the loops did in a span of simulated time.
@@ -217,12 +217,12 @@ TEST_F(Touch, ByATabThatStandsStillHasNoForceAndDelaysNoLoop) {
 
   // The force ends because poses are missing, and returns with them.
   constexpr double kWatchdog_s = 0.25, kSettles_s = 0.15;  // BrowserTool, PoseTracking
-  const Silence silence = silence_of(read_table(out() + "/device_0.csv"), resumed_s);
-  EXPECT_GT(silence.before_n, 5.0);
-  EXPECT_GT(silence.begins_s - silence.moved_s, kWatchdog_s - kSettles_s);
-  EXPECT_LT(silence.begins_s - silence.moved_s, kWatchdog_s + kSettles_s);
-  EXPECT_GT(silence.ends_s, resumed_s);
-  EXPECT_GT(silence.after_n, 8.0);
+  const PoseAbsence absence = absence_of(read_table(out() + "/device_0.csv"), resumed_s);
+  EXPECT_GT(absence.before_n, 5.0);
+  EXPECT_GT(absence.begins_s - absence.moved_s, kWatchdog_s - kSettles_s);
+  EXPECT_LT(absence.begins_s - absence.moved_s, kWatchdog_s + kSettles_s);
+  EXPECT_GT(absence.ends_s, resumed_s);
+  EXPECT_GT(absence.after_n, 8.0);
   const Json driver = summary()["device"][0]["driver"];
   EXPECT_GE(driver["absences"], 2) << "the tab stood still, and released the tool";
   EXPECT_GT(driver["longest_gap_s"], 0.8 * (resumed_s - halted_s));

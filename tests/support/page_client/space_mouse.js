@@ -44,15 +44,15 @@
     filters: null, choice: false, cap, others, pad,
     /** The operator holds the cap so: a report of these numbers, again and again. */
     hold(reportId, values) {
-      this.stopSilently();
+      this.stopReports();
       timer = setInterval(() => report(reportId, ofShorts(values)), PERIOD_MS);
     },
-    /** The cap is released: zeros once, then silence. */
+    /** The cap is released: zeros once, then no reports. */
     centre() {
-      this.stopSilently();
+      this.stopReports();
       for (const reportId of [1, 2]) report(reportId, ofShorts([0, 0, 0, 0, 0, 0]));
     },
-    stopSilently: () => clearInterval(timer),
+    stopReports: () => clearInterval(timer),
     bytes: (reportId, bytes) => report(reportId, bytes),
     press(buttons) {
       report(3, [buttons, 0]);

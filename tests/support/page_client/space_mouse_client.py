@@ -185,13 +185,13 @@ async def is_lost(page):
     await said(page, "was unplugged")
     start = await rests(page, "unplugged")
     assert await chooser(page)
-    await do(page, "stopSilently()")
+    await do(page, "stopReports()")
     await do(page, "plug('connect')")
     await said(page, "moves the tool")
     assert await rests(page, "plugged in") == start
     await deflected(page, [FULL, 0, 0])
     await moves(page, "again", 0, 1, start)
-    await do(page, "stopSilently()")
+    await do(page, "stopReports()")
     end = await page.value("performance.now() + 1000")
     while await page.value("performance.now()") < end:
         await poses(page, 1)
