@@ -17,7 +17,7 @@ export const TIERS: readonly Tier[] = [
 const SLOW_MS = 34; // a frame that is slower than this costs too much
 const FAST_MS = 20;
 const SETTLED = 6; // frames, before a tier is judged
-export const SOFTWARE_TIER = 3; // with which a machine without a graphics card begins
+export const SOFTWARE_TIER = 4; // with which a machine without a graphics card begins
 const RETRY_MS = 10_000; // of fast frames before a better tier is tried; doubles where that fails
 
 export class Pace {
@@ -54,12 +54,22 @@ export class Pace {
   }
 }
 
-/** Whether the processor draws in the place of a graphics card. */
-export function drawnBySoftware(): boolean {
-  const context = document.createElement("canvas").getContext("webgl2");
-  if (!context) return false;
-  const details = context.getExtension("WEBGL_debug_renderer_info");
-  const name = String(context.getParameter(details ? details.UNMASKED_RENDERER_WEBGL : context.RENDERER));
+export type Picture = { canvas: HTMLCanvasElement; context: WebGL2RenderingContext | null; software: boolean };
+
+const DRAWN_BY = { alpha: false, powerPreference: "high-performance" } as const; // nothing is to be seen through a canvas
+
+/**
+ * The context of a canvas. `software`: the processor draws in the place of a graphics card. It needs up to a second for a
+ * context, so it has one only, without smooth edges; a graphics card draws on a copy that takes the place of the canvas.
+ */
+export function pictureOn(canvas: HTMLCanvasElement): Picture {
+  const context = canvas.getContext("webgl2", { ...DRAWN_BY, antialias: false });
+  const details = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = String(context?.getParameter(details ? details.UNMASKED_RENDERER_WEBGL : context.RENDERER));
+  const software = /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+  if (!context || software) return { canvas, context, software };
   context.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+  const smooth = canvas.cloneNode() as HTMLCanvasElement;
+  canvas.replaceWith(smooth);
+  return { canvas: smooth, context: smooth.getContext("webgl2", { ...DRAWN_BY, antialias: true }), software };
 }

@@ -5,7 +5,7 @@ import { Arrows } from "./arrows";
 import { Bodies, radiusOf } from "./bodies";
 import { Ground } from "./ground";
 import type { Model } from "./model";
-import { drawnBySoftware, Pace, SOFTWARE_TIER } from "./pace";
+import { Pace, pictureOn, SOFTWARE_TIER } from "./pace";
 import { theme } from "./theme";
 
 export type Camera = { name: string; user: number };
@@ -20,6 +20,7 @@ export class View {
   picked?: (id: number) => void;
   /** Before each picture. */
   drawn?: () => void;
+  private readonly canvas: HTMLCanvasElement;
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
   private readonly camera = new THREE.PerspectiveCamera(38, 1, 0.01, 500);
@@ -38,22 +39,19 @@ export class View {
   private readonly followed = new THREE.Vector3();
   private counted = { at: performance.now(), frames: 0 };
 
-  constructor(private readonly canvas: HTMLCanvasElement, private readonly model: Model) {
-    const software = drawnBySoftware();
+  /** Another canvas may take the place of this one. */
+  constructor(place: HTMLCanvasElement, private readonly model: Model) {
+    const { canvas, context, software } = pictureOn(place);
+    this.canvas = canvas;
     document.body.classList.toggle("slow", software);
     this.bodies.software = software;
     this.pace = new Pace(software ? SOFTWARE_TIER : 0);
-    // A canvas without alpha costs the browser less: nothing is to be seen through it.
-    const context = canvas.getContext("webgl2", { alpha: false, antialias: !software, powerPreference: "high-performance" });
     this.renderer = new THREE.WebGLRenderer({ canvas, context: context ?? undefined });
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, this.pace.tier.ratio));
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.autoUpdate = false;
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
     this.camera.up.set(0, 0, 1);
     this.sky.position.set(0, 0, 1);
-    this.sun.castShadow = true;
-    this.sun.shadow.mapSize.setScalar(this.pace.tier.shadow);
     this.sun.shadow.radius = 3;
     this.sun.shadow.normalBias = 0.02;
     this.scene.add(this.sky, this.sun, this.sun.target, this.ground.mesh, this.bodies.root, this.arrows.root);
@@ -61,6 +59,7 @@ export class View {
     this.controls.maxPolarAngle = 0.495 * Math.PI;
     this.controls.addEventListener("change", () => this.touch());
     this.controls.addEventListener("start", () => (this.moved = true));
+    this.applyTier();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
     this.listen();
     this.restyle();
@@ -259,7 +258,7 @@ export class View {
   }
 
   /** A slow machine draws fewer pixels, shadows less often, and in the end none. */
-  private degrade(): void {
+  private applyTier(): void {
     const { ratio, shadow } = this.pace.tier;
     this.renderer.setPixelRatio(Math.min(ratio, devicePixelRatio));
     this.sun.castShadow = shadow > 0;
@@ -282,8 +281,9 @@ export class View {
       this.framesPerSecond = (1000 * (this.frames - this.counted.frames)) / (now - this.counted.at);
       this.counted = { at: now, frames: this.frames };
     }
-    if (this.drew && this.pace.take(now - this.last)) this.degrade();
+    if (this.drew && this.pace.take(now - this.last)) this.applyTier();
     this.last = now;
+    if (!this.model.bodies.length) return false;
     if (!this.dirty && !this.shadow.stale && !this.model.states.changing(now)) return false;
     this.dirty = false;
     this.bodies.place(this.model, now, this.camera.position);
