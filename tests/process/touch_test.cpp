@@ -63,15 +63,18 @@ std::size_t length_of(const Pressed& all) {
 
 // A mouse in a real browser has the force that another device has on the same way.
 TEST_F(Touch, ByAMouseInABrowserHasTheForceOfTheSameMotion) {
-  int absences = 0;
-  for (int tries = 0; tries < 3 && absences != 1; ++tries) {
+  // Each absence but that after the last release is a browser that had no core for 0.25 s.
+  int absences = 0, missed = 0;
+  for (int tries = 0; tries < 3 && (absences != 1 || missed > 5); ++tries) {
     const Ended touched = touch("touch_client.py");
     if (touched.code == kNotShown) GTEST_SKIP() << touched.out;
     ASSERT_EQ(touched.code, 0) << touched.err << read_text(out() + "/logs/gui_headless.log");
     absences = summary()["device"][0]["driver"]["absences"];
+    missed = summary()["haptic"][0]["missed_deadlines"];
   }
-  // Each absence but that after the last release is a browser that had no core for 0.25 s.
-  if (absences != 1) GTEST_SKIP() << "this machine halts the browser: the tool was absent " << absences << " times";
+  if (absences != 1 || missed > 5)
+    GTEST_SKIP() << "this machine is too busy: the tool was absent " << absences << " times, and " << missed
+                 << " haptic steps were late";
   const Pressed touched = pressed_in(out() + "/device_0.csv");
   const std::size_t length = length_of(touched);
   ASSERT_GT(length, 500U);

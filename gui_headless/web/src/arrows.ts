@@ -167,6 +167,7 @@ export class Arrows {
       : new THREE.SphereGeometry(radius || 0.03, 28, 20);
     const ghost = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({
       color: colour, transparent: true, opacity: 0.32, depthWrite: false,
+      polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -2, // in front of a proxy that has the same place
     }));
     ghost.renderOrder = 2;
     const ends = new THREE.BufferGeometry();
