@@ -77,8 +77,8 @@ async def obeys(page):
     await page.until("paused", lambda s: s["paused"] and s["answers"] > 0)
     time_s = await stands(page)
     answers = (await page.state())["answers"]
-    await page.key("2")  # another camera draws anew, and moves no body
     frames = (await page.state())["frames"]
+    await page.key("2")  # another camera draws anew, and moves no body
     await page.until("a frame of a world at rest", lambda s: s["frames"] > frames and s["placed"] == 0)
     await page.key("0")
     await page.click("#step")
