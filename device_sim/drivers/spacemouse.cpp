@@ -69,13 +69,14 @@ class SpaceMouseDriver final : public DeviceDriver {
   }
 
  private:
-  /// spnav: x right, y up, z away from the operator, left-handed. The scene: x right, y away, z up.
+  /// spnav: x right, y up, z away from the operator, and right-handed turns about them, as in libspnav's
+  /// spnav_posrot_moveobj(). The scene: x right, y away, z up.
   void take(const spnav_event& event) {
     if (event.type == SPNAV_EVENT_MOTION) {
       const auto& m = event.motion;
       const double speed = speed_m_s_ / kFullDeflection, turn = turn_rad_s_ / kFullDeflection;
       velocity_m_s_ = {speed * m.x, speed * m.z, speed * m.y};
-      turn_ = {-turn * m.rx, -turn * m.rz, -turn * m.ry};
+      turn_ = {turn * m.rx, turn * m.rz, turn * m.ry};
     } else if (event.type == SPNAV_EVENT_DEV && event.dev.op == SPNAV_DEV_RM) {
       throw std::runtime_error("the SpaceMouse was unplugged");
     } else if (event.type == SPNAV_EVENT_BUTTON && event.button.bnum >= 0 && event.button.bnum < 32) {

@@ -62,13 +62,18 @@ std::optional<Camera> camera_of(const Request& request) {
   return Camera{.eye = place_of(request.eye, "--eye"), .target = place_of(request.target, "--target")};
 }
 
-/// Makes a video where the encoder is installed. Returns its file; empty: there is none.
-std::string encode(const Request& request) {
+/// Makes a video of the first pictures in the folder where the encoder is installed. Returns its file; empty: there is
+/// none.
+std::string encode(const Request& request, std::size_t pictures) {
   const std::string video = request.out + "/film.mp4", rate = fmt::format("{}", request.rate_hz),
-                    pictures = request.out + "/frame_%06d.png";
-  std::vector<std::string> words{"ffmpeg",     "-y",      "-loglevel", "error",
-                                 "-framerate", rate,      "-i",        pictures,
-                                 "-pix_fmt",   "yuv420p", "-vf",       "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+                    names = request.out + "/frame_%06d.png";
+  std::vector<std::string> words{"ffmpeg",     "-y",
+                                 "-loglevel",  "error",
+                                 "-framerate", rate,
+                                 "-i",         names,
+                                 "-frames:v",  std::to_string(pictures),
+                                 "-pix_fmt",   "yuv420p",
+                                 "-vf",        "pad=ceil(iw/2)*2:ceil(ih/2)*2",
                                  video};
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
@@ -107,7 +112,7 @@ int make_film(const Request& request) {
   fmt::print("film: {} pictures of t = {:.3f} to {:.3f} s in {}/frame_*.png\n", frames, from_s,
              from_s + static_cast<double>(frames - 1) * interval_s, request.out);
   std::fflush(stdout);
-  const std::string video = encode(request);
+  const std::string video = encode(request, frames);
   fmt::print("{}\n", video.empty() ? "no video: ffmpeg is not installed, or cannot encode it" : "video: " + video);
   return static_cast<int>(ExitCode::done);
 }

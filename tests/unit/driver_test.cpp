@@ -361,18 +361,19 @@ class SpaceMouse : public ::testing::Test {
 };
 
 TEST_F(SpaceMouse, MovesByItsDeflection) {
-  send({0, 350, 175, 0, 0, 0, 350, 8});
+  send({0, 350, 175, 0, 35, 70, 350, 8});
   send({1, 3, 0, 0, 0, 0, 0, 0});
   const DriverReading before = read();
   EXPECT_EQ(before.linear_velocity_m_s, (std::array<double, 3>{0.2, 0.0, 0.1}));
-  EXPECT_EQ(before.angular_velocity_rad_s[1], -2.0);
+  const std::array<double, 3> turn_rad_s{0.2, 2.0, 0.4};
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(before.angular_velocity_rad_s[i], turn_rad_s[i], 1e-12);
   EXPECT_EQ(before.buttons, 8U);
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
   const DriverReading after = read();
   const double passed_s = after.time_s - before.time_s;
   EXPECT_NEAR(after.position_m[0] - before.position_m[0], 0.2 * passed_s, 1e-9);
   EXPECT_NEAR(after.position_m[2] - before.position_m[2], 0.1 * passed_s, 1e-9);
-  EXPECT_LT(after.orientation[2], before.orientation[2]);
+  EXPECT_GT(after.orientation[2], before.orientation[2]);
   EXPECT_EQ(judge(after, &before, {.degrees_of_freedom = 6, .workspace_m = 0.5, .rate_hz = 250.0}), ReadingFault::none);
   send({0, 0, 0, 0, 0, 0, 0, 8});
   send({2, 3, 0, 0, 0, 0, 0, 0});
