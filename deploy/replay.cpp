@@ -179,9 +179,13 @@ int resimulate(const ReplayRequest& request, const Attachments& attachments, con
   const std::string folder = folder_of(request), scene = extract_scene(folder, attachments);
   std::vector<std::string> words{program_folder() + "/subworld", "run", scene};
   for (const std::string& flag : flags_of_run(recorded.settings)) words.push_back(flag);
-  // One that was stopped is repeated as far as it came.
   const double simulated_s = recorded.summary.value("simulated_s", 0.0);
-  if (simulated_s > 0.0 && simulated_s < recorded.summary.value("duration_s", 0.0))
+  if (simulated_s == 0.0)
+    throw Error(ExitCode::usage,
+                fmt::format("{}: this run ended before its first cycle; record a longer one", request.file));
+  // One that ended early is repeated as far as it came: up to the stop in its record, or to its last cycle.
+  const bool stops = recorded.presence().find("world stops") != std::string::npos;
+  if (!stops && simulated_s < recorded.summary.value("duration_s", 0.0))
     words.insert(words.end(), {"--duration", fmt::format("{}", simulated_s)});
   words.insert(words.end(), {"--mode", "lockstep", "--dds", recorded.settings.value("dds", std::string("fastdds")),
                              "--out", folder});

@@ -193,9 +193,11 @@ class LockstepLoop : WorldLoop {
   /// A cycle. True for the last one.
   bool step() {
     const TimePoint begin = stages_.mark(WorldStage::control);
+    const double begin_s = world.facts().time_s;
     world.step([this](WorldStage stage) { stages_.mark(stage); });
     // A stop takes effect between cycles, and as a last frame: so every program ends in order.
-    const bool last = world.facts().over || stop_signal() != 0 || control_.stopped();
+    const bool stops = stop_signal() != 0 || control_.stopped(), last = world.facts().over || stops;
+    if (stops) events_.push_back({.kind = PresenceEvent::Kind::stops, .user = kWorld, .at_s = begin_s});
     publish(last);
     measures.cycle(world, {to_seconds(stages_.mark(WorldStage::send) - begin)}, 1.0, 0.0);
     measures.bodies().record(world, std::numeric_limits<double>::infinity());

@@ -19,14 +19,17 @@ using Kind = PresenceEvent::Kind;
 
 constexpr const char* kEventForms =
     "\"1 joins 3\", \"1 leaves 5\" (user, s), \"0 misses 1 from 4.2 to 4.9\", "
-    "\"world engine ode fast from 5\", \"0 engine bullet quality from 5\" or \"world ratio 4-8 from 6\"";
+    "\"world engine ode fast from 5\", \"0 engine bullet quality from 5\", \"world ratio 4-8 from 6\" or \"world stops "
+    "7\"";
 
 /// Whether a user joins or leaves.
 bool changes_presence(const PresenceEvent& event, int user) noexcept {
   return event.user == user && (event.kind == Kind::joins || event.kind == Kind::leaves);
 }
 
-bool is_order(const PresenceEvent& event) noexcept { return event.kind == Kind::engine || event.kind == Kind::ratio; }
+bool is_order(const PresenceEvent& event) noexcept {
+  return event.kind == Kind::engine || event.kind == Kind::ratio || event.kind == Kind::stops;
+}
 
 /// "ode fast from 5" or "4-8 from 6".
 bool read_order(std::istringstream& words, PresenceEvent& event) {
@@ -51,7 +54,8 @@ std::optional<PresenceEvent> parse_event(const std::string& text) {
     event.kind = verb == "engine" ? Kind::engine : Kind::ratio;
     if (!read_order(words, event)) return {};
   } else if (event.user == kWorld) {
-    return {};
+    event.kind = Kind::stops;
+    if (verb != "stops" || !(words >> event.at_s)) return {};
   } else if (verb == "misses") {
     event.kind = Kind::misses;
     if (!(words >> event.peer >> from >> event.at_s) || from != "from") return {};
@@ -70,6 +74,7 @@ std::optional<PresenceEvent> parse_event(const std::string& text) {
 }  // namespace
 
 std::string to_text(const PresenceEvent& event) {
+  if (event.kind == Kind::stops) return fmt::format("world stops {:.12g}", event.at_s);
   if (is_order(event))
     return fmt::format("{} {} {} from {:.12g}", event.user == kWorld ? "world" : std::to_string(event.user),
                        event.kind == Kind::engine ? "engine" : "ratio", event.order, event.at_s);

@@ -20,6 +20,7 @@ struct PresenceEvent {
     misses,  ///< the sub-world of `user` does not have the states of the device of `peer` from `at_s` to `to_s`
     engine,  ///< the world, or the sub-world of `user`, changes its engine
     ratio,   ///< the world narrows the bounds of its ratio
+    stops,   ///< the world's cycle that begins at `at_s` is the last
   };
   Kind kind = Kind::joins;
   int user = 0;
@@ -43,7 +44,7 @@ struct FollowedOrder {
 };
 
 /// As in "1 joins 3, 2 leaves 5, 0 misses 1 from 4.2 to 4.9, world engine ode fast from 5, 0 engine bullet quality from
-/// 5, world ratio 4-8 from 6". Appends to `events`; returns what is wrong, with the cure, or nothing.
+/// 5, world ratio 4-8 from 6, world stops 7". Appends to `events`; returns what is wrong, with the cure, or nothing.
 [[nodiscard]] std::string parse_presence(std::string_view text, std::vector<PresenceEvent>& events);
 [[nodiscard]] std::string to_text(const PresenceEvent& event);
 [[nodiscard]] std::string to_text(const std::vector<PresenceEvent>& events);

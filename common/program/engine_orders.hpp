@@ -13,6 +13,7 @@ namespace subworld {
 
 /// A planned order, as `subworld control` sends it.
 [[nodiscard]] inline Control order_of(const PresenceEvent& event) {
+  if (event.kind == PresenceEvent::Kind::stops) return {.verb = ControlVerb::stop, .argument = {}};
   if (event.kind == PresenceEvent::Kind::ratio) return {.verb = ControlVerb::set_ratio, .argument = event.order};
   return {.verb = ControlVerb::set_engine, .argument = (event.user == kWorld ? "world " : "haptic ") + event.order};
 }

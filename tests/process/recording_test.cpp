@@ -122,7 +122,7 @@ INSTANTIATE_TEST_SUITE_P(
                                   {"ratio", "--ratio", "5-6"},
                                   {"leave", "--user", "1"},
                                   {"stop"}},
-                                 {"world engine ode fast from", "0 engine bullet_float quality from",
+                                 {"world engine ode fast from", "world stops", "0 engine bullet_float quality from",
                                   "1 engine bullet_float quality from", "world ratio 5-6 from", "1 leaves"}},
                       // The row sleeps. `spheres` is refused, because it holds no box, and by then the row is awake.
                       OrderedRun{"row",
@@ -136,8 +136,21 @@ INSTANTIATE_TEST_SUITE_P(
                                   {"resume"},
                                   {"stop"}},
                                  {"world engine spheres fast from", "world engine ode quality from",
-                                  "world engine bullet_float fast from"}}),
-    [](const auto& one) { return one.param.scene; });
+                                  "world engine bullet_float fast from"}},
+                      // Stopped while no body is near the proxy, so that messages are suppressed.
+                      OrderedRun{"row", {"--presence", "world stops 6"}, {}, {"world stops 6"}}),
+    [](const auto& one) { return one.param.scene + (one.param.orders.empty() ? "_planned" : ""); });
+
+TEST_F(Recording, OfARunThatWasStoppedAtOnce) {
+  Process process(run_words(scene("row"), recorded({"--mode", "lockstep", "--duration", "600"})), folder_.path());
+  EXPECT_EQ(finish({program("subworld"), "control", "stop", "--domain", domain_.text(), "--wait", "30"}).code, 0);
+  ASSERT_EQ(process.wait().value_or(-1), 0) << process.err();
+  const Ended ended =
+      finish({program("subworld"), "replay", file(), "--resimulate", "--out", folder_.path() + "/again"});
+  const bool has_cycles = summary()["simulated_s"] > 0.0;
+  EXPECT_EQ(ended.code, has_cycles ? 0 : 2) << ended.out << ended.err;
+  EXPECT_TRUE(has_cycles || ended.err.find("before its first cycle") != std::string::npos) << ended.err;
+}
 
 TEST_F(Recording, ChangesNoResultInLockStep) {
   const Words flags{"--mode", "lockstep", "--duration", "0.5"};

@@ -46,7 +46,7 @@ TEST(Presence, is_read_and_written) {
 TEST(Presence, has_orders_that_are_due_once) {
   const std::string text =
       "world engine ode fast from 0.5, 1 joins 0.5, 0 engine bullet quality from 0.625, world ratio 4-8 from 0.5, "
-      "world ratio 5 from 1";
+      "world ratio 5 from 1, world stops 1.5";
   const auto events = parsed(text);
   EXPECT_EQ(to_text(events), text);
   EXPECT_EQ(presence_fault(events, 2), "");
@@ -56,11 +56,12 @@ TEST(Presence, has_orders_that_are_due_once) {
   };
   EXPECT_EQ(due(kWorld, 0.498, 0.502), "world engine ode fast from 0.5, world ratio 4-8 from 0.5");
   EXPECT_EQ(due(kWorld, 0.502, 0.506), "");
+  EXPECT_EQ(due(kWorld, 1.4, 1.5), "world stops 1.5");
   EXPECT_EQ(due(0, -1.0, 9.0), "0 engine bullet quality from 0.625");
   EXPECT_EQ(due(1, -1.0, 9.0), "");
   EXPECT_TRUE(takes_part(events, 0, 0.0)) << "an order is no absence";
   EXPECT_EQ(returns(events, 0), 0);
-  EXPECT_EQ(lacking_events(text, "1 joins 0.5, world ratio 4-8 from 0.5, world ratio 5 from 1"),
+  EXPECT_EQ(lacking_events(text, "1 joins 0.5, world ratio 4-8 from 0.5, world ratio 5 from 1, world stops 1.5"),
             "world engine ode fast from 0.5, 0 engine bullet quality from 0.625");
   EXPECT_EQ(lacking_events(text, ""), text);
   EXPECT_EQ(lacking_events("", text), "");
@@ -71,7 +72,7 @@ TEST(Presence, names_what_is_wrong) {
   for (const char* text :
        {"", "1", "1 joins", "1 comes 3", "-1 joins 3", "1 joins -3", "1 joins nan", "1 joins 3 4", "0 misses 1 4",
         "0 misses 1 from 4 to 3", "1 joins 3,", "world joins 3", "0 ratio 4-8 from 3", "0 engine ode from 3",
-        "world engine ode fast 3", "world ratio 4 from -1", "x engine ode fast from 3"})
+        "world engine ode fast 3", "world ratio 4 from -1", "x engine ode fast from 3", "0 stops 3", "world stops"})
     EXPECT_NE(parse_presence(text, events).find("is no event"), std::string::npos) << text;
   EXPECT_NE(presence_fault(parsed("1 joins 3, 1 joins 4"), 2).find("in turn"), std::string::npos);
   EXPECT_NE(presence_fault(parsed("1 leaves 3, 1 joins 3"), 2).find("in turn"), std::string::npos);
