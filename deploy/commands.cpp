@@ -1,7 +1,7 @@
 #include "commands.hpp"
 
 #include "model/error.hpp"
-#include "player.hpp"
+#include "record/replay.hpp"
 
 #include <fmt/format.h>
 
@@ -16,13 +16,6 @@ void add_restart(CommandLine& line, std::string& restart) {
       .one_of({"never", "on-failure", "always"});
 }
 
-/// `network.domain` and `network.dds` have options of their own, because their defaults differ.
-void add_network(CommandLine& line, Network& network) {
-  line.add("--interface", &network.interface_address, "own network interface, by name or IPv4 address")
-      .otherwise("loopback, which reaches this host only");
-  line.add("--peers", &network.peers, "other hosts of the run: IPv4 addresses or names, separated by commas")
-      .otherwise("this host");
-}
 
 }  // namespace
 
@@ -90,47 +83,6 @@ void add_collect(CommandLine& line, CollectRequest& request) {
   line.footer("Examples:\n  subworld collect out/a out/b");
 }
 
-void add_device_check(CommandLine& line, std::string& name, DriverCheckRequest& request) {
-  line.add("name", &name, "driver, as `subworld device list` names it").required();
-  line.add("--device-settings", &request.settings, "settings of the driver").otherwise("the driver's");
-  line.add("--user", &request.user, "user whom the device serves").range(0, static_cast<int>(kMostUsers) - 1);
-  line.add("--duration", &request.duration_s, "time in which the device is read").range(0.3, 3600.0, "s");
-  line.footer(
-      "Examples:\n"
-      "  subworld device check udp\n"
-      "Exit codes: 0 all properties hold, 4 one is missed, 2 usage.");
-}
-
-void add_replay(CommandLine& line, ReplayRequest& request) {
-  line.add("file", &request.file, "recording, as `subworld run --record` writes it").required();
-  line.flag("--resimulate", request.resimulate,
-            "run the recorded scene again with the recorded settings, and compare the state hashes; of a recording "
-            "in lock-step");
-  line.flag("--publish", request.publish,
-            "publish the recorded messages through DDS, in the place of the programs that were recorded");
-  line.flag("--page", request.page, "the same, with a display that serves the page; prints the address");
-  add_live_options(line, request.live,
-                   "publish the recording, and serve it to Lichtblick and Foxglove on this TCP port");
-  line.add("--speed", &request.speed, "simulated time per time").range(Player::kLeastSpeed, Player::kMostSpeed);
-  line.add("--from", &request.from_s, "first moment, simulated time").range(0.0, 1e6, "s");
-  line.flag("--paused", request.paused, "begin paused: `subworld control step` advances to the next snapshot");
-  add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
-  line.add("--domain", &request.domain, "DDS domain")
-      .range(0, 232)
-      .environment("SUBWORLD_DOMAIN")
-      .otherwise("the first from 100 down to 60 that no other run on this host uses");
-  add_network(line, request.network);
-  line.add("--out", &request.out, "folder for the results").otherwise("a new out/replay-TIME");
-  line.footer(
-      "Examples:\n"
-      "  subworld replay run.mcap\n"
-      "  subworld replay run.mcap --resimulate\n"
-      "  subworld replay run.mcap --page --speed 0.5\n"
-      "  subworld replay run.mcap --publish --paused --domain 100\n"
-      "Without an option it prints what the file holds.\n"
-      "Exit codes: 0 done, 1 the state hashes differ, 2 usage or no finished recording.");
-}
-
 void add_control(CommandLine& line, ControlRequest& request) {
   line.add("verb", &request.verb, "the order")
       .one_of({"stop", "pause", "resume", "step", "leave", "engine", "ratio", "seek", "speed"})
@@ -142,7 +94,7 @@ void add_control(CommandLine& line, ControlRequest& request) {
   line.add("--time", &request.time_s, "for the order seek, which a replay executes: the moment to move to")
       .range(0.0, 1e6, "s");
   line.add("--speed", &request.speed, "for the order speed, which a replay executes: simulated time per time")
-      .range(Player::kLeastSpeed, Player::kMostSpeed);
+      .range(kLeastReplaySpeed, kMostReplaySpeed);
   line.add("--ratio", &request.ratio, "for the order ratio: bounds within those that the run was started with")
       .check(ratio_fault);
   line.flag("--haptic", request.haptic, "change the sub-worlds' engine instead of the world's");
@@ -186,44 +138,6 @@ void control(ControlRequest& request) {
   if (request.time_s) order.argument = fmt::format("{}", *request.time_s);
   if (request.speed) order.argument = fmt::format("{}", *request.speed);
   send_control(request.network, order, request.wait_s);
-}
-
-void add_doctor(CommandLine& line, doctor::Request& request) {
-  line.add("scene", &request.scene, "scene that is to run: its users and engines are examined too").otherwise("none");
-  line.add("--domain", &request.domain, "DDS domain")
-      .range(0, 232)
-      .environment("SUBWORLD_DOMAIN")
-      .otherwise("that of the run on this machine");
-  add_dds(line, request.dds, {"fastdds", "cyclonedds", "mixed"});
-  add_network(line, request.network);
-  line.add("--qos", &request.network.qos_file, "the DDS vendor's settings file")
-      .otherwise("the vendor's environment variable, else qos/VENDOR.xml beside the programs");
-  line.add("--out", &request.out, "folder for results of a run").otherwise("out");
-  line.flag("--verbose", request.verbose, "also list all checks, and what was measured");
-  line.flag("--json", request.json, "print one JSON object: healthy, checks, findings, remarks");
-  line.footer(
-      "Examples:\n"
-      "  subworld doctor\n"
-      "  subworld doctor heap --domain 70 --verbose\n"
-      "  subworld doctor --domain 70 --interface eth0 --peers 10.0.0.2\n"
-      "Each finding has a cure: a command for the shell that the doctor was started from.\n"
-      "Exit codes: 0 healthy, 4 something was found, 2 usage or scene.");
-}
-
-void add_top(CommandLine& line, TopRequest& request) {
-  line.add("--domain", &request.domain, "DDS domain")
-      .range(0, 232)
-      .environment("SUBWORLD_DOMAIN")
-      .otherwise("all that programs of this machine use");
-  add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
-  add_network(line, request.network);
-  line.flag("--once", request.once, "print one table and end; so it does where the output is no terminal");
-  line.footer(
-      "Examples:\n"
-      "  subworld top\n"
-      "  subworld top --once\n"
-      "  subworld top --domain 70 --interface eth0 --peers 10.0.0.2\n"
-      "q or Ctrl-C ends. MISSED are deadlines, in brackets those by the OS; FACTOR is the world's real-time factor.");
 }
 
 }  // namespace subworld

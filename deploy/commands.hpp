@@ -1,12 +1,8 @@
 #pragma once
 
-#include "device.hpp"
-#include "doctor/doctor.hpp"
 #include "io/command_line.hpp"
-#include "launch.hpp"
-#include "replay.hpp"
+#include "run/launch.hpp"
 #include "session/session.hpp"
-#include "top.hpp"
 
 #include <optional>
 #include <string>
@@ -17,10 +13,6 @@ namespace subworld {
 void add_run(CommandLine& line, RunRequest& request, std::string& placement, std::string& restart);
 void add_up(CommandLine& line, SessionRequest& request, std::string& restart);
 void add_collect(CommandLine& line, CollectRequest& request);
-void add_device_check(CommandLine& line, std::string& name, DriverCheckRequest& request);
-void add_replay(CommandLine& line, ReplayRequest& request);
-void add_doctor(CommandLine& line, doctor::Request& request);
-void add_top(CommandLine& line, TopRequest& request);
 
 /// What a word of --restart stands for.
 [[nodiscard]] Restart restart_of(const std::string& word);

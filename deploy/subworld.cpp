@@ -1,38 +1,19 @@
 #include "commands.hpp"
 #include "io/output.hpp"
-#include "link/command.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
-#include "report/page.hpp"
-#include "results/command.hpp"
+#include "tools.hpp"
 #include "wire/plugin.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <unistd.h>
 
-#include <algorithm>
-#include <array>
-#include <cerrno>
-#include <cstring>
 #include <string_view>
 #include <vector>
 
 namespace {
 
 using namespace subworld;
-
-struct Lab {
-  const char* name;
-  const char* about;
-};
-constexpr std::array kLabs{
-    Lab{"coupling", "The error of the felt force against the run time of each coupling scheme"},
-    Lab{"engines", "The cost of a step of each physics engine, and whether structures stand"},
-    Lab{"stability", "The distance of each engine from formulas and limits of mechanics, with margins"},
-    Lab{"plan", "The time that each optimisation saves, and the difference that it makes"},
-    Lab{"latency", "The largest delay that a user does not feel"},
-    Lab{"network", "The loss, delay and gaps of messages over a network, for each vendor and service"}};
 
 constexpr const char* kExamples =
     "Examples:\n"
@@ -75,31 +56,6 @@ std::string part_versions() {
   return text;
 }
 
-bool is_lab(const std::string& name) {
-  return std::ranges::any_of(kLabs, [&](const Lab& lab) { return name == lab.name; });
-}
-
-/// Becomes another program of the build. `arguments` end with a null, the first is the program's own name.
-void become(const std::string& name, char** arguments) {
-  const std::string program = program_folder() + "/" + name;
-  execv(program.c_str(), arguments);
-  throw Error(ExitCode::failed,
-              fmt::format("{}: cannot start ({}); build it with deploy/build", program, std::strerror(errno)));
-}
-
-/// A lab writes the page of its folder itself.
-void report(const ReportRequest& request) {
-  const ReportPlace place = place_of(request);
-  if (place.lab.empty()) return write_report(place);
-  if (!is_lab(place.lab))
-    throw Error(ExitCode::failed, fmt::format("{}: no lab is called \"{}\"", place.folder, place.lab));
-  std::vector<std::string> words{"lab_" + place.lab, kWriteReport, place.folder, place.page};
-  std::vector<char*> arguments;
-  for (std::string& word : words) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
-  become(words.front(), arguments.data());
-}
-
 int main_of(int argc, char** argv) {
   CommandLine line("subworld", "Distributed haptic simulation: starts, watches and stops the programs of a run.");
   line.footer(kExamples);
@@ -117,12 +73,6 @@ int main_of(int argc, char** argv) {
   plan_command.flag("--gui", plan_request.gui, "with the display");
 
   ControlRequest control_request;
-  ReplayRequest replay_request;
-  CommandLine& replay_command =
-      line.command("replay", "Shows what a recording holds, publishes it, and re-simulates it");
-  add_replay(replay_command, replay_request);
-  line.command("film", "Makes pictures, and a video, of a recording: any moment, camera and speed").takes_all();
-
   CommandLine& control_command =
       line.command("control", "Stops, pauses, resumes or steps a running world, or changes its engine");
   add_control(control_command, control_request);
@@ -136,31 +86,7 @@ int main_of(int argc, char** argv) {
       line.command("collect", "Makes one summary and verdict of results that programs wrote into several folders");
   add_collect(collect_command, collection);
 
-  std::string driver;
-  DriverCheckRequest driver_request;
-  CommandLine& device_command = line.command("device", "Lists the drivers of haptic devices, or examines one");
-  CommandLine& list_command = device_command.command("list", "Lists the drivers and their settings");
-  CommandLine& check_command = device_command.command("check", "Examines a driver; move its device meanwhile");
-  add_device_check(check_command, driver, driver_request);
-
-  LinkRequest link_request;
-  CommandLine& link_command =
-      line.command("link", "Emulates a network between hosts on this machine: delay, jitter, loss, rate, outage");
-  add_link_options(link_command, link_request);
-  doctor::Request doctor_request;
-  CommandLine& doctor_command =
-      line.command("doctor", "Examines this machine, its network and a running domain; names faults with their cures");
-  add_doctor(doctor_command, doctor_request);
-
-  TopRequest top_request;
-  CommandLine& top_command =
-      line.command("top", "Shows the domains in use, their programs, rates and missed deadlines");
-  add_top(top_command, top_request);
-
-  ReportRequest report_request;
-  CommandLine& report_command =
-      line.command("report", "Writes one page on a run, a session or a lab from its folder: figures, verdict, plots");
-  add_report_options(report_command, report_request);
+  for (const Tool& tool : kTools) line.command(tool.name, tool.about).takes_all();
 
   CommandLine& lab_command = line.command("lab", "Evaluations: runs a sweep and writes tables and a report");
   lab_command.footer(
@@ -172,11 +98,11 @@ int main_of(int argc, char** argv) {
       "  subworld lab plan --quick --out out/plan\n"
       "  subworld lab latency row --out out/latency\n"
       "  subworld lab coupling --help");
-  for (const Lab& lab : kLabs) lab_command.command(lab.name, lab.about).takes_all();
+  for (const Tool& lab : kLabs) lab_command.command(lab.name, lab.about).takes_all();
 
   if (argc > 2 && std::string_view(argv[1]) == "lab" && is_lab(argv[2]))
     become(std::string("lab_") + argv[2], argv + 2);
-  if (argc > 1 && std::string_view(argv[1]) == "film") become("film", argv + 1);
+  if (argc > 1 && is_tool(argv[1])) become(std::string("subworld_") + argv[1], argv + 1);
   if (const auto code = line.parse(argc, argv)) return *code;
   request.command_line = session.command_line = collection.command_line =
       fmt::format("{}", fmt::join(argv, argv + argc, " "));
@@ -193,22 +119,7 @@ int main_of(int argc, char** argv) {
     if (const std::string& token = request.options.live.token; !token.empty()) setenv(kTokenVariable, token.c_str(), 1);
     return run(request);
   }
-  if (replay_command.chosen()) {
-    check_live_options(replay_request.live);
-    return replay(replay_request);
-  }
-  if (check_command.chosen()) return check_device(driver, driver_request);
-  if (list_command.chosen()) {
-    list_devices();
-    return static_cast<int>(ExitCode::done);
-  }
-  if (link_command.chosen()) return run_link(link_request);
-  if (doctor_command.chosen()) return doctor::run(doctor_request);
-  if (top_command.chosen()) {
-    show_top(top_request);
-  } else if (report_command.chosen()) {
-    report(report_request);
-  } else if (control_command.chosen()) {
+  if (control_command.chosen()) {
     control(control_request);
   } else {
     print_plan(plan_request);
@@ -220,9 +131,5 @@ int main_of(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   using namespace subworld;
-  const int code = guarded("subworld", [&] { return main_of(argc, argv); });
-  const std::string lost = lost_output();
-  if (lost.empty()) return code;
-  fmt::print(stderr, "subworld: error: {}\n", lost);
-  return code == static_cast<int>(ExitCode::done) ? static_cast<int>(ExitCode::failed) : code;
+  return finished("subworld", guarded("subworld", [&] { return main_of(argc, argv); }));
 }

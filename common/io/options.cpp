@@ -297,6 +297,13 @@ std::vector<std::string> flags_of(const Options& o) {
   return flags;
 }
 
+void add_network(CommandLine& line, Network& network) {
+  line.add("--interface", &network.interface_address, "own network interface, by name or IPv4 address")
+      .otherwise("loopback, which reaches this host only");
+  line.add("--peers", &network.peers, "other hosts of the run: IPv4 addresses or names, separated by commas")
+      .otherwise("this host");
+}
+
 int guarded(const char* program, const std::function<int()>& body) noexcept {
   outlive_full_output();
   try {

@@ -113,6 +113,9 @@ void add_checkpoint_options(CommandLine& line, Options& options);
 /// Throws `Error` (usage) where --without names a user that the run does not have, or every user, or in lock-step.
 void check_without(const Options& options, const Scene& scene);
 
+/// --interface and --peers.
+void add_network(CommandLine& line, Network& network);
+
 /// Runs a program's body and turns its exceptions into a message on stderr and an exit code.
 int guarded(const char* program, const std::function<int()>& body) noexcept;
 

@@ -1,5 +1,7 @@
 #include "io/output.hpp"
 
+#include "model/error.hpp"
+
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -57,6 +59,13 @@ std::string lost_output() {
   const int error = first_error.load();
   if (error == 0) return {};
   return fmt::format("stdout: {}; what was printed is lost, the results are not", std::strerror(error));
+}
+
+int finished(const char* program, int code) {
+  const std::string lost = lost_output();
+  if (lost.empty()) return code;
+  fmt::print(stderr, "{}: error: {}\n", program, lost);
+  return code == static_cast<int>(ExitCode::done) ? static_cast<int>(ExitCode::failed) : code;
 }
 
 }  // namespace subworld

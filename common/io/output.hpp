@@ -9,5 +9,7 @@ namespace subworld {
 void outlive_full_output();
 /// Why something that was printed to stdout is lost, and the cure; empty: nothing is, or the reader has left.
 [[nodiscard]] std::string lost_output();
+/// The exit code of a program that has ended with `code`: failed, with a message, where something printed is lost.
+[[nodiscard]] int finished(const char* program, int code);
 
 }  // namespace subworld

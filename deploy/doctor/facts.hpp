@@ -2,7 +2,7 @@
 
 #include "model/exchange.hpp"
 #include "model/network.hpp"
-#include "programs.hpp"
+#include "watch/programs.hpp"
 
 #include <cstdint>
 #include <optional>

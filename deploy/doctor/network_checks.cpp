@@ -1,6 +1,7 @@
 #include "doctor/checks.hpp"
-#include "launch.hpp"
+#include "run/launch.hpp"
 #include "model/nearest.hpp"
+#include "tools.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -1,8 +1,9 @@
 #include "doctor/facts.hpp"
 #include "io/version.hpp"
-#include "launch.hpp"
+#include "run/launch.hpp"
 #include "model/error.hpp"
 #include "wire/bus.hpp"
+#include "tools.hpp"
 
 #include <fmt/format.h>
 #include <sys/stat.h>

@@ -1,6 +1,6 @@
 #include "results/run_report.hpp"
 
-#include "claim.hpp"
+#include "run/claim.hpp"
 #include "io/version.hpp"
 #include "results/values.hpp"
 

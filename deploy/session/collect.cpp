@@ -1,9 +1,9 @@
 #include "session/collect.hpp"
 
-#include "claim.hpp"
+#include "run/claim.hpp"
 #include "io/results.hpp"
 #include "model/error.hpp"
-#include "report.hpp"
+#include "judge/report.hpp"
 #include "session/session.hpp"
 
 #include <fmt/format.h>

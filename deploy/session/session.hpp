@@ -1,6 +1,6 @@
 #pragma once
 
-#include "restart.hpp"
+#include "run/restart.hpp"
 
 #include <cstdint>
 #include <string>

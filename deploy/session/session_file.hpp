@@ -1,6 +1,6 @@
 #pragma once
 
-#include "launch.hpp"
+#include "run/launch.hpp"
 #include "model/scene.hpp"
 
 #include <string>

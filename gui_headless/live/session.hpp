@@ -79,7 +79,7 @@ class Session : public std::enable_shared_from_this<Session> {
   /// The same, but what the client has not taken is dropped, which frees its memory in the kernel.
   void reset() noexcept;
 
-  websocket::stream<beast::tcp_stream> stream_;
+  websocket::stream<beast::tcp_stream, false> stream_;  // without compression
   Host& host_;
   const std::uint32_t number_;
   beast::flat_buffer buffer_;

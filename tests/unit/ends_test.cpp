@@ -1,9 +1,9 @@
-#include "ends.hpp"
+#include "judge/ends.hpp"
 
 #include "rt/presence.hpp"
-#include "summary.hpp"
-#include "supervise.hpp"
-#include "watchdog.hpp"
+#include "judge/summary.hpp"
+#include "run/supervise.hpp"
+#include "watch/watchdog.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // What --explain says of the network.
-#include "explain.hpp"
+#include "judge/explain.hpp"
 
-#include "summary.hpp"
+#include "judge/summary.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

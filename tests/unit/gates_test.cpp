@@ -1,7 +1,7 @@
 // Attribution of a missed gate, by the measurements of a run.
-#include "gates.hpp"
+#include "judge/gates.hpp"
 
-#include "summary.hpp"
+#include "judge/summary.hpp"
 
 #include <gtest/gtest.h>
 

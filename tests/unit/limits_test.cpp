@@ -1,7 +1,7 @@
 // Warnings of `plan` and `run` for scenes beyond the limits of an engine or a device.
-#include "limits.hpp"
+#include "plan/limits.hpp"
 
-#include "launch.hpp"
+#include "run/launch.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
 

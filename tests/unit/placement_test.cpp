@@ -1,5 +1,5 @@
 // Placement of a run's programs on cores.
-#include "placement.hpp"
+#include "run/placement.hpp"
 
 #include "io/options.hpp"
 

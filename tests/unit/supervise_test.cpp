@@ -1,5 +1,5 @@
 // Which programs are started again. Shells stand in for the programs.
-#include "supervise.hpp"
+#include "run/supervise.hpp"
 #include "support/temporary_folder.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // The table of `subworld top`.
-#include "top.hpp"
+#include "watch/top.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

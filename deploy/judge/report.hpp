@@ -1,0 +1,51 @@
+#pragma once
+
+#include "run/launch.hpp"
+#include "rt/calibration.hpp"
+#include "judge/summary.hpp"
+#include "run/supervise.hpp"
+#include "watch/watchdog.hpp"
+#include "wire/last_messages.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+/// How the programs ended.
+struct Ended {
+  std::optional<Supervisor::Failure> failure;
+  Watchdog::Stall stall;
+  int signal = 0;                  ///< that stopped the run; 0: none
+  bool orphaned = false;           ///< the launcher was killed
+  std::string display;             ///< how it died, although that ends no run; empty: it did not
+  std::vector<std::string> parts;  ///< files of the results
+};
+
+/// Stops what is left of the programs. How they ended, with the failure that the supervisor has found.
+[[nodiscard]] Ended end(Supervisor& programs, std::optional<Supervisor::Failure> failure, const Watchdog& watchdog);
+
+/// The end of a run: reads the parts of the results, judges, prints, writes the summary, and removes the parts. Where
+/// programs have written none, what their histories hold is in the summary. Returns the exit code. Throws `Error`
+/// (failed) where the summary cannot be written.
+int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
+                 const std::optional<Calibration>& calibration);
+
+/// The same for a run whose launcher was killed. A summary that the launcher has written remains.
+void conclude_orphaned(RunResults& run, const RunRequest& request, const std::string& folder,
+                       const std::optional<Calibration>& calibration);
+
+/// Files in which the programs of a run write their results.
+[[nodiscard]] std::vector<std::string> parts_of(const std::string& folder, int users);
+
+/// After a failed run: writes the last messages of each program to `logs/last_PROGRAM.csv`.
+void write_last_messages(const RunResults& run, const MessageMemory& messages, const std::string& folder);
+/// Place of a program in that memory, and their number; `user` -1: none.
+[[nodiscard]] int place_of_messages(const std::string& program, int user);
+[[nodiscard]] int places_of_messages(int users);
+
+/// ISO 8601 with the zone.
+[[nodiscard]] std::string date_of_now();
+
+}  // namespace subworld

@@ -1,0 +1,17 @@
+#include "plan/listed.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+namespace subworld {
+
+std::string listed(const std::vector<std::string>& items) {
+  constexpr std::size_t kMostListed = 10;  // in one warning
+  const std::size_t shown = std::min(items.size(), kMostListed);
+  const std::string text = fmt::format("{}", fmt::join(items.begin(), items.begin() + static_cast<long>(shown), ", "));
+  return items.size() > shown ? fmt::format("{} and {} more", text, items.size() - shown) : text;
+}
+
+}  // namespace subworld

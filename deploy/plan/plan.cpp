@@ -1,0 +1,173 @@
+#include "coupling/plan.hpp"
+#include "coupling/scheme.hpp"
+#include "run/launch.hpp"
+#include "plan/limits.hpp"
+#include "physics/plugin.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+namespace {
+
+/// Two lines: the engine, and its capabilities. Throws `Error` (usage) where the settings name no
+/// engine or preset.
+std::string describe_engine(const EngineSettings& settings) {
+  const EnginePlugin& plugin = engine_plugin(settings.name);
+  const std::size_t preset = find_preset(plugin, settings.preset);
+  std::string asked;
+  if (settings.iterations) asked += fmt::format("; here {} iterations", *settings.iterations);
+  if (settings.substeps) asked += fmt::format("; here {} sub-steps", *settings.substeps);
+  if (settings.longest_substep_s)
+    asked += fmt::format("; here sub-steps of at most {:g} ms", 1e3 * *settings.longest_substep_s);
+  const auto fidelity = [](Fidelity of) {
+    return std::array{"none", "estimated", "exact"}[static_cast<std::size_t>(of)];
+  };
+  const Capabilities can = make_engine(settings, {})->capabilities();
+  return fmt::format(
+      "engine {} ({}; licence {}), preset {}: {}{}\n"
+      "    normal impulses {}, friction impulses {}, gyroscopic torque {}, checkpoint {}, {}; unit of length {:g} m\n",
+      plugin.name, plugin.version, plugin.licence, settings.preset, plugin.presets[preset].what, asked,
+      fidelity(can.normal_impulse), fidelity(can.tangential_impulse), fidelity(can.gyroscopic),
+      fidelity(can.checkpoint), can.deterministic ? "deterministic" : "not deterministic", settings.length_unit_m);
+}
+
+std::string cycle_text(const Settings& s) {
+  if (!s.adapts_ratio()) return fmt::format("{:g} ms", 1e3 * s.shortest_cycle_s());
+  return fmt::format("{:g} to {:g} ms, by what the operator feels and what the world costs", 1e3 * s.shortest_cycle_s(),
+                     1e3 * s.longest_cycle_s());
+}
+
+constexpr std::size_t kContacts = 4;  ///< per body, for estimates
+
+/// An estimate has two digits.
+std::string short_text(double value) {
+  return value < 99.5 ? fmt::format("{:.2g}", value) : fmt::format("{:.0f}", value);
+}
+
+std::size_t movable_bodies(const Scene& scene) {
+  return static_cast<std::size_t>(std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); }));
+}
+
+/// Time of the engine in a cycle by its published costs, in as many sub-steps as the scheme requests, s.
+double cycle_cost_s(const Settings& settings, double cycle_s, std::size_t bodies, std::size_t contacts) {
+  const double longest_s = scheme_of(settings).properties.longest_world_step_s;
+  const double substeps = std::max(1.0, std::ceil(cycle_s / longest_s - 1e-9));
+  return substeps * engine_cost(settings.world).step(cycle_s / substeps).of(bodies, contacts);
+}
+
+/// The saving of an optimisation by the published costs of the engine; empty: not published.
+std::string estimate(const Scene& scene, Optimisation optimisation) {
+  if (optimisation != Optimisation::rest) return "";
+  const Settings& s = scene.settings;
+  const std::size_t movable = movable_bodies(scene);
+  const auto proxies = static_cast<std::size_t>(s.users);
+  const auto cost_ms = [&](std::size_t bodies, std::size_t contacts) {
+    return 1e3 * cycle_cost_s(s, s.shortest_cycle_s(), bodies, contacts);
+  };
+  return fmt::format(" (the engine takes {} ms a cycle while all bodies move, and {} ms when all rest)",
+                     short_text(cost_ms(movable, kContacts * movable)), short_text(cost_ms(proxies, 0)));
+}
+
+/// Other choices, by the published costs of the engine while all bodies move.
+std::vector<std::string> advice(const Scene& scene) {
+  constexpr double kRoom = 0.7;  // of a cycle, for the engine
+  const Settings& s = scene.settings;
+  const std::size_t movable = movable_bodies(scene);
+  const auto step_s = [&](double cycle_s) { return cycle_cost_s(s, cycle_s, movable, kContacts * movable); };
+  const double longest_s = s.longest_cycle_s();
+  if (step_s(longest_s) <= kRoom * longest_s) return {};
+  const std::string problem = fmt::format("while all bodies move, the engine takes about {} ms of cycles of {:g} ms",
+                                          short_text(1e3 * step_s(longest_s)), 1e3 * longest_s);
+  int ratio = s.largest_ratio();
+  while (ratio <= kMostRatio && step_s(ratio * s.h_s) > kRoom * ratio * s.h_s) ++ratio;
+  constexpr double kLongest_s = 0.05;  // beyond it, the operator feels the delay of the world
+  return {ratio * s.h_s > kLongest_s ? problem +
+                                           ": in real time its clock slows until most of them rest; choose a faster "
+                                           "engine or preset, or fewer bodies"
+                                     : fmt::format("{}: for real time choose --ratio {}-{}", problem, s.ratio, ratio)};
+}
+
+/// A feature that costs something, in use or saved.
+struct Line {
+  bool in;           ///< it is in use
+  std::string name;  ///< of the optimisation, for --disable; empty: none
+  std::string text;
+};
+
+std::vector<Line> lines_of(const Scene& scene, bool gui) {
+  const Settings& s = scene.settings;
+  const bool realtime = s.mode == Mode::realtime;
+  std::vector<Line> lines;
+  const auto of_user = [&](std::size_t u) { return s.users > 1 ? fmt::format("user {}: ", u) : std::string(); };
+  for (const PlannedItem& planned : plan_of(scene)) {
+    const OptimisationItem& item = *planned.item;
+    const bool in = !planned.decision.enabled;
+    const std::string what = in ? "" : fmt::format("no {}: ", item.what);
+    lines.push_back({in, std::string(item.name),
+                     (item.of_user ? of_user(planned.user) : "") + what + planned.decision.because +
+                         (in ? "" : estimate(scene, item.optimisation))});
+  }
+  const bool has_sub_worlds = scheme_of(s).properties.has_sub_worlds;
+  lines.push_back({has_sub_worlds, "", fmt::format("{}sub-worlds: scheme {}", has_sub_worlds ? "" : "no ", s.scheme)});
+  lines.push_back({realtime, "", realtime ? "DDS deadlines on: real time" : "DDS deadlines off: lock-step"});
+  lines.push_back(
+      {gui, "",
+       gui ? "snapshots of the world: the display reads them" : "no snapshots of the world: no display reads them"});
+  if (s.users > 1) lines.push_back({true, "", "shared bodies: several sub-worlds may hold one"});
+  for (std::size_t u = 0; u < static_cast<std::size_t>(s.users); ++u) {
+    const DeviceSpec& device = scene.users[u].device;
+    lines.push_back({device.degrees_of_freedom == 6, "",
+                     fmt::format("{}{}torques: {} degrees of freedom", of_user(u),
+                                 device.degrees_of_freedom == 6 ? "" : "no ", device.degrees_of_freedom)});
+    const bool spring = device.kind == DeviceKind::impedance;
+    lines.push_back(
+        {spring, "",
+         of_user(u) + (spring ? "virtual coupling: impedance device"
+                              : "no virtual coupling: the force of an admittance device acts on the proxy")});
+  }
+  return lines;
+}
+
+/// Savings first, then what is in use.
+void print(const std::vector<Line>& lines) {
+  for (const bool in : {false, true}) {
+    fmt::print("  {}\n", in ? "needed:" : "optimisations on (--disable NAME for those with a name):");
+    for (const Line& line : lines) {
+      if (line.in == in) fmt::print("    {:<11} {}\n", line.name, line.text);
+    }
+  }
+}
+
+}  // namespace
+
+void print_plan(const RunRequest& request) {
+  const Scene scene = load_scene(request.options);
+  const Settings& s = scene.settings;
+  const bool gui = request.gui;
+  check_request(scene, request);
+  const std::string of_world = describe_engine(s.world), of_haptic = describe_engine(s.haptic);
+  const std::size_t movable = movable_bodies(scene);
+  const bool realtime = s.mode == Mode::realtime;
+  fmt::print("{}: {} movable and {} fixed bodies, {} of {} users\n", scene.name, movable, scene.bodies.size() - movable,
+             s.users, scene.users.size());
+  fmt::print("  processes: world_sim, {0} haptic_sim, {0} device_sim{1}\n", s.users, gui ? ", gui_headless" : "");
+  fmt::print("  limit: {}; a scene has at most {} users\n", user_limit(std::max(0, request.domain)), kMostUsers);
+  fmt::print("  clock: {}; h = {:g} ms, r = {}, T = {}\n", realtime ? "real time" : "lock-step", 1e3 * s.h_s,
+             to_text(s.ratio_bounds()), cycle_text(s));
+  if (of_world == of_haptic) {
+    fmt::print("  world and sub-worlds: {}", of_world);
+  } else {
+    fmt::print("  world: {}  sub-worlds: {}", of_world, of_haptic);
+  }
+  print(lines_of(scene, gui));
+  for (const std::string& line : advice(scene)) fmt::print("  advice: {}\n", line);
+}
+
+}  // namespace subworld

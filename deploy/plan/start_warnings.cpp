@@ -1,0 +1,109 @@
+#include "plan/start_warnings.hpp"
+
+#include "plan/listed.hpp"
+#include "model/error.hpp"
+#include "model/mass_properties.hpp"
+#include "model/shape_extent.hpp"
+#include "physics/plugin.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <map>
+#include <utility>
+
+namespace subworld {
+
+namespace {
+
+/// The contacts that engine bullet finds at the start; none where it is not installed or refuses a body.
+std::vector<Contact> contacts_at_the_start(const Scene& scene) {
+  constexpr double kInstant_s = 1e-6;
+  EngineSettings settings;
+  settings.gravity = scene.settings.world.gravity;
+  try {
+    const auto engine = make_engine(settings, scene.meshes);
+    for (const Body& body : scene.bodies) {
+      const bool later = std::ranges::any_of(
+          scene.users, [&](const UserSpec& user) { return user.joins_late && user.proxy == body.id; });
+      if (!later) engine->add(body, scene.initial[index(body.id)]);
+    }
+    engine->step(kInstant_s);
+    return {engine->contacts().begin(), engine->contacts().end()};
+  } catch (const Error&) {
+    return {};  // the scene's own engines decide whether it runs
+  }
+}
+
+}  // namespace
+
+void warn_of_slips(const Scene& scene, std::vector<std::string>& out) {
+  constexpr double kLightest = 0.1, kHeaviest = 1e5;           // kg/m^3; aerogel has 1, osmium 22,600
+  constexpr double kLeastUsual = 10.0, kMostUsual = 25'000.0;  // kg/m^3
+  struct Slip {
+    const char* meant;
+    double factor;  ///< of the density
+    std::vector<std::string> bodies;
+  };
+  std::array slips{Slip{"were its measures meant in mm? Write them in m", 1e9, {}},
+                   Slip{"were its measures meant in cm? Write them in m", 1e6, {}},
+                   Slip{"was its mass meant in g? Write it in kg", 1e-3, {}}};
+  for (const Body& body : scene.bodies) {
+    const double volume_m3 = volume(body.shape);
+    if (body.fixed() || volume_m3 <= 0.0) continue;
+    const double density = body.mass / volume_m3;
+    if (density >= kLightest && density <= kHeaviest) continue;
+    for (Slip& slip : slips) {
+      const double meant = slip.factor * density;
+      if ((slip.factor > 1.0) != (density < kLightest) || meant < kLeastUsual || meant > kMostUsual) continue;
+      slip.bodies.push_back(fmt::format("{} ({:.2g} kg/m3)", body.name, density));
+      break;
+    }
+  }
+  for (const Slip& slip : slips) {
+    if (!slip.bodies.empty())
+      out.push_back(fmt::format("no material has the density of {}; {}", listed(slip.bodies), slip.meant));
+  }
+}
+
+void warn_of_the_start(const Scene& scene, std::vector<std::string>& out) {
+  constexpr std::size_t kMostBodies = 5000;  // more take too long for a warning
+  constexpr double kDeep = 0.05;             // of the thinner one's thickness
+  if (scene.bodies.size() > kMostBodies) return;
+  const std::vector<Contact> contacts = contacts_at_the_start(scene);
+  if (contacts.empty()) return;
+  std::map<std::pair<BodyId, BodyId>, double> depths;  // m, of pairs that overlap
+  std::vector<bool> touches(scene.bodies.size());
+  for (const Contact& c : contacts) {
+    touches[index(c.a)] = touches[index(c.b)] = true;
+    const double thin_m =
+        std::min(thickness(scene.body(c.a).shape, scene.meshes), thickness(scene.body(c.b).shape, scene.meshes));
+    if (-c.distance <= kDeep * thin_m) continue;
+    double& depth_m = depths[std::minmax(c.a, c.b)];
+    depth_m = std::max(depth_m, -c.distance);
+  }
+  if (!depths.empty()) {
+    std::vector<std::pair<std::pair<BodyId, BodyId>, double>> deepest(depths.begin(), depths.end());
+    std::ranges::stable_sort(deepest, std::greater{}, [](const auto& pair) { return pair.second; });
+    std::vector<std::string> pairs;
+    for (const auto& [bodies, depth_m] : deepest) {
+      pairs.push_back(fmt::format("{} and {} overlap by {:.2g} m", scene.body(bodies.first).name,
+                                  scene.body(bodies.second).name, depth_m));
+    }
+    out.push_back(
+        fmt::format("at the start {}: engines push them apart, which may throw them. Move one of them", listed(pairs)));
+  }
+  const std::vector<std::string> hanging =
+      names_of(scene, [&](const Body& body) { return body.at_rest && body.gravity && !touches[index(body.id)]; });
+  if (!hanging.empty()) {
+    out.push_back(
+        fmt::format("{} {} at_rest and {} nothing: {} in the air until something comes near. Lower {}, or remove "
+                    "at_rest",
+                    listed(hanging), hanging.size() == 1 ? "is" : "are", hanging.size() == 1 ? "touches" : "touch",
+                    hanging.size() == 1 ? "it hangs" : "they hang", hanging.size() == 1 ? "it" : "them"));
+  }
+}
+
+}  // namespace subworld

@@ -1,0 +1,121 @@
+#include "run/claim.hpp"
+
+#include "io/results.hpp"
+#include "model/error.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <regex>
+#include <string_view>
+#include <vector>
+
+namespace subworld {
+
+namespace {
+
+// Domains that a run chooses by itself, the last first. Their ports start at 7400 + 250 times the domain and lie below
+// 32768: above, Linux gives ports to any socket, which could occupy one of them.
+constexpr int kFirstDomain = 60;
+constexpr int kLastDomain = 100;
+
+/// Whether `subworld report` has made this page.
+bool is_report(const std::filesystem::path& file) {
+  if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(file))) return false;
+  std::ifstream page(file);
+  const std::string text{std::istreambuf_iterator<char>(page), {}};
+  return text.find(kReportMark) != std::string::npos;
+}
+
+/// Whether a run, or a program that was started by hand, has made this file with a name of ours.
+bool is_result(const std::filesystem::path& file) {
+  constexpr std::string_view kFirstColumn = "time_s,", kCheckpoint = "SUBWORLDCHECKPNT";
+  if (file.extension() == ".part" || std::filesystem::file_size(file) == 0) return true;
+  if (file.extension() == ".png") return std::filesystem::exists(file.parent_path() / "logs/gui_headless.log");
+  if (file.extension() == ".csv") {
+    std::string begin(kFirstColumn.size(), '\0');
+    std::ifstream(file).read(begin.data(), static_cast<std::streamsize>(begin.size()));
+    return begin == kFirstColumn;
+  }
+  if (file.extension() == ".checkpoint") {
+    std::string begin(kCheckpoint.size(), '\0');
+    std::ifstream(file).read(begin.data(), static_cast<std::streamsize>(begin.size()));
+    return begin == kCheckpoint;
+  }
+  try {
+    const Json json = read_json(file);
+    return json.is_object() && (json.contains("ending") || json.contains("verdict"));
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+}  // namespace
+
+int claim_domain(int wanted, FileLock& lock) {
+  const auto name = [](int domain) { return fmt::format("subworld-domain-{}", domain); };
+  const auto claim = [&](int domain) {
+    const int error = lock.take(name(domain));
+    if (error == 0 || error == EWOULDBLOCK) return error == 0;
+    throw Error(ExitCode::failed,
+                fmt::format("cannot lock domain {}: {}/{}.lock: {}; remove this file, or name another --domain", domain,
+                            std::filesystem::temp_directory_path().string(), name(domain), std::strerror(error)));
+  };
+  if (wanted >= 0) {
+    if (claim(wanted)) return wanted;
+    throw Error(ExitCode::middleware,
+                fmt::format("domain {} is in use by another run on this machine; choose another --domain, or omit it: "
+                            "the first free one is taken",
+                            wanted));
+  }
+  for (int domain = kLastDomain; domain >= kFirstDomain; --domain) {
+    if (claim(domain)) return domain;
+  }
+  throw Error(ExitCode::middleware,
+              fmt::format("all domains from {} to {} are in use by other runs; name one with --domain", kFirstDomain,
+                          kLastDomain));
+}
+
+void claim_folder(std::string& folder, const std::string& scene, FileLock& lock) {
+  if (folder.empty()) {
+    const std::string wanted = fmt::format("out/{}-{:%Y%m%d-%H%M%S}", scene, fmt::localtime(std::time(nullptr)));
+    make_folder("out");
+    folder = wanted;
+    for (int n = 2; !std::filesystem::create_directory(folder); ++n) folder = fmt::format("{}-{}", wanted, n);
+  }
+  make_folder(folder);
+  if (!lock.take_folder(folder)) {
+    throw Error(ExitCode::usage, fmt::format("--out {}: another run writes its results there; choose another folder, "
+                                             "or omit it: a new one is made",
+                                             folder));
+  }
+  const std::regex ours(
+      R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)(\.part)?|bodies\.csv|last_\w+\.csv|world_[01]\.checkpoint(\.part)?|picture\.png)");
+  std::vector<std::filesystem::path> old;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    // Results go through a link that the user made.
+    if (!entry.is_symlink() && std::regex_match(entry.path().filename().string(), ours)) old.push_back(entry.path());
+  }
+  for (const std::filesystem::path& file : old) {
+    if (is_result(file)) continue;
+    throw Error(ExitCode::usage, fmt::format("--out {}: holds {}, which no run has made and this one would replace; "
+                                             "move it, or choose another folder",
+                                             folder, file.filename().string()));
+  }
+  make_folder(folder + "/logs");
+  for (const std::filesystem::path& file : old) std::filesystem::remove(file);
+  if (const std::filesystem::path page = folder + "/report.html"; is_report(page)) std::filesystem::remove(page);
+  for (const auto& entry : std::filesystem::directory_iterator(folder + "/logs")) {
+    const std::string name = entry.path().filename();
+    if (name.ends_with(".log") || (name.starts_with("last_") && name.ends_with(".csv")))
+      std::filesystem::remove(entry.path());
+  }
+}
+
+}  // namespace subworld

@@ -1,0 +1,156 @@
+#include "run/launch.hpp"
+#include "model/error.hpp"
+#include "physics/engine_exchange.hpp"
+#include "rt/cyclic.hpp"
+#include "wire/bus.hpp"
+#include "wire/session.hpp"
+#include "wire/status.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+namespace {
+
+struct Verb {
+  std::string_view name;
+  ControlVerb verb;
+};
+constexpr std::array kVerbs{
+    Verb{"stop", ControlVerb::stop},  Verb{"pause", ControlVerb::pause},     Verb{"resume", ControlVerb::resume},
+    Verb{"step", ControlVerb::step},  Verb{"leave", ControlVerb::leave},     Verb{"engine", ControlVerb::set_engine},
+    Verb{"seek", ControlVerb::reset}, Verb{"ratio", ControlVerb::set_ratio}, Verb{"speed", ControlVerb::set_speed}};
+
+/// Waits until the world has described itself. Throws `Error` (middleware) where none does.
+SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Network& network, double wait_s) {
+  SceneDescription description;
+  const TimePoint until = Clock::now() + from_seconds(wait_s);
+  while (scene.take(description) != Take::sample) {
+    if (Clock::now() > until) {
+      throw Error(
+          ExitCode::middleware,
+          fmt::format("no world on domain {} within {} s; `subworld run` prints its domain, give it with --domain; on "
+                      "another host, name it with --peers and give --interface",
+                      network.domain, wait_s));
+    }
+    bus.wait(0.05);
+  }
+  return description;
+}
+
+/// The answers of those that an order is for: the world, or every sub-world.
+class Answers {
+ public:
+  Answers(const Control& order, ProgramKind asked, std::uint32_t expected)
+      : order_(order.number), asked_(asked), expected_(expected) {}
+
+  /// Prints the answer. Throws `Error` (failed) where one that the order is for refuses.
+  void hear(const ControlReply& reply) {
+    if (reply.number != order_) return;
+    const bool asked = reply.program == asked_;
+    const std::string label = label_of(reply.program, reply.instance);
+    if (asked && reply.answer.outcome == OrderState::refused)
+      throw Error(ExitCode::failed, fmt::format("{}: refused: {}", label, reply.answer.text));
+    fmt::print("{}: {}\n", label, reply.answer.text);
+    if (asked) said_[reply.instance] = reply.answer;
+  }
+  /// That program is there.
+  void met(ProgramKind program, std::uint32_t instance) {
+    if (program == asked_) said_.try_emplace(instance);
+  }
+
+  /// Whether all have executed it.
+  [[nodiscard]] bool complete() const {
+    return std::ranges::count_if(said_, [](const auto& one) { return done(one.second); }) >= expected_;
+  }
+
+  [[nodiscard]] bool of_sub_worlds() const { return asked_ == ProgramKind::haptic_sim; }
+
+  /// Those that have not, in words.
+  [[nodiscard]] std::string missing() const {
+    std::vector<std::string> names;
+    for (const auto& [instance, said] : said_) {
+      if (done(said)) continue;
+      names.push_back(label_of(asked_, instance) + (said ? fmt::format(" (so far: \"{}\")", said->text) : ""));
+    }
+    if (said_.size() < expected_) {
+      names.push_back(fmt::format("{} {} that did not answer", expected_ - said_.size(),
+                                  of_sub_worlds() ? "haptic_sim" : "world_sim"));
+    }
+    return fmt::format("{}", fmt::join(names, " and "));
+  }
+
+ private:
+  [[nodiscard]] static bool done(const std::optional<OrderAnswer>& said) {
+    return said && said->outcome != OrderState::preparing;
+  }
+  std::uint32_t order_;
+  ProgramKind asked_;
+  std::uint32_t expected_;
+  std::map<std::uint32_t, std::optional<OrderAnswer>> said_;  ///< the newest answer, by instance; none: not yet
+};
+
+/// Prints the answers to the order, until each program that it is for has executed it. Throws `Error` (failed) where
+/// one refuses, or does not execute it within `wait_s`.
+void await_answers(Bus& bus, Reader<ControlReply>& replies, Reader<Status>& statuses,
+                   const Reader<SceneDescription>& scene, const Control& order, Answers& answers, double wait_s) {
+  const TimePoint until = Clock::now() + from_seconds(wait_s);
+  ControlReply reply;
+  Status status;
+  while (true) {
+    while (replies.take(reply) == Take::sample) answers.hear(reply);
+    while (statuses.take(status) == Take::sample) answers.met(status.program, status.instance);
+    if (answers.complete()) return;
+    if (order.verb == ControlVerb::stop && scene.matched() == 0) return;  // it has ended
+    if (Clock::now() > until) break;
+    bus.wait(0.05);
+  }
+  throw Error(
+      ExitCode::failed,
+      fmt::format("no final answer from {} within {} s; wait longer with --wait{}. The order stays in force: see the "
+                  "run's summary",
+                  answers.missing(), wait_s,
+                  answers.of_sub_worlds() ? ", or, where a world in lock-step is paused, continue it with `subworld "
+                                            "control resume`: its sub-worlds read orders as they step"
+                                          : ""));
+}
+
+}  // namespace
+
+void send_control(const Network& network, const Order& order, double wait_s) {
+  Control sent;
+  sent.number = std::random_device()();
+  sent.argument = order.argument;
+  for (const Verb& known : kVerbs) {
+    if (known.name == order.verb) sent.verb = known.verb;
+  }
+  // A writer of lock-step quality and a reader of real-time quality match programs in both modes.
+  Settings listening;
+  listening.mode = Mode::realtime;
+  const auto hearing = open_bus(network, listening, 0.001, "subworld control");
+  auto replies = hearing->reader<ControlReply>();
+  auto statuses = hearing->reader<Status>();
+  auto scene = hearing->reader<SceneDescription>();
+  const auto bus = open_bus(network, Settings{}, 0.001, "subworld control");
+  auto writer = bus->writer<Control>();
+  const SceneDescription world = find_world(*hearing, scene, network, wait_s);
+  if (!writer.write(sent)) {
+    throw Error(ExitCode::middleware,
+                fmt::format("the order could not be sent on domain {}; try again", network.domain));
+  }
+  fmt::print("{}: sent to \"{}\" on domain {}\n", order.verb, world.name, network.domain);
+  Answers answers(sent, order.for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
+                  order.for_sub_worlds ? world.users : 1);
+  await_answers(*hearing, replies, statuses, scene, sent, answers, wait_s);
+}
+
+}  // namespace subworld

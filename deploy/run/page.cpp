@@ -1,0 +1,119 @@
+#include "run/page.hpp"
+
+#include "model/error.hpp"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <netinet/in.h>
+#include <spawn.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdlib>
+#include <cstring>
+
+namespace subworld {
+namespace {
+
+struct Address {
+  sockaddr_storage storage{};
+  socklen_t size = 0;
+};
+
+Address socket_address(const std::string& text, int port) {
+  Address address;
+  in_addr v4{};
+  if (inet_pton(AF_INET, text.c_str(), &v4) == 1) {
+    sockaddr_in one{};
+    one.sin_family = AF_INET;
+    one.sin_port = htons(static_cast<std::uint16_t>(port));
+    one.sin_addr = v4;
+    std::memcpy(&address.storage, &one, address.size = sizeof one);
+  } else {
+    sockaddr_in6 one{};
+    one.sin6_family = AF_INET6;
+    one.sin6_port = htons(static_cast<std::uint16_t>(port));
+    inet_pton(AF_INET6, text.c_str(), &one.sin6_addr);
+    std::memcpy(&address.storage, &one, address.size = sizeof one);
+  }
+  return address;
+}
+
+/// A socket that closes itself.
+class Socket {
+ public:
+  explicit Socket(const Address& address) : fd_(socket(address.storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC, 0)) {}
+  ~Socket() {
+    if (fd_ >= 0) close(fd_);
+  }
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
+  [[nodiscard]] int fd() const noexcept { return fd_; }
+
+ private:
+  int fd_;
+};
+
+/// Where a browser on this machine finds what listens on `address`.
+std::string host_of(const std::string& address) {
+  if (address == "0.0.0.0") return "127.0.0.1";
+  if (address == "::") return "::1";
+  return address;
+}
+
+bool accepts(const LiveOptions& live) {
+  const Address address = socket_address(host_of(live.address), *live.port);
+  const Socket one(address);
+  return connect(one.fd(), reinterpret_cast<const sockaddr*>(&address.storage), address.size) == 0;
+}
+
+bool has_desktop() { return std::getenv("DISPLAY") != nullptr || std::getenv("WAYLAND_DISPLAY") != nullptr; }
+
+/// Without xdg-open there is nothing to do: the address has been printed.
+void open_in_browser(const std::string& address) {
+  std::string program = "xdg-open", argument = address;
+  const std::array<char*, 3> words{program.data(), argument.data(), nullptr};
+  posix_spawn_file_actions_t quiet;
+  posix_spawn_file_actions_init(&quiet);
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+    posix_spawn_file_actions_addopen(&quiet, fd, "/dev/null", O_RDWR, 0);
+  pid_t ignored = 0;
+  posix_spawnp(&ignored, program.c_str(), &quiet, nullptr, words.data(), environ);
+  posix_spawn_file_actions_destroy(&quiet);
+}
+
+}  // namespace
+
+void choose_page_port(LiveOptions& live) {
+  if (live.port && *live.port != 0) return;
+  Address address = socket_address(live.address, 0);
+  const Socket one(address);
+  auto* raw = reinterpret_cast<sockaddr*>(&address.storage);
+  if (bind(one.fd(), raw, address.size) != 0 || getsockname(one.fd(), raw, &address.size) != 0) {
+    throw Error(ExitCode::failed, fmt::format("--page: no port of {} is free: {}; choose another --listen ADDRESS",
+                                              live.address, std::strerror(errno)));
+  }
+  // Both families have the port at the same place.
+  live.port = ntohs(reinterpret_cast<const sockaddr_in*>(raw)->sin_port);
+}
+
+std::string page_address(const LiveOptions& live) {
+  const std::string host = host_of(live.address);
+  return fmt::format("http://{}:{}/{}", host.find(':') == std::string::npos ? host : "[" + host + "]", *live.port,
+                     live.token.empty() ? "" : "?token=TOKEN");
+}
+
+PageOpener::PageOpener(const LiveOptions& live, bool wanted)
+    : live_(live), waiting_(wanted && live.token.empty() && has_desktop()) {  // other users can read command lines
+  if (waiting_) address_ = page_address(live);
+}
+
+void PageOpener::operator()() {
+  if (!waiting_ || !accepts(live_)) return;
+  waiting_ = false;
+  open_in_browser(address_);
+}
+
+}  // namespace subworld

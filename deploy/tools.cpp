@@ -1,0 +1,35 @@
+#include "tools.hpp"
+
+#include "model/error.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+namespace subworld {
+namespace {
+
+bool is_among(const auto& tools, std::string_view name) {
+  return std::ranges::any_of(tools, [&](const Tool& tool) { return name == tool.name; });
+}
+
+}  // namespace
+
+bool is_tool(std::string_view name) { return is_among(kTools, name); }
+const char* about_tool(std::string_view name) { return std::ranges::find_if(kTools, [&](const Tool& tool) { return name == tool.name; })->about; }
+bool is_lab(std::string_view name) { return is_among(kLabs, name); }
+
+std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
+
+void become(const std::string& name, char** arguments) {
+  const std::string program = program_folder() + "/" + name;
+  execv(program.c_str(), arguments);
+  throw Error(ExitCode::failed,
+              fmt::format("{}: cannot start ({}); build it with deploy/build", program, std::strerror(errno)));
+}
+
+}  // namespace subworld
