@@ -96,8 +96,7 @@ Decision decide_energy_bound(const Scene& scene, std::size_t user) {
   if (s.passivity == Passivity::on) return {false, true, "as the scene or --passivity says"};
   if (s.passivity == Passivity::off) return {true, true, "as the scene or --passivity says"};
   if (s.delay.any()) return {false, false, "messages are delayed, so a device could create energy"};
-  if (s.remote && s.mode == Mode::realtime)
-    return {false, false, "the network between the hosts may delay messages"};
+  if (s.remote && s.mode == Mode::realtime) return {false, false, "the network between the hosts may delay messages"};
   const bool follows_world = !scheme_of(s).properties.has_sub_worlds && s.largest_ratio() > 1;
   if (follows_world && scene.users[user].device.kind == DeviceKind::admittance)
     return {false, false, "the proxy of an admittance device lives in the world, which delays it by a cycle"};

@@ -11,7 +11,18 @@ namespace subworld {
 
 /// Optimisations that a scene may permit (coupling/plan decides). An optimisation that is on skips work, messages or
 /// memory that the scene does not need.
-enum class Optimisation : std::uint8_t { rest, sway, friction, impulses, pairs, device, changes, overruled, suppression, energy_bound };
+enum class Optimisation : std::uint8_t {
+  rest,
+  sway,
+  friction,
+  impulses,
+  pairs,
+  device,
+  changes,
+  overruled,
+  suppression,
+  energy_bound
+};
 
 struct OptimisationItem {
   Optimisation optimisation;

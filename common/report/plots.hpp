@@ -28,7 +28,7 @@ struct Plot {
   std::string y_label;
   bool log_x = false;
   bool log_y = false;
-  bool tight_x = false;  ///< the x axis ends with the data
+  bool tight_x = false;                   ///< the x axis ends with the data
   std::vector<double> x_ticks;            ///< empty: automatic
   std::vector<std::string> x_names = {};  ///< of x = 1, 2 ...; "\n" begins a line
   std::vector<Series> series;

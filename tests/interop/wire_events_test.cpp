@@ -75,8 +75,7 @@ TEST_P(WireEvents, a_writer_in_time_misses_no_deadline) {
 
 /// The helper is in the test's folder.
 pid_t start_helper(Vendor vendor, int domain) {
-  const std::string helper =
-      (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "wire_peer").string();
+  const std::string helper = (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "wire_peer").string();
   const std::string number = std::to_string(domain);
   const pid_t child = fork();
   if (child == 0) {

@@ -40,8 +40,7 @@ TEST_F(Page, ShowsAndControlsARun) {
               folder_.path());
   const std::string address = address_of(run);
   ASSERT_NE(address, "") << run.err();
-  if (look(run, "page_client.py", {address, out()}) == kSkipped)
-    GTEST_SKIP() << "no Chromium, or a build without the page";
+  if (look(run, "page_client.py", {address, out()}) == kSkipped) FAIL() << "no Chromium, or a build without the page";
   EXPECT_EQ(run.wait().value_or(-1), 0) << run.err();  // the page has stopped it
 }
 
@@ -53,7 +52,7 @@ TEST_F(Page, ShowsTheVerdictAndTheGatesThatAreMissed) {
   const std::string address = address_of(run);
   ASSERT_NE(address, "") << run.err();
   if (look(run, "verdict_client.py", {address, out() + "/summary.json"}) == kSkipped)
-    GTEST_SKIP() << "no Chromium, or a build without the page";
+    FAIL() << "no Chromium, or a build without the page";
   EXPECT_EQ(run.wait().value_or(-1), 0) << run.err();
 }
 
@@ -68,7 +67,7 @@ TEST_F(Page, ShowsWhyARunHasFailed) {
     return !victim.empty();
   }));
   if (look(run, "verdict_client.py", {address, out() + "/summary.json", victim}) == kSkipped)
-    GTEST_SKIP() << "no Chromium, or a build without the page";
+    FAIL() << "no Chromium, or a build without the page";
   EXPECT_EQ(run.wait().value_or(-1), 1) << run.err();
   EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("failed: haptic_sim_0 killed by SIGKILL"));
 }
@@ -83,7 +82,7 @@ TEST_F(Page, MovesThroughARecording) {
   const std::string address = address_of(replay);
   ASSERT_NE(address, "") << replay.err();
   if (look(replay, "replay_client.py", {address, "6"}) == kSkipped)
-    GTEST_SKIP() << "no Chromium, or a build without the page";
+    FAIL() << "no Chromium, or a build without the page";
   EXPECT_EQ(replay.wait().value_or(-1), 0) << replay.err();  // the page has stopped it
 }
 

@@ -150,7 +150,7 @@ table.parentElement.nextElementSibling.click();
 </script></body>)";
 
 TEST_F(Report, ItsTablesAreSortedAndSavedInABrowser) {
-  if (!std::filesystem::exists("/usr/bin/chromium")) GTEST_SKIP() << "chromium is not installed";
+  ASSERT_TRUE(std::filesystem::exists("/usr/bin/chromium")) << "chromium is not installed; tests/run installs it";
   ASSERT_EQ(run(scene("press"), {"--mode", "lockstep", "--duration", "0.3"}).code, 0);
   std::string page = page_of(out(), out()), clicks = kClicks;
   clicks.replace(clicks.find("CYCLES"), 6, summary()["world"]["cycles"].dump());
@@ -164,12 +164,11 @@ TEST_F(Report, ItsTablesAreSortedAndSavedInABrowser) {
       << ended.out.substr(std::min(ended.out.size(), ended.out.find("<title>")), 200);
 }
 
-/// deploy/results/subworld_results.py on real results. Skipped where pandas is missing, which `deploy/build test`
-/// installs.
+/// deploy/results/subworld_results.py on real results.
 class PythonResults : public ProcessTest {
  protected:
   void SetUp() override {
-    if (finish({kPython, "-c", "import pandas"}).code != 0) GTEST_SKIP() << "python3-pandas is not installed";
+    ASSERT_EQ(finish({kPython, "-c", "import pandas"}).code, 0) << "python3-pandas is missing; tests/run installs it";
   }
   [[nodiscard]] Ended python(const std::string& script, Words words) const {
     words.insert(words.begin(), {kPython, "-B", std::string(SOURCE_FOLDER) + script});

@@ -1,5 +1,5 @@
-// The smallest engine (tests/support/example_engine), loaded like any engine from outside, and the loader's messages for
-// invalid files.
+// The smallest engine (tests/support/example_engine), loaded like any engine from outside, and the loader's messages
+// for invalid files.
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
 #include "support/engines.hpp"

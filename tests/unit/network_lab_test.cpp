@@ -4,8 +4,8 @@
 #include "lab/network/ddsperf.hpp"
 #include "lab/network/felt.hpp"
 #include "lab/network/report.hpp"
-#include "report/plots.hpp"
 #include "model/error.hpp"
+#include "report/plots.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// Old words must not return, and the README must be readable.
+// Old words must not return, and the pages must be readable.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include <regex>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -172,30 +173,38 @@ TEST(Words, NoOldWordIsUsed) {
   EXPECT_GT(read, 300U) << "the source folder is incomplete";
 }
 
-/// The prose of a page, one paragraph or list item each: without code, tables, headings and pictures; links as their
-/// text.
-std::vector<std::string> paragraphs_of(const std::string& page) {
-  static const std::regex kLink(R"(!?\[([^\]]*)\]\([^)]*\))"), kCode("`[^`]*`");
-  std::vector<std::string> paragraphs(1);
+/// A paragraph, a list item or a table cell of a page, and the line where it begins.
+struct Paragraph {
+  int line = 0;
+  std::string text;
+};
+
+/// The prose of a page, without code blocks and headings; a link or inline code is one word.
+std::vector<Paragraph> paragraphs_of(const std::string& page) {
+  static const std::regex kLink(R"(!?\[([^\]]*)\]\([^)]*\))"), kCode("`[^`]*`"), kItem(R"(([*-]|[0-9]+\.) .*)");
+  std::vector<Paragraph> paragraphs;
   std::istringstream lines(page);
   std::string line;
-  bool code = false;
-  while (std::getline(lines, line)) {
-    const auto begin = line.find_first_not_of(' ');
-    const std::string content = begin == std::string::npos ? "" : line.substr(begin);
-    if (content.starts_with("```")) code = !code;
-    if (code || content.empty() || content.starts_with("```") || content.starts_with("#") || content.starts_with("|") ||
-        content.starts_with("![")) {
-      paragraphs.emplace_back();
+  bool code = false, open = false;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    std::string content = line.substr(std::min(line.find_first_not_of(' '), line.size()));
+    const bool fence = content.starts_with("```");
+    if (fence) code = !code;
+    if (code || fence || content.empty() || content.starts_with("#")) {
+      open = false;
       continue;
     }
-    if (content.starts_with("* ") || content.starts_with("- ")) paragraphs.emplace_back();
-    paragraphs.back() += content + " ";
+    content = std::regex_replace(std::regex_replace(content, kLink, "link"), kCode, "code");
+    if (content.starts_with("|")) {
+      std::istringstream cells(content);
+      for (std::string cell; std::getline(cells, cell, '|');) paragraphs.push_back({number, cell});
+      open = false;
+      continue;
+    }
+    if (!open || std::regex_match(content, kItem)) paragraphs.push_back({number, ""});
+    open = true;
+    paragraphs.back().text += content + " ";
   }
-  for (std::string& one : paragraphs) {
-    one = std::regex_replace(std::regex_replace(one, kLink, "$1"), kCode, "code");
-  }
-  std::erase_if(paragraphs, [](const std::string& one) { return one.empty(); });
   return paragraphs;
 }
 
@@ -220,32 +229,53 @@ std::size_t word_count(const std::string& sentence) {
   return count;
 }
 
+/// "LINE: COUNT words: SENTENCE" for each sentence that is too long.
 std::vector<std::string> long_sentences(const std::string& page) {
   constexpr std::size_t kMostWords = 25;
   std::vector<std::string> found;
-  for (const std::string& paragraph : paragraphs_of(page)) {
-    for (const std::string& sentence : sentences_of(paragraph)) {
-      if (word_count(sentence) > kMostWords) found.push_back(sentence);
+  for (const Paragraph& paragraph : paragraphs_of(page)) {
+    for (const std::string& sentence : sentences_of(paragraph.text)) {
+      const std::size_t count = word_count(sentence);
+      if (count > kMostWords)
+        found.push_back(std::to_string(paragraph.line) + ": " + std::to_string(count) + " words:" + sentence);
     }
   }
   return found;
 }
 
-TEST(Readme, TheSplitterFindsLongSentencesOnly) {
+TEST(Pages, TheSplitterFindsLongSentencesOnly) {
   std::string words;
   for (int i = 0; i < 25; ++i) words += "word ";
   EXPECT_TRUE(long_sentences(words + ".").empty());
   EXPECT_EQ(long_sentences("Short one. " + words + "more. Another.").size(), 1U);
-  EXPECT_TRUE(long_sentences("* " + words + "\n* " + words).empty()) << "list items are sentences of their own";
-  EXPECT_TRUE(long_sentences("| " + words + words + " |\n```sh\n" + words + words + "\n```\n").empty());
+  EXPECT_EQ(long_sentences("x\n\n" + words + "\nmore.").front().substr(0, 12), "3: 26 words:");
+  EXPECT_TRUE(long_sentences("* " + words + "\n* " + words + "\n12. " + words).empty()) << "items stand alone";
+  EXPECT_TRUE(long_sentences("```sh\n" + words + words + "\n```\n# " + words + words).empty());
   EXPECT_TRUE(long_sentences(words + "\n\n" + words).empty());
+  EXPECT_TRUE(long_sentences("| " + words + "| " + words + "|").empty()) << "cells stand alone";
+  EXPECT_EQ(long_sentences("| x | " + words + "more |").size(), 1U);
+  EXPECT_TRUE(long_sentences("`" + words + words + "` [" + words + words + "](page.md)").empty()) << "one word each";
 }
 
-TEST(Readme, HasNoLongSentences) {
-  const std::string page = text_of(std::filesystem::path(SOURCE_FOLDER) / "README.md");
-  EXPECT_GT(paragraphs_of(page).size(), 20U);
-  for (const std::string& sentence : long_sentences(page))
-    ADD_FAILURE() << "README.md: more than 25 words: " << sentence;
+TEST(Pages, HaveNoLongSentences) {
+  const std::filesystem::path root = SOURCE_FOLDER;
+  std::size_t pages = 0;
+  for (const auto& file : files()) {
+    if (file.extension() != ".md") continue;
+    ++pages;
+    for (const std::string& found : long_sentences(text_of(file)))
+      ADD_FAILURE() << file.lexically_relative(root).string() << ":" << found << " (25 at most)";
+  }
+  EXPECT_GT(pages, 15U) << "the source folder is incomplete";
+}
+
+/// The first pages that users read.
+TEST(Pages, OfTheEntryAreShort) {
+  for (const auto& [page, most] : {std::pair{"README.md", 150}, std::pair{"CHANGELOG.md", 40}}) {
+    const std::string text = text_of(std::filesystem::path(SOURCE_FOLDER) / page);
+    EXPECT_FALSE(text.empty()) << page;
+    EXPECT_LE(std::ranges::count(text, '\n'), most) << page;
+  }
 }
 
 }  // namespace

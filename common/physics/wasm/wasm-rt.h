@@ -69,7 +69,7 @@ static const wasm_rt_externref_t wasm_rt_externref_null_value = 0;
 typedef struct {
   uint8_t* data;
   uint64_t pages, max_pages;  ///< of 64 KiB
-  uint64_t size;  ///< bytes that the module may use; the reserved range is at least that of `max_pages`
+  uint64_t size;              ///< bytes that the module may use; the reserved range is at least that of `max_pages`
 } wasm_rt_memory_t;
 
 typedef struct {

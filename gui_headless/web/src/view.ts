@@ -34,7 +34,6 @@ export class View {
   private readonly shadow = { stale: true, age: 0 }; // the map lacks motion; frames since it was drawn
   private drew = false;
   private last = 0;
-  private radius = 1;
   private bodyRadius = 0.1;
   private readonly followed = new THREE.Vector3();
   private counted = { at: performance.now(), frames: 0 };
@@ -200,7 +199,6 @@ export class View {
 
   private fitGround(): void {
     const { centre, radius } = this.extent();
-    this.radius = radius;
     this.ground.fit(centre, radius, this.bodies.floor);
     this.camera.near = radius / 200;
     this.camera.far = radius * 60;

@@ -153,8 +153,8 @@ std::string file_name_of(const Json& row) {
   std::string dt = step_text(number(row, "dt_s"));
   std::ranges::replace(dt, '/', '-');
   return fmt::format("{}_{}_{}_f{:g}_e{:g}_dt{}", row.at("scene").get<std::string>(),
-                     row.at("engine").get<std::string>(), row.at("preset").get<std::string>(),
-                     number(row, "friction"), number(row, "restitution"), dt);
+                     row.at("engine").get<std::string>(), row.at("preset").get<std::string>(), number(row, "friction"),
+                     number(row, "restitution"), dt);
 }
 
 StepTime timed_step(Engine& engine, double dt_s) {

@@ -21,7 +21,7 @@ struct FeltHistory {
   std::vector<Vec3> torque;       ///< N m, likewise
   std::vector<Vec3> on_operator;  ///< N, of the device on the operator
   std::vector<BodyState> proxy;
-  double work_j = 0.0;       ///< that the operator has put in, without what came back
+  double work_j = 0.0;  ///< that the operator has put in, without what came back
 };
 
 /// CPU times, s per call.
