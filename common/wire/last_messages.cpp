@@ -89,7 +89,9 @@ void fill(Kept& kept, const WorldSnapshot& m) {
   kept.bodies = static_cast<double>(m.moved.size());
 }
 void fill(Kept& kept, const Control& m) {
-  constexpr std::array kVerbs{"stop", "pause", "resume", "step", "reset", "set_engine", "set_scheme", "leave"};
+  constexpr std::array kVerbs{"stop",       "pause",      "resume", "step",      "reset",
+                              "set_engine", "set_scheme", "leave",  "set_ratio", "set_speed"};
+  static_assert(kVerbs.size() == static_cast<std::size_t>(ControlVerb::set_speed) + 1);
   kept.number = m.number;
   if (const auto verb = static_cast<std::size_t>(m.verb); verb < kVerbs.size()) name(kept, kVerbs[verb]);
 }
