@@ -53,7 +53,7 @@ void UserLink::count_anew(const HapticReport& report) noexcept {
 
 bool UserLink::used(std::uint64_t stamp, double until_s) {
   inbox_.used(stamp);
-  if (presence_ != Presence::joining || inbox_.before().stamp < joins_at_) return false;
+  if (presence_ != UserPresence::joining || inbox_.before().stamp < joins_at_) return false;
   if (follow(LinkEvent::two_used, {}) != LinkAction::release) return false;
   impulse_.resume(inbox_.before(), inbox_.newest(), until_s);
   return true;

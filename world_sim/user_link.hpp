@@ -11,7 +11,7 @@ namespace subworld {
 
 /// Whether a user takes part, as the world sees it. In the last three states the virtual coupling holds the proxy, with
 /// the wrench that the user exerted last: nothing falls that was held, and nothing is pushed on.
-enum class Presence : std::uint8_t {
+enum class UserPresence : std::uint8_t {
   awaited,  ///< no report has come since the start; nothing acts on the proxy
   present,  ///< the reports act on the proxy
   held,     ///< no report comes
@@ -39,16 +39,16 @@ enum class LinkAction : std::uint8_t {
 };
 
 struct Transition {
-  Presence to;
+  UserPresence to;
   LinkAction action = LinkAction::none;
 };
 
 using Transitions = std::array<std::array<Transition, static_cast<std::size_t>(LinkEvent::count)>,
-                               static_cast<std::size_t>(Presence::count)>;
+                               static_cast<std::size_t>(UserPresence::count)>;
 
 /// By state and event. The page of the messages shows this table (common/wire/README.md).
 inline constexpr Transitions kTransitions = [] {
-  using enum Presence;
+  using enum UserPresence;
   using A = LinkAction;
   constexpr Transition kJoin{joining, A::join}, kLeave{absent, A::forget};
   return Transitions{{
@@ -61,7 +61,7 @@ inline constexpr Transitions kTransitions = [] {
   }};
 }();
 
-[[nodiscard]] constexpr const Transition& transition(Presence from, LinkEvent event) noexcept {
+[[nodiscard]] constexpr const Transition& transition(UserPresence from, LinkEvent event) noexcept {
   return kTransitions[static_cast<std::size_t>(from)][static_cast<std::size_t>(event)];
 }
 
@@ -95,7 +95,7 @@ class UserLink {
 
   [[nodiscard]] const UserSpec& spec() const noexcept { return spec_; }
   [[nodiscard]] const ReportInbox& reports() const noexcept { return inbox_; }
-  [[nodiscard]] Presence presence() const noexcept { return presence_; }
+  [[nodiscard]] UserPresence presence() const noexcept { return presence_; }
   /// The coupling holds the proxy.
   [[nodiscard]] bool holds() const noexcept { return holds(presence_); }
   /// The reports act on the proxy.
@@ -113,7 +113,7 @@ class UserLink {
     Wrench impulse;
     double device_work_j = 0.0, operator_work_j = 0.0;
   };
-  [[nodiscard]] static constexpr bool holds(Presence presence) noexcept { return presence >= Presence::held; }
+  [[nodiscard]] static constexpr bool holds(UserPresence presence) noexcept { return presence >= UserPresence::held; }
   LinkAction follow(LinkEvent event, const BodyState& proxy);
   void join(const HapticReport& report, const BodyState& proxy) noexcept;
   void count_anew(const HapticReport& report) noexcept;
@@ -121,7 +121,7 @@ class UserLink {
 
   const UserSpec& spec_;
   ReportInbox inbox_;
-  Presence presence_ = Presence::awaited;
+  UserPresence presence_ = UserPresence::awaited;
   DevicePose device_;             ///< while the coupling holds the proxy
   std::uint64_t joins_from_ = 1;  ///< oldest frame of another start of the sub-world
   std::uint64_t joins_at_ = 0;    ///< stamp of the first report of the user who is joining

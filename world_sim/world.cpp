@@ -222,7 +222,7 @@ UserFacts World::user_facts(std::size_t user) const noexcept {
           frames_.selection(user),
           link.impulse(),
           link.reports().newest_stamp(),
-          link.presence() == Presence::absent};
+          link.presence() == UserPresence::absent};
 }
 
 void World::look(WorldView& view) const {

@@ -47,18 +47,18 @@ class Link {
     EXPECT_NE(link.take(stamp_), nullptr);
     return link.used(stamp_, 0.01 * static_cast<double>(stamp_));
   }
-  void reach(Presence state) {
-    if (state == Presence::awaited) return;
+  void reach(UserPresence state) {
+    if (state == UserPresence::awaited) return;
     use();
     use();
-    if (state == Presence::held) link.fall_silent({});
-    if (state == Presence::joining) EXPECT_TRUE(report(stamp_));
-    if (state == Presence::absent) link.leave({}, stamp_ + 1);
+    if (state == UserPresence::held) link.fall_silent({});
+    if (state == UserPresence::joining) EXPECT_TRUE(report(stamp_));
+    if (state == UserPresence::absent) link.leave({}, stamp_ + 1);
     EXPECT_EQ(link.presence(), state);
   }
   /// False where the report is refused.
   bool happen(LinkEvent event) {
-    if (event == LinkEvent::report) return report(link.presence() == Presence::joining ? 2 : 0);
+    if (event == LinkEvent::report) return report(link.presence() == UserPresence::joining ? 2 : 0);
     if (event == LinkEvent::new_report) return report(stamp_ + 1);
     if (event == LinkEvent::silence) link.fall_silent({});
     if (event == LinkEvent::leave) link.leave({}, stamp_ + 1);
@@ -78,13 +78,13 @@ TEST(UserLink, FollowsEachRowOfTheTable) {
     for (std::size_t event = 0; event < kEvents.size(); ++event) {
       if (static_cast<LinkEvent>(event) == LinkEvent::two_used) continue;  // below
       SCOPED_TRACE(std::string(kStates[state]) + ", " + kEvents[event]);
-      const auto from = static_cast<Presence>(state);
+      const auto from = static_cast<UserPresence>(state);
       const auto [to, action] = transition(from, static_cast<LinkEvent>(event));
       Link user;
       user.reach(from);
       EXPECT_EQ(user.happen(static_cast<LinkEvent>(event)), action != LinkAction::refuse);
       EXPECT_EQ(user.link.presence(), to);
-      EXPECT_EQ(user.link.holds(), to >= Presence::held);
+      EXPECT_EQ(user.link.holds(), to >= UserPresence::held);
       if (action == LinkAction::forget) EXPECT_FALSE(user.link.reports().heard());
     }
   }
@@ -92,24 +92,24 @@ TEST(UserLink, FollowsEachRowOfTheTable) {
 
 TEST(UserLink, TheCouplingHoldsTheProxyUntilTwoReportsOfTheJoinAreUsed) {
   Link user;
-  user.reach(Presence::absent);
+  user.reach(UserPresence::absent);
   EXPECT_FALSE(user.use(3));
   EXPECT_TRUE(user.link.holds());
   EXPECT_TRUE(user.use(3));
-  EXPECT_EQ(user.link.presence(), Presence::present);
+  EXPECT_EQ(user.link.presence(), UserPresence::present);
   EXPECT_TRUE(user.link.drives());
 }
 
 TEST(UserLink, AUserWhoFallsSilentIsHeldWithTheLastWrench) {
   Link user;
-  user.reach(Presence::held);
+  user.reach(UserPresence::held);
   user.link.act(4, 0.04, {}, user.link.spec().coupling);
   EXPECT_NEAR(user.link.wrench().force.x(), 2.0, 1e-9);
 }
 
 TEST(UserLink, TotalsOfAUserWhoJoinsGoOnFromThoseThatTheWorldHas) {
   Link user;
-  user.reach(Presence::present);
+  user.reach(UserPresence::present);
   user.link.act(2, 0.02, {}, user.link.spec().coupling);
   user.link.leave({}, 3);
   const double passed = user.link.impulse().force.x();
