@@ -1,6 +1,8 @@
+#include "world_sim/accounts.hpp"
+
 #include "coupling/virtual_coupling.hpp"
 #include "model/hash.hpp"
-#include "world_sim/world.hpp"
+#include "world_sim/checkpoint.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -23,61 +25,88 @@ void mix(std::uint64_t& hash, const BodyState& s) noexcept {
 
 }  // namespace
 
-void World::count_asleep(BodyId id) {
-  motions_[index(id)] = {.state = engine_.state(id)};
+WorldAccounts::WorldAccounts(const Scene& scene, std::uint64_t remembered_cycles)
+    : scene_(scene),
+      motions_(scene.bodies.size()),
+      energy_j_(remembered_cycles, 0.0),
+      operators_(others_capacity_j(scene, static_cast<std::size_t>(scene.settings.users))) {}
+
+void WorldAccounts::sleeps(const RestingEngine& engine, BodyId id) {
+  motions_[index(id)] = {.state = engine.state(id)};
   resting_j_ += potential_j(id);
 }
 
-double World::potential_j(BodyId id) const noexcept {
+void WorldAccounts::follow_rest(const RestingEngine& engine) {
+  for (const BodyId id : engine.woke()) resting_j_ -= potential_j(id);
+  for (const BodyId id : engine.fell_asleep()) sleeps(engine, id);
+}
+
+double WorldAccounts::potential_j(BodyId id) const noexcept {
   const Body& body = scene_.body(id);
   return body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
 }
 
-void World::account() {
-  facts_.kinetic_j = 0.0;
-  facts_.potential_j = resting_j_;
-  for (const BodyId id : engine_.awake()) {
+void WorldAccounts::observe(const RestingEngine& engine, std::span<const RatedTool> tools, WorldFacts& facts) {
+  facts.kinetic_j = 0.0;
+  facts.potential_j = resting_j_;
+  for (const BodyId id : engine.awake()) {
     const Body& body = scene_.body(id);
-    const BodyState s = engine_.state(body.id);
+    const BodyState s = engine.state(body.id);
     Motion& motion = motions_[index(body.id)];
-    if (facts_.stamp > 0) motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / facts_.cycle_s;
+    if (facts.stamp > 0) motion.acceleration = (s.linear_velocity - motion.state.linear_velocity) / facts.cycle_s;
     motion.state = s;
-    mix(facts_.state_hash, s);
-    facts_.finite = facts_.finite && finite(s);
-    facts_.kinetic_j += kinetic_energy(body, s);
-    facts_.potential_j += potential_j(id);
+    mix(facts.state_hash, s);
+    facts.finite = facts.finite && finite(s);
+    facts.kinetic_j += kinetic_energy(body, s);
+    facts.potential_j += potential_j(id);
   }
   double of_operators_j = 0.0;
-  for (const User& user : users_) {
-    const BodyState& s = motions_[index(user.spec->proxy)].state;
-    const double proxy_j = kinetic_energy(user.tool.body, s);
-    facts_.kinetic_j += proxy_j - kinetic_energy(scene_.body(user.spec->proxy), s);
+  for (std::size_t u = 0; u < tools.size(); ++u) {
+    const BodyId proxy = scene_.users[u].proxy;
+    const BodyState& s = motions_[index(proxy)].state;
+    const double proxy_j = kinetic_energy(tools[u].at_rate().body, s);
+    facts.kinetic_j += proxy_j - kinetic_energy(scene_.body(proxy), s);
     of_operators_j += proxy_j;
   }
-  const double energy_j = facts_.kinetic_j + facts_.potential_j;
+  const double energy_j = facts.kinetic_j + facts.potential_j;
   // The proxies' kinetic energy is the operators' work.
   const double of_bodies_j = energy_j - of_operators_j;
-  facts_.released_j += facts_.stamp > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_operators_j;
+  facts.released_j += facts.stamp > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_operators_j;
   of_bodies_j_ = of_bodies_j;
-  energy_j_[facts_.stamp % remembered_] = energy_j;
+  energy_j_[facts.stamp % energy_j_.size()] = energy_j;
 }
 
-void World::balance() {
+void WorldAccounts::resume(const WorldCheckpoint& from, const RestingEngine& engine, std::span<const RatedTool> tools,
+                           WorldFacts& facts) {
+  for (const BodyId id : engine.awake()) motions_[index(id)] = {.state = engine.state(id)};
+  observe(engine, tools, facts);
+  facts.state_hash = from.state_hash;
+  facts.released_j = from.released_j;
+  facts.energy_excess_j = from.energy_excess_j;
+  facts.operators_created_j = created_before_j_ = from.operators_created_j;
+  // The users' work is counted from here on, so the energy is too.
+  begin(facts);
+}
+
+void WorldAccounts::balance(std::span<const UserLink> links, WorldFacts& facts) {
   // Energy and work of one stamp: the newest that all users have reported.
   double given_j = 0.0, stored_j = 0.0, operators_j = 0.0;
-  for (const User& user : users_) {
-    if (!user.heard || user.report.stamp != users_.front().report.stamp) return;
-    given_j += user.report.device_work_j - user.report.coupling_energy_j;
-    stored_j += user.report.coupling_energy_j;
-    operators_j += user.report.operator_work_j;
+  for (const UserLink& link : links) {
+    const HapticReport& report = link.reports().newest();
+    if (!link.reports().heard() || report.stamp != links.front().reports().newest().stamp) return;
+    given_j += report.device_work_j - report.coupling_energy_j;
+    stored_j += report.coupling_energy_j;
+    operators_j += report.operator_work_j;
   }
   double none_j = 0.0;
-  const bool at_limit = stored_j > others_capacity_j(scene_, users_.size());
+  const bool at_limit = stored_j > others_capacity_j(scene_, links.size());
   operators_.flow(operators_j - operators_.net_j(), at_limit, none_j);
-  facts_.operators_created_j = created_before_j_ + operators_.created_j();
-  if (users_.empty() || users_.front().report.stamp + remembered_ <= facts_.stamp) return;
-  const double energy_j = energy_j_[users_.front().report.stamp % remembered_];
-  facts_.energy_excess_j = std::max(facts_.energy_excess_j, energy_j - start_energy_j_ - given_j);
+  facts.operators_created_j = created_before_j_ + operators_.created_j();
+  if (links.empty()) return;
+  const std::uint64_t stamp = links.front().reports().newest().stamp;
+  if (stamp + energy_j_.size() <= facts.stamp) return;
+  const double energy_j = energy_j_[stamp % energy_j_.size()];
+  facts.energy_excess_j = std::max(facts.energy_excess_j, energy_j - start_energy_j_ - given_j);
 }
 
 }  // namespace subworld

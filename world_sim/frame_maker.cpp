@@ -16,6 +16,9 @@ namespace {
 /// A frame without a base: one who comes late, or has lost its base, knows the world from it.
 constexpr std::uint64_t kCompleteEvery_cycles = 128;
 
+/// Slower motion cannot be felt, m/s.
+constexpr double kStill_m_s = 5e-3;
+
 /// Whether a sub-world that has taken the frame holds the body, in whatever role.
 bool names(const WorldFrame& frame, BodyId id) {
   return std::ranges::binary_search(frame.members, id) || std::ranges::binary_search(frame.fixed, id) ||
@@ -50,6 +53,7 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
   scratch_.reserve(scene.bodies.size() + remembered_ * kUsualMembers);
   before_.reserve(kUsualMembers);
   contacts_.reserve(kUsualContacts);
+  pulls_.reserve(users_.size());
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
     user.spec = &scene.users[u];
@@ -67,18 +71,26 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
   }
 }
 
-void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double offset_s) {
-  note_work(heard);
+void FrameMaker::make(const WorldNow& of_world, std::span<const UserLink> links, double offset_s) {
+  note_work(links);
+  pulls_.clear();
+  for (const UserLink& link : links) {
+    const bool spring = link.holds() || link.spec().device.kind == DeviceKind::impedance;
+    if (link.holds() || link.drives()) pulls_.push_back({link.spec().proxy, link.wrench().force, spring});
+  }
+  WorldNow now = of_world;
+  now.pulls = pulls_;
   const std::function<bool(BodyId)> shared = [this](BodyId id) { return holders(id) > 1; };
-  if (users_.size() > 1) begin_peers(now, heard);
+  if (users_.size() > 1) begin_peers(now, links);
   if (scheme_.properties.has_sub_worlds) side_.begin(now);
   for (std::size_t u = 0; u < users_.size(); ++u) {
     User& user = users_[u];
-    if (heard[u].silent) {
+    const ReportInbox& reports = links[u].reports();
+    if (!reports.waits_for_frame(now.stamp)) {
       frame(u, now.stamp) = frame(u, now.stamp - 1);  // what the sub-world has
       continue;
     }
-    const double until_heard_s = horizon_s(now, heard[u]);
+    const double until_heard_s = horizon_s(now, links[u]);
     before_ = user.membership.members;
     const Box reach = select(user, now, until_heard_s);
     for (const BodyId id : before_) --holders_[index(id)];
@@ -90,30 +102,30 @@ void FrameMaker::make(const WorldNow& now, std::span<const Heard> heard, double 
     out.cycle_s = now.cycle_s;
     out.ratio = now.timetable.ratio(now.stamp);
     out.planned = now.timetable.newest();
-    out.echoed_sent_ns = heard[u].any ? heard[u].newest->sent_ns : 0;
-    out.echoed_stamp = heard[u].newest->stamp;
+    out.echoed_sent_ns = reports.heard() ? reports.newest().sent_ns : 0;
+    out.echoed_stamp = reports.newest().stamp;
     out.base_stamp.reset();
     const bool complete = now.stamp % kCompleteEvery_cycles == 0;
-    if (sends_changes_ && heard[u].any && !complete) out.base_stamp = heard[u].newest->confirmed_stamp;
+    if (sends_changes_ && reports.heard() && !complete) out.base_stamp = reports.newest().confirmed_stamp;
     out.members = user.membership.members;
     out.fixed = user.membership.fixed;
     if (scheme_.properties.has_sub_worlds)
       side_.extract(now, {user.membership, reach, until_heard_s, shared}, user.border, out);
-    list_peers(user, now, heard, out);
+    list_peers(user, now, links, out);
     count_outside_work(user, out);
-    list_unconfirmed(user, now, heard[u], offset_s, out);
-    tell_border(user, now, heard[u], out);
+    list_unconfirmed(user, now, links[u], offset_s, out);
+    tell_border(user, now, links[u], out);
     out.suppression.reset();
     const bool alone = out.states.size() == 1 && out.entering.empty() && out.ghosts.empty() && user.border.empty();
-    if (may_suppress_ && heard[u].any && alone) out.suppression = suppression_.find(*user.spec, now);
+    if (may_suppress_ && reports.heard() && alone) out.suppression = suppression_.find(*user.spec, now);
   }
 }
 
-void FrameMaker::begin_peers(const WorldNow& now, std::span<const Heard> heard) {
+void FrameMaker::begin_peers(const WorldNow& now, std::span<const UserLink> links) {
   double longest_s = 0.0;
   for (std::size_t u = 0; u < users_.size(); ++u) {
     users_[u].near_for_s = kNever_s;
-    longest_s = std::max(longest_s, horizon_s(now, heard[u]));
+    longest_s = std::max(longest_s, horizon_s(now, links[u]));
   }
   peers_.begin(now.contacts, proxies_, [&](BodyId proxy, std::vector<BodyId>& out) {
     out = near(users_[user_of_[index(proxy)]], now, longest_s);
@@ -179,29 +191,46 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   return reach;
 }
 
-double FrameMaker::horizon_s(const WorldNow& now, const Heard& heard) const {
-  const std::uint64_t unheard = heard.any ? heard.newest->stamp - heard.newest->confirmed_stamp : 1;
+bool FrameMaker::border_is_felt(const WorldNow& now, double until_s) {
+  const auto moves = [&](BodyId id) { return now.motions[index(id)].state.linear_velocity.norm() > kStill_m_s; };
+  for (User& user : users_) {
+    if (user.border.empty()) continue;
+    const BodyId proxy = user.spec->proxy;
+    const Box reach = swept_bounds(now.motions[index(proxy)].state, now.engine.bounds(proxy),
+                                   scene_.settings.world.gravity.norm(), until_s);
+    now.engine.overlap(reach, scratch_);
+    const auto is_other = [&](BodyId id) { return id != proxy && !scene_.body(id).fixed(); };
+    const WorldFrame& last = user.frames[(now.stamp == 0 ? 0 : now.stamp - 1) % remembered_];
+    if (std::ranges::any_of(scratch_, is_other) && std::ranges::any_of(last.members, moves)) return true;
+  }
+  return false;
+}
+
+double FrameMaker::horizon_s(const WorldNow& now, const UserLink& link) const {
+  const HapticReport& newest = link.reports().newest();
+  const std::uint64_t unheard = link.reports().heard() ? newest.stamp - newest.confirmed_stamp : 1;
   const std::uint64_t until = now.stamp + 1 + std::clamp<std::uint64_t>(unheard, 1, remembered_);
   return scene_.settings.h_s * static_cast<double>(now.timetable.start(until) - now.timetable.start(now.stamp));
 }
 
-void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<const Heard> heard,
+void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<const UserLink> links,
                             WorldFrame& frame) const {
   frame.peers.clear();
   for (std::size_t p = 0; p < users_.size(); ++p) {
     const UserSpec& spec = *users_[p].spec;
     const bool own = &users_[p] == &user;
     const auto list_held = [&] {
-      if (heard[p].held == nullptr) return false;
-      frame.peers.push_back({.proxy = spec.proxy, .pose = *heard[p].held, .device_s = kHeldDevice_s});
+      if (!links[p].holds()) return false;
+      frame.peers.push_back(
+          {.proxy = spec.proxy, .pose = links[p].device(now.engine.state(spec.proxy)).pose, .device_s = kHeldDevice_s});
       return true;
     };
     if (own) (void)list_held();
     if (own || !scheme_.properties.replicates_peers) continue;
     const bool inside = std::ranges::binary_search(frame.members, spec.proxy);
     const bool pushes = std::ranges::find(frame.ghost_peers, spec.proxy, &GhostPeer::proxy) != frame.ghost_peers.end();
-    if ((!inside && !pushes) || list_held() || !heard[p].any) continue;
-    const HapticReport& report = *heard[p].at_stamp;
+    if ((!inside && !pushes) || list_held() || !links[p].reports().heard()) continue;
+    const HapticReport& report = links[p].reports().at(now.stamp);
     if (!report.device) continue;
     const ReportedDevice& at_report = *report.device;
     const double passed_s = now.stamp_s - report.stamp_s;
@@ -218,9 +247,9 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
   }
 }
 
-void FrameMaker::note_work(std::span<const Heard> heard) {
+void FrameMaker::note_work(std::span<const UserLink> links) {
   for (std::size_t u = 0; u < users_.size(); ++u) {
-    const double now_j = heard[u].any ? heard[u].newest->operator_work_j : operators_j_[u];
+    const double now_j = links[u].reports().heard() ? links[u].reports().newest().operator_work_j : operators_j_[u];
     work_j_[u] = now_j - std::exchange(operators_j_[u], now_j);
   }
 }
@@ -236,20 +265,20 @@ void FrameMaker::count_outside_work(User& user, WorldFrame& frame) const {
   frame.outside_work_j = user.outside_work_j;
 }
 
-std::uint64_t FrameMaker::first_unconfirmed(const WorldNow& now, const Heard& heard) const noexcept {
+std::uint64_t FrameMaker::first_unconfirmed(const WorldNow& now, const UserLink& link) const noexcept {
   const std::uint64_t first_remembered = now.stamp >= remembered_ ? now.stamp - remembered_ + 1 : 0;
-  return std::max(heard.newest->confirmed_stamp, first_remembered);
+  return std::max(link.reports().newest().confirmed_stamp, first_remembered);
 }
 
-void FrameMaker::tell_border(const User& user, const WorldNow& now, const Heard& heard, WorldFrame& frame) {
+void FrameMaker::tell_border(const User& user, const WorldNow& now, const UserLink& link, WorldFrame& frame) {
   frame.border_contacts = static_cast<std::uint32_t>(std::ranges::count_if(user.border, touches));
   border_bodies(user.border, scratch_);
   frame.border_bodies = static_cast<std::uint32_t>(scratch_.size());
   frame.border = user.border;
   if (tells_all_pairs_) return;
   // A ghost begins clear of what it touches; then its model is enough.
-  const std::uint64_t oldest = first_unconfirmed(now, heard);
-  const bool any_confirmed = heard.any && oldest < now.stamp;
+  const std::uint64_t oldest = first_unconfirmed(now, link);
+  const bool any_confirmed = link.reports().heard() && oldest < now.stamp;
   const auto begins = [&](const GhostModel& ghost) {
     const auto is_as_before = [&](std::uint64_t stamp) {
       const std::vector<GhostModel>& ghosts = user.frames[stamp % remembered_].ghosts;
@@ -268,7 +297,7 @@ void FrameMaker::tell_border(const User& user, const WorldNow& now, const Heard&
                 [&](const BoundaryContact& p) { return !std::ranges::binary_search(scratch_, p.outside); });
 }
 
-void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s,
+void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const UserLink& link, double offset_s,
                                   WorldFrame& frame) {
   const auto published_state = [&](BodyId id) { return advanced(now.engine.state(id), offset_s); };
   const auto past = [&](std::uint64_t stamp) -> const WorldFrame& { return user.frames[stamp % remembered_]; };
@@ -276,8 +305,8 @@ void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const H
   // what every frame since then lists. States go out for all that any of them lists.
   std::vector<BodyId>& wanted = scratch_;
   wanted = frame.members;
-  const std::uint64_t oldest = first_unconfirmed(now, heard);
-  const bool any_confirmed = heard.any && oldest < now.stamp;
+  const std::uint64_t oldest = first_unconfirmed(now, link);
+  const bool any_confirmed = link.reports().heard() && oldest < now.stamp;
   frame.entering.clear();
   const auto list = [&](BodyId id) {
     bool there = any_confirmed;

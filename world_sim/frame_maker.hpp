@@ -8,21 +8,13 @@
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "world_sim/suppression_finder.hpp"
+#include "world_sim/user_link.hpp"
 
 #include <cstdint>
 #include <span>
 #include <vector>
 
 namespace subworld {
-
-/// What the world has heard of a user.
-struct Heard {
-  bool any = false;
-  const HapticReport* newest = nullptr;    ///< the newest used
-  const HapticReport* at_stamp = nullptr;  ///< of the present stamp, or else the newest used
-  bool silent = false;                     ///< no frame of the present stamp is wanted
-  const Pose* held = nullptr;              ///< where the world holds the device of an absent user; null: it does not
-};
 
 /// How a user's sub-world was chosen.
 struct SelectionFacts {
@@ -37,8 +29,13 @@ class FrameMaker {
  public:
   FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side, std::uint64_t remembered_cycles);
 
-  /// Makes the frames of one stamp. `heard` by user; the published states are moved by `offset_s` (may be negative).
-  void make(const WorldNow& now, std::span<const Heard> heard, double offset_s);
+  /// Makes the frames of one stamp. `links` by user; the published states are moved by `offset_s` (may be negative).
+  void make(const WorldNow& now, std::span<const UserLink> links, double offset_s);
+
+  /// Whether forces across a border are felt, or may be within `until_s` of simulated time: by the frames of the stamp
+  /// before.
+  [[nodiscard]] bool border_is_felt(const WorldNow& now, double until_s);
+  [[nodiscard]] std::uint64_t remembered() const noexcept { return remembered_; }  ///< cycles
 
   /// What a haptic step of a user took, mean over a cycle; 0: not known. Corrects what bodies are thought to cost.
   void observe_step(std::size_t user, double mean_s) noexcept {
@@ -77,22 +74,23 @@ class FrameMaker {
   static constexpr double kNever_s = -1.0;
 
   /// A new stamp for the peers.
-  void begin_peers(const WorldNow& now, std::span<const Heard> heard);
+  void begin_peers(const WorldNow& now, std::span<const UserLink> links);
   /// What the proxy of a user may reach within the time.
   const std::vector<BodyId>& near(User& user, const WorldNow& now, double horizon_s);
   /// Finds the other users that this one may feel; adds to `bodies` what the sub-world needs for them.
   void find_peers(User& user, const WorldNow& now, double horizon_s, std::vector<BodyId>& bodies);
   /// Fills the membership; returns where its members may get within the time.
   Box select(User& user, const WorldNow& now, double horizon_s);
-  void list_peers(const User& user, const WorldNow& now, std::span<const Heard> heard, WorldFrame& frame) const;
+  void list_peers(const User& user, const WorldNow& now, std::span<const UserLink> links, WorldFrame& frame) const;
   /// Adds what connected users did in the last cycle whose devices do not move their proxies in the sub-world.
   void count_outside_work(User& user, WorldFrame& frame) const;
-  void note_work(std::span<const Heard> heard);
-  void list_unconfirmed(const User& user, const WorldNow& now, const Heard& heard, double offset_s, WorldFrame& frame);
-  void tell_border(const User& user, const WorldNow& now, const Heard& heard, WorldFrame& frame);
+  void note_work(std::span<const UserLink> links);
+  void list_unconfirmed(const User& user, const WorldNow& now, const UserLink& link, double offset_s,
+                        WorldFrame& frame);
+  void tell_border(const User& user, const WorldNow& now, const UserLink& link, WorldFrame& frame);
   /// The oldest frame of those after which the sub-world may not know of a body, at most the present one.
-  [[nodiscard]] std::uint64_t first_unconfirmed(const WorldNow& now, const Heard& heard) const noexcept;
-  [[nodiscard]] double horizon_s(const WorldNow& now, const Heard& heard) const;
+  [[nodiscard]] std::uint64_t first_unconfirmed(const WorldNow& now, const UserLink& link) const noexcept;
+  [[nodiscard]] double horizon_s(const WorldNow& now, const UserLink& link) const;
 
   const Scene& scene_;
   const Scheme& scheme_;
@@ -105,6 +103,7 @@ class FrameMaker {
   std::vector<std::uint8_t> holders_;  ///< by body: sub-worlds that hold it
   BudgetSelector budget_;
   bool tells_all_pairs_;
+  std::vector<UserPull> pulls_;               ///< on proxies
   std::vector<double> operators_j_, work_j_;  ///< by user: work of the operator, since the start and in the last cycle
   SuppressionFinder suppression_;
   bool may_suppress_;

@@ -23,30 +23,15 @@ void copy_accounts(const World& world, WorldCheckpoint& to) {
 }
 
 void World::resume(const WorldCheckpoint& from) {
-  timetable_.restart(from.stamp, from.haptic_steps, from.ratio);
-  timetable_.plan(from.planned);
+  plan_.resume(from.stamp, from.haptic_steps, from.ratio, from.planned);
   facts_.ratio = from.ratio;
   facts_.ratio_changes = from.ratio_changes;
   set_stamp(from.stamp);
   begin_cycle();
-  contacts_ = {};  // the first step finds them
-  for (const BodyId id : engine_.awake()) motions_[index(id)] = {.state = engine_.state(id)};
-  for (std::size_t u = 0; u < users_.size(); ++u) hold_at(users_[u], from.devices[u]);  // until its user joins
-  account();
-  facts_.state_hash = from.state_hash;
-  facts_.released_j = from.released_j;
-  facts_.energy_excess_j = from.energy_excess_j;
-  facts_.operators_created_j = created_before_j_ = from.operators_created_j;
-  // The users' work is counted from here on, so the energy is too.
-  start_energy_j_ = facts_.kinetic_j + facts_.potential_j;
+  contacts_.clear();  // the first step finds them
+  for (std::size_t u = 0; u < links_.size(); ++u) links_[u].hold_at(from.devices[u], proxy(u));  // until its user joins
+  accounts_.resume(from, engine_, tools_, facts_);
   make_frames();
-}
-
-void World::hold_at(User& user, const Pose& device) {
-  user.held = DevicePose{device};
-  const double stored_j =
-      coupling_energy(user.spec->coupling, limits_of(user.spec->device), engine_.state(user.spec->proxy), *user.held);
-  user.report.device_work_j = user.report.coupling_energy_j = stored_j;
 }
 
 }  // namespace subworld

@@ -3,6 +3,10 @@
 #include "model/body.hpp"
 #include "model/scene.hpp"
 
+#include <algorithm>
+#include <optional>
+#include <utility>
+
 namespace subworld {
 
 /// The tool (the proxy and its coupling to the device) on a slowed clock. An operator moves in wall time whatever the
@@ -52,5 +56,28 @@ inline constexpr double kLeastToolRate = 0.01;
 
 /// The proxy's state when the rate changes, by equation (4).
 [[nodiscard]] BodyState at_rate(BodyState proxy, double before, double after) noexcept;
+
+/// A user's tool on a clock whose rate changes.
+class RatedTool {
+ public:
+  RatedTool(const UserSpec& user, const Body& proxy) noexcept
+      : user_(user), proxy_(proxy), tool_(tool_at(rate_, user, proxy)) {}
+
+  /// From now on the rate is this one, at least kLeastToolRate. Returns the one before where it differs.
+  std::optional<double> change(double rate) noexcept {
+    const double before = std::exchange(rate_, std::max(rate, kLeastToolRate));
+    if (rate_ == before) return {};
+    tool_ = tool_at(rate_, user_, proxy_);
+    return before;
+  }
+  [[nodiscard]] double rate() const noexcept { return rate_; }
+  [[nodiscard]] const Tool& at_rate() const noexcept { return tool_; }
+
+ private:
+  const UserSpec& user_;
+  const Body& proxy_;
+  double rate_ = 1.0;
+  Tool tool_;
+};
 
 }  // namespace subworld
