@@ -82,7 +82,7 @@ class ProcessTest : public ::testing::Test {
   const TestDomain domain_;
 
  private:
-  /// Prints what the runs of this test have said, those of finish() and those that wrote last into its folders.
+  /// Prints what the runs of this test have said, and the logs and the verdict of the last one.
   void explain() const {
     for (const auto& [words, ended] : runs_) {
       std::cout << "----";
@@ -98,9 +98,11 @@ class ProcessTest : public ::testing::Test {
         const Json json = Json::parse(read_text(entry.path()), nullptr, false);
         std::cout << "---- " << entry.path().string() << "\n"
                   << (json.is_object() ? json.value("verdict", "") : "") << "\n";
-      } else if (entry.is_regular_file(ignored) && entry.file_size(ignored) > 0) {
-        std::cout << "---- " << entry.path().string() << "\n" << read_text(entry.path());
+        continue;
       }
+      const std::string text = read_text(entry.path());
+      const bool printed = !runs_.empty() && (text == runs_.back().second.out || text == runs_.back().second.err);
+      if (!text.empty() && !printed) std::cout << "---- " << entry.path().string() << "\n" << text;
     }
     folder_.keep();
     std::cout << "---- all of it is in " << folder_.path() << std::endl;
