@@ -150,6 +150,7 @@ Ending run_lockstep(const DeviceRun& run) {
       return ending;
     }
     ports.commands.trust_sender();
+    if (first) ports.status.begins(run.haptic_sim().program, run.haptic_sim().instance);
     measures.sent(deadband.sent_ratio());
     if (command.last) return ending;
     if (command.stamp_s > state.stamp_s + h_s && state.sequence == 0) {

@@ -26,7 +26,8 @@ class LockstepLoop : HapticRun {
         stages_(measures.stages()),
         order_(scene, user(), sub.facts().stamp, sub.timetable().start(sub.facts().stamp)),
         device_sim_{ProgramKind::device_sim, user()},
-        lost_(scene.users.size(), false) {
+        lost_(scene.users.size(), false),
+        needed_(scene.users.size(), false) {
     reserve(frame_, kUsualMembers);
   }
 
@@ -105,6 +106,7 @@ class LockstepLoop : HapticRun {
     if (!wait_for(*ports.bus, options, device, begun, comes)) return false;
     device_writer_ = device_.sender;
     ports.device.trust_sender();
+    ports.status.begins(ProgramKind::device_sim, user());
     device_taken_ = true;
     return true;
   }
@@ -131,6 +133,10 @@ class LockstepLoop : HapticRun {
   }
   bool take_peer(std::uint32_t peer) {
     const bool needed = (sub.facts().peers >> peer & 1U) != 0;
+    // A peer who returns takes part with another process.
+    if (needed && !needed_[peer] && ports.status.is_replaced(ProgramKind::device_sim, peer))
+      ports.status.begins(ProgramKind::device_sim, peer);
+    needed_[peer] = needed;
     if (!needed && lost_[peer]) {
       lost_[peer] = false;
       order_.hear_again(peer);
@@ -138,7 +144,11 @@ class LockstepLoop : HapticRun {
     if (lost_[peer]) return true;
     const bool awaited = needed && !order_.misses_by_plan(peer);
     Reader<DeviceState>& reader = ports.peer_devices.open(peer);
-    const auto ours = [this](const DeviceState& came) { return came.session == ports.session; };
+    // A state that says that its device has just been started is of one that waits for the world to let it take part:
+    // then those of this step never come. It may also be old, and be followed by them.
+    const auto ours = [&](const DeviceState& came) {
+      return came.session == ports.session && !order_.has_just_started(peer, came);
+    };
     while (order_.heard(peer) <= order_.next_step()) {
       if (awaited) {
         const auto lose = [&](const std::string& text) {
@@ -152,11 +162,6 @@ class LockstepLoop : HapticRun {
         if (!await(*ports.bus, ports.status, reader, peer_, stages_, device, ours, stopped, lose)) {
           if (lost_[peer]) order_.miss(peer);
           return lost_[peer];
-        }
-        if (order_.is_replaced(peer, peer_)) {
-          lose(replaced_text(device.program, device.instance));
-          order_.miss(peer);
-          return true;
         }
       } else {
         const Take taken = take(reader, peer_, stages_);
@@ -223,6 +228,7 @@ class LockstepLoop : HapticRun {
   WorldFrame frame_;
   std::vector<FollowedOrder> followed_;  ///< since the last report
   std::vector<bool> lost_;               ///< by user, whose device has fallen silent; the world's account of it counts
+  std::vector<bool> needed_;             ///< by user, whose device's states the last step needed
   std::uint64_t device_writer_ = 0;      ///< the process that sent the first state
   bool device_taken_ = false;            ///< the state of the first step
   bool last_ = false;

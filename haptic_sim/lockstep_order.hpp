@@ -47,6 +47,12 @@ class LockstepOrder {
   [[nodiscard]] bool is_replaced(std::size_t peer, const DeviceState& state) const noexcept {
     return peers_[peer].heard_any && state.sender != peers_[peer].sender && state.sequence == 0;
   }
+  /// The same, also where no state of the one before has been heard.
+  [[nodiscard]] bool has_just_started(std::size_t peer, const DeviceState& state) const noexcept {
+    const Peer& of = peers_[peer];
+    return is_replaced(peer, state) || (!of.heard_any && state.sequence == 0 &&
+                                        state.stamp_s < settings_.h_s * (static_cast<double>(of.steps) - 0.5));
+  }
   /// The state heard(peer) does not come: from now on the sub-world misses the peer's states.
   void miss(std::size_t peer) noexcept { peers_[peer].misses = true; }
   /// No longer: those of this step on count again.

@@ -46,7 +46,7 @@ std::string HapticPorts::foreign_programs() const {
 
 void send_last_command(HapticPorts& ports, const DeviceState& state, int times) {
   constexpr std::chrono::milliseconds kAgain{5};
-  constexpr double kAcknowledged_s = 1.0;  // that it may take to arrive on a busy machine
+  constexpr double kAcknowledged_s = 5.0;  // that it may take to arrive on a busy machine
   DeviceCommand command;
   command.device = state.device;
   command.session = ports.session;

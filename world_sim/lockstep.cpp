@@ -19,6 +19,9 @@ namespace {
 
 constexpr double kLastReport_s = 0.3;  ///< that a report may take after the world was asked to stop
 constexpr double kAgain_s = 0.05;      ///< between two frames that ask for somebody who wants to take part
+constexpr double kNamed_s = 2.0;       ///< after which the status names who is waited for
+constexpr double kDiscovery_s = 5.0;   ///< within which a program that has been started finds the world
+constexpr double kNewcomer_s = 20.0;   ///< that it may take to end, once it has
 
 /// The world process in lock-step.
 class LockstepLoop : WorldLoop {
@@ -48,6 +51,7 @@ class LockstepLoop : WorldLoop {
     measures.bodies().record_now(world);
     if (scheme_.has_sub_worlds) receive_due();
     close();
+    await_newcomers();
     record_never_present();
     measures.took_part(events_);
     Ending ended = ending();
@@ -108,6 +112,7 @@ class LockstepLoop : WorldLoop {
   bool look_for(std::size_t u, bool waits) {
     User& user = users_[u];
     const TimePoint begin = Clock::now();
+    bool said = false;
     while (true) {
       if (Clock::now() >= user.asks_at) {
         publish_frame(u, false, 0.0, 0.0);
@@ -117,6 +122,7 @@ class LockstepLoop : WorldLoop {
         const bool ours = report_.session == ports.session && report_.sender != user.former;
         if (!ours || !asks_to_take_part(report_)) continue;
         join(u);
+        if (said) ports.status.note(fmt::format("haptic_sim {} takes part", u), "");
         return true;
       }
       if (!waits) return true;
@@ -127,6 +133,12 @@ class LockstepLoop : WorldLoop {
                                 "--user {}, or give a longer --wait",
                                 u, options.wait_s, u, u));
       }
+      if (waits && !said && to_seconds(Clock::now() - begin) > kNamed_s) {
+        said = true;
+        ports.status.note(fmt::format("waits for haptic_sim {0}: its request to take part from t = {1:.3f} s on", u,
+                                      world.facts().time_s),
+                          label_of(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u)));
+      }
       ports.bus->wait(kAgain_s);
       follow_orders();
     }
@@ -136,6 +148,7 @@ class LockstepLoop : WorldLoop {
     User& user = users_[u];
     const std::uint64_t stamp = world.facts().stamp;
     ports.serve(u, report_.sender);
+    ports.status.begins(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u));
     while (ports.reports[u].take(report_) == Take::sample) {
     }
     user.present = true;
@@ -168,6 +181,25 @@ class LockstepLoop : WorldLoop {
     for (const PresenceEvent& event : due_orders(scene.settings.presence, kWorld, from_s, to_s)) {
       check_planned(event, follow(order_of(event)));
       follow_exchange();
+    }
+  }
+
+  /// The programs of a user who was to join later may still look for the world. They end with its last frame, so the
+  /// world stays until they have: they could not find one that is gone.
+  void await_newcomers() {
+    ports.status.enter("stopping");
+    const TimePoint begin = Clock::now();
+    for (std::uint32_t u = 0; u < user_count(); ++u) {
+      const bool came = users_[u].present || users_[u].former != 0;
+      if (came || std::ranges::find(options.without, static_cast<int>(u)) != options.without.end()) continue;
+      const auto all = [&](auto holds) { return holds(ProgramKind::haptic_sim) && holds(ProgramKind::device_sim); };
+      const auto lives = [&](ProgramKind one) { return ports.status.met(one, u) && ports.status.hears(one, u); };
+      const auto ended = [&](ProgramKind one) { return ports.status.has_ended(one, u); };
+      while (stop_signal() == 0 && !all(ended)) {
+        const bool any = lives(ProgramKind::haptic_sim) || lives(ProgramKind::device_sim);
+        if (to_seconds(Clock::now() - begin) > (any ? kNewcomer_s : kDiscovery_s)) break;
+        ports.bus->wait(kAgain_s);
+      }
     }
   }
 

@@ -4,6 +4,7 @@
 #include "program/engine_orders.hpp"
 #include "program/join.hpp"
 #include "rt/stop.hpp"
+#include "wire/await.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -133,7 +134,11 @@ void WorldLoop::publish_frame(std::size_t user, bool last, double start_in_s, do
   frame.last = last;
   frame.start_in_s = start_in_s;
   frame.real_time_factor = real_time_factor;
-  ports.frames[user].write(frame);
+  const bool sent = ports.frames[user].write(frame);
+  // In lock-step the user would wait for it for ever.
+  if (sent || last || frame.served == 0 || scene.settings.mode != Mode::lockstep) return;
+  const Peer haptic{ProgramKind::haptic_sim, static_cast<std::uint32_t>(user)};
+  throw Error(ExitCode::failed, unsent_text("world_frame", ports.reports[user], ports.status, haptic));
 }
 
 void WorldLoop::publish_frames(bool last, double start_in_s, double real_time_factor) {
@@ -163,10 +168,19 @@ void WorldLoop::end_cycle() {
 }
 
 void WorldLoop::close() {
-  constexpr double kAcknowledged_s = 0.5;  // that the last frames may take to arrive, all users together
+  // That the last frames may take to arrive, all users together. A sub-world in lock-step fails without its own.
+  const bool lockstep = scene.settings.mode == Mode::lockstep;
+  const double acknowledged_s = lockstep ? 5.0 : 0.5;
   world.close();
-  const TimePoint until = Clock::now() + from_seconds(kAcknowledged_s);
-  for (auto& frames : ports.frames) frames.wait_for_acknowledgments(std::max(0.0, to_seconds(until - Clock::now())));
+  const TimePoint until = Clock::now() + from_seconds(acknowledged_s);
+  for (std::uint32_t u = 0; u < user_count(); ++u) {
+    const auto waits = [&] {
+      return Clock::now() < until && (!lockstep || (ports.status.hears(ProgramKind::haptic_sim, u) &&
+                                                    !ports.status.has_ended(ProgramKind::haptic_sim, u)));
+    };
+    while (!ports.frames[u].wait_for_acknowledgments(0.05) && waits()) {
+    }
+  }
 }
 
 Ending WorldLoop::ending() const {

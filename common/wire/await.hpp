@@ -34,6 +34,24 @@ std::string unsent_text(const char* topic, const Reader<M>& reader, const Status
   return std::string(topic) + " could not be sent; is " + label_of(peer.program, peer.instance) + " stuck?";
 }
 
+/// The place of a message in its run.
+inline std::string place_of(const WorldFrame& one) { return "stamp " + std::to_string(one.stamp); }
+inline std::string place_of(const DeviceState& one) { return "number " + std::to_string(one.sequence); }
+inline std::string place_of(const DeviceCommand& one) { return "number " + std::to_string(one.sequence); }
+inline std::string place_of(const HapticReport& one) {
+  return "stamp " + std::to_string(one.stamp) + " of user " + std::to_string(index(one.user));
+}
+
+/// What a program that stands in lock-step waits for, and what it knows of the sender. `newest`: the sample taken last.
+template <class M>
+std::string waiting_text(const Reader<M>& reader, const M& newest, const StatusBeacon& status, const Peer& peer) {
+  const auto age_ms = static_cast<int>(1e3 * status.status_age_s(peer.program, peer.instance));
+  return "waits for " + label_of(peer.program, peer.instance) + ": " + kTopicOf<M>.name + " after " + place_of(newest) +
+         "; writers matched " + std::to_string(reader.matched()) + ", alive " + std::to_string(reader.alive_writers()) +
+         "; samples refused " + std::to_string(reader.refused()) + "; its newest status came " +
+         std::to_string(age_ms) + " ms ago";
+}
+
 /// Waits in lock-step for the next sample that is `ours`; drops others. Marks the loop's stages `wake`, until the
 /// sample is received, and `decode`. Returns false when `stopped` returns true. Reports on `status` after a wait of 2
 /// s. Calls `on_loss(text)`, and then returns false, when, for 5 s, the peer was not alive; 0.7 s are enough after its
@@ -68,7 +86,7 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
     }
     if (waited > 2s && !said) {
       const std::string label = label_of(peer.program, peer.instance);
-      status.note("waits for " + label, label);
+      status.note(waiting_text(reader, sample, status, peer), label);
       said = true;
     }
     bus.wait(0.05);

@@ -7,6 +7,7 @@
 #include "wire/observer.hpp"
 #include "wire/plugin.hpp"
 #include "wire/recording_memory.hpp"
+#include "wire/test_delay.hpp"
 
 #include <fmt/format.h>
 
@@ -132,6 +133,7 @@ struct Bus::Impl {
 
   [[nodiscard]] wire::EndpointSpec spec(std::size_t topic, const std::string& partition,
                                         std::optional<double> device_period_s = {}) const {
+    test_delay();
     const double period_s = device_period_s.value_or(config.device_period_s);
     return {kTopics[topic], qos_of(kTopics[topic], config.mode, period_s, config.cycle_s), partition};
   }
@@ -154,6 +156,7 @@ AnyWriter& AnyWriter::operator=(AnyWriter&&) noexcept = default;
 AnyWriter::~AnyWriter() = default;
 
 bool AnyWriter::write_any(const void* sample) noexcept {
+  test_delay();
   const auto cdr = impl_->codec->encode(sample);
   if (cdr.empty() || !impl_->backend->write(cdr)) return false;
   keep_message(impl_->topic, true, cdr.size(), sample);
@@ -190,6 +193,7 @@ AnyReader& AnyReader::operator=(AnyReader&&) noexcept = default;
 AnyReader::~AnyReader() = default;
 
 bool AnyReader::receive() noexcept {
+  test_delay();
   if (!impl_->backend->take(impl_->cdr, impl_->writer)) return false;
   impl_->bytes += impl_->cdr.size();
   return true;
@@ -271,6 +275,7 @@ std::unique_ptr<ByteWriter> Observer::counterpart(const Bus& bus, std::size_t to
 }
 
 Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
+  test_delay(kTestDelayOfStart);
   keep_last_messages();
   open_recording();
   impl_->config = config;

@@ -132,6 +132,11 @@ bool StatusBeacon::has_ended(ProgramKind program, std::uint32_t instance) const 
   return heard != heard_of_.end() && (heard->second.stopped || !heard->second.last_words.empty());
 }
 
+void StatusBeacon::begins(ProgramKind program, std::uint32_t instance) {
+  const std::lock_guard lock(words_mutex_);
+  heard_of_.erase(static_cast<std::size_t>(program) * kInstances + instance);
+}
+
 bool StatusBeacon::is_replaced(ProgramKind program, std::uint32_t instance) const {
   const std::lock_guard lock(words_mutex_);
   const auto heard = heard_of_.find(static_cast<std::size_t>(program) * kInstances + instance);

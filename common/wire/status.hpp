@@ -74,6 +74,9 @@ class StatusBeacon {
   [[nodiscard]] std::string last_words(ProgramKind program, std::uint32_t instance) const;
   /// Whether that program has ended by its own word: in order, or with last words.
   [[nodiscard]] bool has_ended(ProgramKind program, std::uint32_t instance) const;
+  /// From now on the process of that program takes part that has just shown it by a message. What its predecessor said
+  /// no longer counts: its end, or that it was replaced.
+  void begins(ProgramKind program, std::uint32_t instance);
   /// Whether another process of that program and instance has begun since, which does not take part yet.
   [[nodiscard]] bool is_replaced(ProgramKind program, std::uint32_t instance) const;
   /// Whether a process of that program and instance takes part in a run.

@@ -10,8 +10,11 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
+#include <set>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace subworld::test {
@@ -27,10 +30,12 @@ struct Ended {
   std::string err;
 };
 
-/// The real programs; each test has its own domain and folder. No process or file may remain after a test.
+/// The real programs; each test has its own domain and folder. No process or file may remain after a test. One that
+/// fails prints the output of its runs, and leaves its folder.
 class ProcessTest : public ::testing::Test {
  protected:
   void TearDown() override {
+    if (HasFailure()) explain();
     const auto left = running(folder_.path());
     EXPECT_TRUE(left.empty()) << left.size() << " programs still run, the first is " << left.front().words.front();
     for (const Running& one : left) kill(one.pid, SIGKILL);
@@ -51,7 +56,8 @@ class ProcessTest : public ::testing::Test {
     Process process(words, folder_.path(), environment);
     const auto code = process.wait();
     EXPECT_TRUE(code) << "still runs: " << words.front();
-    return {code.value_or(-1), process.out(), process.err()};
+    runs_.push_back({words, {code.value_or(-1), process.out(), process.err()}});
+    return runs_.back().second;
   }
   Ended run(const std::string& scene_file, const Words& flags, const Environment& environment = {}) const {
     return finish(run_words(scene_file, flags), environment);
@@ -76,6 +82,33 @@ class ProcessTest : public ::testing::Test {
   const TestDomain domain_;
 
  private:
+  /// Prints what the runs of this test have said, and the logs and the verdict of the last one.
+  void explain() const {
+    for (const auto& [words, ended] : runs_) {
+      std::cout << "----";
+      for (const std::string& word : words) std::cout << ' ' << word;
+      std::cout << "\nexit code " << ended.code << "\n" << ended.out << ended.err;
+    }
+    std::error_code ignored;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_.path(), ignored)) {
+      const std::string name = entry.path().filename();
+      if (name != "stdout.txt" && name != "stderr.txt" && name != "summary.json" && entry.path().extension() != ".log")
+        continue;
+      if (name == "summary.json") {
+        const Json json = Json::parse(read_text(entry.path()), nullptr, false);
+        std::cout << "---- " << entry.path().string() << "\n"
+                  << (json.is_object() ? json.value("verdict", "") : "") << "\n";
+        continue;
+      }
+      const std::string text = read_text(entry.path());
+      const bool printed = !runs_.empty() && (text == runs_.back().second.out || text == runs_.back().second.err);
+      if (!text.empty() && !printed) std::cout << "---- " << entry.path().string() << "\n" << text;
+    }
+    folder_.keep();
+    std::cout << "---- all of it is in " << folder_.path() << std::endl;
+  }
+
+  mutable std::vector<std::pair<Words, Ended>> runs_;
   std::set<std::string> shared_memory_before_ = shared_memory_files();
 };
 

@@ -18,6 +18,7 @@ class TemporaryFolder {
     path_ = name;
   }
   ~TemporaryFolder() {
+    if (kept_) return;
     std::error_code ignored;
     std::filesystem::remove_all(path_, ignored);
   }
@@ -29,10 +30,13 @@ class TemporaryFolder {
     std::ofstream(file, std::ios::binary) << text;
     return file.string();
   }
+  /// The destructor leaves it, for whoever looks for the cause of a failure.
+  void keep() const { kept_ = true; }
   [[nodiscard]] std::string path() const { return path_.string(); }
 
  private:
   std::filesystem::path path_;
+  mutable bool kept_ = false;
 };
 
 }  // namespace subworld

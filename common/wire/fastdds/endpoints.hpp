@@ -128,7 +128,14 @@ class FastReader final : public HoldingReader, dds::DataReaderListener {
       dds::SampleInfo info;
       bool taken = false;
       std::swap(sample_.received, cdr);
-      while (!taken && reader->take_next_sample(&sample_, &info) == ReturnCode_t::RETCODE_OK) taken = info.valid_data;
+      while (!taken) {
+        const ReturnCode_t code = reader->take_next_sample(&sample_, &info);
+        // It gives up where another thread holds the reader's lock for long, as on a machine that was suspended. Nobody
+        // calls again for the sample that waits.
+        if (code == ReturnCode_t::RETCODE_TIMEOUT) continue;
+        if (code != ReturnCode_t::RETCODE_OK) break;
+        taken = info.valid_data;
+      }
       std::swap(sample_.received, cdr);
       if (taken) writer = number_of(info.publication_handle);
       return taken;
