@@ -43,7 +43,7 @@ constexpr int kMostRestarts = 8;                        ///< of a program, in a 
 constexpr const char* kReturns = "joins again, as planned";
 constexpr std::chrono::seconds kLived{1};  ///< one that ran for so long has begun well
 
-double to_seconds(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
+double seconds_of(std::chrono::milliseconds time) { return std::chrono::duration<double>(time).count(); }
 
 [[noreturn]] void become(const Supervisor::Child& child, int log, int verdict_link, pid_t parent) {
   const std::string& program = child.program;
@@ -147,7 +147,7 @@ std::string Supervisor::restart_reason(const Child& child,
 
 std::optional<Supervisor::Failure> Supervisor::revive(const std::function<std::string(const Child&)>& early) {
   for (Child& child : children_) {
-    const bool halted = child.pid > 0 && child.essential && child.halted_s > to_seconds(kHalted);
+    const bool halted = child.pid > 0 && child.essential && child.halted_s > seconds_of(kHalted);
     if (halted && restart_ != Restart::never) kill(child.pid, SIGKILL);
     if (child.starts_at == Clock::time_point{}) {
       if (child.pid < 0 && Clock::now() - child.started_at > kLived) child.restarts = 0;
@@ -195,7 +195,7 @@ std::optional<Supervisor::Failure> Supervisor::failure(const std::function<std::
   for (Child& child : children_) {
     if (!child.essential || child.starts_at != Clock::time_point{}) continue;
     if (child.pid < 0 && WIFSIGNALED(child.status)) return Failure{child, end_of(child)};
-    if (restart_ == Restart::never && child.halted_s > to_seconds(kHalted)) {
+    if (restart_ == Restart::never && child.halted_s > seconds_of(kHalted)) {
       return Failure{child,
                      fmt::format("is halted (by SIGSTOP, a debugger or a terminal); its process was {}", child.pid)};
     }
@@ -231,7 +231,7 @@ std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>
     if (auto failed = failure(early)) return failed;
     if (!any_running(false)) break;
     const bool only_halted = std::ranges::all_of(
-        children_, [](const Child& c) { return c.pid < 0 || (!c.essential && c.halted_s > to_seconds(kHalted)); });
+        children_, [](const Child& c) { return c.pid < 0 || (!c.essential && c.halted_s > seconds_of(kHalted)); });
     if (only_halted && !any_running(true)) break;  // a display that will not end
     // After the world the others only finish: one that does not end soon is stuck.
     if (children_.front().pid > 0 || children_.front().starts_at != Clock::time_point{}) world_seen = Clock::now();
@@ -247,7 +247,7 @@ std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>
       next_tick += std::chrono::milliseconds(100);
     }
     std::this_thread::sleep_for(kPoll);
-    for (Child& child : children_) child.halted_s = child.halted ? child.halted_s + to_seconds(kPoll) : 0.0;
+    for (Child& child : children_) child.halted_s = child.halted ? child.halted_s + seconds_of(kPoll) : 0.0;
   }
   return std::nullopt;
 }
