@@ -16,7 +16,6 @@ void add_restart(CommandLine& line, std::string& restart) {
       .one_of({"never", "on-failure", "always"});
 }
 
-
 }  // namespace
 
 Restart restart_of(const std::string& word) {

@@ -20,7 +20,9 @@ bool is_among(const auto& tools, std::string_view name) {
 }  // namespace
 
 bool is_tool(std::string_view name) { return is_among(kTools, name); }
-const char* about_tool(std::string_view name) { return std::ranges::find_if(kTools, [&](const Tool& tool) { return name == tool.name; })->about; }
+const char* about_tool(std::string_view name) {
+  return std::ranges::find_if(kTools, [&](const Tool& tool) { return name == tool.name; })->about;
+}
 bool is_lab(std::string_view name) { return is_among(kLabs, name); }
 
 std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }

@@ -1,9 +1,9 @@
 #pragma once
 
+#include "coupling/plan.hpp"
 #include "coupling/suppression.hpp"
 #include "coupling/synchroniser.hpp"
 #include "model/exchange.hpp"
-#include "coupling/plan.hpp"
 
 #include <algorithm>
 #include <cstdint>

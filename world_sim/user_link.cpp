@@ -67,7 +67,7 @@ void UserLink::leave(const BodyState& proxy, std::uint64_t joins_from) {
 }
 
 void UserLink::hold_at(const Pose& device, const BodyState& proxy) {
-  follow(LinkEvent::silence, proxy);
+  follow(LinkEvent::timeout, proxy);
   device_ = {.pose = device};
   HapticReport& last = inbox_.newest();
   last.device_work_j = last.coupling_energy_j = stored_j(proxy);

@@ -24,8 +24,8 @@ enum class LinkEvent : std::uint8_t {
   report,      ///< comes, of the start of the sub-world that is known
   new_report,  ///< comes, of a sub-world that has started from a newer frame
   two_used,    ///< the second report since the join has been used
-  silence,     ///< no report has come for too long
-  leave,       ///< by order, as planned, or after a longer silence
+  timeout,     ///< no report has come for too long
+  leave,       ///< by order, as planned, or after a longer timeout
   count
 };
 
@@ -52,7 +52,7 @@ inline constexpr Transitions kTransitions = [] {
   using A = LinkAction;
   constexpr Transition kJoin{joining, A::join}, kLeave{absent, A::forget};
   return Transitions{{
-      // report, new_report, two_used, silence, leave
+      // report, new_report, two_used, timeout, leave
       {{{present, A::count_anew}, kJoin, {awaited}, {held}, kLeave}},
       {{{present}, kJoin, {present}, {held}, kLeave}},
       {{kJoin, kJoin, {held}, {held}, kLeave}},
@@ -79,7 +79,7 @@ class UserLink {
   /// What take() returned has been used, for the motion up to `until_s`. True where the coupling holds the proxy no
   /// longer.
   bool used(std::uint64_t stamp, double until_s);
-  void fall_silent(const BodyState& proxy) { follow(LinkEvent::silence, proxy); }
+  void time_out(const BodyState& proxy) { follow(LinkEvent::timeout, proxy); }
   /// From now on only reports count of a sub-world that has started from a frame of `joins_from` or later.
   void leave(const BodyState& proxy, std::uint64_t joins_from);
   /// In a resumed world: the coupling holds the proxy from there, with energy of before.

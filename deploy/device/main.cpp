@@ -37,5 +37,6 @@ int main_of(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return subworld::finished("subworld device", subworld::guarded("subworld device", [&] { return main_of(argc, argv); }));
+  return subworld::finished("subworld device",
+                            subworld::guarded("subworld device", [&] { return main_of(argc, argv); }));
 }

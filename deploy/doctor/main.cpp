@@ -40,5 +40,6 @@ int main_of(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return subworld::finished("subworld doctor", subworld::guarded("subworld doctor", [&] { return main_of(argc, argv); }));
+  return subworld::finished("subworld doctor",
+                            subworld::guarded("subworld doctor", [&] { return main_of(argc, argv); }));
 }

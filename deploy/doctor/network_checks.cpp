@@ -1,6 +1,6 @@
 #include "doctor/checks.hpp"
-#include "run/launch.hpp"
 #include "model/nearest.hpp"
+#include "run/launch.hpp"
 #include "tools.hpp"
 
 #include <fmt/format.h>

@@ -1,9 +1,9 @@
 #include "doctor/facts.hpp"
 #include "io/version.hpp"
-#include "run/launch.hpp"
 #include "model/error.hpp"
-#include "wire/bus.hpp"
+#include "run/launch.hpp"
 #include "tools.hpp"
+#include "wire/bus.hpp"
 
 #include <fmt/format.h>
 #include <sys/stat.h>

@@ -1,12 +1,12 @@
 #include "doctor/facts.hpp"
 #include "io/version.hpp"
-#include "run/launch.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
 #include "physics/plugin.hpp"
 #include "rt/calibration.hpp"
-#include "wire/plugin.hpp"
+#include "run/launch.hpp"
 #include "tools.hpp"
+#include "wire/plugin.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,13 +1,13 @@
 #include "judge/report.hpp"
 
+#include "io/ending.hpp"
+#include "io/results.hpp"
 #include "judge/ends.hpp"
 #include "judge/explain.hpp"
 #include "judge/gates.hpp"
-#include "io/ending.hpp"
-#include "io/results.hpp"
+#include "judge/salvage.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
-#include "judge/salvage.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>

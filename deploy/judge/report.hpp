@@ -1,8 +1,8 @@
 #pragma once
 
-#include "run/launch.hpp"
-#include "rt/calibration.hpp"
 #include "judge/summary.hpp"
+#include "rt/calibration.hpp"
+#include "run/launch.hpp"
 #include "run/supervise.hpp"
 #include "watch/watchdog.hpp"
 #include "wire/last_messages.hpp"

@@ -1,9 +1,9 @@
 #include "judge/salvage.hpp"
 
 #include "io/history_reader.hpp"
+#include "judge/summary.hpp"
 #include "model/error.hpp"
 #include "rt/histogram.hpp"
-#include "judge/summary.hpp"
 
 #include <fmt/format.h>
 

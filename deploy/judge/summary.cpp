@@ -1,8 +1,8 @@
 #include "judge/summary.hpp"
 
 #include "coupling/plan.hpp"
-#include "judge/gates.hpp"
 #include "io/version.hpp"
+#include "judge/gates.hpp"
 #include "physics/plugin.hpp"
 
 #include <fmt/format.h>

@@ -1,12 +1,12 @@
 #pragma once
 
-#include "judge/gates.hpp"
 #include "io/program_results.hpp"
+#include "judge/gates.hpp"
 #include "model/scene.hpp"
-#include "run/placement.hpp"
 #include "record/recording.hpp"
 #include "rt/calibration.hpp"
 #include "rt/kernel_share.hpp"
+#include "run/placement.hpp"
 #include "run/supervise.hpp"
 
 #include <optional>

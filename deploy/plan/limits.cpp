@@ -5,14 +5,14 @@
 #include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
 #include "coupling/stiffness.hpp"
-#include "run/launch.hpp"
-#include "plan/listed.hpp"
 #include "model/body_choice.hpp"
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
 #include "model/shape_extent.hpp"
 #include "physics/plugin.hpp"
+#include "plan/listed.hpp"
 #include "plan/start_warnings.hpp"
+#include "run/launch.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -1,8 +1,8 @@
 #include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
-#include "run/launch.hpp"
-#include "plan/limits.hpp"
 #include "physics/plugin.hpp"
+#include "plan/limits.hpp"
+#include "run/launch.hpp"
 
 #include <fmt/format.h>
 

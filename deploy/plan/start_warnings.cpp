@@ -1,10 +1,10 @@
 #include "plan/start_warnings.hpp"
 
-#include "plan/listed.hpp"
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"
 #include "model/shape_extent.hpp"
 #include "physics/plugin.hpp"
+#include "plan/listed.hpp"
 
 #include <fmt/format.h>
 

@@ -49,5 +49,6 @@ int main_of(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return subworld::finished("subworld replay", subworld::guarded("subworld replay", [&] { return main_of(argc, argv); }));
+  return subworld::finished("subworld replay",
+                            subworld::guarded("subworld replay", [&] { return main_of(argc, argv); }));
 }

@@ -264,8 +264,8 @@ void Player::execute(const Control& order) {
       const bool possible = speed >= kLeastReplaySpeed && speed <= kMostReplaySpeed;
       if (possible) config_.speed = speed;
       reply.answer = possible ? OrderAnswer{OrderState::done, fmt::format("speed {}", speed)}
-                              : OrderAnswer{OrderState::refused,
-                                            fmt::format("a speed from {} to {} is needed", kLeastReplaySpeed, kMostReplaySpeed)};
+                              : OrderAnswer{OrderState::refused, fmt::format("a speed from {} to {} is needed",
+                                                                             kLeastReplaySpeed, kMostReplaySpeed)};
       break;
     }
     case ControlVerb::stop:

@@ -1,7 +1,7 @@
 #include "record/recording.hpp"
 
-#include "model/error.hpp"
 #include "judge/report.hpp"
+#include "model/error.hpp"
 #include "rt/wall_clock.hpp"
 #include "wire/schema.hpp"
 #include "wire/topics.hpp"

@@ -1,18 +1,18 @@
 #include "record/replay.hpp"
 
-#include "run/claim.hpp"
-#include "run/file_lock.hpp"
 #include "io/mcap_reader.hpp"
 #include "io/results.hpp"
-#include "run/launch.hpp"
 #include "model/error.hpp"
 #include "model/presence.hpp"
-#include "run/page.hpp"
 #include "record/player.hpp"
 #include "record/recording.hpp"
 #include "rt/stop.hpp"
-#include "wire/bus.hpp"
+#include "run/claim.hpp"
+#include "run/file_lock.hpp"
+#include "run/launch.hpp"
+#include "run/page.hpp"
 #include "tools.hpp"
+#include "wire/bus.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>

@@ -1,8 +1,8 @@
 #include "results/run_report.hpp"
 
-#include "run/claim.hpp"
 #include "io/version.hpp"
 #include "results/values.hpp"
+#include "run/claim.hpp"
 
 #include <fmt/format.h>
 

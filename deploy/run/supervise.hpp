@@ -1,7 +1,7 @@
 #pragma once
 
-#include "run/keeper.hpp"
 #include "model/scene.hpp"
+#include "run/keeper.hpp"
 #include "run/restart.hpp"
 
 #include <sys/types.h>

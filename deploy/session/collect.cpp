@@ -1,9 +1,9 @@
 #include "session/collect.hpp"
 
-#include "run/claim.hpp"
 #include "io/results.hpp"
-#include "model/error.hpp"
 #include "judge/report.hpp"
+#include "model/error.hpp"
+#include "run/claim.hpp"
 #include "session/session.hpp"
 
 #include <fmt/format.h>

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "session/session_file.hpp"
 #include "judge/summary.hpp"
+#include "session/session_file.hpp"
 
 #include <cstdint>
 #include <string>

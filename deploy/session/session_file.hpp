@@ -1,7 +1,7 @@
 #pragma once
 
-#include "run/launch.hpp"
 #include "model/scene.hpp"
+#include "run/launch.hpp"
 
 #include <string>
 #include <string_view>

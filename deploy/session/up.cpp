@@ -1,18 +1,18 @@
-#include "run/claim.hpp"
 #include "judge/ends.hpp"
-#include "run/keeper.hpp"
-#include "plan/limits.hpp"
+#include "judge/report.hpp"
 #include "link/network.hpp"
 #include "model/error.hpp"
-#include "watch/progress.hpp"
-#include "judge/report.hpp"
+#include "plan/limits.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
+#include "run/claim.hpp"
+#include "run/keeper.hpp"
 #include "session/collect.hpp"
 #include "session/distant_host.hpp"
 #include "session/session.hpp"
 #include "session/session_file.hpp"
 #include "tools.hpp"
+#include "watch/progress.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

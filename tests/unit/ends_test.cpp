@@ -1,7 +1,7 @@
 #include "judge/ends.hpp"
 
-#include "rt/presence.hpp"
 #include "judge/summary.hpp"
+#include "rt/presence.hpp"
 #include "run/supervise.hpp"
 #include "watch/watchdog.hpp"
 

@@ -1,9 +1,9 @@
 // Warnings of `plan` and `run` for scenes beyond the limits of an engine or a device.
 #include "plan/limits.hpp"
 
-#include "run/launch.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
+#include "run/launch.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

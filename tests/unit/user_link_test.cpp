@@ -11,7 +11,7 @@ namespace subworld {
 namespace {
 
 constexpr std::array kStates{"awaited", "present", "held", "joining", "absent"};
-constexpr std::array kEvents{"report", "new_report", "two_used", "silence", "leave"};
+constexpr std::array kEvents{"report", "new_report", "two_used", "timeout", "leave"};
 constexpr std::array kActions{"", "refuse", "count_anew", "join", "release", "forget"};
 
 TEST(UserLink, ThePageOfTheMessagesShowsTheTableThatRuns) {
@@ -51,7 +51,7 @@ class Link {
     if (state == UserPresence::awaited) return;
     use();
     use();
-    if (state == UserPresence::held) link.fall_silent({});
+    if (state == UserPresence::held) link.time_out({});
     if (state == UserPresence::joining) EXPECT_TRUE(report(stamp_));
     if (state == UserPresence::absent) link.leave({}, stamp_ + 1);
     EXPECT_EQ(link.presence(), state);
@@ -60,7 +60,7 @@ class Link {
   bool happen(LinkEvent event) {
     if (event == LinkEvent::report) return report(link.presence() == UserPresence::joining ? 2 : 0);
     if (event == LinkEvent::new_report) return report(stamp_ + 1);
-    if (event == LinkEvent::silence) link.fall_silent({});
+    if (event == LinkEvent::timeout) link.time_out({});
     if (event == LinkEvent::leave) link.leave({}, stamp_ + 1);
     return true;
   }
