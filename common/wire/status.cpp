@@ -134,7 +134,8 @@ bool StatusBeacon::has_ended(ProgramKind program, std::uint32_t instance) const 
 
 void StatusBeacon::begins(ProgramKind program, std::uint32_t instance) {
   const std::lock_guard lock(words_mutex_);
-  heard_of_.erase(static_cast<std::size_t>(program) * kInstances + instance);
+  // It runs, although its next status may be a second away: where it dies before, its successor is another process.
+  heard_of_[static_cast<std::size_t>(program) * kInstances + instance] = {.ran = true, .last_words = {}};
 }
 
 bool StatusBeacon::is_replaced(ProgramKind program, std::uint32_t instance) const {
