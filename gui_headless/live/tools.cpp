@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 namespace subworld::live {
 namespace {
@@ -83,8 +84,7 @@ std::string Tools::move(int user, std::uint32_t connection, std::span<const std:
   }
   if (const std::string fault = fault_of(*pose); !fault.empty()) return fmt::format("the pose {}", fault);
   if (!tool.offered) look_for(tool);
-  if (!tool.offered)
-    return fmt::format("user {} has no device that a page can be; start the run with --device browser", user);
+  if (!tool.offered) return absence(user, connection);
   if (tool.holder != 0 && tool.holder != connection) return fmt::format("another page holds the tool of user {}", user);
   tool.holder = connection;
   tool.heard = now;
@@ -93,7 +93,15 @@ std::string Tools::move(int user, std::uint32_t connection, std::span<const std:
   std::ranges::copy(pose->position_m, out.position_m);
   std::ranges::copy(pose->orientation, out.orientation);
   send(tool, out);
-  return tool.offered ? "" : fmt::format("the device of user {} has ended", user);
+  return tool.offered ? "" : absence(user, connection);
+}
+
+std::string Tools::absence(int user, std::uint32_t connection) {
+  Tool& tool = tools_[static_cast<std::size_t>(user)];
+  if (!tool.known)
+    return fmt::format("user {} has no device that a page can be; start the run with --device browser", user);
+  if (std::exchange(tool.told, connection) == connection) return {};
+  return fmt::format("the device of user {} has ended", user);
 }
 
 void Tools::release(int user, std::uint32_t connection) noexcept {
@@ -124,7 +132,12 @@ void Tools::look_for(Tool& tool) noexcept {
     (void)bind(tool.socket, reinterpret_cast<const sockaddr*>(&kAnyName), sizeof kAnyName.sun_family);
   }
   tool.offered = connect(tool.socket, tool.address.get(), tool.address.size) == 0;
-  if (!tool.offered) tool.holder = 0;
+  if (tool.offered) {
+    tool.known = true;
+    tool.told = 0;
+  } else {
+    tool.holder = 0;
+  }
 }
 
 /// A pose that finds no room in the socket of a halted device is dropped: the next one is newer.

@@ -45,11 +45,15 @@ class Tools {
     LocalAddress address;
     int socket = -1;
     bool offered = false;      // its device is there
+    bool known = false;        // it has been
+    std::uint32_t told = 0;    // the connection that knows that it has ended
     std::uint32_t holder = 0;  // 0: none
     std::uint32_t number = 0;  // of the newest datagram
     Clock::time_point heard;
   };
   void look_for(Tool& tool) noexcept;
+  /// Why a pose has no device. That a device has ended is said once, to a page that goes on sending: runs end so.
+  [[nodiscard]] std::string absence(int user, std::uint32_t connection);
   void send(Tool& tool, PoseDatagram pose) noexcept;
 
   std::vector<Tool> tools_;  // of each user
