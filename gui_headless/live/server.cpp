@@ -7,14 +7,21 @@
 #include "tools.hpp"
 
 #include <fmt/format.h>
+#include <libwebsockets.h>
+#include <netdb.h>
+#include <netinet/tcp.h>
 #include <signal.h>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/post.hpp>
-#include <boost/asio/steady_timer.hpp>
+#include <sys/timerfd.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 #include <charconv>
+#include <cstring>
+#include <functional>
 #include <future>
+#include <mutex>
 #include <random>
 #include <string_view>
 #include <thread>
@@ -24,12 +31,11 @@
 namespace subworld::live {
 namespace {
 
-namespace asio = boost::asio;
-using asio::ip::tcp;
-
 constexpr std::size_t kMostClients = 32, kMostConnections = 64, kMostSubscriptions = 1024;
-constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / 60};  // the highest rate of a channel
-constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewell{500}, kRetry{100};
+constexpr int kSendBufferBytes = 256 << 10;                       // of the kernel, for each client
+constexpr unsigned kHeaderBytes = 8U << 10U, kRequestTime_s = 5;  // at most, of a request
+constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / 60};   // the highest rate of a channel
+constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewell{500};
 
 constexpr std::string_view kOrderTopic = "/control";
 
@@ -50,39 +56,57 @@ std::string random_session() {
   return fmt::format("{:08x}{:08x}", source(), source());
 }
 
-tcp::acceptor open_acceptor(asio::io_context& io, const ServerConfig& config) {
-  boost::system::error_code fault;
-  const auto address = asio::ip::make_address(config.address, fault);
-  tcp::acceptor acceptor(io);
-  const tcp::endpoint endpoint(address, static_cast<std::uint16_t>(config.port));
-  if (!fault) acceptor.open(endpoint.protocol(), fault);
-  if (!fault) acceptor.set_option(asio::socket_base::reuse_address(true), fault);
-  if (!fault) acceptor.bind(endpoint, fault);
-  if (!fault) acceptor.listen(asio::socket_base::max_listen_connections, fault);
-  if (fault) {
-    throw Error(ExitCode::failed,
-                fmt::format("cannot serve viewers on {} port {}: {}; choose another --live PORT or --listen ADDRESS",
-                            config.address, config.port, fault.message()));
+/// Throws `Error` (failed) where it cannot listen.
+int listening_socket(const ServerConfig& config) {
+  addrinfo hints{};
+  hints.ai_flags = AI_NUMERICHOST;
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* at = nullptr;
+  int listener = -1;
+  std::string fault;
+  if (const int code = getaddrinfo(config.address.c_str(), std::to_string(config.port).c_str(), &hints, &at); code != 0)
+    fault = gai_strerror(code);
+  if (at != nullptr) {
+    constexpr int kOn = 1;
+    listener = socket(at->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    if (listener < 0 || setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &kOn, sizeof kOn) != 0 ||
+        bind(listener, at->ai_addr, at->ai_addrlen) != 0 || listen(listener, SOMAXCONN) != 0)
+      fault = std::strerror(errno);
+    freeaddrinfo(at);
   }
-  return acceptor;
+  if (fault.empty()) return listener;
+  if (listener >= 0) close(listener);
+  throw Error(ExitCode::failed,
+              fmt::format("cannot serve viewers on {} port {}: {}; choose another --live PORT or --listen ADDRESS",
+                          config.address, config.port, fault));
 }
+
+/// "127.0.0.1:8765"
+std::string address_of(int listener) {
+  sockaddr_storage own{};
+  socklen_t size = sizeof own;
+  std::array<char, NI_MAXHOST> host{};
+  std::array<char, NI_MAXSERV> port{};
+  getsockname(listener, reinterpret_cast<sockaddr*>(&own), &size);
+  getnameinfo(reinterpret_cast<const sockaddr*>(&own), size, host.data(), host.size(), port.data(), port.size(),
+              NI_NUMERICHOST | NI_NUMERICSERV);
+  return own.ss_family == AF_INET6 ? fmt::format("[{}]:{}", host.data(), port.data())
+                                   : fmt::format("{}:{}", host.data(), port.data());
+}
+
+void report(const std::exception& fault) { fmt::print(stderr, "gui_headless: viewers: {}\n", fault.what()); }
 
 }  // namespace
 
 struct Server::Parts final : Host {
   Parts(const ServerConfig& wanted, Bus& bus)
-      : config(wanted),
-        sources(bus, wanted.users),
-        orders(bus),
-        tools(wanted.domain, wanted.users),
-        acceptor(open_acceptor(io, wanted)),
-        accept_again(io),
-        tick(io),
-        farewell(io) {
-    const tcp::endpoint own = acceptor.local_endpoint();
-    const std::string host = own.address().to_string();
-    address = fmt::format("{}:{}", own.address().is_v6() ? "[" + host + "]" : host, own.port());
-    accept();
+      : config(wanted), sources(bus, wanted.users), orders(bus), tools(wanted.domain, wanted.users) {
+    context.reset(open_context());
+    if (!context) throw Error(ExitCode::failed, "cannot serve viewers: libwebsockets does not start");
+    const int socket = listening_socket(config);
+    address = address_of(socket);
+    listener = watch(socket);
+    timer = watch(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC));
     schedule(kIdlePeriod);
     // Signals go to the main thread.
     sigset_t all, before;
@@ -93,63 +117,134 @@ struct Server::Parts final : Host {
   }
 
   ~Parts() override {
-    asio::post(io, [this] { leave(); });
+    post([this] { leave(); });
     thread.join();
   }
 
+  lws_context* open_context() {
+    static const std::array<lws_protocols, kProtocols.size() + 1> kNames{
+        {{kProtocols[0].data(), on_event, 0, 0, 0, nullptr, kSendBufferBytes},
+         {kProtocols[1].data(), on_event, 0, 0, 0, nullptr, kSendBufferBytes},
+         {}}};
+    static const lws_retry_bo_t kIdle{nullptr, 0,  0,
+                                      10,      20, 0};  // seconds to a ping, and to the end without its answer
+    lws_set_log_level(0, nullptr);                      // it mentions each wrong client
+    lws_context_creation_info info{};
+    info.port = CONTEXT_PORT_NO_LISTEN_SERVER;
+    info.protocols = kNames.data();
+    info.options = LWS_SERVER_OPTION_VALIDATE_UTF8;
+    info.fd_limit_per_thread = kMostConnections + 8;
+    info.max_http_header_data2 = kHeaderBytes;
+    info.timeout_secs = kRequestTime_s;
+    info.timeout_secs_ah_idle = kRequestTime_s;
+    info.retry_and_idle_policy = &kIdle;
+    info.user = this;
+    return lws_create_context(&info);
+  }
+
+  /// From now on there is an event when it can be read. The library closes it.
+  lws* watch(int descriptor) {
+    lws_sock_file_fd_type file{};
+    file.filefd = descriptor;
+    return lws_adopt_descriptor_vhost(vhost(), LWS_ADOPT_RAW_FILE_DESC, file, nullptr, nullptr);
+  }
+  [[nodiscard]] lws_vhost* vhost() const { return lws_get_vhost_by_name(context.get(), "default"); }
+
+  static int on_event(lws* connection, lws_callback_reasons event, void* user, void* bytes, std::size_t size) {
+    try {
+      Parts& parts = *static_cast<Parts*>(lws_context_user(lws_get_context(connection)));
+      return parts.handle(connection, event, static_cast<Session*>(user), bytes, size);
+    } catch (const std::exception& fault) {
+      report(fault);
+      return -1;
+    }
+  }
+
+  /// `session`: null where the connection is new, or is none.
+  int handle(lws* connection, lws_callback_reasons event, Session* session, const void* bytes, std::size_t size) {
+    if (event == LWS_CALLBACK_SERVER_NEW_CLIENT_INSTANTIATED) {
+      sessions.push_back(std::make_unique<Session>(connection, *this, ++connections));
+      lws_set_wsi_user(connection, sessions.back().get());
+    } else if (event == LWS_CALLBACK_RAW_RX_FILE) {
+      connection == timer ? tick() : accept();
+    } else if (session != nullptr && event == LWS_CALLBACK_WSI_DESTROY) {
+      closed(*session);
+    } else if (session != nullptr) {
+      return session->handle(event, bytes, size);
+    }
+    return 0;
+  }
+
   void work() noexcept {
-    for (;;) {
-      try {
-        io.run();
-        return;
-      } catch (const std::exception& fault) {
-        fmt::print(stderr, "gui_headless: viewers: {}\n", fault.what());
+    while (!done) {
+      lws_service(context.get(), 0);
+      std::vector<std::function<void()>> posted;
+      {
+        const std::lock_guard lock(mutex);
+        posted.swap(tasks);
+      }
+      for (const auto& task : posted) {
+        try {
+          task();
+        } catch (const std::exception& fault) {
+          report(fault);
+        }
       }
     }
   }
 
+  /// Does this in the thread of the server.
+  void post(std::function<void()> task) {
+    const std::lock_guard lock(mutex);
+    tasks.push_back(std::move(task));
+    lws_cancel_service(context.get());
+  }
+
   void accept() {
-    acceptor.async_accept([this](boost::system::error_code fault, tcp::socket socket) {
-      if (leaving) return;
-      if (fault) {  // as where no file is left to open
-        accept_again.expires_after(kRetry);
-        return accept_again.async_wait([this](boost::system::error_code) {
-          if (!leaving) accept();
-        });
-      }
-      accept();
-      if (sessions.size() >= kMostConnections) return;
-      sessions.push_back(std::make_shared<Session>(std::move(socket), *this, ++connections));
-      sessions.back()->start();
-    });
+    const int socket = accept4(lws_get_socket_fd(listener), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (socket < 0) {  // as where no file is left to open
+      lws_rx_flow_control(listener, 0);
+      return;
+    }
+    if (sessions.size() >= kMostConnections) {
+      close(socket);
+      return;
+    }
+    constexpr int kOn = 1;
+    setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &kOn, sizeof kOn);
+    setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &kSendBufferBytes, sizeof kSendBufferBytes);
+    lws_adopt_socket_vhost(vhost(), socket);
   }
 
   void schedule(std::chrono::nanoseconds period) {
-    tick.expires_after(period);
-    tick.async_wait([this](boost::system::error_code fault) {
-      if (fault || leaving) return;
-      schedule(subscribers > 0 ? kPeriod : std::chrono::nanoseconds(kIdlePeriod));
-      if (subscribers > 0) sources.poll(deliver);
-      if (const auto now = Session::Clock::now(); now >= next_inspection) {
-        next_inspection = now + kInspection;
-        orders.inspect(now);
-        tools.inspect(now);
-        show_tools();
-        for (const auto& session : std::vector(sessions)) session->inspect(now);
-      }
-    });
+    itimerspec once{};
+    once.it_value.tv_nsec = period.count();
+    timerfd_settime(lws_get_socket_fd(timer), 0, &once, nullptr);
+  }
+
+  void tick() {
+    if (leaving) {
+      done = true;
+      return;
+    }
+    schedule(subscribers > 0 ? kPeriod : std::chrono::nanoseconds(kIdlePeriod));
+    lws_rx_flow_control(listener, 1);
+    if (subscribers > 0) sources.poll(deliver);
+    if (const auto now = Session::Clock::now(); now >= next_inspection) {
+      next_inspection = now + kInspection;
+      orders.inspect(now);
+      tools.inspect(now);
+      show_tools();
+      for (const auto& session : sessions) session->inspect(now);
+    }
   }
 
   void leave() {
     leaving = true;
-    boost::system::error_code ignored;
-    acceptor.close(ignored);
-    tick.cancel();
-    accept_again.cancel();
-    for (const auto& session : std::vector(sessions))
-      session->close(websocket::close_code::going_away, "the run ended");
-    farewell.expires_after(sessions.empty() ? std::chrono::milliseconds(0) : kFarewell);
-    farewell.async_wait([this](boost::system::error_code) { io.stop(); });
+    done = sessions.empty();
+    lws_set_timeout(listener, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
+    for (const auto& session : sessions) session->close();
+    schedule(kFarewell);
   }
 
   [[nodiscard]] const std::string& token() const override { return config.token; }
@@ -235,7 +330,7 @@ struct Server::Parts final : Host {
       return refuse(fault.what());
     }
     session.subscriptions[wanted.id] = wanted.channel;
-    if (subscribers++ == 0) tick.cancel(), schedule(kPeriod);
+    if (subscribers++ == 0) schedule(kPeriod);
     for (const Sample& sample : sources.newest(*channel)) session.send_data(wanted.id, sample);
   }
 
@@ -250,7 +345,7 @@ struct Server::Parts final : Host {
     session.forget(id);
   }
 
-  void closed(Session& session) override {
+  void closed(Session& session) {
     for (const auto& [id, channel] : session.subscriptions) {
       sources.unsubscribe(*sources.channel(channel));
       --subscribers;
@@ -259,7 +354,7 @@ struct Server::Parts final : Host {
     if (!leaving) tools.release(session.number());  // the end of the run is no absence of a device
     show_tools();
     std::erase_if(sessions, [&](const auto& one) { return one.get() == &session; });
-    if (leaving && sessions.empty()) io.stop();
+    if (leaving && sessions.empty()) done = true;
   }
 
   const ServerConfig config;
@@ -272,46 +367,52 @@ struct Server::Parts final : Host {
   int subscribers = 0;
   bool over = false;
   bool leaving = false;
+  bool done = false;
   Session::Clock::time_point next_inspection;
-  asio::io_context io{1};
-  std::vector<std::shared_ptr<Session>> sessions;
-  tcp::acceptor acceptor;
-  asio::steady_timer accept_again, tick, farewell;
-  std::thread thread;
+  std::vector<std::unique_ptr<Session>> sessions;
   const Sources::Deliver deliver = [this](const Channel& channel, const Sample& sample) {
     for (const auto& session : sessions)
       for (const auto& [id, subscribed] : session->subscriptions)
         if (subscribed == channel.id) session->send_data(id, sample);
   };
+
+  std::mutex mutex;
+  std::vector<std::function<void()>> tasks;
+  struct Closer {
+    void operator()(lws_context* one) const { lws_context_destroy(one); }
+  };
+  std::unique_ptr<lws_context, Closer> context;  // ends the sessions
+  lws *listener = nullptr, *timer = nullptr;
+  std::thread thread;
 };
 
 Server::Server(const ServerConfig& config, Bus& bus) : parts_(std::make_unique<Parts>(config, bus)) {}
 Server::~Server() = default;
 
 void Server::describe(const SceneDescription& scene) {
-  asio::post(parts_->io, [parts = parts_.get(), copy = std::make_shared<const SceneDescription>(scene)] {
+  parts_->post([parts = parts_.get(), copy = std::make_shared<const SceneDescription>(scene)] {
     parts->sources.describe(copy, parts->deliver);
   });
 }
 
 void Server::place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer) {
-  asio::post(parts_->io, [parts = parts_.get(), program, instance, peer] {
+  parts_->post([parts = parts_.get(), program, instance, peer] {
     parts->sources.place(program, instance, peer, parts->deliver);
   });
 }
 
 void Server::end_run() {
-  asio::post(parts_->io, [parts = parts_.get()] { parts->over = true; });
+  parts_->post([parts = parts_.get()] { parts->over = true; });
 }
 
 bool Server::verdict_is_awaited() const {
   std::promise<bool> answer;
-  asio::post(parts_->io, [&] { answer.set_value(parts_->sources.verdict_is_awaited()); });
+  parts_->post([&] { answer.set_value(parts_->sources.verdict_is_awaited()); });
   return answer.get_future().get();
 }
 
 void Server::show_verdict(std::vector<std::uint8_t> cdr) {
-  asio::post(parts_->io, [parts = parts_.get(), cdr = std::move(cdr)]() mutable {
+  parts_->post([parts = parts_.get(), cdr = std::move(cdr)]() mutable {
     parts->sources.show(kVerdictTopic, std::move(cdr), parts->deliver);
   });
 }

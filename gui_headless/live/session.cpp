@@ -2,23 +2,29 @@
 
 #include "page.hpp"
 
+#include <arpa/inet.h>
 #include <fmt/format.h>
+#include <libwebsockets.h>
+#include <strings.h>
 
 #include <algorithm>
+#include <span>
 #include <utility>
+#include <vector>
 
 namespace subworld::live {
 namespace {
 
-namespace asio = boost::asio;
-
 constexpr std::size_t kMostMessageBytes = 64U << 10U;  // of a client
-constexpr int kSendBufferBytes = 256 << 10;            // of the kernel, for each client
-constexpr const char* kPagePolicy =
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; connect-src "
-    "'self' "
-    "ws:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-constexpr std::chrono::seconds kRequestTime{5}, kIdle{20}, kStuck{10};
+constexpr std::string_view kPageHeaders =
+    "Content-Type: text/html; charset=utf-8\r\n"
+    "Content-Encoding: gzip\r\n"
+    "Cache-Control: no-store\r\n"
+    "Content-Security-Policy: default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; connect-src 'self' ws:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n"
+    "Referrer-Policy: no-referrer\r\n"  // the address may hold the token
+    "X-Content-Type-Options: nosniff\r\n";
+constexpr std::chrono::seconds kStuck{10};
 
 /// Takes as long for any text of that length.
 bool is_equal(std::string_view a, std::string_view b) {
@@ -28,207 +34,177 @@ bool is_equal(std::string_view a, std::string_view b) {
   return differ == 0;
 }
 
+/// Empty: the request has no such header.
+std::string header_of(lws* request, lws_token_indexes header) {
+  std::string text(static_cast<std::size_t>(lws_hdr_total_length(request, header)) + 1, '\0');
+  text.resize(
+      static_cast<std::size_t>(std::max(0, lws_hdr_copy(request, text.data(), static_cast<int>(text.size()), header))));
+  return text;
+}
+
 /// From the header "Authorization: Bearer TOKEN" or, because a browser sets no header, from "?token=TOKEN".
-std::string token_of(const http::request<http::string_body>& request) {
-  constexpr std::string_view kBearer = "Bearer ", kName = "token=";
-  const auto header = request[http::field::authorization];
-  if (const std::string_view text{header.data(), header.size()}; text.starts_with(kBearer))
-    return std::string(text.substr(kBearer.size()));
-  std::string_view query{request.target().data(), request.target().size()};
-  query.remove_prefix(std::min(query.find('?'), query.size()));
-  while (!query.empty()) {
-    query.remove_prefix(1);
-    const std::string_view part = query.substr(0, query.find('&'));
-    if (part.starts_with(kName)) return std::string(part.substr(kName.size()));
-    query.remove_prefix(part.size());
-  }
-  return {};
-}
-
-/// The first protocol of the server that the client offers; empty: none.
-std::string_view chosen_protocol(const http::request<http::string_body>& request) {
-  const http::token_list offered{request[http::field::sec_websocket_protocol]};
-  for (const std::string_view ours : kProtocols) {
-    for (const auto& theirs : offered)
-      if (ours == std::string_view(theirs.data(), theirs.size())) return ours;
-  }
-  return {};
-}
-
-std::string_view path_of(const http::request<http::string_body>& request) {
-  const std::string_view target{request.target().data(), request.target().size()};
-  return target.substr(0, target.find('?'));
+std::string token_of(lws* request) {
+  constexpr std::string_view kBearer = "Bearer ";
+  const std::string header = header_of(request, WSI_TOKEN_HTTP_AUTHORIZATION);
+  if (header.starts_with(kBearer)) return header.substr(kBearer.size());
+  std::string query(static_cast<std::size_t>(lws_hdr_total_length(request, WSI_TOKEN_HTTP_URI_ARGS)) + 1, '\0');
+  const char* token = lws_get_urlarg_by_name(request, "token=", query.data(), static_cast<int>(query.size()));
+  return token != nullptr ? token : "";
 }
 
 /// Whether the request comes from no browser, or from a page of this server. A browser names the site of the page. A
 /// name that another site controls may lead to this address, so the host must be an address or localhost.
-bool is_own_page(const http::request<http::string_body>& request) {
-  const auto origin = request[http::field::origin], host = request[http::field::host];
-  if (origin.empty()) return true;
-  const std::string_view from{origin.data(), origin.size()}, to{host.data(), host.size()};
-  if (from != fmt::format("http://{}", to)) return false;
-  const std::string_view name = to.starts_with('[') ? to.substr(1, to.find(']') - 1) : to.substr(0, to.find(':'));
-  boost::system::error_code fault;
-  asio::ip::make_address(std::string(name), fault);
-  return name == "localhost" || !fault;
+bool is_own_page(lws* request) {
+  const std::string from = header_of(request, WSI_TOKEN_ORIGIN), to = header_of(request, WSI_TOKEN_HOST);
+  if (from.empty()) return true;
+  if (from != "http://" + to) return false;
+  const std::string name = to.starts_with('[') ? to.substr(1, to.find(']') - 1) : to.substr(0, to.find(':'));
+  in6_addr address{};
+  return name == "localhost" || inet_pton(AF_INET, name.c_str(), &address) == 1 ||
+         inet_pton(AF_INET6, name.c_str(), &address) == 1;
 }
 
 }  // namespace
 
-Session::Session(asio::ip::tcp::socket&& socket, Host& host, std::uint32_t number)
-    : stream_(std::move(socket)), host_(host), number_(number) {
-  boost::system::error_code ignored;
-  auto& own = beast::get_lowest_layer(stream_).socket();
-  own.set_option(asio::ip::tcp::no_delay(true), ignored);
-  own.set_option(asio::socket_base::send_buffer_size(kSendBufferBytes), ignored);
+Session::Session(lws* connection, Host& host, std::uint32_t number)
+    : connection_(connection), host_(host), number_(number) {}
+
+int Session::handle(int event, const void* bytes, std::size_t size) {
+  switch (event) {
+    case LWS_CALLBACK_HTTP:
+    case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
+      return answer_request();
+    case LWS_CALLBACK_ESTABLISHED:
+      open_ = true;
+      host_.opened(*this);
+      return 0;
+    case LWS_CALLBACK_RECEIVE:
+      return read(bytes, size);
+    case LWS_CALLBACK_SERVER_WRITEABLE:
+      return write();
+    case LWS_CALLBACK_WS_SERVER_DROP_PROTOCOL:  // the library closes the connection, after a wrong frame for example
+      closing_ = true;
+      return 0;
+    case LWS_CALLBACK_RAW_ADOPT:  // by the method CONNECT
+      return -1;
+    default:
+      return 0;
+  }
 }
 
-void Session::start() {
-  parser_.emplace();
-  parser_->header_limit(8U << 10U);
-  parser_->body_limit(1U << 10U);
-  beast::get_lowest_layer(stream_).expires_after(kRequestTime);
-  http::async_read(beast::get_lowest_layer(stream_), buffer_, *parser_,
-                   [self = shared_from_this()](beast::error_code fault, std::size_t) {
-                     if (!fault) return self->answer_request();
-                     if (fault == beast::error::timeout || fault == http::error::end_of_stream ||
-                         fault.category() == asio::error::get_system_category())
-                       return self->end();
-                     self->refuse(http::status::bad_request, "this is no HTTP request: " + fault.message());
-                   });
-}
-
-void Session::answer_request() {
-  const auto& request = parser_->get();
-  if (!host_.token().empty() && !is_equal(token_of(request), host_.token())) {
-    return refuse(http::status::unauthorized,
+/// 0 lets the library go on to WebSocket. Each other answer ends the connection: the library has a fault where a
+/// connection has another request after one for an unknown upgrade (CVE-2025-11677).
+int Session::answer_request() {
+  if (!host_.token().empty() && !is_equal(token_of(connection_), host_.token())) {
+    return refuse("401 Unauthorized",
                   "the token is missing or wrong: give it as ADDRESS:PORT/?token=TOKEN or in the header "
                   "\"Authorization: Bearer TOKEN\"");
   }
-  if (!websocket::is_upgrade(request)) return send_page();
-  const std::string_view protocol = chosen_protocol(request);
-  if (protocol.empty()) {
-    return refuse(http::status::bad_request,
+  if (strcasecmp(header_of(connection_, WSI_TOKEN_UPGRADE).c_str(), "websocket") != 0) return send_page();
+  const std::string offered = header_of(connection_, WSI_TOKEN_PROTOCOL);
+  if (std::ranges::none_of(kProtocols,
+                           [&](std::string_view ours) { return offered.find(ours) != std::string::npos; })) {
+    return refuse("400 Bad Request",
                   fmt::format("offer the WebSocket subprotocol {} or {}", kProtocols[0], kProtocols[1]));
   }
-  if (buffer_.size() > 0) return refuse(http::status::bad_request, "wait for the answer before sending messages");
-  if (host_.full()) return refuse(http::status::service_unavailable, "too many viewers are connected");
-  may_publish_ = !host_.token().empty() || is_own_page(request);
-  accept(protocol);
+  if (host_.full()) return refuse("503 Service Unavailable", "too many viewers are connected");
+  may_publish_ = !host_.token().empty() || is_own_page(connection_);
+  return 0;
 }
 
-void Session::send_page() {
-  const auto& request = parser_->get();
-  if (request.method() != http::verb::get) return refuse(http::status::method_not_allowed, "use GET");
-  if (path_of(request) != "/") return refuse(http::status::not_found, "the page is at /");
+int Session::send_page() {
+  char* path = nullptr;
+  int size = 0;
+  if (lws_http_get_uri_and_method(connection_, &path, &size) != LWSHUMETH_GET)
+    return refuse("405 Method Not Allowed", "use GET");
+  if (std::string_view(path, static_cast<std::size_t>(size)) != "/") return refuse("404 Not Found", "the page is at /");
   const std::span<const std::uint8_t> page = page_gzip();
   if (page.empty()) {
     return refuse(
-        http::status::not_implemented,
+        "501 Not Implemented",
         "This build of Subworld has no page: the build found no Node.js or npm, or could not fetch the page's "
         "packages. Install nodejs and npm and build again. Lichtblick and Foxglove work all the same: open "
         "this address as ws:// (Open connection, Foxglove WebSocket).");
   }
-  response_ = {http::status::ok, 11};
-  response_.set(http::field::content_type, "text/html; charset=utf-8");
-  response_.set(http::field::content_encoding, "gzip");
-  response_.set(http::field::cache_control, "no-store");
-  response_.set("Content-Security-Policy", kPagePolicy);
-  response_.set("Referrer-Policy", "no-referrer");  // the address may hold the token
-  response_.set("X-Content-Type-Options", "nosniff");
-  response_.body().assign(page.begin(), page.end());
-  respond();
+  return respond("200 OK", kPageHeaders, {reinterpret_cast<const char*>(page.data()), page.size()});
 }
 
-void Session::refuse(http::status status, const std::string& text) {
-  response_ = {status, 11};
-  response_.set(http::field::content_type, "text/plain; charset=utf-8");
-  response_.body() = text + "\n";
-  respond();
+int Session::refuse(std::string_view status, const std::string& text) {
+  return respond(status, "Content-Type: text/plain; charset=utf-8\r\n", text + "\n");
 }
 
-void Session::respond() {
-  response_.keep_alive(false);
-  response_.prepare_payload();
-  beast::get_lowest_layer(stream_).expires_after(kRequestTime);
-  http::async_write(
-      beast::get_lowest_layer(stream_), response_, [self = shared_from_this()](beast::error_code, std::size_t) {
-        boost::system::error_code ignored;
-        beast::get_lowest_layer(self->stream_).socket().shutdown(asio::socket_base::shutdown_send, ignored);
-        self->end();
-      });
+int Session::respond(std::string_view status, std::string_view headers, std::string_view body) {
+  std::string text(LWS_PRE, '\0');
+  text += fmt::format("HTTP/1.1 {}\r\nConnection: close\r\nContent-Length: {}\r\n{}\r\n", status, body.size(), headers);
+  text += body;
+  lws_write(connection_, reinterpret_cast<unsigned char*>(text.data()) + LWS_PRE, text.size() - LWS_PRE,
+            LWS_WRITE_HTTP_HEADERS);
+  return -1;
 }
 
-void Session::accept(std::string_view protocol) {
-  beast::get_lowest_layer(stream_).expires_never();
-  stream_.set_option(websocket::stream_base::timeout{kRequestTime, kIdle, true});
-  stream_.set_option(websocket::stream_base::decorator([protocol](websocket::response_type& response) {
-    response.set(http::field::sec_websocket_protocol, beast::string_view(protocol.data(), protocol.size()));
-    response.set(http::field::server, "Subworld");
-  }));
-  stream_.read_message_max(kMostMessageBytes);
-  stream_.async_accept(parser_->get(), [self = shared_from_this()](beast::error_code fault) {
-    if (fault) return self->end();
-    self->parser_.reset();
-    self->open_ = true;
-    self->host_.opened(*self);
-    self->read();
-  });
-}
-
-void Session::read() {
-  stream_.async_read(buffer_, [self = shared_from_this()](beast::error_code fault, std::size_t) {
-    if (fault) return self->end();
-    const auto bytes = self->buffer_.data();
-    self->host_.requested(*self, self->stream_.got_text()
-                                     ? parse_request({static_cast<const char*>(bytes.data()), bytes.size()})
-                                     : parse_binary({static_cast<const std::uint8_t*>(bytes.data()), bytes.size()}));
-    self->buffer_.clear();
-    if (!self->ended_) self->read();
-  });
+int Session::read(const void* bytes, std::size_t size) {
+  if (closing_) return 0;
+  if (received_.size() + size > kMostMessageBytes) {
+    lws_close_reason(connection_, LWS_CLOSE_STATUS_MESSAGE_TOO_LARGE, nullptr, 0);
+    return -1;
+  }
+  received_.append(static_cast<const char*>(bytes), size);
+  if (lws_is_final_fragment(connection_) == 0) return 0;
+  const std::string message = std::exchange(received_, {});
+  host_.requested(*this, lws_frame_is_binary(connection_) != 0
+                             ? parse_binary({reinterpret_cast<const std::uint8_t*>(message.data()), message.size()})
+                             : parse_request(message));
+  return 0;
 }
 
 void Session::send_control(std::string text) {
   if (!open_ || closing_) return;
   if (!outbox_.add_control(std::move(text))) return reset();
-  write();
+  await_write();
 }
 
 void Session::send_data(std::uint32_t subscription, const Sample& sample) {
   if (!open_ || closing_ || farewell_) return;
   outbox_.add_data(subscription, sample);
-  write();
+  await_write();
 }
 
-void Session::write() {
-  if (writing_ || !open_ || closing_) return;
-  writing_ = outbox_.take();
-  if (!writing_ && farewell_) {
-    closing_ = true;
-    return stream_.async_close(*farewell_, [self = shared_from_this()](beast::error_code) { self->end(); });
+void Session::await_write() {
+  if (write_awaited_) return;
+  write_awaited_ = Clock::now();
+  lws_callback_on_writable(connection_);
+}
+
+int Session::write() {
+  write_awaited_.reset();
+  if (closing_) return 0;
+  const std::optional<Outbox::Message> message = outbox_.take();
+  if (!message && farewell_) {
+    std::string reason = "the run ended";
+    lws_close_reason(connection_, LWS_CLOSE_STATUS_GOINGAWAY, reinterpret_cast<unsigned char*>(reason.data()),
+                     reason.size());
+    return -1;
   }
-  if (!writing_) return;
-  write_began_ = Clock::now();
-  auto written = [self = shared_from_this()](beast::error_code fault, std::size_t) {
-    self->writing_.reset();
-    if (!fault) self->write();  // the reading side notices the end
-  };
-  if (!writing_->data) {
-    stream_.text(true);
-    return stream_.async_write(asio::buffer(writing_->text), std::move(written));
+  if (!message) return 0;
+  std::vector<unsigned char> frame(LWS_PRE);
+  if (message->data) {
+    const Sample& sample = message->data->sample;
+    const auto header = data_header(message->data->subscription, sample.time_ns);
+    frame.reserve(frame.size() + header.size() + sample.bytes->size());
+    frame.insert(frame.end(), header.begin(), header.end());
+    frame.insert(frame.end(), sample.bytes->begin(), sample.bytes->end());
+  } else {
+    frame.insert(frame.end(), message->text.begin(), message->text.end());
   }
-  const Sample& sample = writing_->data->sample;
-  header_ = data_header(writing_->data->subscription, sample.time_ns);
-  stream_.binary(true);
-  stream_.async_write(
-      std::array{asio::const_buffer(asio::buffer(header_)), asio::const_buffer(asio::buffer(*sample.bytes))},
-      std::move(written));
+  await_write();  // the library first sends the rest of this message
+  return std::min(0, lws_write(connection_, frame.data() + LWS_PRE, frame.size() - LWS_PRE,
+                               message->data ? LWS_WRITE_BINARY : LWS_WRITE_TEXT));
 }
 
 void Session::inspect(Clock::time_point now) {
-  if (!open_) return;
-  if (writing_ && now - write_began_ > kStuck) return reset();
-  if (outbox_.dropped() == reported_drops_ || closing_) return;
+  if (!open_ || closing_) return;
+  if (write_awaited_ && now - *write_awaited_ > kStuck) return reset();
+  if (outbox_.dropped() == reported_drops_) return;
   const std::uint64_t more = outbox_.dropped() - reported_drops_;
   reported_drops_ = outbox_.dropped();
   send_control(
@@ -239,29 +215,21 @@ void Session::inspect(Clock::time_point now) {
                   "dropped"));
 }
 
-void Session::close(websocket::close_code code, const std::string& reason) {
+void Session::close() {
   if (!open_) return abort();
-  farewell_ = {code, reason};
-  write();
+  farewell_ = true;
+  await_write();
 }
 
 void Session::reset() noexcept {
-  boost::system::error_code ignored;
-  beast::get_lowest_layer(stream_).socket().set_option(asio::socket_base::linger(true, 0), ignored);
+  constexpr linger kDrop{.l_onoff = 1, .l_linger = 0};
+  setsockopt(lws_get_socket_fd(connection_), SOL_SOCKET, SO_LINGER, &kDrop, sizeof kDrop);
   abort();
 }
 
 void Session::abort() noexcept {
   closing_ = true;
-  boost::system::error_code ignored;
-  beast::get_lowest_layer(stream_).socket().close(ignored);
-}
-
-void Session::end() {
-  if (std::exchange(ended_, true)) return;
-  open_ = false;
-  abort();
-  host_.closed(*this);
+  lws_set_timeout(connection_, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
 }
 
 }  // namespace subworld::live

@@ -56,7 +56,7 @@ const std::vector<Foreign>& foreign() {
       {"Assimp", std::regex("assimp/.*"), std::regex("common/model/mesh_file\\.cpp")},
       {"Eigen", std::regex("Eigen/.*"), std::regex("(common/(model|physics|coupling|wire)|[a-z]+_[a-z]+)/.*")},
       {"JSON", std::regex("nlohmann/.*"), std::regex("(common/(io|report)|deploy|gui_headless/live)/.*")},
-      {"Boost", std::regex("boost/.*"), std::regex("gui_headless/live/(session|server)\\.[ch]pp")},
+      {"libwebsockets", std::regex("libwebsockets\\.h"), std::regex("gui_headless/live/(session|server)\\.cpp")},
       {"command lines", std::regex("CLI/.*"), std::regex("common/io/command_line\\.cpp")},
       {"OpenGL", std::regex("(epoxy|GL|EGL)/.*"), std::regex("gui_headless/.*")},
       {"zlib", std::regex("zlib\\.h"), std::regex("common/io/mcap_.*\\.cpp")},

@@ -132,15 +132,15 @@ def place(address):
 def answer_to(address, request, message=b""):
     """All that the server answers until it ends the connection. The message follows the answer to the request."""
     with socket.create_connection(place(address), LIMIT_S) as connection:
-        connection.sendall(request)
         answer = b""
         try:
+            connection.sendall(request)
             if message:
                 answer = connection.recv(65536)
                 connection.sendall(message)
             while part := connection.recv(65536):
                 answer += part
-        except ConnectionResetError:
+        except ConnectionError:
             pass
         return answer
 
@@ -163,16 +163,22 @@ def frame(payload, opcode=1, masked=True):
 def raw_garbage(address):
     assert b" 404 " in answer_to(address, b"GET /other HTTP/1.1\r\nHost: here\r\n\r\n")
     assert b" 405 " in answer_to(address, b"POST / HTTP/1.1\r\nHost: here\r\nContent-Length: 0\r\n\r\n")
-    assert b" 400 " in answer_to(address, b"\x16\x03\x01 no HTTP at all\r\n\r\n")
     assert b" 400 " in answer_to(address, upgrade(protocol="chat"))
-    assert b" 400 " in answer_to(address, b"GET / HTTP/1.1\r\n" + b"x: " + b"y" * 20000 + b"\r\n\r\n")
-    for wrong in (frame(b"{}", masked=False), frame(b"", opcode=11), frame(b"\xff\xfe"), b"\xff" * 200,
+    for wrong in (b"\x16\x03\x01 no HTTP at all\r\n\r\n", b"GET / HTTP/1.1\r\n" + b"x: " + b"y" * 20000 + b"\r\n\r\n",
+                  b"CONNECT / HTTP/1.1\r\nHost: here\r\n\r\n", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"):
+        answer = answer_to(address, wrong)
+        assert not answer or b" 40" in answer[:20], (wrong[:20], answer[:80])
+    for other in (b"h2c", b"chat"):
+        answer = answer_to(address, upgrade().replace(b"websocket", other))
+        assert b" 101 " not in answer and answer.startswith(b"HTTP/1.1 "), (other, answer[:80])
+    leave = frame(b"", opcode=8)
+    for wrong in (frame(b"{}", masked=False) + leave, frame(b"", opcode=11), frame(b"\xff\xfe"), b"\xff" * 200,
                   frame(b"x" * 200, opcode=9)):
         begin = time.monotonic()
         answer = answer_to(address, upgrade(), wrong)
         assert b" 101 " in answer, answer[:80]
         assert time.monotonic() - begin < 15, wrong  # an idle connection takes longer to end
-    assert b" 400 " in answer_to(address, upgrade() + frame(b"{}"))
+    assert b"HTTP/1.1 " in answer_to(address, upgrade() + frame(b"{}") + leave)
 
 
 async def churn(address):
