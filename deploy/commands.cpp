@@ -5,6 +5,10 @@
 
 #include <fmt/format.h>
 
+#include <map>
+#include <string>
+#include <vector>
+
 namespace subworld {
 namespace {
 
@@ -83,9 +87,9 @@ void add_collect(CommandLine& line, CollectRequest& request) {
 }
 
 void add_control(CommandLine& line, ControlRequest& request) {
-  line.add("verb", &request.verb, "the order")
-      .one_of({"stop", "pause", "resume", "step", "leave", "engine", "ratio", "seek", "speed"})
-      .required();
+  std::vector<std::string> verbs;
+  for (const VerbName& verb : kVerbs) verbs.emplace_back(verb.name);
+  line.add("verb", &request.verb, "the order").one_of(verbs).required();
   line.add("engine", &request.engine.engine, "for the order engine: the engine to change to");
   line.add("--preset", &request.engine.preset, "preset of that engine");
   line.add("--user", &request.user, "for the order leave: the user's number")
@@ -115,27 +119,27 @@ void add_control(CommandLine& line, ControlRequest& request) {
 }
 
 void control(ControlRequest& request) {
-  if ((request.verb == "engine") == request.engine.engine.empty()) {
-    throw Error(ExitCode::usage, request.verb == "engine"
-                                     ? "control engine needs a name, for example: subworld control engine bullet_float"
-                                     : fmt::format("control {} takes no \"{}\"", request.verb, request.engine.engine));
-  }
-  if ((request.verb == "leave") != request.user.has_value())
-    throw Error(ExitCode::usage, "--user belongs to `control leave`, which needs it: subworld control leave --user 1");
-  if ((request.verb == "seek") != request.time_s.has_value())
-    throw Error(ExitCode::usage, "--time belongs to `control seek`, which needs it: subworld control seek --time 1.5");
-  if ((request.verb == "speed") != request.speed.has_value())
-    throw Error(ExitCode::usage,
-                "--speed belongs to `control speed`, which needs it: subworld control speed --speed 2");
-  if ((request.verb == "ratio") == request.ratio.empty())
-    throw Error(ExitCode::usage,
-                "--ratio belongs to `control ratio`, which needs it: subworld control ratio --ratio 4-8");
   if (request.haptic) request.engine.target = EngineOrder::Target::haptic;
-  Order order{request.verb, request.ratio, request.verb == "engine" && request.haptic};
-  if (request.verb == "engine") order.argument = to_text(request.engine);
-  if (request.user) order.argument = std::to_string(*request.user);
-  if (request.time_s) order.argument = fmt::format("{}", *request.time_s);
-  if (request.speed) order.argument = fmt::format("{}", *request.speed);
+  const auto text = [](const auto& value) { return value ? fmt::format("{}", *value) : std::string(); };
+  const std::map<ControlVerb, std::string> arguments{
+      {ControlVerb::set_engine, request.engine.engine.empty() ? "" : to_text(request.engine)},
+      {ControlVerb::leave, text(request.user)},
+      {ControlVerb::seek, text(request.time_s)},
+      {ControlVerb::set_speed, text(request.speed)},
+      {ControlVerb::set_ratio, request.ratio}};
+  Order order;
+  for (const VerbName& verb : kVerbs) {
+    const auto argument = arguments.find(verb.verb);
+    const bool wanted = request.verb == verb.name, given = argument != arguments.end() && !argument->second.empty();
+    if (argument != arguments.end() && wanted != given) {
+      throw Error(ExitCode::usage,
+                  fmt::format("subworld control {0} {1}: the order {0} needs its argument, and no other "
+                              "order takes it",
+                              verb.name, verb.example));
+    }
+    if (wanted) order = {.verb = verb.verb, .argument = given ? argument->second : ""};
+  }
+  order.for_sub_worlds = order.verb == ControlVerb::set_engine && request.haptic;
   send_control(request.network, order, request.wait_s);
 }
 

@@ -18,15 +18,10 @@ OrderAnswer RunControl::follow(const Control& order) {
       paused_ = true;
       ++granted_;
       return {OrderState::done, "one cycle, then paused until resume"};
-    case ControlVerb::reset:
-    case ControlVerb::set_engine:
-    case ControlVerb::set_scheme:
-    case ControlVerb::leave:
-    case ControlVerb::set_ratio:
-    case ControlVerb::set_speed:
-      break;
+    default:
+      return {OrderState::refused,
+              "this world follows stop, pause, resume and step; start a new run for anything else"};
   }
-  return {OrderState::refused, "this world follows stop, pause, resume and step; start a new run for anything else"};
 }
 
 bool RunControl::may_step() noexcept {

@@ -7,22 +7,96 @@
 
 #include <Eigen/Core>
 
+#include <algorithm>
 #include <array>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <type_traits>
 #include <vector>
 
-/// The messages between the programs, one struct per topic. `wire/convert` maps each to its IDL type. `session`
-/// identifies the world's run, `sender` the sending process, `served` the process that is answered. With these a
-/// receiver rejects messages of another run, or of a program that was restarted.
+/// The messages between the programs, one struct per topic. `session` identifies the world's run, `sender` the sending
+/// process, `served` the process that is answered. With these a receiver rejects messages of another run, or of a
+/// program that was restarted.
+///
+/// `fields(archive, message)` describes what travels: names and order are those of the struct in the IDL. An archive
+/// writes the fields, reads them (wire/cdr), or shows them, and says whether they are valid. A reader leaves a message
+/// that is not valid half filled. `check` holds for readers alone: a writer sends everything, the receiver decides.
+/// What stands in `archive.changes` travels in place of a list of the message (wire/changes).
 namespace subworld {
+
+/// A struct of the model, constant while it is written.
+template <class T, class Struct>
+concept Is = std::same_as<std::remove_const_t<T>, Struct>;
+
+bool fields(auto& archive, Is<Pose> auto& m) {
+  return archive("position", m.position) && archive("orientation", m.orientation);
+}
+
+bool motion_fields(auto& archive, Is<BodyState> auto& m) {
+  return archive("position", m.position) && archive("orientation", m.orientation) &&
+         archive("linear_velocity", m.linear_velocity) && archive("angular_velocity", m.angular_velocity);
+}
+bool fields(auto& archive, Is<StampedBody> auto& m) { return archive("body", m.id) && motion_fields(archive, m.state); }
+/// Where it is known whose state it is.
+bool fields(auto& archive, Is<BodyState> auto& m) {
+  BodyId body{};
+  return archive("body", body) && motion_fields(archive, m);
+}
+/// A state with the id that it must have.
+template <class State>
+struct StateOf {
+  BodyId id;
+  State& state;
+};
+template <class State>
+StateOf(BodyId, State&) -> StateOf<State>;
+template <class State>
+bool fields(auto& archive, const StateOf<State>& m) {
+  BodyId body = m.id;
+  return archive("body", body) && archive.check(body == m.id) && motion_fields(archive, m.state);
+}
+
+bool fields(auto& archive, Is<Mesh> auto& m) {
+  return archive("file", m.file) && archive("vertices", m.vertices) && archive("triangles", m.triangles) &&
+         archive.check(std::ranges::all_of(m.triangles, [&](const auto& triangle) {
+           return std::ranges::all_of(triangle, [&](std::uint32_t corner) { return corner < m.vertices.size(); });
+         }));
+}
+
+bool fields(auto& archive, Is<Body> auto& m) {
+  return archive("id", m.id) && archive("name", m.name) && archive("shape", m.shape.kind) &&
+         archive.check(m.shape.kind <= ShapeKind::mesh) && archive("half_extents", m.shape.half_extents) &&
+         archive.check((m.shape.half_extents.array() >= 0.0).all()) && archive("radius", m.shape.radius) &&
+         archive.check(m.shape.radius >= 0.0) && archive("half_length", m.shape.half_length) &&
+         archive.check(m.shape.half_length >= 0.0) && archive("mesh", m.shape.mesh) &&
+         archive("friction", m.material.friction) && archive.check(m.material.friction >= 0.0) &&
+         archive("restitution", m.material.restitution) &&
+         archive.check(m.material.restitution >= 0.0 && m.material.restitution <= 1.0) && archive("mass", m.mass) &&
+         archive.check(m.mass >= 0.0) && archive("inertia", m.inertia) &&
+         archive.check((m.inertia.array() >= 0.0).all()) && archive("gravity", m.gravity) &&
+         archive("rotates", m.rotates);
+}
+
+bool fields(auto& archive, Is<NamedSetting> auto& m) { return archive("name", m.name) && archive("value", m.value); }
+
+bool fields(auto& archive, Is<MissedStates> auto& m) {
+  return archive("peer", m.peer) && archive("from_s", m.from_s) && archive.check(m.from_s >= 0.0) &&
+         archive("to_s", m.to_s) && archive.check(m.from_s < m.to_s);
+}
+
+bool fields(auto& archive, Is<FollowedOrder> auto& m) {
+  return archive("at_s", m.at_s) && archive.check(m.at_s >= 0.0) && archive("engine", m.engine);
+}
 
 struct Wrench {
   Vec3 force = Vec3::Zero();   ///< N
   Vec3 torque = Vec3::Zero();  ///< N m
 };
+bool fields(auto& archive, Is<Wrench> auto& m) { return archive("force", m.force) && archive("torque", m.torque); }
 
 /// Version of the messages: it changes with each change of their layout or meaning. Programs of different versions
 /// refuse to work together. Versions before had none; they begin with the length of a name, which is shorter.
@@ -39,6 +113,20 @@ struct SceneDescription {
   std::vector<Body> bodies;
   std::vector<BodyState> states;  ///< of bodies[i] when the description was written
 };
+bool fields(auto& archive, Is<SceneDescription> auto& m) {
+  return archive("wire_version", m.wire_version) && archive("name", m.name) && archive("settings", m.settings) &&
+         archive("session", m.session) && archive("users", m.users) && archive("meshes", m.meshes) &&
+         archive("bodies", m.bodies) &&
+         archive.sequence("states", m.states,
+                          [&](std::size_t i, auto& state) {
+                            return archive("", StateOf{i < m.bodies.size() ? m.bodies[i].id : BodyId{}, state});
+                          }) &&
+         archive.check(m.states.size() == m.bodies.size()) &&
+         archive.check(std::ranges::all_of(m.bodies, [&](const Body& body) {
+           const bool needs_mesh = body.shape.kind == ShapeKind::convex || body.shape.kind == ShapeKind::mesh;
+           return !needs_mesh || body.shape.mesh < m.meshes.size();
+         }));
+}
 
 /// Topic `device_state`, keyed by device.
 struct DeviceState {
@@ -54,6 +142,13 @@ struct DeviceState {
   Wrench applied;  ///< by the operator, for admittance devices
   std::uint32_t buttons = 0;
 };
+bool fields(auto& archive, Is<DeviceState> auto& m) {
+  return archive("device", m.device) && archive("session", m.session) && archive("sender", m.sender) &&
+         archive("sequence_number", m.sequence) && archive("stamp_s", m.stamp_s) && archive("sent_ns", m.sent_ns) &&
+         archive("pose", m.pose) && archive("linear_velocity", m.linear_velocity) &&
+         archive("angular_velocity", m.angular_velocity) && archive("applied", m.applied) &&
+         archive("buttons", m.buttons);
+}
 
 /// Topic `device_command`, keyed by device.
 struct DeviceCommand {
@@ -70,6 +165,13 @@ struct DeviceCommand {
   double others_work_j = 0.0;  ///< of the other operators on the bodies that this one feels, since the start
   bool last = false;           ///< the run is over
 };
+bool fields(auto& archive, Is<DeviceCommand> auto& m) {
+  return archive("device", m.device) && archive("session", m.session) && archive("served", m.served) &&
+         archive("sequence_number", m.sequence) && archive("stamp_s", m.stamp_s) &&
+         archive("echoed_sent_ns", m.echoed_sent_ns) && archive("wrench", m.wrench) && archive("pose", m.pose) &&
+         archive("linear_velocity", m.linear_velocity) && archive("angular_velocity", m.angular_velocity) &&
+         archive("others_work_j", m.others_work_j) && archive("last", m.last);
+}
 
 /// A Coulomb limit that no load in a scene exceeds. It marks a body that does not move.
 inline constexpr double kWallLimit_n = 1e9;
@@ -94,6 +196,10 @@ struct CarriedBody {
   Eigen::Matrix3d inertia_kg_m2 = Eigen::Matrix3d::Zero();  ///< about the centre of mass, world axes
   Wrench drive;  ///< of everything but the inside bodies, at the outside body's centre
 };
+bool fields(auto& archive, Is<CarriedBody> auto& m) {
+  return archive("mass_kg", m.mass_kg) && archive.check(m.mass_kg > 0.0) && archive("centre_m", m.centre_m) &&
+         archive("inertia_kg_m2", m.inertia_kg_m2) && archive("drive", m.drive);
+}
 
 /// The reduced model of an outside body that touches inside bodies, or soon may (coupling/ghost).
 struct GhostModel {
@@ -114,6 +220,10 @@ struct GhostPeer {
   BodyId proxy{};          ///< of the user
   double offset_m = 0.0;   ///< of the proxy from the outside body, along the axis
 };
+bool fields(auto& archive, Is<GhostPeer> auto& m) {
+  return archive("outside", m.outside) && archive("axis", m.axis) && archive.check(m.axis < kMostGhostAxes) &&
+         archive("proxy", m.proxy) && archive("offset_m", m.offset_m);
+}
 
 /// A contact between a body inside the sub-world and one outside (paper 4.2), or a pair that may come into contact soon
 /// (coupling/approach). In a pair of the second kind, `inside` may be a ghost. Impulses act on `inside`.
@@ -126,6 +236,11 @@ struct BoundaryContact {
   double normal_impulse = 0.0;             ///< over the world's whole step, N s
   Vec3 tangential_impulse = Vec3::Zero();  ///< N s
 };
+bool fields(auto& archive, Is<BoundaryContact> auto& m) {
+  return archive("inside", m.inside) && archive("outside", m.outside) && archive("point", m.point) &&
+         archive("normal", m.normal) && archive("distance", m.distance) &&
+         archive("normal_impulse", m.normal_impulse) && archive("tangential_impulse", m.tangential_impulse);
+}
 
 /// Whether the pair is already in contact.
 [[nodiscard]] inline bool touches(const BoundaryContact& pair) noexcept {
@@ -136,6 +251,9 @@ struct EnteringBody {
   Body body;
   BodyState state;
 };
+bool fields(auto& archive, Is<EnteringBody> auto& m) {
+  return archive("body", m.body) && archive("state", StateOf{m.body.id, m.state});
+}
 
 /// No device is extrapolated for longer, s of simulated time: its user may have gone.
 inline constexpr double kLongestGuess_s = 0.2;
@@ -158,12 +276,23 @@ struct PeerDevice {
   Vec3 offset = Vec3::Zero();            ///< position in the scene minus that of the device
   Quat turn = Quat::Identity();          ///< orientation in the scene = that of the device * turn
 };
+bool placed_device_fields(auto& archive, auto& m) {
+  return archive("pose", m.pose) && archive("linear_velocity", m.linear_velocity) &&
+         archive("angular_velocity", m.angular_velocity) && archive("applied", m.applied) &&
+         archive("device_s", m.device_s) && archive("offset", m.offset) && archive("turn", m.turn);
+}
+bool fields(auto& archive, Is<PeerDevice> auto& m) {
+  return archive("proxy", m.proxy) && placed_device_fields(archive, m);
+}
 
 /// Message suppression (coupling/suppression): no messages are sent until a stamp, or until the proxy leaves a region.
 struct Suppression {
   std::uint64_t until = 0;  ///< stamp of the next frame and the next report
   Box place;                ///< region in which there is no body but the proxy until then
 };
+bool fields(auto& archive, Is<Suppression> auto& m) {
+  return archive("until_stamp", m.until) && archive("lower", m.place.lower) && archive("upper", m.place.upper);
+}
 
 /// Each cycle from the one at `stamp` on has `ratio` haptic steps.
 struct RatioChange {
@@ -211,6 +340,26 @@ struct WorldFrame {
   double outside_work_j = 0.0;
   std::optional<Suppression> suppression;  ///< takes effect after this frame
 };
+bool fields(auto& archive, Is<WorldFrame> auto& m) {
+  const auto possible = [](int ratio) { return ratio >= 1 && ratio <= kMostRatio; };
+  auto& changes = archive.changes;
+  return archive("user", m.user) && archive("session", m.session) && archive("served", m.served) &&
+         archive("stamp", m.stamp) && archive("stamp_s", m.stamp_s) && archive.check(m.stamp_s >= 0.0) &&
+         archive("start_in_s", m.start_in_s) && archive("real_time_factor", m.real_time_factor) &&
+         archive.check(m.real_time_factor >= 0.0) && archive("echoed_sent_ns", m.echoed_sent_ns) &&
+         archive("echoed_stamp", m.echoed_stamp) && archive("newest_stamp", m.newest_stamp) &&
+         archive("last", m.last) && archive("cycle_s", m.cycle_s) && archive.check(m.cycle_s >= 0.0) &&
+         archive("ratio", m.ratio) && archive.check(possible(m.ratio)) && archive("planned_stamp", m.planned.stamp) &&
+         archive("planned_ratio", m.planned.ratio) && archive.check(possible(m.planned.ratio)) &&
+         archive("base_stamp", m.base_stamp, changes.base_stamp) && archive("members", m.members, changes.members) &&
+         archive("fixed_bodies", m.fixed, changes.fixed) && archive("islands", m.islands, changes.islands) &&
+         archive("entering", m.entering) && archive("states", m.states, changes.states) &&
+         archive("border_contacts", m.border_contacts) && archive("border_bodies", m.border_bodies) &&
+         archive("border", m.border) && archive("ghosts", m.ghosts, changes.ghosts) &&
+         archive("carried_bodies", m.ghosts, changes.carried) && archive("ghost_peers", m.ghost_peers) &&
+         archive("peers", m.peers) && archive("outside_work_j", m.outside_work_j) &&
+         archive("suppression", m.suppression);
+}
 
 /// Reserves memory for a usual sub-world, so that a loop does not allocate.
 inline void reserve(WorldFrame& frame, std::size_t bodies) {
@@ -232,6 +381,11 @@ struct Indicators {
   std::uint32_t border_bodies = 0;
   std::uint32_t proxy_contacts = 0;  ///< maximum over the steps of the cycle
 };
+bool fields(auto& archive, Is<Indicators> auto& m) {
+  return archive("proxy_impulse_n_s", m.proxy_impulse_n_s) && archive("total_impulse_n_s", m.total_impulse_n_s) &&
+         archive("device_impulse_n_s", m.device_impulse_n_s) && archive("border_bodies", m.border_bodies) &&
+         archive("proxy_contacts", m.proxy_contacts);
+}
 
 struct StepTiming {
   double mean_s = 0.0;
@@ -247,6 +401,7 @@ struct ReportedDevice {
   Vec3 offset = Vec3::Zero();            ///< position in the scene minus that of the device
   Quat turn = Quat::Identity();          ///< orientation in the scene = that of the device * turn
 };
+bool fields(auto& archive, Is<ReportedDevice> auto& m) { return placed_device_fields(archive, m); }
 
 /// Topic `haptic_report`, keyed by user: the sub-world at t = stamp_s, and the cycle before.
 struct HapticReport {
@@ -278,6 +433,20 @@ struct HapticReport {
   std::vector<MissedStates> missed;     ///< since the last report
   std::vector<FollowedOrder> followed;  ///< likewise
 };
+bool fields(auto& archive, Is<HapticReport> auto& m) {
+  auto& changes = archive.changes;
+  return archive("user", m.user) && archive("session", m.session) && archive("sender", m.sender) &&
+         archive("stamp", m.stamp) && archive("stamp_s", m.stamp_s) && archive("clock_rate", m.clock_rate) &&
+         archive.check(m.clock_rate > 0.0) && archive("sent_ns", m.sent_ns) &&
+         archive("confirmed_stamp", m.confirmed_stamp) && archive("started_stamp", m.started_stamp) &&
+         archive("impulse_total", m.impulse_total) && archive("device_work_j", m.device_work_j) &&
+         archive("coupling_energy_j", m.coupling_energy_j) && archive("operator_work_j", m.operator_work_j) &&
+         archive("proxy", m.proxy) && archive("device", m.device) &&
+         archive("base_stamp", m.base_stamp, changes.base_stamp) && archive("members", m.members, changes.states) &&
+         archive("islands", m.islands, changes.islands) && archive("indicators", m.indicators) &&
+         archive("step_mean_s", m.timing.mean_s) && archive("step_max_s", m.timing.max_s) &&
+         archive("peer_age_s", m.peer_age_s) && archive("missed", m.missed) && archive("followed", m.followed);
+}
 
 inline void reserve(HapticReport& report, std::size_t bodies) {
   report.members.reserve(bodies);
@@ -294,6 +463,10 @@ struct UserView {
   std::vector<BoundaryContact> border;
   Wrench wrench;  ///< mean over the last cycle, on the proxy
 };
+bool fields(auto& archive, Is<UserView> auto& m) {
+  return archive("user", m.user) && archive("proxy", m.proxy) && archive("members", m.members) &&
+         archive("border", m.border) && archive("wrench", m.wrench);
+}
 
 /// Within so much simulated time, s, comes a snapshot of all bodies.
 inline constexpr double kCompleteSnapshot_s = 1.1;
@@ -306,19 +479,44 @@ struct WorldSnapshot {
   std::vector<StampedBody> moved;  ///< since the last snapshot; all of them once a second
   std::vector<UserView> users;
 };
+bool fields(auto& archive, Is<WorldSnapshot> auto& m) {
+  return archive("sequence_number", m.sequence) && archive("stamp_s", m.stamp_s) &&
+         archive("real_time_factor", m.real_time_factor) && archive.check(m.real_time_factor >= 0.0) &&
+         archive("moved", m.moved) && archive("users", m.users);
+}
 
+/// Values as in the IDL. 6 is none: the world refuses it, as all that it does not know.
 enum class ControlVerb : std::uint8_t {
   stop,
   pause,
   resume,
   step,
-  reset,
+  seek,  ///< of a replay: to a moment
   set_engine,
-  set_scheme,
-  leave,
+  leave = 7,
   set_ratio,  ///< "4" or "4-12"
   set_speed,  ///< of a replay: simulated time per time
 };
+
+/// The verbs as `subworld control` names them.
+struct VerbName {
+  ControlVerb verb;
+  const char* name;
+  const char* example = "";  ///< of its argument on the command line; empty: it has none
+};
+inline constexpr std::array kVerbs{VerbName{ControlVerb::stop, "stop"},
+                                   VerbName{ControlVerb::pause, "pause"},
+                                   VerbName{ControlVerb::resume, "resume"},
+                                   VerbName{ControlVerb::step, "step"},
+                                   VerbName{ControlVerb::leave, "leave", "--user 1"},
+                                   VerbName{ControlVerb::set_engine, "engine", "bullet_float"},
+                                   VerbName{ControlVerb::set_ratio, "ratio", "--ratio 4-8"},
+                                   VerbName{ControlVerb::seek, "seek", "--time 1.5"},
+                                   VerbName{ControlVerb::set_speed, "speed", "--speed 2"}};
+[[nodiscard]] constexpr std::string_view name_of(ControlVerb verb) noexcept {
+  const auto at = std::ranges::find(kVerbs, verb, &VerbName::verb);
+  return at != kVerbs.end() ? at->name : "";
+}
 
 /// Topic `control`.
 struct Control {
@@ -326,9 +524,18 @@ struct Control {
   ControlVerb verb = ControlVerb::stop;
   std::string argument;
 };
+bool fields(auto& archive, Is<Control> auto& m) {
+  return archive("number", m.number) && archive("verb", m.verb) && archive.check(m.verb <= ControlVerb::set_speed) &&
+         archive("argument", m.argument);
+}
 
 /// What came of an order: `preparing` is followed by one of the others.
 enum class OrderState : std::uint8_t { preparing, done, refused };
+[[nodiscard]] constexpr std::string_view name_of(OrderState state) noexcept {
+  constexpr std::array<std::string_view, 3> kNames{"preparing", "done", "refused"};
+  const auto at = static_cast<std::size_t>(state);
+  return at < kNames.size() ? kNames[at] : "";
+}
 struct OrderAnswer {
   OrderState outcome = OrderState::done;
   std::string text;
@@ -344,6 +551,12 @@ struct EventCounts {
   std::uint64_t rejected = 0;  ///< samples that did not decode or had invalid contents
   std::uint64_t refused = 0;   ///< samples of a foreign writer: one that does not take part in the run
 };
+bool fields(auto& archive, Is<EventCounts> auto& m) {
+  return archive("matched", m.matched) && archive("unmatched", m.unmatched) &&
+         archive("deadline_missed", m.deadline_missed) && archive("liveliness_lost", m.liveliness_lost) &&
+         archive("incompatible_qos", m.incompatible_qos) && archive("lost", m.lost) &&
+         archive("rejected", m.rejected) && archive("refused", m.refused);
+}
 
 [[nodiscard]] inline EventCounts operator-(const EventCounts& to, const EventCounts& from) noexcept {
   return {to.matched - from.matched,
@@ -356,7 +569,7 @@ struct EventCounts {
           to.refused - from.refused};
 }
 
-enum class ProgramKind : std::uint8_t { world_sim, haptic_sim, device_sim, gui_headless };
+enum class ProgramKind : std::uint32_t { world_sim, haptic_sim, device_sim, gui_headless };
 
 /// Topic `control_reply`, keyed by program and instance.
 struct ControlReply {
@@ -365,6 +578,11 @@ struct ControlReply {
   std::uint32_t number = 0;  ///< of the `Control`
   OrderAnswer answer;
 };
+bool fields(auto& archive, Is<ControlReply> auto& m) {
+  return archive("program", m.program) && archive.check(m.program <= ProgramKind::gui_headless) &&
+         archive("instance", m.instance) && archive("number", m.number) && archive("outcome", m.answer.outcome) &&
+         archive.check(m.answer.outcome <= OrderState::refused) && archive("text", m.answer.text);
+}
 
 /// State in a `Status` of a program that ends with an error; `text` is the reason.
 inline constexpr const char* kFailedState = "failed";
@@ -389,5 +607,15 @@ struct Status {
   EventCounts events;
   std::string text;  ///< events since the last status, in words
 };
+bool fields(auto& archive, Is<Status> auto& m) {
+  return archive("program", m.program) && archive.check(m.program <= ProgramKind::gui_headless) &&
+         archive("instance", m.instance) && archive("wire_version", m.wire_version) && archive("state", m.state) &&
+         archive("time_s", m.time_s) && archive("rate_hz", m.rate_hz) && archive("steps", m.steps) &&
+         archive("missed_deadlines", m.missed_deadlines) && archive("missed_by_os", m.missed_by_os) &&
+         archive("step_s", m.step_s) && archive("force_n", m.force_n) &&
+         archive("real_time_factor", m.real_time_factor) && archive("done_ratio", m.done_ratio) &&
+         archive("paused", m.paused) && archive("waits_for", m.waits_for) && fields(archive, m.events) &&
+         archive("text", m.text);
+}
 
 }  // namespace subworld

@@ -1,12 +1,11 @@
 #pragma once
 
 #include "model/exchange.hpp"
-#include "model/sorted.hpp"
 
-#include <array>
+#include <Eigen/Cholesky>
+
 #include <cstdint>
-#include <cstring>
-#include <utility>
+#include <type_traits>
 #include <vector>
 
 /// Frames and reports carry what has changed since a **base**: an older message of the same writer that its reader has
@@ -44,52 +43,68 @@ struct Base {
   std::vector<GhostModel> ghosts;   ///< frames
 };
 
-/// What one message is encoded or decoded with.
+/// What one message is packed or unpacked with.
 struct Delta {
   const Base* base = nullptr;  ///< null: the message is complete
   Base* next = nullptr;        ///< gets what the reader has after this message
 };
 
-inline const GhostModel kNoGhost{};
-inline const GhostAxis kNoAxis{.normal = Vec3::Zero()};
+/// What travels in place of the lists of a frame or a report: structs of the IDL, which describes them.
+template <class T>
+struct ListChanges {
+  bool as_in_base = false;
+  std::vector<T> values;
+};
+struct StateChanges {
+  ListChanges<BodyId> bodies;
+  std::vector<std::uint8_t> changed;
+  std::vector<Vec3> vectors;
+  std::vector<Quat> orientations;
+};
+struct GhostChanges {
+  ListChanges<BodyId> outside;
+  std::vector<std::uint8_t> kinds, changed_axes;
+  std::vector<double> numbers;
+  std::vector<Vec3> vectors;
+};
+struct Changes {
+  std::uint64_t base_stamp = 0;
+  ListChanges<BodyId> members, fixed;
+  ListChanges<std::uint32_t> islands;
+  StateChanges states;
+  GhostChanges ghosts;
+  std::vector<CarriedBody> carried;
+};
 
-[[nodiscard]] inline bool same_bits(double a, double b) noexcept { return std::memcmp(&a, &b, sizeof a) == 0; }
-[[nodiscard]] inline bool same_bits(const Vec3& a, const Vec3& b) noexcept {
-  return std::memcmp(a.data(), b.data(), 3 * sizeof(double)) == 0;
+bool fields(auto& archive, auto& m) requires requires { m.as_in_base; }
+{ return archive("as_in_base", m.as_in_base) && archive("values", m.values); }
+bool fields(auto& archive, Is<StateChanges> auto& m) {
+  return archive("bodies", m.bodies) && archive("changed", m.changed) && archive("vectors", m.vectors) &&
+         archive("orientations", m.orientations);
 }
-[[nodiscard]] inline bool same_bits(const Quat& a, const Quat& b) noexcept {
-  return std::memcmp(a.coeffs().data(), b.coeffs().data(), 4 * sizeof(double)) == 0;
+bool fields(auto& archive, Is<GhostChanges> auto& m) {
+  return archive("outside", m.outside) && archive("kinds", m.kinds) && archive("changed_axes", m.changed_axes) &&
+         archive("numbers", m.numbers) && archive("vectors", m.vectors);
 }
-
-/// At rest in the origin if the base does not have it.
-[[nodiscard]] inline BodyState state_of(const Base& base, BodyId id) noexcept {
-  const auto at = find_sorted(base.states, id, &StampedBody::id);
-  return at != base.states.end() ? at->state : BodyState{};
-}
-[[nodiscard]] inline const GhostModel& ghost_of(const Base& base, BodyId id) noexcept {
-  const auto at = find_sorted(base.ghosts, id, &GhostModel::outside);
-  return at != base.ghosts.end() ? *at : kNoGhost;
-}
-
-/// Whether the world overrules a member's state, so that it is not sent.
-[[nodiscard]] inline bool is_overruled(const HapticReport& report, std::size_t member) noexcept {
-  return report.omits_overruled && member < report.islands.size() && report.islands[member] == kOpenIsland;
-}
-/// Whether the motion of a ghost depends on the load in its model.
-[[nodiscard]] inline bool reads_load(const GhostModel& ghost) noexcept {
-  for (std::size_t i = 0; i < ghost.axis_count; ++i) {
-    if (!ghost.axes[i].load_dependent_friction.isZero(0.0)) return true;
+/// The inertia of a carried body. One that no body can have is invalid.
+bool fields(auto& archive, Is<Eigen::Matrix3d> auto& m) {
+  if (!archive("xx", m(0, 0)) || !archive("yy", m(1, 1)) || !archive("zz", m(2, 2)) || !archive("xy", m(0, 1)) ||
+      !archive("yz", m(1, 2)) || !archive("zx", m(2, 0)))
+    return false;
+  if constexpr (!std::is_const_v<std::remove_reference_t<decltype(m)>>) {
+    m(1, 0) = m(0, 1);
+    m(2, 1) = m(1, 2);
+    m(0, 2) = m(2, 0);
+    return archive.check(m.llt().info() == Eigen::Success);
   }
-  return false;
+  return true;
 }
-/// Notes the ghosts of a message. A load that was not sent is that of the base.
-inline void keep_ghosts(const std::vector<GhostModel>& ghosts, const Base* base, Base& next) {
-  next.ghosts = ghosts;
-  if (base == nullptr) return;
-  for (GhostModel& ghost : next.ghosts) {
-    if (!reads_load(ghost)) ghost.load_n = ghost_of(*base, ghost.outside).load_n;
-  }
-}
+
+void pack(const WorldFrame& frame, Delta delta, Changes& changes);
+void pack(const HapticReport& report, Delta delta, Changes& changes);
+/// False where what was received does not fit together.
+[[nodiscard]] bool unpack(const Changes& changes, Delta delta, WorldFrame& frame);
+[[nodiscard]] bool unpack(const Changes& changes, Delta delta, HapticReport& report);
 
 /// The last messages of one direction of a topic. Their memory comes with the first one.
 class Bases {

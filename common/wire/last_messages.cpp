@@ -1,5 +1,6 @@
 #include "wire/last_messages.hpp"
 
+#include "wire/changes.hpp"
 #include "wire/topics.hpp"
 
 #include <fmt/format.h>
@@ -47,73 +48,51 @@ struct Kept {
 std::array<double, 3> three(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
 void name(Kept& kept, std::string_view text) {
+  kept.state = {};
   std::copy_n(text.begin(), std::min(text.size(), kept.state.size() - 1), kept.state.begin());
 }
 
-void fill(Kept& kept, const SceneDescription& m) {
-  kept.bodies = static_cast<double>(m.bodies.size());
-  name(kept, m.name);
-}
-void fill(Kept& kept, const DeviceState& m) {
-  kept.user = m.device;
-  kept.number = m.sequence;
-  kept.stamp_s = m.stamp_s;
-  kept.position_m = three(m.pose.position);
-  kept.force_n = three(m.applied.force);
-}
-void fill(Kept& kept, const DeviceCommand& m) {
-  kept.user = m.device;
-  kept.number = m.sequence;
-  kept.stamp_s = m.stamp_s;
-  kept.position_m = three(m.pose.position);
-  kept.force_n = three(m.wrench.force);
-  if (m.last) name(kept, "last");
-}
-void fill(Kept& kept, const WorldFrame& m) {
-  kept.user = static_cast<std::uint32_t>(m.user);
-  kept.number = m.stamp;
-  kept.stamp_s = m.stamp_s;
-  kept.bodies = static_cast<double>(m.members.size());
-  name(kept, m.last ? "last" : m.served == 0 ? "complete" : "");
-}
-void fill(Kept& kept, const HapticReport& m) {
-  kept.user = static_cast<std::uint32_t>(m.user);
-  kept.number = m.stamp;
-  kept.stamp_s = m.stamp_s;
-  kept.position_m = three(m.proxy.position);
-  kept.bodies = static_cast<double>(m.members.size());
-}
-void fill(Kept& kept, const WorldSnapshot& m) {
-  kept.number = m.sequence;
-  kept.stamp_s = m.stamp_s;
-  kept.bodies = static_cast<double>(m.moved.size());
-}
-void fill(Kept& kept, const Control& m) {
-  constexpr std::array kVerbs{"stop",       "pause",      "resume", "step",      "reset",
-                              "set_engine", "set_scheme", "leave",  "set_ratio", "set_speed"};
-  static_assert(kVerbs.size() == static_cast<std::size_t>(ControlVerb::set_speed) + 1);
-  kept.number = m.number;
-  if (const auto verb = static_cast<std::size_t>(m.verb); verb < kVerbs.size()) name(kept, kVerbs[verb]);
-}
-void fill(Kept& kept, const ControlReply& m) {
-  constexpr std::array kOutcomes{"preparing", "done", "refused"};
-  kept.user = m.instance;
-  kept.number = m.number;
-  if (const auto outcome = static_cast<std::size_t>(m.answer.outcome); outcome < kOutcomes.size())
-    name(kept, kOutcomes[outcome]);
-}
-void fill(Kept& kept, const Status& m) {
-  kept.user = m.instance;
-  kept.number = m.steps;
-  kept.stamp_s = m.time_s;
-  name(kept, m.state);
-}
+const Changes kNoChanges;
+
+/// The archive that picks the main figures of a message from its fields.
+struct Figures {
+  Kept& kept;
+  const Changes& changes = kNoChanges;
+
+  bool operator()(std::string_view field, const auto& value) {
+    using T = std::remove_cvref_t<decltype(value)>;
+    const auto is = [&](auto... names) { return ((field == names) || ...); };
+    if constexpr (std::same_as<T, bool>) {
+      if (is("last") && value) name(kept, "last");
+    } else if constexpr (std::is_integral_v<T> || std::is_enum_v<T>) {
+      if (is("user", "device", "instance")) kept.user = static_cast<std::uint32_t>(value);
+      if (is("number", "sequence_number", "stamp", "steps")) kept.number = static_cast<std::uint64_t>(value);
+      if constexpr (requires { name_of(value); }) name(kept, name_of(value));
+      if (is("served") && value == T{} && kept.topic == kTopicIndex<WorldFrame>) name(kept, "complete");
+    } else if constexpr (std::is_floating_point_v<T>) {
+      if (is("stamp_s", "time_s")) kept.stamp_s = value;
+    } else if constexpr (std::same_as<T, std::string>) {
+      if (is("name", "state")) name(kept, value);
+    } else if constexpr (std::same_as<T, Pose> || std::same_as<T, BodyState>) {
+      kept.position_m = three(value.position);
+    } else if constexpr (std::same_as<T, Wrench>) {
+      if (is("applied", "wrench")) kept.force_n = three(value.force);
+    } else if constexpr (requires { value.size(); }) {
+      if (is("bodies", "members", "moved")) kept.bodies = static_cast<double>(value.size());
+    }
+    return true;
+  }
+  bool operator()(std::string_view field, const auto& value, const auto&) { return (*this)(field, value); }
+  bool sequence(std::string_view, const auto&, const auto&) { return true; }
+  bool check(bool) { return true; }
+};
 
 using Fill = void (*)(Kept&, const void*);
 constexpr std::array kFills = std::apply(
-    [](const auto&... rows) {
-      return std::array<Fill, sizeof...(rows)>{[](Kept& kept, const void* sample) {
-        fill(kept, *static_cast<const typename std::remove_cvref_t<decltype(rows)>::Model*>(sample));
+    []<class... Models>(const Topic<Models>&...) {
+      return std::array<Fill, sizeof...(Models)>{[](Kept& kept, const void* sample) {
+        Figures archive{kept};
+        fields(archive, *static_cast<const Models*>(sample));
       }...};
     },
     kTopicTable);

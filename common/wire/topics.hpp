@@ -12,18 +12,6 @@
 
 namespace subworld {
 
-namespace msg {
-class Scene;
-class DeviceState;
-class DeviceCommand;
-class WorldFrame;
-class HapticReport;
-class WorldState;
-class Control;
-class ControlReply;
-class Status;
-}  // namespace msg
-
 enum class Reliability : std::uint8_t { best_effort, reliable };
 enum class Durability : std::uint8_t { volatile_, transient_local };
 enum class DeadlineKind : std::uint8_t { none, two_device_periods, two_cycles };
@@ -43,8 +31,8 @@ struct TopicSpec {
 /// of a foreign one. With a larger depth the sample of the right writer is among them.
 inline constexpr int kNewestOfSeveral = 8;
 
-/// A row of the table: the model struct `M` travels as the IDL type `W`. An incomplete row does not compile.
-template <class M, class W>
+/// A row of the table: what travels as `M`. An incomplete row does not compile.
+template <class M>
 struct Topic {
   using Model = M;
   constexpr Topic(const char* name, const char* type, std::uint32_t key_words, Reliability reliability,
@@ -53,28 +41,27 @@ struct Topic {
   TopicSpec spec;
 };
 
-/// All topics. Codecs, readers and writers follow from this table. A new topic needs a struct in the IDL, its `fields`
-/// in convert.hpp, and a row.
+/// All topics. Codecs, readers and writers follow from this table. A new topic needs a struct in the IDL, one in
+/// model/exchange with its `fields`, and a row.
 inline constexpr std::tuple kTopicTable{
-    Topic<SceneDescription, msg::Scene>{"scene", "subworld::msg::Scene", 0, Reliability::reliable,
-                                        Durability::transient_local, kNewestOfSeveral, DeadlineKind::none},
-    Topic<DeviceState, msg::DeviceState>{"device_state", "subworld::msg::DeviceState", 1, Reliability::best_effort,
-                                         Durability::volatile_, kNewestOfSeveral, DeadlineKind::two_device_periods},
-    Topic<DeviceCommand, msg::DeviceCommand>{"device_command", "subworld::msg::DeviceCommand", 1,
-                                             Reliability::best_effort, Durability::volatile_, kNewestOfSeveral,
-                                             DeadlineKind::two_device_periods},
-    Topic<WorldFrame, msg::WorldFrame>{"world_frame", "subworld::msg::WorldFrame", 1, Reliability::reliable,
-                                       Durability::volatile_, 8, DeadlineKind::two_cycles},
-    Topic<HapticReport, msg::HapticReport>{"haptic_report", "subworld::msg::HapticReport", 1, Reliability::reliable,
-                                           Durability::volatile_, 8, DeadlineKind::two_cycles},
-    Topic<WorldSnapshot, msg::WorldState>{"world_state", "subworld::msg::WorldState", 0, Reliability::best_effort,
-                                          Durability::volatile_, 1, DeadlineKind::none},
-    Topic<Control, msg::Control>{"control", "subworld::msg::Control", 0, Reliability::reliable,
-                                 Durability::transient_local, 16, DeadlineKind::none},
-    Topic<ControlReply, msg::ControlReply>{"control_reply", "subworld::msg::ControlReply", 2, Reliability::reliable,
-                                           Durability::transient_local, 16, DeadlineKind::none},
-    Topic<Status, msg::Status>{"status", "subworld::msg::Status", 2, Reliability::reliable, Durability::transient_local,
-                               16, DeadlineKind::none},
+    Topic<SceneDescription>{"scene", "subworld::msg::Scene", 0, Reliability::reliable, Durability::transient_local,
+                            kNewestOfSeveral, DeadlineKind::none},
+    Topic<DeviceState>{"device_state", "subworld::msg::DeviceState", 1, Reliability::best_effort, Durability::volatile_,
+                       kNewestOfSeveral, DeadlineKind::two_device_periods},
+    Topic<DeviceCommand>{"device_command", "subworld::msg::DeviceCommand", 1, Reliability::best_effort,
+                         Durability::volatile_, kNewestOfSeveral, DeadlineKind::two_device_periods},
+    Topic<WorldFrame>{"world_frame", "subworld::msg::WorldFrame", 1, Reliability::reliable, Durability::volatile_, 8,
+                      DeadlineKind::two_cycles},
+    Topic<HapticReport>{"haptic_report", "subworld::msg::HapticReport", 1, Reliability::reliable, Durability::volatile_,
+                        8, DeadlineKind::two_cycles},
+    Topic<WorldSnapshot>{"world_state", "subworld::msg::WorldState", 0, Reliability::best_effort, Durability::volatile_,
+                         1, DeadlineKind::none},
+    Topic<Control>{"control", "subworld::msg::Control", 0, Reliability::reliable, Durability::transient_local, 16,
+                   DeadlineKind::none},
+    Topic<ControlReply>{"control_reply", "subworld::msg::ControlReply", 2, Reliability::reliable,
+                        Durability::transient_local, 16, DeadlineKind::none},
+    Topic<Status>{"status", "subworld::msg::Status", 2, Reliability::reliable, Durability::transient_local, 16,
+                  DeadlineKind::none},
 };
 
 inline constexpr std::array kTopics =

@@ -250,7 +250,7 @@ void Player::execute(const Control& order) {
       reply.answer.text = fmt::format("one snapshot, to t = {:.3f} s, then paused", published_s_);
       break;
     }
-    case ControlVerb::reset: {
+    case ControlVerb::seek: {
       paused_ = was_paused;
       const std::optional<double> time_s = number_in(order.argument);
       if (time_s) move_to(*time_s);

@@ -21,15 +21,6 @@ namespace subworld {
 
 namespace {
 
-struct Verb {
-  std::string_view name;
-  ControlVerb verb;
-};
-constexpr std::array kVerbs{
-    Verb{"stop", ControlVerb::stop},  Verb{"pause", ControlVerb::pause},     Verb{"resume", ControlVerb::resume},
-    Verb{"step", ControlVerb::step},  Verb{"leave", ControlVerb::leave},     Verb{"engine", ControlVerb::set_engine},
-    Verb{"seek", ControlVerb::reset}, Verb{"ratio", ControlVerb::set_ratio}, Verb{"speed", ControlVerb::set_speed}};
-
 /// Waits until the world has described itself. Throws `Error` (middleware) where none does.
 SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Network& network, double wait_s) {
   SceneDescription description;
@@ -129,10 +120,8 @@ void await_answers(Bus& bus, Reader<ControlReply>& replies, Reader<Status>& stat
 void send_control(const Network& network, const Order& order, double wait_s) {
   Control sent;
   sent.number = std::random_device()();
+  sent.verb = order.verb;
   sent.argument = order.argument;
-  for (const Verb& known : kVerbs) {
-    if (known.name == order.verb) sent.verb = known.verb;
-  }
   // A writer of lock-step quality and a reader of real-time quality match programs in both modes.
   Settings listening;
   listening.mode = Mode::realtime;
@@ -147,7 +136,7 @@ void send_control(const Network& network, const Order& order, double wait_s) {
     throw Error(ExitCode::middleware,
                 fmt::format("the order could not be sent on domain {}; try again", network.domain));
   }
-  fmt::print("{}: sent to \"{}\" on domain {}\n", order.verb, world.name, network.domain);
+  fmt::print("{}: sent to \"{}\" on domain {}\n", name_of(order.verb), world.name, network.domain);
   Answers answers(sent, order.for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
                   order.for_sub_worlds ? world.users : 1);
   await_answers(*hearing, replies, statuses, scene, sent, answers, wait_s);

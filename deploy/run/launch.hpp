@@ -1,6 +1,7 @@
 #pragma once
 
 #include "io/options.hpp"
+#include "model/exchange.hpp"
 #include "physics/engine_exchange.hpp"
 #include "run/supervise.hpp"
 
@@ -27,9 +28,10 @@ struct RunRequest {
 /// Throws `Error`: usage for the scene, middleware for a domain in use.
 int run(const RunRequest& request);
 
-/// An order, as the command line names it. `argument` is that of its `Control`.
+/// An order. Verb and argument are those of its `Control`.
 struct Order {
-  std::string verb, argument;
+  ControlVerb verb = ControlVerb::stop;
+  std::string argument;
   bool for_sub_worlds = false;  ///< they execute it, and not the world
 };
 

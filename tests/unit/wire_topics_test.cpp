@@ -10,7 +10,7 @@ namespace subworld {
 namespace {
 
 template <class... Values>
-constexpr bool kIsRow = std::is_constructible_v<Topic<Status, msg::Status>, Values...>;
+constexpr bool kIsRow = std::is_constructible_v<Topic<Status>, Values...>;
 static_assert(kIsRow<const char*, const char*, std::uint32_t, Reliability, Durability, int, DeadlineKind>);
 static_assert(!kIsRow<const char*, const char*, std::uint32_t, Reliability, Durability, int>, "no deadline");
 static_assert(!kIsRow<const char*, const char*, std::uint32_t, Durability, int, DeadlineKind>, "no reliability");
