@@ -71,6 +71,8 @@ int main_of(int argc, char** argv) {
       "plan", "Reads a scene, warns of problems, and lists the optimisations that are on or off, with reasons");
   add_run_options(plan_command, plan_request.options);
   plan_command.flag("--gui", plan_request.gui, "with the display");
+  bool settings = false;
+  plan_command.flag("--settings", settings, "lists all settings, with value, default, range, meaning and readers");
 
   ControlRequest control_request;
   CommandLine& control_command =
@@ -122,7 +124,7 @@ int main_of(int argc, char** argv) {
   if (control_command.chosen()) {
     control(control_request);
   } else {
-    print_plan(plan_request);
+    print_plan(plan_request, settings);
   }
   return static_cast<int>(ExitCode::done);
 }

@@ -26,7 +26,7 @@ constexpr double kStartInBetweenHosts_s = 0.7;  ///< haptic clocks are ahead by 
 
 /// Announces when the world's clock slows, and when it is back at full speed.
 void announce_pace(StatusBeacon& status, Pace& pace, double cycle_s) {
-  const char* const cure = "cure: fewer bodies, a larger --ratio, --preset fast or a faster engine";
+  const char* const cure = "cure: fewer bodies, a larger --ratio, --set world.preset=fast or a faster engine";
   switch (pace.take_news()) {
     case Pace::News::none:
       break;

@@ -145,7 +145,7 @@ void assign(Option::Data& data, const std::vector<std::string>& given) {
         if constexpr (kIsList<T>) into->clear();
         for (const std::string& text : given) {
           if (text.starts_with("--")) throw Fault{fmt::format("{} needs a value, before {}", data.name, text)};
-          for (const std::string& item : kIsList<T> ? split(text) : std::vector<std::string>{text}) {
+          for (const std::string& item : kIsList<T> && !data.whole ? split(text) : std::vector<std::string>{text}) {
             check_word(data, item);
             ContentOf<T> value{};
             convert(data, item, value);
@@ -167,8 +167,9 @@ std::string value_name(const Option::Data& data) {
   return std::visit(
       [&](auto* const into) -> std::string {
         using T = std::remove_pointer_t<decltype(into)>;
-        const std::string one = kIsText<T> ? "TEXT" : data.unit.empty() || data.unit == kPartUnit ? "N" : data.unit;
-        return fmt::format("<{}>{}", one, kIsList<T> ? ",..." : "");
+        const bool text = kIsText<T> && !std::isfinite(data.limits.most);
+        const std::string one = text ? "TEXT" : data.unit.empty() || data.unit == kPartUnit ? "N" : data.unit;
+        return fmt::format("<{}>{}", one, kIsList<T> && !data.whole ? ",..." : "");
       },
       data.target);
 }

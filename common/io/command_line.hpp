@@ -41,7 +41,7 @@ class Option {
     std::string variable;
     std::shared_ptr<Data> needed;
     std::string implied;
-    bool required = false, hidden = false;
+    bool required = false, hidden = false, whole = false;
     std::vector<std::string> given;  ///< the values, as written
 
     [[nodiscard]] bool positional() const { return !name.starts_with('-'); }
@@ -68,6 +68,9 @@ class Option {
   Option& implies(const std::string& value) { return set(data_->implied, value); }
   /// Not in the help.
   Option& hidden() { return set(data_->hidden, true); }
+
+  /// Of a list: a comma belongs to its value.
+  Option& whole() { return set(data_->whole, true); }
 
   [[nodiscard]] bool given() const { return !data_->given.empty(); }
   /// The option and its value, as words of a command line; none where it is not given.

@@ -58,100 +58,48 @@ const About& about(Program program) {
   return kAbout[static_cast<std::size_t>(program)];
 }
 
-/// Two ratios in either order, as in 4-12 or 12-4.
-std::optional<RatioBounds> parse_two_ratios(const std::string& text) {
-  const std::size_t dash = text.find('-');
-  if (dash == std::string::npos) return std::nullopt;
-  const auto bounds = parse_ratio(text);
-  return bounds ? bounds : parse_ratio(text.substr(dash + 1) + "-" + text.substr(0, dash));
+void add_setting(CommandLine& line, const Setting& setting, std::optional<std::string>& target) {
+  Option option = line.add(std::string(setting.option), &target, std::string(setting.meaning));
+  option.otherwise("the scene's, else " + default_text(setting));
+  if (!setting.range.words.empty()) {
+    option.one_of({setting.range.words.begin(), setting.range.words.end()});
+    return;
+  }
+  option.range(setting.range.limits.least, setting.range.limits.most, std::string(setting.unit()));
+  option.check([key = setting.key](const std::string& text) { return setting_fault(SettingChange{key, text}); });
 }
 
 }  // namespace
 
-std::string ratio_fault(const std::string& text) {
-  if (parse_ratio(text)) return {};
-  if (const auto turned = parse_two_ratios(text))
-    return fmt::format("the smaller ratio comes first; did you mean {}?", to_text(*turned));
-  return fmt::format("must be a whole number from 1 to {}, or two as in 4-12", kMostRatio);
+void change(Options& o, const std::string& key, const std::string& value) { o.set.push_back(key + "=" + value); }
+
+std::string flag_of(const Options& o, std::string_view key) {
+  const Setting* const setting = find_setting(key);
+  for (const std::string& text : o.set) {
+    if (find_setting(parse_change(text).key) == setting) return fmt::format("--set {}", key);
+  }
+  const auto named = o.named.find(key);
+  return named != o.named.end() && named->second ? std::string(setting->option) : "";
 }
 
-std::string fixed_ratio_fault(const std::string& text) {
-  if (const auto two = parse_two_ratios(text))
-    return fmt::format("must be one ratio; for one that adapts give --ratio {} --ratio-most {}", two->least, two->most);
-  return parse_ratio(text) ? "" : fmt::format("must be a whole number from 1 to {}", kMostRatio);
+void add_set_option(CommandLine& line, std::vector<std::string>& set) {
+  line.add("--set", &set,
+           "KEY=VALUE: any setting by its key in the scene file, as in deadband=0.1, users.box_half_m=0.3 or, for one "
+           "user, users[1].box_half_m=0.3; `subworld plan SCENE --settings` lists all; may be repeated")
+      .whole()
+      .check([](const std::string& text) { return setting_fault(parse_change(text)); })
+      .otherwise("the scene's settings");
 }
 
 void add_run_options(CommandLine& line, Options& o) {
-  const std::string scenes = "the scene's";
   const auto add = [&](const char* name, OptionTarget target, const char* what) -> Option& {
     return o.shared.emplace_back(line.add(name, target, what));
   };
   line.add("scene", &o.scene, "scene file (YAML), or the name of a scene in deploy/scenes").required();
-  add("--mode", &o.mode,
-      "lockstep: the processes advance together, independent of wall time; realtime: absolute deadlines")
-      .one_of({"lockstep", "realtime"})
-      .otherwise(scenes);
-  add("--absent", &o.absent,
-      "lock-step: what the run does when the programs of a user fall silent: it ends, waits until they have been "
-      "started again, or continues without the user; in real time it always continues")
-      .one_of({"end", "wait", "continue"})
-      .otherwise(scenes + ", else end");
-  add("--presence", &o.presence,
-      "when users take part and which orders the run gets, in simulated time, as in \"1 joins 3, world engine ode fast "
-      "from 5\"; summary.json has that of a run in lock-step, which repeats bit by bit with it")
-      .check([](const std::string& text) {
-        std::vector<PresenceEvent> events;
-        return parse_presence(text, events);
-      })
-      .otherwise(scenes + ", else all users from start to end");
-  add("--duration", &o.duration_s, "simulated time").range(0.001, 1e6, "s").otherwise(scenes);
-  add("--users", &o.users, "number of the scene's users that take part, the first ones")
-      .range(1, kMostUsers)
-      .otherwise(scenes);
-  add("--scheme", &o.scheme, "coupling scheme: reduced, paper or direct").otherwise(scenes + ", else reduced");
-  add("--ratio", &o.ratio,
-      "simulation ratio r = T / h; two as in 4-12: it adapts between them to what the operator feels and to what "
-      "the world costs")
-      .check(ratio_fault)
-      .otherwise(scenes);
-  add("--budget", &o.budget_ratio,
-      "part of the haptic step that the step of a sub-world may take; of the bodies in its box, those that matter "
-      "most and fit are simulated")
-      .range(1e-3, 1e3)
-      .otherwise(scenes);
-  add("--budget-limit", &o.budget_limit_ratio, "largest budget of a user; lowers the scene's where they are above it")
-      .range(1e-3, 1e3)
-      .otherwise("in real time under `subworld run`, without --budget: what the cores have left; else none");
-  add("--engine", &o.engine, "physics engine of the world").otherwise(scenes);
-  add("--preset", &o.preset, "preset of the world's engine: fast or quality").otherwise(scenes);
-  add("--haptic-engine", &o.haptic_engine, "physics engine of the sub-worlds").otherwise(scenes);
-  add("--haptic-preset", &o.haptic_preset, "preset of the sub-worlds' engine: fast or quality").otherwise(scenes);
-  add("--disable", &o.disabled,
-      "optimisations to disable, for comparison: names that `subworld plan` lists, separated by commas, or all");
-  add("--passivity", &o.passivity,
-      "bounds the energy that a device gives to its operator: on, off, or automatic (where messages are delayed; "
-      "in real time with --peers)")
-      .one_of({"automatic", "on", "off"})
-      .otherwise(scenes);
-  add("--deadband", &o.deadband,
-      "Weber fraction of the link of a device: samples are not sent that an operator cannot tell from their "
-      "extrapolation; in real time with --peers only; 0: all are sent")
-      .range(0.0, kMostDeadband, kPartUnit)
-      .otherwise(scenes);
-  add("--latency", &o.latency_s, "lock-step: artificial delay, added to the round trip between world and sub-world")
-      .range(0.0, 2.0, "s")
-      .otherwise(scenes);
-  add("--device-latency", &o.device_latency_s,
-      "lock-step: artificial delay, added to the round trip between device and sub-world")
-      .range(0.0, 2.0, "s")
-      .otherwise(scenes);
-  add("--jitter", &o.jitter_s, "lock-step: longest extra delay of a single message, at random")
-      .range(0.0, 1.0, "s")
-      .otherwise(scenes);
-  add("--loss", &o.loss_ratio,
-      "lock-step: part of the messages that is lost; between world and sub-world they arrive one round trip later")
-      .range(0.0, 0.9, kPartUnit)
-      .otherwise(scenes);
+  for (const Setting& setting : settings_table()) {
+    if (!setting.option.empty()) add_setting(line, setting, o.named[setting.key]);
+  }
+  add_set_option(line, o.set);
   add("--interface", &o.network.interface_address,
       "own network interface, by name or IPv4 address; other hosts are reached with --peers too")
       .otherwise("loopback, which reaches this host only");
@@ -191,14 +139,8 @@ void add_device_options(CommandLine& line, Options& o) {
 
 bool imply_browser(Options& o) {
   if (std::ranges::find(o.devices, kBrowserDevice) == o.devices.end()) return false;
-  if (!o.mode) {
-    o.mode = "realtime";
-    o.implied.insert(o.implied.end(), {"--mode", *o.mode});
-  }
-  if (!o.duration_s) {
-    o.duration_s = 600.0;  // a person ends it earlier, on the page
-    o.implied.insert(o.implied.end(), {"--duration", "600"});
-  }
+  if (flag_of(o, "mode").empty()) change(o, "mode", "realtime");
+  if (flag_of(o, "duration_s").empty()) change(o, "duration_s", "600");  // a person ends it earlier, on the page
   return true;
 }
 
@@ -283,11 +225,14 @@ void add_tuning(CommandLine& line, const char* program, Options& o) {
 
 std::vector<std::string> settings_flags_of(const Options& o) {
   std::vector<std::string> flags{o.scene};
+  for (const auto& [key, value] : o.named) {
+    if (value) flags.insert(flags.end(), {std::string(find_setting(key)->option), *value});
+  }
+  for (const std::string& text : o.set) flags.insert(flags.end(), {"--set", text});
   for (const Option& option : o.shared) {
     const std::vector<std::string> words = option.as_given();
     flags.insert(flags.end(), words.begin(), words.end());
   }
-  flags.insert(flags.end(), o.implied.begin(), o.implied.end());
   return flags;
 }
 

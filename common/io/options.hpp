@@ -3,11 +3,13 @@
 #include "io/command_line.hpp"
 #include "io/live_options.hpp"
 #include "model/network.hpp"
-#include "model/scene.hpp"
+#include "model/settings.hpp"
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace subworld {
@@ -18,72 +20,52 @@ enum class Program : std::uint8_t { world_sim, haptic_sim, device_sim, gui_headl
 struct Options {
   std::string scene;
   Network network;
-  std::optional<std::string> mode;
-  std::optional<std::string> absent;    ///< end, wait or continue
-  std::optional<std::string> presence;  ///< parse_presence() reads it
-  std::optional<std::string> scheme;
-  std::optional<double> latency_s;
-  std::optional<double> jitter_s;
-  std::optional<double> device_latency_s;
-  std::optional<double> loss_ratio;
-  std::optional<std::string> passivity;
-  std::optional<double> deadband;
-  std::vector<std::string> disabled;  ///< parse_disabled() reads it
-  std::optional<std::string> engine;
-  std::optional<std::string> haptic_engine;
-  std::optional<std::string> preset;
-  std::optional<std::string> haptic_preset;
-  std::optional<std::string> ratio;  ///< parse_ratio() reads it
-  std::optional<int> users;
-  std::optional<double> budget_ratio;
-  std::optional<double> budget_limit_ratio;
-  std::optional<double> duration_s;
-  std::string out;                        ///< folder for results; empty: none are written
-  std::optional<std::string> bodies;      ///< world_sim: bodies to record; choose_bodies() reads it
-  std::optional<double> bodies_rate_hz;   ///< world_sim: rate of that
-  double checkpoint_s = 0.5;              ///< world_sim: simulated time between checkpoints; 0: none
-  std::string resume;                     ///< world_sim: file or folder of the checkpoint to go on from; empty: none
-  std::vector<int> without;               ///< users without whom the world begins; they may join later
-  std::vector<int> cores;                 ///< for all threads of the program; none: any
-  double spin_s = 0.0;                    ///< haptic_sim, device_sim: spins instead of sleeping before a release
-  std::string record;                     ///< of `subworld run`: file for a recording; empty: none
-  std::string trace;                      ///< file for a trace of the loops; empty: none. Not of the display
-  int user = 0;                           ///< haptic_sim, device_sim
-  std::vector<std::string> devices;       ///< device_sim: its device; the launcher: one for each user. None: emulated
-  std::string device_settings;            ///< of the device's driver
-  double device_scale_ratio = 1.0;        ///< metres in the scene for a metre of the device
-  int device_declutch = -1;               ///< button of the device that disengages it from the proxy; -1: none
-  double wait_s = 30.0;                   ///< for the other programs
-  std::vector<Option> shared = {};        ///< those that all programs of a run have
-  std::vector<std::string> implied = {};  ///< flags of that kind which another option implies
-  double picture_every_s = 0.0;           ///< gui_headless
-  LiveOptions live = {};                  ///< gui_headless
-  bool await_display = false;             ///< world_sim: starts when a display is there
+  std::map<std::string, std::optional<std::string>, std::less<>> named;  ///< settings by their short forms
+  std::vector<std::string> set;                                          ///< settings by --set, as KEY=VALUE
+  std::string out;                       ///< folder for results; empty: none are written
+  std::optional<std::string> bodies;     ///< world_sim: bodies to record; choose_bodies() reads it
+  std::optional<double> bodies_rate_hz;  ///< world_sim: rate of that
+  double checkpoint_s = 0.5;             ///< world_sim: simulated time between checkpoints; 0: none
+  std::string resume;                    ///< world_sim: file or folder of the checkpoint to go on from; empty: none
+  std::vector<int> without;              ///< users without whom the world begins; they may join later
+  std::vector<int> cores;                ///< for all threads of the program; none: any
+  double spin_s = 0.0;                   ///< haptic_sim, device_sim: spins instead of sleeping before a release
+  std::string record;                    ///< of `subworld run`: file for a recording; empty: none
+  std::string trace;                     ///< file for a trace of the loops; empty: none. Not of the display
+  int user = 0;                          ///< haptic_sim, device_sim
+  std::vector<std::string> devices;      ///< device_sim: its device; the launcher: one for each user. None: emulated
+  std::string device_settings;           ///< of the device's driver
+  double device_scale_ratio = 1.0;       ///< metres in the scene for a metre of the device
+  int device_declutch = -1;              ///< button of the device that disengages it from the proxy; -1: none
+  double wait_s = 30.0;                  ///< for the other programs
+  std::vector<Option> shared = {};       ///< further options that all programs of a run have
+  double picture_every_s = 0.0;          ///< gui_headless
+  LiveOptions live = {};                 ///< gui_headless
+  bool await_display = false;            ///< world_sim: starts when a display is there
 };
+
+/// Sets a setting, as --set does.
+void change(Options& options, const std::string& key, const std::string& value);
+/// The option that sets a setting: "--scheme" or "--set scheme"; empty: none does.
+[[nodiscard]] std::string flag_of(const Options& options, std::string_view key);
 
 /// Loads the scene and lets the options override its settings; afterwards `settings.users` counts the users that take
 /// part. Throws `Error` (usage).
 [[nodiscard]] Scene load_scene(const Options& options);
-
-/// Lowers the budgets that are above the limit. Returns the number of users whom that concerns.
-int limit_budgets(Scene& scene, double limit_ratio);
 
 /// The scene and the flags that give the same settings to another program.
 [[nodiscard]] std::vector<std::string> settings_flags_of(const Options& options);
 /// The same with the folder for results.
 [[nodiscard]] std::vector<std::string> flags_of(const Options& options);
 
-/// Adds the options that the launcher and all programs share.
+/// Adds --set.
+void add_set_option(CommandLine& line, std::vector<std::string>& set);
+/// Adds the options that the launcher and all programs share: the short forms of settings, --set, and the network.
 void add_run_options(CommandLine& line, Options& options);
 Option add_out(CommandLine& line, Options& options, const char* what);
 /// Adds --dds and --domain.
 Option add_dds(CommandLine& line, std::string& dds, const std::vector<std::string>& vendors);
 Option add_domain(CommandLine& line, int& domain);
-
-/// For Option::check(): a simulation ratio, fixed or as in 4-12.
-[[nodiscard]] std::string ratio_fault(const std::string& text);
-/// The same for one of a list of fixed ratios, beside an option --ratio-most.
-[[nodiscard]] std::string fixed_ratio_fault(const std::string& text);
 
 /// Adds --device, --device-settings, --device-scale and --device-declutch.
 void add_device_options(CommandLine& line, Options& options);

@@ -167,4 +167,11 @@ Json machine() {
           {"compiler", __VERSION__}};
 }
 
+Json json_of(const Setting& setting, Settings& settings, UserSpec& user) {
+  const std::optional<std::string> text = value_text(setting, settings, user);
+  if (!text) return nullptr;
+  Json value = Json::parse(*text, nullptr, false);
+  return value.is_discarded() ? Json(*text) : value;
+}
+
 }  // namespace subworld

@@ -2,6 +2,7 @@
 
 #include "model/exchange.hpp"
 #include "model/optimisation.hpp"
+#include "model/settings.hpp"
 #include "rt/histogram.hpp"
 
 #include <nlohmann/json.hpp>
@@ -123,5 +124,8 @@ void write_json(const std::string& path, const Json& json);
 [[nodiscard]] int machine_cores();
 /// Machine, kernel and versions, for the summary.
 [[nodiscard]] Json machine();
+
+/// The value of a setting; null where it is not set.
+[[nodiscard]] Json json_of(const Setting& setting, Settings& settings, UserSpec& user);
 
 }  // namespace subworld

@@ -49,9 +49,10 @@ Disabled parse_disabled(const std::vector<std::string>& names, std::string_view 
     const auto found = std::ranges::find(kItems, name, &OptimisationItem::name);
     if (found == kItems.end() && name != "all") {
       const std::string_view meant = nearest(name, known);
-      throw Error(ExitCode::usage, fmt::format("{}: there is no item \"{}\"; {}choose of: {}", flag, name,
-                                               meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant),
-                                               fmt::join(known, ", ")));
+      throw Error(
+          ExitCode::usage,
+          fmt::format("{}{}there is no item \"{}\"; {}choose of: {}", flag, flag.empty() ? "" : ": ", name,
+                      meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant), fmt::join(known, ", ")));
     }
     set |= name == "all" ? kDisableAll : disabled(found->optimisation);
   }

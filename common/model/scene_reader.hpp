@@ -19,7 +19,12 @@ inline constexpr int kMostBodies = 100'000;
 using Materials = std::map<std::string, Material, std::less<>>;
 
 [[nodiscard]] Materials read_materials(const YamlValue& value);
-void read_settings(const YamlValue& value, Settings& settings);
+
+/// Reads a map by the table of settings (model/settings). `group`: the beginning of its keys there, as in "delay.";
+/// empty: of the map `settings`; "users.": of a user.
+void read_settings(const YamlValue& value, const std::string& group, Settings& settings, UserSpec& user);
+/// The keys that such a map may have.
+[[nodiscard]] std::vector<std::string_view> keys_in(std::string_view group);
 
 /// A shape with the data from which its mass follows.
 struct SolidShape {

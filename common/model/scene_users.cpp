@@ -11,8 +11,6 @@ namespace {
 
 constexpr Limits kTime{.least = 0.0, .most = 1e6};                           // s
 constexpr Limits kLongerThanZero{.least = 0.0, .most = 1e6, .above = true};  // s, m
-constexpr Limits kLarge{.least = 0.0, .most = 1e9};
-constexpr Limits kLargePositive{.least = 0.0, .most = 1e9, .above = true};
 
 const std::initializer_list<std::string_view> kSegmentForms = {"move", "turn", "circle", "wave"};
 
@@ -82,60 +80,13 @@ PathSegment read_segment(const YamlValue& value) {
   return segment;
 }
 
-void read_coupling(const YamlValue& value, CouplingSettings& coupling) {
-  const YamlMap map(value, {"stiffness_n_m", "damping_n_s_m", "rotational_stiffness_n_m_rad",
-                            "rotational_damping_n_m_s_rad", "ramp_s"});
-  map.read("stiffness_n_m", coupling.stiffness_n_m, kLargePositive);
-  map.read("damping_n_s_m", coupling.damping_n_s_m, kLarge);
-  map.read("rotational_stiffness_n_m_rad", coupling.rotational_stiffness_n_m, kLarge);
-  map.read("rotational_damping_n_m_s_rad", coupling.rotational_damping_n_m_s, kLarge);
-  map.read("ramp_s", coupling.ramp_s, kTime);
-}
-
-OperatorSpec read_operator(const YamlValue& value) {
-  const YamlMap map(value, {"mass_kg", "damping_n_s_m", "stiffness_n_m", "inertia_kg_m2",
-                            "rotational_damping_n_m_s_rad", "rotational_stiffness_n_m_rad"});
-  OperatorSpec model;
-  map.read("mass_kg", model.mass_kg, kLargePositive);
-  map.read("damping_n_s_m", model.damping_n_s_m, kLarge);
-  map.read("stiffness_n_m", model.stiffness_n_m, kLarge);
-  map.read("inertia_kg_m2", model.inertia_kg_m2, kLargePositive);
-  map.read("rotational_damping_n_m_s_rad", model.rotational_damping_n_m_s, kLarge);
-  map.read("rotational_stiffness_n_m_rad", model.rotational_stiffness_n_m, kLarge);
-  return model;
-}
-
-void read_device(const YamlValue& value, DeviceSpec& device) {
-  const YamlMap map(value, {"kind", "degrees_of_freedom", "rate_hz", "force_limit_n", "torque_limit_n_m",
-                            "force_rate_limit_n_s", "power_limit_w", "speed_limit_m_s", "mass_kg", "damping_n_s_m",
-                            "friction_n", "position_resolution_m", "path", "operator"});
-  if (const auto kind = map.find("kind"))
-    device.kind = static_cast<DeviceKind>(kind->choice({"impedance", "admittance"}));
-  if (const auto freedom = map.find("degrees_of_freedom")) {
-    device.degrees_of_freedom = freedom->integer(1, 6);
-    if (device.degrees_of_freedom != 3 && device.degrees_of_freedom != 6) {
-      freedom->fail(fmt::format("must be 3 (translations) or 6, not {}", device.degrees_of_freedom));
+void read_path(const YamlValue& path, DeviceSpec& device) {
+  for (const YamlValue& item : path.items()) {
+    device.path.push_back(read_segment(item));
+    if (device.path.back().kind == PathSegment::Kind::turn && device.degrees_of_freedom == 3) {
+      item.fail("a device with 3 degrees of freedom does not turn; set degrees_of_freedom: 6 or remove the turn");
     }
   }
-  map.read("rate_hz", device.rate_hz, {.least = 1.0, .most = 100'000.0});
-  map.read("force_limit_n", device.force_limit_n, kLargePositive);
-  map.read("torque_limit_n_m", device.torque_limit_n_m, kLargePositive);
-  if (const auto rate = map.find("force_rate_limit_n_s")) device.force_rate_limit_n_s = rate->number(kLargePositive);
-  if (const auto power = map.find("power_limit_w")) device.power_limit_w = power->number(kLargePositive);
-  map.read("speed_limit_m_s", device.speed_limit_m_s, {.least = 0.0, .most = 0.5, .above = true});
-  map.read("mass_kg", device.mass_kg, kLargePositive);
-  map.read("damping_n_s_m", device.damping_n_s_m, kLarge);
-  map.read("friction_n", device.friction_n, kLarge);
-  map.read("position_resolution_m", device.position_resolution_m, {.least = 0.0, .most = 1.0});
-  if (const auto path = map.find("path")) {
-    for (const YamlValue& item : path->items()) {
-      device.path.push_back(read_segment(item));
-      if (device.path.back().kind == PathSegment::Kind::turn && device.degrees_of_freedom == 3) {
-        item.fail("a device with 3 degrees of freedom does not turn; set degrees_of_freedom: 6 or remove the turn");
-      }
-    }
-  }
-  if (const auto model = map.find("operator")) device.operator_model = read_operator(*model);
 }
 
 }  // namespace
@@ -146,8 +97,7 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
   if (items.size() > kMostUsers)
     list.fail(fmt::format("{} users; a scene has at most {}: split it", items.size(), kMostUsers));
   for (const YamlValue& item : items) {
-    const YamlMap map(item, {"name", "proxy", "joins", "coupling", "selection", "box_half_m", "contact_depth",
-                             "budget_ratio", "device"});
+    const YamlMap map(item, keys_in("users."));
     UserSpec user;
     user.name = map.at("name").name();
     const YamlValue proxy = map.at("proxy");
@@ -170,17 +120,14 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
         proxy.fail(fmt::format("is the proxy of \"{}\" already; give every user a body of its own", other.name));
       }
     }
-    map.read("box_half_m", user.box_half_m, kLongerThanZero);
-    map.read("contact_depth", user.contact_depth, 0, 1000);
-    map.read("budget_ratio", user.budget_ratio, {.least = 0.0, .most = 1e6, .above = true});
-    if (const auto selection = map.find("selection")) {
-      user.selection = static_cast<Selection>(selection->choice({"box", "contacts", "budget"}));
-      if (user.selection == Selection::contacts && user.contact_depth == 0) {
-        selection->fail("contacts: needs contact_depth, how many contacts lie between the proxy and a member at most");
-      }
+    read_settings(item, "users.", scene.settings, user);
+    if (user.selection == Selection::contacts && user.contact_depth == 0) {
+      map.at("selection")
+          .fail("contacts: needs contact_depth, how many contacts lie between the proxy and a member at most");
     }
-    if (const auto coupling = map.find("coupling")) read_coupling(*coupling, user.coupling);
-    if (const auto device = map.find("device")) read_device(*device, user.device);
+    if (const auto device = map.find("device")) {
+      if (const auto path = YamlMap(*device, keys_in("users.device.")).find("path")) read_path(*path, user.device);
+    }
     scene.users.push_back(std::move(user));
   }
 }

@@ -17,6 +17,8 @@ struct Suffix {
 constexpr std::array kSuffixes{Suffix{"_n_m_s_rad", "N m s/rad"},
                                Suffix{"_n_m_rad", "N m/rad"},
                                Suffix{"torque_limit_n_m", "N m"},
+                               Suffix{"impulse_threshold_n_s", "N s"},
+                               Suffix{"deadband", kPartUnit},
                                Suffix{"_kg_m3", "kg/m3"},
                                Suffix{"_kg_m2", "kg m2"},
                                Suffix{"_rad_m", "rad/m"},
@@ -55,6 +57,15 @@ constexpr std::array kSlips{Slip{"s", "ms", 1e-3},
                             Slip{kPartUnit, "%", 1e-2}};
 
 }  // namespace
+
+std::string to_text(const Limits& limits) {
+  std::string text;
+  if (std::isfinite(limits.least)) text += fmt::format("{} {}", limits.above ? "above" : "at least", limits.least);
+  if (std::isfinite(limits.most)) {
+    text += fmt::format("{}{} {}", text.empty() ? "" : " and ", limits.below ? "below" : "at most", limits.most);
+  }
+  return text;
+}
 
 std::string_view unit_of(std::string_view key) {
   if (key.ends_with(']')) key = key.substr(0, key.rfind('['));

@@ -18,6 +18,9 @@ struct Limits {
   }
 };
 
+/// "at least 0 and below 1"; empty: all numbers.
+[[nodiscard]] std::string to_text(const Limits& limits);
+
 /// Unit of a part of 1; it is not printed.
 inline constexpr const char* kPartUnit = "1";
 

@@ -30,20 +30,12 @@ std::string_view kind_name(YamlNode::Kind kind) {
   return "";
 }
 
-std::string describe(const Limits& limits) {
-  std::string text;
-  if (std::isfinite(limits.least)) text += fmt::format("{} {}", limits.above ? "above" : "at least", limits.least);
-  if (std::isfinite(limits.most)) {
-    text += fmt::format("{}{} {}", text.empty() ? "" : " and ", limits.below ? "below" : "at most", limits.most);
-  }
-  return text;
-}
-
 constexpr std::size_t kShownWords = 80;  // characters of a wrong word that a message repeats
 
 }  // namespace
 
 void YamlValue::fail(std::string_view what) const {
+  if (file_->empty()) throw Error(ExitCode::usage, std::string(what));
   throw Error(ExitCode::usage, fmt::format("{}:{}:{}: {}{}{}", *file_, mark_.line, mark_.column, path_,
                                            path_.empty() ? "" : ": ", what));
 }
@@ -77,7 +69,7 @@ double YamlValue::number(const Limits& limits) const {
   }
   if (!limits.contains(value)) {
     const std::string_view unit = unit_of(path_);
-    fail(fmt::format("must be {}{}{}, not {}{}", describe(limits), unit.empty() || unit == kPartUnit ? "" : " ",
+    fail(fmt::format("must be {}{}{}, not {}{}", to_text(limits), unit.empty() || unit == kPartUnit ? "" : " ",
                      unit == kPartUnit ? "" : unit, value, likely_slip(value, limits, unit)));
   }
   return value;
@@ -116,9 +108,9 @@ std::string YamlValue::name() const {
   return word;
 }
 
-std::size_t YamlValue::choice(std::initializer_list<std::string_view> choices) const {
+std::size_t YamlValue::choice(std::span<const std::string_view> choices) const {
   const std::string word = text();
-  const auto* found = std::find(choices.begin(), choices.end(), word);
+  const auto found = std::find(choices.begin(), choices.end(), word);
   if (found == choices.end()) {
     fail(fmt::format("unknown \"{}\"; choose one of {}", word.substr(0, kShownWords), fmt::join(choices, ", ")));
   }
@@ -175,7 +167,7 @@ std::vector<YamlValue::Named> YamlValue::entries() const {
   return named;
 }
 
-YamlMap::YamlMap(const YamlValue& value, std::initializer_list<std::string_view> keys)
+YamlMap::YamlMap(const YamlValue& value, const std::vector<std::string_view>& keys)
     : whole_(value), entries_(value.entries()) {
   for (const YamlValue::Named& entry : entries_) {
     if (std::find(keys.begin(), keys.end(), entry.key) != keys.end()) continue;
@@ -231,10 +223,6 @@ void YamlMap::read(std::string_view key, bool& target) const {
 
 void YamlMap::read(std::string_view key, std::string& target) const {
   if (const auto value = find(key)) target = value->text();
-}
-
-void YamlMap::read(std::string_view key, Vec3& target) const {
-  if (const auto value = find(key)) target = value->vec3();
 }
 
 }  // namespace subworld

@@ -6,6 +6,7 @@
 
 #include <initializer_list>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,7 +19,7 @@ inline constexpr Limits kPositive{.least = 0.0, .above = true};
 inline constexpr Limits kUnit{.least = 0.0, .most = 1.0};
 
 /// A value of the file that knows where it stands. Every access is strict and throws `Error` (usage) as
-/// "file:line:column: key.path: what is wrong; cure".
+/// "file:line:column: key.path: what is wrong; cure", or without a file as "what is wrong; cure".
 class YamlValue {
  public:
   /// `file` and `node` must outlive the value.
@@ -33,7 +34,10 @@ class YamlValue {
   /// A name: letters, digits, '_', '-' and '.'.
   [[nodiscard]] std::string name() const;
   /// The index in `choices` of the word that is written here.
-  [[nodiscard]] std::size_t choice(std::initializer_list<std::string_view> choices) const;
+  [[nodiscard]] std::size_t choice(std::span<const std::string_view> choices) const;
+  [[nodiscard]] std::size_t choice(std::initializer_list<std::string_view> choices) const {
+    return choice(std::span(choices.begin(), choices.size()));
+  }
   [[nodiscard]] std::vector<double> numbers(std::size_t count, const Limits& limits = kAny) const;
   [[nodiscard]] Vec3 vec3(const Limits& limits = kAny) const;
   /// A direction: any length but zero, returned as a unit vector.
@@ -72,7 +76,7 @@ struct YamlValue::Named {
 /// A map whose keys are known: any other key is an error that names the nearest one.
 class YamlMap {
  public:
-  YamlMap(const YamlValue& value, std::initializer_list<std::string_view> keys);
+  YamlMap(const YamlValue& value, const std::vector<std::string_view>& keys);
 
   [[nodiscard]] bool has(std::string_view key) const { return find(key).has_value(); }
   [[nodiscard]] std::optional<YamlValue> find(std::string_view key) const;
@@ -88,7 +92,6 @@ class YamlMap {
   void read(std::string_view key, int& target, int least, int most) const;
   void read(std::string_view key, bool& target) const;
   void read(std::string_view key, std::string& target) const;
-  void read(std::string_view key, Vec3& target) const;
 
   [[nodiscard]] const YamlValue& whole() const noexcept { return whole_; }
 

@@ -24,6 +24,7 @@ constexpr std::size_t kMostNodes = 2'000'000;
 constexpr std::size_t kDeepest = 32;
 
 [[noreturn]] void fail(const std::string& file, Mark mark, std::string_view what) {
+  if (file.empty()) throw Error(ExitCode::usage, std::string(what));
   throw Error(ExitCode::usage, fmt::format("{}:{}:{}: {}", file, mark.line, mark.column, what));
 }
 
@@ -167,8 +168,9 @@ void refuse_tabs(const std::string& file, const std::string& text) {
 
 }  // namespace
 
-YamlNode read_yaml(const std::string& file) {
-  const std::string content = read_text(file);
+YamlNode read_yaml(const std::string& file) { return parse_yaml(file, read_text(file)); }
+
+YamlNode parse_yaml(const std::string& file, const std::string& content) {
   std::istringstream text(content);
   TreeBuilder builder(file);
   try {

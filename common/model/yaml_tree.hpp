@@ -35,5 +35,7 @@ struct YamlNode::Entry {
 /// them a small file cannot expand to a large tree. Throws `Error` (usage) with file:line:column for a file that cannot
 /// be read, is larger than 16 MB, or is not such a document.
 [[nodiscard]] YamlNode read_yaml(const std::string& file);
+/// The same of a text. Errors name the file; an empty name: a text of no file, and the errors name no place.
+[[nodiscard]] YamlNode parse_yaml(const std::string& file, const std::string& text);
 
 }  // namespace subworld

@@ -1,5 +1,6 @@
 #include "doctor/checks.hpp"
 #include "io/version.hpp"
+#include "model/settings.hpp"
 #include "wire/session.hpp"
 
 #include <fmt/format.h>
@@ -138,11 +139,17 @@ void judge_strayed(const Facts& facts, Findings& out) {
   }
 }
 
-/// Options that all programs of a run share.
-constexpr std::array<const char*, 15> kShared{"--mode",          "--duration",      "--users",    "--scheme",
-                                              "--ratio",         "--budget",        "--engine",   "--preset",
-                                              "--haptic-engine", "--haptic-preset", "--latency",  "--device-latency",
-                                              "--jitter",        "--loss",          "--passivity"};
+/// The value of a setting on a command line.
+std::string setting_in(const std::vector<std::string>& words, const Setting& setting) {
+  const std::string set = "--set";
+  std::string value =
+      (setting.option.empty() ? std::nullopt : value_of(words, std::string(setting.option))).value_or("(the scene's)");
+  for (std::size_t i = 1; i + 1 < words.size(); ++i) {
+    const SettingChange change = parse_change(words[i + 1]);
+    if (words[i] == set && change.key == setting.key) value = change.value;
+  }
+  return value;
+}
 
 /// "--mode lockstep instead of realtime", for all options that differ.
 std::string difference(const RunningProgram& one, const RunningProgram& world) {
@@ -153,9 +160,9 @@ std::string difference(const RunningProgram& one, const RunningProgram& world) {
   if (one.words.size() > 1 && world.words.size() > 1 && !one.words[1].starts_with("-") &&
       !world.words[1].starts_with("-"))
     compare("scene", std::filesystem::path(one.words[1]).stem(), std::filesystem::path(world.words[1]).stem());
-  for (const char* option : kShared) {
-    compare(option, value_of(one.words, option).value_or("(the scene's)"),
-            value_of(world.words, option).value_or("(the scene's)"));
+  for (const Setting& setting : settings_table()) {
+    compare(setting.option.empty() ? "--set " + setting.key : std::string(setting.option),
+            setting_in(one.words, setting), setting_in(world.words, setting));
   }
   return fmt::format("{}", fmt::join(differ, ", "));
 }

@@ -351,7 +351,7 @@ std::vector<Gate> gates(const RunResults& run) {
         run.scene.settings.scheme == "paper"
             ? "the operators did not put it in: with late messages the scheme paper creates it; --scheme reduced, or "
               "less delay"
-            : "the operators did not put it in; a smaller --ratio, --preset quality, or another --engine"}}};
+            : "the operators did not put it in; a smaller --ratio, --set world.preset=quality, or another --engine"}}};
   const double reports =
       static_cast<double>(world.cycles) * static_cast<double>(std::max<std::size_t>(1, run.haptic.size()));
   all.push_back(

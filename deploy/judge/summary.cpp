@@ -3,6 +3,7 @@
 #include "coupling/plan.hpp"
 #include "io/version.hpp"
 #include "judge/gates.hpp"
+#include "model/settings.hpp"
 #include "physics/plugin.hpp"
 
 #include <fmt/format.h>
@@ -16,75 +17,74 @@
 namespace subworld {
 
 SUBWORLD_JSON(BareLoops, period_s, loops, wake_ups, late, late_means_s, woken_late_s, fifo)
-SUBWORLD_JSON(CouplingSettings, stiffness_n_m, damping_n_s_m, rotational_stiffness_n_m, rotational_damping_n_m_s,
-              ramp_s)
-SUBWORLD_JSON(OperatorSpec, mass_kg, damping_n_s_m, stiffness_n_m, inertia_kg_m2, rotational_damping_n_m_s,
-              rotational_stiffness_n_m)
-SUBWORLD_JSON(PaperSettings, device_force_in_world, device_impulse_threshold_n_s)
-SUBWORLD_JSON(DelaySettings, up_s, down_s, from_device_s, to_device_s, jitter_s, loss_ratio, seed)
 
 namespace {
 
-Json describe(const EngineSettings& engine) {
-  const EnginePlugin& plugin = engine_plugin(engine.name);
-  Json json{{"name", engine.name},
-            {"version", plugin.version},
-            {"preset", engine.preset},
-            {"length_unit_m", engine.length_unit_m},
-            {"gravity_m_s2", {engine.gravity.x(), engine.gravity.y(), engine.gravity.z()}}};
-  const auto preset = std::ranges::find(plugin.presets, engine.preset, &EnginePreset::name);
-  if (preset != plugin.presets.end()) json["preset_means"] = preset->what;
-  put(json, "iterations", engine.iterations);
-  put(json, "substeps", engine.substeps);
-  put(json, "longest_substep_s", engine.longest_substep_s);
-  return json;
+/// Settings that have another place in `settings` of the summary than in a scene.
+constexpr std::pair<std::string_view, std::string_view> kPlaces[]{{"settle.duration_s", "settle_s"},
+                                                                  {"settle.step_s", "settle_step_s"},
+                                                                  {"disable", "disabled"},
+                                                                  {"world.engine", "world_engine.name"},
+                                                                  {"haptic.engine", "haptic_engine.name"},
+                                                                  {"world.", "world_engine."},
+                                                                  {"haptic.", "haptic_engine."},
+                                                                  {"users.selection", "selection.by"},
+                                                                  {"users.box_half_m", "selection.box_half_m"},
+                                                                  {"users.contact_depth", "selection.contact_depth"},
+                                                                  {"users.budget_ratio", "selection.budget_ratio"},
+                                                                  {"users.", ""}};
+
+/// As in "selection.by". The unit of an angle is left out: "coupling.rotational_stiffness_n_m".
+std::string place_of(std::string key) {
+  for (const auto& [begin, instead] : kPlaces) {
+    if (!key.starts_with(begin)) continue;
+    key = std::string(instead) + key.substr(begin.size());
+    break;
+  }
+  constexpr std::string_view kAngle = "_rad";
+  return key.ends_with(kAngle) ? key.substr(0, key.size() - kAngle.size()) : key;
 }
 
-Json describe(const UserSpec& user) {
-  constexpr std::array kSelections{"box", "contacts", "budget"};  // in the order of Selection
-  const DeviceSpec& d = user.device;
-  Json device{{"kind", d.kind == DeviceKind::impedance ? "impedance" : "admittance"},
-              {"degrees_of_freedom", d.degrees_of_freedom},
-              {"rate_hz", d.rate_hz},
-              {"force_limit_n", d.force_limit_n},
-              {"torque_limit_n_m", d.torque_limit_n_m},
-              {"force_rate_limit_n_s", d.force_rate_limit_n_s.value_or(d.force_limit_n / DeviceSpec::kFullScale_s)},
-              {"power_limit_w", d.power_limit_w.value_or(d.force_limit_n * DeviceSpec::kFastestPush_m_s)},
-              {"speed_limit_m_s", d.speed_limit_m_s},
-              {"mass_kg", d.mass_kg},
-              {"damping_n_s_m", d.damping_n_s_m},
-              {"friction_n", d.friction_n},
-              {"position_resolution_m", d.position_resolution_m},
-              {"path_segments", d.path.size()}};
-  put(device, "operator", d.operator_model);
-  return {{"name", user.name},
-          {"selection",
-           {{"by", kSelections[static_cast<std::size_t>(user.selection)]},
-            {"box_half_m", user.box_half_m},
-            {"contact_depth", user.contact_depth},
-            {"budget_ratio", user.budget_ratio}}},
-          {"coupling", user.coupling},
-          {"device", device}};
+void put_settings(Json& json, bool of_user, Settings& settings, UserSpec& user) {
+  for (const Setting& one : settings_table()) {
+    const Json value = one.of_user() == of_user ? json_of(one, settings, user) : Json();
+    if (value.is_null()) continue;
+    std::string place = place_of(one.key);
+    std::ranges::replace(place, '.', '/');
+    json[Json::json_pointer("/" + place)] = value;
+  }
+}
+
+/// What an engine says of itself.
+void put_engine(Json& json, const EngineSettings& engine) {
+  const EnginePlugin& plugin = engine_plugin(engine.name);
+  json["version"] = plugin.version;
+  json["gravity_m_s2"] = {engine.gravity.x(), engine.gravity.y(), engine.gravity.z()};
+  const auto preset = std::ranges::find(plugin.presets, engine.preset, &EnginePreset::name);
+  if (preset != plugin.presets.end()) json["preset_means"] = preset->what;
 }
 
 Json describe(const Scene& scene) {
-  const Settings& s = scene.settings;
-  Json users = Json::array();
-  for (const UserSpec& user : scene.users) users.push_back(describe(user));
-  Json haptic_engine = describe(s.haptic);
-  haptic_engine["integration_substep_s"] =
+  Settings s = scene.settings;
+  UserSpec none;
+  Json json;
+  put_settings(json, false, s, none);
+  put_engine(json["world_engine"], s.world);
+  put_engine(json["haptic_engine"], s.haptic);
+  json["haptic_engine"]["integration_substep_s"] =
       make_engine(s.haptic, {})->integration_substep_s(s.h_s);  // in which it integrates
-  return {{"world_engine", describe(s.world)},
-          {"haptic_engine", haptic_engine},
-          {"settle_s", s.settle_s},
-          {"settle_step_s", s.settle_step_s},
-          {"paper", s.paper},
-          {"delay", s.delay},
-          {"passivity", std::array{"automatic", "on", "off"}[static_cast<std::size_t>(s.passivity)]},
-          {"deadband", s.deadband},
-          {"disabled", disabled_names(s.disabled)},
-          {"plan", to_json(plan_of(scene))},
-          {"users", users}};
+  json["disabled"] = disabled_names(s.disabled);
+  json["plan"] = to_json(plan_of(scene));
+  json["users"] = Json::array();
+  for (UserSpec user : scene.users) {
+    Json& of = json["users"].emplace_back(Json{{"name", user.name}});
+    put_settings(of, true, s, user);
+    const DeviceSpec& d = user.device;
+    of["device"]["force_rate_limit_n_s"] = d.force_rate_limit_n_s.value_or(d.force_limit_n / DeviceSpec::kFullScale_s);
+    of["device"]["power_limit_w"] = d.power_limit_w.value_or(d.force_limit_n * DeviceSpec::kFastestPush_m_s);
+    of["device"]["path_segments"] = d.path.size();
+  }
+  return json;
 }
 
 /// The stages that take most of a loop's time.
@@ -133,7 +133,7 @@ void print_world(const RunResults& run) {
   if (world.slowed_s > 0.0) {
     fmt::print(
         "    the clock was slowed for {:.2f} s, mean real-time factor {:.2f}; too slow even for the least factor for "
-        "{:.2f} s; cure: fewer bodies, a larger --ratio, --preset fast or a faster engine\n",
+        "{:.2f} s; cure: fewer bodies, a larger --ratio, --set world.preset=fast or a faster engine\n",
         world.slowed_s, world.real_time_factor_mean, world.stuck_s);
   }
   if (world.body_history) print_body_history(*world.body_history);

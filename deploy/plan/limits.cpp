@@ -310,10 +310,13 @@ void check_request(const Scene& scene, const RunRequest& request) {
   }
   check_devices(scene, request.options);
   if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);
-  (void)scheme_of(scene.settings, request.options.scheme ? "--scheme" : scene.file + ": settings.scheme");
-  check_engine(scene.settings.world, request.options.engine ? "--engine" : scene.file + ": settings.world");
-  check_engine(scene.settings.haptic,
-               request.options.haptic_engine ? "--haptic-engine" : scene.file + ": settings.haptic");
+  const auto where = [&](const char* key, const char* in_file) {
+    const std::string flag = flag_of(request.options, key);
+    return flag.empty() ? scene.file + in_file : flag;
+  };
+  (void)scheme_of(scene.settings, where("scheme", ": settings.scheme"));
+  check_engine(scene.settings.world, where("world.engine", ": settings.world"));
+  check_engine(scene.settings.haptic, where("haptic.engine", ": settings.haptic"));
   for (const std::string& warning : beyond_limits(scene)) fmt::print(stderr, "subworld: {}\n", warning);
 }
 

@@ -145,10 +145,22 @@ void print(const std::vector<Line>& lines) {
   }
 }
 
+/// Each setting with its value here; those of a user are of user 0.
+void print_settings(Scene scene) {
+  for (const Setting& one : settings_table()) {
+    const std::string unit(one.unit() == kPartUnit ? "" : one.unit());
+    fmt::print("{} = {} {}\n    {} (default {}{}{}{}; {})\n", one.key,
+               value_text(one, scene.settings, scene.users.front()).value_or("unset"), unit, one.meaning,
+               default_text(one), range_text(one).empty() ? "" : "; ", range_text(one),
+               one.option.empty() ? "" : fmt::format("; {}", one.option), one.readers);
+  }
+}
+
 }  // namespace
 
-void print_plan(const RunRequest& request) {
+void print_plan(const RunRequest& request, bool settings) {
   const Scene scene = load_scene(request.options);
+  if (settings) return print_settings(scene);
   const Settings& s = scene.settings;
   const bool gui = request.gui;
   check_request(scene, request);

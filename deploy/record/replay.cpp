@@ -187,11 +187,11 @@ int resimulate(const ReplayRequest& request, const Attachments& attachments, con
   // One that ended early is repeated as far as it came: up to the stop in its record, or to its last cycle.
   const bool stops = recorded.presence().find("world stops") != std::string::npos;
   if (!stops && simulated_s < recorded.summary.value("duration_s", 0.0))
-    words.insert(words.end(), {"--duration", fmt::format("{}", simulated_s)});
-  words.insert(words.end(), {"--mode", "lockstep", "--dds", recorded.settings.value("dds", std::string("fastdds")),
+    words.insert(words.end(), {"--set", fmt::format("duration_s={}", simulated_s)});
+  words.insert(words.end(), {"--set", "mode=lockstep", "--dds", recorded.settings.value("dds", std::string("fastdds")),
                              "--out", folder});
   // What was ordered, and who came and went.
-  if (!recorded.presence().empty()) words.insert(words.end(), {"--presence", recorded.presence()});
+  if (!recorded.presence().empty()) words.insert(words.end(), {"--set", "presence=" + recorded.presence()});
   std::fflush(stdout);
   if (const int code = exit_code_of_program(start_program(words)); code != 0) return code;
   const Recorded again{recorded.settings, read_json(folder + "/summary.json")};

@@ -73,8 +73,6 @@ void start_programs(Supervisor& programs, const RunRequest& request, const Optio
   const auto start = [&](const std::string& program, int user, bool essential) {
     std::vector<std::string> flags = flags_of(options);
     flags.insert(flags.end(), {"--domain", std::to_string(domain), "--dds", vendor_of(request.dds, position++)});
-    if (options.budget_limit_ratio)
-      flags.insert(flags.end(), {"--budget-limit", fmt::format("{}", *options.budget_limit_ratio)});
     const std::string label = user < 0 ? program : fmt::format("{}_{}", program, user);
     const std::string part = essential ? part_file(options.out, program, user) : "";
     if (user >= 0) flags.insert(flags.end(), {"--user", std::to_string(user)});
@@ -161,12 +159,18 @@ void check_resume(const Options& options) {
 
 /// Lowers the users' budgets to what the cores have left, where they are the scene's.
 void share_cores(Options& options, Scene& scene) {
-  if (options.budget_ratio || options.budget_limit_ratio) return;
+  if (!flag_of(options, "users.budget_ratio").empty()) return;
   const std::size_t cores = allowed_cores().size();
-  options.budget_limit_ratio = budget_limit_ratio(scene, cores);
-  if (limit_budgets(scene, *options.budget_limit_ratio) == 0) return;
-  fmt::print("subworld: {} users share {} core{}: budget_ratio at most {:.2g} (--budget and --budget-limit set it)\n",
-             scene.users.size(), cores, cores == 1 ? "" : "s", *options.budget_limit_ratio);
+  const double most = budget_limit_ratio(scene, cores);
+  for (std::size_t u = 0; u < scene.users.size(); ++u) {
+    UserSpec& user = scene.users[u];
+    if (user.selection != Selection::budget || user.budget_ratio <= most) continue;
+    user.budget_ratio = most;
+    change(options, fmt::format("users[{}].budget_ratio", u), fmt::format("{}", most));
+  }
+  if (flag_of(options, "users.budget_ratio").empty()) return;
+  fmt::print("subworld: {} users share {} core{}: budget_ratio at most {:.2g} (--set users.budget_ratio sets it)\n",
+             scene.users.size(), cores, cores == 1 ? "" : "s", most);
 }
 
 /// What is measured of the programs from outside, since the begin.

@@ -47,7 +47,8 @@ void send_control(const Network& network, const Order& order, double wait_s);
 [[nodiscard]] std::vector<std::string> resumed(std::vector<std::string> flags, const std::string& folder,
                                                const std::string& otherwise = {});
 
-/// Prints which optimisations are on or off for a scene, with the reasons. Throws `Error` (usage) where `run` would.
-void print_plan(const RunRequest& request);
+/// Prints which optimisations are on or off for a scene, with the reasons, or its settings. Throws `Error` (usage)
+/// where `run` would.
+void print_plan(const RunRequest& request, bool settings);
 
 }  // namespace subworld

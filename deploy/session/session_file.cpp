@@ -66,9 +66,7 @@ Options read_options(const YamlMap& map) {
       if (flag.value.is_scalar()) {
         words.insert(words.end(), {"--" + flag.key, flag.value.text()});
       } else {
-        std::vector<std::string> items;
-        for (const YamlValue& item : flag.value.items()) items.push_back(item.text());
-        words.insert(words.end(), {"--" + flag.key, fmt::format("{}", fmt::join(items, ","))});
+        for (const YamlValue& item : flag.value.items()) words.insert(words.end(), {"--" + flag.key, item.text()});
       }
     }
   }

@@ -75,7 +75,8 @@ TEST_P(LockstepChurn, RepeatsWithItsRecord) {
   EXPECT_GE(injected, std::min(most, 1)) << "too few faults";
   const std::string presence = json["presence"], hash = json["state_hash"];
   EXPECT_NE(presence.find(" leaves "), std::string::npos) << presence;
-  Process again(run_words(scene("lift"), flags({"--duration", duration, "--presence", presence})), folder_.path());
+  Process again(run_words(scene("lift"), flags({"--duration", duration, "--set", "presence=" + presence})),
+                folder_.path());
   EXPECT_EQ(again.wait(300.0 + 20.0 * most), 0) << again.out() << again.err();
   EXPECT_EQ(summary()["state_hash"], hash) << presence << "\n" << summary()["presence"];
   std::string text;

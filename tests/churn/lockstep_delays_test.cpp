@@ -28,7 +28,7 @@ TEST_P(LockstepDelayed, RunsReachTheirEndWithOneResult) {
     for (const char* presence : {"", "1 joins 0.05", "1 joins 100", "1 joins 0.02, 0 leaves 0.05, 0 joins 0.08",
                                  "1 leaves 0.04, 1 joins 0.07"}) {
       Words flags{"--users", "2", "--duration", "0.1", "--dds", GetParam()};
-      if (*presence != '\0') flags.insert(flags.end(), {"--presence", presence});
+      if (*presence != '\0') flags.insert(flags.end(), {"--set", "presence=" + std::string(presence)});
       const Ended ended = run(scene("lift"), flags, delays(i));
       ASSERT_EQ(ended.code, 0) << presence << ", run " << i;
       const std::string hash = summary()["state_hash"];

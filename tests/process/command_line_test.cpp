@@ -22,14 +22,22 @@ TEST_F(CommandLine, WrongFlagsAreNamedWithTheirChoices) {
       {{"--scheme", "papers"}, {"papers", "direct, paper"}},
       {{"--engine", "havoc"}, {"havoc", "bullet"}},
       {{"--haptic-engine", "havoc"}, {"havoc", "bullet"}},
-      {{"--preset", "best"}, {"best", "fast", "quality"}},
-      {{"--haptic-preset", "best"}, {"best", "fast", "quality"}},
+      {{"--set", "world.preset=best"}, {"best", "fast", "quality"}},
+      {{"--set", "haptic.preset=best"}, {"best", "fast", "quality"}},
       {{"--dds", "opendds"}, {"--dds", "opendds", "fastdds", "cyclonedds", "mixed"}},
       {{"--domain", "233"}, {"--domain", "232"}},
       {{"--duration", "-1"}, {"--duration"}},
-      {{"--latency", "50"}, {"--latency 50: out of range 0 to 2 s; did you mean 0.05 (50 ms)?"}},
+      {{"--latency", "50"}, {"--latency 50: must be at least 0 and at most 2 s", "did you mean 0.05 (50 ms)?"}},
       {{"--latency", "50ms"}, {"--latency 50ms: must be a number without its unit, which is s"}},
-      {{"--loss", "20"}, {"--loss 20", "did you mean 0.2 (20 %)?"}},
+      {{"--set", "delay.loss_ratio=20"}, {"--set delay.loss_ratio=20: ", "did you mean 0.2 (20 %)?"}},
+      {{"--set", "deadband=5"}, {"--set deadband=5: must be at least 0 and at most 0.27", "did you mean 0.05 (5 %)?"}},
+      {{"--set", "deadbnad=0.1"}, {"--set deadbnad=0.1: unknown setting; did you mean deadband?"}},
+      {{"--set", "jitter_s=0.1"}, {"unknown setting; did you mean delay.jitter_s?"}},
+      {{"--set", "users.device.rate_hz=fast"}, {"must be a number"}},
+      {{"--set", "users[3].box_half_m=0.1"}, {"users[3].box_half_m", "1 user"}},
+      {{"--set", "users.device.degrees_of_freedom=4"}, {"must be 3 (translations) or 6"}},
+      {{"--set", "users.selection=contacts"}, {"users.contact_depth"}},
+      {{"--set", "gravity_m_s2=9.81"}, {"must be a list of 3 numbers"}},
       {{"--duration", "nan"}, {"--duration"}},
       {{"--duration", "inf"}, {"--duration"}},
       {{"--wait", "nan"}, {"--wait"}},
@@ -43,6 +51,32 @@ TEST_F(CommandLine, WrongFlagsAreNamedWithTheirChoices) {
     EXPECT_EQ(ended.code, 2) << ended.err;
     expect_says(ended, fragments);
   }
+}
+
+// What was set by --set and by its short forms is what ran, in all programs; of one setting, --set wins.
+TEST_F(CommandLine, SetReachesEverySetting) {
+  const Ended ended = run(scene("lift"), {"--ratio", "5", "--set", "ratio=4-8", "--duration", "0.05", "--set",
+                                          "users[1].device.operator.mass_kg=2", "--set", "users.box_half_m=0.3",
+                                          "--set", "gravity_m_s2=[0, 0, -1.6]", "--set", "settle.duration_s=0.1"});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const Json json = summary();
+  EXPECT_EQ(json["ratio"], 4);
+  EXPECT_EQ(json["ratio_most"], 8);
+  EXPECT_EQ(json["duration_s"], 0.05);
+  const Json settings = json["settings"], users = settings["users"];
+  EXPECT_EQ(settings["settle_s"], 0.1);
+  EXPECT_EQ(settings["haptic_engine"]["gravity_m_s2"][2], -1.6);
+  EXPECT_EQ(users[0]["selection"]["box_half_m"], 0.3);
+  EXPECT_EQ(users[1]["device"]["operator"]["mass_kg"], 2.0);
+  EXPECT_NE(users[0]["device"].value("operator", Json::object()).value("mass_kg", 0.0), 2.0);
+}
+
+TEST_F(CommandLine, APlanListsSettings) {
+  const std::string text =
+      finish({program("subworld"), "plan", scene("row"), "--settings", "--set", "deadband=0.1"}).out;
+  EXPECT_NE(text.find("\ndeadband = 0.1"), std::string::npos) << text;
+  EXPECT_NE(text.find("default 0; at least 0 and at most 0.27"), std::string::npos) << text;
+  EXPECT_NE(text.find("\nusers.device.rate_hz = 1000 Hz"), std::string::npos) << text;
 }
 
 TEST_F(CommandLine, WrongCommandsAreNamed) {
@@ -153,7 +187,7 @@ TEST_F(CommandLine, AnotherEngineDropsTheLongestSubStepOfTheScene) {
 
 TEST_F(CommandLine, APlanNamesItsEngines) {
   const Ended ended =
-      finish({program("subworld"), "plan", scene("row"), "--engine", "ode", "--haptic-preset", "quality"});
+      finish({program("subworld"), "plan", scene("row"), "--engine", "ode", "--set", "haptic.preset=quality"});
   EXPECT_EQ(ended.code, 0) << ended.err;
   for (const char* part : {"world: engine ode (ODE", "sub-worlds: engine bullet (Bullet", "double precision", "zlib",
                            "preset fast", "preset quality", "friction impulses exact", "checkpoint"}) {
@@ -178,8 +212,8 @@ TEST_F(CommandLine, APlanWarnsOfBoxesThatAnEngineDoesNotHold) {
 TEST_F(CommandLine, APlanRefusesWhatARunWould) {
   const std::vector<std::pair<Words, Words>> wrong{{{"--engine", "havoc"}, {"havoc", "bullet", "ode"}},
                                                    {{"--haptic-engine", "havoc"}, {"havoc", "bullet", "ode"}},
-                                                   {{"--preset", "best"}, {"best", "fast", "quality"}},
-                                                   {{"--haptic-preset", "best"}, {"best", "fast", "quality"}}};
+                                                   {{"--set", "world.preset=best"}, {"best", "fast", "quality"}},
+                                                   {{"--set", "haptic.preset=best"}, {"best", "fast", "quality"}}};
   for (const auto& [flags, fragments] : wrong) {
     Words words{program("subworld"), "plan", scene("row")};
     words.insert(words.end(), flags.begin(), flags.end());

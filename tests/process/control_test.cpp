@@ -88,7 +88,7 @@ TEST_F(Control, PausesStepsResumesAndStops) {
 
 // The others go on; the same user may join again, with programs that are started by hand.
 TEST_F(Control, AUserLeavesAndJoinsAgain) {
-  const Words flags{"--mode", "realtime", "--duration", "600", "--budget", "0.3"};
+  const Words flags{"--mode", "realtime", "--duration", "600", "--set", "users.budget_ratio=0.3"};
   Process process(run_words(scene("lift"), flags), folder_.path());
   ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_1.csv").size() > 10000; })) << process.err();
   const Ended left = control({"leave", "--user", "1"});
@@ -120,7 +120,7 @@ TEST_F(Control, AUserLeavesAndJoinsAgain) {
 
 // Real time: the run begins without a user, who joins with programs that are started later.
 TEST_F(Control, ARunBeginsWithoutAUserWhoJoinsLater) {
-  const Words flags{"--mode", "realtime", "--duration", "600", "--budget", "0.3"};
+  const Words flags{"--mode", "realtime", "--duration", "600", "--set", "users.budget_ratio=0.3"};
   Words words = run_words(scene("lift"), flags);
   words.insert(words.end(), {"--without", "1"});
   Process process(words, folder_.path());
@@ -148,8 +148,8 @@ TEST_F(Control, ARunBeginsWithoutAUserWhoJoinsLater) {
 
 // The summary has the results of those who took part, under their own numbers.
 TEST_F(Control, ARunEndsWithoutAUserWhoNeverJoins) {
-  const Ended ended =
-      run(scene("lift"), {"--mode", "realtime", "--duration", "1", "--budget", "0.3", "--without", "0"});
+  const Ended ended = run(
+      scene("lift"), {"--mode", "realtime", "--duration", "1", "--set", "users.budget_ratio=0.3", "--without", "0"});
   EXPECT_EQ(ended.code, 0) << ended.err;
   const Json json = summary();
   EXPECT_NE(json["verdict"].get<std::string>().find("user 0 took no part"), std::string::npos) << json["verdict"];
@@ -166,9 +166,10 @@ TEST_F(Control, ARunNeedsAUserAtItsStart) {
 
 // A world that is started again does not wait for a user who has left by order.
 TEST_F(Control, ARestartedWorldGoesOnWithoutAUserWhoHasLeft) {
-  Process process(run_words(scene("lift"), {"--mode", "realtime", "--duration", "600", "--budget", "0.3", "--restart",
-                                            "on-failure", "--checkpoint", "0.1", "--wait", "5"}),
-                  folder_.path());
+  Process process(
+      run_words(scene("lift"), {"--mode", "realtime", "--duration", "600", "--set", "users.budget_ratio=0.3",
+                                "--restart", "on-failure", "--checkpoint", "0.1", "--wait", "5"}),
+      folder_.path());
   ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_1.csv").size() > 10000; })) << process.err();
   ASSERT_EQ(control({"leave", "--user", "1"}).code, 0);
   const auto programs_of_one_user = [&] { return running(out()).size() == 5; };  // with launcher, keeper and world
@@ -222,7 +223,7 @@ TEST_F(Control, AnOperatorThatMovesDuringAPauseReEngagesWithoutAJump) {
 // A slow sub-world has frames waiting: frames of the paused world must not displace later ones.
 TEST_F(Control, AnOverloadedSubWorldGoesOnAfterAPause) {
   Process process(
-      run_words(overloaded_heap(), {"--mode", "realtime", "--duration", "600", "--haptic-preset", "quality"}),
+      run_words(overloaded_heap(), {"--mode", "realtime", "--duration", "600", "--set", "haptic.preset=quality"}),
       folder_.path());
   for (const char* verb : {"pause", "resume", "pause", "resume"}) {
     const Ended ended = control({verb});

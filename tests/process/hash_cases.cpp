@@ -22,11 +22,11 @@ double duration_s(const std::string& scene) { return scene == "basin" ? 0.06 : 0
 Options options_of(const HashCase& one, const std::string& folder) {
   Options options;
   options.scene = file_of(folder, one.scene);
-  options.mode = "lockstep";
-  options.scheme = one.scheme;
-  options.users = one.users;
-  options.latency_s = one.latency_s;
-  options.duration_s = duration_s(one.scene);
+  change(options, "mode", "lockstep");
+  change(options, "scheme", one.scheme);
+  change(options, "users", std::to_string(one.users));
+  change(options, "delay.latency_s", fmt::format("{}", one.latency_s));
+  change(options, "duration_s", fmt::format("{}", duration_s(one.scene)));
   return options;
 }
 

@@ -116,9 +116,9 @@ TEST_F(Lab, SeveralAxesGiveAPlotEach) {
 
 // A delay of the device's link shifts the force on the operator, and the bound takes from it.
 TEST_F(Lab, TheLinkOfTheDeviceActsOnTheForceOnTheOperator) {
-  const Ended ended =
-      finish(lab_words({"squeeze", "--duration", "1.5", "--ratio", "4", "--scheme", "reduced", "--device-latency",
-                        "0,0.01", "--loss", "0,0.05", "--passivity", "on,off", "--mutual", "--out", out()}));
+  const Ended ended = finish(lab_words({"squeeze", "--duration", "1.5", "--ratio", "4", "--scheme", "reduced", "--set",
+                                        "delay.device_latency_s=0,0.01", "--set", "delay.loss_ratio=0,0.05",
+                                        "--passivity", "on,off", "--mutual", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json rows = results();
   ASSERT_EQ(rows.size(), 8U);
@@ -141,6 +141,28 @@ TEST_F(Lab, TheLinkOfTheDeviceActsOnTheForceOnTheOperator) {
                            "Each user alone", "mutual latency ms"}) {
     EXPECT_NE(text.find(part), std::string::npos) << part;
   }
+  expect_same_page_again();
+}
+
+// A setting that no lab knows by name is an axis: with a column, a plot, and a reference of its own.
+TEST_F(Lab, AnySettingIsAnAxis) {
+  const Ended ended = finish(
+      lab_words({"press", "--duration", "0.5", "--ratio", "4", "--scheme", "reduced", "--set",
+                 "users.device.force_limit_n=1,40", "--set", "gravity_m_s2=[0,0,-9.81],[0,0,-1]", "--out", out()}));
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const Json rows = results();
+  ASSERT_EQ(rows.size(), 4U);
+  std::set<double> limits;
+  std::set<std::string> gravities, references;
+  for (const Json& row : rows) {
+    limits.insert(row.at("users_device_force_limit_n").get<double>());
+    gravities.insert(row.at("gravity_m_s2").dump());
+    references.insert(row.at("reference_error").dump());
+  }
+  EXPECT_EQ(limits, (std::set{1.0, 40.0}));
+  EXPECT_EQ(gravities.size(), 2U);
+  EXPECT_GE(references.size(), 2U);
+  EXPECT_NE(page().find("Error against users_device_force_limit_n"), std::string::npos);
   expect_same_page_again();
 }
 
@@ -176,7 +198,9 @@ TEST_F(Lab, WrongOptionsAreNamedWithTheCure) {
                   {{"press", "--ratio", "5-2"}, {"--ratio 2 --ratio-most 5"}},
                   {{"press", "--variants", "-1"}, {"--variants", "-1"}},
                   {{"press", "--latency", "0,nan"}, {"--latency", "nan"}},
-                  {{"press", "--loss", "5"}, {"--loss", "0.05"}},
+                  {{"press", "--set", "delay.loss_ratio=0,5"}, {"--set delay.loss_ratio=0,5", "0.05"}},
+                  {{"press", "--set", "bix=1"}, {"--set bix=1: unknown setting"}},
+                  {{"press", "--set", "ratio=4,5"}, {"option of its own"}},
                   {{"press", "--passivity", "maybe"}, {"maybe", "automatic"}},
                   {{"press", "--engine", "havoc"}, {"havoc", "bullet"}},
                   {{"no_such_scene"}, {"no_such_scene"}},
@@ -192,6 +216,7 @@ TEST_F(Lab, HelpsWithExamples) {
     EXPECT_NE(ended.out.find("\n  subworld lab coupling --quick"), std::string::npos) << ended.out;
   }
   EXPECT_NE(coupling.out.find("--latency"), std::string::npos);
+  EXPECT_NE(coupling.out.find("--set"), std::string::npos);
 }
 
 TEST_F(Lab, MeasurementsSurviveAnInterrupt) {

@@ -109,7 +109,7 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(Case{"heap", "heap", {"--ratio", "8"}, 1, true, 8},
                       Case{"heap_two_users", "heap", {"--users", "2", "--ratio", "8"}, 2, true, 8},
                       Case{"row", "row", {}, 1, true, 4},
-                      Case{"row_deadband", "row", {"--deadband", "0.1"}, 1, true, 4},
+                      Case{"row_deadband", "row", {"--set", "deadband=0.1"}, 1, true, 4},
                       Case{"row_adaptive", "row", {"--ratio", "4-10"}, 1, true, 4},
                       Case{"row_adaptive_late", "row", {"--ratio", "4-10", "--latency", "0.02"}, 1, true, 24},
                       Case{"row_late", "row", {"--latency", "0.02"}, 1, true, 24},

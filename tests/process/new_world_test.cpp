@@ -13,7 +13,7 @@ class NewWorld : public ProcessTest {
   [[nodiscard]] Options options() const {
     Options options;
     options.scene = scene("press");
-    options.mode = "realtime";
+    change(options, "mode", "realtime");
     options.network.domain = domain_.number();
     return options;
   }

@@ -47,7 +47,7 @@ TEST_F(Page, ShowsAndControlsARun) {
 /// The page of a run that misses gates shows its verdict, with the gates that are not ok.
 TEST_F(Page, ShowsTheVerdictAndTheGatesThatAreMissed) {
   Process run(run_words(overloaded_heap(),
-                        {"--mode", "realtime", "--duration", "1000", "--haptic-preset", "quality", "--page"}),
+                        {"--mode", "realtime", "--duration", "1000", "--set", "haptic.preset=quality", "--page"}),
               folder_.path());
   const std::string address = address_of(run);
   ASSERT_NE(address, "") << run.err();

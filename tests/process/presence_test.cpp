@@ -29,7 +29,7 @@ class LockstepPresence : public ProcessTest, public ::testing::WithParamInterfac
 };
 
 TEST_P(LockstepPresence, IsPlannedAndRepeats) {
-  const Words planned = flags({"--duration", "2", "--presence", "1 joins 0.5, 0 leaves 1, 0 joins 1.4"});
+  const Words planned = flags({"--duration", "2", "--set", "presence=1 joins 0.5, 0 leaves 1, 0 joins 1.4"});
   std::vector<std::string> hashes;
   for (int i = 0; i < 2; ++i) {
     const Ended ended = run(scene("lift"), planned);
@@ -50,8 +50,9 @@ class LockstepDelays : public LockstepPresence {};
 TEST_P(LockstepDelays, RepeatTheLeaveOfAUser) {
   std::vector<std::string> hashes;
   for (int i = 0; i < 2; ++i) {
-    const Ended ended = run(scene("lift"), flags({"--duration", "1", "--latency", "0.03", "--jitter", "0.004", "--loss",
-                                                  "0.01", "--presence", "1 joins 0.2, 0 leaves 0.5, 0 joins 0.75"}));
+    const Ended ended = run(
+        scene("lift"), flags({"--duration", "1", "--latency", "0.03", "--set", "delay.jitter_s=0.004", "--set",
+                              "delay.loss_ratio=0.01", "--set", "presence=1 joins 0.2, 0 leaves 0.5, 0 joins 0.75"}));
     ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
     hashes.push_back(summary()["state_hash"]);
   }
@@ -68,24 +69,24 @@ TEST_P(LockstepOrders, ToLeaveAreRecordedAndRepeat) {
   ASSERT_EQ(process.wait(), 0) << process.out() << process.err();
   const std::string presence = summary()["presence"], hash = summary()["state_hash"];
   EXPECT_NE(presence.find("1 leaves"), std::string::npos) << presence;
-  EXPECT_EQ(run(scene("lift"), flags({"--duration", "10", "--presence", presence})).code, 0);
+  EXPECT_EQ(run(scene("lift"), flags({"--duration", "10", "--set", "presence=" + presence})).code, 0);
   EXPECT_EQ(summary()["state_hash"], hash) << presence;
 }
 
 TEST_P(LockstepOrders, ArePlannedAndRecordedWithTheUserWhoNeverJoins) {
   const std::string planned = "1 joins 100, world engine ode quality from 0.1, 0 engine ode fast from 0.2";
-  ASSERT_EQ(run(scene("lift"), flags({"--duration", "0.5", "--presence", planned})).code, 0);
+  ASSERT_EQ(run(scene("lift"), flags({"--duration", "0.5", "--set", "presence=" + planned})).code, 0);
   const Json first = summary();
   const std::string presence = first["presence"];
   for (const char* event : {"1 joins 100", "world engine ode quality from 0.1", "0 engine ode fast from 0.2"})
     EXPECT_NE((presence + ",").find(event + std::string(",")), std::string::npos) << presence;
   EXPECT_EQ(first["world"]["engine_changes"][0]["to"], "ode");
   EXPECT_EQ(first["haptic"][0]["engine_changes"][0]["to"], "ode");
-  EXPECT_EQ(run(scene("lift"), flags({"--duration", "0.5", "--presence", presence})).code, 0);
+  EXPECT_EQ(run(scene("lift"), flags({"--duration", "0.5", "--set", "presence=" + presence})).code, 0);
   EXPECT_EQ(summary()["state_hash"], first["state_hash"]) << presence;
 
   const Ended unknown =
-      run(scene("lift"), flags({"--duration", "0.5", "--presence", "world engine havoc fast from 0.1"}));
+      run(scene("lift"), flags({"--duration", "0.5", "--set", "presence=world engine havoc fast from 0.1"}));
   EXPECT_EQ(unknown.code, 2);
   EXPECT_NE(unknown.err.find("choose one of"), std::string::npos) << unknown.err;
 }
@@ -143,7 +144,7 @@ TEST_P(LockstepKill, IsRecordedAndRepeats) {
   EXPECT_GE(json["world"]["absences"].size(), 1U) << json["verdict"];
   const std::string presence = json["presence"], hash = json["state_hash"];
   EXPECT_NE(presence.find("1 leaves"), std::string::npos) << presence;
-  const Ended again = run(scene("lift"), flags({"--duration", duration, "--presence", presence}));
+  const Ended again = run(scene("lift"), flags({"--duration", duration, "--set", "presence=" + presence}));
   EXPECT_EQ(again.code, 0) << again.out << again.err;
   EXPECT_EQ(summary()["state_hash"], hash) << presence << "\n" << summary()["presence"];
 }

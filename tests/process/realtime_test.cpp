@@ -57,7 +57,8 @@ INSTANTIATE_TEST_SUITE_P(Vendors, RealTime,
 
 // A sub-world that is too slow continues from the world's newest state. It neither freezes nor catches up.
 TEST_F(Overload, OfTheSubWorldEndsWithTheWorld) {
-  const Ended ended = run(overloaded_heap(), {"--mode", "realtime", "--duration", "3", "--haptic-preset", "quality"});
+  const Ended ended =
+      run(overloaded_heap(), {"--mode", "realtime", "--duration", "3", "--set", "haptic.preset=quality"});
   EXPECT_EQ(ended.code, 0) << ended.err;
   const Json json = summary();
   EXPECT_NEAR(json["simulated_s"].get<double>(), 3.0, 0.01);
@@ -112,7 +113,8 @@ TEST_F(Overload, UsersShareTheCoresOfTheMachine) {
   const Json users = summary()["settings"]["users"];
   EXPECT_EQ(users.size(), 4U);
   for (const Json& user : users) EXPECT_NEAR(user["selection"]["budget_ratio"], expected, 1e-6);
-  const Ended chosen = run(scene("carry"), {"--mode", "realtime", "--duration", "0.3", "--budget", "0.3"});
+  const Ended chosen =
+      run(scene("carry"), {"--mode", "realtime", "--duration", "0.3", "--set", "users.budget_ratio=0.3"});
   EXPECT_EQ(chosen.code, 0) << chosen.err;
   for (const Json& user : summary()["settings"]["users"]) EXPECT_EQ(user["selection"]["budget_ratio"], 0.3);
 }

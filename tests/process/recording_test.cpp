@@ -138,7 +138,7 @@ INSTANTIATE_TEST_SUITE_P(
                                  {"world engine spheres fast from", "world engine ode quality from",
                                   "world engine bullet_float fast from"}},
                       // Stopped while no body is near the proxy, so that messages are suppressed.
-                      OrderedRun{"row", {"--presence", "world stops 6"}, {}, {"world stops 6"}}),
+                      OrderedRun{"row", {"--set", "presence=world stops 6"}, {}, {"world stops 6"}}),
     [](const auto& one) { return one.param.scene + (one.param.orders.empty() ? "_planned" : ""); });
 
 TEST_F(Recording, OfARunThatWasStoppedAtOnce) {

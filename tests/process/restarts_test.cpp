@@ -150,8 +150,8 @@ TEST_P(KilledWhileAUserJoins, AWorldIsStartedAgainAndTheUserTakesPart) {
     }
     return pid_t{0};
   };
-  Process process(run_words(scene("lift"), {"--mode", "realtime", "--duration", "6", "--budget", "0.3", "--restart",
-                                            "on-failure", "--checkpoint", "0.1"}),
+  Process process(run_words(scene("lift"), {"--mode", "realtime", "--duration", "6", "--set", "users.budget_ratio=0.3",
+                                            "--restart", "on-failure", "--checkpoint", "0.1"}),
                   folder_.path());
   ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_1.csv").size() > 100000; })) << process.err();
   const pid_t first = pid_of("haptic_sim", "1");

@@ -119,9 +119,10 @@ TEST_F(Summary, TellsTheLatenessOfTheOsFromThatOfTheRun) {
 
 // Steps that take longer than their period: the run reports that the OS is not the cause, and the cure.
 TEST_F(Summary, BlamesTheStepsWhereTheyTakeTooLong) {
-  const Ended ended = run(
-      scene("press"), {"--mode", "realtime", "--duration", "2", "--haptic-engine", "busy", "--haptic-preset", "always"},
-      {{"SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER}});
+  const Ended ended =
+      run(scene("press"),
+          {"--mode", "realtime", "--duration", "2", "--haptic-engine", "busy", "--set", "haptic.preset=always"},
+          {{"SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER}});
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json json = summary();
   EXPECT_GT(json["haptic"][0]["step_s"]["p50"], json["h_s"]);

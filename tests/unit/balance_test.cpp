@@ -50,7 +50,7 @@ TEST(Balance, TheWorldReceivesWhatTheUsersGave) {
   }
   // The last reports of a run are still on their way, and the world guesses them.
   Point late = point_of("row", "paper", 1.0);
-  late.latency_s = 0.1;
+  late.settings = {{"delay.latency_s", "0.1"}};
   const double on_the_way = run_out(scene_of(late))->momentum.error_ratio();
   EXPECT_GT(on_the_way, 1e-9);
   EXPECT_LT(on_the_way, 0.05);
@@ -61,7 +61,7 @@ TEST(Balance, TheWorldReceivesWhatTheUsersGave) {
 TEST(Balance, CopiesOfASharedBodyDifferMoreWithDelay) {
   Point point = point_of("lift", "reduced", 1.0);
   const auto now = run_out(scene_of(point));
-  point.latency_s = 0.05;
+  point.settings = {{"delay.latency_s", "0.05"}};
   const auto late = run_out(scene_of(point));
   for (std::size_t u = 0; u < 2; ++u) {
     EXPECT_LT(now->balance[u].copies.rms_m(), 1e-6);
@@ -79,7 +79,7 @@ TEST(MutualLatency, IsNoneWithoutDelayAndGrowsWithIt) {
   double now_s = 0.0;
   for (const double latency_s : {0.0, 0.06}) {
     Point point = point_of("lift", "reduced", 1.6);
-    point.latency_s = latency_s;
+    point.settings = {{"delay.latency_s", std::to_string(latency_s)}};
     const Reference* reference = references.of(point);
     const auto run = run_out(scene_of(point));
     std::vector<std::optional<MutualLatency>> late(2);

@@ -39,14 +39,6 @@ TEST(Placement, BudgetsShareTheCores) {
   Scene slower = scene_for(4);
   slower.settings.h_s = 0.002;
   EXPECT_NEAR(budget_limit_ratio(slower, 2), 0.1855, 1e-12);
-
-  Scene scene = scene_for(4);
-  scene.users[1].budget_ratio = 0.01;
-  scene.users[2].selection = Selection::box;
-  EXPECT_EQ(limit_budgets(scene, 0.1), 2);
-  EXPECT_EQ(scene.users[0].budget_ratio, 0.1);
-  EXPECT_EQ(scene.users[1].budget_ratio, 0.01);
-  EXPECT_EQ(scene.users[2].budget_ratio, 0.4);
 }
 
 TEST(Placement, InLockStepNothingIsPlaced) { EXPECT_TRUE(place(scene_for(1, Mode::lockstep), kTwo).world.empty()); }

@@ -1,7 +1,10 @@
 #include "model/agreed_settings.hpp"
 #include "model/scene.hpp"
+#include "model/settings.hpp"
 #include "support/box_overlap.hpp"
+#include "support/scene_text.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -328,6 +331,80 @@ TEST(AgreedSettings, NamesWhatDiffersFromTheWorld) {
   other.bodies[3].mass = 0.25;
   EXPECT_EQ(difference(settings_of(other.bodies[3]), settings_of(scene.bodies[3])),
             "mass_kg is 0.25, in the world 0.2");
+}
+
+/// A scene with a line below `settings`, and one below its only user, who is an operator.
+std::string scene_with(const std::string& setting, const std::string& of_user) {
+  return fmt::format(
+      "name: x\nsettings: {{{}}}\nbodies: []\nusers:\n  - name: hand\n"
+      "    proxy: {{shape: sphere, radius_m: 1, mass_kg: 1, position_m: [0, 0, 0]}}\n    {}\n",
+      setting, of_user);
+}
+
+/// "a: {b: value}" of the key "a.b".
+std::string nested(std::string key, const std::string& value) {
+  std::string end;
+  for (std::size_t dot = key.find('.'); dot != std::string::npos; dot = key.find('.', dot + 2)) {
+    key.replace(dot, 1, ": {");
+    end += '}';
+  }
+  return key + ": " + value + end;
+}
+
+/// Another value than the default.
+std::string other_value(const Setting& setting) {
+  const Setting::Range& range = setting.range;
+  if (!range.words.empty()) return std::string(range.words[default_text(setting) == range.words[0] ? 1 : 0]);
+  if (setting.key == "users") return "1";
+  if (setting.key == "presence") return "\"0 leaves 1\"";
+  if (setting.key == "gravity_m_s2") return "[0, 0, -1.5]";
+  if (setting.key == "disable") return "[rest]";
+  if (setting.key.ends_with("preset")) return "quality";
+  if (default_text(setting) == "true") return "false";
+  if (range.limits.most > 1e300 && range.limits.least < -1e300) return "other";  // a name
+  if (default_text(setting).find('.') != std::string::npos || range.limits.most < 1.0)
+    return fmt::format("{}", range.limits.least + 0.125 * (range.limits.most < 2.0 ? range.limits.most : 1.0));
+  return fmt::format("{}", range.limits.least + 4.0 > range.limits.most ? range.limits.most : range.limits.least + 4.0);
+}
+
+// A row of the table is all that a setting needs: a scene file and --set read it alike and refuse the same, programs
+// must share it, and the page of the scenes has its row.
+TEST(SettingsTable, ARowIsAllThatASettingNeeds) {
+  const std::string page = text_of(std::string(SCENES_FOLDER) + "/README.md");
+  const Scene plain = load_text(scene_with("", "device: {operator: {}}"));
+  for (const Setting& one : settings_table()) {
+    SCOPED_TRACE(one.key);
+    const std::string row =
+        fmt::format("| `{}` | {} | {} | {} | {} | {} |", one.key, one.unit() == kPartUnit ? "" : one.unit(),
+                    default_text(one), range_text(one), one.meaning, one.readers);
+    EXPECT_NE(page.find(row), std::string::npos) << "the page of the scenes lacks\n" << row;
+
+    const std::string value = other_value(one);
+    const bool of_user = one.of_user();
+    const std::string in_file = of_user ? scene_with("", nested(one.key.substr(std::string("users.").size()), value))
+                                        : scene_with(nested(one.key, value), "");
+    if (one.key != "users.selection") {
+      const std::string flag = value.starts_with('"') ? value.substr(1, value.size() - 2) : value;
+      const SettingChange change{one.key, flag};
+      EXPECT_EQ(setting_fault(change), "");
+      Scene from_file = load_text(in_file), from_flag = load_text(scene_with("", ""));
+      apply_changes(std::vector{change}, from_flag);
+      EXPECT_EQ(difference(agreed_settings(from_file), agreed_settings(from_flag)), "");
+      if (one.key.find("operator") == std::string::npos && one.key != "duration_s") {
+        EXPECT_NE(difference(agreed_settings(from_file), agreed_settings(load_text(scene_with("", "")))), "");
+      }
+    }
+    const TemporaryFolder folder;
+    const std::string wrong = of_user ? scene_with("", nested(one.key.substr(std::string("users.").size()), "{x: 1}"))
+                                      : scene_with(nested(one.key, "{x: 1}"), "");
+    const std::string refused = refusal(folder.write("scene.yaml", wrong), folder.path());
+    EXPECT_TRUE(refused.starts_with("scene.yaml:")) << refused;
+    EXPECT_NE(refused.find(of_user ? "users[0]." + one.key.substr(std::string("users.").size()) : one.key),
+              std::string::npos)
+        << refused;
+  }
+  EXPECT_EQ(default_text(*find_setting("settings.deadband")), "0");
+  EXPECT_EQ(find_setting("users[1].box_half_m"), find_setting("users.box_half_m"));
 }
 
 TEST(Example, IsTheOneOnThePage) {

@@ -93,10 +93,10 @@ TEST(Variants, OneThatDoesNotSurviveIsCounted) {
              {"loss_ratio", 0.0},
              {"deadband", 0.0},
              {"passivity", "automatic"},
-             {"reference_error", 0.01},
-             {"survived", v != 2},
+             {"coupling_stiffness_n_m", 1000.0},
              {"force_error_rms", 0.01 * (v + 1)},
-             {"coupling_stiffness_n_m", 1000.0}};
+             {"reference_error", 0.01},
+             {"survived", v != 2}};
     if (v == 2) row["force_error_rms"] = std::nan("");
     rows.push_back(std::move(row));
   }

@@ -5,30 +5,25 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
+#include <string_view>
 
 namespace subworld {
 
 namespace {
 
-/// Columns of the conditions that are equal for all schemes.
-const std::vector<std::string> kConditions{"scene",
-                                           "variant",
-                                           "engine",
-                                           "h_s",
-                                           "latency_s",
-                                           "jitter_s",
-                                           "device_latency_s",
-                                           "loss_ratio",
-                                           "deadband",
-                                           "passivity",
-                                           "coupling_stiffness_n_m"};
-/// Columns of the settings of a run, without its duration and its links.
-const std::vector<std::string> kSetting{
-    "scene", "variant",       "scheme",       "engine",         "haptic_engine",         "h_s", "ratio", "ratio_most",
-    "box_m", "contact_depth", "budget_ratio", "world_substeps", "coupling_stiffness_n_m"};
+/// Columns that a method has a choice in; the others are conditions.
+constexpr std::array<std::string_view, 8> kOfMethod{"scheme", "haptic_engine", "ratio",        "ratio_most",
+                                                    "box_m",  "contact_depth", "budget_ratio", "world_substeps"};
 
 /// Columns of what delays or loses messages.
-constexpr std::array kLinkFaults{"latency_s", "jitter_s", "device_latency_s", "loss_ratio", "deadband"};
+constexpr std::array<std::string_view, 5> kLinkFaults{"latency_s", "jitter_s", "device_latency_s", "loss_ratio",
+                                                      "deadband"};
+
+std::vector<std::string> without(std::vector<std::string> columns, const auto& others) {
+  std::erase_if(columns, [&](const std::string& one) { return std::ranges::find(others, one) != std::end(others); });
+  return columns;
+}
 
 /// Errors below a usable reference error are not significant, so they count as equal.
 double significant_error(const Json& row) {
@@ -40,12 +35,23 @@ double significant_error(const Json& row) {
 bool ranked(const Json& row) { return row.at("survived").get<bool>() && comparable(row); }
 
 bool fits(const Json& row) {
-  const auto absent = [&](const char* fault) { return number(row, fault) == 0.0; };
+  const auto absent = [&](std::string_view fault) { return number(row, std::string(fault)) == 0.0; };
   return ranked(row) && !row.at("at_reference_error").get<bool>() && std::ranges::all_of(kLinkFaults, absent) &&
          number(row, "force_error_rms") > 0.0;
 }
 
 }  // namespace
+
+std::vector<std::string> setting_columns(const Json& row) {
+  std::vector<std::string> columns;
+  for (const auto& [column, value] : row.items()) {
+    if (column == "force_error_rms") break;
+    if (column != "ratio_mean" && !column.starts_with("user")) columns.push_back(column);
+  }
+  return columns;
+}
+
+std::vector<std::string> conditions_of(const Json& row) { return without(setting_columns(row), kOfMethod); }
 
 bool comparable(const Json& row) {
   return std::isfinite(number(row, "force_error_rms")) && std::isfinite(number(row, "reference_error"));
@@ -59,8 +65,9 @@ bool imperceptible(const Json& row) {
 
 bool dominated(const Json& row, const Rows& rows) {
   if (!ranked(row)) return !row.at("survived").get<bool>();
+  const std::vector<std::string> conditions = conditions_of(row);
   return std::ranges::any_of(rows, [&](const Json& other) {
-    if (!alike(row, other, kConditions) || !ranked(other)) return false;
+    if (!alike(row, other, conditions) || !ranked(other)) return false;
     const double less_error = significant_error(row) - significant_error(other);
     const double less_cpu = total_cpu(row) - total_cpu(other);
     return less_error >= 0.0 && less_cpu >= 0.0 && less_error + less_cpu > 0.0;
@@ -78,8 +85,9 @@ const Json* choice(const std::vector<const Json*>& rows, double budget) {
 }
 
 Json convergence(const Rows& rows, const std::string& x) {
-  std::vector<std::string> fixed = kSetting;
-  std::erase(fixed, x);
+  if (rows.empty()) return Json::array();
+  const std::vector<std::string> fixed =
+      without(without(setting_columns(rows.front()), kLinkFaults), std::array<std::string, 2>{"passivity", x});
   Json fitted = Json::array();
   for (const Json& row : rows) {
     if (std::ranges::any_of(fitted, [&](const Json& done) { return alike(done, row, fixed); })) continue;
@@ -101,12 +109,9 @@ Json convergence(const Rows& rows, const std::string& x) {
 }
 
 Json over_variants(const Rows& rows) {
-  std::vector<std::string> fixed = kSetting;
-  fixed.insert(fixed.end(), kLinkFaults.begin(), kLinkFaults.end());
-  fixed.emplace_back("passivity");
-  std::erase(fixed, "variant");
   Json all = Json::array();
   if (std::ranges::all_of(rows, [](const Json& row) { return row.at("variant") == 0; })) return all;
+  const std::vector<std::string> fixed = without(setting_columns(rows.front()), std::array<std::string, 1>{"variant"});
   for (const Json& row : rows) {
     if (std::ranges::any_of(all, [&](const Json& done) { return alike(done, row, fixed); })) continue;
     std::vector<double> errors, floors;

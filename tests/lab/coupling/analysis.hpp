@@ -13,6 +13,11 @@ inline constexpr double kImperceptibleRms = 0.035;       ///< half the force JND
 inline constexpr double kImperceptibleP99 = 0.07;        ///< the force JND
 inline constexpr double kImperceptibleOffset_s = 0.005;  ///< a third of the delay that subjects detected
 
+/// The columns of settings: those before "force_error_rms" that say nothing of the run itself or its users.
+[[nodiscard]] std::vector<std::string> setting_columns(const Json& row);
+/// Those of the conditions that are equal for all methods.
+[[nodiscard]] std::vector<std::string> conditions_of(const Json& row);
+
 /// False if the reference felt no force: then there is no relative error.
 [[nodiscard]] bool comparable(const Json& row);
 /// Whether errors can be compared with a reference of this error. If the reference error itself can be felt, the

@@ -17,6 +17,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <iterator>
@@ -32,8 +33,13 @@ const std::vector<std::string> kScenes{"row",   "press",   "scatter", "raft",   
 const std::vector<std::string> kQuickScenes{"row", "press"};
 const std::vector<int> kQuickRatios{4, 20};
 
+/// Settings whose short forms are axes.
+constexpr std::array kAxes{"world.engine", "haptic.engine", "passivity", "delay.latency_s"};
+
 struct Request {
   Sweep sweep;
+  std::array<std::vector<std::string>, kAxes.size()> axes;
+  std::vector<std::string> set;
   int variants = 0;
   bool mutual = false;
   bool quick = false;
@@ -51,10 +57,10 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "Examples:\n"
       "  subworld lab coupling --quick --out out/quick\n"
       "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
-      "  subworld lab coupling row heavy_outside --scheme reduced --box 0.15,0.2,0.3 --substeps 1,4\n"
+      "  subworld lab coupling row heavy_outside --scheme reduced --set users.box_half_m=0.15,0.2,0.3 --substeps 1,4\n"
       "  subworld lab coupling raft pyramid --variants 10 --ratio 4,10\n"
-      "  subworld lab coupling deploy/scenes/row.yaml --latency 0,0.02,0.1 --jitter 0,0.01\n"
-      "  subworld lab coupling lift --ratio 4 --latency 0.05 --loss 0,0.05 --passivity on,off\n"
+      "  subworld lab coupling deploy/scenes/row.yaml --latency 0,0.02,0.1 --set delay.jitter_s=0,0.01\n"
+      "  subworld lab coupling lift --ratio 4 --latency 0.05 --set delay.loss_ratio=0,0.05 --passivity on,off\n"
       "DIR/report.html shows the results, DIR/results.csv and results.json hold them, DIR/users.csv those\n"
       "of each user, DIR/traces the felt forces.\n"
       "Ctrl-C writes what has been measured so far.\n"
@@ -71,39 +77,23 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
           "the ratio may rise to this value where nothing that crosses a border is felt, or where the world costs more "
           "than a cycle by its engine's published costs; 0: it is fixed")
       .range(0, kMostRatio);
-  line.add("--box", &sweep.boxes_m, "half sides of the box around the proxy").range(1e-3, 1e3, "m").otherwise(scenes);
-  line.add("--depth", &sweep.contact_depths,
-           "bodies that this many contacts connect to the proxy belong to the sub-world too")
-      .range(0, 1000)
-      .otherwise(scenes);
-  line.add("--budget", &sweep.budget_ratios,
-           "parts of the haptic step that the step of the sub-world may take; of the box's bodies, those that matter "
-           "most and fit are simulated")
-      .range(1e-3, 1e3)
-      .otherwise(scenes);
   line.add("--substeps", &sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme requests").range(0, 1000);
-  line.add("--latency", &sweep.latencies_s, "delays added to the round trip, half each way").range(0.0, 10.0, "s");
-  line.add("--jitter", &sweep.jitters_s, "longest extra delays of a single message").range(0.0, 10.0, "s");
-  line.add("--device-latency", &sweep.device_latencies_s,
-           "delays added to the round trip between device and sub-world, half each way")
-      .range(0.0, 2.0, "s");
-  line.add("--loss", &sweep.loss_ratios,
-           "parts of the messages that are lost; between world and sub-world they are sent again and arrive late, on "
-           "the device's link the newest that arrived counts")
-      .range(0.0, 0.9, kPartUnit);
-  line.add("--deadband", &sweep.deadbands,
-           "Weber fractions of the link of a device: samples are not sent that an operator cannot tell from their "
-           "extrapolation")
-      .range(0.0, kMostDeadband, kPartUnit);
-  line.add("--passivity", &sweep.passivities,
-           "the bound on the energy that a device gives to its operator: on, off, or automatic (on where messages are "
-           "delayed or lost)")
-      .one_of({"on", "off", "automatic"})
-      .otherwise(scenes);
+  for (std::size_t i = 0; i < kAxes.size(); ++i) {
+    const Setting& setting = *find_setting(kAxes[i]);
+    line.add(std::string(setting.option), &request.axes[i], std::string(setting.meaning))
+        .check([&setting](const std::string& text) {
+          return setting_fault({setting.key, text});
+        })
+        .otherwise(setting.member == nullptr ? "0" : scenes);
+  }
+  line.add("--set", &request.set,
+           "KEY=V1,V2,...: values of any setting, by its key in the scene file, as in deadband=0,0.1 or "
+           "users.box_half_m=0.2,0.3; `subworld plan SCENE --settings` lists all; may be repeated")
+      .whole()
+      .check(axis_fault)
+      .otherwise("the scene's, but no delay and no deadband");
   line.add("--stiffness", &sweep.stiffness_factors, "factors on the coupling's stiffness").range(1e-3, 1e3);
   line.add("--h", &sweep.h_s, "haptic steps").range(1e-5, 0.1, "s").otherwise(scenes);
-  line.add("--engine", &sweep.engines, "the world's engines").otherwise(scenes);
-  line.add("--haptic-engine", &sweep.haptic_engines, "the sub-worlds' engines").otherwise(scenes);
   line.add("--variants", &request.variants,
            "number of variants of each scene, with other friction, masses and paths: whether an error is that of one "
            "lucky scene")
@@ -117,6 +107,10 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
                         fmt::join(kQuickScenes, " "), fmt::join(kQuickRatios, ","), kQuickDuration_s));
   add_out(line, "coupling", request.out);
   if (const auto code = line.parse(argc, argv)) return code;
+  for (std::size_t i = 0; i < kAxes.size(); ++i) {
+    if (!request.axes[i].empty()) sweep.settings.push_back({kAxes[i], request.axes[i]});
+  }
+  for (const std::string& text : request.set) sweep.settings.push_back(parse_axis(text));
   for (int v = 1; v <= request.variants; ++v) sweep.variants.push_back(v);
   if (request.quick && !ratio.given()) sweep.ratios = kQuickRatios;
   if (request.quick && !sweep.duration_s) sweep.duration_s = kQuickDuration_s;
@@ -150,24 +144,15 @@ Json effective(const Scene& scene) {
 }
 
 Json asked(const Sweep& s) {
-  return {{"variant", s.variants},
-          {"scheme", s.schemes},
-          {"engine", s.engines},
-          {"haptic_engine", s.haptic_engines},
-          {"ratio", s.ratios},
-          {"ratio_most", s.ratios_most},
-          {"box_m", s.boxes_m},
-          {"contact_depth", s.contact_depths},
-          {"budget_ratio", s.budget_ratios},
-          {"world_substeps", s.substeps},
-          {"latency_s", s.latencies_s},
-          {"jitter_s", s.jitters_s},
-          {"device_latency_s", s.device_latencies_s},
-          {"loss_ratio", s.loss_ratios},
-          {"deadband", s.deadbands},
-          {"passivity", s.passivities},
-          {"stiffness_factor", s.stiffness_factors},
-          {"h_s", s.h_s}};
+  Json json{{"variant", s.variants},
+            {"scheme", s.schemes},
+            {"ratio", s.ratios},
+            {"ratio_most", s.ratios_most},
+            {"world_substeps", s.substeps},
+            {"stiffness_factor", s.stiffness_factors},
+            {"h_s", s.h_s}};
+  for (const SettingAxis& axis : s.settings) json[column_of(axis.key)] = axis.values;
+  return json;
 }
 
 std::string verdict_of(const Rows& rows, std::size_t planned) {
@@ -182,8 +167,17 @@ std::string verdict_of(const Rows& rows, std::size_t planned) {
 /// Prints one line for each point, with the estimated remaining time.
 class Progress {
  public:
-  Progress(std::size_t points, const Sweep& sweep)
-      : points_(points), sweep_(sweep), left_(static_cast<double>(points)) {}
+  Progress(std::size_t points, const Sweep& sweep) : points_(points), left_(static_cast<double>(points)) {
+    const auto add = [&](const std::string& column, std::size_t values) {
+      if (values > 1) columns_.push_back(column);
+    };
+    add("variant", sweep.variants.size());
+    add("h_s", sweep.h_s.size());
+    add("coupling_stiffness_n_m", sweep.stiffness_factors.size());
+    add("world_substeps", sweep.substeps.size());
+    add("ratio_most", sweep.ratios_most.size());
+    for (const SettingAxis& axis : sweep.settings) add(column_of(axis.key), axis.values.size());
+  }
   void operator()(const Rows& rows) {
     const Json& row = rows.back();
     const auto percent = [&](const char* column) {
@@ -192,7 +186,7 @@ class Progress {
     };
     fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (reference error {}){}  {:.3g} CPU s/s{}\n", rows.size(),
                points_, row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(),
-               row.at("ratio").get<int>(), details(row),
+               row.at("ratio").get<int>(), swept_text(row, columns_, ""),
                !row.at("survived").get<bool>() ? "did not survive"
                : comparable(row)               ? percent("force_error_rms")
                                                : "unknown, the reference felt no force",
@@ -202,35 +196,8 @@ class Progress {
   }
 
  private:
-  std::string details(const Json& row) const {
-    std::string text = fmt::format("box {:g} m", row.at("box_m").get<double>());
-    if (const int variant = row.at("variant"); variant != 0) text += fmt::format(", variant {}", variant);
-    if (sweep_.h_s.size() > 1) text += fmt::format(", h {:g} ms", 1e3 * row.at("h_s").get<double>());
-    if (sweep_.stiffness_factors.size() > 1)
-      text += fmt::format(", K {:g} N/m", row.at("coupling_stiffness_n_m").get<double>());
-    if (sweep_.engines.size() > 1 || sweep_.haptic_engines.size() > 1)
-      text +=
-          fmt::format(", {} with {}", row.at("engine").get<std::string>(), row.at("haptic_engine").get<std::string>());
-    if (row.at("contact_depth") != 0) text += fmt::format(", depth {}", row.at("contact_depth").get<int>());
-    if (sweep_.budget_ratios.size() > 1)
-      text += fmt::format(", budget {:g} %, {:.1f} members", 100.0 * row.at("budget_ratio").get<double>(),
-                          row.at("members_mean").get<double>());
-    if (row.at("world_substeps") != 1) text += fmt::format(", {} sub-steps", row.at("world_substeps").get<int>());
-    for (const auto& [column, name] :
-         {std::pair{"latency_s", "latency"}, {"jitter_s", "jitter"}, {"device_latency_s", "device latency"}}) {
-      if (const double s = row.at(column).get<double>(); s > 0.0) text += fmt::format(", {} {:g} ms", name, 1e3 * s);
-    }
-    if (const double loss = row.at("loss_ratio").get<double>(); loss > 0.0)
-      text += fmt::format(", loss {:g} %", 1e2 * loss);
-    if (const double p = row.at("deadband").get<double>(); p > 0.0)
-      text += fmt::format(", deadband {:g} %: {:.0f} % of the samples", 1e2 * p,
-                          1e2 * row.at("device_sent_ratio").get<double>());
-    if (sweep_.passivities.size() > 1) text += fmt::format(", passivity {}", row.at("passivity").get<std::string>());
-    return text;
-  }
-
   std::size_t points_;
-  const Sweep& sweep_;
+  std::vector<std::string> columns_;  ///< with several values
   TimeLeft left_;
 };
 

@@ -15,7 +15,6 @@ namespace subworld {
 namespace {
 
 constexpr int kFiner = 4;  ///< refinement of the step for the error of the reference
-constexpr const char* kPassivityWords[] = {"automatic", "on", "off"};
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 /// Every `step`th force of each user.
@@ -56,29 +55,27 @@ double cpu_s_per_s(const Histogram& h, double simulated_s) {
   return h.mean_s() * static_cast<double>(h.count()) / simulated_s;
 }
 
-/// Settings of the run.
-Json settings_of(const Point& point, const Scene& scene, const Outcome& run) {
-  const Settings& s = scene.settings;
-  return {{"scene", scene.name},
-          {"variant", point.variant},
-          {"scheme", point.scheme},
-          {"engine", s.world.name},
-          {"haptic_engine", s.haptic.name},
-          {"h_s", s.h_s},
-          {"ratio", s.ratio},
-          {"ratio_most", point.ratio_most},
-          {"ratio_mean", run.ratio.mean()},
-          {"box_m", scene.users.front().box_half_m},
-          {"contact_depth", scene.users.front().contact_depth},
-          {"budget_ratio", scene.users.front().budget_ratio},
-          {"world_substeps", run.substeps},
-          {"latency_s", point.latency_s},
-          {"jitter_s", point.jitter_s},
-          {"device_latency_s", point.device_latency_s},
-          {"loss_ratio", point.loss_ratio},
-          {"deadband", point.deadband},
-          {"passivity", kPassivityWords[static_cast<std::size_t>(s.passivity)]},
-          {"coupling_stiffness_n_m", scene.users.front().coupling.stiffness_n_m}};
+/// Settings of the run. Columns of later results begin with "force_error_rms" (lab/analysis).
+Json settings_of(const Point& point, Scene scene, const Outcome& run) {
+  Settings& s = scene.settings;
+  Json row{{"scene", scene.name},
+           {"variant", point.variant},
+           {"scheme", point.scheme},
+           {"ratio", s.ratio},
+           {"ratio_most", point.ratio_most},
+           {"ratio_mean", run.ratio.mean()},
+           {"world_substeps", run.substeps}};
+  const auto add = [&](const std::string& column, std::string_view key) {
+    const Setting& setting = *find_setting(key);
+    row[column] = json_of(setting, s, scene.users.front());
+  };
+  for (const auto& [column, key] : usual_columns()) add(std::string(column), key);
+  row["latency_s"] = s.delay.up_s + s.delay.down_s;
+  row["device_latency_s"] = s.delay.from_device_s + s.delay.to_device_s;
+  for (const SettingChange& one : point.settings) {
+    if (const std::string column = column_of(one.key); !row.contains(column)) add(column, one.key);
+  }
+  return row;
 }
 
 constexpr ForceError kNoError{kNone, kNone, kNone, kNone, kNone, kNone, kNone};
@@ -305,7 +302,8 @@ std::optional<Measured> measure(const Point& point, References& references, Mutu
   std::vector<std::optional<MutualLatency>> latencies(run->felt.size());
   if (mutual != nullptr && run->finite && !mutual->measure(point, *run, *reference, latencies)) return std::nullopt;
   for (std::size_t u = 0; u < latencies.size(); ++u) measured.users[u].update(mutual_of(latencies[u]));
-  const std::string late = point.latency_s > 0.0 ? fmt::format("_late_{:g}_ms", 1e3 * point.latency_s) : "";
+  const double latency_s = settings.at("latency_s");
+  const std::string late = latency_s > 0.0 ? fmt::format("_late_{:g}_ms", 1e3 * latency_s) : "";
   const std::string substeps = run->substeps > 1 ? fmt::format("_{}_substeps", run->substeps) : "";
   for (std::size_t u = 0; u < run->felt.size(); ++u) {
     const std::string of_user = run->felt.size() > 1 ? fmt::format("_user_{}", u) : "";
@@ -314,7 +312,7 @@ std::optional<Measured> measure(const Point& point, References& references, Mutu
               .user = u,
               .scheme = point.scheme,
               .ratio = point.ratio,
-              .latency_s = point.latency_s,
+              .latency_s = latency_s,
               .name = fmt::format("{}_{}_r{}{}{}{}", scene.name, point.scheme, point.ratio, substeps, late, of_user),
               .h_s = scene.settings.h_s,
               .force = run->felt[u].force,

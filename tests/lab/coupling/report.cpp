@@ -39,26 +39,7 @@ constexpr const char* kVariants =
     "Over the variants of the scene, which differ from it in friction, masses and path; the plots are of the scene "
     "itself";
 
-constexpr Column kColumns[] = {{"variant", "variant", 1, 4, nullptr, true},
-                               {"engine", "engine", 1, 0, nullptr, true},
-                               {"haptic engine", "haptic_engine", 1, 0, nullptr, true},
-                               {"r", "ratio", 1, 4},
-                               {"r at most", "ratio_most", 1, 4, nullptr, true},
-                               {"r mean", "ratio_mean", 1, 3, nullptr, true},
-                               {"h ms", "h_s", 1e3, 4, nullptr, true},
-                               {"box m", "box_m", 1, 4, nullptr, true},
-                               {"contact depth", "contact_depth", 1, 4, nullptr, true},
-                               {"budget % of h", "budget_ratio", 1e2, 4, nullptr, true},
-                               {"world sub-steps", "world_substeps", 1, 4, nullptr, true},
-                               {"latency ms", "latency_s", 1e3, 4, nullptr, true},
-                               {"jitter ms", "jitter_s", 1e3, 4, nullptr, true},
-                               {"device latency ms", "device_latency_s", 1e3, 4, nullptr, true},
-                               {"loss %", "loss_ratio", 1e2, 3, nullptr, true},
-                               {"deadband %", "deadband", 1e2, 3, nullptr, true},
-                               {"device samples sent %", "device_sent_ratio", 1e2, 3, nullptr, true},
-                               {"passivity", "passivity", 1, 0, nullptr, true},
-                               {"K N/m", "coupling_stiffness_n_m", 1, 5, nullptr, true},
-                               {"error RMS %", "force_error_rms", 1e2, 3},
+constexpr Column kColumns[] = {{"error RMS %", "force_error_rms", 1e2, 3},
                                {"p99 %", "force_error_p99", 1e2, 3},
                                {"max %", "force_error_max", 1e2, 3},
                                {"offset ms", "time_offset_s", 1e3, 3},
@@ -96,20 +77,25 @@ std::string marks_of(const Json& row, bool is_dominated) {
   return marks;
 }
 
+/// "reduced, r 4, box 0.2 m": scheme, ratio and what else is swept.
+std::string setting_text(const Json& row, std::vector<std::string> columns) {
+  for (const char* always : {"ratio", "scheme"}) {
+    std::erase(columns, always);
+    columns.insert(columns.begin(), always);
+  }
+  return swept_text(row, columns, "");
+}
+
 std::string table_of(const Rows& rows) {
   const std::vector<std::string> columns = swept(rows);
-  std::vector<Column> kept;
-  for (const Column& column : kColumns) {
-    if (!column.only_swept || std::ranges::find(columns, column.key) != columns.end()) kept.push_back(column);
-  }
-  std::string text = "<div class=wide><table><tr><th class=text>scheme</th>";
-  for (const Column& column : kept) text += fmt::format("<th>{}</th>", column.title);
+  std::string text = "<div class=wide><table><tr><th class=text>setting</th>";
+  for (const Column& column : kColumns) text += fmt::format("<th>{}</th>", column.title);
   text += "<th>CPU s/s</th><th class=text>remarks</th></tr>\n";
   for (const Json& row : rows) {
     const bool grey = dominated(row, rows);
     text += fmt::format("<tr{}><td class=text>{}</td>", grey ? " class=dominated" : "",
-                        escaped(row.at("scheme").get<std::string>()));
-    for (const Column& column : kept) text += fmt::format("<td>{}</td>", cell_of(column, row));
+                        escaped(setting_text(row, columns)));
+    for (const Column& column : kColumns) text += fmt::format("<td>{}</td>", cell_of(column, row));
     text += fmt::format("<td>{:.3g}</td><td class=text>{}</td></tr>\n", total_cpu(row), marks_of(row, grey));
   }
   return text +
@@ -146,15 +132,14 @@ std::string users_of(const Rows& users, const Json& scene) {
   return "<p>Each user alone (<code>users.csv</code>):</p>\n" + html_of(table);
 }
 
-/// The best setting for each budget, for the first latency, jitter and stiffness.
+/// The best setting for each budget, under the first conditions.
 std::string choices_of(const Rows& rows) {
   if (!comparable(rows.front())) return "";
   std::vector<const Json*> open;
+  std::vector<std::string> conditions = conditions_of(rows.front());
+  std::erase(conditions, "engine");
   for (const Json& row : rows) {
-    if (alike(row, rows.front(),
-              {"variant", "latency_s", "jitter_s", "device_latency_s", "loss_ratio", "deadband", "passivity",
-               "coupling_stiffness_n_m", "h_s"}))
-      open.push_back(&row);
+    if (alike(row, rows.front(), conditions)) open.push_back(&row);
   }
   const std::vector<std::string> columns = swept(rows);
   std::string text;

@@ -17,7 +17,18 @@ struct Findings {
   Json summary;
 };
 
-/// The columns in which the rows differ.
+/// How a column of a setting is named.
+struct AxisText {
+  std::string column;
+  std::string name;   ///< in a legend, and at the head of a table
+  std::string words;  ///< in a title
+  std::string label;  ///< of an axis
+  double scale = 1.0;
+  std::string unit = {};  ///< after a space, of a value times the scale
+};
+[[nodiscard]] AxisText axis_text(const std::string& column);
+
+/// The columns of settings in which the rows differ.
 [[nodiscard]] std::vector<std::string> swept(const Rows& rows);
 [[nodiscard]] std::vector<std::string> swept(const std::vector<const Json*>& rows);
 /// The swept columns of a row in words, without the column `x`: "r 4, box 0.2 m".

@@ -1,4 +1,5 @@
 #include "lab/coupling/report.hpp"
+#include "model/slips.hpp"
 
 #include <fmt/format.h>
 
@@ -15,35 +16,22 @@ namespace subworld {
 
 namespace {
 
-/// A swept quantity that can be the x axis of a plot.
-struct Swept {
-  const char* column;
-  const char* name;   ///< in a legend
-  const char* words;  ///< in a title
-  const char* label;
-  double scale;
-  const char* unit;
-};
-constexpr std::array kSwept{
-    Swept{"variant", "variant", "", "", 1.0, ""},
-    Swept{"scheme", "", "", "", 1.0, ""},
-    Swept{"engine", "", "", "", 1.0, ""},
-    Swept{"haptic_engine", "haptic", "", "", 1.0, ""},
-    Swept{"h_s", "h", "the haptic step", "haptic step h, ms", 1e3, " ms"},
-    Swept{"ratio", "r", "the ratio", "simulation ratio r = T / h", 1.0, ""},
-    Swept{"ratio_most", "r at most", "the largest ratio", "largest simulation ratio", 1.0, ""},
-    Swept{"box_m", "box", "the box", "half side of the box, m", 1.0, " m"},
-    Swept{"contact_depth", "depth", "the depth of contact", "contacts from the proxy to a member", 1.0, ""},
-    Swept{"budget_ratio", "budget", "the budget", "budget of a haptic step, % of h", 1e2, " %"},
-    Swept{"world_substeps", "sub-steps", "sub-steps", "world sub-steps per cycle", 1.0, ""},
-    Swept{"latency_s", "latency", "latency", "latency added to the round trip, ms", 1e3, " ms"},
-    Swept{"jitter_s", "jitter", "jitter", "jitter, ms", 1e3, " ms"},
-    Swept{"device_latency_s", "device latency", "latency of the device",
-          "latency added between device and sub-world, ms", 1e3, " ms"},
-    Swept{"loss_ratio", "loss", "lost messages", "lost messages, %", 1e2, " %"},
-    Swept{"deadband", "deadband", "the deadband", "deadband, %", 1e2, " %"},
-    Swept{"passivity", "passivity", "", "", 1.0, ""},
-    Swept{"coupling_stiffness_n_m", "K", "coupling stiffness", "coupling stiffness, N/m", 1.0, " N/m"}};
+/// Columns with other words than their name.
+const std::array kNamed{
+    AxisText{"haptic_engine", "haptic", "", ""},
+    AxisText{"h_s", "h", "the haptic step", "haptic step h"},
+    AxisText{"ratio", "r", "the ratio", "simulation ratio r = T / h"},
+    AxisText{"ratio_most", "r at most", "the largest ratio", "largest simulation ratio"},
+    AxisText{"box_m", "box", "the box", "half side of the box"},
+    AxisText{"contact_depth", "depth", "the depth of contact", "contacts from the proxy to a member"},
+    AxisText{"budget_ratio", "budget", "the budget", "budget of a haptic step, part of h"},
+    AxisText{"world_substeps", "sub-steps", "sub-steps", "world sub-steps per cycle"},
+    AxisText{"latency_s", "latency", "latency", "latency added to the round trip"},
+    AxisText{"jitter_s", "jitter", "jitter", "jitter"},
+    AxisText{"device_latency_s", "device latency", "latency of the device",
+             "latency added between device and sub-world"},
+    AxisText{"loss_ratio", "loss", "lost messages", "lost messages"},
+    AxisText{"coupling_stiffness_n_m", "K", "coupling stiffness", "coupling stiffness"}};
 
 struct Look {
   const char* scheme;
@@ -62,10 +50,6 @@ std::string colour_of(const std::string& scheme) {
     if (scheme == look.scheme) return look.colour;
   }
   return "#000000";
-}
-
-const Swept& about(const std::string& column) {
-  return *std::ranges::find(kSwept, column, [](const Swept& s) { return std::string(s.column); });
 }
 
 std::vector<Level> levels_of(const Json& row) {
@@ -153,13 +137,13 @@ Plot work_precision(const Rows& rows, const std::vector<std::string>& columns) {
 Plot error_against(const std::string& x, const Rows& rows, const std::vector<std::string>& columns) {
   std::set<std::string> free = kinds();
   free.insert(x);
-  const Swept& axis = about(x);
+  const AxisText axis = axis_text(x);
   const auto chosen = slice(rows, columns, free);
   std::set<double> values;
   for (const Json* row : chosen) values.insert(axis.scale * row->at(x).get<double>());
   const bool log_x = *values.begin() > 0.0;
   return {.title = title_of(axis.words, chosen, columns),
-          .x_label = axis.label,
+          .x_label = axis.label + (axis.unit.empty() ? "" : "," + axis.unit),
           .y_label = "felt-force error, RMS, %",
           .log_x = log_x,
           .log_y = true,
@@ -238,11 +222,20 @@ std::optional<Plot> ratios(const std::vector<const Trace*>& traces) {
 
 }  // namespace
 
+AxisText axis_text(const std::string& column) {
+  const auto named = std::ranges::find(kNamed, column, &AxisText::column);
+  AxisText text = named != kNamed.end() ? *named : AxisText{column, column, column, column};
+  const std::string_view unit = unit_of(column);
+  text.scale = unit == "s" ? 1e3 : unit == kPartUnit ? 1e2 : 1.0;
+  text.unit = unit == "s" ? " ms" : unit == kPartUnit ? " %" : unit.empty() ? "" : fmt::format(" {}", unit);
+  return text;
+}
+
 std::vector<std::string> swept(const std::vector<const Json*>& rows) {
   std::vector<std::string> columns;
-  for (const Swept& s : kSwept) {
-    if (!std::ranges::all_of(rows, [&](const Json* row) { return row->at(s.column) == rows.front()->at(s.column); }))
-      columns.emplace_back(s.column);
+  for (const std::string& column : setting_columns(*rows.front())) {
+    const auto same = [&](const Json* row) { return row->at(column) == rows.front()->at(column); };
+    if (column != "scene" && !std::ranges::all_of(rows, same)) columns.push_back(column);
   }
   return columns;
 }
@@ -255,12 +248,15 @@ std::vector<std::string> swept(const Rows& rows) {
 
 std::string swept_text(const Json& row, const std::vector<std::string>& columns, const std::string& x) {
   std::string text;
-  for (const Swept& s : kSwept) {
-    if (s.column == x || std::ranges::find(columns, s.column) == columns.end()) continue;
-    const Json& value = row.at(s.column);
-    const std::string shown =
-        value.is_string() ? value.get<std::string>() : fmt::format("{:g}{}", s.scale * value.get<double>(), s.unit);
-    text += fmt::format("{}{}{}{}", text.empty() ? "" : ", ", s.name, *s.name == 0 ? "" : " ", shown);
+  for (const std::string& column : columns) {
+    if (column == x) continue;
+    const AxisText axis = axis_text(column);
+    const Json& value = row.at(column);
+    const std::string shown = value.is_number()   ? fmt::format("{:g}{}", axis.scale * value.get<double>(), axis.unit)
+                              : value.is_string() ? value.get<std::string>()
+                                                  : value.dump();
+    const bool bare = column == "scheme" || column == "engine";
+    text += fmt::format("{}{}{}", text.empty() ? "" : ", ", bare ? "" : axis.name + " ", shown);
   }
   return text;
 }
@@ -268,10 +264,8 @@ std::string swept_text(const Json& row, const std::vector<std::string>& columns,
 std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
   const std::vector<std::string> columns = swept(rows);
   std::vector<Plot> plots{work_precision(rows, columns)};
-  for (const char* x :
-       {"ratio", "ratio_most", "box_m", "contact_depth", "budget_ratio", "latency_s", "jitter_s", "device_latency_s",
-        "loss_ratio", "deadband", "world_substeps", "coupling_stiffness_n_m", "h_s"}) {
-    if (std::ranges::find(columns, x) != columns.end()) plots.push_back(error_against(x, rows, columns));
+  for (const std::string& x : columns) {
+    if (x != "variant" && rows.front().at(x).is_number()) plots.push_back(error_against(x, rows, columns));
   }
   std::map<std::pair<double, std::size_t>, std::vector<const Trace*>> by_latency_and_user;
   for (const Trace& trace : traces) {

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <functional>
 
@@ -28,18 +29,39 @@ Axis axis(const std::vector<T>& values, T Point::*member) {
   return {values.size(), [&values, member](Point& point, std::size_t i) { point.*member = values[i]; }};
 }
 
+constexpr std::array<std::pair<std::string_view, std::string_view>, 13> kUsual{
+    {{"engine", "world.engine"},
+     {"haptic_engine", "haptic.engine"},
+     {"h_s", "h_s"},
+     {"box_m", "users.box_half_m"},
+     {"contact_depth", "users.contact_depth"},
+     {"budget_ratio", "users.budget_ratio"},
+     {"latency_s", "delay.latency_s"},
+     {"jitter_s", "delay.jitter_s"},
+     {"device_latency_s", "delay.device_latency_s"},
+     {"loss_ratio", "delay.loss_ratio"},
+     {"deadband", "deadband"},
+     {"passivity", "passivity"},
+     {"coupling_stiffness_n_m", "users.coupling.stiffness_n_m"}}};
+
+/// Whether a setting acts in a single world too, so that it changes the reference.
+bool acts_in_one_world(std::string_view key) {
+  constexpr std::string_view kOthers[] = {
+      "delay.",          "deadband",         "passivity",           "haptic.",           "disable",
+      "users.selection", "users.box_half_m", "users.contact_depth", "users.budget_ratio"};
+  return std::ranges::none_of(kOthers, [&](std::string_view begin) { return key.starts_with(begin); });
+}
+
 Scene loaded(const Point& point) {
   Options options;
   options.scene = point.scene;
-  options.mode = "lockstep";
-  if (!point.passivity.empty()) options.passivity = point.passivity;
+  change(options, "mode", "lockstep");
   Scene scene = load_scene(options);
   Settings& s = scene.settings;
-  if (!point.engine.empty()) {
-    s.world.name = point.engine;
-    s.world.longest_substep_s.reset();
-  }
-  if (!point.haptic_engine.empty()) s.haptic.name = point.haptic_engine;
+  s.world.substeps.reset();
+  s.delay = {};
+  s.deadband = 0.0;
+  apply_changes(point.settings, scene);
   if (point.duration_s) s.duration_s = *point.duration_s;
   if (point.h_s > 0.0) {
     for (UserSpec& user : scene.users) user.device.rate_hz *= s.h_s / point.h_s;
@@ -63,25 +85,22 @@ Scene loaded(const Point& point) {
 }  // namespace
 
 std::vector<Point> points_of(const Sweep& sweep) {
-  const std::vector<Axis> axes{axis(sweep.scenes, &Point::scene),
-                               axis(sweep.variants, &Point::variant),
-                               axis(sweep.h_s, &Point::h_s),
-                               axis(sweep.stiffness_factors, &Point::stiffness_factor),
-                               axis(sweep.engines, &Point::engine),
-                               axis(sweep.haptic_engines, &Point::haptic_engine),
-                               axis(sweep.schemes, &Point::scheme),
-                               axis(sweep.boxes_m, &Point::box_m),
-                               axis(sweep.contact_depths, &Point::contact_depth),
-                               axis(sweep.budget_ratios, &Point::budget_ratio),
-                               axis(sweep.substeps, &Point::substeps),
-                               axis(sweep.latencies_s, &Point::latency_s),
-                               axis(sweep.jitters_s, &Point::jitter_s),
-                               axis(sweep.device_latencies_s, &Point::device_latency_s),
-                               axis(sweep.loss_ratios, &Point::loss_ratio),
-                               axis(sweep.deadbands, &Point::deadband),
-                               axis(sweep.passivities, &Point::passivity),
-                               axis(sweep.ratios_most, &Point::ratio_most),
-                               axis(sweep.ratios, &Point::ratio)};
+  std::vector<Axis> axes{axis(sweep.scenes, &Point::scene), axis(sweep.variants, &Point::variant),
+                         axis(sweep.h_s, &Point::h_s), axis(sweep.stiffness_factors, &Point::stiffness_factor)};
+  const auto add_settings = [&](bool in_one_world) {
+    for (const SettingAxis& one : sweep.settings) {
+      if (acts_in_one_world(one.key) != in_one_world) continue;
+      axes.push_back({one.values.size(), [&one](Point& point, std::size_t i) {
+                        point.settings.push_back({one.key, one.values[i]});
+                      }});
+    }
+  };
+  add_settings(true);
+  axes.push_back(axis(sweep.schemes, &Point::scheme));
+  axes.push_back(axis(sweep.substeps, &Point::substeps));
+  add_settings(false);
+  axes.push_back(axis(sweep.ratios_most, &Point::ratio_most));
+  axes.push_back(axis(sweep.ratios, &Point::ratio));
   std::size_t count = 1;
   for (const Axis& a : axes) count *= a.count;
   std::vector<Point> points;
@@ -105,23 +124,7 @@ Scene scene_of(const Point& point) {
   if (!point.scheme.empty()) s.scheme = literal ? "paper" : point.scheme;
   s.paper.device_force_in_world = !literal;
   if (point.ratio > 0) s.set_ratio({point.ratio, point.ratio_most});
-  s.world.substeps.reset();
   if (point.substeps > 0) s.world.substeps = point.substeps;
-  s.delay = {.up_s = 0.5 * point.latency_s,
-             .down_s = 0.5 * point.latency_s,
-             .from_device_s = 0.5 * point.device_latency_s,
-             .to_device_s = 0.5 * point.device_latency_s,
-             .jitter_s = point.jitter_s,
-             .loss_ratio = point.loss_ratio};
-  s.deadband = point.deadband;
-  for (UserSpec& user : scene.users) {
-    if (point.box_m > 0.0) user.box_half_m = point.box_m;
-    if (point.contact_depth >= 0) user.contact_depth = point.contact_depth;
-    if (point.budget_ratio > 0.0) {
-      user.selection = Selection::budget;
-      user.budget_ratio = point.budget_ratio;
-    }
-  }
   (void)scheme_of(s);
   (void)make_engine(s.world, {});
   (void)make_engine(s.haptic, {});
@@ -147,7 +150,11 @@ Scene refined(Scene scene, int factor) {
 }
 
 std::string reference_key(const Point& p) {
-  return fmt::format("{}|{}|{}|{}|{}|{}", p.scene, p.variant, p.h_s, p.stiffness_factor, p.engine, p.starts_later_s);
+  std::string key = fmt::format("{}|{}|{}|{}|{}", p.scene, p.variant, p.h_s, p.stiffness_factor, p.starts_later_s);
+  for (const SettingChange& one : p.settings) {
+    if (acts_in_one_world(one.key)) key += fmt::format("|{}={}", one.key, one.value);
+  }
+  return key;
 }
 
 int shown_ratio(const std::vector<int>& ratios) {
@@ -155,13 +162,67 @@ int shown_ratio(const std::vector<int>& ratios) {
 }
 
 bool shown(const Point& p, const Sweep& s) {
+  const auto first = [&](const SettingChange& one) {
+    const auto axis = std::ranges::find(s.settings, one.key, &SettingAxis::key);
+    return one.key == "delay.latency_s" || axis == s.settings.end() || one.value == axis->values.front();
+  };
   return p.ratio == shown_ratio(s.ratios) && p.ratio_most == s.ratios_most.front() && p.variant == s.variants.front() &&
-         p.engine == s.engines.front() && p.haptic_engine == s.haptic_engines.front() && p.box_m == s.boxes_m.front() &&
-         p.contact_depth == s.contact_depths.front() && p.budget_ratio == s.budget_ratios.front() &&
-         p.substeps == s.substeps.front() && p.jitter_s == s.jitters_s.front() &&
-         p.device_latency_s == s.device_latencies_s.front() && p.loss_ratio == s.loss_ratios.front() &&
-         p.deadband == s.deadbands.front() && p.passivity == s.passivities.front() &&
-         p.stiffness_factor == s.stiffness_factors.front() && p.h_s == s.h_s.front();
+         p.substeps == s.substeps.front() && p.stiffness_factor == s.stiffness_factors.front() &&
+         p.h_s == s.h_s.front() && std::ranges::all_of(p.settings, first);
 }
+
+namespace {
+
+/// Two ratios in either order, as in 4-12 or 12-4.
+std::optional<RatioBounds> parse_two_ratios(const std::string& text) {
+  const std::size_t dash = text.find('-');
+  if (dash == std::string::npos) return std::nullopt;
+  const auto bounds = parse_ratio(text);
+  return bounds ? bounds : parse_ratio(text.substr(dash + 1) + "-" + text.substr(0, dash));
+}
+
+}  // namespace
+
+std::string fixed_ratio_fault(const std::string& text) {
+  if (const auto two = parse_two_ratios(text))
+    return fmt::format("must be one ratio; for one that adapts give --ratio {} --ratio-most {}", two->least, two->most);
+  return parse_ratio(text) ? "" : fmt::format("must be a whole number from 1 to {}", kMostRatio);
+}
+
+SettingAxis parse_axis(const std::string& text) {
+  const SettingChange whole = parse_change(text);
+  SettingAxis axis{whole.key, {""}};
+  int open = 0;
+  for (const char c : whole.value) {
+    open += c == '[' ? 1 : c == ']' ? -1 : 0;
+    if (c == ',' && open == 0) {
+      axis.values.emplace_back();
+    } else {
+      axis.values.back() += c;
+    }
+  }
+  return axis;
+}
+
+std::string axis_fault(const std::string& text) {
+  const SettingAxis axis = parse_axis(text);
+  for (const std::string& value : axis.values) {
+    if (const std::string fault = setting_fault({axis.key, value}); !fault.empty()) return fault;
+  }
+  for (const std::string_view other : {"scheme", "ratio", "duration_s", "world.substeps", "h_s", "mode"}) {
+    if (axis.key == other) return fmt::format("this lab has an option of its own for {}", other);
+  }
+  return {};
+}
+
+std::string column_of(const std::string& key) {
+  const auto usual =
+      std::ranges::find(kUsual, std::string_view(key), &std::pair<std::string_view, std::string_view>::second);
+  std::string column(usual != kUsual.end() ? usual->first : key);
+  std::ranges::replace(column, '.', '_');
+  return column;
+}
+
+std::span<const std::pair<std::string_view, std::string_view>> usual_columns() { return kUsual; }
 
 }  // namespace subworld

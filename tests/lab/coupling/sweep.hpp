@@ -1,64 +1,65 @@
 #pragma once
 
-#include "model/scene.hpp"
+#include "model/settings.hpp"
 
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 namespace subworld {
 
-/// Requested values of each axis of the sweep. An empty name or word, a box of 0, an h of 0, a budget of 0 and a depth
-/// of -1 mean the scene's own.
+/// A setting of the table (model/settings), and the values that it takes.
+struct SettingAxis {
+  std::string key;
+  std::vector<std::string> values;
+};
+/// Of KEY=V1,V2,...; a comma within brackets belongs to a value.
+[[nodiscard]] SettingAxis parse_axis(const std::string& text);
+/// What is wrong with it, with the cure; empty: nothing.
+[[nodiscard]] std::string axis_fault(const std::string& text);
+
+/// For Option::check(): one of a list of fixed ratios, beside an option --ratio-most.
+[[nodiscard]] std::string fixed_ratio_fault(const std::string& text);
+
+/// Requested values of each axis of the sweep. An h of 0 means the scene's own.
 struct Sweep {
   std::vector<std::string> scenes;  ///< files
   std::vector<int> variants{0};     ///< of each scene (lab/variants); 0: itself
   std::vector<std::string> schemes{"paper_literal", "paper", "reduced"};
-  std::vector<std::string> engines{""};
-  std::vector<std::string> haptic_engines{""};
   std::vector<int> ratios{1, 4, 10, 20};
-  std::vector<int> ratios_most{0};   ///< largest adaptive ratio; 0: the ratio is fixed
-  std::vector<double> boxes_m{0.0};  ///< half sides
-  std::vector<int> contact_depths{-1};
-  std::vector<double> budget_ratios{0.0};  ///< shares of h
-  std::vector<int> substeps{1};            ///< of the world, per cycle; 0: as the scheme requires
-  std::vector<double> latencies_s{0.0};
-  std::vector<double> jitters_s{0.0};
-  std::vector<double> device_latencies_s{0.0};
-  std::vector<double> loss_ratios{0.0};
-  std::vector<double> deadbands{0.0};  ///< Weber fractions
-  std::vector<std::string> passivities{""};
+  std::vector<int> ratios_most{0};  ///< largest adaptive ratio; 0: the ratio is fixed
+  std::vector<int> substeps{1};     ///< of the world, per cycle; 0: as the scheme requires
   std::vector<double> stiffness_factors{1.0};
   std::vector<double> h_s{0.0};
+  std::vector<SettingAxis> settings;
   std::optional<double> duration_s;
 };
 
-/// One run. An empty scheme and a ratio of 0 also mean the scene's own.
+/// One run. An empty scheme and a ratio of 0 also mean the scene's own. The scene's delays and its deadband do not
+/// count: without others there are none.
 struct Point {
   std::string scene;
   int variant = 0;
   std::string scheme;
-  std::string engine;
-  std::string haptic_engine;
   int ratio = 1;
   int ratio_most = 0;
-  double box_m = 0.0;
-  int contact_depth = -1;
-  double budget_ratio = 0.0;
   int substeps = 1;
-  double latency_s = 0.0;  ///< added to the round trip, half each way
-  double jitter_s = 0.0;
-  double device_latency_s = 0.0;  ///< the same between device and sub-world
-  double loss_ratio = 0.0;
-  double deadband = 0.0;
-  std::string passivity;
   double stiffness_factor = 1.0;
   double h_s = 0.0;
+  std::vector<SettingChange> settings;
   double starts_later_s = 0.0;  ///< by which the paths of all users begin later
   std::optional<double> duration_s;
 
   bool operator==(const Point&) const = default;
 };
+
+/// The column of a setting in the tables: "latency_s", or its key with '_' for each dot.
+[[nodiscard]] std::string column_of(const std::string& key);
+/// The columns of settings that all rows have, with the keys of the settings.
+[[nodiscard]] std::span<const std::pair<std::string_view, std::string_view>> usual_columns();
 
 /// Every combination, once. Points with a common reference are consecutive; the ratio changes fastest.
 [[nodiscard]] std::vector<Point> points_of(const Sweep& sweep);

@@ -83,14 +83,13 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       .one_of({"direct", "paper", "reduced"})
       .otherwise(scenes + ", else reduced");
   line.add("--ratio", &point.ratio, "simulation ratio r = T / h").check(fixed_ratio_fault).otherwise(scenes);
-  line.add("--jitter", &point.jitter_s, "longest extra delay of a single message, on top of the delay")
-      .range(0.0, 1.0, "s");
-  line.add("--loss", &point.loss_ratio, "part of the messages that is lost").range(0.0, 0.9, kPartUnit);
-  line.add("--passivity", &point.passivity,
-           "the bound on the energy that a device gives to its operator: on, off, or automatic (on where messages are "
-           "delayed or lost)")
-      .one_of({"on", "off", "automatic"})
+  std::optional<std::string> passivity;
+  std::vector<std::string> set;
+  const Setting& bound = *find_setting("passivity");
+  line.add("--passivity", &passivity, std::string(bound.meaning))
+      .one_of({bound.range.words.begin(), bound.range.words.end()})
       .otherwise(scenes);
+  add_set_option(line, set);
   add_duration(line, point.duration_s);
   add_seed(line, request.seed,
            "seed of the grid of delays, of the instants in a cycle at which the paths begin, and of "
@@ -100,6 +99,8 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
                         fmt::join(kQuickScenes, " "), kMostDuration_s));
   add_out(line, "latency", request.out);
   if (const auto code = line.parse(argc, argv)) return code;
+  if (passivity) point.settings.push_back({"passivity", *passivity});
+  for (const std::string& text : set) point.settings.push_back(parse_change(text));
   if (request.quick) {
     question.range.stride = 2.0;
     question.range.precision = 1.2;

@@ -59,16 +59,16 @@ std::vector<Criteria> criteria_of(const Scene& scene, Link link, const Outcome& 
 }
 
 /// One way: half of the delay, a message at most the jitter later, and its loss.
-std::string emulated_link(const Point& point, double delay_s) {
-  return fmt::format("delay {:.6f}ms {:.6f}ms loss {:.6f}%", 1e3 * 0.5 * (delay_s + point.jitter_s),
-                     1e3 * 0.5 * point.jitter_s, 1e2 * point.loss_ratio);
+std::string emulated_link(const DelaySettings& link, double delay_s) {
+  return fmt::format("delay {:.6f}ms {:.6f}ms loss {:.6f}%", 1e3 * 0.5 * (delay_s + link.jitter_s),
+                     1e3 * 0.5 * link.jitter_s, 1e2 * link.loss_ratio);
 }
 
 /// Of a run of the real programs. Each begins its paths at an instant of its own. Empty if a signal requested a stop.
 std::optional<std::vector<Criteria>> criteria_over_link(const LatencyQuestion& question, double delay_s) {
   Point point = question.point;
   point.starts_later_s = 0.0;
-  const OverLink over{.link = emulated_link(point, delay_s), .dds = question.dds};
+  const OverLink over{.link = emulated_link(scene_of(point).settings.delay, delay_s), .dds = question.dds};
   const std::optional<LinkedRun> run = undisturbed_run_over_link(point, over);
   if (!run) return std::nullopt;
   const Outcome& reference = run->reference;

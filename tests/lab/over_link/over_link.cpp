@@ -26,10 +26,12 @@ std::string session_text(const Point& point, const Scene& scene, const OverLink&
   text += fmt::format("flags: {{mode: realtime, duration: {}, scheme: {}", scene.settings.duration_s,
                       scene.settings.scheme);
   if (point.ratio > 0) text += fmt::format(", ratio: {}", point.ratio);
-  if (!point.passivity.empty()) text += fmt::format(", passivity: {}", point.passivity);
-  if (!point.engine.empty()) text += fmt::format(", engine: {}", point.engine);
-  if (!point.haptic_engine.empty()) text += fmt::format(", haptic-engine: {}", point.haptic_engine);
-  if (point.deadband > 0.0) text += fmt::format(", deadband: {}", point.deadband);
+  std::string set;
+  for (const SettingChange& one : point.settings) {
+    if (one.key.starts_with("delay.")) continue;  // the link has it
+    set += fmt::format("{}\"{}={}\"", set.empty() ? "" : ", ", one.key, one.value);
+  }
+  if (!set.empty()) text += fmt::format(", set: [{}]", set);
   text += "}\nhosts:\n  - name: world\n    programs: [world_sim]\n";
   const std::string vendor = over.users_dds.empty() ? "" : fmt::format("    dds: {}\n", over.users_dds);
   for (int user = 0; user < scene.settings.users; ++user)

@@ -16,8 +16,8 @@ namespace {
 
 std::string cell(const Json& value) {
   if (value.is_null()) return "";
-  if (value.is_string()) {
-    std::string text = value.get<std::string>();
+  if (value.is_string() || value.is_array()) {
+    std::string text = value.is_string() ? value.get<std::string>() : value.dump();
     if (text.find_first_of(",\"\n") == std::string::npos) return text;
     for (std::size_t at = text.find('"'); at != std::string::npos; at = text.find('"', at + 2)) text.insert(at, 1, '"');
     return '"' + text + '"';

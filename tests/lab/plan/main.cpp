@@ -96,8 +96,8 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
 Scene loaded(const std::string& file, const std::optional<double>& duration_s) {
   Options options;
   options.scene = file;
-  options.mode = "lockstep";
-  options.duration_s = duration_s;
+  change(options, "mode", "lockstep");
+  if (duration_s) change(options, "duration_s", fmt::format("{}", *duration_s));
   return load_scene(options);
 }
 

@@ -2,6 +2,8 @@
 
 #include "io/results.hpp"
 #include "model/error.hpp"
+#include "model/scene_reader.hpp"
+#include "model/settings.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -17,10 +19,6 @@ namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr const char* kShapeWords[] = {"sphere", "box", "capsule", "cylinder", "plane", "convex", "mesh"};
-constexpr const char* kModeWords[] = {"lockstep", "realtime"};
-constexpr const char* kPassivityWords[] = {"automatic", "on", "off"};
-constexpr const char* kSelectionWords[] = {"box", "contacts", "budget"};
-constexpr const char* kKindWords[] = {"impedance", "admittance"};
 
 template <class E>
 const char* word(const char* const* words, E value) {
@@ -118,50 +116,17 @@ void add_body(Map& map, const Scene& scene, const Body& body, const Materials& m
   if (!body.rotates) map.add("rotates", false);
 }
 
-Map engine_map(const EngineSettings& engine) {
-  Map map;
-  map.add("engine", engine.name).add("preset", engine.preset);
-  if (engine.iterations) map.add("iterations", *engine.iterations);
-  if (engine.substeps) map.add("substeps", *engine.substeps);
-  if (engine.longest_substep_s) map.add("longest_substep_s", *engine.longest_substep_s);
-  if (engine.length_unit_m != 1.0) map.add("length_unit_m", engine.length_unit_m);
-  return map;
-}
-
-std::string settings_text(const Settings& s) {
-  std::string lines = "settings:\n";
-  const auto line = [&](const char* key, const auto& value) { lines += fmt::format("  {}: {}\n", key, value); };
-  line("h_s", s.h_s);
-  if (s.adapts_ratio()) {
-    line("ratio", fmt::format("[{}, {}]", s.ratio, s.ratio_most));
-  } else {
-    line("ratio", s.ratio);
+/// The settings of a group of keys (model/scene_reader), as a map on one line.
+std::string settings_map(const std::string& group, Settings& settings, UserSpec& user) {
+  std::vector<std::string> entries;
+  for (const std::string_view key : keys_in(group)) {
+    const std::string full = group + std::string(key);
+    const Setting* const setting = find_setting(full);
+    const std::string value = setting != nullptr ? value_text(*setting, settings, user).value_or("")
+                                                 : settings_map(full + ".", settings, user);
+    if (full != "users" && !value.empty() && value != "{}") entries.push_back(fmt::format("{}: {}", key, value));
   }
-  line("duration_s", s.duration_s);
-  line("settle", Map().add("duration_s", s.settle_s).add("step_s", s.settle_step_s).str());
-  line("mode", word(kModeWords, s.mode));
-  line("scheme", s.scheme);
-  if (s.delay.any()) {
-    const DelaySettings& d = s.delay;
-    line("delay", Map()
-                      .add("up_s", d.up_s)
-                      .add("down_s", d.down_s)
-                      .add("from_device_s", d.from_device_s)
-                      .add("to_device_s", d.to_device_s)
-                      .add("jitter_s", d.jitter_s)
-                      .add("loss_ratio", d.loss_ratio)
-                      .add("seed", d.seed)
-                      .str());
-  }
-  line("passivity", word(kPassivityWords, s.passivity));
-  line("gravity_m_s2", text(s.world.gravity));
-  line("world", engine_map(s.world).str());
-  line("haptic", engine_map(s.haptic).str());
-  line("paper", Map()
-                    .add("device_force_in_world", s.paper.device_force_in_world)
-                    .add("device_impulse_threshold_n_s", s.paper.device_impulse_threshold_n_s)
-                    .str());
-  return lines;
+  return fmt::format("{{{}}}", fmt::join(entries, ", "));
 }
 
 Map segment_map(const PathSegment& s) {
@@ -192,36 +157,6 @@ Map segment_map(const PathSegment& s) {
   return map;
 }
 
-std::string device_text(const DeviceSpec& d) {
-  std::string lines = "    device:\n";
-  const auto line = [&](const char* key, const auto& value) { lines += fmt::format("      {}: {}\n", key, value); };
-  line("kind", word(kKindWords, d.kind));
-  line("degrees_of_freedom", d.degrees_of_freedom);
-  line("rate_hz", d.rate_hz);
-  line("force_limit_n", d.force_limit_n);
-  line("torque_limit_n_m", d.torque_limit_n_m);
-  if (d.force_rate_limit_n_s) line("force_rate_limit_n_s", *d.force_rate_limit_n_s);
-  if (d.power_limit_w) line("power_limit_w", *d.power_limit_w);
-  line("speed_limit_m_s", d.speed_limit_m_s);
-  line("mass_kg", d.mass_kg);
-  line("damping_n_s_m", d.damping_n_s_m);
-  line("friction_n", d.friction_n);
-  line("position_resolution_m", d.position_resolution_m);
-  if (!d.path.empty()) lines += "      path:\n";
-  for (const PathSegment& s : d.path) lines += fmt::format("        - {}\n", segment_map(s).str());
-  if (d.operator_model) {
-    line("operator", Map()
-                         .add("mass_kg", d.operator_model->mass_kg)
-                         .add("damping_n_s_m", d.operator_model->damping_n_s_m)
-                         .add("stiffness_n_m", d.operator_model->stiffness_n_m)
-                         .add("inertia_kg_m2", d.operator_model->inertia_kg_m2)
-                         .add("rotational_damping_n_m_s_rad", d.operator_model->rotational_damping_n_m_s)
-                         .add("rotational_stiffness_n_m_rad", d.operator_model->rotational_stiffness_n_m)
-                         .str());
-  }
-  return lines;
-}
-
 std::string user_text(const Scene& scene, const UserSpec& user, const Materials& materials) {
   Map proxy;
   if (user.own_proxy) {
@@ -229,19 +164,25 @@ std::string user_text(const Scene& scene, const UserSpec& user, const Materials&
   } else {
     proxy.add("body", plain_name(scene.body(user.proxy).name));
   }
-  const CouplingSettings& k = user.coupling;
   std::string lines = fmt::format("  - name: {}\n    proxy: {}\n", user.name, proxy.str());
   if (user.joins_late) lines += "    joins: after_settling\n";
-  lines += fmt::format("    coupling: {}\n", Map()
-                                                 .add("stiffness_n_m", k.stiffness_n_m)
-                                                 .add("damping_n_s_m", k.damping_n_s_m)
-                                                 .add("rotational_stiffness_n_m_rad", k.rotational_stiffness_n_m)
-                                                 .add("rotational_damping_n_m_s_rad", k.rotational_damping_n_m_s)
-                                                 .add("ramp_s", k.ramp_s)
-                                                 .str());
-  lines += fmt::format("    selection: {}\n    box_half_m: {}\n    contact_depth: {}\n    budget_ratio: {}\n",
-                       word(kSelectionWords, user.selection), user.box_half_m, user.contact_depth, user.budget_ratio);
-  return lines + device_text(user.device);
+  Settings none;
+  UserSpec copy = user;
+  for (const std::string_view key : keys_in("users.")) {
+    const std::string full = "users." + std::string(key);
+    const Setting* const setting = find_setting(full);
+    std::string value =
+        setting != nullptr ? value_text(*setting, none, copy).value_or("") : settings_map(full + ".", none, copy);
+    if (value == "{}") continue;
+    if (key == "device") {
+      value.pop_back();
+      std::vector<std::string> path;
+      for (const PathSegment& s : user.device.path) path.push_back(segment_map(s).str());
+      value += fmt::format(", path: [{}]}}", fmt::join(path, ", "));
+    }
+    lines += fmt::format("    {}: {}\n", key, value);
+  }
+  return lines;
 }
 
 bool own_proxy(const Scene& scene, BodyId id) {
@@ -275,7 +216,9 @@ std::string scene_text(const Scene& scene) {
     for (const char c : scene.description) escaped += c == '\'' ? "''" : c == '\n' ? " " : std::string(1, c);
     lines += fmt::format("description: '{}'\n", escaped);
   }
-  lines += settings_text(scene.settings) + materials.str();
+  Settings settings = scene.settings;
+  UserSpec none;
+  lines += fmt::format("settings: {}\n", settings_map("", settings, none)) + materials.str();
   lines += std::ranges::all_of(scene.bodies, [&](const Body& b) { return own_proxy(scene, b.id); }) ? "bodies: []\n"
                                                                                                     : "bodies:\n";
   for (const Body& body : scene.bodies) {
