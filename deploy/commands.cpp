@@ -2,6 +2,7 @@
 
 #include "model/error.hpp"
 #include "record/replay.hpp"
+#include "run/control.hpp"
 
 #include <fmt/format.h>
 
@@ -12,22 +13,42 @@
 namespace subworld {
 namespace {
 
-void add_restart(CommandLine& line, std::string& restart) {
+/// What a run on one host and one on several have in common.
+void add_common(CommandLine& line, RunWords& words) {
+  RunRequest& request = words.request;
+  add_record_option(line, request.options);
+  add_trace_option(line, request.options);
+  line.add("--placement", &words.placement,
+           "real time: auto gives the world a core of its own where the others have room for the haptic loops; none "
+           "leaves it to the OS, which is better where several runs share the machine")
+      .one_of({"auto", "none"})
+      .environment("SUBWORLD_PLACEMENT");
   line.add(
-          "--restart", &restart,
+          "--restart", &words.restart,
           "real time: starts a program again that ends before the run: on-failure where it was killed, is halted for a "
           "second or fails; always also where it was asked to end")
       .one_of({"never", "on-failure", "always"});
+  line.flag("--explain", request.explain,
+            "also explain the result in plain words, with what to look at and to try next");
+  line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
 }
 
 }  // namespace
 
-Restart restart_of(const std::string& word) {
-  if (word == "always") return Restart::always;
-  return word == "on-failure" ? Restart::on_failure : Restart::never;
+RunRequest RunWords::complete() const {
+  RunRequest complete = request;
+  complete.place = placement == "auto";
+  if (restart != "never") complete.restart = restart == "always" ? Restart::always : Restart::on_failure;
+  if (!complete.session.empty()) return complete;
+  complete.page |= imply_browser(complete.options);
+  if (complete.page && !complete.options.live.port) complete.options.live.port = 0;
+  complete.gui |= complete.options.live.port.has_value();
+  check_live_options(complete.options.live);
+  return complete;
 }
 
-void add_run(CommandLine& line, RunRequest& request, std::string& placement, std::string& restart) {
+void add_run(CommandLine& line, RunWords& words) {
+  RunRequest& request = words.request;
   add_run_options(line, request.options);
   add_dds(line, request.dds, {"fastdds", "cyclonedds", "mixed"});
   add_domain(line, request.domain).otherwise("the first from 100 down to 60 that no other run on this host uses");
@@ -41,22 +62,14 @@ void add_run(CommandLine& line, RunRequest& request, std::string& placement, std
   add_device_options(line, request.options);
   add_bodies_options(line, request.options);
   add_checkpoint_options(line, request.options);
-  add_record_option(line, request.options);
-  add_trace_option(line, request.options);
-  line.add("--placement", &placement,
-           "real time: auto gives the world a core of its own where the others have room for the haptic loops; none "
-           "leaves it to the OS, which is better where several runs share the machine")
-      .one_of({"auto", "none"})
-      .environment("SUBWORLD_PLACEMENT");
-  add_restart(line, restart);
-  line.flag("--explain", request.explain,
-            "also explain the result in plain words, with what to look at and to try next");
-  line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
+  add_common(line, words);
 }
 
-void add_up(CommandLine& line, SessionRequest& request, std::string& restart) {
+void add_up(CommandLine& line, RunWords& words) {
+  RunRequest& request = words.request;
+  request.dds.clear();
   line.add("session", &request.session, "session file (YAML), or the name of a session in deploy/sessions").required();
-  const Option host = line.add("--host", &request.host, "start only the programs of this host, here").otherwise("all");
+  line.add("--host", &request.host, "start only the programs of this host, here").otherwise("all");
   line.flag("--namespaces", request.namespaces,
             "make each host a network namespace of this machine; needs the rights of root");
   line.add("--link", &request.link, "with --namespaces: the link between any two hosts, as for `subworld link`")
@@ -66,13 +79,12 @@ void add_up(CommandLine& line, SessionRequest& request, std::string& restart) {
       .one_of({"fastdds", "cyclonedds", "mixed"})
       .otherwise("the session's");
   line.add("--ssh", &request.ssh, "program that starts commands on the hosts which have `ssh`");
-  line.add("--out", &request.out, "folder for the results").otherwise("a new out/SESSION-TIME");
-  add_restart(line, restart);
-  line.flag("--explain", request.explain, "also explain the result in plain words");
-  line.flag("--strict", request.strict, "exit code 4 where a quality gate is missed, also by the OS");
+  add_out(line, request.options, "folder for the results").otherwise("a new out/SESSION-TIME");
+  add_common(line, words);
   line.footer(
       "Examples:\n"
       "  subworld up three_hosts --namespaces\n"
+      "  subworld up three_hosts --namespaces --record run.mcap\n"
       "  subworld up my_session.yaml\n"
       "  subworld up my_session.yaml --host left");
 }

@@ -1,21 +1,29 @@
 #pragma once
 
 #include "io/command_line.hpp"
-#include "run/launch.hpp"
-#include "session/session.hpp"
+#include "model/network.hpp"
+#include "physics/engine_exchange.hpp"
+#include "run/run.hpp"
+#include "session/collect.hpp"
 
 #include <optional>
 #include <string>
 
 namespace subworld {
 
-// The options of `subworld`'s commands. `placement` and `restart` are words of --placement and --restart.
-void add_run(CommandLine& line, RunRequest& request, std::string& placement, std::string& restart);
-void add_up(CommandLine& line, SessionRequest& request, std::string& restart);
-void add_collect(CommandLine& line, CollectRequest& request);
+/// The options of `subworld run` or `subworld up`, as they are given.
+struct RunWords {
+  RunRequest request = {};
+  std::string placement = "auto", restart = "never";
 
-/// What a word of --restart stands for.
-[[nodiscard]] Restart restart_of(const std::string& word);
+  /// The request that they make.
+  [[nodiscard]] RunRequest complete() const;
+};
+
+// The options of `subworld`'s commands.
+void add_run(CommandLine& line, RunWords& words);
+void add_up(CommandLine& line, RunWords& words);
+void add_collect(CommandLine& line, CollectRequest& request);
 
 /// `subworld control`: an order, and what it acts on.
 struct ControlRequest {

@@ -2,6 +2,7 @@
 #include "io/output.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
+#include "plan/limits.hpp"
 #include "tools.hpp"
 #include "wire/plugin.hpp"
 
@@ -56,15 +57,36 @@ std::string part_versions() {
   return text;
 }
 
+/// Becomes the program of a tool or a lab where the command line names one.
+void become_program(int argc, char** argv) {
+  if (argc > 2 && std::string_view(argv[1]) == "lab" && is_lab(argv[2]))
+    become(std::string("lab_") + argv[2], argv + 2);
+  if (argc > 1 && is_tool(argv[1])) become(std::string("subworld_") + argv[1], argv + 1);
+}
+
+void add_programs(CommandLine& line) {
+  for (const Tool& tool : kTools) line.command(tool.name, tool.about).takes_all();
+  CommandLine& lab_command = line.command("lab", "Evaluations: runs a sweep and writes tables and a report");
+  lab_command.footer(
+      "Examples:\n"
+      "  subworld lab coupling --quick --out out/quick\n"
+      "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
+      "  subworld lab engines --quick --out out/engines\n"
+      "  subworld lab stability --quick --out out/stability\n"
+      "  subworld lab plan --quick --out out/plan\n"
+      "  subworld lab latency row --out out/latency\n"
+      "  subworld lab coupling --help");
+  for (const Tool& lab : kLabs) lab_command.command(lab.name, lab.about).takes_all();
+}
+
 int main_of(int argc, char** argv) {
   CommandLine line("subworld", "Distributed haptic simulation: starts, watches and stops the programs of a run.");
   line.footer(kExamples);
   line.version(part_versions);
 
-  RunRequest request;
-  std::string placement = "auto", restart = "never";
+  RunWords run_words, up_words;
   CommandLine& run_command = line.command("run", "Runs a scene: one world, and a haptic and a device process per user");
-  add_run(run_command, request, placement, restart);
+  add_run(run_command, run_words);
 
   RunRequest plan_request;
   CommandLine& plan_command = line.command(
@@ -79,53 +101,23 @@ int main_of(int argc, char** argv) {
       line.command("control", "Stops, pauses, resumes or steps a running world, or changes its engine");
   add_control(control_command, control_request);
 
-  SessionRequest session;
   CommandLine& up_command = line.command("up", "Runs a session: the programs of one run on several hosts");
-  add_up(up_command, session, restart);
+  add_up(up_command, up_words);
 
   CollectRequest collection;
   CommandLine& collect_command =
       line.command("collect", "Makes one summary and verdict of results that programs wrote into several folders");
   add_collect(collect_command, collection);
+  add_programs(line);
 
-  for (const Tool& tool : kTools) line.command(tool.name, tool.about).takes_all();
-
-  CommandLine& lab_command = line.command("lab", "Evaluations: runs a sweep and writes tables and a report");
-  lab_command.footer(
-      "Examples:\n"
-      "  subworld lab coupling --quick --out out/quick\n"
-      "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
-      "  subworld lab engines --quick --out out/engines\n"
-      "  subworld lab stability --quick --out out/stability\n"
-      "  subworld lab plan --quick --out out/plan\n"
-      "  subworld lab latency row --out out/latency\n"
-      "  subworld lab coupling --help");
-  for (const Tool& lab : kLabs) lab_command.command(lab.name, lab.about).takes_all();
-
-  if (argc > 2 && std::string_view(argv[1]) == "lab" && is_lab(argv[2]))
-    become(std::string("lab_") + argv[2], argv + 2);
-  if (argc > 1 && is_tool(argv[1])) become(std::string("subworld_") + argv[1], argv + 1);
+  become_program(argc, argv);
   if (const auto code = line.parse(argc, argv)) return *code;
-  request.command_line = session.command_line = collection.command_line =
+  run_words.request.command_line = up_words.request.command_line = collection.command_line =
       fmt::format("{}", fmt::join(argv, argv + argc, " "));
-  request.restart = session.restart = restart_of(restart);
-  if (up_command.chosen()) return up(session);
+  if (run_command.chosen()) return run(run_words.complete());
+  if (up_command.chosen()) return run(up_words.complete());
   if (collect_command.chosen()) return collect(collection);
-  if (run_command.chosen()) {
-    request.place = placement == "auto";
-    request.page |= imply_browser(request.options);
-    if (request.page && !request.options.live.port) request.options.live.port = 0;
-    request.gui |= request.options.live.port.has_value();
-    check_live_options(request.options.live);
-    // For the display; on its command line others could read the token.
-    if (const std::string& token = request.options.live.token; !token.empty()) setenv(kTokenVariable, token.c_str(), 1);
-    return run(request);
-  }
-  if (control_command.chosen()) {
-    control(control_request);
-  } else {
-    print_plan(plan_request, settings);
-  }
+  control_command.chosen() ? control(control_request) : print_plan(plan_request, settings);
   return static_cast<int>(ExitCode::done);
 }
 

@@ -18,6 +18,7 @@ inline constexpr std::array kTools{
     Tool{"doctor", "Examines this machine, its network and a running domain; names faults with their cures"},
     Tool{"film", "Makes pictures, and a video, of a recording: any moment, camera and speed"},
     Tool{"link", "Emulates a network between hosts on this machine: delay, jitter, loss, rate, outage"},
+    Tool{"recorder", "Records the programs of one host of a session, for `subworld up --record`"},
     Tool{"replay", "Shows what a recording holds, publishes it, and re-simulates it"},
     Tool{"report", "Writes one page on a run, a session or a lab from its folder: figures, verdict, plots"},
     Tool{"top", "Shows the domains in use, their programs, rates and missed deadlines"}};

@@ -1,6 +1,5 @@
 #include "display.hpp"
 #include "io/results.hpp"
-#include "io/verdict_link.hpp"
 #include "live/server.hpp"
 #include "live/verdict.hpp"
 #include "model/error.hpp"
@@ -12,10 +11,13 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cstdlib>
 #include <exception>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 
 namespace subworld {
@@ -41,9 +43,9 @@ class Places {
   std::map<std::pair<ProgramKind, std::uint32_t>, std::string> known_;
 };
 
-/// Follows the world until it stops. True: the launcher, or a signal, has asked this program to end before. Throws
-/// `Error` (failed) if no world is found.
-bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, int launcher, const Options& options) {
+/// Follows the world until it stops. True: a signal has asked this program to end before. Throws `Error` (failed) if no
+/// world is found.
+bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, const Options& options) {
   ports.status.enter("waiting");
   SceneDescription description;
   WorldSnapshot snapshot;
@@ -54,7 +56,7 @@ bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, int la
   Places places(viewers);
   while (!stopping && !asked) {
     ports.bus->wait(0.1);
-    asked = stop_signal() != 0 || receive_verdict_message(launcher) == VerdictMessage::over;
+    asked = stop_signal() != 0;
     while (ports.statuses.take(status) == Take::sample) {
       places.look(status, ports.statuses);
       stopping |= status.program == ProgramKind::world_sim && status.state == "stopping";
@@ -102,26 +104,20 @@ std::unique_ptr<live::Server> serve_viewers(const Options& options, const Scene&
 }
 
 /// Passes the verdict of the run on, where viewers wait for it: the launcher writes it when all other programs have
-/// ended.
-void show_verdict(live::Server* viewers, int launcher, const std::string& summary) {
-  constexpr std::chrono::milliseconds kLook{50};
-  constexpr double kLongest_s = 5.0;
-  if (viewers == nullptr || launcher < 0) return;
+/// ended, or wait for it.
+void show_verdict(DisplayPorts& ports, live::Server& viewers, const std::string& summary) {
+  constexpr std::chrono::milliseconds kLook{20};
+  const double longest_s = stop_signal() == 0 ? 5.0 : 0.8 * kLongestEnd_s;
   end_recording();
-  const auto awaited = [&, begin = Clock::now()] {
-    return stop_signal() == 0 && to_seconds(Clock::now() - begin) < kLongest_s && viewers->verdict_is_awaited();
-  };
-  if (awaited()) send_verdict_message(launcher, VerdictMessage::awaited);
-  while (awaited()) {
-    const auto message = receive_verdict_message(launcher, kLook);
-    if (message == VerdictMessage::closed) return;
-    if (message != VerdictMessage::written) continue;
-    try {
-      return viewers->show_verdict(live::encode_verdict(read_json(summary)));
-    } catch (const std::exception& fault) {
-      fmt::print(stderr, "gui_headless: viewers: no verdict: {}\n", fault.what());
-      return;
-    }
+  ports.status.enter(kAwaitsVerdict);
+  for (const TimePoint begin = Clock::now(); !std::filesystem::exists(summary);) {
+    if (to_seconds(Clock::now() - begin) > longest_s || !viewers.verdict_is_awaited()) return;
+    std::this_thread::sleep_for(kLook);
+  }
+  try {
+    viewers.show_verdict(live::encode_verdict(read_json(summary)));
+  } catch (const std::exception& fault) {
+    fmt::print(stderr, "gui_headless: viewers: no verdict: {}\n", fault.what());
   }
 }
 
@@ -137,12 +133,12 @@ int main(int argc, char** argv) {
     watch_stop_signals(kLongestEnd_s);
     DisplayPorts ports(options, scene);
     fmt::print("gui_headless: {}\n", ports.bus->effective_settings());
-    const int launcher = verdict_link_of_display();
+    const char* const verdict = std::getenv(kVerdictVariable);
     auto viewers = serve_viewers(options, scene, *ports.bus);
-    const bool asked = follow(ports, display, viewers.get(), launcher, options);
+    const bool asked = follow(ports, display, viewers.get(), options);
     ports.status.enter("stopping");
     if (viewers) viewers->end_run();
-    if (viewers && (launcher < 0 || !viewers->verdict_is_awaited())) viewers.reset();
+    if (viewers && (verdict == nullptr || !viewers->verdict_is_awaited())) viewers.reset();
     if (display.snapshots() > 0) {
       const std::string file = options.out + "/picture.png";
       display.write_picture(file);
@@ -152,6 +148,6 @@ int main(int argc, char** argv) {
                   "no picture: the world ended before it sent a state; start the display before the world, and the "
                   "world with --await-display");
     }
-    show_verdict(viewers.get(), launcher, options.out + "/summary.json");
+    if (viewers) show_verdict(ports, *viewers, verdict);
   });
 }

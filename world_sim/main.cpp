@@ -99,8 +99,8 @@ int main(int argc, char** argv) {
         Ending ending =
             ended([&] { return realtime ? run_realtime(run) : run_lockstep(run); },
                   [&] { return Ending{.session = ports.session, .from_s = from_s, .to_s = world.facts().time_s}; });
-        ports.status.enter("stopping");
-        fmt::print("world_sim: {}{:.3f} s\n", kRunIsOver, ending.to_s);
+        ports.status.enter("stopping");  // the launcher does not start it again
+        fmt::print("world_sim: the run is over at t = {:.3f} s\n", ending.to_s);
         std::fflush(stdout);
         WorldPart part = measures.result(world, settle_s);
         part.world.checkpoints = checkpoints.result();

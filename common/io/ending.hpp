@@ -17,9 +17,6 @@ struct Ending {
   std::string fault = {};  ///< error text; empty: no error
 };
 
-/// What world_sim prints at the end of a run, before it writes its results: the launcher does not start it again.
-inline constexpr const char* kRunIsOver = "the run is over at t = ";
-
 void to_json(Json& json, const Ending& ending);
 void from_json(const Json& json, Ending& ending);
 

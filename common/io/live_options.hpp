@@ -24,5 +24,9 @@ void check_live_options(const LiveOptions& live);
 
 /// By this environment variable a program also gets the token.
 inline constexpr const char* kTokenVariable = "SUBWORLD_TOKEN";
+/// By this one a display gets the file that will have the verdict of its run; without it no launcher judges the run.
+inline constexpr const char* kVerdictVariable = "SUBWORLD_VERDICT";
+/// State of a display that waits for this file and has done all else.
+inline constexpr const char* kAwaitsVerdict = "awaits verdict";
 
 }  // namespace subworld

@@ -133,7 +133,7 @@ Chunk Reader::read_chunk(std::size_t number) {
     Cursor record(content);
     Message& message = chunk.messages.emplace_back();
     message.channel = record.number<std::uint16_t>();
-    (void)record.number<std::uint32_t>();
+    message.number = record.number<std::uint32_t>();
     message.time_ns = record.number<std::uint64_t>();
     (void)record.number<std::uint64_t>();
     message.data = content.last(content.size() - std::min<std::size_t>(content.size(), 2 + 4 + 8 + 8));

@@ -14,6 +14,7 @@ namespace subworld::mcap {
 
 struct Message {
   std::uint16_t channel = 0;
+  std::uint32_t number = 0;  ///< of its writer
   std::uint64_t time_ns = 0;
   std::span<const std::uint8_t> data;
 };

@@ -1,11 +1,14 @@
 #include "io/trace.hpp"
 
 #include "model/error.hpp"
+#include "rt/cyclic.hpp"
+#include "rt/wall_clock.hpp"
 
 #include <fmt/format.h>
 
 #include <array>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -45,17 +48,33 @@ void put_event(std::string& text, std::span<const double> row, int pid, const st
   }
 }
 
+/// In the first lines of a trace.
+constexpr std::string_view kWallClock = "\"wall_minus_steady_ns\":";
+
+std::int64_t wall_minus_steady_ns() { return wall_ns() - to_ns(Clock::now()); }
+
+void shift_time(std::string& event, std::int64_t shift_ns) {
+  constexpr std::string_view kTime = "\"ts\":";
+  const std::size_t at = event.find(kTime);
+  if (at == std::string::npos) return;
+  const std::size_t begin = at + kTime.size(), end = event.find_first_of(",}", begin);
+  const double us = std::strtod(event.c_str() + begin, nullptr) + 1e-3 * static_cast<double>(shift_ns);
+  event.replace(begin, end - begin, fmt::format("{:.3f}", us));
+}
+
 History::Format format_of(const TraceProgram& program, std::span<const char* const> stages) {
   const int pid = program.number;
   const std::vector<std::string> names(stages.begin(), stages.end());
-  return {.width = kWidth,
-          .head = fmt::format(
-              "[\n{{\"ph\":\"M\",\"name\":\"process_name\",\"pid\":{0},\"tid\":1,\"args\":{{\"name\":\"{1}\"}}}},\n"
-              "{{\"ph\":\"M\",\"name\":\"thread_name\",\"pid\":{0},\"tid\":1,\"args\":{{\"name\":\"loop\"}}}},\n"
-              "{{\"ph\":\"M\",\"name\":\"process_sort_index\",\"pid\":{0},\"tid\":1,\"args\":{{\"sort_index\":{0}}}}}",
-              pid, program.name),
-          .row = [pid, names](std::string& text, std::span<const double> row) { put_event(text, row, pid, names); },
-          .tail = "\n]\n"};
+  return {
+      .width = kWidth,
+      .head = fmt::format(
+          "[\n{{\"ph\":\"M\",\"name\":\"process_name\",\"pid\":{0},\"tid\":1,\"args\":{{\"name\":\"{1}\"}}}},\n"
+          "{{\"ph\":\"M\",\"name\":\"thread_name\",\"pid\":{0},\"tid\":1,\"args\":{{\"name\":\"loop\"}}}},\n"
+          "{{\"ph\":\"M\",\"name\":\"process_sort_index\",\"pid\":{0},\"tid\":1,\"args\":{{\"sort_index\":{0}}}}},\n"
+          "{{\"ph\":\"M\",\"name\":\"clock\",\"pid\":{0},\"tid\":1,\"args\":{{{2}{3}}}}}",
+          pid, program.name, kWallClock, wall_minus_steady_ns()),
+      .row = [pid, names](std::string& text, std::span<const double> row) { put_event(text, row, pid, names); },
+      .tail = "\n]\n"};
 }
 
 }  // namespace
@@ -81,15 +100,21 @@ void Trace::instant(Name name, TimePoint at) noexcept {
   if (on_) rows_.row({static_cast<double>(Kind::instant), static_cast<double>(name), ns(at), 0.0});
 }
 
-void merge_traces(const std::vector<std::string>& parts, const std::string& path) {
+void merge_traces(const std::vector<TracePart>& parts, const std::string& path) {
   std::ofstream all(path);
   all << "[";
   bool first = true;
-  for (const std::string& part : parts) {
-    std::ifstream file(part);
+  for (const TracePart& part : parts) {
+    std::ifstream file(part.file);
+    std::int64_t shift_ns = 0;
     for (std::string line; std::getline(file, line);) {
       if (line.ends_with(',')) line.pop_back();
       if (!line.starts_with('{') || !line.ends_with('}')) continue;
+      if (const std::size_t at = line.find(kWallClock); at != std::string::npos && part.ahead_s) {
+        shift_ns = std::strtoll(line.c_str() + at + kWallClock.size(), nullptr, 10) - wall_minus_steady_ns() -
+                   static_cast<std::int64_t>(1e9 * *part.ahead_s);
+      }
+      if (shift_ns != 0) shift_time(line, shift_ns);
       all << (first ? "\n" : ",\n") << line;
       first = false;
     }

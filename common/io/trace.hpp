@@ -4,6 +4,7 @@
 #include "rt/stages.hpp"
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -39,8 +40,14 @@ class Trace {
   History rows_;
 };
 
-/// Merges the traces of several programs into one. An unfinished file is used as far as it goes; a missing one is
-/// skipped. Throws `Error` (failed) if the trace cannot be written.
-void merge_traces(const std::vector<std::string>& parts, const std::string& path);
+/// The trace of a program of this machine, or of another one whose wall clock is ahead of this one's.
+struct TracePart {
+  std::string file;
+  std::optional<double> ahead_s = {};
+};
+
+/// Merges the traces of several programs into one, by the clock of this machine. An unfinished file is used as far as
+/// it goes; a missing one is skipped. Throws `Error` (failed) if the trace cannot be written.
+void merge_traces(const std::vector<TracePart>& parts, const std::string& path);
 
 }  // namespace subworld

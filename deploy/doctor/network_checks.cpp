@@ -1,6 +1,5 @@
 #include "doctor/checks.hpp"
 #include "model/nearest.hpp"
-#include "run/launch.hpp"
 #include "tools.hpp"
 
 #include <fmt/format.h>

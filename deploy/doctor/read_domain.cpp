@@ -1,7 +1,6 @@
 #include "doctor/facts.hpp"
 #include "io/version.hpp"
 #include "model/error.hpp"
-#include "run/launch.hpp"
 #include "tools.hpp"
 #include "wire/bus.hpp"
 

@@ -4,7 +4,6 @@
 #include "physics/engine.hpp"
 #include "physics/plugin.hpp"
 #include "rt/calibration.hpp"
-#include "run/launch.hpp"
 #include "tools.hpp"
 #include "wire/plugin.hpp"
 

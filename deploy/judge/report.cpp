@@ -106,19 +106,19 @@ void write_summary(const RunResults& run, const Ended& ended, const std::string&
 int report_failure(const Ended& ended, const std::string& folder, RunResults& run) {
   const Supervisor::Failure& failure = *ended.failure;
   const Supervisor::Child& failed = failure.child;
-  const int code = exit_code_of(failed);
-  const std::string reason = fmt::format("{} {}", failed.name(), failure.reason);
+  const SupervisedProgram& program = failed.program;
+  const std::string reason = fmt::format("{} {}", program.name(), failure.reason);
   // On a full disk the log is not complete.
-  const std::string fault = fault_in(failed.part);
-  const std::string error = fault.empty() ? last_line(failed.log, "error:") : fault;
+  const std::string fault = fault_in(program.part);
+  const std::string error = fault.empty() ? last_line(program.log, "error:") : fault;
   fmt::print(stderr, "subworld: error: {}; everything else was stopped\n  {}\n  its log: {}\n", reason,
-             error.empty() ? last_line(failed.log) : error, failed.log);
+             error.empty() ? last_line(program.log) : error, program.log);
   run.verdict = fmt::format("failed: {}{}{}", reason, error.empty() ? "" : ": ", error);
   fmt::print("verdict: {}\n", run.verdict);
   std::fflush(stdout);
   write_summary(run, ended, folder);
   fmt::print("summary: {}/summary.json, with what was measured until then\n", folder);
-  return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
+  return exit_code_after(failed);
 }
 
 int report(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder) {
@@ -179,18 +179,20 @@ Ended end(Supervisor& programs, std::optional<Supervisor::Failure> failure, cons
   // A display that has not ended by itself did not fail.
   Ended ended;
   for (const Supervisor::Child& child : programs.children()) {
-    if (child.essential) continue;
-    if (child.pid < 0 && exit_code_of(child) != 0) ended.display = child.name() + " " + end_of(child);
-    if (child.pid > 0 && child.halted) ended.display = child.name() + " is halted";
+    if (child.program.essential) continue;
+    if (child.process.pid < 0 && exit_code_of(child) != 0) ended.display = child.program.name() + " " + end_of(child);
+    if (child.process.pid > 0 && child.process.halted) ended.display = child.program.name() + " is halted";
   }
   programs.stop();
   ended.failure = std::move(failure);
   ended.stall = watchdog.longest();
   ended.signal = stop_signal();
-  for (const Supervisor::Child& child : programs.children()) {
-    if (!child.part.empty()) ended.parts.push_back(child.part);
-  }
   return ended;
+}
+
+int exit_code_after(const Supervisor::Child& failed) {
+  const int code = exit_code_of(failed);
+  return code >= 1 && code <= 4 ? code : static_cast<int>(ExitCode::failed);
 }
 
 int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
@@ -200,15 +202,6 @@ int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request,
   if (!complete) run.salvaged = salvage(folder, run.scene.settings.users);
   if (ended.failure) return report_failure(ended, folder, run);
   return complete ? report(run, ended, request, folder) : report_partial(run, ended, folder);
-}
-
-void conclude_orphaned(RunResults& run, const RunRequest& request, const std::string& folder,
-                       const std::optional<Calibration>& calibration) {
-  if (std::filesystem::exists(folder + "/summary.json")) return;
-  Ended ended;
-  ended.orphaned = true;
-  ended.parts = parts_of(folder, run.scene.settings.users);
-  (void)conclude_run(run, ended, request, folder, calibration);
 }
 
 std::vector<std::string> parts_of(const std::string& folder, int users) {

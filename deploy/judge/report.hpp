@@ -2,7 +2,7 @@
 
 #include "judge/summary.hpp"
 #include "rt/calibration.hpp"
-#include "run/launch.hpp"
+#include "run/run.hpp"
 #include "run/supervise.hpp"
 #include "watch/watchdog.hpp"
 #include "wire/last_messages.hpp"
@@ -26,15 +26,14 @@ struct Ended {
 /// Stops what is left of the programs. How they ended, with the failure that the supervisor has found.
 [[nodiscard]] Ended end(Supervisor& programs, std::optional<Supervisor::Failure> failure, const Watchdog& watchdog);
 
+/// Exit code of a run that failed with this program.
+[[nodiscard]] int exit_code_after(const Supervisor::Child& failed);
+
 /// The end of a run: reads the parts of the results, judges, prints, writes the summary, and removes the parts. Where
 /// programs have written none, what their histories hold is in the summary. Returns the exit code. Throws `Error`
 /// (failed) where the summary cannot be written.
 int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request, const std::string& folder,
                  const std::optional<Calibration>& calibration);
-
-/// The same for a run whose launcher was killed. A summary that the launcher has written remains.
-void conclude_orphaned(RunResults& run, const RunRequest& request, const std::string& folder,
-                       const std::optional<Calibration>& calibration);
 
 /// Files in which the programs of a run write their results.
 [[nodiscard]] std::vector<std::string> parts_of(const std::string& folder, int users);

@@ -12,7 +12,7 @@
 #include "physics/plugin.hpp"
 #include "plan/listed.hpp"
 #include "plan/start_warnings.hpp"
-#include "run/launch.hpp"
+#include "run/run.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

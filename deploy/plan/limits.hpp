@@ -13,6 +13,10 @@ struct RunRequest;
 /// before any is started; it names the place and the cure.
 void check_request(const Scene& scene, const RunRequest& request);
 
+/// Prints which optimisations are on or off for a scene, with the reasons, or its settings. Throws `Error` (usage)
+/// where `run` would.
+void print_plan(const RunRequest& request, bool settings);
+
 /// How many users of a run on this domain one host has room for, and why.
 [[nodiscard]] std::string user_limit(int domain);
 

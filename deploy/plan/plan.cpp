@@ -2,7 +2,7 @@
 #include "coupling/scheme.hpp"
 #include "physics/plugin.hpp"
 #include "plan/limits.hpp"
-#include "run/launch.hpp"
+#include "run/run.hpp"
 
 #include <fmt/format.h>
 

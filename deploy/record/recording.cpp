@@ -1,5 +1,6 @@
 #include "record/recording.hpp"
 
+#include "io/mcap_reader.hpp"
 #include "judge/report.hpp"
 #include "model/error.hpp"
 #include "rt/wall_clock.hpp"
@@ -14,6 +15,7 @@
 #include <chrono>
 #include <csignal>
 #include <ctime>
+#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -27,6 +29,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kPeriod{10};
 constexpr int kNice = 5;  // as the display: the loops that compute forces come first
+constexpr const char* kPartAttachment = "part.json";
 
 // Each ring holds what its program sends in a second or more.
 constexpr std::size_t kMegabyte = 1U << 20U, kHaptic_bytes = 4 * kMegabyte, kDevice_bytes = kMegabyte,
@@ -54,6 +57,12 @@ bool is_of_user(std::size_t topic) {
          topic == kTopicIndex<HapticReport>;
 }
 
+/// In the file.
+std::string topic_name(std::size_t topic, std::uint32_t user) {
+  return is_of_user(topic) ? fmt::format("/user_{}/{}", user, kTopics[topic].name)
+                           : fmt::format("/{}", kTopics[topic].name);
+}
+
 std::string text_of(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file)
@@ -62,6 +71,63 @@ std::string text_of(const std::filesystem::path& path) {
 }
 
 std::uint64_t attached_at() { return static_cast<std::uint64_t>(wall_ns()); }
+
+/// The messages of a part, in the order of time.
+class PartMessages {
+ public:
+  explicit PartMessages(const RecordingPart& part)
+      : reader_(part.file), ahead_ns_(static_cast<std::int64_t>(1e9 * part.ahead_s)) {
+    next();
+  }
+  [[nodiscard]] bool ended() const noexcept { return at_ == chunk_.messages.size(); }
+  /// By the clock of this machine.
+  [[nodiscard]] std::int64_t time_ns() const {
+    return static_cast<std::int64_t>(chunk_.messages[at_].time_ns) - ahead_ns_;
+  }
+  void write_to(RecordingFile& file) const {
+    const mcap::Message& message = chunk_.messages[at_];
+    file.write(reader_.topics().at(message.channel), message.number, time_ns(), message.data);
+  }
+  void next() {
+    ++at_;
+    while (at_ >= chunk_.messages.size() && number_ < reader_.chunks()) {
+      chunk_ = reader_.read_chunk(number_++);
+      at_ = 0;
+    }
+    at_ = std::min(at_, chunk_.messages.size());
+  }
+  /// What its recorder counted.
+  [[nodiscard]] Json figures() { return Json::parse(reader_.attachments().at(kPartAttachment)); }
+
+ private:
+  mcap::Reader reader_;
+  std::int64_t ahead_ns_;
+  mcap::Chunk chunk_;
+  std::size_t number_ = 0, at_ = 0;  // of the next chunk, of the message in this one
+};
+
+/// Writes the messages of all parts in the order of time. Returns what their recorders counted.
+RecordingResult merge(const std::vector<RecordingPart>& parts, RecordingFile& file) {
+  RecordingResult sum;
+  std::vector<std::unique_ptr<PartMessages>> open;
+  for (const RecordingPart& part : parts) {
+    try {
+      open.push_back(std::make_unique<PartMessages>(part));
+      const Json figures = open.back()->figures();
+      sum.sent += figures.at("messages_sent").get<std::uint64_t>();
+      sum.cpu_s += figures.at("cpu_s").get<double>();
+    } catch (const std::exception& fault) {
+      sum.fault = fmt::format("no messages of host {}: {}", part.host, fault.what());
+    }
+  }
+  for (;;) {
+    std::erase_if(open, [](const auto& part) { return part->ended(); });
+    if (open.empty()) return sum;
+    const auto& first = *std::ranges::min_element(open, {}, [](const auto& part) { return part->time_ns(); });
+    first->write_to(file);
+    first->next();
+  }
+}
 
 }  // namespace
 
@@ -87,44 +153,75 @@ std::vector<std::string> files_of_scene(const std::string& text) {
   return files;
 }
 
-Recording::Recording(const std::string& file, const Scene& scene, const std::vector<std::string>& flags,
-                     const std::string& dds, bool display)
-    : memory_(ring_sizes(scene, display), scene.settings.mode == Mode::lockstep), writer_(file) {
-  result_.file = file;
+RecordingFile::RecordingFile(const std::string& path, const RecordedRun& run) : writer_(path) {
+  result_.file = path;
   constexpr std::string_view kModule = "subworld::msg::";
   for (std::size_t topic = 0; topic < kTopics.size(); ++topic) {
     const std::string type = kTopics[topic].type;
-    schemas_[topic] = writer_.add_schema(type, "omgidl", schema_of(wire_idl(), type.substr(kModule.size())));
-    const int users = is_of_user(topic) ? scene.settings.users : 1;
-    for (int user = 0; user < users; ++user) (void)channel_of(topic, static_cast<std::uint32_t>(user));
+    const std::uint16_t schema = writer_.add_schema(type, "omgidl", schema_of(wire_idl(), type.substr(kModule.size())));
+    const int users = is_of_user(topic) ? run.scene.settings.users : 1;
+    for (int user = 0; user < users; ++user) {
+      const std::string name = topic_name(topic, static_cast<std::uint32_t>(user));
+      channels_[name] = writer_.add_channel(schema, name, "cdr");
+      result_.topics[name] = 0;
+    }
   }
-  attach_scene(scene, flags, dds);
+  const std::string text = text_of(run.scene.file);
+  writer_.attach(kSceneAttachment, "application/yaml", text, attached_at());
+  const auto folder = std::filesystem::path(run.scene.file).parent_path();
+  for (const std::string& file : files_of_scene(text))
+    writer_.attach(file, "application/octet-stream", text_of(folder / file), attached_at());
+  const Json settings{{"scene_file", run.scene.file}, {"flags", run.flags}, {"dds", run.dds}};
+  writer_.attach(kSettingsAttachment, "application/json", settings.dump(2), attached_at());
 }
+
+void RecordingFile::write(const std::string& topic, std::uint32_t number, std::int64_t time_ns,
+                          std::span<const std::uint8_t> cdr) {
+  const auto channel = channels_.find(topic);
+  if (channel == channels_.end()) return;  // of a user that the run does not have
+  writer_.write(channel->second, number, static_cast<std::uint64_t>(time_ns), cdr);
+  ++result_.topics[topic];
+  ++result_.recorded;
+}
+
+void RecordingFile::flush() { writer_.flush(); }
+
+void RecordingFile::fail(const std::string& fault) {
+  result_.fault = fault;
+  result_.recorded -= std::min(result_.recorded, writer_.unwritten());
+}
+
+void RecordingFile::finish(const char* name, const std::string& json) {
+  if (failed()) return;
+  writer_.attach(name, "application/json", json, attached_at());
+  writer_.finish();
+}
+
+RecordingResult RecordingFile::result() const {
+  RecordingResult result = result_;
+  result.bytes = writer_.bytes();
+  return result;
+}
+
+Recording::Recording(const std::string& file, const RecordedRun& run)
+    : programs_(static_cast<std::size_t>(places_of_messages(run.scene.settings.users))),
+      memory_(ring_sizes(run.scene, run.display), run.scene.settings.mode == Mode::lockstep),
+      file_(file, run) {}
 
 Recording::~Recording() {
   ended_ = true;
   if (thread_.joinable()) thread_.join();
 }
 
-void Recording::attach_scene(const Scene& scene, const std::vector<std::string>& flags, const std::string& dds) {
-  const std::string text = text_of(scene.file);
-  writer_.attach(kSceneAttachment, "application/yaml", text, attached_at());
-  const auto folder = std::filesystem::path(scene.file).parent_path();
-  for (const std::string& file : files_of_scene(text))
-    writer_.attach(file, "application/octet-stream", text_of(folder / file), attached_at());
-  const Json settings{{"scene_file", scene.file}, {"flags", flags}, {"dds", dds}};
-  writer_.attach(kSettingsAttachment, "application/json", settings.dump(2), attached_at());
+std::vector<std::string> Recording::places() const {
+  std::vector<std::string> places;
+  for (std::size_t i = 0; i < programs_; ++i) places.push_back(memory_.place_of(i));
+  return places;
 }
 
-std::uint16_t Recording::channel_of(std::size_t topic, std::uint32_t user) {
-  Channel& channel = channels_[{topic, user}];
-  if (channel.id == 0) {
-    channel.topic = is_of_user(topic) ? fmt::format("/user_{}/{}", user, kTopics[topic].name)
-                                      : fmt::format("/{}", kTopics[topic].name);
-    channel.id = writer_.add_channel(schemas_.at(topic), channel.topic, "cdr");
-    result_.topics[channel.topic] = 0;
-  }
-  return channel.id;
+void Recording::divide(const std::string& part_file, const RecordedRun& run) {
+  part_ = std::make_unique<RecordingFile>(part_file, run);
+  own_ = part_.get();
 }
 
 void Recording::start() {
@@ -145,7 +242,7 @@ void Recording::work() {
   write_arrived(true);
   timespec used{};
   if (clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used) == 0)
-    result_.cpu_s = static_cast<double>(used.tv_sec) + 1e-9 * static_cast<double>(used.tv_nsec);
+    cpu_s_ = static_cast<double>(used.tv_sec) + 1e-9 * static_cast<double>(used.tv_nsec);
 }
 
 void Recording::write_arrived(bool last) {
@@ -153,32 +250,50 @@ void Recording::write_arrived(bool last) {
     memory_.take(arrived_, last);
     std::ranges::stable_sort(arrived_, {}, &RecordedMessage::time_ns);
     for (const RecordedMessage& message : arrived_) {
-      if (!result_.fault.empty()) break;  // the rings are emptied all the same: no program waits
-      const std::uint16_t channel = channel_of(message.topic, message.user);
-      writer_.write(channel, message.number, static_cast<std::uint64_t>(message.time_ns), message.cdr);
-      ++result_.topics[channels_[{message.topic, message.user}].topic];
-      ++result_.recorded;
+      if (own_->failed()) break;  // the rings are emptied all the same: no program waits
+      own_->write(topic_name(message.topic, message.user), message.number, message.time_ns, message.cdr);
     }
-    if (last && result_.fault.empty()) writer_.flush();
+    if (last && !own_->failed()) own_->flush();
   } catch (const std::exception& fault) {
-    result_.fault = fault.what();
-    result_.recorded -= std::min(result_.recorded, writer_.unwritten());
+    own_->fail(fault.what());
   }
   arrived_.clear();
 }
 
-RecordingResult Recording::drain() {
+RecordingResult Recording::drain(const std::vector<RecordingPart>& others) {
   ended_ = true;
   if (thread_.joinable()) thread_.join();
-  for (const std::uint64_t sent : memory_.counts().sent) result_.sent += sent;
-  result_.bytes = writer_.bytes();
-  return result_;
+  const RecordingResult own = figures();
+  if (!part_) return own;
+  part_->finish(kPartAttachment, Json(own).dump());
+  std::vector<RecordingPart> parts = others;
+  parts.push_back({.host = "(this one)", .file = own.file});
+  RecordingResult sum;
+  try {
+    sum = merge(parts, file_);
+    file_.flush();
+  } catch (const std::exception& fault) {
+    file_.fail(fault.what());
+  }
+  RecordingResult all = file_.result();
+  if (all.fault.empty()) all.fault = sum.fault;
+  // What a part that is missing would hold is not known.
+  all.sent = std::max(sum.sent, all.recorded + (all.fault.empty() ? 0 : 1));
+  all.cpu_s = sum.cpu_s;
+  return all;
+}
+
+RecordingResult Recording::figures() const {
+  RecordingResult own = own_->result();
+  for (const std::uint64_t sent : memory_.counts().sent) own.sent += sent;
+  own.cpu_s = cpu_s_;
+  return own;
 }
 
 void Recording::finish(const std::string& summary_file) {
-  if (!result_.fault.empty()) return;
-  writer_.attach(kSummaryAttachment, "application/json", text_of(summary_file), attached_at());
-  writer_.finish();
+  if (!file_.failed()) file_.finish(kSummaryAttachment, text_of(summary_file));
 }
+
+void Recording::finish_part() { file_.finish(kPartAttachment, Json(figures()).dump()); }
 
 }  // namespace subworld

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -29,41 +30,78 @@ struct RecordingResult {
 };
 void to_json(Json& json, const RecordingResult& result);
 
-/// Records a run to a file in the format MCAP: all messages of its programs, scene, settings and summary. The programs
+/// What is recorded.
+struct RecordedRun {
+  const Scene& scene;
+  std::vector<std::string> flags;  ///< those that all programs share
+  std::string dds;
+  bool display = false;  ///< there is one
+};
+
+/// A file in the format MCAP: messages of a run, scene and settings.
+class RecordingFile {
+ public:
+  /// Throws `Error` (failed) where the file cannot be made.
+  RecordingFile(const std::string& path, const RecordedRun& run);
+
+  /// Throws `Error` (failed), as flush() and finish() do.
+  void write(const std::string& topic, std::uint32_t number, std::int64_t time_ns, std::span<const std::uint8_t> cdr);
+  void flush();
+  /// Attaches a last text of JSON, and finishes the file, unless it has a fault.
+  void finish(const char* name, const std::string& json);
+  /// No more is written.
+  void fail(const std::string& fault);
+  /// Without `sent` and `cpu_s`.
+  [[nodiscard]] RecordingResult result() const;
+  [[nodiscard]] bool failed() const noexcept { return !result_.fault.empty(); }
+
+ private:
+  mcap::Writer writer_;
+  RecordingResult result_;
+  std::map<std::string, std::uint16_t> channels_;  ///< by topic
+};
+
+/// The recording of another host.
+struct RecordingPart {
+  std::string host;
+  std::string file;
+  double ahead_s = 0.0;  ///< its clock minus that of this machine
+};
+
+/// Records a run to a file: all messages of its programs, scene, settings and summary. The programs of this machine
 /// copy their messages into shared memory (wire/recording_memory); a thread of this process writes them.
 class Recording {
  public:
-  /// `flags`: those of the run that all programs share. `display`: there is one. Throws `Error` (failed) where the file
-  /// or the memory cannot be made.
-  Recording(const std::string& file, const Scene& scene, const std::vector<std::string>& flags, const std::string& dds,
-            bool display);
+  /// Throws `Error` (failed) where the file or the memory cannot be made.
+  Recording(const std::string& file, const RecordedRun& run);
   /// Ends the thread.
   ~Recording();
   Recording(const Recording&) = delete;
   Recording& operator=(const Recording&) = delete;
 
-  [[nodiscard]] const RecordingMemory& memory() const noexcept { return memory_; }
+  /// Value of the environment variable of each program, by its place (place_of_messages); empty: it is not recorded.
+  [[nodiscard]] std::vector<std::string> places() const;
+  /// Before the start, where other hosts have recordings too: the messages of this machine go to a part of their own.
+  void divide(const std::string& part_file, const RecordedRun& run);
   void start();
-  /// The programs have ended: writes what is left of their messages.
-  [[nodiscard]] RecordingResult drain();
+  /// The programs have ended: writes what is left of their messages, and merges the parts.
+  [[nodiscard]] RecordingResult drain(const std::vector<RecordingPart>& others = {});
   /// Attaches the summary of the run, and finishes the file. Throws `Error` (failed).
   void finish(const std::string& summary_file);
+  /// The same for a part, which has its own figures in the place of the summary.
+  void finish_part();
 
  private:
   void work();
   void write_arrived(bool last);
-  [[nodiscard]] std::uint16_t channel_of(std::size_t topic, std::uint32_t user);
-  void attach_scene(const Scene& scene, const std::vector<std::string>& flags, const std::string& dds);
+  [[nodiscard]] RecordingResult figures() const;  ///< of this machine
 
+  std::size_t programs_;
   RecordingMemory memory_;
-  mcap::Writer writer_;
-  RecordingResult result_;
-  std::map<std::size_t, std::uint16_t> schemas_;  // by topic
-  struct Channel {
-    std::uint16_t id = 0;
-    std::string topic;
-  };
-  std::map<std::pair<std::size_t, std::uint32_t>, Channel> channels_;
+  RecordingFile file_;
+  std::unique_ptr<RecordingFile> part_;
+  RecordingFile* own_ = &file_;  ///< for the messages of this machine
+  double cpu_s_ = 0.0;
   std::vector<RecordedMessage> arrived_;
   std::atomic<bool> ended_ = false;
   std::thread thread_;

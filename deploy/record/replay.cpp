@@ -9,7 +9,6 @@
 #include "rt/stop.hpp"
 #include "run/claim.hpp"
 #include "run/file_lock.hpp"
-#include "run/launch.hpp"
 #include "run/page.hpp"
 #include "tools.hpp"
 #include "wire/bus.hpp"

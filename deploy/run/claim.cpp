@@ -118,4 +118,20 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
   }
 }
 
+void check_resume(const Options& options) {
+  if (options.resume.empty()) return;
+  std::error_code none;
+  const std::filesystem::path from = options.resume;
+  if (!std::filesystem::exists(from, none))
+    throw Error(ExitCode::usage, fmt::format("--resume {}: does not exist; name a folder of results, or a checkpoint "
+                                             "in it",
+                                             options.resume));
+  const std::filesystem::path folder =
+      std::filesystem::is_directory(from, none) ? from : from.parent_path() / std::filesystem::path(".");
+  if (options.out.empty() || !std::filesystem::equivalent(folder, options.out, none)) return;
+  throw Error(ExitCode::usage, fmt::format("--out {}: holds the run that --resume goes on from, and would be replaced; "
+                                           "choose another folder",
+                                           options.out));
+}
+
 }  // namespace subworld

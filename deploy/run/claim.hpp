@@ -1,5 +1,6 @@
 #pragma once
 
+#include "io/options.hpp"
 #include "run/file_lock.hpp"
 
 #include <string>
@@ -16,5 +17,8 @@ inline constexpr const char* kReportMark = "Written by Subworld";
 /// Reserves the folder that the user named for this run, and deletes the results of an earlier one; or makes a new one,
 /// named after the scene and the time. Throws `Error` (usage, failed).
 void claim_folder(std::string& folder, const std::string& scene, FileLock& lock);
+
+/// A run replaces the results in its folder. Throws `Error` (usage) where it goes on from those, or from none.
+void check_resume(const Options& options);
 
 }  // namespace subworld

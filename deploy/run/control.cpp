@@ -1,7 +1,8 @@
+#include "run/control.hpp"
+
 #include "model/error.hpp"
 #include "physics/engine_exchange.hpp"
 #include "rt/cyclic.hpp"
-#include "run/launch.hpp"
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
 #include "wire/status.hpp"

@@ -10,14 +10,16 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <exception>
-#include <sstream>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace subworld {
 
@@ -26,86 +28,55 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kAll{10000};  ///< from the launcher's death on; then SIGKILL
-constexpr char kProgram = 'p', kRestarted = 'r', kDone = 'd';
 
-/// The keeper's side.
-class Watch {
- public:
-  explicit Watch(int messages) : messages_(messages) {}
-
-  /// Returns whether the launcher was killed.
-  bool until_the_launcher_ends() {
-    std::string line;
-    char buffer[512];
-    for (;;) {
-      const ssize_t size = read(messages_, buffer, sizeof buffer);
-      if (size < 0 && errno == EINTR) continue;
-      if (size <= 0) return true;
-      for (const char* at = buffer; at != buffer + size; ++at) {
-        if (*at != '\n') {
-          line += *at;
-          continue;
-        }
-        if (line.front() == kDone) return false;
-        take(line);
-        line.clear();
-      }
-    }
-  }
-  /// They have SIGTERM from the kernel. A halted one reacts to it once it is continued.
-  void until_all_have_ended() {
-    const auto begin = Clock::now();
-    for (const pollfd& one : programs_) syscall(SYS_pidfd_send_signal, one.fd, SIGCONT, nullptr, 0);
-    bool forced = false;
-    while (!programs_.empty()) {
-      const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(kAll - (Clock::now() - begin));
-      if (left.count() <= 0 && !forced) {
-        for (const pollfd& one : programs_) syscall(SYS_pidfd_send_signal, one.fd, SIGKILL, nullptr, 0);
-        forced = true;
-      }
-      if (poll(programs_.data(), programs_.size(), forced ? -1 : static_cast<int>(left.count())) > 0) {
-        std::erase_if(programs_, [](const pollfd& one) {
-          if (one.revents == 0) return false;
-          close(one.fd);
-          return true;
-        });
-      }
-    }
-  }
-  [[nodiscard]] const std::vector<Restarted>& restarts() const { return restarts_; }
-
- private:
-  void take(const std::string& line) {
-    std::istringstream words(line.substr(1));
-    if (line.front() == kProgram) {
-      pid_t pid = 0;
-      words >> pid;
-      const int program = static_cast<int>(syscall(SYS_pidfd_open, pid, 0));
-      if (program >= 0) programs_.push_back({.fd = program, .events = POLLIN, .revents = 0});
-    } else if (line.front() == kRestarted) {
-      Restarted one;
-      words >> one.program >> one.after_s >> std::ws;
-      std::getline(words, one.reason);
-      restarts_.push_back(std::move(one));
-    }
-  }
-
-  int messages_;
-  std::vector<pollfd> programs_;
-  std::vector<Restarted> restarts_;
+/// What the launcher writes into the pipe, at once. Texts that are too long are cut.
+struct Note {
+  bool done = false;  ///< the run is concluded
+  pid_t program = 0;  ///< the launcher has started it; else it reports a restart
+  double after_s = 0.0;
+  std::array<char, 64> label{};
+  std::array<char, 256> reason{};
 };
 
-[[noreturn]] void keep(int messages, const std::function<void(const std::vector<Restarted>&)>& conclude) {
+template <std::size_t Size>
+void put(std::array<char, Size>& field, const std::string& text) {
+  text.copy(field.data(), Size - 1);
+}
+
+void signal_all(const std::vector<pollfd>& programs, int signal) {
+  for (const pollfd& one : programs) syscall(SYS_pidfd_send_signal, one.fd, signal, nullptr, 0);
+}
+
+/// They have SIGTERM from the kernel. A halted one reacts to it once it is continued.
+void await_end(std::vector<pollfd>& programs) {
+  const auto end = Clock::now() + kAll;
+  signal_all(programs, SIGCONT);
+  bool forced = false;
+  while (!programs.empty()) {
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - Clock::now());
+    if (left.count() <= 0 && !std::exchange(forced, true)) signal_all(programs, SIGKILL);
+    if (poll(programs.data(), programs.size(), forced ? -1 : static_cast<int>(left.count())) > 0)
+      std::erase_if(programs, [](const pollfd& one) { return one.revents != 0; });
+  }
+}
+
+[[noreturn]] void keep(int notes, const std::function<void(const std::vector<Restarted>&)>& conclude) {
   prctl(PR_SET_NAME, "subworld-keeper");
   setsid();  // what a terminal sends to the launcher does not concern it
   for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) std::signal(signal, SIG_IGN);
-  Watch watch(messages);
-  if (!watch.until_the_launcher_ends()) _exit(0);
+  std::vector<pollfd> programs;
+  std::vector<Restarted> restarts;
+  for (Note note; read(notes, &note, sizeof note) == sizeof note;) {
+    if (note.done) _exit(0);
+    const int program = note.program == 0 ? -1 : static_cast<int>(syscall(SYS_pidfd_open, note.program, 0));
+    if (program >= 0) programs.push_back({.fd = program, .events = POLLIN, .revents = 0});
+    if (note.program == 0) restarts.push_back({note.label.data(), note.after_s, note.reason.data()});
+  }
   fmt::print(stderr, "\nsubworld: error: the launcher was killed; its programs end, and the summary is written\n");
-  watch.until_all_have_ended();
+  await_end(programs);
   int code = 0;
   try {
-    conclude(watch.restarts());
+    conclude(restarts);
   } catch (const std::exception& error) {
     fmt::print(stderr, "subworld: error: {}\n", error.what());
     code = 1;
@@ -113,6 +84,9 @@ class Watch {
   std::fflush(nullptr);
   _exit(code);
 }
+
+/// Fails where the keeper was killed.
+void send_note(int pipe, const Note& note) { [[maybe_unused]] const auto sent = write(pipe, &note, sizeof note); }
 
 }  // namespace
 
@@ -132,20 +106,18 @@ Keeper::Keeper(const std::function<void(const std::vector<Restarted>&)>& conclud
 }
 
 Keeper::~Keeper() {
-  send({kDone});
+  send_note(pipe_, {.done = true});
   close(pipe_);
   waitpid(pid_, nullptr, 0);
 }
 
-void Keeper::add(pid_t program) const { send(fmt::format("{}{}", kProgram, program)); }
+void Keeper::add(pid_t program) const { send_note(pipe_, {.program = program}); }
 
 void Keeper::add(const Restarted& restarted) const {
-  send(fmt::format("{}{} {:.3f} {}", kRestarted, restarted.program, restarted.after_s, restarted.reason));
-}
-
-void Keeper::send(const std::string& line) const {
-  const std::string text = line + '\n';
-  [[maybe_unused]] const auto sent = write(pipe_, text.data(), text.size());  // fails where the keeper was killed
+  Note note{.after_s = restarted.after_s};
+  put(note.label, restarted.program);
+  put(note.reason, restarted.reason);
+  send_note(pipe_, note);
 }
 
 }  // namespace subworld

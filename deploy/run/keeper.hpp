@@ -27,8 +27,6 @@ class Keeper {
   void add(const Restarted& restarted) const;
 
  private:
-  void send(const std::string& line) const;
-
   int pipe_ = -1;
   pid_t pid_ = -1;
 };

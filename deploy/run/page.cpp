@@ -2,9 +2,9 @@
 
 #include "model/error.hpp"
 
-#include <arpa/inet.h>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <netdb.h>
 #include <netinet/in.h>
 #include <spawn.h>
 #include <sys/socket.h>
@@ -13,38 +13,28 @@
 #include <array>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 
 namespace subworld {
 namespace {
 
-struct Address {
-  sockaddr_storage storage{};
-  socklen_t size = 0;
-};
+using Address = std::unique_ptr<addrinfo, decltype([](addrinfo* one) { freeaddrinfo(one); })>;
 
+/// Of an IPv4 or IPv6 address in digits.
 Address socket_address(const std::string& text, int port) {
-  Address address;
-  in_addr v4{};
-  if (inet_pton(AF_INET, text.c_str(), &v4) == 1) {
-    sockaddr_in one{};
-    one.sin_family = AF_INET;
-    one.sin_port = htons(static_cast<std::uint16_t>(port));
-    one.sin_addr = v4;
-    std::memcpy(&address.storage, &one, address.size = sizeof one);
-  } else {
-    sockaddr_in6 one{};
-    one.sin6_family = AF_INET6;
-    one.sin6_port = htons(static_cast<std::uint16_t>(port));
-    inet_pton(AF_INET6, text.c_str(), &one.sin6_addr);
-    std::memcpy(&address.storage, &one, address.size = sizeof one);
-  }
-  return address;
+  addrinfo wanted{};
+  wanted.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV;
+  wanted.ai_socktype = SOCK_STREAM;
+  addrinfo* found = nullptr;
+  if (getaddrinfo(text.c_str(), std::to_string(port).c_str(), &wanted, &found) != 0)
+    throw Error(ExitCode::usage, fmt::format("--listen {}: is no IP address", text));
+  return Address(found);
 }
 
 /// A socket that closes itself.
 class Socket {
  public:
-  explicit Socket(const Address& address) : fd_(socket(address.storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC, 0)) {}
+  explicit Socket(const Address& address) : fd_(socket(address->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0)) {}
   ~Socket() {
     if (fd_ >= 0) close(fd_);
   }
@@ -66,7 +56,7 @@ std::string host_of(const std::string& address) {
 bool accepts(const LiveOptions& live) {
   const Address address = socket_address(host_of(live.address), *live.port);
   const Socket one(address);
-  return connect(one.fd(), reinterpret_cast<const sockaddr*>(&address.storage), address.size) == 0;
+  return connect(one.fd(), address->ai_addr, address->ai_addrlen) == 0;
 }
 
 bool has_desktop() { return std::getenv("DISPLAY") != nullptr || std::getenv("WAYLAND_DISPLAY") != nullptr; }
@@ -88,15 +78,15 @@ void open_in_browser(const std::string& address) {
 
 void choose_page_port(LiveOptions& live) {
   if (live.port && *live.port != 0) return;
-  Address address = socket_address(live.address, 0);
+  const Address address = socket_address(live.address, 0);
   const Socket one(address);
-  auto* raw = reinterpret_cast<sockaddr*>(&address.storage);
-  if (bind(one.fd(), raw, address.size) != 0 || getsockname(one.fd(), raw, &address.size) != 0) {
+  if (bind(one.fd(), address->ai_addr, address->ai_addrlen) != 0 ||
+      getsockname(one.fd(), address->ai_addr, &address->ai_addrlen) != 0) {
     throw Error(ExitCode::failed, fmt::format("--page: no port of {} is free: {}; choose another --listen ADDRESS",
                                               live.address, std::strerror(errno)));
   }
   // Both families have the port at the same place.
-  live.port = ntohs(reinterpret_cast<const sockaddr_in*>(raw)->sin_port);
+  live.port = ntohs(reinterpret_cast<const sockaddr_in*>(address->ai_addr)->sin_port);
 }
 
 std::string page_address(const LiveOptions& live) {

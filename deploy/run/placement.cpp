@@ -1,9 +1,15 @@
 #include "run/placement.hpp"
 
+#include "io/options.hpp"
+#include "rt/scheduling.hpp"
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
+#include <cstdio>
+#include <cstdlib>
 
 namespace subworld {
 
@@ -34,6 +40,50 @@ double budget_limit_ratio(const Scene& scene, std::size_t cores) {
   const double users = std::max(1.0, static_cast<double>(scene.users.size()));
   const double left = static_cast<double>(cores) - users * core_share(scene);
   return std::max(kLeastBudget, 0.5 * left / users);
+}
+
+Calibration measure_machine(const Settings& settings) {
+  const double duration_s = std::clamp(0.1 * settings.duration_s, 0.2, 1.0);
+  fmt::print("subworld: measuring for {:.1f} s how late this machine wakes a loop without work\n", duration_s);
+  std::fflush(stdout);
+  const int cores = std::max(1, static_cast<int>(allowed_cores().size()));
+  const Calibration found = calibrate(std::min(settings.users, cores), settings.h_s, duration_s);
+  const Histogram& late = found.lateness;
+  fmt::print(
+      "subworld: this machine wakes {} at {:.0f} Hz p99 {:.3f} ms late, at most {:.3f} ms, {} of {} times later than a "
+      "period\n",
+      found.loops == 1 ? "a bare loop" : fmt::format("{} bare loops", found.loops), 1.0 / found.period_s,
+      1e3 * late.quantile_s(0.99), 1e3 * late.max_s(), late.count_above(found.period_s), late.count());
+  if (!found.granted.fifo || !found.granted.memory_locked) {
+    fmt::print("subworld: warning: without all real-time rights deadlines may be missed: {}\n", found.granted.text);
+  }
+  std::fflush(stdout);
+  return found;
+}
+
+void share_cores(Options& options, Scene& scene) {
+  if (!flag_of(options, "users.budget_ratio").empty()) return;
+  const std::size_t cores = allowed_cores().size();
+  const double most = budget_limit_ratio(scene, cores);
+  for (std::size_t u = 0; u < scene.users.size(); ++u) {
+    UserSpec& user = scene.users[u];
+    if (user.selection != Selection::budget || user.budget_ratio <= most) continue;
+    user.budget_ratio = most;
+    change(options, fmt::format("users[{}].budget_ratio", u), fmt::format("{}", most));
+  }
+  if (flag_of(options, "users.budget_ratio").empty()) return;
+  fmt::print("subworld: {} users share {} core{}: budget_ratio at most {:.2g} (--set users.budget_ratio sets it)\n",
+             scene.users.size(), cores, cores == 1 ? "" : "s", most);
+}
+
+Placement place_first_run(const Scene& scene, FileLock& lock) {
+  return lock.take("subworld-cores") == 0 ? place(scene, allowed_cores()) : Placement{};
+}
+
+bool is_placed_by_hand(const std::string& program) {
+  std::string variable = "SUBWORLD_" + program + "_CORE";
+  std::ranges::transform(variable, variable.begin(), [](unsigned char c) { return std::toupper(c); });
+  return std::getenv(variable.c_str()) != nullptr;
 }
 
 std::string to_text(const std::vector<int>& cores) { return fmt::format("{}", fmt::join(cores, ",")); }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "model/scene.hpp"
+#include "rt/calibration.hpp"
 
 #include <span>
 #include <string>
@@ -8,6 +9,8 @@
 #include <vector>
 
 namespace subworld {
+
+struct Options;
 
 /// The cores of each program; none: any.
 struct Placement {
@@ -28,6 +31,16 @@ struct Placement {
 /// of what device, middleware and the rest of the haptic step leave, divided among the users. The other half is left to
 /// the world: loops with a higher priority pre-empt it.
 [[nodiscard]] double budget_limit_ratio(const Scene& scene, std::size_t cores);
+
+/// Lowers the users' budgets to what the cores have left, where they are the scene's.
+void share_cores(Options& options, Scene& scene);
+
+/// How late this machine wakes bare loops. Takes a tenth of the run, at most a second, before any program of the run
+/// starts.
+[[nodiscard]] Calibration measure_machine(const Settings& settings);
+
+/// Whether the environment chooses the cores of a program.
+[[nodiscard]] bool is_placed_by_hand(const std::string& program);
 
 /// As a list for `--core`; empty where the program may run anywhere.
 [[nodiscard]] std::string to_text(const std::vector<int>& cores);

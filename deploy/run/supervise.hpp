@@ -1,6 +1,5 @@
 #pragma once
 
-#include "model/scene.hpp"
 #include "run/keeper.hpp"
 #include "run/restart.hpp"
 
@@ -8,52 +7,73 @@
 
 #include <chrono>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace subworld {
 
-/// Whether a program of a run can be started again; `user`: -1 where it has none. A world in lock-step begins at t = 0.
-[[nodiscard]] inline bool may_restart(const Settings& settings, int user) noexcept {
-  return user >= 0 || settings.mode == Mode::realtime;
-}
+/// How a program starts.
+struct Command {
+  std::string file;
+  std::vector<std::string> arguments;
+  /// Called in the new process before the program begins, and may not allocate: it moves the process to another
+  /// namespace. Empty: nothing is called.
+  std::function<bool()> enter = {};
+};
+
+/// A program that is to run.
+struct SupervisedProgram {
+  std::string label;      ///< "haptic_sim_0"
+  std::string host = {};  ///< of a session; empty: a run on one machine
+  std::string log;        ///< file of its output
+  std::string part = {};  ///< file in which it writes at its end how it ended; empty: none
+  /// For its first start, and for a restart.
+  std::function<Command(bool again)> command = {};
+  std::map<std::string, std::string> environment = {};
+  bool essential = true;  ///< its early end is a failure. Else a display: it may wait for the verdict after the others
+  bool may_restart = true;  ///< where the run restarts programs
+  int returns = 0;          ///< that are planned, after it has ended in order
+
+  /// "haptic_sim_0", or "haptic_sim_0 on host left".
+  [[nodiscard]] std::string name() const;
+};
+
+/// What the programs report beside their exit codes. Empty: nothing.
+struct ProgramReports {
+  /// Why one that exited with 0 ended early, by its part of the results; empty: it did not.
+  std::function<std::string(const std::string& part)> early = {};
+  /// Whether the world has reached the end of the run.
+  std::function<bool()> run_is_over = {};
+  /// Whether the display has done all but to show the verdict, for which it waits.
+  std::function<bool()> awaits_verdict = {};
+};
 
 /// The programs of one run. They end with this object.
 class Supervisor {
  public:
   /// `keeper` ends them where this process is killed.
-  Supervisor(Restart restart, const Keeper& keeper) : restart_(restart), keeper_(keeper) {}
-  struct Child {
-    std::string label;
-    std::string log;             ///< file of its output
-    std::string recording = {};  ///< place of its messages on their way to a recorder, as RecordingMemory gives it
-    std::string messages = {};   ///< place of its last messages, as MessageMemory gives it
-    std::string part;            ///< file in which it writes at its end how it ended; empty: none
-    bool essential = true;       ///< its early end is a failure
-    bool shows_verdict = false;  ///< the display: it may wait for the verdict when the others have ended
-    pid_t pid = -1;              ///< -1: ended
-    int status = 0;              ///< as waitpid() gives it
-    int verdict_link = -1;       ///< to one that shows the verdict
+  Supervisor(Restart restart, const Keeper& keeper, ProgramReports reports)
+      : restart_(restart), keeper_(keeper), reports_(std::move(reports)) {}
+
+  using Time = std::chrono::steady_clock::time_point;
+  /// The newest process of a program.
+  struct Process {
+    pid_t pid = -1;  ///< -1: ended
+    int status = 0;  ///< as waitpid() gives it
+    Time started_at = {};
+    std::string early = {};  ///< why it ended early although it exited with 0
     bool awaits_verdict = false;
     bool halted = false;    ///< by SIGSTOP or the like
     double halted_s = 0.0;  ///< measured by the launcher
-    bool judged = false;    ///< has ended with 0, and `early` is set
-    std::string early = {};
-    std::string host = {};  ///< of a session; empty: a run on one machine
-    std::string program = {};
-    std::vector<std::string> arguments = {};
-    std::function<std::vector<std::string>()> arguments_again = {};  ///< of a restart; empty: the same
-    std::function<bool()> enter = {};
-    bool may_restart = true;
-    int returns = 0;      ///< that are planned, after it has ended in order
-    off_t log_begin = 0;  ///< where the output of this process begins in `log`
+  };
+  struct Child {
+    SupervisedProgram program;
+    Process process = {};
     int restarts = 0;     ///< in a row
-    std::chrono::steady_clock::time_point started_at = {};
-    std::chrono::steady_clock::time_point starts_at = {};  ///< while it waits to be started again
-
-    /// "haptic_sim_0", or "haptic_sim_0 on host left".
-    [[nodiscard]] std::string name() const;
+    Time starts_at = {};  ///< while it waits to be started again
   };
   /// The cause of a failed run.
   struct Failure {
@@ -65,47 +85,50 @@ class Supervisor {
   Supervisor(const Supervisor&) = delete;
   Supervisor& operator=(const Supervisor&) = delete;
 
-  /// Starts a program; its output goes to `child.log`. It ends with this process, however that ends. `enter` is called
-  /// in the new process before the program begins, and may not allocate: it moves the process to another namespace.
-  void start(Child child, const std::string& program, const std::vector<std::string>& arguments,
-             const std::function<bool()>& enter = {});
+  /// Starts a program; its output goes to its log. It ends with this process, however that ends.
+  void start(SupervisedProgram program);
 
   /// Watches until all have ended or wait for the verdict, an essential one failed, or a signal asks to stop; calls
-  /// `tick` ten times a second. A program fails that ends with another code than 0, is halted for a second, does not
-  /// end within 30 s of the first child (the world), or for which `early` gives a reason. The cause is returned, not
-  /// its effect: a program that was killed or is halted before one that gave up.
-  [[nodiscard]] std::optional<Failure> watch(const std::function<void()>& tick,
-                                             const std::function<std::string(const Child&)>& early);
+  /// `tick` ten times a second. A program fails that ends early, is halted for a second, or does not end within 30 s of
+  /// the first child (the world). The cause is returned, not its effect: a program that was killed or is halted before
+  /// one that gave up.
+  [[nodiscard]] std::optional<Failure> watch(const std::function<void()>& tick);
 
-  /// Ends what still runs within two seconds: the first child (the world, which ends the others), then all, then by
-  /// SIGKILL. One that waits for the verdict goes on.
+  /// Ends what still runs: the first child (the world, which ends the others), then all, then by SIGKILL. A display
+  /// that waits for the verdict goes on.
   void stop();
 
-  /// The summary is written: those that wait for the verdict show it, and end.
-  void announce_verdict();
+  /// The summary is written: waits until the display has shown the verdict.
+  void await_display();
 
   [[nodiscard]] const std::vector<Child>& children() const noexcept { return children_; }
   [[nodiscard]] const std::vector<Restarted>& restarts() const noexcept { return restarts_; }
 
  private:
-  void launch(Child& child, int flags);
+  void launch(Child& child, bool again);
   void reap();
   /// Starts again what is to be started again, each time after a longer pause, and at most kMostRestarts times.
   /// Returns one that cannot be.
-  std::optional<Failure> revive(const std::function<std::string(const Child&)>& early);
+  std::optional<Failure> revive();
   /// Why an ended program is to be started again; empty: it is not.
-  [[nodiscard]] std::string restart_reason(const Child& child,
-                                           const std::function<std::string(const Child&)>& early) const;
-  [[nodiscard]] std::optional<Failure> failure(const std::function<std::string(const Child&)>& early);
+  [[nodiscard]] std::string restart_reason(const Child& child) const;
+  [[nodiscard]] std::optional<Failure> failure() const;
+  /// One that did not end in time after the world.
+  [[nodiscard]] std::optional<Failure> stuck() const;
+  void signal_all(bool essential, int signal) const;
   void wait_while(const std::function<bool()>& runs, std::chrono::milliseconds at_most);
   [[nodiscard]] bool any_running(bool essential_only) const;
 
   Restart restart_;
   const Keeper& keeper_;
+  ProgramReports reports_;
   std::vector<Child> children_;
   std::vector<Restarted> restarts_;
-  std::chrono::steady_clock::time_point watched_from_ = {};
+  Time watched_from_ = {};
 };
+
+/// Exit code of ssh for its own failure, or where a signal ended the program there.
+inline constexpr int kSshFailed = 255;
 
 /// Exit code of an ended child; 1 for one that a signal killed.
 [[nodiscard]] int exit_code_of(const Supervisor::Child& child);

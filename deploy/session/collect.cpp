@@ -4,7 +4,6 @@
 #include "judge/report.hpp"
 #include "model/error.hpp"
 #include "run/claim.hpp"
-#include "session/session.hpp"
 
 #include <fmt/format.h>
 
@@ -38,24 +37,24 @@ std::string vendors_of(const std::string& folder, int users) {
   return vendors.size() == 1 ? *vendors.begin() : "mixed";
 }
 
-/// The run that a part belongs to; 0: its program has written none.
-std::uint64_t session_of(const std::string& part) {
+/// The number of the run that a part belongs to; 0: its program has written none.
+std::uint64_t run_of(const std::string& part) {
   return fs::exists(part) ? read_json(part).at("ending").get<Ending>().session : 0;
 }
 
 /// Throws `Error` (usage) where a program of the run has left nothing, or results of another run. A program that was
 /// killed has left its history only.
 void check_parts(const RunResults& run, const std::string& folder) {
-  std::uint64_t session = 0;
+  std::uint64_t number = 0;
   for (const std::string& part : parts_of(folder, run.scene.settings.users)) {
     const std::string label = program_of_part(part);
     if (!fs::exists(part) && !fs::exists(fs::path(part).replace_extension(".csv"))) {
       throw Error(ExitCode::usage,
                   fmt::format("no results of {}: name the folder that it wrote to with --out, too", label));
     }
-    const std::uint64_t its = session_of(part);
-    if (session == 0) session = its;
-    if (its != 0 && its != session) {
+    const std::uint64_t its = run_of(part);
+    if (number == 0) number = its;
+    if (its != 0 && its != number) {
       throw Error(
           ExitCode::usage,
           fmt::format("the results of {} belong to another run than the others; name folders of one run", label));

@@ -23,10 +23,10 @@ constexpr std::array kOfSessions{"world_sim", "haptic_sim", "device_sim", "gui_h
 bool is_of_user(std::string_view program) { return program == "haptic_sim" || program == "device_sim"; }
 
 /// "haptic_sim 0" or "world_sim".
-SessionProgram read_program(const YamlValue& value) {
+RunProgram read_program(const YamlValue& value) {
   const std::string text = value.text();
   const std::size_t space = text.find(' ');
-  SessionProgram program{text.substr(0, space)};
+  RunProgram program{text.substr(0, space)};
   if (std::ranges::find(kOfSessions, program.name) == kOfSessions.end()) {
     value.fail(fmt::format("there is no program \"{}\"; did you mean \"{}\"?", program.name,
                            nearest(program.name, {kOfSessions.begin(), kOfSessions.end()})));
@@ -96,7 +96,7 @@ Options read_options(const YamlMap& map) {
 
 }  // namespace
 
-std::string SessionProgram::label() const { return user < 0 ? name : fmt::format("{}_{}", name, user); }
+std::string RunProgram::label() const { return user < 0 ? name : fmt::format("{}_{}", name, user); }
 
 std::string Session::vendors() const {
   std::set<std::string> used;
@@ -104,21 +104,15 @@ std::string Session::vendors() const {
   return used.size() == 1 ? *used.begin() : "mixed";
 }
 
-void Session::use_vendor(const std::string& vendor) {
-  dds = vendor;
-  for (SessionHost& host : hosts) host.dds.clear();
+bool SessionHost::runs(const RunProgram& program) const { return std::ranges::count(programs, program) > 0; }
+
+bool Session::runs(const RunProgram& program) const {
+  return std::ranges::any_of(hosts, [&](const SessionHost& host) { return host.runs(program); });
 }
 
-const SessionHost& Session::host(const std::string& wanted) const {
-  std::vector<std::string> names;
-  for (const SessionHost& host : hosts) {
-    if (host.name == wanted) return host;
-    names.push_back(host.name);
-  }
-  throw Error(ExitCode::usage,
-              fmt::format("--host {}: {} has no such host; it has {}", wanted, file, fmt::join(names, ", ")));
-}
+namespace {
 
+/// The file that a command line gives by its path, or by its name in deploy/sessions.
 std::string session_file(const std::string& session) {
   namespace fs = std::filesystem;
   std::error_code unreadable;  // reading the file reports the reason
@@ -136,7 +130,7 @@ std::string session_file(const std::string& session) {
                           session, fmt::join(names, ", ")));
 }
 
-Session load_session(const std::string& file) {
+Session read_session(const std::string& file) {
   const YamlNode node = read_yaml(file);
   const YamlMap map(YamlValue(file, "", node, node.mark),
                     {"name", "description", "scene", "flags", "dds", "domain", "link", "hosts"});
@@ -157,15 +151,46 @@ Session load_session(const std::string& file) {
   return session;
 }
 
-namespace {
+/// Throws `Error` (usage) where a host cannot find the others.
+void check_addresses(const Session& session) {
+  if (session.hosts.size() < 2) return;
+  for (const SessionHost& host : session.hosts) {
+    if (!host.address.empty() && !host.network_interface.empty()) continue;
+    throw Error(ExitCode::usage,
+                fmt::format("{}: host {} has no {}; add it, or run all hosts on this machine: --namespaces",
+                            session.file, host.name, host.address.empty() ? "address" : "interface"));
+  }
+}
+
+/// Throws `Error` (usage) for options that do not fit the session, or each other.
+void check_hosts(const Session& session, const RunRequest& request) {
+  if (!request.namespaces) check_addresses(session);
+  if (request.host.empty()) return;
+  if (std::ranges::find(session.hosts, request.host, &SessionHost::name) == session.hosts.end()) {
+    std::vector<std::string> names;
+    for (const SessionHost& host : session.hosts) names.push_back(host.name);
+    throw Error(ExitCode::usage, fmt::format("--host {}: {} has no such host; it has {}", request.host, session.file,
+                                             fmt::join(names, ", ")));
+  }
+  if (request.namespaces) {
+    throw Error(
+        ExitCode::usage,
+        "--host and --namespaces exclude each other: namespaces connect hosts of one command; run all hosts here "
+        "with --namespaces alone, or one of several machines with --host alone");
+  }
+  if (!request.options.record.empty()) {
+    throw Error(ExitCode::usage,
+                "--host and --record exclude each other: a recording has the messages of all hosts; "
+                "start all hosts with one command, without --host");
+  }
+}
 
 /// The display passes the poses of a page on to the device by a socket of their host.
 void check_browser(const Session& session, int user) {
   const std::vector<std::string> flags = device_flags_of(session.options, user);
   if (flags.empty() || flags[1] != kBrowserDevice) return;
   const auto serves = [&](const SessionHost& host) {
-    const auto runs = [&](const SessionProgram& one) { return std::ranges::count(host.programs, one) > 0; };
-    return runs({"device_sim", user}) && runs({"gui_headless"});
+    return host.runs({"device_sim", user}) && host.runs({"gui_headless"});
   };
   if (session.options.live.port && std::ranges::any_of(session.hosts, serves)) return;
   throw Error(ExitCode::usage,
@@ -176,13 +201,38 @@ void check_browser(const Session& session, int user) {
 
 }  // namespace
 
+Session load_session(const RunRequest& request) {
+  Session session = read_session(session_file(request.session));
+  check_hosts(session, request);
+  if (!request.dds.empty()) {
+    session.dds = request.dds;
+    for (SessionHost& host : session.hosts) host.dds.clear();
+  }
+  return session;
+}
+
+Session session_of_this_machine(const RunRequest& request, const Scene& scene) {
+  Session session;
+  session.name = scene.name;
+  session.dds = request.dds;
+  session.domain = request.domain;
+  session.options = request.options;
+  SessionHost& host = session.hosts.emplace_back();
+  host.programs.push_back({"world_sim"});
+  for (int user = 0; user < scene.settings.users; ++user) {
+    for (const char* program : {"haptic_sim", "device_sim"}) host.programs.push_back({program, user});
+  }
+  if (request.gui) host.programs.push_back({"gui_headless"});
+  return session;
+}
+
 void check_programs(const Session& session, const Scene& scene) {
-  const auto runs = [&](const SessionProgram& wanted) {
+  const auto runs = [&](const RunProgram& wanted) {
     std::ptrdiff_t count = 0;
     for (const SessionHost& host : session.hosts) count += std::ranges::count(host.programs, wanted);
     return count;
   };
-  const auto check = [&](const SessionProgram& wanted) {
+  const auto check = [&](const RunProgram& wanted) {
     const std::string text = wanted.user < 0 ? wanted.name : fmt::format("{} {}", wanted.name, wanted.user);
     const std::ptrdiff_t count = runs(wanted);
     if (count == 1) return;
@@ -198,7 +248,7 @@ void check_programs(const Session& session, const Scene& scene) {
     check_browser(session, user);
   }
   for (const SessionHost& host : session.hosts) {
-    for (const SessionProgram& program : host.programs) {
+    for (const RunProgram& program : host.programs) {
       if (program.user >= scene.settings.users) {
         throw Error(
             ExitCode::usage,

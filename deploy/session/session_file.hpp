@@ -1,22 +1,22 @@
 #pragma once
 
+#include "io/options.hpp"
 #include "model/scene.hpp"
-#include "run/launch.hpp"
+#include "run/run.hpp"
 
 #include <string>
-#include <string_view>
 #include <vector>
 
 namespace subworld {
 
-/// A program of a session: the world, the display, or a user's haptic or device process.
-struct SessionProgram {
+/// A program of a run: the world, the display, or a user's haptic or device process.
+struct RunProgram {
   std::string name;  ///< world_sim, haptic_sim, device_sim or gui_headless
   int user = -1;     ///< of haptic_sim and device_sim
 
   /// "haptic_sim_0", "world_sim".
   [[nodiscard]] std::string label() const;
-  bool operator==(const SessionProgram&) const = default;
+  bool operator==(const RunProgram&) const = default;
 };
 
 struct SessionHost {
@@ -26,12 +26,14 @@ struct SessionHost {
   std::string ssh;                ///< destination for ssh; empty: programs start on the machine of `subworld up`
   std::string folder;             ///< checkout of Subworld on that host; empty: the login folder's `subworld`
   std::string dds;                ///< vendor of its programs; empty: the session's
-  std::vector<SessionProgram> programs;
+  std::vector<RunProgram> programs;
+
+  [[nodiscard]] bool runs(const RunProgram& program) const;
 };
 
-/// The programs of one run on several hosts.
+/// The hosts of one run and their programs.
 struct Session {
-  std::string file;
+  std::string file;  ///< empty: of `subworld run`, with one host
   std::string name;
   std::string dds = "fastdds";
   int domain = 70;
@@ -41,19 +43,17 @@ struct Session {
 
   /// The vendor that all programs use, or "mixed".
   [[nodiscard]] std::string vendors() const;
-  /// This vendor, or mixed, in place of those of the session and of its hosts.
-  void use_vendor(const std::string& vendor);
-  /// Throws `Error` (usage) with the known names.
-  [[nodiscard]] const SessionHost& host(const std::string& name) const;
+  [[nodiscard]] bool runs(const RunProgram& program) const;
+  /// A run on one machine has none.
+  [[nodiscard]] bool has_file() const noexcept { return !file.empty(); }
 };
 
-/// The file of a session that a command line gives by its path, or by its name in deploy/sessions. Throws `Error`
-/// (usage).
-[[nodiscard]] std::string session_file(const std::string& session);
+/// Reads the session file that the request names. Throws `Error` (usage) with file:line:column, the key and the cure:
+/// also where the request does not fit it.
+[[nodiscard]] Session load_session(const RunRequest& request);
 
-/// Reads a session file. Throws `Error` (usage) with file:line:column, the key and the cure: also where a program that
-/// the scene needs is missing, or runs twice.
-[[nodiscard]] Session load_session(const std::string& file);
+/// The session of one host, this machine, without a name: its programs are all that the run has.
+[[nodiscard]] Session session_of_this_machine(const RunRequest& request, const Scene& scene);
 
 /// Throws `Error` (usage) where the session's programs are not the ones that the scene needs.
 void check_programs(const Session& session, const Scene& scene);

@@ -1,5 +1,6 @@
 #include "watch/progress.hpp"
 
+#include "io/live_options.hpp"
 #include "wire/session.hpp"
 
 #include <fmt/format.h>
@@ -86,6 +87,17 @@ void Progress::operator()() {
   std::fflush(stdout);
 }
 
+bool Progress::run_is_over() {
+  listen();
+  return over_;
+}
+
+bool Progress::awaits_verdict() {
+  listen();
+  const auto display = statuses_.find({ProgramKind::gui_headless, 0});
+  return display != statuses_.end() && display->second.state == kAwaitsVerdict;
+}
+
 void Progress::finish() {
   if (shown_) fmt::print("\r\033[K");
   shown_ = false;
@@ -97,6 +109,7 @@ void Progress::listen() {
     say(status_);
     warn_of_overload(status_);
     watch(status_);
+    over_ = over_ || (status_.program == ProgramKind::world_sim && status_.state == "stopping");
     statuses_[{status_.program, status_.instance}] = status_;
   }
 }

@@ -31,6 +31,10 @@ class Progress {
 
   /// Call ten times a second.
   void operator()();
+  /// Whether the world has reached the end of the run, by its own word.
+  [[nodiscard]] bool run_is_over();
+  /// Whether the display has done all but to show the verdict, for which it waits.
+  [[nodiscard]] bool awaits_verdict();
 
  private:
   /// Clears the line of progress.
@@ -47,6 +51,7 @@ class Progress {
   std::unique_ptr<Reader<Status>> reader_;
   Status status_;
   Statuses statuses_;
+  bool over_ = false;
   std::set<std::string> said_;
   bool terminal_;
   bool shown_ = false;

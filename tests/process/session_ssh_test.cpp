@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <set>
 
 namespace subworld::test {
 namespace {
@@ -130,6 +131,29 @@ TEST_F(SessionsBySsh, RunOverHostsThatOneCommandLogsInto) {
   const Json one = Json::parse(read_text(results() + "/summary.json"));
   EXPECT_EQ(one["verdict"], "ok");
   EXPECT_EQ(one["state_hash"], hash_of_one_host());
+  EXPECT_TRUE(have_ended());
+}
+
+// The launcher and each other host record their own programs.
+TEST_F(SessionsBySsh, AreRecordedAndTracedInOneFile) {
+  const std::string file = folder_.path() + "/run.mcap", trace = folder_.path() + "/trace.json";
+  Ended ended = finish(up(session_by_ssh("0.2"), results(), {"--ssh", ssh_, "--record", file, "--trace", trace}));
+  ASSERT_EQ(ended.code, 0) << ended.err << ended.out;
+  const Json one = Json::parse(read_text(results() + "/summary.json")), counts = one["recording"];
+  EXPECT_EQ(counts["messages_lost"], 0) << counts;
+  for (const char* topic : {"/scene", "/world_state", "/user_0/device_state", "/user_0/haptic_report",
+                            "/user_1/device_command", "/user_1/world_frame"})
+    EXPECT_GT(counts["topics"][topic], 0) << topic;
+  std::set<std::string> traced;
+  for (const Json& event : Json::parse(read_text(trace), nullptr, false)) {
+    if (event["name"] == "process_name") traced.insert(event["args"]["name"]);
+  }
+  EXPECT_EQ(traced.size(), 5U) << "not all programs are in the trace";
+
+  const std::string hash = one["state_hash"];
+  ended = finish({program("subworld"), "replay", file, "--resimulate", "--out", folder_.path() + "/again"});
+  EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
+  EXPECT_NE(ended.out.find("state hash " + hash + ", recorded " + hash + ": equal"), std::string::npos) << ended.out;
   EXPECT_TRUE(have_ended());
 }
 

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <regex>
+#include <set>
 #include <sstream>
 
 namespace subworld::test {
@@ -46,8 +47,29 @@ TEST_P(NamespacedSessions, OverALinkThatDelaysAndLosesTheHashIsThatOfOneHost) {
   EXPECT_EQ(summary()["dds"], GetParam());
   EXPECT_EQ(summary()["session"], folder_.path() + "/session.yaml");
   EXPECT_EQ(summary()["link"], "delay 2ms 2ms loss 1%");
-  EXPECT_TRUE(summary()["machine_load"].is_null()) << "it was not measured";
+  EXPECT_TRUE(summary()["machine_load"].is_object()) << "all hosts are this machine";
   EXPECT_EQ(summary()["state_hash"], hash_of_one_host());
+}
+
+TEST_F(Sessions, InNamespacesAreRecordedAndTracedInOneFile) {
+  if (!has_namespaces()) GTEST_SKIP() << "network namespaces are not permitted here";
+  const std::string file = folder_.path() + "/run.mcap", trace = folder_.path() + "/trace.json";
+  Ended ended = finish(up(session(), out(), {"--namespaces", "--record", file, "--trace", trace}));
+  ASSERT_EQ(ended.code, 0) << ended.err << ended.out;
+  const Json counts = summary()["recording"];
+  EXPECT_EQ(counts["messages_lost"], 0);
+  for (const char* topic : {"/user_0/device_state", "/user_1/world_frame", "/user_1/haptic_report", "/world_state"})
+    EXPECT_GT(counts["topics"][topic], 0) << topic;
+  std::set<std::string> traced;
+  for (const Json& event : Json::parse(read_text(trace), nullptr, false)) {
+    if (event["name"] == "process_name") traced.insert(event["args"]["name"]);
+  }
+  EXPECT_EQ(traced.size(), 5U) << "not all programs are in the trace";
+
+  const std::string hash = summary()["state_hash"];
+  ended = finish({program("subworld"), "replay", file, "--resimulate", "--out", folder_.path() + "/again"});
+  EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
+  EXPECT_NE(ended.out.find("state hash " + hash + ", recorded " + hash + ": equal"), std::string::npos) << ended.out;
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, NamespacedSessions, ::testing::Values("fastdds", "cyclonedds", "mixed"),
@@ -197,6 +219,9 @@ TEST_F(Sessions, MistakesAreNamedWithTheirPlaceAndCure) {
   const Ended both = finish(up(session(), out(), {"--host", "left", "--namespaces"}));
   EXPECT_EQ(both.code, 2);
   EXPECT_NE(both.err.find("--host and --namespaces exclude each other"), std::string::npos) << both.err;
+  const Ended recorded = finish(up(session(), out(), {"--host", "left", "--record", folder_.path() + "/run.mcap"}));
+  EXPECT_EQ(recorded.code, 2);
+  EXPECT_NE(recorded.err.find("--host and --record exclude each other"), std::string::npos) << recorded.err;
 }
 
 }  // namespace

@@ -158,11 +158,11 @@ TEST(PresenceTest, APeerIsGoneThatIsNeitherHeardNorAliveForLong) {
 }
 
 TEST(Ends, AProgramBehindSshThatWasKilledSaysSo) {
-  constexpr int kSshFailed = 255 << 8;  // as waitpid() has it
+  constexpr int kSshFailedStatus = kSshFailed << 8;  // as waitpid() has it
   Supervisor::Child child;
-  child.status = kSshFailed;
+  child.process.status = kSshFailedStatus;
   EXPECT_EQ(end_of(child), "exited with 255");
-  child.host = "right";
+  child.program.host = "right";
   EXPECT_EQ(end_of(child), "was killed there, or ssh lost the connection to it");
 }
 

@@ -2,6 +2,10 @@
 #include "io/history.hpp"
 
 #include "io/history_reader.hpp"
+#include "io/results.hpp"
+#include "io/trace.hpp"
+#include "rt/cyclic.hpp"
+#include "rt/wall_clock.hpp"
 #include "support/temporary_folder.hpp"
 
 #include <fcntl.h>
@@ -95,6 +99,25 @@ TEST(FullDisk, IsNotWaitedFor) {
   EXPECT_LT(written, 10 * kRing);
   history.finish();
   EXPECT_NE(history.fault().find("/dev/full"), std::string::npos);
+}
+
+/// The events of one that another machine has written are there by the clock of this one.
+TEST(Traces, AreMergedByTheClockOfThisMachine) {
+  const TemporaryFolder folder;
+  const std::int64_t clock_ns = wall_ns() - to_ns(Clock::now());
+  const auto part = [&](const std::string& name, std::int64_t ahead_ns) {
+    return folder.write(name, fmt::format("[\n{{\"ph\":\"M\",\"args\":{{\"wall_minus_steady_ns\":{}}}}},\n"
+                                          "{{\"ph\":\"i\",\"name\":\"{}\",\"ts\":1000.250,\"s\":\"p\"}}\n]\n",
+                                          clock_ns + ahead_ns, name));
+  };
+  // The other one has started 5 s later, and its wall clock is 2 s ahead.
+  merge_traces({{part("here", 0)}, {part("there", 5'000'000'000), 2.0}, {folder.path() + "/missing"}},
+               folder.path() + "/all");
+  const Json all = read_json(folder.path() + "/all");
+  ASSERT_EQ(all.size(), 4U);
+  EXPECT_EQ(all[1]["ts"], 1000.250);
+  EXPECT_EQ(all[3]["name"], "there");
+  EXPECT_NEAR(all[3]["ts"].get<double>(), 3'001'000.0, 900'000.0);  // a busy machine reads the clocks late
 }
 
 TEST(HistoryOfAProgram, IsReadRowByRowAsFarAsItIsComplete) {

@@ -3,7 +3,7 @@
 
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
-#include "run/launch.hpp"
+#include "run/run.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

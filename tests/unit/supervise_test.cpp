@@ -18,11 +18,14 @@ class Restarts : public ::testing::Test {
   /// A program that writes a line when it starts; then `commands`. Its results are in `part()` where it has any.
   void start(const std::string& label, const std::string& commands, const std::string& logs = "") {
     std::filesystem::create_directories(file(logs));
-    programs_.start({.label = label, .log = file(logs + label + ".log"), .part = part(label)}, "/bin/sh",
-                    {"-c", "echo x >> " + file(label + ".starts") + "; " + commands});
+    const Command command{"/bin/sh", {"-c", "echo x >> " + file(label + ".starts") + "; " + commands}};
+    programs_.start(
+        {.label = label, .log = file(logs + label + ".log"), .part = part(label), .command = [command](bool) {
+           return command;
+         }});
   }
   std::optional<Supervisor::Failure> watch() {
-    return programs_.watch([] {}, [](const Supervisor::Child&) { return std::string(); });
+    return programs_.watch([] {});
   }
   [[nodiscard]] std::string file(const std::string& name) const { return folder_.path() + "/" + name; }
   [[nodiscard]] std::string part(const std::string& label) const { return file(label + ".json"); }
@@ -33,7 +36,8 @@ class Restarts : public ::testing::Test {
 
   const TemporaryFolder folder_;
   const Keeper keeper_{[](const std::vector<Restarted>&) {}};
-  Supervisor programs_{Restart::on_failure, keeper_};
+  bool over_ = false;  ///< the world says that the run is over
+  Supervisor programs_{Restart::on_failure, keeper_, {.run_is_over = [this] { return over_; }}};
 };
 
 constexpr const char* kDies = "kill -9 $$";
@@ -58,8 +62,8 @@ TEST_F(Restarts, AWorldAtItsEndIsNotStartedAgain) {
 
 // Its results could not be written, or are on another host.
 TEST_F(Restarts, AWorldThatHasSaidThatTheRunIsOverIsNotStartedAgain) {
-  start("world_sim", "until [ -e " + file("device_sim_0.starts") +
-                         " ]; do sleep 0.01; done; echo world_sim: the run is over at t = 4.000 s; exit 1");
+  start("world_sim", "until [ -e " + file("device_sim_0.starts") + " ]; do sleep 0.01; done; exit 1");
+  over_ = true;
   start("device_sim_0", "sleep 0.3; exit 1");
   EXPECT_TRUE(watch());
   EXPECT_EQ(starts("world_sim"), 1);

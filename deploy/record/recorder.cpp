@@ -1,0 +1,48 @@
+#include "io/options.hpp"
+#include "io/output.hpp"
+#include "record/recording.hpp"
+#include "tools.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+namespace {
+
+using namespace subworld;
+
+/// Records the programs of this host until the input ends. The first line of its output has its process, and for each
+/// program the place of its messages.
+void record(const Options& options, bool display) {
+  const Scene scene = load_scene(options);
+  Recording recording(options.record, {scene, settings_flags_of(options), "", display});
+  recording.start();
+  fmt::print("{}", getpid());
+  for (const std::string& place : recording.places()) fmt::print(" {}", place.empty() ? "-" : place);
+  fmt::print("\n");
+  std::fflush(stdout);
+  char ignored = 0;
+  while (read(STDIN_FILENO, &ignored, 1) > 0) {
+  }
+  (void)recording.drain();
+  recording.finish_part();
+}
+
+int main_of(int argc, char** argv) {
+  CommandLine line("subworld recorder", about_tool("recorder"));
+  Options options;
+  bool display = false;
+  add_run_options(line, options);
+  add_record_option(line, options);
+  line.flag("--gui", display, "with the display");
+  line.footer("`subworld up --record FILE` starts it on hosts that ssh reaches, and merges their files.");
+  if (const auto code = line.parse(argc, argv)) return *code;
+  record(options, display);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return subworld::finished("subworld recorder",
+                            subworld::guarded("subworld recorder", [&] { return main_of(argc, argv); }));
+}

@@ -1,0 +1,134 @@
+#include "run/run_plan.hpp"
+
+#include "model/error.hpp"
+#include "plan/limits.hpp"
+#include "run/claim.hpp"
+#include "run/page.hpp"
+#include "wire/bus.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+namespace subworld {
+
+namespace {
+
+/// The vendor of the program at a position among those of a run; with "mixed" they alternate.
+std::string vendor_of(const std::string& dds, int position) {
+  if (dds != "mixed") return dds;
+  return position % 2 == 0 ? "fastdds" : "cyclonedds";
+}
+
+}  // namespace
+
+bool RunPlan::is_distant(const SessionHost& host) const {
+  return !request.namespaces && request.host.empty() && !host.ssh.empty();
+}
+
+bool RunPlan::all_here() const {
+  const auto distant = [&](const SessionHost& host) { return is_distant(host); };
+  return request.host.empty() && std::ranges::none_of(session.hosts, distant);
+}
+
+bool RunPlan::starts(const RunProgram& program) const {
+  return !request.host.empty() || std::ranges::count(request.options.without, program.user) == 0;
+}
+
+void RunPlan::each_program(const std::function<void(const RunProgram&, const std::string&)>& start) const {
+  int position = 0;
+  const auto take = [&](const RunProgram& program) { start(program, vendor_of(session.dds, position++)); };
+  take({"world_sim"});
+  for (int user = 0; session.runs({"haptic_sim", user}); ++user) {
+    take({"haptic_sim", user});
+    take({"device_sim", user});
+    if (session.runs({"haptic_sim", 1})) ++position;  // with mixed, users have different pairs of vendors
+  }
+  take({"gui_headless"});
+}
+
+std::vector<std::string> RunPlan::parts() const {
+  std::vector<std::string> parts;
+  each_program([&](const RunProgram& program, const std::string&) {
+    if (program.name != "gui_headless" && starts(program))
+      parts.push_back(part_file(request.options.out, program.name, program.user));
+  });
+  return parts;
+}
+
+std::vector<std::string> RunPlan::flags_of(const Host& host, const RunProgram& program,
+                                           const std::string& vendor) const {
+  const Options& options = request.options;
+  const bool world = program.name == "world_sim";
+  std::vector<std::string> flags = settings_flags_of(options);
+  const auto add = [&](const char* flag, const std::string& value) {
+    if (!value.empty()) flags.insert(flags.end(), {flag, value});
+  };
+  add("--out", host.folder());
+  add("--domain", std::to_string(session.domain));
+  add("--dds", vendor);
+  add("--interface", host.plan().network_interface);
+  add("--peers", fmt::format("{}", fmt::join(peers_of(host.plan()), ",")));
+  if (program.user >= 0) add("--user", std::to_string(program.user));
+  if (!options.trace.empty() && program.name != "gui_headless") add("--trace", trace_part(host.folder(), program));
+  if (world) add("--resume", options.resume);
+  if (world && request.gui) flags.emplace_back("--await-display");
+  std::ranges::move(own_flags_of(options, program.name, program.user), std::back_inserter(flags));
+  if (!is_placed_by_hand(program.name)) add("--core", to_text(placement.of(program.name)));
+  return flags;
+}
+
+std::vector<std::string> RunPlan::peers_of(const SessionHost& host) const {
+  std::vector<std::string> peers;
+  for (const SessionHost& other : session.hosts) {
+    if (other.name != host.name && !other.address.empty()) peers.push_back(other.address);
+  }
+  return peers;
+}
+
+Network RunPlan::network_of(const SessionHost& host) const {
+  Network network = request.options.network;
+  network.dds = host.dds.empty() ? vendor_of(session.dds, 0) : host.dds;
+  network.domain = session.domain;
+  if (session.has_file()) {
+    network.interface_address = host.network_interface;
+    network.peers = peers_of(host);
+  }
+  return network;
+}
+
+RunPlan plan_run(const RunRequest& given, Scene& scene) {
+  RunPlan plan{given, {}, {}};
+  RunRequest& request = plan.request;
+  if (!request.session.empty()) {
+    plan.session = load_session(request);
+    request.options = plan.session.options;
+    for (const auto file : {&Options::out, &Options::record, &Options::trace})
+      request.options.*file = given.options.*file;
+    request.dds = plan.session.vendors();
+    request.gui = plan.session.runs({"gui_headless"});
+  }
+  Options& options = request.options;
+  scene = load_scene(options);
+  if (request.session.empty()) plan.session = session_of_this_machine(request, scene);
+  check_programs(plan.session, scene);
+  check_request(scene, request);
+  for (const int position : {0, 1}) {  // with mixed, both vendors
+    Network network = options.network;
+    network.dds = vendor_of(request.dds, position);
+    check_network(network);
+  }
+  check_resume(options);
+  check_without(options, scene);
+  if (request.page) choose_page_port(options.live);
+  return plan;
+}
+
+std::string trace_part(const std::string& folder, const RunProgram& program) {
+  return fmt::format("{}/trace_{}.json", folder, program.label());
+}
+
+}  // namespace subworld

@@ -1,0 +1,58 @@
+#pragma once
+
+#include "judge/summary.hpp"
+#include "link/network.hpp"
+#include "run/supervise.hpp"
+#include "session/session_file.hpp"
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace subworld {
+
+/// File of the messages of a host of several, in its folder.
+inline constexpr const char* kRecordingPart = "recording.mcap";
+
+/// A host of a run, where programs start. This one is the launcher's machine, or a network namespace of it.
+class Host {
+ public:
+  /// `folder`: for the results. `inside`: null where the programs are in the launcher's own namespace.
+  Host(const SessionHost& plan, std::string folder, const NetworkHost* inside = nullptr)
+      : plan_(plan), folder_here_(std::move(folder)), inside_(inside) {}
+  virtual ~Host() = default;
+  Host(const Host&) = delete;
+  Host& operator=(const Host&) = delete;
+
+  [[nodiscard]] const SessionHost& plan() const noexcept { return plan_; }
+  [[nodiscard]] virtual bool is_here() const noexcept { return true; }
+  /// Folder of the results on the launcher's machine, once they are fetched.
+  [[nodiscard]] const std::string& folder_here() const noexcept { return folder_here_; }
+  /// The same as the programs know it.
+  [[nodiscard]] virtual const std::string& folder() const noexcept { return folder_here_; }
+  /// How a program starts. `again`: a world goes on from its newest checkpoint, if it has written one.
+  [[nodiscard]] virtual Command command(const RunProgram& program, std::vector<std::string> flags, bool again) const;
+  /// Its clock beside that of the launcher.
+  [[nodiscard]] virtual HostClock clock() const { return {plan_.name, 0.0, 0.0}; }
+  /// Before the programs start: records them there, if they do not inherit the memory of the launcher's recording.
+  /// `flags`: those of the run that all programs share.
+  virtual void start_recorder(std::vector<std::string> /*flags*/) {}
+  /// Brings the results here. Prints a warning where that fails.
+  virtual void fetch() const {}
+  /// Calls `act` in the host's network namespace.
+  void inside(const std::function<void()>& act) const { inside_ == nullptr ? act() : inside_->inside(act); }
+
+ private:
+  const SessionHost& plan_;
+  std::string folder_here_;
+  const NetworkHost* inside_;
+};
+
+/// A network namespace for each host of a session, with links between them. Sets the hosts' addresses and interfaces,
+/// and the `link` between any two, in words. Throws `Error` (failed) without the rights.
+[[nodiscard]] std::unique_ptr<EmulatedNetwork> make_namespaces(Session& session, const RunRequest& request,
+                                                               std::string& link);
+
+}  // namespace subworld
