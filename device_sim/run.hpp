@@ -78,9 +78,10 @@ struct DeviceRun {
 /// dies or is restarted.
 [[nodiscard]] Ending run_lockstep(const DeviceRun& run);
 
-/// Time in which a device's force rises again after missing commands, in real time.
 /// `Ending::by` of a run that the world has ended.
 inline constexpr const char* kLastCommand = "last command";
+
+/// Time in which a device's force rises again after missing commands, in real time.
 inline constexpr double kFadeIn_s = 0.02;
 
 /// Real time: at the device's own rate, with the newest command; the force of an old one fades out. The ending has a

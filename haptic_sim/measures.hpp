@@ -61,7 +61,6 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
     lacked_reports_ += lacked_report ? 1 : 0;
   }
   void resynchronised() noexcept { ++resets_; }
-  /// Steps without the states of other users' devices, in lock-step.
   /// Share of the commands that were sent.
   void sent(double ratio) noexcept { sent_ratio_ = ratio; }
   /// A frame whose stamp no world has that goes on from the last one.

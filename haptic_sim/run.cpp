@@ -34,6 +34,52 @@ void HapticRun::follow_exchange() const {
   }
 }
 
+namespace {
+
+/// The same in real time, once the device is there.
+std::optional<FirstFrame> begin_realtime(const HapticRun& run) {
+  const auto& [options, scene, ports, sub, measures, exchange, finder] = run;
+  FirstFrame first;
+  bool joined = false, timed = false;
+  TimePoint displaced{};
+  const auto usable = [&] {
+    if (first.frame.session != ports.session) return false;
+    first.received = Clock::now();
+    if (!ports.serves_another(first.frame)) return true;
+    // One that was killed is served until the world misses its reports.
+    if (displaced == TimePoint{}) displaced = first.received;
+    if (to_seconds(first.received - displaced) > kGone_s)
+      throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
+    return false;
+  };
+  // The world stands until it has heard everybody; a standing frame is answered, each time, for the answer may be lost.
+  const auto started = [&] {
+    finder.look(options.network.domain);  // the newest world counts
+    ports.session = finder.session();
+    while (ports.frames.take(first.frame) == Take::sample) {
+      if (!usable()) continue;
+      if (first.frame.echoed_sent_ns != 0) {
+        const double round_trip_s = 1e-9 * static_cast<double>(to_ns(first.received) - first.frame.echoed_sent_ns);
+        first.round_trip_s = timed ? std::min(first.round_trip_s, round_trip_s) : round_trip_s;
+        timed = true;
+      }
+      joined = joined || sub.reset_from(first.frame);
+      if (!joined) continue;  // not answered: a standing world tells again
+      ports.frames.trust_sender();
+      if (first.frame.real_time_factor > 0.0) return true;
+      ports.send(*sub.close_cycle(to_ns(first.received)));
+    }
+    return false;
+  };
+  const auto settles = [&] { return ports.world_lives(); };  // a living world may take its time
+  const Wanted frame{"frame of the world", "every user's haptic_sim and device_sim"};
+  if (!wait_for(*ports.bus, options, frame, started, settles)) return std::nullopt;
+  ports.status.enter("running");
+  return first;
+}
+
+}  // namespace
+
 std::optional<FirstFrame> join(const HapticRun& run) {
   const auto& [options, scene, ports, sub, measures, exchange, finder] = run;
   ports.status.enter("waiting");
@@ -59,43 +105,7 @@ std::optional<FirstFrame> join(const HapticRun& run) {
     return false;
   };
   if (!wait_for(*ports.bus, options, {"running device", device_sim + " anew"}, runs)) return std::nullopt;
-
-  FirstFrame first;
-  bool joined = false, timed = false;
-  TimePoint displaced{};
-  // The world stands until it has heard everybody; a standing frame is answered, each time, for the answer may be lost.
-  const auto started = [&] {
-    found();  // the newest world counts
-    ports.session = finder.session();
-    while (ports.frames.take(first.frame) == Take::sample) {
-      if (first.frame.session != ports.session) continue;
-      first.received = Clock::now();
-      if (ports.serves_another(first.frame)) {
-        // One that was killed is served until the world misses its reports.
-        if (displaced == TimePoint{}) displaced = first.received;
-        if (to_seconds(first.received - displaced) > kGone_s)
-          throw Error(ExitCode::failed, displaced_text(ProgramKind::world_sim, 0));
-        continue;
-      }
-      if (first.frame.echoed_sent_ns != 0) {
-        const double round_trip_s = 1e-9 * static_cast<double>(to_ns(first.received) - first.frame.echoed_sent_ns);
-        first.round_trip_s = timed ? std::min(first.round_trip_s, round_trip_s) : round_trip_s;
-        timed = true;
-      }
-      if (!joined) joined = sub.reset_from(first.frame);
-      if (joined) ports.frames.trust_sender();
-      if (!joined) continue;  // not answered: a standing world tells again
-      if (first.frame.real_time_factor > 0.0) return true;
-      ports.send(*sub.close_cycle(to_ns(first.received)));
-    }
-    return false;
-  };
-  const auto settles = [&] { return ports.world_lives(); };  // a living world may take its time
-  if (!wait_for(*ports.bus, options, {"frame of the world", "every user's haptic_sim and device_sim"}, started,
-                settles))
-    return std::nullopt;
-  ports.status.enter("running");
-  return first;
+  return begin_realtime(run);
 }
 
 }  // namespace subworld

@@ -60,6 +60,7 @@ struct WorldFacts {
 struct UserFacts {
   bool waits_for_frame = true;              ///< the frame of this stamp is to be sent
   std::span<const BoundaryContact> border;  ///< contacts with bodies outside, and what may become one
+  std::size_t outside = 0;                  ///< bodies there whose states the sub-world gets
   SelectionFacts selection;
   Wrench impulse;                  ///< of the user on the proxy that has been passed on to the world, since the start
   std::uint64_t newest_stamp = 0;  ///< of the newest report received

@@ -19,12 +19,6 @@ constexpr std::uint64_t kCompleteEvery_cycles = 128;
 /// Slower motion cannot be felt, m/s.
 constexpr double kStill_m_s = 5e-3;
 
-/// Whether a sub-world that has taken the frame holds the body, in whatever role.
-bool names(const WorldFrame& frame, BodyId id) {
-  return std::ranges::binary_search(frame.members, id) || std::ranges::binary_search(frame.fixed, id) ||
-         std::ranges::binary_search(frame.ghosts, id, {}, &GhostModel::outside);
-}
-
 void sort_unique(std::vector<BodyId>& ids) {
   std::ranges::sort(ids);
   const auto twice = std::ranges::unique(ids);
@@ -63,7 +57,11 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
                    .cost = engine_cost(s.haptic).step(s.h_s),
                    .simulates_border = scheme.properties.simulates_border};
     user.frames.resize(remembered_);
-    user.border.reserve(4 * kUsualMembers);
+    user.outside.resize(remembered_);
+    user.border.contacts.reserve(4 * kUsualMembers);
+    for (std::vector<OutsideBody>& list : user.outside) list.reserve(kUsualMembers);
+    user.border.outside.reserve(kUsualMembers);
+    user.border.pushing.reserve(users_.size());
     user.near.reserve(kUsualMembers);
     if (s.mode == Mode::realtime) {
       for (WorldFrame& frame : user.frames) reserve(frame, kUsualMembers);
@@ -88,6 +86,7 @@ void FrameMaker::make(const WorldNow& of_world, std::span<const UserLink> links,
     const ReportInbox& reports = links[u].reports();
     if (!reports.waits_for_frame(now.stamp)) {
       frame(u, now.stamp) = frame(u, now.stamp - 1);  // what the sub-world has
+      user.outside[now.stamp % remembered_] = user.border.outside;
       continue;
     }
     const double until_heard_s = horizon_s(now, links[u]);
@@ -111,12 +110,14 @@ void FrameMaker::make(const WorldNow& of_world, std::span<const UserLink> links,
     out.fixed = user.membership.fixed;
     if (scheme_.properties.has_sub_worlds)
       side_.extract(now, {user.membership, reach, until_heard_s, shared}, user.border, out);
+    user.outside[now.stamp % remembered_] = user.border.outside;
     list_peers(user, now, links, out);
     count_outside_work(user, out);
     list_unconfirmed(user, now, links[u], offset_s, out);
     tell_border(user, now, links[u], out);
     out.suppression.reset();
-    const bool alone = out.states.size() == 1 && out.entering.empty() && out.ghosts.empty() && user.border.empty();
+    const bool alone =
+        out.states.size() == 1 && out.entering.empty() && user.border.outside.empty() && user.border.contacts.empty();
     if (may_suppress_ && reports.heard() && alone) out.suppression = suppression_.find(*user.spec, now);
   }
 }
@@ -194,7 +195,7 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
 bool FrameMaker::border_is_felt(const WorldNow& now, double until_s) {
   const auto moves = [&](BodyId id) { return now.motions[index(id)].state.linear_velocity.norm() > kStill_m_s; };
   for (User& user : users_) {
-    if (user.border.empty()) continue;
+    if (user.border.contacts.empty()) continue;
     const BodyId proxy = user.spec->proxy;
     const Box reach = swept_bounds(now.motions[index(proxy)].state, now.engine.bounds(proxy),
                                    scene_.settings.world.gravity.norm(), until_s);
@@ -228,7 +229,7 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
     if (own) (void)list_held();
     if (own || !scheme_.properties.replicates_peers) continue;
     const bool inside = std::ranges::binary_search(frame.members, spec.proxy);
-    const bool pushes = std::ranges::find(frame.ghost_peers, spec.proxy, &GhostPeer::proxy) != frame.ghost_peers.end();
+    const bool pushes = std::ranges::find(user.border.pushing, spec.proxy) != user.border.pushing.end();
     if ((!inside && !pushes) || list_held() || !links[p].reports().heard()) continue;
     const HapticReport& report = links[p].reports().at(now.stamp);
     if (!report.device) continue;
@@ -271,27 +272,27 @@ std::uint64_t FrameMaker::first_unconfirmed(const WorldNow& now, const UserLink&
 }
 
 void FrameMaker::tell_border(const User& user, const WorldNow& now, const UserLink& link, WorldFrame& frame) {
-  frame.border_contacts = static_cast<std::uint32_t>(std::ranges::count_if(user.border, touches));
-  border_bodies(user.border, scratch_);
+  frame.border_contacts = static_cast<std::uint32_t>(std::ranges::count_if(user.border.contacts, touches));
+  border_bodies(user.border.contacts, scratch_);
   frame.border_bodies = static_cast<std::uint32_t>(scratch_.size());
-  frame.border = user.border;
+  frame.border = user.border.contacts;
   if (tells_all_pairs_) return;
-  // A ghost begins clear of what it touches; then its model is enough.
+  // An outside body begins clear of what it touches; then the scheme's part of the frame is enough.
   const std::uint64_t oldest = first_unconfirmed(now, link);
   const bool any_confirmed = link.reports().heard() && oldest < now.stamp;
-  const auto begins = [&](const GhostModel& ghost) {
+  const auto begins = [&](const OutsideBody& body) {
     const auto is_as_before = [&](std::uint64_t stamp) {
-      const std::vector<GhostModel>& ghosts = user.frames[stamp % remembered_].ghosts;
-      const auto before = find_sorted(ghosts, ghost.outside, &GhostModel::outside);
-      return before != ghosts.end() && before->carried.has_value() == ghost.carried.has_value();
+      const std::vector<OutsideBody>& outside = user.outside[stamp % remembered_];
+      const auto before = find_sorted(outside, body.id, &OutsideBody::id);
+      return before != outside.end() && before->form == body.form;
     };
     bool known = any_confirmed;
     for (std::uint64_t j = oldest; j < now.stamp && known; ++j) known = is_as_before(j);
     return !known;
   };
   scratch_.clear();
-  for (const GhostModel& ghost : frame.ghosts) {
-    if (begins(ghost)) scratch_.push_back(ghost.outside);
+  for (const OutsideBody& body : user.border.outside) {
+    if (begins(body)) scratch_.push_back(body.id);
   }
   std::erase_if(frame.border,
                 [&](const BoundaryContact& p) { return !std::ranges::binary_search(scratch_, p.outside); });
@@ -301,6 +302,11 @@ void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const U
                                   WorldFrame& frame) {
   const auto published_state = [&](BodyId id) { return advanced(now.engine.state(id), offset_s); };
   const auto past = [&](std::uint64_t stamp) -> const WorldFrame& { return user.frames[stamp % remembered_]; };
+  // Whether a sub-world that has taken the frame of a stamp holds the body, in whatever role.
+  const auto names = [&](std::uint64_t stamp, BodyId id) {
+    return std::ranges::binary_search(past(stamp).members, id) || std::ranges::binary_search(past(stamp).fixed, id) ||
+           std::ranges::binary_search(user.outside[stamp % remembered_], id, {}, &OutsideBody::id);
+  };
   // A body may have left and come back since the last frame that the haptic process confirmed: what counts as there is
   // what every frame since then lists. States go out for all that any of them lists.
   std::vector<BodyId>& wanted = scratch_;
@@ -310,15 +316,15 @@ void FrameMaker::list_unconfirmed(const User& user, const WorldNow& now, const U
   frame.entering.clear();
   const auto list = [&](BodyId id) {
     bool there = any_confirmed;
-    for (std::uint64_t j = oldest; j < now.stamp && there; ++j) there = names(past(j), id);
+    for (std::uint64_t j = oldest; j < now.stamp && there; ++j) there = names(j, id);
     if (!there) frame.entering.push_back({nameless(scene_.body(id)), published_state(id)});
   };
   if (scheme_.properties.has_sub_worlds) {
     std::ranges::for_each(frame.members, list);
     std::ranges::for_each(frame.fixed, list);
-    for (const GhostModel& ghost : frame.ghosts) list(ghost.outside);
+    for (const OutsideBody& body : user.border.outside) list(body.id);
   }
-  for (const GhostModel& ghost : frame.ghosts) wanted.push_back(ghost.outside);
+  for (const OutsideBody& body : user.border.outside) wanted.push_back(body.id);
   for (std::uint64_t j = oldest; j < now.stamp; ++j) {
     wanted.insert(wanted.end(), past(j).members.begin(), past(j).members.end());
   }

@@ -48,10 +48,8 @@ class FrameMaker {
   [[nodiscard]] WorldFrame& frame(std::size_t user, std::uint64_t stamp) {
     return users_[user].frames[stamp % users_[user].frames.size()];
   }
-  /// Between the sub-world's bodies and others, at the newest stamp: contacts, and what may become one.
-  [[nodiscard]] const std::vector<BoundaryContact>& border(std::size_t user) const noexcept {
-    return users_[user].border;
-  }
+  /// At the newest stamp.
+  [[nodiscard]] const Border& border(std::size_t user) const noexcept { return users_[user].border; }
   [[nodiscard]] const Membership& membership(std::size_t user) const noexcept { return users_[user].membership; }
   [[nodiscard]] const SelectionFacts& selection(std::size_t user) const noexcept { return users_[user].selection; }
   /// How many sub-worlds hold a body.
@@ -63,12 +61,13 @@ class FrameMaker {
     std::vector<PeerContact> felt;  ///< of the other users whom this one may feel
     double outside_work_j = 0.0;    ///< see WorldFrame
     Membership membership;
-    std::vector<BoundaryContact> border;
+    Border border;
     Budget budget;
     CostCorrection correction;
     SelectionFacts selection;
-    std::vector<WorldFrame> frames;  ///< by stamp
-    std::vector<BodyId> near;        ///< what the proxy may reach within `near_for_s`
+    std::vector<WorldFrame> frames;                 ///< by stamp
+    std::vector<std::vector<OutsideBody>> outside;  ///< by stamp
+    std::vector<BodyId> near;                       ///< what the proxy may reach within `near_for_s`
     double near_for_s = kNever_s;
   };
   static constexpr double kNever_s = -1.0;

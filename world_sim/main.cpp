@@ -52,6 +52,43 @@ std::optional<subworld::WorldCheckpoint> checkpoint_of(const subworld::Options& 
   return from;
 }
 
+/// Lets the world come to rest, or goes on from the checkpoint. False when asked to stop.
+bool prepare(subworld::WorldPorts& ports, subworld::World& world, const subworld::WorldCheckpoint* from) {
+  ports.status.enter("settling");
+  if (from != nullptr) {
+    world.resume(*from);
+    return true;
+  }
+  Progress progress;
+  return world.settle([&](double part) {
+    ports.status.done(part);
+    return progress(part);
+  });
+}
+
+/// The run, and its results.
+void run_world(const subworld::WorldRun& run, const std::optional<subworld::WorldCheckpoint>& from, double settle_s) {
+  using namespace subworld;
+  const auto& [options, scene, ports, world, measures, exchange, checkpoints, awaited] = run;
+  const bool realtime = scene.settings.mode == Mode::realtime;
+  const double from_s = world.facts().time_s;
+  Ending ending =
+      ended([&] { return realtime ? run_realtime(run) : run_lockstep(run); },
+            [&] { return Ending{.session = ports.session, .from_s = from_s, .to_s = world.facts().time_s}; });
+  ports.status.enter("stopping");  // the launcher does not start it again
+  fmt::print("world_sim: the run is over at t = {:.3f} s\n", ending.to_s);
+  std::fflush(stdout);
+  WorldPart part = measures.result(world, settle_s);
+  part.world.checkpoints = checkpoints.result();
+  if (from) part.world.resumed_from_s = from_s;
+  part.arguments = settings_flags_of(options);
+  part.world.dds = ports.bus->effective_settings();
+  part.world.events = ports.status.events_of_run();
+  part.world.refused = ports.refused();
+  if (ending.fault.empty()) ending.fault = measures.fault();
+  conclude(options.out.empty() ? "" : options.out + "/world.json", part, ending);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -65,7 +102,8 @@ int main(int argc, char** argv) {
     if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
     WorldPorts ports(options, scene);
     if (realtime) leave_realtime();
-    WorldMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
+    const auto say = [&](std::string text) { ports.status.note(std::move(text)); };
+    WorldMeasures measures(options, scene, say);
     if (from && options.resume == options.out) measures.goes_back();
     fmt::print("world_sim: {}\n", ports.bus->effective_settings());
     const std::string last = options.out.empty() ? "" : options.out + "/last_world_sim.csv";
@@ -75,43 +113,15 @@ int main(int argc, char** argv) {
       EngineExchange exchange(
           realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
       watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
-      const TimePoint begin = Clock::now();
+      const TimePoint began = Clock::now();
       ports.describe(scene, world.engine());
-      ports.status.enter("settling");
-      Progress progress;
-      const auto settling = [&](double part) {
-        ports.status.done(part);
-        return progress(part);
-      };
-      if (from) {
-        world.resume(*from);
-        measures.resume(from->absences);
-      } else if (!world.settle(settling)) {
-        return;
-      }
-      const double settle_s = to_seconds(Clock::now() - begin);
+      if (from) measures.resume(from->absences);
+      if (!prepare(ports, world, from ? &*from : nullptr)) return;
+      const double settle_s = to_seconds(Clock::now() - began);
       const std::vector<bool> awaited = awaited_users(options, scene, measures.absences());
-      if (await_peers(ports, options, awaited)) {
-        const double from_s = world.facts().time_s;
-        CheckpointWriter checkpoints(options, scene, world, ports.session,
-                                     [&](std::string text) { ports.status.note(std::move(text)); });
-        const WorldRun run{options, scene, ports, world, measures, exchange, checkpoints, awaited};
-        Ending ending =
-            ended([&] { return realtime ? run_realtime(run) : run_lockstep(run); },
-                  [&] { return Ending{.session = ports.session, .from_s = from_s, .to_s = world.facts().time_s}; });
-        ports.status.enter("stopping");  // the launcher does not start it again
-        fmt::print("world_sim: the run is over at t = {:.3f} s\n", ending.to_s);
-        std::fflush(stdout);
-        WorldPart part = measures.result(world, settle_s);
-        part.world.checkpoints = checkpoints.result();
-        if (from) part.world.resumed_from_s = from_s;
-        part.arguments = settings_flags_of(options);
-        part.world.dds = ports.bus->effective_settings();
-        part.world.events = ports.status.events_of_run();
-        part.world.refused = ports.refused();
-        if (ending.fault.empty()) ending.fault = measures.fault();
-        conclude(options.out.empty() ? "" : options.out + "/world.json", part, ending);
-      }
+      if (!await_peers(ports, options, awaited)) return;
+      CheckpointWriter checkpoints(options, scene, world, ports.session, say);
+      run_world({options, scene, ports, world, measures, exchange, checkpoints, awaited}, from, settle_s);
     });
   });
 }

@@ -218,7 +218,8 @@ double World::half_step_offset_s() const {
 UserFacts World::user_facts(std::size_t user) const noexcept {
   const UserLink& link = links_[user];
   return {link.reports().waits_for_frame(facts_.stamp),
-          frames_.border(user),
+          frames_.border(user).contacts,
+          frames_.border(user).outside.size(),
           frames_.selection(user),
           link.impulse(),
           link.reports().newest_stamp(),
@@ -237,7 +238,7 @@ void World::look(WorldView& view) const {
     seen.proxy = links_[u].spec().proxy;
     seen.members = frames_.membership(u).members;
     seen.border.clear();
-    std::ranges::copy_if(frames_.border(u), std::back_inserter(seen.border), touches);
+    std::ranges::copy_if(frames_.border(u).contacts, std::back_inserter(seen.border), touches);
     seen.wrench = mean_wrench(reports.before(), reports.newest());
   }
 }

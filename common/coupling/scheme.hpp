@@ -33,6 +33,8 @@ struct SchemeProperties {
   /// Cycles by which the sub-world runs ahead. 0: both simulate the same cycle at the same time. 1: the world simulates
   /// a cycle when it knows what the user did in it.
   int lead_cycles = 0;
+  /// Late messages make it create energy.
+  bool creates_energy_late = false;
   /// Longest step of the world's engine, s, where the scene does not say how many sub-steps it makes.
   double longest_world_step_s = INFINITY;
 };
@@ -62,6 +64,10 @@ struct Scheme {
   std::unique_ptr<WorldSide> (*make_world_side)(const Scene& scene);
   /// Null without sub-worlds. `remembered_cycles`: how far back stamps are asked for.
   std::unique_ptr<SubWorldSide> (*make_sub_world_side)(const Scene& scene, std::uint64_t remembered_cycles);
+  /// Whether what only this scheme reads in a frame fits the scene.
+  bool (*accepts)(const WorldFrame& frame, const Scene& scene) noexcept = [](const WorldFrame&, const Scene&) noexcept {
+    return true;
+  };
 };
 
 /// All there are, by name.

@@ -39,9 +39,9 @@ class SubWorldSide {
   /// Before each step of `dt` s. `operators_n`: sum of the forces of all operators on bodies in the engine, N.
   virtual void begin(Engine& engine, double dt, double operators_n, std::span<const PeerPull> peers) = 0;
   /// After each step.
-  virtual void end(const Engine& engine, double dt) = 0;
+  virtual void end(const Engine& /*engine*/, double /*dt*/) {}
   /// Stores the states of the border's bodies at a stamp.
-  virtual void log(std::uint64_t stamp, const Engine& engine) = 0;
+  virtual void log(std::uint64_t /*stamp*/, const Engine& /*engine*/) {}
 };
 
 }  // namespace subworld

@@ -51,6 +51,19 @@ struct Inside {
   const std::function<bool(BodyId)>& shared;  ///< whether other sub-worlds hold the body as well
 };
 
+/// A body at the border whose state the sub-world gets.
+struct OutsideBody {
+  BodyId id{};
+  std::uint8_t form = 0;  ///< that the scheme gives it there; where this changes, the body begins anew
+};
+
+/// What is around a sub-world at one stamp.
+struct Border {
+  std::vector<BoundaryContact> contacts;
+  std::vector<OutsideBody> outside;  ///< ascending
+  std::vector<BodyId> pushing;       ///< proxies of other users whose devices the sub-world needs
+};
+
 /// How the user acts on the world's copy of the proxy during one step of the world's engine.
 struct ProxyDrive {
   Wrench wrench;                     ///< constant
@@ -73,9 +86,9 @@ class WorldSide {
                                          const HapticReport& now, double until_s) const = 0;
   /// A new stamp, of which `extract` follows for each user. Not called without sub-worlds.
   virtual void begin(const WorldNow& /*now*/) {}
-  /// Fills `border`, and ghosts and islands of the frame. Not called without sub-worlds.
-  virtual void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border,
-                       WorldFrame& frame) = 0;
+  /// Fills `border`, which is as it was at the stamp before, and of the frame the islands and what only the scheme
+  /// reads. Not called without sub-worlds.
+  virtual void extract(const WorldNow& now, const Inside& inside, Border& border, WorldFrame& frame) = 0;
 };
 
 }  // namespace subworld

@@ -2,6 +2,7 @@
 
 #include "coupling/oscillation.hpp"
 #include "coupling/plan.hpp"
+#include "coupling/scheme.hpp"
 #include "judge/summary.hpp"
 #include "wire/topics.hpp"
 
@@ -348,9 +349,8 @@ std::vector<Gate> gates(const RunResults& run) {
        run.energy_excess_j,
        most_gained_j(run),
        {Culprit::unstable,
-        run.scene.settings.scheme == "paper"
-            ? "the operators did not put it in: with late messages the scheme paper creates it; --scheme reduced, or "
-              "less delay"
+        scheme_of(run.scene.settings).properties.creates_energy_late
+            ? "the operators did not put it in: with late messages this --scheme creates it; another one, or less delay"
             : "the operators did not put it in; a smaller --ratio, --set world.preset=quality, or another --engine"}}};
   const double reports =
       static_cast<double>(world.cycles) * static_cast<double>(std::max<std::size_t>(1, run.haptic.size()));

@@ -87,6 +87,8 @@ std::vector<std::string> offences(const std::string& file, const std::string& te
     const std::string other = path.find('/') == std::string::npos ? room : path.substr(0, path.find('/'));
     const bool ours = kMayInclude.contains(other) || other == "tests" || other == "support";
     if (ours && match[1] == "\"" && !kMayInclude.at(room).contains(other)) report(room + " may not know " + other);
+    static const std::regex kScheme("coupling/(schemes/)?(direct|paper|reduced)/.*");
+    if (std::regex_match(path, kScheme) && room != "coupling") report("only coupling may know which schemes there are");
     for (const Foreign& library : foreign()) {
       if (std::regex_match(included, library.includes) && !std::regex_match(file, library.files))
         report(std::string(library.name) + " may not be known here");
@@ -145,6 +147,9 @@ TEST(Includes, MadeUpSourcesAreJudged) {
       {"common/physics/bullet/shapes.cpp", "#include <btBulletDynamicsCommon.h>", true},
       {"common/coupling/a.cpp", "#include \"physics/engine.hpp\"", true},
       {"common/coupling/a.cpp", "#include \"wire/bus.hpp\"", false},
+      {"common/coupling/schemes/a.cpp", "#include \"coupling/schemes/paper/paper.hpp\"", true},
+      {"haptic_sim/a.cpp", "#include \"coupling/schemes/paper/paper.hpp\"", false},
+      {"haptic_sim/a.cpp", "#include \"coupling/schemes/scheme.hpp\"", true},
       {"common/coupling/a.cpp", "#include \"rt/cyclic.hpp\"", false},
       {"common/wire/bus.cpp", "#include <fastdds/dds/topic/Topic.hpp>", false},
       {"common/wire/fastdds/peers.hpp", "#include <fastdds/dds/topic/Topic.hpp>", true},

@@ -13,7 +13,7 @@ class DirectWorldSide final : public WorldSide {
     if (user.device.kind == DeviceKind::admittance) return {device.applied, std::nullopt, {}};
     return {{}, DevicePose{device.pose, device.linear_velocity, device.angular_velocity}, limits_of(user.device)};
   }
-  void extract(const WorldNow&, const Inside&, std::vector<BoundaryContact>&, WorldFrame&) override {}
+  void extract(const WorldNow&, const Inside&, Border&, WorldFrame&) override {}
 };
 
 Correction direct_correction(const CopyPair&, const Indicators&, const Settings&) noexcept { return {}; }

@@ -18,9 +18,9 @@ class PaperWorldSide final : public WorldSide {
     if (!settings_.device_force_in_world) return {};
     return {mean, std::nullopt, {}};
   }
-  void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border, WorldFrame&) override {
+  void extract(const WorldNow& now, const Inside& inside, Border& border, WorldFrame&) override {
     now.graph.contacts_of(inside.membership.members, contacts_);
-    extract_border(contacts_, inside.membership, border);
+    extract_border(contacts_, inside.membership, border.contacts);
   }
 
  private:
@@ -52,8 +52,6 @@ class FrozenBorder final : public SubWorldSide {
       if (engine.contains(i.body)) engine.apply_impulse(i.body, i.impulse, i.point);
     }
   }
-  void end(const Engine&, double) override {}
-  void log(std::uint64_t, const Engine&) override {}
 
  private:
   double cycle_s_ = 1.0;  ///< over which the world had these impulses
@@ -88,7 +86,8 @@ void frozen_impulses(std::span<const BoundaryContact> border, double fraction, s
 
 constinit const Scheme kPaper{.properties = {.name = "paper",
                                              .summary = "Glondu et al. 2010: frozen border impulses, blended copies",
-                                             .weighs_impulses = true},
+                                             .weighs_impulses = true,
+                                             .creates_energy_late = true},
                               .correction = paper_correction,
                               .make_world_side = [](const Scene& scene) -> std::unique_ptr<WorldSide> {
                                 return std::make_unique<PaperWorldSide>(scene.settings.paper);

@@ -28,6 +28,17 @@ Role role_of(const GhostModel& model) noexcept { return model.approaching ? Role
 
 }  // namespace
 
+bool ghosts_fit(const WorldFrame& frame, const Scene& scene) noexcept {
+  const auto in_scene = [&](BodyId id) { return index(id) < scene.bodies.size(); };
+  const auto possible = [&](const GhostModel& ghost) {
+    if (!in_scene(ghost.outside)) return false;
+    const Body& body = scene.body(ghost.outside);
+    return !body.fixed() && (!ghost.carried || holds(*ghost.carried, body));
+  };
+  return std::ranges::all_of(frame.ghosts, possible) &&
+         std::ranges::all_of(frame.ghost_peers, in_scene, &GhostPeer::proxy);
+}
+
 Ghosts::Ghosts(const Scene& scene, std::uint64_t remembered_cycles) : scene_(scene), remembered_(remembered_cycles) {
   ghosts_.reserve(kUsualMembers);
   spare_logs_.assign(kUsualMembers, std::vector<Logged>(remembered_));

@@ -12,6 +12,9 @@
 
 namespace subworld {
 
+/// Whether the scene has all ghosts of a frame, and whether each can be as it is said to be.
+[[nodiscard]] bool ghosts_fit(const WorldFrame& frame, const Scene& scene) noexcept;
+
 /// The outside bodies that touch a sub-world, or soon may, as its engine sees them: their real shapes, which meet
 /// members, and the loose ones also other ghosts, and move by their reduced models along their axes, by the world's
 /// states across them; or, carried by the inside alone, as the rigid bodies that they are.

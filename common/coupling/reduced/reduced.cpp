@@ -56,6 +56,7 @@ constinit const Scheme kReduced{
     .make_world_side = make_reduced_world_side,
     .make_sub_world_side = [](const Scene& scene, std::uint64_t remembered_cycles) -> std::unique_ptr<SubWorldSide> {
       return std::make_unique<Ghosts>(scene, remembered_cycles);
-    }};
+    },
+    .accepts = ghosts_fit};
 
 }  // namespace subworld

@@ -24,22 +24,26 @@ class ReducedWorldSide final : public WorldSide {
   }
 
   void begin(const WorldNow&) override { swept_for_s_ = kNever_s; }
-  void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border,
-               WorldFrame& frame) override {
+  void extract(const WorldNow& now, const Inside& inside, Border& border, WorldFrame& frame) override {
     // Only a border reads the friction of contacts, and some engines must estimate it.
+    std::vector<BoundaryContact>& pairs = border.contacts;
     const auto find_contacts = [&] {
       now.graph.contacts_of(inside.membership.members, contacts_);
-      extract_border(contacts_, inside.membership, border);
+      extract_border(contacts_, inside.membership, pairs);
     };
     find_contacts();
-    if (!border.empty() && now.find_friction()) find_contacts();
-    find_approaching(now, inside, border);
-    if (!border.empty() && now.find_friction()) {  // an approaching body may rest on contacts
+    if (!pairs.empty() && now.find_friction()) find_contacts();
+    find_approaching(now, inside, pairs);
+    if (!pairs.empty() && now.find_friction()) {  // an approaching body may rest on contacts
       find_contacts();
-      find_approaching(now, inside, border);
+      find_approaching(now, inside, pairs);
     }
-    modeller_.model(border, {inside.membership, now.graph, now.motions, now.cycle_s, now.pulls}, frame.ghosts,
+    modeller_.model(pairs, {inside.membership, now.graph, now.motions, now.cycle_s, now.pulls}, frame.ghosts,
                     frame.ghost_peers);
+    border.outside.clear();
+    for (const GhostModel& ghost : frame.ghosts) border.outside.push_back({ghost.outside, ghost.carried.has_value()});
+    border.pushing.clear();
+    for (const GhostPeer& peer : frame.ghost_peers) border.pushing.push_back(peer.proxy);
     Authority::label(scene_, islands_, inside.membership.members, contacts_, inside.shared, frame.islands);
   }
 

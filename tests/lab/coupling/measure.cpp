@@ -223,7 +223,7 @@ std::optional<Outcome> run_out(const Scene& scene) {
     for (std::size_t u = 0; u < run->subs.size(); ++u) {
       const WorldFrame& frame = run->frame(u);
       out.members.add(static_cast<double>(frame.members.size()));
-      out.ghosts.add(static_cast<double>(frame.ghosts.size()));
+      out.ghosts.add(static_cast<double>(run->world.user_facts(u).outside));
       out.border_pairs.add(static_cast<double>(run->world.user_facts(u).border.size()));
     }
   }

@@ -12,8 +12,8 @@ class ExampleWorldSide final : public WorldSide {
                    double) const override {
     return {mean, std::nullopt, {}};
   }
-  void extract(const WorldNow& now, const Inside& inside, std::vector<BoundaryContact>& border, WorldFrame&) override {
-    extract_border(now.contacts, inside.membership, border);
+  void extract(const WorldNow& now, const Inside& inside, Border& border, WorldFrame&) override {
+    extract_border(now.contacts, inside.membership, border.contacts);
   }
 };
 
@@ -23,8 +23,6 @@ class NothingOutside final : public SubWorldSide {
   std::optional<BodyState> release(BodyId, Engine&) override { return std::nullopt; }
   void clear(Engine&) override {}
   void begin(Engine&, double, double, std::span<const PeerPull>) override {}
-  void end(const Engine&, double) override {}
-  void log(std::uint64_t, const Engine&) override {}
 };
 
 Correction correction(const CopyPair& pair, const Indicators&, const Settings&) noexcept {
