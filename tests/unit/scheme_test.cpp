@@ -2,6 +2,7 @@
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
 #include "lab/session/variants.hpp"
+#include "support/grid.hpp"
 #include "support/scene_text.hpp"
 
 #include <gtest/gtest.h>
@@ -75,14 +76,18 @@ TEST_P(ClosedScene, IsFeltWithoutError) {
   EXPECT_LE(force_error(coupled.felt[0].force, reference.felt[0].force, scene.settings.h_s).rms, 0.005);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Scenes, ClosedScene,
-    testing::Values(Closed{"press", "paper", 1}, Closed{"press", "paper", 10}, Closed{"press", "reduced", 4},
-                    Closed{"press", "reduced", 10}, Closed{"press", "reduced", 20, 0.1}, Closed{"scatter", "paper", 4},
-                    Closed{"scatter", "paper", 10}, Closed{"scatter", "reduced", 4}, Closed{"scatter", "reduced", 10}),
-    [](const auto& tested) {
-      return tested.param.scene + "_" + tested.param.scheme + "_r" + std::to_string(tested.param.ratio);
-    });
+std::string name_of_closed(const testing::TestParamInfo<Closed>& tested) {
+  return tested.param.scene + "_" + tested.param.scheme + "_r" + std::to_string(tested.param.ratio);
+}
+INSTANTIATE_TEST_SUITE_P(Scenes, ClosedScene,
+                         testing::Values(Closed{"press", "paper", 1}, Closed{"press", "paper", 10},
+                                         Closed{"press", "reduced", 4}, Closed{"press", "reduced", 20, 0.1},
+                                         Closed{"scatter", "paper", 4}, Closed{"scatter", "reduced", 10}),
+                         name_of_closed);
+INSTANTIATE_TEST_SUITE_P(Full, ClosedScene,
+                         testing::Values(Closed{"press", "reduced", 10}, Closed{"scatter", "paper", 10},
+                                         Closed{"scatter", "reduced", 4}),
+                         name_of_closed);
 
 double error_on_row(const std::string& scheme, int ratio, const std::vector<Vec3>& reference,
                     const DelaySettings& delay = {}) {
@@ -160,11 +165,13 @@ TEST_P(UnseenScenes, AreFeltThroughTheirBorder) {
   EXPECT_LE(error(20, 4), 0.035);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Variants, UnseenScenes,
-    testing::Combine(testing::Values("row", "raft", "hidden_load", "heavy_outside", "slope", "pyramid"),
-                     testing::Values(1, 2)),
-    [](const auto& tested) { return std::get<0>(tested.param) + "_" + std::to_string(std::get<1>(tested.param)); });
+const auto kUnseen = test::halves<std::string, int>(
+    {"row", "raft", "hidden_load", "heavy_outside", "slope", "pyramid"}, {1, 2});
+std::string name_of_unseen(const testing::TestParamInfo<std::tuple<std::string, int>>& tested) {
+  return std::get<0>(tested.param) + "_" + std::to_string(std::get<1>(tested.param));
+}
+INSTANTIATE_TEST_SUITE_P(Variants, UnseenScenes, testing::ValuesIn(kUnseen.half), name_of_unseen);
+INSTANTIATE_TEST_SUITE_P(Full, UnseenScenes, testing::ValuesIn(kUnseen.other), name_of_unseen);
 
 // If the ghost moved as the world's body, the errors would be 4 and 14 %.
 TEST(Reduced, TipsAndMovesBodiesThatTheInsideCarries) {
