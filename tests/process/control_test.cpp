@@ -53,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(FullRealtime, LiveChange, ::testing::Values(std::tuple{
                          [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
 
 TEST_F(Control, NarrowsTheBoundsOfTheRatio) {
-  Process process(run_words(scene("press"), {"--mode", "realtime", "--duration", "600", "--ratio", "4-12"}),
+  Process process(run_words(scene("press"), {"--mode", "lockstep", "--duration", "600", "--ratio", "4-12"}),
                   folder_.path());
   const Ended narrow = control({"ratio", "--ratio", "7"});
   EXPECT_EQ(narrow.code, 0) << narrow.err;
@@ -78,7 +78,7 @@ TEST_F(Control, RefusesToChangeAFixedRatio) {
 }
 
 TEST_F(Control, PausesStepsResumesAndStops) {
-  Process process(run_words(scene("press"), {"--mode", "realtime", "--duration", "600"}), folder_.path());
+  Process process(run_words(scene("press"), {"--mode", "lockstep", "--duration", "600"}), folder_.path());
   for (const char* verb : {"pause", "step", "resume", "stop"}) {
     const Ended ended = control({verb});
     EXPECT_EQ(ended.code, 0) << verb << ": " << ended.err;

@@ -137,7 +137,8 @@ TEST_P(OtherScene, OfADeviceIsRefusedAndTheOthersLearnWhy) {
   for (const Started& one : started_) EXPECT_TRUE(one.process->wait()) << one.name;
 }
 
-INSTANTIATE_TEST_SUITE_P(Modes, OtherScene, ::testing::Values("lockstep", "realtime"),
+INSTANTIATE_TEST_SUITE_P(Modes, OtherScene, ::testing::Values("lockstep"), [](const auto& one) { return one.param; });
+INSTANTIATE_TEST_SUITE_P(FullRealtime, OtherScene, ::testing::Values("realtime"),
                          [](const auto& one) { return one.param; });
 
 TEST_F(ByHandEnds, AProgramThatIsRefusedLeavesTheHistoryOfTheKilledOne) {
@@ -155,8 +156,8 @@ TEST_F(ByHandEnds, AProgramThatIsRefusedLeavesTheHistoryOfTheKilledOne) {
 TEST_F(RunEnds, AHistoryHoldsWhatAKilledProgramHasDone) {
   start("realtime", "fastdds", "1000");
   if (HasFatalFailure()) return;
-  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
-  const std::size_t at_least = 500;  // of the 1500 and more steps that were made
+  std::this_thread::sleep_for(std::chrono::milliseconds(700));
+  const std::size_t at_least = 300;  // of the 700 and more steps that were made
   signal("haptic_sim", SIGKILL);
   EXPECT_EQ(process_->wait(), 1);
   const Table table = read_table(out() + "/haptic_0.csv");

@@ -148,10 +148,11 @@ INSTANTIATE_TEST_SUITE_P(FullRealtime, SecondProgram, ::testing::ValuesIn(of_mod
 
 using Foreign = std::tuple<std::string, ForeignWriter>;
 std::string name_of_foreign(const ::testing::TestParamInfo<Foreign>& one) { return std::get<1>(one.param).kind; }
-/// Those of the short tests, some in each mode, or the others: each topic, and each way in which a writer is recognised.
+/// Those of the short tests, some in each mode, or the others: each topic, and each way in which a writer is
+/// recognised.
 std::vector<Foreign> foreign_writers(const std::string& mode, bool others = false) {
-  static const std::set<std::string> kRealtime{"last_frame", "jumping_state", "second_device", "huge_command",
-                                               "far_report", "second_world"};
+  static const std::set<std::string> kRealtime{"last_frame",   "jumping_state", "second_device",
+                                               "huge_command", "far_report",    "second_world"};
   static const std::set<std::string> kLockstep{"moved_frame", "flipping_command", "second_haptic"};
   std::vector<Foreign> found;
   for (const ForeignWriter& one : kForeignWriters) {

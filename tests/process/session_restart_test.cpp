@@ -20,10 +20,12 @@ class SessionRestarts : public SessionsByShell, public ::testing::WithParamInter
  protected:
   static constexpr double kDuration_s = 5.0;
 
-  [[nodiscard]] std::string realtime_session(const std::string& passage = "", const std::string& by = "") const {
+  [[nodiscard]] std::string realtime_session(const std::string& passage = "", const std::string& by = "",
+                                             const std::string& duration = "5") const {
     std::string text = read_text(session(passage, by));
     const std::string flags = "mode: lockstep, duration: 0.2";
-    return folder_.write("session.yaml", text.replace(text.find(flags), flags.size(), "mode: realtime, duration: 5"));
+    return folder_.write("session.yaml",
+                         text.replace(text.find(flags), flags.size(), "mode: realtime, duration: " + duration));
   }
   /// Kills it when its history has enough rows. `folder`: a part of its command line.
   void kill_in_the_middle(const Victim& victim, const std::string& folder, const std::string& history,
@@ -76,8 +78,7 @@ TEST_P(SessionRestarts, InNamespacesServeEveryUserToTheEnd) {
   expect_restarted(victim);
 }
 
-INSTANTIATE_TEST_SUITE_P(Programs, SessionRestarts,
-                         ::testing::Values(Victim{"device_sim", "0", "left"}),
+INSTANTIATE_TEST_SUITE_P(Programs, SessionRestarts, ::testing::Values(Victim{"device_sim", "0", "left"}),
                          [](const auto& one) { return one.param.program; });
 INSTANTIATE_TEST_SUITE_P(FullRealtime, SessionRestarts,
                          ::testing::Values(Victim{"world_sim", "", "world"}, Victim{"haptic_sim", "1", "right"}),
@@ -105,7 +106,7 @@ TEST_F(SessionRestarts, AWorldOnADistantHostThatFailsAfterItsResultsIsNotStarted
   const std::string starts = folder_.path() + "/starts";
   std::filesystem::copy(write_script("world", "echo >> " + starts + "; " + program("world_sim") + " \"$@\"; exit 1"),
                         world);
-  const std::string file = realtime_session("  - name: world\n", "  - name: world\n    ssh: user@10.0.0.1\n");
+  const std::string file = realtime_session("  - name: world\n", "  - name: world\n    ssh: user@10.0.0.1\n", "1");
   const std::string mark = "failed_" + std::to_string(getpid());
   const Ended ended = finish(up(file, folder_.path() + "/" + mark, {"--ssh", ssh(), "--restart", "on-failure"}));
   EXPECT_EQ(ended.code, 1) << ended.err << ended.out;

@@ -57,7 +57,7 @@ INSTANTIATE_TEST_SUITE_P(Full, NamespacedSessions, ::testing::Values("fastdds", 
 
 TEST_F(Sessions, AHostInANamespaceIsEnteredWithThePrintedCommand) {
   if (!has_namespaces()) GTEST_SKIP() << "network namespaces are not permitted here";
-  const std::string file = session("mode: lockstep, duration: 0.2", "mode: realtime, duration: 1000");
+  const std::string file = session("duration: 0.2", "duration: 1000");
   Process process(up(file, out(), {"--namespaces"}), folder_.path());
   ASSERT_TRUE(eventually([&] { return read_text(out() + "/hosts/right/haptic_1.csv").size() > 10000; }))
       << process.err();
