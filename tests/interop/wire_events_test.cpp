@@ -142,7 +142,8 @@ TEST_P(WireEvents, a_writer_that_leaves_unmatches_and_the_wait_returns_for_it) {
   EXPECT_EQ(reader.alive_writers(), 0);
 }
 
-INSTANTIATE_TEST_SUITE_P(Pairs, WireEvents, test::kAllPairs, test::name_of_pair);
+INSTANTIATE_TEST_SUITE_P(Pairs, WireEvents, test::kMixedPairs, test::name_of_pair);
+INSTANTIATE_TEST_SUITE_P(FullRealtime, WireEvents, test::kEqualPairs, test::name_of_pair);
 
 }  // namespace
 }  // namespace subworld

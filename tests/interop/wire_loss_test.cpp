@@ -40,7 +40,8 @@ TEST_P(WireLoss, in_lockstep_every_report_arrives_in_order) {
   EXPECT_EQ(heard_.reports - first_.reports, heard_.stamp - first_.stamp);
 }
 
-INSTANTIATE_TEST_SUITE_P(Pairs, WireLoss, test::kAllPairs, test::name_of_pair);
+INSTANTIATE_TEST_SUITE_P(Pairs, WireLoss, test::kMixedPairs, test::name_of_pair);
+INSTANTIATE_TEST_SUITE_P(FullRealtime, WireLoss, test::kEqualPairs, test::name_of_pair);
 
 }  // namespace
 }  // namespace subworld

@@ -170,21 +170,16 @@ TEST_P(WireOpen, the_environment_is_between_the_flag_and_the_file_beside_the_pro
   unsetenv(variable);
 }
 
+/// It ends: a writer that waited for acknowledgements would exceed the time of this test.
 TEST_P(WireOpen, closing_does_not_wait_for_readers_that_are_gone) {
   auto other = open_bus(config());
-  const auto start_closing = [&] {
-    auto bus = open_bus(config());
-    auto writer = bus->writer<Control>(own_);
-    auto reader = std::make_unique<Reader<Control>>(other->reader<Control>(own_));
-    EXPECT_TRUE(until(*bus, [&] { return writer.matched() == 1 && reader->matched() == 1; }));
-    for (int i = 0; i < 100; ++i) EXPECT_TRUE(writer.write({7, ControlVerb::set_engine, std::string(60'000, 'x')}));
-    reader.reset();
-    other.reset();
-    return std::chrono::steady_clock::now();
-  };
-  const auto closing = start_closing();
-  // Half a second is expected; the bound is for a busy machine.
-  EXPECT_LT(std::chrono::steady_clock::now() - closing, std::chrono::seconds(5));
+  auto bus = open_bus(config());
+  auto writer = bus->writer<Control>(own_);
+  auto reader = std::make_unique<Reader<Control>>(other->reader<Control>(own_));
+  EXPECT_TRUE(until(*bus, [&] { return writer.matched() == 1 && reader->matched() == 1; }));
+  for (int i = 0; i < 100; ++i) EXPECT_TRUE(writer.write({7, ControlVerb::set_engine, std::string(60'000, 'x')}));
+  reader.reset();
+  other.reset();
 }
 
 TEST_P(WireOpen, leaves_nothing_in_shared_memory) {

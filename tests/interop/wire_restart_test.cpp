@@ -41,7 +41,8 @@ TEST_P(WireRestart, a_killed_program_that_starts_again_at_once_counts_once) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Pairs, WireRestart, test::kAllPairs, test::name_of_pair);
+INSTANTIATE_TEST_SUITE_P(Pairs, WireRestart, test::kMixedPairs, test::name_of_pair);
+INSTANTIATE_TEST_SUITE_P(FullRealtime, WireRestart, test::kEqualPairs, test::name_of_pair);
 
 }  // namespace
 }  // namespace subworld

@@ -200,7 +200,8 @@ TEST_P(WireStatus, a_scene_counts_only_if_its_program_is_a_world) {
   EXPECT_EQ(finder.session(), 5U);
 }
 
-INSTANTIATE_TEST_SUITE_P(Pairs, WireStatus, test::kAllPairs, test::name_of_pair);
+INSTANTIATE_TEST_SUITE_P(Pairs, WireStatus, test::kMixedPairs, test::name_of_pair);
+INSTANTIATE_TEST_SUITE_P(Full, WireStatus, test::kEqualPairs, test::name_of_pair);
 
 }  // namespace
 }  // namespace subworld

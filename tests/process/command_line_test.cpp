@@ -359,11 +359,21 @@ TEST_F(CommandLine, ALoneProgramNamesWhatIsMissing) {
                                                               {"device_sim", "start world_sim"},
                                                               {"world_sim", "start haptic_sim --user 0"},
                                                               {"gui_headless", "start world_sim"}};
+  std::vector<std::unique_ptr<TestDomain>> domains;
+  std::vector<std::unique_ptr<Process>> programs;
   for (const auto& [name, cure] : lone) {
-    const Ended ended =
-        finish({program(name), scene("press"), "--wait", "1", "--domain", domain_.text(), "--out", out()});
+    domains.push_back(std::make_unique<TestDomain>());
+    const std::string own = folder_.path() + "/" + name;
+    std::filesystem::create_directory(own);
+    programs.push_back(std::make_unique<Process>(
+        Words{program(name), scene("press"), "--wait", "1", "--domain", domains.back()->text(), "--out", own}, own));
+  }
+  for (std::size_t i = 0; i < lone.size(); ++i) {
+    const auto& [name, cure] = lone[i];
+    const Ended ended{programs[i]->wait().value_or(-1), programs[i]->out(), programs[i]->err()};
     EXPECT_EQ(ended.code, 1) << name;
-    expect_says(ended, {name + ": error:", cure, "domain " + domain_.text(), "within 1 s", "--peers", "--interface"});
+    expect_says(ended,
+                {name + ": error:", cure, "domain " + domains[i]->text(), "within 1 s", "--peers", "--interface"});
   }
 }
 

@@ -21,12 +21,15 @@ class Devices : public ProcessTest {
   [[nodiscard]] bool runs() const {
     return eventually([&] { return read_table(out() + "/device_0.csv").rows.size() > 1000; });
   }
-  [[nodiscard]] Ended end(Process& process) const {
+  /// Stops a run a little later, so that its histories have what was seen last.
+  [[nodiscard]] static Ended stop(Process& process) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    process.signal(SIGTERM);
     const auto code = process.wait();
     return {code.value_or(-1), process.out(), process.err()};
   }
   [[nodiscard]] Words words_of(const std::string& device, const std::string& driver_settings,
-                               const std::string& duration_s) const {
+                               const std::string& duration_s = "1000") const {
     return run_words(scene("press"), {"--mode", "realtime", "--duration", duration_s, "--device", device,
                                       "--device-settings", driver_settings});
   }
@@ -60,12 +63,12 @@ TEST_F(Devices, ByUdpFeelsTheForceOfTheEmulatedDevice) {
   std::filesystem::remove_all(out());  // runs() reads the history of the next run
 
   UdpDevice device(port());
-  Process process(words_of("udp", settings(), "5"), folder_.path());
+  Process process(words_of("udp", settings()), folder_.path());
   ASSERT_TRUE(runs());
   device.move_to(kPressed_m, 0.4);
   const auto equal = [&] { return std::abs(device.force_x_n() - expected_n) < 0.05 * std::abs(expected_n); };
   EXPECT_TRUE(eventually(equal, 3.0)) << device.force_x_n() << " N, the emulated one " << expected_n << " N";
-  const Ended ended = end(process);
+  const Ended ended = stop(process);
   EXPECT_EQ(ended.code, 0) << ended.err;
   EXPECT_EQ(summary()["device"][0]["driver"]["name"], "udp");
   EXPECT_EQ(summary()["haptic"][0]["device_jumps"], 0);
@@ -73,7 +76,7 @@ TEST_F(Devices, ByUdpFeelsTheForceOfTheEmulatedDevice) {
 
 TEST_F(Devices, UnpluggedHasNoForceWithin5MsAndReturnsWithARamp) {
   UdpDevice device(port());
-  Process process(words_of("udp", settings(), "6"), folder_.path());
+  Process process(words_of("udp", settings()), folder_.path());
   ASSERT_TRUE(runs());
   device.move_to(kPressed_m, 0.4);
   EXPECT_TRUE(eventually([&] { return device.force_x_n() < -15.0; }, 2.0));
@@ -84,7 +87,7 @@ TEST_F(Devices, UnpluggedHasNoForceWithin5MsAndReturnsWithARamp) {
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   device.unplug(false);
   EXPECT_TRUE(eventually([&] { return device.force_x_n() < -15.0; }, 3.0));
-  const Ended ended = end(process);
+  const Ended ended = stop(process);
   EXPECT_EQ(ended.code, 0) << ended.err;
 
   const std::vector<double> force = forces_of(read_table(out() + "/device_0.csv"));
@@ -107,7 +110,7 @@ TEST_F(Devices, UnpluggedHasNoForceWithin5MsAndReturnsWithARamp) {
 // A device of half the way: the scale and declutching bring its proxy to the same place.
 TEST_F(Devices, AreMovedBackWithoutTheProxyWhileDeclutched) {
   UdpDevice device(port());
-  Words words = words_of("udp", settings(), "6");
+  Words words = words_of("udp", settings());
   words.insert(words.end(), {"--device-scale", "2", "--device-declutch", "0"});
   Process process(words, folder_.path());
   ASSERT_TRUE(runs());
@@ -122,7 +125,7 @@ TEST_F(Devices, AreMovedBackWithoutTheProxyWhileDeclutched) {
   device.press(false);
   EXPECT_TRUE(eventually([&] { return std::abs(device.force_x_n() - before_n) < 0.1 * std::abs(before_n); }, 2.0))
       << "the proxy was moved: " << device.force_x_n() << " N, before " << before_n << " N";
-  const Ended ended = end(process);
+  const Ended ended = stop(process);
   EXPECT_EQ(ended.code, 0) << ended.err;
   EXPECT_EQ(summary()["haptic"][0]["device_jumps"], 0);
 }
@@ -192,7 +195,7 @@ TEST_F(Devices, OfAnotherMakerAreBuiltOutsideTheTreeCheckedAndRun) {
       },
       3.0));
   std::filesystem::remove(folder_.path() + "/unplugged");
-  const Ended ended = end(process);
+  const Ended ended{process.wait().value_or(-1), process.out(), process.err()};
   EXPECT_EQ(ended.code, 0) << ended.err;
   EXPECT_NE(ended.out.find("device dhd of user 0 was absent 1 time"), std::string::npos) << ended.out;
   const double largest_n = std::stod("0" + read_text(folder_.path() + "/force"));

@@ -1,5 +1,6 @@
 // Programs that do not belong to a run: they do not affect the operator, the run continues, and its verdict names them.
 #include "process/process_test.hpp"
+#include "support/grid.hpp"
 
 #include <cmath>
 
@@ -60,7 +61,7 @@ class ForeignWriters : public ProcessTest,
 TEST_P(ForeignWriters, AreRefusedAndNamed) {
   const auto& [mode, foreign_writer] = GetParam();
   const std::string vendor = foreign_writer.kind.size() % 2 == 0 ? "fastdds" : "cyclonedds";
-  const Words flags{"--mode", mode, "--duration", mode == "realtime" ? "2.5" : "20"};
+  const Words flags{"--mode", mode, "--duration", mode == "realtime" ? "2.5" : "12"};
   Process run(run_words(scene("press"), flags), folder_.path());
   const std::string folder = folder_.path() + "/foreign_writer";
   std::filesystem::create_directories(folder);
@@ -99,23 +100,26 @@ TEST_P(SceneFlood, DoesNotPreventAStart) {
   EXPECT_NE(verdict.find(by), std::string::npos) << verdict;
 }
 
-INSTANTIATE_TEST_SUITE_P(Vendors, SceneFlood,
-                         ::testing::Combine(::testing::Values("fastdds", "cyclonedds"),
-                                            ::testing::Values("fastdds", "cyclonedds")),
-                         [](const auto& one) { return std::get<0>(one.param) + "_and_" + std::get<1>(one.param); });
+using Two = std::tuple<std::string, std::string>;
+const auto kFloods = halves<std::string, std::string>({"fastdds", "cyclonedds"}, {"fastdds", "cyclonedds"});
+std::string name_of_flood(const ::testing::TestParamInfo<Two>& one) {
+  return std::get<0>(one.param) + "_and_" + std::get<1>(one.param);
+}
+INSTANTIATE_TEST_SUITE_P(Vendors, SceneFlood, ::testing::ValuesIn(kFloods.other), name_of_flood);
+INSTANTIATE_TEST_SUITE_P(FullRealtime, SceneFlood, ::testing::ValuesIn(kFloods.half), name_of_flood);
 
 /// A real program that the run already has.
 class SecondProgram : public ProcessTest, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
 
 TEST_P(SecondProgram, IsRefusedAndTheRunGoesOn) {
   const auto& [mode, name] = GetParam();
-  const Words flags{"--mode", mode, "--duration", mode == "realtime" ? "4" : "20"};
+  const Words flags{"--mode", mode, "--duration", mode == "realtime" ? "4" : "12"};
   Process run(run_words(scene("press"), flags), folder_.path());
   ASSERT_TRUE(eventually([&] { return read_text(out() + "/device_0.csv").size() > 10000; })) << run.err();
   const std::string folder = folder_.path() + "/second";
   std::filesystem::create_directories(folder);
   Process second({program(name), scene("press"), "--domain", domain_.text(), "--mode", mode, "--duration", flags.back(),
-                  "--wait", "5"},
+                  "--wait", "2"},
                  folder);
   const auto code = second.wait();
   ASSERT_TRUE(code) << "it takes part";
@@ -128,19 +132,38 @@ TEST_P(SecondProgram, IsRefusedAndTheRunGoesOn) {
   EXPECT_GE(results["simulated_s"].get<double>(), 0.99 * std::stod(flags.back())) << results["verdict"];
 }
 
-INSTANTIATE_TEST_SUITE_P(Programs, SecondProgram,
-                         ::testing::Combine(::testing::Values("realtime", "lockstep"),
-                                            ::testing::Values("world_sim", "haptic_sim", "device_sim")),
-                         [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
+std::string name_of_second(const ::testing::TestParamInfo<Two>& one) {
+  return std::get<0>(one.param) + "_" + std::get<1>(one.param);
+}
+const auto kSeconds =
+    halves<std::string, std::string>({"realtime", "lockstep"}, {"world_sim", "haptic_sim", "device_sim"});
+std::vector<Two> of_mode(std::vector<Two> all, const std::string& mode) {
+  std::erase_if(all, [&](const Two& one) { return std::get<0>(one) != mode; });
+  return all;
+}
+INSTANTIATE_TEST_SUITE_P(Programs, SecondProgram, ::testing::ValuesIn(kSeconds.half), name_of_second);
+INSTANTIATE_TEST_SUITE_P(Full, SecondProgram, ::testing::ValuesIn(of_mode(kSeconds.other, "lockstep")), name_of_second);
+INSTANTIATE_TEST_SUITE_P(FullRealtime, SecondProgram, ::testing::ValuesIn(of_mode(kSeconds.other, "realtime")),
+                         name_of_second);
 
-INSTANTIATE_TEST_SUITE_P(Realtime, ForeignWriters,
-                         ::testing::Combine(::testing::Values("realtime"), ::testing::ValuesIn(kForeignWriters)),
-                         [](const auto& one) { return std::get<1>(one.param).kind; });
-INSTANTIATE_TEST_SUITE_P(Lockstep, ForeignWriters,
-                         ::testing::Combine(::testing::Values("lockstep"),
-                                            ::testing::Values(kForeignWriters[4], kForeignWriters[9],
-                                                              kForeignWriters[12], kForeignWriters[17])),
-                         [](const auto& one) { return std::get<1>(one.param).kind; });
+using Foreign = std::tuple<std::string, ForeignWriter>;
+std::string name_of_foreign(const ::testing::TestParamInfo<Foreign>& one) { return std::get<1>(one.param).kind; }
+/// Those of the short tests, some in each mode, or the others: each topic, and each way in which a writer is
+/// recognised.
+std::vector<Foreign> foreign_writers(const std::string& mode, bool others = false) {
+  static const std::set<std::string> kRealtime{"last_frame",   "jumping_state", "second_device",
+                                               "huge_command", "far_report",    "second_world"};
+  static const std::set<std::string> kLockstep{"moved_frame", "flipping_command", "second_haptic"};
+  std::vector<Foreign> found;
+  for (const ForeignWriter& one : kForeignWriters) {
+    if ((mode == "realtime" ? kRealtime : kLockstep).contains(one.kind) != others) found.emplace_back(mode, one);
+  }
+  return found;
+}
+INSTANTIATE_TEST_SUITE_P(Realtime, ForeignWriters, ::testing::ValuesIn(foreign_writers("realtime")), name_of_foreign);
+INSTANTIATE_TEST_SUITE_P(Lockstep, ForeignWriters, ::testing::ValuesIn(foreign_writers("lockstep")), name_of_foreign);
+INSTANTIATE_TEST_SUITE_P(FullRealtime, ForeignWriters, ::testing::ValuesIn(foreign_writers("realtime", true)),
+                         name_of_foreign);
 
 }  // namespace
 }  // namespace subworld::test

@@ -1,4 +1,5 @@
 #include "process/process_test.hpp"
+#include "support/grid.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -50,10 +51,12 @@ TEST_P(RealTime, RunsForItsTimeAndEnds) {
   EXPECT_NEAR(norm(device.rows.back(), device.column("force_x_n")), 0.0, 0.05 * kForceLimit_n);
 }
 
-INSTANTIATE_TEST_SUITE_P(Vendors, RealTime,
-                         ::testing::Combine(::testing::Values("paper", "reduced"),
-                                            ::testing::Values("fastdds", "cyclonedds", "mixed")),
-                         [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
+const auto kRuns = halves<std::string, std::string>({"reduced", "paper"}, {"fastdds", "cyclonedds", "mixed"});
+std::string name_of_run(const ::testing::TestParamInfo<std::tuple<std::string, std::string>>& one) {
+  return std::get<0>(one.param) + "_" + std::get<1>(one.param);
+}
+INSTANTIATE_TEST_SUITE_P(Vendors, RealTime, ::testing::ValuesIn(kRuns.half), name_of_run);
+INSTANTIATE_TEST_SUITE_P(FullRealtime, RealTime, ::testing::ValuesIn(kRuns.other), name_of_run);
 
 // A sub-world that is too slow continues from the world's newest state. It neither freezes nor catches up.
 TEST_F(Overload, OfTheSubWorldEndsWithTheWorld) {

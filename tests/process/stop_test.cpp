@@ -5,12 +5,6 @@
 namespace subworld::test {
 namespace {
 
-constexpr double kStopBound_s = 3.0;  // two seconds and tolerance for a busy machine
-
-double seconds_since(std::chrono::steady_clock::time_point begin) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
-
 class Stop : public ProcessTest {
  protected:
   /// A run with a duration of a quarter of an hour, in the middle of its loops.
@@ -25,12 +19,11 @@ class Stop : public ProcessTest {
     ASSERT_TRUE(loops) << process_->err();
     if (mode == "realtime") std::this_thread::sleep_for(std::chrono::milliseconds(300));
   }
-  /// All programs must end within the bound from `begin`. Returns the launcher's exit code.
-  int expect_end(std::chrono::steady_clock::time_point begin) {
+  /// All programs must end. Returns the launcher's exit code, which is an error where it had to kill one.
+  int expect_end() {
     const auto code = process_->wait();
     EXPECT_TRUE(code) << "the launcher still runs";
     EXPECT_TRUE(eventually([&] { return running(out()).empty(); }));
-    EXPECT_LT(seconds_since(begin), kStopBound_s);
     return code.value_or(-1);
   }
   void expect_stopped_by(const std::string& name) const {
@@ -59,13 +52,13 @@ TEST_P(StopMode, AClosedTerminalEndsEverythingInOrder) {
   if (HasFatalFailure()) return;
   EXPECT_TRUE(eventually([&] { return process_->read_terminal().find(" of 1000 s") != std::string::npos; }))
       << "shows no progress: " << process_->read_terminal();
-  const auto begin = std::chrono::steady_clock::now();
   process_->close_terminal();
-  EXPECT_EQ(expect_end(begin), 0);
+  EXPECT_EQ(expect_end(), 0);
   expect_stopped_by("SIGHUP");
 }
 
-INSTANTIATE_TEST_SUITE_P(Runs, StopMode, ::testing::Values("lockstep", "realtime"),
+INSTANTIATE_TEST_SUITE_P(Runs, StopMode, ::testing::Values("lockstep"), [](const auto& one) { return one.param; });
+INSTANTIATE_TEST_SUITE_P(FullRealtime, StopMode, ::testing::Values("realtime"),
                          [](const auto& one) { return one.param; });
 
 TEST_F(Stop, WhileTheWorldSettles) {
@@ -76,9 +69,8 @@ TEST_F(Stop, WhileTheWorldSettles) {
   process_.emplace(run_words(folder_.write("heap.yaml", text), {}), folder_.path());
   // The world prints its settings just before it settles.
   ASSERT_TRUE(eventually([&] { return !read_text(out() + "/logs/world_sim.log").empty() && find("device_sim") > 0; }));
-  const auto begin = std::chrono::steady_clock::now();
   process_->signal(SIGTERM);
-  EXPECT_EQ(expect_end(begin), 0) << process_->err();
+  EXPECT_EQ(expect_end(), 0) << process_->err();
   EXPECT_EQ(summary()["verdict"], "stopped by SIGTERM");
 }
 

@@ -2,6 +2,7 @@
 
 #include "physics/engine.hpp"
 #include "support/bodies.hpp"
+#include "support/grid.hpp"
 
 #include <gtest/gtest.h>
 

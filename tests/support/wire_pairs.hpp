@@ -17,6 +17,11 @@ inline std::string name_of_pair(const ::testing::TestParamInfo<VendorPair>& info
   return std::string(name_of(info.param.first)) + "_to_" + name_of(info.param.second);
 }
 
+/// Each vendor in each role, and the pairs of one vendor.
+inline const auto kMixedPairs =
+    ::testing::Values(VendorPair{Vendor::fastdds, Vendor::cyclonedds}, VendorPair{Vendor::cyclonedds, Vendor::fastdds});
+inline const auto kEqualPairs =
+    ::testing::Values(VendorPair{Vendor::fastdds, Vendor::fastdds}, VendorPair{Vendor::cyclonedds, Vendor::cyclonedds});
 inline const auto kAllPairs = ::testing::Values(
     VendorPair{Vendor::fastdds, Vendor::fastdds}, VendorPair{Vendor::fastdds, Vendor::cyclonedds},
     VendorPair{Vendor::cyclonedds, Vendor::fastdds}, VendorPair{Vendor::cyclonedds, Vendor::cyclonedds});

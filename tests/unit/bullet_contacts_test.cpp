@@ -369,12 +369,13 @@ TEST_P(BulletContacts, ALookAheadGivesEqualBits) {
   EXPECT_EQ(run(), run());
 }
 
-std::vector<test::Tested> bullets_in_contact() {
+test::Halves<test::Tested> bullets_in_contact() {
   std::vector<test::Tested> all = test::tested_engines({0.001, 0.004}, {0.001, 0.004});
   std::erase_if(all, [](const test::Tested& t) { return !t.engine.starts_with("bullet"); });
-  return all;
+  return test::halves(all, 4);
 }
-INSTANTIATE_TEST_SUITE_P(Engines, BulletContacts, testing::ValuesIn(bullets_in_contact()), test::name_of);
+INSTANTIATE_TEST_SUITE_P(Engines, BulletContacts, testing::ValuesIn(bullets_in_contact().half), test::name_of);
+INSTANTIATE_TEST_SUITE_P(Full, BulletContacts, testing::ValuesIn(bullets_in_contact().other), test::name_of);
 
 }  // namespace
 }  // namespace subworld

@@ -142,12 +142,13 @@ TEST_P(BulletSmallSteps, ARestingBodyOnASlopeDoesNotCreep) {
   }
 }
 
-std::vector<test::Tested> bullets_in_small_steps() {
+test::Halves<test::Tested> bullets_in_small_steps() {
   std::vector<test::Tested> all = test::tested_engines({}, {0.001, 0.004});
   std::erase_if(all, [](const test::Tested& t) { return !t.engine.starts_with("bullet"); });
-  return all;
+  return test::halves(all, 2);
 }
-INSTANTIATE_TEST_SUITE_P(Engines, BulletSmallSteps, testing::ValuesIn(bullets_in_small_steps()), test::name_of);
+INSTANTIATE_TEST_SUITE_P(Engines, BulletSmallSteps, testing::ValuesIn(bullets_in_small_steps().half), test::name_of);
+INSTANTIATE_TEST_SUITE_P(Full, BulletSmallSteps, testing::ValuesIn(bullets_in_small_steps().other), test::name_of);
 
 }  // namespace
 }  // namespace subworld

@@ -562,8 +562,12 @@ TEST_P(Conformance, AddsAndRemovesWithoutTrace) {
   for (const Contact& c : engine->contacts()) EXPECT_NE(c.b, kOther);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, Conformance,
-                         testing::ValuesIn(test::tested_engines({0.001, 0.004}, {0.001, 1.0 / 60.0})), test::name_of);
+/// Each engine with each preset, and each step with some engine.
+test::Halves<test::Tested> conformance_grid() {
+  return test::halves(test::tested_engines({0.001, 0.004}, {0.001, 1.0 / 60.0}), 4);
+}
+INSTANTIATE_TEST_SUITE_P(Engines, Conformance, testing::ValuesIn(conformance_grid().half), test::name_of);
+INSTANTIATE_TEST_SUITE_P(Full, Conformance, testing::ValuesIn(conformance_grid().other), test::name_of);
 
 TEST(Engines, UnknownNamesAreErrorsThatNameTheCure) {
   try {

@@ -6,7 +6,6 @@
 
 #include <sys/stat.h>
 
-#include <chrono>
 #include <string>
 #include <vector>
 
@@ -294,8 +293,8 @@ TEST(SceneFile, LargeFileIsRefusedUnread) {
   EXPECT_NE(refusal(file, folder.path()).find("is larger than 16 MB"), std::string::npos);
 }
 
-TEST(SceneFile, TooManyBodiesFailAtOnce) {
-  const auto start = std::chrono::steady_clock::now();
+/// More than any memory holds: they are counted before they are made.
+TEST(SceneFile, TooManyBodiesAreRefused) {
   Lines lines;
   lines.body =
       "{name: c, shape: sphere, radius_m: 1, mass_kg: 1, repeat: {grid: {counts: [100000, 100000, 100000], "
@@ -303,7 +302,6 @@ TEST(SceneFile, TooManyBodiesFailAtOnce) {
   const TemporaryFolder folder;
   EXPECT_NE(refusal(folder.write("s.yaml", lines.text()), folder.path()).find("1000000000000000 bodies"),
             std::string::npos);
-  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
 }
 
 /// With any byte replaced, the file loads or is refused: no other exception and no crash.

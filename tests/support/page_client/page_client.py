@@ -50,7 +50,7 @@ async def stands(page):
     end = time.monotonic() + LIMIT_S
     while True:
         before = (await page.state())["time_s"]
-        await asyncio.sleep(1.0)
+        await asyncio.sleep(0.5)
         if (await page.state())["time_s"] == before:
             return before
         assert time.monotonic() < end, "the world goes on"

@@ -32,7 +32,7 @@ async def poses(page, count):
 async def rests(page, what):
     """The tool has stopped; its offset."""
     before = await poses(page, 2)
-    after = await poses(page, 8)
+    after = await poses(page, 4)
     assert after["offset"] == before["offset"] and after["orientation"] == before["orientation"], (what, before, after)
     return after["offset"]
 
@@ -146,7 +146,7 @@ async def speed(page, values):
     at = []
     for _ in range(2):
         at.append(await page.value("[performance.now() / 1000, subworld().tool.offset[0]]"))
-        await poses(page, 15)
+        await poses(page, 10)
     await do(page, "centre()")
     await rests(page, "centred")
     return abs(at[1][1] - at[0][1]) / (at[1][0] - at[0][0])
