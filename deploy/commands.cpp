@@ -4,7 +4,7 @@
 #include "record/replay.hpp"
 #include "run/control.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <map>
 #include <string>

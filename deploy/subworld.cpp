@@ -1,13 +1,13 @@
 #include "commands.hpp"
 #include "io/output.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "physics/plugin.hpp"
 #include "plan/limits.hpp"
 #include "tools.hpp"
 #include "wire/plugin.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <string_view>
 #include <vector>
@@ -113,7 +113,7 @@ int main_of(int argc, char** argv) {
   become_program(argc, argv);
   if (const auto code = line.parse(argc, argv)) return *code;
   run_words.request.command_line = up_words.request.command_line = collection.command_line =
-      fmt::format("{}", fmt::join(argv, argv + argc, " "));
+      joined(std::span(argv, static_cast<std::size_t>(argc)), " ");
   if (run_command.chosen()) return run(run_words.complete());
   if (up_command.chosen()) return run(up_words.complete());
   if (collect_command.chosen()) return collect(collection);

@@ -1,9 +1,9 @@
 #include "device_sim/driven_device.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
@@ -179,7 +179,7 @@ DriverResult DrivenDevice::result() const {
     result.refused += refused_[fault];
     reasons.push_back(fmt::format("{} {}", refused_[fault], kReadingFaults[fault]));
   }
-  result.refused_for = fmt::format("{}", fmt::join(reasons, ", "));
+  result.refused_for = joined(reasons, ", ");
   return result;
 }
 

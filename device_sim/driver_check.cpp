@@ -3,7 +3,7 @@
 #include "device_sim/reading_check.hpp"
 #include "rt/cyclic.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

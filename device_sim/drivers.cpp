@@ -1,11 +1,11 @@
 #include "device_sim/drivers.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 #include "plugin/library.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 namespace subworld {
 
@@ -34,7 +34,7 @@ const DriverPlugin& driver_plugin(std::string_view name) {
       ExitCode::usage,
       fmt::format("device \"{}\" is unknown; {}choose one of: {}; SUBWORLD_DEVICES names folders with further "
                   "drivers",
-                  name, meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant), fmt::join(names, ", ")));
+                  name, meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant), joined(names, ", ")));
 }
 
 std::string refused_in_lockstep(std::string_view name) {

@@ -1,6 +1,6 @@
 #include "device_sim/reading_check.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

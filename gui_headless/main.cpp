@@ -7,7 +7,7 @@
 #include "rt/stop.hpp"
 #include "wire/recording_memory.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <chrono>

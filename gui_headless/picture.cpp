@@ -5,7 +5,7 @@
 #include "model/error.hpp"
 #include "painter.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <utility>

@@ -6,7 +6,7 @@
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cmath>
 #include <set>

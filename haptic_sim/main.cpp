@@ -3,7 +3,7 @@
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 int main(int argc, char** argv) {
   using namespace subworld;

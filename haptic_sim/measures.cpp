@@ -1,6 +1,6 @@
 #include "haptic_sim/measures.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,9 +1,9 @@
 #include "haptic_sim/ports.hpp"
 
 #include "coupling/scheme.hpp"
+#include "model/joined.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <chrono>
 #include <set>
@@ -41,7 +41,7 @@ bool HapticPorts::send(HapticReport& report) noexcept {
 std::string HapticPorts::foreign_programs() const {
   std::set<std::string> programs{device.foreign_programs(), frames.foreign_programs()};
   programs.erase("");
-  return fmt::format("{}", fmt::join(programs, "; "));
+  return joined(programs, "; ");
 }
 
 void send_last_command(HapticPorts& ports, const DeviceState& state, int times) {

@@ -5,7 +5,7 @@
 #include "program/join.hpp"
 #include "rt/presence.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 

@@ -2,10 +2,11 @@
 
 #include "model/body_choice.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "rt/cyclic.hpp"
 #include "world_sim/world.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
@@ -48,8 +49,8 @@ History::Format format_of(const BodyRecording& recording) {
           .head = kHead,
           .row =
               [names = recording.names](std::string& text, std::span<const double> row) {
-                fmt::format_to(std::back_inserter(text), "{:.9g},{},{:.9g}\n", row[0],
-                               names[static_cast<std::size_t>(row[1])], fmt::join(row.subspan(2), ","));
+                text += fmt::format("{:.9g},{},{}\n", row[0], names[static_cast<std::size_t>(row[1])],
+                                    joined(row.subspan(2), ",", "{:.9g}"));
               },
           .rows = std::max(History::kRows, 2 * recording.bodies.size())};
 }

@@ -3,7 +3,7 @@
 #include "coupling/plan.hpp"
 #include "coupling/synchroniser.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

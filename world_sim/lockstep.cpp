@@ -6,7 +6,7 @@
 #include "world_sim/loop.hpp"
 #include "world_sim/snapshots.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <limits>

@@ -1,13 +1,13 @@
 #include "world_sim/loop.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "program/engine_orders.hpp"
 #include "program/join.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <charconv>
@@ -155,7 +155,7 @@ std::string WorldLoop::absent_at_end() const {
     const std::string why = ports.status.gone_text(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u));
     texts.push_back(fmt::format("{}; user {} is absent from t = {:.3f} s on", why, u, measures.absent_from_s(u)));
   }
-  return fmt::format("{}", fmt::join(texts, "; "));
+  return joined(texts, "; ");
 }
 
 void WorldLoop::end_cycle() {

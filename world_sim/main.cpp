@@ -6,7 +6,7 @@
 #include "world_sim/checkpoint_writer.hpp"
 #include "world_sim/loop.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <optional>

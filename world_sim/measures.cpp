@@ -2,7 +2,7 @@
 
 #include "model/shape_extent.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 

@@ -1,7 +1,8 @@
 #include "world_sim/ports.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include "model/joined.hpp"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 
@@ -54,7 +55,7 @@ WorldRefused WorldPorts::refused() const {
   std::set<std::string> by = scene_writers_;
   for (const auto& reader : reports) by.insert(reader.foreign_programs());
   by.erase("");
-  return {.haptic_report = sent, .scene = second_worlds_, .by = fmt::format("{}", fmt::join(by, "; "))};
+  return {.haptic_report = sent, .scene = second_worlds_, .by = joined(by, "; ")};
 }
 
 std::string WorldPorts::second_world() {

@@ -7,8 +7,7 @@
 #include "world_sim/pace.hpp"
 #include "world_sim/snapshots.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cstdio>

@@ -4,10 +4,10 @@
 #include "coupling/paper/paper.hpp"
 #include "coupling/reduced/reduced.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <vector>
 
@@ -35,7 +35,7 @@ const Scheme& scheme_of(const Settings& settings, std::string_view where) {
   const std::string_view near = nearest(settings.scheme, known);
   throw Error(ExitCode::usage,
               fmt::format("{}: there is no scheme \"{}\"; choose one of {}{}", where, settings.scheme,
-                          fmt::join(known, ", "), near.empty() ? "" : fmt::format("; did you mean {}?", near)));
+                          joined(known, ", "), near.empty() ? "" : fmt::format("; did you mean {}?", near)));
 }
 
 }  // namespace subworld

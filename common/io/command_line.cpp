@@ -2,11 +2,11 @@
 
 #include "io/version.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 #include "model/slips.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 #include <CLI/CLI.hpp>
 
 #include <cctype>
@@ -85,7 +85,7 @@ bool Option::Data::is_list() const {
 
 std::vector<std::string> Option::as_given() const {
   if (!given()) return {};
-  return {data_->name, data_->is_list() ? fmt::format("{}", fmt::join(data_->given, ",")) : data_->given.back()};
+  return {data_->name, data_->is_list() ? joined(data_->given, ",") : data_->given.back()};
 }
 
 namespace {
@@ -130,7 +130,7 @@ void convert(const Option::Data& data, const std::string& text, Number& value) {
 void check_word(const Option::Data& data, const std::string& word) {
   if (!data.words.empty() && std::ranges::find(data.words, word) == data.words.end()) {
     const std::string_view near = nearest(word, {data.words.begin(), data.words.end()});
-    refuse(data, word, fmt::format("choose one of {}{}", fmt::join(data.words, ", "), did_you_mean(near)));
+    refuse(data, word, fmt::format("choose one of {}{}", joined(data.words, ", "), did_you_mean(near)));
   }
   if (!data.fault) return;
   if (const std::string why = data.fault(word); !why.empty()) refuse(data, word, why);
@@ -162,7 +162,7 @@ void assign(Option::Data& data, const std::vector<std::string>& given) {
 
 /// For the help, as the next one.
 std::string value_name(const Option::Data& data) {
-  if (!data.words.empty()) return fmt::format("{{{}}}", fmt::join(data.words, ","));
+  if (!data.words.empty()) return fmt::format("{{{}}}", joined(data.words, ","));
   if (data.positional()) return data.required ? "" : "(optional)";
   return std::visit(
       [&](auto* const into) -> std::string {
@@ -181,7 +181,7 @@ std::string description(const Option::Data& data) {
   if (!data.preset.empty() && !data.required) facts.push_back("default: " + data.preset);
   if (!data.variable.empty()) facts.push_back("environment: " + data.variable);
   if (data.needed) facts.push_back("needs " + data.needed->name);
-  return folded(facts.empty() ? data.what : fmt::format("{} ({})", data.what, fmt::join(facts, "; ")), kHelpWidth);
+  return folded(facts.empty() ? data.what : fmt::format("{} ({})", data.what, joined(facts, "; ")), kHelpWidth);
 }
 
 /// The default that the target holds, in words; empty: it holds none.
@@ -191,7 +191,7 @@ std::string held(const Option::Data& data) {
         using T = std::remove_pointer_t<decltype(into)>;
         std::string text;
         if constexpr (kIsList<T>) {
-          text = fmt::format("{}", fmt::join(*into, ","));
+          text = joined(*into, ",");
         } else if constexpr (std::is_same_v<T, ContentOf<T>>) {
           text = fmt::format(fmt::runtime(std::is_same_v<T, double> ? "{:g}" : "{}"), *into);
         }
@@ -233,8 +233,8 @@ struct CommandLine::Impl {
       if (argc > 1 && name == argv[1]) return command->impl_->check_command(argc - 1, argv + 1);
       known.push_back(name);
     }
-    if (argc < 2) throw Fault{fmt::format("a command is missing; choose one of: {}", fmt::join(known, ", "))};
-    throw Fault{fmt::format("\"{}\" is no command; choose one of: {}{}", argv[1], fmt::join(known, ", "),
+    if (argc < 2) throw Fault{fmt::format("a command is missing; choose one of: {}", joined(known, ", "))};
+    throw Fault{fmt::format("\"{}\" is no command; choose one of: {}{}", argv[1], joined(known, ", "),
                             did_you_mean(nearest(argv[1], known)))};
   }
 };

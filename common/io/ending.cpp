@@ -1,6 +1,6 @@
 #include "io/ending.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <unistd.h>
 

@@ -1,9 +1,10 @@
 #include "io/history.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 
 #include <fcntl.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -29,9 +30,7 @@ constexpr std::size_t kPiece = 8192;  // bytes written at once
 History::Format csv(const std::string& columns) {
   return {.width = 1 + static_cast<std::size_t>(std::ranges::count(columns, ',')),
           .head = columns + "\n",
-          .row = [](std::string& text, std::span<const double> row) {
-            fmt::format_to(std::back_inserter(text), "{:.9g}\n", fmt::join(row, ","));
-          }};
+          .row = [](std::string& text, std::span<const double> row) { text += joined(row, ",", "{:.9g}") + '\n'; }};
 }
 
 /// A table that does not begin with the first column of ours is somebody else's.

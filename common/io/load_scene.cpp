@@ -2,7 +2,7 @@
 #include "io/scene_name.hpp"
 #include "model/error.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 

@@ -3,7 +3,7 @@
 #include "io/mcap_writer.hpp"
 #include "model/error.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <zlib.h>
 
 #include <algorithm>

@@ -4,12 +4,12 @@
 #include "io/results.hpp"
 #include "io/scene_name.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/slips.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -150,7 +150,7 @@ std::vector<std::string> device_flags_of(const Options& o, int user) {
   if (at >= o.devices.size()) {
     throw Error(ExitCode::usage, fmt::format("--device {}: names no device for user {}; name one for each user, or one "
                                              "for all",
-                                             fmt::join(o.devices, ","), user));
+                                             joined(o.devices, ","), user));
   }
   return {"--device",          o.devices[at],
           "--device-settings", o.device_settings,
@@ -166,7 +166,7 @@ std::vector<std::string> own_flags_of(const Options& o, const std::string& progr
   const auto add = [&](const char* name, std::string value) { flags.insert(flags.end(), {name, std::move(value)}); };
   if (o.bodies) add("--bodies", *o.bodies);
   if (o.bodies_rate_hz) add("--bodies-rate", fmt::format("{}", *o.bodies_rate_hz));
-  if (!o.without.empty()) add("--without", fmt::format("{}", fmt::join(o.without, ",")));
+  if (!o.without.empty()) add("--without", joined(o.without, ","));
   return flags;
 }
 
@@ -312,7 +312,7 @@ int run_program(Program program, int argc, const char* const* argv,
     raise_open_files();
     if (!o.cores.empty() && !keep_to_cores(o.cores))
       throw Error(ExitCode::usage, fmt::format("--core {}: this machine does not have it, or not for this program",
-                                               fmt::join(o.cores, ",")));
+                                               joined(o.cores, ",")));
     std::setvbuf(stdout, nullptr, _IOLBF, 0);  // a log is complete, however the program ends
     const Scene scene = load_scene(o);
     if (!o.out.empty()) make_folder(o.out);

@@ -2,14 +2,16 @@
 
 #include "model/error.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 
 namespace subworld {
 
@@ -66,6 +68,13 @@ int finished(const char* program, int code) {
   if (lost.empty()) return code;
   fmt::print(stderr, "{}: error: {}\n", program, lost);
   return code == static_cast<int>(ExitCode::done) ? static_cast<int>(ExitCode::failed) : code;
+}
+
+std::string local_time(const char* form) {
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  std::array<char, 80> text{};
+  return {text.data(), std::strftime(text.data(), text.size(), form, localtime_r(&now, &parts))};
 }
 
 }  // namespace subworld

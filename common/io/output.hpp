@@ -11,5 +11,7 @@ void outlive_full_output();
 [[nodiscard]] std::string lost_output();
 /// The exit code of a program that has ended with `code`: failed, with a message, where something printed is lost.
 [[nodiscard]] int finished(const char* program, int code);
+/// The time of day in this machine's zone, in the form of strftime().
+[[nodiscard]] std::string local_time(const char* form);
 
 }  // namespace subworld

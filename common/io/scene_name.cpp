@@ -1,10 +1,10 @@
 #include "io/scene_name.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <string_view>
@@ -49,7 +49,7 @@ std::string scene_file(const std::string& scene) {
   const std::string_view near = nearest(word, {names.begin(), names.end()});
   throw Error(ExitCode::usage,
               fmt::format("\"{}\" is neither a file nor the name of a scene in deploy/scenes; {}", scene,
-                          near.empty() ? fmt::format("those are {}", fmt::join(names, ", "))
+                          near.empty() ? fmt::format("those are {}", joined(names, ", "))
                                        : fmt::format("did you mean \"{}\"?", near)));
 }
 

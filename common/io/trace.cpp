@@ -4,7 +4,7 @@
 #include "rt/cyclic.hpp"
 #include "rt/wall_clock.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <array>
 #include <cerrno>
@@ -27,22 +27,21 @@ constexpr std::size_t kWidth = 4;
 double ns(TimePoint t) noexcept { return static_cast<double>(to_ns(t)); }
 
 void put_event(std::string& text, std::span<const double> row, int pid, const std::vector<std::string>& stages) {
-  const auto out = std::back_inserter(text);
   const auto kind = static_cast<Kind>(static_cast<int>(row[0]));
   const auto which = static_cast<std::size_t>(row[1]);
   const bool lasts = kind == Kind::step || kind == Kind::stage;
-  fmt::format_to(out, ",\n{{\"ph\":\"{}\",\"name\":\"{}\",\"pid\":{},\"tid\":1,\"ts\":{:.3f},",
-                 lasts                   ? "X"
-                 : kind == Kind::counter ? "C"
-                                         : "i",
-                 kind == Kind::step ? "step"
-                 : lasts            ? stages[which]
-                                    : kNames[which],
-                 pid, 1e-3 * row[2]);
+  text += fmt::format(",\n{{\"ph\":\"{}\",\"name\":\"{}\",\"pid\":{},\"tid\":1,\"ts\":{:.3f},",
+                      lasts                   ? "X"
+                      : kind == Kind::counter ? "C"
+                                              : "i",
+                      kind == Kind::step ? "step"
+                      : lasts            ? stages[which]
+                                         : kNames[which],
+                      pid, 1e-3 * row[2]);
   if (lasts) {
-    fmt::format_to(out, "\"dur\":{:.3f}}}", 1e-3 * row[3]);
+    text += fmt::format("\"dur\":{:.3f}}}", 1e-3 * row[3]);
   } else if (kind == Kind::counter) {
-    fmt::format_to(out, "\"args\":{{\"value\":{:.6g}}}}}", row[3]);
+    text += fmt::format("\"args\":{{\"value\":{:.6g}}}}}", row[3]);
   } else {
     text += "\"s\":\"p\"}";
   }

@@ -1,10 +1,10 @@
 #include "model/agreed_settings.hpp"
 
 #include "model/hash.hpp"
+#include "model/joined.hpp"
 #include "model/settings.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <array>
 #include <bit>
@@ -128,10 +128,10 @@ std::string difference(std::span<const NamedSetting> own, std::span<const NamedS
     if (other != others.end()) others.erase(other);
   }
   for (const auto& [name, value] : others) compare(name, "not set", value);
-  if (different.size() <= named) return fmt::format("{}", fmt::join(different, "; "));
+  if (different.size() <= named) return joined(different, "; ");
   const std::size_t more = different.size() - named;
   different.resize(named);
-  return fmt::format("{}; and {} more", fmt::join(different, "; "), more);
+  return fmt::format("{}; and {} more", joined(different, "; "), more);
 }
 
 std::uint64_t settings_hash(const Scene& scene) {

@@ -3,7 +3,7 @@
 #include "model/error.hpp"
 #include "model/nearest.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <fnmatch.h>
 
 #include <algorithm>

@@ -1,10 +1,10 @@
 #include "model/optimisation.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -49,10 +49,9 @@ Disabled parse_disabled(const std::vector<std::string>& names, std::string_view 
     const auto found = std::ranges::find(kItems, name, &OptimisationItem::name);
     if (found == kItems.end() && name != "all") {
       const std::string_view meant = nearest(name, known);
-      throw Error(
-          ExitCode::usage,
-          fmt::format("{}{}there is no item \"{}\"; {}choose of: {}", flag, flag.empty() ? "" : ": ", name,
-                      meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant), fmt::join(known, ", ")));
+      throw Error(ExitCode::usage,
+                  fmt::format("{}{}there is no item \"{}\"; {}choose of: {}", flag, flag.empty() ? "" : ": ", name,
+                              meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant), joined(known, ", ")));
     }
     set |= name == "all" ? kDisableAll : disabled(found->optimisation);
   }

@@ -1,7 +1,8 @@
 #include "model/presence.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include "model/joined.hpp"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <charconv>
@@ -99,7 +100,7 @@ std::string parse_presence(std::string_view text, std::vector<PresenceEvent>& ev
 std::string to_text(const std::vector<PresenceEvent>& events) {
   std::vector<std::string> texts;
   for (const PresenceEvent& event : events) texts.push_back(to_text(event));
-  return fmt::format("{}", fmt::join(texts, ", "));
+  return joined(texts, ", ");
 }
 
 std::string presence_fault(const std::vector<PresenceEvent>& events, int users) {

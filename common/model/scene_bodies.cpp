@@ -2,7 +2,7 @@
 #include "model/scene_reader.hpp"
 #include "model/trigonometry.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 namespace subworld {
 

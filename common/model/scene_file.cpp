@@ -1,7 +1,7 @@
 #include "model/scene.hpp"
 #include "model/scene_reader.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <charconv>
 

@@ -4,7 +4,7 @@
 #include "model/scene_reader.hpp"
 #include "model/shape_extent.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <filesystem>

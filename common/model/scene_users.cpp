@@ -1,6 +1,6 @@
 #include "model/scene_reader.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cmath>
 #include <limits>

@@ -1,11 +1,11 @@
 #include "model/settings.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 #include "model/scene_reader.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -148,8 +148,7 @@ std::string default_text(const Setting& setting) {
 }
 
 std::string range_text(const Setting& setting) {
-  return setting.range.words.empty() ? to_text(setting.range.limits)
-                                     : fmt::format("{}", fmt::join(setting.range.words, ", "));
+  return setting.range.words.empty() ? to_text(setting.range.limits) : joined(setting.range.words, ", ");
 }
 
 SettingChange parse_change(const std::string& text) {

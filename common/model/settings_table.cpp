@@ -1,10 +1,10 @@
+#include "model/joined.hpp"
 #include "model/settings.hpp"
 
 #include "model/error.hpp"
 #include "model/scene_reader.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <sstream>
 #include <type_traits>
@@ -126,7 +126,7 @@ void read_preset(const YamlValue& value, Settings& settings, UserSpec& user) {
 std::string text_of_ratio(const Settings& s) { return to_text(s.ratio_bounds()); }
 std::string text_of_presence(const Settings& s) { return to_text(s.presence); }
 std::string text_of_disabled(const Settings& s) {
-  return fmt::format("[{}]", fmt::join(disabled_names(s.disabled), ", "));
+  return fmt::format("[{}]", joined(disabled_names(s.disabled), ", "));
 }
 
 using Words = Setting::Range;

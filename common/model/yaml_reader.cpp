@@ -1,10 +1,10 @@
 #include "model/yaml_reader.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cctype>
@@ -112,7 +112,7 @@ std::size_t YamlValue::choice(std::span<const std::string_view> choices) const {
   const std::string word = text();
   const auto found = std::find(choices.begin(), choices.end(), word);
   if (found == choices.end()) {
-    fail(fmt::format("unknown \"{}\"; choose one of {}", word.substr(0, kShownWords), fmt::join(choices, ", ")));
+    fail(fmt::format("unknown \"{}\"; choose one of {}", word.substr(0, kShownWords), joined(choices, ", ")));
   }
   return static_cast<std::size_t>(found - choices.begin());
 }
@@ -172,7 +172,7 @@ YamlMap::YamlMap(const YamlValue& value, const std::vector<std::string_view>& ke
   for (const YamlValue::Named& entry : entries_) {
     if (std::find(keys.begin(), keys.end(), entry.key) != keys.end()) continue;
     const std::string_view near = nearest(entry.key, keys);
-    if (near.empty()) entry.at_key.fail(fmt::format("unknown key; known here are {}", fmt::join(keys, ", ")));
+    if (near.empty()) entry.at_key.fail(fmt::format("unknown key; known here are {}", joined(keys, ", ")));
     entry.at_key.fail(fmt::format("unknown key; did you mean \"{}\"?", near));
   }
 }
@@ -198,7 +198,7 @@ std::size_t YamlMap::one_of(std::initializer_list<std::string_view> keys) const 
     if (found) forbid({*key}, fmt::format("\"{}\" is already given", *(keys.begin() + *found)));
     found = i;
   }
-  if (!found) whole_.fail(fmt::format("one of {} is missing; add it", fmt::join(keys, ", ")));
+  if (!found) whole_.fail(fmt::format("one of {} is missing; add it", joined(keys, ", ")));
   return *found;
 }
 

@@ -1,13 +1,13 @@
 #include "physics/engine.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 #include "physics/plugin.hpp"
 #include "physics/scaled_engine.hpp"
 #include "plugin/library.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <array>
 #include <map>
@@ -52,7 +52,7 @@ const EnginePlugin& engine_plugin(std::string_view name) {
   const std::string_view meant = nearest(name, {names.begin(), names.end()});
   throw Error(ExitCode::usage,
               fmt::format("engine \"{}\" is unknown; {}choose one of: {}", name,
-                          meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant), fmt::join(names, ", ")));
+                          meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant), joined(names, ", ")));
 }
 
 StepCost EngineCost::step(double dt) const noexcept {

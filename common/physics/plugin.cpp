@@ -1,9 +1,9 @@
 #include "physics/plugin.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
@@ -18,8 +18,8 @@ std::size_t find_preset(const EnginePlugin& plugin, std::string_view name) {
     if (plugin.presets[i].name == name) return i;
     known.push_back(plugin.presets[i].name);
   }
-  throw Error(ExitCode::usage, fmt::format("engine {} has no preset \"{}\"; choose one of: {}", plugin.name, name,
-                                           fmt::join(known, ", ")));
+  throw Error(ExitCode::usage,
+              fmt::format("engine {} has no preset \"{}\"; choose one of: {}", plugin.name, name, joined(known, ", ")));
 }
 
 double heaviest_on_light(const HeavyOnLight& ratio, double dt) noexcept {

@@ -3,7 +3,7 @@
 #include "model/error.hpp"
 
 #include <dlfcn.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstdlib>
 #include <ranges>

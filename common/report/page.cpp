@@ -3,7 +3,7 @@
 #include "model/error.hpp"
 #include "report/look.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cerrno>
 #include <cmath>

@@ -1,6 +1,6 @@
 #include "rt/scheduling.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <malloc.h>
 #include <sched.h>
 #include <sys/mman.h>

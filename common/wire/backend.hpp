@@ -1,11 +1,11 @@
 #pragma once
 
+#include "model/joined.hpp"
 #include "wire/held_samples.hpp"
 #include "wire/peer_program.hpp"
 #include "wire/topics.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <array>
 #include <atomic>
@@ -251,7 +251,7 @@ struct Route {
   }
   [[nodiscard]] std::string text() const {
     return fmt::format("interface={} peers={}", address.empty() ? "(settings)" : address,
-                       peers ? fmt::format("{}", fmt::join(*peers, ",")) : "(settings)");
+                       peers ? joined(*peers, ",") : "(settings)");
   }
 };
 

@@ -1,5 +1,6 @@
 #include "wire/bus.hpp"
 
+#include "model/joined.hpp"
 #include "wire/backend.hpp"
 #include "wire/codec.hpp"
 #include "wire/event_text.hpp"
@@ -9,7 +10,7 @@
 #include "wire/recording_memory.hpp"
 #include "wire/test_delay.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -226,7 +227,7 @@ std::string AnyReader::foreign_programs() const {
   std::set<std::string> programs;
   for (const std::uint64_t writer : impl_->backend->foreign_writers())
     if (const auto program = impl_->backend->program_of(writer)) programs.insert(to_text(*program));
-  return fmt::format("{}", fmt::join(programs, "; "));
+  return joined(programs, "; ");
 }
 std::optional<PeerProgram> AnyReader::sender_program() const { return impl_->backend->program_of(impl_->writer); }
 int AnyReader::matched() const noexcept { return impl_->backend->matched(); }

@@ -3,7 +3,7 @@
 #include "wire/changes.hpp"
 #include "wire/topics.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -137,8 +137,8 @@ std::string write_ring(const Ring& ring, const std::string& path) {
       "time_s,direction,topic,user,number,stamp_s,bytes,x_m,y_m,z_m,force_x_n,force_y_n,force_z_n,bodies,state\n";
   for (const Row* row : rows) {
     const Kept& kept = row->kept;
-    fmt::format_to(std::back_inserter(text), "{:.6f},{},{},{},{}", 1e-9 * static_cast<double>(kept.at_ns),
-                   kept.sent ? "sent" : "received", kTopics[kept.topic % kTopics.size()].name, kept.user, kept.number);
+    text += fmt::format("{:.6f},{},{},{},{}", 1e-9 * static_cast<double>(kept.at_ns), kept.sent ? "sent" : "received",
+                        kTopics[kept.topic % kTopics.size()].name, kept.user, kept.number);
     text += cell(kept.stamp_s) + fmt::format(",{}", kept.bytes);
     for (const double value : kept.position_m) text += cell(value);
     for (const double value : kept.force_n) text += cell(value);

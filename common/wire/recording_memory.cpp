@@ -3,7 +3,7 @@
 #include "model/error.hpp"
 #include "wire/topics.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>

@@ -4,7 +4,7 @@
 #include "io/options.hpp"
 #include "model/error.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cstdio>

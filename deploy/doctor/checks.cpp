@@ -1,7 +1,8 @@
 #include "doctor/checks.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include "model/joined.hpp"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 
@@ -56,7 +57,7 @@ std::string command_of(const Request& request) {
   if (!request.scene.empty()) text += " " + request.scene;
   if (request.domain) text += fmt::format(" --domain {}", *request.domain);
   if (!request.network.interface_address.empty()) text += " --interface " + request.network.interface_address;
-  if (!request.network.peers.empty()) text += fmt::format(" --peers {}", fmt::join(request.network.peers, ","));
+  if (!request.network.peers.empty()) text += fmt::format(" --peers {}", joined(request.network.peers, ","));
   if (request.dds != "fastdds") text += " --dds " + request.dds;
   if (!request.network.qos_file.empty()) text += " --qos " + request.network.qos_file;
   if (!request.out.empty()) text += " --out " + request.out;

@@ -6,8 +6,7 @@
 #include "model/error.hpp"
 #include "wire/session.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cstdio>

@@ -1,6 +1,6 @@
 #include "doctor/checks.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

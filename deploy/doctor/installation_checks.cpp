@@ -1,8 +1,8 @@
 #include "doctor/checks.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -26,7 +26,7 @@ void judge_programs(const Facts& facts, Findings& out) {
     if (!part.fault.empty() && part.name.find(' ') == std::string::npos) faults.push_back(part.fault);
   }
   if (faults.empty()) return;
-  out.push_back({.what = fmt::format("{}", fmt::join(faults, "; ")),
+  out.push_back({.what = joined(faults, "; "),
                  .why = "`subworld run` starts the programs that lie beside it, all of its own version",
                  .cure = "deploy/build demo"});
 }
@@ -41,9 +41,8 @@ void judge_plugins(const Facts& facts, std::string_view kind, const char* variab
   }
   if (faults.empty()) return;
   const bool hidden = value_of_variable(facts, variable) != nullptr;
-  out.push_back({.what = fmt::format("{}", fmt::join(faults, "; ")),
-                 .why = why,
-                 .cure = hidden ? fmt::format("unset {}", variable) : install});
+  out.push_back(
+      {.what = joined(faults, "; "), .why = why, .cure = hidden ? fmt::format("unset {}", variable) : install});
 }
 
 void judge_vendors(const Facts& facts, Findings& out) {

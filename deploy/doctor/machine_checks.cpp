@@ -1,8 +1,8 @@
 #include "doctor/checks.hpp"
+#include "model/joined.hpp"
 #include "rt/scheduling.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -94,7 +94,7 @@ void judge_rivals(const Facts& facts, Findings& out) {
                               : "the haptic loops have the same priority, and wait until it sleeps",
                    .cure = processes.size() == 1 ? fmt::format("{} {}", lower, rival.pid)
                                                  : fmt::format("for process in {}; do {} $process; done",
-                                                               fmt::join(processes, " "), lower)});
+                                                               joined(processes, " "), lower)});
   }
 }
 
@@ -149,7 +149,7 @@ void judge_shared_memory(const Facts& facts, Findings& out) {
                                      left.size(), left.front()),
                  .why = "they take memory until the machine restarts, and another program may wait for their locks; no "
                         "process has them open",
-                 .cure = fmt::format("rm -f -- {}", fmt::join(left, " "))});
+                 .cure = fmt::format("rm -f -- {}", joined(left, " "))});
 }
 
 void judge_lock_files(const Facts& facts, Findings& out) {
@@ -162,7 +162,7 @@ void judge_lock_files(const Facts& facts, Findings& out) {
                                           : fmt::format("{} lock files cannot be opened by this user, the first is {}",
                                                         left.size(), left.front()),
                  .why = "a run takes the domain of such a file for one in use; other users' runs have left them",
-                 .cure = fmt::format("{}rm -rf -- {}", as_root(facts), fmt::join(left, " "))});
+                 .cure = fmt::format("{}rm -rf -- {}", as_root(facts), joined(left, " "))});
 }
 
 void judge_temporary_folder(const Facts& facts, Findings& out) {

@@ -1,9 +1,9 @@
 #include "doctor/checks.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 #include "tools.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -44,7 +44,7 @@ void judge_peers_need_interface(const Facts& facts, Findings& out) {
   const Interface* own = own_interface(facts);
   const bool unnamed = network.interface_address.empty() && network.qos_file.empty();
   if (!has_remote_peer(facts) || (!unnamed && (own == nullptr || !own->loopback))) return;
-  out.push_back({.what = fmt::format("--peers {} {}", fmt::join(network.peers, ","),
+  out.push_back({.what = fmt::format("--peers {} {}", joined(network.peers, ","),
                                      unnamed ? "needs --interface" : "is out of reach of --interface loopback"),
                  .why = "the default interface is loopback, which reaches this host only; programs refuse the peers",
                  .cure = with_interface(facts)});
@@ -58,7 +58,7 @@ void judge_interface_exists(const Facts& facts, Findings& out) {
   Request request = facts.request;
   request.network.interface_address = nearest(wanted, names);
   const bool slip = !request.network.interface_address.empty();
-  out.push_back({.what = fmt::format("--interface {}: this machine has {}", wanted, fmt::join(names, ", ")),
+  out.push_back({.what = fmt::format("--interface {}: this machine has {}", wanted, joined(names, ", ")),
                  .why = "a program refuses an interface that does not exist",
                  .cure = slip ? command_of(request) : with_interface(facts)});
 }

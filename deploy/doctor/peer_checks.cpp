@@ -1,7 +1,7 @@
 #include "doctor/checks.hpp"
 #include "model/nearest.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,10 +1,10 @@
 #include "doctor/checks.hpp"
 #include "io/version.hpp"
+#include "model/joined.hpp"
 #include "model/settings.hpp"
 #include "wire/session.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -164,7 +164,7 @@ std::string difference(const RunningProgram& one, const RunningProgram& world) {
     compare(setting.option.empty() ? "--set " + setting.key : std::string(setting.option),
             setting_in(one.words, setting), setting_in(world.words, setting));
   }
-  return fmt::format("{}", fmt::join(differ, ", "));
+  return joined(differ, ", ");
 }
 
 void judge_flags(const Facts& facts, Findings& out) {

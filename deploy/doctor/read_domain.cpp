@@ -4,7 +4,7 @@
 #include "tools.hpp"
 #include "wire/bus.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <sys/stat.h>
 #include <unistd.h>
 

@@ -8,7 +8,7 @@
 #include "wire/plugin.hpp"
 
 #include <fcntl.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <sched.h>
 #include <sys/file.h>
 #include <sys/resource.h>

@@ -2,7 +2,7 @@
 
 #include "judge/summary.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

@@ -4,7 +4,7 @@
 #include "io/command_line.hpp"
 #include "judge/summary.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

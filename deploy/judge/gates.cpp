@@ -6,7 +6,7 @@
 #include "judge/summary.hpp"
 #include "wire/topics.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,17 +1,17 @@
 #include "judge/report.hpp"
 
 #include "io/ending.hpp"
+#include "io/output.hpp"
 #include "io/results.hpp"
 #include "judge/ends.hpp"
 #include "judge/explain.hpp"
 #include "judge/gates.hpp"
 #include "judge/salvage.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/chrono.h>
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -40,7 +40,7 @@ std::string missing_text(const std::vector<std::string>& parts) {
   for (const std::string& part : parts) {
     if (!std::filesystem::exists(part)) missing.push_back(program_of_part(part));
   }
-  return fmt::format("{}", fmt::join(missing, ", "));
+  return joined(missing, ", ");
 }
 
 /// What checkpoints mean for the verdict.
@@ -81,7 +81,7 @@ std::vector<std::string> judge(RunResults& run, const Ended& ended) {
     faults = {fmt::format("the launcher was killed at t = {:.3f} of {:g} s; its programs ended in order",
                           run.simulated_s, settings.duration_s)};
   }
-  if (!faults.empty()) run.verdict = fmt::format("failed: {}", fmt::join(faults, "; "));
+  if (!faults.empty()) run.verdict = fmt::format("failed: {}", joined(faults, "; "));
   return faults;
 }
 
@@ -143,7 +143,7 @@ int report(RunResults& run, const Ended& ended, const RunRequest& request, const
   if (!faults.empty()) return static_cast<int>(ExitCode::failed);
   const std::vector<std::string> strict = request.strict ? missed_strictly(run.gates) : std::vector<std::string>{};
   if (strict.empty() || ended.signal != 0) return static_cast<int>(ExitCode::done);
-  fmt::print("subworld: exit code 4: --strict counts {}\n", fmt::join(strict, ", "));
+  fmt::print("subworld: exit code 4: --strict counts {}\n", joined(strict, ", "));
   return static_cast<int>(ExitCode::quality);
 }
 
@@ -235,7 +235,7 @@ int place_of_messages(const std::string& program, int user) {
 int places_of_messages(int users) { return 2 + 2 * users; }
 
 std::string date_of_now() {
-  const std::string text = fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", fmt::localtime(std::time(nullptr)));
+  const std::string text = local_time("%Y-%m-%dT%H:%M:%S%z");
   return text.substr(0, text.size() - 2) + ":" + text.substr(text.size() - 2);  // the minutes of the zone
 }
 

@@ -5,7 +5,7 @@
 #include "model/error.hpp"
 #include "rt/histogram.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

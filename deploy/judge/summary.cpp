@@ -6,8 +6,7 @@
 #include "model/settings.hpp"
 #include "physics/plugin.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,7 +1,7 @@
 #include "judge/gates.hpp"
 #include "judge/summary.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstdint>
 

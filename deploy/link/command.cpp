@@ -3,11 +3,11 @@
 #include "link/network.hpp"
 #include "link/validate.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -155,7 +155,7 @@ int carry(EmulatedNetwork& network, const LinkRequest& request) {
     failed = commands.failed();
   }
   fmt::print("link: carried in {:.1f} s:\n{}", to_seconds(Clock::now() - start), all_counters(network));
-  if (!failed.empty()) throw Error(ExitCode::failed, fmt::format("link: {}", fmt::join(failed, "; ")));
+  if (!failed.empty()) throw Error(ExitCode::failed, fmt::format("link: {}", joined(failed, "; ")));
   return static_cast<int>(ExitCode::done);
 }
 
@@ -165,7 +165,7 @@ struct Directions {
 };
 Directions directions_of(const LinkRequest& request) {
   Directions found;
-  found.all = parse_link(fmt::format("{}", fmt::join(request.words, " ")));
+  found.all = parse_link(joined(request.words, " "));
   found.a_to_b = request.a_to_b.empty() ? found.all : parse_link(request.a_to_b);
   found.b_to_a = request.b_to_a.empty() ? found.all : parse_link(request.b_to_a);
   if (request.validate_s <= 0.0) return found;
@@ -219,7 +219,7 @@ void add_link_options(CommandLine& line, LinkRequest& request) {
       "  subworld link wifi --on-a 'iperf3 -s -1' --on-b 'sleep 1; iperf3 -c 10.9.0.1'\n"
       "Needs root, or a user namespace: unshare -rn subworld link ...\n"
       "Exit codes: 0 done, 1 failed, also a command on a host, 2 usage, 4 a measured value is not as requested",
-      fmt::join(presets, "\n")));
+      joined(presets, "\n")));
 }
 
 int run_link(const LinkRequest& request) {

@@ -3,7 +3,7 @@
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <poll.h>
 #include <sched.h>
 #include <sys/eventfd.h>

@@ -1,8 +1,8 @@
 #include "link/network.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <array>
 #include <cstdio>
@@ -22,7 +22,7 @@ void must_run(const std::vector<std::string>& words, const NetworkHost& host, co
   Finished ended = run_program(words, &host);
   while (ended.text.ends_with('\n')) ended.text.pop_back();
   if (ended.code == 0) return;
-  throw Error(ExitCode::failed, fmt::format("link: `{}`: {}; {}", fmt::join(words, " "),
+  throw Error(ExitCode::failed, fmt::format("link: `{}`: {}; {}", joined(words, " "),
                                             ended.code == 127 ? "not installed" : ended.text, cure));
 }
 

@@ -1,9 +1,9 @@
 #include "link/settings.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <array>
 #include <charconv>
@@ -86,7 +86,7 @@ class LinkWords {
       std::vector<std::string_view> names;
       for (const Unit& unit : quantity.units) names.push_back(unit.name);
       refuse_link(option, fmt::format("\"{}\" must be a number with its unit ({}), for example {}", word,
-                                      fmt::join(names, ", "), example(option, quantity)));
+                                      joined(names, ", "), example(option, quantity)));
     }
     if (*found < quantity.least || *found > quantity.most)
       refuse_link(option, fmt::format("{} is out of range {}", word, quantity.limits));
@@ -130,7 +130,7 @@ void read_distribution(LinkWords& words, LinkSettings& link) {
   for (std::size_t i = 0; i < kShapes.size(); ++i) {
     if (name == kShapes[i]) return void(link.shape = static_cast<JitterShape>(i));
   }
-  refuse_link("distribution", fmt::format("\"{}\" is none; choose one of: {}", name, fmt::join(kShapes, ", ")));
+  refuse_link("distribution", fmt::format("\"{}\" is none; choose one of: {}", name, joined(kShapes, ", ")));
 }
 
 void read_loss(LinkWords& words, LinkSettings& link) {
@@ -210,9 +210,9 @@ void read_words(LinkWords& words, LinkSettings& link) {
     const std::string_view near = nearest(word, all);
     std::vector<std::string_view> options;
     for (const LinkWord& known : kLinkWords) options.push_back(known.name);
-    throw Error(ExitCode::usage, fmt::format("link: \"{}\" is neither a preset ({}) nor an option ({}){}", word,
-                                             fmt::join(presets, ", "), fmt::join(options, ", "),
-                                             near.empty() ? "" : fmt::format("; did you mean {}?", near)));
+    throw Error(ExitCode::usage,
+                fmt::format("link: \"{}\" is neither a preset ({}) nor an option ({}){}", word, joined(presets, ", "),
+                            joined(options, ", "), near.empty() ? "" : fmt::format("; did you mean {}?", near)));
   }
 }
 

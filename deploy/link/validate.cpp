@@ -4,7 +4,7 @@
 #include "link/statistics.hpp"
 #include "rt/cyclic.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

@@ -14,8 +14,7 @@
 #include "plan/start_warnings.hpp"
 #include "run/run.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

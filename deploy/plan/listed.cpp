@@ -1,7 +1,8 @@
 #include "plan/listed.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include "model/joined.hpp"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 
@@ -10,7 +11,7 @@ namespace subworld {
 std::string listed(const std::vector<std::string>& items) {
   constexpr std::size_t kMostListed = 10;  // in one warning
   const std::size_t shown = std::min(items.size(), kMostListed);
-  const std::string text = fmt::format("{}", fmt::join(items.begin(), items.begin() + static_cast<long>(shown), ", "));
+  const std::string text = joined(std::span(items).first(shown), ", ");
   return items.size() > shown ? fmt::format("{} and {} more", text, items.size() - shown) : text;
 }
 

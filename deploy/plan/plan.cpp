@@ -4,7 +4,7 @@
 #include "plan/limits.hpp"
 #include "run/run.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -6,7 +6,7 @@
 #include "physics/plugin.hpp"
 #include "plan/listed.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -4,7 +4,7 @@
 #include "record/replay.hpp"
 #include "wire/topics.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <charconv>

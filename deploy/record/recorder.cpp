@@ -3,7 +3,7 @@
 #include "record/recording.hpp"
 #include "tools.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <unistd.h>
 
 namespace {

@@ -7,7 +7,7 @@
 #include "wire/schema.hpp"
 #include "wire/topics.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <sys/resource.h>
 #include <unistd.h>
 

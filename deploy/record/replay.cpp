@@ -1,6 +1,7 @@
 #include "record/replay.hpp"
 
 #include "io/mcap_reader.hpp"
+#include "io/output.hpp"
 #include "io/results.hpp"
 #include "model/error.hpp"
 #include "model/presence.hpp"
@@ -13,8 +14,7 @@
 #include "tools.hpp"
 #include "wire/bus.hpp"
 
-#include <fmt/chrono.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -92,9 +92,7 @@ std::string extract_scene(const std::string& folder, const Attachments& attachme
 }
 
 std::string folder_of(const ReplayRequest& request) {
-  std::string folder = request.out.empty()
-                           ? fmt::format("out/replay-{:%Y%m%d-%H%M%S}", fmt::localtime(std::time(nullptr)))
-                           : request.out;
+  std::string folder = request.out.empty() ? "out/replay-" + local_time("%Y%m%d-%H%M%S") : request.out;
   make_folder(folder);
   return folder;
 }

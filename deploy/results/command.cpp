@@ -4,7 +4,7 @@
 #include "model/error.hpp"
 #include "results/run_report.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

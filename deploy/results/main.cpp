@@ -5,7 +5,7 @@
 #include "results/command.hpp"
 #include "tools.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <string>
 #include <vector>

@@ -4,7 +4,7 @@
 #include "results/values.hpp"
 #include "run/claim.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

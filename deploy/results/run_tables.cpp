@@ -1,7 +1,7 @@
 #include "results/run_report.hpp"
 #include "results/values.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

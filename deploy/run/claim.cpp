@@ -1,10 +1,10 @@
 #include "run/claim.hpp"
 
+#include "io/output.hpp"
 #include "io/results.hpp"
 #include "model/error.hpp"
 
-#include <fmt/chrono.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cerrno>
 #include <cstring>
@@ -84,7 +84,7 @@ int claim_domain(int wanted, FileLock& lock) {
 
 void claim_folder(std::string& folder, const std::string& scene, FileLock& lock) {
   if (folder.empty()) {
-    const std::string wanted = fmt::format("out/{}-{:%Y%m%d-%H%M%S}", scene, fmt::localtime(std::time(nullptr)));
+    const std::string wanted = fmt::format("out/{}-{}", scene, local_time("%Y%m%d-%H%M%S"));
     make_folder("out");
     folder = wanted;
     for (int n = 2; !std::filesystem::create_directory(folder); ++n) folder = fmt::format("{}-{}", wanted, n);

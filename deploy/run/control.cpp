@@ -1,14 +1,14 @@
 #include "run/control.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "physics/engine_exchange.hpp"
 #include "rt/cyclic.hpp"
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
 #include "wire/status.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -78,7 +78,7 @@ class Answers {
       names.push_back(fmt::format("{} {} that did not answer", expected_ - said_.size(),
                                   of_sub_worlds() ? "haptic_sim" : "world_sim"));
     }
-    return fmt::format("{}", fmt::join(names, " and "));
+    return joined(names, " and ");
   }
 
  private:

@@ -1,10 +1,10 @@
 #include "run/placement.hpp"
 
 #include "io/options.hpp"
+#include "model/joined.hpp"
 #include "rt/scheduling.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cctype>
@@ -86,6 +86,6 @@ bool is_placed_by_hand(const std::string& program) {
   return std::getenv(variable.c_str()) != nullptr;
 }
 
-std::string to_text(const std::vector<int>& cores) { return fmt::format("{}", fmt::join(cores, ",")); }
+std::string to_text(const std::vector<int>& cores) { return joined(cores, ","); }
 
 }  // namespace subworld

@@ -18,7 +18,7 @@
 #include "session/distant_host.hpp"
 #include "watch/progress.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <filesystem>

@@ -1,13 +1,13 @@
 #include "run/run_plan.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "plan/limits.hpp"
 #include "run/claim.hpp"
 #include "run/page.hpp"
 #include "wire/bus.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <iterator>
@@ -71,7 +71,7 @@ std::vector<std::string> RunPlan::flags_of(const Host& host, const RunProgram& p
   add("--domain", std::to_string(session.domain));
   add("--dds", vendor);
   add("--interface", host.plan().network_interface);
-  add("--peers", fmt::format("{}", fmt::join(peers_of(host.plan()), ",")));
+  add("--peers", joined(peers_of(host.plan()), ","));
   if (program.user >= 0) add("--user", std::to_string(program.user));
   if (!options.trace.empty() && program.name != "gui_headless") add("--trace", trace_part(host.folder(), program));
   if (world) add("--resume", options.resume);

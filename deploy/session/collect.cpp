@@ -5,7 +5,7 @@
 #include "model/error.hpp"
 #include "run/claim.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <filesystem>

@@ -2,12 +2,12 @@
 
 #include "judge/report.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/wall_clock.hpp"
 #include "wire/recording_memory.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 #include <sys/wait.h>
 
 #include <array>
@@ -56,7 +56,7 @@ DistantHost::DistantHost(const SessionHost& plan, const std::string& folder_here
 }
 
 std::string DistantHost::by_ssh(const std::string& command) const {
-  return fmt::format("{} {} {} {}", shell_word(ssh_), fmt::join(kSshOptions, " "), shell_word(plan().ssh),
+  return fmt::format("{} {} {} {}", shell_word(ssh_), joined(kSshOptions, " "), shell_word(plan().ssh),
                      shell_word(command));
 }
 

@@ -3,7 +3,7 @@
 #include "link/settings.hpp"
 #include "tools.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstdio>
 #include <filesystem>

@@ -2,11 +2,11 @@
 
 #include "io/scene_name.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/nearest.hpp"
 #include "model/yaml_reader.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -127,7 +127,7 @@ std::string session_file(const std::string& session) {
   if (std::ranges::find(names, session) != names.end()) return (folder / (session + ".yaml")).string();
   throw Error(ExitCode::usage,
               fmt::format("\"{}\" is neither a file nor the name of a session in deploy/sessions; those are {}",
-                          session, fmt::join(names, ", ")));
+                          session, joined(names, ", ")));
 }
 
 Session read_session(const std::string& file) {
@@ -170,7 +170,7 @@ void check_hosts(const Session& session, const RunRequest& request) {
     std::vector<std::string> names;
     for (const SessionHost& host : session.hosts) names.push_back(host.name);
     throw Error(ExitCode::usage, fmt::format("--host {}: {} has no such host; it has {}", request.host, session.file,
-                                             fmt::join(names, ", ")));
+                                             joined(names, ", ")));
   }
   if (request.namespaces) {
     throw Error(

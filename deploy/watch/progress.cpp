@@ -1,10 +1,10 @@
 #include "watch/progress.hpp"
 
 #include "io/live_options.hpp"
+#include "model/joined.hpp"
 #include "wire/session.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -45,7 +45,7 @@ std::string progress_line(const Statuses& statuses, const Settings& settings, st
   std::string line =
       fmt::format("t = {:.1f} of {:g} s", std::min(world->second.time_s, settings.duration_s), settings.duration_s);
   if (forces.empty()) return line;
-  line += fmt::format("; {:.0f} Hz; force {} N", rate_hz, fmt::join(forces, ", "));
+  line += fmt::format("; {:.0f} Hz; force {} N", rate_hz, joined(forces, ", "));
   if (realtime) {
     line += fmt::format("; missed {}{}; real-time factor {:.2f}", missed,
                         by_os == 0 ? "" : fmt::format(" ({} by the OS)", by_os), world->second.real_time_factor);

@@ -5,7 +5,7 @@
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <poll.h>
 #include <termios.h>
 #include <unistd.h>

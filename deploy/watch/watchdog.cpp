@@ -2,7 +2,7 @@
 
 #include "wire/session.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <utility>

@@ -4,7 +4,7 @@
 #include "model/error.hpp"
 #include "picture.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>

@@ -2,7 +2,7 @@
 
 #include "io/version.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <nlohmann/json.hpp>
 
 #include <limits>

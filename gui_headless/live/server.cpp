@@ -6,7 +6,7 @@
 #include "sources.hpp"
 #include "tools.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <libwebsockets.h>
 #include <netdb.h>
 #include <netinet/tcp.h>

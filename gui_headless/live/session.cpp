@@ -3,7 +3,7 @@
 #include "page.hpp"
 
 #include <arpa/inet.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <libwebsockets.h>
 #include <strings.h>
 

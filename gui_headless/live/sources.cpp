@@ -7,7 +7,7 @@
 #include "wire/schema.hpp"
 #include "world_view.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <chrono>

@@ -3,7 +3,7 @@
 #include "lab/page/tables.hpp"
 #include "model/error.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -14,7 +14,7 @@
 #include "wire/plugin.hpp"
 #include "world_sim/world.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>

@@ -2,7 +2,7 @@
 
 #include "rt/stages.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstdint>
 

@@ -7,7 +7,7 @@
 #include "model/error.hpp"
 #include "physics/engine.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <string>
 #include <vector>

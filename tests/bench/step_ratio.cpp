@@ -10,7 +10,7 @@
 #include "model/mass_properties.hpp"
 #include "physics/engine.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 #include "lab/page/tables.hpp"
 #include "model/error.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <filesystem>

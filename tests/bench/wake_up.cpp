@@ -9,7 +9,7 @@
 #include "rt/histogram.hpp"
 #include "rt/scheduling.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstdint>
 #include <thread>

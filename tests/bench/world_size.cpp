@@ -5,7 +5,7 @@
 #include "io/options.hpp"
 #include "lab/session/coupled_run.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <memory>
 #include <string>

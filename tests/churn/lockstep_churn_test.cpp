@@ -2,7 +2,7 @@
 // repeats it bit by bit. Longer, or with other seeds: SUBWORLD_CHURN_FAULTS and SUBWORLD_CHURN_SEED.
 #include "process/process_test.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstdlib>
 #include <map>

@@ -2,7 +2,7 @@
 // result. More of them, or with other seeds: SUBWORLD_DELAY_RUNS and SUBWORLD_DELAY_SEED.
 #include "process/sessions.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstdlib>
 #include <map>

@@ -1,7 +1,7 @@
 // The network between the hosts of a session is down for a while: the users return, and no energy is created.
 #include "process/sessions.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 

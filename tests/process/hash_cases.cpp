@@ -3,7 +3,7 @@
 #include "io/options.hpp"
 #include "lab/session/coupled_run.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <filesystem>

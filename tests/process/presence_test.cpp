@@ -1,7 +1,7 @@
 // Lock-step: users join, leave and come back; a run repeats bit by bit with the record of who took part when.
 #include "process_test.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <memory>
 #include <utility>

@@ -4,7 +4,7 @@
 #include "model/error.hpp"
 #include "process/hash_cases.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <fstream>
 #include <map>

@@ -3,7 +3,7 @@
 #include "lab/stability/run.hpp"
 #include "physics/engine.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <fstream>

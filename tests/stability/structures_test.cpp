@@ -4,7 +4,7 @@
 #include "model/scene.hpp"
 #include "physics/engine.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

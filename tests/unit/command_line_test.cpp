@@ -4,7 +4,7 @@
 #include "model/error.hpp"
 #include "model/slips.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -4,7 +4,7 @@
 #include "support/box_overlap.hpp"
 #include "support/scene_text.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

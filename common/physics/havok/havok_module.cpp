@@ -3,7 +3,7 @@
 #include "model/error.hpp"
 #include "physics/adapter.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <array>
 

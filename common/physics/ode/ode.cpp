@@ -6,7 +6,7 @@
 #include "position.hpp"
 #include "shapes.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <array>
 #include <cmath>

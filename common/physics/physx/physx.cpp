@@ -2,7 +2,7 @@
 #include "physics/wasm/module_engine.hpp"
 #include "physx_module.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

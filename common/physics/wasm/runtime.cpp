@@ -1,7 +1,7 @@
 #include "model/error.hpp"
 #include "physics/wasm/wasm-rt.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <sys/mman.h>
 #include <ucontext.h>

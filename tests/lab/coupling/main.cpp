@@ -12,9 +12,10 @@
 #include "lab/page/command_line.hpp"
 #include "lab/session/variants.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -66,8 +67,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
   const std::string scenes = "the scene's";
-  line.add("scene", &sweep.scenes, "scene files, or names in deploy/scenes")
-      .otherwise(fmt::format("{}", fmt::join(kScenes, " ")));
+  line.add("scene", &sweep.scenes, "scene files, or names in deploy/scenes").otherwise(joined(kScenes, " "));
   line.add("--scheme", &sweep.schemes,
            "coupling schemes; in paper_literal the device's force acts in the sub-world alone")
       .one_of({"direct", "paper", "paper_literal", "reduced"});
@@ -104,7 +104,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   add_duration(line, sweep.duration_s);
   line.flag("--quick", request.quick,
             fmt::format("a first look: scenes {}, ratios {}, {:g} s, where nothing else is given",
-                        fmt::join(kQuickScenes, " "), fmt::join(kQuickRatios, ","), kQuickDuration_s));
+                        joined(kQuickScenes, " "), joined(kQuickRatios, ","), kQuickDuration_s));
   add_out(line, "coupling", request.out);
   if (const auto code = line.parse(argc, argv)) return code;
   for (std::size_t i = 0; i < kAxes.size(); ++i) {

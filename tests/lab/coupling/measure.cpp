@@ -4,7 +4,7 @@
 #include "lab/coupling/mutual.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,7 @@
 #include "lab/coupling/report.hpp"
 #include "report/page.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

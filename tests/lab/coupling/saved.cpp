@@ -2,7 +2,7 @@
 
 #include "io/history_reader.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <filesystem>
 #include <limits>

@@ -6,7 +6,7 @@
 #include "model/error.hpp"
 #include "physics/engine.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

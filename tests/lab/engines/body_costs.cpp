@@ -6,7 +6,7 @@
 #include "model/scene_layout.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

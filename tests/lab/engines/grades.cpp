@@ -2,7 +2,7 @@
 
 #include "lab/engines/body_costs.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

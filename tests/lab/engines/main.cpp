@@ -7,10 +7,10 @@
 #include "lab/engines/sweep.hpp"
 #include "lab/page/command_line.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <sstream>
@@ -66,9 +66,8 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "each\n"
       "run, DIR/bodies.csv the step times of figure 12. Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.",
-      folded(kHeldInWords), fmt::join(in_display_order(engine_names()), ",")));
-  line.add("scene", &sweep.scenes, "scene files, or names in deploy/scenes")
-      .otherwise(fmt::format("{}", fmt::join(kScenes, " ")));
+      folded(kHeldInWords), joined(in_display_order(engine_names()), ",")));
+  line.add("scene", &sweep.scenes, "scene files, or names in deploy/scenes").otherwise(joined(kScenes, " "));
   line.add("--engine", &sweep.engines, "engines").otherwise("all that are installed");
   line.add("--preset", &sweep.presets, "presets of the engines")
       .otherwise("all for a structure, the first for a scene that falls");
@@ -82,7 +81,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   line.flag("--states", request.states, "also the states of all bodies over time, in DIR/states");
   line.flag("--quick", sweep.quick,
             fmt::format("a first look: scenes {}, two combinations, {:g} s, where nothing else is given",
-                        fmt::join(kQuickScenes, " "), kQuickDuration_s));
+                        joined(kQuickScenes, " "), kQuickDuration_s));
   add_out(line, "engines", request.out);
   if (const auto code = line.parse(argc, argv)) return code;
 

@@ -1,7 +1,7 @@
 #include "lab/engines/report.hpp"
 #include "lab/engines/sweep.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -3,7 +3,7 @@
 #include "lab/engines/sweep.hpp"
 #include "lab/page/command_line.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 namespace subworld {
 

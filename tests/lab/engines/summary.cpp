@@ -2,9 +2,9 @@
 
 #include "lab/page/command_line.hpp"
 #include "lab/page/engine_choice.hpp"
+#include "model/joined.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 
@@ -57,7 +57,7 @@ Json engine_summary(const EnginePlan& plan, const EngineSweep& sweep, const Engi
         {{"scene", scene.scene.name}, {"file", scene.scene.file}, {"kind", structure ? "structure" : "fall"}});
     about.push_back(scene.scene.name);
   }
-  summary["about"] = fmt::format("Engines: {}. Scenes: {}.", engines_text(sweep.engines), fmt::join(about, ", "));
+  summary["about"] = fmt::format("Engines: {}. Scenes: {}.", engines_text(sweep.engines), joined(about, ", "));
   summary["duration_s"] = sweep.duration_s;
   summary["held_means"] = kHeldInWords;
   summary["grade_means"] = kGradesInWords;

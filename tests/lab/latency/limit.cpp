@@ -2,7 +2,7 @@
 
 #include "lab/coupling/analysis.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

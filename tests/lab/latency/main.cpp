@@ -5,10 +5,10 @@
 #include "lab/latency/report.hpp"
 #include "lab/over_link/over_link.hpp"
 #include "lab/page/command_line.hpp"
+#include "model/joined.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <iterator>
@@ -68,8 +68,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
   const std::string scenes = "the scene's";
-  line.add("scene", &request.scenes, "scene files, or names in deploy/scenes")
-      .otherwise(fmt::format("{}", fmt::join(kScenes, " ")));
+  line.add("scene", &request.scenes, "scene files, or names in deploy/scenes").otherwise(joined(kScenes, " "));
   line.flag("--device-latency", request.device,
             "also search the largest delay between device and sub-world; there the stability of the coupling in a wall "
             "is a bound too");
@@ -96,7 +95,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
            "jitter and loss");
   line.flag("--quick", request.quick,
             fmt::format("a first look: scene {}, {:g} s, a coarse grid, where nothing else is given",
-                        fmt::join(kQuickScenes, " "), kMostDuration_s));
+                        joined(kQuickScenes, " "), kMostDuration_s));
   add_out(line, "latency", request.out);
   if (const auto code = line.parse(argc, argv)) return code;
   if (passivity) point.settings.push_back({"passivity", *passivity});

@@ -5,7 +5,7 @@
 #include "lab/over_link/over_link.hpp"
 #include "lab/session/draw.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

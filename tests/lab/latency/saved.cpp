@@ -1,7 +1,7 @@
 #include "lab/latency/report.hpp"
 #include "model/error.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <limits>
 

@@ -2,7 +2,7 @@
 
 #include "link/settings.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 namespace subworld {
 

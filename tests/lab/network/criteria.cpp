@@ -1,9 +1,9 @@
 #include "lab/network/criteria.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <cmath>
 #include <cstdlib>
@@ -53,7 +53,7 @@ Requirement parse_requirement(const std::string& text, const Json& example) {
     if (name == column) return {text, column, text[at], bound};
   }
   throw Error(ExitCode::usage, fmt::format("--require {}: there is no column {} with numbers; use one of {}", text,
-                                           column, fmt::join(names, ", ")));
+                                           column, joined(names, ", ")));
 }
 
 bool holds(const Requirement& requirement, const Json& row) {

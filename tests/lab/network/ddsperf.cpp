@@ -3,7 +3,7 @@
 #include "link/network.hpp"
 #include "model/error.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
@@ -87,16 +87,16 @@ Json measure_ddsperf(const NetworkCell& cell, const NetworkRunSettings& settings
                                    uri_of(mine, network ? network->address(1 - host) : mine),
                                    kDdsperf,
                                    "-i",
-                                   fmt::to_string(settings.domain),
+                                   std::to_string(settings.domain),
                                    "-D",
-                                   fmt::to_string(static_cast<int>(std::ceil(settings.duration_s)) + kMoreSeconds)};
+                                   std::to_string(static_cast<int>(std::ceil(settings.duration_s)) + kMoreSeconds)};
     if (!cell.reliable) words.emplace_back("-u");
     words.insert(words.end(), mode.begin(), mode.end());
     return run_program(words, network ? &network->host(host) : nullptr).text;
   };
   std::future<std::string> pong = std::async(std::launch::async, [&] { return run(1, {"pong"}); });
   const std::string text =
-      run(0, {"ping", fmt::format("{:g}Hz", cell.rate_hz), "size", fmt::to_string(cell.payload_bytes)});
+      run(0, {"ping", fmt::format("{:g}Hz", cell.rate_hz), "size", std::to_string(cell.payload_bytes)});
   pong.wait();
   return ddsperf_figures(text, cell.rate_hz);
 }

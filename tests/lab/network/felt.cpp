@@ -6,9 +6,9 @@
 #include "lab/network/report.hpp"
 #include "lab/over_link/over_link.hpp"
 #include "link/settings.hpp"
+#include "model/joined.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
@@ -242,7 +242,7 @@ std::string felt_sentence_of(const Rows& rows) {
   if (rows.empty()) return "";
   FeltLists lists;
   for (const Rows& link : by_link(rows)) judge_link(lists, link);
-  const auto words = [](const std::vector<std::string>& names) { return fmt::format("{}", fmt::join(names, ", ")); };
+  const auto words = [](const std::vector<std::string>& names) { return joined(names, ", "); };
   return fmt::format("scene {}: the felt force is within the imperceptible bar (RMS {:g} %, p99 {:g} %) over {}{}{}",
                      rows.front().at("scene").get<std::string>(), 1e2 * kImperceptibleRms, 1e2 * kImperceptibleP99,
                      lists.within.empty() ? "no link" : words(lists.within),

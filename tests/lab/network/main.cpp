@@ -8,10 +8,10 @@
 #include "lab/network/udp.hpp"
 #include "lab/page/command_line.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -187,7 +187,7 @@ Json summary_of(const Request& request, const NetworkRows& rows, std::size_t pla
   if (!verdict.felt.empty()) sentences.push_back(verdict.felt);
   if (sentences.empty()) sentences.emplace_back("no cell was measured");
   summary["verdict"] =
-      fmt::format("{}{}{}{}", fmt::join(sentences, "\n"), gate_text(request, verdict, rows.measured(), planned),
+      fmt::format("{}{}{}{}", joined(sentences, "\n"), gate_text(request, verdict, rows.measured(), planned),
                   failed_text(request, verdict, planned), stopped_text(rows.measured(), planned));
   return summary;
 }

@@ -6,7 +6,7 @@
 #include "rt/scheduling.hpp"
 #include "wire/plugin.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>

@@ -2,8 +2,7 @@
 
 #include "lab/network/ddsperf.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

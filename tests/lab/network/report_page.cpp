@@ -3,7 +3,7 @@
 #include "lab/coupling/analysis.hpp"
 #include "report/page.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

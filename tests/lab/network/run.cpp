@@ -7,7 +7,7 @@
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <filesystem>

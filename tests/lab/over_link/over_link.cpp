@@ -6,7 +6,7 @@
 #include "rt/stop.hpp"
 #include "support/temporary_folder.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,12 +1,12 @@
 #include "lab/page/command_line.hpp"
 
+#include "io/output.hpp"
 #include "io/scene_name.hpp"
 #include "model/error.hpp"
 #include "report/page.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/chrono.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstring>
 #include <ctime>
@@ -38,12 +38,12 @@ Option add_duration(CommandLine& line, std::optional<double>& duration_s) {
 }
 
 std::string default_out(const std::string& lab) {
-  return fmt::format("out/lab_{}-{:%Y%m%d-%H%M%S}", lab, fmt::localtime(std::time(nullptr)));
+  return fmt::format("out/lab_{}-{}", lab, local_time("%Y%m%d-%H%M%S"));
 }
 
 Json begin_summary(const std::string& lab, std::size_t points, std::size_t planned) {
   return {{"lab", lab},
-          {"date", fmt::format("{:%Y-%m-%d %H:%M}", fmt::localtime(std::time(nullptr)))},
+          {"date", local_time("%Y-%m-%d %H:%M")},
           {"points", points},
           {"planned", planned},
           {"machine", machine()}};

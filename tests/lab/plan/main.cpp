@@ -7,10 +7,10 @@
 #include "lab/random/scene.hpp"
 #include "lab/session/setting.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
@@ -73,7 +73,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   add_seed(line, request.seed).needs(random);
   line.flag("--quick", request.quick,
             fmt::format("a first look: scenes {}, {:g} s, one run of each kind, where nothing else is given",
-                        fmt::join(kQuickScenes, " "), kQuickDuration_s));
+                        joined(kQuickScenes, " "), kQuickDuration_s));
   add_out(line, "plan", request.out);
   if (const auto code = line.parse(argc, argv)) return code;
   (void)parse_disabled(request.items, "--item");

@@ -9,7 +9,7 @@
 #include "model/error.hpp"
 #include "wire/codec.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <malloc.h>
 
 #include <algorithm>

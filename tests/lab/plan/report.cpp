@@ -4,7 +4,7 @@
 #include "model/optimisation.hpp"
 #include "report/page.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -6,7 +6,7 @@
 #include "lab/random/scene.hpp"
 #include "lab/session/coupled_run.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cmath>
 #include <ctime>

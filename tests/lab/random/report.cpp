@@ -2,7 +2,7 @@
 
 #include "lab/page/engine_choice.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

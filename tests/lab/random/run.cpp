@@ -8,7 +8,7 @@
 #include "lab/session/apart.hpp"
 #include "lab/session/operator_bed.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -2,11 +2,11 @@
 
 #include "io/results.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/scene_reader.hpp"
 #include "model/settings.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
@@ -44,7 +44,7 @@ class Map {
   Map& add(const char* key, const Vec3& value) { return add(key, text(value)); }
   Map& add(const char* key, bool value) { return add(key, std::string(text(value))); }
   Map& add(const char* key, const Map& value) { return add(key, value.str()); }
-  [[nodiscard]] std::string str() const { return fmt::format("{{{}}}", fmt::join(entries_, ", ")); }
+  [[nodiscard]] std::string str() const { return fmt::format("{{{}}}", joined(entries_, ", ")); }
 
  private:
   std::vector<std::string> entries_;
@@ -126,7 +126,7 @@ std::string settings_map(const std::string& group, Settings& settings, UserSpec&
                                                  : settings_map(full + ".", settings, user);
     if (full != "users" && !value.empty() && value != "{}") entries.push_back(fmt::format("{}: {}", key, value));
   }
-  return fmt::format("{{{}}}", fmt::join(entries, ", "));
+  return fmt::format("{{{}}}", joined(entries, ", "));
 }
 
 Map segment_map(const PathSegment& s) {
@@ -178,7 +178,7 @@ std::string user_text(const Scene& scene, const UserSpec& user, const Materials&
       value.pop_back();
       std::vector<std::string> path;
       for (const PathSegment& s : user.device.path) path.push_back(segment_map(s).str());
-      value += fmt::format(", path: [{}]}}", fmt::join(path, ", "));
+      value += fmt::format(", path: [{}]}}", joined(path, ", "));
     }
     lines += fmt::format("    {}: {}\n", key, value);
   }

@@ -5,7 +5,7 @@
 #include "model/mass_properties.hpp"
 #include "model/trigonometry.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

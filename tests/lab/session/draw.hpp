@@ -10,7 +10,7 @@
 #include <numbers>
 #include <random>
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 namespace subworld {
 

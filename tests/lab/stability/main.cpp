@@ -11,7 +11,7 @@
 #include "physics/engine.hpp"
 #include "rt/stop.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 namespace {
 

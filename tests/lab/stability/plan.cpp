@@ -6,7 +6,7 @@
 #include "model/error.hpp"
 #include "model/nearest.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <iterator>

@@ -8,7 +8,7 @@
 #include "lab/stability/summary.hpp"
 #include "report/page.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -6,7 +6,7 @@
 #include "lab/stability/bed.hpp"
 #include "report/page.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cmath>
 #include <limits>

@@ -3,10 +3,10 @@
 #include "lab/page/command_line.hpp"
 #include "lab/page/engine_choice.hpp"
 #include "lab/stability/run.hpp"
+#include "model/joined.hpp"
 #include "report/page.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
@@ -73,7 +73,7 @@ std::string advice_of(const Rows& rows, const std::string& setting) {
   std::vector<std::string> worst;
   for (std::size_t i = 0; i < std::min(kWorst, missed.size()); ++i) worst.push_back(miss_text(rows, *missed[i]));
   const std::string text = fmt::format("{}: {} of {} rows pass", setting, good, all);
-  return worst.empty() ? text + "." : fmt::format("{}. The largest misses: {}.", text, fmt::join(worst, "; "));
+  return worst.empty() ? text + "." : fmt::format("{}. The largest misses: {}.", text, joined(worst, "; "));
 }
 
 /// Cases that no engine passes in any step.
@@ -107,7 +107,7 @@ Json stability_summary(const StabilityRequest& request, const Rows& rows, std::s
   }
   summary["missed_by_all"] = missed_by_all(rows);
   if (!summary.at("missed_by_all").empty() && !rows.empty())
-    summary["advice"].push_back(fmt::format("No engine passes: {}.", fmt::join(missed_by_all(rows), "; ")));
+    summary["advice"].push_back(fmt::format("No engine passes: {}.", joined(missed_by_all(rows), "; ")));
   const auto passed = std::ranges::count_if(rows, passes);
   summary["verdict"] =
       fmt::format("{} measurements: {} pass, {} miss their tolerance, {} of these could not be measured{}", rows.size(),

@@ -4,7 +4,7 @@
 #include "model/vectors.hpp"
 #include "physics/adapter.hpp"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
