@@ -1,5 +1,5 @@
 #include "display.hpp"
-#include "io/results.hpp"
+#include "io/json.hpp"
 #include "live/server.hpp"
 #include "live/verdict.hpp"
 #include "model/error.hpp"

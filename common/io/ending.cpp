@@ -1,5 +1,7 @@
 #include "io/ending.hpp"
 
+#include "io/json.hpp"
+
 #include <fmt/core.h>
 
 #include <unistd.h>

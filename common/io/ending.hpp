@@ -17,8 +17,7 @@ struct Ending {
   std::string fault = {};  ///< error text; empty: no error
 };
 
-void to_json(Json& json, const Ending& ending);
-void from_json(const Json& json, Ending& ending);
+SUBWORLD_HAS_JSON(Ending)
 
 /// How a loop ended; one that throws `Error` (failed) has ended too, with that fault, and what it has measured is
 /// written all the same. `so_far()` is what it took part in.
@@ -45,7 +44,7 @@ template <class Part>
 void conclude(const std::string& path, Part part, const Ending& ending) {
   part.ending = ending;
   part.host = host_name();
-  if (!path.empty()) write_json(path, part);
+  if (!path.empty()) write_part(path, part);
   if (!ending.fault.empty()) throw Error(ExitCode::failed, ending.fault);
 }
 

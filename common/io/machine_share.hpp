@@ -24,7 +24,6 @@ struct MachineShare : KernelShare {
   void begin(const Scheduling& granted) { *this = {kernel_share(), granted.text, granted.fifo, granted.memory_locked}; }
   void end() { KernelShare::operator=(kernel_share().since(*this)); }
 };
-SUBWORLD_JSON(MachineShare, scheduling, fifo, memory_locked, cpu_s, run_queue_delay_s, involuntary_switches,
-              voluntary_switches, stolen_s)
+SUBWORLD_HAS_JSON(MachineShare)
 
 }  // namespace subworld

@@ -17,14 +17,14 @@ namespace subworld {
 struct OperatorEnergy {
   double net_j = 0.0, least_j = 0.0, created_j = 0.0;
 };
-SUBWORLD_JSON(OperatorEnergy, net_j, least_j, created_j)
+SUBWORLD_HAS_JSON(OperatorEnergy)
 
 struct SelectionResult {
   std::size_t user = 0;
   MeanMax omitted;
   double expected_step_s = 0.0, cost_factor = 1.0;
 };
-SUBWORLD_JSON(SelectionResult, user, omitted, expected_step_s, cost_factor)
+SUBWORLD_HAS_JSON(SelectionResult)
 
 struct BodyHistoryResult {
   std::string file = "bodies.csv";
@@ -32,7 +32,7 @@ struct BodyHistoryResult {
   double interval_s = 0.0;
   std::uint64_t rows = 0, rows_dropped = 0;
 };
-SUBWORLD_JSON(BodyHistoryResult, file, bodies, interval_s, rows, rows_dropped)
+SUBWORLD_HAS_JSON(BodyHistoryResult)
 
 /// Checkpoints of the world. `copy_s`: in the loop, of those cycles that copy the world; `cycle_share`: part of the
 /// time of all cycles that checkpoints take.
@@ -45,14 +45,13 @@ struct CheckpointResult {
   double cycle_share = 0.0;
   std::string fault;
 };
-SUBWORLD_JSON(CheckpointResult, interval_s, written, skipped, failed, bytes, newest_s, copy_s, write_s, cycle_share,
-              fault)
+SUBWORLD_HAS_JSON(CheckpointResult)
 
 struct WorldRefused {
   std::uint64_t haptic_report = 0, scene = 0;
   std::string by;  ///< the programs that wrote them, as far as they are known
 };
-SUBWORLD_JSON(WorldRefused, haptic_report, scene, by)
+SUBWORLD_HAS_JSON(WorldRefused)
 
 /// A user who did not take part for some time; at the end of the run, `to_s` is its end.
 struct Absence {
@@ -60,7 +59,7 @@ struct Absence {
   double from_s = 0.0, to_s = 0.0;
   bool by_order = false;
 };
-SUBWORLD_JSON(Absence, user, from_s, to_s, by_order)
+SUBWORLD_HAS_JSON(Absence)
 
 struct WorldResult {
   std::size_t bodies = 0;
@@ -93,12 +92,7 @@ struct WorldResult {
   EventCounts events = {};
   WorldRefused refused = {};
 };
-SUBWORLD_JSON(WorldResult, bodies, cycles, ratio, ratio_changes, substeps, integration_substep_s, late_cycles,
-              late_by_os, late_by_run, woken_late_s, machine, step_s, stages, lateness_s, real_time_factor_min,
-              real_time_factor_mean, slowed_s, stuck_s, released_j, operators_created_j, contact_slack_j, asleep_at_end,
-              selections, lost_reports, refused_reports, absences, presence, engine_changes, settle_wall_s,
-              history_rows_dropped, trace_events_dropped, body_history, checkpoints, resumed_from_s, dds, events,
-              refused)
+SUBWORLD_HAS_JSON(WorldResult)
 
 /// The file of world_sim.
 struct WorldPart {
@@ -110,13 +104,13 @@ struct WorldPart {
   std::string host = {};
   std::vector<std::string> arguments = {};  ///< scene and flags, from which others know the run
 };
-SUBWORLD_JSON(WorldPart, state_hash, simulated_s, energy_excess_j, world, ending, host, arguments)
+SUBWORLD_HAS_JSON(WorldPart)
 
 struct HapticRefused {
   std::uint64_t device_state = 0, world_frame = 0;
   std::string by;
 };
-SUBWORLD_JSON(HapticRefused, device_state, world_frame, by)
+SUBWORLD_HAS_JSON(HapticRefused)
 
 /// The file of a haptic_sim.
 struct HapticResult {
@@ -150,18 +144,13 @@ struct HapticResult {
   Ending ending = {};
   std::string host = {};
 };
-SUBWORLD_JSON(HapticResult, user, steps, skipped_steps, missed_deadlines, missed_by_os, missed_by_run, missed_waiting,
-              lateness_s, woken_late_s, machine, step_s, stages, force_rms_n, force_max_n, force_step_mean_n,
-              force_step_max_n, at_limit_ratio, proxy_apart_max_m, coupling_force_rms_n, coupling_force_max_n, members,
-              contacts, border_pairs, sync_s, round_trip_s, bytes_per_cycle, sent_ratio, operator_energy, device_work_j,
-              oscillation_n, device_jumps, late_reports_ratio, lost_frames, refused_frames, resynchronisations,
-              engine_changes, history_rows_dropped, trace_events_dropped, dds, events, refused, ending, host)
+SUBWORLD_HAS_JSON(HapticResult)
 
 struct DeviceRefused {
   std::uint64_t device_command = 0;
   std::string by;
 };
-SUBWORLD_JSON(DeviceRefused, device_command, by)
+SUBWORLD_HAS_JSON(DeviceRefused)
 
 /// A real device, by its driver. `absent_s`: total time in which the device was lost or had no good reading.
 struct DriverResult {
@@ -171,7 +160,7 @@ struct DriverResult {
   std::uint64_t absences = 0;
   double absent_s = 0.0, longest_gap_s = 0.0;
 };
-SUBWORLD_JSON(DriverResult, name, version, readings, refused, refused_for, absences, absent_s, longest_gap_s)
+SUBWORLD_HAS_JSON(DriverResult)
 
 /// The file of a device_sim.
 struct DeviceResult {
@@ -195,8 +184,11 @@ struct DeviceResult {
   Ending ending = {};
   std::string host = {};
 };
-SUBWORLD_JSON(DeviceResult, user, steps, round_trip_s, sent_ratio, missed_deadlines, missed_by_os, missed_by_run,
-              step_s, operator_energy, energy_bounded_ratio, oscillation_n, woken_late_s, machine, stages,
-              history_rows_dropped, trace_events_dropped, dds, events, refused, driver, ending, host)
+SUBWORLD_HAS_JSON(DeviceResult)
+
+/// Writes the file of a program's part, as write_json() does.
+void write_part(const std::string& path, const WorldPart& part);
+void write_part(const std::string& path, const HapticResult& part);
+void write_part(const std::string& path, const DeviceResult& part);
 
 }  // namespace subworld

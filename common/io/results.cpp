@@ -1,5 +1,6 @@
 #include "io/results.hpp"
 
+#include "io/json.hpp"
 #include "model/error.hpp"
 #include "rt/stages.hpp"
 
@@ -33,6 +34,13 @@ StageTimes stages(std::span<const Histogram> times, std::span<const char* const>
   }
   return stages;
 }
+
+SUBWORLD_JSON(Quantiles, p50, p99, p99_9, max, mean)
+SUBWORLD_JSON(EngineChange, at_s, from, to, exchange_s, force_step_n, force_step_before_n)
+SUBWORLD_JSON(EventCounts, deadline_missed, liveliness_lost, incompatible_qos, lost, rejected, refused)
+
+void to_json(Json& json, const MeanMax& values) { json = {{"mean", values.mean()}, {"max", values.max}}; }
+void from_json(const Json& json, MeanMax& values) { values = {json.at("mean"), json.at("max"), 1}; }
 
 void to_json(Json& json, const StageTimes& stages) {
   json = Json::object();

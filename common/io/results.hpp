@@ -5,7 +5,7 @@
 #include "model/settings.hpp"
 #include "rt/histogram.hpp"
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 
 #include <optional>
 #include <span>
@@ -16,39 +16,16 @@ namespace subworld {
 
 using Json = nlohmann::ordered_json;
 
-template <class T>
-void put(Json& json, const char* key, const T& value) {
-  json[key] = value;
-}
-template <class T>
-void put(Json& json, const char* key, const std::optional<T>& value) {
-  if (value) json[key] = *value;
-}
-template <class T>
-void get(const Json& json, const char* key, T& value) {
-  json.at(key).get_to(value);
-}
-template <class T>
-void get(const Json& json, const char* key, std::optional<T>& value) {
-  if (json.contains(key)) json[key].get_to(value.emplace());
-}
-#define SUBWORLD_PUT(member) put(json, #member, from.member);
-#define SUBWORLD_GET(member) get(json, #member, to.member);
-/// The conversion of a struct to JSON and back: a key for each of these members, in this order. An empty optional has
-/// no key.
-#define SUBWORLD_JSON(Type, ...)                                         \
-  inline void to_json(Json& json, const Type& from) {                    \
-    NLOHMANN_JSON_EXPAND(NLOHMANN_JSON_PASTE(SUBWORLD_PUT, __VA_ARGS__)) \
-  }                                                                      \
-  inline void from_json(const Json& json, Type& to) {                    \
-    NLOHMANN_JSON_EXPAND(NLOHMANN_JSON_PASTE(SUBWORLD_GET, __VA_ARGS__)) \
-  }
+/// The conversion to JSON and back, which is not in the header.
+#define SUBWORLD_HAS_JSON(Type)               \
+  void to_json(Json& json, const Type& from); \
+  void from_json(const Json& json, Type& to);
 
 /// Of a measured time, s.
 struct Quantiles {
   double p50 = 0.0, p99 = 0.0, p99_9 = 0.0, max = 0.0, mean = 0.0;
 };
-SUBWORLD_JSON(Quantiles, p50, p99, p99_9, max, mean)
+SUBWORLD_HAS_JSON(Quantiles)
 [[nodiscard]] Quantiles quantiles(const Histogram& histogram);
 
 /// Time of a loop's stage, over the steps that contain it.
@@ -61,8 +38,7 @@ struct StageTimes {
   std::vector<StageTime> all;
 };
 [[nodiscard]] StageTimes stages(std::span<const Histogram> times, std::span<const char* const> names);
-void to_json(Json& json, const StageTimes& stages);
-void from_json(const Json& json, StageTimes& stages);
+SUBWORLD_HAS_JSON(StageTimes)
 
 /// Mean and maximum of a count. JSON: {"mean", "max"}.
 struct MeanMax {
@@ -77,8 +53,7 @@ struct MeanMax {
   }
   [[nodiscard]] double mean() const noexcept { return count == 0 ? 0.0 : sum / static_cast<double>(count); }
 };
-inline void to_json(Json& json, const MeanMax& values) { json = {{"mean", values.mean()}, {"max", values.max}}; }
-inline void from_json(const Json& json, MeanMax& values) { values = {json.at("mean"), json.at("max"), 1}; }
+SUBWORLD_HAS_JSON(MeanMax)
 
 /// An exchange of engines while running.
 struct EngineChange {
@@ -90,11 +65,11 @@ struct EngineChange {
   double force_step_n = 0.0;  ///< largest change of the force on the operator between two steps just after; haptic only
   double force_step_before_n = 0.0;  ///< likewise just before the exchange
 };
-SUBWORLD_JSON(EngineChange, at_s, from, to, exchange_s, force_step_n, force_step_before_n)
+SUBWORLD_HAS_JSON(EngineChange)
 [[nodiscard]] std::string to_text(const EngineChange& change);
 
 /// Middleware events while a loop ran.
-SUBWORLD_JSON(EventCounts, deadline_missed, liveliness_lost, incompatible_qos, lost, rejected, refused)
+SUBWORLD_HAS_JSON(EventCounts)
 
 /// Decision and reason of each item of the plan.
 [[nodiscard]] Json to_json(std::span<const PlannedItem> plan);

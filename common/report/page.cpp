@@ -1,5 +1,6 @@
 #include "report/page.hpp"
 
+#include "io/json.hpp"
 #include "model/error.hpp"
 #include "report/look.hpp"
 

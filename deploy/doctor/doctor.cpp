@@ -1,8 +1,8 @@
 #include "doctor/doctor.hpp"
 
 #include "doctor/checks.hpp"
+#include "io/json.hpp"
 #include "io/options.hpp"
-#include "io/results.hpp"
 #include "model/error.hpp"
 #include "wire/session.hpp"
 

@@ -3,6 +3,7 @@
 #include "coupling/oscillation.hpp"
 #include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
+#include "io/json.hpp"
 #include "judge/summary.hpp"
 #include "wire/topics.hpp"
 

@@ -1,6 +1,7 @@
 #include "judge/summary.hpp"
 
 #include "coupling/plan.hpp"
+#include "io/json.hpp"
 #include "io/version.hpp"
 #include "judge/gates.hpp"
 #include "model/settings.hpp"

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "io/json.hpp"
 #include "io/program_results.hpp"
 #include "judge/gates.hpp"
 #include "model/scene.hpp"

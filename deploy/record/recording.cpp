@@ -1,5 +1,6 @@
 #include "record/recording.hpp"
 
+#include "io/json.hpp"
 #include "io/mcap_reader.hpp"
 #include "judge/report.hpp"
 #include "model/error.hpp"

@@ -1,8 +1,8 @@
 #include "record/replay.hpp"
 
+#include "io/json.hpp"
 #include "io/mcap_reader.hpp"
 #include "io/output.hpp"
-#include "io/results.hpp"
 #include "model/error.hpp"
 #include "model/presence.hpp"
 #include "record/player.hpp"

@@ -1,6 +1,6 @@
 #include "results/command.hpp"
 
-#include "io/results.hpp"
+#include "io/json.hpp"
 #include "model/error.hpp"
 #include "results/run_report.hpp"
 

@@ -1,4 +1,5 @@
 #include "io/history_reader.hpp"
+#include "io/json.hpp"
 #include "results/envelope.hpp"
 #include "results/run_report.hpp"
 #include "results/values.hpp"

@@ -1,5 +1,6 @@
 #include "results/run_report.hpp"
 
+#include "io/json.hpp"
 #include "io/version.hpp"
 #include "results/values.hpp"
 #include "run/claim.hpp"

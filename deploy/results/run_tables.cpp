@@ -1,3 +1,4 @@
+#include "io/json.hpp"
 #include "results/run_report.hpp"
 #include "results/values.hpp"
 

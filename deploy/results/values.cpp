@@ -1,5 +1,7 @@
 #include "results/values.hpp"
 
+#include "io/json.hpp"
+
 #include <cstdlib>
 #include <limits>
 #include <sstream>

@@ -2,6 +2,8 @@
 
 #include "cdr_text.hpp"
 
+#include "io/json.hpp"
+
 namespace subworld::live {
 
 std::string verdict_schema() {

@@ -1,6 +1,7 @@
 // The table of tests/bench/users_curve, from the summaries of its runs.
 
 #include "io/command_line.hpp"
+#include "io/json.hpp"
 #include "io/options.hpp"
 #include "lab/page/tables.hpp"
 #include "model/error.hpp"

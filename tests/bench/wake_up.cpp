@@ -3,8 +3,8 @@
 // the machine, and each variant's p99 as a ratio to the first one's.
 
 #include "io/command_line.hpp"
+#include "io/json.hpp"
 #include "io/options.hpp"
-#include "io/results.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/histogram.hpp"
 #include "rt/scheduling.hpp"

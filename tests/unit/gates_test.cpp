@@ -1,5 +1,6 @@
 // Attribution of a missed gate, by the measurements of a run.
 #include "judge/gates.hpp"
+#include "io/json.hpp"
 
 #include "judge/summary.hpp"
 

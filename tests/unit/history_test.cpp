@@ -2,7 +2,7 @@
 #include "io/history.hpp"
 
 #include "io/history_reader.hpp"
-#include "io/results.hpp"
+#include "io/json.hpp"
 #include "io/trace.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/wall_clock.hpp"

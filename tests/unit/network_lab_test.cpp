@@ -1,5 +1,6 @@
 // The lab of the network: its matrix, the account of numbered messages, percentiles and pass criteria.
 
+#include "io/json.hpp"
 #include "lab/network/cell.hpp"
 #include "lab/network/ddsperf.hpp"
 #include "lab/network/felt.hpp"

@@ -1,4 +1,5 @@
 // Random scenes: their coverage, the round trip through text, and detection and shrinking of an injected fault.
+#include "io/json.hpp"
 #include "lab/random/energy_book.hpp"
 #include "lab/random/judge.hpp"
 #include "lab/random/run.hpp"

@@ -1,4 +1,5 @@
 // The pages of `subworld report`: what they show, and what they survive.
+#include "io/json.hpp"
 #include "model/error.hpp"
 #include "report/page.hpp"
 #include "results/command.hpp"

@@ -1,4 +1,5 @@
 // The basis of the stability lab: its searches, its formulas, and the completeness of its tables.
+#include "io/json.hpp"
 #include "lab/page/tables.hpp"
 #include "lab/stability/bed.hpp"
 #include "lab/stability/cases.hpp"

@@ -1,4 +1,5 @@
 #include "lab/session/variants.hpp"
+#include "io/json.hpp"
 #include "lab/coupling/analysis.hpp"
 
 #include <gtest/gtest.h>

@@ -1,6 +1,7 @@
 #include "coupling/plan.hpp"
 #include "coupling/scheme.hpp"
 #include "io/command_line.hpp"
+#include "io/json.hpp"
 #include "io/options.hpp"
 #include "io/scene_name.hpp"
 #include "lab/coupling/analysis.hpp"

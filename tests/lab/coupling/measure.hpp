@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/results.hpp"
+#include "io/json.hpp"
 #include "lab/coupling/balance.hpp"
 #include "lab/coupling/sweep.hpp"
 #include "lab/session/coupled_run.hpp"

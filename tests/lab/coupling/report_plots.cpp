@@ -1,3 +1,4 @@
+#include "io/json.hpp"
 #include "lab/coupling/report.hpp"
 #include "model/slips.hpp"
 

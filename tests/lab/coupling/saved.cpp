@@ -1,6 +1,7 @@
 #include "lab/coupling/saved.hpp"
 
 #include "io/history_reader.hpp"
+#include "io/json.hpp"
 
 #include <fmt/core.h>
 

@@ -1,5 +1,6 @@
 #include "lab/engines/body_costs.hpp"
 
+#include "io/json.hpp"
 #include "lab/engines/run.hpp"
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"

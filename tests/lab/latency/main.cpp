@@ -1,4 +1,5 @@
 #include "io/command_line.hpp"
+#include "io/json.hpp"
 #include "io/options.hpp"
 #include "io/scene_name.hpp"
 #include "lab/latency/measure.hpp"

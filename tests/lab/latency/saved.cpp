@@ -1,3 +1,4 @@
+#include "io/json.hpp"
 #include "lab/latency/report.hpp"
 #include "model/error.hpp"
 

@@ -1,5 +1,6 @@
 #include "lab/network/criteria.hpp"
 
+#include "io/json.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
 

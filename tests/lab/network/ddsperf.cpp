@@ -1,5 +1,6 @@
 #include "lab/network/ddsperf.hpp"
 
+#include "io/json.hpp"
 #include "link/network.hpp"
 #include "model/error.hpp"
 

@@ -1,5 +1,6 @@
 #include "lab/network/felt.hpp"
 
+#include "io/json.hpp"
 #include "io/scene_name.hpp"
 #include "lab/coupling/analysis.hpp"
 #include "lab/network/criteria.hpp"

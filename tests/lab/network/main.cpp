@@ -1,4 +1,5 @@
 #include "io/command_line.hpp"
+#include "io/json.hpp"
 #include "io/options.hpp"
 #include "lab/network/criteria.hpp"
 #include "lab/network/ddsperf.hpp"

@@ -1,3 +1,4 @@
+#include "io/json.hpp"
 #include "lab/network/report.hpp"
 
 #include "lab/coupling/analysis.hpp"

@@ -1,5 +1,7 @@
 #include "lab/network/statistics.hpp"
 
+#include "io/json.hpp"
+
 #include <algorithm>
 #include <array>
 

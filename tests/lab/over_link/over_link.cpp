@@ -1,5 +1,6 @@
 #include "lab/over_link/over_link.hpp"
 
+#include "io/json.hpp"
 #include "link/host.hpp"
 #include "link/network.hpp"
 #include "model/error.hpp"

@@ -1,5 +1,6 @@
 #include "lab/page/command_line.hpp"
 
+#include "io/json.hpp"
 #include "io/output.hpp"
 #include "io/scene_name.hpp"
 #include "model/error.hpp"

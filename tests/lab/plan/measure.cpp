@@ -1,6 +1,7 @@
 #include "lab/plan/measure.hpp"
 
 #include "coupling/plan.hpp"
+#include "io/json.hpp"
 #include "lab/coupling/measure.hpp"
 #include "lab/coupling/sweep.hpp"
 #include "lab/session/apart.hpp"

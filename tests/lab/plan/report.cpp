@@ -1,5 +1,6 @@
 #include "lab/plan/report.hpp"
 
+#include "io/json.hpp"
 #include "lab/page/command_line.hpp"
 #include "model/optimisation.hpp"
 #include "report/page.hpp"

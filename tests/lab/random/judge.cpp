@@ -2,6 +2,7 @@
 
 #include "coupling/force_guard.hpp"
 #include "coupling/plan.hpp"
+#include "io/json.hpp"
 #include "lab/random/energy_book.hpp"
 #include "lab/random/scene.hpp"
 #include "lab/session/coupled_run.hpp"

@@ -1,4 +1,5 @@
 #include "io/command_line.hpp"
+#include "io/json.hpp"
 #include "io/options.hpp"
 #include "lab/page/command_line.hpp"
 #include "lab/page/engine_choice.hpp"

@@ -1,5 +1,6 @@
 #include "lab/stability/plan.hpp"
 
+#include "io/json.hpp"
 #include "lab/page/engine_choice.hpp"
 #include "lab/page/tables.hpp"
 #include "lab/stability/cases.hpp"

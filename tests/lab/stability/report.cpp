@@ -1,5 +1,6 @@
 #include "lab/stability/report.hpp"
 
+#include "io/json.hpp"
 #include "lab/page/engine_choice.hpp"
 #include "lab/random/report.hpp"
 #include "lab/stability/cases.hpp"
