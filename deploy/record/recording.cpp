@@ -20,7 +20,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <regex>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -143,15 +143,8 @@ void to_json(Json& json, const RecordingResult& result) {
   if (!result.fault.empty()) json["fault"] = result.fault;
 }
 
-std::vector<std::string> files_of_scene(const std::string& text) {
-  static const std::regex kFile(R"((?:^|[\s{,])file:\s*["']?([^"',}\s]+))");
-  std::vector<std::string> files;
-  for (std::sregex_iterator at(text.begin(), text.end(), kFile), end; at != end; ++at) {
-    const std::filesystem::path path = (*at)[1].str();
-    const bool inside = path.is_relative() && std::ranges::find(path, "..") == path.end();
-    if (inside && std::ranges::find(files, path.string()) == files.end()) files.push_back(path);
-  }
-  return files;
+bool stays_inside(const std::filesystem::path& file) {
+  return file.is_relative() && std::ranges::find(file, "..") == file.end();
 }
 
 RecordingFile::RecordingFile(const std::string& path, const RecordedRun& run) : writer_(path) {
@@ -170,8 +163,11 @@ RecordingFile::RecordingFile(const std::string& path, const RecordedRun& run) : 
   const std::string text = text_of(run.scene.file);
   writer_.attach(kSceneAttachment, "application/yaml", text, attached_at());
   const auto folder = std::filesystem::path(run.scene.file).parent_path();
-  for (const std::string& file : files_of_scene(text))
-    writer_.attach(file, "application/octet-stream", text_of(folder / file), attached_at());
+  std::set<std::string> files;
+  for (const Mesh& mesh : run.scene.meshes) {
+    if (stays_inside(mesh.file) && files.insert(mesh.file).second)
+      writer_.attach(mesh.file, "application/octet-stream", text_of(folder / mesh.file), attached_at());
+  }
   const Json settings{{"scene_file", run.scene.file}, {"flags", run.flags}, {"dds", run.dds}};
   writer_.attach(kSettingsAttachment, "application/json", settings.dump(2), attached_at());
 }

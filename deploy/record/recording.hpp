@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <span>
@@ -107,8 +108,8 @@ class Recording {
   std::thread thread_;
 };
 
-/// Relative paths of the files that a scene's text names.
-[[nodiscard]] std::vector<std::string> files_of_scene(const std::string& text);
+/// Whether a path leads to a file below the folder that it begins in.
+[[nodiscard]] bool stays_inside(const std::filesystem::path& file);
 
 inline constexpr const char* kSceneAttachment = "scene.yaml";
 inline constexpr const char* kSettingsAttachment = "settings.json";

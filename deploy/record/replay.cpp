@@ -82,13 +82,11 @@ std::vector<std::string> flags_of_run(const Json& settings) {
 
 /// The scene and its files, as recorded, in a folder. Returns the scene's file.
 std::string extract_scene(const std::string& folder, const Attachments& attachments) {
-  const std::string text = attachments.at(kSceneAttachment), scene = folder + "/recorded/" + kSceneAttachment;
-  write_file(scene, text);
-  for (const std::string& file : files_of_scene(text)) {
-    if (const auto at = attachments.find(file); at != attachments.end())
-      write_file(std::filesystem::path(folder) / "recorded" / file, at->second);
+  const auto recorded = std::filesystem::path(folder) / "recorded";
+  for (const auto& [file, bytes] : attachments) {
+    if (stays_inside(file)) write_file(recorded / file, bytes);
   }
-  return scene;
+  return recorded / kSceneAttachment;
 }
 
 std::string folder_of(const ReplayRequest& request) {

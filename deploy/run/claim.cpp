@@ -5,6 +5,7 @@
 #include "model/error.hpp"
 
 #include <fmt/core.h>
+#include <fnmatch.h>
 
 #include <cerrno>
 #include <cstring>
@@ -12,7 +13,6 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <regex>
 #include <string_view>
 #include <vector>
 
@@ -95,12 +95,14 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
                                              "or omit it: a new one is made",
                                              folder));
   }
-  const std::regex ours(
-      R"((summary|world|haptic_\d+|device_\d+)\.(json|csv)(\.part)?|bodies\.csv|last_\w+\.csv|world_[01]\.checkpoint(\.part)?|picture\.png)");
+  constexpr const char* kOurs =
+      "@(@(summary|world|haptic_+([0-9])|device_+([0-9])).@(json|csv)?(.part)|bodies.csv|last_+([a-z_]).csv|"
+      "world_[01].checkpoint?(.part)|picture.png)";
   std::vector<std::filesystem::path> old;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     // Results go through a link that the user made.
-    if (!entry.is_symlink() && std::regex_match(entry.path().filename().string(), ours)) old.push_back(entry.path());
+    if (!entry.is_symlink() && fnmatch(kOurs, entry.path().filename().c_str(), FNM_EXTMATCH) == 0)
+      old.push_back(entry.path());
   }
   for (const std::filesystem::path& file : old) {
     if (is_result(file)) continue;

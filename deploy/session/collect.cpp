@@ -6,11 +6,11 @@
 #include "run/claim.hpp"
 
 #include <fmt/core.h>
+#include <fnmatch.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <map>
-#include <regex>
 #include <set>
 
 namespace subworld {
@@ -19,10 +19,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-const std::regex& results() {
-  static const std::regex names(R"((world|haptic_\d+|device_\d+)\.(json|csv)|bodies\.csv|picture\.png)");
-  return names;
-}
+constexpr const char* kResults = "@(@(world|haptic_+([0-9])|device_+([0-9])).@(json|csv)|bodies.csv|picture.png)";
 
 /// The vendor that all programs used, or "mixed".
 std::string vendors_of(const std::string& folder, int users) {
@@ -85,7 +82,7 @@ void merge_results(const std::vector<std::string>& folders, const std::string& o
       throw Error(ExitCode::usage, fmt::format("{}: is no folder; name those that the programs wrote to", folder));
     for (const auto& entry : fs::recursive_directory_iterator(folder)) {
       const std::string name = entry.path().filename().string();
-      if (!entry.is_regular_file() || !std::regex_match(name, results())) continue;
+      if (!entry.is_regular_file() || fnmatch(kResults, name.c_str(), FNM_EXTMATCH) != 0) continue;
       const auto [at, is_new] = found.emplace(name, entry.path());
       if (!is_new && !fs::equivalent(at->second, entry.path())) {
         throw Error(ExitCode::usage, fmt::format("{} and {} are results of the same program; name folders of one run",
