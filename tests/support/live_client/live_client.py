@@ -95,7 +95,7 @@ async def garbage(address):
     good = await Viewer.open(address)
     viewer = await Viewer.open(address)
     assert viewer.info["sessionId"] == good.info["sessionId"]
-    ids = {"id": 1, "channelId": viewer.channels["/world_state"]["id"]}
+    ids = {key: viewer.channels["/world_state"]["id"] for key in ("id", "channelId")}
     wrong = [
         "no JSON", "[]", "17", "null", "{}", '{"op": 3}', '{"op": "launch"}', "[" * 60000, '{"op":"subscribe"}',
         '{"op":"subscribe","subscriptions":[{"id":-1,"channelId":1}]}',
