@@ -15,10 +15,10 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <charconv>
 #include <cstring>
+#include <deque>
 #include <functional>
 #include <future>
 #include <mutex>
@@ -62,135 +62,117 @@ int listening_socket(const ServerConfig& config) {
   hints.ai_flags = AI_NUMERICHOST;
   hints.ai_socktype = SOCK_STREAM;
   addrinfo* at = nullptr;
-  int listener = -1;
-  std::string fault;
-  if (const int code = getaddrinfo(config.address.c_str(), std::to_string(config.port).c_str(), &hints, &at); code != 0)
-    fault = gai_strerror(code);
-  if (at != nullptr) {
-    constexpr int kOn = 1;
-    listener = socket(at->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-    if (listener < 0 || setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &kOn, sizeof kOn) != 0 ||
-        bind(listener, at->ai_addr, at->ai_addrlen) != 0 || listen(listener, SOMAXCONN) != 0)
-      fault = std::strerror(errno);
-    freeaddrinfo(at);
-  }
-  if (fault.empty()) return listener;
-  if (listener >= 0) close(listener);
+  const int unknown = getaddrinfo(config.address.c_str(), std::to_string(config.port).c_str(), &hints, &at);
+  const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> freed(at, &freeaddrinfo);
+  const int listener = at != nullptr ? socket(at->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0) : -1;
+  constexpr int kOn = 1;
+  if (listener >= 0 && setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &kOn, sizeof kOn) == 0 &&
+      bind(listener, at->ai_addr, at->ai_addrlen) == 0 && listen(listener, SOMAXCONN) == 0)
+    return listener;
   throw Error(ExitCode::failed,
               fmt::format("cannot serve viewers on {} port {}: {}; choose another --live PORT or --listen ADDRESS",
-                          config.address, config.port, fault));
+                          config.address, config.port, at != nullptr ? std::strerror(errno) : gai_strerror(unknown)));
 }
 
 /// "127.0.0.1:8765"
-std::string address_of(int listener) {
-  sockaddr_storage own{};
+std::string address_of(const std::string& host, int listener) {
+  sockaddr_in6 own{};  // an IPv4 address has its port in the same place
   socklen_t size = sizeof own;
-  std::array<char, NI_MAXHOST> host{};
-  std::array<char, NI_MAXSERV> port{};
   getsockname(listener, reinterpret_cast<sockaddr*>(&own), &size);
-  getnameinfo(reinterpret_cast<const sockaddr*>(&own), size, host.data(), host.size(), port.data(), port.size(),
-              NI_NUMERICHOST | NI_NUMERICSERV);
-  return own.ss_family == AF_INET6 ? fmt::format("[{}]:{}", host.data(), port.data())
-                                   : fmt::format("{}:{}", host.data(), port.data());
+  return fmt::format("{}:{}", host.find(':') != std::string::npos ? "[" + host + "]" : host, ntohs(own.sin6_port));
 }
-
-void report(const std::exception& fault) { fmt::print(stderr, "gui_headless: viewers: {}\n", fault.what()); }
 
 }  // namespace
 
-struct Server::Parts final : Host {
+struct Server::Parts {
   Parts(const ServerConfig& wanted, Bus& bus)
       : config(wanted), sources(bus, wanted.users), orders(bus), tools(wanted.domain, wanted.users) {
     context.reset(open_context());
     if (!context) throw Error(ExitCode::failed, "cannot serve viewers: libwebsockets does not start");
     const int socket = listening_socket(config);
-    address = address_of(socket);
-    listener = watch(socket);
-    timer = watch(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC));
+    address = address_of(config.address, socket);
+    listener = adopt(socket, LWS_ADOPT_RAW_FILE_DESC);
+    timer = adopt(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC), LWS_ADOPT_RAW_FILE_DESC);
     schedule(kIdlePeriod);
     // Signals go to the main thread.
     sigset_t all, before;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
-    thread = std::thread([this] { work(); });
+    thread = std::thread([this] {
+      while (!done) lws_service(context.get(), 0);
+    });
     pthread_sigmask(SIG_SETMASK, &before, nullptr);
   }
 
-  ~Parts() override {
+  ~Parts() {
     post([this] { leave(); });
     thread.join();
   }
 
   lws_context* open_context() {
-    static const std::array<lws_protocols, kProtocols.size() + 1> kNames{
-        {{kProtocols[0].data(), on_event, 0, 0, 0, nullptr, kSendBufferBytes},
-         {kProtocols[1].data(), on_event, 0, 0, 0, nullptr, kSendBufferBytes},
-         {}}};
-    static const lws_retry_bo_t kIdle{nullptr, 0,  0,
-                                      10,      20, 0};  // seconds to a ping, and to the end without its answer
-    lws_set_log_level(0, nullptr);                      // it mentions each wrong client
+    static const lws_protocols kNames[] = {{kProtocols[0].data(), on_event, 0, 0, 0, nullptr, kSendBufferBytes},
+                                           {kProtocols[1].data(), on_event, 0, 0, 0, nullptr, kSendBufferBytes},
+                                           {}};
+    static const lws_retry_bo_t kIdle{nullptr, 0, 0, 10, 20, 0};  // s to a ping, and to the end without its answer
+    lws_set_log_level(0, nullptr);                                // its log mentions each wrong client
     lws_context_creation_info info{};
     info.port = CONTEXT_PORT_NO_LISTEN_SERVER;
-    info.protocols = kNames.data();
+    info.protocols = kNames;
     info.options = LWS_SERVER_OPTION_VALIDATE_UTF8;
     info.fd_limit_per_thread = kMostConnections + 8;
     info.max_http_header_data2 = kHeaderBytes;
-    info.timeout_secs = kRequestTime_s;
     info.timeout_secs_ah_idle = kRequestTime_s;
     info.retry_and_idle_policy = &kIdle;
     info.user = this;
     return lws_create_context(&info);
   }
 
-  /// From now on there is an event when it can be read. The library closes it.
-  lws* watch(int descriptor) {
+  /// There are events of this descriptor from now on. The library closes it.
+  lws* adopt(int descriptor, lws_adoption_type type) {
     lws_sock_file_fd_type file{};
     file.filefd = descriptor;
-    return lws_adopt_descriptor_vhost(vhost(), LWS_ADOPT_RAW_FILE_DESC, file, nullptr, nullptr);
-  }
-  [[nodiscard]] lws_vhost* vhost() const { return lws_get_vhost_by_name(context.get(), "default"); }
-
-  static int on_event(lws* connection, lws_callback_reasons event, void* user, void* bytes, std::size_t size) {
-    try {
-      Parts& parts = *static_cast<Parts*>(lws_context_user(lws_get_context(connection)));
-      return parts.handle(connection, event, static_cast<Session*>(user), bytes, size);
-    } catch (const std::exception& fault) {
-      report(fault);
-      return -1;
-    }
+    return lws_adopt_descriptor_vhost(lws_get_vhost_by_name(context.get(), "default"), type, file, nullptr, nullptr);
   }
 
-  /// `session`: null where the connection is new, or is none.
-  int handle(lws* connection, lws_callback_reasons event, Session* session, const void* bytes, std::size_t size) {
-    if (event == LWS_CALLBACK_SERVER_NEW_CLIENT_INSTANTIATED) {
-      sessions.push_back(std::make_unique<Session>(connection, *this, ++connections));
-      lws_set_wsi_user(connection, sessions.back().get());
-    } else if (event == LWS_CALLBACK_RAW_RX_FILE) {
-      connection == timer ? tick() : accept();
-    } else if (session != nullptr && event == LWS_CALLBACK_WSI_DESTROY) {
-      closed(*session);
-    } else if (session != nullptr) {
-      return session->handle(event, bytes, size);
+  /// `user`: the session; null where the connection is new or is none. Less than 0 ends the connection.
+  static int on_event(lws* connection, lws_callback_reasons event, void* user, void* bytes, std::size_t size) try {
+    Parts& parts = *static_cast<Parts*>(lws_context_user(lws_get_context(connection)));
+    auto* const session = static_cast<Session*>(user);
+    switch (event) {
+      case LWS_CALLBACK_EVENT_WAIT_CANCELLED:
+        while (const auto task = parts.posted()) task();
+        return 0;
+      case LWS_CALLBACK_RAW_RX_FILE:
+        connection == parts.timer ? parts.tick() : parts.accept();
+        return 0;
+      case LWS_CALLBACK_SERVER_NEW_CLIENT_INSTANTIATED:
+        parts.sessions.push_back(std::make_unique<Session>(connection, ++parts.connections));
+        lws_set_wsi_user(connection, parts.sessions.back().get());
+        return 0;
+      case LWS_CALLBACK_HTTP:
+      case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
+        return session->answer_request(parts.config.token, parts.full());
+      case LWS_CALLBACK_ESTABLISHED:
+        parts.opened(*session);
+        return 0;
+      case LWS_CALLBACK_RECEIVE:
+        return session->read(bytes, size, [&](const Request& request) { parts.requested(*session, request); });
+      case LWS_CALLBACK_SERVER_WRITEABLE:
+        return session->write();
+      case LWS_CALLBACK_WS_SERVER_DROP_PROTOCOL:
+        session->closing();
+        return 0;
+      case LWS_CALLBACK_RAW_ADOPT:  // by the method CONNECT
+        return -1;
+      case LWS_CALLBACK_WSI_DESTROY:
+        if (session != nullptr) parts.closed(*session);
+        return 0;
+      default:
+        return 0;
     }
-    return 0;
-  }
-
-  void work() noexcept {
-    while (!done) {
-      lws_service(context.get(), 0);
-      std::vector<std::function<void()>> posted;
-      {
-        const std::lock_guard lock(mutex);
-        posted.swap(tasks);
-      }
-      for (const auto& task : posted) {
-        try {
-          task();
-        } catch (const std::exception& fault) {
-          report(fault);
-        }
-      }
-    }
+  } catch (const std::exception& fault) {
+    fmt::print(stderr, "gui_headless: viewers: {}\n", fault.what());
+    return user != nullptr ? -1 : 0;
   }
 
   /// Does this in the thread of the server.
@@ -200,33 +182,36 @@ struct Server::Parts final : Host {
     lws_cancel_service(context.get());
   }
 
+  /// The next one; empty if there is none.
+  std::function<void()> posted() {
+    const std::lock_guard lock(mutex);
+    if (tasks.empty()) return {};
+    std::function<void()> task = std::move(tasks.front());
+    tasks.pop_front();
+    return task;
+  }
+
   void accept() {
     const int socket = accept4(lws_get_socket_fd(listener), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
-    if (socket < 0) {  // as where no file is left to open
-      lws_rx_flow_control(listener, 0);
-      return;
-    }
-    if (sessions.size() >= kMostConnections) {
-      close(socket);
-      return;
-    }
     constexpr int kOn = 1;
     setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &kOn, sizeof kOn);
     setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &kSendBufferBytes, sizeof kSendBufferBytes);
-    lws_adopt_socket_vhost(vhost(), socket);
+    if (socket < 0)  // as where no file is left to open
+      lws_rx_flow_control(listener, 0);
+    else if (sessions.size() >= kMostConnections)
+      close(socket);
+    else
+      adopt(socket, static_cast<lws_adoption_type>(LWS_ADOPT_SOCKET | LWS_ADOPT_HTTP));
   }
 
   void schedule(std::chrono::nanoseconds period) {
-    itimerspec once{};
-    once.it_value.tv_nsec = period.count();
+    const itimerspec once{{}, {0, period.count()}};
     timerfd_settime(lws_get_socket_fd(timer), 0, &once, nullptr);
   }
 
   void tick() {
-    if (leaving) {
-      done = true;
-      return;
-    }
+    done = leaving;
+    if (leaving) return;
     schedule(subscribers > 0 ? kPeriod : std::chrono::nanoseconds(kIdlePeriod));
     lws_rx_flow_control(listener, 1);
     if (subscribers > 0) sources.poll(deliver);
@@ -247,18 +232,18 @@ struct Server::Parts final : Host {
     schedule(kFarewell);
   }
 
-  [[nodiscard]] const std::string& token() const override { return config.token; }
-  [[nodiscard]] bool full() const override {
+  [[nodiscard]] bool full() const {
     return std::ranges::count_if(sessions, [](const auto& one) { return one->is_open(); }) >=
            static_cast<std::ptrdiff_t>(kMostClients);
   }
 
-  void opened(Session& session) override {
+  void opened(Session& session) {
+    session.open();
     session.send_control(server_info_text(fmt::format("Subworld: {}", config.name), session_id, session.number()));
     session.send_control(advertise_text(sources.channels()));
   }
 
-  void requested(Session& session, const Request& request) override {
+  void requested(Session& session, const Request& request) {
     if (const auto* wanted = std::get_if<Subscribe>(&request)) {
       for (const Subscription& one : wanted->subscriptions) subscribe(session, one);
     } else if (const auto* ended = std::get_if<Unsubscribe>(&request)) {
@@ -377,11 +362,9 @@ struct Server::Parts final : Host {
   };
 
   std::mutex mutex;
-  std::vector<std::function<void()>> tasks;
-  struct Closer {
-    void operator()(lws_context* one) const { lws_context_destroy(one); }
-  };
-  std::unique_ptr<lws_context, Closer> context;  // ends the sessions
+  std::deque<std::function<void()>> tasks;
+  std::unique_ptr<lws_context, decltype(&lws_context_destroy)> context{nullptr,
+                                                                       &lws_context_destroy};  // of the sessions
   lws *listener = nullptr, *timer = nullptr;
   std::thread thread;
 };

@@ -66,36 +66,10 @@ bool is_own_page(lws* request) {
 
 }  // namespace
 
-Session::Session(lws* connection, Host& host, std::uint32_t number)
-    : connection_(connection), host_(host), number_(number) {}
-
-int Session::handle(int event, const void* bytes, std::size_t size) {
-  switch (event) {
-    case LWS_CALLBACK_HTTP:
-    case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
-      return answer_request();
-    case LWS_CALLBACK_ESTABLISHED:
-      open_ = true;
-      host_.opened(*this);
-      return 0;
-    case LWS_CALLBACK_RECEIVE:
-      return read(bytes, size);
-    case LWS_CALLBACK_SERVER_WRITEABLE:
-      return write();
-    case LWS_CALLBACK_WS_SERVER_DROP_PROTOCOL:  // the library closes the connection, after a wrong frame for example
-      closing_ = true;
-      return 0;
-    case LWS_CALLBACK_RAW_ADOPT:  // by the method CONNECT
-      return -1;
-    default:
-      return 0;
-  }
-}
-
-/// 0 lets the library go on to WebSocket. Each other answer ends the connection: the library has a fault where a
-/// connection has another request after one for an unknown upgrade (CVE-2025-11677).
-int Session::answer_request() {
-  if (!host_.token().empty() && !is_equal(token_of(connection_), host_.token())) {
+/// A connection has one request, also because of a fault in the library: it answers an unknown upgrade itself, and uses
+/// freed memory where another request follows (CVE-2025-11677).
+int Session::answer_request(const std::string& token, bool full) {
+  if (!token.empty() && !is_equal(token_of(connection_), token)) {
     return refuse("401 Unauthorized",
                   "the token is missing or wrong: give it as ADDRESS:PORT/?token=TOKEN or in the header "
                   "\"Authorization: Bearer TOKEN\"");
@@ -107,8 +81,8 @@ int Session::answer_request() {
     return refuse("400 Bad Request",
                   fmt::format("offer the WebSocket subprotocol {} or {}", kProtocols[0], kProtocols[1]));
   }
-  if (host_.full()) return refuse("503 Service Unavailable", "too many viewers are connected");
-  may_publish_ = !host_.token().empty() || is_own_page(connection_);
+  if (full) return refuse("503 Service Unavailable", "too many viewers are connected");
+  may_publish_ = !token.empty() || is_own_page(connection_);
   return 0;
 }
 
@@ -142,7 +116,7 @@ int Session::respond(std::string_view status, std::string_view headers, std::str
   return -1;
 }
 
-int Session::read(const void* bytes, std::size_t size) {
+int Session::read(const void* bytes, std::size_t size, const std::function<void(const Request&)>& requested) {
   if (closing_) return 0;
   if (received_.size() + size > kMostMessageBytes) {
     lws_close_reason(connection_, LWS_CLOSE_STATUS_MESSAGE_TOO_LARGE, nullptr, 0);
@@ -151,9 +125,9 @@ int Session::read(const void* bytes, std::size_t size) {
   received_.append(static_cast<const char*>(bytes), size);
   if (lws_is_final_fragment(connection_) == 0) return 0;
   const std::string message = std::exchange(received_, {});
-  host_.requested(*this, lws_frame_is_binary(connection_) != 0
-                             ? parse_binary({reinterpret_cast<const std::uint8_t*>(message.data()), message.size()})
-                             : parse_request(message));
+  requested(lws_frame_is_binary(connection_) != 0
+                ? parse_binary({reinterpret_cast<const std::uint8_t*>(message.data()), message.size()})
+                : parse_request(message));
   return 0;
 }
 
@@ -216,19 +190,15 @@ void Session::inspect(Clock::time_point now) {
 }
 
 void Session::close() {
-  if (!open_) return abort();
+  if (!open_) return reset();
   farewell_ = true;
   await_write();
 }
 
 void Session::reset() noexcept {
+  closing_ = true;
   constexpr linger kDrop{.l_onoff = 1, .l_linger = 0};
   setsockopt(lws_get_socket_fd(connection_), SOL_SOCKET, SO_LINGER, &kDrop, sizeof kDrop);
-  abort();
-}
-
-void Session::abort() noexcept {
-  closing_ = true;
   lws_set_timeout(connection_, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
 }
 

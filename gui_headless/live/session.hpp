@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -14,29 +15,23 @@ struct lws;
 
 namespace subworld::live {
 
-class Session;
-
-/// The server, as its sessions see it.
-class Host {
- public:
-  virtual ~Host() = default;
-  [[nodiscard]] virtual const std::string& token() const = 0;
-  [[nodiscard]] virtual bool full() const = 0;
-  /// The client speaks the protocol now.
-  virtual void opened(Session& session) = 0;
-  virtual void requested(Session& session, const Request& request) = 0;
-};
-
 /// The connection of one client, from its HTTP request to its end. One thread.
 class Session {
  public:
   using Clock = std::chrono::steady_clock;
 
   /// `number` is that of no other connection, and not 0.
-  Session(lws* connection, Host& host, std::uint32_t number);
+  Session(lws* connection, std::uint32_t number) : connection_(connection), number_(number) {}
 
-  /// An event of libwebsockets. Less than 0 ends the connection.
-  [[nodiscard]] int handle(int event, const void* bytes, std::size_t size);
+  // Events of the connection. Less than 0 ends it.
+  /// Sends the page or a refusal, or lets the library go on to WebSocket. `token`: empty where none is needed.
+  [[nodiscard]] int answer_request(const std::string& token, bool full);
+  /// The client speaks the protocol now.
+  void open() noexcept { open_ = true; }
+  [[nodiscard]] int read(const void* bytes, std::size_t size, const std::function<void(const Request&)>& requested);
+  [[nodiscard]] int write();
+  /// The library closes the connection, after a wrong frame for example.
+  void closing() noexcept { closing_ = true; }
 
   /// Ends the connection if too many control messages wait.
   void send_control(std::string text);
@@ -58,23 +53,16 @@ class Session {
   std::map<std::uint32_t, std::optional<int>> publications;  ///< of each of its ids: the user whose tool; none: orders
 
  private:
-  // Events. Less than 0 ends the connection.
-  int answer_request();
   int send_page();
   int refuse(std::string_view status, const std::string& text);
   int respond(std::string_view status, std::string_view headers, std::string_view body);
-  int read(const void* bytes, std::size_t size);
-  int write();
-
-  /// write() comes when the client takes more.
+  /// write() is called when the client takes more.
   void await_write();
-  /// Ends the connection at the next event. What the kernel has is sent.
-  void abort() noexcept;
-  /// The same, but what the client has not taken is dropped, which frees its memory in the kernel.
+  /// Ends the connection at the next event. What the client has not taken is dropped, which frees its memory in the
+  /// kernel.
   void reset() noexcept;
 
   lws* const connection_;
-  Host& host_;
   const std::uint32_t number_;
   std::string received_;  // of a message
   Outbox outbox_;
