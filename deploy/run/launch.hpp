@@ -28,16 +28,9 @@ struct RunRequest {
 /// Throws `Error`: usage for the scene, middleware for a domain in use.
 int run(const RunRequest& request);
 
-/// An order. Verb and argument are those of its `Control`.
-struct Order {
-  ControlVerb verb = ControlVerb::stop;
-  std::string argument;
-  bool for_sub_worlds = false;  ///< they execute it, and not the world
-};
-
-/// Sends one order to the programs on a domain and prints their answers. Throws `Error`: middleware where there is no
-/// world within `wait_s`, failed where one refuses or does not answer within as long again.
-void send_control(const Network& network, const Order& order, double wait_s);
+/// Sends one order, with a new number, to the programs on a domain and prints their answers. Throws `Error`: middleware
+/// where there is no world within `wait_s`, failed where one refuses or does not answer within as long again.
+void send_control(const Network& network, Control order, double wait_s);
 
 /// The vendor of the program at a position among those of a run; with "mixed" they alternate.
 [[nodiscard]] std::string vendor_of(const std::string& dds, int position);
