@@ -139,7 +139,7 @@ void control(ControlRequest& request) {
       {ControlVerb::seek, text(request.time_s)},
       {ControlVerb::set_speed, text(request.speed)},
       {ControlVerb::set_ratio, request.ratio}};
-  Order order;
+  Control order;
   for (const VerbName& verb : kVerbs) {
     const auto argument = arguments.find(verb.verb);
     const bool wanted = request.verb == verb.name, given = argument != arguments.end() && !argument->second.empty();
@@ -151,7 +151,6 @@ void control(ControlRequest& request) {
     }
     if (wanted) order = {.verb = verb.verb, .argument = given ? argument->second : ""};
   }
-  order.for_sub_worlds = order.verb == ControlVerb::set_engine && request.haptic;
   send_control(request.network, order, request.wait_s);
 }
 

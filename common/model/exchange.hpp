@@ -69,16 +69,15 @@ bool fields(auto& archive, Is<Mesh> auto& m) {
 
 bool fields(auto& archive, Is<Body> auto& m) {
   return archive("id", m.id) && archive("name", m.name) && archive("shape", m.shape.kind) &&
-         archive.check(m.shape.kind <= ShapeKind::mesh) && archive("half_extents", m.shape.half_extents) &&
-         archive.check((m.shape.half_extents.array() >= 0.0).all()) && archive("radius", m.shape.radius) &&
-         archive.check(m.shape.radius >= 0.0) && archive("half_length", m.shape.half_length) &&
-         archive.check(m.shape.half_length >= 0.0) && archive("mesh", m.shape.mesh) &&
-         archive("friction", m.material.friction) && archive.check(m.material.friction >= 0.0) &&
-         archive("restitution", m.material.restitution) &&
-         archive.check(m.material.restitution >= 0.0 && m.material.restitution <= 1.0) && archive("mass", m.mass) &&
-         archive.check(m.mass >= 0.0) && archive("inertia", m.inertia) &&
-         archive.check((m.inertia.array() >= 0.0).all()) && archive("gravity", m.gravity) &&
-         archive("rotates", m.rotates);
+         archive("half_extents", m.shape.half_extents) && archive("radius", m.shape.radius) &&
+         archive("half_length", m.shape.half_length) && archive("mesh", m.shape.mesh) &&
+         archive("friction", m.material.friction) && archive("restitution", m.material.restitution) &&
+         archive("mass", m.mass) && archive("inertia", m.inertia) && archive("gravity", m.gravity) &&
+         archive("rotates", m.rotates) &&
+         archive.check(m.shape.kind <= ShapeKind::mesh && m.shape.half_extents.minCoeff() >= 0.0 &&
+                       m.shape.radius >= 0.0 && m.shape.half_length >= 0.0 && m.material.friction >= 0.0 &&
+                       m.material.restitution >= 0.0 && m.material.restitution <= 1.0 && m.mass >= 0.0 &&
+                       m.inertia.minCoeff() >= 0.0);
 }
 
 bool fields(auto& archive, Is<NamedSetting> auto& m) { return archive("name", m.name) && archive("value", m.value); }
@@ -344,13 +343,13 @@ bool fields(auto& archive, Is<WorldFrame> auto& m) {
   const auto possible = [](int ratio) { return ratio >= 1 && ratio <= kMostRatio; };
   auto& changes = archive.changes;
   return archive("user", m.user) && archive("session", m.session) && archive("served", m.served) &&
-         archive("stamp", m.stamp) && archive("stamp_s", m.stamp_s) && archive.check(m.stamp_s >= 0.0) &&
-         archive("start_in_s", m.start_in_s) && archive("real_time_factor", m.real_time_factor) &&
-         archive.check(m.real_time_factor >= 0.0) && archive("echoed_sent_ns", m.echoed_sent_ns) &&
+         archive("stamp", m.stamp) && archive("stamp_s", m.stamp_s) && archive("start_in_s", m.start_in_s) &&
+         archive("real_time_factor", m.real_time_factor) && archive("echoed_sent_ns", m.echoed_sent_ns) &&
          archive("echoed_stamp", m.echoed_stamp) && archive("newest_stamp", m.newest_stamp) &&
-         archive("last", m.last) && archive("cycle_s", m.cycle_s) && archive.check(m.cycle_s >= 0.0) &&
-         archive("ratio", m.ratio) && archive.check(possible(m.ratio)) && archive("planned_stamp", m.planned.stamp) &&
-         archive("planned_ratio", m.planned.ratio) && archive.check(possible(m.planned.ratio)) &&
+         archive("last", m.last) && archive("cycle_s", m.cycle_s) && archive("ratio", m.ratio) &&
+         archive("planned_stamp", m.planned.stamp) && archive("planned_ratio", m.planned.ratio) &&
+         archive.check(m.stamp_s >= 0.0 && m.real_time_factor >= 0.0 && m.cycle_s >= 0.0 && possible(m.ratio) &&
+                       possible(m.planned.ratio)) &&
          archive("base_stamp", m.base_stamp, changes.base_stamp) && archive("members", m.members, changes.members) &&
          archive("fixed_bodies", m.fixed, changes.fixed) && archive("islands", m.islands, changes.islands) &&
          archive("entering", m.entering) && archive("states", m.states, changes.states) &&

@@ -18,6 +18,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <initializer_list>
 #include <iterator>
 #include <limits>
 #include <new>
@@ -61,30 +62,37 @@ struct Figures {
 
   bool operator()(std::string_view field, const auto& value) {
     using T = std::remove_cvref_t<decltype(value)>;
-    const auto is = [&](auto... names) { return ((field == names) || ...); };
-    if constexpr (std::same_as<T, bool>) {
-      if (is("last") && value) name(kept, "last");
+    if constexpr (requires { name_of(value); }) {
+      name(kept, name_of(value));
     } else if constexpr (std::is_integral_v<T> || std::is_enum_v<T>) {
-      if (is("user", "device", "instance")) kept.user = static_cast<std::uint32_t>(value);
-      if (is("number", "sequence_number", "stamp", "steps")) kept.number = static_cast<std::uint64_t>(value);
-      if constexpr (requires { name_of(value); }) name(kept, name_of(value));
-      if (is("served") && value == T{} && kept.topic == kTopicIndex<WorldFrame>) name(kept, "complete");
+      number(field, static_cast<std::uint64_t>(value));
     } else if constexpr (std::is_floating_point_v<T>) {
-      if (is("stamp_s", "time_s")) kept.stamp_s = value;
+      if (is(field, {"stamp_s", "time_s"})) kept.stamp_s = value;
     } else if constexpr (std::same_as<T, std::string>) {
-      if (is("name", "state")) name(kept, value);
+      if (is(field, {"name", "state"})) name(kept, value);
     } else if constexpr (std::same_as<T, Pose> || std::same_as<T, BodyState>) {
       kept.position_m = three(value.position);
     } else if constexpr (std::same_as<T, Wrench>) {
-      if (is("applied", "wrench")) kept.force_n = three(value.force);
+      if (is(field, {"applied", "wrench"})) kept.force_n = three(value.force);
     } else if constexpr (requires { value.size(); }) {
-      if (is("bodies", "members", "moved")) kept.bodies = static_cast<double>(value.size());
+      if (is(field, {"bodies", "members", "moved"})) kept.bodies = static_cast<double>(value.size());
     }
     return true;
   }
   bool operator()(std::string_view field, const auto& value, const auto&) { return (*this)(field, value); }
   bool sequence(std::string_view, const auto&, const auto&) { return true; }
   bool check(bool) { return true; }
+
+ private:
+  [[gnu::noinline]] static bool is(std::string_view field, std::initializer_list<std::string_view> names) {
+    return std::ranges::find(names, field) != names.end();
+  }
+  [[gnu::noinline]] void number(std::string_view field, std::uint64_t value) {
+    if (is(field, {"user", "device", "instance"})) kept.user = static_cast<std::uint32_t>(value);
+    if (is(field, {"number", "sequence_number", "stamp", "steps"})) kept.number = value;
+    if (field == "served" && value == 0 && kept.topic == kTopicIndex<WorldFrame>) name(kept, "complete");
+    if (field == "last" && value != 0) name(kept, "last");
+  }
 };
 
 using Fill = void (*)(Kept&, const void*);

@@ -4,9 +4,11 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <cctype>
 #include <map>
-#include <regex>
 #include <set>
+#include <sstream>
 #include <utility>
 #include <vector>
 
@@ -29,33 +31,49 @@ std::string array_as_struct(const std::string& element, const std::string& name,
 }
 
 /// Structs by name, in the order of the IDL: a struct comes after those that it consists of.
-std::vector<std::pair<std::string, std::string>> definitions_of(std::string_view idl) {
-  const std::string text = std::regex_replace(std::string(idl), std::regex("[ \t]*//[^\n]*"), "");
-  static const std::regex kDefinition(
-      R"((@final\s+)?struct\s+(\w+)\s*\{[^}]*\};\n|typedef\s+([a-z ]+?)\s+(\w+)\[(\d+)\];)");
+std::vector<std::pair<std::string, std::string>> definitions_of(const std::string& idl) {
   std::vector<std::pair<std::string, std::string>> found;
-  for (std::sregex_iterator at(text.begin(), text.end(), kDefinition), end; at != end; ++at) {
-    const std::smatch& one = *at;
-    if (one[2].matched) {
-      found.emplace_back(one[2], std::regex_replace(one[0].str(), std::regex("\n\\s*\n"), "\n"));
-    } else {
-      found.emplace_back(one[4], array_as_struct(one[3], one[4], std::stoul(one[5])));
+  std::istringstream lines(idl);
+  bool inside = false;
+  for (std::string line; std::getline(lines, line);) {
+    line.erase(std::min(line.find("//"), line.size()));
+    line.erase(line.find_last_not_of(" \t") + 1);
+    if (line.starts_with("typedef ")) {
+      const std::size_t bracket = line.find('['), name = line.rfind(' ', bracket) + 1;
+      const std::string array = line.substr(name, bracket - name);
+      found.emplace_back(array, array_as_struct(line.substr(8, name - 9), array, std::stoul(line.substr(bracket + 1))));
     }
+    if (const std::string begin = "@final struct "; line.starts_with(begin)) {
+      inside = true;
+      found.emplace_back(line.substr(begin.size(), line.find(' ', begin.size()) - begin.size()), "");
+    }
+    if (inside && !line.empty()) found.back().second += line + "\n";
+    inside = inside && line != "};";
   }
   return found;
+}
+
+std::set<std::string> words_of(const std::string& text) {
+  std::set<std::string> words;
+  std::string word;
+  for (const char c : text) {
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_')
+      word += c;
+    else
+      words.insert(std::exchange(word, {}));
+  }
+  return words;
 }
 
 }  // namespace
 
 std::string schema_of(std::string_view idl, const std::string& name) {
-  static const std::regex kWord(R"(\w+)");
-  const auto definitions = definitions_of(idl);
+  const auto definitions = definitions_of(std::string(idl));
   std::set<std::string> needed{name};
   std::string text;
   for (auto one = definitions.rbegin(); one != definitions.rend(); ++one) {
     if (!needed.contains(one->first)) continue;
-    for (std::sregex_iterator at(one->second.begin(), one->second.end(), kWord), end; at != end; ++at)
-      needed.insert(at->str());
+    needed.merge(words_of(one->second));
     text = one->second + text;
   }
   if (text.empty()) throw Error(ExitCode::failed, fmt::format("the IDL has no struct {}", name));

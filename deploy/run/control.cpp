@@ -118,11 +118,8 @@ void await_answers(Bus& bus, Reader<ControlReply>& replies, Reader<Status>& stat
 
 }  // namespace
 
-void send_control(const Network& network, const Order& order, double wait_s) {
-  Control sent;
-  sent.number = std::random_device()();
-  sent.verb = order.verb;
-  sent.argument = order.argument;
+void send_control(const Network& network, Control order, double wait_s) {
+  order.number = std::random_device()();
   // A writer of lock-step quality and a reader of real-time quality match programs in both modes.
   Settings listening;
   listening.mode = Mode::realtime;
@@ -133,14 +130,15 @@ void send_control(const Network& network, const Order& order, double wait_s) {
   const auto bus = open_bus(network, Settings{}, 0.001, "subworld control");
   auto writer = bus->writer<Control>();
   const SceneDescription world = find_world(*hearing, scene, network, wait_s);
-  if (!writer.write(sent)) {
+  if (!writer.write(order)) {
     throw Error(ExitCode::middleware,
                 fmt::format("the order could not be sent on domain {}; try again", network.domain));
   }
   fmt::print("{}: sent to \"{}\" on domain {}\n", name_of(order.verb), world.name, network.domain);
-  Answers answers(sent, order.for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
-                  order.for_sub_worlds ? world.users : 1);
-  await_answers(*hearing, replies, statuses, scene, sent, answers, wait_s);
+  const bool for_sub_worlds = order_for_sub_worlds(order).has_value();
+  Answers answers(order, for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
+                  for_sub_worlds ? world.users : 1);
+  await_answers(*hearing, replies, statuses, scene, order, answers, wait_s);
 }
 
 }  // namespace subworld
