@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
@@ -103,15 +104,20 @@ std::unique_ptr<live::Server> serve_viewers(const Options& options, const Scene&
   return server;
 }
 
+/// Whether a verdict of the run follows. The launcher ends a display with SIGINT where it does.
+bool verdict_follows(const char* summary) {
+  return summary != nullptr && (stop_signal() == 0 || stop_signal() == SIGINT);
+}
+
 /// Passes the verdict of the run on, where viewers wait for it: the launcher writes it when all other programs have
-/// ended, or wait for it.
+/// ended.
 void show_verdict(DisplayPorts& ports, live::Server& viewers, const std::string& summary) {
   constexpr std::chrono::milliseconds kLook{20};
-  const double longest_s = stop_signal() == 0 ? 5.0 : 0.8 * kLongestEnd_s;
+  constexpr double kLongest_s = 5.0;
   end_recording();
   ports.status.enter(kAwaitsVerdict);
   for (const TimePoint begin = Clock::now(); !std::filesystem::exists(summary);) {
-    if (to_seconds(Clock::now() - begin) > longest_s || !viewers.verdict_is_awaited()) return;
+    if (to_seconds(Clock::now() - begin) > kLongest_s || !viewers.verdict_is_awaited()) return;
     std::this_thread::sleep_for(kLook);
   }
   try {
@@ -130,15 +136,15 @@ int main(int argc, char** argv) {
     [[maybe_unused]] const int niceness = nice(5);  // the display may wait for the loops that compute forces
 
     Display display;
-    watch_stop_signals(kLongestEnd_s);
+    const char* const verdict = std::getenv(kVerdictVariable);
+    watch_stop_signals(verdict == nullptr ? kLongestEnd_s : 0.0);  // the launcher may take longer to judge
     DisplayPorts ports(options, scene);
     fmt::print("gui_headless: {}\n", ports.bus->effective_settings());
-    const char* const verdict = std::getenv(kVerdictVariable);
     auto viewers = serve_viewers(options, scene, *ports.bus);
     const bool asked = follow(ports, display, viewers.get(), options);
     ports.status.enter("stopping");
     if (viewers) viewers->end_run();
-    if (viewers && (verdict == nullptr || !viewers->verdict_is_awaited())) viewers.reset();
+    if (viewers && (!verdict_follows(verdict) || !viewers->verdict_is_awaited())) viewers.reset();
     if (display.snapshots() > 0) {
       const std::string file = options.out + "/picture.png";
       display.write_picture(file);

@@ -158,8 +158,14 @@ class Run {
 
   [[nodiscard]] ProgramReports reports() {
     return {.early = [&](const auto& part) { return early_end(part, run_.scene.settings.duration_s); },
-            .run_is_over = [&] { return progress_ && progress_->run_is_over(); },
+            .run_is_over = [&] { return run_is_over(); },
             .awaits_verdict = [&] { return progress_ && progress_->awaits_verdict(); }};
+  }
+
+  /// By the word of the world, or by its results.
+  [[nodiscard]] bool run_is_over() const {
+    const auto ended = [](const auto& host) { return host->plan().runs({"world_sim"}) && host->has_ended_world(); };
+    return progress_ ? progress_->run_is_over() : std::ranges::any_of(hosts_, ended);
   }
 
   /// Starts the programs, shows how they advance, and stops what is left of them. A display may wait for the verdict.

@@ -22,7 +22,7 @@ struct RunPlan {
   [[nodiscard]] bool is_distant(const SessionHost& host) const;
   /// Whether all programs of the run start on this machine.
   [[nodiscard]] bool all_here() const;
-  /// False for the programs of a user who is left out: they are started later by hand, or with --host.
+  /// False for the programs of a user of --without: they are started later by hand, or with --host.
   [[nodiscard]] bool starts(const RunProgram& program) const;
   /// Calls `start` for each program of the run with its vendor. The world is the first: it ends the others in order.
   void each_program(const std::function<void(const RunProgram&, const std::string& vendor)>& start) const;

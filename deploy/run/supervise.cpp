@@ -64,6 +64,15 @@ bool is_running(const Child& child) { return child.process.pid > 0 && !child.pro
 
 bool is_halted_for_long(const Child& child) { return child.process.halted_s > kHalted_s; }
 
+/// Why a program that ended is to be started again, by its end alone.
+std::string reason_of_end(const Child& child, Restart restart) {
+  const int code = exit_code_of(child);
+  // What was wrong with the scene, the flags or the middleware is wrong again.
+  if (code == static_cast<int>(ExitCode::usage) || code == static_cast<int>(ExitCode::middleware)) return {};
+  if (code != 0) return end_of(child);
+  return restart == Restart::always ? child.process.early : std::string();
+}
+
 }  // namespace
 
 Supervisor::~Supervisor() {
@@ -101,22 +110,23 @@ void Supervisor::launch(Child& child, bool again) {
 }
 
 std::string Supervisor::restart_reason(const Child& child) const {
-  const Process& process = child.process;
-  if (!child.program.essential || process.pid > 0) return {};
+  if (!child.program.essential || child.process.pid > 0) return {};
   const Child& first = children_.front();
   const bool has_world = first.program.label == "world_sim", world = has_world && &child == &first;
   if (has_world && !world && first.process.pid < 0 && !is_to_start(first)) return {};
-  const bool over = reports_.run_is_over && reports_.run_is_over();
-  if (has_world && (over || std::filesystem::exists(first.program.part))) return {};
-  if (child.program.returns > 0 && process.status == 0) return kReturns;
-  if (restart_ == Restart::never || !child.program.may_restart || child.restarts >= kMostRestarts) return {};
   // On a host without the world it may have given up because the run is over.
-  if (!has_world && !WIFSIGNALED(process.status)) return {};
-  const int code = exit_code_of(child);
-  // What was wrong with the scene, the flags or the middleware is wrong again.
-  if (code == static_cast<int>(ExitCode::usage) || code == static_cast<int>(ExitCode::middleware)) return {};
-  if (code != 0 || WIFSIGNALED(process.status)) return end_of(child);
-  return restart_ == Restart::always ? process.early : std::string();
+  const bool may_be_over = !has_world && !WIFSIGNALED(child.process.status);
+  std::string reason;
+  if (child.program.returns > 0 && child.process.status == 0) {
+    reason = kReturns;
+  } else if (restart_ != Restart::never && child.program.may_restart && child.restarts < kMostRestarts &&
+             !may_be_over) {
+    reason = reason_of_end(child, restart_);
+  }
+  const auto is_over = [&] {
+    return std::filesystem::exists(first.program.part) || (reports_.run_is_over && reports_.run_is_over());
+  };
+  return reason.empty() || (has_world && is_over()) ? std::string() : reason;
 }
 
 std::optional<Supervisor::Failure> Supervisor::revive() {
@@ -250,9 +260,9 @@ void Supervisor::stop() {
     wait_while([&] { return world.pid > 0; }, kWorldAlone);
     wait_while([&] { return any_running(false); }, kLastFrame);
   }
-  // The display last: a signal limits its time to show the verdict.
+  // The display last. SIGINT: the run is over, and the verdict follows.
   for (const bool essential : {true, false}) {
-    signal_all(essential, SIGTERM);
+    signal_all(essential, essential ? SIGTERM : SIGINT);
     wait_while([&] { return any_running(essential); }, kWriting);
     signal_all(essential, SIGKILL);
     wait_while([&] { return any_running(essential); }, kWriting);

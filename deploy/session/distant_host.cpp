@@ -100,15 +100,17 @@ std::string DistantHost::opened_recording(const RunProgram& program) const {
                      RecordingMemory::kVariable, place.substr(colon));
 }
 
+bool DistantHost::has_ended_world() const {
+  const std::string there = fmt::format("test -e {}/{}/world.json", shell_word(checkout_), shell_word(folder_));
+  return std::system(by_ssh(there).c_str()) == 0;
+}
+
 Command DistantHost::command(const RunProgram& program, std::vector<std::string> flags, bool again) const {
   std::string text = fmt::format("cd {} && {}", shell_word(checkout_), opened_recording(program));
   const bool world = program.name == "world_sim";
   if (world && again) {
-    // The launcher does not start it again after this exit code.
-    text += fmt::format(
-        "if test -e {0}/world.json; then exit {1}; fi && "
-        "if ls {0}/world_?.checkpoint > /dev/null 2>&1; then set -- --resume {0}; fi && ",
-        shell_word(folder_), static_cast<int>(ExitCode::usage));
+    text += fmt::format("if ls {0}/world_?.checkpoint > /dev/null 2>&1; then set -- --resume {0}; fi && ",
+                        shell_word(folder_));
   } else if (world) {
     text += fmt::format("rm -f {}/world.json && ", shell_word(folder_));  // of an earlier run
   }

@@ -19,7 +19,7 @@ class DistantHost : public Host {
 
   [[nodiscard]] bool is_here() const noexcept override { return false; }
   [[nodiscard]] const std::string& folder() const noexcept override { return folder_; }
-  /// A world that has written its results is at its end, and is not started again.
+  [[nodiscard]] bool has_ended_world() const override;
   [[nodiscard]] Command command(const RunProgram& program, std::vector<std::string> flags, bool again) const override;
   /// Its wall clock minus this one: of ten exchanges the one with the shortest round trip, which is halved (NTP's
   /// formula). No figures where the host does not answer.

@@ -34,6 +34,8 @@ class Host {
   [[nodiscard]] virtual const std::string& folder() const noexcept { return folder_here_; }
   /// How a program starts. `again`: a world goes on from its newest checkpoint, if it has written one.
   [[nodiscard]] virtual Command command(const RunProgram& program, std::vector<std::string> flags, bool again) const;
+  /// Whether a world there has written its results, of which the launcher's machine does not know.
+  [[nodiscard]] virtual bool has_ended_world() const { return false; }
   /// Its clock beside that of the launcher.
   [[nodiscard]] virtual HostClock clock() const { return {plan_.name, 0.0, 0.0}; }
   /// Before the programs start: records them there, if they do not inherit the memory of the launcher's recording.
