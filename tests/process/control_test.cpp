@@ -229,7 +229,7 @@ TEST_F(Control, AnOverloadedSubWorldGoesOnAfterAPause) {
   for (const char* verb : {"pause", "resume", "pause", "resume"}) {
     const Ended ended = control({verb});
     EXPECT_EQ(ended.code, 0) << verb << ": " << ended.err;
-    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    std::this_thread::sleep_for(std::chrono::seconds(1));
   }
   EXPECT_EQ(control({"stop"}).code, 0);
   EXPECT_EQ(process.wait(), 0) << process.err();

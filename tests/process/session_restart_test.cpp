@@ -143,16 +143,16 @@ TEST_F(SessionRestarts, InLockstepTheUserReturnsAndTheRecordRepeatsTheRun) {
     return folder_.write("lockstep.yaml", text.replace(text.find(flags), flags.size(), "mode: lockstep, " + more));
   };
   Process process(
-      up(with("duration: 1, absent: wait, bodies: [cube]"), out(), {"--namespaces", "--restart", "on-failure"}),
+      up(with("duration: 1.5, absent: wait, bodies: [cube]"), out(), {"--namespaces", "--restart", "on-failure"}),
       folder_.path());
-  kill_in_the_middle({"haptic_sim", "1", "right"}, out() + "/hosts/right", out() + "/hosts/world/world.csv", 0.3);
+  kill_in_the_middle({"haptic_sim", "1", "right"}, out() + "/hosts/right", out() + "/hosts/world/world.csv", 0.5);
   EXPECT_EQ(process.wait(), 0) << process.err() << process.out();
   const Json first = summary();
   ASSERT_GE(first["restarts"].size(), 1U) << first["verdict"];  // its device waited in vain, and is started again too
   EXPECT_FALSE(read_table(out() + "/bodies.csv").rows.empty());
   const std::string presence = first["presence"];
   EXPECT_NE(presence.find("1 leaves"), std::string::npos) << presence;
-  const Ended again = finish(up(with("duration: 1, presence: '" + presence + "'"), out(), {"--namespaces"}));
+  const Ended again = finish(up(with("duration: 1.5, presence: '" + presence + "'"), out(), {"--namespaces"}));
   EXPECT_EQ(again.code, 0) << again.err << again.out;
   EXPECT_EQ(summary()["state_hash"], first["state_hash"]);
 }
