@@ -100,7 +100,7 @@ std::string Tools::absence(int user, std::uint32_t connection) {
   Tool& tool = tools_[static_cast<std::size_t>(user)];
   if (!tool.known)
     return fmt::format("user {} has no device that a page can be; start the run with --device browser", user);
-  if (std::exchange(tool.told, connection) == connection) return {};
+  if (std::exchange(tool.informed, connection) == connection) return {};
   return fmt::format("the device of user {} has ended", user);
 }
 
@@ -134,7 +134,7 @@ void Tools::look_for(Tool& tool) noexcept {
   tool.offered = connect(tool.socket, tool.address.get(), tool.address.size) == 0;
   if (tool.offered) {
     tool.known = true;
-    tool.told = 0;
+    tool.informed = 0;
   } else {
     tool.holder = 0;
   }

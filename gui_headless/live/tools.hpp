@@ -44,11 +44,11 @@ class Tools {
   struct Tool {
     LocalAddress address;
     int socket = -1;
-    bool offered = false;      // its device is there
-    bool known = false;        // it has been
-    std::uint32_t told = 0;    // the connection that knows that it has ended
-    std::uint32_t holder = 0;  // 0: none
-    std::uint32_t number = 0;  // of the newest datagram
+    bool offered = false;        // its device is there
+    bool known = false;          // it has been
+    std::uint32_t informed = 0;  // the connection that knows that it has ended
+    std::uint32_t holder = 0;    // 0: none
+    std::uint32_t number = 0;    // of the newest datagram
     Clock::time_point heard;
   };
   void look_for(Tool& tool) noexcept;

@@ -1,5 +1,6 @@
-// What a build is measured by: a fixed source that needs the standard library only. Reading, instantiating and optimising
-// have about the shares that they have in the product. A change of it changes the unit of the figures beside it.
+// What a build is measured by: a fixed source that needs the standard library only. Reading, instantiating and
+// optimising have about the shares that they have in the product. A change of it changes the unit of the figures beside
+// it.
 #include <algorithm>
 #include <array>
 #include <functional>
@@ -32,7 +33,8 @@ double sorted_sum(std::mt19937& random) {
     rows.emplace_back(key, number(random), std::to_string(i));
   }
   std::sort(rows.begin(), rows.end());
-  std::stable_sort(rows.begin(), rows.end(), [](const auto& a, const auto& b) { return std::get<1>(a) < std::get<1>(b); });
+  std::stable_sort(rows.begin(), rows.end(),
+                   [](const auto& a, const auto& b) { return std::get<1>(a) < std::get<1>(b); });
   const std::function<double(double, const std::tuple<Key<N>, double, std::string>&)> add =
       [&values](double sum, const auto& row) { return sum + std::get<1>(row) + static_cast<double>(values.size()); };
   return std::accumulate(rows.begin(), rows.end(), 0.0, add);
@@ -47,8 +49,8 @@ double visited(std::mt19937& random) {
   std::shuffle(choices.begin(), choices.end(), random);
   double sum = 0.0;
   for (std::size_t i = 1; i < choices.size(); ++i) {
-    sum += std::visit([](const auto& a, const auto& b) { return static_cast<double>(sizeof a + 2 * sizeof b); }, choices[i - 1],
-                      choices[i]);
+    sum += std::visit([](const auto& a, const auto& b) { return static_cast<double>(sizeof a + 2 * sizeof b); },
+                      choices[i - 1], choices[i]);
   }
   return sum;
 }

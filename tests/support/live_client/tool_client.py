@@ -130,7 +130,7 @@ async def hold(page, way):
             break
         await asyncio.sleep(1 / RATE_HZ)
     reader.cancel()
-    # Where the run ends first, the page is told once for its user.
+    # Where the run ends first, the page has one message for its user.
     errors = [one["message"] for one in page.viewer.statuses if one["level"] == 2]
     assert len(errors) <= 1 and all("has ended" in one for one in errors), errors
     page.viewer.socket.transport.abort()  # a tab that closes says nothing
