@@ -110,7 +110,7 @@ TEST(StabilityErrors, AreCountedAsTheCaseSays) {
   EXPECT_EQ(error_of(Compare::at_most, 50.0, 100.0), 0.5);
 }
 
-StabilityCase made_up(std::function<Measurement(const Setting&, double)> measure) {
+StabilityCase made_up(std::function<Measurement(const EngineSetting&, double)> measure) {
   StabilityCase one;
   one.name = "made_up";
   one.quantity = "size";
@@ -121,19 +121,19 @@ StabilityCase made_up(std::function<Measurement(const Setting&, double)> measure
 }
 
 TEST(StabilityRow, HoldsTheMarginAndTheVerdict) {
-  const StabilityCase one = made_up([](const Setting&, double) { return Measurement{10.5}; });
+  const StabilityCase one = made_up([](const EngineSetting&, double) { return Measurement{10.5}; });
   const Json row = *measured_row({&one, {}, std::nullopt});
   EXPECT_EQ(row.at("pass"), true);
   EXPECT_NEAR(margin_of(row), 0.5, 1e-9);
   EXPECT_EQ(measured_text(row), "10.5");
-  const StabilityCase far = made_up([](const Setting&, double) { return Measurement{13.0}; });
+  const StabilityCase far = made_up([](const EngineSetting&, double) { return Measurement{13.0}; });
   EXPECT_EQ(measured_row({&far, {}, std::nullopt})->at("pass"), false);
 }
 
 TEST(StabilityRow, AnEngineThatFailsDoesNotPass) {
   const StabilityCase thrown =
-      made_up([](const Setting&, double) -> Measurement { throw std::runtime_error("it broke"); });
-  const StabilityCase nowhere = made_up([](const Setting&, double) { return Measurement{std::nan("")}; });
+      made_up([](const EngineSetting&, double) -> Measurement { throw std::runtime_error("it broke"); });
+  const StabilityCase nowhere = made_up([](const EngineSetting&, double) { return Measurement{std::nan("")}; });
   for (const StabilityCase* one : {&thrown, &nowhere}) {
     const Json row = *measured_row({one, {}, std::nullopt});
     EXPECT_EQ(row.at("pass"), false);
@@ -146,7 +146,7 @@ TEST(StabilityRow, AnEngineThatFailsDoesNotPass) {
 
 TEST(StabilityRow, MarksALimitOutsideOfTheSearch) {
   const auto text = [](double limit, bool upwards) {
-    const StabilityCase one = made_up([=](const Setting&, double) {
+    const StabilityCase one = made_up([=](const EngineSetting&, double) {
       const Search search{.from = upwards ? 1.0 : 100.0, .to = upwards ? 100.0 : 1.0};
       return limit_proven(find_limit(search, [=](double x) { return upwards ? x < limit : x > limit; }));
     });

@@ -29,7 +29,7 @@ class Progress {
  public:
   explicit Progress(std::size_t planned) : planned_(planned), left_(static_cast<double>(planned)) {}
 
-  void after(const Setting& setting, const Verdict& verdict) {
+  void after(const EngineSetting& setting, const Verdict& verdict) {
     constexpr std::chrono::seconds kEvery{5};
     if (setting.name() != setting_) counts_ = {};
     setting_ = setting.name();
@@ -54,11 +54,12 @@ class Progress {
   Clock::time_point shown_ = Clock::now();
 };
 
-std::string file_name(const Scene& scene, const Setting& setting) {
+std::string file_name(const Scene& scene, const EngineSetting& setting) {
   return fmt::format("{}_{}_{}", scene.name, setting.engine, setting.preset);
 }
 
-Json row_of(const RandomRequest& request, int number, const Setting& setting, const Scene& scene, const Verdict& v) {
+Json row_of(const RandomRequest& request, int number, const EngineSetting& setting, const Scene& scene,
+            const Verdict& v) {
   const Settings& s = scene.settings;
   return {{"seed", request.seed},
           {"scene", number},
@@ -111,8 +112,9 @@ void print_details(const Json& row) {
 
 }  // namespace
 
-std::vector<Setting> random_settings(const std::vector<std::string>& engines, const std::vector<std::string>& presets) {
-  std::vector<Setting> settings;
+std::vector<EngineSetting> random_settings(const std::vector<std::string>& engines,
+                                           const std::vector<std::string>& presets) {
+  std::vector<EngineSetting> settings;
   for (const std::string& engine : engines) {
     for (const std::string& preset : presets_of(presets, engine)) settings.push_back({engine, preset});
   }
@@ -145,7 +147,7 @@ Rows random_rows(const RandomRequest& request) {
   Progress progress(request.settings.size() * static_cast<std::size_t>(last - first));
   Rows rows;
   try {
-    for (const Setting& setting : request.settings) {
+    for (const EngineSetting& setting : request.settings) {
       for (int i = first; i < last; ++i) {
         Scene scene = in_engine(random_scene(request.seed, static_cast<std::uint64_t>(i)), setting);
         scene.name = file_name(scene, setting);

@@ -16,14 +16,14 @@ struct RandomRequest {
   int scenes = 0;
   std::uint64_t seed = 1;
   std::optional<int> only;  ///< only this scene, with its details
-  std::vector<Setting> settings;
+  std::vector<EngineSetting> settings;
   std::string out;
   double most_s = 120.0;  ///< for a scene; a longer run counts as a crash
 };
 
 /// The requested engines and presets. Throws `Error` (usage).
-[[nodiscard]] std::vector<Setting> random_settings(const std::vector<std::string>& engines,
-                                                   const std::vector<std::string>& presets);
+[[nodiscard]] std::vector<EngineSetting> random_settings(const std::vector<std::string>& engines,
+                                                         const std::vector<std::string>& presets);
 
 /// One row for each scene. Failing scenes are shrunk and saved in `out`/failures. Stops if a signal requests it.
 [[nodiscard]] Rows random_rows(const RandomRequest& request);

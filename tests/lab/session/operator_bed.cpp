@@ -57,7 +57,7 @@ Scene wall_scene(const SampledWall& wall, double stiffness_n_m, const Sensor& se
   return scene;
 }
 
-Scene in_engine(Scene scene, const Setting& setting) {
+Scene in_engine(Scene scene, const EngineSetting& setting) {
   if (setting.engine.empty()) return scene;
   for (EngineSettings* engine : {&scene.settings.world, &scene.settings.haptic}) {
     engine->name = setting.engine;

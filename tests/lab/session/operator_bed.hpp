@@ -30,7 +30,7 @@ struct Sensor {
 [[nodiscard]] Scene wall_scene(const SampledWall& wall, double stiffness_n_m, const Sensor& sensor = {});
 
 /// The same scene with this engine for world and sub-world, with its preset's iterations.
-[[nodiscard]] Scene in_engine(Scene scene, const Setting& setting);
+[[nodiscard]] Scene in_engine(Scene scene, const EngineSetting& setting);
 
 /// Runs cycles until the world's time is `until_s`, while `goes_on` returns true. Throws `Interrupted`, or
 /// `std::runtime_error` if a value is no longer finite.

@@ -5,13 +5,13 @@
 namespace subworld {
 
 /// An engine with its preset, and the step of its world.
-struct Setting {
+struct EngineSetting {
   std::string engine;
   std::string preset;
   double dt_s = 0.001;
 
   [[nodiscard]] std::string name() const { return engine + " " + preset; }
-  friend bool operator==(const Setting&, const Setting&) = default;
+  friend bool operator==(const EngineSetting&, const EngineSetting&) = default;
 };
 
 /// A signal asked to stop.

@@ -22,7 +22,7 @@ Body solid(const Shape& shape, double mass_kg, const Material& material) {
   return body;
 }
 
-EngineSettings bed_settings(const Setting& setting, const Vec3& gravity) {
+EngineSettings bed_settings(const EngineSetting& setting, const Vec3& gravity) {
   EngineSettings settings;
   settings.name = setting.engine;
   settings.preset = setting.preset;
@@ -59,7 +59,7 @@ BodyState placed(const Vec3& position, const Quat& orientation) {
 
 Quat turned(double angle_rad, const Vec3& axis) { return Quat(Eigen::AngleAxisd(angle_rad, axis)); }
 
-TestBed::TestBed(const Setting& setting, const Vec3& gravity, const std::vector<Mesh>& meshes)
+TestBed::TestBed(const EngineSetting& setting, const Vec3& gravity, const std::vector<Mesh>& meshes)
     : gravity_(gravity), dt_s_(setting.dt_s), engine_(make_engine(bed_settings(setting, gravity), meshes)) {}
 
 BodyId TestBed::add(Body body, const BodyState& state) {

@@ -31,7 +31,7 @@ inline constexpr double kDegree = kPi / 180.0;
 /// A small world in one engine.
 class TestBed {
  public:
-  explicit TestBed(const Setting& setting, const Vec3& gravity = Vec3(0.0, 0.0, -kG),
+  explicit TestBed(const EngineSetting& setting, const Vec3& gravity = Vec3(0.0, 0.0, -kG),
                    const std::vector<Mesh>& meshes = {});
 
   BodyId add(Body body, const BodyState& state);

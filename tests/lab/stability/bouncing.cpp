@@ -16,7 +16,7 @@ constexpr double kBounceFor_s = 10.0;
 constexpr double kRunaway = 1e5;  ///< percent; a larger gain gives no further information
 
 /// Height of the first bounce over that of the fall.
-Measurement bounce(const Setting& setting, double restitution) {
+Measurement bounce(const EngineSetting& setting, double restitution) {
   TestBed bed(setting);
   bed.add_floor({.restitution = 1.0});
   const BodyId ball =
@@ -39,7 +39,7 @@ struct EnergyCourse {
   double rise = 0.0;
   double drop = 0.0;
 };
-EnergyCourse energy_course(const Setting& setting, Body ground, Body body, double tilt_deg, double friction) {
+EnergyCourse energy_course(const EngineSetting& setting, Body ground, Body body, double tilt_deg, double friction) {
   const Quat tilt = turned(tilt_deg * kDegree, Vec3(1, 2, 3).normalized());
   const double reach_m =
       body.shape.radius + body.shape.half_extents.dot(tilt.toRotationMatrix().row(2).transpose().cwiseAbs());
@@ -61,7 +61,7 @@ EnergyCourse energy_course(const Setting& setting, Body ground, Body body, doubl
 Measurement energy_change(const EnergyCourse& course) { return {std::max(course.rise, course.drop)}; }
 
 /// Speed of the last of five balls in a row after the first one hits at 1 m/s.
-Measurement cradle(const Setting& setting, double gap_mm) {
+Measurement cradle(const EngineSetting& setting, double gap_mm) {
   constexpr int kBalls = 5;
   constexpr double kBall_m = 0.02;
   TestBed bed(setting, Vec3::Zero());
@@ -104,7 +104,7 @@ std::vector<StabilityCase> bouncing_cases() {
        .tolerance = 5.0,
        .why = "5 % is a bounce that is 25 mm higher or lower after ten seconds",
        .measure =
-           [](const Setting& s, double) {
+           [](const EngineSetting& s, double) {
              return energy_change(energy_course(s, plane_body(), ball_body(kBouncingRadius_m, 1.0), 0.0, 0.0));
            }},
       {.name = "bounce_energy_cube",
@@ -121,7 +121,7 @@ std::vector<StabilityCase> bouncing_cases() {
        .tolerance = 5.0,
        .why = "as for the ball",
        .measure =
-           [](const Setting& s, double tilt_deg) {
+           [](const EngineSetting& s, double tilt_deg) {
              return energy_change(
                  energy_course(s, plane_body(), cube_body(2.0 * kBouncingRadius_m, 1.0), tilt_deg, 0.0));
            }},
@@ -139,7 +139,7 @@ std::vector<StabilityCase> bouncing_cases() {
        .tolerance = 5.0,
        .why = "as for the ball",
        .measure =
-           [](const Setting& s, double tilt_deg) {
+           [](const EngineSetting& s, double tilt_deg) {
              return Measurement{energy_course(s, box_body(Vec3(20, 20, 1), 0.0),
                                               cube_body(2.0 * kBouncingRadius_m, 1.0), tilt_deg, kMu)
                                     .rise};

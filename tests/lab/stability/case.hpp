@@ -44,7 +44,7 @@ struct StabilityCase {
   double tolerance = 0.02;  ///< of the error
   std::string why;          ///< reason of the tolerance
   std::function<double(double value)> expected = [](double) { return 0.0; };
-  std::function<Measurement(const Setting& setting, double value)> measure;
+  std::function<Measurement(const EngineSetting& setting, double value)> measure;
   bool own_step = false;  ///< the case chooses its steps, so it is measured for one step of the setting only
   bool once = false;      ///< independent of engines: measured once
 };

@@ -91,7 +91,7 @@ std::vector<StabilityCase> delay_cases() {
         .tolerance = 1.0,
         .why = "1 mJ lifts 10 g by 1 cm: less than the energy of an operator's tremor",
         .measure =
-            [scene](const Setting&, double ms) {
+            [scene](const EngineSetting&, double ms) {
               return Measurement{std::max(most_energy(scene(DeviceKind::impedance), ms).measured,
                                           most_energy(scene(DeviceKind::admittance), ms).measured)};
             },
@@ -111,7 +111,7 @@ std::vector<StabilityCase> delay_cases() {
         .compare = Compare::absolute,
         .tolerance = 0.5,
         .why = "the friction of a desktop device",
-        .measure = [=](const Setting&, double ms) { return free_force(kind, scheme, side, ms); },
+        .measure = [=](const EngineSetting&, double ms) { return free_force(kind, scheme, side, ms); },
         .once = true};
   };
   return {
@@ -148,7 +148,7 @@ std::vector<StabilityCase> delay_cases() {
        .tolerance = 1.0,
        .why = "the limit itself",
        .expected = [](double) { return 0.5; },
-       .measure = [](const Setting&, double ms) { return fastest_operator(ms); },
+       .measure = [](const EngineSetting&, double ms) { return fastest_operator(ms); },
        .once = true},
   };
 }

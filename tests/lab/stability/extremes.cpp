@@ -14,7 +14,7 @@ namespace {
 constexpr double kExtremeSide_m = 0.1;
 
 /// Whether a plate stops a ball, for several times of the impact within a step.
-bool stopped_by_plate(const Setting& setting, double speed_m_s) {
+bool stopped_by_plate(const EngineSetting& setting, double speed_m_s) {
   constexpr double kBall_m = 0.0025, kPlate_m = 0.01, kWay_m = 0.05;
   constexpr int kPhases = 8;
   for (int phase = 0; phase < kPhases; ++phase) {
@@ -31,7 +31,7 @@ bool stopped_by_plate(const Setting& setting, double speed_m_s) {
 
 /// Two cubes without gravity that overlap by this share of a side.
 struct Overlapping {
-  Overlapping(const Setting& setting, double part) : bed(setting, Vec3::Zero()) {
+  Overlapping(const EngineSetting& setting, double part) : bed(setting, Vec3::Zero()) {
     for (const double side : {-0.5, 0.5})
       bed.add(cube_body(kExtremeSide_m, 1.0), Vec3(side * (1.0 - part) * kExtremeSide_m, 0, 0));
     bed.run(1.0, [&] {
@@ -46,7 +46,7 @@ struct Overlapping {
 };
 
 /// The largest push, relative to mu times the weight, under which a thin plate stays: slower than 1 mm/s after 2 s.
-Measurement friction_limit(const Setting& setting, double mu) {
+Measurement friction_limit(const EngineSetting& setting, double mu) {
   constexpr double kExtremeSettle_s = 0.2, kPush_s = 2.0, kMoves_m_s = 1e-3, kGone_m_s = 0.1;
   const auto stays = [&](double push) {
     TestBed bed(setting);
@@ -62,7 +62,7 @@ Measurement friction_limit(const Setting& setting, double mu) {
   return limit_at(find_limit({.from = 0.25, .to = 4.0, .stride = 1.5, .precision = 1.002}, stays));
 }
 
-Measurement without_friction(const Setting& setting, double speed_m_s) {
+Measurement without_friction(const EngineSetting& setting, double speed_m_s) {
   TestBed bed(setting);
   bed.add_floor({.friction = 0.0});
   const BodyId cube = bed.add(cube_body(kExtremeSide_m, 1.0, {.friction = 0.0}), Vec3(0, 0, 0.5 * kExtremeSide_m));
@@ -73,7 +73,7 @@ Measurement without_friction(const Setting& setting, double speed_m_s) {
 
 /// The largest rise of the mechanical energy of cubes poured into a bin above its least value so far, in percent of the
 /// start. The masses are spread evenly over this number of decades.
-Measurement heap_energy(const Setting& setting, double decades) {
+Measurement heap_energy(const EngineSetting& setting, double decades) {
   constexpr int kCubes = 40;
   constexpr double kGolden = 0.6180339887, kBin_m = 0.4, kFor_s = 2.0;
   TestBed bed(setting);
@@ -118,7 +118,7 @@ std::vector<StabilityCase> extreme_cases() {
        .why = "a part that an operator drops onto the floor",
        .expected = [](double) { return 5.0; },
        .measure =
-           [](const Setting& s, double) {
+           [](const EngineSetting& s, double) {
              return limit_proven(find_limit({.from = 0.1, .to = 1000.0, .stride = 2.0, .precision = 1.05},
                                             [&](double speed) { return stopped_by_plate(s, speed); }));
            }},
@@ -133,7 +133,7 @@ std::vector<StabilityCase> extreme_cases() {
        .compare = Compare::absolute,
        .tolerance = 0.5,
        .why = "0.5 m/s is as fast as an operator can follow a part",
-       .measure = [](const Setting& s, double part) { return Measurement{Overlapping(s, part).fastest_m_s}; }},
+       .measure = [](const EngineSetting& s, double part) { return Measurement{Overlapping(s, part).fastest_m_s}; }},
       {.name = "overlap_left",
        .shows = "They separate within 1 s.",
        .parameter = "overlap, of the side",
@@ -145,7 +145,8 @@ std::vector<StabilityCase> extreme_cases() {
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "1 % of the side, as for other bodies that sink",
-       .measure = [](const Setting& s, double part) { return Measurement{1e3 * Overlapping(s, part).overlap_m}; }},
+       .measure = [](const EngineSetting& s,
+                     double part) { return Measurement{1e3 * Overlapping(s, part).overlap_m}; }},
       {.name = "friction_limit",
        .shows =
            "The largest push under which a plate does not move, from almost no friction to more than any material has.",

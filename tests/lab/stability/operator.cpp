@@ -69,7 +69,7 @@ double passive_stiffness(double resolution_um) {
 }
 
 /// `press` with this engine, without the passivity bound, which would stabilise it.
-Scene press_in(const Setting& setting) {
+Scene press_in(const EngineSetting& setting) {
   Scene scene = in_engine(scene_with_operator("press", DeviceKind::impedance), setting);
   scene.settings.passivity = Passivity::off;
   return scene;
@@ -84,7 +84,7 @@ double held_root(const Scene& scene) {
   return largest_stiffness(held, scene.settings);
 }
 
-Scene late_press(const Setting& setting, Side where, double delay_ms) {
+Scene late_press(const EngineSetting& setting, Side where, double delay_ms) {
   Scene scene = press_in(setting);
   lengthen(scene, where, 1e-3 * delay_ms, 0.0, 0.0);
   return scene;
@@ -111,7 +111,7 @@ Measurement stiffest_press(Scene scene) {
 }
 
 /// Noise of the force while the top of a stack of ten is held down by 0.2 mm.
-Measurement stack_noise(const Setting& setting, const char* scheme) {
+Measurement stack_noise(const EngineSetting& setting, const char* scheme) {
   constexpr double kStiffness_n_m = 1e5, kDown_m = 2e-4, kFrom_s = 1.5, kTo_s = 2.5;
   Scene scene = in_engine(scene_with_operator("tower_press", DeviceKind::impedance), setting);
   scene.settings.scheme = scheme;
@@ -149,7 +149,7 @@ std::vector<StabilityCase> operator_cases() {
         .tolerance = kBound - 1.0,
         .why = margin,
         .expected = [wall](double value) { return largest_stiffness(wall(value)); },
-        .measure = [wall](const Setting&,
+        .measure = [wall](const EngineSetting&,
                           double value) { return stiffest_wall(wall(value), largest_stiffness(wall(value))); },
         .once = true};
   };
@@ -169,7 +169,7 @@ std::vector<StabilityCase> operator_cases() {
         .tolerance = kBound,
         .why = margin,
         .expected = [where](double ms) { return held_root(late_press({}, where, where == Side::device ? ms : 0.0)); },
-        .measure = [where](const Setting& s, double ms) { return stiffest_press(late_press(s, where, ms)); },
+        .measure = [where](const EngineSetting& s, double ms) { return stiffest_press(late_press(s, where, ms)); },
         .own_step = true};
   };
   const auto stack_case = [&](const char* name, const char* scheme) {
@@ -183,7 +183,7 @@ std::vector<StabilityCase> operator_cases() {
         .compare = Compare::absolute,
         .tolerance = 0.1,
         .why = "a finger feels vibrations of 0.1 N at 100 Hz and more",
-        .measure = [scheme](const Setting& s, double) { return stack_noise(s, scheme); },
+        .measure = [scheme](const EngineSetting& s, double) { return stack_noise(s, scheme); },
         .own_step = true};
   };
   return {
@@ -206,7 +206,7 @@ std::vector<StabilityCase> operator_cases() {
        .tolerance = kBound - 1.0,
        .why = margin,
        .expected = [](double ms) { return damped_root(1e-3 * ms); },
-       .measure = [](const Setting&, double ms) { return stiffest_wall({}, damped_root(1e-3 * ms), 1e-3 * ms); },
+       .measure = [](const EngineSetting&, double ms) { return stiffest_wall({}, damped_root(1e-3 * ms), 1e-3 * ms); },
        .once = true},
       {.name = "wall_quantised",
        .shows = "The same for a device with a Coulomb friction of 0.1 N and an encoder of this resolution.",
@@ -223,7 +223,7 @@ std::vector<StabilityCase> operator_cases() {
        .why = margin,
        .expected = passive_stiffness,
        .measure =
-           [](const Setting&, double um) {
+           [](const EngineSetting&, double um) {
              return stiffest_wall({}, passive_stiffness(um), 0.0, {kFriction_n, 1e-6 * um});
            },
        .once = true},

@@ -37,7 +37,8 @@ std::vector<double> steps_of(const StabilityRequest& request) {
   return {std::begin(kStabilitySteps_s), std::end(kStabilitySteps_s)};
 }
 
-void add_points(const StabilityCase& one, const Setting& setting, bool quick, std::vector<StabilityPoint>& points) {
+void add_points(const StabilityCase& one, const EngineSetting& setting, bool quick,
+                std::vector<StabilityPoint>& points) {
   if (quick && one.quick_values == 0) return;
   if (one.values.empty()) points.push_back({&one, setting, std::nullopt});
   std::vector<double> values = one.values;

@@ -22,7 +22,7 @@ inline constexpr double kQuickStabilitySteps_s[] = {1.0 / 1000.0, 1.0 / 250.0};
 /// One measurement of one case.
 struct StabilityPoint {
   const StabilityCase* one = nullptr;
-  Setting setting;
+  EngineSetting setting;
   std::optional<double> value;  ///< of the case's parameter
 
   /// "slide_stop, 1 m/s": equal for every setting.

@@ -19,7 +19,7 @@ constexpr double kRestingRadius_m = 0.05;
 
 /// A cube on the floor, settled.
 struct Resting {
-  Resting(const Setting& setting, double mass_kg) : bed(setting) {
+  Resting(const EngineSetting& setting, double mass_kg) : bed(setting) {
     bed.add_floor();
     cube = bed.add(cube_body(kRestingSide_m, mass_kg), Vec3(0, 0, 0.5 * kRestingSide_m));
     bed.run(kRestingSettle_s);
@@ -28,12 +28,12 @@ struct Resting {
   BodyId cube{};
 };
 
-Measurement depth(const Setting& setting, double mass_kg) {
+Measurement depth(const EngineSetting& setting, double mass_kg) {
   const Resting at_rest(setting, mass_kg);
   return {1e3 * std::abs(0.5 * kRestingSide_m - at_rest.bed.position(at_rest.cube).z())};
 }
 
-Measurement tremble(const Setting& setting, double mass_kg) {
+Measurement tremble(const EngineSetting& setting, double mass_kg) {
   Resting at_rest(setting, mass_kg);
   double most_m_s = 0.0;
   at_rest.bed.run(kLook_s, [&] {
@@ -52,7 +52,7 @@ double normal_force_n(TestBed& bed, BodyId id) {
   return impulse_n_s / bed.dt_s();
 }
 
-Measurement ripple(const Setting& setting, double mass_kg) {
+Measurement ripple(const EngineSetting& setting, double mass_kg) {
   Resting at_rest(setting, mass_kg);
   const double weight_n = mass_kg * kG;
   double most = 0.0;
@@ -66,7 +66,8 @@ Measurement ripple(const Setting& setting, double mass_kg) {
 /// A body between two planes that meet at the origin along y, without friction. Measures the mean force of one plane
 /// and the body's height.
 struct Groove {
-  Groove(const Setting& setting, double half_angle_deg, const Body& body, const Quat& orientation, double height_m)
+  Groove(const EngineSetting& setting, double half_angle_deg, const Body& body, const Quat& orientation,
+         double height_m)
       : bed(setting) {
     for (const double side : {-1.0, 1.0}) {
       walls[side > 0.0] =
@@ -94,13 +95,13 @@ struct Groove {
 
 constexpr double kGrooveMass_kg = 1.0;
 
-Groove ball_in_groove(const Setting& setting, double half_angle_deg) {
+Groove ball_in_groove(const EngineSetting& setting, double half_angle_deg) {
   return {setting, half_angle_deg, ball_body(kRestingRadius_m, kGrooveMass_kg, {.friction = 0.0}), Quat::Identity(),
           groove_height_m(kRestingRadius_m, half_angle_deg)};
 }
 
 /// Speed at which a lying cylinder rolls away, mm/s.
-Measurement lying_cylinder(const Setting& setting, const Body& ground, double top_m) {
+Measurement lying_cylinder(const EngineSetting& setting, const Body& ground, double top_m) {
   constexpr double kFor_s = 3.0;
   TestBed bed(setting);
   bed.add(ground, Vec3(0, 0, top_m));
@@ -112,7 +113,7 @@ Measurement lying_cylinder(const Setting& setting, const Body& ground, double to
 }
 
 /// The deepest overlap of balls in a bin with each other or the bin, in percent of their radius.
-Measurement pile(const Setting& setting, double count) {
+Measurement pile(const EngineSetting& setting, double count) {
   constexpr double kBall_m = 0.02, kBin_m = 0.125;
   TestBed bed(setting);
   bed.add_bin(kBin_m);
@@ -188,7 +189,7 @@ std::vector<StabilityCase> still_cases() {
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "3 mm in 3 s: the user sees that the cylinder has moved",
-       .measure = [](const Setting& s, double) { return lying_cylinder(s, plane_body(), 0.0); }},
+       .measure = [](const EngineSetting& s, double) { return lying_cylinder(s, plane_body(), 0.0); }},
       {.name = "cylinder_on_box",
        .shows = "The same on a box as large as a table.",
        .quantity = "mean speed over 3 s",
@@ -198,7 +199,7 @@ std::vector<StabilityCase> still_cases() {
        .compare = Compare::absolute,
        .tolerance = 1.0,
        .why = "as on the plane",
-       .measure = [](const Setting& s, double) { return lying_cylinder(s, box_body(Vec3(1, 1, 1), 0.0), -0.5); }},
+       .measure = [](const EngineSetting& s, double) { return lying_cylinder(s, box_body(Vec3(1, 1, 1), 0.0), -0.5); }},
       {.name = "ball_pile",
        .shows = "Balls that were poured into a bin do not sink into each other.",
        .parameter = "balls",
@@ -230,7 +231,7 @@ std::vector<StabilityCase> groove_cases() {
        .tolerance = 0.02,
        .why = "a third of the just noticeable difference of a force",
        .expected = [](double a) { return groove_force_n(kGrooveMass_kg * kG, a); },
-       .measure = [](const Setting& s, double a) { return Measurement{ball_in_groove(s, a).force_n[0]}; }},
+       .measure = [](const EngineSetting& s, double a) { return Measurement{ball_in_groove(s, a).force_n[0]}; }},
       {.name = "groove_height",
        .shows = "The height of the ball in the groove follows from its radius.",
        .parameter = "half angle",
@@ -243,7 +244,7 @@ std::vector<StabilityCase> groove_cases() {
        .tolerance = 0.01,
        .why = "1 % of the height, as for other bodies that sink",
        .expected = [](double a) { return groove_height_m(kRestingRadius_m, a); },
-       .measure = [](const Setting& s, double a) { return Measurement{ball_in_groove(s, a).mean_height_m}; }},
+       .measure = [](const EngineSetting& s, double a) { return Measurement{ball_in_groove(s, a).mean_height_m}; }},
       {.name = "groove_cube",
        .shows = "A cube that lies on two faces in a groove of 90 degrees loads both sides equally.",
        .quantity = "larger normal force of the two sides",
@@ -254,7 +255,7 @@ std::vector<StabilityCase> groove_cases() {
        .why = "as for the ball",
        .expected = [](double) { return groove_force_n(kGrooveMass_kg * kG, 45.0); },
        .measure =
-           [](const Setting& s, double) {
+           [](const EngineSetting& s, double) {
              const Groove groove(s, 45.0, cube_body(kRestingSide_m, kGrooveMass_kg, {.friction = 0.0}),
                                  turned(0.25 * kPi, Vec3::UnitY()), kRestingSide_m * std::sqrt(0.5));
              return Measurement{std::max(groove.force_n[0], groove.force_n[1])};

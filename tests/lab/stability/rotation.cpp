@@ -19,7 +19,7 @@ constexpr double kOffAxis = 0.01;  ///< relative to the rate, about the other tw
 
 /// A brick in space that spins almost about its middle axis.
 struct Tumbling {
-  Tumbling(const Setting& setting, double rate_rad_s) : bed(setting, Vec3::Zero()) {
+  Tumbling(const EngineSetting& setting, double rate_rad_s) : bed(setting, Vec3::Zero()) {
     brick = bed.add(box_body(kBrick_m, 1.0), Vec3::Zero());
     start.rate_rad_s = rate_rad_s * Vec3(kOffAxis, 1.0, kOffAxis);
     bed.engine().set_velocity(brick, Vec3::Zero(), start.rate_rad_s);
@@ -45,7 +45,7 @@ struct Tumbling {
   FreeBody start;
 };
 
-Measurement free_energy(const Setting& setting, double rate_rad_s) {
+Measurement free_energy(const EngineSetting& setting, double rate_rad_s) {
   Tumbling tumbling(setting, rate_rad_s);
   const double start_j = tumbling.energy_j();
   double most_j = 0.0;
@@ -56,7 +56,7 @@ Measurement free_energy(const Setting& setting, double rate_rad_s) {
   return {1e2 * most_j / start_j};
 }
 
-Measurement free_momentum(const Setting& setting, double rate_rad_s) {
+Measurement free_momentum(const EngineSetting& setting, double rate_rad_s) {
   Tumbling tumbling(setting, rate_rad_s);
   const Vec3 start = tumbling.inertia().cwiseProduct(tumbling.start.rate_rad_s);
   Quat before = tumbling.start.orientation;
@@ -71,7 +71,7 @@ Measurement free_momentum(const Setting& setting, double rate_rad_s) {
 }
 
 /// Angle between the brick and the solution of Euler's equations.
-Measurement free_pose(const Setting& setting, double rate_rad_s) {
+Measurement free_pose(const EngineSetting& setting, double rate_rad_s) {
   Tumbling tumbling(setting, rate_rad_s);
   tumbling.bed.run(kPoseFor_s);
   const FreeBody exact = turned_by_euler(tumbling.inertia(), tumbling.start, tumbling.bed.time_s());
@@ -79,7 +79,7 @@ Measurement free_pose(const Setting& setting, double rate_rad_s) {
 }
 
 /// Mean period, from the times at which the rate about the middle axis changes its sign; 0 if it does not turn over.
-Measurement flip_period(const Setting& setting, double rate_rad_s) {
+Measurement flip_period(const EngineSetting& setting, double rate_rad_s) {
   Tumbling tumbling(setting, rate_rad_s);
   double before = tumbling.body_rate().y(), first_s = 0.0, last_s = 0.0;
   int crossings = 0;
@@ -136,7 +136,7 @@ struct Top {
 };
 
 /// Mean angular speed of the axis about the vertical, started in steady precession; 0 if the top falls.
-Measurement top_precession(const Setting& setting, double w3_rad_s) {
+Measurement top_precession(const EngineSetting& setting, double w3_rad_s) {
   constexpr double kFor_s = 1.5;
   const Top top;
   TestBed bed(setting, Vec3(0, 0, -kG), {Top::mesh()});
@@ -163,7 +163,7 @@ constexpr double kDisc_m = 0.05;
 
 /// Time at which a body that spins about the vertical on a floor has lost 98 % of its rate, divided by 0.98 (linear
 /// decay).
-Measurement spin_stop(const Setting& setting, double rate_rad_s) {
+Measurement spin_stop(const EngineSetting& setting, double rate_rad_s) {
   constexpr double kLost = 0.98, kLongest_s = 5.0;
   TestBed bed(setting);
   bed.add_floor();
@@ -175,7 +175,7 @@ Measurement spin_stop(const Setting& setting, double rate_rad_s) {
   return {(bed.time_s() - start_s) / kLost};
 }
 
-Measurement spin_kept(const Setting& setting, const Body& body, bool on_floor, double rate_rad_s) {
+Measurement spin_kept(const EngineSetting& setting, const Body& body, bool on_floor, double rate_rad_s) {
   TestBed bed(setting, on_floor ? Vec3(0, 0, -kG) : Vec3::Zero());
   if (on_floor) bed.add_floor();
   const BodyId id = bed.add(body, Vec3(0, 0, kDisc_m));
@@ -252,7 +252,7 @@ std::vector<StabilityCase> free_cases() {
        .tolerance = 0.01,
        .why = "1 % of the rate, as for rolling",
        .expected = [](double w) { return w; },
-       .measure = [](const Setting& s, double w) { return spin_kept(s, cube_body(0.1, 1.0), false, w); }},
+       .measure = [](const EngineSetting& s, double w) { return spin_kept(s, cube_body(0.1, 1.0), false, w); }},
   };
 }
 
@@ -284,7 +284,7 @@ std::vector<StabilityCase> spinning_cases() {
        .tolerance = 0.01,
        .why = "1 % of the rate, as for rolling",
        .expected = [](double w) { return w; },
-       .measure = [](const Setting& s, double w) { return spin_kept(s, ball_body(kDisc_m, 1.0), true, w); }},
+       .measure = [](const EngineSetting& s, double w) { return spin_kept(s, ball_body(kDisc_m, 1.0), true, w); }},
       {.name = "top_precession",
        .shows = "A heavy top on its tip, a cone of 32 sides, precesses steadily at a tilt of 20 degrees.",
        .parameter = "spin",

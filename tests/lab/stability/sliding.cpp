@@ -23,7 +23,7 @@ constexpr double kCreepFor_s = 5.0;
 constexpr double kBelowSlip = 0.9;  ///< relative to mu: tangent of a slope on which nothing may move
 
 /// Displacement at which a cube with this initial velocity stops.
-Vec3 slide(const Setting& setting, const Vec3& velocity) {
+Vec3 slide(const EngineSetting& setting, const Vec3& velocity) {
   TestBed bed(setting);
   bed.add_floor();
   const BodyId cube = bed.add(cube_body(kSlidingSide_m, 1.0), Vec3(0, 0, 0.5 * kSlidingSide_m));
@@ -38,7 +38,7 @@ Vec3 heading(double degrees) { return {std::cos(degrees * kDegree), std::sin(deg
 
 /// A round body on the floor, axis y, with a velocity along x.
 struct Roller {
-  Roller(const Setting& setting, double k, double speed_m_s, double spin_rad_s) : bed(setting) {
+  Roller(const EngineSetting& setting, double k, double speed_m_s, double spin_rad_s) : bed(setting) {
     bed.add_floor();
     const Body shape =
         k == kBall ? ball_body(kRollingRadius_m, 1.0) : cylinder_body(kRollingRadius_m, kSlidingSide_m, 1.0);
@@ -50,7 +50,7 @@ struct Roller {
   BodyId body{};
 };
 
-Measurement rolled_speed(const Setting& setting, double k, double speed_m_s) {
+Measurement rolled_speed(const EngineSetting& setting, double k, double speed_m_s) {
   const Roller roller(setting, k, speed_m_s, speed_m_s / kRollingRadius_m);
   return {roller.bed.state(roller.body).linear_velocity.x()};
 }
@@ -58,14 +58,14 @@ Measurement rolled_speed(const Setting& setting, double k, double speed_m_s) {
 /// A cube on a plane; gravity is tilted instead of the plane.
 Vec3 tilted_gravity(double degrees) { return kG * Vec3(std::sin(degrees * kDegree), 0, -std::cos(degrees * kDegree)); }
 
-bool stays_on_slope(const Setting& setting, double mu, double degrees) {
+bool stays_on_slope(const EngineSetting& setting, double mu, double degrees) {
   TestBed bed(setting, tilted_gravity(degrees));
   bed.add_floor({.friction = mu});
   bed.add(cube_body(kSlidingSide_m, 1.0, {.friction = mu}), Vec3(0, 0, 0.5 * kSlidingSide_m));
   return bed.run(kSlipFor_s, [&] { return bed.moved_m() < kSlipped_m; });
 }
 
-bool stays_upright(const Setting& setting, double width_over_height, double degrees) {
+bool stays_upright(const EngineSetting& setting, double width_over_height, double degrees) {
   constexpr double kNoSlip = 10.0;
   TestBed bed(setting, tilted_gravity(degrees));
   bed.add_floor({.friction = kNoSlip});
@@ -75,7 +75,7 @@ bool stays_upright(const Setting& setting, double width_over_height, double degr
                  [&] { return (bed.state(box).orientation * Vec3::UnitZ()).z() > std::cos(kTipped_deg * kDegree); });
 }
 
-Measurement creep(const Setting& setting, double mu) {
+Measurement creep(const EngineSetting& setting, double mu) {
   TestBed bed(setting, tilted_gravity(std::atan(kBelowSlip * mu) / kDegree));
   bed.add_floor({.friction = mu});
   const BodyId cube = bed.add(cube_body(kSlidingSide_m, 1.0, {.friction = mu}), Vec3(0, 0, 0.5 * kSlidingSide_m));
@@ -107,7 +107,7 @@ std::vector<StabilityCase> friction_cases() {
        .tolerance = 0.02,
        .why = "2 % of the way is where an eye that compares two marks begins to see a difference",
        .expected = [](double v) { return slide_distance_m(v, kMu); },
-       .measure = [](const Setting& s, double v) { return Measurement{slide(s, Vec3(v, 0, 0)).x()}; }},
+       .measure = [](const EngineSetting& s, double v) { return Measurement{slide(s, Vec3(v, 0, 0)).x()}; }},
       {.name = "slide_sideways",
        .shows = "Friction acts against the motion in every direction: a cube that slides obliquely to its sides and to "
                 "the axes keeps its line.",
@@ -122,7 +122,7 @@ std::vector<StabilityCase> friction_cases() {
        .tolerance = 2.0,
        .why = "2 % sideways is a bend of 1 degree, which is seen along a straight edge",
        .measure =
-           [](const Setting& s, double degrees) {
+           [](const EngineSetting& s, double degrees) {
              const Vec3 along = heading(degrees), way = slide(s, along);
              return Measurement{1e2 * std::abs(along.cross(way).z()) / std::abs(along.dot(way))};
            }},
@@ -139,7 +139,7 @@ std::vector<StabilityCase> friction_cases() {
        .why = "1 % is 0.3 degrees at mu = 0.5; above it a cube that should stay is 26 mm away after 1 s",
        .expected = slip_angle_deg,
        .measure =
-           [](const Setting& s, double mu) {
+           [](const EngineSetting& s, double mu) {
              return limit_at(find_limit(around_angle(slip_angle_deg(mu)),
                                         [&](double degrees) { return stays_on_slope(s, mu, degrees); }));
            }},
@@ -157,7 +157,7 @@ std::vector<StabilityCase> friction_cases() {
        .why = "1 % of the angle is 1 % of the width: an edge that lies 1 mm aside in 100 mm",
        .expected = tip_angle_deg,
        .measure =
-           [](const Setting& s, double ratio) {
+           [](const EngineSetting& s, double ratio) {
              return limit_at(find_limit(around_angle(tip_angle_deg(ratio)),
                                         [&](double degrees) { return stays_upright(s, ratio, degrees); }));
            }},
@@ -202,7 +202,7 @@ std::vector<StabilityCase> rolling_cases() {
                      .tolerance = 0.01,
                      .why = "1 % of the speed is 1 % of the way, half of what is seen",
                      .expected = [](double v) { return v; },
-                     .measure = [k](const Setting& s, double v) { return rolled_speed(s, k, v); }});
+                     .measure = [k](const EngineSetting& s, double v) { return rolled_speed(s, k, v); }});
     cases.push_back(
         {.name = "throw_speed_" + name,
          .shows = "A " + name + " thrown without spin slides, then rolls at a speed that does not depend on friction.",
@@ -217,7 +217,7 @@ std::vector<StabilityCase> rolling_cases() {
          .why = "as for a way: 2 % begins to be seen",
          .expected = [k](double v) { return slide_to_roll(v, k, kMu).speed_m_s; },
          .measure =
-             [k](const Setting& s, double v) {
+             [k](const EngineSetting& s, double v) {
                const Roller roller(s, k, v, 0.0);
                return Measurement{roller.bed.state(roller.body).linear_velocity.x()};
              }});
@@ -234,7 +234,7 @@ std::vector<StabilityCase> rolling_cases() {
                      .why = "2 % of the way, as for a cube that slides",
                      .expected = [k](double v) { return slide_to_roll(v, k, kMu).place_m(kRollFor_s); },
                      .measure =
-                         [k](const Setting& s, double v) {
+                         [k](const EngineSetting& s, double v) {
                            const Roller roller(s, k, v, 0.0);
                            return Measurement{roller.bed.position(roller.body).x()};
                          }});

@@ -32,14 +32,14 @@ Measurement moved_mm(TestBed& bed, double seconds, double lost_m) {
   return {1e3 * most_m};
 }
 
-Measurement stack(const Setting& setting, double cubes) {
+Measurement stack(const EngineSetting& setting, double cubes) {
   TestBed bed(setting);
   pile_up(bed, static_cast<int>(cubes));
   return moved_mm(bed, kStandFor_s, kStackedSide_m);
 }
 
 /// As in the scene card_house, with single floors.
-Measurement card_house(const Setting& setting, double stages) {
+Measurement card_house(const EngineSetting& setting, double stages) {
   constexpr double kWatch_s = 3.0;
   TestBed bed(setting);
   bed.add_floor();
@@ -60,7 +60,7 @@ void pile_two(TestBed& bed, double lower_kg, double upper_kg) {
 }
 
 /// Whether the lower of two cubes neither fails nor lets the upper one fall.
-bool carries(const Setting& setting, double lower_kg, double upper_kg) {
+bool carries(const EngineSetting& setting, double lower_kg, double upper_kg) {
   constexpr double kGaveWay = 0.1;  // of the side
   TestBed bed(setting);
   pile_two(bed, lower_kg, upper_kg);
@@ -68,7 +68,7 @@ bool carries(const Setting& setting, double lower_kg, double upper_kg) {
 }
 
 /// Whether the upper of two cubes rests on the lower one: neither moves by more than 1 % of the side or trembles.
-bool rests(const Setting& setting, double lower_kg, double upper_kg) {
+bool rests(const EngineSetting& setting, double lower_kg, double upper_kg) {
   TestBed bed(setting);
   pile_two(bed, lower_kg, upper_kg);
   return bed.run(kStandFor_s, [&] {
@@ -78,7 +78,7 @@ bool rests(const Setting& setting, double lower_kg, double upper_kg) {
 }
 
 /// Whether a cube of this side, of plastic, rests on a plane for 1 s without moving by more than 1 % of it.
-bool small_rests(const Setting& setting, double side_m) {
+bool small_rests(const EngineSetting& setting, double side_m) {
   constexpr double kDensity_kg_m3 = 2500.0;
   TestBed bed(setting);
   bed.add_floor();
@@ -86,7 +86,7 @@ bool small_rests(const Setting& setting, double side_m) {
   return bed.run(1.0, [&] { return bed.moved_m() <= kMoved * side_m; });
 }
 
-bool stands_at(Setting setting, double dt_s) {
+bool stands_at(EngineSetting setting, double dt_s) {
   constexpr int kCubes = 5;
   setting.dt_s = dt_s;
   TestBed bed(setting);
@@ -98,7 +98,7 @@ const char* const kStackedSource = "Statics: every body carries those above it a
 
 /// The largest ratio of the masses of two cubes, one on the other, for which they `hold`.
 StabilityCase mass_case(const char* name, const char* shows, double asked_for, const char* why,
-                        bool (*hold)(const Setting&, double ratio)) {
+                        bool (*hold)(const EngineSetting&, double ratio)) {
   static constexpr Search kRatios{.from = 1.0, .to = 1e6, .stride = 10.0, .precision = 1.2};
   return {.name = name,
           .shows = shows,
@@ -111,7 +111,7 @@ StabilityCase mass_case(const char* name, const char* shows, double asked_for, c
           .why = why,
           .expected = [asked_for](double) { return asked_for; },
           .measure =
-              [hold](const Setting& s, double) {
+              [hold](const EngineSetting& s, double) {
                 return limit_proven(find_limit(kRatios, [&](double ratio) { return hold(s, ratio); }));
               }};
 }
@@ -122,15 +122,15 @@ std::vector<StabilityCase> limit_cases() {
                 "The heaviest cube that rests for 5 s on one of 1 kg: both stay within 1 % of the side and tremble by "
                 "less than 1 mm/s.",
                 100.0, "a tool of 10 kg on a part of 100 g",
-                [](const Setting& s, double ratio) { return rests(s, 1.0, ratio); }),
+                [](const EngineSetting& s, double ratio) { return rests(s, 1.0, ratio); }),
       mass_case("light_on_heavy", "The same with the heavy cube below.", 1000.0, "a screw of 10 g on a part of 10 kg",
-                [](const Setting& s, double ratio) { return rests(s, ratio, 1.0); }),
+                [](const EngineSetting& s, double ratio) { return rests(s, ratio, 1.0); }),
       mass_case(
           "heavy_carried",
           "The heaviest cube that one of 1 kg carries for 5 s: neither moves by a tenth of the side, however they "
           "tremble. The warnings of `subworld run` and `plan` come from here.",
           100.0, "a tool of 10 kg on a part of 100 g",
-          [](const Setting& s, double ratio) { return carries(s, 1.0, ratio); }),
+          [](const EngineSetting& s, double ratio) { return carries(s, 1.0, ratio); }),
       {.name = "smallest_cube",
        .shows = "The smallest cube that rests on a plane for 1 s without moving by more than 1 % of its side.",
        .quantity = "side",
@@ -142,7 +142,7 @@ std::vector<StabilityCase> limit_cases() {
        .why = "small screws and washers measure 1 mm",
        .expected = [](double) { return 1.0; },
        .measure =
-           [](const Setting& s, double) {
+           [](const EngineSetting& s, double) {
              return limit_proven(find_limit({.from = 100.0, .to = 0.1, .stride = 2.0, .precision = 1.1},
                                             [&](double side_mm) { return small_rests(s, 1e-3 * side_mm); }));
            }},
@@ -158,7 +158,7 @@ std::vector<StabilityCase> limit_cases() {
        .why = "1/60 s is the step of a display",
        .expected = [](double) { return 1e3 / 60.0; },
        .measure =
-           [](const Setting& s, double) {
+           [](const EngineSetting& s, double) {
              return limit_proven(find_limit({.from = 1.0, .to = 100.0, .stride = 1.5, .precision = 1.05},
                                             [&](double dt_ms) { return stands_at(s, 1e-3 * dt_ms); }));
            },
