@@ -29,7 +29,7 @@ constexpr const char* kOfWorld = "world_sim";
 constexpr const char* kCoupled = "world_sim, haptic_sim";
 constexpr const char* kHaptic = "haptic_sim";
 constexpr const char* kDevice = "device_sim";
-constexpr const char* kHand = "haptic_sim, device_sim";
+constexpr const char* kUserSide = "haptic_sim, device_sim";
 constexpr const char* kOfPreset = "the preset's";
 
 template <class T>
@@ -138,8 +138,8 @@ using Engine = EngineSettings;
 const std::vector<Setting> kSettings{
     {"h_s", RUN(h_s), kStep, "haptic step h", kAll},
     {"ratio", nullptr, Limits{1, kMostRatio},
-     "simulation ratio r = T / h, with the world's cycle T; two bounds as in 4-12: it adapts between them to what the "
-     "operator feels and to what the world costs",
+     "simulation ratio r = T / h, with the world's cycle T. Two bounds as in 4-12: it adapts between them to what the "
+     "operator feels and the world costs",
      kAll, "--ratio", "", read_ratio, text_of_ratio},
     {"duration_s", RUN(duration_s), kLongerThanZero, "simulated time of a run", kAll, "--duration"},
     {"settle.duration_s", RUN(settle_s), kTime, "the world alone is simulated for this time before t = 0", kOfWorld},
@@ -162,8 +162,8 @@ const std::vector<Setting> kSettings{
      kDevice, "--passivity"},
     {"deadband", RUN(deadband), Limits{0, kMostDeadband},
      "Weber fraction of the link of a device: samples are not sent that an operator cannot tell from their "
-     "extrapolation; in real time with --peers only",
-     kHand},
+     "extrapolation. In real time with --peers only",
+     kUserSide},
     {"gravity_m_s2", RUN(world.gravity), Limits{-1e4, 1e4}, "acceleration of all bodies that have weight", kCoupled, "",
      "", read_gravity},
     {"disable", nullptr, kAny,
@@ -179,7 +179,7 @@ const std::vector<Setting> kSettings{
      "lock-step: delay added to the round trip between world and sub-world, half each way", kCoupled, "--latency", "",
      read_round_trip<&Delay::up_s, &Delay::down_s>},
     {"delay.device_latency_s", nullptr, kRoundTrip,
-     "lock-step: delay added to the round trip between device and sub-world, half each way", kHand, "", "",
+     "lock-step: delay added to the round trip between device and sub-world, half each way", kUserSide, "", "",
      read_round_trip<&Delay::from_device_s, &Delay::to_device_s>},
     {"delay.up_s", RUN(delay.up_s), kDelay, "lock-step: delay from sub-world to world", kOfWorld},
     {"delay.down_s", RUN(delay.down_s), kDelay, "lock-step: delay from world to sub-world", kHaptic},
@@ -220,29 +220,29 @@ const std::vector<Setting> kSettings{
     {"users.budget_ratio", USER(budget_ratio), kLongerThanZero,
      "selection budget: part of the haptic step that the step of the sub-world may take", kHaptic},
     {"users.coupling.stiffness_n_m", USER(coupling.stiffness_n_m), kLargePositive, "stiffness of the virtual coupling",
-     kHand},
-    {"users.coupling.damping_n_s_m", USER(coupling.damping_n_s_m), kLarge, "its damping", kHand},
+     kUserSide},
+    {"users.coupling.damping_n_s_m", USER(coupling.damping_n_s_m), kLarge, "its damping", kUserSide},
     {"users.coupling.rotational_stiffness_n_m_rad", USER(coupling.rotational_stiffness_n_m), kLarge,
-     "its rotational stiffness, with 6 degrees of freedom", kHand},
+     "its rotational stiffness, with 6 degrees of freedom", kUserSide},
     {"users.coupling.rotational_damping_n_m_s_rad", USER(coupling.rotational_damping_n_m_s), kLarge,
-     "its rotational damping, with 6 degrees of freedom", kHand},
-    {"users.coupling.ramp_s", USER(coupling.ramp_s), kTime, "the force rises from zero over this time", kHand},
+     "its rotational damping, with 6 degrees of freedom", kUserSide},
+    {"users.coupling.ramp_s", USER(coupling.ramp_s), kTime, "the force rises from zero over this time", kUserSide},
 
     {"users.device.kind", USER(device.kind), Words{"impedance", "admittance"},
-     "whether the device renders a force or a motion", kHand},
+     "whether the device renders a force or a motion", kUserSide},
     {"users.device.degrees_of_freedom", USER(device.degrees_of_freedom), Limits{3, 6}, "3: translations only, or 6",
-     kHand, "", "", read_freedom},
+     kUserSide, "", "", read_freedom},
     {"users.device.rate_hz", USER(device.rate_hz), Limits{1, 1e5}, "rate of the device's own loop; usually 1 / h",
-     kHand},
-    {"users.device.force_limit_n", USER(device.force_limit_n), kLargePositive, "largest force", kHand},
+     kUserSide},
+    {"users.device.force_limit_n", USER(device.force_limit_n), kLargePositive, "largest force", kUserSide},
     {"users.device.torque_limit_n_m", USER(device.torque_limit_n_m), kLargePositive,
-     "largest torque, with 6 degrees of freedom", kHand},
+     "largest torque, with 6 degrees of freedom", kUserSide},
     {"users.device.force_rate_limit_n_s", USER(device.force_rate_limit_n_s), kLargePositive,
-     "largest rate of the force", kHand, "", "force_limit_n / 4 ms"},
+     "largest rate of the force", kUserSide, "", "force_limit_n / 4 ms"},
     {"users.device.power_limit_w", USER(device.power_limit_w), kLargePositive,
-     "largest power given to an operator that moves with the force", kHand, "", "force_limit_n times 1 m/s"},
+     "largest power given to an operator that moves with the force", kUserSide, "", "force_limit_n times 1 m/s"},
     {"users.device.speed_limit_m_s", USER(device.speed_limit_m_s), Limits{.least = 0, .most = 0.5, .above = true},
-     "largest speed of an admittance device", kHand},
+     "largest speed of an admittance device", kUserSide},
     {"users.device.mass_kg", USER(device.mass_kg), kLargePositive, "mass of the emulated device", kDevice},
     {"users.device.damping_n_s_m", USER(device.damping_n_s_m), kLarge, "its damping", kDevice},
     {"users.device.friction_n", USER(device.friction_n), kLarge, "its Coulomb friction", kDevice},
@@ -253,7 +253,7 @@ const std::vector<Setting> kSettings{
     {"users.device.operator.damping_n_s_m", ARM(damping_n_s_m), kLarge, "damper towards the path", kDevice},
     {"users.device.operator.stiffness_n_m", ARM(stiffness_n_m), kLarge, "spring towards the path", kDevice},
     {"users.device.operator.inertia_kg_m2", ARM(inertia_kg_m2), kLargePositive,
-     "inertia of the hand, with 6 degrees of freedom", kDevice},
+     "inertia of the arm, with 6 degrees of freedom", kDevice},
     {"users.device.operator.rotational_damping_n_m_s_rad", ARM(rotational_damping_n_m_s), kLarge, "rotational damper",
      kDevice},
     {"users.device.operator.rotational_stiffness_n_m_rad", ARM(rotational_stiffness_n_m), kLarge, "rotational spring",
