@@ -13,18 +13,18 @@ namespace subworld {
 
 namespace {
 
-constexpr Limits kTime{.least = 0.0, .most = 1e6};  // s
+constexpr Limits kSeconds{.least = 0.0, .most = 1e6};  // s
 constexpr Limits kStep{.least = 1e-6, .most = 0.1};
 constexpr Limits kDelay{.least = 0.0, .most = 1.0};
 constexpr Limits kRoundTrip{.least = 0.0, .most = 2.0};
-constexpr Limits kLongerThanZero{.least = 0.0, .most = 1e6, .above = true};  // s, m
+constexpr Limits kMoreSeconds{.least = 0.0, .most = 1e6, .above = true};  // s, m
 constexpr Limits kSubStep{.least = 1e-5, .most = 1.0};
-constexpr Limits kLength{.least = 1e-6, .most = 1e6};
+constexpr Limits kMetres{.least = 1e-6, .most = 1e6};
 constexpr Limits kLarge{.least = 0.0, .most = 1e9};
 constexpr Limits kLargePositive{.least = 0.0, .most = 1e9, .above = true};
 
 // The readers of settings.
-constexpr const char* kAll = "all";
+constexpr const char* kEveryone = "all";
 constexpr const char* kOfWorld = "world_sim";
 constexpr const char* kCoupled = "world_sim, haptic_sim";
 constexpr const char* kHaptic = "haptic_sim";
@@ -136,18 +136,18 @@ using Engine = EngineSettings;
 
 // Key, member, range, meaning, readers, short form, default in words, own reader, own text.
 const std::vector<Setting> kSettings{
-    {"h_s", RUN(h_s), kStep, "haptic step h", kAll},
+    {"h_s", RUN(h_s), kStep, "haptic step h", kEveryone},
     {"ratio", nullptr, Limits{1, kMostRatio},
      "simulation ratio r = T / h, with the world's cycle T. Two bounds as in 4-12: it adapts between them to what the "
      "operator feels and the world costs",
-     kAll, "--ratio", "", read_ratio, text_of_ratio},
-    {"duration_s", RUN(duration_s), kLongerThanZero, "simulated time of a run", kAll, "--duration"},
-    {"settle.duration_s", RUN(settle_s), kTime, "the world alone is simulated for this time before t = 0", kOfWorld},
+     kEveryone, "--ratio", "", read_ratio, text_of_ratio},
+    {"duration_s", RUN(duration_s), kMoreSeconds, "simulated time of a run", kEveryone, "--duration"},
+    {"settle.duration_s", RUN(settle_s), kSeconds, "the world alone is simulated for this time before t = 0", kOfWorld},
     {"settle.step_s", RUN(settle_step_s), kStep, "step of that simulation", kOfWorld},
-    {"users", RUN(users), Limits{1, kMostUsers}, "number of the listed users that take part, the first ones", kAll,
+    {"users", RUN(users), Limits{1, kMostUsers}, "number of the listed users that take part, the first ones", kEveryone,
      "--users", "all"},
     {"mode", RUN(mode), Words{"lockstep", "realtime"},
-     "lockstep: the processes advance together, independent of wall time; realtime: absolute deadlines", kAll,
+     "lockstep: the processes advance together, independent of wall time; realtime: absolute deadlines", kEveryone,
      "--mode"},
     {"absent", RUN(absent), Words{"end", "wait", "continue"},
      "lock-step: what the run does when the programs of a user fall silent; in real time it always continues", kOfWorld,
@@ -155,7 +155,7 @@ const std::vector<Setting> kSettings{
     {"presence", nullptr, kAny,
      "lock-step: when users take part and which orders the run gets, as in 1 joins 3, 2 leaves 5", kCoupled, "",
      "all users from start to end", read_presence, text_of_presence},
-    {"scheme", RUN(scheme), kAny, "coupling scheme: reduced, paper or direct", kAll, "--scheme"},
+    {"scheme", RUN(scheme), kAny, "coupling scheme: reduced, paper or direct", kEveryone, "--scheme"},
     {"passivity", RUN(passivity), Words{"automatic", "on", "off"},
      "bounds the energy that a device gives to its operator; automatic: where messages are delayed, in real time with "
      "--peers",
@@ -167,7 +167,7 @@ const std::vector<Setting> kSettings{
     {"gravity_m_s2", RUN(world.gravity), Limits{-1e4, 1e4}, "acceleration of all bodies that have weight", kCoupled, "",
      "", read_gravity},
     {"disable", nullptr, kAny,
-     "optimisations to disable, for comparison: names that `subworld plan` lists, separated by commas, or all", kAll,
+     "optimisations to disable, for comparison: names that `subworld plan` lists, separated by commas, or all", kEveryone,
      "--disable", "none", read_disabled, text_of_disabled},
     {"paper.device_force_in_world", RUN(paper.device_force_in_world), kAny,
      "scheme paper: the mean device force also acts on the world's proxy", kCoupled},
@@ -186,9 +186,9 @@ const std::vector<Setting> kSettings{
     {"delay.from_device_s", RUN(delay.from_device_s), kDelay, "lock-step: delay from device to sub-world", kHaptic},
     {"delay.to_device_s", RUN(delay.to_device_s), kDelay, "lock-step: delay from sub-world to device", kDevice},
     {"delay.jitter_s", RUN(delay.jitter_s), kDelay,
-     "lock-step: longest extra delay of a single message, uniformly distributed", kAll},
-    {"delay.loss_ratio", RUN(delay.loss_ratio), Limits{0, 0.9}, "lock-step: part of the messages that is lost", kAll},
-    {"delay.seed", RUN(delay.seed), kLarge, "seed of jitter and loss", kAll},
+     "lock-step: longest extra delay of a single message, uniformly distributed", kEveryone},
+    {"delay.loss_ratio", RUN(delay.loss_ratio), Limits{0, 0.9}, "lock-step: part of the messages that is lost", kEveryone},
+    {"delay.seed", RUN(delay.seed), kLarge, "seed of jitter and loss", kEveryone},
 
     {"world.engine", RUN(world.name), kAny, "physics engine of the world", kOfWorld, "--engine", "",
      read_engine<&S::world, &Engine::name>},
@@ -199,7 +199,7 @@ const std::vector<Setting> kSettings{
      "sub-steps of a cycle, each with its own force on the proxies", kOfWorld, "", "the scheme's"},
     {"world.longest_substep_s", RUN(world.longest_substep_s), kSubStep,
      "the engine divides its steps until none is longer", kOfWorld, "", kOfPreset},
-    {"world.length_unit_m", RUN(world.length_unit_m), kLength, "unit of length in which the engine computes", kOfWorld},
+    {"world.length_unit_m", RUN(world.length_unit_m), kMetres, "unit of length in which the engine computes", kOfWorld},
     {"haptic.engine", RUN(haptic.name), kAny, "physics engine of the sub-worlds", kHaptic, "--haptic-engine", "",
      read_engine<&S::haptic, &Engine::name>},
     {"haptic.preset", RUN(haptic.preset), kAny, "settings that the engine brings: fast or quality", kHaptic, "", "",
@@ -208,16 +208,16 @@ const std::vector<Setting> kSettings{
     {"haptic.substeps", RUN(haptic.substeps), Limits{1, 1000}, "engine steps in a haptic step", kHaptic, "", kOfPreset},
     {"haptic.longest_substep_s", RUN(haptic.longest_substep_s), kSubStep,
      "the engine divides its steps until none is longer", kHaptic, "", kOfPreset},
-    {"haptic.length_unit_m", RUN(haptic.length_unit_m), kLength, "unit of length in which the engine computes",
+    {"haptic.length_unit_m", RUN(haptic.length_unit_m), kMetres, "unit of length in which the engine computes",
      kHaptic},
 
     {"users.selection", USER(selection), Words{"box", "contacts", "budget"}, "which bodies belong to the sub-world",
      kHaptic},
-    {"users.box_half_m", USER(box_half_m), kLongerThanZero, "half side of the selection box around the proxy", kHaptic},
+    {"users.box_half_m", USER(box_half_m), kMoreSeconds, "half side of the selection box around the proxy", kHaptic},
     {"users.contact_depth", USER(contact_depth), Limits{0, 1000},
      "bodies that at most this many contacts connect to the proxy also belong; required by selection contacts",
      kHaptic},
-    {"users.budget_ratio", USER(budget_ratio), kLongerThanZero,
+    {"users.budget_ratio", USER(budget_ratio), kMoreSeconds,
      "selection budget: part of the haptic step that the step of the sub-world may take", kHaptic},
     {"users.coupling.stiffness_n_m", USER(coupling.stiffness_n_m), kLargePositive, "stiffness of the virtual coupling",
      kUserSide},
@@ -226,7 +226,7 @@ const std::vector<Setting> kSettings{
      "its rotational stiffness, with 6 degrees of freedom", kUserSide},
     {"users.coupling.rotational_damping_n_m_s_rad", USER(coupling.rotational_damping_n_m_s), kLarge,
      "its rotational damping, with 6 degrees of freedom", kUserSide},
-    {"users.coupling.ramp_s", USER(coupling.ramp_s), kTime, "the force rises from zero over this time", kUserSide},
+    {"users.coupling.ramp_s", USER(coupling.ramp_s), kSeconds, "the force rises from zero over this time", kUserSide},
 
     {"users.device.kind", USER(device.kind), Words{"impedance", "admittance"},
      "whether the device renders a force or a motion", kUserSide},

@@ -28,7 +28,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kPage = 4096;
+constexpr std::size_t kHeaderBytes = 4096;
 constexpr std::size_t kAlignment = 32;  // of a record, whose header is then never split by the ring's end
 constexpr std::size_t kLeastRing = 1U << 16U;
 constexpr std::uint64_t kWritten = 1;  // flag beside a record's size
@@ -55,7 +55,7 @@ struct RingHeader {
   alignas(64) std::atomic<std::uint64_t> dropped;
   std::array<std::atomic<std::uint64_t>, kTopics.size()> sent;
 };
-static_assert(sizeof(RingHeader) <= kPage);
+static_assert(sizeof(RingHeader) <= kHeaderBytes);
 
 struct Mapped {
   RingHeader* header = nullptr;
@@ -76,12 +76,12 @@ struct Mapped {
 
 Mapped map(int file, std::size_t offset, std::size_t size) {
   void* const memory =
-      mmap(nullptr, kPage + size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, file, static_cast<off_t>(offset));
+      mmap(nullptr, kHeaderBytes + size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, file, static_cast<off_t>(offset));
   if (memory == MAP_FAILED) return {};
-  return {std::launder(static_cast<RingHeader*>(memory)), static_cast<std::uint8_t*>(memory) + kPage, size};
+  return {std::launder(static_cast<RingHeader*>(memory)), static_cast<std::uint8_t*>(memory) + kHeaderBytes, size};
 }
 
-Mapped own;
+Mapped own_memory;
 bool own_is_world = false;
 std::atomic<bool> recording_ended{false};
 std::atomic<std::chrono::seconds> longest_wait{};  // for room in the ring
@@ -105,24 +105,24 @@ bool wait_for_room(HasRoom has_room) noexcept {
 }
 
 void put(std::size_t topic, std::uint32_t user, std::uint32_t number, std::span<const std::uint8_t> cdr) noexcept {
-  RingHeader& ring = *own.header;
+  RingHeader& ring = *own_memory.header;
   ring.sent[topic].fetch_add(1, std::memory_order_relaxed);
   const std::size_t needed = (sizeof(RecordHeader) + cdr.size() + kAlignment - 1) / kAlignment * kAlignment;
   std::uint64_t head = ring.head.load(std::memory_order_relaxed);
   do {
-    if (!wait_for_room([&] { return head + needed - ring.tail.load(std::memory_order_acquire) <= own.size; })) {
+    if (!wait_for_room([&] { return head + needed - ring.tail.load(std::memory_order_acquire) <= own_memory.size; })) {
       ring.dropped.fetch_add(1, std::memory_order_relaxed);
       return;
     }
   } while (!ring.head.compare_exchange_weak(head, head + needed, std::memory_order_relaxed));
-  RecordHeader& record = own.record(head);
+  RecordHeader& record = own_memory.record(head);
   record.state.store(needed, std::memory_order_relaxed);
   record.time_ns = wall_ns();
   record.topic = static_cast<std::uint32_t>(topic);
   record.user = user;
   record.number = number;
   record.bytes = static_cast<std::uint32_t>(cdr.size());
-  own.parts(head + sizeof(RecordHeader), cdr.size(), [&](std::span<std::uint8_t> part, std::size_t from) {
+  own_memory.parts(head + sizeof(RecordHeader), cdr.size(), [&](std::span<std::uint8_t> part, std::size_t from) {
     std::ranges::copy(cdr.subspan(from, part.size()), part.begin());
   });
   record.state.store(needed | kWritten, std::memory_order_release);
@@ -176,7 +176,7 @@ RecordingMemory::RecordingMemory(const std::vector<std::size_t>& sizes, bool wai
     Ring& ring = rings_.emplace_back();
     ring.offset = end;
     ring.memory.size = size == 0 ? 0 : std::bit_ceil(std::max(size, kLeastRing));
-    if (size > 0) end += kPage + ring.memory.size;
+    if (size > 0) end += kHeaderBytes + ring.memory.size;
   }
   bool made = file_ >= 0 && ftruncate(file_, static_cast<off_t>(end)) == 0;
   for (Ring& ring : rings_) {
@@ -194,7 +194,7 @@ RecordingMemory::RecordingMemory(const std::vector<std::size_t>& sizes, bool wai
 
 RecordingMemory::~RecordingMemory() {
   for (const Ring& ring : rings_) {
-    if (ring.memory.header != nullptr) munmap(ring.memory.header, kPage + ring.memory.size);
+    if (ring.memory.header != nullptr) munmap(ring.memory.header, kHeaderBytes + ring.memory.size);
   }
   close(file_);
 }
@@ -222,21 +222,21 @@ RecordedCounts RecordingMemory::counts() const {
 }
 
 void open_recording() noexcept {
-  if (own.header != nullptr) return;
+  if (own_memory.header != nullptr) return;
   const char* const text = std::getenv(RecordingMemory::kVariable);
   int file = -1, program = 0, waits = 0;
   std::size_t offset = 0, size = 0;
   struct stat facts {};
   if (text == nullptr || std::sscanf(text, "%d:%d:%zu:%zu:%d", &file, &program, &offset, &size, &waits) != 5 ||
       !std::has_single_bit(size) || fstat(file, &facts) != 0 ||
-      static_cast<std::size_t>(facts.st_size) < offset + kPage + size)
+      static_cast<std::size_t>(facts.st_size) < offset + kHeaderBytes + size)
     return;
-  own = map(file, offset, size);
+  own_memory = map(file, offset, size);
   own_is_world = program == 0;
   longest_wait = waits != 0 ? kLongestWait : std::chrono::seconds{0};
 }
 
-bool is_recording() noexcept { return own.header != nullptr && !recording_ended.load(std::memory_order_relaxed); }
+bool is_recording() noexcept { return own_memory.header != nullptr && !recording_ended.load(std::memory_order_relaxed); }
 
 void end_recording() noexcept { recording_ended = true; }
 
