@@ -1,7 +1,7 @@
 #include "device_sim/device_guard.hpp"
 
-#include "coupling/passivity.hpp"
 #include "coupling/plan.hpp"
+#include "coupling/safety/passivity.hpp"
 
 #include <algorithm>
 

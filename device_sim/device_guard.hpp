@@ -1,9 +1,9 @@
 #pragma once
 
-#include "coupling/energy_port.hpp"
-#include "coupling/force_guard.hpp"
-#include "coupling/motion_guard.hpp"
-#include "coupling/oscillation.hpp"
+#include "coupling/safety/energy_port.hpp"
+#include "coupling/safety/force_guard.hpp"
+#include "coupling/safety/motion_guard.hpp"
+#include "coupling/safety/oscillation.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 

@@ -1,6 +1,6 @@
 #include "device_sim/run.hpp"
 
-#include "coupling/deadband.hpp"
+#include "coupling/messages/deadband.hpp"
 #include "model/error.hpp"
 #include "program/join.hpp"
 #include "program/peer_watch.hpp"

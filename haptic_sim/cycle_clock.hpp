@@ -1,6 +1,6 @@
 #pragma once
 
-#include "coupling/timetable.hpp"
+#include "coupling/messages/timetable.hpp"
 #include "model/exchange.hpp"
 
 #include <cmath>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "coupling/virtual_coupling.hpp"
+#include "coupling/tool/virtual_coupling.hpp"
 #include "model/exchange.hpp"
 
 namespace subworld {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "coupling/deadband.hpp"
+#include "coupling/messages/deadband.hpp"
 #include "haptic_sim/run.hpp"
 #include "program/peer_watch.hpp"
 #include "wire/take.hpp"

@@ -1,9 +1,9 @@
 #pragma once
 
-#include "coupling/energy_port.hpp"
-#include "coupling/force_guard.hpp"
-#include "coupling/motion_guard.hpp"
-#include "coupling/tool.hpp"
+#include "coupling/safety/energy_port.hpp"
+#include "coupling/safety/force_guard.hpp"
+#include "coupling/safety/motion_guard.hpp"
+#include "coupling/tool/tool.hpp"
 #include "haptic_sim/declutch.hpp"
 #include "haptic_sim/local_model.hpp"
 #include "model/exchange.hpp"

@@ -1,11 +1,11 @@
 #include "haptic_sim/local_model.hpp"
 
-#include "coupling/authority.hpp"
-#include "coupling/energy_port.hpp"
-#include "coupling/gradual_shifts.hpp"
 #include "coupling/plan.hpp"
-#include "coupling/selection.hpp"
-#include "coupling/synchroniser.hpp"
+#include "coupling/safety/energy_port.hpp"
+#include "coupling/select/selection.hpp"
+#include "coupling/sync/authority.hpp"
+#include "coupling/sync/gradual_shifts.hpp"
+#include "coupling/sync/synchroniser.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "coupling/scheme.hpp"
-#include "coupling/tool.hpp"
-#include "coupling/virtual_coupling.hpp"
+#include "coupling/schemes/scheme.hpp"
+#include "coupling/tool/tool.hpp"
+#include "coupling/tool/virtual_coupling.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/live_engine.hpp"

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "coupling/deadband.hpp"
-#include "coupling/delay.hpp"
+#include "coupling/messages/deadband.hpp"
+#include "coupling/messages/delay.hpp"
 #include "haptic_sim/sub_world.hpp"
 
 #include <cstdint>

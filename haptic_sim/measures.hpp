@@ -1,7 +1,7 @@
 #pragma once
 
-#include "coupling/oscillation.hpp"
-#include "coupling/virtual_coupling.hpp"
+#include "coupling/safety/oscillation.hpp"
+#include "coupling/tool/virtual_coupling.hpp"
 #include "haptic_sim/sub_world.hpp"
 #include "io/program_results.hpp"
 #include "program/loop_measures.hpp"

@@ -1,6 +1,6 @@
 #include "haptic_sim/ports.hpp"
 
-#include "coupling/scheme.hpp"
+#include "coupling/schemes/scheme.hpp"
 #include "model/joined.hpp"
 
 #include <fmt/core.h>

@@ -1,4 +1,4 @@
-#include "coupling/deadband.hpp"
+#include "coupling/messages/deadband.hpp"
 #include "haptic_sim/device_link.hpp"
 #include "haptic_sim/frame_link.hpp"
 #include "haptic_sim/run.hpp"

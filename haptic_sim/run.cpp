@@ -1,5 +1,5 @@
 #include "haptic_sim/run.hpp"
-#include "coupling/scheme.hpp"
+#include "coupling/schemes/scheme.hpp"
 #include "model/error.hpp"
 #include "program/engine_orders.hpp"
 #include "program/join.hpp"

@@ -1,6 +1,6 @@
 #include "haptic_sim/sub_world.hpp"
 
-#include "coupling/synchroniser.hpp"
+#include "coupling/sync/synchroniser.hpp"
 
 #include <utility>
 

@@ -1,7 +1,7 @@
 #include "haptic_sim/world_link.hpp"
 
 #include "coupling/plan.hpp"
-#include "coupling/synchroniser.hpp"
+#include "coupling/sync/synchroniser.hpp"
 #include "model/reach.hpp"
 #include "model/shape_extent.hpp"
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "coupling/scheme.hpp"
-#include "coupling/suppression.hpp"
+#include "coupling/messages/suppression.hpp"
+#include "coupling/schemes/scheme.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 

@@ -1,6 +1,6 @@
 #include "world_sim/accounts.hpp"
 
-#include "coupling/virtual_coupling.hpp"
+#include "coupling/tool/virtual_coupling.hpp"
 #include "model/hash.hpp"
 #include "world_sim/checkpoint.hpp"
 

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "coupling/energy_port.hpp"
-#include "coupling/tool.hpp"
-#include "coupling/world_side.hpp"
+#include "coupling/safety/energy_port.hpp"
+#include "coupling/schemes/world_side.hpp"
+#include "coupling/tool/tool.hpp"
 #include "model/scene.hpp"
 #include "physics/resting_engine.hpp"
 #include "world_sim/facts.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "coupling/contact_graph.hpp"
+#include "coupling/select/contact_graph.hpp"
 #include "model/scene.hpp"
 #include "physics/contact_totals.hpp"
 #include "physics/resting_engine.hpp"

@@ -1,7 +1,7 @@
 #include "world_sim/cycle_plan.hpp"
 
 #include "coupling/plan.hpp"
-#include "coupling/synchroniser.hpp"
+#include "coupling/sync/synchroniser.hpp"
 
 #include <fmt/core.h>
 

@@ -1,9 +1,9 @@
 #pragma once
 
-#include "coupling/budget.hpp"
-#include "coupling/ratio_control.hpp"
-#include "coupling/scheme.hpp"
-#include "coupling/timetable.hpp"
+#include "coupling/messages/ratio_control.hpp"
+#include "coupling/messages/timetable.hpp"
+#include "coupling/schemes/scheme.hpp"
+#include "coupling/select/budget.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/engine.hpp"

@@ -1,9 +1,9 @@
 #include "world_sim/frame_maker.hpp"
 
-#include "coupling/blend.hpp"
-#include "coupling/border.hpp"
 #include "coupling/plan.hpp"
-#include "coupling/swept_bounds.hpp"
+#include "coupling/select/border.hpp"
+#include "coupling/select/swept_bounds.hpp"
+#include "coupling/sync/blend.hpp"
 #include "model/sorted.hpp"
 
 #include <algorithm>

@@ -1,10 +1,10 @@
 #pragma once
 
-#include "coupling/budget.hpp"
-#include "coupling/contact_graph.hpp"
-#include "coupling/peers.hpp"
-#include "coupling/scheme.hpp"
-#include "coupling/selection.hpp"
+#include "coupling/schemes/scheme.hpp"
+#include "coupling/select/budget.hpp"
+#include "coupling/select/contact_graph.hpp"
+#include "coupling/select/peers.hpp"
+#include "coupling/select/selection.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "world_sim/suppression_finder.hpp"

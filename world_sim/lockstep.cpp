@@ -1,4 +1,4 @@
-#include "coupling/delay.hpp"
+#include "coupling/messages/delay.hpp"
 #include "model/error.hpp"
 #include "program/engine_orders.hpp"
 #include "rt/stop.hpp"

@@ -1,4 +1,4 @@
-#include "coupling/virtual_coupling.hpp"
+#include "coupling/tool/virtual_coupling.hpp"
 #include "world_sim/world.hpp"
 
 namespace subworld {

@@ -1,8 +1,8 @@
 #pragma once
 
+#include "coupling/messages/suppression.hpp"
 #include "coupling/plan.hpp"
-#include "coupling/suppression.hpp"
-#include "coupling/synchroniser.hpp"
+#include "coupling/sync/synchroniser.hpp"
 #include "model/exchange.hpp"
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 #include "world_sim/suppression_finder.hpp"
 
-#include "coupling/selection.hpp"
-#include "coupling/synchroniser.hpp"
+#include "coupling/select/selection.hpp"
+#include "coupling/sync/synchroniser.hpp"
 #include "model/reach.hpp"
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 #include "world_sim/user_link.hpp"
 
-#include "coupling/virtual_coupling.hpp"
-#include "coupling/world_side.hpp"
+#include "coupling/schemes/world_side.hpp"
+#include "coupling/tool/virtual_coupling.hpp"
 #include "model/vectors.hpp"
 
 namespace subworld {

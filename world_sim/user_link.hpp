@@ -1,6 +1,6 @@
 #pragma once
 
-#include "coupling/impulse_account.hpp"
+#include "coupling/tool/impulse_account.hpp"
 #include "world_sim/report_inbox.hpp"
 
 #include <array>

@@ -1,7 +1,7 @@
 #include "world_sim/world.hpp"
 
-#include "coupling/blend.hpp"
 #include "coupling/plan.hpp"
+#include "coupling/sync/blend.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "coupling/scheme.hpp"
-#include "coupling/shared_islands.hpp"
-#include "coupling/tool.hpp"
+#include "coupling/schemes/scheme.hpp"
+#include "coupling/sync/shared_islands.hpp"
+#include "coupling/tool/tool.hpp"
 #include "model/exchange.hpp"
 #include "model/scene.hpp"
 #include "physics/engine_exchange.hpp"

@@ -1,6 +1,6 @@
 #include "coupling/plan.hpp"
 
-#include "coupling/scheme.hpp"
+#include "coupling/schemes/scheme.hpp"
 
 #include <fmt/core.h>
 

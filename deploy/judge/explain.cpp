@@ -1,6 +1,6 @@
 #include "judge/explain.hpp"
 
-#include "coupling/scheme.hpp"
+#include "coupling/schemes/scheme.hpp"
 #include "io/command_line.hpp"
 #include "judge/summary.hpp"
 

@@ -1,8 +1,8 @@
 #include "judge/gates.hpp"
 
-#include "coupling/oscillation.hpp"
 #include "coupling/plan.hpp"
-#include "coupling/scheme.hpp"
+#include "coupling/safety/oscillation.hpp"
+#include "coupling/schemes/scheme.hpp"
 #include "io/json.hpp"
 #include "judge/summary.hpp"
 #include "wire/topics.hpp"

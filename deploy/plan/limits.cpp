@@ -3,8 +3,8 @@
 #include "device_sim/drivers.hpp"
 
 #include "coupling/plan.hpp"
-#include "coupling/scheme.hpp"
-#include "coupling/stiffness.hpp"
+#include "coupling/schemes/scheme.hpp"
+#include "coupling/tool/stiffness.hpp"
 #include "model/body_choice.hpp"
 #include "model/error.hpp"
 #include "model/mass_properties.hpp"

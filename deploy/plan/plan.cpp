@@ -1,5 +1,5 @@
 #include "coupling/plan.hpp"
-#include "coupling/scheme.hpp"
+#include "coupling/schemes/scheme.hpp"
 #include "physics/plugin.hpp"
 #include "plan/limits.hpp"
 #include "run/run.hpp"

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "coupling/border.hpp"
-#include "coupling/reduced/ghost_model.hpp"
+#include "coupling/schemes/reduced/ghost_model.hpp"
+#include "coupling/select/border.hpp"
 #include "support/bodies.hpp"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-#include "coupling/reduced/approach.hpp"
-#include "coupling/border.hpp"
+#include "coupling/schemes/reduced/approach.hpp"
+#include "coupling/select/border.hpp"
 #include "support/bodies.hpp"
 
 #include <gtest/gtest.h>

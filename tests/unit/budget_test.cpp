@@ -1,4 +1,4 @@
-#include "coupling/budget.hpp"
+#include "coupling/select/budget.hpp"
 #include "support/outside.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // The deadband of a device's link.
-#include "coupling/deadband.hpp"
+#include "coupling/messages/deadband.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "coupling/reduced/ghost_model.hpp"
+#include "coupling/schemes/reduced/ghost_model.hpp"
 #include "support/outside.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
-#include "coupling/reduced/carried.hpp"
-#include "coupling/reduced/ghost_model.hpp"
+#include "coupling/schemes/reduced/carried.hpp"
+#include "coupling/schemes/reduced/ghost_model.hpp"
 #include "support/outside.hpp"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "coupling/impulse_account.hpp"
+#include "coupling/tool/impulse_account.hpp"
 
 #include <gtest/gtest.h>
 

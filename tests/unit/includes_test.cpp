@@ -87,7 +87,7 @@ std::vector<std::string> offences(const std::string& file, const std::string& te
     const std::string other = path.find('/') == std::string::npos ? room : path.substr(0, path.find('/'));
     const bool ours = kMayInclude.contains(other) || other == "tests" || other == "support";
     if (ours && match[1] == "\"" && !kMayInclude.at(room).contains(other)) report(room + " may not know " + other);
-    static const std::regex kScheme("coupling/(schemes/)?(direct|paper|reduced)/.*");
+    static const std::regex kScheme("coupling/schemes/(direct|paper|reduced)/.*");
     if (std::regex_match(path, kScheme) && room != "coupling") report("only coupling may know which schemes there are");
     for (const Foreign& library : foreign()) {
       if (std::regex_match(included, library.includes) && !std::regex_match(file, library.files))
@@ -142,7 +142,7 @@ TEST(Includes, MadeUpSourcesAreJudged) {
       {"common/model/a.cpp", "  #  include <yaml-cpp/yaml.h>", false},
       {"common/model/yaml_tree.cpp", "#include <yaml-cpp/yaml.h>", true},
       {"common/model/a.cpp", "#include <assimp/scene.h>", false},
-      {"common/physics/a.cpp", "#include \"coupling/scheme.hpp\"", false},
+      {"common/physics/a.cpp", "#include \"coupling/schemes/scheme.hpp\"", false},
       {"common/physics/engine.cpp", "#include <btBulletDynamicsCommon.h>", false},
       {"common/physics/bullet/shapes.cpp", "#include <btBulletDynamicsCommon.h>", true},
       {"common/coupling/a.cpp", "#include \"physics/engine.hpp\"", true},

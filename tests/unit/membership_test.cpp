@@ -1,4 +1,4 @@
-#include "coupling/reduced/ghosts.hpp"
+#include "coupling/schemes/reduced/ghosts.hpp"
 #include "lab/session/coupled_run.hpp"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "coupling/peers.hpp"
+#include "coupling/select/peers.hpp"
 #include "support/outside.hpp"
 
 #include <gtest/gtest.h>

@@ -1,7 +1,7 @@
 // A changing simulation ratio: the counting of steps, the decision, and the felt force.
-#include "coupling/paper/paper.hpp"
-#include "coupling/ratio_control.hpp"
-#include "coupling/timetable.hpp"
+#include "coupling/messages/ratio_control.hpp"
+#include "coupling/messages/timetable.hpp"
+#include "coupling/schemes/paper/paper.hpp"
 #include "lab/session/coupled_run.hpp"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "coupling/border.hpp"
+#include "coupling/select/border.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
 #include "lab/session/variants.hpp"

@@ -1,4 +1,4 @@
-#include "coupling/shared_islands.hpp"
+#include "coupling/sync/shared_islands.hpp"
 #include "support/outside.hpp"
 
 #include <gtest/gtest.h>

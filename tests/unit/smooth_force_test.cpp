@@ -1,6 +1,6 @@
 // The felt force where world and sub-world always differ a little: corrections in several steps, and heaps between two
 // engines.
-#include "coupling/gradual_shifts.hpp"
+#include "coupling/sync/gradual_shifts.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "support/bodies.hpp"
 #include "support/grid.hpp"

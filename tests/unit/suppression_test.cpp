@@ -1,4 +1,4 @@
-#include "coupling/suppression.hpp"
+#include "coupling/messages/suppression.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
 #include "model/optimisation.hpp"

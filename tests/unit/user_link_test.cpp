@@ -1,6 +1,6 @@
 // The world's link to a user: the table of the page, and what each of its rows does.
 #include "world_sim/user_link.hpp"
-#include "coupling/scheme.hpp"
+#include "coupling/schemes/scheme.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 #include "coupling/plan.hpp"
-#include "coupling/scheme.hpp"
+#include "coupling/schemes/scheme.hpp"
 #include "io/command_line.hpp"
 #include "io/json.hpp"
 #include "io/options.hpp"

@@ -1,6 +1,6 @@
 #include "lab/coupling/sweep.hpp"
 
-#include "coupling/scheme.hpp"
+#include "coupling/schemes/scheme.hpp"
 #include "io/options.hpp"
 #include "lab/session/variants.hpp"
 #include "model/error.hpp"

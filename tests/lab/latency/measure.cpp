@@ -1,6 +1,6 @@
 #include "lab/latency/measure.hpp"
 
-#include "coupling/stiffness.hpp"
+#include "coupling/tool/stiffness.hpp"
 #include "io/json.hpp"
 #include "lab/coupling/analysis.hpp"
 #include "lab/over_link/over_link.hpp"

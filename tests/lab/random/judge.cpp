@@ -1,7 +1,7 @@
 #include "lab/random/judge.hpp"
 
-#include "coupling/force_guard.hpp"
 #include "coupling/plan.hpp"
+#include "coupling/safety/force_guard.hpp"
 #include "io/json.hpp"
 #include "lab/random/energy_book.hpp"
 #include "lab/random/scene.hpp"

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "coupling/deadband.hpp"
-#include "coupling/delay.hpp"
+#include "coupling/messages/deadband.hpp"
+#include "coupling/messages/delay.hpp"
 #include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
 #include "haptic_sim/lockstep_order.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "coupling/stiffness.hpp"
+#include "coupling/tool/stiffness.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/setting.hpp"
 #include "model/scene.hpp"

@@ -1,6 +1,6 @@
 #include "support/example_scheme/example_scheme.hpp"
 
-#include "coupling/border.hpp"
+#include "coupling/select/border.hpp"
 
 namespace subworld::test {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "coupling/scheme.hpp"
+#include "coupling/schemes/scheme.hpp"
 
 namespace subworld::test {
 

@@ -1,0 +1,136 @@
+#include "coupling/schemes/reduced/carried.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include <algorithm>
+
+namespace subworld {
+
+namespace {
+
+Eigen::Matrix3d cross_matrix(const Vec3& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+/// Of a body alone about its centre.
+Vec6 momentum(const Body& body, const Quat& orientation, const Vec6& velocity) {
+  const Vec3 spin = orientation.conjugate() * Vec3(velocity.tail<3>());
+  Vec6 p;
+  p << body.mass * velocity.head<3>(), orientation * Vec3(body.inertia.cwiseProduct(spin));
+  return p;
+}
+
+Vec6 velocity_of(const Body& body, const Quat& orientation, const Vec6& momentum) {
+  const Vec3 turn = orientation.conjugate() * Vec3(momentum.tail<3>());
+  Vec6 v;
+  v << momentum.head<3>() / body.mass, orientation * Vec3(turn.cwiseQuotient(body.inertia));
+  return v;
+}
+
+}  // namespace
+
+CarriedModeller::CarriedModeller(const Scene& scene) : scene_(scene), holds_(scene.bodies.size(), Hold::unknown) {
+  seen_.reserve(scene.bodies.size());
+  whole_.reserve(scene.bodies.size());
+}
+
+void CarriedModeller::begin() {
+  for (const BodyId id : seen_) holds_[index(id)] = Hold::unknown;
+  seen_.clear();
+}
+
+bool CarriedModeller::only_inside_holds(BodyId outside, const Membership& membership, const ContactGraph& graph) {
+  if (holds_[index(outside)] != Hold::unknown) return holds_[index(outside)] == Hold::inside;
+  const std::size_t first = seen_.size();
+  const auto settle = [&](Hold found) {
+    for (std::size_t i = first; i < seen_.size(); ++i) holds_[index(seen_[i])] = found;
+    return found == Hold::inside;
+  };
+  const auto see = [&](BodyId id) {
+    holds_[index(id)] = Hold::inside;  // for now: seen
+    seen_.push_back(id);
+  };
+  see(outside);
+  for (std::size_t k = first; k < seen_.size(); ++k) {
+    if (!scene_.body(seen_[k]).rotates) return settle(Hold::held);
+    for (const Neighbour& n : graph.neighbours(seen_[k])) {
+      const BodyId next = n.body;
+      if (std::ranges::binary_search(membership.members, next)) continue;
+      if (scene_.body(next).fixed() || holds_[index(next)] == Hold::held) return settle(Hold::held);
+      if (holds_[index(next)] == Hold::unknown) see(next);
+    }
+  }
+  return settle(Hold::inside);
+}
+
+std::optional<CarriedBody> CarriedModeller::model(BodyId outside, std::span<const GhostModel> ghosts,
+                                                  const Membership& membership, const ContactGraph& graph,
+                                                  const std::function<BodyState(BodyId)>& state_of) {
+  if (!only_inside_holds(outside, membership, graph)) return std::nullopt;
+  const Vec3 origin = state_of(outside).position;
+  CarriedBody found;
+  Eigen::Matrix3d about_origin = Eigen::Matrix3d::Zero();
+  Vec3 moment = Vec3::Zero();
+  whole_.assign(1, outside);
+  for (std::size_t k = 0; k < whole_.size(); ++k) {
+    const Body& body = scene_.body(whole_[k]);
+    const BodyState state = state_of(body.id);
+    const Vec3 arm = state.position - origin;
+    const Eigen::Matrix3d axes = state.orientation.toRotationMatrix();
+    const Eigen::Matrix3d cross = cross_matrix(arm);
+    found.mass_kg += body.mass;
+    moment += body.mass * arm;
+    about_origin += axes * body.inertia.asDiagonal() * axes.transpose() - body.mass * cross * cross;
+    if (body.gravity) {
+      const Vec3 weight_n = body.mass * scene_.settings.world.gravity;
+      found.drive.force += weight_n;
+      found.drive.torque += arm.cross(weight_n);
+    }
+    for (const Neighbour& n : graph.neighbours(body.id)) {
+      const BodyId next = n.body;
+      if (std::ranges::binary_search(membership.members, next)) continue;
+      if (std::ranges::binary_search(ghosts, next, {}, &GhostModel::outside)) continue;
+      if (std::ranges::find(whole_, next) == whole_.end()) whole_.push_back(next);
+    }
+  }
+  found.centre_m = moment / found.mass_kg;
+  const Eigen::Matrix3d cross = cross_matrix(found.centre_m);
+  const Eigen::Matrix3d inertia = about_origin + found.mass_kg * cross * cross;
+  // Symmetric to the last bit, as a frame carries it.
+  found.inertia_kg_m2 << inertia(0, 0), inertia(0, 1), inertia(2, 0),  //
+      inertia(0, 1), inertia(1, 1), inertia(1, 2),                     //
+      inertia(2, 0), inertia(1, 2), inertia(2, 2);
+  return found;
+}
+
+bool holds(const CarriedBody& whole, const Body& body) {
+  constexpr double kRounding = 1e-6;
+  const Eigen::Matrix3d cross = cross_matrix(whole.centre_m);
+  const Eigen::Matrix3d inertia = whole.inertia_kg_m2 - whole.mass_kg * cross * cross;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(inertia, Eigen::EigenvaluesOnly);
+  return whole.mass_kg >= (1.0 - kRounding) * body.mass &&
+         principal.eigenvalues().minCoeff() >= (1.0 - kRounding) * body.inertia.minCoeff();
+}
+
+void CarriedMotion::follow(const CarriedBody& whole) {
+  const Eigen::Matrix3d cross = cross_matrix(whole.centre_m);
+  Mat6 inertia;
+  inertia << whole.mass_kg * Eigen::Matrix3d::Identity(), -whole.mass_kg * cross,  //
+      whole.mass_kg * cross, whole.inertia_kg_m2 - whole.mass_kg * cross * cross;
+  mobility = inertia.inverse();
+  drive << whole.drive.force, whole.drive.torque;
+}
+
+Vec6 CarriedMotion::begin(const Body& body, const Quat& orientation, double dt) const {
+  return velocity + mobility * (impulse + dt * drive) - velocity_of(body, orientation, impulse);
+}
+
+void CarriedMotion::end(const Body& body, const Quat& orientation, const Vec6& before, const Vec6& after, double dt) {
+  impulse = momentum(body, orientation, after - before);
+  velocity += mobility * (impulse + dt * drive);
+}
+
+}  // namespace subworld
