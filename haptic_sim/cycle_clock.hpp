@@ -41,7 +41,7 @@ class CycleClock {
   void plan(const RatioChange& change) {
     if (change.stamp > stamp_) timetable_.plan(change);
   }
-  /// Whether the frame counts cycles as this clock does.
+  /// Whether the frame counts cycles as this clock does. If not, a change of the ratio was missed: restart().
   [[nodiscard]] bool agrees(const WorldFrame& frame) const noexcept {
     const RatioChange& planned = frame.planned;
     return std::abs(start_s(frame.stamp) - frame.stamp_s) < 0.5 * h_s_ &&
@@ -69,6 +69,7 @@ class CycleClock {
   [[nodiscard]] double start_s(std::uint64_t stamp) const noexcept {
     return h_s_ * static_cast<double>(timetable_.start(stamp));
   }
+  /// Cycles that are over, and that are coming, in haptic steps.
   [[nodiscard]] const Timetable& timetable() const noexcept { return timetable_; }
 
  private:

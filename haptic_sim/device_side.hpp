@@ -68,10 +68,12 @@ class DeviceSide {
   /// Adds the rate, the energies and, where it is wanted, the device.
   void describe(HapticReport& report) const;
 
-  [[nodiscard]] const DevicePose& device() const noexcept { return declutch_.device(); }  ///< in simulated time
-  [[nodiscard]] double stamp_s() const noexcept { return before_.stamp_s; }  ///< of the device's newest state
+  [[nodiscard]] const DevicePose& pose() const noexcept { return declutch_.device(); }  ///< in simulated time
+  [[nodiscard]] double stamp_s() const noexcept { return before_.stamp_s; }  ///< of the state in the newest step
   [[nodiscard]] double rate() const noexcept { return tool_.rate(); }
-  [[nodiscard]] std::uint64_t jumps() const noexcept { return jumps_; }  ///< see SubWorldFacts
+  /// Device states that no operator can have reached since the one before.
+  [[nodiscard]] std::uint64_t jumps() const noexcept { return jumps_; }
+  /// The energy that crossed between the operator and this side of the device's link.
   [[nodiscard]] const OperatorPort& port() const noexcept { return port_; }
 
  private:

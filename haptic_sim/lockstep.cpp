@@ -24,7 +24,7 @@ class LockstepLoop : HapticRun {
   explicit LockstepLoop(const HapticRun& run)
       : HapticRun(run),
         stages_(measures.stages()),
-        order_(scene, user(), sub.facts().stamp, sub.timetable().start(sub.facts().stamp)),
+        order_(scene, user(), sub.facts().stamp, sub.clock().timetable().start(sub.facts().stamp)),
         device_sim_{ProgramKind::device_sim, user()},
         lost_(scene.users.size(), false),
         needed_(scene.users.size(), false) {

@@ -77,7 +77,7 @@ class LockstepOrder {
   /// then.
   template <class Take>
   bool take_frames(SubWorld& sub, Take&& take) {
-    for (; delay_.frame_due(next_frame_, sub.timetable()) <= step_; ++next_frame_) {
+    for (; delay_.frame_due(next_frame_, sub.clock().timetable()) <= step_; ++next_frame_) {
       if (sub.passes_frame(next_frame_)) continue;
       if (!take(next_frame_)) return false;
     }

@@ -46,10 +46,11 @@ void HapticMeasures::step(const SubWorld& sub, const FeltStep& felt, const StepT
   at_limit_.add(at_limit(felt.to_operator, limits_) ? 1.0 : 0.0);
   watch_force(felt.to_operator.force);
   oscillation_.step(felt.to_operator.force, h_s_);
-  const Vec3 &proxy = now.proxy.position, &device = now.device.pose.position;
+  const Vec3 &proxy = now.proxy.position, &device = sub.device().pose().pose.position;
   apart_m_ = std::max(apart_m_, (proxy - device).norm());
-  history_.row_of(now.time_s, felt.felt.force, felt.to_operator.force, felt.felt.torque, proxy, device, now.device_s,
-                  members, contacts, border, times.step_s, times.lateness_s, std::exchange(skipped_before_step_, 0));
+  history_.row_of(now.time_s, felt.felt.force, felt.to_operator.force, felt.felt.torque, proxy, device,
+                  sub.device().stamp_s(), members, contacts, border, times.step_s, times.lateness_s,
+                  std::exchange(skipped_before_step_, 0));
 }
 
 void HapticMeasures::end_step() noexcept {
@@ -98,7 +99,7 @@ void HapticMeasures::synchronised(double seconds, std::uint64_t lost_frames) noe
 
 HapticResult HapticMeasures::result(const SubWorld& sub, double bytes_per_cycle) {
   settle_change();
-  const OperatorPort& port = sub.operator_port();
+  const OperatorPort& port = sub.device().port();
   HapticResult result{.user = static_cast<std::size_t>(user_),
                       .steps = steps_,
                       .skipped_steps = skipped_,
@@ -125,7 +126,7 @@ HapticResult HapticMeasures::result(const SubWorld& sub, double bytes_per_cycle)
                       .operator_energy = {port.net_j(), port.least_j(), port.created_j()},
                       .device_work_j = sub.facts().device_work_j,
                       .oscillation_n = oscillation_.worst_n(),
-                      .device_jumps = sub.facts().jumps,
+                      .device_jumps = sub.device().jumps(),
                       .late_reports_ratio = static_cast<double>(lacked_reports_) /
                                             static_cast<double>(std::max<std::uint64_t>(1, frames_)),
                       .lost_frames = lost_frames_,

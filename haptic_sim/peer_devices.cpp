@@ -36,10 +36,7 @@ void PeerDevices::open_in_background() {
 
 Reader<DeviceState>* PeerDevices::find(std::size_t user) noexcept {
   if ((open_.load(std::memory_order_acquire) & bit(user)) != 0) return &*readers_[user];
-  if ((asked_ & bit(user)) != 0) return nullptr;
-  asked_ |= bit(user);
-  wanted_.store(asked_);
-  asking_.release();
+  if ((wanted_.fetch_or(bit(user)) & bit(user)) == 0) asking_.release();
   return nullptr;
 }
 

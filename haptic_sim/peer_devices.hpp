@@ -44,8 +44,7 @@ class PeerDevices {
   Bus& bus_;
   std::vector<double> periods_s_;                            ///< of the devices, by user
   std::vector<std::optional<Reader<DeviceState>>> readers_;  ///< by user
-  std::uint64_t asked_ = 0;                                  ///< users whose readers find() has asked for
-  std::atomic<std::uint64_t> wanted_{0};                     ///< the same, for the thread
+  std::atomic<std::uint64_t> wanted_{0};                     ///< users whose readers find() has asked for
   std::counting_semaphore<> asking_{0};
   std::atomic<std::uint64_t> open_{0};
   std::atomic<bool> stopped_{false};

@@ -101,7 +101,7 @@ class RealtimeLoop : HapticRun {
     std::size_t used = behind ? waiting.size() - 1 : 0;
     for (; used < waiting.size(); ++used) {
       const WorldFrame& due = waiting[used];
-      const bool lost_track = behind || !sub.facts().finite || !sub.agrees(due);
+      const bool lost_track = behind || !sub.facts().finite || !sub.clock().agrees(due);
       if (!lost_track && !sub.accepts(due.stamp)) break;
       const TimePoint start = stages_.now();
       std::uint64_t lost = 0;

@@ -36,11 +36,6 @@ bool SubWorld::exchange_engine(EngineExchange& exchange) {
 void SubWorld::look() {
   facts_.stamp = clock_.stamp();
   facts_.time_s = clock_.time_s();
-  facts_.at_boundary = clock_.at_boundary();
-  facts_.cycle_left_s = clock_.left_s();
-  facts_.device = device_.device();
-  facts_.device_s = device_.stamp_s();
-  facts_.jumps = device_.jumps();
   facts_.proxy = model_->proxy();
   facts_.members = model_->members();
   facts_.contacts = model_->contacts();
@@ -55,11 +50,7 @@ FeltStep SubWorld::begin_step(const StepInput& input) {
     model_->change_rate(*before, device_.rate());
     facts_.proxy = model_->proxy();
   }
-  const FeltStep felt = device_.feel(input, facts_.proxy, facts_.finite, model_->others_work_j());
-  facts_.device = device_.device();
-  facts_.device_s = device_.stamp_s();
-  facts_.jumps = device_.jumps();
-  return felt;
+  return device_.feel(input, facts_.proxy, facts_.finite, model_->others_work_j());
 }
 
 DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_operator) {

@@ -20,18 +20,13 @@ struct SubWorldFacts {
   std::string_view engine;  ///< name of the engine that simulates it; empty where none does
   std::uint64_t stamp = 0;
   double time_s = 0.0;
-  double cycle_left_s = 0.0;  ///< simulation time until the next boundary
-  bool at_boundary = false;   ///< the steps since the last boundary fill a cycle
   bool finite = true;
   BodyState proxy;
-  DevicePose device;      ///< in simulated time
-  double device_s = 0.0;  ///< time stamp of the device state that the last step used
   std::size_t members = 0;
   std::size_t contacts = 0;
   std::size_t border_pairs = 0;
   double device_work_j = 0.0;
   std::uint64_t peers = 0;  ///< bit u: the device of user u, which is not held, moves a proxy or pushes a ghost of it
-  std::uint64_t jumps = 0;  ///< device states that no operator can have reached since the one before
 };
 
 /// One user's haptic sub-world: a small copy of the world around the proxy, stepped at the haptic rate, coupled to the
@@ -48,10 +43,10 @@ class SubWorld {
   FeltStep step(const StepInput& input, OnForce&& on_force, OnReport&& on_report) {
     const FeltStep felt = begin_step(input);
     on_force(felt);
-    if (!model_->reports_afterwards() && input.device != nullptr && (clock_.steps() == 0 || facts_.at_boundary))
+    if (!model_->reports_afterwards() && input.device != nullptr && (clock_.steps() == 0 || clock_.at_boundary()))
       on_report();
     advance(input.dt, input.peers);
-    if (model_->reports_afterwards() && facts_.at_boundary) on_report();
+    if (model_->reports_afterwards() && clock_.at_boundary()) on_report();
     return felt;
   }
   /// The answer to the device: the force for its operator, and, for an admittance device, where the proxy is and how it
@@ -71,8 +66,6 @@ class SubWorld {
   /// Returns the number of frames that are missing before it; a frame that is older than the newest one, or names
   /// bodies that the scene does not have, does nothing.
   std::uint64_t synchronise_with(const WorldFrame& frame);
-  /// Whether the frame counts cycles as the sub-world does. If not, a change of the ratio was missed: reset_from().
-  [[nodiscard]] bool agrees(const WorldFrame& frame) const noexcept { return clock_.agrees(frame); }
   /// Gives up what the sub-world holds and starts again from the world's: for one that fell behind, is not finite, or
   /// joins. The coupling keeps its stretch, or takes that with which the world holds the proxy (`frame.peers`); then
   /// the force rises from zero. False where the frame brings no proxy: it is no beginning.
@@ -84,10 +77,8 @@ class SubWorld {
   bool exchange_engine(EngineExchange& exchange);
 
   [[nodiscard]] const SubWorldFacts& facts() const noexcept { return facts_; }
-  /// Cycles that are over, and that are coming, in haptic steps.
-  [[nodiscard]] const Timetable& timetable() const noexcept { return clock_.timetable(); }
-  /// The energy that crossed between the operator and this side of the device's link.
-  [[nodiscard]] const OperatorPort& operator_port() const noexcept { return device_.port(); }
+  [[nodiscard]] const CycleClock& clock() const noexcept { return clock_; }
+  [[nodiscard]] const DeviceSide& device() const noexcept { return device_; }
 
  private:
   /// The clock, and the force for the device at the start of a step.

@@ -49,7 +49,7 @@ class WorldClock {
   /// For the step that begins now: simulated seconds per second.
   double step() noexcept { return phase_.step(sub_.facts().time_s, settings_.h_s); }
   /// Simulated time that the step covers.
-  double step_s(double rate) noexcept { return arrears_.step(settings_.h_s * rate, sub_.facts().cycle_left_s); }
+  double step_s(double rate) noexcept { return arrears_.step(settings_.h_s * rate, sub_.clock().left_s()); }
 
   [[nodiscard]] const Phase& phase() const noexcept { return phase_; }
   [[nodiscard]] TimePoint world_begins() const noexcept { return world_begins_; }
@@ -67,7 +67,7 @@ class WorldClock {
   /// the other, so that those that share a core do not wait for each other.
   [[nodiscard]] double ahead_s(std::uint64_t stamp) const {
     if (lead_cycles_ == 0) return stagger_s_;
-    const Timetable& timetable = sub_.timetable();
+    const Timetable& timetable = sub_.clock().timetable();
     const std::uint64_t until = stamp + static_cast<std::uint64_t>(lead_cycles_);
     return settings_.h_s * static_cast<double>(timetable.start(until) - timetable.start(stamp) + 1) + stagger_s_;
   }

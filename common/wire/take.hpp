@@ -16,15 +16,4 @@ Take take(Reader<M>& reader, M& sample, Stages& stages, typename Stages::Stage r
   return sound ? Take::sample : Take::rejected;
 }
 
-/// Takes all available samples and leaves the newest; false if there was none. For readers of one key.
-template <class M, class Stages>
-bool take_latest(Reader<M>& reader, M& sample, Stages& stages) {
-  bool found = false;
-  for (Take taken = Take::rejected; taken != Take::none;) {
-    taken = take(reader, sample, stages);
-    found |= taken == Take::sample;
-  }
-  return found;
-}
-
 }  // namespace subworld

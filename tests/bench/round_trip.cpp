@@ -132,7 +132,7 @@ void answer(const Scene& scene, const BusConfig& config, int cycles, Shared& sha
       const FeltStep felt = sub.step(
           {.device = &state, .wall_s = h, .dt = h}, [](const FeltStep&) {}, [] {});
       device.step(sub.command_for(state, felt.to_operator), h);
-    } while (!sub.facts().at_boundary);
+    } while (!sub.clock().at_boundary());
     const TimePoint begin = Clock::now();
     const HapticReport& report = *sub.close_cycle(0);
     shared.describe.add(to_seconds(Clock::now() - begin));

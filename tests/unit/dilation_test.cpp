@@ -211,7 +211,7 @@ SceneRun run_scene(Scene scene, int steps, const Rate& rate) {
   std::optional<WorldFrame> on_its_way;
   SceneRun run;
   for (int step = 0; step < steps; ++step) {
-    if (on_its_way && sub.facts().cycle_left_s < 0.6 * scene.settings.shortest_cycle_s()) {
+    if (on_its_way && sub.clock().left_s() < 0.6 * scene.settings.shortest_cycle_s()) {
       sub.synchronise_with(*on_its_way);
       on_its_way.reset();
     }
@@ -224,7 +224,7 @@ SceneRun run_scene(Scene scene, int steps, const Rate& rate) {
     const std::size_t reported = reports.size();
     (void)sub.step({.device = &state,
                     .wall_s = h,
-                    .dt = arrears.step(h * rate(step), sub.facts().cycle_left_s),
+                    .dt = arrears.step(h * rate(step), sub.clock().left_s()),
                     .clock_rate = rate(step)},
                    send, [&] { reports.push_back(*sub.close_cycle(1)); });
     if (reports.size() == reported) continue;

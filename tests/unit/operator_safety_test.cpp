@@ -273,21 +273,21 @@ TEST(SubWorld, MeetsADeviceThatJumpsFromZero) {
         {.device = &state, .wall_s = 1e-3, .dt = 1e-3}, [](const FeltStep&) {}, [] {});
   };
   Vec3 before = step().to_operator.force;
-  const Vec3 device = sub.facts().device.pose.position;
+  const Vec3 device = sub.device().pose().pose.position;
   state.pose.position += Vec3(0.5, 0, 0);
   for (int i = 0; i < 40; ++i) {
     state.stamp_s += 1e-3;
     const FeltStep felt = step();
     EXPECT_LE((felt.to_operator.force - before).norm(), 1.0);
     if (i == 0) {
-      EXPECT_LT((sub.facts().device.pose.position - device).norm(), 1e-3) << "it is met where it is";
+      EXPECT_LT((sub.device().pose().pose.position - device).norm(), 1e-3) << "it is met where it is";
     }
     if (i == 20) {
       EXPECT_LT(felt.to_operator.force.norm(), 0.1);
     }
     before = felt.to_operator.force;
   }
-  EXPECT_EQ(sub.facts().jumps, 1U);
+  EXPECT_EQ(sub.device().jumps(), 1U);
 }
 
 // Faster than an operator moves: the force is off meanwhile, and comes back with a ramp when the device is slow again.
@@ -312,14 +312,14 @@ TEST(SubWorld, ReengagesADeviceThatWasTooFast) {
       EXPECT_LT(force.norm(), 0.1);
     }
   }
-  EXPECT_EQ(sub.facts().jumps, 800U);
+  EXPECT_EQ(sub.device().jumps(), 800U);
   Vec3 before = Vec3::Zero();
   for (int i = 0; i < 300; ++i) {
     const Vec3 force = step({0.01, 0, 0});
     EXPECT_LE((force - before).norm(), 1.0);
     before = force;
   }
-  EXPECT_EQ(sub.facts().jumps, 800U);
+  EXPECT_EQ(sub.device().jumps(), 800U);
   EXPECT_GT(before.norm(), 5.0) << "it presses again";
 }
 

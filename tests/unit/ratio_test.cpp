@@ -280,12 +280,12 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeReportsItAndRestarts) {
         [&] { (void)sub.close_cycle(1); });
   }
   EXPECT_FALSE(world.receive(HapticReport(*sub.close_cycle(1)))) << "its stamps are of other times";
-  EXPECT_FALSE(sub.agrees(before)) << "the report is older than the change, and says so";
-  ASSERT_FALSE(sub.agrees(after));
+  EXPECT_FALSE(sub.clock().agrees(before)) << "the report is older than the change, and says so";
+  ASSERT_FALSE(sub.clock().agrees(after));
   ASSERT_TRUE(sub.reset_from(after));
-  EXPECT_TRUE(sub.agrees(after));
+  EXPECT_TRUE(sub.clock().agrees(after));
   EXPECT_NEAR(sub.facts().time_s, world.facts().time_s, 1e-9);
-  EXPECT_NEAR(sub.facts().cycle_left_s, scene.settings.longest_cycle_s(), 1e-9);
+  EXPECT_NEAR(sub.clock().left_s(), scene.settings.longest_cycle_s(), 1e-9);
 }
 
 }  // namespace
