@@ -93,7 +93,7 @@ void CoupledRun::haptic_step(std::size_t user) {
 
 void CoupledRun::haptic_cycles() {
   const bool peers = scheme_of(scene_.settings).properties.replicates_peers;
-  const int steps = subs.front()->timetable().ratio(haptic_cycle_++);
+  const int steps = subs.front()->clock().timetable().ratio(haptic_cycle_++);
   for (int step = 0; step < steps; ++step) {
     for (std::size_t u = 0; u < subs.size(); ++u) {
       deliver_frames(u);
