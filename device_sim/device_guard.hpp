@@ -9,9 +9,9 @@
 
 namespace subworld {
 
-/// Safety stage of the device between a received command and the operator: limits and fading (coupling/force_guard,
-/// coupling/motion_guard), an observer of the energy exchanged with the operator, and, unless the
-/// optimisation `energy_bound` leaves it out, a bound on that energy (coupling/passivity).
+/// Safety stage of the device between a received command and the operator: limits and fading
+/// (coupling/safety/force_guard, coupling/safety/motion_guard), an observer of the energy exchanged with the operator,
+/// and, unless the optimisation `energy_bound` leaves it out, a bound on that energy (coupling/safety/passivity).
 class DeviceGuard {
  public:
   /// `fade_in_s`: time in which the force rises again after missing commands, s.

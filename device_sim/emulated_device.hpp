@@ -18,7 +18,7 @@ namespace subworld {
 /// The device works at its own rate. At each tick it reads its sensors, takes the newest command and holds it until the
 /// next tick. Between two ticks the translation follows (1) exactly: by the matrix exponential of the system under a
 /// held force, with a path of constant velocity. Friction has a constant direction and stops a motion that it would
-/// reverse. So the largest stable stiffness is that of the sampled-data system (coupling/stiffness).
+/// reverse. So the largest stable stiffness is that of the sampled-data system (coupling/tool/stiffness).
 class EmulatedDevice final : public Device {
  public:
   EmulatedDevice(const DeviceSpec& spec, std::uint32_t device);

@@ -30,8 +30,8 @@ struct StepInput {
   std::span<const DeviceState* const> peers = {};
   double wall_s = 0.0;  ///< since the step before
   double dt = 0.0;      ///< simulated time that the step covers
-  /// Rate of the clock, simulated seconds per second (coupling/tool). A clock that stands, 0, changes nothing: the tool
-  /// goes on from the rate that it had.
+  /// Rate of the clock, simulated seconds per second (coupling/tool/tool). A clock that stands, 0, changes nothing: the
+  /// tool goes on from the rate that it had.
   double clock_rate = 1.0;
   double took_s = 0.0;  ///< time that the step before took, by the caller's clock; 0: not known
   /// While the sub-world is paused the force fades to zero, and the device may move without moving the proxy. On resume

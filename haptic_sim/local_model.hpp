@@ -37,7 +37,8 @@ class LocalModel {
 
   /// Simulates `dt` from `time_s` on. Returns the mean wrench of the user on the proxy; adds to the indicators.
   virtual Wrench advance(const Drive& drive, double time_s, double dt, Indicators& indicators) = 0;
-  /// From now on the clock runs at another rate: the tools' velocities, masses and couplings change (coupling/tool).
+  /// From now on the clock runs at another rate: the tools' velocities, masses and couplings change
+  /// (coupling/tool/tool).
   virtual void change_rate(double before, double after) = 0;
   /// Uses a frame. `mine` is what was reported of the same stamp, or null.
   virtual void follow(const WorldFrame& frame, const HapticReport* mine, const Age& age) = 0;
@@ -52,7 +53,7 @@ class LocalModel {
   [[nodiscard]] virtual std::size_t contacts() const noexcept = 0;
   /// See SubWorldFacts.
   [[nodiscard]] virtual std::uint64_t peers() const noexcept = 0;
-  /// Work of the other operators on what this one feels since the start, J (coupling/energy_port).
+  /// Work of the other operators on what this one feels since the start, J (coupling/safety/energy_port).
   [[nodiscard]] virtual double others_work_j() const noexcept = 0;
   /// The engine that simulates it; null where there is none.
   [[nodiscard]] virtual LiveEngine* engine() noexcept = 0;

@@ -52,8 +52,8 @@ class SubWorld {
   /// The answer to the device: the force for its operator, and, for an admittance device, where the proxy is and how it
   /// moves in wall time.
   [[nodiscard]] DeviceCommand command_for(const DeviceState& device, const Wrench& to_operator);
-  /// Closes the cycle. Its report, which lives for several cycles; null where it is suppressed (coupling/suppression),
-  /// never in real time. `sent_ns` is the caller's clock.
+  /// Closes the cycle. Its report, which lives for several cycles; null where it is suppressed
+  /// (coupling/messages/suppression), never in real time. `sent_ns` is the caller's clock.
   HapticReport* close_cycle(std::int64_t sent_ns);
 
   /// Whether a frame of this stamp may be used now: not before the sub-world has reached it.

@@ -52,7 +52,7 @@ struct WorldFacts {
   /// Energy that the bodies have lost so far, but for the proxies' motion after the start: most that they can have
   /// given to operators.
   double released_j = 0.0;
-  /// Taken by all operators together from what none of them had put in (coupling/energy_port).
+  /// Taken by all operators together from what none of them had put in (coupling/safety/energy_port).
   double operators_created_j = 0.0;
 };
 

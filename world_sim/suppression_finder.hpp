@@ -9,7 +9,8 @@
 
 namespace subworld {
 
-/// For how long, and in which place, a proxy that is alone in its sub-world will stay alone (coupling/suppression).
+/// For how long, and in which place, a proxy that is alone in its sub-world will stay alone
+/// (coupling/messages/suppression).
 class SuppressionFinder {
  public:
   SuppressionFinder(const Scene& scene, const Scheme& scheme) : scene_(scene), scheme_(scheme) {}

@@ -284,7 +284,8 @@ bool fields(auto& archive, Is<PeerDevice> auto& m) {
   return archive("proxy", m.proxy) && placed_device_fields(archive, m);
 }
 
-/// Message suppression (coupling/suppression): no messages are sent until a stamp, or until the proxy leaves a region.
+/// Message suppression (coupling/messages/suppression): no messages are sent until a stamp, or until the proxy leaves a
+/// region.
 struct Suppression {
   std::uint64_t until = 0;  ///< stamp of the next frame and the next report
   Box place;                ///< region in which there is no body but the proxy until then
@@ -323,9 +324,10 @@ struct WorldFrame {
   RatioChange planned;   ///< the newest change; may lie in the past
   /// Of an older frame that the sub-world has confirmed: only what differs from it is sent (wire/changes).
   std::optional<std::uint64_t> base_stamp;
-  std::vector<BodyId> members;         ///< movable bodies of the sub-world from this stamp on, proxy included
-  std::vector<BodyId> fixed;           ///< fixed bodies of the sub-world
-  std::vector<std::uint32_t> islands;  ///< island of each member, by the world's contacts (coupling/contact_graph)
+  std::vector<BodyId> members;  ///< movable bodies of the sub-world from this stamp on, proxy included
+  std::vector<BodyId> fixed;    ///< fixed bodies of the sub-world
+  std::vector<std::uint32_t>
+      islands;  ///< island of each member, by the world's contacts (coupling/select/contact_graph)
   std::vector<EnteringBody> entering;  ///< not yet confirmed by a report
   /// The world's own result, before any blend: members, bodies that just left, ghosts.
   std::vector<StampedBody> states;

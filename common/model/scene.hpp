@@ -149,7 +149,7 @@ struct DelaySettings {
 };
 
 /// Whether the energy that a device delivers to its operator is bounded by the energy it received
-/// (coupling/passivity).
+/// (coupling/safety/passivity).
 enum class Passivity : std::uint8_t { automatic, on, off };
 
 inline constexpr int kMostRatio = 1000;
@@ -175,7 +175,7 @@ inline constexpr int kMostUsers = 64;
 struct Settings {
   double h_s = 0.001;  ///< haptic step
   int ratio = 4;       ///< r, and its least value: the world's cycle is T = r h
-  int ratio_most = 0;  ///< largest value of r (coupling/ratio_control); 0: r is fixed
+  int ratio_most = 0;  ///< largest value of r (coupling/messages/ratio_control); 0: r is fixed
   double duration_s = 5.0;
   double settle_s = 0.5;  ///< the world runs alone for this time, before t = 0
   double settle_step_s = 0.004;
@@ -188,7 +188,7 @@ struct Settings {
   DelaySettings delay;
   Passivity passivity = Passivity::automatic;  ///< automatic: where messages are delayed
   bool remote = false;                         ///< programs of the run are on other hosts (--peers)
-  /// Weber fraction of the link of a device (coupling/deadband); 0: every sample is sent.
+  /// Weber fraction of the link of a device (coupling/messages/deadband); 0: every sample is sent.
   double deadband = 0.0;
   /// In real time on one host, messages cost little: every sample is sent.
   [[nodiscard]] double deadband_in_use() const noexcept { return mode == Mode::lockstep || remote ? deadband : 0.0; }

@@ -5,7 +5,8 @@
 
 namespace subworld {
 
-/// Makes a device passive whatever is behind it, by the energy that its operator has put in (coupling/energy_port).
+/// Makes a device passive whatever is behind it, by the energy that its operator has put in
+/// (coupling/safety/energy_port).
 ///
 /// | symbol | unit | is |
 /// |---|---|---|

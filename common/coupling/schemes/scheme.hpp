@@ -24,7 +24,7 @@ struct SchemeProperties {
   bool simulates_border = false;
   /// A sub-world moves the proxies of other users by their devices; else they are bodies as any.
   bool replicates_peers = false;
-  /// The world takes over islands that several sub-worlds hold wholly (coupling/shared_islands).
+  /// The world takes over islands that several sub-worlds hold wholly (coupling/sync/shared_islands).
   bool merges_shared_islands = false;
   /// The correction weighs the impulses of all contacts, friction included, and the whole border.
   bool weighs_impulses = false;

@@ -80,8 +80,8 @@ class WorldSide {
   virtual ~WorldSide() = default;
 
   /// The user's action on the world's proxy in the step that ends at `until_s`. `mean` is the user's wrench in the
-  /// cycle (coupling/impulse_account), `now` the report of the cycle's end or the newest there is, `before` the one
-  /// before it.
+  /// cycle (coupling/tool/impulse_account), `now` the report of the cycle's end or the newest there is, `before` the
+  /// one before it.
   [[nodiscard]] virtual ProxyDrive drive(const UserSpec& user, const Wrench& mean, const HapticReport& before,
                                          const HapticReport& now, double until_s) const = 0;
   /// A new stamp, of which `extract` follows for each user. Not called without sub-worlds.

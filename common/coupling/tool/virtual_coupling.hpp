@@ -24,7 +24,7 @@ struct ForceLimits {
 
 /// The virtual coupling (Colgate 1995) at one instant: the wrench on the proxy,
 ///   F = K (x_device - x_proxy) + B (v_device - v_proxy), torques likewise, saturated at the device's limits.
-/// Here and below all is in simulated time; coupling/tool has the settings and the proxy's mass on a slowed clock.
+/// Here and below all is in simulated time; coupling/tool/tool has the settings and the proxy's mass on a slowed clock.
 [[nodiscard]] Wrench coupling_wrench(const CouplingSettings& coupling, const ForceLimits& limits,
                                      const BodyState& proxy, const DevicePose& device) noexcept;
 

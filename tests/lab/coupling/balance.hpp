@@ -11,7 +11,7 @@ namespace subworld {
 /// | symbol | unit | is |
 /// |---|---|---|
 /// | J | N s | impulse of the device on the proxy in the sub-world, since t = 0 |
-/// | P | N s | impulse that has been passed on to the world, until the same stamp (coupling/impulse_account) |
+/// | P | N s | impulse that has been passed on to the world, until the same stamp (coupling/tool/impulse_account) |
 /// | F | N | felt force |
 ///
 ///   error = |sum J - sum P| / sum of integral |F| dt,  over one user or all                                  (1)
@@ -43,9 +43,10 @@ class CopyDifference {
 
 struct UserBalance {
   MomentumBalance momentum;
-  double created_j = 0.0;  ///< delivered to the operator beyond what the coupling could store (coupling/energy_port)
+  double created_j =
+      0.0;  ///< delivered to the operator beyond what the coupling could store (coupling/safety/energy_port)
   double bounded_ratio = 0.0;  ///< share of the steps in which the passivity bound acted
-  double oscillation_n = 0.0;  ///< of the force on the operator (coupling/oscillation)
+  double oscillation_n = 0.0;  ///< of the force on the operator (coupling/safety/oscillation)
   CopyDifference copies;       ///< of this user's copies from those of each other user
 };
 

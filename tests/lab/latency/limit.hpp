@@ -20,8 +20,8 @@ enum class Criterion : std::uint8_t {
   offset,    ///< |time offset| of that force, s
   energy,  ///< energy that the operator received though neither the coupling, nor another operator, nor a body had it,
            ///< J
-  oscillation,  ///< oscillation of the force (coupling/oscillation), more than in the reference, N
-  stiffness,    ///< stiffness of the coupling over the largest stable one (coupling/stiffness)
+  oscillation,  ///< oscillation of the force (coupling/safety/oscillation), more than in the reference, N
+  stiffness,    ///< stiffness of the coupling over the largest stable one (coupling/tool/stiffness)
 };
 inline constexpr std::size_t kCriteria = 7;
 

@@ -14,7 +14,7 @@ namespace subworld {
 /// | x_D, v_D | m, m/s | of the device, as its newest report has it |
 /// | K, B | N/m, N s/m | the coupling's stiffness and damping |
 ///
-///   F = K (x_D - x_W) + B (v_D - v_W),   implicit in the world's step (coupling/virtual_coupling)              (1)
+///   F = K (x_D - x_W) + B (v_D - v_W),   implicit in the world's step (coupling/tool/virtual_coupling) (1)
 ///
 /// The force of an admittance device acts on the world's proxy as it is. Error and stability are those of a coupling
 /// that is sampled with T instead of h.

@@ -126,7 +126,8 @@ class GhostModeller {
 [[nodiscard]] Vec3 clearance(const GhostModel& ghost, std::span<const BoundaryContact> border,
                              const std::function<Vec3(BodyId)>& offset_of);
 
-/// The couplings of other users behind an axis of a ghost, for one linearly implicit step (coupling/virtual_coupling).
+/// The couplings of other users behind an axis of a ghost, for one linearly implicit step
+/// (coupling/tool/virtual_coupling).
 struct AxisSpring {
   double force_n = 0.0;   ///< K (x_d - x_p) + B v_d, along the axis
   double added_kg = 0.0;  ///< dt (B + dt K)
