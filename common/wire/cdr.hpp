@@ -18,7 +18,7 @@
 #include <vector>
 
 /// The archives that write and read `fields` as plain CDR (XCDR1). Each number is aligned to its size from the end of
-/// the header on. Names do not travel. What each field calls is not inlined: it takes long to compile and saves little.
+/// the header on. Names do not travel.
 namespace subworld {
 
 inline constexpr std::size_t kCdrHeaderBytes = 4;
@@ -64,7 +64,7 @@ class CdrWriter {
   bool operator()(const char*, const std::array<std::uint32_t, 3>& corners) {
     return copy(corners.data(), sizeof(std::uint32_t), sizeof corners);
   }
-  [[gnu::noinline]] bool operator()(const char* name, const std::string& value) {
+  bool operator()(const char* name, const std::string& value) {
     const std::string text = readable(value);
     (*this)(name, static_cast<std::uint32_t>(text.size() + 1));
     return copy(text.c_str(), 1, text.size() + 1);
@@ -87,7 +87,7 @@ class CdrWriter {
   bool check(bool) const { return true; }
 
  private:
-  [[gnu::noinline]] bool copy(const void* from, std::size_t alignment, std::size_t size) {
+  bool copy(const void* from, std::size_t alignment, std::size_t size) {
     const std::size_t padding = (kCdrHeaderBytes - at_) & (alignment - 1), to = at_ + padding;
     if (to + size > bytes_.size()) bytes_.resize(std::max(to + size, bytes_.capacity()));
     std::fill_n(bytes_.begin() + static_cast<std::ptrdiff_t>(at_), padding, std::uint8_t{0});
@@ -136,8 +136,8 @@ class CdrReader {
     value = E{number};
     return true;
   }
-  [[gnu::noinline]] bool operator()(const char*, Vec3& v) { return copy(v.data(), 3) && v.allFinite(); }
-  [[gnu::noinline]] bool operator()(const char*, Quat& q) {
+  bool operator()(const char*, Vec3& v) { return copy(v.data(), 3) && v.allFinite(); }
+  bool operator()(const char*, Quat& q) {
     double numbers[4];
     if (!copy(numbers, 4)) return false;
     q = Quat{numbers[0], numbers[1], numbers[2], numbers[3]};
@@ -147,7 +147,7 @@ class CdrReader {
     return true;
   }
   bool operator()(const char*, std::array<std::uint32_t, 3>& corners) { return copy(corners.data(), 3); }
-  [[gnu::noinline]] bool operator()(const char* name, std::string& value) {
+  bool operator()(const char* name, std::string& value) {
     std::uint32_t length = 0;
     if (!(*this)(name, length) || length > left()) return false;
     const char* const text = reinterpret_cast<const char*>(bytes_.data() + at_);
@@ -183,15 +183,14 @@ class CdrReader {
  private:
   template <class T>
   bool copy(T* to, std::size_t count) {
-    return copy(to, sizeof(T), count * sizeof(T));
-  }
-  [[gnu::noinline]] bool copy(void* to, std::size_t alignment, std::size_t size) {
-    const std::size_t from = at_ + ((kCdrHeaderBytes - at_) & (alignment - 1));
-    if (from > bytes_.size() || bytes_.size() - from < size) return false;
-    std::memcpy(to, bytes_.data() + from, size);
-    at_ = from + size;
-    auto* const octets = static_cast<std::uint8_t*>(to);
-    for (std::size_t i = 0; swaps_ && i < size; i += alignment) std::reverse(octets + i, octets + i + alignment);
+    const std::size_t from = at_ + ((kCdrHeaderBytes - at_) & (sizeof(T) - 1));
+    if (from > bytes_.size() || bytes_.size() - from < count * sizeof(T)) return false;
+    std::memcpy(to, bytes_.data() + from, count * sizeof(T));
+    at_ = from + count * sizeof(T);
+    for (std::size_t i = 0; swaps_ && i < count; ++i) {
+      auto* const number = reinterpret_cast<std::uint8_t*>(to + i);
+      std::reverse(number, number + sizeof(T));
+    }
     return true;
   }
 
