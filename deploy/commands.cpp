@@ -111,7 +111,9 @@ void add_control(CommandLine& line, ControlRequest& request) {
   line.add("--speed", &request.speed, "for the order speed, which a replay executes: simulated time per time")
       .range(kLeastReplaySpeed, kMostReplaySpeed);
   line.add("--ratio", &request.ratio, "for the order ratio: bounds within those that the run was started with")
-      .check(ratio_fault);
+      .check([](const std::string& text) {
+        return setting_fault({"ratio", text});
+      });
   line.flag("--haptic", request.haptic, "change the sub-worlds' engine instead of the world's");
   add_domain(line, request.network.domain).required();
   add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
