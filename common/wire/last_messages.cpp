@@ -23,6 +23,7 @@
 #include <limits>
 #include <new>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace subworld {
