@@ -50,9 +50,9 @@ class Map {
   std::vector<std::string> entries_;
 };
 
-class Materials {
+class NamedMaterials {
  public:
-  explicit Materials(const Scene& scene) {
+  explicit NamedMaterials(const Scene& scene) {
     for (const Body& body : scene.bodies) {
       if (find(body.material) == known_.size()) known_.push_back(body.material);
     }
@@ -100,7 +100,7 @@ void add_shape(Map& map, const Scene& scene, const Shape& shape) {
 }
 
 /// Keys that a body and a user's own proxy have in common.
-void add_body(Map& map, const Scene& scene, const Body& body, const Materials& materials) {
+void add_body(Map& map, const Scene& scene, const Body& body, const NamedMaterials& materials) {
   const BodyState& at = scene.initial[index(body.id)];
   add_shape(map, scene, body.shape);
   map.add("material", materials.name(body.material));
@@ -157,7 +157,7 @@ Map segment_map(const PathSegment& s) {
   return map;
 }
 
-std::string user_text(const Scene& scene, const UserSpec& user, const Materials& materials) {
+std::string user_text(const Scene& scene, const UserSpec& user, const NamedMaterials& materials) {
   Map proxy;
   if (user.own_proxy) {
     add_body(proxy, scene, scene.body(user.proxy), materials);
@@ -209,7 +209,7 @@ std::string mesh_text(const Mesh& mesh) {
 }  // namespace
 
 std::string scene_text(const Scene& scene) {
-  const Materials materials(scene);
+  const NamedMaterials materials(scene);
   std::string lines = fmt::format("name: {}\n", scene.name);
   if (!scene.description.empty()) {
     std::string escaped;

@@ -1,6 +1,5 @@
 #include "lab/session/apart.hpp"
 
-#include "io/json.hpp"
 #include "lab/session/setting.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
