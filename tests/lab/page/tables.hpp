@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/results.hpp"
+#include "io/json.hpp"
 
 #include <string>
 #include <vector>
