@@ -37,7 +37,7 @@ std::string hint_of(const std::string& key) {
   std::vector<std::string_view> keys, ends;
   for (const Setting& one : settings_table()) {
     keys.push_back(one.key);
-    ends.push_back(one.key.substr(one.key.rfind('.') + 1));
+    ends.push_back(keys.back().substr(one.key.rfind('.') + 1));
   }
   std::string_view near = nearest(key, keys);
   if (near.empty()) {

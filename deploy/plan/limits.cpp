@@ -309,13 +309,17 @@ void check_request(const Scene& scene, const RunRequest& request) {
   }
   check_devices(scene, request.options);
   if (request.options.bodies) (void)choose_bodies(scene, *request.options.bodies);
-  const auto where = [&](const char* key, const char* in_file) {
+  const auto where = [&](const std::string& key, const std::string& in_file) {
     const std::string flag = flag_of(request.options, key);
     return flag.empty() ? scene.file + in_file : flag;
   };
   (void)scheme_of(scene.settings, where("scheme", ": settings.scheme"));
-  check_engine(scene.settings.world, where("world.engine", ": settings.world"));
-  check_engine(scene.settings.haptic, where("haptic.engine", ": settings.haptic"));
+  const auto of_engine = [&](const std::string& of) {
+    const bool preset = !flag_of(request.options, of + ".preset").empty();
+    return where(of + (preset ? ".preset" : ".engine"), ": settings." + of);
+  };
+  check_engine(scene.settings.world, of_engine("world"));
+  check_engine(scene.settings.haptic, of_engine("haptic"));
   for (const std::string& warning : beyond_limits(scene)) fmt::print(stderr, "subworld: {}\n", warning);
 }
 
