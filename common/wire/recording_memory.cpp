@@ -75,8 +75,8 @@ struct Mapped {
 };
 
 Mapped map(int file, std::size_t offset, std::size_t size) {
-  void* const memory =
-      mmap(nullptr, kHeaderBytes + size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, file, static_cast<off_t>(offset));
+  void* const memory = mmap(nullptr, kHeaderBytes + size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, file,
+                            static_cast<off_t>(offset));
   if (memory == MAP_FAILED) return {};
   return {std::launder(static_cast<RingHeader*>(memory)), static_cast<std::uint8_t*>(memory) + kHeaderBytes, size};
 }
@@ -236,7 +236,9 @@ void open_recording() noexcept {
   longest_wait = waits != 0 ? kLongestWait : std::chrono::seconds{0};
 }
 
-bool is_recording() noexcept { return own_memory.header != nullptr && !recording_ended.load(std::memory_order_relaxed); }
+bool is_recording() noexcept {
+  return own_memory.header != nullptr && !recording_ended.load(std::memory_order_relaxed);
+}
 
 void end_recording() noexcept { recording_ended = true; }
 

@@ -34,7 +34,7 @@ constexpr std::pair<std::string_view, std::string_view> kPlaces[]{{"settle.durat
                                                                   {"users.budget_ratio", "selection.budget_ratio"},
                                                                   {"users.", ""}};
 
-/// As in "selection.by". The unit of an angle is left out: "coupling.rotational_stiffness_n_m".
+/// As in "selection.by". Without the unit of an angle: "coupling.rotational_stiffness_n_m".
 std::string place_of(std::string key) {
   for (const auto& [begin, instead] : kPlaces) {
     if (!key.starts_with(begin)) continue;
