@@ -152,7 +152,7 @@ TEST_F(SessionRestarts, InLockstepTheUserReturnsAndTheRecordRepeatsTheRun) {
   EXPECT_FALSE(read_table(out() + "/bodies.csv").rows.empty());
   const std::string presence = first["presence"];
   EXPECT_NE(presence.find("1 leaves"), std::string::npos) << presence;
-  const Ended again = finish(up(with("duration: 1.5, presence: '" + presence + "'"), out(), {"--namespaces"}));
+  const Ended again = finish(up(with("duration: 1.5, set: 'presence=" + presence + "'"), out(), {"--namespaces"}));
   EXPECT_EQ(again.code, 0) << again.err << again.out;
   EXPECT_EQ(summary()["state_hash"], first["state_hash"]);
 }

@@ -62,7 +62,8 @@ class ComeAndGo {
       saved.states.push_back(world->engine().state(body.id));
       saved.asleep.push_back(world->engine().asleep(body.id) ? 1 : 0);
     }
-    scene = resumed_scene(scene, saved);
+    const Scene resumed = resumed_scene(scene, saved);
+    scene = resumed;  // in place: the sub-worlds refer to its parts
     world = std::make_unique<World>(scene);
     world->resume(saved);
   }

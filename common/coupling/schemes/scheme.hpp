@@ -64,10 +64,9 @@ struct Scheme {
   std::unique_ptr<WorldSide> (*make_world_side)(const Scene& scene);
   /// Null without sub-worlds. `remembered_cycles`: how far back stamps are asked for.
   std::unique_ptr<SubWorldSide> (*make_sub_world_side)(const Scene& scene, std::uint64_t remembered_cycles);
-  /// Whether what only this scheme reads in a frame fits the scene.
-  bool (*accepts)(const WorldFrame& frame, const Scene& scene) noexcept = [](const WorldFrame&, const Scene&) noexcept {
-    return true;
-  };
+  /// Whether what only this scheme reads in a frame fits the scene. Here: a scheme that reads no ghosts has none.
+  bool (*accepts)(const WorldFrame& frame, const Scene& scene) noexcept =
+      [](const WorldFrame& frame, const Scene&) noexcept { return frame.ghosts.empty() && frame.ghost_peers.empty(); };
 };
 
 /// All there are, by name.
