@@ -47,7 +47,8 @@ std::vector<std::string> setting_columns(const Json& row) {
   std::vector<std::string> columns;
   for (const auto& [column, value] : row.items()) {
     if (column == "force_error_rms") break;
-    if (column != "ratio_mean" && column != "user" && column != "users") columns.push_back(column);
+    if (column != "ratio_mean" && (!column.starts_with("user") || column.starts_with("users_")))
+      columns.push_back(column);
   }
   return columns;
 }
