@@ -160,7 +160,7 @@ TEST_P(RealTimeSessions, TheWorldHasEachReportInTimeAlthoughTheLinkDelaysIt) {
 }
 
 TEST_P(RealTimeSessions, ADeadbandSendsAFractionOfTheDevicesSamples) {
-  if (!run_over_100_ms(", deadband: 0.1")) GTEST_SKIP() << "network namespaces are not permitted here";
+  if (!run_over_100_ms(", set: deadband=0.1")) GTEST_SKIP() << "network namespaces are not permitted here";
   for (const char* program : {"haptic", "device"}) {
     for (const Json& user : summary()[program]) {
       EXPECT_GT(user["sent_ratio"], 0.05) << program;
