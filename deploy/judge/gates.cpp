@@ -242,67 +242,74 @@ struct Row {
   bool holds;
   Gate gate;
 };
-std::vector<Row> rows_of(const View& at) {
+/// Whether the force is the scene's.
+std::vector<Row> force_rows(const View& at) {
   const HapticResult& haptic = at.haptic();
   const DeviceResult& device = at.device();
   const DeviceSpec& spec = at.spec();
-  const bool realtime = at.run.realtime(), admittance = spec.kind == DeviceKind::admittance;
-  return {
-      {true, foreign_writer_gate("world_frame", "world_sim", haptic.refused.world_frame, haptic.refused.by)},
-      {true, foreign_writer_gate("device_state", "device_sim", haptic.refused.device_state, haptic.refused.by)},
-      {true, foreign_writer_gate("device_command", "haptic_sim", device.refused.device_command, device.refused.by)},
-      {admittance,
-       {"distance between proxy and device",
-        kMetre,
-        haptic.proxy_apart_max_m,
-        farthest_proxy_m(at),
-        {Culprit::unstable, fmt::format("the proxy ran away from its device, which moves at most at {:g} m/s; {}",
-                                        spec.speed_limit_m_s, coupling_cure(at))}}},
-      {true,
-       {"device faster than an operator moves",
-        kOfSteps,
-        static_cast<double>(haptic.device_jumps) / at.periods(),
-        0.0,
-        {Culprit::run,
-         "the force was off in these steps, and ramped afterwards: no operator moves a device at more than 10 m/s; "
-         "slow the path of the scene, or examine the device's sensors"}}},
-      {true,
-       {"created energy at the operator",
-        kJoule,
-        device.operator_energy.created_j,
-        most_created_j(at.run, work_j(haptic)),
-        {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}}},
-      {true,
-       {oscillation_name(at.run),
-        kNewtonRms,
-        device.oscillation_n,
-        kOscillationRatio * spec.force_limit_n,
-        {Culprit::unstable,
-         "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or damping_n_s_m, a "
-         "smaller --ratio or h_s, or the scheme reduced"}}},
-      {realtime,
-       {"missed by the run", kOfSteps, static_cast<double>(haptic.missed_by_run) / at.periods(), kMissedRatio,
-        by_own_steps(at)}},
-      {realtime,
-       {kMissedByTheOs, kOfSteps, static_cast<double>(haptic.missed_by_os) / at.periods(), kMissedRatio,
-        by_late_wake_ups(at)}},
-      {realtime, {"lateness p99", kMilliseconds, haptic.lateness_s.p99, kLatenessP99_s, by_late_starts(at)}},
-      {true, {"lost frames", kCount, static_cast<double>(haptic.lost_frames), 0.0, by_loss(at)}},
-      {realtime && at.run.between_hosts,
-       {"late reports",
-        kOfReports,
-        haptic.late_reports_ratio,
-        kLateReportsRatio,
-        {Culprit::network,
-         "reports reached the world after it needed them, so it guessed what the operator did: the force may be off"}}},
-      {true,
-       {"at the device's limit",
-        kOfSteps,
-        haptic.at_limit_ratio,
-        kAtLimitRatio,
-        {Culprit::scene,
-         "the operator feels the limit, not the scene; move the device less far into bodies, lower the coupling's "
-         "stiffness, or raise the device's force_limit_n"}}}};
+  const bool admittance = spec.kind == DeviceKind::admittance;
+  return {{true, foreign_writer_gate("world_frame", "world_sim", haptic.refused.world_frame, haptic.refused.by)},
+          {true, foreign_writer_gate("device_state", "device_sim", haptic.refused.device_state, haptic.refused.by)},
+          {true, foreign_writer_gate("device_command", "haptic_sim", device.refused.device_command, device.refused.by)},
+          {admittance,
+           {"distance between proxy and device",
+            kMetre,
+            haptic.proxy_apart_max_m,
+            farthest_proxy_m(at),
+            {Culprit::unstable, fmt::format("the proxy ran away from its device, which moves at most at {:g} m/s; {}",
+                                            spec.speed_limit_m_s, coupling_cure(at))}}},
+          {true,
+           {"device faster than an operator moves",
+            kOfSteps,
+            static_cast<double>(haptic.device_jumps) / at.periods(),
+            0.0,
+            {Culprit::run,
+             "the force was off in these steps, and ramped afterwards: no operator moves a device at more than 10 m/s; "
+             "slow the path of the scene, or examine the device's sensors"}}},
+          {true,
+           {"created energy at the operator",
+            kJoule,
+            device.operator_energy.created_j,
+            most_created_j(at.run, work_j(haptic)),
+            {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}}},
+          {true,
+           {oscillation_name(at.run),
+            kNewtonRms,
+            device.oscillation_n,
+            kOscillationRatio * spec.force_limit_n,
+            {Culprit::unstable,
+             "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or damping_n_s_m, a "
+             "smaller --ratio or h_s, or the scheme reduced"}}},
+          {true,
+           {"at the device's limit",
+            kOfSteps,
+            haptic.at_limit_ratio,
+            kAtLimitRatio,
+            {Culprit::scene,
+             "the operator feels the limit, not the scene; move the device less far into bodies, lower the coupling's "
+             "stiffness, or raise the device's force_limit_n"}}}};
+}
+
+/// Whether forces and messages were in time.
+std::vector<Row> timing_rows(const View& at) {
+  const HapticResult& haptic = at.haptic();
+  const bool realtime = at.run.realtime();
+  return {{realtime,
+           {"missed by the run", kOfSteps, static_cast<double>(haptic.missed_by_run) / at.periods(), kMissedRatio,
+            by_own_steps(at)}},
+          {realtime,
+           {kMissedByTheOs, kOfSteps, static_cast<double>(haptic.missed_by_os) / at.periods(), kMissedRatio,
+            by_late_wake_ups(at)}},
+          {realtime, {"lateness p99", kMilliseconds, haptic.lateness_s.p99, kLatenessP99_s, by_late_starts(at)}},
+          {true, {"lost frames", kCount, static_cast<double>(haptic.lost_frames), 0.0, by_loss(at)}},
+          {realtime && at.run.between_hosts,
+           {"late reports",
+            kOfReports,
+            haptic.late_reports_ratio,
+            kLateReportsRatio,
+            {Culprit::network,
+             "reports reached the world after it needed them, so it guessed what the operator did: the force may be "
+             "off"}}}};
 }
 
 /// "0.31 ms"
@@ -380,9 +387,11 @@ std::vector<Gate> gates(const RunResults& run) {
                                       : run.recording->fault}});
   }
   for (std::size_t u = 0; u < run.haptic.size(); ++u) {
-    for (Row& row : rows_of({run, u})) {
-      row.gate.name = fmt::format("user {}: {}", run.haptic[u].user, row.gate.name);
-      if (row.holds) all.push_back(std::move(row.gate));
+    for (auto rows : {force_rows, timing_rows}) {
+      for (Row& row : rows({run, u})) {
+        row.gate.name = fmt::format("user {}: {}", run.haptic[u].user, row.gate.name);
+        if (row.holds) all.push_back(std::move(row.gate));
+      }
     }
   }
   if (run.realtime())
