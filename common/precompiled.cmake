@@ -48,6 +48,8 @@ endfunction()
 subworld_precompiled(precompiled_hot)
 subworld_precompiled(precompiled_cold $<$<CONFIG:Release>:-O1>)
 if(BUILD_TESTING)
+  find_package(GTest REQUIRED)
+  find_package(nlohmann_json REQUIRED)
   subworld_precompiled(precompiled_tests $<$<CONFIG:Release>:-O1> LINK GTest::gtest nlohmann_json::nlohmann_json
                        HEADERS <gtest/gtest.h> <nlohmann/json.hpp>)
 endif()

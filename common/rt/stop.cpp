@@ -1,11 +1,14 @@
 #include "rt/stop.hpp"
 
+#include <execinfo.h>
 #include <sys/time.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <csignal>
+#include <cstdio>
 
 namespace subworld {
 
@@ -37,9 +40,33 @@ void handle_stop_signals(void (*handler)(int)) {
   std::signal(SIGPIPE, SIG_IGN);
 }
 
+/// The system's own handling follows, so that the process ends by this signal.
+void on_fault(int signal, siginfo_t* info, void*) {
+  std::array<char, 120> text{};
+  const int length = std::snprintf(text.data(), text.size(), "error: signal %d (code %d) at address %p, called by:\n",
+                                   signal, info->si_code, info->si_addr);
+  [[maybe_unused]] const auto written = write(STDERR_FILENO, text.data(), static_cast<std::size_t>(length));
+  std::array<void*, 32> frames{};
+  backtrace_symbols_fd(frames.data(), backtrace(frames.data(), frames.size()), STDERR_FILENO);
+}
+
+void report_faults() {
+  void* loads_what_it_needs = nullptr;  // a handler may not
+  backtrace(&loads_what_it_needs, 1);
+  struct sigaction action {}, before {};
+  action.sa_sigaction = on_fault;
+  action.sa_flags = SA_SIGINFO | SA_RESETHAND;
+  for (const int signal : {SIGBUS, SIGFPE, SIGILL, SIGSEGV}) {
+    if (sigaction(signal, nullptr, &before) == 0 && before.sa_handler == SIG_DFL) sigaction(signal, &action, nullptr);
+  }
+}
+
 }  // namespace
 
-void end_at_stop_signals() { handle_stop_signals(end_now); }
+void end_at_stop_signals() {
+  handle_stop_signals(end_now);
+  report_faults();
+}
 
 void watch_stop_signals(double forced_after_s) {
   const double whole_s = std::floor(forced_after_s);

@@ -6,7 +6,8 @@ namespace subworld {
 inline constexpr double kLongestEnd_s = 1.8;
 
 /// From now on SIGINT, SIGTERM and SIGHUP end the process at once, with exit code 0. For use while a program loads.
-/// SIGPIPE is ignored.
+/// SIGPIPE is ignored. A fault (SIGBUS, SIGFPE, SIGILL, SIGSEGV) writes its address and the calls that led to it to the
+/// standard error output, then ends the process.
 void end_at_stop_signals();
 
 /// From now on SIGINT, SIGTERM and SIGHUP request a stop instead of ending the process. A process that still runs
