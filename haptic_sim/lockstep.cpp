@@ -136,7 +136,7 @@ class LockstepLoop : HapticRun {
     // A peer who returns takes part with another process.
     if (needed && !needed_[peer] && ports.status.is_replaced(ProgramKind::device_sim, peer))
       ports.status.begins(ProgramKind::device_sim, peer);
-    needed_[peer] = needed;
+    const bool goes_on = std::exchange(needed_[peer], needed) && needed;
     if (!needed && lost_[peer]) {
       lost_[peer] = false;
       order_.hear_again(peer);
@@ -167,6 +167,12 @@ class LockstepLoop : HapticRun {
         const Take taken = take(reader, peer_, stages_);
         if (taken == Take::none) break;
         if (taken != Take::sample || !ours(peer_)) continue;
+      }
+      // Whether one that was started again is in time for this step is a matter of luck: it counts once the world lets it
+      // take part.
+      if (goes_on && order_.is_of_another(peer, peer_)) {
+        lost_[peer] = true;
+        break;
       }
       order_.hear(peer, peer_);
     }
@@ -228,7 +234,7 @@ class LockstepLoop : HapticRun {
   WorldFrame frame_;
   std::vector<FollowedOrder> followed_;  ///< since the last report
   std::vector<bool> lost_;               ///< by user, whose device has fallen silent; the world's account of it counts
-  std::vector<bool> needed_;             ///< by user, whose device's states the last step needed
+  std::vector<char> needed_;             ///< by user, whose device's states the last step needed
   std::uint64_t device_writer_ = 0;      ///< the process that sent the first state
   bool device_taken_ = false;            ///< the state of the first step
   bool last_ = false;

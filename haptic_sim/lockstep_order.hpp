@@ -45,7 +45,11 @@ class LockstepOrder {
   /// Whether a state says that the peer's device has just been started again, and the one before will send no more. It
   /// does not know the time yet.
   [[nodiscard]] bool is_replaced(std::size_t peer, const DeviceState& state) const noexcept {
-    return peers_[peer].heard_any && state.sender != peers_[peer].sender && state.sequence == 0;
+    return is_of_another(peer, state) && state.sequence == 0;
+  }
+  /// Whether it is of another process than the state before.
+  [[nodiscard]] bool is_of_another(std::size_t peer, const DeviceState& state) const noexcept {
+    return peers_[peer].heard_any && state.sender != peers_[peer].sender;
   }
   /// The same, also where no state of the one before has been heard.
   [[nodiscard]] bool has_just_started(std::size_t peer, const DeviceState& state) const noexcept {
