@@ -168,8 +168,8 @@ class LockstepLoop : HapticRun {
         if (taken == Take::none) break;
         if (taken != Take::sample || !ours(peer_)) continue;
       }
-      // Whether one that was started again is in time for this step is a matter of luck: it counts once the world lets it
-      // take part.
+      // Whether one that was started again is in time for this step is a matter of luck: it counts once the world lets
+      // it take part.
       if (goes_on && order_.is_of_another(peer, peer_)) {
         lost_[peer] = true;
         break;

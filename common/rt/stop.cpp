@@ -53,7 +53,8 @@ void on_fault(int signal, siginfo_t* info, void*) {
 void report_faults() {
   void* loads_what_it_needs = nullptr;  // a handler may not
   backtrace(&loads_what_it_needs, 1);
-  struct sigaction action {}, before {};
+  struct sigaction action {
+  }, before{};
   action.sa_sigaction = on_fault;
   action.sa_flags = SA_SIGINFO | SA_RESETHAND;
   for (const int signal : {SIGBUS, SIGFPE, SIGILL, SIGSEGV}) {
