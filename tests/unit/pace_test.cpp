@@ -9,7 +9,7 @@
 namespace subworld {
 namespace {
 
-constexpr double kCycle_s = 0.004;
+constexpr double kPaceCycle_s = 0.004;
 
 /// A world whose n-th cycle has this cost, with releases from its pace, as run_realtime does.
 struct Simulation {
@@ -39,7 +39,7 @@ struct Simulation {
     return all;
   }
 
-  Pace pace{kCycle_s};
+  Pace pace{kPaceCycle_s};
   double now_s = 0.0, release_s = 0.0;
   std::vector<Pace::News> news;
 };
@@ -58,26 +58,26 @@ void expect_smooth(const std::vector<Simulation::Cycle>& cycles) {
 
 TEST(Pace, AWorldThatKeepsUpHasAClockOfOne) {
   Simulation s;
-  for (const auto& c : s.run(1000, [](int) { return 0.95 * kCycle_s; })) {
+  for (const auto& c : s.run(1000, [](int) { return 0.95 * kPaceCycle_s; })) {
     ASSERT_EQ(c.real_time_factor, 1.0);
-    ASSERT_NEAR(c.wall_s, kCycle_s, 1e-12);
+    ASSERT_NEAR(c.wall_s, kPaceCycle_s, 1e-12);
   }
   EXPECT_TRUE(s.said().empty());
 }
 
 TEST(Pace, ASingleLateCycleIsCaughtUpWith) {
   Simulation s;
-  for (const auto& c : s.run(1000, [](int n) { return (n % 50 == 25 ? 2.8 : 0.6) * kCycle_s; })) {
+  for (const auto& c : s.run(1000, [](int n) { return (n % 50 == 25 ? 2.8 : 0.6) * kPaceCycle_s; })) {
     ASSERT_EQ(c.real_time_factor, 1.0);
-    ASSERT_NEAR(c.wall_s, kCycle_s, 1e-12);
+    ASSERT_NEAR(c.wall_s, kPaceCycle_s, 1e-12);
   }
   EXPECT_TRUE(s.said().empty());
 }
 
 TEST(Pace, AHardStallIsNotCaughtUpWithAndSlowsNothing) {
   Simulation s;
-  const auto cycles = s.run(200, [](int n) { return n == 100 ? 0.5 : 0.6 * kCycle_s; });
-  EXPECT_NEAR(cycles[100].wall_s, 0.5 - 2.0 * kCycle_s, 1e-9);
+  const auto cycles = s.run(200, [](int n) { return n == 100 ? 0.5 : 0.6 * kPaceCycle_s; });
+  EXPECT_NEAR(cycles[100].wall_s, 0.5 - 2.0 * kPaceCycle_s, 1e-9);
   EXPECT_EQ(cycles.back().real_time_factor, 1.0);
   expect_smooth(cycles);
   EXPECT_TRUE(s.said().empty());
@@ -85,7 +85,7 @@ TEST(Pace, AHardStallIsNotCaughtUpWithAndSlowsNothing) {
 
 TEST(Pace, ALastingLoadSlowsTheClockToWhatTheWorldCanDoAndLeavesATenth) {
   Simulation s;
-  const auto cycles = s.run(1000, [](int n) { return (n < 100 ? 0.5 : 2.275) * kCycle_s; });
+  const auto cycles = s.run(1000, [](int n) { return (n < 100 ? 0.5 : 2.275) * kPaceCycle_s; });
   expect_smooth(cycles);
   EXPECT_NEAR(cycles.back().real_time_factor, 0.9 / 2.275, 1e-3);
   for (std::size_t n = 200; n < cycles.size(); ++n) {
@@ -97,25 +97,25 @@ TEST(Pace, ALastingLoadSlowsTheClockToWhatTheWorldCanDoAndLeavesATenth) {
 
 TEST(Pace, AHeavyLoadIsFollowedAtOnce) {
   Simulation s;
-  const auto cycles = s.run(130, [](int n) { return (n < 100 ? 0.5 : 20.0) * kCycle_s; });
+  const auto cycles = s.run(130, [](int n) { return (n < 100 ? 0.5 : 20.0) * kPaceCycle_s; });
   EXPECT_NEAR(cycles[110].real_time_factor, 0.9 / 20.0, 1e-3) << "ten cycles of 80 ms must not become minutes";
 }
 
 TEST(Pace, RecoversToExactlyOne) {
   Simulation s;
-  s.run(500, [](int) { return 20.0 * kCycle_s; });
-  const auto cycles = s.run(2000, [](int) { return 0.5 * kCycle_s; });
+  s.run(500, [](int) { return 20.0 * kPaceCycle_s; });
+  const auto cycles = s.run(2000, [](int) { return 0.5 * kPaceCycle_s; });
   double slow_s = 0.0;
   for (const auto& c : cycles) slow_s += c.real_time_factor < 1.0 ? c.wall_s : 0.0;
   EXPECT_LT(slow_s, 2.0);
   EXPECT_EQ(cycles.back().real_time_factor, 1.0);
-  EXPECT_NEAR(cycles.back().wall_s, kCycle_s, 1e-12);
+  EXPECT_NEAR(cycles.back().wall_s, kPaceCycle_s, 1e-12);
   EXPECT_EQ(s.said(), (NewsList{Pace::News::slowed, Pace::News::recovered}));
 }
 
 TEST(Pace, ALoadAroundACycleDoesNotMakeTheClockOscillate) {
   Simulation s;
-  const auto cycles = s.run(3000, [](int n) { return (n % 2 == 0 ? 0.8 : 1.25) * kCycle_s; });
+  const auto cycles = s.run(3000, [](int n) { return (n % 2 == 0 ? 0.8 : 1.25) * kPaceCycle_s; });
   expect_smooth(cycles);
   int turns = 0;
   for (std::size_t n = 502; n < cycles.size(); ++n) {
@@ -130,7 +130,7 @@ TEST(Pace, ALoadAroundACycleDoesNotMakeTheClockOscillate) {
 TEST(Pace, FollowsASlowOscillationOfTheLoad) {
   Simulation s;
   const auto load = [](int n) { return 2.0 + 1.5 * std::sin(2.0 * M_PI * n / 400.0); };
-  const auto cycles = s.run(4000, [&](int n) { return load(n) * kCycle_s; });
+  const auto cycles = s.run(4000, [&](int n) { return load(n) * kPaceCycle_s; });
   expect_smooth(cycles);
   for (std::size_t n = 400; n < cycles.size(); ++n) {
     const double possible = std::min(1.0, 1.0 / load(static_cast<int>(n)));
@@ -142,13 +142,13 @@ TEST(Pace, FollowsASlowOscillationOfTheLoad) {
 
 TEST(Pace, SaysWhereEvenTheSlowestClockIsTooFastAndStillYields) {
   Simulation s;
-  const auto cycles = s.run(300, [](int) { return 100.0 * kCycle_s; });
+  const auto cycles = s.run(300, [](int) { return 100.0 * kPaceCycle_s; });
   EXPECT_EQ(cycles.back().real_time_factor, kLeastRealTimeFactor);
   EXPECT_TRUE(s.pace.stuck());
-  EXPECT_GE(cycles.back().idle_s, 9.9 * kCycle_s);
+  EXPECT_GE(cycles.back().idle_s, 9.9 * kPaceCycle_s);
   EXPECT_FALSE(s.said().empty());
   EXPECT_EQ(s.said().back(), Pace::News::stuck);
-  const auto after = s.run(3000, [](int) { return 0.5 * kCycle_s; });
+  const auto after = s.run(3000, [](int) { return 0.5 * kPaceCycle_s; });
   EXPECT_EQ(after.back().real_time_factor, 1.0);
   EXPECT_EQ(s.said().back(), Pace::News::recovered);
 }
