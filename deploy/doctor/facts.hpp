@@ -105,7 +105,7 @@ struct Facts {
   Domain domain = {};
 };
 
-/// Reads all of it, in at most three seconds. Throws `Error` (usage) where the scene is wrong.
+/// Reads all of it, in two to four seconds. Throws `Error` (usage) where the scene is wrong.
 [[nodiscard]] Facts read_facts(const Request& request);
 
 /// Parts of read_facts().

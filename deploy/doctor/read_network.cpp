@@ -7,6 +7,7 @@
 #include <netdb.h>
 #include <netinet/in.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -14,7 +15,6 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
-#include <cstdlib>
 #include <cstring>
 #include <future>
 #include <memory>
@@ -33,49 +33,6 @@ std::string text_of(const sockaddr* from) {
   std::array<char, INET_ADDRSTRLEN> text{};
   inet_ntop(AF_INET, &address.sin_addr, text.data(), text.size());
   return text.data();
-}
-
-std::vector<Interface> read_interfaces() {
-  std::vector<Interface> found;
-  ifaddrs* all = nullptr;
-  if (getifaddrs(&all) != 0) return found;
-  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
-    auto same = std::ranges::find(found, std::string(one->ifa_name), &Interface::name);
-    if (same == found.end()) {
-      Interface made{.name = one->ifa_name};
-      made.up = (one->ifa_flags & IFF_UP) != 0;
-      made.running = (one->ifa_flags & IFF_RUNNING) != 0;
-      made.loopback = (one->ifa_flags & IFF_LOOPBACK) != 0;
-      if (const std::string mtu = file_text("/sys/class/net/" + made.name + "/mtu"); !mtu.empty())
-        made.mtu = std::atoi(mtu.c_str());
-      same = found.insert(found.end(), made);
-    }
-    if (one->ifa_addr != nullptr && one->ifa_addr->sa_family == AF_INET && same->address.empty())
-      same->address = text_of(one->ifa_addr);
-  }
-  freeifaddrs(all);
-  return found;
-}
-
-/// Finds the address of a name, or why there is none. A name server that does not answer is not awaited.
-void resolve(Peer& peer) {
-  using Answer = std::pair<std::string, std::string>;
-  auto promise = std::make_shared<std::promise<Answer>>();
-  std::future<Answer> answer = promise->get_future();
-  std::thread([promise, host = peer.host] {
-    addrinfo hints{};
-    hints.ai_family = AF_INET;
-    hints.ai_socktype = SOCK_DGRAM;
-    addrinfo* found = nullptr;
-    const int code = getaddrinfo(host.c_str(), nullptr, &hints, &found);
-    promise->set_value(code != 0 ? Answer{"", gai_strerror(code)} : Answer{text_of(found->ai_addr), ""});
-    if (code == 0) freeaddrinfo(found);
-  }).detach();
-  if (answer.wait_for(1s) == std::future_status::ready) {
-    std::tie(peer.address, peer.fault) = answer.get();
-  } else {
-    peer.fault = "the name server does not answer within 1 s";
-  }
 }
 
 /// A UDP socket that closes itself.
@@ -106,6 +63,55 @@ class Udp {
   int handle_;
 };
 
+/// Of this network namespace: /sys may show another one.
+int mtu_of(const std::string& name) {
+  ifreq request{};
+  std::strncpy(request.ifr_name, name.c_str(), IFNAMSIZ - 1);
+  return ioctl(Udp().handle(), SIOCGIFMTU, &request) == 0 ? request.ifr_mtu : 1500;
+}
+
+std::vector<Interface> read_interfaces() {
+  std::vector<Interface> found;
+  ifaddrs* all = nullptr;
+  if (getifaddrs(&all) != 0) return found;
+  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
+    auto same = std::ranges::find(found, std::string(one->ifa_name), &Interface::name);
+    if (same == found.end()) {
+      Interface made{.name = one->ifa_name};
+      made.up = (one->ifa_flags & IFF_UP) != 0;
+      made.running = (one->ifa_flags & IFF_RUNNING) != 0;
+      made.loopback = (one->ifa_flags & IFF_LOOPBACK) != 0;
+      made.mtu = mtu_of(made.name);
+      same = found.insert(found.end(), made);
+    }
+    if (one->ifa_addr != nullptr && one->ifa_addr->sa_family == AF_INET && same->address.empty())
+      same->address = text_of(one->ifa_addr);
+  }
+  freeifaddrs(all);
+  return found;
+}
+
+/// Finds the address of a name, or why there is none. A name server that does not answer is not awaited.
+void resolve(Peer& peer) {
+  using Answer = std::pair<std::string, std::string>;
+  auto promise = std::make_shared<std::promise<Answer>>();
+  std::future<Answer> answer = promise->get_future();
+  std::thread([promise, host = peer.host] {
+    addrinfo hints{};
+    hints.ai_family = AF_INET;
+    hints.ai_socktype = SOCK_DGRAM;
+    addrinfo* found = nullptr;
+    const int code = getaddrinfo(host.c_str(), nullptr, &hints, &found);
+    promise->set_value(code != 0 ? Answer{"", gai_strerror(code)} : Answer{text_of(found->ai_addr), ""});
+    if (code == 0) freeaddrinfo(found);
+  }).detach();
+  if (answer.wait_for(1s) == std::future_status::ready) {
+    std::tie(peer.address, peer.fault) = answer.get();
+  } else {
+    peer.fault = "the name server does not answer within 1 s";
+  }
+}
+
 /// Own address from which the kernel sends to this one; empty: there is no route.
 std::string source_address(const std::string& to) {
   const Udp udp;
@@ -130,23 +136,33 @@ Peer examine(const std::string& host, const std::vector<Interface>& interfaces) 
   return peer;
 }
 
-/// Whether a host answers that a UDP port is closed, to a datagram of this length that no router may fragment.
-bool refuses(const Peer& peer, const Interface& from, int port, int bytes) {
-  constexpr auto kPatience = 1200ms;  // longer than the interval at which Linux answers for closed ports
-  constexpr int kRepeat_ms = 200, kNeverFragment = IP_PMTUDISC_PROBE;
-  const Udp udp;
-  if (!udp.connect_to(from.address, peer.address, port)) return false;
-  setsockopt(udp.handle(), IPPROTO_IP, IP_MTU_DISCOVER, &kNeverFragment, sizeof kNeverFragment);
+/// Sends so many bytes, and waits 50 ms for the answer that the port is closed.
+bool is_refused(const Udp& udp, int bytes) {
+  constexpr int kWait_ms = 50;
+  const auto is_refusal = [](ssize_t result) { return result < 0 && errno == ECONNREFUSED; };
   const std::vector<char> payload(static_cast<std::size_t>(bytes));
-  const auto is_refused = [](ssize_t result) { return result < 0 && errno == ECONNREFUSED; };
-  for (const auto end = std::chrono::steady_clock::now() + kPatience; std::chrono::steady_clock::now() < end;) {
-    if (is_refused(send(udp.handle(), payload.data(), payload.size(), 0))) return true;
-    pollfd ready{.fd = udp.handle(), .events = POLLIN, .revents = 0};
-    if (poll(&ready, 1, kRepeat_ms) <= 0) continue;
-    char nothing = 0;
-    if (is_refused(recv(udp.handle(), &nothing, sizeof nothing, MSG_DONTWAIT))) return true;
+  if (is_refusal(send(udp.handle(), payload.data(), payload.size(), 0))) return true;
+  pollfd ready{.fd = udp.handle(), .events = POLLIN, .revents = 0};
+  if (poll(&ready, 1, kWait_ms) <= 0) return false;
+  char nothing = 0;
+  return is_refusal(recv(udp.handle(), &nothing, sizeof nothing, MSG_DONTWAIT));
+}
+
+/// Sends datagrams to a closed port of the domain: first as long as the MTU, which no router may fragment, after a
+/// second also short ones. Linux answers a host once a second, after a burst of six, and programs that search for their
+/// peers use up answers.
+void probe(Peer& peer, const Interface& from, int port) {
+  constexpr int kHeaders = 28, kLongest = 65'535, kShort = 16, kNeverFragment = IP_PMTUDISC_PROBE;
+  const Udp longest, brief;
+  peer.refuses = peer.refuses_full_size = false;
+  if (!longest.connect_to(from.address, peer.address, port) || !brief.connect_to(from.address, peer.address, port))
+    return;
+  setsockopt(longest.handle(), IPPROTO_IP, IP_MTU_DISCOVER, &kNeverFragment, sizeof kNeverFragment);
+  const auto begin = std::chrono::steady_clock::now();
+  for (auto since = 0ns; since < 3s && !peer.refuses_full_size; since = std::chrono::steady_clock::now() - begin) {
+    peer.refuses_full_size = is_refused(longest, std::min(from.mtu, kLongest) - kHeaders);
+    peer.refuses = peer.refuses || peer.refuses_full_size || (since > 1s && is_refused(brief, kShort));
   }
-  return false;
 }
 
 /// Whether the kernel asked the own network for an address and had no answer.
@@ -178,10 +194,7 @@ void probe_peers(const Request& request, int domain, NetworkFacts& network) {
   for (Peer& peer : network.peers) {
     if (peer.address.empty() || peer.own || peer.route != from->name) continue;
     probes.push_back(std::async(std::launch::async, [&peer, from, unused_port] {
-      constexpr int kHeaders = 28, kLongest = 65'535;
-      peer.refuses = refuses(peer, *from, unused_port, 16);
-      peer.refuses_full_size =
-          peer.refuses && refuses(peer, *from, unused_port, std::min(from->mtu, kLongest) - kHeaders);
+      probe(peer, *from, unused_port);
       peer.neighbour_absent = is_absent_neighbour(peer.address);
     }));
   }
