@@ -94,7 +94,7 @@ struct Domain {
   std::string scene = {};                     ///< name
   std::vector<RunningProgram> programs = {};  ///< of this machine, on all domains
   std::vector<ForeignPort> foreign_ports = {};
-  std::vector<int> free_domains = {};  ///< a few that no run or program uses
+  int free_domain = 0;  ///< one that no run or program uses
 };
 
 struct Facts {

@@ -30,7 +30,7 @@ std::string with_interface(const Facts& facts) {
 
 std::string with_free_domain(const Facts& facts) {
   Request request = facts.request;
-  request.domain = facts.domain.free_domains.empty() ? 0 : facts.domain.free_domains.front();
+  request.domain = facts.domain.free_domain;
   return command_of(request);
 }
 

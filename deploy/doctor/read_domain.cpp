@@ -70,32 +70,30 @@ void read_ports(int number, Domain& domain) {
   }
 }
 
-/// Domains for another run: those that `subworld run` would choose.
-std::vector<int> find_free_domains(const Domain& domain) {
+/// The domain that `subworld run` would choose; 0: none is free.
+int find_free_domain(const Domain& domain) {
   const std::vector<ClaimedDomain> claimed = claimed_domains();
   const auto ports = bound_udp_ports();
   const char* ros = std::getenv("ROS_DOMAIN_ID");
-  std::vector<int> free;
-  for (int number = 100; number >= 60 && free.size() < 3; --number) {
+  for (int number = 100; number >= 60; --number) {
     const bool taken = std::ranges::find(claimed, number, &ClaimedDomain::domain) != claimed.end() ||
                        std::ranges::find(domain.programs, number, &RunningProgram::domain) != domain.programs.end() ||
                        (ros != nullptr && std::to_string(number) == ros) ||
                        std::ranges::any_of(ports, [&](const auto& one) {
                          return one.first >= first_port(number) && one.first < first_port(number) + kPortsOfDomain;
                        });
-    if (!taken && domain.number != number) free.push_back(number);
+    if (!taken && domain.number != number) return number;
   }
-  return free;
+  return 0;
 }
 
 void read_domain(const Request& request, const NetworkFacts& network, Domain& domain) {
   domain.number = request.domain;
-  domain.free_domains = find_free_domains(domain);
+  domain.free_domain = find_free_domain(domain);
   if (domain.number) read_ports(*domain.number, domain);
   // A name that does not resolve has its own finding, and would block.
   if (std::ranges::any_of(network.peers, [](const Peer& one) { return one.address.empty(); })) return;
-  const int number = domain.number ? *domain.number : domain.free_domains.empty() ? 0 : domain.free_domains.front();
-  listen(request, number, domain);
+  listen(request, domain.number.value_or(domain.free_domain), domain);
 }
 
 Needs needs_of(const Request& request) {

@@ -46,7 +46,7 @@ Facts healthy() {
   facts.domain.worlds = 1;
   facts.domain.users = 1;
   facts.domain.scene = "press";
-  facts.domain.free_domains = {100, 99};
+  facts.domain.free_domain = 100;
   facts.domain.statuses = {status_of(ProgramKind::world_sim, "running"), status_of(ProgramKind::haptic_sim, "running"),
                            status_of(ProgramKind::device_sim, "running")};
   const std::vector<std::string> flags{"--mode", "realtime", "--domain", "70", "--interface", "eth0"};
