@@ -74,7 +74,7 @@ void add_up(CommandLine& line, RunWords& words) {
             "make each host a network namespace of this machine; needs the rights of root");
   line.add("--link", &request.link, "with --namespaces: the link between any two hosts, as for `subworld link`")
       .otherwise("the session's");
-  line.add("--seed", &request.seed, "with --namespaces: of the link's random draws; netem has its own");
+  line.add("--seed", &request.seed, "with --namespaces: of the link's random draws");
   line.add("--dds", &request.dds, "DDS vendor; mixed alternates over the programs")
       .one_of({"fastdds", "cyclonedds", "mixed"})
       .otherwise("the session's");

@@ -27,7 +27,7 @@ constexpr const char* kExamples =
     "  subworld control pause --domain 100\n"
     "  subworld control engine havok --haptic --domain 100\n"
     "  subworld plan deploy/scenes/row.yaml\n"
-    "  subworld link wifi --validate\n"
+    "  subworld link wifi\n"
     "  subworld device list\n"
     "  subworld doctor\n"
     "  subworld top\n"

@@ -14,43 +14,26 @@
 /// has a test, also of a state that a test cannot bring about.
 namespace subworld::doctor {
 
-/// The command line of `subworld doctor`. Without --domain, domain and interface are those of the run on this machine.
+/// The command line of `subworld doctor`. Without --domain, --interface and --peers, those of the run on this machine.
 struct Request {
   Network network = {};
   std::string dds = "fastdds";  ///< or mixed
   std::optional<int> domain = {};
   std::string scene = {};  ///< empty: none
-  std::string out = {};    ///< empty: not given
-  bool verbose = false;
-  bool json = false;
 };
 
-/// The most that the kernel grants to this process.
-struct Limit {
-  std::uint64_t soft = kUnlimited;
-  std::uint64_t hard = kUnlimited;
-  static constexpr std::uint64_t kUnlimited = ~std::uint64_t{0};
+/// What a scene needs; without one, a run with one user.
+struct Needs {
+  int users = 1;
+  bool realtime = true;
+  std::vector<std::string> engines = {};
 };
 
-/// A program of another kind that runs with a real-time priority.
-struct Rival {
-  pid_t pid = 0;
-  std::string name = {};
-  int priority = 0;
-  double cores = 0.0;  ///< mean number of cores in use while it was watched
-};
-
-/// A file of shared memory or a lock.
-struct LeftFile {
-  std::string path = {};
-  bool in_use = false;   ///< a process has it open or mapped
-  bool can_open = true;  ///< for reading and writing
-};
-
+/// A part of Subworld that a run needs.
 struct InstalledPart {
   std::string name = {};     ///< "world_sim", "DDS fastdds", "engine bullet"
   std::string version = {};  ///< empty: it is missing or cannot be used
-  std::string fault = {};
+  std::string fault = {}, cure = {};
 };
 
 struct Machine {
@@ -58,36 +41,22 @@ struct Machine {
   bool may_raise_limits = true;  ///< as root: a container may have taken the right (CAP_SYS_RESOURCE)
   bool fifo = true;              ///< SCHED_FIFO at the priority of the haptic loops was granted
   bool locks_memory = true;
-  Limit memory_lock, real_time_priority, open_files, processes;
-  bool process_limit_holds = false;  ///< the kernel exempts the user root
-  int own_threads = 0;               ///< of all processes of this user
   int cores = 2, allowed_cores = 2;
   std::string governor, governor_driver;  ///< empty: the kernel has none
   std::int64_t real_time_runtime_us = 950'000, real_time_period_us = 1'000'000;
-  double period_s = 0.001;  ///< of the bare loops
-  double lateness_p99_s = 0.0, lateness_max_s = 0.0;
-  std::uint64_t wake_ups = 0, late_wake_ups = 0;  ///< of the bare loops; later than a period
-  std::vector<Rival> rivals = {};
-  std::vector<LeftFile> shared_memory = {};  ///< of a DDS vendor
-  std::vector<LeftFile> lock_files = {};     ///< of Subworld
-  std::string temporary_folder = {};         ///< as the environment or the system says
-  bool temporary_folder_usable = true;
-  std::string out = {};           ///< folder of the results
-  std::string out_existing = {};  ///< its nearest folder that exists
-  bool out_writable = true;
-  bool out_is_folder = true;
-  std::uint64_t out_free_bytes = ~std::uint64_t{0};
-  std::vector<std::pair<std::string, std::string>> environment =
-      {};  ///< variables of Subworld, ROS and the DDS vendors
+  double lateness_p99_s = 0.0, lateness_max_s = 0.0;  ///< of bare loops at 1 kHz
+  std::vector<std::string> shared_memory = {};        ///< files that ended programs of Fast DDS have left
+  std::string bad_temporary_folder = {};              ///< empty: it is there and can be written
+  std::vector<std::pair<std::string, std::string>> environment = {};  ///< of Subworld, ROS and the DDS vendors, TMPDIR
   std::vector<InstalledPart> parts = {};
-  std::uint64_t receive_buffer_bytes = 4U << 20U, send_buffer_bytes = 4U << 20U;  ///< largest that a socket can have
+  std::int64_t receive_buffer_bytes = 4 << 20, send_buffer_bytes = 4 << 20;  ///< largest that a socket can have
   std::pair<int, int> ephemeral_ports{32768, 60999};
 };
 
 struct Interface {
   std::string name = {};
   std::string address = {};  ///< IPv4; empty: it has none
-  bool up = true, running = true, loopback = false, multicast = true;
+  bool up = true, running = true, loopback = false;
   int mtu = 1500;
 };
 
@@ -97,21 +66,15 @@ struct Peer {
   std::string address = {};       ///< IPv4; empty: the name does not resolve
   std::string fault = {};         ///< of the name
   bool own = false;               ///< an address of this machine
-  std::string source = {};        ///< own address that the kernel chooses for it; empty: there is no route
-  std::string route = {};         ///< own interface with that address
+  std::string route = {};         ///< own interface by which messages leave for it; empty: there is no route
   bool neighbour_absent = false;  ///< on the same network, and the address is not in use
-  bool pings = true;
-  bool pings_full_size = true;  ///< with datagrams as long as the MTU of the interface
-  bool ports_refuse = true;     ///< unused ports of the domain answer that they are closed: nothing filters them
-  std::optional<double> clock_offset_s = {};  ///< its clock minus this one (ICMP time stamps)
-  double clock_uncertainty_s = 0.0;
+  bool refuses = true;            ///< an unused port of the domain answers that it is closed: nothing filters it
+  bool refuses_full_size = true;  ///< also a datagram as long as the MTU of the interface
 };
 
 struct NetworkFacts {
   std::vector<Interface> interfaces = {};
   std::vector<Peer> peers = {};
-  std::vector<std::string> known_hosts = {};  ///< of /etc/hosts
-  std::string qos_fault = {};                 ///< what is wrong with --qos; empty: nothing
 };
 
 /// A port of the domain that another program has.
@@ -124,40 +87,33 @@ struct ForeignPort {
 /// What was received on the domain, and what runs there on this machine.
 struct Domain {
   std::optional<int> number = {};  ///< none: neither given nor in use
-  bool opened = true;
-  std::string fault = {};  ///< of joining it
+  std::string fault = {};          ///< of joining it; empty: none
   std::vector<Status> statuses = {};
   int worlds = 0;  ///< alive writers of the topic `scene`
   std::optional<std::uint32_t> users = {};
-  std::string scene = {};                                    ///< name
-  std::vector<RunningProgram> programs = {};                 ///< of this machine, on all domains
-  std::vector<std::pair<pid_t, std::string>> versions = {};  ///< of programs from another folder
+  std::string scene = {};                     ///< name
+  std::vector<RunningProgram> programs = {};  ///< of this machine, on all domains
   std::vector<ForeignPort> foreign_ports = {};
-  std::vector<int> free_domains = {};  ///< a few that no run or program uses
-};
-
-/// What a scene needs; without one, a run with one user.
-struct Needs {
-  int users = 1;
-  bool realtime = true;
-  std::vector<std::string> engines = {};
+  int free_domain = 0;  ///< one that no run or program uses
 };
 
 struct Facts {
   Request request = {};
+  Needs needs = {};
   Machine machine = {};
   NetworkFacts network = {};
   Domain domain = {};
-  Needs needs = {};
 };
 
-/// Reads all of it, in at most three seconds. Throws `Error` (usage) where the scene is wrong.
+/// Reads all of it, in two to four seconds. Throws `Error` (usage) where the scene is wrong.
 [[nodiscard]] Facts read_facts(const Request& request);
 
-/// Parts of read_facts(). `domain.programs` are known before.
+/// Parts of read_facts().
 void read_machine(const Request& request, const Needs& needs, Machine& machine);
 void read_network(const Request& request, NetworkFacts& network);
 void probe_peers(const Request& request, int domain, NetworkFacts& network);
-void read_domain(const Request& request, const NetworkFacts& network, Domain& domain);
+
+/// The interface that the command line names; null: none is named or found.
+[[nodiscard]] const Interface* own_interface(const Request& request, const NetworkFacts& network);
 
 }  // namespace subworld::doctor

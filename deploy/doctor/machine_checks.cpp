@@ -1,49 +1,46 @@
 #include "doctor/checks.hpp"
 #include "model/joined.hpp"
+#include "model/nearest.hpp"
 #include "rt/scheduling.hpp"
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 namespace subworld::doctor {
 
 namespace {
 
-using Findings = std::vector<Finding>;
-
-/// A program has about so many threads and open files.
-constexpr int kThreadsOfProgram = 25;
-constexpr std::uint64_t kFilesOfProgram = 64, kFilesOfLauncher = 64, kFilesOfUser = 8;
-
-std::string number_of(std::uint64_t limit) { return limit == Limit::kUnlimited ? "unlimited" : std::to_string(limit); }
+/// One command raises all limits of the shell that are missing; of a container, the one that starts another.
+std::string command_for_limits(const Facts& facts) {
+  const Machine& machine = facts.machine;
+  const bool raise = machine.may_raise_limits;
+  std::string command = raise ? fmt::format("{}prlimit --pid $$", as_root(facts))
+                              : "exit  # and start the container with --cap-add SYS_NICE --cap-add IPC_LOCK";
+  if (!machine.fifo) command += fmt::format(" --{}rtprio={}", raise ? "" : "ulimit ", priority::kHaptic);
+  if (!machine.locks_memory) command += raise ? " --memlock=unlimited" : " --ulimit memlock=-1";
+  return command;
+}
 
 void judge_rights(const Facts& facts, Findings& out) {
-  const Machine& machine = facts.machine;
-  if (machine.fifo || !facts.needs.realtime) return;
-  out.push_back({.what = fmt::format("the loops may not use SCHED_FIFO (RLIMIT_RTPRIO is {}, they need {})",
-                                     number_of(machine.real_time_priority.soft), priority::kHaptic),
+  if (facts.machine.fifo || !facts.needs.realtime) return;
+  out.push_back({.what = fmt::format("the loops may not use SCHED_FIFO {} (`ulimit -r`)", priority::kHaptic),
                  .why = "any other program delays the haptic loop by milliseconds, and deadlines are missed",
-                 .cure = raise_limit(facts, "rtprio", std::to_string(priority::kHaptic))});
+                 .cure = command_for_limits(facts)});
 }
 
 void judge_memory_lock(const Facts& facts, Findings& out) {
   if (facts.machine.locks_memory || !facts.needs.realtime) return;
-  const std::uint64_t soft = facts.machine.memory_lock.soft;
-  out.push_back({.what = fmt::format("memory may not be locked (RLIMIT_MEMLOCK is {})",
-                                     soft == Limit::kUnlimited ? "unlimited, but the kernel refuses"
-                                                               : fmt::format("{} kB", soft / 1024)),
+  out.push_back({.what = "memory may not be locked (`ulimit -l`)",
                  .why = "a page that the kernel has moved away delays a step by milliseconds",
-                 .cure = raise_limit(facts, "memlock", "unlimited")});
+                 .cure = command_for_limits(facts)});
 }
 
 void judge_throttling(const Facts& facts, Findings& out) {
-  const Machine& machine = facts.machine;
-  const auto period = static_cast<double>(machine.real_time_period_us);
+  const auto period = static_cast<double>(facts.machine.real_time_period_us);
+  const auto runtime = static_cast<double>(facts.machine.real_time_runtime_us);
   constexpr double kLeastShare = 0.9;
-  const auto runtime = static_cast<double>(machine.real_time_runtime_us);
   if (runtime < 0.0 || period <= 0.0 || runtime >= kLeastShare * period) return;
   out.push_back(
       {.what = fmt::format("the kernel gives real-time loops {:.0f} % of a core only", 100.0 * runtime / period),
@@ -71,79 +68,23 @@ void judge_governor(const Facts& facts, Findings& out) {
                                      as_root(facts))});
 }
 
-/// Whether a program delays the haptic loops. One of equal priority (SCHED_FIFO) pre-empts nothing: a loop waits at
-/// most until that program sleeps, which matters only where it seldom does. One that uses little of a core delays a
-/// loop seldom.
-bool is_rival(const Rival& rival) {
-  constexpr double kRivalCores = 0.02, kBlockingCores = 0.5;
-  return rival.cores >= (rival.priority > priority::kHaptic ? kRivalCores : kBlockingCores);
-}
-
-void judge_rivals(const Facts& facts, Findings& out) {
-  std::vector<pid_t> processes;
-  for (const Rival& rival : facts.machine.rivals) {
-    if (is_rival(rival)) processes.push_back(rival.pid);
-  }
-  const std::string lower = fmt::format("{}chrt --other --all-tasks --pid 0", as_root(facts));
-  for (const Rival& rival : facts.machine.rivals) {
-    if (!is_rival(rival)) continue;
-    out.push_back({.what = fmt::format("{} (process {}) runs with real-time priority {} and uses {:.0f} % of a core",
-                                       rival.name, rival.pid, rival.priority, 100.0 * rival.cores),
-                   .why = rival.priority > priority::kHaptic
-                              ? fmt::format("it pre-empts the haptic loops, whose priority is {}", priority::kHaptic)
-                              : "the haptic loops have the same priority, and wait until it sleeps",
-                   .cure = processes.size() == 1 ? fmt::format("{} {}", lower, rival.pid)
-                                                 : fmt::format("for process in {}; do {} $process; done",
-                                                               joined(processes, " "), lower)});
-  }
-}
-
-/// Where the rights are missing or a rival runs, the lateness is its effect.
+/// Where the rights are missing, the lateness is their effect.
 void judge_lateness(const Facts& facts, Findings& out) {
   const Machine& machine = facts.machine;
-  const double bound_s = 0.5 * machine.period_s;
-  const bool explained = !machine.fifo || std::ranges::any_of(machine.rivals, is_rival);
-  if (explained || machine.lateness_p99_s <= bound_s || !facts.needs.realtime) return;
+  constexpr double kMost_s = 0.0005;
+  if (!machine.fifo || machine.lateness_p99_s <= kMost_s || !facts.needs.realtime) return;
   out.push_back(
-      {.what = fmt::format("a loop without work wakes late: p99 {:.3f} ms > {:.3f} ms, {} of {} times by more than a "
-                           "period",
-                           1e3 * machine.lateness_p99_s, 1e3 * bound_s, machine.late_wake_ups, machine.wake_ups),
-       .why = "the operating system or the hypervisor delays loops, and the run misses deadlines for it",
-       .cure = "ps -eo pid,cls,rtprio,pcpu,args --sort=-pcpu | head  # end what uses the cores, then measure again"});
-}
-
-void judge_open_files(const Facts& facts, Findings& out) {
-  const std::uint64_t needed =
-      std::max(kFilesOfProgram, kFilesOfLauncher + kFilesOfUser * static_cast<std::uint64_t>(facts.needs.users));
-  const Limit& limit = facts.machine.open_files;
-  if (limit.soft >= needed) return;
-  constexpr std::uint64_t kUsual = 1024;
-  const bool within = limit.hard >= kUsual;
-  out.push_back({.what = fmt::format("a process may open {} files; a run needs {}", limit.soft, needed),
-                 .why = "sockets and results cannot be opened, and programs end at their start",
-                 .cure = within ? fmt::format("ulimit -n {}", kUsual)
-                                : raise_limit(facts, "nofile", fmt::format("{0}:{0}", kUsual))});
-}
-
-void judge_processes(const Facts& facts, Findings& out) {
-  const Machine& machine = facts.machine;
-  const auto needed =
-      static_cast<std::uint64_t>(machine.own_threads + kThreadsOfProgram * participants_of(facts.needs.users));
-  const Limit& limit = machine.processes;
-  if (!machine.process_limit_holds || limit.soft >= needed) return;
-  const std::uint64_t wanted = std::max<std::uint64_t>(4096, 2 * needed);
-  out.push_back({.what = fmt::format("this user may have {} threads and has {}; a run needs {} more", limit.soft,
-                                     machine.own_threads, needed - static_cast<std::uint64_t>(machine.own_threads)),
-                 .why = "programs cannot start their threads and end",
-                 .cure = limit.hard >= wanted ? fmt::format("ulimit -u {}", wanted)
-                                              : raise_limit(facts, "nproc", fmt::format("{0}:{0}", wanted))});
+      {.what = fmt::format("a loop without work wakes late: p99 {:.3f} ms > {:.3f} ms, at most {:.3f} ms",
+                           1e3 * machine.lateness_p99_s, 1e3 * kMost_s, 1e3 * machine.lateness_max_s),
+       .why = "the operating system, the hypervisor or a program of higher priority delays loops, and the run misses "
+              "deadlines for it",
+       .cure = fmt::format("ps -eo pid,cls,rtprio,pcpu,args --sort=-pcpu | head  # end what uses the cores, above all "
+                           "with RTPRIO of {} or more, then measure again",
+                           priority::kHaptic)});
 }
 
 void judge_shared_memory(const Facts& facts, Findings& out) {
-  std::vector<std::string> left;
-  for (const LeftFile& file : facts.machine.shared_memory) {
-    if (!file.in_use) left.push_back(file.path);
-  }
+  const std::vector<std::string>& left = facts.machine.shared_memory;
   if (left.empty()) return;
   out.push_back({.what = fmt::format("{} files of ended Fast DDS programs are left in /dev/shm, the first is {}",
                                      left.size(), left.front()),
@@ -152,49 +93,74 @@ void judge_shared_memory(const Facts& facts, Findings& out) {
                  .cure = fmt::format("rm -f -- {}", joined(left, " "))});
 }
 
-void judge_lock_files(const Facts& facts, Findings& out) {
-  std::vector<std::string> left;
-  for (const LeftFile& file : facts.machine.lock_files) {
-    if (!file.can_open && !file.in_use) left.push_back(file.path);
-  }
-  if (left.empty()) return;
-  out.push_back({.what = left.size() == 1 ? fmt::format("{} cannot be opened by this user", left.front())
-                                          : fmt::format("{} lock files cannot be opened by this user, the first is {}",
-                                                        left.size(), left.front()),
-                 .why = "a run takes the domain of such a file for one in use; other users' runs have left them",
-                 .cure = fmt::format("{}rm -rf -- {}", as_root(facts), joined(left, " "))});
-}
-
 void judge_temporary_folder(const Facts& facts, Findings& out) {
-  const Machine& machine = facts.machine;
-  if (machine.temporary_folder_usable) return;
-  const bool given = std::ranges::find(machine.environment, "TMPDIR", &std::pair<std::string, std::string>::first) !=
-                     machine.environment.end();
-  out.push_back(
-      {.what = fmt::format("the temporary folder {} is missing or cannot be written", machine.temporary_folder),
-       .why = "runs lock their domains there, and start without that folder on no domain",
-       .cure = given ? "unset TMPDIR"
-                     : fmt::format("{0}mkdir -p {1} && {0}chmod 1777 {1}", as_root(facts), machine.temporary_folder)});
+  const std::string& folder = facts.machine.bad_temporary_folder;
+  if (folder.empty()) return;
+  out.push_back({.what = fmt::format("the temporary folder {} is missing or cannot be written", folder),
+                 .why = "runs lock their domains there, and start without that folder on no domain",
+                 .cure = variable(facts, "TMPDIR") != nullptr
+                             ? "unset TMPDIR"
+                             : fmt::format("{0}mkdir -p {1} && {0}chmod 1777 {1}", as_root(facts), folder)});
 }
 
-/// A minute of a run with one user at 1 kHz writes about 20 MB.
-constexpr std::uint64_t kLeastFreeBytes = 100'000'000;
-
-void judge_out(const Facts& facts, Findings& out) {
-  const Machine& machine = facts.machine;
-  std::string what;
-  if (!machine.out_is_folder) {
-    what = fmt::format("--out {}: {} is a file", machine.out, machine.out_existing);
-  } else if (!machine.out_writable) {
-    what = fmt::format("--out {}: {} cannot be written by this user", machine.out, machine.out_existing);
-  } else if (machine.out_free_bytes < kLeastFreeBytes) {
-    what = fmt::format("--out {}: {} has {} MB left, a minute with one user takes about 20 MB", machine.out,
-                       machine.out_existing, machine.out_free_bytes / 1'000'000);
+/// One finding for the parts that the same command installs.
+void judge_installation(const Facts& facts, Findings& out) {
+  for (const InstalledPart& part : facts.machine.parts) {
+    if (part.fault.empty()) continue;
+    if (!out.empty() && out.back().cure == part.cure) {
+      out.back().what += "; " + part.fault;
+    } else {
+      out.push_back({.what = part.fault, .why = "a run needs it, and ends at its start", .cure = part.cure});
+    }
   }
-  if (what.empty()) return;
-  Request elsewhere = facts.request;
-  elsewhere.out = machine.temporary_folder + "/subworld-out";
-  out.push_back({.what = what, .why = "the run fails when it writes its results", .cure = command_of(elsewhere)});
+}
+
+/// After "SUBWORLD_".
+constexpr std::array<std::string_view, 16> kVariables{"DDS",
+                                                      "DEVICES",
+                                                      "TOKEN",
+                                                      "DOMAIN",
+                                                      "PLUGIN_DIR",
+                                                      "ENGINES",
+                                                      "ENGINES_ALL",
+                                                      "PLACEMENT",
+                                                      "WORLD_SIM_CORE",
+                                                      "WORLD_SIM_SPIN_S",
+                                                      "HAPTIC_SIM_CORE",
+                                                      "HAPTIC_SIM_SPIN_S",
+                                                      "DEVICE_SIM_CORE",
+                                                      "DEVICE_SIM_SPIN_S",
+                                                      "GUI_HEADLESS_CORE",
+                                                      "GUI_HEADLESS_SPIN_S"};
+
+void judge_variable_names(const Facts& facts, Findings& out) {
+  constexpr std::string_view kPrefix = "SUBWORLD_";
+  for (const auto& [name, value] : facts.machine.environment) {
+    if (!name.starts_with(kPrefix)) continue;
+    const std::string word = name.substr(kPrefix.size());
+    if (std::ranges::find(kVariables, word) != kVariables.end()) continue;
+    const std::string_view near = nearest(word, {kVariables.begin(), kVariables.end()});
+    out.push_back({.what = fmt::format("the environment variable {} is none of Subworld's{}", name,
+                                       near.empty() ? "" : fmt::format("; {}{} is", kPrefix, near)),
+                   .why = "it has no effect, and the default holds",
+                   .cure = near.empty() ? fmt::format("unset {}", name)
+                                        : fmt::format("unset {}; export {}{}='{}'", name, kPrefix, near, value)});
+  }
+}
+
+/// `--qos` wins over the variable.
+void judge_vendor_variables(const Facts& facts, Findings& out) {
+  const Request& request = facts.request;
+  for (const auto& [vendor, name] :
+       {std::pair{"cyclonedds", "CYCLONEDDS_URI"}, std::pair{"fastdds", "FASTRTPS_DEFAULT_PROFILES_FILE"}}) {
+    const std::string* value = variable(facts, name);
+    const bool used = request.network.qos_file.empty() && (request.dds == vendor || request.dds == "mixed");
+    if (value == nullptr || value->empty() || !used) continue;
+    out.push_back({.what = fmt::format("{}={} takes the place of Subworld's settings of the vendor", name, *value),
+                   .why = "interface, peers, buffers and discovery may be those of another system, and differ between "
+                          "shells and hosts",
+                   .cure = fmt::format("unset {}", name)});
+  }
 }
 
 constexpr std::array kMachineChecks{
@@ -203,16 +169,15 @@ constexpr std::array kMachineChecks{
     Check{"realtime_throttling", "the kernel lets real-time loops use at least 90 % of a core", judge_throttling},
     Check{"cores", "this shell may use at least two of the cores", judge_cores},
     Check{"governor", "the frequency governor is not a saving one", judge_governor},
-    Check{"rivals",
-          "no other program with a higher real-time priority, or a busy one with an equal one, uses the cores",
-          judge_rivals},
     Check{"lateness", "bare loops at 1 kHz wake at most half a period late (p99)", judge_lateness},
-    Check{"open_files", "`ulimit -n` is large enough for the users of the scene", judge_open_files},
-    Check{"processes", "`ulimit -u` is large enough for the users of the scene", judge_processes},
     Check{"shared_memory", "no files of ended Fast DDS programs are in /dev/shm", judge_shared_memory},
-    Check{"lock_files", "the lock files of domains can be opened", judge_lock_files},
     Check{"temporary_folder", "the temporary folder exists and can be written", judge_temporary_folder},
-    Check{"results_folder", "the folder of --out can be written and has 100 MB left", judge_out}};
+    Check{"installation",
+          "the programs beside `subworld` are of its version, and the DDS vendor and the engines of the scene can be "
+          "loaded",
+          judge_installation},
+    Check{"variable_names", "each variable `SUBWORLD_...` is one of Subworld's", judge_variable_names},
+    Check{"vendor_variables", "no variable of the DDS vendor replaces Subworld's settings", judge_vendor_variables}};
 
 }  // namespace
 

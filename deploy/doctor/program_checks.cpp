@@ -1,5 +1,4 @@
 #include "doctor/checks.hpp"
-#include "io/version.hpp"
 #include "model/joined.hpp"
 #include "model/settings.hpp"
 #include "wire/session.hpp"
@@ -9,14 +8,11 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
-#include <set>
 #include <string_view>
 
 namespace subworld::doctor {
 
 namespace {
-
-using Findings = std::vector<Finding>;
 
 /// Programs of this machine on the domain that is examined.
 std::vector<RunningProgram> programs_here(const Facts& facts) {
@@ -88,17 +84,6 @@ void judge_replaced(const Facts& facts, Findings& out) {
                                        one.pid, one.file),
                    .why = "programs that start now are of another build, and may not understand its messages",
                    .cure = fmt::format("kill {}  # and start it anew", one.pid)});
-  }
-}
-
-void judge_versions(const Facts& facts, Findings& out) {
-  for (const RunningProgram& one : programs_here(facts)) {
-    const auto found = std::ranges::find(facts.domain.versions, one.pid, &std::pair<pid_t, std::string>::first);
-    if (found == facts.domain.versions.end() || found->second.ends_with(version_text())) continue;
-    out.push_back({.what = fmt::format("{} (process {}) from {} is \"{}\"; this is {}", label_of(one), one.pid,
-                                       one.file, found->second, version_text()),
-                   .why = "programs of different versions may not understand each other's messages",
-                   .cure = fmt::format("kill {}  # and start all programs of one version", one.pid)});
   }
 }
 
@@ -211,27 +196,6 @@ const Status* status_of(const Facts& facts, const std::string& label) {
   return found == facts.domain.statuses.end() ? nullptr : &*found;
 }
 
-/// Where interfaces differ between the programs, that is the cause.
-void judge_unheard(const Facts& facts, Findings& out) {
-  constexpr double kStarting_s = 5.0;  // a program publishes its first status after loading the vendor
-  const std::vector<RunningProgram> here = programs_here(facts);
-  const auto unheard = std::ranges::find_if(here, [&](const RunningProgram& one) {
-    return !one.suspended && one.age_s > kStarting_s && status_of(facts, label_of(one)) == nullptr;
-  });
-  const std::string mine = interface_of(facts, facts.request.network.interface_address);
-  if (unheard == here.end() || !facts.domain.opened) return;
-  if (interface_of(facts, unheard->network.interface_address) == mine) return;
-  Request request = facts.request;
-  request.domain = facts.domain.number;
-  request.network.interface_address = unheard->network.interface_address;
-  request.network.peers = unheard->network.peers;
-  out.push_back(
-      {.what = fmt::format("{} (process {}) runs on the interface {}, and this check on {}", label_of(*unheard),
-                           unheard->pid, interface_of(facts, unheard->network.interface_address), mine),
-       .why = "the domain cannot be examined from here",
-       .cure = command_of(request)});
-}
-
 /// Programs of the run that are neither received nor running here.
 std::vector<std::pair<std::string, int>> missing_programs(const Facts& facts, const std::vector<RunningProgram>& here) {
   std::vector<std::pair<std::string, int>> missing;
@@ -289,13 +253,11 @@ void judge_qos(const Facts& facts, Findings& out) {
 constexpr std::array kProgramChecks{
     Check{"suspended", "no program of Subworld is suspended", judge_suspended},
     Check{"replaced", "no program of the domain runs from a file that was replaced since", judge_replaced},
-    Check{"versions", "programs of the domain from other folders are of this version (this machine)", judge_versions},
     Check{"worlds", "the domain has one world", judge_worlds},
     Check{"strayed", "no program waits on a domain without a world while a world is on another", judge_strayed},
     Check{"flags", "all programs of the domain have the flags of its world (this machine)", judge_flags},
     Check{"interfaces", "all programs of the domain are on the interface of its world (this machine)",
           judge_interfaces},
-    Check{"unheard", "the programs of the domain are received through this --interface", judge_unheard},
     Check{"first_samples", "a world that waits has a haptic_sim and a device_sim for each user", judge_first_samples},
     Check{"incompatible_qos", "no program has matched endpoints of incompatible quality of service", judge_qos}};
 

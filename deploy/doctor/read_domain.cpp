@@ -1,21 +1,14 @@
 #include "doctor/facts.hpp"
-#include "io/version.hpp"
+#include "io/options.hpp"
 #include "model/error.hpp"
-#include "tools.hpp"
 #include "wire/bus.hpp"
-
-#include <fmt/core.h>
-#include <sys/stat.h>
-#include <unistd.h>
+#include "wire/session.hpp"
 
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cstdio>
 #include <cstdlib>
-#include <filesystem>
-#include <memory>
-#include <thread>
+#include <future>
 
 namespace subworld::doctor {
 
@@ -26,13 +19,9 @@ constexpr std::chrono::milliseconds kListen{1300};
 
 /// The newest status of each program.
 void keep_newest(std::vector<Status>& statuses, const Status& heard) {
-  const auto same = std::ranges::find_if(
-      statuses, [&](const Status& one) { return one.program == heard.program && one.instance == heard.instance; });
-  if (same == statuses.end()) {
-    statuses.push_back(heard);
-  } else {
-    *same = heard;
-  }
+  std::erase_if(statuses,
+                [&](const Status& one) { return one.program == heard.program && one.instance == heard.instance; });
+  statuses.push_back(heard);
 }
 
 /// Joins the domain for a while. Its readers have the quality of real time, which matches programs of both modes.
@@ -59,30 +48,7 @@ void listen(const Request& request, int number, Domain& domain) {
       domain.worlds = std::max(domain.worlds, scenes.alive_writers());
     }
   } catch (const Error& wrong) {
-    domain.opened = false;
     domain.fault = wrong.what();
-  }
-}
-
-/// Whether a program may be called: another user's could do anything with this user's rights.
-bool is_trusted(const std::string& file) {
-  struct stat owner {};
-  return file.find('\'') == std::string::npos && stat(file.c_str(), &owner) == 0 &&
-         (owner.st_uid == geteuid() || owner.st_uid == 0);
-}
-
-/// Versions of the programs that were started from another folder than this one.
-void read_versions(Domain& domain) {
-  for (const RunningProgram& one : domain.programs) {
-    if (one.file.empty() || one.file_replaced) continue;
-    if (std::filesystem::path(one.file).parent_path() == program_folder() || !is_trusted(one.file)) continue;
-    const std::unique_ptr<std::FILE, decltype([](std::FILE* pipe) { pclose(pipe); })> pipe(
-        popen(fmt::format("'{}' --version 2>&1", one.file).c_str(), "re"));
-    std::array<char, 256> line{};
-    if (!pipe || std::fgets(line.data(), line.size(), pipe.get()) == nullptr) continue;
-    std::string version = line.data();
-    while (version.ends_with('\n')) version.pop_back();
-    domain.versions.emplace_back(one.pid, version);
   }
 }
 
@@ -104,35 +70,70 @@ void read_ports(int number, Domain& domain) {
   }
 }
 
-/// Domains for another run: those that `subworld run` would choose.
-std::vector<int> find_free_domains(const Domain& domain) {
+/// The domain that `subworld run` would choose; 0: none is free.
+int find_free_domain(const Domain& domain) {
   const std::vector<ClaimedDomain> claimed = claimed_domains();
   const auto ports = bound_udp_ports();
   const char* ros = std::getenv("ROS_DOMAIN_ID");
-  std::vector<int> free;
-  for (int number = 100; number >= 60 && free.size() < 3; --number) {
+  for (int number = 100; number >= 60; --number) {
     const bool taken = std::ranges::find(claimed, number, &ClaimedDomain::domain) != claimed.end() ||
                        std::ranges::find(domain.programs, number, &RunningProgram::domain) != domain.programs.end() ||
                        (ros != nullptr && std::to_string(number) == ros) ||
                        std::ranges::any_of(ports, [&](const auto& one) {
                          return one.first >= first_port(number) && one.first < first_port(number) + kPortsOfDomain;
                        });
-    if (!taken && domain.number != number) free.push_back(number);
+    if (!taken && domain.number != number) return number;
   }
-  return free;
+  return 0;
+}
+
+void read_domain(const Request& request, const NetworkFacts& network, Domain& domain) {
+  domain.number = request.domain;
+  domain.free_domain = find_free_domain(domain);
+  if (domain.number) read_ports(*domain.number, domain);
+  // A name that does not resolve has its own finding, and would block.
+  if (std::ranges::any_of(network.peers, [](const Peer& one) { return one.address.empty(); })) return;
+  listen(request, domain.number.value_or(domain.free_domain), domain);
+}
+
+Needs needs_of(const Request& request) {
+  if (request.scene.empty()) return {};
+  Options options;
+  options.scene = request.scene;
+  const Settings settings = load_scene(options).settings;
+  return {.users = settings.users,
+          .realtime = settings.mode == Mode::realtime,
+          .engines = {settings.world.name, settings.haptic.name}};
+}
+
+/// The domain, interface and peers that are not given are those of a program on this machine.
+void adopt_run(const std::vector<RunningProgram>& programs, Request& request) {
+  const auto model = std::ranges::find_if(
+      programs, [&](const RunningProgram& one) { return one.domain == request.domain.value_or(one.domain); });
+  if (model == programs.end()) return;
+  request.domain = model->domain;
+  if (!request.network.interface_address.empty() || !request.network.peers.empty()) return;
+  request.network.interface_address = model->network.interface_address;
+  request.network.peers = model->network.peers;
 }
 
 }  // namespace
 
-void read_domain(const Request& request, const NetworkFacts& network, Domain& domain) {
-  domain.number = request.domain;
-  domain.free_domains = find_free_domains(domain);
-  read_versions(domain);
-  if (domain.number) read_ports(*domain.number, domain);
-  // A name that does not resolve has its own finding, and would block.
-  if (std::ranges::any_of(network.peers, [](const Peer& one) { return one.address.empty(); })) return;
-  const int number = domain.number ? *domain.number : domain.free_domains.empty() ? 0 : domain.free_domains.front();
-  listen(request, number, domain);
+Facts read_facts(const Request& request) {
+  Facts facts{.request = request, .needs = needs_of(request)};
+  facts.domain.programs = running_programs();
+  adopt_run(facts.domain.programs, facts.request);
+  // The calibration locks memory: the threads of the middleware start after it.
+  read_machine(facts.request, facts.needs, facts.machine);
+  read_network(facts.request, facts.network);
+  constexpr int kFirstChosen = 100;
+  NetworkFacts probed = facts.network;
+  auto probes = std::async(std::launch::async,
+                           [&] { probe_peers(facts.request, facts.request.domain.value_or(kFirstChosen), probed); });
+  read_domain(facts.request, facts.network, facts.domain);
+  probes.get();
+  facts.network = std::move(probed);
+  return facts;
 }
 
 }  // namespace subworld::doctor

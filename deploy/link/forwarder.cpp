@@ -45,19 +45,6 @@ constexpr auto kLater = [](const auto& a, const auto& b) {
 
 }  // namespace
 
-void LinkCounters::add(const LinkCounters& other) noexcept {
-  packets += other.packets;
-  bytes += other.bytes;
-  delivered += other.delivered;
-  lost += other.lost;
-  in_outage += other.in_outage;
-  queue_full += other.queue_full;
-  duplicated += other.duplicated;
-  refused += other.refused;
-  delay.add(other.delay);
-  lateness.add(other.lateness);
-}
-
 Forwarder::Forwarder(std::vector<Host> hosts, const std::vector<LinkSettings>& links, int mtu, std::uint64_t seed)
     : hosts_(std::move(hosts)), counters_(links.size()), mtu_(mtu) {
   std::size_t all = 0, largest = 0;
@@ -86,78 +73,48 @@ Forwarder::Forwarder(std::vector<Host> hosts, const std::vector<LinkSettings>& l
 }
 
 Forwarder::~Forwarder() {
-  {
-    const std::lock_guard lock(mutex_);
-    request_.stop = true;
-    requested_ = true;
-  }
-  wake();
+  in_thread([&] { stop_ = true; });
   thread_.join();
   close(wake_);
 }
 
-void Forwarder::wake() noexcept {
+void Forwarder::in_thread(const std::function<void()>& act) {
+  act_ = &act;
   const std::uint64_t one = 1;
   [[maybe_unused]] const auto written = write(wake_, &one, sizeof one);
+  acted_.acquire();
 }
 
 void Forwarder::set(LinkEnds ends, const LinkSettings& settings) {
-  {
-    const std::lock_guard lock(mutex_);
-    request_.settings.emplace_back(index(ends), settings);
-    requested_ = true;
-  }
-  ask({}, nullptr);  // returns when it is in force
+  in_thread([&] { links_[index(ends)].set(settings); });
 }
 
-LinkCounters Forwarder::counters(LinkEnds ends) { return ask(index(ends), nullptr); }
+LinkCounters Forwarder::counters(LinkEnds ends) {
+  LinkCounters found;
+  in_thread([&] { found = counters_[index(ends)]; });
+  return found;
+}
 
 double Forwarder::cpu_s() {
-  double cpu_s = 0.0;
-  ask({}, &cpu_s);
-  return cpu_s;
-}
-
-LinkCounters Forwarder::ask(std::optional<std::size_t> counters_of, double* cpu_s) {
-  std::unique_lock lock(mutex_);
-  request_.counters_of = counters_of;
-  request_.answered = false;
-  requested_ = true;
-  wake();
-  answered_.wait(lock, [&] { return request_.answered; });
-  if (cpu_s != nullptr) *cpu_s = request_.cpu_s;
-  return request_.answer;
+  timespec used{};
+  in_thread([&] { clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used); });
+  return static_cast<double>(used.tv_sec) + 1e-9 * static_cast<double>(used.tv_nsec);
 }
 
 std::int64_t Forwarder::now_ns() const noexcept { return to_ns(Clock::now()) - start_ns_; }
 
 void Forwarder::run() {
   prctl(PR_SET_TIMERSLACK, 1UL);
-  while (true) {
-    if (requested_.load(std::memory_order_acquire) && !serve_requests()) return;
+  while (!stop_) {
+    if (const std::function<void()>* act = act_.exchange(nullptr)) {
+      (*act)();
+      acted_.release();
+    }
     send_due();
     bool read = false;
     for (std::size_t host = 0; host < hosts_.size(); ++host) read = receive(host) || read;
     if (!read) wait();
   }
-}
-
-/// False where the thread is to end. Where the other side holds the lock, the next turn serves it.
-bool Forwarder::serve_requests() {
-  const std::unique_lock lock(mutex_, std::try_to_lock);
-  if (!lock.owns_lock()) return true;
-  requested_.store(false, std::memory_order_relaxed);
-  for (const auto& [link, settings] : request_.settings) links_[link].set(settings);
-  request_.settings.clear();
-  if (!request_.answered) {
-    if (request_.counters_of) request_.answer = counters_[*request_.counters_of];
-    timespec used{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used);
-    request_.cpu_s = static_cast<double>(used.tv_sec) + 1e-9 * static_cast<double>(used.tv_nsec);
-    request_.answered = true;
-    answered_.notify_all();
-  }
-  return !request_.stop;
 }
 
 void Forwarder::release(std::uint32_t slot) noexcept {
@@ -242,7 +199,7 @@ void Forwarder::pass(std::size_t link, std::uint32_t slot, int bytes, std::int64
   }
 }
 
-/// Sleeps until a packet arrives, a request is made or the next packet is due.
+/// Sleeps until a packet arrives, another thread asks for something or the next packet is due.
 void Forwarder::wait() {
   std::array<pollfd, kMostHosts + 1> polled;
   for (std::size_t i = 0; i < hosts_.size(); ++i) polled[i] = {hosts_[i].tun, POLLIN, 0};
@@ -252,9 +209,6 @@ void Forwarder::wait() {
     const std::int64_t ns = std::clamp<std::int64_t>(waiting_.front().departure_ns - now_ns(), 0, 1'000'000'000);
     left = {static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
   }
-  // A request whose sender still holds the lock: soon again.
-  if (requested_.load(std::memory_order_acquire))
-    left = {0, std::min(left.tv_sec > 0 ? 100'000L : left.tv_nsec, 100'000L)};
   ppoll(polled.data(), hosts_.size() + 1, &left, nullptr);
   if ((polled[hosts_.size()].revents & POLLIN) != 0) {
     std::uint64_t count = 0;

@@ -4,10 +4,9 @@
 #include "rt/histogram.hpp"
 
 #include <atomic>
-#include <condition_variable>
 #include <cstdint>
-#include <mutex>
-#include <optional>
+#include <functional>
+#include <semaphore>
 #include <string>
 #include <thread>
 #include <vector>
@@ -26,8 +25,6 @@ struct LinkCounters {
   std::uint64_t refused = 0;  ///< that the receiver's kernel did not take
   Histogram delay = {};       ///< from when the forwarder read a packet until the receiver's kernel had it
   Histogram lateness = {};    ///< of that against the requested departure
-
-  void add(const LinkCounters& other) noexcept;
 };
 
 /// A sending host and a receiving host, numbered from 0.
@@ -69,27 +66,17 @@ class Forwarder {
     std::uint32_t slot;
     std::uint32_t link;
   };
-  struct Request {
-    std::vector<std::pair<std::size_t, LinkSettings>> settings;
-    std::optional<std::size_t> counters_of;
-    LinkCounters answer;
-    double cpu_s = 0.0;
-    bool answered = true;
-    bool stop = false;
-  };
-
   void run();
   void send_due();
   bool receive(std::size_t host);
   void route(std::size_t host, std::uint32_t slot, int bytes, std::int64_t now_ns);
   void pass(std::size_t link, std::uint32_t slot, int bytes, std::int64_t now_ns);
   void wait();
-  bool serve_requests();
   void release(std::uint32_t slot) noexcept;
   [[nodiscard]] std::int64_t now_ns() const noexcept;
   [[nodiscard]] std::size_t index(LinkEnds ends) const noexcept { return ends.from * hosts_.size() + ends.to; }
-  LinkCounters ask(std::optional<std::size_t> counters_of, double* cpu_s);
-  void wake() noexcept;
+  /// Calls `act` in the thread, between two packets, and returns when that is done.
+  void in_thread(const std::function<void()>& act);
 
   std::vector<Host> hosts_;
   std::vector<LinkModel> links_;
@@ -103,10 +90,9 @@ class Forwarder {
   std::uint64_t arrivals_ = 0;
   std::int64_t start_ns_ = 0;
   int wake_ = -1;  ///< eventfd
-  std::mutex mutex_;
-  std::condition_variable answered_;
-  std::atomic<bool> requested_{false};
-  Request request_;
+  std::atomic<const std::function<void()>*> act_{nullptr};
+  std::binary_semaphore acted_{0};
+  bool stop_ = false;
   std::string scheduling_;
   std::thread thread_;
 };

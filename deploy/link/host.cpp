@@ -63,11 +63,12 @@ void bring_up(int socket, const std::string& device) {
   if (ioctl(socket, SIOCSIFFLAGS, &request) < 0) fail("start of " + device, "");
 }
 
-void set_address(ifreq& request, const std::string& address) {
-  sockaddr_in in{};
-  in.sin_family = AF_INET;
-  inet_pton(AF_INET, address.c_str(), &in.sin_addr);
-  std::memcpy(&request.ifr_addr, &in, sizeof in);
+/// Sets one thing of a device; `fill` puts it into the request.
+template <class Fill>
+void configure(int socket, const std::string& device, unsigned long code, const std::string& what, Fill fill) {
+  ifreq request = request_for(device);
+  fill(request);
+  if (ioctl(socket, code, &request) < 0) fail(what + " of " + device, "");
 }
 
 /// The programs use IPv4; without this the kernel would announce itself over the link.
@@ -101,11 +102,6 @@ void in_thread(const std::function<void()>& act) {
   if (thrown) std::rethrow_exception(thrown);
 }
 
-/// In a child: default signals, for a program that is to end as usual.
-void reset_signals() noexcept {
-  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGALRM}) std::signal(number, SIG_DFL);
-}
-
 }  // namespace
 
 NetworkHost::NetworkHost(std::string name) : name_(std::move(name)) {
@@ -137,7 +133,7 @@ pid_t NetworkHost::start(const std::string& command) const {
   if (child > 0) return child;
   setpgid(0, 0);
   prctl(PR_SET_PDEATHSIG, SIGTERM);
-  reset_signals();
+  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGALRM}) std::signal(number, SIG_DFL);
   const int nothing = open("/dev/null", O_RDONLY);
   if (getppid() != parent || nothing < 0 || dup2(nothing, STDIN_FILENO) < 0 || !enter()) _exit(126);
   execl("/bin/sh", "sh", "-c", command.c_str(), static_cast<char*>(nullptr));
@@ -152,51 +148,20 @@ int open_tun(const std::string& device, const std::string& address, int mtu) {
   request.ifr_flags = IFF_TUN | IFF_NO_PI;
   if (ioctl(tun.get(), TUNSETIFF, &request) < 0) fail("cannot make the device " + device, "run as root");
   const Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  request = request_for(device);
-  request.ifr_mtu = mtu;
-  if (ioctl(socket.get(), SIOCSIFMTU, &request) < 0) fail(fmt::format("MTU {} of {}", mtu, device), "");
+  configure(socket.get(), device, SIOCSIFMTU, "MTU", [&](ifreq& one) { one.ifr_mtu = mtu; });
   request = request_for(device);
   request.ifr_qlen = kTunQueue;
   ioctl(socket.get(), SIOCSIFTXQLEN, &request);  // not in a user namespace: 500 packets
-  request = request_for(device);
-  set_address(request, address);
-  if (ioctl(socket.get(), SIOCSIFADDR, &request) < 0) fail("address " + address, "");
-  set_address(request, "255.255.255.0");
-  if (ioctl(socket.get(), SIOCSIFNETMASK, &request) < 0) fail("net mask of " + device, "");
+  const auto set_address = [&](unsigned long code, const std::string& what, const std::string& text) {
+    sockaddr_in in{};
+    in.sin_family = AF_INET;
+    inet_pton(AF_INET, text.c_str(), &in.sin_addr);
+    configure(socket.get(), device, code, what, [&](ifreq& one) { std::memcpy(&one.ifr_addr, &in, sizeof in); });
+  };
+  set_address(SIOCSIFADDR, "address", address);
+  set_address(SIOCSIFNETMASK, "net mask", "255.255.255.0");
   bring_up(socket.get(), device);
   return tun.release();
-}
-
-Finished run_program(const std::vector<std::string>& words, const NetworkHost* host) {
-  int ends[2];
-  if (pipe2(ends, O_CLOEXEC) != 0) fail("pipe", "");
-  const Descriptor output(ends[0]);
-  Descriptor input(ends[1]);
-  std::vector<char*> arguments;
-  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
-  const pid_t child = fork();
-  if (child < 0) fail("cannot start " + words.front(), "");
-  if (child == 0) {
-    reset_signals();
-    if ((host != nullptr && !host->enter()) || dup2(input.get(), STDOUT_FILENO) < 0 ||
-        dup2(input.get(), STDERR_FILENO) < 0)
-      _exit(126);
-    execvp(arguments.front(), arguments.data());
-    _exit(127);
-  }
-  close(input.release());
-  Finished finished;
-  char buffer[4096];
-  for (ssize_t size = 0; (size = read(output.get(), buffer, sizeof buffer)) != 0;) {
-    if (size > 0) finished.text.append(buffer, static_cast<std::size_t>(size));
-    if (size < 0 && errno != EINTR) break;
-  }
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
-  finished.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  return finished;
 }
 
 }  // namespace subworld

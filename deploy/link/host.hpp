@@ -39,11 +39,4 @@ class NetworkHost {
 /// starts it. The device exists while its descriptor is open. Throws `Error` (failed), with the cure.
 [[nodiscard]] int open_tun(const std::string& device, const std::string& address, int mtu);
 
-/// Runs a program, in a host's namespace or (null) in this one. Returns its exit code with all that it printed.
-struct Finished {
-  int code = -1;
-  std::string text;
-};
-[[nodiscard]] Finished run_program(const std::vector<std::string>& words, const NetworkHost* host);
-
 }  // namespace subworld

@@ -8,9 +8,6 @@
 
 namespace subworld {
 
-/// t of a jitter's shape at the probability u in 0 .. 1 (the inverse of its distribution function).
-[[nodiscard]] double jitter_quantile(JitterShape shape, double u) noexcept;
-
 /// Why a link drops a packet.
 enum class LinkDrop : std::uint8_t { none, loss, outage, queue };
 
@@ -24,8 +21,7 @@ struct PacketFate {
 /// One direction of a link, without sockets and clocks: the same seed and arrivals give the same fates. It follows
 /// `tc netem` (Hemminger 2005; Salsano, Ludovici, Ordine 2009):
 ///   * order: each packet has a delay of its own, so jitter lets packets overtake each other. With a rate, packets
-///   leave
-///     in the order of their arrival: departure = max(arrival + delay, last departure) + size / rate;
+///     leave in the order of their arrival: departure = max(arrival + delay, last departure) + size / rate;
 ///   * reordering: a packet that `reorder` chooses leaves at once;
 ///   * queue: `limit` counts the packets that have not left yet, delayed ones too;
 ///   * duplication: a duplicated packet that is lost is delivered once.
@@ -40,13 +36,11 @@ class LinkModel {
   void leave() noexcept { --waiting_; }
   /// Changes the settings; packets on their way keep their departures.
   void set(const LinkSettings& settings) noexcept { settings_ = settings; }
-  [[nodiscard]] const LinkSettings& settings() const noexcept { return settings_; }
-  [[nodiscard]] int waiting() const noexcept { return waiting_; }
 
  private:
   [[nodiscard]] double draw() noexcept { return static_cast<double>(random_() >> 11) * 0x1p-53; }
   [[nodiscard]] bool is_lost(double turn, double loss) noexcept;
-  [[nodiscard]] std::int64_t departure(std::int64_t now_ns, int bytes, double u) noexcept;
+  [[nodiscard]] std::int64_t departure(std::int64_t now_ns, int bytes, double t) noexcept;
 
   LinkSettings settings_;
   std::mt19937_64 random_;

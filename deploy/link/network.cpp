@@ -6,48 +6,12 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
-#include <algorithm>
-
 namespace subworld {
 
-namespace {
-
-/// TUN devices of the hosts and their forwarder.
-class TunCarrier : public LinkCarrier {
- public:
-  TunCarrier(const std::deque<NetworkHost>& hosts, const std::vector<std::string>& addresses,
-             const std::vector<LinkSettings>& links, const EmulatedNetworkSettings& settings) {
-    std::vector<Forwarder::Host> ends;
-    for (std::size_t i = 0; i < hosts.size(); ++i) {
-      hosts[i].inside([&] { tuns_.push_back(open_tun(EmulatedNetwork::kInterface, addresses[i], settings.mtu)); });
-      in_addr address{};
-      inet_pton(AF_INET, addresses[i].c_str(), &address);
-      ends.push_back({tuns_.back(), ntohl(address.s_addr)});
-    }
-    forwarder_ = std::make_unique<Forwarder>(ends, links, settings.mtu, settings.seed);
-  }
-  ~TunCarrier() override {
-    forwarder_.reset();
-    for (const int tun : tuns_) close(tun);
-  }
-  TunCarrier(const TunCarrier&) = delete;
-  TunCarrier& operator=(const TunCarrier&) = delete;
-
-  void set(LinkEnds ends, const LinkSettings& settings) override { forwarder_->set(ends, settings); }
-  LinkCounters counters(LinkEnds ends) override { return forwarder_->counters(ends); }
-  double cpu_s() override { return forwarder_->cpu_s(); }
-  std::string description() const override { return fmt::format("tun ({})", forwarder_->scheduling()); }
-
- private:
-  std::vector<int> tuns_;
-  std::unique_ptr<Forwarder> forwarder_;
-};
-
-}  // namespace
-
-EmulatedNetwork::EmulatedNetwork(EmulatedNetworkSettings settings) : settings_(std::move(settings)) {}
-
-EmulatedNetwork::~EmulatedNetwork() = default;
+EmulatedNetwork::~EmulatedNetwork() {
+  forwarder_.reset();
+  for (const int tun : tuns_) close(tun);
+}
 
 int EmulatedNetwork::add_host(const std::string& name) {
   if (hosts() == kMostHosts)
@@ -56,43 +20,37 @@ int EmulatedNetwork::add_host(const std::string& name) {
   return hosts() - 1;
 }
 
-std::string EmulatedNetwork::address(int host) const { return fmt::format("{}.{}", settings_.subnet, host + 1); }
+std::string EmulatedNetwork::address(int host) const { return fmt::format("10.9.0.{}", host + 1); }
+
+LinkSettings EmulatedNetwork::link(LinkEnds ends) const {
+  const auto chosen = chosen_.find({ends.from, ends.to});
+  return chosen == chosen_.end() ? default_ : chosen->second;
+}
 
 void EmulatedNetwork::set_link(LinkEnds ends, const LinkSettings& settings) {
-  if (!carrier_) return void(chosen_.emplace_back(ends, settings));
-  carrier_->set(ends, settings);
-  links_[index(ends)] = settings;
+  chosen_[{ends.from, ends.to}] = settings;
+  if (forwarder_) forwarder_->set(ends, settings);
 }
 
 void EmulatedNetwork::set_links(const LinkSettings& settings) {
   default_ = settings;
   chosen_.clear();
-  if (!carrier_) return;
-  for (int from = 0; from < hosts(); ++from) {
-    for (int to = 0; to < hosts(); ++to) {
-      if (from != to) set_link({from, to}, settings);
-    }
-  }
+  for (int link = 0; forwarder_ && link < hosts() * hosts(); ++link)
+    forwarder_->set({link / hosts(), link % hosts()}, settings);
 }
 
 void EmulatedNetwork::start() {
-  links_.assign(hosts_.size() * hosts_.size(), default_);
-  for (const auto& [ends, settings] : chosen_) links_[index(ends)] = settings;
-  std::vector<std::string> addresses;
-  for (int i = 0; i < hosts(); ++i) addresses.push_back(address(i));
-  const bool has_outage = std::ranges::any_of(links_, [](const LinkSettings& link) { return link.outage.for_s > 0.0; });
-  const bool asked = settings_.backend == LinkBackend::netem;
-  if (asked && hosts() != 2)
-    throw Error(ExitCode::usage, fmt::format("link: netem connects two hosts, not {}; use --backend tun", hosts()));
-  if (asked || (settings_.backend == LinkBackend::automatic && hosts() == 2 && !has_outage)) {
-    try {
-      carrier_ = netem_carrier(hosts_[0], hosts_[1], addresses, links_, settings_.mtu);
-      return;
-    } catch (const Error&) {
-      if (asked) throw;
-    }
+  constexpr int kMtu = 1500;
+  std::vector<Forwarder::Host> ends;
+  std::vector<LinkSettings> links;
+  for (int i = 0; i < hosts(); ++i) {
+    hosts_[i].inside([&] { tuns_.push_back(open_tun(kInterface, address(i), kMtu)); });
+    in_addr ip{};
+    inet_pton(AF_INET, address(i).c_str(), &ip);
+    ends.push_back({tuns_.back(), ntohl(ip.s_addr)});
+    for (int to = 0; to < hosts(); ++to) links.push_back(link({i, to}));
   }
-  carrier_ = std::make_unique<TunCarrier>(hosts_, addresses, links_, settings_);
+  forwarder_ = std::make_unique<Forwarder>(ends, links, kMtu, seed_);
 }
 
 }  // namespace subworld

@@ -6,37 +6,13 @@
 
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace subworld {
-
-/// What carries the packets of an emulated network.
-enum class LinkBackend : std::uint8_t {
-  automatic,  ///< netem where the kernel has it and it can do what the links ask for, else the TUN forwarder
-  netem,      ///< two hosts with a virtual cable, and `tc netem` at both ends
-  tun,        ///< a TUN device in each host, and the `Forwarder`
-};
-
-struct EmulatedNetworkSettings {
-  LinkBackend backend = LinkBackend::automatic;
-  int mtu = 1500;          ///< bytes, 576 .. 9000
-  std::uint64_t seed = 1;  ///< of all random draws; netem has its own
-  std::string subnet = "10.9.0";
-};
-
-/// Carries the packets of all links.
-class LinkCarrier {
- public:
-  virtual ~LinkCarrier() = default;
-  virtual void set(LinkEnds ends, const LinkSettings& settings) = 0;
-  [[nodiscard]] virtual LinkCounters counters(LinkEnds ends) = 0;
-  /// CPU time that it has used, s; 0 where the kernel does the work.
-  [[nodiscard]] virtual double cpu_s() = 0;
-  /// "netem", or "tun" with its scheduling.
-  [[nodiscard]] virtual std::string description() const = 0;
-};
 
 /// Hosts on one machine, each a network namespace with one interface `eth0`, and a link for each ordered pair of them.
 ///   EmulatedNetwork network;
@@ -50,7 +26,8 @@ class EmulatedNetwork {
   static constexpr const char* kInterface = "eth0";
   static constexpr int kMostHosts = 254;
 
-  explicit EmulatedNetwork(EmulatedNetworkSettings settings = {});
+  /// `seed` is that of all random draws.
+  explicit EmulatedNetwork(std::uint64_t seed = 1) : seed_(seed) {}
   ~EmulatedNetwork();
   EmulatedNetwork(const EmulatedNetwork&) = delete;
   EmulatedNetwork& operator=(const EmulatedNetwork&) = delete;
@@ -66,29 +43,21 @@ class EmulatedNetwork {
 
   [[nodiscard]] int hosts() const { return static_cast<int>(hosts_.size()); }
   [[nodiscard]] const NetworkHost& host(int number) const { return hosts_[number]; }
-  /// IPv4: the subnet with the number of the host, counted from 1.
+  /// IPv4: 10.9.0.1 for the first host.
   [[nodiscard]] std::string address(int host) const;
-  [[nodiscard]] LinkSettings link(LinkEnds ends) const { return links_.at(index(ends)); }
-  [[nodiscard]] LinkCounters counters(LinkEnds ends) { return carrier_->counters(ends); }
-  [[nodiscard]] double cpu_s() { return carrier_->cpu_s(); }
-  [[nodiscard]] std::string description() const { return carrier_->description(); }
+  [[nodiscard]] LinkSettings link(LinkEnds ends) const;
+  /// What the thread that forwards the packets has counted and used, and its scheduling. After the start.
+  [[nodiscard]] LinkCounters counters(LinkEnds ends) { return forwarder_->counters(ends); }
+  [[nodiscard]] double cpu_s() { return forwarder_->cpu_s(); }
+  [[nodiscard]] std::string scheduling() const { return forwarder_->scheduling(); }
 
  private:
-  [[nodiscard]] std::size_t index(LinkEnds ends) const { return ends.from * hosts_.size() + ends.to; }
-  EmulatedNetworkSettings settings_;
-  LinkSettings default_;
+  std::uint64_t seed_;
   std::deque<NetworkHost> hosts_;
-  std::vector<std::pair<LinkEnds, LinkSettings>> chosen_;  ///< before the start
-  std::vector<LinkSettings> links_;
-  std::unique_ptr<LinkCarrier> carrier_;
+  LinkSettings default_;
+  std::map<std::pair<int, int>, LinkSettings> chosen_;  ///< from, to
+  std::vector<int> tuns_;
+  std::unique_ptr<Forwarder> forwarder_;
 };
-
-/// The options of `tc qdisc ... netem` for these settings. Throws `Error` (usage) for what netem does not have.
-[[nodiscard]] std::vector<std::string> netem_words(const LinkSettings& settings);
-
-/// Connects two hosts with a virtual cable and netem. Throws `Error` (failed) where the kernel has no netem.
-[[nodiscard]] std::unique_ptr<LinkCarrier> netem_carrier(const NetworkHost& a, const NetworkHost& b,
-                                                         const std::vector<std::string>& addresses,
-                                                         const std::vector<LinkSettings>& links, int mtu);
 
 }  // namespace subworld

@@ -23,12 +23,9 @@ struct LossModel {
 
   /// Share of the packets that meet the bad state: p / (p + r).
   [[nodiscard]] double bad_ratio() const noexcept { return p > 0.0 ? p / (p + r) : 0.0; }
-  [[nodiscard]] double loss_ratio() const noexcept;
-  /// Mean number of packets that are lost in a row; 0 without losses, infinite where all are lost.
-  [[nodiscard]] double burst_mean() const noexcept;
-  /// Standard deviation of the ratio of losses among `packets`: that of a binomial distribution, widened by the
-  /// correlation that the bad state causes.
-  [[nodiscard]] double deviation(double packets) const noexcept;
+  [[nodiscard]] double loss_ratio() const noexcept {
+    return bad_ratio() * loss_in_bad + (1.0 - bad_ratio()) * loss_in_good;
+  }
   bool operator==(const LossModel&) const = default;
 };
 

@@ -20,7 +20,7 @@ Command Host::command(const RunProgram& program, std::vector<std::string> flags,
 }
 
 std::unique_ptr<EmulatedNetwork> make_namespaces(Session& session, const RunRequest& request, std::string& link) {
-  auto network = std::make_unique<EmulatedNetwork>(EmulatedNetworkSettings{.seed = request.seed});
+  auto network = std::make_unique<EmulatedNetwork>(request.seed);
   for (const SessionHost& host : session.hosts) network->add_host(host.name);
   const LinkSettings wanted = parse_link(request.link.empty() ? session.link : request.link);
   network->set_links(wanted);
@@ -30,8 +30,8 @@ std::unique_ptr<EmulatedNetwork> make_namespaces(Session& session, const RunRequ
     session.hosts[i].network_interface = EmulatedNetwork::kInterface;
   }
   link = to_text(wanted);
-  fmt::print("subworld: {} network namespaces; link between any two, each way: {}; {}\n", session.hosts.size(), link,
-             network->description());
+  fmt::print("subworld: {} network namespaces; link between any two, each way: {}; forwarded with {}\n",
+             session.hosts.size(), link, network->scheduling());
   fmt::print(
       "subworld: to control it, from another terminal: nsenter --net={} subworld control pause --domain {} "
       "--interface {}\n",

@@ -103,7 +103,6 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
       if (std::ranges::find(words, "--trace") != words.end())
         set_flag(words, "--trace", folder_.path() + "/trace.json");
     } else if (command == "link") {
-      std::erase(words, "--validate");
       set_flag(words, "--duration", "0.1");
     } else if (command != "plan") {
       words.emplace_back("--help");

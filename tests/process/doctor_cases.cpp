@@ -30,11 +30,6 @@ start() {
 }
 )shell";
 
-/// Rights that a user without any privilege may have, and which the cases of that user are not about.
-constexpr const char* kUser =
-    "setpriv --reuid 12345 --regid 12345 --clear-groups --inh-caps=-all,+sys_nice,+ipc_lock "
-    "--ambient-caps=-all,+sys_nice,+ipc_lock";
-
 std::string on_two_hosts(const std::string& more = "") {
   return "--domain 70 --interface eth0 --peers 10.77.0.2" + more;
 }
@@ -44,41 +39,30 @@ std::vector<Misconfiguration> of_the_machine() {
       {"NoRealtimeRights", "realtime_rights", "", "", "setpriv --bounding-set -sys_nice --inh-caps -sys_nice"},
       {"NoMemoryLock", "memory_lock", "", "", "setpriv --bounding-set -ipc_lock --inh-caps -ipc_lock"},
       {"OneCore", "cores", "", "", "taskset --cpu-list 0"},
-      {"ARivalAboveTheLoops", "rivals",
-       "chrt --fifo 90 bash -c 'while sleep 0.02; do for i in {1..4000}; do :; done; done' &", ""},
-      {"FewOpenFiles", "open_files", "ulimit -Sn 60", ""},
-      {"FewProcesses", "processes", "ulimit -Su 60", "", kUser},
       {"LeftSharedMemory", "shared_memory",
        "touch /dev/shm/fastrtps_1a2b3c4d /dev/shm/fastrtps_1a2b3c4d_el /dev/shm/sem.fastrtps_port7412_mutex; "
        "exec 9> /dev/shm/fastrtps_of_a_living_process; touch /dev/shm/fastrtps_locked; "
        "exec 8> /dev/shm/fastrtps_locked_el; flock --exclusive 8",
        ""},
-      {"ALockThatCannotBeOpened", "lock_files", "mkdir $TMPDIR/subworld-domain-100.lock", ""},
-      {"NoTemporaryFolder", "temporary_folder", "export TMPDIR=/nowhere", ""},
-      {"AFullDisk", "results_folder", "mkdir $WORK/small; mount -t tmpfs -o size=1m tmpfs $WORK/small",
-       "--out $WORK/small/results"},
-      {"AReadOnlyFolder", "results_folder", "mkdir $WORK/fixed; mount -t tmpfs -o ro tmpfs $WORK/fixed",
-       "--out $WORK/fixed/results"},
-      {"AFileInPlaceOfAFolder", "results_folder", "touch $WORK/file", "--out $WORK/file/results"},
   };
 }
 
 std::vector<Misconfiguration> of_the_environment() {
   return {
-      {"APluginFolderWithoutPlugins", "vendor_plugin", "export SUBWORLD_PLUGIN_DIR=/nowhere", ""},
-      {"AnEngineThatCannotBeLoaded", "engines",
+      {"NoTemporaryFolder", "temporary_folder", "export TMPDIR=/nowhere", ""},
+      {"APluginFolderWithoutPlugins", "installation", "export SUBWORLD_PLUGIN_DIR=/nowhere", ""},
+      {"AnEngineThatCannotBeLoaded", "installation",
        "mkdir $WORK/engines; cp $BROKEN/libsubworld_engine_broken.so $WORK/engines/libsubworld_engine_bullet.so; "
        "export SUBWORLD_ENGINES=$WORK/engines",
        "press"},
       {"AMisspeltVariable", "variable_names", "export SUBWORLD_DOMIAN=70", ""},
-      {"ACoreThatDoesNotExist", "core_variables", "export SUBWORLD_WORLD_SIM_CORE=900", ""},
       {"SettingsOfFastDdsFromElsewhere", "vendor_variables",
        "export FASTRTPS_DEFAULT_PROFILES_FILE=$SOURCE/deploy/qos/fastdds.xml", ""},
       {"SettingsOfCycloneDdsFromElsewhere", "vendor_variables",
        "export CYCLONEDDS_URI=file://$SOURCE/deploy/qos/cyclonedds.xml", "--dds cyclonedds"},
-      {"AQosFileThatIsNotThere", "qos_file", "", "--qos $WORK/none.xml"},
-      {"AQosFileThatFastDdsRefuses", "qos_file", "echo '<dds><profiles>' > $WORK/half.xml", "--qos $WORK/half.xml"},
-      {"AQosFileThatCycloneDdsRefuses", "qos_file", "echo '<CycloneDDS><Domain><Wrong/>' > $WORK/half.xml",
+      {"AQosFileThatIsNotThere", "joining", "", "--qos $WORK/none.xml"},
+      {"AQosFileThatFastDdsRefuses", "joining", "echo '<dds><profiles>' > $WORK/half.xml", "--qos $WORK/half.xml"},
+      {"AQosFileThatCycloneDdsRefuses", "joining", "echo '<CycloneDDS><Domain><Wrong/>' > $WORK/half.xml",
        "--dds cyclonedds --qos $WORK/half.xml"},
       {"TheDomainOfRos", "ros_domain", "export ROS_DOMAIN_ID=70", "--domain 70"},
   };
@@ -86,19 +70,16 @@ std::vector<Misconfiguration> of_the_environment() {
 
 std::vector<Misconfiguration> of_the_network() {
   return {
-      {"LoopbackIsDown", "loopback", "ip link set lo down", ""},
-      {"PeersWithoutInterface", "peers_need_interface", "host_b", "--domain 70 --peers 10.77.0.2"},
-      {"PeersOnLoopback", "peers_need_interface", "host_b", "--domain 70 --interface lo --peers 10.77.0.2"},
-      {"AMisspeltInterface", "interface_exists", "host_b", "--domain 70 --interface eth --peers 10.77.0.2"},
-      {"AnInterfaceThatIsDown", "interface_up", "host_b; ip link set eth0 down", on_two_hosts()},
-      {"ACableThatIsUnplugged", "carrier", "host_b; on_b ip link set eth1 down", on_two_hosts(), "",
-       "on_b ip link set eth1 up; until ip link show eth0 | grep -q LOWER_UP; do sleep 0.02; done"},
-      {"AnInterfaceWithoutAddress", "interface_address", "host_b; ip address flush dev eth0", on_two_hosts()},
-      {"ASmallMtu", "mtu", "host_b; ip link set eth0 mtu 600", on_two_hosts()},
+      {"LoopbackIsDown", "interface", "ip link set lo down", ""},
+      {"PeersWithoutInterface", "interface", "host_b", "--domain 70 --peers 10.77.0.2"},
+      {"PeersOnLoopback", "interface", "host_b", "--domain 70 --interface lo --peers 10.77.0.2"},
+      {"AMisspeltInterface", "interface", "host_b", "--domain 70 --interface eth --peers 10.77.0.2"},
+      {"AnInterfaceThatIsDown", "interface", "host_b; ip link set eth0 down", on_two_hosts()},
+      {"ACableThatIsUnplugged", "interface",
+       "host_b; on_b ip link set eth1 down; until ip link show eth0 | grep -q NO-CARRIER; do sleep 0.02; done",
+       on_two_hosts(), "", "on_b ip link set eth1 up; until ip link show eth0 | grep -q LOWER_UP; do sleep 0.02; done"},
+      {"AnInterfaceWithoutAddress", "interface", "host_b; ip address flush dev eth0", on_two_hosts()},
       {"AMtuThatThePeerLacks", "path_mtu", "host_b; ip link set eth0 mtu 9000", on_two_hosts()},
-      {"AMisspeltPeer", "peer_names",
-       "host_b; echo '10.77.0.2 machine-b' > $WORK/hosts; mount --bind $WORK/hosts /etc/hosts",
-       "--domain 70 --interface eth0 --peers machineb"},
       {"AnUnknownPeer", "peer_names", "host_b", "--domain 70 --interface eth0 --peers unknown.invalid,10.77.0.2"},
       {"ThePeerIsThisHost", "peers_are_others", "host_b", "--domain 70 --interface eth0 --peers 10.77.0.1"},
       {"NoRoute", "route", "host_b; on_b ip address add 10.99.0.2/24 dev eth1; on_b ip route add 10.77.0.1/32 dev eth1",
@@ -152,11 +133,6 @@ std::vector<Misconfiguration> of_a_run() {
        "host_b; " + world +
            "start $BIN/device_sim press --duration 600 --mode realtime --domain 70; "
            "start $BIN/haptic_sim press --duration 600 --mode realtime --domain 70 --interface eth0",
-       "--domain 70"},
-      {"ADoctorOnAnotherInterface", "unheard",
-       "host_b; start $BIN/world_sim press --duration 600 --mode realtime --domain 70 --interface eth0; "
-       "start $BIN/haptic_sim press --duration 600 --mode realtime --domain 70 --interface eth0; "
-       "start $BIN/device_sim press --duration 600 --mode realtime --domain 70 --interface eth0 --wait 60; sleep 6",
        "--domain 70"},
       {"ARunWithoutADevice", "first_samples",
        world + "start $BIN/haptic_sim press --duration 600 --mode realtime --domain 70", "--domain 70"},

@@ -29,8 +29,7 @@ class Link : public ProcessTest {
 bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 TEST_F(Link, AValidationComparesTheRequestWithTheLink) {
-  const Ended ended = finish(
-      link_words({"delay", "8ms", "2ms", "loss", "gemodel", "2%", "25%", "--validate", "2", "--backend", "tun"}));
+  const Ended ended = finish({program("link_check"), "2", "delay 8ms 2ms loss gemodel 2% 25%"});
   for (const char* part : {"delay mean", "jitter", "loss", "lost in a row", "duplicates", "out of order",
                            "100 Mbit/s: CPU", "requested", "measured", "verdict: "})
     EXPECT_TRUE(contains(ended.out, part)) << part << " is not in: " << ended.out;
@@ -84,35 +83,11 @@ TEST_F(Link, ARunOverALinkHasTheHashOfOneHost) {
   EXPECT_EQ(world["state_hash"], summary()["state_hash"]);
 }
 
-/// The kernel of the test may have no netem: a program takes the place of `tc`, and the cable is real.
-TEST_F(Link, NetemIsSetAtBothEndsOfACable) {
-  const std::string log = folder_.path() + "/tc.log";
-  const std::string tc = folder_.write("tc", "#!/bin/sh\necho \"$@\" >> " + log + "\n");
-  std::filesystem::permissions(tc, std::filesystem::perms::owner_all);
-  const Environment path{{"PATH", folder_.path() + ":/usr/sbin:/usr/bin:/sbin:/bin"}};
-  const std::string seen = folder_.path() + "/seen";
-  const Ended ended =
-      finish(link_words({"--backend", "netem", "--a-to-b", "delay 20ms 5ms", "--b-to-a", "loss 2%", "--on-a",
-                         "cat /proc/net/route > " + seen, "--on-b", "bash -c 'echo x > /dev/udp/10.9.0.1/5000'"}),
-             path);
-  if (contains(ended.err, "`ip link add")) GTEST_SKIP() << "no virtual cable here: " << ended.err;
-  EXPECT_EQ(ended.code, 0) << ended.err;
-  EXPECT_TRUE(contains(read_text(seen), "eth0")) << read_text(seen);
-  EXPECT_TRUE(contains(ended.out, "back end netem")) << ended.out;
-  const std::string set = read_text(log);
-  EXPECT_TRUE(contains(set, "root netem limit 1000 delay 20000000ns 5000000ns\n")) << set;
-  EXPECT_TRUE(contains(set, "root netem limit 1000 loss random 2.0000000%\n")) << set;
-}
-
 TEST_F(Link, WrongWordsAreNamed) {
-  const std::vector<std::pair<Words, std::string>> wrong{
-      {{"wify"}, "did you mean wifi?"},
-      {{"delay", "20"}, "delay 20ms"},
-      {{"--hosts", "1"}, "2 to 8"},
-      {{"--on-c", "true"}, "raise --hosts"},
-      {{"--backend", "netem", "outage", "for", "1s"}, "--backend tun"},
-      {{"--backend", "netem", "--hosts", "3"}, "--backend tun"},
-      {{"outage", "for", "1s", "--validate"}, "without it"}};
+  const std::vector<std::pair<Words, std::string>> wrong{{{"wify"}, "did you mean wifi?"},
+                                                         {{"delay", "20"}, "delay 20ms"},
+                                                         {{"--hosts", "1"}, "2 to 8"},
+                                                         {{"--on-c", "true"}, "raise --hosts"}};
   for (const auto& [words, part] : wrong) {
     const Ended ended = finish(link_words(words));
     EXPECT_EQ(ended.code, 2) << words.front();

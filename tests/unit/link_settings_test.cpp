@@ -1,7 +1,6 @@
-#include "link/network.hpp"
 #include "link/settings.hpp"
-#include "link/statistics.hpp"
-#include "link/validate.hpp"
+#include "link_check/statistics.hpp"
+#include "link_check/validate.hpp"
 #include "model/error.hpp"
 
 #include <gtest/gtest.h>
@@ -87,15 +86,6 @@ TEST(LinkSettings, MessagesNameTheWordTheFaultAndTheCure) {
         EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << part << " is not in: " << error.what();
     }
   }
-}
-
-TEST(LinkSettings, NetemGetsTheSameWords) {
-  const std::vector<std::string> words = netem_words(parse_link("hotel distribution pareto duplicate 1% rate 20mbit"));
-  const std::vector<std::string> right{"limit",        "1000",       "delay", "40000000ns",  "20000000ns",
-                                       "distribution", "pareto",     "loss",  "random",      "2.0000000%",
-                                       "duplicate",    "1.0000000%", "rate",  "20000000bit", "-14"};
-  EXPECT_EQ(words, right);
-  EXPECT_THROW(static_cast<void>(netem_words(parse_link("outage for 1s"))), Error);
 }
 
 /// What a validation finds in what a link of `measured` delivers where `requested` was asked for.

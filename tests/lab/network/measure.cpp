@@ -213,8 +213,7 @@ CellFindings run_cell(const NetworkCell& cell, const NetworkRunSettings& setting
 
 std::unique_ptr<EmulatedNetwork> network_of(const NetworkCell& cell, std::uint64_t seed) {
   if (cell.transport != NetworkTransport::udp) return nullptr;
-  // The forwarder counts each packet with its delay, which netem does not.
-  auto network = std::make_unique<EmulatedNetwork>(EmulatedNetworkSettings{.backend = LinkBackend::tun, .seed = seed});
+  auto network = std::make_unique<EmulatedNetwork>(seed);
   network->add_host("world");
   for (int user = 0; user < cell.users; ++user) network->add_host(fmt::format("user{}", user));
   network->set_links(parse_link(cell.link));

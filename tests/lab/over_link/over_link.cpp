@@ -1,7 +1,7 @@
 #include "lab/over_link/over_link.hpp"
 
 #include "io/json.hpp"
-#include "link/host.hpp"
+#include "lab/over_link/run_program.hpp"
 #include "link/network.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"

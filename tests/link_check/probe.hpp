@@ -1,7 +1,7 @@
 #pragma once
 
 #include "link/network.hpp"
-#include "link/statistics.hpp"
+#include "link_check/statistics.hpp"
 
 namespace subworld {
 

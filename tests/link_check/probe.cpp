@@ -1,4 +1,4 @@
-#include "link/probe.hpp"
+#include "link_check/probe.hpp"
 
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"

@@ -1,4 +1,4 @@
-#include "link/statistics.hpp"
+#include "link_check/statistics.hpp"
 
 #include "link/model.hpp"
 
@@ -49,6 +49,25 @@ double LinkStatistics::quantile_s(double q) const noexcept {
   if (delays_s.empty()) return 0.0;
   const double at = std::clamp(q, 0.0, 1.0) * static_cast<double>(delays_s.size() - 1);
   return delays_s[static_cast<std::size_t>(std::lround(at))];
+}
+
+double burst_mean(const LossModel& loss) noexcept {
+  const auto& [p, r, in_bad, in_good] = loss;
+  const double bad = loss.bad_ratio(), lost = loss.loss_ratio();
+  if (lost <= 0.0) return 0.0;
+  // Probability that a packet and the one after it are lost.
+  const double after_bad = r * in_good + (1.0 - r) * in_bad, after_good = p * in_bad + (1.0 - p) * in_good;
+  const double begins = lost - bad * in_bad * after_bad - (1.0 - bad) * in_good * after_good;
+  return begins <= 0.0 ? std::numeric_limits<double>::infinity() : lost / begins;
+}
+
+double loss_deviation(const LossModel& loss, double packets) noexcept {
+  const double lost = loss.loss_ratio(), bad = loss.bad_ratio();
+  const double memory = 1.0 - loss.p - loss.r;  // correlation of the states of two packets in a row
+  const double step = loss.loss_in_bad - loss.loss_in_good;
+  const double correlated =
+      loss.p > 0.0 && memory < 1.0 ? 2.0 * step * step * bad * (1.0 - bad) * memory / (1.0 - memory) : 0.0;
+  return packets > 0.0 ? std::sqrt(std::fmax(0.0, lost * (1.0 - lost) + correlated) / packets) : 0.0;
 }
 
 LinkStatistics statistics_of(std::span<const ProbeArrival> arrivals, std::uint64_t sent) {

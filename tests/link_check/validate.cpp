@@ -1,7 +1,7 @@
-#include "link/validate.hpp"
+#include "link_check/validate.hpp"
 
-#include "link/probe.hpp"
-#include "link/statistics.hpp"
+#include "link_check/probe.hpp"
+#include "link_check/statistics.hpp"
 #include "rt/cyclic.hpp"
 
 #include <fmt/core.h>
@@ -65,7 +65,7 @@ void judge_loss(const LinkSettings& settings, const LinkStatistics& expected, co
   // A duplicated packet that is lost is delivered once.
   const double arrives_twice = 1.0 - settings.duplicate_ratio;
   const double loss = settings.loss.loss_ratio() * arrives_twice;
-  const double error = kStandardErrors * std::max(settings.loss.deviation(n), std::sqrt(loss * (1.0 - loss) / n));
+  const double error = kStandardErrors * std::max(loss_deviation(settings.loss, n), std::sqrt(loss * (1.0 - loss) / n));
   checks.push_back(around("loss", 100.0 * loss, 100.0 * measured.loss_ratio(), 100.0 * error, "%"));
   if (std::abs(expected.loss_ratio() - loss) > 0.005 + error)
     checks.back().note = "not judged: the probes alone overfill the link";
@@ -124,7 +124,7 @@ std::vector<LinkCheck> load_checks(EmulatedNetwork& network, LinkEnds ends, cons
   const LinkCounters after = network.counters(ends);
   const double n = static_cast<double>(measured.sent);
   const double loss = settings.loss.loss_ratio() * (1.0 - settings.duplicate_ratio);
-  const double error = kStandardErrors * settings.loss.deviation(n) + 0.002;
+  const double error = kStandardErrors * loss_deviation(settings.loss, n) + 0.002;
   std::vector<LinkCheck> checks;
   checks.push_back(around("100 Mbit/s: loss", 100.0 * loss, 100.0 * measured.loss_ratio(), 100.0 * error, "%"));
   checks.push_back(

@@ -35,6 +35,12 @@ struct LinkStatistics {
   [[nodiscard]] double quantile_s(double q) const noexcept;
 };
 
+/// Mean number of packets that are lost in a row; 0 without losses, infinite where all are lost.
+[[nodiscard]] double burst_mean(const LossModel& loss) noexcept;
+/// Standard deviation of the ratio of losses among `packets`: that of a binomial distribution, widened by the
+/// correlation that the bad state causes.
+[[nodiscard]] double loss_deviation(const LossModel& loss, double packets) noexcept;
+
 /// `arrivals` in the order of arrival, of `sent` packets. Of duplicates the first counts.
 [[nodiscard]] LinkStatistics statistics_of(std::span<const ProbeArrival> arrivals, std::uint64_t sent);
 
