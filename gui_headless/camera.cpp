@@ -103,26 +103,6 @@ Fit fit_pair(std::span<const Ball> balls, const Vec3& side, const Vec3& forward,
   return {-(plus + minus) / (2.0 * tangent), (plus - minus) / 2.0};
 }
 
-// Sideways position of the eye at which both edges are equally far from the objects, by bisection.
-double centred(std::span<const Ball> balls, const Vec3& side, const Vec3& forward, double along, double guess) {
-  const double span = enclosing_ball(balls).radius;
-  double low = guess - span;
-  double high = guess + span;
-  for (int k = 0; k < 40; ++k) {
-    const double aside = (low + high) / 2.0;
-    double most = -std::numeric_limits<double>::infinity();
-    double least = -most;
-    for (const auto& ball : balls) {
-      const double depth = std::max(forward.dot(ball.centre) - along, 1e-9);
-      const double s = side.dot(ball.centre) - aside;
-      most = std::max(most, (s + ball.radius) / depth);
-      least = std::min(least, (s - ball.radius) / depth);
-    }
-    (most + least > 0.0 ? low : high) = aside;
-  }
-  return (low + high) / 2.0;
-}
-
 }  // namespace
 
 CameraAxes axes_of(const Camera& camera) {
@@ -172,8 +152,7 @@ Camera fit_camera(std::span<const Ball> balls, const Vec3& focus, double aspect)
   const Fit wide = fit_pair(balls, axes.right, axes.forward, tangent * aspect);
   const Fit high = fit_pair(balls, axes.up, axes.forward, tangent);
   const double along = std::min(wide.along, high.along);
-  camera.eye = centred(balls, axes.right, axes.forward, along, wide.aside) * axes.right +
-               centred(balls, axes.up, axes.forward, along, high.aside) * axes.up + along * axes.forward;
+  camera.eye = wide.aside * axes.right + high.aside * axes.up + along * axes.forward;
   const double distance = axes.forward.dot(enclosing_ball(balls).centre) - along;
   camera.target = camera.eye + std::max(distance, 1e-6) * axes.forward;
   return camera;

@@ -1,11 +1,14 @@
-#include "display.hpp"
 #include "io/json.hpp"
+#include "io/options.hpp"
 #include "live/server.hpp"
 #include "live/verdict.hpp"
 #include "model/error.hpp"
+#include "picture.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
+#include "wire/bus.hpp"
 #include "wire/recording_memory.hpp"
+#include "wire/status.hpp"
 
 #include <fmt/core.h>
 #include <unistd.h>
@@ -23,6 +26,45 @@
 
 namespace subworld {
 namespace {
+
+/// All topics of the display process.
+struct DisplayPorts {
+  DisplayPorts(const Options& options, const Scene& scene_file)
+      : bus(open_bus(options.network, scene_file.settings, scene_file.settings.h_s, "gui_headless")),
+        scene(bus->reader<SceneDescription>()),
+        snapshots(bus->reader<WorldSnapshot>()),
+        statuses(bus->reader<Status>()),
+        status(*bus, ProgramKind::gui_headless, 0, "gui_headless") {}
+
+  std::unique_ptr<Bus> bus;
+  Reader<SceneDescription> scene;
+  Reader<WorldSnapshot> snapshots;
+  Reader<Status> statuses;
+  StatusBeacon status;
+};
+
+/// The world as last received.
+struct Display {
+  SceneDescription scene;
+  std::vector<UserView> users;
+  double time_s = 0.0;
+  std::uint64_t snapshots = 0;
+
+  [[nodiscard]] bool described() const noexcept { return !scene.bodies.empty(); }
+
+  void show(const WorldSnapshot& snapshot) {
+    for (const StampedBody& moved : snapshot.moved) {
+      if (index(moved.id) < scene.states.size()) scene.states[index(moved.id)] = moved.state;
+    }
+    users = snapshot.users;
+    time_s = snapshot.stamp_s;
+    ++snapshots;
+  }
+  /// Throws `Error` (failed).
+  void write_picture(const std::string& file) const {
+    write_png(file, draw({scene.bodies, scene.states, scene.meshes, users, {}, {}}).image);
+  }
+};
 
 /// Passes the places of programs on, where they are new.
 class Places {
@@ -64,7 +106,7 @@ bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, const 
     }
     if (ports.scene.take(description) == Take::sample) {
       if (viewers != nullptr) viewers->describe(description);
-      display.describe(std::move(description));
+      display.scene = std::move(description);
       ports.status.enter("running");
     }
     while (display.described() && ports.snapshots.take(snapshot) == Take::sample) display.show(snapshot);
@@ -78,11 +120,11 @@ bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, const 
                                                 options.network.domain, options.wait_s));
     }
     if (display.described() && absent_s > 1.0) break;
-    if (options.picture_every_s > 0.0 && display.snapshots() > 0 && display.time_s() >= next_picture_s) {
-      display.write_picture(fmt::format("{}/picture_{:08.3f}.png", options.out, display.time_s()));
+    if (options.picture_every_s > 0.0 && display.snapshots > 0 && display.time_s >= next_picture_s) {
+      display.write_picture(fmt::format("{}/picture_{:08.3f}.png", options.out, display.time_s));
       next_picture_s += options.picture_every_s;
     }
-    ports.status.update({display.time_s(), display.snapshots()});
+    ports.status.update({display.time_s, display.snapshots});
   }
   return asked;
 }
@@ -145,10 +187,10 @@ int main(int argc, char** argv) {
     ports.status.enter("stopping");
     if (viewers) viewers->end_run();
     if (viewers && (!verdict_follows(verdict) || !viewers->verdict_is_awaited())) viewers.reset();
-    if (display.snapshots() > 0) {
+    if (display.snapshots > 0) {
       const std::string file = options.out + "/picture.png";
       display.write_picture(file);
-      fmt::print("gui_headless: picture at t = {:.3f} s in {}\n", display.time_s(), file);
+      fmt::print("gui_headless: picture at t = {:.3f} s in {}\n", display.time_s, file);
     } else if (!asked) {
       throw Error(ExitCode::failed,
                   "no picture: the world ended before it sent a state; start the display before the world, and the "

@@ -1,47 +1,37 @@
 #include "picture.hpp"
 
 #include "figure.hpp"
-#include "gl_context.hpp"
 #include "model/error.hpp"
-#include "painter.hpp"
+#include "render.hpp"
 
 #include <fmt/core.h>
+#include <png.h>
 
 #include <algorithm>
-#include <utility>
 
 namespace subworld {
-namespace {
 
-PictureSize checked(PictureSize size) {
+Drawing draw(const Picture& picture, PictureSize size) {
   if (std::min(size.width, size.height) < 16 || std::max(size.width, size.height) > 8192) {
     throw Error(ExitCode::usage, fmt::format("picture of {} x {} pixels: width and height must lie within 16 .. 8192",
                                              size.width, size.height));
   }
-  return size;
+  const Figure figure = compose(picture, size);
+  return {render(figure, size), figure.camera, figure.line_m_per_n_s, figure.omitted};
 }
 
-}  // namespace
-
-struct Renderer::Parts {
-  explicit Parts(PictureSize wanted) : size(checked(wanted)) {
-    const GlContext::Current current(context);
-    painter.emplace(size);
+void write_png(const std::string& file, const Image& image) {
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  png.width = static_cast<png_uint_32>(image.width);
+  png.height = static_cast<png_uint_32>(image.height);
+  png.format = PNG_FORMAT_RGB;
+  if (image.width <= 0 || image.height <= 0 || image.rgb.size() != PNG_IMAGE_SIZE(png)) {
+    throw Error(ExitCode::failed, fmt::format("{}: picture of {} x {} pixels with {} bytes: expected 3 bytes a pixel",
+                                              file, image.width, image.height, image.rgb.size()));
   }
-
-  PictureSize size;
-  GlContext context;
-  std::optional<Painter> painter;  // created while the context is current
-};
-
-Renderer::Renderer(PictureSize size) : parts_(std::make_unique<Parts>(size)) {}
-Renderer::~Renderer() = default;
-
-Drawing Renderer::draw(const Picture& picture) {
-  const Figure figure = compose(picture, parts_->size);
-  const GlContext::Current current(parts_->context);
-  return {parts_->painter->paint(figure, picture.meshes, picture.bodies.size()), figure.camera, figure.line_m_per_n_s,
-          figure.grid_m, figure.omitted};
+  if (png_image_write_to_file(&png, file.c_str(), 0, image.rgb.data(), 0, nullptr) == 0)
+    throw Error(ExitCode::failed, fmt::format("{}: cannot write the picture: {}", file, png.message));
 }
 
 }  // namespace subworld

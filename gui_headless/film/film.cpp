@@ -93,18 +93,18 @@ int make_film(const Request& request) {
   if (to_s < from_s) throw Error(ExitCode::usage, fmt::format("--to {} is before --from {}", to_s, from_s));
   std::optional<Camera> camera = camera_of(request);
   make_folder(request.out);
-  Renderer renderer(request.size);
   std::optional<double> line_m_per_n_s;
   const double interval_s = request.speed / request.rate_hz;
   const auto frames = static_cast<std::size_t>(std::floor((to_s - from_s) / interval_s + 1e-9)) + 1;
   for (std::size_t i = 0; i < frames; ++i) {
     world.show(from_s + static_cast<double>(i) * interval_s);
-    const Drawing drawing = renderer.draw({.bodies = world.scene().bodies,
-                                           .states = world.states(),
-                                           .meshes = world.scene().meshes,
-                                           .users = world.users(),
-                                           .camera = camera,
-                                           .line_m_per_n_s = line_m_per_n_s});
+    const Drawing drawing = draw({.bodies = world.scene().bodies,
+                                  .states = world.states(),
+                                  .meshes = world.scene().meshes,
+                                  .users = world.users(),
+                                  .camera = camera,
+                                  .line_m_per_n_s = line_m_per_n_s},
+                                 request.size);
     camera = drawing.camera;
     if (drawing.line_m_per_n_s > 0.0) line_m_per_n_s = drawing.line_m_per_n_s;
     write_png(fmt::format("{}/frame_{:06d}.png", request.out, i), drawing.image);

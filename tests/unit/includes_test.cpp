@@ -58,7 +58,7 @@ const std::vector<Foreign>& foreign() {
       {"command lines", std::regex("CLI/.*"), std::regex("common/io/command_line\\.cpp")},
       {"OpenGL", std::regex("(epoxy|GL|EGL)/.*"), std::regex("gui_headless/.*")},
       {"zlib", std::regex("zlib\\.h"), std::regex("common/io/mcap_.*\\.cpp")},
-      {"PNG", std::regex("png\\.h"), std::regex("gui_headless/png_file\\.cpp")},
+      {"PNG", std::regex("png\\.h"), std::regex("gui_headless/picture\\.cpp")},
   };
   return kAll;
 }
