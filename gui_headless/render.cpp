@@ -22,9 +22,10 @@ constexpr double kLightReach = 1.6;   // of the light's view, in radii of the sh
 constexpr double kGroundReach = 3.5;  // of the grid, in radii of the shown objects
 constexpr float kShadow = 0.75F;      // darkness of a shadow on a body
 
-/// Calls `keep(solid, column, row, depth)` where rays of these rows enter solids in front of the eye.
-void trace(const View& view, const std::vector<Solid>& solids, int from_row, int to_row, auto keep) {
+/// Calls `keep(solid, column, row, depth)` where rays of these rows enter solids, up to a layer, in front of the eye.
+void trace(const View& view, const std::vector<Solid>& solids, Solid::Layer last, int from_row, int to_row, auto keep) {
   for (std::uint32_t i = 0; i < solids.size(); ++i) {
+    if (solids[i].layer > last) continue;
     const auto [left, end, top, bottom] = view.extent(solids[i].centre, solids[i].radius);
     if (left >= end || top >= to_row || bottom <= from_row) continue;
     const View own = view.seen_from(solids[i]);
@@ -85,8 +86,8 @@ class Scenery {
               kShadowSamples};
     ground_reach_ = static_cast<float>(kGroundReach * radius);
     edge_ = static_cast<float>(std::max(1.0, size.height / 720.0)) * kPart;
-    for (std::uint32_t i = 0; i < figure.solids.size(); ++i)
-      if (figure.solids[i].layer == Solid::Layer::glass) glass_.push_back(i);
+    for (const Solid& solid : figure.solids)
+      if (solid.layer == Solid::Layer::glass) glass_.emplace_back(&solid, view_.seen_from(solid));
     cast_shadows();
   }
 
@@ -96,12 +97,11 @@ class Scenery {
     std::array<std::vector<Hit>, kLayers> hits;
     for (auto& layer : hits) layer.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(to - from));
     const auto place = [&](int column, int row) { return static_cast<std::size_t>((row - from) * width + column); };
-    trace(view_, figure_.solids, from, to, [&](std::uint32_t i, int column, int row, float depth) {
-      const auto layer = static_cast<std::size_t>(figure_.solids[i].layer);
-      if (layer >= kLayers) return;
-      Hit& hit = hits[layer][place(column, row)];
-      if (depth < hit.depth) hit = {depth, i};
-    });
+    trace(view_, figure_.solids, Solid::Layer::outline, from, to,
+          [&](std::uint32_t i, int column, int row, float depth) {
+            Hit& hit = hits[static_cast<std::size_t>(figure_.solids[i].layer)][place(column, row)];
+            if (depth < hit.depth) hit = {depth, i};
+          });
     std::vector<V> sums(static_cast<std::size_t>(image.width * (to - from) / kPart), V::Zero());
     for (int row = from; row < to; ++row) {
       for (int column = 0; column < width; ++column) {
@@ -127,10 +127,10 @@ class Scenery {
   void cast_shadows() {
     shadows_.assign(std::size_t{kShadowSamples} * kShadowSamples, kNone);
     in_parallel(kShadowSamples / kRows, [&](int part) {
-      trace(light_, figure_.solids, part * kRows, (part + 1) * kRows,
-            [&](std::uint32_t i, int column, int row, float depth) {
+      trace(light_, figure_.solids, Solid::Layer::other, part * kRows, (part + 1) * kRows,
+            [&](std::uint32_t, int column, int row, float depth) {
               float& nearest = shadows_[static_cast<std::size_t>(row * kShadowSamples + column)];
-              if (figure_.solids[i].layer <= Solid::Layer::other) nearest = std::min(nearest, depth);
+              nearest = std::min(nearest, depth);
             });
     });
   }
@@ -203,16 +203,15 @@ class Scenery {
   }
 
   [[nodiscard]] V with_glass(V colour, float nearest, int column, int row) const {
-    for (const std::uint32_t i : glass_) {
-      const Solid& solid = figure_.solids[i];
-      const Ray ray = view_.seen_from(solid).ray(column, row);
-      const auto [in, out] = crossings(solid.size, ray);
+    for (const auto& [solid, view] : glass_) {
+      const Ray ray = view.ray(column, row);
+      const auto [in, out] = crossings(solid->size, ray);
       for (const float depth : {out, in}) {
         if (depth <= 0.0F || depth >= nearest) continue;
-        const auto [normal, edge_m] = surface(solid, ray.from + depth * ray.along);
-        const float line = line_at(edge_m, depth, solid.radius, 0.9F);
-        const float face = 0.07F + 0.15F * smooth(0.5F, 0.9F, std::abs((solid.turn * normal).z()));
-        colour = mix(colour, (1.0F - 0.45F * line) * solid.colour, face + (0.65F - face) * line);
+        const auto [normal, edge_m] = surface(*solid, ray.from + depth * ray.along);
+        const float line = line_at(edge_m, depth, solid->radius, 0.9F);
+        const float face = 0.07F + 0.15F * smooth(0.5F, 0.9F, std::abs((solid->turn * normal).z()));
+        colour = mix(colour, (1.0F - 0.45F * line) * solid->colour, face + (0.65F - face) * line);
       }
     }
     return colour;
@@ -241,7 +240,7 @@ class Scenery {
   V key_, fill_;                              // unit, towards the lights
   float texel_ = 0.0F, ground_reach_ = 0.0F;  // m
   float edge_ = 1.0F;                         // samples for a pixel of an edge line
-  std::vector<std::uint32_t> glass_;
+  std::vector<std::pair<const Solid*, View>> glass_;
   std::vector<float> shadows_;  // depths that the key light sees
 };
 
