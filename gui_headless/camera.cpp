@@ -17,17 +17,6 @@ namespace {
 constexpr double kMargin = 1.06;  // margin factor around the objects in the picture
 constexpr double kDegree = std::numbers::pi / 180.0;
 
-/// Of a symmetric 2 x 2 matrix, in closed form: Eigen's solver for any size takes seconds to compile.
-struct Principal {
-  double small, large;       ///< eigenvalues
-  Eigen::Vector2d of_large;  ///< unit eigenvector
-};
-Principal principal(const Eigen::Matrix2d& m) {
-  const double mean = 0.5 * (m(0, 0) + m(1, 1)), half = 0.5 * (m(0, 0) - m(1, 1));
-  const double radius = std::hypot(half, m(0, 1)), angle = 0.5 * std::atan2(m(0, 1), half);
-  return {mean - radius, mean + radius, {std::cos(angle), std::sin(angle)}};
-}
-
 // The horizontal axis along which the balls extend, if they extend along one more than across it.
 std::optional<Vec3> long_axis(std::span<const Ball> balls) {
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
@@ -39,12 +28,12 @@ std::optional<Vec3> long_axis(std::span<const Ball> balls) {
     spread += d * d.transpose() / static_cast<double>(balls.size());
     radius = std::max(radius, ball.radius);
   }
-  const Principal axes = principal(spread);
-  const double across = std::sqrt(std::max(0.0, axes.small));
-  const double along = std::sqrt(std::max(0.0, axes.large));
+  // The principal axes in closed form: Eigen's solver for any size takes seconds to compile.
+  const double mean_square = 0.5 * spread.trace(), half = 0.5 * (spread(0, 0) - spread(1, 1));
+  const double apart = std::hypot(half, spread(0, 1)), angle = 0.5 * std::atan2(spread(0, 1), half);
+  const double across = std::sqrt(std::max(0.0, mean_square - apart)), along = std::sqrt(mean_square + apart);
   if (along < 1.8 * across || along < 0.5 * radius) return std::nullopt;
-  Vec3 axis = Vec3::Zero();
-  axis.head<2>() = axes.of_large;
+  const Vec3 axis(std::cos(angle), std::sin(angle), 0.0);
   return axis.x() + 0.1 * axis.y() < 0.0 ? Vec3(-axis) : axis;
 }
 

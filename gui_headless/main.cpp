@@ -1,7 +1,5 @@
-#include "io/json.hpp"
 #include "io/options.hpp"
 #include "live/server.hpp"
-#include "live/verdict.hpp"
 #include "model/error.hpp"
 #include "picture.hpp"
 #include "rt/cyclic.hpp"
@@ -16,13 +14,12 @@
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
-#include <exception>
 #include <filesystem>
-#include <map>
-#include <optional>
+#include <memory>
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 namespace subworld {
 namespace {
@@ -66,26 +63,6 @@ struct Display {
   }
 };
 
-/// Passes the places of programs on, where they are new.
-class Places {
- public:
-  explicit Places(live::Server* viewers) : viewers_(viewers) {}
-
-  /// After a status was received.
-  void look(const Status& status, const Reader<Status>& statuses) {
-    if (viewers_ == nullptr) return;
-    const std::optional<PeerProgram> program = statuses.sender_program();
-    if (!program) return;
-    std::string& known = known_[{status.program, status.instance}];
-    if (const std::string text = to_text(*program); std::exchange(known, text) != text)
-      viewers_->place(status.program, status.instance, *program);
-  }
-
- private:
-  live::Server* viewers_;
-  std::map<std::pair<ProgramKind, std::uint32_t>, std::string> known_;
-};
-
 /// Follows the world until it stops. True: a signal has asked this program to end before. Throws `Error` (failed) if no
 /// world is found.
 bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, const Options& options) {
@@ -96,12 +73,12 @@ bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, const 
   TimePoint heard = Clock::now();
   double next_picture_s = options.picture_every_s;
   bool stopping = false, asked = false;
-  Places places(viewers);
   while (!stopping && !asked) {
     ports.bus->wait(0.1);
     asked = stop_signal() != 0;
     while (ports.statuses.take(status) == Take::sample) {
-      places.look(status, ports.statuses);
+      if (const auto program = ports.statuses.sender_program(); program && viewers != nullptr)
+        viewers->place(status.program, status.instance, *program);
       stopping |= status.program == ProgramKind::world_sim && status.state == "stopping";
     }
     if (ports.scene.take(description) == Take::sample) {
@@ -162,11 +139,7 @@ void show_verdict(DisplayPorts& ports, live::Server& viewers, const std::string&
     if (to_seconds(Clock::now() - begin) > kLongest_s || !viewers.verdict_is_awaited()) return;
     std::this_thread::sleep_for(kLook);
   }
-  try {
-    viewers.show_verdict(live::encode_verdict(read_json(summary)));
-  } catch (const std::exception& fault) {
-    fmt::print(stderr, "gui_headless: viewers: no verdict: {}\n", fault.what());
-  }
+  viewers.show_verdict(summary);
 }
 
 }  // namespace
