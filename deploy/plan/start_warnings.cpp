@@ -1,4 +1,4 @@
-#include "plan/start_warnings.hpp"
+#include "plan/limits.hpp"
 
 #include "model/error.hpp"
 #include "model/joined.hpp"

@@ -1,4 +1,5 @@
 #include "io/json.hpp"
+#include "model/joined.hpp"
 #include "results/run_report.hpp"
 
 #include <fmt/core.h>
@@ -133,14 +134,14 @@ std::string table_of(const std::string& name, const std::vector<Json>& users, st
 
 /// When a user did not take part: "0.5 to 1.2 s".
 std::string absences_of(const Json& summary, const std::string& user) {
-  std::string text;
+  std::vector<std::string> texts;
   for (const Json& absence : value_at(summary, "world/absences")) {
-    if (text_at(absence, "user") != user) continue;
-    text += fmt::format("{}{} to {} s{}", text.empty() ? "" : "; ", digits_of(number_at(absence, "from_s"), 4),
-                        digits_of(number_at(absence, "to_s"), 4),
-                        text_at(absence, "by_order") == "true" ? " (asked to leave)" : "");
+    if (text_at(absence, "user") == user)
+      texts.push_back(fmt::format("{} to {} s{}", digits_of(number_at(absence, "from_s"), 4),
+                                  digits_of(number_at(absence, "to_s"), 4),
+                                  text_at(absence, "by_order") == "true" ? " (asked to leave)" : ""));
   }
-  return text.empty() ? "none" : text;
+  return texts.empty() ? "none" : joined(texts, "; ");
 }
 
 std::string device_of(const Json& user) {

@@ -1,4 +1,4 @@
-#include "scene_update.hpp"
+#include "sources.hpp"
 
 #include "written.hpp"
 
